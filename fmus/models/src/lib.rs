@@ -1,0 +1,2 @@
+//! Equations of the airloop models.
+#![forbid(unsafe_code)]

@@ -1,0 +1,1 @@
+//! The airloop library: import FMUs, couple them, compare with measurements.
