@@ -1,1 +1,23 @@
-//! FMI 2.0 export for Rust.
+//! FMI 2.0 export for Rust: write one model, get an FMU with Co-Simulation and Model Exchange.
+//!
+//! A model author implements [`Model`]: a variable table, equations generic over [`Scalar`], and where the model
+//! has them a sampled update, event indicators and events. One line, `fmi2_export::export_fmu!(MyModel);`, in a
+//! `cdylib` crate gives the shared library; [`description`] gives `modelDescription.xml`.
+//!
+//! Start reading at [`Model`], then [`Table`].
+#![warn(missing_docs)]
+
+mod dual;
+mod model;
+mod scalar;
+mod table;
+pub mod units;
+mod values;
+
+pub use dual::Dual;
+pub use model::{Event, Identity, Model, Outcome, Refusal};
+pub use scalar::Scalar;
+pub use table::{
+    Causality, Declaration, Enumeration, EnumerationType, Initial, Kind, Table, Variability, Variable,
+};
+pub use values::{Boolean, Integer, Interface, Memory, MemoryBlock, Real, Text, Values};
