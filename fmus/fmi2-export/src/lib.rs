@@ -7,13 +7,17 @@
 //! Start reading at [`Model`], then [`Table`].
 #![warn(missing_docs)]
 
+mod definition;
+pub mod description;
 mod dual;
 mod model;
 mod scalar;
+pub mod structure;
 mod table;
 pub mod units;
 mod values;
 
+pub use definition::Definition;
 pub use dual::Dual;
 pub use model::{Event, Identity, Model, Outcome, Refusal};
 pub use scalar::Scalar;

@@ -107,6 +107,8 @@ pub struct Variable {
     pub unit: Option<&'static str>,
     /// True for a continuous state.
     pub is_state: bool,
+    /// True for a continuous state that events may set to a new value (FMI `reinit`).
+    pub reinit: bool,
     /// Type with attributes.
     pub kind: Kind,
 }
@@ -401,6 +403,7 @@ impl Table {
                 initial,
                 unit: None,
                 is_state: false,
+                reinit: false,
                 kind: Kind::Boolean { handle: Boolean(0), start: None },
             },
             table: self,
@@ -535,6 +538,12 @@ impl Declaration<'_> {
     /// Changes at events and samples only.
     pub fn discrete(mut self) -> Self {
         self.variable.variability = Variability::Discrete;
+        self
+    }
+
+    /// Says that events or samples may set this state to a new value.
+    pub fn reinit(mut self) -> Self {
+        self.variable.reinit = true;
         self
     }
 
