@@ -7,18 +7,32 @@
 //! Start reading at [`Model`], then [`Table`].
 #![warn(missing_docs)]
 
+pub mod abi;
+mod co_simulation;
+pub mod ctypes;
 mod definition;
 pub mod description;
+mod directional;
 mod dual;
+mod export;
+mod fmu_state;
+mod instance;
+mod integrator;
+mod logger;
 mod model;
+mod model_exchange;
+mod resources;
 mod scalar;
+mod state_machine;
 pub mod structure;
 mod table;
 pub mod units;
 mod values;
+mod variables;
 
 pub use definition::Definition;
 pub use dual::Dual;
+pub use logger::CATEGORIES as LOG_CATEGORIES;
 pub use model::{Event, Identity, Model, Outcome, Refusal};
 pub use scalar::Scalar;
 pub use table::{
