@@ -23,7 +23,7 @@ mod model;
 mod model_exchange;
 mod resources;
 mod scalar;
-mod state_machine;
+pub mod state_machine;
 pub mod structure;
 mod table;
 pub mod units;
