@@ -10,12 +10,15 @@
 pub mod abi;
 mod co_simulation;
 pub mod ctypes;
+mod declaration;
 mod definition;
 pub mod description;
 mod directional;
 mod dual;
 mod export;
 mod fmu_state;
+mod inner_solver;
+mod input_ramp;
 mod instance;
 mod integrator;
 mod logger;
@@ -23,19 +26,18 @@ mod model;
 mod model_exchange;
 mod resources;
 mod scalar;
-mod state_machine;
+pub mod state_machine;
 pub mod structure;
 mod table;
 pub mod units;
 mod values;
 mod variables;
 
+pub use declaration::{Declaration, Enumeration};
 pub use definition::Definition;
 pub use dual::Dual;
 pub use logger::CATEGORIES as LOG_CATEGORIES;
 pub use model::{Event, Identity, Model, Outcome, Refusal};
 pub use scalar::Scalar;
-pub use table::{
-    Causality, Declaration, Enumeration, EnumerationType, Initial, Kind, Table, Variability, Variable,
-};
+pub use table::{Causality, EnumerationType, Initial, Kind, Table, Variability, Variable};
 pub use values::{Boolean, Integer, Interface, Memory, MemoryBlock, Real, Text, Values};

@@ -81,8 +81,7 @@ macro_rules! call_rules {
 
         impl Function {
             /// Every function of the table.
-            #[cfg(test)]
-            const ALL: &'static [Function] = &[$(Function::$function),*];
+            pub const ALL: &'static [Function] = &[$(Function::$function),*];
 
             /// Exact C name.
             pub fn name(self) -> &'static str {

@@ -3,6 +3,7 @@
 //! A model fills it in [`Model::declare`] and keeps the handles. The XML, the access rules of get and set, the
 //! start values and the range checks all come from it.
 
+use crate::declaration::{Declaration, Enumeration};
 use crate::model::Model;
 use crate::units::{self, Unit};
 use crate::values::{Boolean, Integer, Interface, MemoryBlock, Real, Text, Values};
@@ -225,16 +226,12 @@ impl Table {
 
     /// A continuous state with its start value; local unless made an output.
     pub fn state(&mut self, name: impl Into<String>) -> Declaration<'_> {
-        let mut d = self.declare(name, Causality::Local, Variability::Continuous, Some(Initial::Exact));
-        d.variable.is_state = true;
-        d
+        self.declare(name, Causality::Local, Variability::Continuous, Some(Initial::Exact)).continuous_state()
     }
 
     /// The time derivative of a state; local unless made an output.
     pub fn derivative(&mut self, name: impl Into<String>, state: Real) -> Declaration<'_> {
-        let mut d = self.local(name);
-        d.derivative_of = Some(state);
-        d
+        self.local(name).of_state(state)
     }
 
     /// An enumeration type; item `i` has the value `i + 1`.
@@ -244,7 +241,7 @@ impl Table {
         items: &'static [(&'static str, &'static str)],
     ) -> Enumeration {
         self.enumerations.push(EnumerationType { name, items });
-        Enumeration(self.enumerations.len() - 1)
+        Enumeration::number(self.enumerations.len() - 1)
     }
 
     /// Numbers that the importer does not see, part of the FMU state, 0 at the start.
@@ -394,8 +391,9 @@ impl Table {
         variability: Variability,
         initial: Option<Initial>,
     ) -> Declaration<'_> {
-        Declaration {
-            variable: Variable {
+        Declaration::new(
+            self,
+            Variable {
                 name: name.into(),
                 description: String::new(),
                 causality,
@@ -406,12 +404,38 @@ impl Table {
                 reinit: false,
                 kind: Kind::Boolean { handle: Boolean(0), start: None },
             },
-            table: self,
-            min: None,
-            max: None,
-            nominal: None,
-            derivative_of: None,
+        )
+    }
+
+    /// Handles of the next variable of each type.
+    pub(crate) fn next_real(&self) -> Real {
+        Real(self.reals.len() as u32)
+    }
+    pub(crate) fn next_integer(&self) -> Integer {
+        Integer(self.integers.len() as u32)
+    }
+    pub(crate) fn next_boolean(&self) -> Boolean {
+        Boolean(self.booleans.len() as u32)
+    }
+    pub(crate) fn next_text(&self) -> Text {
+        Text(self.texts.len() as u32)
+    }
+
+    /// Adds a complete row.
+    pub(crate) fn add(&mut self, variable: Variable) {
+        let row = self.variables.len();
+        match variable.kind {
+            Kind::Real { handle, .. } => {
+                if variable.is_state {
+                    self.states.push(handle);
+                }
+                self.reals.push(row);
+            }
+            Kind::Integer { .. } | Kind::Enumeration { .. } => self.integers.push(row),
+            Kind::Boolean { .. } => self.booleans.push(row),
+            Kind::Text { .. } => self.texts.push(row),
         }
+        self.variables.push(variable);
     }
 
     /// Parameters of the integrator between communication points.
@@ -485,178 +509,5 @@ impl Sequence {
     fn next(&mut self) -> f64 {
         self.0 += 0.618_033_988_749_894_9;
         2.0 * self.0.fract() - 1.0
-    }
-}
-
-/// Names an enumeration type of a [`Table`].
-#[derive(Clone, Copy, Debug)]
-pub struct Enumeration(usize);
-
-/// A variable in the making; one of the closing calls (`real`, `computed`, ...) adds it to the table.
-#[must_use = "close the declaration with real(), computed() or the like"]
-pub struct Declaration<'t> {
-    table: &'t mut Table,
-    variable: Variable,
-    min: Option<f64>,
-    max: Option<f64>,
-    nominal: Option<f64>,
-    derivative_of: Option<Real>,
-}
-
-impl Declaration<'_> {
-    /// Description, one line.
-    pub fn about(mut self, description: impl Into<String>) -> Self {
-        self.variable.description = description.into();
-        self
-    }
-
-    /// Unit, one of [`units::STANDARD`] or declared by [`Table::unit`].
-    pub fn unit(mut self, unit: &'static str) -> Self {
-        self.variable.unit = Some(unit);
-        self
-    }
-
-    /// Smallest allowed value.
-    pub fn min(mut self, min: f64) -> Self {
-        self.min = Some(min);
-        self
-    }
-
-    /// Smallest and largest allowed value.
-    pub fn range(mut self, min: f64, max: f64) -> Self {
-        self.min = Some(min);
-        self.max = Some(max);
-        self
-    }
-
-    /// Order of magnitude, for solvers and for the search of dependencies.
-    pub fn nominal(mut self, nominal: f64) -> Self {
-        self.nominal = Some(nominal);
-        self
-    }
-
-    /// Changes at events and samples only.
-    pub fn discrete(mut self) -> Self {
-        self.variable.variability = Variability::Discrete;
-        self
-    }
-
-    /// Says that events or samples may set this state to a new value.
-    pub fn reinit(mut self) -> Self {
-        self.variable.reinit = true;
-        self
-    }
-
-    /// Makes a state or derivative an output.
-    pub fn output(mut self) -> Self {
-        self.variable.causality = Causality::Output;
-        self
-    }
-
-    /// Adds a Real with a start value (inputs, parameters, states).
-    pub fn real(self, start: f64) -> Real {
-        self.add_real(Some(start))
-    }
-
-    /// Adds a Real that the model computes (outputs, locals, derivatives, calculated parameters).
-    pub fn computed(self) -> Real {
-        self.add_real(None)
-    }
-
-    /// Adds an Integer with a start value; the range was given as whole numbers.
-    pub fn integer(self, start: i32) -> Integer {
-        self.add_integer(Some(start))
-    }
-
-    /// Adds an Integer that the model computes; discrete.
-    pub fn computed_integer(self) -> Integer {
-        self.add_integer(None)
-    }
-
-    /// Adds a Boolean with a start value.
-    pub fn boolean(self, start: bool) -> Boolean {
-        self.add_boolean(Some(start))
-    }
-
-    /// Adds a Boolean that the model computes; discrete.
-    pub fn computed_boolean(self) -> Boolean {
-        self.add_boolean(None)
-    }
-
-    /// Adds a String with a start value.
-    pub fn text(self, start: impl Into<String>) -> Text {
-        self.add_text(Some(start.into()))
-    }
-
-    /// Adds a String that the model computes; discrete.
-    pub fn computed_text(self) -> Text {
-        self.add_text(None)
-    }
-
-    /// Adds an Enumeration with a start value (1 = first item).
-    pub fn enumeration_of(self, kind: Enumeration, start: i32) -> Integer {
-        self.add_enumeration(kind, Some(start))
-    }
-
-    /// Adds an Enumeration that the model computes; discrete.
-    pub fn computed_enumeration(self, kind: Enumeration) -> Integer {
-        self.add_enumeration(kind, None)
-    }
-
-    fn add_real(mut self, start: Option<f64>) -> Real {
-        let handle = Real(self.table.reals.len() as u32);
-        let Self { min, max, nominal, derivative_of, .. } = self;
-        self.variable.kind = Kind::Real { handle, start, min, max, nominal, derivative_of };
-        if self.variable.is_state {
-            self.table.states.push(handle);
-        }
-        self.table.reals.push(self.table.variables.len());
-        self.push();
-        handle
-    }
-
-    fn add_integer(mut self, start: Option<i32>) -> Integer {
-        let handle = Integer(self.table.integers.len() as u32);
-        let (min, max) = (self.min.map(|x| x as i32), self.max.map(|x| x as i32));
-        self.variable.kind = Kind::Integer { handle, start, min, max };
-        self.table.integers.push(self.table.variables.len());
-        self.push_discrete();
-        handle
-    }
-
-    fn add_boolean(mut self, start: Option<bool>) -> Boolean {
-        let handle = Boolean(self.table.booleans.len() as u32);
-        self.variable.kind = Kind::Boolean { handle, start };
-        self.table.booleans.push(self.table.variables.len());
-        self.push_discrete();
-        handle
-    }
-
-    fn add_text(mut self, start: Option<String>) -> Text {
-        let handle = Text(self.table.texts.len() as u32);
-        self.variable.kind = Kind::Text { handle, start };
-        self.table.texts.push(self.table.variables.len());
-        self.push_discrete();
-        handle
-    }
-
-    fn add_enumeration(mut self, kind: Enumeration, start: Option<i32>) -> Integer {
-        let handle = Integer(self.table.integers.len() as u32);
-        self.variable.kind = Kind::Enumeration { handle, start, enumeration: kind.0 };
-        self.table.integers.push(self.table.variables.len());
-        self.push_discrete();
-        handle
-    }
-
-    /// Only Reals may be continuous.
-    fn push_discrete(mut self) {
-        if self.variable.variability == Variability::Continuous {
-            self.variable.variability = Variability::Discrete;
-        }
-        self.push();
-    }
-
-    fn push(self) {
-        self.table.variables.push(self.variable);
     }
 }

@@ -5,21 +5,28 @@
 //! thread per instance at a time) is FMI 2.0, sections 2.1.3 to 2.1.9, 3.2 and 4.2.
 #![allow(unsafe_code, clippy::missing_safety_doc, missing_docs, clippy::too_many_arguments)]
 
-use crate::co_simulation::StepStatus;
 use crate::ctypes::{
-    Bool, CString as CText, CallbackFunctions, CallbackLogger, Component, ComponentEnvironment, EventInfo,
-    FmuState, Status, ValueReference,
+    Bool, CString as CText, CallbackFunctions, CallbackLogger, Component, ComponentEnvironment, Status,
+    ValueReference,
 };
 use crate::definition::Definition;
-use crate::fmu_state::{self, Snapshot};
 use crate::instance::Instance;
 use crate::logger::{Category, Logger};
 use crate::model::{Model, Refusal};
 use crate::resources;
 use crate::state_machine::{Function, Mode, allowed_states, is_allowed};
 use crate::values::Interface;
+
+mod co_simulation;
+mod fmu_state;
+mod model_exchange;
+
+pub use co_simulation::*;
+pub use fmu_state::*;
+pub use model_exchange::*;
+
 use std::cell::{Cell, RefCell};
-use std::ffi::{CStr, CString, c_char, c_int};
+use std::ffi::{CStr, CString, c_int};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::{Once, OnceLock};
 
@@ -333,107 +340,6 @@ pub unsafe fn set_string<M: Model>(
     })
 }
 
-/// The snapshot behind an `fmi2FMUstate`.
-fn snapshot<'a>(state: FmuState) -> Option<&'a mut Snapshot> {
-    // SAFETY: a state that is not null came from `get_fmu_state` or `deserialize_fmu_state` of the same FMU and
-    // was not freed (section 2.1.8).
-    unsafe { state.cast::<Snapshot>().as_mut() }
-}
-
-pub unsafe fn get_fmu_state<M: Model>(c: Component, state: *mut FmuState) -> Status {
-    call::<M>(c, Function::fmi2GetFMUstate, |i| {
-        let Some([handle]) = output(state, 1) else { return null(i, Function::fmi2GetFMUstate) };
-        match snapshot(*handle) {
-            Some(snapshot) => snapshot.state.copy_from(&i.state),
-            None => *handle = Box::into_raw(Box::new(Snapshot { state: i.state.clone() })).cast(),
-        }
-        Status::OK
-    })
-}
-
-pub unsafe fn set_fmu_state<M: Model>(c: Component, state: FmuState) -> Status {
-    call::<M>(c, Function::fmi2SetFMUstate, |i| match snapshot(state) {
-        Some(snapshot) => {
-            i.state.copy_from(&snapshot.state);
-            Status::OK
-        }
-        None => i.error("fmi2SetFMUstate", "the FMU state is a null pointer"),
-    })
-}
-
-pub unsafe fn free_fmu_state<M: Model>(c: Component, state: *mut FmuState) -> Status {
-    call::<M>(c, Function::fmi2FreeFMUstate, |_| {
-        if let Some([handle]) =
-            output(state, usize::from(!state.is_null())).and_then(|s| <&mut [FmuState; 1]>::try_from(s).ok())
-            && !handle.is_null()
-        {
-            // SAFETY: as in `snapshot`; the handle is set to null, so that it is not freed twice.
-            drop(unsafe { Box::from_raw(handle.cast::<Snapshot>()) });
-            *handle = std::ptr::null_mut();
-        }
-        Status::OK
-    })
-}
-
-pub unsafe fn serialized_fmu_state_size<M: Model>(c: Component, state: FmuState, size: *mut usize) -> Status {
-    const F: Function = Function::fmi2SerializedFMUstateSize;
-    call::<M>(c, F, |i| match (snapshot(state), output(size, 1)) {
-        (Some(snapshot), Some([size])) => {
-            let mut bytes = Vec::new();
-            fmu_state::serialize(i.definition, &snapshot.state, &mut bytes);
-            *size = bytes.len();
-            Status::OK
-        }
-        _ => i.error(F.name(), "the FMU state or the address of the size is a null pointer"),
-    })
-}
-
-pub unsafe fn serialize_fmu_state<M: Model>(
-    c: Component,
-    state: FmuState,
-    bytes: *mut c_char,
-    size: usize,
-) -> Status {
-    const F: Function = Function::fmi2SerializeFMUstate;
-    call::<M>(c, F, |i| match (snapshot(state), output(bytes.cast::<u8>(), size)) {
-        (Some(snapshot), Some(out)) => {
-            let mut written = Vec::new();
-            fmu_state::serialize(i.definition, &snapshot.state, &mut written);
-            if written.len() > out.len() {
-                return i.error(
-                    F.name(),
-                    &format!("the state needs {} bytes, there is room for {}", written.len(), out.len()),
-                );
-            }
-            out[..written.len()].copy_from_slice(&written);
-            Status::OK
-        }
-        _ => i.error(F.name(), "the FMU state or the byte array is a null pointer"),
-    })
-}
-
-pub unsafe fn deserialize_fmu_state<M: Model>(
-    c: Component,
-    bytes: *const c_char,
-    size: usize,
-    state: *mut FmuState,
-) -> Status {
-    const F: Function = Function::fmi2DeSerializeFMUstate;
-    call::<M>(c, F, |i| match (input(bytes.cast::<u8>(), size), output(state, 1)) {
-        (Some(bytes), Some([handle])) => match fmu_state::deserialize(i, bytes) {
-            Ok(read) => {
-                match snapshot(*handle) {
-                    Some(old) => *old = read,
-                    None => *handle = Box::into_raw(Box::new(read)).cast(),
-                }
-                Status::OK
-            }
-            Err(message) => i.error(F.name(), &message),
-        },
-        _ => i.error(F.name(), "the byte array or the address of the FMU state is a null pointer"),
-    })
-}
-
 pub unsafe fn get_directional_derivative<M: Model>(
     c: Component,
     unknown: *const ValueReference,
@@ -453,151 +359,5 @@ pub unsafe fn get_directional_derivative<M: Model>(
             }
             _ => null(i, F),
         }
-    })
-}
-
-pub unsafe fn new_discrete_states<M: Model>(c: Component, info: *mut EventInfo) -> Status {
-    call::<M>(c, Function::fmi2NewDiscreteStates, |i| match output(info, 1) {
-        Some([info]) => i.new_discrete_states(info),
-        _ => null(i, Function::fmi2NewDiscreteStates),
-    })
-}
-
-pub unsafe fn completed_integrator_step<M: Model>(
-    c: Component,
-    enter_event_mode: *mut Bool,
-    terminate_simulation: *mut Bool,
-) -> Status {
-    const F: Function = Function::fmi2CompletedIntegratorStep;
-    call::<M>(c, F, |i| match (output(enter_event_mode, 1), output(terminate_simulation, 1)) {
-        (Some([enter]), Some([terminate])) => {
-            // Nothing depends on the history of accepted steps (completedIntegratorStepNotNeeded).
-            *enter = 0;
-            *terminate = 0;
-            Status::OK
-        }
-        _ => null(i, F),
-    })
-}
-
-pub unsafe fn set_time<M: Model>(c: Component, time: f64) -> Status {
-    call::<M>(c, Function::fmi2SetTime, |i| i.set_time(time))
-}
-
-pub unsafe fn set_continuous_states<M: Model>(c: Component, x: *const f64, n: usize) -> Status {
-    call::<M>(c, Function::fmi2SetContinuousStates, |i| match input(x, n) {
-        Some(x) => i.set_continuous_states(x),
-        None => null(i, Function::fmi2SetContinuousStates),
-    })
-}
-
-/// Functions of Model Exchange that fill an array.
-macro_rules! fill {
-    ($($name:ident, $function:ident;)*) => {
-        $(pub unsafe fn $name<M: Model>(c: Component, out: *mut f64, n: usize) -> Status {
-            call::<M>(c, Function::$function, |i| match output(out, n) {
-                Some(out) => i.$name(out),
-                None => null(i, Function::$function),
-            })
-        })*
-    };
-}
-fill! {
-    get_derivatives, fmi2GetDerivatives;
-    get_event_indicators, fmi2GetEventIndicators;
-    get_continuous_states, fmi2GetContinuousStates;
-    get_nominals, fmi2GetNominalsOfContinuousStates;
-}
-
-pub unsafe fn set_real_input_derivatives<M: Model>(
-    c: Component,
-    references: *const ValueReference,
-    n: usize,
-    orders: *const c_int,
-    values: *const f64,
-) -> Status {
-    const F: Function = Function::fmi2SetRealInputDerivatives;
-    call::<M>(c, F, |i| match (input(references, n), input(orders, n), input(values, n)) {
-        (Some(references), Some(orders), Some(values)) => {
-            i.set_real_input_derivatives(references, orders, values)
-        }
-        _ => null(i, F),
-    })
-}
-
-pub unsafe fn get_real_output_derivatives<M: Model>(
-    c: Component,
-    references: *const ValueReference,
-    n: usize,
-    orders: *const c_int,
-    values: *mut f64,
-) -> Status {
-    const F: Function = Function::fmi2GetRealOutputDerivatives;
-    call::<M>(c, F, |i| match (input(references, n), input(orders, n), output(values, n)) {
-        (Some(references), Some(orders), Some(values)) => {
-            i.get_real_output_derivatives(references, orders, values)
-        }
-        _ => null(i, F),
-    })
-}
-
-pub unsafe fn do_step<M: Model>(c: Component, t: f64, h: f64) -> Status {
-    call::<M>(c, Function::fmi2DoStep, |i| i.do_step(t, h))
-}
-
-pub unsafe fn cancel_step<M: Model>(c: Component) -> Status {
-    // The table allows it in no state, because steps are synchronous.
-    call::<M>(c, Function::fmi2CancelStep, |i| i.error("fmi2CancelStep", "no step is in progress"))
-}
-
-/// A status function: `answer` gives the value for the kinds that it knows.
-fn status<M: Model, T>(
-    c: Component,
-    function: Function,
-    kind: c_int,
-    value: *mut T,
-    answer: impl FnOnce(StepStatus) -> Option<T>,
-) -> Status {
-    call::<M>(c, function, |i| {
-        let Some([value]) = output(value, 1) else { return null(i, function) };
-        match i.step_status(kind).and_then(answer) {
-            Some(found) => {
-                *value = found;
-                Status::OK
-            }
-            None => i.discard(function.name(), &format!("status kind {kind} has no value of this type")),
-        }
-    })
-}
-
-pub unsafe fn get_status<M: Model>(c: Component, kind: c_int, value: *mut Status) -> Status {
-    status::<M, _>(c, Function::fmi2GetStatus, kind, value, |s| match s {
-        StepStatus::DoStep(status) => Some(status),
-        _ => None,
-    })
-}
-
-pub unsafe fn get_real_status<M: Model>(c: Component, kind: c_int, value: *mut f64) -> Status {
-    status::<M, _>(c, Function::fmi2GetRealStatus, kind, value, |s| match s {
-        StepStatus::LastSuccessfulTime(t) => Some(t),
-        _ => None,
-    })
-}
-
-pub unsafe fn get_integer_status<M: Model>(c: Component, kind: c_int, value: *mut c_int) -> Status {
-    status::<M, _>(c, Function::fmi2GetIntegerStatus, kind, value, |_| None)
-}
-
-pub unsafe fn get_boolean_status<M: Model>(c: Component, kind: c_int, value: *mut Bool) -> Status {
-    status::<M, _>(c, Function::fmi2GetBooleanStatus, kind, value, |s| match s {
-        StepStatus::Terminated(terminated) => Some(Bool::from(terminated)),
-        _ => None,
-    })
-}
-
-pub unsafe fn get_string_status<M: Model>(c: Component, kind: c_int, value: *mut CText) -> Status {
-    status::<M, _>(c, Function::fmi2GetStringStatus, kind, value, |s| match s {
-        StepStatus::Pending => Some(c"no step is pending".as_ptr()),
-        _ => None,
     })
 }
