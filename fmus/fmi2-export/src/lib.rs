@@ -1,1 +1,43 @@
-//! FMI 2.0 export for Rust.
+//! FMI 2.0 export for Rust: write one model, get an FMU with Co-Simulation and Model Exchange.
+//!
+//! A model author implements [`Model`]: a variable table, equations generic over [`Scalar`], and where the model
+//! has them a sampled update, event indicators and events. One line, `fmi2_export::export_fmu!(MyModel);`, in a
+//! `cdylib` crate gives the shared library; [`description`] gives `modelDescription.xml`.
+//!
+//! Start reading at [`Model`], then [`Table`].
+#![warn(missing_docs)]
+
+pub mod abi;
+mod co_simulation;
+pub mod ctypes;
+mod declaration;
+mod definition;
+pub mod description;
+mod directional;
+mod dual;
+mod export;
+mod fmu_state;
+mod inner_solver;
+mod input_ramp;
+mod instance;
+mod integrator;
+mod logger;
+mod model;
+mod model_exchange;
+mod resources;
+mod scalar;
+pub mod state_machine;
+pub mod structure;
+mod table;
+pub mod units;
+mod values;
+mod variables;
+
+pub use declaration::{Declaration, Enumeration};
+pub use definition::Definition;
+pub use dual::Dual;
+pub use logger::CATEGORIES as LOG_CATEGORIES;
+pub use model::{Event, Identity, Model, Outcome, Refusal};
+pub use scalar::Scalar;
+pub use table::{Causality, EnumerationType, Initial, Kind, Table, Variability, Variable};
+pub use values::{Boolean, Integer, Interface, Memory, MemoryBlock, Real, Text, Values};

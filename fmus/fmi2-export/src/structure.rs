@@ -1,0 +1,297 @@
+//! What depends on what: the content of `ModelStructure`, found by differentiating the equations.
+//!
+//! Nothing is typed by hand. At several points (the draws of [`Model::probe`]) each known is seeded with a dual
+//! number, and each is also moved on its own, which shows what no derivative shows: dependencies of and on
+//! Booleans, Integers and Strings, and those through a branch only.
+
+use crate::dual::Dual;
+use crate::model::Model;
+use crate::scalar::Scalar;
+use crate::table::{Causality, Initial, Kind, Table, Variability, Variable};
+use crate::values::{Interface, Values};
+
+/// Number of points of [`Model::probe`] that are looked at.
+pub const DRAWS: usize = 4;
+
+/// FMI `dependenciesKind`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum DependencyKind {
+    /// No particular structure.
+    Dependent,
+    /// A factor that never changes.
+    Constant,
+    /// A factor that depends on fixed parameters.
+    Fixed,
+    /// A factor that depends on tunable parameters.
+    Tunable,
+    /// A factor that changes at samples.
+    Discrete,
+}
+
+/// One computed variable with the knowns that it depends on.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Unknown {
+    /// Index into [`Table::variables`] (0-based).
+    pub variable: usize,
+    /// Index (0-based) and kind of every known that matters, in order of the index.
+    pub dependencies: Vec<(usize, DependencyKind)>,
+}
+
+/// `ModelStructure` of the model description.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Structure {
+    /// All outputs in table order; knowns are the inputs and the continuous states.
+    pub outputs: Vec<Unknown>,
+    /// State derivatives in the order of the states; same knowns.
+    pub derivatives: Vec<Unknown>,
+    /// What initialisation computes (FMI 2.0.4 section 2.2.8), in table order; knowns are inputs, states and
+    /// parameters.
+    pub initial_unknowns: Vec<Unknown>,
+}
+
+impl Structure {
+    /// Finds the dependencies of a model, in both interfaces.
+    ///
+    /// # Panics
+    /// If the equations refuse every draw: an error of the model's author, whose `probe` must give at least one
+    /// point where they have a value.
+    pub fn of<M: Model>(model: &M, table: &Table) -> Self {
+        let variables = table.variables();
+        let indices = |wanted: &dyn Fn(&Variable) -> bool| -> Vec<usize> {
+            (0..variables.len()).filter(|i| wanted(&variables[*i])).collect()
+        };
+        let outputs = indices(&|v| v.causality == Causality::Output);
+        let derivatives: Vec<usize> = table.derivatives().iter().map(|d| table.index_of(*d)).collect();
+        let initial_unknowns = indices(&|v| {
+            v.initial == Some(Initial::Calculated)
+                && (v.causality == Causality::Output
+                    || v.causality == Causality::CalculatedParameter
+                    || v.derivative_of().is_some())
+        });
+        let input_or_state = |v: &Variable| v.causality == Causality::Input || v.is_state;
+        let knowns = indices(&input_or_state);
+        let initial_knowns = indices(&|v| input_or_state(v) || v.causality == Causality::Parameter);
+
+        let search = Search { model, table, draws: draws(model, table) };
+        let both: Vec<usize> = outputs.iter().chain(&derivatives).copied().collect();
+        let mut running = search.run(&both, &knowns, Phase::Running);
+        let derivatives = running.split_off(outputs.len());
+        let initial_unknowns = search.run(&initial_unknowns, &initial_knowns, Phase::Initialisation);
+        Self { outputs: running, derivatives, initial_unknowns }
+    }
+}
+
+/// In which mode the dependencies hold.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Phase {
+    /// Parameters stand still.
+    Running,
+    /// Parameters are knowns, too; the first sample has not been taken.
+    Initialisation,
+}
+
+fn draws<M: Model>(model: &M, table: &Table) -> Vec<Values<f64>> {
+    (0..DRAWS)
+        .map(|draw| {
+            let mut values = table.start_values(Interface::ModelExchange);
+            model.probe(draw, table, &mut values);
+            values
+        })
+        .collect()
+}
+
+/// A place where the equations have a value.
+struct Point {
+    /// Draws of the fixed parameters, the tunable ones, and the rest.
+    fixed: usize,
+    tunable: usize,
+    rest: usize,
+    /// Before the equations.
+    base: Values<f64>,
+    /// After the equations.
+    value: Values<f64>,
+}
+
+/// Slope of one unknown with respect to one known at one point; NaN where it is not a straight line.
+struct Slope {
+    point: usize,
+    slope: f64,
+}
+
+struct Search<'m, M> {
+    model: &'m M,
+    table: &'m Table,
+    draws: Vec<Values<f64>>,
+}
+
+impl<M: Model> Search<'_, M> {
+    fn run(&self, unknowns: &[usize], knowns: &[usize], phase: Phase) -> Vec<Unknown> {
+        let points = self.points(phase);
+        assert!(
+            !points.is_empty(),
+            "{}: the equations refuse every draw of probe(); let it give a point where they have a value",
+            M::IDENTITY.model_name
+        );
+        let mut found: Vec<Unknown> =
+            unknowns.iter().map(|&variable| Unknown { variable, dependencies: Vec::new() }).collect();
+        let mut dual: Values<Dual> = self.draws[0].convert();
+        let mut moved = self.draws[0].clone();
+        for &known in knowns {
+            let mut slopes: Vec<Vec<Slope>> = unknowns.iter().map(|_| Vec::new()).collect();
+            for (i, point) in points.iter().enumerate() {
+                let seeded = self.seed(known, point, phase, &mut dual);
+                let step = self.step(known, point, phase, &mut moved);
+                for (&unknown, slopes) in unknowns.iter().zip(&mut slopes) {
+                    let slope = match self.table.variables()[unknown].real() {
+                        Some(y) if seeded => {
+                            let slope = dual[y].eps;
+                            let straight =
+                                step.is_none_or(|s| is_straight(point.value[y], moved[y], slope, s));
+                            if straight { slope } else { f64::NAN }
+                        }
+                        _ if step.is_some() && self.differs(unknown, &point.value, &moved) => f64::NAN,
+                        _ => 0.0,
+                    };
+                    slopes.push(Slope { point: i, slope });
+                }
+            }
+            for (unknown, slopes) in found.iter_mut().zip(&slopes) {
+                if let Some(kind) = classify(slopes, &points, phase) {
+                    unknown.dependencies.push((known, kind));
+                }
+            }
+        }
+        found
+    }
+
+    /// Combines the draws so that fixed parameters, tunable parameters and the rest change one without the other.
+    fn points(&self, phase: Phase) -> Vec<Point> {
+        let mut points = Vec::new();
+        let has_tunable = self.table.variables().iter().any(|v| v.variability == Variability::Tunable);
+        for interface in [Interface::ModelExchange, Interface::CoSimulation] {
+            for draw in 0..DRAWS {
+                let next = (draw + 1) % DRAWS;
+                let mut combinations = vec![(draw, draw)];
+                if phase == Phase::Running {
+                    combinations.push((draw, next));
+                    if has_tunable {
+                        combinations.push((next, draw));
+                    }
+                }
+                for (tunable, rest) in combinations {
+                    for at_sample in [true, false] {
+                        let mut base = self.combine(draw, tunable, rest);
+                        base.interface = interface;
+                        base.at_sample = at_sample;
+                        if phase == Phase::Initialisation && !at_sample {
+                            continue;
+                        }
+                        let mut value = base.clone();
+                        if self.model.prepare(&mut value).is_err() {
+                            continue;
+                        }
+                        if phase == Phase::Running {
+                            base = value.clone();
+                        }
+                        if self.model.equations(&mut value).is_ok() {
+                            points.push(Point { fixed: draw, tunable, rest, base, value });
+                        }
+                    }
+                }
+            }
+        }
+        points
+    }
+
+    fn combine(&self, fixed: usize, tunable: usize, rest: usize) -> Values<f64> {
+        let mut values = self.draws[rest].clone();
+        for variable in self.table.variables().iter().filter(|v| v.causality == Causality::Parameter) {
+            let draw = if variable.variability == Variability::Tunable { tunable } else { fixed };
+            copy_variable(variable, &self.draws[draw], &mut values);
+        }
+        values
+    }
+
+    fn evaluate<S: Scalar>(&self, values: &mut Values<S>, phase: Phase) -> bool {
+        (phase == Phase::Running || self.model.prepare(values).is_ok())
+            && self.model.equations(values).is_ok()
+    }
+
+    /// Derivatives with respect to a Real known; false where there are none.
+    fn seed(&self, known: usize, point: &Point, phase: Phase, dual: &mut Values<Dual>) -> bool {
+        let Some(x) = self.table.variables()[known].real() else { return false };
+        dual.copy_from_f64(&point.base);
+        dual[x].eps = 1.0;
+        self.evaluate(dual, phase)
+    }
+
+    /// Values with the known moved to where another draw has it; gives the distance (1 for what is not Real).
+    fn step(&self, known: usize, point: &Point, phase: Phase, moved: &mut Values<f64>) -> Option<f64> {
+        let variable = &self.table.variables()[known];
+        moved.copy_from(&point.base);
+        let from = if variable.causality == Causality::Parameter { point.fixed } else { point.rest };
+        match &variable.kind {
+            Kind::Boolean { handle, .. } => moved[*handle] = !moved[*handle],
+            Kind::Text { handle, .. } => moved[*handle].push('x'),
+            _ => copy_variable(variable, &self.draws[(from + 1) % DRAWS], moved),
+        }
+        let distance = variable.real().map_or(1.0, |x| moved[x] - point.base[x]);
+        (distance != 0.0 && self.evaluate(moved, phase)).then_some(distance)
+    }
+
+    fn differs(&self, unknown: usize, a: &Values<f64>, b: &Values<f64>) -> bool {
+        match &self.table.variables()[unknown].kind {
+            Kind::Real { handle, .. } => a[*handle].to_bits() != b[*handle].to_bits(),
+            Kind::Integer { handle, .. } | Kind::Enumeration { handle, .. } => a[*handle] != b[*handle],
+            Kind::Boolean { handle, .. } => a[*handle] != b[*handle],
+            Kind::Text { handle, .. } => a[*handle] != b[*handle],
+        }
+    }
+}
+
+fn copy_variable(variable: &Variable, from: &Values<f64>, to: &mut Values<f64>) {
+    match &variable.kind {
+        Kind::Real { handle, .. } => to[*handle] = from[*handle],
+        Kind::Integer { handle, .. } | Kind::Enumeration { handle, .. } => to[*handle] = from[*handle],
+        Kind::Boolean { handle, .. } => to[*handle] = from[*handle],
+        Kind::Text { handle, .. } => to[*handle].clone_from(&from[*handle]),
+    }
+}
+
+/// True where the slope alone explains the way from `y0` to `y1`.
+fn is_straight(y0: f64, y1: f64, slope: f64, step: f64) -> bool {
+    let explained = slope * step;
+    let scale = y0.abs().max(y1.abs()).max(explained.abs());
+    (y1 - y0 - explained).abs() <= 1e-9 * scale
+}
+
+/// The most particular kind that all slopes agree with; none where nothing depends.
+fn classify(slopes: &[Slope], points: &[Point], phase: Phase) -> Option<DependencyKind> {
+    if slopes.iter().all(|s| s.slope == 0.0) {
+        return None;
+    }
+    let agree = |same: &dyn Fn(&Point, &Point) -> bool| {
+        slopes.iter().enumerate().all(|(i, a)| {
+            slopes[..=i].iter().all(|b| {
+                !same(&points[a.point], &points[b.point])
+                    || (a.slope - b.slope).abs() <= 1e-9 * a.slope.abs().max(b.slope.abs())
+            })
+        })
+    };
+    let instance = |a: &Point, b: &Point| a.fixed == b.fixed && a.base.interface == b.base.interface;
+    Some(if agree(&|_, _| true) {
+        DependencyKind::Constant
+    } else if phase == Phase::Initialisation {
+        // The other kinds are about what happens after initialisation.
+        DependencyKind::Dependent
+    } else if agree(&instance) {
+        DependencyKind::Fixed
+    } else if agree(&|a, b| instance(a, b) && a.tunable == b.tunable) {
+        DependencyKind::Tunable
+    } else if agree(&|a, b| instance(a, b) && a.tunable == b.tunable && a.base.at_sample == b.base.at_sample)
+    {
+        DependencyKind::Discrete
+    } else {
+        DependencyKind::Dependent
+    })
+}

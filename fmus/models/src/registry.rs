@@ -1,0 +1,1 @@
+//! The list of all models; nothing else lists them.
