@@ -1,7 +1,7 @@
 """Finds the FMUs under test. Every test that takes `fmu` runs once for each of them.
 
     pytest tests/fmpy                       target/fmu/*.fmu and target/fmu/test/*.fmu
-    pytest tests/fmpy --fmus DIR            the FMUs of another folder (also: environment AIRLOOP_FMUS)
+    pytest tests/fmpy --fmus=DIR            the FMUs of another folder and its folder test (also: environment AIRLOOP_FMUS)
 """
 
 import os
@@ -23,7 +23,8 @@ def pytest_addoption(parser):
 
 def _folders(config):
     other = config.getoption("--fmus") or os.environ.get("AIRLOOP_FMUS")
-    return [Path(other)] if other else [ROOT / "target" / "fmu", ROOT / "target" / "fmu" / "test"]
+    folder = Path(other) if other else ROOT / "target" / "fmu"
+    return [folder, folder / "test"]
 
 
 def _files(config):

@@ -233,6 +233,7 @@ def test_log_categories_of_the_standard_are_declared(fmu):
 EXERCISED = {
     "canHandleVariableCommunicationStepSize": "test_do_step.py",
     "canInterpolateInputs": "test_input_derivatives.py",
+    "canNotUseMemoryManagementFunctions": "test_life_cycle.py",
     "canGetAndSetFMUstate": "test_state.py",
     "canSerializeFMUstate": "test_state.py",
     "providesDirectionalDerivative": "test_directional.py",

@@ -1,5 +1,6 @@
 """fmi2DoStep: what it refuses, what it reports, and that the result does not hang on the step size."""
 
+import ctypes
 import math
 
 import pytest
@@ -143,8 +144,6 @@ def test_a_non_finite_input_during_a_run_changes_nothing(fmu, bad):
 
 def test_step_is_not_asynchronous(fmu):
     """The status functions of a slave that always finishes its step at once."""
-    import ctypes
-
     with fmu.instantiate(raw.CO_SIMULATION) as instance:
         scenario.start(instance)
         instance.must("DoStep", 0.0, fmu.step_size, 0)

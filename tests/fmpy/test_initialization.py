@@ -1,5 +1,6 @@
 """Start values, and outputs that fit the inputs as soon as initialisation is over."""
 
+import ctypes
 import math
 
 import pytest
@@ -101,8 +102,6 @@ def test_one_bad_value_in_a_list_changes_nothing(fmu, kind):
     inputs = [v for v in fmu.of("input") if v.is_real]
     if len(inputs) < 2:
         pytest.skip("needs two Real inputs")
-    import ctypes
-
     with fmu.instantiate(kind) as instance:
         references = (ctypes.c_uint * len(inputs))(*[v.reference for v in inputs])
         values = [v.start + 1.0 for v in inputs]

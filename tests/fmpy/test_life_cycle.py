@@ -75,6 +75,8 @@ def test_survives_missing_callbacks_names_and_folders(fmu, kind, options):
         assert not created
     if options == {"callbacks": "no logger"}:
         assert created, "memory functions are given: the logger may be missing"
+    if options == {"callbacks": "all null"} and fmu.flag(kind, "canNotUseMemoryManagementFunctions"):
+        assert created, "has its own memory functions"
 
 
 # Calls that the standard forbids in the state "instantiated" (FMI 2.0.4, tables of 3.2.3 and 4.2.4).
