@@ -232,7 +232,7 @@ impl SystemGraph {
             Some("fmu") => SystemGraph::from_fmu(file),
             Some("ssd") => SystemGraph::from_structure(ssp::read(file)?),
             Some("ssp") => {
-                let folder = crate::fmu::extract_archive(file).map_err(|error| Error::Archive(Box::new(error)))?;
+                let folder = ssp::unpack(file)?;
                 let mut graph = SystemGraph::from_structure(ssp::read(&folder.path().join("SystemStructure.ssd"))?)?;
                 graph.file = file.into();
                 Ok(graph)

@@ -115,6 +115,11 @@ pub fn read(file: &Path) -> Result<Structure, Error> {
     Reader { file }.structure(&root)
 }
 
+/// Unpacks a `.ssp` archive into a temporary folder.
+pub(super) fn unpack(file: &Path) -> Result<tempfile::TempDir, Error> {
+    Err(Error::Kind { file: file.into() })
+}
+
 struct Reader<'a> {
     file: &'a Path,
 }
