@@ -2,6 +2,7 @@
 
 pub mod fmu;
 pub mod ident;
+pub mod master;
 pub mod results;
 pub mod series;
 pub mod system;
