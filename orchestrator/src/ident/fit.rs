@@ -16,7 +16,9 @@ pub struct Fit {
 #[derive(Debug, thiserror::Error, PartialEq)]
 pub enum Error {
     /// Different numbers of samples.
-    #[error("{measured} measured samples cannot be compared with {simulated} simulated ones; resample one of them")]
+    #[error(
+        "{measured} measured samples cannot be compared with {simulated} simulated ones; resample one of them"
+    )]
     Length {
         /// Samples of the measurement.
         measured: usize,

@@ -7,7 +7,7 @@ use std::collections::HashMap;
 use std::ops::Range;
 
 use super::{Error, slot};
-use crate::fmu::{Causality, Slave, StepStatus, Variability, VariableKind};
+use crate::fmu::{Causality, Slave, StepStatus, VariableKind};
 use crate::results::{Column, Slot};
 use crate::system::SystemGraph;
 use crate::system::graph::{Conversion, DataType, Source, Start, SystemInput, unit_of};
@@ -86,8 +86,12 @@ impl Wiring {
             *position - 1
         };
         let input_index: Vec<usize> = graph.inputs.iter().map(|input| next(input.data_type)).collect();
-        let inputs =
-            graph.inputs.iter().zip(&input_index).map(|(input, &index)| slot(input.data_type, index)).collect();
+        let inputs = graph
+            .inputs
+            .iter()
+            .zip(&input_index)
+            .map(|(input, &index)| slot(input.data_type, index))
+            .collect();
         let used: Vec<Source> = graph
             .connections
             .iter()
@@ -122,7 +126,8 @@ impl Wiring {
             width,
         };
         for connection in &graph.connections {
-            let variable = &graph.components[connection.component].fmu.description.variables[connection.variable];
+            let variable =
+                &graph.components[connection.component].fmu.description.variables[connection.variable];
             let from = wiring.index_of(connection.source);
             wiring.component_inputs[connection.component][group(DataType::of(variable))].push((
                 connection.variable,
@@ -150,14 +155,19 @@ impl Wiring {
         };
         for (input, &index) in self.input_index.iter().enumerate() {
             let source = Source::Input(input);
-            let Some(connection) = graph.connections.iter().find(|connection| connection.source == source) else {
+            let Some(connection) = graph.connections.iter().find(|connection| connection.source == source)
+            else {
                 continue;
             };
             let component = &graph.components[connection.component];
             let given = component.start_values.iter().find(|start| start.variable == connection.variable);
-            match (given.map(|start| &start.value), &component.fmu.description.variables[connection.variable].kind)
-            {
-                (Some(Start::Real(start)), _) => values.reals[index] = connection.conversion.inverse().apply(*start),
+            match (
+                given.map(|start| &start.value),
+                &component.fmu.description.variables[connection.variable].kind,
+            ) {
+                (Some(Start::Real(start)), _) => {
+                    values.reals[index] = connection.conversion.inverse().apply(*start)
+                }
                 (Some(Start::Integer(start)), _) => values.integers[index] = *start,
                 (Some(Start::Boolean(start)), _) => values.booleans[index] = *start,
                 (Some(Start::String(start)), _) => values.strings[index].clone_from(start),
@@ -193,9 +203,8 @@ impl Wiring {
                 .map(|(position, &(.., conversion))| (position, conversion))
                 .collect(),
         });
-        let others = (1..4).any(|group| {
-            !inputs[group].references.is_empty() || !outputs[group].references.is_empty()
-        });
+        let others =
+            (1..4).any(|group| !inputs[group].references.is_empty() || !outputs[group].references.is_empty());
         let [real_in, integer_in, boolean_in, string_in] = inputs;
         let [real_out, integer_out, boolean_out, string_out] = outputs;
         Node {
@@ -223,7 +232,7 @@ impl Wiring {
             let Some(slot) = slot(output.data_type, self.index_of(output.source)) else { continue };
             let held = match output.source {
                 Source::Input(_) => false,
-                Source::Output { component, variable } => is_held(graph, component, variable),
+                Source::Output { component, variable } => graph.is_held(component, variable),
             };
             let Conversion { factor, offset } = output.conversion;
             columns.push(Column {
@@ -251,7 +260,7 @@ impl Wiring {
                     slot,
                     factor: 1.0,
                     offset: 0.0,
-                    held: is_held(graph, index, variable),
+                    held: graph.is_held(index, variable),
                 });
             }
         }
@@ -282,16 +291,15 @@ impl Wiring {
             let data_type = DataType::of(&graph.components[component].fmu.description.variables[variable]);
             super::slot(data_type, index) == slot
         };
-        let found = self.outputs.iter().find(|((component, variable), index)| matches(*component, *variable, **index));
+        let found = self
+            .outputs
+            .iter()
+            .find(|((component, variable), index)| matches(*component, *variable, **index));
         found.map_or_else(
             || "a text".into(),
             |((component, variable), _)| graph.components[*component].path_of(*variable),
         )
     }
-}
-
-fn is_held(graph: &SystemGraph, component: usize, variable: usize) -> bool {
-    graph.components[component].fmu.description.variables[variable].variability == Variability::Discrete
 }
 
 /// Inputs of one type.

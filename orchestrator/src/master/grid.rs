@@ -29,7 +29,11 @@ impl Grid {
             return Err(Error::Setting { name: "start time", value: start, allowed: "finite" });
         }
         if !(stop.is_finite() && stop >= start) {
-            return Err(Error::Setting { name: "stop time", value: stop, allowed: "at or after the start time" });
+            return Err(Error::Setting {
+                name: "stop time",
+                value: stop,
+                allowed: "at or after the start time",
+            });
         }
         if !(step.is_finite() && step > 0.0) {
             return Err(Error::Setting { name: "step", value: step, allowed: "positive" });
@@ -127,10 +131,18 @@ mod tests {
 
     #[test]
     fn impossible_spans_are_refused() {
-        for (start, stop, step) in
-            [(0.0, 1.0, 0.0), (0.0, 1.0, -1.0), (0.0, 1.0, f64::NAN), (1.0, 0.0, 0.1), (0.0, f64::INFINITY, 0.1), (1e9, 2e9, 1e-9)]
-        {
-            assert!(matches!(Grid::new(start, stop, step), Err(Error::Setting { .. })), "{start} {stop} {step}");
+        for (start, stop, step) in [
+            (0.0, 1.0, 0.0),
+            (0.0, 1.0, -1.0),
+            (0.0, 1.0, f64::NAN),
+            (1.0, 0.0, 0.1),
+            (0.0, f64::INFINITY, 0.1),
+            (1e9, 2e9, 1e-9),
+        ] {
+            assert!(
+                matches!(Grid::new(start, stop, step), Err(Error::Setting { .. })),
+                "{start} {stop} {step}"
+            );
         }
     }
 }

@@ -18,8 +18,8 @@ use crate::results::{Column, Slot};
 use crate::system::SystemGraph;
 use crate::system::graph::DataType;
 
-use exchange::{Node, Wiring};
 pub use exchange::Values;
+use exchange::{Node, Wiring};
 pub use grid::Grid;
 
 /// Order in which slaves step and exchange values.
@@ -114,6 +114,9 @@ pub enum Error {
         "the outputs still change after {passes} rounds of initialisation (`{variable}` is one); an FMU probably depends on an input that its `dependencies` do not list"
     )]
     Unsettled { passes: usize, variable: String },
+    /// Two columns of the result have one name.
+    #[error("the result cannot be written: {0}")]
+    Result(#[from] crate::series::Error),
 }
 
 /// What a macro step came to.
@@ -231,7 +234,9 @@ impl Master {
     fn explain(&mut self, stop: Stop, t: f64, h: f64) -> Result<Progress, Error> {
         match stop {
             Stop::Fmu(error) => Err(Error::Fmu(*error)),
-            Stop::NotFinite { node } => Err(self.nodes[node].not_finite(&self.values, self.grid.time(self.point + 1))),
+            Stop::NotFinite { node } => {
+                Err(self.nodes[node].not_finite(&self.values, self.grid.time(self.point + 1)))
+            }
             Stop::Incomplete { node, status } => {
                 let StepStatus::Discarded { last_successful_time, terminated } = status else {
                     return Ok(Progress::Stepped);

@@ -139,7 +139,7 @@ pub fn run(
         }
     }
     let stepping = began.elapsed();
-    let result = recorder.finish().expect("communication points increase and names are unique");
+    let result = recorder.finish()?;
     Ok(Run {
         result,
         end,

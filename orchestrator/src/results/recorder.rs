@@ -103,7 +103,9 @@ impl Recorder {
                     let value = match column.slot {
                         Slot::Real(index) => self.reals[row * self.width[0] + index],
                         Slot::Integer(index) => f64::from(self.integers[row * self.width[1] + index]),
-                        Slot::Boolean(index) => f64::from(u8::from(self.booleans[row * self.width[2] + index])),
+                        Slot::Boolean(index) => {
+                            f64::from(u8::from(self.booleans[row * self.width[2] + index]))
+                        }
                     };
                     column.factor * value + column.offset
                 })

@@ -2,6 +2,7 @@
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 
@@ -27,6 +28,8 @@ pub struct Summary {
     pub timings: Timings,
     /// FMU of every component, in evaluation order.
     pub fmus: Vec<FmuRecord>,
+    /// Columns of `result.csv` that are connectors of the system.
+    pub connectors: Vec<ConnectorRecord>,
     /// Measured signals with their fit; empty without a measurement.
     pub signals: Vec<SignalRecord>,
     /// Where the program chose for the user or could not do what was usual, one sentence each.
@@ -85,14 +88,15 @@ pub struct Timings {
 }
 
 impl Timings {
-    /// Timings of `steps` macro steps that covered `simulated` \[s\] in `simulation` \[s\] of wall-clock time.
-    pub fn new(initialization: f64, simulation: f64, steps: u64, simulated: f64) -> Timings {
+    /// Timings of `steps` macro steps from `start` to `end` \[s\].
+    pub fn new(initialization: Duration, stepping: Duration, steps: u64, start: f64, end: f64) -> Timings {
+        let simulation = stepping.as_secs_f64();
         let per_second = |amount: f64| if simulation > 0.0 { amount / simulation } else { 0.0 };
         Timings {
-            initialization_s: initialization,
+            initialization_s: initialization.as_secs_f64(),
             simulation_s: simulation,
             steps_per_second: per_second(steps as f64),
-            real_time_factor: per_second(simulated),
+            real_time_factor: per_second(end - start),
         }
     }
 }
@@ -114,6 +118,19 @@ pub struct FmuRecord {
     pub generation_tool: Option<String>,
 }
 
+/// A connector of the system with a column in `result.csv`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ConnectorRecord {
+    /// Name, also of the column.
+    pub name: String,
+    /// `input` or `output`.
+    pub kind: String,
+    /// Unit.
+    pub unit: Option<String>,
+    /// Discrete: each value is held until the next row.
+    pub held: bool,
+}
+
 /// Fit of one measured signal.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct SignalRecord {
@@ -123,6 +140,10 @@ pub struct SignalRecord {
     pub unit: Option<String>,
     /// Column of the measurement.
     pub column: String,
+    /// Measured value in the unit of the connector = factor * column + offset.
+    pub factor: f64,
+    /// See `factor`.
+    pub offset: f64,
     /// NRMSE fit \[%\] (eq. 9); null if the measured signal is constant.
     pub fit_percent: Option<f64>,
     /// RMS error in the unit of the connector.

@@ -122,7 +122,9 @@ fn number(cell: &str, path: &Path, line: usize, column: &str) -> Result<f64, Err
     match text.parse::<f64>() {
         Ok(value) if value.is_finite() => Ok(value),
         Ok(_) => Err(Error::NotFinite { path: path.into(), line, column: column.into(), value: text.into() }),
-        Err(_) => Err(Error::NotANumber { path: path.into(), line, column: column.into(), value: text.into() }),
+        Err(_) => {
+            Err(Error::NotANumber { path: path.into(), line, column: column.into(), value: text.into() })
+        }
     }
 }
 
@@ -211,7 +213,11 @@ fn write_rows(series: &TimeSeries, out: &mut impl Write) -> std::io::Result<()> 
 /// The shortest text that reads back to the same value, without long runs of zeros.
 fn write_number(value: f64, out: &mut impl Write) -> std::io::Result<()> {
     let size = value.abs();
-    if size != 0.0 && !(1e-5..1e16).contains(&size) { write!(out, ",{value:e}") } else { write!(out, ",{value}") }
+    if size != 0.0 && !(1e-5..1e16).contains(&size) {
+        write!(out, ",{value:e}")
+    } else {
+        write!(out, ",{value}")
+    }
 }
 
 #[cfg(test)]

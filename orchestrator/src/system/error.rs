@@ -53,10 +53,24 @@ pub enum Error {
     NoSuchVariable { file: PathBuf, line: usize, component: String, connector: String, fmu: PathBuf },
     /// Kind of a connector and causality of its variable differ.
     #[error("{}: line {line}: connector `{connector}` of component `{component}` is declared as {declared}, but the FMU's variable is {actual}; correct `kind`", file.display())]
-    Causality { file: PathBuf, line: usize, component: String, connector: String, declared: String, actual: String },
+    Causality {
+        file: PathBuf,
+        line: usize,
+        component: String,
+        connector: String,
+        declared: String,
+        actual: String,
+    },
     /// Declared type and type of the variable differ.
     #[error("{}: line {line}: connector `{connector}` of component `{component}` is declared as {declared}, but the FMU's variable is {actual}; correct the type", file.display())]
-    ConnectorType { file: PathBuf, line: usize, component: String, connector: String, declared: String, actual: String },
+    ConnectorType {
+        file: PathBuf,
+        line: usize,
+        component: String,
+        connector: String,
+        declared: String,
+        actual: String,
+    },
     /// A connection that runs into an output or out of an input.
     #[error("{}: line {line}: connection {from} -> {to}: {which} is {kind}; a connection runs from an output (or system input) to an input (or system output)", file.display())]
     Direction { file: PathBuf, line: usize, from: String, to: String, which: String, kind: String },
@@ -65,7 +79,14 @@ pub enum Error {
     TypeMismatch { file: PathBuf, line: usize, from: String, to: String, from_type: String, to_type: String },
     /// Units of the two ends have different dimensions, or one of them is not known.
     #[error("{}: line {line}: {place}: the units [{from_unit}] and [{to_unit}] {problem}", file.display())]
-    UnitMismatch { file: PathBuf, line: usize, place: String, from_unit: String, to_unit: String, problem: &'static str },
+    UnitMismatch {
+        file: PathBuf,
+        line: usize,
+        place: String,
+        from_unit: String,
+        to_unit: String,
+        problem: &'static str,
+    },
     /// Two connections into one input.
     #[error("{}: line {line}: {target} already has a connection, from {first}; a second one, from {second}, is not allowed: remove one, or add the signals in a component", file.display())]
     TwoSources { file: PathBuf, line: usize, target: String, first: String, second: String },

@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use super::ssp::{self, Structure};
 use super::{Error, validate};
-use crate::fmu::{Causality, Fmu, Variable, VariableKind};
+use crate::fmu::{Causality, Fmu, Variability, Variable, VariableKind};
 
 /// Type of a connector or variable.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -233,7 +233,8 @@ impl SystemGraph {
             Some("ssd") => SystemGraph::from_structure(ssp::read(file)?),
             Some("ssp") => {
                 let folder = ssp::unpack(file)?;
-                let mut graph = SystemGraph::from_structure(ssp::read(&folder.path().join("SystemStructure.ssd"))?)?;
+                let mut graph =
+                    SystemGraph::from_structure(ssp::read(&folder.path().join("SystemStructure.ssd"))?)?;
                 graph.file = file.into();
                 Ok(graph)
             }
@@ -324,6 +325,11 @@ impl SystemGraph {
             Source::Input(index) => self.inputs[index].name.clone(),
             Source::Output { component, variable } => self.components[component].path_of(variable),
         }
+    }
+
+    /// Whether an output is held between communication points (variability discrete).
+    pub fn is_held(&self, component: usize, variable: usize) -> bool {
+        self.components[component].fmu.description.variables[variable].variability == Variability::Discrete
     }
 
     /// Sets a start value by name and text: `component.variable`, a system input, or (for a single FMU) a variable.

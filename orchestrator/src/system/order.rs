@@ -166,7 +166,8 @@ pub fn strongly_connected(next: &[Vec<usize>]) -> Vec<Vec<usize>> {
                 continue;
             }
             if low[node] == number[node] {
-                let start = stack.iter().rposition(|&member| member == node).expect("the node is on the stack");
+                let start =
+                    stack.iter().rposition(|&member| member == node).expect("the node is on the stack");
                 let members = stack.split_off(start);
                 members.iter().for_each(|&member| on_stack[member] = false);
                 components.push(members);
@@ -231,8 +232,10 @@ mod tests {
 
     #[test]
     fn a_cycle_is_walked_in_its_direction() {
-        let graph =
-            VariableGraph { nodes: vec![(0, 0); 5], next: vec![vec![1], vec![2], vec![3], vec![1, 4], vec![]] };
+        let graph = VariableGraph {
+            nodes: vec![(0, 0); 5],
+            next: vec![vec![1], vec![2], vec![3], vec![1, 4], vec![]],
+        };
         let cycle = graph.cycle().unwrap();
         for (position, &node) in cycle.iter().enumerate() {
             assert!(graph.next[node].contains(&cycle[(position + 1) % cycle.len()]), "{cycle:?}");

@@ -140,7 +140,11 @@ impl Reader<'_> {
         let time = |name| experiment.map_or(Ok(None), |node| node.number(name, self.file));
         if system.child("SignalDictionaries").is_some() {
             let node = system.child("SignalDictionaries").unwrap_or(system);
-            return Err(self.unsupported(node, "a signal dictionary".into(), "connect the components directly"));
+            return Err(self.unsupported(
+                node,
+                "a signal dictionary".into(),
+                "connect the components directly",
+            ));
         }
         Ok(Structure {
             file: self.file.into(),
@@ -172,8 +176,22 @@ impl Reader<'_> {
                 return Err(self.duplicate(node, "connector", name));
             }
             const TYPES: [&str; 16] = [
-                "Real", "Float64", "Float32", "Integer", "Int8", "Int16", "Int32", "Int64", "UInt8", "UInt16",
-                "UInt32", "UInt64", "Boolean", "String", "Enumeration", "Binary",
+                "Real",
+                "Float64",
+                "Float32",
+                "Integer",
+                "Int8",
+                "Int16",
+                "Int32",
+                "Int64",
+                "UInt8",
+                "UInt16",
+                "UInt32",
+                "UInt64",
+                "Boolean",
+                "String",
+                "Enumeration",
+                "Binary",
             ];
             let typed = node.children.iter().find(|child| TYPES.contains(&child.name.as_str()));
             if let Some(dimension) = node.child("Dimension") {
@@ -252,7 +270,9 @@ impl Reader<'_> {
     fn resolve(&self, node: &Node, uri: &str) -> Result<PathBuf, Error> {
         let path = match uri.split_once("://") {
             Some(("file", rest)) => rest,
-            Some(_) => return Err(self.unsupported(node, format!("the source {uri}"), "use a relative path")),
+            Some(_) => {
+                return Err(self.unsupported(node, format!("the source {uri}"), "use a relative path"));
+            }
             None => uri.strip_prefix("file:").unwrap_or(uri),
         };
         let decoded = percent_decoded(path);
@@ -274,7 +294,11 @@ impl Reader<'_> {
                     transformation = Some((factor, child.number("offset", self.file)?.unwrap_or(0.0)));
                 }
                 name if name.ends_with("MappingTransformation") => {
-                    return Err(self.unsupported(child, format!("the {name}"), "do the mapping in a component"));
+                    return Err(self.unsupported(
+                        child,
+                        format!("the {name}"),
+                        "do the mapping in a component",
+                    ));
                 }
                 _ => {}
             }

@@ -82,16 +82,16 @@ fn parameter_conversion(
         return Ok(Conversion::IDENTITY);
     };
     let table = UnitTable { declared: units };
-    conversion((given, table.find(given, description)), (own, table.find(own, description))).map_err(|problem| {
-        Error::UnitMismatch {
+    conversion((given, table.find(given, description)), (own, table.find(own, description))).map_err(
+        |problem| Error::UnitMismatch {
             file: parameter.file.clone(),
             line: parameter.line,
             place: format!("start value of `{}` ({place})", target.name),
             from_unit: given.into(),
             to_unit: own.into(),
             problem,
-        }
-    })
+        },
+    )
 }
 
 /// Sets a start value given as text; see [`SystemGraph::set_start`].
@@ -112,7 +112,9 @@ pub fn set_start_text(graph: &mut SystemGraph, name: &str, text: &str, place: &s
         return Ok(());
     }
     let (component, variable) = match graph.single {
-        true if graph.components[0].fmu.description.variable(name).is_some() => (0, find(graph, 0, name, place)?),
+        true if graph.components[0].fmu.description.variable(name).is_some() => {
+            (0, find(graph, 0, name, place)?)
+        }
         _ => find_path(graph, name, place)?,
     };
     set_text(graph, (component, variable, Conversion::IDENTITY), text, place)
@@ -141,8 +143,8 @@ fn set_text(
         DataType::String => Some(Start::String(text.to_owned())),
         DataType::Enumeration => item_value(text, target, description).map(Start::Integer),
     };
-    let value =
-        value.ok_or_else(|| start_error(place, &target.name, text.to_owned(), allowed(target, description)))?;
+    let value = value
+        .ok_or_else(|| start_error(place, &target.name, text.to_owned(), allowed(target, description)))?;
     check_range(&value, target, description, place)?;
     graph.components[component].set_start(variable, value);
     Ok(())

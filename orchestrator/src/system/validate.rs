@@ -66,7 +66,12 @@ pub fn resolve(structure: &Structure, fmus: Vec<Arc<Fmu>>) -> Result<SystemGraph
 /// Component variables behind the inputs and parameters of the system, by name.
 pub(super) type Aliases = HashMap<String, Vec<(usize, usize, Conversion)>>;
 
-fn check_connector(structure: &Structure, component: &str, connector: &Connector, fmu: &Fmu) -> Result<(), Error> {
+fn check_connector(
+    structure: &Structure,
+    component: &str,
+    connector: &Connector,
+    fmu: &Fmu,
+) -> Result<(), Error> {
     let (file, line) = (structure.file.clone(), connector.line);
     let (component, name) = (component.to_owned(), connector.name.clone());
     let Some(variable) = fmu.description.variable(&name) else {
@@ -174,7 +179,9 @@ pub(super) fn conversion(
             }
         },
         _ if from.0 == to.0 => Ok(Conversion::IDENTITY),
-        _ => Err("cannot be compared, as one of them is not defined; declare it in <Units> with its BaseUnit"),
+        _ => {
+            Err("cannot be compared, as one of them is not defined; declare it in <Units> with its BaseUnit")
+        }
     }
 }
 
@@ -249,7 +256,12 @@ impl Resolver<'_> {
         inputs.take_while(|connector| connector.name != name).count()
     }
 
-    fn add_inputs(&self, graph: &mut SystemGraph, feeds: &[(&str, &ConnectionElement, Resolved)], aliases: &Aliases) {
+    fn add_inputs(
+        &self,
+        graph: &mut SystemGraph,
+        feeds: &[(&str, &ConnectionElement, Resolved)],
+        aliases: &Aliases,
+    ) {
         for connector in self.structure.connectors.iter().filter(|connector| connector.kind == "input") {
             let index = graph.inputs.len();
             let first = feeds.iter().find(|(name, ..)| *name == connector.name).map(|(.., end)| end);
@@ -303,7 +315,13 @@ impl Resolver<'_> {
         let Some(element) = &end.element else {
             let Some(connector) = self.structure.connectors.iter().find(|c| c.name == end.connector) else {
                 let (owner, known) = ("the system".to_owned(), names(&self.structure.connectors));
-                return Err(Error::UnknownConnector { file, line, owner, connector: end.connector.clone(), known });
+                return Err(Error::UnknownConnector {
+                    file,
+                    line,
+                    owner,
+                    connector: end.connector.clone(),
+                    known,
+                });
             };
             let unit = |name: &String| (name.clone(), table.of_system(name).or_else(|| units::lookup(name)));
             return Ok(Resolved {
@@ -325,10 +343,17 @@ impl Resolver<'_> {
         let connectors = &self.structure.components[index].connectors;
         let Some(connector) = connectors.iter().find(|c| c.name == end.connector) else {
             let (owner, known) = (format!("component `{element}`"), names(connectors));
-            return Err(Error::UnknownConnector { file, line, owner, connector: end.connector.clone(), known });
+            return Err(Error::UnknownConnector {
+                file,
+                line,
+                owner,
+                connector: end.connector.clone(),
+                known,
+            });
         };
         let description = &graph.components[index].fmu.description;
-        let variable = description.index_of(&connector.name).expect("connectors were checked against the FMU");
+        let variable =
+            description.index_of(&connector.name).expect("connectors were checked against the FMU");
         let own = &description.variables[variable];
         Ok(Resolved {
             inner: Some((index, variable)),

@@ -125,7 +125,9 @@ pub fn parse(text: &str, file: &Path) -> Result<Node, Error> {
                 close(node, &mut open, &mut root);
             }
             Event::DocType(_) => {
-                return Err(failed("a document type definition is not allowed; remove <!DOCTYPE ...>".into()));
+                return Err(failed(
+                    "a document type definition is not allowed; remove <!DOCTYPE ...>".into(),
+                ));
             }
             Event::Eof => break,
             _ => {}
@@ -188,7 +190,8 @@ mod tests {
 
     #[test]
     fn elements_have_local_name_namespace_and_line() {
-        let root = of("<?xml version=\"1.0\"?>\n<p:a xmlns:p=\"urn:x\" k=\"1 &lt; 2\">\n  <p:b/>\n</p:a>").unwrap();
+        let root =
+            of("<?xml version=\"1.0\"?>\n<p:a xmlns:p=\"urn:x\" k=\"1 &lt; 2\">\n  <p:b/>\n</p:a>").unwrap();
         assert_eq!((root.name.as_str(), root.namespace.as_str(), root.line), ("a", "urn:x", 2));
         assert_eq!(root.attribute("k"), Some("1 < 2"));
         assert_eq!((root.children[0].name.as_str(), root.children[0].line), ("b", 3));
