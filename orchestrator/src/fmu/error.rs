@@ -60,7 +60,7 @@ pub enum Error {
         reason: String,
     },
     /// The library lacks a function.
-    #[error("{}: the library does not export {function}, which the {interface} interface of FMI 2.0 needs", path.display())]
+    #[error("{}: the library does not export {function}, which {interface} needs; export it with all functions of FMI 2.0", path.display())]
     MissingFunction {
         /// The archive.
         path: PathBuf,

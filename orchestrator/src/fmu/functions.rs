@@ -12,7 +12,7 @@ type Reference = fmi2ValueReference;
 /// Pointers to the C functions of a loaded library, with the signatures of `fmi2FunctionTypes.h`.
 macro_rules! function_table {
     (
-        $(#[$doc:meta])* $table:ident for $interface:literal {
+        $(#[$doc:meta])* $table:ident {
             required { $($name:ident: $symbol:ident($($argument:ty),*) $(-> $result:ty)?,)* }
             optional { $($option:ident: $option_symbol:ident($($option_argument:ty),*) $(-> $option_result:ty)?,)* }
         }
@@ -32,16 +32,13 @@ macro_rules! function_table {
                     $($option: binding.$option_symbol.as_ref().ok().copied(),)*
                 })
             }
-
-            /// The interface that needs these functions.
-            pub(super) const INTERFACE: &'static str = $interface;
         }
     };
 }
 
 function_table! {
     /// Functions that both interfaces share.
-    CommonFunctions for "common" {
+    CommonFunctions {
         required {
             get_types_platform: fmi2GetTypesPlatform() -> *const std::ffi::c_char,
             get_version: fmi2GetVersion() -> *const std::ffi::c_char,
@@ -84,7 +81,7 @@ function_table! {
 
 function_table! {
     /// Functions of Co-Simulation.
-    SlaveFunctions for "Co-Simulation" {
+    SlaveFunctions {
         required {
             do_step: fmi2DoStep(Component, fmi2Real, fmi2Real, fmi2Boolean) -> Status,
         }
@@ -103,7 +100,7 @@ function_table! {
 
 function_table! {
     /// Functions of Model Exchange.
-    ModelFunctions for "Model Exchange" {
+    ModelFunctions {
         required {
             enter_event_mode: fmi2EnterEventMode(Component) -> Status,
             new_discrete_states: fmi2NewDiscreteStates(Component, *mut fmi2EventInfo) -> Status,

@@ -48,7 +48,7 @@ impl Library {
         })?;
         let missing =
             |function, interface| Error::MissingFunction { path: path.to_owned(), function, interface };
-        let common = CommonFunctions::new(&binding).map_err(|f| missing(f, CommonFunctions::INTERFACE))?;
+        let common = CommonFunctions::new(&binding).map_err(|f| missing(f, "FMI 2.0"))?;
         let slave = SlaveFunctions::new(&binding);
         let model = ModelFunctions::new(&binding);
 

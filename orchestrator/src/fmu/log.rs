@@ -10,10 +10,6 @@ use std::sync::{Mutex, PoisonError};
 /// An instance keeps this many messages; older ones are dropped.
 const CAPACITY: usize = 256;
 
-/// Messages longer than this many bytes are cut by the C shim (`logger.c`).
-#[cfg(test)]
-pub(super) const MESSAGE_LIMIT: usize = 4095;
-
 /// One message of an FMU.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct LogMessage {

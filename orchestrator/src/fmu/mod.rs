@@ -15,6 +15,7 @@ mod model;
 mod open;
 mod slave;
 mod state;
+mod xml;
 
 pub use archive::{ArchiveError, Limits};
 pub use description::{

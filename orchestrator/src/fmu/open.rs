@@ -4,7 +4,7 @@ use std::fmt;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 
-use super::archive::{self, Limits, Unpacked};
+use super::archive::{Archive, Limits, Unpacked};
 use super::description::{Interface, ModelDescription};
 use super::error::Error;
 use super::library::{Library, platform_folders};
@@ -67,10 +67,11 @@ impl Fmu {
     /// # Errors
     /// As [`Fmu::open`].
     pub fn open_within(path: &Path, limits: &Limits) -> Result<Arc<Fmu>, Error> {
-        let unpacked = archive::unpack(path, limits)
-            .map_err(|source| Error::Archive { path: path.to_owned(), source })?;
-        let description = ModelDescription::parse(&unpacked.description)
+        let refuse = |source| Error::Archive { path: path.to_owned(), source };
+        let mut archive = Archive::open(path, limits).map_err(refuse)?;
+        let description = ModelDescription::parse(&archive.description().map_err(refuse)?)
             .map_err(|source| Error::Description { path: path.to_owned(), source })?;
+        let unpacked = archive.unpack().map_err(refuse)?;
         Ok(Arc::new(Fmu { path: path.to_owned(), description, libraries: Mutex::default(), unpacked }))
     }
 

@@ -6,9 +6,14 @@
 use serde::Serialize;
 
 pub use error::DescriptionError;
+pub use initial::allowed_initials;
 
+mod attributes;
 mod error;
+mod initial;
 mod read;
+mod structure;
+mod variables;
 
 /// What `modelDescription.xml` says about an FMU.
 #[derive(Debug, Clone, PartialEq, Serialize)]
