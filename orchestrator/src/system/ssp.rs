@@ -117,7 +117,7 @@ pub fn read(file: &Path) -> Result<Structure, Error> {
 
 /// Unpacks a `.ssp` archive into a temporary folder.
 pub(super) fn unpack(file: &Path) -> Result<tempfile::TempDir, Error> {
-    Err(Error::Kind { file: file.into() })
+    crate::fmu::unpack_package(file).map_err(|error| Error::Archive(Box::new(error)))
 }
 
 struct Reader<'a> {
