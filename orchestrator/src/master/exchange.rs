@@ -106,8 +106,10 @@ impl Wiring {
             groups.iter_mut().zip(width).for_each(|(group, start)| group.1 = start..start);
             let variables = &graph.components[component].fmu.description.variables;
             for (variable, description) in variables.iter().enumerate() {
+                // A text costs an allocation per read, and no column can hold it.
+                let recordable = all_outputs && DataType::of(description) != DataType::String;
                 let wanted = description.causality == Causality::Output
-                    && (all_outputs || used.contains(&Source::Output { component, variable }));
+                    && (recordable || used.contains(&Source::Output { component, variable }));
                 if wanted {
                     let position = group(DataType::of(description));
                     groups[position].0.push(variable);
@@ -273,16 +275,6 @@ impl Wiring {
             self.component_outputs[component].iter().flat_map(|(variables, _)| variables.clone()).collect();
         variables.sort_unstable();
         variables
-    }
-
-    /// Outputs of type String as `component.variable`.
-    pub fn string_outputs(&self, graph: &SystemGraph) -> Vec<String> {
-        let strings = |index: usize| self.component_outputs[index][3].0.iter();
-        graph
-            .order
-            .iter()
-            .flat_map(|&index| strings(index).map(move |&variable| graph.components[index].path_of(variable)))
-            .collect()
     }
 
     /// Name of a value.

@@ -60,8 +60,6 @@ pub struct Run {
     pub initialization: Duration,
     /// Wall-clock time of stepping.
     pub stepping: Duration,
-    /// Outputs that the result cannot hold (String).
-    pub unrecorded: Vec<String>,
 }
 
 /// A caller who watches a run.
@@ -146,6 +144,5 @@ pub fn run(
         steps: master.steps(),
         initialization,
         stepping,
-        unrecorded: master.unrecorded(graph),
     })
 }
