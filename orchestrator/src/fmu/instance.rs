@@ -270,7 +270,7 @@ impl Instance {
     ///
     /// # Errors
     /// Different lengths, or the FMU refuses.
-    #[inline]
+    #[inline(always)]
     pub fn get_real(&mut self, references: &[u32], values: &mut [f64]) -> Result<(), Error> {
         let function = "fmi2GetReal";
         self.alive(function)?;
@@ -291,7 +291,7 @@ impl Instance {
     ///
     /// # Errors
     /// Different lengths, or the FMU refuses.
-    #[inline]
+    #[inline(always)]
     pub fn set_real(&mut self, references: &[u32], values: &[f64]) -> Result<(), Error> {
         let function = "fmi2SetReal";
         self.alive(function)?;
@@ -622,9 +622,15 @@ impl Instance {
     #[inline]
     fn alive(&self, function: &'static str) -> Result<(), Error> {
         match self.phase {
-            Phase::Abandoned(cause) => Err(Error::Dead { component: self.name.clone(), function, cause }),
+            Phase::Abandoned(cause) => Err(self.dead(function, cause)),
             _ => Ok(()),
         }
+    }
+
+    #[cold]
+    #[inline(never)]
+    fn dead(&self, function: &'static str, cause: &'static str) -> Error {
+        Error::Dead { component: self.name.clone(), function, cause }
     }
 
     #[inline]
@@ -634,10 +640,13 @@ impl Instance {
         given: usize,
         expected: usize,
     ) -> Result<(), Error> {
-        if given == expected {
-            return Ok(());
-        }
-        Err(Error::Length { component: self.name.clone(), function, given, expected })
+        if given == expected { Ok(()) } else { Err(self.wrong_length(function, given, expected)) }
+    }
+
+    #[cold]
+    #[inline(never)]
+    fn wrong_length(&self, function: &'static str, given: usize, expected: usize) -> Error {
+        Error::Length { component: self.name.clone(), function, given, expected }
     }
 
     fn c_strings(&self, texts: &[&str]) -> Result<Vec<CString>, Error> {
@@ -668,6 +677,18 @@ impl Instance {
 
     #[inline]
     pub(super) fn check_reals(
+        &mut self,
+        function: &'static str,
+        status: u32,
+        references: &[fmi2ValueReference],
+        values: Option<&[f64]>,
+    ) -> Result<(), Error> {
+        if status <= WARNING { Ok(()) } else { self.reals_refused(function, status, references, values) }
+    }
+
+    #[cold]
+    #[inline(never)]
+    fn reals_refused(
         &mut self,
         function: &'static str,
         status: u32,

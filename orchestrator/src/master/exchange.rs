@@ -345,7 +345,7 @@ impl Node {
     }
 
     /// Sets all connected inputs to the values of their sources.
-    #[inline]
+    #[inline(always)]
     pub fn set_inputs(&mut self, values: &Values) -> Result<(), crate::fmu::Error> {
         if !self.real_buffer.is_empty() {
             for (value, &source) in self.real_buffer.iter_mut().zip(&self.real_in.sources) {
@@ -359,6 +359,7 @@ impl Node {
         if self.others.is_some() { self.set_others(values) } else { Ok(()) }
     }
 
+    #[inline(never)]
     fn set_others(&mut self, values: &Values) -> Result<(), crate::fmu::Error> {
         let Some(others) = &self.others else { return Ok(()) };
         let (integers, booleans, strings) = (&others.integer_in, &others.boolean_in, &others.string_in);
@@ -383,13 +384,13 @@ impl Node {
     }
 
     /// Steps from `t` to `t + h` \[s\].
-    #[inline]
+    #[inline(always)]
     pub fn do_step(&mut self, t: f64, h: f64) -> Result<StepStatus, crate::fmu::Error> {
         self.slave.do_step(t, h, true)
     }
 
     /// Reads all outputs into their places.
-    #[inline]
+    #[inline(always)]
     pub fn get_outputs(&mut self, values: &mut Values) -> Result<(), crate::fmu::Error> {
         if !self.real_out.references.is_empty() {
             let place = &mut values.reals[self.real_out.range.clone()];
@@ -398,6 +399,7 @@ impl Node {
         if self.others.is_some() { self.get_others(values) } else { Ok(()) }
     }
 
+    #[inline(never)]
     fn get_others(&mut self, values: &mut Values) -> Result<(), crate::fmu::Error> {
         let Some(others) = &self.others else { return Ok(()) };
         let (integers, booleans, strings) = (&others.integer_out, &others.boolean_out, &others.string_out);
@@ -417,7 +419,7 @@ impl Node {
     }
 
     /// Whether all Real outputs are finite.
-    #[inline]
+    #[inline(always)]
     pub fn outputs_are_finite(&self, values: &Values) -> bool {
         values.reals[self.real_out.range.clone()].iter().all(|value| value.is_finite())
     }
