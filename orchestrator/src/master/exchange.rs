@@ -196,6 +196,7 @@ impl Wiring {
             range: range.clone(),
         });
         let inputs = self.component_inputs[component].each_ref().map(|links| Inputs {
+            place: place_of(links),
             references: links.iter().map(|&(variable, ..)| reference(variable)).collect(),
             sources: links.iter().map(|&(_, source, _)| source).collect(),
             conversions: links
@@ -294,6 +295,15 @@ impl Wiring {
     }
 }
 
+/// Where the sources stand, if they stand one after the other and none is converted.
+fn place_of(links: &[(usize, usize, Conversion)]) -> Option<Range<usize>> {
+    let &(_, first, _) = links.first()?;
+    let in_place = |(position, &(_, source, conversion)): (usize, &(usize, usize, Conversion))| {
+        source == first + position && conversion == Conversion::IDENTITY
+    };
+    links.iter().enumerate().all(in_place).then(|| first..first + links.len())
+}
+
 /// Inputs of one type.
 #[derive(Debug)]
 struct Inputs {
@@ -302,6 +312,9 @@ struct Inputs {
     sources: Vec<usize>,
     /// Inputs (by position) whose value is converted; Real only.
     conversions: Vec<(usize, Conversion)>,
+    /// Place of all sources in the flat buffer, if they stand there one after the other and none is converted: then
+    /// nothing has to be copied.
+    place: Option<Range<usize>>,
 }
 
 /// Outputs of one type.
@@ -347,7 +360,9 @@ impl Node {
     /// Sets all connected inputs to the values of their sources.
     #[inline(always)]
     pub fn set_inputs(&mut self, values: &Values) -> Result<(), crate::fmu::Error> {
-        if !self.real_buffer.is_empty() {
+        if let Some(place) = &self.real_in.place {
+            self.slave.set_real(&self.real_in.references, &values.reals[place.clone()])?;
+        } else if !self.real_buffer.is_empty() {
             for (value, &source) in self.real_buffer.iter_mut().zip(&self.real_in.sources) {
                 *value = values.reals[source];
             }
