@@ -1,0 +1,33 @@
+# `make demo` and `make test` work on a fresh machine with Rust, a C compiler and Python 3: each sets up what is missing first.
+.PHONY: demo test check bench fmu setup setup-build clean
+export CARGO_NET_RETRY ?= 10
+
+demo: fmu            ## replay one measured record through the coupled FMUs
+	cargo run --release --quiet -p airloop -- run examples/01_run/system.ssd --measured data/rig/v05/trial_07.csv -o out/demo
+
+test: setup          ## everything CI runs: checks, FMUs, Rust tests, FMI tests
+	./check.sh
+	cargo build --release --workspace
+	cargo run --release --quiet -p packager
+	cargo test --workspace
+	.venv/bin/python -m pytest tests/fmpy
+
+check: setup         ## formatting, lints, documentation, generated files, licences
+	./check.sh
+
+bench: fmu           ## cost of the master per FMU step
+	cargo bench -p airloop
+
+fmu: setup-build     ## target/fmu/*.fmu and modelDescriptions/*.xml
+	cargo build --release --workspace
+	cargo run --release --quiet -p packager
+
+setup:               ## .venv with all Python packages, .cargo/config.toml
+	scripts/setup.sh test
+
+setup-build:         ## only what a build needs
+	scripts/setup.sh build
+
+clean:               ## built files; the set-up stays
+	cargo clean
+	rm -rf out

@@ -1,0 +1,19 @@
+#!/usr/bin/env bash
+# What CI checks before it runs any test. `make check` sets up first, then calls this.
+set -euo pipefail
+cd "$(dirname "${BASH_SOURCE[0]}")"
+
+step() {
+    echo "== $*"
+    "$@"
+}
+
+step cargo fmt --all --check
+step cargo clippy --workspace --all-targets -- -D warnings
+RUSTDOCFLAGS="-D warnings" step cargo doc --workspace --no-deps --quiet
+step cargo run --release --quiet -p packager -- --check
+if cargo deny --version >/dev/null 2>&1; then
+    step cargo deny check licenses bans sources
+else
+    step "${PYTHON:-.venv/bin/python}" scripts/check_licences.py
+fi

@@ -1,0 +1,243 @@
+"""Directional derivatives against central differences, and the declared dependencies against both."""
+
+import math
+
+import pytest
+
+import raw
+import scenario
+
+SEEDS = 3
+
+
+def continuous_knowns(fmu):
+    return [*fmu.states, *(v for v in fmu.of("input") if v.is_real and v.variability == "continuous")]
+
+
+def continuous_unknowns(fmu):
+    outputs = [v for v in fmu.of("output") if v.is_real and v.variability == "continuous"]
+    names = {v.name for v in fmu.states}
+    return [*fmu.derivatives, *(v for v in outputs if v.name not in names)]
+
+
+def central_difference(evaluate, point, seed):
+    """Directional derivative of `evaluate` at `point` along `seed`: fourth order, step chosen for about 1e-9."""
+    scale = max(1.0, max((abs(x) for x in point), default=1.0))
+    h = 1e-3 * scale / max(1e-30, max(abs(s) for s in seed))
+    # A step that is small against the sharpest friction: tanh(64 v).
+    h = min(h, 2e-4 / max(1e-30, max(abs(s) for s in seed)) * scale)
+    moved = [evaluate([x + k * h * s for x, s in zip(point, seed)]) for k in (-2, -1, 1, 2)]
+    return [(a - 8 * b + 8 * c - d) / (12 * h) for a, b, c, d in zip(*moved)]
+
+
+def seeds(n):
+    for k in range(n):
+        yield [1.0 if i == k else 0.0 for i in range(n)]
+    for draw in range(SEEDS):
+        yield [math.sin(1.3 * draw + 2.1 * i + 0.5) for i in range(n)]
+
+
+def assert_same(unknowns, exact, difference, scale):
+    for v, a, b, s in zip(unknowns, exact, difference, scale):
+        assert abs(a - b) <= 1e-6 * max(abs(a), abs(b), s), f"{v.name}: {a!r}, differences {b!r}"
+
+
+def value_scale(values):
+    """Rounding in a value of size V shows as V * 1e-16 / h in its differences."""
+    return [max(1e-3, 1e-6 * abs(v)) for v in values]
+
+
+@pytest.fixture(autouse=True)
+def _provides(fmu):
+    for kind in (raw.CO_SIMULATION, raw.MODEL_EXCHANGE):
+        assert fmu.flag(kind, "providesDirectionalDerivative")
+
+
+@pytest.fixture
+def in_continuous_time(fmu):
+    """A Model Exchange instance some way into a run, and its evaluation at (states, inputs)."""
+    if not continuous_knowns(fmu) or not continuous_unknowns(fmu):
+        pytest.skip("no continuous unknowns or knowns")
+    step = fmu.step_size
+    with fmu.instantiate(raw.MODEL_EXCHANGE) as instance:
+        info = scenario.enter_model_exchange(instance)
+        time = 0.0
+        for k in range(3):
+            if k:
+                info = scenario.event(instance, k * step)
+            info, time = scenario._integrate(instance, time, (k + 1) * step, step / 4, info)
+        n = len(fmu.states)
+
+        def evaluate(point):
+            instance.set_states(point[:n])
+            instance.set(continuous_knowns(fmu)[n:], point[n:])
+            return instance.get(continuous_unknowns(fmu))
+
+        yield instance, evaluate, instance.states() + instance.get(continuous_knowns(fmu)[n:])
+
+
+def test_model_exchange_derivatives_equal_central_differences(fmu, in_continuous_time):
+    instance, evaluate, point = in_continuous_time
+    knowns, unknowns = continuous_knowns(fmu), continuous_unknowns(fmu)
+    scale = value_scale(evaluate(point))
+    for seed in seeds(len(knowns)):
+        difference = central_difference(evaluate, point, seed)
+        evaluate(point)
+        assert_same(unknowns, instance.directional_derivative(unknowns, knowns, seed), difference, scale)
+
+
+def test_requests_need_not_be_square_nor_in_order(fmu, in_continuous_time):
+    instance, evaluate, point = in_continuous_time
+    evaluate(point)
+    knowns, unknowns = continuous_knowns(fmu), continuous_unknowns(fmu)
+    seed = [math.cos(i) for i in range(len(knowns))]
+    full = instance.directional_derivative(unknowns, knowns, seed)
+    turned = instance.directional_derivative(unknowns[::-1], knowns[::-1], seed[::-1])
+    assert turned[::-1] == pytest.approx(full, rel=1e-12, abs=1e-12)
+    for i, v in enumerate(unknowns):
+        assert instance.directional_derivative([v], knowns, seed) == pytest.approx([full[i]], rel=1e-12, abs=1e-12)
+    columns = [instance.directional_derivative(unknowns, [v], [1.0]) for v in knowns]
+    summed = [sum(s * c[i] for s, c in zip(seed, columns)) for i in range(len(unknowns))]
+    assert summed == pytest.approx(full, rel=1e-9, abs=1e-9)
+
+
+def test_asking_for_derivatives_changes_nothing(fmu, in_continuous_time):
+    instance, evaluate, point = in_continuous_time
+    before = evaluate(point)
+    all_before = raw.bits(instance.get(fmu.readable))
+    knowns = continuous_knowns(fmu)
+    instance.directional_derivative(continuous_unknowns(fmu), knowns, [1.0] * len(knowns))
+    assert raw.bits(instance.get(fmu.readable)) == all_before
+    assert raw.bits(evaluate(point)) == raw.bits(before)
+
+
+def initial_pairs(fmu):
+    """Real InitialUnknowns and the Real knowns of initialisation that can be moved."""
+    unknowns = [v for v, _, _ in fmu.unknowns("InitialUnknowns") if v.is_real]
+    knowns = [v for v in fmu.variables if v.is_real and (v.causality == "input" or v.initial == "exact")]
+    return unknowns, [v for v in knowns if v.variability != "constant" and not v.name.startswith("solver.")]
+
+
+@pytest.mark.parametrize("kind", [raw.CO_SIMULATION, raw.MODEL_EXCHANGE], ids=["cs", "me"])
+def test_initialisation_derivatives_equal_central_differences(fmu, kind):
+    """In initialisation mode every input, parameter and start value is a known, in both interfaces."""
+    unknowns, knowns = initial_pairs(fmu)
+    if not unknowns or not knowns:
+        pytest.skip("no Real unknowns or knowns of initialisation")
+    with fmu.instantiate(kind) as instance:
+        instance.setup()
+        scenario.set_inputs(instance, 0.3)
+        instance.must("EnterInitializationMode")
+        # Some way off zero, where a start value of zero could hide a dependency.
+        point = [_moved(v, x) for v, x in zip(knowns, instance.get(knowns))]
+        instance.set(knowns, point)
+
+        def evaluate(at):
+            instance.set(knowns, at)
+            return instance.get(unknowns)
+
+        for k, v in enumerate(knowns):
+            seed = [1.0 if i == k else 0.0 for i in range(len(knowns))]
+            h = 1e-4 * max(abs(point[k]), 1e-2)
+            low, high = v.number("min"), v.number("max")
+            if (low is not None and point[k] - 2 * h < low) or (high is not None and point[k] + 2 * h > high):
+                continue
+            moved = [evaluate([x + m * h * s for x, s in zip(point, seed)]) for m in (-2, -1, 1, 2)]
+            difference = [(a - 8 * b + 8 * c - d) / (12 * h) for a, b, c, d in zip(*moved)]
+            values = evaluate(point)
+            exact = instance.directional_derivative(unknowns, [v], [1.0])
+            # Differences of a value V carry about V * 1e-16 / h.
+            scale = [max(1e-6, abs(x) * 1e-9 / h) for x in values]
+            for u, a, b, s in zip(unknowns, exact, difference, scale):
+                assert abs(a - b) <= 1e-6 * max(abs(a), abs(b), s), f"d {u.name} / d {v.name}: {a!r}, differences {b!r}"
+
+
+def _moved(v, value):
+    if v.causality == "parameter":
+        return value
+    return value + 0.05 * (v.number("nominal") or 1.0) * math.sin(v.index)
+
+
+def test_co_simulation_derivatives_after_a_step_equal_those_of_model_exchange(fmu):
+    """At the same states and inputs; outputs held by a sample are left out, they do not react before the next one."""
+    knowns = [v for v in fmu.of("input") if v.is_real and v.variability == "continuous"]
+    unknowns = [v for v in continuous_unknowns(fmu) if v.causality == "output"]
+    if not knowns or not unknowns:
+        pytest.skip("no continuous inputs or outputs")
+    step = fmu.step_size
+    with fmu.instantiate(raw.CO_SIMULATION) as slave, fmu.instantiate(raw.MODEL_EXCHANGE) as model:
+        scenario.start(slave)
+        slave.must("DoStep", 0.0, step, 0)
+        scenario.enter_model_exchange(model)
+        model.must("SetTime", step)
+        if fmu.states:
+            model.set_states(slave.get(fmu.states))
+        n = len(knowns)
+        for seed in seeds(n):
+            expected = model.directional_derivative(unknowns, knowns, seed)
+            assert slave.directional_derivative(unknowns, knowns, seed) == pytest.approx(expected, rel=1e-9, abs=1e-9)
+
+
+def test_continuous_unknowns_react_to_exactly_their_declared_dependencies(fmu, in_continuous_time):
+    """Towards undeclared knowns the derivative is zero at every point tried; each declared one shows at some point."""
+    instance, evaluate, point = in_continuous_time
+    knowns = continuous_knowns(fmu)
+    declared = {v.name: set(d.name for d in deps) for tag in ("Outputs", "Derivatives") for v, deps, _ in fmu.unknowns(tag)}
+    seen = {v.name: set() for v in continuous_unknowns(fmu)}
+    for draw in range(12):
+        at = [x + 0.3 * math.sin(1.7 * draw + 0.9 * i) for i, x in enumerate(point)]
+        evaluate(at)
+        for known in knowns:
+            column = instance.directional_derivative(continuous_unknowns(fmu), [known], [1.0])
+            for v, d in zip(continuous_unknowns(fmu), column):
+                if d != 0.0:
+                    seen[v.name].add(known.name)
+                    assert known.name in declared[v.name], f"{v.name} reacts to {known.name}, which is not declared"
+    names = {v.name for v in knowns}
+    for name, dependencies in seen.items():
+        never = (declared[name] & names) - dependencies
+        unexplained = [n for n in never if not _can_be_hidden(fmu, name, n)]
+        assert not unexplained, f"{name} never reacts to {unexplained}"
+
+
+def _can_be_hidden(fmu, unknown, known):
+    """A dependency that only shows for parameter values other than the start values."""
+    return fmu.name.startswith("arx-actuator")
+
+
+def test_initial_unknowns_react_to_their_declared_dependencies_only(fmu):
+    """Each Real known of initialisation is moved; whatever changes must declare it."""
+    unknowns = fmu.unknowns("InitialUnknowns")
+    _, knowns = initial_pairs(fmu)
+    knowns += [v for v in fmu.of("input") if v.type in ("Boolean", "Integer", "String")]
+    if not unknowns or not knowns:
+        pytest.skip("no unknowns or knowns of initialisation")
+    variables = [v for v, _, _ in unknowns]
+    declared = {v.name: {d.name for d in deps} for v, deps, _ in unknowns}
+    with fmu.instantiate(raw.MODEL_EXCHANGE) as instance:
+        instance.setup()
+        instance.must("EnterInitializationMode")
+        for known in knowns:
+            before = instance.get(variables)
+            (value,) = instance.get([known])
+            other = _other(known, value)
+            if other is None:
+                continue
+            instance.set([known], [other])
+            for v, a, b in zip(variables, before, instance.get(variables)):
+                assert raw.bits([a]) == raw.bits([b]) or known.name in declared[v.name], f"{v.name} <- {known.name}"
+            instance.set([known], [value])
+
+
+def _other(v, value):
+    if v.type == "Boolean":
+        return not value
+    if v.type == "String":
+        return value + " more"
+    if v.type != "Real":
+        return value + 1
+    moved = value * 1.03 + 0.01 * (v.number("nominal") or 1.0)
+    low, high = v.number("min"), v.number("max")
+    if high is not None and moved > high:
+        moved = value - 0.03 * (high - (low or 0.0))
+    return moved
