@@ -138,11 +138,5 @@ pub fn run(
     }
     let stepping = began.elapsed();
     let result = recorder.finish()?;
-    Ok(Run {
-        result,
-        end,
-        steps: master.steps(),
-        initialization,
-        stepping,
-    })
+    Ok(Run { result, end, steps: master.steps(), initialization, stepping })
 }
