@@ -28,19 +28,12 @@ pub enum Command {
     /// Simulate a system and compare it with a measurement.
     Run(RunArgs),
     /// Show what an FMU or a system consists of.
-    Inspect(InspectArgs),
+    Inspect(super::inspect::Args),
     /// Print a completion script for a shell, e.g. `airloop completions bash > ~/.local/share/bash-completion/completions/airloop`.
     Completions {
         /// Shell.
         shell: clap_complete::Shell,
     },
-}
-
-/// `airloop inspect`
-#[derive(Debug, Args)]
-pub struct InspectArgs {
-    /// .fmu, .ssd or .ssp file.
-    pub system: PathBuf,
 }
 
 /// `airloop run`

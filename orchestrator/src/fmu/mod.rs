@@ -5,6 +5,7 @@
 //! to the modules above. Start reading at [`Fmu`], then [`Instance`], which holds what both interfaces share.
 
 mod archive;
+pub mod check;
 pub mod description;
 mod error;
 mod functions;

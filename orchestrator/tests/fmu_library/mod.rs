@@ -45,10 +45,10 @@ pub fn save(folder: &TempDir, name: &str, bytes: &[u8]) -> PathBuf {
 /// Folder of the binaries of this machine.
 pub const PLATFORM: &str = "linux64";
 
-/// Compiles `library.c` with the given macros and packs it with `xml`.
-pub fn compiled(folder: &TempDir, xml: &str, macros: &[&str]) -> PathBuf {
+/// Compiles the C file `source` of this folder with the given macros and packs it with `xml`.
+pub fn compiled(folder: &TempDir, source: &str, xml: &str, macros: &[&str]) -> PathBuf {
     let library = folder.path().join("m.so");
-    let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/fmu_library/library.c");
+    let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/fmu_library").join(source);
     let compiler = std::env::var("CC").unwrap_or_else(|_| "cc".to_owned());
     let status = Command::new(&compiler)
         .args(["-shared", "-fPIC", "-o"])
