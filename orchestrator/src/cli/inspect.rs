@@ -60,6 +60,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
             }
             findings.extend(dynamic);
         }
+        findings.sort_by_key(|finding| std::cmp::Reverse(finding.severity));
     }
     if args.json {
         print(&json(&fmu, args.check.then_some(&findings)));
