@@ -19,7 +19,7 @@ use crate::results::summary::{
 };
 use crate::series::{Interpolation, TimeSeries, csv};
 use crate::system::SystemGraph;
-use crate::system::graph::Source;
+use crate::system::graph::{DataType, Source};
 use crate::{Error, master, plot};
 
 /// Step size \[s\] where nothing else is said.
@@ -63,14 +63,12 @@ pub fn run(args: &RunArgs) -> Result<ExitCode, Error> {
         graph.set_start(name, value, &format!("--set {name}={value}"))?;
     }
     let stimulus = input.as_ref().or(measured.as_ref()).map(|record| stimulus(record, args));
+    note_texts(&graph, &mut notes);
     note_inputs(&graph, stimulus.as_ref(), &settings, &mut notes);
     std::fs::create_dir_all(&args.output)
         .map_err(|source| csv::Error::Io { path: args.output.clone(), source })?;
 
     let run = simulate(&graph, &settings, stimulus.as_ref(), args.quiet)?;
-    if !run.unrecorded.is_empty() {
-        notes.push(format!("texts are not in result.csv: {}", run.unrecorded.join(", ")));
-    }
     csv::write(&run.result, &args.output.join("result.csv"))?;
     let connectors = connectors(&graph, &run);
     let fits = match &measured {
@@ -140,6 +138,14 @@ fn stimulus<'a>(record: &'a Record, args: &RunArgs) -> Stimulus<'a> {
         series: &record.series,
         links: record.links.inputs.iter().map(link).collect(),
         interpolation: args.interpolation.into(),
+    }
+}
+
+fn note_texts(graph: &SystemGraph, notes: &mut Vec<String>) {
+    let texts = graph.outputs.iter().filter(|output| output.data_type == DataType::String);
+    let names: Vec<&str> = texts.map(|output| output.name.as_str()).collect();
+    if !names.is_empty() {
+        notes.push(format!("texts are not in result.csv: {}", names.join(", ")));
     }
 }
 

@@ -57,15 +57,23 @@ impl Slave {
     ///
     /// # Errors
     /// The FMU answered fmi2Error, fmi2Fatal or fmi2Pending.
+    // The good path is part of the loop of a master; everything else stays out of it.
+    #[inline(always)]
     pub fn do_step(&mut self, t: f64, h: f64, no_set_state_prior: bool) -> Result<StepStatus, Error> {
-        let function = "fmi2DoStep";
-        let functions = self.0.slave_functions(function)?;
+        let do_step = self.0.slave_functions("fmi2DoStep")?.do_step;
         // SAFETY: the component is alive and belongs to this library.
-        let status = unsafe { (functions.do_step)(self.0.component(), t, h, no_set_state_prior.into()) };
+        let status = unsafe { do_step(self.0.component(), t, h, no_set_state_prior.into()) };
         if status <= super::instance::WARNING {
             self.0.set_known_time(t + h);
             return Ok(StepStatus::Complete);
         }
+        self.step_not_complete(status, t, h)
+    }
+
+    #[cold]
+    #[inline(never)]
+    fn step_not_complete(&mut self, status: u32, t: f64, h: f64) -> Result<StepStatus, Error> {
+        let functions = self.0.slave_functions("fmi2DoStep")?;
         self.0.set_known_time(t);
         if status != super::instance::DISCARD {
             return Err(self.0.step_failure(status, h));

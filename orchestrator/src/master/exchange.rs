@@ -106,8 +106,10 @@ impl Wiring {
             groups.iter_mut().zip(width).for_each(|(group, start)| group.1 = start..start);
             let variables = &graph.components[component].fmu.description.variables;
             for (variable, description) in variables.iter().enumerate() {
+                // A text costs an allocation per read, and no column can hold it.
+                let recordable = all_outputs && DataType::of(description) != DataType::String;
                 let wanted = description.causality == Causality::Output
-                    && (all_outputs || used.contains(&Source::Output { component, variable }));
+                    && (recordable || used.contains(&Source::Output { component, variable }));
                 if wanted {
                     let position = group(DataType::of(description));
                     groups[position].0.push(variable);
@@ -194,6 +196,7 @@ impl Wiring {
             range: range.clone(),
         });
         let inputs = self.component_inputs[component].each_ref().map(|links| Inputs {
+            place: place_of(links),
             references: links.iter().map(|&(variable, ..)| reference(variable)).collect(),
             sources: links.iter().map(|&(_, source, _)| source).collect(),
             conversions: links
@@ -275,16 +278,6 @@ impl Wiring {
         variables
     }
 
-    /// Outputs of type String as `component.variable`.
-    pub fn string_outputs(&self, graph: &SystemGraph) -> Vec<String> {
-        let strings = |index: usize| self.component_outputs[index][3].0.iter();
-        graph
-            .order
-            .iter()
-            .flat_map(|&index| strings(index).map(move |&variable| graph.components[index].path_of(variable)))
-            .collect()
-    }
-
     /// Name of a value.
     pub fn name_of(&self, slot: Option<Slot>, graph: &SystemGraph) -> String {
         let matches = |component: usize, variable: usize, index: usize| {
@@ -302,6 +295,15 @@ impl Wiring {
     }
 }
 
+/// Where the sources stand, if they stand one after the other and none is converted.
+fn place_of(links: &[(usize, usize, Conversion)]) -> Option<Range<usize>> {
+    let &(_, first, _) = links.first()?;
+    let in_place = |(position, &(_, source, conversion)): (usize, &(usize, usize, Conversion))| {
+        source == first + position && conversion == Conversion::IDENTITY
+    };
+    links.iter().enumerate().all(in_place).then(|| first..first + links.len())
+}
+
 /// Inputs of one type.
 #[derive(Debug)]
 struct Inputs {
@@ -310,6 +312,9 @@ struct Inputs {
     sources: Vec<usize>,
     /// Inputs (by position) whose value is converted; Real only.
     conversions: Vec<(usize, Conversion)>,
+    /// Place of all sources in the flat buffer, if they stand there one after the other and none is converted: then
+    /// nothing has to be copied.
+    place: Option<Range<usize>>,
 }
 
 /// Outputs of one type.
@@ -353,9 +358,11 @@ impl Node {
     }
 
     /// Sets all connected inputs to the values of their sources.
-    #[inline]
+    #[inline(always)]
     pub fn set_inputs(&mut self, values: &Values) -> Result<(), crate::fmu::Error> {
-        if !self.real_buffer.is_empty() {
+        if let Some(place) = &self.real_in.place {
+            self.slave.set_real(&self.real_in.references, &values.reals[place.clone()])?;
+        } else if !self.real_buffer.is_empty() {
             for (value, &source) in self.real_buffer.iter_mut().zip(&self.real_in.sources) {
                 *value = values.reals[source];
             }
@@ -367,6 +374,7 @@ impl Node {
         if self.others.is_some() { self.set_others(values) } else { Ok(()) }
     }
 
+    #[inline(never)]
     fn set_others(&mut self, values: &Values) -> Result<(), crate::fmu::Error> {
         let Some(others) = &self.others else { return Ok(()) };
         let (integers, booleans, strings) = (&others.integer_in, &others.boolean_in, &others.string_in);
@@ -391,13 +399,13 @@ impl Node {
     }
 
     /// Steps from `t` to `t + h` \[s\].
-    #[inline]
+    #[inline(always)]
     pub fn do_step(&mut self, t: f64, h: f64) -> Result<StepStatus, crate::fmu::Error> {
         self.slave.do_step(t, h, true)
     }
 
     /// Reads all outputs into their places.
-    #[inline]
+    #[inline(always)]
     pub fn get_outputs(&mut self, values: &mut Values) -> Result<(), crate::fmu::Error> {
         if !self.real_out.references.is_empty() {
             let place = &mut values.reals[self.real_out.range.clone()];
@@ -406,6 +414,7 @@ impl Node {
         if self.others.is_some() { self.get_others(values) } else { Ok(()) }
     }
 
+    #[inline(never)]
     fn get_others(&mut self, values: &mut Values) -> Result<(), crate::fmu::Error> {
         let Some(others) = &self.others else { return Ok(()) };
         let (integers, booleans, strings) = (&others.integer_out, &others.boolean_out, &others.string_out);
@@ -425,7 +434,7 @@ impl Node {
     }
 
     /// Whether all Real outputs are finite.
-    #[inline]
+    #[inline(always)]
     pub fn outputs_are_finite(&self, values: &Values) -> bool {
         values.reals[self.real_out.range.clone()].iter().all(|value| value.is_finite())
     }

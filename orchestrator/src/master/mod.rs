@@ -203,11 +203,6 @@ impl Master {
         self.wiring.columns(graph)
     }
 
-    /// Names of the outputs of type String, which no column can hold.
-    pub fn unrecorded(&self, graph: &SystemGraph) -> Vec<String> {
-        self.wiring.string_outputs(graph)
-    }
-
     /// One macro step: every slave from this communication point to the next. Allocates nothing (unless a String
     /// is exchanged).
     ///

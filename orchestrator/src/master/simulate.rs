@@ -60,8 +60,6 @@ pub struct Run {
     pub initialization: Duration,
     /// Wall-clock time of stepping.
     pub stepping: Duration,
-    /// Outputs that the result cannot hold (String).
-    pub unrecorded: Vec<String>,
 }
 
 /// A caller who watches a run.
@@ -140,12 +138,5 @@ pub fn run(
     }
     let stepping = began.elapsed();
     let result = recorder.finish()?;
-    Ok(Run {
-        result,
-        end,
-        steps: master.steps(),
-        initialization,
-        stepping,
-        unrecorded: master.unrecorded(graph),
-    })
+    Ok(Run { result, end, steps: master.steps(), initialization, stepping })
 }

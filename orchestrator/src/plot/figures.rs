@@ -60,7 +60,7 @@ pub fn comparison(figure: &Comparison) -> String {
     let (begin, end) = (TOP + upper + gap, TOP + upper + gap + lower);
     let (min, max) = range(figure.residual.values.iter().copied());
     let y = Axis::new((min.min(0.0), max.max(0.0)), (end, begin)).padded(0.08);
-    panel(&mut svg, &x, &y, 3, true, "residual");
+    panel(&mut svg, &x, &y, 5, true, &axis_label("residual", figure.unit));
     svg.line((x.from, y.pixel(0.0)), (x.to, y.pixel(0.0)), "zero");
     figure.residual.draw(&mut svg, &x, &y, "residual");
     title(&mut svg, figure.name, figure.note);

@@ -289,9 +289,15 @@ impl Instance {
     #[inline]
     fn alive(&self, function: &'static str) -> Result<(), Error> {
         match self.phase {
-            Phase::Abandoned(cause) => Err(Error::Dead { component: self.name.clone(), function, cause }),
+            Phase::Abandoned(cause) => Err(self.dead(function, cause)),
             _ => Ok(()),
         }
+    }
+
+    #[cold]
+    #[inline(never)]
+    fn dead(&self, function: &'static str, cause: &'static str) -> Error {
+        Error::Dead { component: self.name.clone(), function, cause }
     }
 
     fn simple(

@@ -45,10 +45,13 @@ impl Instance {
         given: usize,
         expected: usize,
     ) -> Result<(), Error> {
-        if given == expected {
-            return Ok(());
-        }
-        Err(Error::Length { component: self.name.clone(), function, given, expected })
+        if given == expected { Ok(()) } else { Err(self.wrong_length(function, given, expected)) }
+    }
+
+    #[cold]
+    #[inline(never)]
+    fn wrong_length(&self, function: &'static str, given: usize, expected: usize) -> Error {
+        Error::Length { component: self.name.clone(), function, given, expected }
     }
 
     #[inline]
@@ -58,6 +61,18 @@ impl Instance {
 
     #[inline]
     pub(in crate::fmu) fn check_reals(
+        &mut self,
+        function: &'static str,
+        status: u32,
+        references: &[u32],
+        values: Option<&[f64]>,
+    ) -> Result<(), Error> {
+        if status <= WARNING { Ok(()) } else { self.reals_refused(function, status, references, values) }
+    }
+
+    #[cold]
+    #[inline(never)]
+    fn reals_refused(
         &mut self,
         function: &'static str,
         status: u32,

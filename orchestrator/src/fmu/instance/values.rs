@@ -12,7 +12,7 @@ impl Instance {
     ///
     /// # Errors
     /// Different lengths, or the FMU refuses.
-    #[inline]
+    #[inline(always)]
     pub fn get_real(&mut self, references: &[u32], values: &mut [f64]) -> Result<(), Error> {
         let function = "fmi2GetReal";
         self.alive(function)?;
@@ -33,7 +33,7 @@ impl Instance {
     ///
     /// # Errors
     /// Different lengths, or the FMU refuses.
-    #[inline]
+    #[inline(always)]
     pub fn set_real(&mut self, references: &[u32], values: &[f64]) -> Result<(), Error> {
         let function = "fmi2SetReal";
         self.alive(function)?;
