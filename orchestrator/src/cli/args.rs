@@ -1,5 +1,10 @@
 //! Definition of the command line.
 
+#![allow(
+    rustdoc::broken_intra_doc_links,
+    reason = "these texts are the help of the program, brackets are units"
+)]
+
 use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};

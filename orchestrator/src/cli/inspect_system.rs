@@ -80,7 +80,7 @@ pub fn describe(graph: &SystemGraph) -> String {
 fn factor(conversion: Conversion) -> String {
     match conversion {
         Conversion::IDENTITY => String::new(),
-        Conversion { factor, offset } if offset == 0.0 => format!(" x {factor}"),
+        Conversion { factor, offset: 0.0 } => format!(" x {factor}"),
         Conversion { factor, offset } => format!(" x {factor} + {offset}"),
     }
 }
