@@ -218,7 +218,34 @@ fn the_command_fails_for_errors_and_prints_json() {
     let (code, text) = airloop(&["inspect", "--check", "--no-run", "--json", "m.fmu"]);
     assert_eq!(code, Some(1));
     let value: serde_json::Value = serde_json::from_str(&text).unwrap();
-    assert_eq!(value["findings"][0]["severity"], "error");
-    assert_eq!(value["findings"][0]["rule"], "default-experiment");
+    assert_eq!(value["checks"][0]["findings"][0]["severity"], "error");
+    assert_eq!(value["checks"][0]["findings"][0]["rule"], "default-experiment");
     assert_eq!(value["model_description"]["variables"][0]["kind"]["unit"], "m");
+}
+
+#[test]
+fn hostile_model_descriptions_are_judged_without_panic() {
+    let folder = TempDir::new().unwrap();
+    // A small linear congruential generator: the same damage in every run.
+    let mut random = 12345_u64;
+    let mut next = |below: usize| {
+        random = random.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (random >> 33) as usize % below
+    };
+    let mut judged = 0;
+    for _ in 0..400 {
+        let mut xml = SOUND.as_bytes().to_vec();
+        // Digits for digits keep the file well-formed and hit indices, bounds and references.
+        let digits: Vec<_> = (0..xml.len()).filter(|&at| xml[at].is_ascii_digit()).collect();
+        for _ in 0..1 + next(4) {
+            xml[digits[next(digits.len())]] = b'0' + next(10) as u8;
+        }
+        let Ok(xml) = String::from_utf8(xml) else { continue };
+        let files = archive(&[("modelDescription.xml", xml.as_bytes())]);
+        if let Ok(fmu) = Fmu::open(&save(&folder, "m.fmu", &files)) {
+            static_findings(&fmu);
+            judged += 1;
+        }
+    }
+    assert!(judged > 100, "{judged} of 400 files could be opened");
 }
