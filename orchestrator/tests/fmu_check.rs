@@ -5,32 +5,8 @@ mod fmu_library;
 
 use airloop::fmu::Fmu;
 use airloop::fmu::check::{Finding, Severity, dynamic_findings, static_findings};
-use fmu_library::{archive, compiled, save};
+use fmu_library::{FIRST_ORDER as SOUND, archive, compiled, save};
 use tempfile::TempDir;
-
-/// der(x) = p x + u, y = x + u^2, as `first_order.c` computes it.
-const SOUND: &str = r#"<?xml version="1.0" encoding="UTF-8"?>
-<fmiModelDescription fmiVersion="2.0" modelName="m" guid="right" variableNamingConvention="structured" numberOfEventIndicators="0">
-  <ModelExchange modelIdentifier="m" canGetAndSetFMUstate="true" canSerializeFMUstate="true" providesDirectionalDerivative="true"/>
-  <CoSimulation modelIdentifier="m" canGetAndSetFMUstate="true" canSerializeFMUstate="true" providesDirectionalDerivative="true"/>
-  <UnitDefinitions><Unit name="m"><BaseUnit m="1"/><DisplayUnit name="mm" factor="1000"/></Unit></UnitDefinitions>
-  <TypeDefinitions><SimpleType name="Mode"><Enumeration><Item name="a" value="1"/><Item name="b" value="2"/></Enumeration></SimpleType></TypeDefinitions>
-  <LogCategories><Category name="logAll"/></LogCategories>
-  <DefaultExperiment startTime="0" stopTime="1" stepSize="0.01" tolerance="1e-6"/>
-  <ModelVariables>
-    <ScalarVariable name="u" valueReference="0" causality="input"><Real unit="m" start="0" min="-5" max="5"/></ScalarVariable>
-    <ScalarVariable name="x" valueReference="1" causality="local" initial="exact"><Real unit="m" displayUnit="mm" start="1" nominal="1"/></ScalarVariable>
-    <ScalarVariable name="der(x)" valueReference="2"><Real derivative="2"/></ScalarVariable>
-    <ScalarVariable name="y" valueReference="3" causality="output"><Real/></ScalarVariable>
-    <ScalarVariable name="p" valueReference="4" causality="parameter" variability="fixed"><Real start="-1" min="-2" max="2"/></ScalarVariable>
-  </ModelVariables>
-  <ModelStructure>
-    <Outputs><Unknown index="4" dependencies="1 2" dependenciesKind="dependent constant"/></Outputs>
-    <Derivatives><Unknown index="3" dependencies="1 2" dependenciesKind="constant fixed"/></Derivatives>
-    <InitialUnknowns><Unknown index="3" dependencies="1 2 5"/><Unknown index="4" dependencies="1 2"/></InitialUnknowns>
-  </ModelStructure>
-</fmiModelDescription>
-"#;
 
 fn troubles(findings: Vec<Finding>) -> Vec<Finding> {
     findings.into_iter().filter(|finding| finding.severity > Severity::Note).collect()
@@ -216,4 +192,60 @@ fn reference_fmus_have_no_errors() {
         let errors: Vec<_> = findings.filter(|finding| finding.severity == Severity::Error).collect();
         assert_eq!(errors, [], "{name}");
     }
+}
+
+#[test]
+fn the_command_fails_for_errors_and_prints_json() {
+    let folder = TempDir::new().unwrap();
+    let airloop = |words: &[&str]| {
+        let output = std::process::Command::new(env!("CARGO_BIN_EXE_airloop"))
+            .args(words)
+            .current_dir(folder.path())
+            .output()
+            .unwrap();
+        (output.status.code(), String::from_utf8(output.stdout).unwrap())
+    };
+    compiled(&folder, "first_order.c", SOUND, &[]);
+    let (code, text) = airloop(&["inspect", "m.fmu"]);
+    assert_eq!(code, Some(0));
+    assert!(text.contains("der(x)  <- u (constant factor), x (fixed factor)"), "{text}");
+    assert!(text.contains("y  <- u\n"), "{text}");
+    let (code, text) = airloop(&["inspect", "--check", "m.fmu"]);
+    assert_eq!(code, Some(0), "{text}");
+    assert!(text.contains("0 errors, 0 warnings"), "{text}");
+
+    compiled(&folder, "first_order.c", &SOUND.replace("stopTime=\"1\"", "stopTime=\"-1\""), &[]);
+    let (code, text) = airloop(&["inspect", "--check", "--no-run", "--json", "m.fmu"]);
+    assert_eq!(code, Some(1));
+    let value: serde_json::Value = serde_json::from_str(&text).unwrap();
+    assert_eq!(value["checks"][0]["findings"][0]["severity"], "error");
+    assert_eq!(value["checks"][0]["findings"][0]["rule"], "default-experiment");
+    assert_eq!(value["model_description"]["variables"][0]["kind"]["unit"], "m");
+}
+
+#[test]
+fn hostile_model_descriptions_are_judged_without_panic() {
+    let folder = TempDir::new().unwrap();
+    // A small linear congruential generator: the same damage in every run.
+    let mut random = 12345_u64;
+    let mut next = |below: usize| {
+        random = random.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (random >> 33) as usize % below
+    };
+    let mut judged = 0;
+    for _ in 0..400 {
+        let mut xml = SOUND.as_bytes().to_vec();
+        // Digits for digits keep the file well-formed and hit indices, bounds and references.
+        let digits: Vec<_> = (0..xml.len()).filter(|&at| xml[at].is_ascii_digit()).collect();
+        for _ in 0..1 + next(4) {
+            xml[digits[next(digits.len())]] = b'0' + next(10) as u8;
+        }
+        let Ok(xml) = String::from_utf8(xml) else { continue };
+        let files = archive(&[("modelDescription.xml", xml.as_bytes())]);
+        if let Ok(fmu) = Fmu::open(&save(&folder, "m.fmu", &files)) {
+            static_findings(&fmu);
+            judged += 1;
+        }
+    }
+    assert!(judged > 100, "{judged} of 400 files could be opened");
 }

@@ -1,9 +1,11 @@
-//! `airloop inspect`: what an FMU is made of, as text or JSON, and what the checker finds.
+//! `airloop inspect`: what an FMU or a system is made of, as text or JSON, and what the checker finds.
 
 use std::io::Write;
 use std::path::PathBuf;
 use std::process::ExitCode;
+use std::sync::Arc;
 
+use super::inspect_system;
 use super::table::table;
 use crate::Error;
 use crate::fmu::check::{self, Finding, Severity};
@@ -11,6 +13,7 @@ use crate::fmu::{
     Causality, DependencyKind, Fmu, Initial, Interface, InterfaceKind, ModelDescription, Unknown,
     Variability, Variable, VariableKind,
 };
+use crate::system::SystemGraph;
 
 /// `airloop inspect`
 #[derive(Debug, clap::Args)]
@@ -20,10 +23,10 @@ use crate::fmu::{
 pub struct Args {
     /// .fmu, .ssd or .ssp file.
     pub file: PathBuf,
-    /// Print JSON instead of tables (FMUs).
+    /// Print JSON instead of tables.
     #[arg(long)]
     pub json: bool,
-    /// Check the FMU against the standard: archive and description, then by running its library in this process.
+    /// Check the FMU, or each FMU of the system, against the standard: archive and description, then by running its library in this process.
     /// Errors make the exit code 1.
     #[arg(long)]
     pub check: bool,
@@ -32,44 +35,64 @@ pub struct Args {
     pub no_run: bool,
 }
 
-/// Prints what the file consists of.
+/// Prints what the file consists of, or what the checker finds in it.
 ///
 /// # Errors
 /// The file cannot be opened or is refused.
 pub fn run(args: &Args) -> Result<ExitCode, Error> {
     let is_fmu = args.file.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("fmu"));
-    if !is_fmu && (args.json || args.check) {
-        eprintln!("error: --json and --check are for .fmu files; inspect the FMUs of the system one by one");
-        return Ok(ExitCode::from(2));
-    }
-    if !is_fmu {
-        return super::inspect_system::run(&args.file).map(|()| ExitCode::SUCCESS);
-    }
-    let fmu = Fmu::open(&args.file)?;
-    let mut findings = Vec::new();
-    if args.check {
-        findings = check::static_findings(&fmu);
-        if !args.json {
-            print(&text(&findings));
-        }
-        // What follows runs foreign code and may end the process: what is known is printed before.
-        if !args.no_run {
-            let dynamic = check::dynamic_findings(&fmu);
-            if !args.json {
-                print(&text(&dynamic));
+    let (fmus, text, mut value) = if is_fmu {
+        let fmu = Fmu::open(&args.file)?;
+        let (text, value) = (describe(&fmu), json(&fmu));
+        (vec![fmu], text, value)
+    } else {
+        let graph = SystemGraph::open(&args.file)?;
+        let (text, value) = (inspect_system::describe(&graph), inspect_system::json(&graph));
+        let mut fmus: Vec<Arc<Fmu>> = Vec::new();
+        for component in &graph.components {
+            if !fmus.iter().any(|fmu| Arc::ptr_eq(fmu, &component.fmu)) {
+                fmus.push(Arc::clone(&component.fmu));
             }
-            findings.extend(dynamic);
         }
+        (fmus, text, value)
+    };
+    if !args.check {
+        print(&if args.json { format!("{value:#}\n") } else { text });
+        return Ok(ExitCode::SUCCESS);
+    }
+    let mut failed = false;
+    let mut all = Vec::new();
+    for fmu in &fmus {
+        let findings = check(fmu, args);
+        failed |= findings.iter().any(|finding| finding.severity == Severity::Error);
+        all.push(serde_json::json!({ "fmu": fmu.path, "findings": findings }));
     }
     if args.json {
-        print(&json(&fmu, args.check.then_some(&findings)));
-    } else if args.check {
-        print(&summary(&findings, args.no_run));
-    } else {
-        print(&describe(&fmu));
+        value["checks"] = all.into();
+        print(&format!("{value:#}\n"));
     }
-    let failed = findings.iter().any(|finding| finding.severity == Severity::Error);
     Ok(if failed { ExitCode::FAILURE } else { ExitCode::SUCCESS })
+}
+
+/// What the checker finds in one FMU, worst first; printed unless JSON is wanted.
+fn check(fmu: &Arc<Fmu>, args: &Args) -> Vec<Finding> {
+    let show = |text: &str| {
+        if !args.json {
+            print(text)
+        }
+    };
+    show(&format!("{}\n", fmu.path.display()));
+    let mut findings = check::static_findings(fmu);
+    show(&text(&findings));
+    // What follows runs foreign code and may end the process: what is known is printed before.
+    if !args.no_run {
+        let dynamic = check::dynamic_findings(fmu);
+        show(&text(&dynamic));
+        findings.extend(dynamic);
+    }
+    findings.sort_by_key(|finding| std::cmp::Reverse(finding.severity));
+    show(&summary(&findings, args.no_run));
+    findings
 }
 
 /// A closed pipe (as with `| head`) is no error.
@@ -99,16 +122,12 @@ fn summary(findings: &[Finding], no_run: bool) -> String {
     )
 }
 
-fn json(fmu: &Fmu, findings: Option<&Vec<Finding>>) -> String {
-    let mut value = serde_json::json!({
+fn json(fmu: &Fmu) -> serde_json::Value {
+    serde_json::json!({
         "file": fmu.path,
         "platforms": fmu.platforms(),
         "model_description": fmu.description,
-    });
-    if let Some(findings) = findings {
-        value["findings"] = serde_json::json!(findings);
-    }
-    format!("{value:#}\n")
+    })
 }
 
 /// The text that `airloop inspect` prints for an FMU.
@@ -161,9 +180,15 @@ fn experiment(description: &ModelDescription) -> String {
     ];
     let parts: Vec<_> = parts
         .into_iter()
-        .filter_map(|(name, value, unit)| value.map(|value| format!("{name} {value}{unit}")))
+        .filter_map(|(name, value, unit)| value.map(|value| format!("{name} {}{unit}", number(value))))
         .collect();
     if parts.is_empty() { "none".to_owned() } else { parts.join(", ") }
+}
+
+/// A number with an exponent where it would be long without.
+fn number(value: f64) -> String {
+    let (plain, scientific) = (value.to_string(), format!("{value:e}"));
+    if plain.len() > 7 && scientific.len() < plain.len() { scientific } else { plain }
 }
 
 /// What an interface can do, and what it needs.
@@ -201,7 +226,7 @@ fn variable(variable: &Variable) -> Vec<String> {
         (min, max) => format!("{}..{}", min.unwrap_or_default(), max.unwrap_or_default()),
     };
     let integer = |value: &Option<i32>| value.map(|value| value.to_string());
-    let real = |value: &Option<f64>| value.map(|value| value.to_string());
+    let real = |value: &Option<f64>| value.map(number);
     let (kind, unit, start, range) = match &variable.kind {
         VariableKind::Real(attributes) => (
             "Real".to_owned(),

@@ -39,6 +39,7 @@ fn compare(fmu: &Arc<Fmu>, kind: InterfaceKind, findings: &mut Findings) -> Resu
     }
     for (row, unknown) in function.unknowns.iter().enumerate() {
         let Some(declared) = &unknown.dependencies else { continue };
+        let mut unobserved = Vec::new();
         for (column, known) in function.knowns.iter().enumerate() {
             let place =
                 || format!("interface {kind}, {} by {}", name(unknown.variable), name(known.variable));
@@ -53,11 +54,7 @@ fn compare(fmu: &Arc<Fmu>, kind: InterfaceKind, findings: &mut Findings) -> Resu
                         "the value depends on it, but the dependencies of ModelStructure do not say so";
                     findings.error("dependency-undeclared", place(), message);
                 }
-                Some(dependency) if !changes[row][column] => {
-                    let message =
-                        format!("a declared dependency ({:?}) that was not observed", dependency.kind);
-                    findings.note("dependency-unobserved", place(), message.to_lowercase());
-                }
+                Some(_) if !changes[row][column] => unobserved.push(name(known.variable)),
                 Some(dependency) if is_linear(dependency.kind) => {
                     let rounding = 1e-8 * unknown.scale / known.scale;
                     if let Some((a, b)) = unlike(&slopes[row][column], rounding) {
@@ -69,6 +66,14 @@ fn compare(fmu: &Arc<Fmu>, kind: InterfaceKind, findings: &mut Findings) -> Resu
                 }
                 _ => {}
             }
+        }
+        if !unobserved.is_empty() {
+            let place = format!("interface {kind}, {}", name(unknown.variable));
+            let message = format!(
+                "declared dependencies without effect near the start values: {}",
+                unobserved.join(", ")
+            );
+            findings.note("dependency-unobserved", place, message);
         }
     }
     Ok(())

@@ -53,14 +53,13 @@ pub(super) fn check(fmu: &Fmu, findings: &mut Findings) {
             );
         }
     }
-    let has = |prefix: &str| fmu.files().iter().any(|file| file.starts_with(prefix));
-    if !has("binaries/") && !has("sources/") {
+    if !fmu.has_folder("binaries/") && !fmu.has_folder("sources/") {
         findings.error("binary-missing", "binaries/", "there is neither a library nor source code");
     }
-    if !has("documentation/index.html") {
+    if !fmu.files().iter().any(|file| file == "documentation/index.html") {
         findings.note("documentation", "documentation/index.html", "there is no documentation to open");
     }
-    if !has("resources/") {
+    if !fmu.has_folder("resources/") {
         findings.note("resources", "resources/", "there is no resources folder; some importers expect one");
     }
     let mut roots: Vec<&str> = fmu.files().iter().filter_map(|file| file.split('/').next()).collect();
