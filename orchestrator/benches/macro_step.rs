@@ -71,7 +71,10 @@ fn main() -> ExitCode {
         }));
         assert_eq!(recorder.rows(), MACRO_STEPS);
     }
-    println!("chain of {FMUS} x {}: set, step, get; ns per FMU step (medians of {TURNS} turns)", path.display());
+    println!(
+        "chain of {FMUS} x {}: set, step, get; ns per FMU step (medians of {TURNS} turns)",
+        path.display()
+    );
     println!("  bare loop of C calls        {:7.1} ns", median(&bare_ns));
     let mut good = true;
     let loops = [("master, nothing recorded", &plain_ns, 1.5), ("master, all recorded", &recorded_ns, 2.5)];
@@ -102,7 +105,8 @@ fn median(values: &[f64]) -> f64 {
 fn ports(fmu: &Fmu) -> ((String, u32), (String, u32)) {
     let first = |causality| {
         let variables = fmu.description.variables.iter();
-        let mut real = variables.filter(|v| v.causality == causality && matches!(v.kind, VariableKind::Real(_)));
+        let mut real =
+            variables.filter(|v| v.causality == causality && matches!(v.kind, VariableKind::Real(_)));
         real.next().map(|v| (v.name.clone(), v.value_reference)).expect("a Real input and a Real output")
     };
     (first(Causality::Input), first(Causality::Output))

@@ -195,7 +195,8 @@ fn no_folder_is_left_behind_after_a_refusal() {
         assert!(message.contains("resources/x") && message.contains("damaged"), "{message}");
         return;
     }
-    let bytes = archive(&[("modelDescription.xml", description(INPUT).as_bytes()), ("resources/x", b"12345678")]);
+    let bytes =
+        archive(&[("modelDescription.xml", description(INPUT).as_bytes()), ("resources/x", b"12345678")]);
     let mut damaged = bytes.clone();
     // The byte before the central directory is the last one of the last entry.
     let at = bytes.windows(4).position(|window| window == b"PK\x01\x02").unwrap() - 1;

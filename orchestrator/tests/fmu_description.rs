@@ -92,6 +92,11 @@ fn defects_are_named_with_line_and_element() {
         ("".to_owned(), &["no element"]),
         ("just text".to_owned(), &["outside of the root"]),
         (format!("{}{}", "<a>".repeat(100_000), "</a>".repeat(100_000)), &["64 deep"]),
+        (
+            format!("<a {}/>", (0..100_000).map(|i| format!("a{i}=\"\" ")).collect::<String>()),
+            &["more than 100 attributes"],
+        ),
+        ("<a>".to_owned() + &"<b/>".repeat(2_000_001) + "</a>", &["2000000 elements"]),
     ];
     for (xml, parts) in cases {
         let message = refusal(&xml);

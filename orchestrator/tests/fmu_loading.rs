@@ -15,7 +15,7 @@ fn with_trace() -> String {
 
 /// An instance that writes its calls into `trace` of the folder.
 fn traced(folder: &TempDir, macros: &[&str]) -> Slave {
-    let fmu = Fmu::open(&compiled(folder, &with_trace(), macros)).unwrap();
+    let fmu = Fmu::open(&compiled(folder, "library.c", &with_trace(), macros)).unwrap();
     let mut slave = Slave::instantiate(&fmu, "it", false).unwrap();
     slave.set_string(&[0], &[folder.path().join("trace").to_str().unwrap()]).unwrap();
     slave.setup_experiment(None, 0.0, None).unwrap();
@@ -29,7 +29,7 @@ fn trace(folder: &TempDir) -> Vec<String> {
 
 fn instantiation_error(xml: &str, macros: &[&str]) -> String {
     let folder = TempDir::new().unwrap();
-    let fmu = Fmu::open(&compiled(&folder, xml, macros)).unwrap();
+    let fmu = Fmu::open(&compiled(&folder, "library.c", xml, macros)).unwrap();
     let message = Slave::instantiate(&fmu, "it", false).map(|_| ()).unwrap_err().to_string();
     assert!(message.contains("m.fmu"), "{message}");
     message
@@ -132,7 +132,7 @@ fn a_second_instance_is_refused_where_only_one_is_allowed() {
         "modelIdentifier=\"m\"",
         "modelIdentifier=\"m\" canBeInstantiatedOnlyOncePerProcess=\"true\"",
     );
-    let fmu = Fmu::open(&compiled(&folder, &xml, &[])).unwrap();
+    let fmu = Fmu::open(&compiled(&folder, "library.c", &xml, &[])).unwrap();
     let first = Slave::instantiate(&fmu, "first", false).unwrap();
     let message = Slave::instantiate(&fmu, "second", false).unwrap_err().to_string();
     assert!(message.contains("second") && message.contains("OnlyOncePerProcess"), "{message}");

@@ -28,13 +28,9 @@ fn real(name: &str, value: &str) -> String {
 fn a_chain_is_ordered_by_its_connections_and_not_by_the_file() {
     let folder = folder_without_library();
     let components = [component("c", ""), component("a", ""), component("b", "")].concat();
-    let connections = [
-        connection("b.y", "c.u"),
-        connection("u", "a.u"),
-        connection("a.y", "b.u"),
-        connection("c.y", "y"),
-    ]
-    .concat();
+    let connections =
+        [connection("b.y", "c.u"), connection("u", "a.u"), connection("a.y", "b.u"), connection("c.y", "y")]
+            .concat();
     let graph = open(&folder, &ssd(U_AND_Y, &components, &connections, "")).unwrap();
     let names: Vec<&str> = graph.order.iter().map(|&index| graph.components[index].name.as_str()).collect();
     assert_eq!(names, ["a", "b", "c"]);
@@ -97,7 +93,10 @@ fn parameters_of_the_system_win_over_those_of_a_component() {
     write(
         &folder,
         "set.ssv",
-        &format!("<ssv:ParameterSet xmlns:ssv=\"http://ssp-standard.org/SSP1/SystemStructureParameterValues\" version=\"1.0\" name=\"p\"><ssv:Parameters>{}<ssv:Parameter name=\"how\"><ssv:Enumeration value=\"nan\"/></ssv:Parameter></ssv:Parameters></ssv:ParameterSet>", real("gain", "4")),
+        &format!(
+            "<ssv:ParameterSet xmlns:ssv=\"http://ssp-standard.org/SSP1/SystemStructureParameterValues\" version=\"1.0\" name=\"p\"><ssv:Parameters>{}<ssv:Parameter name=\"how\"><ssv:Enumeration value=\"nan\"/></ssv:Parameter></ssv:Parameters></ssv:ParameterSet>",
+            real("gain", "4")
+        ),
     );
     let components =
         [component("a", &binding(&(real("gain", "2") + &real("x", "0.5")))), component("b", "")].concat();
@@ -121,7 +120,8 @@ fn a_parameter_of_the_system_reaches_the_components_it_is_connected_to() {
     let connectors = "<ssd:Connector name=\"k\" kind=\"parameter\"><ssc:Real/></ssd:Connector>\n";
     let connections = [connection("k", "a.gain"), connection("k", "b.gain")].concat();
     let components = [component("a", ""), component("b", "")].concat();
-    let graph = open(&folder, &ssd(connectors, &components, &connections, &binding(&real("k", "3")))).unwrap();
+    let graph =
+        open(&folder, &ssd(connectors, &components, &connections, &binding(&real("k", "3")))).unwrap();
     for component in &graph.components {
         assert_eq!(component.start_values[0].value, Start::Real(3.0));
     }
@@ -131,7 +131,8 @@ fn a_parameter_of_the_system_reaches_the_components_it_is_connected_to() {
 #[test]
 fn a_package_is_read_like_its_description() {
     let folder = folder_without_library();
-    let text = ssd(U_AND_Y, &component("a", ""), &connection("u", "a.u"), "").replace("slave.fmu", "resources/slave.fmu");
+    let text = ssd(U_AND_Y, &component("a", ""), &connection("u", "a.u"), "")
+        .replace("slave.fmu", "resources/slave.fmu");
     let path = folder.path().join("system.ssp");
     let mut writer = zip::ZipWriter::new(std::fs::File::create(&path).unwrap());
     let fmu = std::fs::read(folder.path().join("slave.fmu")).unwrap();
@@ -185,10 +186,12 @@ fn bad_descriptions_are_refused_with_file_and_line() {
     let folder = folder_without_library();
     pack(
         &folder.path().join("exchange.fmu"),
-        &description().replace(
-            "<CoSimulation modelIdentifier=\"slave\" canHandleVariableCommunicationStepSize=\"true\"/>",
-            "<ModelExchange modelIdentifier=\"slave\"/>",
-        ).replace("fmiVersion", "numberOfEventIndicators=\"0\" fmiVersion"),
+        &description()
+            .replace(
+                "<CoSimulation modelIdentifier=\"slave\" canHandleVariableCommunicationStepSize=\"true\"/>",
+                "<ModelExchange modelIdentifier=\"slave\"/>",
+            )
+            .replace("fmiVersion", "numberOfEventIndicators=\"0\" fmiVersion"),
         None,
     );
     std::fs::write(folder.path().join("broken.fmu"), "not a zip").unwrap();
@@ -205,9 +208,15 @@ fn bad_descriptions_are_refused_with_file_and_line() {
     let cases: Vec<(String, &str)> = vec![
         ("no xml".into(), "there is no element"),
         ("<a/>".into(), "expected <SystemStructureDescription>"),
-        (with("").replace("version=\"1.0\" name=\"s\"", "version=\"3.0\" name=\"s\""), "SSP version 3.0 is not supported"),
+        (
+            with("").replace("version=\"1.0\" name=\"s\"", "version=\"3.0\" name=\"s\""),
+            "SSP version 3.0 is not supported",
+        ),
         (with(&connection("u", "c.u")), "unknown component `c` in a connection; the system has: a, b"),
-        (with(&connection("u", "a.v")), "unknown connector `v` of component `a` in a connection; it has: u, i, b, s"),
+        (
+            with(&connection("u", "a.v")),
+            "unknown connector `v` of component `a` in a connection; it has: u, i, b, s",
+        ),
         (with(&connection("w", "a.u")), "unknown connector `w` of the system in a connection; it has: u, y"),
         (with(&connection("a.u", "b.u")), "connection a.u -> b.u: a.u is of kind `input`"),
         (with(&connection("a.y", "b.y")), "connection a.y -> b.y: b.y is of kind `output`"),
@@ -225,32 +234,76 @@ fn bad_descriptions_are_refused_with_file_and_line() {
         (ssd(moment, &one, &connection("u", "a.u"), ""), "the units [N.m] and [N] have different dimensions"),
         (ssd(odd, &one, &connection("u", "a.u"), ""), "the units [smoot] and [N] cannot be compared"),
         (ssd(integer, &one, &connection("u", "a.u"), ""), "Integer cannot be connected to Real"),
-        (with("<ssd:Connection startConnector=\"u\" endElement=\"a\"/>"), "<Connection> has no attribute `endConnector`"),
+        (
+            with("<ssd:Connection startConnector=\"u\" endElement=\"a\"/>"),
+            "<Connection> has no attribute `endConnector`",
+        ),
         (with("").replace("slave.fmu", "gone.fmu"), "component `a`: there is no file "),
         (with("").replace("slave.fmu", "broken.fmu"), "component `a`: "),
         (with("").replace("slave.fmu", "exchange.fmu"), "has no Co-Simulation interface"),
-        (with("").replace("slave.fmu", "http://x/slave.fmu"), "the source http://x/slave.fmu is not supported"),
-        (with("").replace("name=\"u\" kind=\"input\"/>", "name=\"nope\" kind=\"input\"/>"), "connector `nope` of component `a` is no variable of"),
-        (with("").replace("name=\"u\" kind=\"input\"/>", "name=\"u\" kind=\"output\"/>"), "connector `u` of component `a` is declared as output, but the FMU's variable is an input"),
-        (with("").replace("name=\"u\" kind=\"input\"/>", "name=\"u\" kind=\"inward\"/>"), "`inward` is not input, output"),
-        (with("").replace("name=\"u\" kind=\"input\"/>", "name=\"u\" kind=\"input\"><ssc:Boolean/></ssd:Connector>"), "is declared as Boolean, but the FMU's variable is Real"),
-        (with("").replace("name=\"u\" kind=\"input\"/>", "name=\"u\" kind=\"input\"><ssc:Real unit=\"m\"/></ssd:Connector>"), "the units [m] and [N] have different dimensions"),
+        (
+            with("").replace("slave.fmu", "http://x/slave.fmu"),
+            "the source http://x/slave.fmu is not supported",
+        ),
+        (
+            with("").replace("name=\"u\" kind=\"input\"/>", "name=\"nope\" kind=\"input\"/>"),
+            "connector `nope` of component `a` is no variable of",
+        ),
+        (
+            with("").replace("name=\"u\" kind=\"input\"/>", "name=\"u\" kind=\"output\"/>"),
+            "connector `u` of component `a` is declared as output, but the FMU's variable is an input",
+        ),
+        (
+            with("").replace("name=\"u\" kind=\"input\"/>", "name=\"u\" kind=\"inward\"/>"),
+            "`inward` is not input, output",
+        ),
+        (
+            with("").replace(
+                "name=\"u\" kind=\"input\"/>",
+                "name=\"u\" kind=\"input\"><ssc:Boolean/></ssd:Connector>",
+            ),
+            "is declared as Boolean, but the FMU's variable is Real",
+        ),
+        (
+            with("").replace(
+                "name=\"u\" kind=\"input\"/>",
+                "name=\"u\" kind=\"input\"><ssc:Real unit=\"m\"/></ssd:Connector>",
+            ),
+            "the units [m] and [N] have different dimensions",
+        ),
         (ssd(U_AND_Y, &(one.clone() + &one), "", ""), "the component `a` is there twice"),
         (ssd(&(U_AND_Y.to_owned() + U_AND_Y), &one, "", ""), "the connector `u` is there twice"),
         (ssd(U_AND_Y, &component("a.b", ""), "", ""), "`a.b` is not a name without a dot"),
         (ssd(U_AND_Y, nested, "", ""), "the nested <System> `inner` is not supported"),
         (ssd(U_AND_Y, "<ssd:Componnt name=\"a\"/>", "", ""), "unexpected element <Componnt> in <Elements>"),
-        (system("<ssd:ParameterBindings><ssd:ParameterBinding source=\"gone.ssv\"/></ssd:ParameterBindings>"), "gone.ssv: "),
-        (system("<ssd:ParameterBindings><ssd:ParameterBinding/></ssd:ParameterBindings>"), "<ParameterBinding> has no attribute `source`"),
+        (
+            system(
+                "<ssd:ParameterBindings><ssd:ParameterBinding source=\"gone.ssv\"/></ssd:ParameterBindings>",
+            ),
+            "gone.ssv: ",
+        ),
+        (
+            system("<ssd:ParameterBindings><ssd:ParameterBinding/></ssd:ParameterBindings>"),
+            "<ParameterBinding> has no attribute `source`",
+        ),
         (system(&binding(&real("a.gain", "inf"))), "`inf` is not a finite number"),
         (system(&binding(&real("a.gain", "99"))), "`gain` cannot be set to `99`"),
         (system(&binding(&real("a.nope", "1"))), "there is no variable `nope`"),
-        (system(&binding("<ssv:Parameter name=\"a.gain\"><ssv:String value=\"1\"/></ssv:Parameter>")), "allowed is a number"),
-        (system(&binding("<ssv:Parameter name=\"a.how\"><ssv:Enumeration value=\"what\"/></ssv:Parameter>")), "one of none (0)"),
+        (
+            system(&binding("<ssv:Parameter name=\"a.gain\"><ssv:String value=\"1\"/></ssv:Parameter>")),
+            "allowed is a number",
+        ),
+        (
+            system(&binding(
+                "<ssv:Parameter name=\"a.how\"><ssv:Enumeration value=\"what\"/></ssv:Parameter>",
+            )),
+            "one of none (0)",
+        ),
         (system("<ssd:SignalDictionaries/>"), "a signal dictionary is not supported"),
     ];
     for (text, expected) in cases {
-        let message = open(&folder, &text).map(|graph| panic!("{expected}: accepted {}", graph.name)).unwrap_err();
+        let message =
+            open(&folder, &text).map(|graph| panic!("{expected}: accepted {}", graph.name)).unwrap_err();
         let message: &Error = &message;
         assert!(message.to_string().contains(expected), "expected {expected}\nfound    {message}");
         let names_file = ["system.ssd", "gone.ssv"].iter().any(|name| message.to_string().contains(name));

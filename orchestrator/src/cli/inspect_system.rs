@@ -1,20 +1,55 @@
 //! `airloop inspect` for systems: components, connectors, connections, evaluation order.
 
-use std::path::Path;
-
 use super::table::table;
-use crate::Error;
 use crate::system::SystemGraph;
 use crate::system::graph::Conversion;
 
-/// Prints what a system consists of.
-///
-/// # Errors
-/// The system cannot be read or simulated.
-pub fn run(file: &Path) -> Result<(), Error> {
-    let graph = SystemGraph::open(file)?;
-    print!("{}", describe(&graph));
-    Ok(())
+/// The JSON that `airloop inspect --json` prints for a system.
+pub fn json(graph: &SystemGraph) -> serde_json::Value {
+    let components = graph.components.iter().map(|component| {
+        let description = &component.fmu.description;
+        let starts = component.start_values.iter().map(|start| {
+            (description.variables[start.variable].name.clone(), start.value.to_string().into())
+        });
+        serde_json::json!({
+            "name": component.name,
+            "model": description.model_name,
+            "fmu": component.fmu.path,
+            "start_values": starts.collect::<serde_json::Map<_, _>>(),
+        })
+    });
+    let inputs = graph.inputs.iter().map(|input| {
+        serde_json::json!({ "name": input.name, "unit": input.unit, "type": input.data_type.to_string() })
+    });
+    let outputs = graph.outputs.iter().map(|output| {
+        serde_json::json!({
+            "name": output.name,
+            "unit": output.unit,
+            "type": output.data_type.to_string(),
+            "source": graph.source_name(output.source),
+            "factor": output.conversion.factor,
+            "offset": output.conversion.offset,
+        })
+    });
+    let connections = graph.connections.iter().map(|connection| {
+        serde_json::json!({
+            "from": graph.source_name(connection.source),
+            "to": graph.components[connection.component].path_of(connection.variable),
+            "factor": connection.conversion.factor,
+            "offset": connection.conversion.offset,
+        })
+    });
+    let order = graph.order.iter().map(|&index| graph.components[index].name.as_str());
+    serde_json::json!({
+        "file": graph.file,
+        "system": graph.name,
+        "components": components.collect::<Vec<_>>(),
+        "inputs": inputs.collect::<Vec<_>>(),
+        "outputs": outputs.collect::<Vec<_>>(),
+        "connections": connections.collect::<Vec<_>>(),
+        "evaluation_order": order.collect::<Vec<_>>(),
+        "notes": graph.notes,
+    })
 }
 
 /// The text that `airloop inspect` prints for a system.
@@ -80,7 +115,7 @@ pub fn describe(graph: &SystemGraph) -> String {
 fn factor(conversion: Conversion) -> String {
     match conversion {
         Conversion::IDENTITY => String::new(),
-        Conversion { factor, offset } if offset == 0.0 => format!(" x {factor}"),
+        Conversion { factor, offset: 0.0 } => format!(" x {factor}"),
         Conversion { factor, offset } => format!(" x {factor} + {offset}"),
     }
 }

@@ -110,6 +110,8 @@ pub(super) struct Unpacked {
     pub(super) folder: TempDir,
     /// Names of all files, with forward slashes, in archive order.
     pub(super) files: Vec<String>,
+    /// Names of the folders that are entries of their own, with a slash at the end.
+    pub(super) folders: Vec<String>,
 }
 
 impl Archive {
@@ -173,13 +175,14 @@ impl Archive {
             .prefix("airloop-")
             .tempdir()
             .map_err(|source| ArchiveError::Write { name: "the folder".to_owned(), source })?;
-        let mut files = Vec::with_capacity(self.zip.len());
+        let (mut files, mut folders) = (Vec::new(), Vec::new());
         for index in 0..self.zip.len() {
             let name = self.zip.name_for_index(index).expect("index is below len").to_owned();
             let path = folder.path().join(name.trim_end_matches('/'));
             let failed = |source| ArchiveError::Write { name: name.clone(), source };
             if name.ends_with('/') {
                 fs::create_dir_all(&path).map_err(failed)?;
+                folders.push(name);
                 continue;
             }
             if let Some(parent) = path.parent() {
@@ -192,7 +195,7 @@ impl Archive {
         // fmi2Instantiate gets the address of this folder also when the archive has none.
         fs::create_dir_all(folder.path().join("resources"))
             .map_err(|source| ArchiveError::Write { name: "resources".to_owned(), source })?;
-        Ok(Unpacked { folder, files })
+        Ok(Unpacked { folder, files, folders })
     }
 
     /// Unpacks one entry, at most as many bytes as it declares: headers can lie.

@@ -42,6 +42,35 @@ impl fmt::Display for LogMessage {
     }
 }
 
+/// Replaces references to variables such as `#r12#` by what `name` gives for base type and value reference, and `##`
+/// by `#` (FMI 2.0.5 section 2.1.5).
+pub(super) fn resolve(text: &str, name: impl Fn(char, u32) -> Option<String>) -> String {
+    let mut resolved = String::with_capacity(text.len());
+    let mut rest = text;
+    while let Some((before, after)) = rest.split_once('#') {
+        resolved.push_str(before);
+        let Some((reference, next)) = after.split_once('#') else {
+            resolved.push('#');
+            rest = after;
+            continue;
+        };
+        let mut characters = reference.chars();
+        let variable = characters.next().and_then(|base| name(base, characters.as_str().parse().ok()?));
+        match variable {
+            _ if reference.is_empty() => resolved.push('#'),
+            Some(variable) => resolved.push_str(&variable),
+            None => {
+                // No reference: the second # may begin one.
+                resolved.push('#');
+                rest = after;
+                continue;
+            }
+        }
+        rest = next;
+    }
+    resolved + rest
+}
+
 /// The messages of one instance. The FMU may log from any thread.
 #[derive(Debug, Default)]
 pub(super) struct LogBuffer(Mutex<VecDeque<LogMessage>>);
@@ -110,4 +139,26 @@ fn text(pointer: *const c_char) -> String {
     }
     // SAFETY: not null; the FMU passes NUL-terminated strings that live during the call (FMI 2.0.5 section 2.1.5).
     unsafe { CStr::from_ptr(pointer) }.to_string_lossy().into_owned()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::resolve;
+
+    #[test]
+    fn references_in_messages_become_names() {
+        let name = |base, reference| (base == 'r' && reference == 12).then(|| "v_min".to_owned());
+        let cases = [
+            ("#r12# < 0", "v_min < 0"),
+            ("a ## b", "a # b"),
+            ("#i12# and #r12#", "#i12# and v_min"),
+            ("item # 1", "item # 1"),
+            ("#r99#", "#r99#"),
+            ("#", "#"),
+            ("plain", "plain"),
+        ];
+        for (text, expected) in cases {
+            assert_eq!(resolve(text, name), expected, "{text}");
+        }
+    }
 }

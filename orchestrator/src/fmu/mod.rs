@@ -5,6 +5,7 @@
 //! to the modules above. Start reading at [`Fmu`], then [`Instance`], which holds what both interfaces share.
 
 mod archive;
+pub mod check;
 pub mod description;
 mod error;
 mod functions;
@@ -15,7 +16,6 @@ mod model;
 mod open;
 mod package;
 mod slave;
-mod state;
 mod xml;
 
 pub use archive::{ArchiveError, Limits};
@@ -25,10 +25,9 @@ pub use description::{
     Variability, Variable, VariableKind,
 };
 pub use error::{CallError, Error, Status};
-pub use instance::Instance;
+pub use instance::{Instance, StateHandle};
 pub use log::LogMessage;
 pub use model::{EventInfo, Model, StepEvent};
 pub use open::{Fmu, InterfaceKind};
 pub use package::unpack_package;
 pub use slave::{Slave, StepStatus};
-pub use state::StateHandle;

@@ -100,6 +100,12 @@ impl Fmu {
         &self.unpacked.files
     }
 
+    /// Whether the archive has the folder `name` (with a slash at the end), be it empty.
+    pub(super) fn has_folder(&self, name: &str) -> bool {
+        let mut entries = self.files().iter().chain(&self.unpacked.folders);
+        entries.any(|entry| entry.starts_with(name))
+    }
+
     /// Folders below `binaries/` that hold at least one file, sorted.
     pub fn platforms(&self) -> Vec<&str> {
         let mut platforms: Vec<_> = self

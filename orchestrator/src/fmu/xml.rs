@@ -9,6 +9,12 @@ use quick_xml::events::{BytesStart, Event};
 /// Elements may be nested this deep.
 const MAX_DEPTH: usize = 64;
 
+/// A file may hold this many elements; each takes about 200 bytes of memory.
+const MAX_ELEMENTS: usize = 2_000_000;
+
+/// An element may have this many attributes; looking for repeated ones takes time with their square.
+const MAX_ATTRIBUTES: usize = 100;
+
 /// An element.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct Element {
@@ -62,6 +68,7 @@ pub(crate) fn parse(bytes: &[u8]) -> Result<Element, XmlError> {
     let mut reader = Reader::from_str(text);
     let mut open: Vec<Element> = Vec::new();
     let mut root = None;
+    let mut count = 0;
     loop {
         let line = lines.at(usize::try_from(reader.buffer_position()).unwrap_or(usize::MAX));
         let error = |message: String| XmlError { line, message };
@@ -89,6 +96,10 @@ pub(crate) fn parse(bytes: &[u8]) -> Result<Element, XmlError> {
         }
         if open.len() == MAX_DEPTH {
             return Err(error(format!("elements are nested more than {MAX_DEPTH} deep")));
+        }
+        count += 1;
+        if count > MAX_ELEMENTS {
+            return Err(error(format!("there are more than {MAX_ELEMENTS} elements")));
         }
         let element = element(&start, line).map_err(error)?;
         if closed { close(element, &mut open, &mut root) } else { open.push(element) }
@@ -122,6 +133,9 @@ fn element(start: &BytesStart<'_>, line: usize) -> Result<Element, String> {
         let value = attribute
             .normalized_value(XmlVersion::Implicit1_0)
             .map_err(|error| format!("in element {name}, attribute {key}: {error}"))?;
+        if attributes.len() == MAX_ATTRIBUTES {
+            return Err(format!("the element {name} has more than {MAX_ATTRIBUTES} attributes"));
+        }
         attributes.push((local(key).to_owned(), value.into_owned()));
     }
     Ok(Element { name, line, attributes, children: Vec::new() })

@@ -205,15 +205,14 @@ mod tests {
                 }
             }
             for k in 0..4 {
-                for a in 0..4 {
-                    for b in 0..4 {
-                        reach[a][b] |= reach[a][k] && reach[k][b];
-                    }
+                let through = reach[k];
+                for row in reach.iter_mut().filter(|row| row[k]) {
+                    row.iter_mut().zip(through).for_each(|(reached, next)| *reached |= next);
                 }
             }
             let mut expected: Vec<Vec<usize>> = Vec::new();
-            for a in 0..4 {
-                let class: Vec<usize> = (0..4).filter(|&b| a == b || reach[a][b] && reach[b][a]).collect();
+            for (a, row) in reach.iter().enumerate() {
+                let class: Vec<usize> = (0..4).filter(|&b| a == b || row[b] && reach[b][a]).collect();
                 if class[0] == a {
                     expected.push(class);
                 }

@@ -45,10 +45,10 @@ pub fn save(folder: &TempDir, name: &str, bytes: &[u8]) -> PathBuf {
 /// Folder of the binaries of this machine.
 pub const PLATFORM: &str = "linux64";
 
-/// Compiles `library.c` with the given macros and packs it with `xml`.
-pub fn compiled(folder: &TempDir, xml: &str, macros: &[&str]) -> PathBuf {
+/// Compiles the C file `source` of this folder with the given macros and packs it with `xml`.
+pub fn compiled(folder: &TempDir, source: &str, xml: &str, macros: &[&str]) -> PathBuf {
     let library = folder.path().join("m.so");
-    let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/fmu_library/library.c");
+    let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/fmu_library").join(source);
     let compiler = std::env::var("CC").unwrap_or_else(|_| "cc".to_owned());
     let status = Command::new(&compiler)
         .args(["-shared", "-fPIC", "-o"])
@@ -62,3 +62,27 @@ pub fn compiled(folder: &TempDir, xml: &str, macros: &[&str]) -> PathBuf {
     let inner = format!("binaries/{PLATFORM}/m.so");
     save(folder, "m.fmu", &archive(&[("modelDescription.xml", xml.as_bytes()), (&inner, &bytes)]))
 }
+
+/// der(x) = p x + u, y = x + u^2, as `first_order.c` computes it; without fault.
+pub const FIRST_ORDER: &str = r#"<?xml version="1.0" encoding="UTF-8"?>
+<fmiModelDescription fmiVersion="2.0" modelName="m" guid="right" variableNamingConvention="structured" numberOfEventIndicators="0">
+  <ModelExchange modelIdentifier="m" canGetAndSetFMUstate="true" canSerializeFMUstate="true" providesDirectionalDerivative="true"/>
+  <CoSimulation modelIdentifier="m" canGetAndSetFMUstate="true" canSerializeFMUstate="true" providesDirectionalDerivative="true"/>
+  <UnitDefinitions><Unit name="m"><BaseUnit m="1"/><DisplayUnit name="mm" factor="1000"/></Unit></UnitDefinitions>
+  <TypeDefinitions><SimpleType name="Mode"><Enumeration><Item name="a" value="1"/><Item name="b" value="2"/></Enumeration></SimpleType></TypeDefinitions>
+  <LogCategories><Category name="logAll"/></LogCategories>
+  <DefaultExperiment startTime="0" stopTime="1" stepSize="0.01" tolerance="1e-6"/>
+  <ModelVariables>
+    <ScalarVariable name="u" valueReference="0" causality="input"><Real unit="m" start="0" min="-5" max="5"/></ScalarVariable>
+    <ScalarVariable name="x" valueReference="1" causality="local" initial="exact"><Real unit="m" displayUnit="mm" start="1" nominal="1"/></ScalarVariable>
+    <ScalarVariable name="der(x)" valueReference="2"><Real derivative="2"/></ScalarVariable>
+    <ScalarVariable name="y" valueReference="3" causality="output"><Real/></ScalarVariable>
+    <ScalarVariable name="p" valueReference="4" causality="parameter" variability="fixed"><Real start="-1" min="-2" max="2"/></ScalarVariable>
+  </ModelVariables>
+  <ModelStructure>
+    <Outputs><Unknown index="4" dependencies="1 2" dependenciesKind="dependent constant"/></Outputs>
+    <Derivatives><Unknown index="3" dependencies="1 2" dependenciesKind="constant fixed"/></Derivatives>
+    <InitialUnknowns><Unknown index="3" dependencies="1 2 5"/><Unknown index="4" dependencies="1 2"/></InitialUnknowns>
+  </ModelStructure>
+</fmiModelDescription>
+"#;

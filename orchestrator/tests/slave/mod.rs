@@ -12,7 +12,9 @@ use zip::write::SimpleFileOptions;
 /// Description of the FMU of `slave.c`; `change` may alter the text.
 pub fn description() -> String {
     let variable = |name: &str, reference: u32, attributes: &str, typed: &str| {
-        format!("<ScalarVariable name=\"{name}\" valueReference=\"{reference}\" {attributes}>{typed}</ScalarVariable>\n")
+        format!(
+            "<ScalarVariable name=\"{name}\" valueReference=\"{reference}\" {attributes}>{typed}</ScalarVariable>\n"
+        )
     };
     let input = "causality=\"input\" variability=\"continuous\"";
     let discrete_input = "causality=\"input\" variability=\"discrete\"";

@@ -27,7 +27,9 @@ impl ModelDescription {
         check_version(&root)?;
         let types = variables::types(&root)?;
         let (variables, index) = variables::read(&root, &types)?;
-        let (outputs, derivatives, initial_unknowns) = structure::read(&root, variables.len())?;
+        let structure = |name| structure::read(&root, name, variables.len());
+        let (outputs, derivatives) = (structure("Outputs")?, structure("Derivatives")?);
+        let initial_unknowns = structure("InitialUnknowns")?;
         let event_indicators = root.integer("numberOfEventIndicators")?;
         let description = ModelDescription {
             fmi_version: "2.0".to_owned(),

@@ -3,17 +3,11 @@
 use super::{Dependency, DependencyKind, DescriptionError, Unknown};
 use crate::fmu::xml::Element;
 
-/// Outputs, derivatives and initial unknowns of a model with `count` variables.
-pub(super) fn read(
-    root: &Element,
-    count: usize,
-) -> Result<(Vec<Unknown>, Vec<Unknown>, Vec<Unknown>), DescriptionError> {
-    let structure = root.child("ModelStructure");
-    let list = |name: &str| {
-        let Some(list) = structure.and_then(|structure| structure.child(name)) else { return Ok(Vec::new()) };
-        list.children("Unknown").map(|element| unknown(name, element, count)).collect::<Result<Vec<_>, _>>()
-    };
-    Ok((list("Outputs")?, list("Derivatives")?, list("InitialUnknowns")?))
+/// The list called `name` (Outputs, Derivatives, InitialUnknowns) of a model with `count` variables.
+pub(super) fn read(root: &Element, name: &str, count: usize) -> Result<Vec<Unknown>, DescriptionError> {
+    let list = root.child("ModelStructure").and_then(|structure| structure.child(name));
+    let Some(list) = list else { return Ok(Vec::new()) };
+    list.children("Unknown").map(|element| unknown(name, element, count)).collect()
 }
 
 fn unknown(list: &str, element: &Element, count: usize) -> Result<Unknown, DescriptionError> {

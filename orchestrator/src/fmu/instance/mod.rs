@@ -1,0 +1,343 @@
+//! What both interfaces share. Here: what an instance is, its life-cycle and its end; values, saved states and the
+//! meaning of a status have their own files.
+
+#![allow(unsafe_code, reason = "calls into the FMU's library")]
+
+use std::ffi::{CString, c_void};
+use std::fmt;
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
+
+use fmi::fmi2::binding::{fmi2CallbackFunctions, fmi2Type_fmi2CoSimulation, fmi2Type_fmi2ModelExchange};
+
+use super::error::Error;
+use super::functions::{CommonFunctions, ModelFunctions, SlaveFunctions};
+use super::library::Library;
+use super::log::{LogBuffer, LogMessage, airloop_fmi2_logger};
+use super::open::{Fmu, InterfaceKind};
+use state::States;
+use status::{SHOWN_MESSAGES, named};
+
+pub use state::StateHandle;
+pub(super) use status::{DISCARD, WARNING};
+
+mod state;
+mod status;
+mod values;
+
+unsafe extern "C" {
+    fn calloc(count: usize, size: usize) -> *mut c_void;
+    fn free(memory: *mut c_void);
+}
+
+/// Where an instance is in its life, as far as dropping it depends on it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Phase {
+    /// Before the end of initialisation, or after fmi2Terminate or fmi2Error: only to be freed.
+    Passive,
+    /// Initialised: to be terminated, then freed.
+    Active,
+    /// After fmi2Fatal or fmi2Pending of this function: not to be touched again.
+    Abandoned(&'static str),
+}
+
+/// An instance of an FMU: the part that [`Slave`](super::Slave) and [`Model`](super::Model) share.
+///
+/// A call takes the value references of the model description and slices of the same length. A status other than OK
+/// or Warning becomes an [`Error::Call`] that names instance, function, variables, time, and the FMU's last messages.
+/// After fmi2Fatal no further call reaches the FMU.
+pub struct Instance {
+    component: *mut c_void,
+    functions: CommonFunctions,
+    slave: Option<SlaveFunctions>,
+    model: Option<ModelFunctions>,
+    name: String,
+    kind: InterfaceKind,
+    phase: Phase,
+    time: Option<f64>,
+    states: States,
+    booleans: Vec<i32>,
+    log: Box<LogBuffer>,
+    // The FMU may keep the pointer to the callbacks, and the code must outlive the component.
+    callbacks: Option<Box<fmi2CallbackFunctions>>,
+    library: Arc<Library>,
+    fmu: Arc<Fmu>,
+}
+
+// SAFETY: FMI 2.0.5 section 2.1.1 lets any thread call an instance as long as calls do not overlap; `&mut self` on
+// every call sees to that, and the log buffer has its own lock. The instance is not Sync.
+unsafe impl Send for Instance {}
+
+impl fmt::Debug for Instance {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Instance").field("name", &self.name).field("fmu", &self.fmu).finish_non_exhaustive()
+    }
+}
+
+impl Instance {
+    pub(super) fn new(fmu: &Arc<Fmu>, kind: InterfaceKind, name: &str, logging: bool) -> Result<Self, Error> {
+        Self::with_guid(fmu, kind, name, logging, &fmu.description.guid)
+    }
+
+    /// As [`Self::new`] with any guid, to see whether the FMU refuses a wrong one.
+    pub(super) fn with_guid(
+        fmu: &Arc<Fmu>,
+        kind: InterfaceKind,
+        name: &str,
+        logging: bool,
+        guid: &str,
+    ) -> Result<Self, Error> {
+        let library = fmu.library(kind)?;
+        let missing =
+            |function| Error::MissingFunction { path: fmu.path.clone(), function, interface: kind.name() };
+        let (slave, model, fmi_type) = match kind {
+            InterfaceKind::CoSimulation => {
+                (Some(library.slave.map_err(missing)?), None, fmi2Type_fmi2CoSimulation)
+            }
+            InterfaceKind::ModelExchange => {
+                (None, Some(library.model.map_err(missing)?), fmi2Type_fmi2ModelExchange)
+            }
+        };
+        let interface =
+            fmu.interface(kind).expect("the library of an interface exists only if the interface does");
+        let string = |text: &str, what: &str| {
+            CString::new(text)
+                .map_err(|_| Error::NulCharacter { component: name.to_owned(), what: what.to_owned() })
+        };
+        let (c_name, c_guid) = (string(name, "the instance name")?, string(guid, "the guid")?);
+        let resources = string(&fmu.resources_uri(), "the path of the resources")?;
+        let only_once = interface.can_be_instantiated_only_once_per_process;
+        if only_once && library.occupied.swap(true, Ordering::AcqRel) {
+            return Err(Error::OnlyOnce { component: name.to_owned(), path: fmu.path.clone() });
+        }
+
+        let mut log = Box::<LogBuffer>::default();
+        let callbacks = Box::new(fmi2CallbackFunctions {
+            logger: Some(airloop_fmi2_logger),
+            allocateMemory: Some(calloc),
+            freeMemory: Some(free),
+            stepFinished: None,
+            componentEnvironment: (&raw mut *log).cast(),
+        });
+        // SAFETY: the strings live during the call, callbacks and log buffer until the component is freed.
+        let component = unsafe {
+            (library.common.instantiate)(
+                c_name.as_ptr(),
+                fmi_type,
+                c_guid.as_ptr(),
+                resources.as_ptr(),
+                &raw const *callbacks,
+                0,
+                logging.into(),
+            )
+        };
+        if component.is_null() {
+            library.occupied.store(false, Ordering::Release);
+            let hint = if interface.needs_execution_tool {
+                "; it declares needsExecutionTool: install the tool that made it, or export it without that need"
+            } else {
+                "; a guid of the library that differs from the one of modelDescription.xml is the usual reason: \
+                 build and package them together"
+            };
+            return Err(Error::Instantiate {
+                component: name.to_owned(),
+                path: fmu.path.clone(),
+                guid: guid.to_owned(),
+                hint,
+                log: named(fmu, log.tail(SHOWN_MESSAGES)),
+            });
+        }
+        Ok(Instance {
+            component,
+            functions: library.common,
+            slave,
+            model,
+            name: name.to_owned(),
+            kind,
+            phase: Phase::Passive,
+            time: None,
+            states: States::new(),
+            booleans: Vec::new(),
+            log,
+            callbacks: Some(callbacks),
+            library,
+            fmu: Arc::clone(fmu),
+        })
+    }
+
+    /// Instance name.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// The FMU.
+    pub fn fmu(&self) -> &Arc<Fmu> {
+        &self.fmu
+    }
+
+    /// Which interface the instance has.
+    pub fn kind(&self) -> InterfaceKind {
+        self.kind
+    }
+
+    /// Messages since the last call of this function, oldest first; at most the last 256 are kept.
+    pub fn log(&self) -> Vec<LogMessage> {
+        named(&self.fmu, self.log.drain())
+    }
+
+    /// Turns debug messages on or off; no categories means all.
+    ///
+    /// # Errors
+    /// A category with a NUL character, the function is missing, or the FMU refuses.
+    pub fn set_debug_logging(&mut self, on: bool, categories: &[&str]) -> Result<(), Error> {
+        let function = "fmi2SetDebugLogging";
+        self.alive(function)?;
+        let call = self.functions.set_debug_logging.ok_or_else(|| self.missing(function))?;
+        let strings = self.c_strings(categories)?;
+        let pointers: Vec<_> = strings.iter().map(|string| string.as_ptr()).collect();
+        // SAFETY: the component is alive; the array has the length passed and the strings live during the call.
+        let status = unsafe { call(self.component, on.into(), pointers.len(), pointers.as_ptr()) };
+        self.check(function, status)
+    }
+
+    /// States tolerance (relative), start and stop time \[s\] of the experiment.
+    ///
+    /// # Errors
+    /// The FMU refuses.
+    pub fn setup_experiment(
+        &mut self,
+        tolerance: Option<f64>,
+        start: f64,
+        stop: Option<f64>,
+    ) -> Result<(), Error> {
+        let function = "fmi2SetupExperiment";
+        self.alive(function)?;
+        // SAFETY: the component is alive and belongs to this library.
+        let status = unsafe {
+            (self.functions.setup_experiment)(
+                self.component,
+                tolerance.is_some().into(),
+                tolerance.unwrap_or(0.0),
+                start,
+                stop.is_some().into(),
+                stop.unwrap_or(0.0),
+            )
+        };
+        self.time = Some(start);
+        self.check(function, status)
+    }
+
+    /// Begins initialisation.
+    ///
+    /// # Errors
+    /// The FMU refuses.
+    pub fn enter_initialization_mode(&mut self) -> Result<(), Error> {
+        self.simple("fmi2EnterInitializationMode", self.functions.enter_initialization_mode)
+    }
+
+    /// Ends initialisation.
+    ///
+    /// # Errors
+    /// The FMU refuses.
+    pub fn exit_initialization_mode(&mut self) -> Result<(), Error> {
+        self.simple("fmi2ExitInitializationMode", self.functions.exit_initialization_mode)?;
+        self.phase = Phase::Active;
+        Ok(())
+    }
+
+    /// Ends the run; values can still be read.
+    ///
+    /// # Errors
+    /// The FMU refuses.
+    pub fn terminate(&mut self) -> Result<(), Error> {
+        self.simple("fmi2Terminate", self.functions.terminate)?;
+        self.phase = Phase::Passive;
+        Ok(())
+    }
+
+    /// Back to the state after instantiation, also after fmi2Error.
+    ///
+    /// # Errors
+    /// The FMU refuses.
+    pub fn reset(&mut self) -> Result<(), Error> {
+        self.simple("fmi2Reset", self.functions.reset)?;
+        self.phase = Phase::Passive;
+        self.time = None;
+        Ok(())
+    }
+
+    pub(super) fn component(&self) -> *mut c_void {
+        self.component
+    }
+
+    pub(super) fn set_known_time(&mut self, time: f64) {
+        self.time = Some(time);
+    }
+
+    #[inline]
+    pub(super) fn slave_functions(&self, function: &'static str) -> Result<SlaveFunctions, Error> {
+        self.alive(function)?;
+        self.slave.ok_or_else(|| self.missing(function))
+    }
+
+    #[inline]
+    pub(super) fn model_functions(&self, function: &'static str) -> Result<ModelFunctions, Error> {
+        self.alive(function)?;
+        self.model.ok_or_else(|| self.missing(function))
+    }
+
+    #[inline]
+    fn alive(&self, function: &'static str) -> Result<(), Error> {
+        match self.phase {
+            Phase::Abandoned(cause) => Err(self.dead(function, cause)),
+            _ => Ok(()),
+        }
+    }
+
+    #[cold]
+    #[inline(never)]
+    fn dead(&self, function: &'static str, cause: &'static str) -> Error {
+        Error::Dead { component: self.name.clone(), function, cause }
+    }
+
+    fn simple(
+        &mut self,
+        function: &'static str,
+        call: unsafe extern "C" fn(*mut c_void) -> u32,
+    ) -> Result<(), Error> {
+        self.alive(function)?;
+        // SAFETY: the component is alive and belongs to this library.
+        let status = unsafe { call(self.component) };
+        self.check(function, status)
+    }
+}
+
+impl Drop for Instance {
+    fn drop(&mut self) {
+        if let Phase::Abandoned(_) = self.phase {
+            // The FMU may still compute or log in the background: its code and what it was given stay.
+            std::mem::forget(Arc::clone(&self.library));
+            Box::leak(std::mem::take(&mut self.log));
+            if let Some(callbacks) = self.callbacks.take() {
+                Box::leak(callbacks);
+            }
+            return;
+        }
+        if self.phase == Phase::Active {
+            // SAFETY: the component is alive and initialised. A refusal changes nothing about what follows.
+            let status = unsafe { (self.functions.terminate)(self.component) };
+            if status > 3 {
+                return;
+            }
+        }
+        if let Some(free_state) = self.functions.free_state {
+            for mut state in self.states.drain() {
+                // SAFETY: the component is alive; each state was made by it and is freed once.
+                unsafe { free_state(self.component, &raw mut state) };
+            }
+        }
+        // SAFETY: the component is alive and not used after this.
+        unsafe { (self.functions.free_instance)(self.component) };
+        self.library.occupied.store(false, Ordering::Release);
+    }
+}
