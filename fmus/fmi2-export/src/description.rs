@@ -3,21 +3,12 @@
 //! Written by hand rather than through an XML library: the export crate sits in every FMU library and depends on
 //! nothing. No date stands in it, so that equal models give equal bytes.
 
+use crate::logger;
 use crate::model::Identity;
 use crate::structure::{DependencyKind, Structure, Unknown};
 use crate::table::{Causality, Initial, Kind, Table, Variability, Variable};
 use crate::units::Unit;
 use std::fmt::{Display, Write};
-
-/// Log categories that instances use: name and description.
-pub const LOG_CATEGORIES: &[(&str, &str)] = &[
-    ("logAll", "every message"),
-    ("logEvents", "events, samples and state changes"),
-    ("logStatusWarning", "fmi2Warning"),
-    ("logStatusDiscard", "fmi2Discard"),
-    ("logStatusError", "fmi2Error"),
-    ("logStatusFatal", "fmi2Fatal"),
-];
 
 /// Relative tolerance of `DefaultExperiment`.
 const TOLERANCE: f64 = 1e-8;
@@ -43,7 +34,7 @@ pub fn text(identity: &Identity, table: &Table, structure: &Structure, guid: &st
     units(&mut x, &table.units());
     types(&mut x, table);
     x.open(Element::new("LogCategories"));
-    for (name, description) in LOG_CATEGORIES {
+    for (name, description) in logger::CATEGORIES {
         x.empty(Element::new("Category").with("name", name).with("description", description));
     }
     x.close("LogCategories");
@@ -308,5 +299,81 @@ impl Xml {
     fn close(&mut self, name: &str) {
         self.depth -= 1;
         self.line(&format!("</{name}>"));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{Definition, Model, Outcome, Real, Scalar, Values};
+
+    /// A table with what needs care in XML.
+    struct Awkward {
+        x: Real,
+        der_x: Real,
+        on: crate::Boolean,
+    }
+
+    impl Model for Awkward {
+        const IDENTITY: Identity = Identity {
+            model_identifier: "awkward",
+            model_name: "awkward",
+            description: "a < b & \"c\"",
+            version: "1",
+            author: "me",
+            generation_tool: "test",
+            stop_time: 1.0,
+            step_size: 1e-6,
+        };
+        fn declare(t: &mut Table) -> Self {
+            t.input("label").text("<&\">");
+            let x = t.state("x").unit("m").output().reinit().real(0.1);
+            t.event_indicators(2);
+            Self {
+                x,
+                der_x: t.derivative("der(x)", x).unit("m/s").computed(),
+                on: t.output("on").computed_boolean(),
+            }
+        }
+        fn equations<S: Scalar>(&self, q: &mut Values<S>) -> Outcome {
+            q[self.der_x] = -q[self.x];
+            q[self.on] = q[self.x].value() > 0.0;
+            Ok(())
+        }
+    }
+
+    #[test]
+    fn attributes_stand_where_the_standard_wants_them() {
+        let xml = Definition::<Awkward>::new().xml;
+        for line in [
+            "description=\"a &lt; b &amp; &quot;c&quot;\"",
+            "numberOfEventIndicators=\"2\"",
+            "<DefaultExperiment startTime=\"0\" stopTime=\"1\" tolerance=\"1e-8\" stepSize=\"1e-6\"/>",
+            "name=\"label\" valueReference=\"0\" causality=\"input\" variability=\"discrete\">",
+            "<String start=\"&lt;&amp;&quot;&gt;\"/>",
+            "<Real unit=\"m\" start=\"0.1\" reinit=\"true\"/>",
+            // x is the second variable, so the derivative points at index 2.
+            "<Real unit=\"m/s\" derivative=\"2\"/>",
+            "causality=\"output\" variability=\"discrete\" initial=\"calculated\">",
+            "<Boolean/>",
+            "<DisplayUnit name=\"mm\" factor=\"1000\"/>",
+        ] {
+            assert!(xml.contains(line), "{line}\nis not in\n{xml}");
+        }
+    }
+
+    #[test]
+    fn guid_changes_with_the_description_only() {
+        let (a, b) = (Definition::<Awkward>::new(), Definition::<Awkward>::new());
+        assert_eq!(a.guid, b.guid);
+        assert_eq!(a.xml, b.xml);
+        assert!(a.xml.contains(&format!("guid=\"{}\"", a.guid)));
+    }
+
+    #[test]
+    fn numbers_read_back_to_themselves() {
+        for x in [0.1, 1.0, -2.5e-300, 1e300, f64::MIN_POSITIVE, 1.0 / 3.0, 57.29577951308232] {
+            assert_eq!(number(x).parse::<f64>(), Ok(x), "{}", number(x));
+        }
     }
 }

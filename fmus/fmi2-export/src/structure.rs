@@ -106,7 +106,7 @@ struct Point {
     fixed: usize,
     tunable: usize,
     rest: usize,
-    /// Before the equations.
+    /// Before the equations, derived parameters in place.
     base: Values<f64>,
     /// After the equations.
     value: Values<f64>,
@@ -137,10 +137,11 @@ impl<M: Model> Search<'_, M> {
         let mut dual: Values<Dual> = self.draws[0].convert();
         let mut moved = self.draws[0].clone();
         for &known in knowns {
+            let known_variable = &self.table.variables()[known];
             let mut slopes: Vec<Vec<Slope>> = unknowns.iter().map(|_| Vec::new()).collect();
             for (i, point) in points.iter().enumerate() {
-                let seeded = self.seed(known, point, phase, &mut dual);
-                let step = self.step(known, point, phase, &mut moved);
+                let seeded = self.seed(known_variable, point, &mut dual);
+                let step = self.step(known_variable, point, &mut moved);
                 for (&unknown, slopes) in unknowns.iter().zip(&mut slopes) {
                     let slope = match self.table.variables()[unknown].real() {
                         Some(y) if seeded => {
@@ -186,13 +187,10 @@ impl<M: Model> Search<'_, M> {
                         if phase == Phase::Initialisation && !at_sample {
                             continue;
                         }
-                        let mut value = base.clone();
-                        if self.model.prepare(&mut value).is_err() {
+                        if self.model.prepare(&mut base).is_err() {
                             continue;
                         }
-                        if phase == Phase::Running {
-                            base = value.clone();
-                        }
+                        let mut value = base.clone();
                         if self.model.equations(&mut value).is_ok() {
                             points.push(Point { fixed: draw, tunable, rest, base, value });
                         }
@@ -212,31 +210,31 @@ impl<M: Model> Search<'_, M> {
         values
     }
 
-    fn evaluate<S: Scalar>(&self, values: &mut Values<S>, phase: Phase) -> bool {
-        (phase == Phase::Running || self.model.prepare(values).is_ok())
+    /// Evaluates with one known changed; only a parameter asks for new derived parameters.
+    fn evaluate<S: Scalar>(&self, known: &Variable, values: &mut Values<S>) -> bool {
+        (known.causality != Causality::Parameter || self.model.prepare(values).is_ok())
             && self.model.equations(values).is_ok()
     }
 
     /// Derivatives with respect to a Real known; false where there are none.
-    fn seed(&self, known: usize, point: &Point, phase: Phase, dual: &mut Values<Dual>) -> bool {
-        let Some(x) = self.table.variables()[known].real() else { return false };
+    fn seed(&self, known: &Variable, point: &Point, dual: &mut Values<Dual>) -> bool {
+        let Some(x) = known.real() else { return false };
         dual.copy_from_f64(&point.base);
         dual[x].eps = 1.0;
-        self.evaluate(dual, phase)
+        self.evaluate(known, dual)
     }
 
     /// Values with the known moved to where another draw has it; gives the distance (1 for what is not Real).
-    fn step(&self, known: usize, point: &Point, phase: Phase, moved: &mut Values<f64>) -> Option<f64> {
-        let variable = &self.table.variables()[known];
+    fn step(&self, known: &Variable, point: &Point, moved: &mut Values<f64>) -> Option<f64> {
         moved.copy_from(&point.base);
-        let from = if variable.causality == Causality::Parameter { point.fixed } else { point.rest };
-        match &variable.kind {
+        let from = if known.causality == Causality::Parameter { point.fixed } else { point.rest };
+        match &known.kind {
             Kind::Boolean { handle, .. } => moved[*handle] = !moved[*handle],
             Kind::Text { handle, .. } => moved[*handle].push('x'),
-            _ => copy_variable(variable, &self.draws[(from + 1) % DRAWS], moved),
+            _ => copy_variable(known, &self.draws[(from + 1) % DRAWS], moved),
         }
-        let distance = variable.real().map_or(1.0, |x| moved[x] - point.base[x]);
-        (distance != 0.0 && self.evaluate(moved, phase)).then_some(distance)
+        let distance = known.real().map_or(1.0, |x| moved[x] - point.base[x]);
+        (distance != 0.0 && self.evaluate(known, moved)).then_some(distance)
     }
 
     fn differs(&self, unknown: usize, a: &Values<f64>, b: &Values<f64>) -> bool {
@@ -260,6 +258,9 @@ fn copy_variable(variable: &Variable, from: &Values<f64>, to: &mut Values<f64>) 
 
 /// True where the slope alone explains the way from `y0` to `y1`.
 fn is_straight(y0: f64, y1: f64, slope: f64, step: f64) -> bool {
+    if y0.is_nan() && y1.is_nan() {
+        return slope == 0.0;
+    }
     let explained = slope * step;
     let scale = y0.abs().max(y1.abs()).max(explained.abs());
     (y1 - y0 - explained).abs() <= 1e-9 * scale
@@ -294,4 +295,130 @@ fn classify(slopes: &[Slope], points: &[Point], phase: Phase) -> Option<Dependen
     } else {
         DependencyKind::Dependent
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::DependencyKind::{Constant, Dependent, Discrete, Fixed, Tunable};
+    use super::*;
+    use crate::{Boolean, Identity, Outcome, Real};
+
+    /// One output for each kind of dependency.
+    struct Zoo {
+        u: Real,
+        w: Real,
+        flag: Boolean,
+        k: Real,
+        t: Real,
+        x: Real,
+        der_x: Real,
+        y: [Real; 7],
+        above: Boolean,
+        half_k: Real,
+    }
+
+    impl Model for Zoo {
+        const IDENTITY: Identity = Identity {
+            model_identifier: "zoo",
+            model_name: "zoo",
+            description: "one output for each kind of dependency",
+            version: "1",
+            author: "me",
+            generation_tool: "test",
+            stop_time: 1.0,
+            step_size: 0.1,
+        };
+        fn declare(t: &mut Table) -> Self {
+            let u = t.input("u").real(0.0);
+            let w = t.input("w").real(0.0);
+            let flag = t.input("flag").boolean(false);
+            let k = t.parameter("k").real(2.0);
+            let tunable = t.tunable("t").real(3.0);
+            let x = t.state("x").output().real(0.5);
+            let der_x = t.derivative("der(x)", x).computed();
+            let y = ["y_constant", "y_fixed", "y_tunable", "y_square", "y_sample", "y_branch", "y_none"]
+                .map(|name| t.output(name).computed());
+            let above = t.output("above").computed_boolean();
+            let half_k = t.calculated("half_k").computed();
+            Self { u, w, flag, k, t: tunable, x, der_x, y, above, half_k }
+        }
+        fn prepare<S: Scalar>(&self, q: &mut Values<S>) -> Outcome {
+            q[self.half_k] = q[self.k] * 0.5;
+            Ok(())
+        }
+        fn equations<S: Scalar>(&self, q: &mut Values<S>) -> Outcome {
+            let (u, x) = (q[self.u], q[self.x]);
+            q[self.der_x] = u - x * q[self.half_k];
+            q[self.y[0]] = x * 4.0 + 1.0;
+            q[self.y[1]] = q[self.k] * u;
+            q[self.y[2]] = q[self.k] * q[self.t] * u;
+            q[self.y[3]] = u * u + q[self.w];
+            q[self.y[4]] = if q.at_sample { u * 2.0 } else { S::zero() };
+            // No derivative shows either of these two.
+            q[self.y[5]] = S::from(if q[self.flag] { 1.0 } else { 0.0 })
+                + S::from(if q[self.w].value() > 0.0 { 1.0 } else { 0.0 });
+            q[self.y[6]] = S::from(7.0);
+            q[self.above] = u.value() > 0.0;
+            Ok(())
+        }
+    }
+
+    fn named(table: &Table, unknowns: &[Unknown]) -> Vec<(String, Vec<(String, DependencyKind)>)> {
+        let name = |i: usize| table.variables()[i].name.clone();
+        let list = |u: &Unknown| u.dependencies.iter().map(|(i, kind)| (name(*i), *kind)).collect();
+        unknowns.iter().map(|u| (name(u.variable), list(u))).collect()
+    }
+
+    fn expected<'a>(
+        rows: &[(&str, &'a [(&'a str, DependencyKind)])],
+    ) -> Vec<(String, Vec<(String, DependencyKind)>)> {
+        let list = |l: &[(&str, DependencyKind)]| l.iter().map(|(n, k)| ((*n).to_owned(), *k)).collect();
+        rows.iter().map(|(name, l)| ((*name).to_owned(), list(l))).collect()
+    }
+
+    #[test]
+    fn kinds_follow_from_what_the_factor_depends_on() {
+        let (model, table) = Table::of::<Zoo>();
+        let structure = Structure::of(&model, &table);
+        assert_eq!(
+            named(&table, &structure.outputs),
+            expected(&[
+                ("x", &[("x", Constant)]),
+                ("y_constant", &[("x", Constant)]),
+                ("y_fixed", &[("u", Fixed)]),
+                ("y_tunable", &[("u", Tunable)]),
+                ("y_square", &[("u", Dependent), ("w", Constant)]),
+                ("y_sample", &[("u", Discrete)]),
+                ("y_branch", &[("w", Dependent), ("flag", Dependent)]),
+                ("y_none", &[]),
+                ("above", &[("u", Dependent)]),
+            ])
+        );
+        assert_eq!(
+            named(&table, &structure.derivatives),
+            expected(&[("der(x)", &[("u", Constant), ("x", Fixed)])])
+        );
+    }
+
+    #[test]
+    fn initial_unknowns_are_what_initialisation_computes() {
+        let (model, table) = Table::of::<Zoo>();
+        let structure = Structure::of(&model, &table);
+        // x is an output, too, but its start value is exact.
+        assert_eq!(
+            named(&table, &structure.initial_unknowns),
+            expected(&[
+                ("der(x)", &[("u", Constant), ("k", Dependent), ("x", Dependent)]),
+                ("y_constant", &[("x", Constant)]),
+                ("y_fixed", &[("u", Dependent), ("k", Dependent)]),
+                ("y_tunable", &[("u", Dependent), ("k", Dependent), ("t", Dependent)]),
+                ("y_square", &[("u", Dependent), ("w", Constant)]),
+                ("y_sample", &[("u", Constant)]),
+                ("y_branch", &[("w", Dependent), ("flag", Dependent)]),
+                ("y_none", &[]),
+                ("above", &[("u", Dependent)]),
+                ("half_k", &[("k", Constant)]),
+            ])
+        );
+    }
 }

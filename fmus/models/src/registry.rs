@@ -1,1 +1,137 @@
 //! The list of all models; nothing else lists them.
+
+use crate::arx_actuator::{self, ArxActuator, FirstOrder};
+use crate::cart_pole::CartPole;
+use crate::friction::{self, Friction};
+use crate::testing::{AllTypes, BouncingBall, Copy};
+use fmi2_export::{Definition, Identity, Model, Table};
+
+/// One model and what its FMU holds besides the library.
+pub struct Entry {
+    /// Names and default experiment.
+    pub identity: Identity,
+    /// Cargo package of the library.
+    pub package: &'static str,
+    /// False for the FMUs of the tests.
+    pub shipped: bool,
+    /// Equations, variables and limits in Markdown.
+    pub readme: &'static str,
+    /// Parameter sets beside the start values; files `resources/<name>.ssv`.
+    pub parameter_sets: Vec<ParameterSet>,
+    /// Further files under `resources/`: name and content.
+    pub resources: &'static [(&'static str, &'static str)],
+    /// Builds the model description.
+    pub description: fn() -> Description,
+}
+
+/// Model description of an [`Entry`].
+pub struct Description {
+    /// The variables.
+    pub table: Table,
+    /// `modelDescription.xml`.
+    pub xml: String,
+}
+
+/// Values of Real parameters under a name.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ParameterSet {
+    /// Name of the set and of its file.
+    pub name: &'static str,
+    /// One line.
+    pub description: &'static str,
+    /// Parameter and value, in the parameter's unit.
+    pub values: Vec<(String, f64)>,
+}
+
+/// All models, the shipped ones first.
+pub fn all() -> Vec<Entry> {
+    vec![
+        Entry {
+            parameter_sets: vec![
+                first_order("cart_pole", "actuator of the cart-pole (eq. 8)", arx_actuator::CART_POLE),
+                first_order("toe", "toe of the walker (eq. 12)", arx_actuator::TOE),
+            ],
+            ..entry::<ArxActuator>("fmu-arx-actuator", true, include_str!("../../arx-actuator/README.md"))
+        },
+        Entry {
+            parameter_sets: vec![
+                coefficients("piston", "piston in its cylinder (eq. 10)", friction::PISTON),
+                coefficients("cart", "cart on its guide (eq. 11)", friction::CART),
+            ],
+            ..entry::<Friction>("fmu-friction", true, include_str!("../../friction/README.md"))
+        },
+        entry::<CartPole>("fmu-cart-pole", true, include_str!("../../cart-pole/README.md")),
+        entry::<Copy>("fmu-test-copy", false, include_str!("../../test-copy/README.md")),
+        entry::<BouncingBall>(
+            "fmu-test-bouncing-ball",
+            false,
+            include_str!("../../test-bouncing-ball/README.md"),
+        ),
+        Entry {
+            resources: &[("message.txt", "All types, and <markup> & \"quotes\".\n")],
+            ..entry::<AllTypes>("fmu-test-all-types", false, include_str!("../../test-all-types/README.md"))
+        },
+    ]
+}
+
+fn entry<M: Model>(package: &'static str, shipped: bool, readme: &'static str) -> Entry {
+    Entry {
+        identity: M::IDENTITY,
+        package,
+        shipped,
+        readme,
+        parameter_sets: Vec::new(),
+        resources: &[],
+        description: || {
+            let definition = Definition::<M>::new();
+            Description { table: definition.table, xml: definition.xml }
+        },
+    }
+}
+
+fn first_order(name: &'static str, description: &'static str, (a1, b0, b1): FirstOrder) -> ParameterSet {
+    let mut values = Vec::new();
+    for j in 0..2 {
+        for l in 0..2 {
+            values.push((format!("A1[{},{}]", j + 1, l + 1), a1[j][l]));
+        }
+    }
+    for (i, b) in [b0, b1].iter().enumerate() {
+        values.extend((0..2).map(|j| (format!("B{i}[{}]", j + 1), b[j])));
+    }
+    ParameterSet { name, description, values }
+}
+
+fn coefficients(name: &'static str, description: &'static str, c: [f64; 5]) -> ParameterSet {
+    let values = c.iter().enumerate().map(|(i, c)| (format!("c{}", i + 1), *c)).collect();
+    ParameterSet { name, description, values }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use fmi2_export::{Causality, Kind};
+
+    #[test]
+    fn parameter_sets_name_real_parameters_of_their_model() {
+        for entry in all() {
+            let table = (entry.description)().table;
+            for (name, _) in entry.parameter_sets.iter().flat_map(|set| &set.values) {
+                let variable = table.by_name(name).unwrap_or_else(|| panic!("{name} is unknown"));
+                assert_eq!(variable.causality, Causality::Parameter);
+                assert!(matches!(variable.kind, Kind::Real { .. }), "{name}");
+            }
+        }
+    }
+
+    #[test]
+    fn start_values_are_the_first_parameter_set() {
+        for entry in all() {
+            let table = (entry.description)().table;
+            for (name, value) in entry.parameter_sets.first().iter().flat_map(|set| &set.values) {
+                let kind = &table.by_name(name).expect("checked by the test above").kind;
+                assert!(matches!(kind, Kind::Real { start, .. } if *start == Some(*value)), "{name}");
+            }
+        }
+    }
+}

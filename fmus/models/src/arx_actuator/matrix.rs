@@ -38,11 +38,6 @@ impl<S: Scalar> Matrix<S> {
         m
     }
 
-    /// Dimension.
-    pub fn n(&self) -> usize {
-        self.n
-    }
-
     /// Entry in row `i`, column `j` (0-based).
     pub fn at(&self, i: usize, j: usize) -> S {
         self.a[i][j]
@@ -51,15 +46,6 @@ impl<S: Scalar> Matrix<S> {
     /// Sets the entry in row `i`, column `j` (0-based).
     pub fn set(&mut self, i: usize, j: usize, value: S) {
         self.a[i][j] = value;
-    }
-
-    /// The values without derivatives.
-    pub fn values(&self) -> Matrix<f64> {
-        let mut m = Matrix::zero(self.n);
-        for (to, from) in m.a.iter_mut().flatten().zip(self.a.iter().flatten()) {
-            *to = from.value();
-        }
-        m
     }
 
     /// `f · self`.
@@ -94,42 +80,39 @@ impl<S: Scalar> Matrix<S> {
         (0..self.n).fold(S::zero(), |sum, i| sum + self.a[i][i])
     }
 
-    /// Inverse by Gauss-Jordan elimination with row exchanges; none where a pivot vanishes.
+    /// Inverse by Gauss-Jordan elimination in place, with row exchanges; none where a pivot vanishes.
     pub fn inverse(&self) -> Option<Self> {
         let n = self.n;
-        let (mut a, mut x) = (*self, Self::identity(n));
+        let mut m = *self;
+        let mut exchanged = [0; MAX];
         for k in 0..n {
-            let size = |i: &usize| a.a[*i][k].value().abs();
+            let size = |i: &usize| m.a[*i][k].value().abs();
             let p = (k..n).max_by(|i, j| size(i).total_cmp(&size(j)))?;
             if size(&p) < f64::MIN_POSITIVE {
                 return None;
             }
-            a.a.swap(k, p);
-            x.a.swap(k, p);
-            let pivot = S::from(1.0) / a.a[k][k];
-            for j in 0..n {
-                a.a[k][j] *= pivot;
-                x.a[k][j] *= pivot;
-            }
-            let (row_a, row_x) = (a.a[k], x.a[k]);
+            m.a.swap(k, p);
+            exchanged[k] = p;
+            let pivot = S::from(1.0) / m.a[k][k];
+            m.a[k][k] = S::from(1.0);
+            m.a[k].iter_mut().for_each(|x| *x *= pivot);
+            let row = m.a[k];
             for i in (0..n).filter(|i| *i != k) {
-                let factor = a.a[i][k];
-                if factor == S::zero() {
-                    continue;
-                }
-                for j in 0..n {
-                    a.a[i][j] -= factor * row_a[j];
-                    x.a[i][j] -= factor * row_x[j];
-                }
+                let factor = m.a[i][k];
+                m.a[i][k] = S::zero();
+                add_multiple(&mut m.a[i], -factor, &row);
             }
         }
-        Some(x)
+        for k in (0..n).rev() {
+            m.a.iter_mut().for_each(|row| row.swap(k, exchanged[k]));
+        }
+        Some(m)
     }
 
     /// Principal square root by the product form of the Denman-Beavers iteration
     /// (Higham, Functions of Matrices, eq. 6.29).
     fn sqrt(&self) -> Result<Self, NoLogarithm> {
-        const ITERATIONS: usize = 60;
+        const ITERATIONS: usize = 30; // halves the distance of a pole's angle to 180 degrees each time
         let (mut x, mut m) = (*self, *self);
         let mut converged = false;
         for _ in 0..ITERATIONS {
@@ -154,7 +137,7 @@ impl<S: Scalar> Matrix<S> {
     /// # Errors
     /// For a matrix with a pole at zero or on the negative real axis.
     pub fn logarithm(&self) -> Result<Self, NoLogarithm> {
-        const CLOSE: f64 = 0.3;
+        const CLOSE: f64 = 0.7;
         const ROOTS: usize = 60;
         let mut root = *self;
         let mut squarings = 0;
@@ -182,20 +165,21 @@ impl<S: Scalar> Matrix<S> {
 impl<S: Scalar> Mul for Matrix<S> {
     type Output = Self;
     fn mul(self, other: Self) -> Self {
-        let n = self.n;
-        let mut product = Self::zero(n);
-        for i in 0..n {
-            for k in 0..n {
-                let factor = self.a[i][k];
-                if factor == S::zero() {
-                    continue;
-                }
-                for j in 0..n {
-                    product.a[i][j] += factor * other.a[k][j];
-                }
+        let mut product = Self::zero(self.n);
+        for (row, to) in self.a.iter().zip(&mut product.a).take(self.n) {
+            for (factor, from) in row.iter().zip(&other.a).take(self.n) {
+                add_multiple(to, *factor, from);
             }
         }
         product
+    }
+}
+
+/// `row += factor * other`, over the whole width: a loop of fixed length is faster than one to `n`.
+#[inline]
+fn add_multiple<S: Scalar>(row: &mut [S; MAX], factor: S, other: &[S; MAX]) {
+    for (x, y) in row.iter_mut().zip(other) {
+        *x += factor * *y;
     }
 }
 
@@ -203,6 +187,15 @@ impl<S: Scalar> Mul for Matrix<S> {
 pub type Complex = (f64, f64);
 
 impl Matrix<f64> {
+    /// The values of the leading block of dimension `n`, without derivatives.
+    pub fn leading<S: Scalar>(m: &Matrix<S>, n: usize) -> Self {
+        let mut block = Self::zero(n);
+        for i in 0..n {
+            (0..n).for_each(|j| block.a[i][j] = m.a[i][j].value());
+        }
+        block
+    }
+
     /// Eigenvalues, for messages and for checks: roots of the characteristic polynomial
     /// (Faddeev-LeVerrier, then Durand-Kerner). Those of multiplicity m are exact to about `ε^(1/m)`.
     pub fn poles(&self) -> Vec<Complex> {
@@ -277,7 +270,7 @@ mod tests {
     /// Taylor series after scaling: another route than the logarithm.
     fn exponential(a: Matrix<f64>) -> Matrix<f64> {
         let a = a.scaled(1.0 / 1024.0);
-        let mut term = Matrix::identity(a.n());
+        let mut term = Matrix::identity(a.n);
         let mut sum = term;
         for k in 1..20 {
             term = (term * a).scaled(1.0 / f64::from(k));

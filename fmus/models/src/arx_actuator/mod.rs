@@ -295,7 +295,7 @@ impl Model for ArxActuator {
     /// Draws in both realisations, with the largest and with smaller orders, with real poles in (0, 1).
     fn probe(&self, draw: usize, table: &Table, q: &mut Values<f64>) {
         table.spread(draw, q);
-        let [na, nb, nk, ny] = [[4, 5, 0, 2], [3, 4, 0, 1], [2, 2, 0, 1], [1, 3, 1, 2]][draw % 4];
+        let [na, nb, nk, ny] = [[4, 5, 0, 2], [3, 4, 0, 1], [4, 4, 0, 2], [3, 3, 1, 2]][draw % 4];
         (q[self.na], q[self.nb], q[self.nk], q[self.ny]) = (na, nb, nk, ny);
         q[self.realisation] = if draw.is_multiple_of(2) { CONTINUOUS } else { 1 };
         if draw.is_multiple_of(2) {

@@ -129,16 +129,13 @@ impl<S: Scalar> Recursion<S> {
         }
         let transition = self.transition();
         let n = self.shape.states();
-        let mut ad = Matrix::<f64>::zero(n);
-        for i in 0..n {
-            (0..n).for_each(|j| ad.set(i, j, transition.at(i, j).value()));
-        }
-        // Beside the axis by less than this the logarithm exists but has no digits.
-        const CLOSE: f64 = 1e-4;
-        if let Some(pole) = ad.poles().into_iter().find(|p| p.0 <= 0.0 && p.1.abs() <= CLOSE * p.0.abs()) {
-            return Err(NoContinuousForm::Pole(pole));
-        }
-        let mut log = transition.logarithm().map_err(NoContinuousForm::Numerical)?;
+        let mut log = transition.logarithm().map_err(|why| {
+            // Beside the axis by less than this the logarithm exists but has no digits.
+            const CLOSE: f64 = 1e-4;
+            let poles = Matrix::leading(&transition, n).poles();
+            let on_axis = |p: &Complex| p.0 <= 0.0 && p.1.abs() <= CLOSE * p.0.abs();
+            poles.into_iter().find(on_axis).map_or(NoContinuousForm::Numerical(why), NoContinuousForm::Pole)
+        })?;
         for i in 0..n {
             for j in 0..=n {
                 log.set(i, j, log.at(i, j) / sample_time);
@@ -167,7 +164,7 @@ impl std::fmt::Display for NoContinuousForm {
                 "the recursion has a pole at 0, because the oldest command in it (nk + nb - 1 = {delay} samples \
                  back) is older than the oldest output (na = {na} samples back)"
             ),
-            Self::Pole((re, 0.0)) => write!(f, "the recursion has a pole at {re:.6}"),
+            Self::Pole((re, im)) if im.abs() < 1e-9 => write!(f, "the recursion has a pole at {re:.6}"),
             Self::Pole((re, im)) => write!(f, "the recursion has a pole at {re:.6} {im:+.2e}i"),
             Self::Numerical(NoLogarithm::Singular) => write!(f, "the recursion has a pole at 0"),
             Self::Numerical(NoLogarithm::NoSquareRoot) => {

@@ -1,0 +1,93 @@
+//! What stands in the archive of one FMU (FMI 2.0.4 section 2.3).
+
+use crate::archive::Member;
+use crate::{Error, documentation, icon, parameter_set};
+use airloop_models::registry::Entry;
+use std::path::{Path, PathBuf};
+
+/// A shared library of one FMU.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Library {
+    /// FMI name of the platform, such as `linux64`.
+    pub platform: String,
+    /// FMU that it belongs to.
+    pub model_identifier: String,
+    /// The file.
+    pub path: PathBuf,
+}
+
+/// The licence files of the repository as they stand in every FMU.
+const LICENCES: [&str; 2] = ["LICENSE-APACHE", "LICENSE-MIT"];
+
+/// Reads the licences.
+///
+/// # Errors
+/// A licence that cannot be read.
+pub fn licences(root: &Path) -> Result<Vec<Member>, Error> {
+    LICENCES
+        .iter()
+        .map(|name| {
+            let path = root.join(name);
+            let text = std::fs::read(&path).map_err(Error::file(&path))?;
+            Ok(Member::file(format!("documentation/licenses/{name}.txt"), text))
+        })
+        .collect()
+}
+
+/// Everything in the FMU of one model, in the order of the archive.
+///
+/// # Errors
+/// A library that cannot be read.
+pub fn of(entry: &Entry, libraries: &[&Library], licences: &[Member]) -> Result<Vec<Member>, Error> {
+    let description = (entry.description)();
+    let mut members = vec![Member::file("modelDescription.xml", description.xml.as_bytes())];
+    let mut libraries = libraries.to_vec();
+    libraries.sort_by(|a, b| a.platform.cmp(&b.platform));
+    for library in libraries {
+        let extension = library.path.extension().unwrap_or_default().to_string_lossy();
+        let name = format!("binaries/{}/{}.{extension}", library.platform, library.model_identifier);
+        let bytes = std::fs::read(&library.path).map_err(Error::file(&library.path))?;
+        members.push(Member { executable: true, ..Member::file(name, bytes) });
+    }
+    members.push(Member::file("documentation/index.html", documentation::page(entry, &description.table)));
+    members.extend_from_slice(licences);
+    members.push(Member::file("model.png", icon::png(entry.identity.model_name)));
+    members.push(Member::folder("resources/"));
+    for set in &entry.parameter_sets {
+        let text = parameter_set::text(set, &description.table);
+        members.push(Member::file(format!("resources/{}.ssv", set.name), text));
+    }
+    for (name, text) in entry.resources {
+        members.push(Member::file(format!("resources/{name}"), *text));
+    }
+    Ok(members)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use airloop_models::registry;
+
+    #[test]
+    fn every_fmu_has_what_the_standard_and_the_reader_want() {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let library = folder.path().join("any.so");
+        std::fs::write(&library, "binary").expect("writable");
+        for entry in registry::all() {
+            let model_identifier = entry.identity.model_identifier.to_owned();
+            let library = Library { platform: "linux64".into(), model_identifier, path: library.clone() };
+            let members = of(&entry, &[&library], &[]).expect("the library is there");
+            let paths: Vec<&str> = members.iter().map(|m| m.path.as_str()).collect();
+            let binary = format!("binaries/linux64/{}.so", entry.identity.model_identifier);
+            for path in ["documentation/index.html", "model.png", "resources/", &binary] {
+                assert!(paths.contains(&path), "{path} is not in {paths:?}");
+            }
+            assert_eq!(paths[0], "modelDescription.xml");
+            assert_eq!(
+                paths.iter().filter(|p| p.ends_with(".ssv")).count(),
+                entry.parameter_sets.len(),
+                "{paths:?}"
+            );
+        }
+    }
+}

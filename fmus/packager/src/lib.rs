@@ -1,0 +1,71 @@
+//! Makes FMU archives and model descriptions from the models of the registry.
+//!
+//! [`contents`] says what stands in an archive, [`archive`] writes it byte for byte reproducibly,
+//! [`libraries`] builds or finds the shared libraries, [`descriptions`] writes and checks the model descriptions
+//! that are kept in the repository. The texts and the picture inside come from [`documentation`],
+//! [`parameter_set`] and [`icon`].
+#![warn(missing_docs)]
+
+pub mod archive;
+pub mod contents;
+pub mod descriptions;
+pub mod documentation;
+mod error;
+pub mod icon;
+pub mod libraries;
+pub mod parameter_set;
+
+pub use error::Error;
+
+use airloop_models::registry::{self, Entry};
+use contents::Library;
+use std::path::{Path, PathBuf};
+
+/// Where libraries come from and where FMUs go.
+#[derive(Clone, Debug)]
+pub struct Request {
+    /// Root of the repository.
+    pub root: PathBuf,
+    /// Folder of libraries of this host; none: build them.
+    pub lib_dir: Option<PathBuf>,
+    /// Folders with binaries of further platforms.
+    pub add_platform: Vec<PathBuf>,
+    /// Folder of the FMUs; those of the tests go to `test/` in it.
+    pub out: PathBuf,
+}
+
+/// Writes every FMU and every shipped model description; gives the paths of the FMUs.
+///
+/// # Errors
+/// A library that does not build or is not there, and files that cannot be read or written; the text names them.
+pub fn package(request: &Request) -> Result<Vec<PathBuf>, Error> {
+    let entries = registry::all();
+    descriptions::write(&request.root, &entries)?;
+    let host = match &request.lib_dir {
+        Some(folder) => libraries::in_folder(folder, &entries)?,
+        None => libraries::build(&request.root, &entries)?,
+    };
+    let further = libraries::of_platforms(&request.add_platform, &entries)?;
+    let licences = contents::licences(&request.root)?;
+    let mut written = Vec::new();
+    for entry in &entries {
+        let mut of_entry: Vec<&Library> =
+            further.iter().filter(|l| l.model_identifier == entry.identity.model_identifier).collect();
+        // A library that was built elsewhere for this platform, say against an older glibc, is preferred.
+        let own = host.iter().find(|l| {
+            l.model_identifier == entry.identity.model_identifier
+                && !of_entry.iter().any(|other| other.platform == l.platform)
+        });
+        of_entry.extend(own);
+        let path = fmu_path(&request.out, entry);
+        archive::write(&path, &contents::of(entry, &of_entry, &licences)?)?;
+        written.push(path);
+    }
+    Ok(written)
+}
+
+/// `OUT/<name>.fmu`, or `OUT/test/<name>.fmu` for what is not shipped.
+pub fn fmu_path(out: &Path, entry: &Entry) -> PathBuf {
+    let folder = if entry.shipped { out.to_path_buf() } else { out.join("test") };
+    folder.join(format!("{}.fmu", entry.identity.model_name))
+}

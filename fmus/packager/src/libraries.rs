@@ -1,0 +1,169 @@
+//! Shared libraries: built here by cargo, found in a folder, or built on other platforms.
+
+use crate::Error;
+use crate::contents::Library;
+use airloop_models::registry::Entry;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+
+/// FMI names of the platforms and the file extension of their libraries.
+const PLATFORMS: [(&str, &str); 3] = [("darwin64", "dylib"), ("linux64", "so"), ("win64", "dll")];
+
+/// FMI name of the platform that this program runs on.
+fn host_platform() -> &'static str {
+    if cfg!(target_os = "windows") {
+        "win64"
+    } else if cfg!(target_os = "macos") {
+        "darwin64"
+    } else {
+        "linux64"
+    }
+}
+
+/// Builds the libraries of all entries with cargo, without symbols and debug information.
+///
+/// # Errors
+/// Cargo that does not start or does not succeed.
+pub fn build(root: &Path, entries: &[Entry]) -> Result<Vec<Library>, Error> {
+    // Set by `cargo run`, so that the same toolchain is used.
+    let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
+    let mut command = Command::new(&cargo);
+    command.current_dir(root).args(["build", "--release", "--message-format=json-render-diagnostics"]);
+    for entry in entries {
+        command.args(["-p", entry.package]);
+        command.arg("--config").arg(format!("profile.release.package.{}.strip='symbols'", entry.package));
+    }
+    let output = command
+        .stderr(Stdio::inherit())
+        .output()
+        .map_err(|e| Error::Build(format!("{} did not start: {e}", cargo.to_string_lossy())))?;
+    if !output.status.success() {
+        return Err(Error::Build(format!("cargo ended with {}", output.status)));
+    }
+    let messages = String::from_utf8_lossy(&output.stdout);
+    entries
+        .iter()
+        .map(|entry| {
+            let identifier = entry.identity.model_identifier;
+            let path = messages
+                .lines()
+                .find_map(|line| artifact(line, identifier))
+                .ok_or_else(|| Error::Build(format!("cargo names no library `{identifier}`")))?;
+            Ok(library(entry, path))
+        })
+        .collect()
+}
+
+/// Path of the `cdylib` with this target name in one JSON message of cargo.
+fn artifact(line: &str, target: &str) -> Option<PathBuf> {
+    let message: serde_json::Value = serde_json::from_str(line).ok()?;
+    let is_wanted = message["reason"] == "compiler-artifact"
+        && message["target"]["name"] == target
+        && message["target"]["kind"].as_array().is_some_and(|kinds| kinds.iter().any(|k| k == "cdylib"));
+    // Besides the library there may be import libraries and debug files.
+    let is_library = |path: &PathBuf| path.extension().is_some_and(|e| e == std::env::consts::DLL_EXTENSION);
+    let files = message["filenames"].as_array().filter(|_| is_wanted)?;
+    files.iter().filter_map(|f| f.as_str()).map(PathBuf::from).find(is_library)
+}
+
+fn library(entry: &Entry, path: PathBuf) -> Library {
+    let model_identifier = entry.identity.model_identifier.to_owned();
+    Library { platform: host_platform().to_owned(), model_identifier, path }
+}
+
+/// Finds the libraries of this platform in a folder, as cargo names them.
+///
+/// # Errors
+/// The first library that is not there.
+pub fn in_folder(folder: &Path, entries: &[Entry]) -> Result<Vec<Library>, Error> {
+    use std::env::consts::{DLL_PREFIX, DLL_SUFFIX};
+    entries
+        .iter()
+        .map(|entry| {
+            let name = format!("{DLL_PREFIX}{}{DLL_SUFFIX}", entry.identity.model_identifier);
+            let path = folder.join(name);
+            if !path.is_file() {
+                return Err(Error::NoLibrary { path, package: entry.package });
+            }
+            Ok(library(entry, path))
+        })
+        .collect()
+}
+
+/// Finds libraries that were built elsewhere: `<platform>/<modelIdentifier>.<extension>` in each folder or in its
+/// subfolder `binaries`, so that an unpacked FMU fits, too. A `lib` before the name is accepted.
+///
+/// They must come from the same sources: an FMU refuses to start when library and description differ.
+///
+/// # Errors
+/// A folder that holds no library of any FMU.
+pub fn of_platforms(folders: &[PathBuf], entries: &[Entry]) -> Result<Vec<Library>, Error> {
+    let mut found: Vec<Library> = Vec::new();
+    for folder in folders {
+        let before = found.len();
+        for entry in entries {
+            for (platform, extension) in PLATFORMS {
+                let identifier = entry.identity.model_identifier;
+                let candidates = ["", "lib"].map(|prefix| format!("{prefix}{identifier}.{extension}"));
+                let path = [folder.join(platform), folder.join("binaries").join(platform)]
+                    .iter()
+                    .flat_map(|place| candidates.iter().map(move |name| place.join(name)))
+                    .find(|path| path.is_file());
+                let is_new =
+                    |p: &str| !found.iter().any(|l| l.platform == p && l.model_identifier == identifier);
+                if let Some(path) = path.filter(|_| is_new(platform)) {
+                    let (platform, model_identifier) = (platform.to_owned(), identifier.to_owned());
+                    found.push(Library { platform, model_identifier, path });
+                }
+            }
+        }
+        if found.len() == before {
+            return Err(Error::NoPlatform { path: folder.clone() });
+        }
+    }
+    Ok(found)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use airloop_models::registry;
+
+    #[test]
+    fn binaries_of_other_platforms_are_found_in_both_layouts() {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        for path in ["win64/friction.dll", "binaries/darwin64/libcart_pole.dylib", "win64/unrelated.dll"] {
+            let path = folder.path().join(path);
+            std::fs::create_dir_all(path.parent().expect("a platform")).expect("writable");
+            std::fs::write(path, "binary").expect("writable");
+        }
+        let found = of_platforms(&[folder.path().to_path_buf()], &registry::all()).expect("two binaries");
+        let mut names: Vec<(&str, &str)> =
+            found.iter().map(|l| (l.platform.as_str(), l.model_identifier.as_str())).collect();
+        names.sort_unstable();
+        assert_eq!(names, [("darwin64", "cart_pole"), ("win64", "friction")]);
+    }
+
+    #[test]
+    fn a_folder_without_binaries_is_refused_by_name() {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let error = of_platforms(&[folder.path().to_path_buf()], &registry::all()).expect_err("it is empty");
+        assert!(error.to_string().contains("win64/friction.dll"), "{error}");
+        let error = in_folder(folder.path(), &registry::all()).expect_err("it is empty");
+        assert!(error.to_string().contains("cargo build --release -p fmu-arx-actuator"), "{error}");
+    }
+
+    #[test]
+    fn the_library_is_read_from_the_messages_of_cargo() {
+        let line = |kind: &str| {
+            format!(
+                r#"{{"reason":"compiler-artifact","target":{{"name":"friction","kind":["{kind}"]}},"filenames":["x/friction.d","x/libfriction.{}"]}}"#,
+                std::env::consts::DLL_EXTENSION
+            )
+        };
+        assert!(artifact(&line("cdylib"), "friction").is_some());
+        assert_eq!(artifact(&line("rlib"), "friction"), None);
+        assert_eq!(artifact(&line("cdylib"), "cart_pole"), None);
+        assert_eq!(artifact("not JSON", "friction"), None);
+    }
+}
