@@ -1,1 +1,30 @@
 //! The airloop library: import FMUs, couple them, compare with measurements.
+//!
+//! A module uses modules of lower lines only (`tests/layers.rs` checks it):
+//!
+//! ```text
+//!  7  cli
+//!  6  error
+//!  5  plot
+//!  4  discrepancy
+//!  3  master
+//!  2  system      ident
+//!  1  fmu         results
+//!  0  series      units
+//! ```
+//!
+//! Start with [`system::SystemGraph::open`], [`master::simulate::run`] and [`series::csv::write`].
+
+pub mod cli;
+pub mod discrepancy;
+pub mod error;
+pub mod fmu;
+pub mod ident;
+pub mod master;
+pub mod plot;
+pub mod results;
+pub mod series;
+pub mod system;
+pub mod units;
+
+pub use error::Error;

@@ -66,10 +66,8 @@ impl<M: Model> Instance<M> {
                 self.state.terminated = true;
                 self.discard(F, &format!("the model ended the simulation at t = {at} s"))
             }
-            Err(Stop::Refused(refusal)) => {
-                self.state.last_successful_time = self.state.values.time;
-                self.refuse(F, &refusal)
-            }
+            // The last completed step ended at `t`; what was reached inside this one is not for use.
+            Err(Stop::Refused(refusal)) => self.refuse(F, &refusal),
         };
         self.close_input_ramps(self.state.values.time - t);
         if status == Status::Discard {

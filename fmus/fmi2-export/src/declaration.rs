@@ -46,7 +46,7 @@ impl<'t> Declaration<'t> {
         self
     }
 
-    /// Unit, one of [`units::STANDARD`] or declared by [`Table::unit`].
+    /// Unit, one of [`crate::units::STANDARD`] or declared by [`Table::unit`].
     pub fn unit(mut self, unit: &'static str) -> Self {
         self.variable.unit = Some(unit);
         self

@@ -187,7 +187,7 @@ impl Table {
         (model, table)
     }
 
-    /// Declares a unit that is not in [`units::STANDARD`], by its SI base-unit exponents.
+    /// Declares a unit that is not in [`crate::units::STANDARD`], by its SI base-unit exponents.
     pub fn unit(&mut self, name: &'static str, exponents: &'static [(&'static str, i32)]) {
         if self.find_unit(name).is_none() {
             self.extra_units.push(Unit { name, exponents, factor: 1.0, offset: 0.0, display: &[] });

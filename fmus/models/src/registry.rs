@@ -91,13 +91,11 @@ fn entry<M: Model>(package: &'static str, shipped: bool, readme: &'static str) -
 
 fn first_order(name: &'static str, description: &'static str, (a1, b0, b1): FirstOrder) -> ParameterSet {
     let mut values = Vec::new();
-    for j in 0..2 {
-        for l in 0..2 {
-            values.push((format!("A1[{},{}]", j + 1, l + 1), a1[j][l]));
-        }
+    for (j, row) in a1.iter().enumerate() {
+        values.extend(row.iter().enumerate().map(|(l, a)| (format!("A1[{},{}]", j + 1, l + 1), *a)));
     }
     for (i, b) in [b0, b1].iter().enumerate() {
-        values.extend((0..2).map(|j| (format!("B{i}[{}]", j + 1), b[j])));
+        values.extend(b.iter().enumerate().map(|(j, b)| (format!("B{i}[{}]", j + 1), *b)));
     }
     ParameterSet { name, description, values }
 }

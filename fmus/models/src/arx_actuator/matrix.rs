@@ -85,14 +85,14 @@ impl<S: Scalar> Matrix<S> {
         let n = self.n;
         let mut m = *self;
         let mut exchanged = [0; MAX];
-        for k in 0..n {
+        for (k, exchanged) in exchanged.iter_mut().enumerate().take(n) {
             let size = |i: &usize| m.a[*i][k].value().abs();
             let p = (k..n).max_by(|i, j| size(i).total_cmp(&size(j)))?;
             if size(&p) < f64::MIN_POSITIVE {
                 return None;
             }
             m.a.swap(k, p);
-            exchanged[k] = p;
+            *exchanged = p;
             let pivot = S::from(1.0) / m.a[k][k];
             m.a[k][k] = S::from(1.0);
             m.a[k].iter_mut().for_each(|x| *x *= pivot);
@@ -203,12 +203,13 @@ impl Matrix<f64> {
         let radius = self.norm1().max(f64::MIN_POSITIVE);
         let a = self.scaled(1.0 / radius);
         // p(λ) = λⁿ + c[1] λⁿ⁻¹ + ... + c[n]
-        let mut c = vec![1.0; n + 1];
+        let mut c = vec![1.0];
         let mut m = Self::identity(n);
         for k in 1..=n {
             let product = a * m;
-            c[k] = -product.trace() / k as f64;
-            m = product.shifted(c[k]);
+            let next = -product.trace() / k as f64;
+            c.push(next);
+            m = product.shifted(next);
         }
         // Coefficients that are rounding only: poles at zero, which no iteration would hit exactly.
         let degree = (1..=n).rev().find(|k| c[*k].abs() > 1e-15).unwrap_or(0);

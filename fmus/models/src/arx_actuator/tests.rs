@@ -160,3 +160,57 @@ fn continuous_form_is_refused_with_the_pole_in_the_message() {
     let message = refused(&|m, q| q[m.nk] = 3);
     assert!(message.contains("nk + nb - 1 = 4"), "{message}");
 }
+
+#[test]
+fn both_realisations_agree_at_the_samples() {
+    // Two outputs, second order with poles in the right half plane, and eq. 8.
+    let second_order = |m: &ArxActuator, q: &mut Values<f64>| {
+        (q[m.na], q[m.nb]) = (2, 3);
+        for (i, a) in [[[-1.5, 0.05], [0.02, -1.4]], [[0.56, -0.01], [0.03, 0.45]]].iter().enumerate() {
+            for (j, row) in a.iter().enumerate() {
+                (0..2).for_each(|l| q[m.A[i][j][l]] = row[l]);
+            }
+        }
+        (0..2).for_each(|j| q[m.B[2][j]] = 0.1 - 0.3 * j as f64);
+    };
+    let eq_8 = |_: &ArxActuator, _: &mut Values<f64>| {};
+    for set in [&second_order as &dyn Fn(&ArxActuator, &mut Values<f64>), &eq_8] {
+        let mut sampled = Run::new(Interface::ModelExchange, set).prepared();
+        let mut continuous = Run::new(Interface::ModelExchange, |m, q| {
+            set(m, q);
+            q[m.realisation] = CONTINUOUS;
+        })
+        .prepared();
+        let mut command = 0.37_f64;
+        for k in 0..150 {
+            command = (command * 3.7) * (1.0 - command); // logistic map: no pattern
+            let u = 10.0 * (command - 0.5);
+            let expected = sampled.step(u);
+            let (m, q) = (&continuous.model, &mut continuous.q);
+            q[m.u] = u;
+            m.equations(q).expect("prepared");
+            let got = [q[m.F_hat], q[m.F_act]];
+            for (g, e) in got.iter().zip(expected) {
+                assert!((g - e).abs() < 1e-11, "{k}: {got:?} {expected:?}");
+            }
+            // Classical Runge-Kutta; the fastest pole is at 700/s, so a step errs by (700/s h)^5 / 120 = 1e-16.
+            let h = 1e-3 / 400.0;
+            for _ in 0..400 {
+                let z0 = m.z.map(|z| q[z]);
+                let mut rates = [[0.0; MAX_STATES]; 4];
+                for (stage, fraction) in [0.0, 0.5, 0.5, 1.0].into_iter().enumerate() {
+                    for i in 0..MAX_STATES {
+                        let rate = if stage == 0 { 0.0 } else { rates[stage - 1][i] };
+                        q[m.z[i]] = z0[i] + h * fraction * rate;
+                    }
+                    m.equations(q).expect("prepared");
+                    rates[stage] = m.der_z.map(|d| q[d]);
+                }
+                for i in 0..MAX_STATES {
+                    let mean = (rates[0][i] + 2.0 * (rates[1][i] + rates[2][i]) + rates[3][i]) / 6.0;
+                    q[m.z[i]] = z0[i] + h * mean;
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,177 @@
+//! Definition of the command line.
+
+use std::path::PathBuf;
+
+use clap::{Args, Parser, Subcommand, ValueEnum};
+
+use crate::master::Algorithm;
+use crate::series::Interpolation;
+use crate::units::parse_duration;
+
+/// Co-simulation of FMI 2.0 units, and comparison with measurements.
+#[derive(Debug, Parser)]
+#[command(
+    name = "airloop",
+    version,
+    propagate_version = true,
+    after_help = "Exit codes: 0 success, 1 failure, 2 wrong usage, 130 interrupted (Ctrl-C; the result so far is kept)."
+)]
+pub struct Cli {
+    /// What to do.
+    #[command(subcommand)]
+    pub command: Command,
+}
+
+/// The subcommands.
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// Simulate a system and compare it with a measurement.
+    Run(RunArgs),
+    /// Show what an FMU or a system consists of.
+    Inspect(InspectArgs),
+    /// Print a completion script for a shell, e.g. `airloop completions bash > ~/.local/share/bash-completion/completions/airloop`.
+    Completions {
+        /// Shell.
+        shell: clap_complete::Shell,
+    },
+}
+
+/// `airloop inspect`
+#[derive(Debug, Args)]
+pub struct InspectArgs {
+    /// .fmu, .ssd or .ssp file.
+    pub system: PathBuf,
+}
+
+/// `airloop run`
+///
+/// Writes result.csv (first column time [s], then connectors of the system by their plain name and all outputs as
+/// component.variable), summary.json, figures as SVG, and index.html with figures and numbers.
+///
+/// Discrete outputs stand at the start of the interval over which they are held: a sampled output y(k) is in the
+/// row of k Ts.
+#[derive(Debug, Args)]
+#[command(
+    after_help = "Exit codes: 0 success (also if a component ends the simulation), 1 failure (the result so far is kept), 2 wrong usage, 130 interrupted (Ctrl-C; the result so far is kept).\n\nExample: airloop run examples/01_run/system.ssd --measured record.csv --step 1ms -o out/run"
+)]
+pub struct RunArgs {
+    /// System: .ssd or .ssp (SSP 1.0 or 2.0), or a single .fmu.
+    pub system: PathBuf,
+    /// Stop time [s], e.g. 4 or 500ms. Default: end of the measured or input data, else the default experiment of
+    /// the system.
+    #[arg(long, value_parser = parse_duration, value_name = "TIME")]
+    pub stop: Option<f64>,
+    /// Communication step size [s], e.g. 1ms or 0.001; the last step is shortened to meet the stop time. Default:
+    /// that of the default experiment of a single FMU, else 1ms.
+    #[arg(long, value_parser = parse_duration, value_name = "TIME")]
+    pub step: Option<f64>,
+    /// Start time [s]. Default: first time of the measured or input data, else the default experiment, else 0.
+    #[arg(long, value_parser = parse_duration, value_name = "TIME")]
+    pub start: Option<f64>,
+    /// How slaves are coupled.
+    #[arg(long, value_enum, default_value_t = MasterChoice::GaussSeidel)]
+    pub master: MasterChoice,
+    /// CSV file with inputs of the system: first column time [s], then one column per input.
+    #[arg(long, value_name = "FILE")]
+    pub input: Option<PathBuf>,
+    /// Inputs between their samples. At a communication point both give the sample, so that for a command sampled
+    /// on the communication grid they agree; choose hold for a sampled command and smaller steps.
+    #[arg(long, value_enum, default_value_t = InterpolationChoice::Linear)]
+    pub interpolation: InterpolationChoice,
+    /// Start value of a parameter, input or state, in the unit of the variable: component.variable=value (or
+    /// variable=value for a single FMU). May be repeated.
+    #[arg(long, value_name = "NAME=VALUE", value_parser = parse_assignment)]
+    pub set: Vec<(String, String)>,
+    /// CSV file with a measurement: outputs of the system to compare with, and its inputs unless --input is given.
+    /// Columns belong to the connectors of the same name, else see --signals.
+    #[arg(long, value_name = "FILE")]
+    pub measured: Option<PathBuf>,
+    /// Start of the states that are measured: at the first measured value, or at the start values of the model
+    /// (usually zero). A zero start can cost several points of fit.
+    #[arg(long, value_enum, default_value_t = InitialChoice::Measured, requires = "measured")]
+    pub initial: InitialChoice,
+    /// TOML file with a [signals] table: connector = "column", for columns of another name.
+    #[arg(long, value_name = "FILE")]
+    pub signals: Option<PathBuf>,
+    /// Folder for the results; it is made if it is not there.
+    #[arg(short, long, value_name = "DIR", default_value = "out/run")]
+    pub output: PathBuf,
+    /// Relative tolerance for solvers inside FMUs, between 0 and 1. Default: each FMU uses its own.
+    #[arg(long, value_name = "NUMBER")]
+    pub tolerance: Option<f64>,
+    /// Draw no figures.
+    #[arg(long)]
+    pub no_plots: bool,
+    /// Print nothing but errors.
+    #[arg(short, long)]
+    pub quiet: bool,
+}
+
+/// `--master`
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum MasterChoice {
+    /// Serial: in evaluation order, each slave gets the newest outputs of those before it.
+    GaussSeidel,
+    /// Parallel: outputs are exchanged, then all slaves step; every connection is one step late.
+    Jacobi,
+}
+
+impl From<MasterChoice> for Algorithm {
+    fn from(choice: MasterChoice) -> Algorithm {
+        match choice {
+            MasterChoice::GaussSeidel => Algorithm::GaussSeidel,
+            MasterChoice::Jacobi => Algorithm::Jacobi,
+        }
+    }
+}
+
+/// `--interpolation`
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum InterpolationChoice {
+    /// Straight line between samples.
+    Linear,
+    /// Each sample is held until the next.
+    Hold,
+}
+
+impl From<InterpolationChoice> for Interpolation {
+    fn from(choice: InterpolationChoice) -> Interpolation {
+        match choice {
+            InterpolationChoice::Linear => Interpolation::Linear,
+            InterpolationChoice::Hold => Interpolation::Hold,
+        }
+    }
+}
+
+/// `--initial`
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum InitialChoice {
+    /// At the first measured value.
+    Measured,
+    /// At the start values of the model.
+    Zero,
+}
+
+fn parse_assignment(text: &str) -> Result<(String, String), String> {
+    match text.split_once('=') {
+        Some((name, value)) if !name.trim().is_empty() => Ok((name.trim().into(), value.trim().into())),
+        _ => Err("write component.variable=value".into()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::CommandFactory;
+
+    #[test]
+    fn the_definition_is_consistent() {
+        Cli::command().debug_assert();
+    }
+
+    #[test]
+    fn assignments_need_a_name_and_keep_later_equal_signs() {
+        assert_eq!(parse_assignment("a.b = x=y"), Ok(("a.b".into(), "x=y".into())));
+        assert!(parse_assignment("=1").is_err() && parse_assignment("a.b").is_err());
+    }
+}

@@ -1,0 +1,90 @@
+//! `airloop inspect` for systems: components, connectors, connections, evaluation order.
+
+use std::path::Path;
+
+use super::table::table;
+use crate::Error;
+use crate::system::SystemGraph;
+use crate::system::graph::Conversion;
+
+/// Prints what a system consists of.
+///
+/// # Errors
+/// The system cannot be read or simulated.
+pub fn run(file: &Path) -> Result<(), Error> {
+    let graph = SystemGraph::open(file)?;
+    print!("{}", describe(&graph));
+    Ok(())
+}
+
+/// The text that `airloop inspect` prints for a system.
+pub fn describe(graph: &SystemGraph) -> String {
+    let mut text =
+        format!("System {} ({})\n\nComponents in evaluation order\n", graph.name, graph.file.display());
+    let components: Vec<Vec<String>> = graph
+        .order
+        .iter()
+        .map(|&index| {
+            let component = &graph.components[index];
+            let description = &component.fmu.description;
+            let values: Vec<String> = component
+                .start_values
+                .iter()
+                .map(|start| format!("{} = {}", description.variables[start.variable].name, start.value))
+                .collect();
+            vec![
+                component.name.clone(),
+                description.model_name.clone(),
+                component.fmu.path.display().to_string(),
+                values.join(", "),
+            ]
+        })
+        .collect();
+    text += &indented(&table(&["component", "model", "FMU", "start values"], &components, &[]));
+    text += "\nConnectors of the system\n";
+    let unit = |unit: &Option<String>| unit.clone().unwrap_or_default();
+    let inputs = graph.inputs.iter().map(|input| {
+        vec![
+            input.name.clone(),
+            "input".into(),
+            input.data_type.to_string(),
+            unit(&input.unit),
+            String::new(),
+        ]
+    });
+    let outputs = graph.outputs.iter().map(|output| {
+        let source = format!("{}{}", graph.source_name(output.source), factor(output.conversion));
+        vec![output.name.clone(), "output".into(), output.data_type.to_string(), unit(&output.unit), source]
+    });
+    let connectors: Vec<Vec<String>> = inputs.chain(outputs).collect();
+    text += &indented(&table(&["name", "kind", "type", "unit", "source"], &connectors, &[]));
+    text += "\nConnections\n";
+    let connections: Vec<Vec<String>> = graph
+        .connections
+        .iter()
+        .map(|connection| {
+            vec![
+                graph.source_name(connection.source),
+                format!("-> {}", graph.components[connection.component].path_of(connection.variable)),
+                factor(connection.conversion).trim().to_owned(),
+            ]
+        })
+        .collect();
+    text += &indented(&table(&["from", "to", "conversion"], &connections, &[]));
+    for note in &graph.notes {
+        text += &format!("\nNote: {note}\n");
+    }
+    text
+}
+
+fn factor(conversion: Conversion) -> String {
+    match conversion {
+        Conversion::IDENTITY => String::new(),
+        Conversion { factor, offset } if offset == 0.0 => format!(" x {factor}"),
+        Conversion { factor, offset } => format!(" x {factor} + {offset}"),
+    }
+}
+
+fn indented(text: &str) -> String {
+    text.lines().map(|line| format!("  {line}\n")).collect()
+}

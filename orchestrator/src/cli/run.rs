@@ -1,0 +1,346 @@
+//! `airloop run`: simulate, write, compare, draw.
+
+use std::io::IsTerminal;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use indicatif::{ProgressBar, ProgressStyle};
+
+use super::args::{InitialChoice, RunArgs};
+use super::table::table;
+use crate::discrepancy::signals::{self, Links, SignalTable};
+use crate::discrepancy::{self, residual};
+use crate::master::simulate::{self, End, Run, Stimulus, Watch};
+use crate::plot::run::short;
+use crate::results::summary::{
+    self, ConnectorRecord, FmuRecord, Outcome, SCHEMA_VERSION, SignalRecord, Summary, Timings,
+};
+use crate::series::{Interpolation, TimeSeries, csv};
+use crate::system::SystemGraph;
+use crate::system::graph::{DataType, Source};
+use crate::{Error, master, plot};
+
+/// Step size \[s\] where nothing else is said.
+const DEFAULT_STEP: f64 = 1e-3;
+
+/// A file of signals and what it holds for the system.
+struct Record {
+    file: PathBuf,
+    series: TimeSeries,
+    links: Links,
+}
+
+/// Runs the command; the exit code says how the simulation ended.
+///
+/// # Errors
+/// What keeps the run from starting, or its results from being written.
+pub fn run(args: &RunArgs) -> Result<ExitCode, Error> {
+    let mut graph = SystemGraph::open(&args.system)?;
+    let mut notes = graph.notes.clone();
+    let signals = match &args.signals {
+        Some(file) => SignalTable::read(file)?,
+        None => SignalTable::default(),
+    };
+    let input = args.input.as_ref().map(|file| read(&graph, file, &signals)).transpose()?;
+    if let Some(input) = &input {
+        signals::only_inputs(&graph, &input.links, &input.series, &input.file)?;
+    }
+    let measured = args.measured.as_ref().map(|file| read(&graph, file, &signals)).transpose()?;
+    if let Some(measured) = &measured {
+        check_measured(&graph, measured, &mut notes)?;
+    }
+    let settings = settings(args, &graph, input.as_ref().or(measured.as_ref()))?;
+    if let Some(measured) = measured.as_ref().filter(|_| args.initial == InitialChoice::Measured) {
+        let (series, links) = (&measured.series, &measured.links);
+        let set = signals::start_at_measured(&mut graph, series, links, settings.start_time);
+        if !set.is_empty() {
+            notes.push(format!("start values from the measurement: {}", set.join(", ")));
+        }
+    }
+    for (name, value) in &args.set {
+        graph.set_start(name, value, &format!("--set {name}={value}"))?;
+    }
+    let stimulus = input.as_ref().or(measured.as_ref()).map(|record| stimulus(record, args));
+    note_texts(&graph, &mut notes);
+    note_inputs(&graph, stimulus.as_ref(), &settings, &mut notes);
+    std::fs::create_dir_all(&args.output)
+        .map_err(|source| csv::Error::Io { path: args.output.clone(), source })?;
+
+    let run = simulate(&graph, &settings, stimulus.as_ref(), args.quiet)?;
+    csv::write(&run.result, &args.output.join("result.csv"))?;
+    let connectors = connectors(&graph, &run);
+    let fits = match &measured {
+        Some(measured) if run.result.len() > 1 => {
+            let held =
+                |name: &str| connectors.iter().any(|connector| connector.name == name && connector.held);
+            residual::compare(&graph, &run.result, &held, &measured.series, &measured.links, &measured.file)?
+        }
+        _ => Vec::new(),
+    };
+    let summary = summarize(args, &graph, &settings, &run, connectors, fits, notes);
+    summary::write(&summary, &args.output.join("summary.json"))?;
+    if !args.no_plots {
+        plot::run::draw(&args.output)?;
+    }
+    if !args.quiet {
+        print!("{}", report(&summary, args));
+    }
+    Ok(exit(&run, args))
+}
+
+fn read(graph: &SystemGraph, file: &Path, table: &SignalTable) -> Result<Record, Error> {
+    let series = csv::read(file)?;
+    let links = signals::link(graph, &series, table, file)?;
+    Ok(Record { file: file.into(), series, links })
+}
+
+fn check_measured(graph: &SystemGraph, measured: &Record, notes: &mut Vec<String>) -> Result<(), Error> {
+    if measured.links.outputs.is_empty() {
+        let outputs: Vec<&str> = graph.outputs.iter().map(|output| output.name.as_str()).collect();
+        return Err(discrepancy::Error::NothingMeasured {
+            file: measured.file.clone(),
+            columns: signals::column_names(&measured.series),
+            known: outputs.join(", "),
+        }
+        .into());
+    }
+    if !measured.links.unused.is_empty() {
+        notes.push(format!("measured columns without a connector: {}", measured.links.unused.join(", ")));
+    }
+    Ok(())
+}
+
+fn settings(args: &RunArgs, graph: &SystemGraph, data: Option<&Record>) -> Result<master::Settings, Error> {
+    let experiment = &graph.experiment;
+    let first = data.and_then(|data| data.series.time().first().copied());
+    let last = data.and_then(|data| data.series.time().last().copied());
+    let missing = master::Error::Setting {
+        name: "stop time",
+        value: f64::NAN,
+        allowed: "given with --stop, as the system has no default experiment and there are no data",
+    };
+    Ok(master::Settings {
+        start_time: args.start.or(first).or(experiment.start).unwrap_or(0.0),
+        stop_time: args.stop.or(last).or(experiment.stop).ok_or(missing)?,
+        step_size: args.step.or(experiment.step_size).unwrap_or(DEFAULT_STEP),
+        algorithm: args.master.into(),
+        tolerance: args.tolerance,
+        read_all_outputs: true,
+    })
+}
+
+fn stimulus<'a>(record: &'a Record, args: &RunArgs) -> Stimulus<'a> {
+    let link =
+        |link: &signals::Link| (link.connector, link.channel, link.conversion.factor, link.conversion.offset);
+    Stimulus {
+        series: &record.series,
+        links: record.links.inputs.iter().map(link).collect(),
+        interpolation: args.interpolation.into(),
+    }
+}
+
+fn note_texts(graph: &SystemGraph, notes: &mut Vec<String>) {
+    let texts = graph.outputs.iter().filter(|output| output.data_type == DataType::String);
+    let names: Vec<&str> = texts.map(|output| output.name.as_str()).collect();
+    if !names.is_empty() {
+        notes.push(format!("texts are not in result.csv: {}", names.join(", ")));
+    }
+}
+
+fn note_inputs(
+    graph: &SystemGraph,
+    stimulus: Option<&Stimulus>,
+    settings: &master::Settings,
+    notes: &mut Vec<String>,
+) {
+    let given = |index: usize| {
+        stimulus.is_some_and(|stimulus| stimulus.links.iter().any(|(connector, ..)| *connector == index))
+    };
+    for (index, input) in graph.inputs.iter().enumerate() {
+        if !given(index) {
+            notes.push(format!("no data for the system input `{}`: it keeps its start value", input.name));
+        }
+    }
+    if let Some(stimulus) = stimulus.filter(|stimulus| !stimulus.links.is_empty()) {
+        let time = stimulus.series.time();
+        if let Some(end) = time.last().filter(|end| **end < settings.stop_time) {
+            notes
+                .push(format!("the input data end at {end} s: the last values are held until the stop time"));
+        }
+        if let Some(begin) = time.first().filter(|begin| **begin > settings.start_time) {
+            notes.push(format!("the input data begin at {begin} s: the first values hold before"));
+        }
+    }
+}
+
+/// Runs with a progress bar (on a terminal) and stops on Ctrl-C.
+fn simulate(
+    graph: &SystemGraph,
+    settings: &master::Settings,
+    stimulus: Option<&Stimulus>,
+    quiet: bool,
+) -> Result<Run, Error> {
+    let stop = Arc::new(AtomicBool::new(false));
+    let flag = Arc::clone(&stop);
+    // Without a handler Ctrl-C ends the program as usual, so a failure here is no reason not to run.
+    let _ = ctrlc::set_handler(move || {
+        if flag.swap(true, Ordering::Relaxed) {
+            std::process::exit(i32::from(super::INTERRUPTED));
+        }
+    });
+    let bar = match !quiet && std::io::stderr().is_terminal() {
+        true => ProgressBar::new(0),
+        false => ProgressBar::hidden(),
+    };
+    let style = "{bar:40} {percent:>3} %  {pos}/{len} steps  {per_sec}  {eta} left";
+    bar.set_style(ProgressStyle::with_template(style).expect("the template is well formed"));
+    let mut progress = |done: u64, all: u64| {
+        bar.set_length(all);
+        bar.set_position(done);
+    };
+    let run = simulate::run(graph, settings, stimulus, Watch { stop: &stop, progress: &mut progress });
+    bar.finish_and_clear();
+    Ok(run?)
+}
+
+fn connectors(graph: &SystemGraph, run: &Run) -> Vec<ConnectorRecord> {
+    let record = |name: &str, kind: &str, unit: &Option<String>, held: bool| ConnectorRecord {
+        name: name.into(),
+        kind: kind.into(),
+        unit: unit.clone(),
+        held,
+    };
+    let inputs = graph.inputs.iter().map(|input| record(&input.name, "input", &input.unit, false));
+    let outputs = graph.outputs.iter().map(|output| {
+        let held = match output.source {
+            Source::Input(_) => false,
+            Source::Output { component, variable } => graph.is_held(component, variable),
+        };
+        record(&output.name, "output", &output.unit, held)
+    });
+    inputs.chain(outputs).filter(|connector| run.result.channel(&connector.name).is_some()).collect()
+}
+
+fn summarize(
+    args: &RunArgs,
+    graph: &SystemGraph,
+    settings: &master::Settings,
+    run: &Run,
+    connectors: Vec<ConnectorRecord>,
+    signals: Vec<SignalRecord>,
+    fallbacks: Vec<String>,
+) -> Summary {
+    let end_time = run.result.time().last().copied().unwrap_or(settings.start_time);
+    let (status, message) = match &run.end {
+        End::Completed => ("completed", None),
+        End::Terminated { component } => {
+            ("terminated", Some(format!("component {component} ended the simulation at t = {end_time} s")))
+        }
+        End::Interrupted => ("interrupted", Some(format!("interrupted at t = {end_time} s"))),
+        End::Failed(error) => ("failed", Some(error.to_string())),
+    };
+    let fmu = |index: &usize| {
+        let component = &graph.components[*index];
+        let description = &component.fmu.description;
+        FmuRecord {
+            component: component.name.clone(),
+            model_name: description.model_name.clone(),
+            guid: description.guid.clone(),
+            path: component.fmu.path.clone(),
+            version: text(&description.version),
+            generation_tool: text(&description.generation_tool),
+        }
+    };
+    Summary {
+        schema_version: SCHEMA_VERSION,
+        airloop_version: env!("CARGO_PKG_VERSION").into(),
+        system: graph.name.clone(),
+        system_file: args.system.clone(),
+        settings: summary::Settings {
+            start_time: settings.start_time,
+            stop_time: settings.stop_time,
+            step_size: settings.step_size,
+            master: settings.algorithm.to_string(),
+            interpolation: match args.interpolation.into() {
+                Interpolation::Linear => "linear".into(),
+                Interpolation::Hold => "hold".into(),
+            },
+            tolerance: settings.tolerance,
+            input: args.input.clone(),
+            measured: args.measured.clone(),
+            initial: args.measured.as_ref().map(|_| match args.initial {
+                InitialChoice::Measured => "measured".into(),
+                InitialChoice::Zero => "zero".into(),
+            }),
+            set: args.set.iter().map(|(name, value)| format!("{name}={value}")).collect(),
+        },
+        outcome: Outcome { status: status.into(), message, end_time, steps: run.steps },
+        timings: Timings::new(run.initialization, run.stepping, run.steps, settings.start_time, end_time),
+        fmus: graph.order.iter().map(fmu).collect(),
+        connectors,
+        signals,
+        fallbacks,
+    }
+}
+
+fn text(text: &str) -> Option<String> {
+    Some(text.to_owned()).filter(|text| !text.is_empty())
+}
+
+/// What is printed after a run.
+fn report(summary: &Summary, args: &RunArgs) -> String {
+    let mut text = format!(
+        "{}: {} s to {} s, {} steps of {} s ({}), {} s, {} steps/s\n",
+        summary.system,
+        summary.settings.start_time,
+        summary.outcome.end_time,
+        summary.outcome.steps,
+        summary.settings.step_size,
+        summary.settings.master,
+        short(summary.timings.simulation_s),
+        short(summary.timings.steps_per_second),
+    );
+    if summary.outcome.status == "terminated" {
+        text += &format!("{}\n", summary.outcome.message.as_deref().unwrap_or_default());
+    }
+    if !summary.signals.is_empty() {
+        let rows: Vec<Vec<String>> = summary
+            .signals
+            .iter()
+            .map(|signal| {
+                vec![
+                    signal.name.clone(),
+                    signal.unit.clone().unwrap_or_default(),
+                    signal.fit_percent.map_or("constant".into(), |fit| format!("{fit:.2}")),
+                    short(signal.rms_error),
+                ]
+            })
+            .collect();
+        text += &format!("\n{}\n", table(&["signal", "unit", "fit [%]", "RMS error"], &rows, &[2, 3]));
+    }
+    for note in &summary.fallbacks {
+        text += &format!("note: {note}\n");
+    }
+    text += &format!("result:  {}\n", args.output.join("result.csv").display());
+    if !args.no_plots {
+        text += &format!("figures: {}\n", args.output.join("index.html").display());
+    }
+    text
+}
+
+fn exit(run: &Run, args: &RunArgs) -> ExitCode {
+    let kept = args.output.join("result.csv");
+    match &run.end {
+        End::Completed | End::Terminated { .. } => ExitCode::SUCCESS,
+        End::Interrupted => {
+            eprintln!("interrupted; the result so far is in {}", kept.display());
+            ExitCode::from(super::INTERRUPTED)
+        }
+        End::Failed(error) => {
+            eprintln!("error: {error}\nthe result so far is in {}", kept.display());
+            ExitCode::FAILURE
+        }
+    }
+}

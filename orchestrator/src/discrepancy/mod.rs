@@ -1,0 +1,30 @@
+//! Measurement against simulation: which column belongs to which connector, and how far they are apart.
+
+pub mod residual;
+pub mod signals;
+
+use std::path::PathBuf;
+
+/// Why measurement and simulation cannot be brought together.
+#[derive(Debug, thiserror::Error)]
+#[allow(missing_docs, reason = "file, column and connector, as in each message")]
+pub enum Error {
+    /// A column of an input file is no input.
+    #[error(transparent)]
+    Csv(#[from] crate::series::csv::Error),
+    /// The table of signals cannot be read.
+    #[error("{}: {problem}; write for example\n[signals]\nx = \"position\"", file.display())]
+    Table { file: PathBuf, problem: String },
+    /// The table names a connector that is not there.
+    #[error("{}: the system has no connector `{connector}`; it has: {known}", file.display())]
+    UnknownConnector { file: PathBuf, connector: String, known: String },
+    /// Units of a column and its connector do not fit.
+    #[error("{}: line 1, column `{column}`: its unit [{found}] cannot be converted to [{wanted}] of the connector `{connector}`", file.display())]
+    Unit { file: PathBuf, column: String, found: String, connector: String, wanted: String },
+    /// No column fits any connector.
+    #[error("{}: none of its columns ({columns}) is a connector of the system ({known}); name the pairs in a [signals] table and give it with `--signals`", file.display())]
+    NothingMeasured { file: PathBuf, columns: String, known: String },
+    /// The two time ranges have nothing in common.
+    #[error("{}: signal `{signal}`: {source}", file.display())]
+    Fit { file: PathBuf, signal: String, source: crate::ident::fit::Error },
+}

@@ -1,0 +1,36 @@
+//! What a user of the library sees: one variant per module.
+
+/// Any error of this library; the messages are those of the modules.
+#[derive(Debug, thiserror::Error)]
+pub enum Error {
+    /// Files of signals.
+    #[error(transparent)]
+    Csv(#[from] crate::series::csv::Error),
+    /// Signals.
+    #[error(transparent)]
+    Series(#[from] crate::series::Error),
+    /// Units and durations.
+    #[error(transparent)]
+    Duration(#[from] crate::units::DurationError),
+    /// FMUs.
+    #[error(transparent)]
+    Fmu(#[from] crate::fmu::Error),
+    /// Run summaries.
+    #[error(transparent)]
+    Summary(#[from] crate::results::summary::Error),
+    /// System descriptions.
+    #[error(transparent)]
+    System(#[from] crate::system::Error),
+    /// Fits.
+    #[error(transparent)]
+    Fit(#[from] crate::ident::fit::Error),
+    /// Simulation.
+    #[error(transparent)]
+    Master(#[from] crate::master::Error),
+    /// Measurement against simulation.
+    #[error(transparent)]
+    Discrepancy(#[from] crate::discrepancy::Error),
+    /// Figures.
+    #[error(transparent)]
+    Plot(#[from] crate::plot::Error),
+}

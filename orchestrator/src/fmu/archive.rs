@@ -1,0 +1,321 @@
+//! Safe reading of an FMU archive: everything is checked before the first file is written.
+//!
+//! What the files mean is left to `open` and `description`.
+
+use std::collections::HashMap;
+use std::fs::{self, File};
+use std::io::{self, BufReader, Read, Seek, SeekFrom};
+use std::path::Path;
+
+use tempfile::TempDir;
+use zip::ZipArchive;
+use zip::result::ZipError;
+
+/// Name of the model description inside the archive.
+const DESCRIPTION: &str = "modelDescription.xml";
+
+/// Below this unpacked size \[bytes\] an archive may be packed as tightly as it likes.
+const RATIO_FLOOR: u64 = 32 << 20;
+
+/// What an archive may hold at most.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Limits {
+    /// Sum of the unpacked sizes \[bytes\]; default 1 GiB.
+    pub total_size: u64,
+    /// Unpacked size over size of the archive; default 100. Archives that unpack to 32 MiB or less may exceed it.
+    pub ratio: u64,
+    /// Number of entries; default 10 000.
+    pub entries: usize,
+    /// Size of `modelDescription.xml` \[bytes\]; default 64 MiB.
+    pub description_size: u64,
+}
+
+impl Default for Limits {
+    fn default() -> Self {
+        Limits { total_size: 1 << 30, ratio: 100, entries: 10_000, description_size: 64 << 20 }
+    }
+}
+
+/// Why an archive was refused. Nothing is left on disk.
+#[derive(Debug, thiserror::Error)]
+pub enum ArchiveError {
+    /// The file cannot be opened or read.
+    #[error("the file cannot be read: {0}")]
+    Read(#[source] io::Error),
+    /// A folder or device.
+    #[error("this is not a file; an FMU is one .fmu file (a zip archive)")]
+    NotAFile,
+    /// Nothing in it.
+    #[error("the file is empty; an FMU is a zip archive")]
+    Empty,
+    /// No zip archive, or a damaged one.
+    #[error("this is no readable zip archive, perhaps a truncated one: {0}")]
+    NotAZip(String),
+    /// No `modelDescription.xml` at the root.
+    #[error("the archive has no modelDescription.xml at its root{0}")]
+    NoDescription(String),
+    /// A name that would lead out of the folder or cannot be a file everywhere.
+    #[error("the entry \"{name}\" is refused: {reason}")]
+    Name {
+        /// Name as stored.
+        name: String,
+        /// What is wrong with it.
+        reason: &'static str,
+    },
+    /// Two entries for one file.
+    #[error("the entries \"{first}\" and \"{second}\" would be the same file; keep one of them")]
+    Collision {
+        /// The earlier entry.
+        first: String,
+        /// The later entry.
+        second: String,
+    },
+    /// A limit of [`Limits`] is exceeded.
+    #[error("{what} is {found}, above the limit of {limit}; a genuine FMU this large needs other limits")]
+    TooLarge {
+        /// What is limited.
+        what: String,
+        /// What the archive has.
+        found: u64,
+        /// The limit.
+        limit: u64,
+    },
+    /// An entry holds more or less than it declares, or its checksum is wrong.
+    #[error("the entry \"{name}\" is damaged: {reason}")]
+    Damaged {
+        /// Name as stored.
+        name: String,
+        /// What is wrong with it.
+        reason: String,
+    },
+    /// No room or no permission for the temporary files.
+    #[error("cannot unpack \"{name}\" into a temporary folder: {source}; check free space, or set TMPDIR")]
+    Write {
+        /// Entry, or the folder itself.
+        name: String,
+        /// What the system says.
+        source: io::Error,
+    },
+}
+
+/// An archive whose names and declared sizes are sound.
+pub(super) struct Archive {
+    zip: ZipArchive<BufReader<File>>,
+    limits: Limits,
+}
+
+/// An archive on disk.
+pub(super) struct Unpacked {
+    /// Holds all files; removed when dropped.
+    pub(super) folder: TempDir,
+    /// Names of all files, with forward slashes, in archive order.
+    pub(super) files: Vec<String>,
+}
+
+impl Archive {
+    /// Opens the archive at `path` and checks names, kinds and declared sizes of all entries.
+    pub(super) fn open(path: &Path, limits: &Limits) -> Result<Self, ArchiveError> {
+        let metadata = fs::metadata(path).map_err(ArchiveError::Read)?;
+        if !metadata.is_file() {
+            return Err(ArchiveError::NotAFile);
+        }
+        if metadata.len() == 0 {
+            return Err(ArchiveError::Empty);
+        }
+        limit("the size of the archive in bytes", metadata.len(), limits.total_size)?;
+        let file = File::open(path).map_err(ArchiveError::Read)?;
+        let mut zip = ZipArchive::new(BufReader::new(file)).map_err(not_a_zip)?;
+        let directory = File::open(path).map_err(ArchiveError::Read)?;
+        let stored = stored_names(directory, zip.central_directory_start())?;
+        limit("the number of entries", stored.len() as u64, limits.entries as u64)?;
+        check_names(stored.iter().map(String::as_str))?;
+        // Once more as the zip library sees them: an extra field can replace a name.
+        check_names(zip.file_names())?;
+
+        let mut total = 0_u64;
+        for index in 0..zip.len() {
+            let entry = zip.by_index_raw(index).map_err(not_a_zip)?;
+            let refuse = |reason| Err(ArchiveError::Name { name: entry.name().to_owned(), reason });
+            if entry.is_symlink() {
+                return refuse("it is a symbolic link, which FMUs may not hold");
+            }
+            if entry.encrypted() {
+                return refuse("it is encrypted");
+            }
+            total = total.saturating_add(entry.size());
+        }
+        limit("the unpacked size in bytes", total, limits.total_size)?;
+        if total > RATIO_FLOOR {
+            limit("the ratio of unpacked to packed size", total / metadata.len(), limits.ratio)?;
+        }
+        Ok(Archive { zip, limits: *limits })
+    }
+
+    /// The bytes of `modelDescription.xml`.
+    pub(super) fn description(&mut self) -> Result<Vec<u8>, ArchiveError> {
+        let Some(index) = self.zip.index_for_name(DESCRIPTION) else {
+            let nested = self.zip.file_names().find(|name| name.ends_with(&format!("/{DESCRIPTION}")));
+            let hint = nested.map_or_else(String::new, |name| {
+                format!("; there is {name}: pack the content of that folder, not the folder")
+            });
+            return Err(ArchiveError::NoDescription(hint));
+        };
+        let size = self.zip.by_index_raw(index).map_err(not_a_zip)?.size();
+        limit("the size of modelDescription.xml in bytes", size, self.limits.description_size)?;
+        let mut bytes = Vec::new();
+        self.copy(index, &mut bytes)?;
+        Ok(bytes)
+    }
+
+    /// Writes all files into a new temporary folder.
+    pub(super) fn unpack(mut self) -> Result<Unpacked, ArchiveError> {
+        let folder = tempfile::Builder::new()
+            .prefix("airloop-")
+            .tempdir()
+            .map_err(|source| ArchiveError::Write { name: "the folder".to_owned(), source })?;
+        let mut files = Vec::with_capacity(self.zip.len());
+        for index in 0..self.zip.len() {
+            let name = self.zip.name_for_index(index).expect("index is below len").to_owned();
+            let path = folder.path().join(name.trim_end_matches('/'));
+            let failed = |source| ArchiveError::Write { name: name.clone(), source };
+            if name.ends_with('/') {
+                fs::create_dir_all(&path).map_err(failed)?;
+                continue;
+            }
+            if let Some(parent) = path.parent() {
+                fs::create_dir_all(parent).map_err(failed)?;
+            }
+            let mut file = File::options().write(true).create_new(true).open(&path).map_err(failed)?;
+            self.copy(index, &mut file)?;
+            files.push(name);
+        }
+        // fmi2Instantiate gets the address of this folder also when the archive has none.
+        fs::create_dir_all(folder.path().join("resources"))
+            .map_err(|source| ArchiveError::Write { name: "resources".to_owned(), source })?;
+        Ok(Unpacked { folder, files })
+    }
+
+    /// Unpacks one entry, at most as many bytes as it declares: headers can lie.
+    fn copy(&mut self, index: usize, to: &mut impl io::Write) -> Result<(), ArchiveError> {
+        let name = self.zip.name_for_index(index).expect("index is below len").to_owned();
+        let damaged = |reason: String| ArchiveError::Damaged { name: name.clone(), reason };
+        let entry = self.zip.by_index(index).map_err(|error| damaged(error.to_string()))?;
+        let declared = entry.size();
+        let mut buffer = vec![0_u8; 64 << 10];
+        let mut entry = entry.take(declared.saturating_add(1));
+        let mut written = 0_u64;
+        loop {
+            let count = entry.read(&mut buffer).map_err(|error| damaged(error.to_string()))?;
+            if count == 0 {
+                break;
+            }
+            written += count as u64;
+            if written > declared {
+                break;
+            }
+            to.write_all(&buffer[..count])
+                .map_err(|source| ArchiveError::Write { name: name.clone(), source })?;
+        }
+        if written != declared {
+            let reason = format!(
+                "it declares {declared} bytes and holds {}",
+                if written > declared { "more" } else { "fewer" }
+            );
+            return Err(damaged(reason));
+        }
+        Ok(())
+    }
+}
+
+fn limit(what: &str, found: u64, limit: u64) -> Result<(), ArchiveError> {
+    if found <= limit {
+        return Ok(());
+    }
+    Err(ArchiveError::TooLarge { what: what.to_owned(), found, limit })
+}
+
+fn not_a_zip(error: ZipError) -> ArchiveError {
+    ArchiveError::NotAZip(error.to_string())
+}
+
+/// The names in the central directory at `start`, repeated ones included, which [`ZipArchive`] merges silently.
+fn stored_names(file: File, start: u64) -> Result<Vec<String>, ArchiveError> {
+    const SIGNATURE: [u8; 4] = *b"PK\x01\x02";
+    const HEADER: usize = 46;
+    let mut reader = BufReader::new(file);
+    reader.seek(SeekFrom::Start(start)).map_err(ArchiveError::Read)?;
+    let mut names = Vec::new();
+    let mut header = [0_u8; HEADER];
+    // What follows the last header is at least 22 bytes long and has another signature.
+    while reader.read_exact(&mut header[..4]).is_ok() && header[..4] == SIGNATURE {
+        reader.read_exact(&mut header[4..]).map_err(ArchiveError::Read)?;
+        let field = |at: usize| u16::from_le_bytes([header[at], header[at + 1]]);
+        let mut name = vec![0_u8; usize::from(field(28))];
+        reader.read_exact(&mut name).map_err(ArchiveError::Read)?;
+        reader.seek_relative(i64::from(field(30)) + i64::from(field(32))).map_err(ArchiveError::Read)?;
+        let name = String::from_utf8(name).map_err(|error| ArchiveError::Name {
+            name: String::from_utf8_lossy(error.as_bytes()).into_owned(),
+            reason: "the name is no UTF-8 text",
+        })?;
+        names.push(name);
+    }
+    Ok(names)
+}
+
+/// Refuses names that lead out of the folder, that not every system can store, or that meet in one file.
+fn check_names<'a>(names: impl Iterator<Item = &'a str>) -> Result<(), ArchiveError> {
+    // Folded path of every file and folder -> (path, whether an entry of its own, whether a file).
+    let mut seen: HashMap<String, (String, bool, bool)> = HashMap::new();
+    for name in names {
+        if let Some(reason) = bad_name(name) {
+            return Err(ArchiveError::Name { name: name.to_owned(), reason });
+        }
+        let is_file = !name.ends_with('/');
+        let path = name.trim_end_matches('/');
+        let ends = path.match_indices('/').map(|(at, _)| at).chain([path.len()]);
+        for end in ends {
+            let (part, whole) = (&path[..end], end == path.len());
+            let (part_is_file, own) = (whole && is_file, whole);
+            match seen.get_mut(&part.to_lowercase()) {
+                None => {
+                    seen.insert(part.to_lowercase(), (part.to_owned(), own, part_is_file));
+                }
+                Some((earlier, earlier_own, earlier_file)) => {
+                    let clash = earlier != part || *earlier_file || part_is_file || (own && *earlier_own);
+                    if clash {
+                        return Err(ArchiveError::Collision {
+                            first: earlier.clone(),
+                            second: name.to_owned(),
+                        });
+                    }
+                    *earlier_own |= own;
+                }
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Why a name is refused, if it is.
+fn bad_name(name: &str) -> Option<&'static str> {
+    let path = name.strip_suffix('/').unwrap_or(name);
+    if name.starts_with('/') {
+        return Some("it is an absolute path");
+    }
+    if name.contains('\\') {
+        return Some("it contains a backslash; zip archives separate folders by forward slashes");
+    }
+    if name.as_bytes().get(1) == Some(&b':') {
+        return Some("it begins with a drive letter");
+    }
+    if name.chars().any(char::is_control) {
+        return Some("it contains a control character");
+    }
+    if path.split('/').any(|part| part == "..") {
+        return Some("it leads out of the folder by \"..\"");
+    }
+    if path.split('/').any(|part| part.is_empty() || part == ".") {
+        return Some("it has an empty part or a part \".\"");
+    }
+    None
+}

@@ -1,0 +1,13 @@
+//! What can make a model description unusable.
+
+/// A defect of `modelDescription.xml` that makes the FMU unusable.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("modelDescription.xml, line {line}, {element}: {message}")]
+pub struct DescriptionError {
+    /// Line in the file, from 1.
+    pub line: usize,
+    /// Element, with the variable's name where it has one.
+    pub element: String,
+    /// What is wrong, what is allowed, what to try.
+    pub message: String,
+}

@@ -1,0 +1,120 @@
+//! The C functions of an FMU as a table of pointers, checked once when the library is loaded.
+//!
+//! Crate `fmi` looks each symbol up; this table keeps the pointers without the per-call `Result`. Functions behind a
+//! capability flag may be missing in careless FMUs and are `Option`.
+
+use fmi::fmi2::binding::*;
+
+type Component = fmi2Component;
+type Status = fmi2Status;
+type Reference = fmi2ValueReference;
+
+/// Pointers to the C functions of a loaded library, with the signatures of `fmi2FunctionTypes.h`.
+macro_rules! function_table {
+    (
+        $(#[$doc:meta])* $table:ident {
+            required { $($name:ident: $symbol:ident($($argument:ty),*) $(-> $result:ty)?,)* }
+            optional { $($option:ident: $option_symbol:ident($($option_argument:ty),*) $(-> $option_result:ty)?,)* }
+        }
+    ) => {
+        $(#[$doc])*
+        #[derive(Clone, Copy)]
+        pub(super) struct $table {
+            $(pub(super) $name: unsafe extern "C" fn($($argument),*) $(-> $result)?,)*
+            $(pub(super) $option: Option<unsafe extern "C" fn($($option_argument),*) $(-> $option_result)?>,)*
+        }
+
+        impl $table {
+            /// The table, or the name of the first required function that is missing.
+            pub(super) fn new(binding: &Fmi2Binding) -> Result<Self, &'static str> {
+                Ok($table {
+                    $($name: *binding.$symbol.as_ref().map_err(|_| stringify!($symbol))?,)*
+                    $($option: binding.$option_symbol.as_ref().ok().copied(),)*
+                })
+            }
+        }
+    };
+}
+
+function_table! {
+    /// Functions that both interfaces share.
+    CommonFunctions {
+        required {
+            get_types_platform: fmi2GetTypesPlatform() -> *const std::ffi::c_char,
+            get_version: fmi2GetVersion() -> *const std::ffi::c_char,
+            instantiate: fmi2Instantiate(
+                fmi2String, fmi2Type, fmi2String, fmi2String, *const fmi2CallbackFunctions, fmi2Boolean, fmi2Boolean
+            ) -> Component,
+            free_instance: fmi2FreeInstance(Component),
+            setup_experiment: fmi2SetupExperiment(
+                Component, fmi2Boolean, fmi2Real, fmi2Real, fmi2Boolean, fmi2Real
+            ) -> Status,
+            enter_initialization_mode: fmi2EnterInitializationMode(Component) -> Status,
+            exit_initialization_mode: fmi2ExitInitializationMode(Component) -> Status,
+            terminate: fmi2Terminate(Component) -> Status,
+            reset: fmi2Reset(Component) -> Status,
+            get_real: fmi2GetReal(Component, *const Reference, usize, *mut fmi2Real) -> Status,
+            get_integer: fmi2GetInteger(Component, *const Reference, usize, *mut fmi2Integer) -> Status,
+            get_boolean: fmi2GetBoolean(Component, *const Reference, usize, *mut fmi2Boolean) -> Status,
+            get_string: fmi2GetString(Component, *const Reference, usize, *mut fmi2String) -> Status,
+            set_real: fmi2SetReal(Component, *const Reference, usize, *const fmi2Real) -> Status,
+            set_integer: fmi2SetInteger(Component, *const Reference, usize, *const fmi2Integer) -> Status,
+            set_boolean: fmi2SetBoolean(Component, *const Reference, usize, *const fmi2Boolean) -> Status,
+            set_string: fmi2SetString(Component, *const Reference, usize, *const fmi2String) -> Status,
+        }
+        optional {
+            set_debug_logging: fmi2SetDebugLogging(Component, fmi2Boolean, usize, *const fmi2String) -> Status,
+            get_state: fmi2GetFMUstate(Component, *mut fmi2FMUstate) -> Status,
+            set_state: fmi2SetFMUstate(Component, fmi2FMUstate) -> Status,
+            free_state: fmi2FreeFMUstate(Component, *mut fmi2FMUstate) -> Status,
+            serialized_state_size: fmi2SerializedFMUstateSize(Component, fmi2FMUstate, *mut usize) -> Status,
+            serialize_state: fmi2SerializeFMUstate(Component, fmi2FMUstate, *mut fmi2Byte, usize) -> Status,
+            deserialize_state: fmi2DeSerializeFMUstate(
+                Component, *const fmi2Byte, usize, *mut fmi2FMUstate
+            ) -> Status,
+            directional_derivative: fmi2GetDirectionalDerivative(
+                Component, *const Reference, usize, *const Reference, usize, *const fmi2Real, *mut fmi2Real
+            ) -> Status,
+        }
+    }
+}
+
+function_table! {
+    /// Functions of Co-Simulation.
+    SlaveFunctions {
+        required {
+            do_step: fmi2DoStep(Component, fmi2Real, fmi2Real, fmi2Boolean) -> Status,
+        }
+        optional {
+            set_real_input_derivatives: fmi2SetRealInputDerivatives(
+                Component, *const Reference, usize, *const fmi2Integer, *const fmi2Real
+            ) -> Status,
+            get_real_output_derivatives: fmi2GetRealOutputDerivatives(
+                Component, *const Reference, usize, *const fmi2Integer, *mut fmi2Real
+            ) -> Status,
+            get_real_status: fmi2GetRealStatus(Component, fmi2StatusKind, *mut fmi2Real) -> Status,
+            get_boolean_status: fmi2GetBooleanStatus(Component, fmi2StatusKind, *mut fmi2Boolean) -> Status,
+        }
+    }
+}
+
+function_table! {
+    /// Functions of Model Exchange.
+    ModelFunctions {
+        required {
+            enter_event_mode: fmi2EnterEventMode(Component) -> Status,
+            new_discrete_states: fmi2NewDiscreteStates(Component, *mut fmi2EventInfo) -> Status,
+            enter_continuous_time_mode: fmi2EnterContinuousTimeMode(Component) -> Status,
+            completed_integrator_step: fmi2CompletedIntegratorStep(
+                Component, fmi2Boolean, *mut fmi2Boolean, *mut fmi2Boolean
+            ) -> Status,
+            set_time: fmi2SetTime(Component, fmi2Real) -> Status,
+            set_continuous_states: fmi2SetContinuousStates(Component, *const fmi2Real, usize) -> Status,
+            get_continuous_states: fmi2GetContinuousStates(Component, *mut fmi2Real, usize) -> Status,
+            get_derivatives: fmi2GetDerivatives(Component, *mut fmi2Real, usize) -> Status,
+            get_event_indicators: fmi2GetEventIndicators(Component, *mut fmi2Real, usize) -> Status,
+            get_nominals: fmi2GetNominalsOfContinuousStates(Component, *mut fmi2Real, usize) -> Status,
+        }
+        optional {}
+    }
+}

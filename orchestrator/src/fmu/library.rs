@@ -1,0 +1,93 @@
+//! The shared library of an FMU: where it lies in the archive, loading, first questions.
+
+#![allow(unsafe_code, reason = "loading and asking a foreign library")]
+
+use std::ffi::{CStr, c_char};
+use std::path::Path;
+use std::sync::atomic::AtomicBool;
+
+use fmi::fmi2::binding::Fmi2Binding;
+
+use super::error::Error;
+use super::functions::{CommonFunctions, ModelFunctions, SlaveFunctions};
+
+/// Names of the folder below `binaries/` that fit this machine, best first. FMI 2.0 names only the 32 and 64 bit
+/// x86 platforms; for others the tuples of FMI 3.0 are usual.
+pub(super) fn platform_folders() -> &'static [&'static str] {
+    match (std::env::consts::OS, std::env::consts::ARCH) {
+        ("linux", "x86_64") => &["linux64", "x86_64-linux"],
+        ("linux", "x86") => &["linux32", "x86-linux"],
+        ("linux", "aarch64") => &["aarch64-linux"],
+        ("macos", "x86_64") => &["darwin64", "x86_64-darwin"],
+        ("macos", "aarch64") => &["aarch64-darwin", "darwin64"],
+        ("windows", "x86_64") => &["win64", "x86_64-windows"],
+        ("windows", "x86") => &["win32", "x86-windows"],
+        _ => &[],
+    }
+}
+
+/// A loaded library with the functions of the interfaces that it has.
+pub(super) struct Library {
+    pub(super) common: CommonFunctions,
+    pub(super) slave: Result<SlaveFunctions, &'static str>,
+    pub(super) model: Result<ModelFunctions, &'static str>,
+    /// Whether an instance exists of an FMU that allows one only.
+    pub(super) occupied: AtomicBool,
+    // Keeps the code loaded that the function tables point into.
+    _binding: Fmi2Binding,
+}
+
+impl Library {
+    /// Loads `folder/inner` for the archive `path` and checks that it speaks FMI 2.0.
+    pub(super) fn load(path: &Path, folder: &Path, inner: &str) -> Result<Self, Error> {
+        // SAFETY: loading runs the initialisers of foreign code; whoever opens an FMU to run it trusts that code.
+        let binding = unsafe { Fmi2Binding::new(folder.join(inner)) }.map_err(|error| Error::Load {
+            path: path.to_owned(),
+            library: inner.to_owned(),
+            reason: reason(&error, folder),
+        })?;
+        let missing =
+            |function, interface| Error::MissingFunction { path: path.to_owned(), function, interface };
+        let common = CommonFunctions::new(&binding).map_err(|f| missing(f, "FMI 2.0"))?;
+        let slave = SlaveFunctions::new(&binding);
+        let model = ModelFunctions::new(&binding);
+
+        // SAFETY: both functions take nothing and return a static C string (FMI 2.0.5 section 2.1.4).
+        let answers = unsafe {
+            [
+                ("fmi2GetTypesPlatform", (common.get_types_platform)(), "default"),
+                ("fmi2GetVersion", (common.get_version)(), "2.0"),
+            ]
+        };
+        for (function, answer, expected) in answers {
+            let answer = text(answer);
+            if answer != expected {
+                return Err(Error::Header { path: path.to_owned(), function, answer, expected });
+            }
+        }
+        Ok(Library { common, slave, model, occupied: AtomicBool::new(false), _binding: binding })
+    }
+}
+
+/// What the system says about a library, without the name of the temporary folder that the user never sees.
+fn reason(error: &dyn std::error::Error, folder: &Path) -> String {
+    let folder = format!("{}/", folder.display());
+    let mut reason = error.to_string();
+    let mut source = error.source();
+    while let Some(error) = source {
+        let next = error.to_string();
+        if !reason.contains(&next) {
+            reason = format!("{reason}: {next}");
+        }
+        source = error.source();
+    }
+    reason.replace(&folder, "")
+}
+
+fn text(pointer: *const c_char) -> String {
+    if pointer.is_null() {
+        return "NULL".to_owned();
+    }
+    // SAFETY: not null, and a NUL-terminated string by the standard.
+    unsafe { CStr::from_ptr(pointer) }.to_string_lossy().into_owned()
+}

@@ -1,0 +1,165 @@
+//! Opening an FMU: archive, model description, and the library on first use.
+
+use std::fmt;
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, PoisonError};
+
+use super::archive::{Archive, Limits, Unpacked};
+use super::description::{Interface, ModelDescription};
+use super::error::Error;
+use super::library::{Library, platform_folders};
+
+/// One of the two interfaces of FMI 2.0.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum InterfaceKind {
+    /// The FMU steps itself.
+    CoSimulation,
+    /// The importer integrates.
+    ModelExchange,
+}
+
+impl fmt::Display for InterfaceKind {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+impl InterfaceKind {
+    pub(super) fn name(self) -> &'static str {
+        match self {
+            InterfaceKind::CoSimulation => "Co-Simulation",
+            InterfaceKind::ModelExchange => "Model Exchange",
+        }
+    }
+}
+
+/// An opened FMU. Its files lie in a temporary folder that goes when the last user (instances included) is dropped.
+pub struct Fmu {
+    /// The archive.
+    pub path: PathBuf,
+    /// What `modelDescription.xml` says.
+    pub description: ModelDescription,
+    // Dropped before `unpacked`: a library is closed before its file is removed.
+    libraries: Mutex<Vec<(String, Arc<Library>)>>,
+    unpacked: Unpacked,
+}
+
+impl fmt::Debug for Fmu {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Fmu").field("path", &self.path).field("model", &self.description.model_name).finish()
+    }
+}
+
+impl Fmu {
+    /// Checks and unpacks the archive at `path` and reads its model description, with the default [`Limits`].
+    ///
+    /// The library is loaded when the first instance is made, so an FMU without a binary for this platform can be
+    /// opened and inspected.
+    ///
+    /// # Errors
+    /// [`Error::Archive`] or [`Error::Description`], with file, place and what is wrong.
+    pub fn open(path: &Path) -> Result<Arc<Fmu>, Error> {
+        Fmu::open_within(path, &Limits::default())
+    }
+
+    /// Like [`Fmu::open`] with other limits on the archive.
+    ///
+    /// # Errors
+    /// As [`Fmu::open`].
+    pub fn open_within(path: &Path, limits: &Limits) -> Result<Arc<Fmu>, Error> {
+        let refuse = |source| Error::Archive { path: path.to_owned(), source };
+        let mut archive = Archive::open(path, limits).map_err(refuse)?;
+        let description = ModelDescription::parse(&archive.description().map_err(refuse)?)
+            .map_err(|source| Error::Description { path: path.to_owned(), source })?;
+        let unpacked = archive.unpack().map_err(refuse)?;
+        Ok(Arc::new(Fmu { path: path.to_owned(), description, libraries: Mutex::default(), unpacked }))
+    }
+
+    /// The unpacked `resources` folder as a `file:///` URI, as fmi2Instantiate wants it.
+    pub fn resources_uri(&self) -> String {
+        let path = self.unpacked.folder.path().join("resources");
+        let mut uri = String::from("file://");
+        for byte in path.to_string_lossy().bytes() {
+            match byte {
+                b'A'..=b'Z' | b'a'..=b'z' | b'0'..=b'9' | b'-' | b'.' | b'_' | b'~' | b'/' => {
+                    uri.push(byte as char)
+                }
+                _ => uri.push_str(&format!("%{byte:02X}")),
+            }
+        }
+        uri
+    }
+
+    /// The unpacked `resources` folder.
+    pub fn resources(&self) -> PathBuf {
+        self.unpacked.folder.path().join("resources")
+    }
+
+    /// Names of all files in the archive, with forward slashes, in archive order.
+    pub fn files(&self) -> &[String] {
+        &self.unpacked.files
+    }
+
+    /// Folders below `binaries/` that hold at least one file, sorted.
+    pub fn platforms(&self) -> Vec<&str> {
+        let mut platforms: Vec<_> = self
+            .files()
+            .iter()
+            .filter_map(|file| file.strip_prefix("binaries/")?.split_once('/').map(|(platform, _)| platform))
+            .collect();
+        platforms.sort_unstable();
+        platforms.dedup();
+        platforms
+    }
+
+    /// The capabilities of an interface, if the FMU offers it.
+    pub fn interface(&self, kind: InterfaceKind) -> Option<&Interface> {
+        match kind {
+            InterfaceKind::CoSimulation => self.description.co_simulation.as_ref(),
+            InterfaceKind::ModelExchange => self.description.model_exchange.as_ref(),
+        }
+    }
+
+    /// The library of an interface, loaded once.
+    pub(super) fn library(&self, kind: InterfaceKind) -> Result<Arc<Library>, Error> {
+        let Some(interface) = self.interface(kind) else {
+            let offered = [InterfaceKind::CoSimulation, InterfaceKind::ModelExchange]
+                .into_iter()
+                .find(|&other| self.interface(other).is_some())
+                .map_or("none", InterfaceKind::name);
+            let (path, offered) = (self.path.clone(), offered.to_owned());
+            return Err(Error::Interface { path, wanted: kind.name(), offered });
+        };
+        let identifier = &interface.model_identifier;
+        let mut libraries = self.libraries.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some((_, library)) = libraries.iter().find(|(name, _)| name == identifier) {
+            return Ok(Arc::clone(library));
+        }
+        let inner = self.binary(identifier)?;
+        let library = Arc::new(Library::load(&self.path, self.unpacked.folder.path(), &inner)?);
+        libraries.push((identifier.clone(), Arc::clone(&library)));
+        Ok(library)
+    }
+
+    /// Path inside the archive of the library for this platform.
+    fn binary(&self, identifier: &str) -> Result<String, Error> {
+        let paths = platform_folders()
+            .iter()
+            .map(|folder| format!("binaries/{folder}/{identifier}{}", std::env::consts::DLL_SUFFIX));
+        for path in paths {
+            if self.files().contains(&path) {
+                return Ok(path);
+            }
+        }
+        let platforms = self.platforms();
+        Err(Error::NoBinary {
+            path: self.path.clone(),
+            wanted: format!(
+                "binaries/{}/{identifier}{}",
+                platform_folders().first().unwrap_or(&std::env::consts::OS),
+                std::env::consts::DLL_SUFFIX
+            ),
+            available: if platforms.is_empty() { "no platform".to_owned() } else { platforms.join(", ") },
+        })
+    }
+}

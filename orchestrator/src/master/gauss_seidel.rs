@@ -1,0 +1,25 @@
+//! The serial master: one slave after the other, each with the newest outputs.
+//!
+//! In evaluation order, an output with direct feed-through has its new value before its consumers step; slaves
+//! later in the order are seen with their values at the beginning of the step.
+
+use super::Stop;
+use super::exchange::{Node, Values};
+use crate::fmu::StepStatus;
+
+/// One macro step from `t` to `t + h` \[s\].
+#[inline]
+pub(super) fn step(nodes: &mut [Node], values: &mut Values, t: f64, h: f64) -> Result<(), Stop> {
+    for (index, node) in nodes.iter_mut().enumerate() {
+        node.set_inputs(values)?;
+        let status = node.do_step(t, h)?;
+        if status != StepStatus::Complete {
+            return Err(Stop::Incomplete { node: index, status });
+        }
+        node.get_outputs(values)?;
+        if !node.outputs_are_finite(values) {
+            return Err(Stop::NotFinite { node: index });
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,28 @@
+//! The parallel master: all outputs at the communication point are exchanged, then all slaves step.
+//!
+//! The order of the slaves does not matter; every connection adds a delay of one communication step.
+
+use super::Stop;
+use super::exchange::{Node, Values};
+use crate::fmu::StepStatus;
+
+/// One macro step from `t` to `t + h` \[s\].
+#[inline]
+pub(super) fn step(nodes: &mut [Node], values: &mut Values, t: f64, h: f64) -> Result<(), Stop> {
+    for node in nodes.iter_mut() {
+        node.set_inputs(values)?;
+    }
+    for (index, node) in nodes.iter_mut().enumerate() {
+        let status = node.do_step(t, h)?;
+        if status != StepStatus::Complete {
+            return Err(Stop::Incomplete { node: index, status });
+        }
+    }
+    for (index, node) in nodes.iter_mut().enumerate() {
+        node.get_outputs(values)?;
+        if !node.outputs_are_finite(values) {
+            return Err(Stop::NotFinite { node: index });
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,280 @@
+//! Co-simulation masters with a fixed communication step: Gauss-Seidel (serial) and Jacobi (parallel).
+//!
+//! [`Master`] owns the slaves of a [`SystemGraph`] and steps them; [`simulate::run`] drives it over a time span with
+//! inputs from a series and a recorder. What is optimised, plotted or compared is left to the modules above.
+//!
+//! Both masters keep to the strict reading of FMI 2.0.5 section 4.2.4: between setting an input and reading an
+//! output of a slave there is always a step.
+
+mod exchange;
+mod gauss_seidel;
+mod grid;
+mod initialize;
+mod jacobi;
+pub mod simulate;
+
+use crate::fmu::StepStatus;
+use crate::results::{Column, Slot};
+use crate::system::SystemGraph;
+use crate::system::graph::DataType;
+
+pub use exchange::Values;
+use exchange::{Node, Wiring};
+pub use grid::Grid;
+
+/// Order in which slaves step and exchange values.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Algorithm {
+    /// Serial: in evaluation order, each slave gets the newest outputs of those before it.
+    #[default]
+    GaussSeidel,
+    /// Parallel: all slaves get the outputs at the communication point, then all step.
+    Jacobi,
+}
+
+impl std::fmt::Display for Algorithm {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Algorithm::GaussSeidel => "gauss-seidel",
+            Algorithm::Jacobi => "jacobi",
+        })
+    }
+}
+
+/// Settings of a master.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Settings {
+    /// Start time \[s\]; default 0.
+    pub start_time: f64,
+    /// Stop time \[s\], reached exactly; default 1.
+    pub stop_time: f64,
+    /// Communication step size \[s\], positive; default 1 ms. The last step is shortened to meet the stop time.
+    pub step_size: f64,
+    /// Gauss-Seidel (default) or Jacobi.
+    pub algorithm: Algorithm,
+    /// Relative tolerance for the slaves, in (0, 1); default: each slave uses its own.
+    pub tolerance: Option<f64>,
+    /// Read all outputs at every communication point (default), or only those that are connected.
+    pub read_all_outputs: bool,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Settings {
+            start_time: 0.0,
+            stop_time: 1.0,
+            step_size: 1e-3,
+            algorithm: Algorithm::GaussSeidel,
+            tolerance: None,
+            read_all_outputs: true,
+        }
+    }
+}
+
+impl Settings {
+    /// Checks the settings and lays out the communication points.
+    ///
+    /// # Errors
+    /// [`Error::Setting`] names the setting, its value and what is allowed.
+    pub fn validate(&self) -> Result<Grid, Error> {
+        if let Some(tolerance) = self.tolerance.filter(|tolerance| !(*tolerance > 0.0 && *tolerance < 1.0)) {
+            return Err(Error::Setting { name: "tolerance", value: tolerance, allowed: "between 0 and 1" });
+        }
+        Grid::new(self.start_time, self.stop_time, self.step_size)
+    }
+}
+
+/// Why a simulation cannot start or go on.
+#[derive(Debug, thiserror::Error)]
+#[allow(missing_docs, reason = "component, variable, time and step, as in each message")]
+pub enum Error {
+    /// A setting is out of range.
+    #[error("{name} = {value} is not possible: it must be {allowed}")]
+    Setting { name: &'static str, value: f64, allowed: &'static str },
+    /// The last step is shorter and a slave cannot do that.
+    #[error(
+        "component `{component}` cannot handle steps of different length, but {stop} s is no multiple of the step {step} s; choose another stop time or step"
+    )]
+    FixedStepOnly { component: String, stop: f64, step: f64 },
+    /// A call into an FMU failed; its message names component, time and what to try.
+    #[error(transparent)]
+    Fmu(#[from] crate::fmu::Error),
+    /// A slave stopped inside a step.
+    #[error(
+        "component `{component}`: fmi2DoStep returned fmi2Discard at t = {time} s with step {step} s{reached}; try a smaller `--step`{log}"
+    )]
+    Discarded { component: String, time: f64, step: f64, reached: String, log: String },
+    /// NaN or infinity at an output.
+    #[error(
+        "component `{component}`: output `{variable}` is {value} at t = {time} s; look at its inputs just before (result file), try a smaller `--step`, and check parameters and start values"
+    )]
+    NotFinite { component: String, variable: String, value: f64, time: f64 },
+    /// Initial values do not settle.
+    #[error(
+        "the outputs still change after {passes} rounds of initialisation (`{variable}` is one); an FMU probably depends on an input that its `dependencies` do not list"
+    )]
+    Unsettled { passes: usize, variable: String },
+    /// Two columns of the result have one name.
+    #[error("the result cannot be written: {0}")]
+    Result(#[from] crate::series::Error),
+}
+
+/// What a macro step came to.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Progress {
+    /// All slaves are at the next communication point.
+    Stepped,
+    /// A slave asked for the end of the simulation (`fmi2Terminated`).
+    Terminated {
+        /// Component that did.
+        component: String,
+        /// How far it came \[s\], if it says.
+        last_successful_time: Option<f64>,
+    },
+}
+
+/// Instantiated and initialised slaves at a communication point.
+#[derive(Debug)]
+pub struct Master {
+    /// In evaluation order.
+    nodes: Vec<Node>,
+    wiring: Wiring,
+    values: Values,
+    grid: Grid,
+    /// Number of the current communication point.
+    point: u64,
+    algorithm: Algorithm,
+}
+
+impl Master {
+    /// Instantiates and initialises all components of a system at the start time.
+    ///
+    /// `inputs` gives the value of system inputs at the start time, as (index, value); the others have the start
+    /// value of the variable they feed.
+    ///
+    /// # Errors
+    /// Settings out of range, an FMU that fails, initial values that do not settle or are not finite.
+    pub fn new(graph: &SystemGraph, settings: &Settings, inputs: &[(usize, f64)]) -> Result<Master, Error> {
+        let grid = settings.validate()?;
+        let wiring = Wiring::new(graph, settings.read_all_outputs);
+        let mut values = wiring.initial_values(graph);
+        for &(input, value) in inputs {
+            values.set(wiring.inputs[input], value);
+        }
+        let nodes = initialize::initialize(graph, &wiring, settings, &grid, &mut values)?;
+        Ok(Master { nodes, wiring, values, grid, point: 0, algorithm: settings.algorithm })
+    }
+
+    /// Current communication point \[s\].
+    pub fn time(&self) -> f64 {
+        self.grid.time(self.point)
+    }
+
+    /// All communication points.
+    pub fn grid(&self) -> &Grid {
+        &self.grid
+    }
+
+    /// Macro steps done.
+    pub fn steps(&self) -> u64 {
+        self.point
+    }
+
+    /// Whether the stop time is reached.
+    pub fn finished(&self) -> bool {
+        self.point >= self.grid.steps()
+    }
+
+    /// Values of system inputs and outputs of components at the current communication point.
+    pub fn values(&self) -> &Values {
+        &self.values
+    }
+
+    /// Sets a system input (index into `graph.inputs`) for the step that begins here. Integers are rounded, a
+    /// Boolean is true unless the value is 0; String inputs keep their start value.
+    #[inline]
+    pub fn set_input(&mut self, input: usize, value: f64) {
+        self.values.set(self.wiring.inputs[input], value);
+    }
+
+    /// Columns for a recorder: system inputs and outputs by their plain name, then, unless the system is a single
+    /// FMU, all outputs of components as `component.variable`. Strings are not recorded.
+    pub fn columns(&self, graph: &SystemGraph) -> Vec<Column> {
+        self.wiring.columns(graph)
+    }
+
+    /// One macro step: every slave from this communication point to the next. Allocates nothing (unless a String
+    /// is exchanged).
+    ///
+    /// # Errors
+    /// A call into an FMU failed, a step was discarded, or an output is not finite. The values of
+    /// [`Master::values`] then belong to no common time.
+    #[inline]
+    pub fn step(&mut self) -> Result<Progress, Error> {
+        let (t, h) = (self.grid.time(self.point), self.grid.step_size(self.point));
+        let status = match self.algorithm {
+            Algorithm::GaussSeidel => gauss_seidel::step(&mut self.nodes, &mut self.values, t, h),
+            Algorithm::Jacobi => jacobi::step(&mut self.nodes, &mut self.values, t, h),
+        };
+        match status {
+            Ok(()) => {
+                self.point += 1;
+                Ok(Progress::Stepped)
+            }
+            Err(stop) => self.explain(stop, t, h),
+        }
+    }
+
+    #[cold]
+    fn explain(&mut self, stop: Stop, t: f64, h: f64) -> Result<Progress, Error> {
+        match stop {
+            Stop::Fmu(error) => Err(Error::Fmu(*error)),
+            Stop::NotFinite { node } => {
+                Err(self.nodes[node].not_finite(&self.values, self.grid.time(self.point + 1)))
+            }
+            Stop::Incomplete { node, status } => {
+                let StepStatus::Discarded { last_successful_time, terminated } = status else {
+                    return Ok(Progress::Stepped);
+                };
+                let alone = self.nodes.len() == 1;
+                let node = &mut self.nodes[node];
+                let component = node.name().to_owned();
+                if terminated {
+                    // The last values of a lone slave belong to the time it came to; reading them may be refused.
+                    if alone && node.get_outputs(&mut self.values).is_err() {
+                        return Ok(Progress::Terminated { component, last_successful_time: None });
+                    }
+                    return Ok(Progress::Terminated { component, last_successful_time });
+                }
+                let reached =
+                    last_successful_time.map_or(String::new(), |last| format!(" (it came to t = {last} s)"));
+                Err(Error::Discarded { component, time: t, step: h, reached, log: node.log_tail() })
+            }
+        }
+    }
+}
+
+/// Why a macro step stopped; small, so that the good path carries little.
+#[derive(Debug)]
+enum Stop {
+    Fmu(Box<crate::fmu::Error>),
+    Incomplete { node: usize, status: StepStatus },
+    NotFinite { node: usize },
+}
+
+impl From<crate::fmu::Error> for Stop {
+    #[cold]
+    fn from(error: crate::fmu::Error) -> Stop {
+        Stop::Fmu(Box::new(error))
+    }
+}
+
+/// Slot of a value of some type in the flat buffers; `None` for String.
+fn slot(data_type: DataType, index: usize) -> Option<Slot> {
+    match data_type {
+        DataType::Real => Some(Slot::Real(index)),
+        DataType::Integer | DataType::Enumeration => Some(Slot::Integer(index)),
+        DataType::Boolean => Some(Slot::Boolean(index)),
+        DataType::String => None,
+    }
+}

@@ -1,0 +1,148 @@
+//! A run over a time span: inputs from a series, steps of a master, rows in a recorder.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+use super::{Error, Master, Progress, Settings};
+use crate::results::Recorder;
+use crate::series::resample::{locate, value_at};
+use crate::series::{Interpolation, TimeSeries};
+use crate::system::SystemGraph;
+
+/// Signals for inputs of the system.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Stimulus<'a> {
+    /// Samples.
+    pub series: &'a TimeSeries,
+    /// (index of the system input, index of the channel, factor, offset): input = factor * channel + offset.
+    pub links: Vec<(usize, usize, f64, f64)>,
+    /// Between samples.
+    pub interpolation: Interpolation,
+}
+
+impl Stimulus<'_> {
+    fn each(&self, t: f64, guess: &mut usize, mut give: impl FnMut(usize, f64)) {
+        let position = locate(self.series.time(), t, *guess);
+        *guess = position.index;
+        for &(input, channel, factor, offset) in &self.links {
+            let value = value_at(&self.series.channels()[channel].values, position, self.interpolation);
+            give(input, factor * value + offset);
+        }
+    }
+}
+
+/// How a run ended.
+#[derive(Debug)]
+pub enum End {
+    /// At the stop time.
+    Completed,
+    /// A component asked for the end.
+    Terminated {
+        /// Component that did.
+        component: String,
+    },
+    /// The caller asked for the end.
+    Interrupted,
+    /// A step failed; the result holds what came before.
+    Failed(Error),
+}
+
+/// What a run gives, also one that ended early.
+#[derive(Debug)]
+pub struct Run {
+    /// Values at the communication points reached.
+    pub result: TimeSeries,
+    /// How it ended.
+    pub end: End,
+    /// Macro steps done.
+    pub steps: u64,
+    /// Wall-clock time of initialisation.
+    pub initialization: Duration,
+    /// Wall-clock time of stepping.
+    pub stepping: Duration,
+}
+
+/// A caller who watches a run.
+pub struct Watch<'a> {
+    /// Set from outside to end the run after the current step.
+    pub stop: &'a AtomicBool,
+    /// Told now and then how far the run is: (macro steps done, all macro steps).
+    pub progress: &'a mut dyn FnMut(u64, u64),
+}
+
+/// Macro steps between two looks at the clock.
+const STEPS_PER_LOOK: u64 = 16;
+/// Time between two reports of progress.
+const REPORT_EVERY: Duration = Duration::from_millis(50);
+
+/// Runs a system from start to stop and records all outputs at the communication points.
+///
+/// # Errors
+/// What keeps the run from starting; a failure after that is an [`End::Failed`] with the result so far.
+pub fn run(
+    graph: &SystemGraph,
+    settings: &Settings,
+    stimulus: Option<&Stimulus>,
+    watch: Watch,
+) -> Result<Run, Error> {
+    let began = Instant::now();
+    let mut guess = 0;
+    let mut first = Vec::new();
+    if let Some(stimulus) = stimulus {
+        stimulus.each(settings.start_time, &mut guess, |input, value| first.push((input, value)));
+    }
+    let mut master = Master::new(graph, settings, &first)?;
+    let total = master.grid().steps();
+    let values = master.values();
+    let width = [values.reals.len(), values.integers.len(), values.booleans.len()];
+    let rows = usize::try_from(total).unwrap_or(usize::MAX).saturating_add(1);
+    let mut recorder = Recorder::new(master.columns(graph), width, rows);
+    let initialization = began.elapsed();
+    let began = Instant::now();
+    let mut reported = began;
+    let record = |master: &Master, recorder: &mut Recorder, time: f64| {
+        let values = master.values();
+        recorder.record(time, &values.reals, &values.integers, &values.booleans);
+    };
+    record(&master, &mut recorder, master.time());
+    let mut end = End::Completed;
+    while !master.finished() {
+        match master.step() {
+            Ok(Progress::Stepped) => {}
+            Ok(Progress::Terminated { component, last_successful_time }) => {
+                let last = recorder.last_time().unwrap_or(settings.start_time);
+                let alone = graph.components.len() == 1;
+                if let Some(time) = last_successful_time.filter(|&time| alone && time > last) {
+                    record(&master, &mut recorder, time);
+                }
+                end = End::Terminated { component };
+                break;
+            }
+            Err(error) => {
+                end = End::Failed(error);
+                break;
+            }
+        }
+        if let Some(stimulus) = stimulus {
+            stimulus.each(master.time(), &mut guess, |input, value| master.set_input(input, value));
+        }
+        record(&master, &mut recorder, master.time());
+        if watch.stop.load(Ordering::Relaxed) {
+            end = End::Interrupted;
+            break;
+        }
+        if master.steps() % STEPS_PER_LOOK == 0 && reported.elapsed() > REPORT_EVERY {
+            reported = Instant::now();
+            (watch.progress)(master.steps(), total);
+        }
+    }
+    let stepping = began.elapsed();
+    let result = recorder.finish()?;
+    Ok(Run {
+        result,
+        end,
+        steps: master.steps(),
+        initialization,
+        stepping,
+    })
+}

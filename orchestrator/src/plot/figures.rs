@@ -1,0 +1,149 @@
+//! One function per kind of figure.
+
+use super::axes::{Axis, curve, range};
+use super::svg::{Anchor, SERIES_CLASSES, Svg};
+
+const WIDTH: f64 = 960.0;
+const LEFT: f64 = 84.0;
+const RIGHT: f64 = 20.0;
+const TOP: f64 = 46.0;
+const BOTTOM: f64 = 50.0;
+
+/// A curve over time.
+#[derive(Debug, Clone, Copy)]
+pub struct Curve<'a> {
+    /// Times \[s\], shape \[n\].
+    pub time: &'a [f64],
+    /// Values, shape \[n\].
+    pub values: &'a [f64],
+    /// Drawn in steps.
+    pub held: bool,
+    /// Text of the legend.
+    pub name: &'a str,
+}
+
+impl Curve<'_> {
+    fn draw(&self, svg: &mut Svg, x: &Axis, y: &Axis, class: &str) {
+        svg.polyline(&curve(self.time, self.values, x, y, self.held), class);
+    }
+}
+
+/// A measured signal with its simulation.
+#[derive(Debug, Clone, Copy)]
+pub struct Comparison<'a> {
+    /// Signal.
+    pub name: &'a str,
+    /// Unit; empty for none.
+    pub unit: &'a str,
+    /// What stands beside the title (the fit).
+    pub note: &'a str,
+    /// Measured.
+    pub measured: Curve<'a>,
+    /// Simulated.
+    pub simulated: Curve<'a>,
+    /// Measured minus simulated at the measured times.
+    pub residual: Curve<'a>,
+}
+
+/// Measured and simulated signal over each other, and their difference in a panel below on a scale of its own.
+pub fn comparison(figure: &Comparison) -> String {
+    let (upper, lower, gap) = (300.0, 110.0, 18.0);
+    let height = TOP + upper + gap + lower + BOTTOM;
+    let mut svg = Svg::new(WIDTH, height);
+    let times = [figure.measured.time, figure.simulated.time];
+    let x = time_axis(&times);
+    let values = figure.measured.values.iter().chain(figure.simulated.values).copied();
+    let y = Axis::new(range(values), (TOP + upper, TOP)).padded(0.06);
+    panel(&mut svg, &x, &y, 6, false, &axis_label(figure.name, figure.unit));
+    figure.measured.draw(&mut svg, &x, &y, "measured");
+    figure.simulated.draw(&mut svg, &x, &y, "simulated");
+    let (begin, end) = (TOP + upper + gap, TOP + upper + gap + lower);
+    let (min, max) = range(figure.residual.values.iter().copied());
+    let y = Axis::new((min.min(0.0), max.max(0.0)), (end, begin)).padded(0.08);
+    panel(&mut svg, &x, &y, 5, true, &axis_label("residual", figure.unit));
+    svg.line((x.from, y.pixel(0.0)), (x.to, y.pixel(0.0)), "zero");
+    figure.residual.draw(&mut svg, &x, &y, "residual");
+    title(&mut svg, figure.name, figure.note);
+    legend(
+        &mut svg,
+        &[("measured", "measured"), ("simulated", "simulated"), ("residual", "measured \u{2212} simulated")],
+    );
+    svg.finish(&format!("{}: measured and simulated over time", figure.name))
+}
+
+/// Several signals of one unit over time.
+pub fn signals(name: &str, unit: &str, curves: &[Curve]) -> String {
+    let upper = 320.0;
+    let mut svg = Svg::new(WIDTH, TOP + upper + BOTTOM);
+    let times: Vec<&[f64]> = curves.iter().map(|curve| curve.time).collect();
+    let x = time_axis(&times);
+    let values = curves.iter().flat_map(|curve| curve.values.iter().copied());
+    let y = Axis::new(range(values), (TOP + upper, TOP)).padded(0.06);
+    let label = if curves.len() == 1 { axis_label(name, unit) } else { axis_label("", unit) };
+    panel(&mut svg, &x, &y, 6, true, &label);
+    let classes: Vec<String> =
+        (0..curves.len()).map(|index| format!("s{}", index % SERIES_CLASSES)).collect();
+    for (curve, class) in curves.iter().zip(&classes) {
+        curve.draw(&mut svg, &x, &y, class);
+    }
+    title(&mut svg, name, "");
+    if curves.len() > 1 {
+        let entries: Vec<(&str, &str)> =
+            classes.iter().zip(curves).map(|(class, curve)| (class.as_str(), curve.name)).collect();
+        legend(&mut svg, &entries);
+    }
+    svg.finish(&format!("{name} over time"))
+}
+
+fn time_axis(times: &[&[f64]]) -> Axis {
+    Axis::new(range(times.iter().flat_map(|time| time.iter().copied())), (LEFT, WIDTH - RIGHT))
+}
+
+fn axis_label(name: &str, unit: &str) -> String {
+    match (name, unit) {
+        ("", "") => "value".into(),
+        ("", unit) => format!("[{unit}]"),
+        (name, "") => name.into(),
+        (name, unit) => format!("{name} [{unit}]"),
+    }
+}
+
+/// Grid, frame, ticks and labels of a panel between the pixels of its axes.
+fn panel(svg: &mut Svg, x: &Axis, y: &Axis, ticks: usize, with_time: bool, label: &str) {
+    for (value, text) in x.ticks(9) {
+        let at = x.pixel(value);
+        svg.line((at, y.from), (at, y.to), "grid");
+        if with_time {
+            svg.line((at, y.from), (at, y.from + 4.0), "mark");
+            svg.text((at, y.from + 18.0), Anchor::Middle, "tick", &text);
+        }
+    }
+    for (value, text) in y.ticks(ticks) {
+        let at = y.pixel(value);
+        svg.line((x.from, at), (x.to, at), "grid");
+        svg.line((x.from - 4.0, at), (x.from, at), "mark");
+        svg.text((x.from - 8.0, at + 4.0), Anchor::End, "tick", &text);
+    }
+    svg.frame(x.from, y.to, x.to - x.from, y.from - y.to);
+    svg.text_upwards((20.0, 0.5 * (y.from + y.to)), "label", label);
+    if with_time {
+        svg.text((0.5 * (x.from + x.to), y.from + 38.0), Anchor::Middle, "label", "time [s]");
+    }
+}
+
+fn title(svg: &mut Svg, name: &str, note: &str) {
+    svg.text((LEFT, 24.0), Anchor::Start, "title", name);
+    // Text widths are not known here; letters of the title are about 9 pixels wide.
+    svg.text((LEFT + 14.0 + 9.0 * name.chars().count() as f64, 24.0), Anchor::Start, "note", note);
+}
+
+/// Entries (class, text) right-aligned above the plot.
+fn legend(svg: &mut Svg, entries: &[(&str, &str)]) {
+    let mut right = WIDTH - RIGHT;
+    for (class, text) in entries.iter().rev() {
+        let width = 7.0 * text.chars().count() as f64;
+        svg.text((right - width, 24.0), Anchor::Start, "legend", text);
+        svg.line((right - width - 28.0, 20.0), (right - width - 6.0, 20.0), class);
+        right -= width + 46.0;
+    }
+}

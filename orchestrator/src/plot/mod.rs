@@ -1,0 +1,30 @@
+//! Figures of a run as SVG, and one page that holds them all.
+//!
+//! Everything is drawn from the files of a run (`result.csv`, `summary.json`, the measurement), never from a live
+//! simulation. Start with [`run::draw`].
+
+pub mod axes;
+pub mod figures;
+pub mod page;
+pub mod run;
+pub mod svg;
+
+use std::path::PathBuf;
+
+/// Why a figure cannot be drawn.
+#[derive(Debug, thiserror::Error)]
+#[allow(missing_docs, reason = "file and column, as in each message")]
+pub enum Error {
+    /// A series cannot be read.
+    #[error(transparent)]
+    Csv(#[from] crate::series::csv::Error),
+    /// The summary cannot be read.
+    #[error(transparent)]
+    Summary(#[from] crate::results::summary::Error),
+    /// A column named in the summary is not in the file.
+    #[error("{}: there is no column `{column}`, though the summary names it; run the simulation again", file.display())]
+    Column { file: PathBuf, column: String },
+    /// A figure cannot be written.
+    #[error("{}: {source}", file.display())]
+    Io { file: PathBuf, source: std::io::Error },
+}

@@ -1,0 +1,17 @@
+//! A system of coupled FMUs as data: components, connectors, connections, start values, evaluation order.
+//!
+//! [`graph::SystemGraph::open`] reads an `.ssd`, an `.ssp` or a single `.fmu`; [`validate`] resolves every name to a
+//! variable of an FMU and refuses what cannot be simulated; [`order`] finds the evaluation order. No FMU is
+//! instantiated here; that is left to `master`.
+
+pub mod error;
+pub mod graph;
+pub mod order;
+pub mod ssp;
+pub mod ssv;
+mod start;
+pub mod validate;
+mod xml;
+
+pub use error::Error;
+pub use graph::SystemGraph;
