@@ -5,10 +5,7 @@ export CARGO_NET_RETRY ?= 10
 demo: fmu            ## replay one measured record through the coupled FMUs
 	cargo run --release --quiet -p airloop -- run examples/01_run/system.ssd --measured data/rig/v05/trial_07.csv -o out/demo
 
-test: setup          ## everything CI runs: checks, FMUs, Rust tests, FMI tests
-	./check.sh
-	cargo build --release --workspace
-	cargo run --release --quiet -p packager
+test: check fmu      ## everything CI runs: checks, FMUs, Rust tests, FMI tests
 	cargo test --workspace
 	.venv/bin/python -m pytest tests/fmpy
 
@@ -16,11 +13,11 @@ check: setup         ## formatting, lints, documentation, generated files, licen
 	./check.sh
 
 bench: fmu           ## cost of the master per FMU step
-	cargo bench -p airloop
+	cargo bench -p airloop --bench '*'
 
-fmu: setup-build     ## target/fmu/*.fmu and modelDescriptions/*.xml
-	cargo build --release --workspace
-	cargo run --release --quiet -p packager
+fmu: setup-build     ## target/fmu/*.fmu, modelDescriptions/*.xml and the airloop binary
+	cargo run --release -p packager
+	cargo build --release -p airloop
 
 setup:               ## .venv with all Python packages, .cargo/config.toml
 	scripts/setup.sh test

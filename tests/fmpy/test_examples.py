@@ -88,7 +88,8 @@ def test_example_01_gives_the_expected_fits(tmp_path):
     record = ROOT / expected["measured"]
     airloop("run", SYSTEM, "--measured", record, "-o", tmp_path)
     summary = json.loads((tmp_path / "summary.json").read_text())
-    fits = {row["connector"]: row for row in summary["fits"]}
+    fits = {row["name"]: row for row in summary["signals"]}
+    assert set(fits) == set(expected["fits"])
     for name, numbers in expected["fits"].items():
         assert fits[name]["fit_percent"] == pytest.approx(numbers["fit_percent"], abs=expected["tolerance_percent"])
     assert (tmp_path / "index.html").exists()
