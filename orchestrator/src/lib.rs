@@ -10,7 +10,7 @@
 //!  3  master
 //!  2  system      ident
 //!  1  fmu         results
-//!  0  series      units
+//!  0  series      units       xml
 //! ```
 //!
 //! Start with [`system::SystemGraph::open`], [`master::simulate::run`] and [`series::csv::write`].
@@ -26,5 +26,6 @@ pub mod results;
 pub mod series;
 pub mod system;
 pub mod units;
+mod xml;
 
 pub use error::Error;

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 /// The house plan, lowest line first; modules that do not exist yet have their place already.
 const LAYERS: [&[&str]; 8] = [
-    &["series", "linalg", "units"],
+    &["series", "linalg", "units", "xml"],
     &["fmu", "optim", "results"],
     &["system", "ident", "transcription"],
     &["master", "coupled", "control"],

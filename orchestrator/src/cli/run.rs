@@ -194,7 +194,7 @@ fn simulate(
         true => ProgressBar::new(0),
         false => ProgressBar::hidden(),
     };
-    let style = "{bar:40} {percent:>3} %  {pos}/{len} steps  {per_sec}  {eta} left";
+    let style = "{bar:40} {percent:>3} %  {pos}/{len} steps  {eta} left";
     bar.set_style(ProgressStyle::with_template(style).expect("the template is well formed"));
     let mut progress = |done: u64, all: u64| {
         bar.set_length(all);

@@ -16,7 +16,6 @@ mod model;
 mod open;
 mod package;
 mod slave;
-mod xml;
 
 pub use archive::{ArchiveError, Limits};
 pub use description::{

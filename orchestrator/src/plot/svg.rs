@@ -103,7 +103,7 @@ text{font-family:Helvetica,Arial,'DejaVu Sans',sans-serif;fill:#222}\
 .frame{fill:none;stroke:#888;stroke-width:1}.grid{stroke:#e6e6e6;stroke-width:1}.zero{stroke:#aaa;stroke-width:1}\
 .mark{stroke:#888;stroke-width:1}\
 polyline{fill:none;stroke-width:1.5;stroke-linejoin:round;stroke-linecap:round}line{fill:none}\
-.measured{stroke:#8a8a8a;stroke-width:2.6}.simulated{stroke:#0b62a8;stroke-width:1.5}\
+.measured{stroke:#b0b0b0;stroke-width:4}.simulated{stroke:#0b62a8;stroke-width:1.5}\
 .residual{stroke:#b23a2e;stroke-width:1.1}\
 .s0{stroke:#0072b2}.s1{stroke:#d55e00}.s2{stroke:#009e73}.s3{stroke:#cc79a7}.s4{stroke:#7a5c00}.s5{stroke:#56b4e9}\
 .s0,.s1,.s2,.s3,.s4,.s5{stroke-width:1.6}";

@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 
 use super::Error;
 use super::ssv::{self, Parameter};
-use super::xml::{self, Node};
+use super::xml::{self, Attributes, Element};
 use crate::units::{Exponents, Unit};
 
 /// Namespace of system descriptions, the same in SSP 1.0 and 2.0.
@@ -135,7 +135,7 @@ struct Reader<'a> {
 }
 
 impl Reader<'_> {
-    fn structure(&self, root: &Node) -> Result<Structure, Error> {
+    fn structure(&self, root: &Element) -> Result<Structure, Error> {
         let version = root.required("version", self.file)?;
         if !version.starts_with("1.") && !version.starts_with("2.") {
             return Err(self.unsupported(root, format!("SSP version {version}"), "use version 1.0 or 2.0"));
@@ -173,11 +173,11 @@ impl Reader<'_> {
         })
     }
 
-    fn unsupported(&self, node: &Node, feature: String, advice: &'static str) -> Error {
+    fn unsupported(&self, node: &Element, feature: String, advice: &'static str) -> Error {
         Error::Unsupported { file: self.file.into(), line: node.line, feature, advice }
     }
 
-    fn connectors(&self, element: &Node) -> Result<Vec<Connector>, Error> {
+    fn connectors(&self, element: &Element) -> Result<Vec<Connector>, Error> {
         let mut seen = HashSet::new();
         let mut connectors = Vec::new();
         for node in element.list("Connectors") {
@@ -219,11 +219,11 @@ impl Reader<'_> {
         Ok(connectors)
     }
 
-    fn duplicate(&self, node: &Node, what: &'static str, name: String) -> Error {
+    fn duplicate(&self, node: &Element, what: &'static str, name: String) -> Error {
         Error::Duplicate { file: self.file.into(), line: node.line, what, name }
     }
 
-    fn components(&self, system: &Node) -> Result<Vec<ComponentElement>, Error> {
+    fn components(&self, system: &Element) -> Result<Vec<ComponentElement>, Error> {
         let mut seen = HashSet::new();
         let mut components = Vec::new();
         for node in system.list("Elements") {
@@ -277,7 +277,7 @@ impl Reader<'_> {
     }
 
     /// File behind a relative URI, an absolute path or a `file:` URI.
-    fn resolve(&self, node: &Node, uri: &str) -> Result<PathBuf, Error> {
+    fn resolve(&self, node: &Element, uri: &str) -> Result<PathBuf, Error> {
         let path = match uri.split_once("://") {
             Some(("file", rest)) => rest,
             Some(_) => {
@@ -289,7 +289,7 @@ impl Reader<'_> {
         Ok(self.base.join(decoded))
     }
 
-    fn connection(&self, node: &Node) -> Result<ConnectionElement, Error> {
+    fn connection(&self, node: &Element) -> Result<ConnectionElement, Error> {
         let end = |element, connector: &'static str| {
             Ok(Endpoint {
                 element: node.attribute(element).filter(|name| !name.is_empty()).map(str::to_owned),
@@ -323,7 +323,7 @@ impl Reader<'_> {
     }
 
     /// Parameters of all bindings of an element; `component` is the base of sources with `sourceBase="component"`.
-    fn bindings(&self, element: &Node, component: &Path) -> Result<Vec<Parameter>, Error> {
+    fn bindings(&self, element: &Element, component: &Path) -> Result<Vec<Parameter>, Error> {
         let mut parameters = Vec::new();
         for node in element.list("ParameterBindings") {
             if let Some(mapping) = node.child("ParameterMapping") {
@@ -362,7 +362,7 @@ impl Reader<'_> {
         Ok(parameters)
     }
 
-    fn units(&self, root: &Node) -> Result<Vec<(String, Unit)>, Error> {
+    fn units(&self, root: &Element) -> Result<Vec<(String, Unit)>, Error> {
         let mut units = Vec::new();
         for node in root.list("Units").filter(|node| node.name == "Unit") {
             let name = node.required("name", self.file)?.to_owned();

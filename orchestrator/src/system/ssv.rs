@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use super::Error;
-use super::xml::{self, Node};
+use super::xml::{self, Attributes, Element};
 
 /// Namespace of parameter sets, the same in SSP 1.0 and 2.0.
 pub const NAMESPACE: &str = "http://ssp-standard.org/SSP1/SystemStructureParameterValues";
@@ -48,7 +48,7 @@ pub fn read(file: &Path) -> Result<Vec<Parameter>, Error> {
 }
 
 /// Parameters of a `ParameterSet` element.
-pub(super) fn parameter_set(set: &Node, file: &Path) -> Result<Vec<Parameter>, Error> {
+pub(super) fn parameter_set(set: &Element, file: &Path) -> Result<Vec<Parameter>, Error> {
     if set.name != "ParameterSet" || set.namespace != NAMESPACE {
         return Err(Error::Xml {
             file: file.into(),
@@ -59,7 +59,7 @@ pub(super) fn parameter_set(set: &Node, file: &Path) -> Result<Vec<Parameter>, E
     set.list("Parameters").map(|parameter| read_parameter(parameter, file)).collect()
 }
 
-fn read_parameter(node: &Node, file: &Path) -> Result<Parameter, Error> {
+fn read_parameter(node: &Element, file: &Path) -> Result<Parameter, Error> {
     let name = node.required("name", file)?.to_owned();
     let typed = node
         .children
@@ -119,7 +119,7 @@ mod tests {
         let text = format!(
             "<ssv:ParameterSet xmlns:ssv=\"{NAMESPACE}\" version=\"1.0\" name=\"s\">\n<ssv:Parameters>\n{parameters}\n</ssv:Parameters></ssv:ParameterSet>"
         );
-        parameter_set(&xml::parse(&text, Path::new("a.ssv")).unwrap(), Path::new("a.ssv"))
+        parameter_set(&xml::parse(text.as_bytes(), Path::new("a.ssv")).unwrap(), Path::new("a.ssv"))
     }
 
     #[test]

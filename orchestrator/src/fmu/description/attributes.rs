@@ -3,7 +3,7 @@
 use std::fmt::Display;
 
 use super::DescriptionError;
-use crate::fmu::xml::Element;
+use crate::xml::Element;
 
 /// Whether infinities are numbers too.
 #[derive(Clone, Copy, PartialEq)]

@@ -6,8 +6,8 @@ use super::{
     DefaultExperiment, DescriptionError, DisplayUnit, Interface, LogCategory, ModelDescription,
     NamingConvention, UnitDefinition, structure, variables,
 };
-use crate::fmu::xml::{self, Element};
 use crate::units::{Exponents, Unit};
+use crate::xml::{self, Element};
 
 impl ModelDescription {
     /// Reads the bytes of a `modelDescription.xml`.

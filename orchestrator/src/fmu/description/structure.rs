@@ -1,7 +1,7 @@
 //! Reading `ModelStructure`.
 
 use super::{Dependency, DependencyKind, DescriptionError, Unknown};
-use crate::fmu::xml::Element;
+use crate::xml::Element;
 
 /// The list called `name` (Outputs, Derivatives, InitialUnknowns) of a model with `count` variables.
 pub(super) fn read(root: &Element, name: &str, count: usize) -> Result<Vec<Unknown>, DescriptionError> {

@@ -8,7 +8,7 @@ use super::{
     Causality, DescriptionError, Initial, RealAttributes, TypeDefinition, Variability, Variable,
     VariableKind, allowed_initials,
 };
-use crate::fmu::xml::Element;
+use crate::xml::Element;
 
 const KINDS: [&str; 5] = ["Real", "Integer", "Boolean", "String", "Enumeration"];
 

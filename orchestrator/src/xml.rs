@@ -1,10 +1,12 @@
 //! XML as a small tree with line numbers, read with limits and without DTD, so that no entity can expand.
 //!
-//! Elements and attributes are known by their local name; text outside of attributes is not kept.
+//! Elements are known by local name and namespace, attributes by their local name; text outside of attributes is not
+//! kept. What the elements mean is left to `fmu` and `system`.
 
-use quick_xml::Reader;
 use quick_xml::XmlVersion;
 use quick_xml::events::{BytesStart, Event};
+use quick_xml::name::ResolveResult;
+use quick_xml::reader::NsReader;
 
 /// Elements may be nested this deep.
 const MAX_DEPTH: usize = 64;
@@ -20,6 +22,8 @@ const MAX_ATTRIBUTES: usize = 100;
 pub(crate) struct Element {
     /// Name without prefix.
     pub(crate) name: String,
+    /// URI of its namespace; empty if it has none, or a prefix that is not declared.
+    pub(crate) namespace: String,
     /// Line in the file, from 1.
     pub(crate) line: usize,
     /// Names without prefix, and values, in file order.
@@ -57,22 +61,27 @@ pub(crate) struct XmlError {
 /// Reads a whole document and returns its root.
 pub(crate) fn parse(bytes: &[u8]) -> Result<Element, XmlError> {
     if bytes.starts_with(&[0xFE, 0xFF]) || bytes.starts_with(&[0xFF, 0xFE]) {
-        return Err(XmlError { line: 1, message: "the file is UTF-16; FMI 2.0 asks for UTF-8".to_owned() });
+        return Err(XmlError { line: 1, message: "the file is UTF-16; save it in UTF-8".to_owned() });
     }
     let bytes = bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(bytes);
     let text = std::str::from_utf8(bytes).map_err(|error| XmlError {
         line: Lines::new(bytes).at(error.valid_up_to()),
-        message: "a byte that is no UTF-8; save the file in UTF-8, which FMI 2.0 asks for".to_owned(),
+        message: "a byte that is no UTF-8; save the file in UTF-8".to_owned(),
     })?;
     let mut lines = Lines::new(bytes);
-    let mut reader = Reader::from_str(text);
+    let mut reader = NsReader::from_str(text);
     let mut open: Vec<Element> = Vec::new();
     let mut root = None;
     let mut count = 0;
     loop {
         let line = lines.at(usize::try_from(reader.buffer_position()).unwrap_or(usize::MAX));
         let error = |message: String| XmlError { line, message };
-        let event = reader.read_event().map_err(|e| error(format!("this is no well-formed XML: {e}")))?;
+        let (namespace, event) =
+            reader.read_resolved_event().map_err(|e| error(format!("this is no well-formed XML: {e}")))?;
+        let namespace = match namespace {
+            ResolveResult::Bound(namespace) => namespace.0.to_owned(),
+            ResolveResult::Unbound | ResolveResult::Unknown(_) => String::new(),
+        };
         // The line of the tag itself: the event before ends where this one starts.
         let (start, closed) = match event {
             Event::Start(start) => (start, false),
@@ -101,7 +110,7 @@ pub(crate) fn parse(bytes: &[u8]) -> Result<Element, XmlError> {
         if count > MAX_ELEMENTS {
             return Err(error(format!("there are more than {MAX_ELEMENTS} elements")));
         }
-        let element = element(&start, line).map_err(error)?;
+        let element = element(&start, namespace, line).map_err(error)?;
         if closed { close(element, &mut open, &mut root) } else { open.push(element) }
     }
     match (open.pop(), root) {
@@ -121,7 +130,7 @@ fn close(element: Element, open: &mut [Element], root: &mut Option<Element>) {
     }
 }
 
-fn element(start: &BytesStart<'_>, line: usize) -> Result<Element, String> {
+fn element(start: &BytesStart<'_>, namespace: String, line: usize) -> Result<Element, String> {
     let name = local(start.name().as_ref()).to_owned();
     let mut attributes = Vec::new();
     for attribute in start.attributes() {
@@ -138,7 +147,7 @@ fn element(start: &BytesStart<'_>, line: usize) -> Result<Element, String> {
         }
         attributes.push((local(key).to_owned(), value.into_owned()));
     }
-    Ok(Element { name, line, attributes, children: Vec::new() })
+    Ok(Element { name, namespace, line, attributes, children: Vec::new() })
 }
 
 fn local(name: &str) -> &str {
@@ -165,5 +174,39 @@ impl<'a> Lines<'a> {
             self.position = end;
         }
         self.line
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn elements_have_local_name_namespace_and_line() {
+        let text =
+            "<?xml version=\"1.0\"?>\n<p:a xmlns:p=\"urn:x\" k=\"1 &lt; 2\">\n  <p:b/>\n  <c/>\n</p:a>";
+        let root = parse(text.as_bytes()).unwrap();
+        assert_eq!((root.name.as_str(), root.namespace.as_str(), root.line), ("a", "urn:x", 2));
+        assert_eq!(root.attribute("k"), Some("1 < 2"));
+        assert_eq!((root.children[0].name.as_str(), root.children[0].line), ("b", 3));
+        assert_eq!((root.children[1].namespace.as_str(), root.children[1].line), ("", 4));
+    }
+
+    #[test]
+    fn broken_or_hostile_texts_are_refused_with_the_line() {
+        let deep = "<a>\n".repeat(100);
+        let cases = [
+            ("", 1, "no element"),
+            ("<a>\n<b></a>", 2, "no well-formed XML"),
+            ("\n<a>\n", 2, "not closed"),
+            ("<!DOCTYPE a [<!ENTITY x \"y\">]><a/>", 1, "DOCTYPE"),
+            (deep.as_str(), 65, "nested more than 64 deep"),
+            ("<a k=\"&nope;\"/>", 1, "nope"),
+            ("<a/><b/>", 1, "second root"),
+        ];
+        for (text, line, expected) in cases {
+            let error = parse(text.as_bytes()).unwrap_err();
+            assert!(error.line == line && error.message.contains(expected), "{text:.30}: {error:?}");
+        }
     }
 }
