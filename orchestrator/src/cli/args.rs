@@ -31,6 +31,11 @@ pub struct Cli {
 #[derive(Debug, Subcommand)]
 pub enum Command {
     /// Simulate a system and compare it with a measurement.
+    ///
+    /// Writes result.csv (first column time [s], then the connectors of the system by their plain name, then all
+    /// outputs as component.variable), summary.json (settings, FMUs, timings, fits), figures as SVG, and index.html
+    /// with all of them. Discrete outputs stand at the start of the interval over which they are held: a sampled
+    /// output y(k) is in the row of k Ts.
     Run(RunArgs),
     /// Show what an FMU or a system consists of.
     Inspect(super::inspect::Args),
@@ -42,12 +47,6 @@ pub enum Command {
 }
 
 /// `airloop run`
-///
-/// Writes result.csv (first column time [s], then connectors of the system by their plain name and all outputs as
-/// component.variable), summary.json, figures as SVG, and index.html with figures and numbers.
-///
-/// Discrete outputs stand at the start of the interval over which they are held: a sampled output y(k) is in the
-/// row of k Ts.
 #[derive(Debug, Args)]
 #[command(
     after_help = "Exit codes: 0 success (also if a component ends the simulation), 1 failure (the result so far is kept), 2 wrong usage, 130 interrupted (Ctrl-C; the result so far is kept).\n\nExample: airloop run examples/01_run/system.ssd --measured record.csv --step 1ms -o out/run"

@@ -77,6 +77,17 @@ const REPORT_EVERY: Duration = Duration::from_millis(50);
 
 /// Runs a system from start to stop and records all outputs at the communication points.
 ///
+/// ```no_run
+/// use airloop::master::{Settings, simulate};
+/// let graph = airloop::system::SystemGraph::open("examples/01_run/system.ssd".as_ref())?;
+/// let settings = Settings { stop_time: 4.0, ..Settings::default() };
+/// let stop = std::sync::atomic::AtomicBool::new(false);
+/// let watch = simulate::Watch { stop: &stop, progress: &mut |_, _| {} };
+/// let run = simulate::run(&graph, &settings, None, watch)?;
+/// airloop::series::csv::write(&run.result, "result.csv".as_ref())?;
+/// # Ok::<(), airloop::Error>(())
+/// ```
+///
 /// # Errors
 /// What keeps the run from starting; a failure after that is an [`End::Failed`] with the result so far.
 pub fn run(

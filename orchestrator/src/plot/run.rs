@@ -36,7 +36,13 @@ pub fn draw(folder: &Path) -> Result<Vec<PathBuf>, Error> {
     let texts: Vec<String> = figures.iter().map(|(_, text)| text.clone()).collect();
     write(&written[0], &page::page(&summary, &texts))?;
     for (name, text) in &figures {
-        let path = folder.join(format!("{}.svg", file_name(name)));
+        let mut path = folder.join(format!("{}.svg", file_name(name)));
+        for number in 2.. {
+            if !written.contains(&path) {
+                break;
+            }
+            path = folder.join(format!("{}-{number}.svg", file_name(name)));
+        }
         write(&path, text)?;
         written.push(path);
     }

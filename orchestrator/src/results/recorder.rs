@@ -45,12 +45,12 @@ pub struct Recorder {
 }
 
 /// Values reserved at most before the run (per type); longer runs grow while they run.
-const RESERVED_VALUES: usize = 1 << 27;
+const RESERVED_VALUES: usize = 1 << 25;
 
 impl Recorder {
     /// A recorder for buffers of `width` = \[Real, Integer, Boolean\] values and about `rows` rows.
     ///
-    /// Up to 2^27 values (1 GiB of Reals) are reserved here; recording allocates only beyond that.
+    /// Up to 2^25 values (256 MiB of Reals) are reserved here; recording allocates only beyond that.
     pub fn new(columns: Vec<Column>, width: [usize; 3], rows: usize) -> Recorder {
         let values = |width: usize| rows.saturating_mul(width).min(RESERVED_VALUES);
         Recorder {

@@ -78,6 +78,11 @@ pub fn read(path: &Path) -> Result<TimeSeries, Error> {
 
 /// Reads CSV text; `path` is only used in messages.
 ///
+/// ```
+/// let series = airloop::series::csv::parse("time,u\n0,1\n0.5,2\n", "record.csv".as_ref()).unwrap();
+/// assert_eq!(series.channel("u").unwrap().values, [1.0, 2.0]);
+/// ```
+///
 /// # Errors
 /// As [`read`].
 pub fn parse(text: &str, path: &Path) -> Result<TimeSeries, Error> {

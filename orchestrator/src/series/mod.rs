@@ -63,6 +63,13 @@ pub enum Error {
 impl TimeSeries {
     /// A series without channels on the time axis `time` \[s\], shape \[n\].
     ///
+    /// ```
+    /// use airloop::series::TimeSeries;
+    /// let mut series = TimeSeries::new(vec![0.0, 0.5]).unwrap();
+    /// series.push("x", Some("m".into()), vec![1.0, 2.0]).unwrap();
+    /// assert_eq!(series.channel("x").unwrap().values[1], 2.0);
+    /// ```
+    ///
     /// # Errors
     /// [`Error::Time`] unless the times are finite and strictly increasing.
     pub fn new(time: Vec<f64>) -> Result<TimeSeries, Error> {

@@ -224,6 +224,14 @@ pub struct SystemGraph {
 impl SystemGraph {
     /// Reads an `.ssd`, `.ssp` or `.fmu` file with all FMUs it refers to, and checks it.
     ///
+    /// ```no_run
+    /// let graph = airloop::system::SystemGraph::open("examples/01_run/system.ssd".as_ref())?;
+    /// for &index in &graph.order {
+    ///     println!("{}", graph.components[index].name);
+    /// }
+    /// # Ok::<(), airloop::system::Error>(())
+    /// ```
+    ///
     /// # Errors
     /// [`Error`] names file, element and what to do.
     pub fn open(file: &Path) -> Result<SystemGraph, Error> {
@@ -233,8 +241,9 @@ impl SystemGraph {
             Some("ssd") => SystemGraph::from_structure(ssp::read(file)?),
             Some("ssp") => {
                 let folder = ssp::unpack(file)?;
-                let mut graph =
-                    SystemGraph::from_structure(ssp::read(&folder.path().join("SystemStructure.ssd"))?)?;
+                let description = Path::new("SystemStructure.ssd");
+                let structure = ssp::read_as(&folder.path().join(description), &file.join(description))?;
+                let mut graph = SystemGraph::from_structure(structure)?;
                 graph.file = file.into();
                 Ok(graph)
             }

@@ -106,13 +106,20 @@ pub struct ConnectionElement {
 /// # Errors
 /// [`Error`] names file, line and element.
 pub fn read(file: &Path) -> Result<Structure, Error> {
-    let root = xml::read(file)?;
+    read_as(file, file)
+}
+
+/// Reads `file`; messages call it `shown` (a file inside an archive).
+pub(super) fn read_as(file: &Path, shown: &Path) -> Result<Structure, Error> {
+    let root = xml::read(file, shown)?;
+    let base = file.parent().unwrap_or(Path::new(""));
+    let file = shown;
     if root.name != "SystemStructureDescription" || root.namespace != NAMESPACE {
         let problem =
             format!("expected <SystemStructureDescription> of namespace {NAMESPACE}, found <{}>", root.name);
         return Err(Error::Xml { file: file.into(), line: root.line, problem });
     }
-    Reader { file }.structure(&root)
+    Reader { file, base }.structure(&root)
 }
 
 /// Unpacks a `.ssp` archive into a temporary folder.
@@ -121,7 +128,10 @@ pub(super) fn unpack(file: &Path) -> Result<tempfile::TempDir, Error> {
 }
 
 struct Reader<'a> {
+    /// For messages.
     file: &'a Path,
+    /// Folder that relative sources start from.
+    base: &'a Path,
 }
 
 impl Reader<'_> {
@@ -276,7 +286,7 @@ impl Reader<'_> {
             None => uri.strip_prefix("file:").unwrap_or(uri),
         };
         let decoded = percent_decoded(path);
-        Ok(self.file.parent().unwrap_or(Path::new("")).join(decoded))
+        Ok(self.base.join(decoded))
     }
 
     fn connection(&self, node: &Node) -> Result<ConnectionElement, Error> {

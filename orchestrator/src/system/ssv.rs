@@ -43,7 +43,7 @@ pub struct Parameter {
 /// # Errors
 /// [`Error`] names file, line and element.
 pub fn read(file: &Path) -> Result<Vec<Parameter>, Error> {
-    let root = xml::read(file)?;
+    let root = xml::read(file, file)?;
     parameter_set(&root, file)
 }
 

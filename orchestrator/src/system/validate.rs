@@ -60,7 +60,28 @@ pub fn resolve(structure: &Structure, fmus: Vec<Arc<Fmu>>) -> Result<SystemGraph
         start::bind_system(&mut graph, parameter, &structure.units, &aliases)?;
     }
     graph.order = order::evaluation_order(&graph)?;
+    note_missing_dependencies(&mut graph);
     Ok(graph)
+}
+
+/// Says which components are ordered without knowing what their outputs depend on.
+fn note_missing_dependencies(graph: &mut SystemGraph) {
+    for (index, component) in graph.components.iter().enumerate() {
+        let outputs = &component.fmu.description.outputs;
+        let connected = graph.connections.iter().any(|connection| match connection.source {
+            Source::Output { component, variable } => {
+                component == index
+                    && !outputs.iter().any(|known| known.variable == variable && known.dependencies.is_some())
+            }
+            Source::Input(_) => false,
+        });
+        if connected {
+            graph.notes.push(format!(
+                "component `{}` does not declare the dependencies of its outputs: they are taken to depend on all inputs",
+                component.name
+            ));
+        }
+    }
 }
 
 /// Component variables behind the inputs and parameters of the system, by name.

@@ -74,21 +74,21 @@ impl Node {
     }
 }
 
-/// Reads a file into its root element.
-pub fn read(file: &Path) -> Result<Node, Error> {
-    let io = |source| Error::Io { file: file.into(), source };
+/// Reads a file into its root element; messages call it `shown`.
+pub fn read(file: &Path, shown: &Path) -> Result<Node, Error> {
+    let io = |source| Error::Io { file: shown.into(), source };
     let size = std::fs::metadata(file).map_err(io)?.len();
     if size > MAX_BYTES {
         let problem = format!("the file has {size} bytes, more than the {MAX_BYTES} that are read");
-        return Err(Error::Xml { file: file.into(), line: 1, problem });
+        return Err(Error::Xml { file: shown.into(), line: 1, problem });
     }
     let bytes = std::fs::read(file).map_err(io)?;
     let text = String::from_utf8(bytes).map_err(|_| Error::Xml {
-        file: file.into(),
+        file: shown.into(),
         line: 1,
         problem: "the file is not UTF-8; save it in that encoding".into(),
     })?;
-    parse(&text, file)
+    parse(&text, shown)
 }
 
 /// Reads XML text; `file` is used in messages.
