@@ -4,7 +4,7 @@
 mod fmu_library;
 
 use airloop::fmu::{Error, Fmu, Model, Slave, Status};
-use fmu_library::{INPUT, PLATFORM, archive, compiled, description, save};
+use fmu_library::{FIRST_ORDER, INPUT, PLATFORM, archive, compiled, description, save};
 use tempfile::TempDir;
 
 fn with_trace() -> String {
@@ -167,4 +167,26 @@ fn wrong_lengths_are_refused_before_the_call() {
     let message = slave.set_real(&[0], &[1.0, 2.0]).unwrap_err().to_string();
     assert!(message.contains("2 values where 1"), "{message}");
     assert!(!trace(&folder).contains(&"fmi2SetReal".to_owned()));
+}
+
+fn first_order(folder: &TempDir) -> std::sync::Arc<Fmu> {
+    Fmu::open(&compiled(folder, "first_order.c", FIRST_ORDER, &[])).unwrap()
+}
+
+#[test]
+fn a_state_belongs_to_the_instance_that_made_it() {
+    let folder = TempDir::new().unwrap();
+    let fmu = first_order(&folder);
+    let mut first = Slave::instantiate(&fmu, "first", false).unwrap();
+    let mut second = Slave::instantiate(&fmu, "second", false).unwrap();
+    let mut slot = None;
+    first.get_state(&mut slot).unwrap();
+    let message = second.get_state(&mut slot).unwrap_err().to_string();
+    assert!(message.contains("second: fmi2GetFMUstate") && message.contains("another instance"), "{message}");
+    assert!(second.set_state(slot.as_ref().unwrap()).is_err());
+    let bytes = first.serialize_state(slot.as_ref().unwrap()).unwrap();
+    assert!(second.free_state(slot.unwrap()).is_err());
+    let copy = second.deserialize_state(&bytes).unwrap();
+    second.set_state(&copy).unwrap();
+    second.free_state(copy).unwrap();
 }

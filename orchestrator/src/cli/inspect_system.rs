@@ -2,14 +2,20 @@
 
 use super::table::table;
 use crate::system::SystemGraph;
-use crate::system::graph::Conversion;
+use crate::system::graph::{Conversion, Start};
 
 /// The JSON that `airloop inspect --json` prints for a system.
 pub fn json(graph: &SystemGraph) -> serde_json::Value {
     let components = graph.components.iter().map(|component| {
         let description = &component.fmu.description;
         let starts = component.start_values.iter().map(|start| {
-            (description.variables[start.variable].name.clone(), start.value.to_string().into())
+            let value = match &start.value {
+                Start::Real(value) => (*value).into(),
+                Start::Integer(value) => (*value).into(),
+                Start::Boolean(value) => (*value).into(),
+                Start::String(value) => value.as_str().into(),
+            };
+            (description.variables[start.variable].name.clone(), value)
         });
         serde_json::json!({
             "name": component.name,

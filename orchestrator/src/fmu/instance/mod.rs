@@ -64,8 +64,8 @@ pub struct Instance {
     fmu: Arc<Fmu>,
 }
 
-// SAFETY: FMI 2.0.5 section 2.1.1 lets any thread call an instance as long as calls do not overlap; `&mut self` on
-// every call sees to that, and the log buffer has its own lock. The instance is not Sync.
+// SAFETY: FMI 2.0 ties an instance to no thread; calls on it must not overlap, which `&mut self` on every call sees to,
+// and the log buffer has its own lock. The instance is not Sync.
 unsafe impl Send for Instance {}
 
 impl fmt::Debug for Instance {
