@@ -30,6 +30,17 @@ pub enum Error {
     /// Measurement against simulation.
     #[error(transparent)]
     Discrepancy(#[from] crate::discrepancy::Error),
+    /// The folder of the results.
+    #[error("output folder {}: {problem}", folder.display())]
+    OutputFolder {
+        /// Folder.
+        folder: std::path::PathBuf,
+        /// What is in the way.
+        problem: String,
+    },
+    /// The standard output.
+    #[error("the standard output cannot be written: {0}")]
+    Output(std::io::Error),
     /// Figures.
     #[error(transparent)]
     Plot(#[from] crate::plot::Error),

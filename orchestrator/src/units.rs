@@ -170,6 +170,18 @@ pub fn lookup(name: &str) -> Option<Unit> {
 /// # Errors
 /// [`DurationError`] says what was written and what is allowed.
 pub fn parse_duration(text: &str) -> Result<f64, DurationError> {
+    let seconds = parse_time(text)?;
+    if seconds < 0.0 {
+        return Err(DurationError { text: text.to_owned(), reason: "it is negative" });
+    }
+    Ok(seconds)
+}
+
+/// A point in time as written on the command line, in s; as [`parse_duration`], but it may be negative.
+///
+/// # Errors
+/// As [`parse_duration`].
+pub fn parse_time(text: &str) -> Result<f64, DurationError> {
     let error = |reason| DurationError { text: text.to_owned(), reason };
     let trimmed = text.trim();
     // The unit begins at the last run of letters; an exponent such as 1e-3 ends in a digit.
@@ -190,9 +202,6 @@ pub fn parse_duration(text: &str) -> Result<f64, DurationError> {
     let seconds = if factor < 1.0 { number / (1.0_f64 / factor).round() } else { number * factor };
     if !seconds.is_finite() {
         return Err(error("it is not finite"));
-    }
-    if seconds < 0.0 {
-        return Err(error("it is negative"));
     }
     Ok(seconds)
 }
@@ -274,6 +283,12 @@ mod tests {
         for (text, seconds) in cases {
             assert_eq!(parse_duration(text), Ok(seconds), "{text}");
         }
+    }
+
+    #[test]
+    fn a_time_may_be_negative_where_a_duration_may_not() {
+        assert_eq!(parse_time("-1.5ms"), Ok(-0.0015));
+        assert!(parse_duration("-1.5ms").is_err());
     }
 
     #[test]

@@ -79,6 +79,48 @@ fn a_discrete_output_stands_at_the_start_of_its_interval() {
 }
 
 #[test]
+fn a_discrete_output_without_feed_through_stands_where_it_is_read() {
+    let folder = folder();
+    // As a counter of events: `held` depends on no input any more.
+    let lists = slave::description();
+    for (dependencies, expected) in [("dependencies=\"\"", [0.0, 1.0, 2.0, 3.0]), ("", [1.0, 2.0, 3.0, 3.0])]
+    {
+        let text = lists.replace("index=\"5\" dependencies=\"1\"", &format!("index=\"5\" {dependencies}"));
+        assert_ne!(text, lists);
+        slave::pack(&folder.path().join("counter.fmu"), &text, Some(&folder.path().join("slave.so")));
+        let graph = SystemGraph::open(&folder.path().join("counter.fmu")).unwrap();
+        let series = ramp();
+        let stimulus = ramp_into_first(&series, Interpolation::Linear);
+        let run = simulate(&graph, &settings(3.0, 1.0), Some(&stimulus)).unwrap();
+        assert_eq!(values(&run, "held"), expected, "{dependencies:?}");
+    }
+}
+
+#[test]
+fn discrete_inputs_are_held_whatever_the_interpolation() {
+    let folder = folder();
+    let text = slave::description();
+    let discrete = text.replacen(
+        "causality=\"input\" variability=\"continuous\"",
+        "causality=\"input\" variability=\"discrete\"",
+        1,
+    );
+    assert_ne!(discrete, text);
+    slave::pack(&folder.path().join("discrete.fmu"), &discrete, Some(&folder.path().join("slave.so")));
+    let graph = SystemGraph::open(&folder.path().join("discrete.fmu")).unwrap();
+    let mut series = TimeSeries::new(vec![0.0, 1.0]).unwrap();
+    for (name, values) in [("u", [1.0, 3.0]), ("i", [1.0, 3.0]), ("b", [0.0, 1.0])] {
+        series.push(name, None, values.into()).unwrap();
+    }
+    let links = vec![(0, 0, 1.0, 0.0), (1, 1, 1.0, 0.0), (2, 2, 1.0, 0.0)];
+    let stimulus = Stimulus { series: &series, links, interpolation: Interpolation::Linear };
+    let run = simulate(&graph, &settings(1.0, 0.25), Some(&stimulus)).unwrap();
+    assert_eq!(values(&run, "u"), [1.0, 1.0, 1.0, 1.0, 3.0]);
+    assert_eq!(values(&run, "i"), [1.0, 1.0, 1.0, 1.0, 3.0]);
+    assert_eq!(values(&run, "b"), [0.0, 0.0, 0.0, 0.0, 1.0]);
+}
+
+#[test]
 fn inputs_are_interpolated_as_stated() {
     let (folder, series) = (folder(), ramp());
     let graph = chain(&folder);
@@ -238,7 +280,11 @@ fn a_status_that_is_not_ok_is_told_with_component_time_and_step() {
 fn a_slave_may_end_the_simulation() {
     let folder = folder();
     let run = simulate(&misbehaving(&folder, "terminate"), &settings(1.0, 0.1), None).unwrap();
-    assert!(matches!(&run.end, End::Terminated { component } if component == "b"), "{:?}", run.end);
+    assert!(
+        matches!(&run.end, End::Terminated { component, time: Some(0.35) } if component == "b"),
+        "{:?}",
+        run.end
+    );
     assert_eq!(run.result.time().last(), Some(&0.3));
     // Alone, its values at the time it came to are part of the result.
     let mut graph = SystemGraph::open(&folder.path().join("slave.fmu")).unwrap();
@@ -246,6 +292,31 @@ fn a_slave_may_end_the_simulation() {
     graph.set_start("when", "0.35", "test").unwrap();
     let run = simulate(&graph, &settings(1.0, 0.1), None).unwrap();
     assert_eq!(run.result.time().last(), Some(&0.35));
+}
+
+#[test]
+fn an_end_at_the_end_of_a_step_lets_the_others_finish_it() {
+    let folder = folder();
+    for algorithm in [Algorithm::GaussSeidel, Algorithm::Jacobi] {
+        // The slave that ends is neither the first nor the last one to step.
+        let components = [component("a", ""), component("b", ""), component("c", "")].concat();
+        let connections = [connection("u", "a.u"), connection("a.y", "b.u"), connection("u", "c.u")].concat();
+        let mut graph = open(&folder, &ssd(U, &components, &connections, ""));
+        graph.set_start("b.how", "terminate", "test").unwrap();
+        graph.set_start("b.when", "3.9999999999", "test").unwrap();
+        let series = ramp();
+        let stimulus = ramp_into_first(&series, Interpolation::Linear);
+        let run = simulate(&graph, &Settings { algorithm, ..settings(9.0, 1.0) }, Some(&stimulus)).unwrap();
+        assert!(
+            matches!(&run.end, End::Terminated { time: Some(time), .. } if *time == 4.0),
+            "{:?}",
+            run.end
+        );
+        assert_eq!((run.steps, run.result.time().last()), (4, Some(&4.0)), "{algorithm}");
+        assert_eq!(values(&run, "u"), [1.0, 2.0, 3.0, 4.0, 5.0], "{algorithm}");
+        assert_eq!(values(&run, "a.x"), [0.0, 1.0, 3.0, 6.0, 10.0], "{algorithm}");
+        assert_eq!(values(&run, "c.x"), values(&run, "a.x"), "{algorithm}");
+    }
 }
 
 #[test]

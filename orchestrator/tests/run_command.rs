@@ -136,7 +136,8 @@ fn a_component_that_ends_the_simulation_is_no_failure() {
     let words = [&["run", "system.ssd", "--stop", "1", "--step", "0.1", "-o", "out"][..], &set].concat();
     let output = airloop(&folder, &words);
     assert_eq!(output.status.code(), Some(0));
-    assert!(text(&output.stdout).contains("component b ended the simulation at t = 0.3 s"));
+    let expected = "component b ended the simulation at t = 0.35 s; the result ends at 0.3 s, the last point";
+    assert!(text(&output.stdout).contains(expected), "{}", text(&output.stdout));
     assert_eq!(summary_of(&folder, "out").outcome.status, "terminated");
 }
 
@@ -149,15 +150,34 @@ fn bad_words_and_files_are_refused_by_name() {
     write(&folder, "other.csv", "time,q\n0,1\n");
     write(&folder, "moment.csv", "time,u [N.m]\n0,1\n");
     write(&folder, "map.toml", "[signals]\nz = \"q\"\n");
-    let cases: [(&[&str], i32, &str); 12] = [
+    write(&folder, "file", "");
+    let cases: [(&[&str], i32, &str); 22] = [
+        (&["--stop", "1", "--step", "-1ms"], 2, "'-1ms' is not a duration: it is negative"),
+        (&["--stop", "1", "--step", "nan"], 2, "'nan' is not a duration"),
+        (
+            &["--stop", "1", "--tolerance", "2"],
+            2,
+            "tolerance = 2 is not possible: it must be between 0 and 1",
+        ),
+        (&["--stop", "1", "--tolerance", "-2"], 2, "tolerance = -2 is not possible"),
+        (&["--stop", "1", "--start", "2"], 2, "stop time = 1 is not possible"),
+        (&["--stop", "1", "-o", "file"], 1, "output folder file: a file of that name is there"),
+        (&["--stop", "1", "-o", "file/x"], 1, "output folder file/x: "),
+        (
+            &["--stop", "1", "--set", "b.u=1"],
+            1,
+            "--set b.u=1: it would have no effect: `b.u` is driven by the connection from `a.y`",
+        ),
+        (&["--stop", "1", "--set", "a.u=1"], 1, "`a.u` is driven by the system input `u`: set `u`"),
+        (&["--input", "moment.csv", "--set", "u=1"], 1, "cannot be converted"),
         (&["--input", "typo.csv"], 1, "typo.csv: line 1, column `uu`: no such signal; known are: u"),
         (&["--input", "nan.csv"], 1, "nan.csv: line 3, column `u`: `nan` is not finite"),
         (&["--input", "gone.csv"], 1, "gone.csv: "),
         (&["--input", "moment.csv"], 1, "column `u`: its unit [N.m] cannot be converted to [N]"),
         (&["--measured", "other.csv"], 1, "none of its columns (q) is a connector of the system (y, x)"),
         (&["--measured", "other.csv", "--signals", "map.toml"], 1, "no connector `z`; it has: u, y, x"),
-        (&[], 1, "given with --stop"),
-        (&["--stop", "1", "--step", "0"], 1, "step = 0 is not possible: it must be positive"),
+        (&[], 2, "given with --stop"),
+        (&["--stop", "1", "--step", "0"], 2, "step = 0 is not possible: it must be positive"),
         (&["--stop", "1", "--set", "a.nope=1"], 1, "--set a.nope=1: there is no variable `nope`"),
         (&["--stop", "1", "--set", "nope"], 2, "write component.variable=value"),
         (&["--stop", "soon"], 2, "soon"),

@@ -50,6 +50,11 @@ fn a_stair_ends_the_simulation_itself() {
     let Some((result, status)) = run("Stair", &[]) else { return };
     assert_eq!(status, "terminated");
     assert_eq!(result.time().last(), Some(&9.0));
+    // The counter begins at 1 and goes up at 1 s, 2 s, ...; it depends on no input and stands where it is read.
+    let counter = &result.channel("counter").unwrap().values;
+    for (t, value) in result.time().iter().zip(counter) {
+        assert_eq!(*value, 1.0 + (t + 1e-9).floor(), "at {t} s");
+    }
 }
 
 #[test]

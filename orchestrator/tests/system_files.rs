@@ -281,7 +281,7 @@ fn bad_descriptions_are_refused_with_file_and_line() {
             system(
                 "<ssd:ParameterBindings><ssd:ParameterBinding source=\"gone.ssv\"/></ssd:ParameterBindings>",
             ),
-            "gone.ssv: ",
+            "line 8: there is no file",
         ),
         (
             system("<ssd:ParameterBindings><ssd:ParameterBinding/></ssd:ParameterBindings>"),

@@ -11,7 +11,7 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 
 use crate::master::Algorithm;
 use crate::series::Interpolation;
-use crate::units::parse_duration;
+use crate::units::{parse_duration, parse_time};
 
 /// Co-simulation of FMI 2.0 units, and comparison with measurements.
 #[derive(Debug, Parser)]
@@ -19,7 +19,7 @@ use crate::units::parse_duration;
     name = "airloop",
     version,
     propagate_version = true,
-    after_help = "Exit codes: 0 success, 1 failure, 2 wrong usage, 130 interrupted (Ctrl-C; the result so far is kept)."
+    after_help = "Exit codes: 0 success, 1 failure, 2 wrong usage, 130 interrupted (Ctrl-C, SIGTERM, SIGHUP; the result so far is kept)."
 )]
 pub struct Cli {
     /// What to do.
@@ -34,8 +34,12 @@ pub enum Command {
     ///
     /// Writes result.csv (first column time [s], then the connectors of the system by their plain name, then all
     /// outputs as component.variable), summary.json (settings, FMUs, timings, fits), figures as SVG, and index.html
-    /// with all of them. Discrete outputs stand at the start of the interval over which they are held: a sampled
-    /// output y(k) is in the row of k Ts.
+    /// with all of them. What an earlier run left in the folder is removed.
+    ///
+    /// Inputs are set at the start of each step and held within it. Outputs are read after the step and stand at its
+    /// end; those with direct feed-through then still belong to the inputs of its start. A discrete output that depends
+    /// directly on an input stands at the start of the step over which it is held: a sampled output y(k) is in the row
+    /// of k Ts. A discrete output that only changes by events or time stands where it is read.
     Run(RunArgs),
     /// Show what an FMU or a system consists of.
     Inspect(super::inspect::Args),
@@ -49,30 +53,33 @@ pub enum Command {
 /// `airloop run`
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Exit codes: 0 success (also if a component ends the simulation), 1 failure (the result so far is kept), 2 wrong usage, 130 interrupted (Ctrl-C; the result so far is kept).\n\nExample: airloop run examples/01_run/system.ssd --measured record.csv --step 1ms -o out/run"
+    after_help = "Exit codes: 0 success (also if a component ends the simulation), 1 failure (the result so far is kept), 2 wrong usage (also a time, step or tolerance out of range), 130 interrupted (Ctrl-C, SIGTERM, SIGHUP; the result so far is kept).\n\nExample: airloop run examples/01_run/system.ssd --measured record.csv --step 1ms -o out/run"
 )]
 pub struct RunArgs {
     /// System: .ssd or .ssp (SSP 1.0 or 2.0), or a single .fmu.
     pub system: PathBuf,
     /// Stop time [s], e.g. 4 or 500ms. Default: end of the measured or input data, else the default experiment of
     /// the system.
-    #[arg(long, value_parser = parse_duration, value_name = "TIME")]
+    #[arg(long, value_parser = parse_time, value_name = "TIME", allow_hyphen_values = true)]
     pub stop: Option<f64>,
     /// Communication step size [s], e.g. 1ms or 0.001; the last step is shortened to meet the stop time. Default:
     /// that of the default experiment of a single FMU, else 1ms.
-    #[arg(long, value_parser = parse_duration, value_name = "TIME")]
+    #[arg(long, value_parser = parse_duration, value_name = "TIME", allow_hyphen_values = true)]
     pub step: Option<f64>,
     /// Start time [s]. Default: first time of the measured or input data, else the default experiment, else 0.
-    #[arg(long, value_parser = parse_duration, value_name = "TIME")]
+    #[arg(long, value_parser = parse_time, value_name = "TIME", allow_hyphen_values = true)]
     pub start: Option<f64>,
     /// How slaves are coupled.
     #[arg(long, value_enum, default_value_t = MasterChoice::GaussSeidel)]
     pub master: MasterChoice,
-    /// CSV file with inputs of the system: first column time [s], then one column per input.
+    /// CSV file with inputs of the system: first column time [s] (or for example `time [ms]`), then one column per
+    /// input. Truth values are 0 and 1, or true and false.
     #[arg(long, value_name = "FILE")]
     pub input: Option<PathBuf>,
-    /// Inputs between their samples. At a communication point both give the sample, so that for a command sampled
-    /// on the communication grid they agree; choose hold for a sampled command and smaller steps.
+    /// Continuous inputs between their samples; inputs that are discrete, or no Reals, are always held. The inputs of a
+    /// step are those at its start. At a communication point both choices give the sample, so that for a command
+    /// sampled on the communication grid they agree; choose hold for a sampled command and steps that divide its
+    /// sample time.
     #[arg(long, value_enum, default_value_t = InterpolationChoice::Linear)]
     pub interpolation: InterpolationChoice,
     /// Start value of a parameter, input or state, in the unit of the variable: component.variable=value (or
@@ -94,7 +101,7 @@ pub struct RunArgs {
     #[arg(short, long, value_name = "DIR", default_value = "out/run")]
     pub output: PathBuf,
     /// Relative tolerance for solvers inside FMUs, between 0 and 1. Default: each FMU uses its own.
-    #[arg(long, value_name = "NUMBER")]
+    #[arg(long, value_name = "NUMBER", allow_hyphen_values = true)]
     pub tolerance: Option<f64>,
     /// Draw no figures.
     #[arg(long)]

@@ -1,11 +1,11 @@
 //! `airloop inspect`: what an FMU or a system is made of, as text or JSON, and what the checker finds.
 
-use std::io::Write;
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::Arc;
 
 use super::inspect_system;
+use super::output::print;
 use super::table::table;
 use crate::Error;
 use crate::fmu::check::{self, Finding, Severity};
@@ -57,48 +57,38 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
         (fmus, text, value)
     };
     if !args.check {
-        print(&if args.json { format!("{value:#}\n") } else { text });
+        print(&if args.json { format!("{value:#}\n") } else { text })?;
         return Ok(ExitCode::SUCCESS);
     }
     let mut failed = false;
     let mut all = Vec::new();
     for fmu in &fmus {
-        let findings = check(fmu, args);
+        let findings = check(fmu, args)?;
         failed |= findings.iter().any(|finding| finding.severity == Severity::Error);
-        all.push(serde_json::json!({ "fmu": fmu.path, "findings": findings }));
+        all.push(serde_json::json!({ "fmu": fmu.shown, "findings": findings }));
     }
     if args.json {
         value["checks"] = all.into();
-        print(&format!("{value:#}\n"));
+        print(&format!("{value:#}\n"))?;
     }
     Ok(if failed { ExitCode::FAILURE } else { ExitCode::SUCCESS })
 }
 
 /// What the checker finds in one FMU, worst first; printed unless JSON is wanted.
-fn check(fmu: &Arc<Fmu>, args: &Args) -> Vec<Finding> {
-    let show = |text: &str| {
-        if !args.json {
-            print(text)
-        }
-    };
-    show(&format!("{}\n", fmu.path.display()));
+fn check(fmu: &Arc<Fmu>, args: &Args) -> Result<Vec<Finding>, Error> {
+    let show = |text: &str| if args.json { Ok(()) } else { print(text) };
+    show(&format!("{}\n", fmu.shown.display()))?;
     let mut findings = check::static_findings(fmu);
-    show(&text(&findings));
+    show(&text(&findings))?;
     // What follows runs foreign code and may end the process: what is known is printed before.
     if !args.no_run {
         let dynamic = check::dynamic_findings(fmu);
-        show(&text(&dynamic));
+        show(&text(&dynamic))?;
         findings.extend(dynamic);
     }
     findings.sort_by_key(|finding| std::cmp::Reverse(finding.severity));
-    show(&summary(&findings, args.no_run));
-    findings
-}
-
-/// A closed pipe (as with `| head`) is no error.
-fn print(text: &str) {
-    let _ = std::io::stdout().write_all(text.as_bytes());
-    let _ = std::io::stdout().flush();
+    show(&summary(&findings, args.no_run))?;
+    Ok(findings)
 }
 
 /// Findings as a table, worst first.
@@ -124,7 +114,7 @@ fn summary(findings: &[Finding], no_run: bool) -> String {
 
 fn json(fmu: &Fmu) -> serde_json::Value {
     serde_json::json!({
-        "file": fmu.path,
+        "file": fmu.shown,
         "platforms": fmu.platforms(),
         "model_description": fmu.description,
     })
@@ -134,7 +124,7 @@ fn json(fmu: &Fmu) -> serde_json::Value {
 pub fn describe(fmu: &Fmu) -> String {
     let description = &fmu.description;
     let mut text =
-        format!("{} (FMI {}, {})\n", description.model_name, description.fmi_version, fmu.path.display());
+        format!("{} (FMI {}, {})\n", description.model_name, description.fmi_version, fmu.shown.display());
     if !description.description.is_empty() {
         text += &format!("{}\n", description.description);
     }

@@ -20,7 +20,7 @@ pub fn json(graph: &SystemGraph) -> serde_json::Value {
         serde_json::json!({
             "name": component.name,
             "model": description.model_name,
-            "fmu": component.fmu.path,
+            "fmu": component.fmu.shown,
             "start_values": starts.collect::<serde_json::Map<_, _>>(),
         })
     });
@@ -76,7 +76,7 @@ pub fn describe(graph: &SystemGraph) -> String {
             vec![
                 component.name.clone(),
                 description.model_name.clone(),
-                component.fmu.path.display().to_string(),
+                component.fmu.shown.display().to_string(),
                 values.join(", "),
             ]
         })

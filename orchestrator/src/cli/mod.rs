@@ -1,10 +1,12 @@
 //! The command line: words to settings, results to a short text. No numerics here.
 //!
-//! Exit codes: 0 success, 1 failure, 2 wrong usage, 130 interrupted (Ctrl-C).
+//! Exit codes: 0 success, 1 failure, 2 wrong usage, 130 interrupted (Ctrl-C, SIGTERM, SIGHUP).
 
 pub mod args;
+mod folder;
 pub mod inspect;
 pub mod inspect_system;
+pub mod output;
 pub mod run;
 mod table;
 
@@ -14,21 +16,42 @@ use clap::{CommandFactory, Parser};
 
 use args::{Cli, Command};
 
+/// Exit code of wrong usage.
+pub const USAGE: u8 = 2;
 /// Exit code after Ctrl-C, as shells expect it.
 pub const INTERRUPTED: u8 = 130;
 
 /// Parses the command line, does what it says, prints what went wrong.
 pub fn main() -> ExitCode {
-    let outcome = match Cli::parse().command {
+    let cli = match Cli::try_parse() {
+        Ok(cli) => cli,
+        Err(message) => return usage(&message),
+    };
+    let outcome = match cli.command {
         Command::Run(args) => run::run(&args),
         Command::Inspect(args) => inspect::run(&args),
         Command::Completions { shell } => {
-            clap_complete::generate(shell, &mut Cli::command(), "airloop", &mut std::io::stdout());
-            Ok(ExitCode::SUCCESS)
+            let mut script = Vec::new();
+            clap_complete::generate(shell, &mut Cli::command(), "airloop", &mut script);
+            output::print(&String::from_utf8_lossy(&script)).map(|()| ExitCode::SUCCESS)
         }
     };
     outcome.unwrap_or_else(|error| {
-        eprintln!("error: {error}");
-        ExitCode::FAILURE
+        output::complain(&format!("error: {error}"));
+        // A setting out of range is wrong usage, be it a word on its own or only together with others.
+        let usage = matches!(error, crate::Error::Master(crate::master::Error::Setting { .. }));
+        if usage { ExitCode::from(USAGE) } else { ExitCode::FAILURE }
     })
+}
+
+/// Prints help, version, or what is wrong with the command line.
+fn usage(message: &clap::Error) -> ExitCode {
+    let printed = message.print().and_then(|()| std::io::Write::flush(&mut std::io::stdout()));
+    match output::allow_closed(printed) {
+        Ok(()) => ExitCode::from(u8::try_from(message.exit_code()).unwrap_or(USAGE)),
+        Err(error) => {
+            output::complain(&format!("error: {error}"));
+            ExitCode::FAILURE
+        }
+    }
 }

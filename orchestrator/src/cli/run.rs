@@ -10,6 +10,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 
 use super::args::{InitialChoice, RunArgs};
 use super::table::table;
+use super::{folder, output};
 use crate::discrepancy::signals::{self, Links, SignalTable};
 use crate::discrepancy::{self, residual};
 use crate::master::simulate::{self, End, Run, Stimulus, Watch};
@@ -20,7 +21,7 @@ use crate::results::summary::{
 use crate::series::{Interpolation, TimeSeries, csv};
 use crate::system::SystemGraph;
 use crate::system::graph::{DataType, Source};
-use crate::{Error, master, plot};
+use crate::{Error, master, plot, system};
 
 /// Step size \[s\] where nothing else is said.
 const DEFAULT_STEP: f64 = 1e-3;
@@ -32,11 +33,20 @@ struct Record {
     links: Links,
 }
 
+impl Record {
+    /// Whether the file has a column for this input of the system.
+    fn drives(&self, graph: &SystemGraph, name: &str) -> bool {
+        self.links.inputs.iter().any(|link| graph.inputs[link.connector].name == name)
+    }
+}
+
 /// Runs the command; the exit code says how the simulation ended.
 ///
 /// # Errors
 /// What keeps the run from starting, or its results from being written.
 pub fn run(args: &RunArgs) -> Result<ExitCode, Error> {
+    // From here on: unpacked FMUs are to be removed, also if the program is asked to end.
+    let stop = stop_flag();
     let mut graph = SystemGraph::open(&args.system)?;
     let mut notes = graph.notes.clone();
     let signals = match &args.signals {
@@ -52,6 +62,17 @@ pub fn run(args: &RunArgs) -> Result<ExitCode, Error> {
         check_measured(&graph, measured, &mut notes)?;
     }
     let settings = settings(args, &graph, input.as_ref().or(measured.as_ref()))?;
+    if let Some(measured) = &measured {
+        check_overlap(measured, &settings)?;
+    }
+    let grid = settings.validate()?;
+    if settings.step_size > settings.stop_time - settings.start_time && grid.steps() > 0 {
+        notes.push(format!(
+            "the step of {} s is longer than the time span: there is one step of {} s",
+            settings.step_size,
+            grid.last_step()
+        ));
+    }
     if let Some(measured) = measured.as_ref().filter(|_| args.initial == InitialChoice::Measured) {
         let (series, links) = (&measured.series, &measured.links);
         let set = signals::start_at_measured(&mut graph, series, links, settings.start_time);
@@ -59,33 +80,55 @@ pub fn run(args: &RunArgs) -> Result<ExitCode, Error> {
             notes.push(format!("start values from the measurement: {}", set.join(", ")));
         }
     }
+    let data = input.as_ref().or(measured.as_ref());
     for (name, value) in &args.set {
-        graph.set_start(name, value, &format!("--set {name}={value}"))?;
+        let place = format!("--set {name}={value}");
+        if let Some(data) = data.filter(|data| data.drives(&graph, name)) {
+            let (name, by) = (name.clone(), format!("the data of {}", data.file.display()));
+            return Err(system::Error::Driven { place, name, by }.into());
+        }
+        graph.set_start(name, value, &place)?;
     }
-    let stimulus = input.as_ref().or(measured.as_ref()).map(|record| stimulus(record, args));
+    let stimulus = data.map(|record| stimulus(record, args));
     note_texts(&graph, &mut notes);
     note_inputs(&graph, stimulus.as_ref(), &settings, &mut notes);
-    std::fs::create_dir_all(&args.output)
-        .map_err(|source| csv::Error::Io { path: args.output.clone(), source })?;
+    let made = folder::make(&args.output)?;
 
-    let run = simulate(&graph, &settings, stimulus.as_ref(), args.quiet)?;
+    let run = simulate(&graph, &settings, stimulus.as_ref(), args.quiet, &stop).inspect_err(|_| {
+        if made {
+            // Only an empty folder can be removed this way.
+            let _ = std::fs::remove_dir(&args.output);
+        }
+    })?;
+    folder::clear(&args.output)?;
     csv::write(&run.result, &args.output.join("result.csv"))?;
     let connectors = connectors(&graph, &run);
     let fits = match &measured {
         Some(measured) if run.result.len() > 1 => {
-            let held =
-                |name: &str| connectors.iter().any(|connector| connector.name == name && connector.held);
-            residual::compare(&graph, &run.result, &held, &measured.series, &measured.links, &measured.file)?
+            let fits =
+                residual::compare(&graph, &run.result, &measured.series, &measured.links, &measured.file);
+            match (fits, &run.end) {
+                (Ok(fits), _) => fits,
+                (Err(error), End::Completed) => return Err(error.into()),
+                // It ended before the first sample: what there is of the result is still worth a summary.
+                (Err(error), _) => {
+                    notes.push(format!("nothing is compared: {error}"));
+                    Vec::new()
+                }
+            }
         }
         _ => Vec::new(),
     };
-    let summary = summarize(args, &graph, &settings, &run, connectors, fits, notes);
+    let mut summary = summarize(args, &graph, &settings, &run, connectors, fits, notes);
+    if !args.no_plots {
+        summary.figures = plot::run::figure_files(&summary);
+    }
     summary::write(&summary, &args.output.join("summary.json"))?;
     if !args.no_plots {
         plot::run::draw(&args.output)?;
     }
     if !args.quiet {
-        print!("{}", report(&summary, args));
+        output::print(&report(&summary, args))?;
     }
     Ok(exit(&run, args))
 }
@@ -110,6 +153,23 @@ fn check_measured(graph: &SystemGraph, measured: &Record, notes: &mut Vec<String
         notes.push(format!("measured columns without a connector: {}", measured.links.unused.join(", ")));
     }
     Ok(())
+}
+
+/// There must be something to compare, which is known before anything is simulated.
+fn check_overlap(measured: &Record, settings: &master::Settings) -> Result<(), Error> {
+    let (time, span) = (measured.series.time(), settings.start_time..=settings.stop_time);
+    let inside = time.iter().any(|t| span.contains(t));
+    match (time.first(), time.last()) {
+        (Some(&first), Some(&last)) if !inside => Err(discrepancy::Error::NoOverlap {
+            file: measured.file.clone(),
+            first,
+            last,
+            start: settings.start_time,
+            stop: settings.stop_time,
+        }
+        .into()),
+        _ => Ok(()),
+    }
 }
 
 fn settings(args: &RunArgs, graph: &SystemGraph, data: Option<&Record>) -> Result<master::Settings, Error> {
@@ -175,21 +235,27 @@ fn note_inputs(
     }
 }
 
-/// Runs with a progress bar (on a terminal) and stops on Ctrl-C.
-fn simulate(
-    graph: &SystemGraph,
-    settings: &master::Settings,
-    stimulus: Option<&Stimulus>,
-    quiet: bool,
-) -> Result<Run, Error> {
+/// Set by Ctrl-C, SIGTERM or SIGHUP; a second signal ends the program at once.
+fn stop_flag() -> Arc<AtomicBool> {
     let stop = Arc::new(AtomicBool::new(false));
     let flag = Arc::clone(&stop);
-    // Without a handler Ctrl-C ends the program as usual, so a failure here is no reason not to run.
+    // Without a handler a signal ends the program as usual, so a failure here is no reason not to run.
     let _ = ctrlc::set_handler(move || {
         if flag.swap(true, Ordering::Relaxed) {
             std::process::exit(i32::from(super::INTERRUPTED));
         }
     });
+    stop
+}
+
+/// Runs with a progress bar (on a terminal) until `stop` is set.
+fn simulate(
+    graph: &SystemGraph,
+    settings: &master::Settings,
+    stimulus: Option<&Stimulus>,
+    quiet: bool,
+    stop: &AtomicBool,
+) -> Result<Run, Error> {
     let bar = match !quiet && std::io::stderr().is_terminal() {
         true => ProgressBar::new(0),
         false => ProgressBar::hidden(),
@@ -200,7 +266,7 @@ fn simulate(
         bar.set_length(all);
         bar.set_position(done);
     };
-    let run = simulate::run(graph, settings, stimulus, Watch { stop: &stop, progress: &mut progress });
+    let run = simulate::run(graph, settings, stimulus, Watch { stop, progress: &mut progress });
     bar.finish_and_clear();
     Ok(run?)
 }
@@ -212,10 +278,14 @@ fn connectors(graph: &SystemGraph, run: &Run) -> Vec<ConnectorRecord> {
         unit: unit.clone(),
         held,
     };
-    let inputs = graph.inputs.iter().map(|input| record(&input.name, "input", &input.unit, false));
+    let inputs = graph
+        .inputs
+        .iter()
+        .enumerate()
+        .map(|(index, input)| record(&input.name, "input", &input.unit, graph.input_is_held(index)));
     let outputs = graph.outputs.iter().map(|output| {
         let held = match output.source {
-            Source::Input(_) => false,
+            Source::Input(input) => graph.input_is_held(input),
             Source::Output { component, variable } => graph.is_held(component, variable),
         };
         record(&output.name, "output", &output.unit, held)
@@ -235,8 +305,15 @@ fn summarize(
     let end_time = run.result.time().last().copied().unwrap_or(settings.start_time);
     let (status, message) = match &run.end {
         End::Completed => ("completed", None),
-        End::Terminated { component } => {
-            ("terminated", Some(format!("component {component} ended the simulation at t = {end_time} s")))
+        End::Terminated { component, time } => {
+            let own = time.unwrap_or(end_time);
+            let rest = match own > end_time {
+                true => {
+                    format!("; the result ends at {end_time} s, the last point that all components reached")
+                }
+                false => String::new(),
+            };
+            ("terminated", Some(format!("component {component} ended the simulation at t = {own} s{rest}")))
         }
         End::Interrupted => ("interrupted", Some(format!("interrupted at t = {end_time} s"))),
         End::Failed(error) => ("failed", Some(error.to_string())),
@@ -248,7 +325,7 @@ fn summarize(
             component: component.name.clone(),
             model_name: description.model_name.clone(),
             guid: description.guid.clone(),
-            path: component.fmu.path.clone(),
+            path: component.fmu.shown.clone(),
             version: text(&description.version),
             generation_tool: text(&description.generation_tool),
         }
@@ -281,6 +358,7 @@ fn summarize(
         fmus: graph.order.iter().map(fmu).collect(),
         connectors,
         signals,
+        figures: Vec::new(),
         fallbacks,
     }
 }
@@ -291,13 +369,14 @@ fn text(text: &str) -> Option<String> {
 
 /// What is printed after a run.
 fn report(summary: &Summary, args: &RunArgs) -> String {
+    let (start, end) = (summary.settings.start_time, summary.outcome.end_time);
+    let steps = match summary.outcome.steps {
+        1 => format!("1 step of {} s", summary.settings.step_size.min(end - start)),
+        steps => format!("{steps} steps of {} s", summary.settings.step_size),
+    };
     let mut text = format!(
-        "{}: {} s to {} s, {} steps of {} s ({}), {} s, {} steps/s\n",
+        "{}: {start} s to {end} s, {steps} ({}), {} s, {} steps/s\n",
         summary.system,
-        summary.settings.start_time,
-        summary.outcome.end_time,
-        summary.outcome.steps,
-        summary.settings.step_size,
         summary.settings.master,
         short(summary.timings.simulation_s),
         short(summary.timings.steps_per_second),
@@ -335,11 +414,11 @@ fn exit(run: &Run, args: &RunArgs) -> ExitCode {
     match &run.end {
         End::Completed | End::Terminated { .. } => ExitCode::SUCCESS,
         End::Interrupted => {
-            eprintln!("interrupted; the result so far is in {}", kept.display());
+            output::complain(&format!("interrupted; the result so far is in {}", kept.display()));
             ExitCode::from(super::INTERRUPTED)
         }
         End::Failed(error) => {
-            eprintln!("error: {error}\nthe result so far is in {}", kept.display());
+            output::complain(&format!("error: {error}\nthe result so far is in {}", kept.display()));
             ExitCode::FAILURE
         }
     }

@@ -24,6 +24,9 @@ pub enum Error {
     /// No column fits any connector.
     #[error("{}: none of its columns ({columns}) is a connector of the system ({known}); name the pairs in a [signals] table and give it with `--signals`", file.display())]
     NothingMeasured { file: PathBuf, columns: String, known: String },
+    /// The run does not touch the record.
+    #[error("{}: the record goes from {first} s to {last} s, but the run from {start} s to {stop} s: no sample can be compared; choose `--start` and `--stop` inside of the record", file.display())]
+    NoOverlap { file: PathBuf, first: f64, last: f64, start: f64, stop: f64 },
     /// The two time ranges have nothing in common.
     #[error("{}: signal `{signal}`: {source}", file.display())]
     Fit { file: PathBuf, signal: String, source: crate::ident::fit::Error },

@@ -66,7 +66,7 @@ pub struct Links {
 /// Finds the channel of every connector of the system.
 ///
 /// # Errors
-/// A table entry without connector or column, or units that do not fit.
+/// A table entry without connector or column, units that do not fit, or values outside of the connector's type.
 pub fn link(
     graph: &SystemGraph,
     series: &TimeSeries,
@@ -100,10 +100,50 @@ pub fn link(
     };
     let inputs: Vec<Link> = inputs.enumerate().filter_map(find).collect::<Result<_, _>>()?;
     let outputs: Vec<Link> = outputs.enumerate().filter_map(find).collect::<Result<_, _>>()?;
+    for link in &inputs {
+        let input = &graph.inputs[link.connector];
+        let refused = |value: f64| graph.refused_number(link.connector, link.conversion.apply(value));
+        check_values(series, link, (&input.name, input.data_type), &refused, file)?;
+    }
+    for link in &outputs {
+        let output = &graph.outputs[link.connector];
+        check_values(series, link, (&output.name, output.data_type), &|_| None, file)?;
+    }
     let used = |channel: usize| inputs.iter().chain(&outputs).any(|link| link.channel == channel);
     let unused = series.channels().iter().enumerate().filter(|(index, _)| !used(*index));
     let unused = unused.map(|(_, channel)| channel.name.clone()).collect();
     Ok(Links { inputs, outputs, unused })
+}
+
+/// Every value of a column must be one that its connector can have; `refused` says what is allowed otherwise.
+fn check_values(
+    series: &TimeSeries,
+    link: &Link,
+    (signal, data_type): (&str, DataType),
+    refused: &dyn Fn(f64) -> Option<String>,
+    file: &Path,
+) -> Result<(), Error> {
+    let channel = &series.channels()[link.channel];
+    let no_words = channel.words && data_type != DataType::Boolean;
+    let row = match data_type {
+        DataType::Real => None,
+        _ => channel.values.iter().position(|value| refused(*value).is_some()),
+    };
+    let (row, allowed) = match (no_words, row) {
+        (false, None) => return Ok(()),
+        (true, _) => (0, "a number".to_owned()),
+        (false, Some(row)) => (row, refused(channel.values[row]).unwrap_or_default()),
+    };
+    let bad = |value: f64, word: bool| if no_words { word } else { refused(value).is_some() };
+    let error = csv::refuse(file, link.channel, signal, &allowed, bad).unwrap_or_else(|| csv::Error::Value {
+        path: file.into(),
+        line: row + 2,
+        column: channel.name.clone(),
+        value: channel.values[row].to_string(),
+        signal: signal.into(),
+        allowed,
+    });
+    Err(error.into())
 }
 
 /// Names of all columns, for messages.

@@ -37,6 +37,8 @@ impl InterfaceKind {
 pub struct Fmu {
     /// The archive.
     pub path: PathBuf,
+    /// What messages and records call the archive: its path, or its place inside of a package.
+    pub shown: PathBuf,
     /// What `modelDescription.xml` says.
     pub description: ModelDescription,
     // Dropped before `unpacked`: a library is closed before its file is removed.
@@ -46,7 +48,7 @@ pub struct Fmu {
 
 impl fmt::Debug for Fmu {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("Fmu").field("path", &self.path).field("model", &self.description.model_name).finish()
+        f.debug_struct("Fmu").field("path", &self.shown).field("model", &self.description.model_name).finish()
     }
 }
 
@@ -62,17 +64,30 @@ impl Fmu {
         Fmu::open_within(path, &Limits::default())
     }
 
+    /// Like [`Fmu::open`] for an archive that messages call `shown`.
+    ///
+    /// # Errors
+    /// As [`Fmu::open`].
+    pub fn open_shown(path: &Path, shown: &Path) -> Result<Arc<Fmu>, Error> {
+        Fmu::open_as(path, shown, &Limits::default())
+    }
+
     /// Like [`Fmu::open`] with other limits on the archive.
     ///
     /// # Errors
     /// As [`Fmu::open`].
     pub fn open_within(path: &Path, limits: &Limits) -> Result<Arc<Fmu>, Error> {
-        let refuse = |source| Error::Archive { path: path.to_owned(), source };
+        Fmu::open_as(path, path, limits)
+    }
+
+    fn open_as(path: &Path, shown: &Path, limits: &Limits) -> Result<Arc<Fmu>, Error> {
+        let refuse = |source| Error::Archive { path: shown.to_owned(), source };
         let mut archive = Archive::open(path, limits).map_err(refuse)?;
         let description = ModelDescription::parse(&archive.description().map_err(refuse)?)
-            .map_err(|source| Error::Description { path: path.to_owned(), source })?;
+            .map_err(|source| Error::Description { path: shown.to_owned(), source })?;
         let unpacked = archive.unpack().map_err(refuse)?;
-        Ok(Arc::new(Fmu { path: path.to_owned(), description, libraries: Mutex::default(), unpacked }))
+        let (path, shown) = (path.to_owned(), shown.to_owned());
+        Ok(Arc::new(Fmu { path, shown, description, libraries: Mutex::default(), unpacked }))
     }
 
     /// The unpacked `resources` folder as a `file:///` URI, as fmi2Instantiate wants it.
@@ -133,7 +148,7 @@ impl Fmu {
                 .into_iter()
                 .find(|&other| self.interface(other).is_some())
                 .map_or("none", InterfaceKind::name);
-            let (path, offered) = (self.path.clone(), offered.to_owned());
+            let (path, offered) = (self.shown.clone(), offered.to_owned());
             return Err(Error::Interface { path, wanted: kind.name(), offered });
         };
         let identifier = &interface.model_identifier;
@@ -142,7 +157,7 @@ impl Fmu {
             return Ok(Arc::clone(library));
         }
         let inner = self.binary(identifier)?;
-        let library = Arc::new(Library::load(&self.path, self.unpacked.folder.path(), &inner)?);
+        let library = Arc::new(Library::load(&self.shown, self.unpacked.folder.path(), &inner)?);
         libraries.push((identifier.clone(), Arc::clone(&library)));
         Ok(library)
     }
@@ -159,7 +174,7 @@ impl Fmu {
         }
         let platforms = self.platforms();
         Err(Error::NoBinary {
-            path: self.path.clone(),
+            path: self.shown.clone(),
             wanted: format!(
                 "binaries/{}/{identifier}{}",
                 platform_folders().first().unwrap_or(&std::env::consts::OS),

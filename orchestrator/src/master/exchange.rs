@@ -235,7 +235,7 @@ impl Wiring {
             let Some(slot) = slot(output.data_type, self.index_of(output.source)) else { continue };
             let held = match output.source {
                 Source::Input(_) => false,
-                Source::Output { component, variable } => graph.is_held(component, variable),
+                Source::Output { component, variable } => graph.stands_at_step_start(component, variable),
             };
             let Conversion { factor, offset } = output.conversion;
             columns.push(Column {
@@ -263,7 +263,7 @@ impl Wiring {
                     slot,
                     factor: 1.0,
                     offset: 0.0,
-                    held: graph.is_held(index, variable),
+                    held: graph.stands_at_step_start(index, variable),
                 });
             }
         }

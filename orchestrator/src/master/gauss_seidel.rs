@@ -10,16 +10,17 @@ use crate::fmu::StepStatus;
 /// One macro step from `t` to `t + h` \[s\].
 #[inline]
 pub(super) fn step(nodes: &mut [Node], values: &mut Values, t: f64, h: f64) -> Result<(), Stop> {
+    let mut ended = None;
     for (index, node) in nodes.iter_mut().enumerate() {
         node.set_inputs(values)?;
         let status = node.do_step(t, h)?;
         if status != StepStatus::Complete {
-            return Err(Stop::Incomplete { node: index, status });
+            ended = Some(super::ended(node, index, status, values, t + h)?);
         }
         node.get_outputs(values)?;
         if !node.outputs_are_finite(values) {
             return Err(Stop::NotFinite { node: index });
         }
     }
-    Ok(())
+    ended.map_or(Ok(()), |node| Err(Stop::Ended { node }))
 }

@@ -12,10 +12,11 @@ pub(super) fn step(nodes: &mut [Node], values: &mut Values, t: f64, h: f64) -> R
     for node in nodes.iter_mut() {
         node.set_inputs(values)?;
     }
+    let mut ended = None;
     for (index, node) in nodes.iter_mut().enumerate() {
         let status = node.do_step(t, h)?;
         if status != StepStatus::Complete {
-            return Err(Stop::Incomplete { node: index, status });
+            ended = Some(super::ended(node, index, status, values, t + h)?);
         }
     }
     for (index, node) in nodes.iter_mut().enumerate() {
@@ -24,5 +25,5 @@ pub(super) fn step(nodes: &mut [Node], values: &mut Values, t: f64, h: f64) -> R
             return Err(Stop::NotFinite { node: index });
         }
     }
-    Ok(())
+    ended.map_or(Ok(()), |node| Err(Stop::Ended { node }))
 }

@@ -124,7 +124,8 @@ pub enum Error {
 pub enum Progress {
     /// All slaves are at the next communication point.
     Stepped,
-    /// A slave asked for the end of the simulation (`fmi2Terminated`).
+    /// A slave asked for the end of the simulation (`fmi2Terminated`). If it did so at the end of the step, all others
+    /// are there, too, and [`Master::time`] has moved on.
     Terminated {
         /// Component that did.
         component: String,
@@ -232,6 +233,11 @@ impl Master {
             Stop::NotFinite { node } => {
                 Err(self.nodes[node].not_finite(&self.values, self.grid.time(self.point + 1)))
             }
+            Stop::Ended { node } => {
+                self.point += 1;
+                let (component, time) = (self.nodes[node].name().to_owned(), self.time());
+                Ok(Progress::Terminated { component, last_successful_time: Some(time) })
+            }
             Stop::Incomplete { node, status } => {
                 let StepStatus::Discarded { last_successful_time, terminated } = status else {
                     return Ok(Progress::Stepped);
@@ -258,8 +264,17 @@ impl Master {
 #[derive(Debug)]
 enum Stop {
     Fmu(Box<crate::fmu::Error>),
-    Incomplete { node: usize, status: StepStatus },
-    NotFinite { node: usize },
+    Incomplete {
+        node: usize,
+        status: StepStatus,
+    },
+    /// The whole step was done, and a slave asked for the end at its end.
+    Ended {
+        node: usize,
+    },
+    NotFinite {
+        node: usize,
+    },
 }
 
 impl From<crate::fmu::Error> for Stop {
@@ -267,6 +282,28 @@ impl From<crate::fmu::Error> for Stop {
     fn from(error: crate::fmu::Error) -> Stop {
         Stop::Fmu(Box::new(error))
     }
+}
+
+/// Distance to the end of a step, relative to the time, below which a slave that stopped there did the whole step.
+const AT_END: f64 = 1e-9;
+
+/// The slave that asks for the end of the simulation exactly at the `end` \[s\] of the step, so that the others can
+/// finish the step; an error for one that stopped before.
+#[cold]
+fn ended(
+    node: &mut Node,
+    index: usize,
+    status: StepStatus,
+    values: &mut Values,
+    end: f64,
+) -> Result<usize, Stop> {
+    if let StepStatus::Discarded { last_successful_time: Some(last), terminated: true } = status {
+        let whole = (last - end).abs() <= AT_END * end.abs().max(1.0);
+        if whole && node.get_outputs(values).is_ok() {
+            return Ok(index);
+        }
+    }
+    Err(Stop::Incomplete { node: index, status })
 }
 
 /// Slot of a value of some type in the flat buffers; `None` for String.

@@ -16,16 +16,32 @@ pub struct Stimulus<'a> {
     pub series: &'a TimeSeries,
     /// (index of the system input, index of the channel, factor, offset): input = factor * channel + offset.
     pub links: Vec<(usize, usize, f64, f64)>,
-    /// Between samples.
+    /// Between samples, for continuous Reals; other inputs are always held ([`Stimulus::interpolations`]).
     pub interpolation: Interpolation,
 }
 
 impl Stimulus<'_> {
-    fn each(&self, t: f64, guess: &mut usize, mut give: impl FnMut(usize, f64)) {
+    /// How each linked input behaves between samples: an input that is no Real, or feeds a discrete variable, is
+    /// held, as interpolation would give it values that nobody commanded.
+    pub fn interpolations(&self, graph: &SystemGraph) -> Vec<Interpolation> {
+        let of = |&(input, ..): &(usize, usize, f64, f64)| match graph.input_is_held(input) {
+            true => Interpolation::Hold,
+            false => self.interpolation,
+        };
+        self.links.iter().map(of).collect()
+    }
+
+    fn each(
+        &self,
+        interpolations: &[Interpolation],
+        t: f64,
+        guess: &mut usize,
+        mut give: impl FnMut(usize, f64),
+    ) {
         let position = locate(self.series.time(), t, *guess);
         *guess = position.index;
-        for &(input, channel, factor, offset) in &self.links {
-            let value = value_at(&self.series.channels()[channel].values, position, self.interpolation);
+        for (&(input, channel, factor, offset), &interpolation) in self.links.iter().zip(interpolations) {
+            let value = value_at(&self.series.channels()[channel].values, position, interpolation);
             give(input, factor * value + offset);
         }
     }
@@ -40,6 +56,8 @@ pub enum End {
     Terminated {
         /// Component that did.
         component: String,
+        /// How far it came \[s\], if it says.
+        time: Option<f64>,
     },
     /// The caller asked for the end.
     Interrupted,
@@ -99,8 +117,11 @@ pub fn run(
     let began = Instant::now();
     let mut guess = 0;
     let mut first = Vec::new();
+    let interpolations = stimulus.map_or_else(Vec::new, |stimulus| stimulus.interpolations(graph));
     if let Some(stimulus) = stimulus {
-        stimulus.each(settings.start_time, &mut guess, |input, value| first.push((input, value)));
+        stimulus.each(&interpolations, settings.start_time, &mut guess, |input, value| {
+            first.push((input, value))
+        });
     }
     let mut master = Master::new(graph, settings, &first)?;
     let total = master.grid().steps();
@@ -123,10 +144,19 @@ pub fn run(
             Ok(Progress::Terminated { component, last_successful_time }) => {
                 let last = recorder.last_time().unwrap_or(settings.start_time);
                 let alone = graph.components.len() == 1;
-                if let Some(time) = last_successful_time.filter(|&time| alone && time > last) {
+                if master.time() > last {
+                    // The step was finished by all.
+                    if let Some(stimulus) = stimulus {
+                        let time = master.time();
+                        stimulus.each(&interpolations, time, &mut guess, |input, value| {
+                            master.set_input(input, value);
+                        });
+                    }
+                    record(&master, &mut recorder, master.time());
+                } else if let Some(time) = last_successful_time.filter(|&time| alone && time > last) {
                     record(&master, &mut recorder, time);
                 }
-                end = End::Terminated { component };
+                end = End::Terminated { component, time: last_successful_time };
                 break;
             }
             Err(error) => {
@@ -135,7 +165,9 @@ pub fn run(
             }
         }
         if let Some(stimulus) = stimulus {
-            stimulus.each(master.time(), &mut guess, |input, value| master.set_input(input, value));
+            stimulus.each(&interpolations, master.time(), &mut guess, |input, value| {
+                master.set_input(input, value)
+            });
         }
         record(&master, &mut recorder, master.time());
         if watch.stop.load(Ordering::Relaxed) {

@@ -35,18 +35,33 @@ pub fn draw(folder: &Path) -> Result<Vec<PathBuf>, Error> {
     let mut written = vec![folder.join("index.html")];
     let texts: Vec<String> = figures.iter().map(|(_, text)| text.clone()).collect();
     write(&written[0], &page::page(&summary, &texts))?;
-    for (name, text) in &figures {
-        let mut path = folder.join(format!("{}.svg", file_name(name)));
-        for number in 2.. {
-            if !written.contains(&path) {
-                break;
-            }
-            path = folder.join(format!("{}-{number}.svg", file_name(name)));
-        }
+    let names = figures.iter().map(|(name, _)| name.as_str());
+    for (name, (_, text)) in unique_files(names).into_iter().zip(&figures) {
+        let path = folder.join(name);
         write(&path, text)?;
         written.push(path);
     }
     Ok(written)
+}
+
+/// Names of the files that [`draw`] writes beside the page, from what the summary says about signals and connectors.
+pub fn figure_files(summary: &Summary) -> Vec<String> {
+    let signals = summary.signals.iter().map(|signal| signal.name.clone());
+    let groups = grouped(summary).into_iter().map(|(_, connectors)| joined(&connectors, "_"));
+    let names: Vec<String> = signals.chain(groups).collect();
+    unique_files(names.iter().map(String::as_str))
+}
+
+/// A file name for each figure, no two alike.
+fn unique_files<'a>(names: impl Iterator<Item = &'a str>) -> Vec<String> {
+    let mut files: Vec<String> = Vec::new();
+    for name in names {
+        let stem = file_name(name);
+        let numbered = (2..).map(|number| format!("{stem}-{number}.svg"));
+        let free = std::iter::once(format!("{stem}.svg")).chain(numbered).find(|file| !files.contains(file));
+        files.extend(free);
+    }
+    files
 }
 
 fn channel<'a>(series: &'a TimeSeries, name: &str, file: &Path) -> Result<&'a [f64], Error> {
@@ -92,12 +107,11 @@ fn compare(
     })
 }
 
-/// Connectors that no comparison shows, by kind and unit; outputs first.
-fn groups(summary: &Summary, result: &TimeSeries) -> Vec<(String, String)> {
+/// Connectors that no comparison shows, by kind and unit; outputs first. Each group is one figure.
+fn grouped(summary: &Summary) -> Vec<(String, Vec<&ConnectorRecord>)> {
     let mut groups: BTreeMap<(bool, String), Vec<&ConnectorRecord>> = BTreeMap::new();
     for connector in &summary.connectors {
-        let compared = summary.signals.iter().any(|signal| signal.name == connector.name);
-        if compared || result.channel(&connector.name).is_none() {
+        if summary.signals.iter().any(|signal| signal.name == connector.name) {
             continue;
         }
         let key = (connector.kind == "input", connector.unit.clone().unwrap_or_default());
@@ -106,25 +120,35 @@ fn groups(summary: &Summary, result: &TimeSeries) -> Vec<(String, String)> {
     let mut figures = Vec::new();
     for ((_, unit), connectors) in groups {
         for some in connectors.chunks(super::svg::SERIES_CLASSES) {
-            let curves: Vec<Curve> = some
-                .iter()
-                .filter_map(|connector| {
-                    let channel = result.channel(&connector.name)?;
-                    Some(Curve {
-                        time: result.time(),
-                        values: &channel.values,
-                        held: connector.held,
-                        name: &connector.name,
-                    })
-                })
-                .collect();
-            let names: Vec<&str> = some.iter().map(|connector| connector.name.as_str()).collect();
-            let name = names.join(", ");
-            let text = signals(&name, &unit, &curves);
-            figures.push((names.join("_"), text));
+            figures.push((unit.clone(), some.to_vec()));
         }
     }
     figures
+}
+
+fn joined(connectors: &[&ConnectorRecord], separator: &str) -> String {
+    let names: Vec<&str> = connectors.iter().map(|connector| connector.name.as_str()).collect();
+    names.join(separator)
+}
+
+/// Name and text of the figure of each group.
+fn groups(summary: &Summary, result: &TimeSeries) -> Vec<(String, String)> {
+    let figure = |(unit, connectors): (String, Vec<&ConnectorRecord>)| {
+        let curves: Vec<Curve> = connectors
+            .iter()
+            .filter_map(|connector| {
+                let channel = result.channel(&connector.name)?;
+                Some(Curve {
+                    time: result.time(),
+                    values: &channel.values,
+                    held: connector.held,
+                    name: &connector.name,
+                })
+            })
+            .collect();
+        (joined(&connectors, "_"), signals(&joined(&connectors, ", "), &unit, &curves))
+    };
+    grouped(summary).into_iter().map(figure).collect()
 }
 
 /// A number with four significant digits.

@@ -29,7 +29,7 @@ pub struct Column {
     pub factor: f64,
     /// See `factor`.
     pub offset: f64,
-    /// Variability discrete: the value read after the step \[t_k, t_k+1\] was held over it and stands at t_k.
+    /// A sampled output: the value read after the step \[t_k, t_k+1\] was held over it and stands at t_k.
     pub held: bool,
 }
 
@@ -88,7 +88,7 @@ impl Recorder {
         &self.columns
     }
 
-    /// The recorded series. Discrete columns are moved to the start of the interval they were held over; their
+    /// The recorded series. Held columns are moved to the start of the interval they were held over; their
     /// last row repeats the last value.
     ///
     /// # Errors

@@ -32,6 +32,9 @@ pub struct Summary {
     pub connectors: Vec<ConnectorRecord>,
     /// Measured signals with their fit; empty without a measurement.
     pub signals: Vec<SignalRecord>,
+    /// Files of the figures in the folder of the summary.
+    #[serde(default)]
+    pub figures: Vec<String>,
     /// Where the program chose for the user or could not do what was usual, one sentence each.
     pub fallbacks: Vec<String>,
 }

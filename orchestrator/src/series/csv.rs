@@ -1,5 +1,8 @@
 //! CSV in the FMI convention: first column `time` \[s\], then one column per signal, a dot as decimal sign.
 //!
+//! Another unit of time may be given, as in `time [ms]`; the series is in seconds. Truth values may be written as
+//! `true` and `false`.
+//!
 //! A header cell may be quoted and may carry its unit as `name [unit]`. Numbers are written in the shortest form
 //! that reads back to the same bits. A file appears under its name only when it is complete.
 
@@ -22,6 +25,24 @@ pub enum Error {
         path.display()
     )]
     NoTime { path: PathBuf, found: String },
+    /// The file has no characters.
+    #[error("{}: the file is empty; write a header such as `time,u` and rows of numbers", path.display())]
+    NoText { path: PathBuf },
+    /// Columns are not separated by commas.
+    #[error(
+        "{}: line 1: columns must be separated by commas, but this header has {found}; write it like `time,u`, with a dot as decimal sign",
+        path.display()
+    )]
+    Separator { path: PathBuf, found: &'static str },
+    /// The unit of the first column is none of time.
+    #[error(
+        "{}: line 1, column `time`: [{unit}] is no unit of time that is known; use s, ms, us, ns, min or h",
+        path.display()
+    )]
+    TimeUnit { path: PathBuf, unit: String },
+    /// A value that the signal of the column cannot have.
+    #[error("{}: line {line}, column `{column}`: `{value}` is not allowed for `{signal}`; allowed is {allowed}", path.display())]
+    Value { path: PathBuf, line: usize, column: String, value: String, signal: String, allowed: String },
     /// No data row.
     #[error("{}: there is no row of data below the header", path.display())]
     Empty { path: PathBuf },
@@ -88,10 +109,15 @@ pub fn read(path: &Path) -> Result<TimeSeries, Error> {
 pub fn parse(text: &str, path: &Path) -> Result<TimeSeries, Error> {
     let mut lines =
         text.trim_start_matches('\u{feff}').lines().enumerate().map(|(index, line)| (index + 1, line));
-    let (_, header) = lines.next().unwrap_or((1, ""));
+    let (_, header) = lines.next().ok_or_else(|| Error::NoText { path: path.into() })?;
     let names = header_cells(header, path)?;
+    let unit = names[0].1.as_deref();
+    let seconds = unit.map_or(Some(Seconds::Times(1.0)), Seconds::of);
+    let seconds = seconds
+        .ok_or_else(|| Error::TimeUnit { path: path.into(), unit: unit.unwrap_or_default().into() })?;
     let mut time = Vec::new();
     let mut columns: Vec<Vec<f64>> = vec![Vec::new(); names.len() - 1];
+    let mut words = vec![false; names.len()];
     for (line, row) in lines {
         if row.trim().is_empty() {
             continue;
@@ -101,11 +127,16 @@ pub fn parse(text: &str, path: &Path) -> Result<TimeSeries, Error> {
             return Err(Error::RowLength { path: path.into(), line, found: cells, expected: names.len() });
         }
         for (column, cell) in row.split(',').enumerate() {
-            let value = number(cell, path, line, &names[column].0)?;
             if column > 0 {
-                columns[column - 1].push(value);
+                let truth = truth(cell);
+                words[column] |= truth.is_some();
+                columns[column - 1].push(match truth {
+                    Some(value) => value,
+                    None => number(cell, path, line, &names[column].0)?,
+                });
                 continue;
             }
+            let value = seconds.convert(number(cell, path, line, &names[column].0)?);
             if let Some(&before) = time.last().filter(|&&before| value <= before) {
                 return Err(Error::NotIncreasing { path: path.into(), line, before, after: value });
             }
@@ -119,7 +150,78 @@ pub fn parse(text: &str, path: &Path) -> Result<TimeSeries, Error> {
     for ((name, unit), values) in names.into_iter().skip(1).zip(columns) {
         series.push(name, unit, values).expect("names and lengths were checked");
     }
+    for (channel, words) in series.channels.iter_mut().zip(words.into_iter().skip(1)) {
+        channel.words = words;
+    }
     Ok(series)
+}
+
+/// Factor of a unit of time; small units divide by a whole number, which rounds once (7 ms is 0.007 s).
+#[derive(Clone, Copy)]
+enum Seconds {
+    Times(f64),
+    Over(f64),
+}
+
+impl Seconds {
+    fn of(unit: &str) -> Option<Seconds> {
+        Some(match unit {
+            "s" => Seconds::Times(1.0),
+            "ms" => Seconds::Over(1e3),
+            "us" | "\u{b5}s" | "\u{3bc}s" => Seconds::Over(1e6),
+            "ns" => Seconds::Over(1e9),
+            "min" => Seconds::Times(60.0),
+            "h" => Seconds::Times(3600.0),
+            _ => return None,
+        })
+    }
+
+    fn convert(self, value: f64) -> f64 {
+        match self {
+            Seconds::Times(factor) => value * factor,
+            Seconds::Over(divisor) => value / divisor,
+        }
+    }
+}
+
+/// A truth value written as a word.
+fn truth(cell: &str) -> Option<f64> {
+    match cell.trim().trim_matches('"') {
+        "true" | "True" | "TRUE" => Some(1.0),
+        "false" | "False" | "FALSE" => Some(0.0),
+        _ => None,
+    }
+}
+
+/// The error for a value that `signal` cannot have: line and text of the first cell of `column` (0-based, without
+/// the time) that `bad` refuses, given its number and whether it is written as a word.
+///
+/// Reads the file again, as a series does not keep where its values stood; `None` if no cell is refused.
+pub fn refuse(
+    path: &Path,
+    column: usize,
+    signal: &str,
+    allowed: &str,
+    bad: impl Fn(f64, bool) -> bool,
+) -> Option<Error> {
+    let bytes = std::fs::read(path).ok()?;
+    let text = String::from_utf8_lossy(&bytes);
+    let mut lines = text.trim_start_matches('\u{feff}').lines().enumerate();
+    let names = header_cells(lines.next()?.1, path).ok()?;
+    let name = &names.get(column + 1)?.0;
+    lines.filter(|(_, row)| !row.trim().is_empty()).find_map(|(index, row)| {
+        let cell = row.split(',').nth(column + 1)?;
+        let word = truth(cell);
+        let value = word.or_else(|| number(cell, path, index + 1, name).ok())?;
+        bad(value, word.is_some()).then(|| Error::Value {
+            path: path.into(),
+            line: index + 1,
+            column: name.clone(),
+            value: cell.trim().into(),
+            signal: signal.into(),
+            allowed: allowed.into(),
+        })
+    })
 }
 
 fn number(cell: &str, path: &Path, line: usize, column: &str) -> Result<f64, Error> {
@@ -139,6 +241,10 @@ fn header_cells(header: &str, path: &Path) -> Result<Vec<(String, Option<String>
     let named: Vec<(String, Option<String>)> = cells.iter().map(|cell| name_and_unit(cell.trim())).collect();
     let first = &named[0].0;
     if first != "time" {
+        let separators = [(';', "semicolons"), ('\t', "tabs")];
+        if let Some((_, found)) = separators.into_iter().find(|(character, _)| header.contains(*character)) {
+            return Err(Error::Separator { path: path.into(), found });
+        }
         return Err(Error::NoTime { path: path.into(), found: first.clone() });
     }
     let mut seen = HashSet::new();
@@ -236,7 +342,12 @@ mod tests {
     #[test]
     fn bad_files_are_refused_with_file_line_and_column() {
         let cases = [
-            ("", "line 1: the first column must be `time`"),
+            ("", "the file is empty"),
+            ("time;u\n0;1\n", "line 1: columns must be separated by commas, but this header has semicolons"),
+            ("time\tu\n0\t1\n", "this header has tabs"),
+            ("time [N],u\n0,1\n", "line 1, column `time`: [N] is no unit of time"),
+            ("time [ms],u\n0,1\n0,2\n", "line 3, column `time`: 0 s does not come after"),
+            ("time,u\ntrue,1\n", "line 2, column `time`: `true` is not a number"),
             ("t,u\n0,1\n", "found `t`"),
             ("time,u\n", "no row of data"),
             ("time,u,u\n0,1,1\n", "line 1, column 3: the name `u` is there twice"),
@@ -268,6 +379,23 @@ mod tests {
         assert_eq!(series.channels()[1].unit.as_deref(), Some("m"));
         assert_eq!(series.channels()[2].values, [3.0, 6.0]);
         assert_eq!(series.time(), [0.0, 0.5]);
+    }
+
+    #[test]
+    fn the_unit_of_the_time_column_is_converted() {
+        for (unit, times) in
+            [("s", [0.0, 7.0]), ("ms", [0.0, 0.007]), ("us", [0.0, 7e-6]), ("min", [0.0, 420.0])]
+        {
+            let series = of(&format!("time [{unit}],u\n0,1\n7,2\n")).unwrap();
+            assert_eq!(series.time(), times, "{unit}");
+        }
+    }
+
+    #[test]
+    fn truth_values_may_be_words() {
+        let series = of("time,b,u\n0,true,1\n1,False,0\n").unwrap();
+        assert_eq!(series.channels()[0].values, [1.0, 0.0]);
+        assert_eq!(series.channels().iter().map(|channel| channel.words).collect::<Vec<_>>(), [true, false]);
     }
 
     #[test]

@@ -18,6 +18,8 @@ pub struct Channel {
     pub unit: Option<String>,
     /// Values, shape \[n\] like the time axis.
     pub values: Vec<f64>,
+    /// Whether some values were written as `true` or `false` (1 and 0 here): only a Boolean may be.
+    pub words: bool,
 }
 
 /// Signals that share a strictly increasing time axis.
@@ -100,7 +102,7 @@ impl TimeSeries {
         if self.channel(&name).is_some() {
             return Err(Error::Duplicate { name });
         }
-        self.channels.push(Channel { name, unit, values });
+        self.channels.push(Channel { name, unit, values, words: false });
         Ok(())
     }
 

@@ -33,6 +33,12 @@ pub enum Error {
     /// A component's FMU is not there.
     #[error("{}: component `{component}`: there is no file {}; build or copy the FMU, or correct `source`", file.display(), fmu.display())]
     MissingFmu { file: PathBuf, component: String, fmu: PathBuf },
+    /// A parameter set is not there.
+    #[error("{}: line {line}: there is no file {}; write the parameter set, or correct `source`", file.display(), set.display())]
+    MissingSet { file: PathBuf, line: usize, set: PathBuf },
+    /// A package without a description.
+    #[error("{}: the package has no SystemStructure.ssd at its root; it has: {found}", file.display())]
+    NoDescription { file: PathBuf, found: String },
     /// A component's FMU cannot be used.
     #[error("{}: component `{component}`: {source}", file.display())]
     Fmu { file: PathBuf, component: String, source: Box<crate::fmu::Error> },
@@ -96,6 +102,9 @@ pub enum Error {
     /// A variable that may not be given a start value.
     #[error("{place}: `{name}` may not be given a start value: it is {why}")]
     NotSettable { place: String, name: String, why: String },
+    /// A start value for an input that gets its values from elsewhere.
+    #[error("{place}: it would have no effect: `{name}` is driven by {by}")]
+    Driven { place: String, name: String, by: String },
     /// A start value of the wrong type or outside the variable's range.
     #[error("{place}: `{name}` cannot be set to `{value}`: allowed is {allowed}")]
     StartValue { place: String, name: String, value: String, allowed: String },

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use super::ssp::{self, Structure};
-use super::{Error, validate};
+use super::{Error, order, start, validate};
 use crate::fmu::{Causality, Fmu, Variability, Variable, VariableKind};
 
 /// Type of a connector or variable.
@@ -241,8 +241,7 @@ impl SystemGraph {
             Some("ssd") => SystemGraph::from_structure(ssp::read(file)?),
             Some("ssp") => {
                 let folder = ssp::unpack(file)?;
-                let description = Path::new("SystemStructure.ssd");
-                let structure = ssp::read_as(&folder.path().join(description), &file.join(description))?;
+                let structure = ssp::read_unpacked(folder.path(), file)?;
                 let mut graph = SystemGraph::from_structure(structure)?;
                 graph.file = file.into();
                 Ok(graph)
@@ -263,12 +262,12 @@ impl SystemGraph {
                 return Err(Error::MissingFmu {
                     file: structure.file.clone(),
                     component: component.name.clone(),
-                    fmu: component.source.clone(),
+                    fmu: component.shown.clone(),
                 });
             }
             let fmu = match opened.get(&component.source) {
                 Some(fmu) => Arc::clone(fmu),
-                None => open_fmu(&structure.file, &component.name, &component.source)?,
+                None => open_fmu(&structure.file, &component.name, &component.source, &component.shown)?,
             };
             opened.insert(component.source.clone(), Arc::clone(&fmu));
             fmus.push(fmu);
@@ -282,7 +281,7 @@ impl SystemGraph {
     /// As [`SystemGraph::open`].
     pub fn from_fmu(file: &Path) -> Result<SystemGraph, Error> {
         let stem = file.file_stem().map_or("fmu".into(), |stem| stem.to_string_lossy().into_owned());
-        let fmu = open_fmu(file, &stem, file)?;
+        let fmu = open_fmu(file, &stem, file, file)?;
         let description = &fmu.description;
         let (mut inputs, mut outputs, mut connections) = (Vec::new(), Vec::new(), Vec::new());
         for (index, variable) in description.variables.iter().enumerate() {
@@ -341,17 +340,40 @@ impl SystemGraph {
         self.components[component].fmu.description.variables[variable].variability == Variability::Discrete
     }
 
+    /// Whether an output read after a step belongs to the start of that step: it is discrete and depends directly on
+    /// an input, as a sampled y(k) does. A discrete output that depends on events and time only belongs to the
+    /// communication point at which it is read.
+    pub fn stands_at_step_start(&self, component: usize, variable: usize) -> bool {
+        self.is_held(component, variable)
+            && !order::feed_through(&self.components[component], variable).is_empty()
+    }
+
+    /// Whether data for a system input are held between their samples: it is no Real, or feeds a discrete variable.
+    pub fn input_is_held(&self, input: usize) -> bool {
+        let feeds_discrete = |connection: &Connection| {
+            connection.source == Source::Input(input)
+                && self.is_held(connection.component, connection.variable)
+        };
+        self.inputs[input].data_type != DataType::Real || self.connections.iter().any(feeds_discrete)
+    }
+
+    /// What the variables behind a system input take, in words, if `value` is not among it. Reals are not judged.
+    pub fn refused_number(&self, input: usize, value: f64) -> Option<String> {
+        start::refused_number(self, input, value)
+    }
+
     /// Sets a start value by name and text: `component.variable`, a system input, or (for a single FMU) a variable.
     ///
     /// # Errors
-    /// [`Error::UnknownParameter`], [`Error::NotSettable`] or [`Error::StartValue`], which name `place`.
+    /// [`Error::UnknownParameter`], [`Error::NotSettable`], [`Error::Driven`] (an input with a connection) or
+    /// [`Error::StartValue`], which name `place`.
     pub fn set_start(&mut self, name: &str, text: &str, place: &str) -> Result<(), Error> {
         validate::set_start_text(self, name, text, place)
     }
 }
 
-fn open_fmu(file: &Path, component: &str, path: &Path) -> Result<Arc<Fmu>, Error> {
-    let fmu = Fmu::open(path).map_err(|source| Error::Fmu {
+fn open_fmu(file: &Path, component: &str, path: &Path, shown: &Path) -> Result<Arc<Fmu>, Error> {
+    let fmu = Fmu::open_shown(path, shown).map_err(|source| Error::Fmu {
         file: file.into(),
         component: component.into(),
         source: Box::new(source),
@@ -360,7 +382,7 @@ fn open_fmu(file: &Path, component: &str, path: &Path) -> Result<Arc<Fmu>, Error
         return Err(Error::NoCoSimulation {
             file: file.into(),
             component: component.into(),
-            fmu: path.into(),
+            fmu: shown.into(),
         });
     }
     Ok(fmu)

@@ -5,7 +5,7 @@
 //! transformations other than linear) are refused by name; geometry and annotations are skipped.
 
 use std::collections::HashSet;
-use std::path::{Path, PathBuf};
+use std::path::{Component as PathPart, Path, PathBuf};
 
 use super::Error;
 use super::ssv::{self, Parameter};
@@ -60,6 +60,8 @@ pub struct ComponentElement {
     pub name: String,
     /// File of the FMU, relative paths resolved against the description.
     pub source: PathBuf,
+    /// What messages call that file: the same, or its place inside of a package.
+    pub shown: PathBuf,
     /// Connectors.
     pub connectors: Vec<Connector>,
     /// Parameters bound at the component.
@@ -106,11 +108,38 @@ pub struct ConnectionElement {
 /// # Errors
 /// [`Error`] names file, line and element.
 pub fn read(file: &Path) -> Result<Structure, Error> {
-    read_as(file, file)
+    read_description(file, file, None)
 }
 
-/// Reads `file`; messages call it `shown` (a file inside an archive).
-pub(super) fn read_as(file: &Path, shown: &Path) -> Result<Structure, Error> {
+/// Reads the description of a package that is unpacked in `folder`; messages name places inside of `package`.
+pub(super) fn read_unpacked(folder: &Path, package: &Path) -> Result<Structure, Error> {
+    let file = folder.join(DESCRIPTION);
+    if !file.is_file() {
+        return Err(Error::NoDescription { file: package.into(), found: entries(folder) });
+    }
+    read_description(&file, &inside(package, Path::new(DESCRIPTION)), Some(package))
+}
+
+/// Name of the description at the root of a package.
+const DESCRIPTION: &str = "SystemStructure.ssd";
+
+/// A place inside of a package, for messages.
+fn inside(package: &Path, place: &Path) -> PathBuf {
+    PathBuf::from(format!("{}:{}", package.display(), place.display()))
+}
+
+/// Names at the root of an unpacked package, for messages.
+fn entries(folder: &Path) -> String {
+    let mut names: Vec<String> = std::fs::read_dir(folder)
+        .into_iter()
+        .flatten()
+        .filter_map(|entry| Some(entry.ok()?.file_name().to_string_lossy().into_owned()))
+        .collect();
+    names.sort();
+    names.join(", ")
+}
+
+fn read_description(file: &Path, shown: &Path, package: Option<&Path>) -> Result<Structure, Error> {
     let root = xml::read(file, shown)?;
     let base = file.parent().unwrap_or(Path::new(""));
     let file = shown;
@@ -119,7 +148,7 @@ pub(super) fn read_as(file: &Path, shown: &Path) -> Result<Structure, Error> {
             format!("expected <SystemStructureDescription> of namespace {NAMESPACE}, found <{}>", root.name);
         return Err(Error::Xml { file: file.into(), line: root.line, problem });
     }
-    Reader { file, base }.structure(&root)
+    Reader { file, base, package }.structure(&root)
 }
 
 /// Unpacks a `.ssp` archive into a temporary folder.
@@ -132,6 +161,8 @@ struct Reader<'a> {
     file: &'a Path,
     /// Folder that relative sources start from.
     base: &'a Path,
+    /// The package whose files lie in `base`; nothing outside of it may be used.
+    package: Option<&'a Path>,
 }
 
 impl Reader<'_> {
@@ -264,20 +295,22 @@ impl Reader<'_> {
                 let feature = format!("component `{name}` with implementation ModelExchange");
                 return Err(self.unsupported(node, feature, "use the Co-Simulation implementation"));
             }
-            let source = self.resolve(node, node.required("source", self.file)?)?;
+            let (source, shown) = self.resolve(node, node.required("source", self.file)?)?;
             components.push(ComponentElement {
                 connectors: self.connectors(node)?,
-                parameters: self.bindings(node, &source)?,
+                parameters: self.bindings(node, &shown)?,
                 name,
                 source,
+                shown,
                 line: node.line,
             });
         }
         Ok(components)
     }
 
-    /// File behind a relative URI, an absolute path or a `file:` URI.
-    fn resolve(&self, node: &Element, uri: &str) -> Result<PathBuf, Error> {
+    /// File behind a relative URI, an absolute path or a `file:` URI, and its name for messages. A package refers to
+    /// its own files only: what comes from elsewhere must not load libraries of this machine.
+    fn resolve(&self, node: &Element, uri: &str) -> Result<(PathBuf, PathBuf), Error> {
         let path = match uri.split_once("://") {
             Some(("file", rest)) => rest,
             Some(_) => {
@@ -286,7 +319,18 @@ impl Reader<'_> {
             None => uri.strip_prefix("file:").unwrap_or(uri),
         };
         let decoded = percent_decoded(path);
-        Ok(self.base.join(decoded))
+        let Some(package) = self.package else {
+            let path = self.base.join(decoded);
+            return Ok((path.clone(), path));
+        };
+        let place: PathBuf =
+            Path::new(&decoded).components().filter(|part| *part != PathPart::CurDir).collect();
+        if uri.starts_with("file:") || !place.components().all(|part| matches!(part, PathPart::Normal(_))) {
+            let feature = format!("the source {uri}, which leads out of the package,");
+            let advice = "put the file into the package, for example into resources/";
+            return Err(self.unsupported(node, feature, advice));
+        }
+        Ok((self.base.join(&place), inside(package, &place)))
     }
 
     fn connection(&self, node: &Element) -> Result<ConnectionElement, Error> {
@@ -335,7 +379,17 @@ impl Reader<'_> {
                 return Err(self.unsupported(node, feature, "copy the .ssv file beside the description"));
             }
             let set = match (node.attribute("source"), node.child("ParameterValues")) {
-                (Some(source), _) => ssv::read(&self.resolve(node, source)?)?,
+                (Some(source), _) => {
+                    let (set, shown) = self.resolve(node, source)?;
+                    if !set.exists() {
+                        return Err(Error::MissingSet {
+                            file: self.file.into(),
+                            line: node.line,
+                            set: shown,
+                        });
+                    }
+                    ssv::read_as(&set, &shown)?
+                }
                 (None, Some(values)) => {
                     let inner = values.children.first().ok_or_else(|| Error::Xml {
                         file: self.file.into(),

@@ -43,8 +43,13 @@ pub struct Parameter {
 /// # Errors
 /// [`Error`] names file, line and element.
 pub fn read(file: &Path) -> Result<Vec<Parameter>, Error> {
-    let root = xml::read(file, file)?;
-    parameter_set(&root, file)
+    read_as(file, file)
+}
+
+/// Reads `file`; messages call it `shown` (a file inside an archive).
+pub(super) fn read_as(file: &Path, shown: &Path) -> Result<Vec<Parameter>, Error> {
+    let root = xml::read(file, shown)?;
+    parameter_set(&root, shown)
 }
 
 /// Parameters of a `ParameterSet` element.

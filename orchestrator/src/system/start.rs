@@ -1,7 +1,7 @@
 //! Start values: from parameter sets and from the command line, to variables of FMUs, with units and ranges.
 
 use super::Error;
-use super::graph::{Conversion, DataType, Source, Start, SystemGraph, unit_of};
+use super::graph::{Connection, Conversion, DataType, Source, Start, SystemGraph, unit_of};
 use super::ssv::{Parameter, Value};
 use super::validate::{Aliases, UnitTable, conversion};
 use crate::fmu::{Causality, Initial, ModelDescription, Variability, Variable, VariableKind};
@@ -94,6 +94,42 @@ fn parameter_conversion(
     )
 }
 
+/// What a system input takes, if `value` is not among it; numbers for Reals are not judged.
+pub(super) fn refused_number(graph: &SystemGraph, input: usize, value: f64) -> Option<String> {
+    graph.connections.iter().filter(|connection| connection.source == Source::Input(input)).find_map(|fed| {
+        let description = &graph.components[fed.component].fmu.description;
+        let target = &description.variables[fed.variable];
+        let whole = value.fract() == 0.0 && (f64::from(i32::MIN)..=f64::from(i32::MAX)).contains(&value);
+        let fits = match DataType::of(target) {
+            DataType::Real | DataType::String => true,
+            DataType::Boolean => value == 0.0 || value == 1.0,
+            DataType::Integer | DataType::Enumeration => {
+                whole && in_range(&Start::Integer(value as i32), target, description)
+            }
+        };
+        (!fits).then(|| allowed(target, description))
+    })
+}
+
+/// A start value for an input that another variable drives would have no effect.
+fn check_not_driven(
+    graph: &SystemGraph,
+    component: usize,
+    variable: usize,
+    name: &str,
+    place: &str,
+) -> Result<(), Error> {
+    let into = |fed: &&Connection| fed.component == component && fed.variable == variable;
+    let by = match graph.connections.iter().find(into).map(|fed| fed.source) {
+        None => return Ok(()),
+        Some(source @ Source::Output { .. }) => {
+            format!("the connection from `{}`", graph.source_name(source))
+        }
+        Some(source) => format!("the system input `{0}`: set `{0}`", graph.source_name(source)),
+    };
+    Err(Error::Driven { place: place.into(), name: name.into(), by })
+}
+
 /// Sets a start value given as text; see [`SystemGraph::set_start`].
 ///
 /// # Errors
@@ -117,6 +153,7 @@ pub fn set_start_text(graph: &mut SystemGraph, name: &str, text: &str, place: &s
         }
         _ => find_path(graph, name, place)?,
     };
+    check_not_driven(graph, component, variable, name, place)?;
     set_text(graph, (component, variable, Conversion::IDENTITY), text, place)
 }
 
@@ -202,7 +239,14 @@ fn check_range(
     description: &ModelDescription,
     place: &str,
 ) -> Result<(), Error> {
-    let inside = match (value, &variable.kind) {
+    match in_range(value, variable, description) {
+        true => Ok(()),
+        false => Err(start_error(place, &variable.name, value.to_string(), allowed(variable, description))),
+    }
+}
+
+fn in_range(value: &Start, variable: &Variable, description: &ModelDescription) -> bool {
+    match (value, &variable.kind) {
         (Start::Real(value), VariableKind::Real(real)) => {
             value.is_finite()
                 && real.min.is_none_or(|min| *value >= min)
@@ -216,10 +260,6 @@ fn check_range(
             items.is_empty() || items.iter().any(|(_, item)| item == value)
         }
         _ => true,
-    };
-    match inside {
-        true => Ok(()),
-        false => Err(start_error(place, &variable.name, value.to_string(), allowed(variable, description))),
     }
 }
 
@@ -254,7 +294,7 @@ fn allowed(variable: &Variable, description: &ModelDescription) -> String {
             range("a number", real.min, real.max) + &unit
         }
         VariableKind::Integer { min, max, .. } => range("an integer", *min, *max),
-        VariableKind::Boolean { .. } => "true or false".into(),
+        VariableKind::Boolean { .. } => "true or false (or 1, 0)".into(),
         VariableKind::String { .. } => "a text".into(),
         VariableKind::Enumeration { declared_type, .. } => {
             let names: Vec<String> = items(declared_type, description)

@@ -61,6 +61,7 @@ pub fn resolve(structure: &Structure, fmus: Vec<Arc<Fmu>>) -> Result<SystemGraph
     }
     graph.order = order::evaluation_order(&graph)?;
     note_missing_dependencies(&mut graph);
+    note_open_inputs(structure, &mut graph);
     Ok(graph)
 }
 
@@ -84,6 +85,22 @@ fn note_missing_dependencies(graph: &mut SystemGraph) {
     }
 }
 
+/// Says which inputs that the file declares are driven by nothing: a connection may have been forgotten.
+fn note_open_inputs(structure: &Structure, graph: &mut SystemGraph) {
+    for (index, element) in structure.components.iter().enumerate() {
+        for connector in element.connectors.iter().filter(|connector| connector.kind == "input") {
+            let variable = graph.components[index].fmu.description.index_of(&connector.name);
+            let into = |fed: &Connection| fed.component == index && Some(fed.variable) == variable;
+            if !graph.connections.iter().any(into) {
+                let path = format!("{}.{}", element.name, connector.name);
+                graph
+                    .notes
+                    .push(format!("nothing is connected to the input `{path}`: it keeps its start value"));
+            }
+        }
+    }
+}
+
 /// Component variables behind the inputs and parameters of the system, by name.
 pub(super) type Aliases = HashMap<String, Vec<(usize, usize, Conversion)>>;
 
@@ -96,7 +113,7 @@ fn check_connector(
     let (file, line) = (structure.file.clone(), connector.line);
     let (component, name) = (component.to_owned(), connector.name.clone());
     let Some(variable) = fmu.description.variable(&name) else {
-        return Err(Error::NoSuchVariable { file, line, component, connector: name, fmu: fmu.path.clone() });
+        return Err(Error::NoSuchVariable { file, line, component, connector: name, fmu: fmu.shown.clone() });
     };
     let fits = match connector.kind.as_str() {
         "input" => variable.causality == Causality::Input,

@@ -89,7 +89,7 @@ impl Instance {
     ) -> Result<Self, Error> {
         let library = fmu.library(kind)?;
         let missing =
-            |function| Error::MissingFunction { path: fmu.path.clone(), function, interface: kind.name() };
+            |function| Error::MissingFunction { path: fmu.shown.clone(), function, interface: kind.name() };
         let (slave, model, fmi_type) = match kind {
             InterfaceKind::CoSimulation => {
                 (Some(library.slave.map_err(missing)?), None, fmi2Type_fmi2CoSimulation)
@@ -108,7 +108,7 @@ impl Instance {
         let resources = string(&fmu.resources_uri(), "the path of the resources")?;
         let only_once = interface.can_be_instantiated_only_once_per_process;
         if only_once && library.occupied.swap(true, Ordering::AcqRel) {
-            return Err(Error::OnlyOnce { component: name.to_owned(), path: fmu.path.clone() });
+            return Err(Error::OnlyOnce { component: name.to_owned(), path: fmu.shown.clone() });
         }
 
         let mut log = Box::<LogBuffer>::default();
@@ -141,7 +141,7 @@ impl Instance {
             };
             return Err(Error::Instantiate {
                 component: name.to_owned(),
-                path: fmu.path.clone(),
+                path: fmu.shown.clone(),
                 guid: guid.to_owned(),
                 hint,
                 log: named(fmu, log.tail(SHOWN_MESSAGES)),

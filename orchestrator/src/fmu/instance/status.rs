@@ -35,7 +35,7 @@ impl Base {
 impl Instance {
     #[cold]
     pub(in crate::fmu) fn missing(&self, function: &'static str) -> Error {
-        Error::MissingFunction { path: self.fmu.path.clone(), function, interface: self.kind.name() }
+        Error::MissingFunction { path: self.fmu.shown.clone(), function, interface: self.kind.name() }
     }
 
     #[inline]
