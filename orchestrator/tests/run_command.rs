@@ -174,7 +174,7 @@ fn bad_words_and_files_are_refused_by_name() {
         (&["--input", "nan.csv"], 1, "nan.csv: line 3, column `u`: `nan` is not finite"),
         (&["--input", "gone.csv"], 1, "gone.csv: "),
         (&["--input", "moment.csv"], 1, "column `u`: its unit [N.m] cannot be converted to [N]"),
-        (&["--measured", "other.csv"], 1, "none of its columns (q) is a connector of the system (y, x)"),
+        (&["--measured", "other.csv"], 1, "none of its columns (q) is an output of the system (y, x)"),
         (&["--measured", "other.csv", "--signals", "map.toml"], 1, "no connector `z`; it has: u, y, x"),
         (&[], 2, "given with --stop"),
         (&["--stop", "1", "--step", "0"], 2, "step = 0 is not possible: it must be positive"),

@@ -179,6 +179,55 @@ fn a_span_outside_of_the_record_is_refused_before_anything_is_simulated() {
 }
 
 #[test]
+fn one_table_of_signals_serves_record_and_command() {
+    let folder = folder();
+    system(&folder);
+    write(&folder, "record.csv", "time,yy\n0,1\n1,1\n");
+    write(&folder, "in.csv", "time,uu\n0,1\n1,1\n");
+    write(&folder, "map.toml", "[signals]\nu = \"uu\"\ny = \"yy\"\n");
+    let words = ["run", "system.ssd", "--signals", "map.toml", "-o", "out"];
+    succeeds(&folder, &[&words[..], &["--input", "in.csv"]].concat());
+    succeeds(&folder, &[&words[..], &["--input", "in.csv", "--measured", "record.csv"]].concat());
+    assert_eq!(summary::read(&folder.path().join("out/summary.json")).unwrap().signals.len(), 1);
+    let message = fails(&folder, &[&words[..], &["--measured", "record.csv"]].concat(), 1);
+    assert!(message.contains("there is no column `uu`"), "{message}");
+    let message = fails(&folder, &[&words[..], &["--stop", "1"]].concat(), 2);
+    assert!(message.contains("--input"), "{message}");
+}
+
+#[test]
+fn a_start_inside_of_the_record_names_the_states_that_are_not_measured() {
+    let folder = folder();
+    system(&folder);
+    write(&folder, "record.csv", "time,u,y\n0,1,1\n1,1,1\n2,1,1\n");
+    let words = ["run", "system.ssd", "--measured", "record.csv", "-o", "out"];
+    let note = "these states begin at the start values of their models: a.x";
+    assert!(!succeeds(&folder, &words).contains(note));
+    assert!(succeeds(&folder, &[&words[..], &["--start", "1"]].concat()).contains(note));
+    let set = succeeds(&folder, &[&words[..], &["--start", "1", "--set", "a.x=2"]].concat());
+    assert!(!set.contains(note), "{set}");
+}
+
+#[test]
+fn a_fit_far_below_zero_is_told_in_few_digits() {
+    let folder = folder();
+    system(&folder);
+    write(&folder, "record.csv", "time,u,y\n0,1,1\n1,1,1.0000000001\n");
+    let words = ["run", "system.ssd", "--measured", "record.csv", "--set", "a.gain=9", "-o", "out"];
+    let printed = succeeds(&folder, &words);
+    assert!(printed.contains("< -1e6"), "{printed}");
+}
+
+#[test]
+fn a_record_of_one_row_is_no_time_span() {
+    let folder = folder();
+    system(&folder);
+    write(&folder, "in.csv", "time,u\n0,1\n");
+    let printed = succeeds(&folder, &["run", "system.ssd", "--input", "in.csv", "-o", "out"]);
+    assert!(printed.contains("note: start and stop time are the same: there is no step"), "{printed}");
+}
+
+#[test]
 fn a_run_may_begin_before_zero() {
     let folder = folder();
     system(&folder);

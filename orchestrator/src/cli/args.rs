@@ -53,6 +53,7 @@ pub enum Command {
 /// `airloop run`
 #[derive(Debug, Args)]
 #[command(
+    group = clap::ArgGroup::new("data").multiple(true),
     after_help = "Exit codes: 0 success (also if a component ends the simulation), 1 failure (the result so far is kept), 2 wrong usage (also a time, step or tolerance out of range), 130 interrupted (Ctrl-C, SIGTERM, SIGHUP; the result so far is kept).\n\nExample: airloop run examples/01_run/system.ssd --measured record.csv --step 1ms -o out/run"
 )]
 pub struct RunArgs {
@@ -74,7 +75,7 @@ pub struct RunArgs {
     pub master: MasterChoice,
     /// CSV file with inputs of the system: first column time [s] (or for example `time [ms]`), then one column per
     /// input. Truth values are 0 and 1, or true and false.
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", group = "data")]
     pub input: Option<PathBuf>,
     /// Continuous inputs between their samples; inputs that are discrete, or no Reals, are always held. The inputs of a
     /// step are those at its start. At a communication point both choices give the sample, so that for a command
@@ -88,14 +89,14 @@ pub struct RunArgs {
     pub set: Vec<(String, String)>,
     /// CSV file with a measurement: outputs of the system to compare with, and its inputs unless --input is given.
     /// Columns belong to the connectors of the same name, else see --signals.
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", group = "data")]
     pub measured: Option<PathBuf>,
     /// Start of the states that are measured: at the first measured value, or at the start values of the model
     /// (usually zero). A zero start can cost several points of fit.
     #[arg(long, value_enum, default_value_t = InitialChoice::Measured, requires = "measured")]
     pub initial: InitialChoice,
     /// TOML file with a [signals] table: connector = "column", for columns of another name.
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", requires = "data")]
     pub signals: Option<PathBuf>,
     /// Folder for the results; it is made if it is not there.
     #[arg(short, long, value_name = "DIR", default_value = "out/run")]

@@ -23,7 +23,7 @@ use crate::system::SystemGraph;
 pub struct Args {
     /// .fmu, .ssd or .ssp file.
     pub file: PathBuf,
-    /// Print JSON instead of tables.
+    /// Print JSON instead of tables. There, `variable` and `derivative` are positions in `variables`, counted from 0.
     #[arg(long)]
     pub json: bool,
     /// Check the FMU, or each FMU of the system, against the standard: archive and description, then by running its library in this process.

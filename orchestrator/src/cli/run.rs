@@ -53,11 +53,13 @@ pub fn run(args: &RunArgs) -> Result<ExitCode, Error> {
         Some(file) => SignalTable::read(file)?,
         None => SignalTable::default(),
     };
-    let input = args.input.as_ref().map(|file| read(&graph, file, &signals)).transpose()?;
+    let table = signals.without_outputs(&graph);
+    let input = args.input.as_ref().map(|file| read(&graph, file, &table)).transpose()?;
     if let Some(input) = &input {
         signals::only_inputs(&graph, &input.links, &input.series, &input.file)?;
     }
-    let measured = args.measured.as_ref().map(|file| read(&graph, file, &signals)).transpose()?;
+    let table = if input.is_some() { signals.without_inputs(&graph) } else { signals };
+    let measured = args.measured.as_ref().map(|file| read(&graph, file, &table)).transpose()?;
     if let Some(measured) = &measured {
         check_measured(&graph, measured, &mut notes)?;
     }
@@ -66,6 +68,9 @@ pub fn run(args: &RunArgs) -> Result<ExitCode, Error> {
         check_overlap(measured, &settings)?;
     }
     let grid = settings.validate()?;
+    if grid.steps() == 0 {
+        notes.push("start and stop time are the same: there is no step; give `--stop`".into());
+    }
     if settings.step_size > settings.stop_time - settings.start_time && grid.steps() > 0 {
         notes.push(format!(
             "the step of {} s is longer than the time span: there is one step of {} s",
@@ -88,6 +93,9 @@ pub fn run(args: &RunArgs) -> Result<ExitCode, Error> {
             return Err(system::Error::Driven { place, name, by }.into());
         }
         graph.set_start(name, value, &place)?;
+    }
+    if let Some(measured) = &measured {
+        note_states(&graph, measured, &settings, &mut notes);
     }
     let stimulus = data.map(|record| stimulus(record, args));
     note_texts(&graph, &mut notes);
@@ -198,6 +206,23 @@ fn stimulus<'a>(record: &'a Record, args: &RunArgs) -> Stimulus<'a> {
         series: &record.series,
         links: record.links.inputs.iter().map(link).collect(),
         interpolation: args.interpolation.into(),
+    }
+}
+
+/// A run that begins inside of the record begins with states that nobody measured.
+fn note_states(graph: &SystemGraph, measured: &Record, settings: &master::Settings, notes: &mut Vec<String>) {
+    const SHOWN: usize = 8;
+    let inside = measured.series.time().first().is_some_and(|first| settings.start_time > *first);
+    let states = signals::states_at_default(graph);
+    if inside && !states.is_empty() {
+        let more = match states.len() {
+            0..=SHOWN => String::new(),
+            all => format!(" and {} more", all - SHOWN),
+        };
+        let some = states[..states.len().min(SHOWN)].join(", ");
+        notes.push(format!(
+            "the run begins inside of the record, but these states begin at the start values of their models: {some}{more}"
+        ));
     }
 }
 
@@ -379,7 +404,7 @@ fn report(summary: &Summary, args: &RunArgs) -> String {
         summary.system,
         summary.settings.master,
         short(summary.timings.simulation_s),
-        short(summary.timings.steps_per_second),
+        summary.timings.steps_per_second.round(),
     );
     if summary.outcome.status == "terminated" {
         text += &format!("{}\n", summary.outcome.message.as_deref().unwrap_or_default());
@@ -392,7 +417,7 @@ fn report(summary: &Summary, args: &RunArgs) -> String {
                 vec![
                     signal.name.clone(),
                     signal.unit.clone().unwrap_or_default(),
-                    signal.fit_percent.map_or("constant".into(), |fit| format!("{fit:.2}")),
+                    fit_text(signal.fit_percent),
                     short(signal.rms_error),
                 ]
             })
@@ -407,6 +432,15 @@ fn report(summary: &Summary, args: &RunArgs) -> String {
         text += &format!("figures: {}\n", args.output.join("index.html").display());
     }
     text
+}
+
+/// A fit with two digits; far below zero the digits say nothing.
+fn fit_text(fit: Option<f64>) -> String {
+    match fit {
+        None => "constant".into(),
+        Some(fit) if fit < -1e6 => "< -1e6".into(),
+        Some(fit) => format!("{fit:.2}"),
+    }
 }
 
 fn exit(run: &Run, args: &RunArgs) -> ExitCode {

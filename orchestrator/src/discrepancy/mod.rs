@@ -22,7 +22,7 @@ pub enum Error {
     #[error("{}: line 1, column `{column}`: its unit [{found}] cannot be converted to [{wanted}] of the connector `{connector}`", file.display())]
     Unit { file: PathBuf, column: String, found: String, connector: String, wanted: String },
     /// No column fits any connector.
-    #[error("{}: none of its columns ({columns}) is a connector of the system ({known}); name the pairs in a [signals] table and give it with `--signals`", file.display())]
+    #[error("{}: none of its columns ({columns}) is an output of the system ({known}); name the pairs in a [signals] table and give it with `--signals`", file.display())]
     NothingMeasured { file: PathBuf, columns: String, known: String },
     /// The run does not touch the record.
     #[error("{}: the record goes from {first} s to {last} s, but the run from {start} s to {stop} s: no sample can be compared; choose `--start` and `--stop` inside of the record", file.display())]

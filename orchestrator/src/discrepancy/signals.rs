@@ -36,6 +36,20 @@ impl SignalTable {
         Ok(SignalTable(signals.iter().map(column).collect::<Result<_, _>>()?))
     }
 
+    /// The table for a file that holds inputs only: entries of outputs belong to another file.
+    #[must_use]
+    pub fn without_outputs(&self, graph: &SystemGraph) -> SignalTable {
+        let is_output = |name: &String| graph.outputs.iter().any(|output| output.name == *name);
+        SignalTable(self.0.clone().into_iter().filter(|(connector, _)| !is_output(connector)).collect())
+    }
+
+    /// The table for a record whose inputs are not used, as they come from another file.
+    #[must_use]
+    pub fn without_inputs(&self, graph: &SystemGraph) -> SignalTable {
+        let is_input = |name: &String| graph.inputs.iter().any(|input| input.name == *name);
+        SignalTable(self.0.clone().into_iter().filter(|(connector, _)| !is_input(connector)).collect())
+    }
+
     fn column<'a>(&'a self, connector: &'a str) -> &'a str {
         self.0.get(connector).map_or(connector, String::as_str)
     }
@@ -228,6 +242,21 @@ pub fn start_at_measured(graph: &mut SystemGraph, series: &TimeSeries, links: &L
         graph.components[component].set_start(variable, Start::Real(value));
     }
     set
+}
+
+/// Continuous states that keep the start value of their model, as `component.variable`.
+pub fn states_at_default(graph: &SystemGraph) -> Vec<String> {
+    let mut names = Vec::new();
+    for component in &graph.components {
+        for variable in &component.fmu.description.variables {
+            let VariableKind::Real(real) = &variable.kind else { continue };
+            let Some(state) = real.derivative else { continue };
+            if !component.start_values.iter().any(|start| start.variable == state) {
+                names.push(component.path_of(state));
+            }
+        }
+    }
+    names
 }
 
 #[cfg(test)]
