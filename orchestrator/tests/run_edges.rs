@@ -109,7 +109,9 @@ fn a_start_value_for_an_input_with_data_is_refused() {
     let message = fails(&folder, &["run", "slave.fmu", "--input", "in.csv", "--set", "u=5"], 1);
     assert!(message.contains("`u` is driven by the data of in.csv"), "{message}");
     // Without data the start value is what drives it.
-    succeeds(&folder, &["run", "slave.fmu", "--stop", "1", "--set", "u=5", "-o", "out"]);
+    let words = ["run", "slave.fmu", "--stop", "1", "--set", "u=4", "--set", "u=5", "-o", "out"];
+    let printed = succeeds(&folder, &words);
+    assert!(printed.contains("note: `--set u` is given more than once: the last value holds"), "{printed}");
     let result = csv::read(&folder.path().join("out/result.csv")).unwrap();
     assert_eq!(result.channel("y").unwrap().values[0], 5.0);
 }

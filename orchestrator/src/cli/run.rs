@@ -86,7 +86,10 @@ pub fn run(args: &RunArgs) -> Result<ExitCode, Error> {
         }
     }
     let data = input.as_ref().or(measured.as_ref());
-    for (name, value) in &args.set {
+    for (index, (name, value)) in args.set.iter().enumerate() {
+        if args.set[..index].iter().any(|(earlier, _)| earlier == name) {
+            notes.push(format!("`--set {name}` is given more than once: the last value holds"));
+        }
         let place = format!("--set {name}={value}");
         if let Some(data) = data.filter(|data| data.drives(&graph, name)) {
             let (name, by) = (name.clone(), format!("the data of {}", data.file.display()));

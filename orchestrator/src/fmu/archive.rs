@@ -88,10 +88,15 @@ pub enum ArchiveError {
         /// What is wrong with it.
         reason: String,
     },
+    /// There is no place to unpack to.
+    #[error(
+        "no temporary folder can be made: {0}; check free space, or set TMPDIR to a folder that is there"
+    )]
+    Folder(#[source] io::Error),
     /// No room or no permission for the temporary files.
     #[error("cannot unpack \"{name}\" into a temporary folder: {source}; check free space, or set TMPDIR")]
     Write {
-        /// Entry, or the folder itself.
+        /// Entry.
         name: String,
         /// What the system says.
         source: io::Error,
@@ -171,10 +176,7 @@ impl Archive {
 
     /// Writes all files into a new temporary folder.
     pub(super) fn unpack(mut self) -> Result<Unpacked, ArchiveError> {
-        let folder = tempfile::Builder::new()
-            .prefix("airloop-")
-            .tempdir()
-            .map_err(|source| ArchiveError::Write { name: "the folder".to_owned(), source })?;
+        let folder = tempfile::Builder::new().prefix("airloop-").tempdir().map_err(ArchiveError::Folder)?;
         let (mut files, mut folders) = (Vec::new(), Vec::new());
         for index in 0..self.zip.len() {
             let name = self.zip.name_for_index(index).expect("index is below len").to_owned();

@@ -48,50 +48,48 @@ pub struct Comparison<'a> {
 /// Measured and simulated signal over each other, and their difference in a panel below on a scale of its own.
 pub fn comparison(figure: &Comparison) -> String {
     let (upper, lower, gap) = (300.0, 110.0, 18.0);
-    let height = TOP + upper + gap + lower + BOTTOM;
-    let mut svg = Svg::new(WIDTH, height);
+    let entries =
+        [("measured", "measured"), ("simulated", "simulated"), ("residual", "measured \u{2212} simulated")];
+    let head = Head::new(figure.name, figure.note, &entries);
+    let top = head.bottom();
+    let mut svg = Svg::new(WIDTH, top + upper + gap + lower + BOTTOM);
     let times = [figure.measured.time, figure.simulated.time];
     let x = time_axis(&times);
     let values = figure.measured.values.iter().chain(figure.simulated.values).copied();
-    let y = Axis::new(range(values), (TOP + upper, TOP)).padded(0.06);
+    let y = Axis::new(range(values), (top + upper, top)).padded(0.06);
     panel(&mut svg, &x, &y, 6, false, &axis_label(figure.name, figure.unit));
     figure.measured.draw(&mut svg, &x, &y, "measured");
     figure.simulated.draw(&mut svg, &x, &y, "simulated");
-    let (begin, end) = (TOP + upper + gap, TOP + upper + gap + lower);
+    let (begin, end) = (top + upper + gap, top + upper + gap + lower);
     let (min, max) = range(figure.residual.values.iter().copied());
     let y = Axis::new((min.min(0.0), max.max(0.0)), (end, begin)).padded(0.08);
     panel(&mut svg, &x, &y, 5, true, &axis_label("residual", figure.unit));
     svg.line((x.from, y.pixel(0.0)), (x.to, y.pixel(0.0)), "zero");
     figure.residual.draw(&mut svg, &x, &y, "residual");
-    title(&mut svg, figure.name, figure.note);
-    legend(
-        &mut svg,
-        &[("measured", "measured"), ("simulated", "simulated"), ("residual", "measured \u{2212} simulated")],
-    );
+    head.draw(&mut svg);
     svg.finish(&format!("{}: measured and simulated over time", figure.name))
 }
 
 /// Several signals of one unit over time.
 pub fn signals(name: &str, unit: &str, curves: &[Curve]) -> String {
     let upper = 320.0;
-    let mut svg = Svg::new(WIDTH, TOP + upper + BOTTOM);
+    let classes: Vec<String> =
+        (0..curves.len()).map(|index| format!("s{}", index % SERIES_CLASSES)).collect();
+    let entries: Vec<(&str, &str)> =
+        classes.iter().zip(curves).map(|(class, curve)| (class.as_str(), curve.name)).collect();
+    let head = Head::new(name, "", if curves.len() > 1 { &entries } else { &[] });
+    let top = head.bottom();
+    let mut svg = Svg::new(WIDTH, top + upper + BOTTOM);
     let times: Vec<&[f64]> = curves.iter().map(|curve| curve.time).collect();
     let x = time_axis(&times);
     let values = curves.iter().flat_map(|curve| curve.values.iter().copied());
-    let y = Axis::new(range(values), (TOP + upper, TOP)).padded(0.06);
+    let y = Axis::new(range(values), (top + upper, top)).padded(0.06);
     let label = if curves.len() == 1 { axis_label(name, unit) } else { axis_label("", unit) };
     panel(&mut svg, &x, &y, 6, true, &label);
-    let classes: Vec<String> =
-        (0..curves.len()).map(|index| format!("s{}", index % SERIES_CLASSES)).collect();
     for (curve, class) in curves.iter().zip(&classes) {
         curve.draw(&mut svg, &x, &y, class);
     }
-    title(&mut svg, name, "");
-    if curves.len() > 1 {
-        let entries: Vec<(&str, &str)> =
-            classes.iter().zip(curves).map(|(class, curve)| (class.as_str(), curve.name)).collect();
-        legend(&mut svg, &entries);
-    }
+    head.draw(&mut svg);
     svg.finish(&format!("{name} over time"))
 }
 
@@ -131,19 +129,105 @@ fn panel(svg: &mut Svg, x: &Axis, y: &Axis, ticks: usize, with_time: bool, label
     }
 }
 
-fn title(svg: &mut Svg, name: &str, note: &str) {
-    svg.text((LEFT, 24.0), Anchor::Start, "title", name);
-    // Text widths are not known here; letters of the title are about 9 pixels wide.
-    svg.text((LEFT + 14.0 + 9.0 * name.chars().count() as f64, 24.0), Anchor::Start, "note", note);
+/// Title and legend above the plot: side by side where they fit, else the legend in rows of its own.
+struct Head<'a> {
+    title: String,
+    note: &'a str,
+    /// Entries (class, text) by row; the first row is that of the title.
+    rows: Vec<Vec<(&'a str, &'a str)>>,
 }
 
-/// Entries (class, text) right-aligned above the plot.
-fn legend(svg: &mut Svg, entries: &[(&str, &str)]) {
+/// Height of a row of the legend.
+const ROW: f64 = 20.0;
+/// Room between title and legend.
+const ROOM: f64 = 20.0;
+
+impl<'a> Head<'a> {
+    fn new(name: &str, note: &'a str, entries: &[(&'a str, &'a str)]) -> Head<'a> {
+        let most = ((WIDTH - RIGHT - LEFT - note_width(note)) / TITLE_LETTER) as usize;
+        let title = match name.chars().count() > most {
+            true => name.chars().take(most.saturating_sub(1)).chain(['\u{2026}']).collect(),
+            false => name.to_owned(),
+        };
+        let begin = LEFT + title_width(&title) + note_width(note) + ROOM;
+        let width = |entries: &[(&str, &str)]| entries.iter().map(|(_, text)| entry_width(text)).sum::<f64>();
+        if entries.is_empty() || begin + width(entries) <= WIDTH - RIGHT {
+            return Head { title, note, rows: vec![entries.to_vec()] };
+        }
+        let mut rows = vec![Vec::new(), Vec::new()];
+        for entry in entries {
+            let last = rows.last_mut().expect("there is a row");
+            if !last.is_empty() && LEFT + width(last) + entry_width(entry.1) > WIDTH - RIGHT {
+                rows.push(vec![*entry]);
+            } else {
+                last.push(*entry);
+            }
+        }
+        Head { title, note, rows }
+    }
+
+    /// Where the plot may begin.
+    fn bottom(&self) -> f64 {
+        TOP + ROW * (self.rows.len() - 1) as f64
+    }
+
+    fn draw(&self, svg: &mut Svg) {
+        svg.text((LEFT, 24.0), Anchor::Start, "title", &self.title);
+        svg.text((LEFT + 14.0 + title_width(&self.title), 24.0), Anchor::Start, "note", self.note);
+        for (row, entries) in self.rows.iter().enumerate() {
+            legend(svg, entries, 24.0 + ROW * row as f64);
+        }
+    }
+}
+
+// Text widths are not known here; letters of the title are about 9 pixels wide, those of note and legend 7.
+const TITLE_LETTER: f64 = 9.0;
+
+fn title_width(text: &str) -> f64 {
+    TITLE_LETTER * text.chars().count() as f64
+}
+
+fn note_width(text: &str) -> f64 {
+    7.0 * text.chars().count() as f64
+}
+
+/// Width of an entry of the legend with its line and the room before it.
+fn entry_width(text: &str) -> f64 {
+    7.0 * text.chars().count() as f64 + 46.0
+}
+
+/// Entries (class, text) right-aligned on the base line `y`.
+fn legend(svg: &mut Svg, entries: &[(&str, &str)], y: f64) {
     let mut right = WIDTH - RIGHT;
     for (class, text) in entries.iter().rev() {
         let width = 7.0 * text.chars().count() as f64;
-        svg.text((right - width, 24.0), Anchor::Start, "legend", text);
-        svg.line((right - width - 28.0, 20.0), (right - width - 6.0, 20.0), class);
-        right -= width + 46.0;
+        svg.text((right - width, y), Anchor::Start, "legend", text);
+        svg.line((right - width - 28.0, y - 4.0), (right - width - 6.0, y - 4.0), class);
+        right -= entry_width(text);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn title_and_legend_never_overlap() {
+        let long = "Float64_continuous_output";
+        for (count, rows) in [(1, 1), (2, 2), (3, 2), (4, 3), (6, 3)] {
+            let entries = vec![("s0", long); count];
+            let name = vec![long; count].join(", ");
+            let head = Head::new(if count == 1 { "y" } else { &name }, "", &entries);
+            assert_eq!(head.rows.len(), rows, "{count} entries");
+            assert_eq!(head.rows.concat().len(), count);
+            assert!(title_width(&head.title) <= WIDTH - LEFT - RIGHT, "{}", head.title);
+            for row in &head.rows {
+                let width: f64 = row.iter().map(|(_, text)| entry_width(text)).sum();
+                assert!(LEFT + width <= WIDTH - RIGHT);
+            }
+        }
+        let entries = [("measured", "measured"), ("simulated", "simulated")];
+        assert_eq!(Head::new("x", "fit 99.52 %", &entries).rows.len(), 1);
+        assert_eq!(Head::new(&long.repeat(2), "fit 99.52 %, RMS error 1 N", &entries).rows.len(), 2);
     }
 }

@@ -17,7 +17,7 @@ use super::TimeSeries;
 #[allow(missing_docs, reason = "file, line (1-based), column and value, as named in each message")]
 pub enum Error {
     /// The file cannot be opened, read or written.
-    #[error("{}: {source}", path.display())]
+    #[error("{}: the file cannot be read or written: {source}", path.display())]
     Io { path: PathBuf, source: std::io::Error },
     /// The first column is not `time`.
     #[error(

@@ -7,7 +7,7 @@ use std::path::PathBuf;
 #[allow(missing_docs, reason = "file, line and names, as in each message")]
 pub enum Error {
     /// A file cannot be read.
-    #[error("{}: {source}", file.display())]
+    #[error("{}: the file cannot be read: {source}", file.display())]
     Io { file: PathBuf, source: std::io::Error },
     /// The file is of a kind that cannot be a system.
     #[error("{}: not a system; give an .ssd, an .ssp or an .fmu file", file.display())]
