@@ -9,6 +9,7 @@ use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 
+use crate::fmu::InterfaceKind;
 use crate::master::Algorithm;
 use crate::series::Interpolation;
 use crate::units::parse_duration;
@@ -65,7 +66,7 @@ pub struct RunArgs {
     /// Start time [s]. Default: first time of the measured or input data, else the default experiment, else 0.
     #[arg(long, value_parser = parse_duration, value_name = "TIME")]
     pub start: Option<f64>,
-    /// How slaves are coupled.
+    /// How components are coupled.
     #[arg(long, value_enum, default_value_t = MasterChoice::GaussSeidel)]
     pub master: MasterChoice,
     /// CSV file with inputs of the system: first column time [s], then one column per input.
@@ -93,7 +94,8 @@ pub struct RunArgs {
     /// Folder for the results; it is made if it is not there.
     #[arg(short, long, value_name = "DIR", default_value = "out/run")]
     pub output: PathBuf,
-    /// Relative tolerance for solvers inside FMUs, between 0 and 1. Default: each FMU uses its own.
+    /// Relative tolerance for solvers inside FMUs, between 0 and 1. Default: each FMU uses its own. Also that of
+    /// --master monolithic, there by default 1e-10.
     #[arg(long, value_name = "NUMBER")]
     pub tolerance: Option<f64>,
     /// Draw no figures.
@@ -111,6 +113,20 @@ pub enum MasterChoice {
     GaussSeidel,
     /// Parallel: outputs are exchanged, then all slaves step; every connection is one step late.
     Jacobi,
+    /// All components as one differential equation through Model Exchange: explicit Runge-Kutta of order 8 with error
+    /// control (--tolerance), state and time events, algebraic loops; no coupling error. --step only sets the rows
+    /// of the result.
+    Monolithic,
+}
+
+impl MasterChoice {
+    /// Interface of the FMUs that the master uses.
+    pub fn interface(self) -> InterfaceKind {
+        match self {
+            MasterChoice::Monolithic => InterfaceKind::ModelExchange,
+            _ => InterfaceKind::CoSimulation,
+        }
+    }
 }
 
 impl From<MasterChoice> for Algorithm {
@@ -118,6 +134,7 @@ impl From<MasterChoice> for Algorithm {
         match choice {
             MasterChoice::GaussSeidel => Algorithm::GaussSeidel,
             MasterChoice::Jacobi => Algorithm::Jacobi,
+            MasterChoice::Monolithic => Algorithm::Monolithic,
         }
     }
 }

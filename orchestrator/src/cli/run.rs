@@ -37,7 +37,7 @@ struct Record {
 /// # Errors
 /// What keeps the run from starting, or its results from being written.
 pub fn run(args: &RunArgs) -> Result<ExitCode, Error> {
-    let mut graph = SystemGraph::open(&args.system)?;
+    let mut graph = SystemGraph::open_for(&args.system, args.master.interface())?;
     let mut notes = graph.notes.clone();
     let signals = match &args.signals {
         Some(file) => SignalTable::read(file)?,
@@ -277,6 +277,7 @@ fn summarize(
             set: args.set.iter().map(|(name, value)| format!("{name}={value}")).collect(),
         },
         outcome: Outcome { status: status.into(), message, end_time, steps: run.steps },
+        integration: run.integration.clone(),
         timings: Timings::new(run.initialization, run.stepping, run.steps, settings.start_time, end_time),
         fmus: graph.order.iter().map(fmu).collect(),
         connectors,

@@ -140,7 +140,7 @@ impl Wiring {
         wiring
     }
 
-    fn index_of(&self, source: Source) -> usize {
+    pub fn index_of(&self, source: Source) -> usize {
         match source {
             Source::Input(input) => self.input_index[input],
             Source::Output { component, variable } => self.outputs[&(component, variable)],
@@ -268,6 +268,13 @@ impl Wiring {
             }
         }
         columns
+    }
+
+    /// All outputs that are read, as (component, variable), in ascending order.
+    pub fn read_outputs(&self) -> Vec<(usize, usize)> {
+        let mut outputs: Vec<(usize, usize)> = self.outputs.keys().copied().collect();
+        outputs.sort_unstable();
+        outputs
     }
 
     /// Outputs of a component that are read, in the order of the FMU.

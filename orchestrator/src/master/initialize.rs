@@ -2,7 +2,7 @@
 
 use super::exchange::{Node, Values, Wiring};
 use super::{Error, Grid, Settings};
-use crate::fmu::{Slave, VariableKind};
+use crate::fmu::{Instance, Slave, VariableKind};
 use crate::system::SystemGraph;
 use crate::system::graph::{Component, Start};
 
@@ -77,15 +77,15 @@ fn settle(
     Err(Error::Unsettled { passes, variable })
 }
 
-fn set_start_values(slave: &mut Slave, component: &Component) -> Result<(), Error> {
+pub(super) fn set_start_values(instance: &mut Instance, component: &Component) -> Result<(), Error> {
     for start in &component.start_values {
         let variable = &component.fmu.description.variables[start.variable];
         let reference = [variable.value_reference];
         match (&start.value, &variable.kind) {
-            (Start::Real(value), VariableKind::Real(_)) => slave.set_real(&reference, &[*value])?,
-            (Start::Integer(value), _) => slave.set_integer(&reference, &[*value])?,
-            (Start::Boolean(value), _) => slave.set_boolean(&reference, &[*value])?,
-            (Start::String(value), _) => slave.set_string(&reference, &[value.as_str()])?,
+            (Start::Real(value), VariableKind::Real(_)) => instance.set_real(&reference, &[*value])?,
+            (Start::Integer(value), _) => instance.set_integer(&reference, &[*value])?,
+            (Start::Boolean(value), _) => instance.set_boolean(&reference, &[*value])?,
+            (Start::String(value), _) => instance.set_string(&reference, &[value.as_str()])?,
             (Start::Real(_), _) => unreachable!("start values have the type of their variable"),
         }
     }

@@ -11,7 +11,7 @@ use super::graph::{
 };
 use super::ssp::{ConnectionElement, Connector, Endpoint, Structure};
 use super::{Error, order, start};
-use crate::fmu::{Causality, Fmu, ModelDescription};
+use crate::fmu::{Causality, Fmu, InterfaceKind, ModelDescription};
 use crate::units::{self, Compatibility, Unit};
 
 pub use super::start::set_start_text;
@@ -20,7 +20,11 @@ pub use super::start::set_start_text;
 ///
 /// # Errors
 /// The first thing that is wrong, with file, line and element.
-pub fn resolve(structure: &Structure, fmus: Vec<Arc<Fmu>>) -> Result<SystemGraph, Error> {
+pub fn resolve(
+    structure: &Structure,
+    fmus: Vec<Arc<Fmu>>,
+    interface: InterfaceKind,
+) -> Result<SystemGraph, Error> {
     for (element, fmu) in structure.components.iter().zip(&fmus) {
         for connector in &element.connectors {
             check_connector(structure, &element.name, connector, fmu)?;
@@ -59,7 +63,7 @@ pub fn resolve(structure: &Structure, fmus: Vec<Arc<Fmu>>) -> Result<SystemGraph
     for parameter in &structure.parameters {
         start::bind_system(&mut graph, parameter, &structure.units, &aliases)?;
     }
-    graph.order = order::evaluation_order(&graph)?;
+    graph.order = order::evaluation_order(&graph, interface)?;
     note_missing_dependencies(&mut graph);
     Ok(graph)
 }
