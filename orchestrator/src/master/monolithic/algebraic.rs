@@ -73,6 +73,8 @@ const MOST_HALVINGS: usize = 12;
 pub(super) struct AlgebraicLoop {
     inputs: Vec<LoopInput>,
     outputs: Vec<LoopOutput>,
+    /// Whether `unknowns` hold a guess.
+    started: bool,
     /// Unknowns and their residuals, `[n]`.
     unknowns: Vec<f64>,
     residuals: Vec<f64>,
@@ -86,6 +88,7 @@ impl AlgebraicLoop {
     pub fn new(inputs: Vec<LoopInput>, outputs: Vec<LoopOutput>) -> AlgebraicLoop {
         let n = inputs.len();
         AlgebraicLoop {
+            started: false,
             unknowns: vec![0.0; n],
             residuals: vec![0.0; n],
             values: vec![0.0; outputs.len()],
@@ -96,10 +99,14 @@ impl AlgebraicLoop {
         }
     }
 
-    /// Solves the loop from the present values of the system, and writes its outputs back there.
+    /// Solves the loop, the first time from the present values of the system, and writes its outputs back there.
     pub fn solve(&mut self, models: &mut [Model], reals: &mut [f64]) -> Result<(), LoopFailure> {
-        for (unknown, input) in self.unknowns.iter_mut().zip(&self.inputs) {
-            *unknown = input.conversion.apply(reals[self.outputs[input.source].place]);
+        // The solution before is the best guess, and stays bit by bit where nothing changed.
+        if !self.started {
+            self.started = true;
+            for (unknown, input) in self.unknowns.iter_mut().zip(&self.inputs) {
+                *unknown = input.conversion.apply(reals[self.outputs[input.source].place]);
+            }
         }
         let start = self.unknowns.clone();
         let mut size = self.evaluate(models, &start)?;

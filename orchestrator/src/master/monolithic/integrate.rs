@@ -64,8 +64,8 @@ const ORDER: f64 = 8.0;
 /// Steps on the way to one end, beyond which the problem counts as stiff.
 const MOST_STEPS: u64 = 200_000;
 /// Width to which an event is found, as a fraction of the step \[1\], and at most \[s\].
-const EVENT_FRACTION: f64 = 1e-10;
-const EVENT_WIDTH: f64 = 1e-10;
+const EVENT_FRACTION: f64 = 1e-12;
+const EVENT_WIDTH: f64 = 1e-12;
 
 /// Memory and settings.
 #[derive(Debug)]
@@ -322,7 +322,7 @@ mod tests {
             integrator.restart(&mut problem, t, &x).unwrap();
             let reached = integrator.advance(&mut problem, &mut t, &mut x, 3.0).unwrap();
             assert_eq!(reached, Reached::Indicator(0));
-            assert!((t - expected).abs() < 1e-9, "{t} {expected}");
+            assert!((t - expected).abs() < 1e-10, "{t} {expected}");
             assert!(x[0] <= 0.0 && x[0] > -1e-8);
             speed *= 0.7;
             expected += 2.0 * speed / 9.81;
