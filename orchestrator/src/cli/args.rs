@@ -114,8 +114,8 @@ pub enum MasterChoice {
     /// Parallel: outputs are exchanged, then all slaves step; every connection is one step late.
     Jacobi,
     /// All components as one differential equation through Model Exchange: explicit Runge-Kutta of order 8 with error
-    /// control (--tolerance), state and time events, algebraic loops; no coupling error. --step only sets the rows
-    /// of the result.
+    /// control (--tolerance), state and time events, algebraic loops; no coupling error. --step sets the rows of
+    /// the result, and no integrator step is longer.
     Monolithic,
 }
 

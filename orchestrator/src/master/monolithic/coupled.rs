@@ -58,10 +58,12 @@ pub(super) struct Coupled {
     /// System inputs with data, and the time \[s\] at which the ramps begin.
     ramps: Vec<Ramp>,
     since: f64,
+    /// System inputs that feed a variable which can only be set at events.
+    for_events: Vec<bool>,
     /// Time \[s\] of the next time event, and the model that wants it.
     pub next_event: Option<(f64, usize)>,
     /// The model that asked for an event or the end after a step.
-    wants_event: Option<usize>,
+    pub wants_event: Option<usize>,
     pub wants_end: Option<usize>,
 }
 
@@ -107,6 +109,7 @@ impl Coupled {
             passed_on,
             ramps,
             since: settings.start_time,
+            for_events: schedule::inputs_for_events(graph),
             next_event: None,
             wants_event: None,
             wants_end: None,
@@ -147,8 +150,8 @@ impl Coupled {
         outcome
     }
 
-    /// New ramps of the system inputs from `time` \[s\] on; whether a value jumps, or a slope that an input can only
-    /// take at events.
+    /// New ramps of the system inputs from `time` \[s\] on; whether that is an event: a value jumps, or feeds a
+    /// variable that can only be set at events.
     pub fn set_ramps(&mut self, ramps: Vec<Ramp>, time: f64) -> bool {
         let old = std::mem::replace(&mut self.ramps, ramps);
         let elapsed = time - self.since;
@@ -157,7 +160,7 @@ impl Coupled {
             let before = old.value + old.slope * elapsed;
             (before - new.value).abs() > 1e-12 * before.abs().max(new.value.abs())
         };
-        let discrete = |ramp: &Ramp| !matches!(self.wiring.inputs[ramp.input], Some(Slot::Real(_)));
+        let discrete = |ramp: &Ramp| self.for_events[ramp.input];
         old.iter().zip(&self.ramps).any(jumps) || self.ramps.iter().any(discrete)
     }
 

@@ -312,7 +312,15 @@ impl<'a> Monolith<'a> {
                     self.coupled.models[model].name()
                 )
             }
-            _ => "an event after every step".to_owned(),
+            _ => match self.coupled.wants_event {
+                Some(model) => {
+                    format!(
+                        "component `{}`, which wants one after every step",
+                        self.coupled.models[model].name()
+                    )
+                }
+                None => "a jump of an input".to_owned(),
+            },
         };
         Error::Chattering { cause, time: self.time, events }
     }

@@ -36,10 +36,23 @@ pub(super) enum Scope {
     All,
 }
 
-/// Whether a variable may change between events.
-fn is_continuous(graph: &SystemGraph, (component, variable): Node) -> bool {
+/// Whether a variable is exchanged between events: inputs that may be set there; Real outputs of any variability, as
+/// a model may turn a discrete output into a continuous one by a parameter, and reading one that is held does no harm.
+fn is_exchanged(graph: &SystemGraph, (component, variable): Node) -> bool {
     let variable = &graph.components[component].fmu.description.variables[variable];
-    DataType::of(variable) == DataType::Real && variable.variability == Variability::Continuous
+    let settable = variable.causality == Causality::Output || variable.variability == Variability::Continuous;
+    DataType::of(variable) == DataType::Real && settable
+}
+
+/// System inputs that feed a variable which can only be set at events, by index.
+pub(super) fn inputs_for_events(graph: &SystemGraph) -> Vec<bool> {
+    let mut found = vec![false; graph.inputs.len()];
+    for connection in &graph.connections {
+        if let Source::Input(input) = connection.source {
+            found[input] |= !is_exchanged(graph, (connection.component, connection.variable));
+        }
+    }
+    found
 }
 
 /// The connection into each input that has one.
@@ -50,7 +63,7 @@ pub(super) fn sources(graph: &SystemGraph) -> HashMap<Node, &Connection> {
 
 /// The stages in order; `outputs` are all outputs that are read.
 pub(super) fn schedule(graph: &SystemGraph, outputs: &[Node], scope: Scope) -> Vec<Stage> {
-    let changes = |node: Node| scope == Scope::All || is_continuous(graph, node);
+    let changes = |node: Node| scope == Scope::All || is_exchanged(graph, node);
     let mut nodes: Vec<Node> = Vec::new();
     let mut index = HashMap::new();
     let mut add = |node: Node| {
