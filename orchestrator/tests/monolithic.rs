@@ -58,7 +58,7 @@ fn built(path: &str) -> Option<PathBuf> {
     if path.exists() {
         return Some(path);
     }
-    println!("skipped: {} is not there; run `make fmus`", path.display());
+    println!("skipped: {} is not there; run `make fmu`", path.display());
     None
 }
 

@@ -3,8 +3,8 @@
 //! Unknown are the inputs in the loop; each residual is what its source gives less the input. Damped Newton
 //! iteration with directional derivatives, or finite differences where an FMU has none.
 
-use super::super::Error;
 use crate::fmu::{Error as FmuError, Model};
+use crate::master::Error;
 use crate::system::graph::Conversion;
 
 /// An input of the loop.

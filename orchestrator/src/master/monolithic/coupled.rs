@@ -4,13 +4,13 @@
 
 use std::ops::Range;
 
-use super::super::exchange::{Values, Wiring};
-use super::super::{Error, Settings, initialize, slot};
 use super::algebraic::LoopFailure;
 use super::integrate::Problem;
 use super::schedule::{self, Scope};
 use super::transfer::Transfer;
 use crate::fmu::{Error as FmuError, Model, Status, VariableKind};
+use crate::master::exchange::{Values, Wiring};
+use crate::master::{Error, Settings, initialize, slot};
 use crate::results::{Column, Slot};
 use crate::system::SystemGraph;
 use crate::system::graph::{DataType, Source};

@@ -1,9 +1,9 @@
 //! A stage of a schedule with all it needs at hand: references, places in the values, buffers.
 
-use super::super::exchange::{Values, Wiring};
 use super::algebraic::{AlgebraicLoop, LoopFailure, LoopInput, LoopOutput};
 use super::schedule::{Node, Stage, sources};
 use crate::fmu::{Causality, Error as FmuError, Model, Variable, VariableKind};
+use crate::master::exchange::{Values, Wiring};
 use crate::system::SystemGraph;
 use crate::system::graph::{Conversion, DataType, Source};
 
