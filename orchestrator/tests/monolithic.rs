@@ -15,7 +15,8 @@ fn airloop(folder: &Path, system: &Path, words: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_airloop"))
         .arg("run")
         .arg(system)
-        .args(["--master", "monolithic", "--no-plots", "-o", "out"])
+        .args(["--no-plots", "-o", "out"])
+        .args(if words.contains(&"--master") { &[][..] } else { &["--master", "monolithic"] })
         .args(words)
         .current_dir(folder)
         .output()
@@ -232,6 +233,34 @@ fn a_solution_without_end_underflows_with_component_variable_and_time() {
     let (result, summary) = written(folder.path());
     assert_eq!((result.len(), summary.outcome.status.as_str()), (4, "failed"));
     assert!(error(&result, "a.x", |t| 1.0 / (1.0 - t)) < 1e-7);
+}
+
+/// Two sampled components in series, with samples at the same times.
+const SAMPLED_IN_SERIES: &str = "<?xml version=\"1.0\" encoding=\"UTF-8\"?>
+<ssd:SystemStructureDescription version=\"1.0\" name=\"s\" xmlns:ssd=\"http://ssp-standard.org/SSP1/SystemStructureDescription\">
+<ssd:System name=\"s\"><ssd:Connectors><ssd:Connector name=\"u\" kind=\"input\"/></ssd:Connectors><ssd:Elements>
+<ssd:Component name=\"second\" source=\"arx-actuator.fmu\"><ssd:Connectors><ssd:Connector name=\"u\" kind=\"input\"/><ssd:Connector name=\"F_act\" kind=\"output\"/></ssd:Connectors></ssd:Component>
+<ssd:Component name=\"first\" source=\"arx-actuator.fmu\"><ssd:Connectors><ssd:Connector name=\"u\" kind=\"input\"/><ssd:Connector name=\"F_act\" kind=\"output\"/></ssd:Connectors></ssd:Component>
+</ssd:Elements><ssd:Connections><ssd:Connection startConnector=\"u\" endElement=\"first\" endConnector=\"u\"/>
+<ssd:Connection startElement=\"first\" startConnector=\"F_act\" endElement=\"second\" endConnector=\"u\"/></ssd:Connections>
+</ssd:System></ssd:SystemStructureDescription>";
+
+#[test]
+fn samples_at_the_same_time_pass_on_new_values_as_the_slaves_do() {
+    let Some(actuator) = built("target/fmu/arx-actuator.fmu") else { return };
+    let folder = TempDir::new().unwrap();
+    std::fs::copy(actuator, folder.path().join("arx-actuator.fmu")).unwrap();
+    let system = folder.path().join("system.ssd");
+    std::fs::write(&system, SAMPLED_IN_SERIES).unwrap();
+    std::fs::write(folder.path().join("in.csv"), "time,u\n0,3\n0.01,10\n0.02,-5\n").unwrap();
+    let words = ["--input", "in.csv", "--interpolation", "hold", "--stop", "0.03", "--step", "1ms"];
+    let (result, _) = run(folder.path(), &system, &words);
+    let (slaves, _) = run(folder.path(), &system, &[&words[..], &["--master", "gauss-seidel"]].concat());
+    for name in ["first.F_act", "second.F_act"] {
+        let (found, expected) = (values(&result, name), values(&slaves, name));
+        assert_eq!(found, expected, "{name}");
+        assert!(expected[20].abs() > 0.1, "{expected:?}");
+    }
 }
 
 /// Height of a ball dropped from 1 m.

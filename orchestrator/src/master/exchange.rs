@@ -140,6 +140,7 @@ impl Wiring {
         wiring
     }
 
+    /// Place of a value in the buffer of its type.
     pub fn index_of(&self, source: Source) -> usize {
         match source {
             Source::Input(input) => self.input_index[input],

@@ -4,12 +4,10 @@
 
 use std::ops::Range;
 
-use super::algebraic::LoopFailure;
 use super::integrate::Problem;
-use super::schedule::{self, Scope};
-use super::transfer::Transfer;
 use crate::fmu::{Error as FmuError, Model, Status, VariableKind};
 use crate::master::exchange::{Values, Wiring};
+use crate::master::propagation::{self, LoopFailure, Scope, Transfer};
 use crate::master::{Error, Settings, initialize, slot};
 use crate::results::{Column, Slot};
 use crate::system::SystemGraph;
@@ -82,11 +80,11 @@ impl Coupled {
             model.enter_initialization_mode()?;
             models.push(model);
         }
-        let outputs = wiring.read_outputs();
-        let build = |scope| -> Vec<Transfer> {
-            let stages = schedule::schedule(graph, &outputs, scope);
-            stages.iter().map(|stage| Transfer::new(graph, &wiring, stage)).collect()
-        };
+        propagation::settle(graph, &wiring, &mut models, &mut values, settings.start_time)?;
+        for model in &mut models {
+            model.exit_initialization_mode()?;
+        }
+        let build = |scope| propagation::transfers(graph, &wiring, scope);
         let (rates, results, all) = (build(Scope::Rates), build(Scope::Results), build(Scope::All));
         let connected =
             graph.connections.iter().filter(|connection| matches!(connection.source, Source::Output { .. }));
@@ -96,7 +94,7 @@ impl Coupled {
                 slot(DataType::of(&owner.variables[connection.variable]), wiring.index_of(connection.source))
             })
             .collect();
-        let mut coupled = Coupled {
+        let coupled = Coupled {
             states: ranges(&models, Model::state_count),
             indicators: ranges(&models, |model| model.fmu().description.number_of_event_indicators),
             models,
@@ -109,36 +107,12 @@ impl Coupled {
             passed_on,
             ramps,
             since: settings.start_time,
-            for_events: schedule::inputs_for_events(graph),
+            for_events: propagation::inputs_for_events(graph),
             next_event: None,
             wants_event: None,
             wants_end: None,
         };
-        coupled.settle(graph).map_err(|trouble| trouble.at(settings.start_time))??;
-        for model in &mut coupled.models {
-            model.exit_initialization_mode()?;
-        }
         Ok(coupled)
-    }
-
-    /// Initialisation mode: passes values on until nothing changes.
-    fn settle(&mut self, graph: &SystemGraph) -> Result<Result<(), Error>, LoopFailure> {
-        // Outputs at the start values first: an input must not be given a value that no output ever had.
-        for transfer in &mut self.all {
-            transfer.read(&mut self.models, &mut self.values)?;
-        }
-        let passes = graph.connections.len() + 2;
-        let mut changed = None;
-        for _ in 0..passes {
-            let before = self.values.clone();
-            self.pass(|coupled| &mut coupled.all)?;
-            changed = self.values.first_difference(&before);
-            if changed.is_none() {
-                return Ok(Ok(()));
-            }
-        }
-        let variable = changed.map_or_else(|| "a text".into(), |slot| self.wiring.name_of(slot, graph));
-        Ok(Err(Error::Unsettled { passes, variable }))
     }
 
     /// Runs one of the schedules.

@@ -7,16 +7,14 @@
 //! Steps of the integrator end at communication points, at samples of the inputs and at time events. A row of the
 //! result holds the values just before the events of its time; those events belong to the interval that follows.
 
-mod algebraic;
 mod coupled;
 mod dop853;
 mod integrate;
-mod schedule;
-mod transfer;
 
 use std::sync::atomic::Ordering;
 use std::time::Instant;
 
+use super::propagation::LoopFailure;
 use super::simulate::{End, REPORT_EVERY, Run, Stimulus, Watch};
 use super::{Error, Settings};
 use crate::results::Recorder;
@@ -288,7 +286,7 @@ impl<'a> Monolith<'a> {
             .min(end)
     }
 
-    fn explain(&self, failure: Failure<algebraic::LoopFailure>) -> Error {
+    fn explain(&self, failure: Failure<LoopFailure>) -> Error {
         let time = self.time;
         match failure {
             Failure::Problem(failure) => failure.at(time),

@@ -8,15 +8,15 @@ use std::collections::HashMap;
 
 use crate::fmu::{Causality, Variability};
 use crate::system::SystemGraph;
-use crate::system::graph::{Connection, DataType, Source};
+use crate::system::graph::{Component, Connection, DataType, Source};
 use crate::system::order::{feed_through, strongly_connected};
 
 /// Variable of a component: (index of the component, index of the variable).
-pub(super) type Node = (usize, usize);
+pub type Node = (usize, usize);
 
 /// One pass over the system.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub(super) enum Stage {
+pub enum Stage {
     /// Inputs of one component and type take the values of their sources.
     Set { component: usize, data_type: DataType, inputs: Vec<usize> },
     /// Outputs of one component and type are read.
@@ -27,13 +27,15 @@ pub(super) enum Stage {
 
 /// Which variables a schedule holds.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Scope {
+pub enum Scope {
     /// What may change between events and has a way to a derivative: for the right-hand side.
     Rates,
     /// As `Rates`, and all outputs: for a row of the result.
     Results,
     /// Everything: at events and initialisation.
     All,
+    /// As `All`, with the dependencies of initialisation where the FMU lists them.
+    Initial,
 }
 
 /// Whether a variable is exchanged between events: inputs that may be set there; Real outputs of any variability, as
@@ -44,8 +46,19 @@ fn is_exchanged(graph: &SystemGraph, (component, variable): Node) -> bool {
     DataType::of(variable) == DataType::Real && settable
 }
 
+/// Inputs on which an output depends in initialisation mode.
+fn initial_feed_through(component: &Component, output: usize) -> Vec<usize> {
+    let description = &component.fmu.description;
+    let is_input = |&variable: &usize| description.variables[variable].causality == Causality::Input;
+    let listed = description.initial_unknowns.iter().find(|unknown| unknown.variable == output);
+    match listed.and_then(|unknown| unknown.dependencies.as_ref()) {
+        Some(known) => known.iter().map(|dependency| dependency.variable).filter(is_input).collect(),
+        None => feed_through(component, output),
+    }
+}
+
 /// System inputs that feed a variable which can only be set at events, by index.
-pub(super) fn inputs_for_events(graph: &SystemGraph) -> Vec<bool> {
+pub fn inputs_for_events(graph: &SystemGraph) -> Vec<bool> {
     let mut found = vec![false; graph.inputs.len()];
     for connection in &graph.connections {
         if let Source::Input(input) = connection.source {
@@ -56,14 +69,15 @@ pub(super) fn inputs_for_events(graph: &SystemGraph) -> Vec<bool> {
 }
 
 /// The connection into each input that has one.
-pub(super) fn sources(graph: &SystemGraph) -> HashMap<Node, &Connection> {
+pub fn sources(graph: &SystemGraph) -> HashMap<Node, &Connection> {
     let key = |connection: &Connection| (connection.component, connection.variable);
     graph.connections.iter().map(|connection| (key(connection), connection)).collect()
 }
 
 /// The stages in order; `outputs` are all outputs that are read.
-pub(super) fn schedule(graph: &SystemGraph, outputs: &[Node], scope: Scope) -> Vec<Stage> {
-    let changes = |node: Node| scope == Scope::All || is_exchanged(graph, node);
+pub fn schedule(graph: &SystemGraph, outputs: &[Node], scope: Scope) -> Vec<Stage> {
+    let all = matches!(scope, Scope::All | Scope::Initial);
+    let changes = |node: Node| all || is_exchanged(graph, node);
     let mut nodes: Vec<Node> = Vec::new();
     let mut index = HashMap::new();
     let mut add = |node: Node| {
@@ -96,7 +110,10 @@ pub(super) fn schedule(graph: &SystemGraph, outputs: &[Node], scope: Scope) -> V
     for (&(component, variable), &to) in &index {
         let owner = &graph.components[component];
         if owner.fmu.description.variables[variable].causality == Causality::Output {
-            let inputs = feed_through(owner, variable);
+            let inputs = match scope {
+                Scope::Initial => initial_feed_through(owner, variable),
+                _ => feed_through(owner, variable),
+            };
             inputs
                 .iter()
                 .filter_map(|&input| index.get(&(component, input)))
@@ -153,7 +170,15 @@ fn in_order(graph: &SystemGraph, nodes: &[Node], next: &[Vec<usize>]) -> Vec<Sta
         if is_loop(first) {
             let mut members: Vec<Node> = groups[first].iter().map(|&member| nodes[member]).collect();
             members.sort_unstable();
-            stages.push(Stage::Loop(members));
+            let data_type = |&(component, variable): &Node| {
+                DataType::of(&graph.components[component].fmu.description.variables[variable])
+            };
+            match members.iter().all(|node| data_type(node) == DataType::Real) {
+                true => stages.push(Stage::Loop(members)),
+                // No Newton iteration with other types: one after the other, as often as it takes.
+                false => stages
+                    .extend(members.iter().map(|&(component, variable)| single(graph, component, variable))),
+            }
             continue;
         }
         let mut variables: Vec<usize> = taken.iter().map(|&group| nodes[groups[group][0]].1).collect();
@@ -163,5 +188,15 @@ fn in_order(graph: &SystemGraph, nodes: &[Node], next: &[Vec<usize>]) -> Vec<Sta
             true => Stage::Get { component, data_type, outputs: variables },
             false => Stage::Set { component, data_type, inputs: variables },
         });
+    }
+}
+
+/// The stage of one variable alone.
+fn single(graph: &SystemGraph, component: usize, variable: usize) -> Stage {
+    let description = &graph.components[component].fmu.description.variables[variable];
+    let data_type = DataType::of(description);
+    match description.causality {
+        Causality::Output => Stage::Get { component, data_type, outputs: vec![variable] },
+        _ => Stage::Set { component, data_type, inputs: vec![variable] },
     }
 }

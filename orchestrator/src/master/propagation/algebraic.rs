@@ -3,15 +3,17 @@
 //! Unknown are the inputs in the loop; each residual is what its source gives less the input. Damped Newton
 //! iteration with directional derivatives, or finite differences where an FMU has none.
 
-use crate::fmu::{Error as FmuError, Model};
+use crate::fmu::{Error as FmuError, Instance};
+use std::ops::DerefMut;
+
 use crate::master::Error;
 use crate::system::graph::Conversion;
 
 /// An input of the loop.
 #[derive(Debug, Clone)]
-pub(super) struct LoopInput {
-    /// Index of the model.
-    pub model: usize,
+pub struct LoopInput {
+    /// Index of the instance.
+    pub instance: usize,
     pub reference: u32,
     /// Index into [`AlgebraicLoop::outputs`].
     pub source: usize,
@@ -24,9 +26,9 @@ pub(super) struct LoopInput {
 
 /// An output of the loop.
 #[derive(Debug, Clone)]
-pub(super) struct LoopOutput {
-    /// Index of the model.
-    pub model: usize,
+pub struct LoopOutput {
+    /// Index of the instance.
+    pub instance: usize,
     pub reference: u32,
     /// Place in the values of the system.
     pub place: usize,
@@ -34,7 +36,7 @@ pub(super) struct LoopOutput {
 
 /// Why a loop has no solution that was found.
 #[derive(Debug)]
-pub(super) enum LoopFailure {
+pub enum LoopFailure {
     /// A call into an FMU failed.
     Fmu(FmuError),
     /// (input, residual) of each input, and what happened.
@@ -70,7 +72,7 @@ const MOST_HALVINGS: usize = 12;
 
 /// A loop with its memory.
 #[derive(Debug)]
-pub(super) struct AlgebraicLoop {
+pub struct AlgebraicLoop {
     inputs: Vec<LoopInput>,
     outputs: Vec<LoopOutput>,
     /// Whether `unknowns` hold a guess.
@@ -100,7 +102,11 @@ impl AlgebraicLoop {
     }
 
     /// Solves the loop, the first time from the present values of the system, and writes its outputs back there.
-    pub fn solve(&mut self, models: &mut [Model], reals: &mut [f64]) -> Result<(), LoopFailure> {
+    pub fn solve<I: DerefMut<Target = Instance>>(
+        &mut self,
+        instances: &mut [I],
+        reals: &mut [f64],
+    ) -> Result<(), LoopFailure> {
         // The solution before is the best guess, and stays bit by bit where nothing changed.
         if !self.started {
             self.started = true;
@@ -109,7 +115,7 @@ impl AlgebraicLoop {
             }
         }
         let start = self.unknowns.clone();
-        let mut size = self.evaluate(models, &start)?;
+        let mut size = self.evaluate(instances, &start)?;
         for iteration in 0..MOST_ITERATIONS {
             if size <= TOLERANCE {
                 return self.finish(reals);
@@ -117,7 +123,7 @@ impl AlgebraicLoop {
             if !size.is_finite() {
                 return Err(self.unsolved(iteration, "a value in the loop is not finite"));
             }
-            self.differentiate(models)?;
+            self.differentiate(instances)?;
             self.change.copy_from_slice(&self.residuals);
             if !solve_linear(&mut self.jacobian, &mut self.change) {
                 return Err(self.unsolved(iteration, "its Jacobian is singular"));
@@ -128,7 +134,7 @@ impl AlgebraicLoop {
             for _ in 0..MOST_HALVINGS {
                 let change = base.iter().zip(&self.change);
                 let trial: Vec<f64> = change.map(|(base, change)| base - length * change).collect();
-                let new = self.evaluate(models, &trial)?;
+                let new = self.evaluate(instances, &trial)?;
                 if new < size {
                     size = new;
                     better = true;
@@ -137,7 +143,7 @@ impl AlgebraicLoop {
                 length *= 0.5;
             }
             if !better {
-                size = self.evaluate(models, &base)?;
+                size = self.evaluate(instances, &base)?;
                 if size <= STAGNATION {
                     return self.finish(reals);
                 }
@@ -153,9 +159,13 @@ impl AlgebraicLoop {
     }
 
     /// Reads the outputs without solving anything.
-    pub fn read(&mut self, models: &mut [Model], reals: &mut [f64]) -> Result<(), FmuError> {
+    pub fn read<I: DerefMut<Target = Instance>>(
+        &mut self,
+        instances: &mut [I],
+        reals: &mut [f64],
+    ) -> Result<(), FmuError> {
         for output in &self.outputs {
-            models[output.model]
+            instances[output.instance]
                 .get_real(&[output.reference], std::slice::from_mut(&mut reals[output.place]))?;
         }
         Ok(())
@@ -173,13 +183,17 @@ impl AlgebraicLoop {
     }
 
     /// Sets the inputs, reads the outputs; the largest residual in units of its magnitude.
-    fn evaluate(&mut self, models: &mut [Model], unknowns: &[f64]) -> Result<f64, FmuError> {
+    fn evaluate<I: DerefMut<Target = Instance>>(
+        &mut self,
+        instances: &mut [I],
+        unknowns: &[f64],
+    ) -> Result<f64, FmuError> {
         self.unknowns.copy_from_slice(unknowns);
         for (input, value) in self.inputs.iter().zip(unknowns) {
-            models[input.model].set_real(&[input.reference], &[*value])?;
+            instances[input.instance].set_real(&[input.reference], &[*value])?;
         }
         for (output, value) in self.outputs.iter().zip(&mut self.values) {
-            models[output.model].get_real(&[output.reference], std::slice::from_mut(value))?;
+            instances[output.instance].get_real(&[output.reference], std::slice::from_mut(value))?;
         }
         let mut size = 0.0f64;
         for ((input, unknown), residual) in self.inputs.iter().zip(unknowns).zip(&mut self.residuals) {
@@ -194,18 +208,18 @@ impl AlgebraicLoop {
     }
 
     /// Derivatives of the residuals by the unknowns.
-    fn differentiate(&mut self, models: &mut [Model]) -> Result<(), FmuError> {
+    fn differentiate<I: DerefMut<Target = Instance>>(&mut self, instances: &mut [I]) -> Result<(), FmuError> {
         let n = self.inputs.len();
         for column in 0..n {
             let input = &self.inputs[column];
-            let model = &mut models[input.model];
-            let declared = model.fmu().description.model_exchange.as_ref();
+            let instance = &mut instances[input.instance];
+            let declared = instance.fmu().interface(instance.kind());
             let exact = declared.is_some_and(|interface| interface.provides_directional_derivative);
-            let own = |row: usize| self.outputs[self.inputs[row].source].model == input.model;
+            let own = |row: usize| self.outputs[self.inputs[row].source].instance == input.instance;
             let unknown = self.unknowns[column];
             let shift = f64::EPSILON.sqrt() * unknown.abs().max(input.nominal);
             if !exact {
-                model.set_real(&[input.reference], &[unknown + shift])?;
+                instance.set_real(&[input.reference], &[unknown + shift])?;
             }
             for row in 0..n {
                 let mut derivative = 0.0;
@@ -213,7 +227,7 @@ impl AlgebraicLoop {
                     let output = &self.outputs[self.inputs[row].source];
                     let mut value = [0.0];
                     if exact {
-                        model.directional_derivative(
+                        instance.directional_derivative(
                             &[output.reference],
                             &[input.reference],
                             &[1.0],
@@ -221,7 +235,7 @@ impl AlgebraicLoop {
                         )?;
                         derivative = value[0];
                     } else {
-                        model.get_real(&[output.reference], &mut value)?;
+                        instance.get_real(&[output.reference], &mut value)?;
                         let moved = (unknown + shift) - unknown;
                         derivative = (value[0] - self.values[self.inputs[row].source]) / moved;
                     }
@@ -230,7 +244,7 @@ impl AlgebraicLoop {
                 self.jacobian[row * n + column] = derivative - if row == column { 1.0 } else { 0.0 };
             }
             if !exact {
-                model.set_real(&[input.reference], &[unknown])?;
+                instance.set_real(&[input.reference], &[unknown])?;
             }
         }
         Ok(())

@@ -1,30 +1,32 @@
 //! A stage of a schedule with all it needs at hand: references, places in the values, buffers.
 
+use std::ops::DerefMut;
+
 use super::algebraic::{AlgebraicLoop, LoopFailure, LoopInput, LoopOutput};
 use super::schedule::{Node, Stage, sources};
-use crate::fmu::{Causality, Error as FmuError, Model, Variable, VariableKind};
+use crate::fmu::{Causality, Error as FmuError, Instance, Variable, VariableKind};
 use crate::master::exchange::{Values, Wiring};
 use crate::system::SystemGraph;
 use crate::system::graph::{Conversion, DataType, Source};
 
 /// A stage to be run.
 #[derive(Debug)]
-pub(super) enum Transfer {
+pub enum Transfer {
     /// Sets Reals.
-    SetReal { model: usize, references: Vec<u32>, sources: Vec<(usize, Conversion)>, buffer: Vec<f64> },
+    SetReal { instance: usize, references: Vec<u32>, sources: Vec<(usize, Conversion)>, buffer: Vec<f64> },
     /// Reads Reals.
-    GetReal { model: usize, references: Vec<u32>, places: Vec<usize>, buffer: Vec<f64> },
+    GetReal { instance: usize, references: Vec<u32>, places: Vec<usize>, buffer: Vec<f64> },
     /// Sets values of another type.
-    Set { model: usize, data_type: DataType, references: Vec<u32>, sources: Vec<usize> },
+    Set { instance: usize, data_type: DataType, references: Vec<u32>, sources: Vec<usize> },
     /// Reads values of another type.
-    Get { model: usize, data_type: DataType, references: Vec<u32>, places: Vec<usize> },
+    Get { instance: usize, data_type: DataType, references: Vec<u32>, places: Vec<usize> },
     /// Solves a loop.
     Loop(AlgebraicLoop),
 }
 
 impl Transfer {
     pub fn new(graph: &SystemGraph, wiring: &Wiring, stage: &Stage) -> Transfer {
-        let model_of = |component: usize| {
+        let instance_of = |component: usize| {
             graph.order.iter().position(|&index| index == component).expect("the order holds every component")
         };
         let variable =
@@ -39,15 +41,15 @@ impl Transfer {
                     let connection = connections[&(*component, *input)];
                     (wiring.index_of(connection.source), connection.conversion)
                 };
-                let (model, references) = (model_of(*component), references(*component, inputs));
+                let (instance, references) = (instance_of(*component), references(*component, inputs));
                 let sources: Vec<(usize, Conversion)> = inputs.iter().map(source).collect();
                 match data_type {
                     DataType::Real => {
-                        Transfer::SetReal { model, buffer: vec![0.0; sources.len()], references, sources }
+                        Transfer::SetReal { instance, buffer: vec![0.0; sources.len()], references, sources }
                     }
                     &data_type => {
                         let sources = sources.into_iter().map(|(place, _)| place).collect();
-                        Transfer::Set { model, data_type, references, sources }
+                        Transfer::Set { instance, data_type, references, sources }
                     }
                 }
             }
@@ -55,13 +57,13 @@ impl Transfer {
                 let place = |output: &usize| {
                     wiring.index_of(Source::Output { component: *component, variable: *output })
                 };
-                let (model, references) = (model_of(*component), references(*component, outputs));
+                let (instance, references) = (instance_of(*component), references(*component, outputs));
                 let places: Vec<usize> = outputs.iter().map(place).collect();
                 match data_type {
                     DataType::Real => {
-                        Transfer::GetReal { model, buffer: vec![0.0; places.len()], references, places }
+                        Transfer::GetReal { instance, buffer: vec![0.0; places.len()], references, places }
                     }
-                    &data_type => Transfer::Get { model, data_type, references, places },
+                    &data_type => Transfer::Get { instance, data_type, references, places },
                 }
             }
             Stage::Loop(members) => {
@@ -73,7 +75,7 @@ impl Transfer {
                         connection.source == Source::Output { component, variable }
                     });
                     LoopInput {
-                        model: model_of(component),
+                        instance: instance_of(component),
                         reference: variable(component, index).value_reference,
                         source: source.expect("an input in a loop has its source in the loop"),
                         conversion: connection.conversion,
@@ -82,7 +84,7 @@ impl Transfer {
                     }
                 };
                 let output = |&(component, index): &Node| LoopOutput {
-                    model: model_of(component),
+                    instance: instance_of(component),
                     reference: variable(component, index).value_reference,
                     place: wiring.index_of(Source::Output { component, variable: index }),
                 };
@@ -93,37 +95,45 @@ impl Transfer {
     }
 
     /// Runs the stage.
-    pub fn run(&mut self, models: &mut [Model], values: &mut Values) -> Result<(), LoopFailure> {
+    pub fn run<I: DerefMut<Target = Instance>>(
+        &mut self,
+        instances: &mut [I],
+        values: &mut Values,
+    ) -> Result<(), LoopFailure> {
         match self {
-            Transfer::SetReal { model, references, sources, buffer } => {
+            Transfer::SetReal { instance, references, sources, buffer } => {
                 for (value, (place, conversion)) in buffer.iter_mut().zip(sources) {
                     let source = values.reals[*place];
                     *value =
                         if *conversion == Conversion::IDENTITY { source } else { conversion.apply(source) };
                 }
-                models[*model].set_real(references, buffer)?;
+                instances[*instance].set_real(references, buffer)?;
             }
-            Transfer::Set { model, data_type, references, sources } => {
-                set_other(&mut models[*model], *data_type, references, sources, values)?;
+            Transfer::Set { instance, data_type, references, sources } => {
+                set_other(&mut instances[*instance], *data_type, references, sources, values)?;
             }
-            Transfer::Loop(algebraic) => algebraic.solve(models, &mut values.reals)?,
-            Transfer::GetReal { .. } | Transfer::Get { .. } => self.read(models, values)?,
+            Transfer::Loop(algebraic) => algebraic.solve(instances, &mut values.reals)?,
+            Transfer::GetReal { .. } | Transfer::Get { .. } => self.read(instances, values)?,
         }
         Ok(())
     }
 
     /// Only reads: outputs, also those in a loop as they are.
-    pub fn read(&mut self, models: &mut [Model], values: &mut Values) -> Result<(), FmuError> {
+    pub fn read<I: DerefMut<Target = Instance>>(
+        &mut self,
+        instances: &mut [I],
+        values: &mut Values,
+    ) -> Result<(), FmuError> {
         match self {
-            Transfer::GetReal { model, references, places, buffer } => {
-                models[*model].get_real(references, buffer)?;
+            Transfer::GetReal { instance, references, places, buffer } => {
+                instances[*instance].get_real(references, buffer)?;
                 places.iter().zip(buffer).for_each(|(place, value)| values.reals[*place] = *value);
                 Ok(())
             }
-            Transfer::Get { model, data_type, references, places } => {
-                get_other(&mut models[*model], *data_type, references, places, values)
+            Transfer::Get { instance, data_type, references, places } => {
+                get_other(&mut instances[*instance], *data_type, references, places, values)
             }
-            Transfer::Loop(algebraic) => algebraic.read(models, &mut values.reals),
+            Transfer::Loop(algebraic) => algebraic.read(instances, &mut values.reals),
             Transfer::SetReal { .. } | Transfer::Set { .. } => Ok(()),
         }
     }
@@ -137,7 +147,7 @@ fn nominal(variable: &Variable) -> f64 {
 }
 
 fn set_other(
-    model: &mut Model,
+    instance: &mut Instance,
     data_type: DataType,
     references: &[u32],
     sources: &[usize],
@@ -146,22 +156,22 @@ fn set_other(
     match data_type {
         DataType::Integer | DataType::Enumeration => {
             let new: Vec<i32> = sources.iter().map(|&place| values.integers[place]).collect();
-            model.set_integer(references, &new)
+            instance.set_integer(references, &new)
         }
         DataType::Boolean => {
             let new: Vec<bool> = sources.iter().map(|&place| values.booleans[place]).collect();
-            model.set_boolean(references, &new)
+            instance.set_boolean(references, &new)
         }
         DataType::String => {
             let new: Vec<&str> = sources.iter().map(|&place| values.strings[place].as_str()).collect();
-            model.set_string(references, &new)
+            instance.set_string(references, &new)
         }
         DataType::Real => unreachable!("Reals have a transfer of their own"),
     }
 }
 
 fn get_other(
-    model: &mut Model,
+    instance: &mut Instance,
     data_type: DataType,
     references: &[u32],
     places: &[usize],
@@ -170,16 +180,16 @@ fn get_other(
     match data_type {
         DataType::Integer | DataType::Enumeration => {
             let mut read = vec![0; places.len()];
-            model.get_integer(references, &mut read)?;
+            instance.get_integer(references, &mut read)?;
             places.iter().zip(read).for_each(|(&place, value)| values.integers[place] = value);
         }
         DataType::Boolean => {
             let mut read = vec![false; places.len()];
-            model.get_boolean(references, &mut read)?;
+            instance.get_boolean(references, &mut read)?;
             places.iter().zip(read).for_each(|(&place, value)| values.booleans[place] = value);
         }
         DataType::String => {
-            let read = model.get_string(references)?;
+            let read = instance.get_string(references)?;
             places.iter().zip(read).for_each(|(&place, value)| values.strings[place] = value);
         }
         DataType::Real => unreachable!("Reals have a transfer of their own"),
