@@ -48,6 +48,8 @@ pub fn resolve(structure: &Structure, fmus: Vec<Arc<Fmu>>) -> Result<SystemGraph
         },
         order: Vec::new(),
         notes: Vec::new(),
+        units: structure.units.clone(),
+        package: None,
     };
     let resolver = Resolver { structure };
     let aliases = resolver.connect(&mut graph)?;
@@ -134,7 +136,7 @@ fn check_connector(
         let table = UnitTable { declared: &structure.units };
         let place = format!("connector `{name}` of component `{component}` and the FMU's variable");
         let from = (declared, table.find(declared, &fmu.description));
-        let to = (own, table.find(own, &fmu.description));
+        let to = (own, table.of_variable(own, &fmu.description));
         conversion(from, to).map_err(|problem| Error::UnitMismatch {
             file,
             line,
@@ -169,21 +171,29 @@ fn data_type(text: &str) -> Option<DataType> {
     })
 }
 
-/// Units by name: those of the description, then of the FMU, then the usual ones.
+/// Units by name: those of the description and of FMUs, then the usual ones.
 pub(super) struct UnitTable<'a> {
     pub declared: &'a [(String, Unit)],
 }
 
 impl UnitTable<'_> {
+    /// A unit that the description names for something of an FMU.
     pub fn find(&self, name: &str, fmu: &ModelDescription) -> Option<Unit> {
-        self.of_system(name)
-            .or_else(|| fmu.units.iter().find(|unit| unit.name == name).and_then(|unit| unit.base))
-            .or_else(|| units::lookup(name))
+        self.of_system(name).or_else(|| of_fmu(name, fmu)).or_else(|| units::lookup(name))
+    }
+
+    /// The unit of a variable: what its FMU means by the name counts.
+    pub fn of_variable(&self, name: &str, fmu: &ModelDescription) -> Option<Unit> {
+        of_fmu(name, fmu).or_else(|| self.of_system(name)).or_else(|| units::lookup(name))
     }
 
     fn of_system(&self, name: &str) -> Option<Unit> {
         self.declared.iter().find(|(declared, _)| declared == name).map(|(_, unit)| *unit)
     }
+}
+
+fn of_fmu(name: &str, fmu: &ModelDescription) -> Option<Unit> {
+    fmu.units.iter().find(|unit| unit.name == name).and_then(|unit| unit.base)
 }
 
 /// Conversion between two units; what is wrong otherwise.
@@ -380,7 +390,7 @@ impl Resolver<'_> {
             inner: Some((index, variable)),
             kind: connector.kind.clone(),
             data_type: Some(DataType::of(own)),
-            unit: unit_of(own).map(|name| (name.to_owned(), table.find(name, description))),
+            unit: unit_of(own).map(|name| (name.to_owned(), table.of_variable(name, description))),
         })
     }
 
