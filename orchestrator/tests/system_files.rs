@@ -206,7 +206,8 @@ fn bad_descriptions_are_refused_with_file_and_line() {
     let boolean_map = "<ssd:Connection startConnector=\"u\" endElement=\"a\" endConnector=\"u\"><ssc:BooleanMappingTransformation/></ssd:Connection>\n";
     let linear_text = "<ssd:Connection startElement=\"a\" startConnector=\"t\" endElement=\"b\" endConnector=\"s\"><ssc:LinearTransformation factor=\"2\"/></ssd:Connection>\n";
     let cases: Vec<(String, &str)> = vec![
-        ("no xml".into(), "the file has no element"),
+        ("no xml".into(), "line 1: text outside of the root element"),
+        ("  \n".into(), "the file has no element"),
         ("<a/>".into(), "expected <SystemStructureDescription>"),
         (
             with("").replace("version=\"1.0\" name=\"s\"", "version=\"3.0\" name=\"s\""),
