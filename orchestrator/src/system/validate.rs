@@ -222,7 +222,10 @@ struct Resolved {
     inner: Option<(usize, usize)>,
     kind: String,
     data_type: Option<DataType>,
+    /// Unit of the connector: its own, else that of the variable.
     unit: Option<(String, Option<Unit>)>,
+    /// From the connector to the variable; the identity unless the connector has a unit of its own.
+    to_variable: Conversion,
 }
 
 struct Resolver<'a> {
@@ -360,6 +363,7 @@ impl Resolver<'_> {
                 kind: connector.kind.clone(),
                 data_type: connector.data_type.as_deref().and_then(data_type),
                 unit: connector.unit.as_ref().map(unit),
+                to_variable: Conversion::IDENTITY,
             });
         };
         let Some(index) = self.structure.components.iter().position(|c| &c.name == element) else {
@@ -386,11 +390,24 @@ impl Resolver<'_> {
         let variable =
             description.index_of(&connector.name).expect("connectors were checked against the FMU");
         let own = &description.variables[variable];
+        let variable_unit = unit_of(own).map(|name| (name.to_owned(), table.of_variable(name, description)));
+        let declared = connector.unit.as_ref().filter(|_| DataType::of(own) == DataType::Real);
+        let unit = declared
+            .map(|name| (name.clone(), table.find(name, description)))
+            .or_else(|| variable_unit.clone());
+        let to_variable = match (&unit, &variable_unit) {
+            // Units that do not fit were refused with the connector.
+            (Some(from), Some(to)) => {
+                conversion((&from.0, from.1), (&to.0, to.1)).unwrap_or(Conversion::IDENTITY)
+            }
+            _ => Conversion::IDENTITY,
+        };
         Ok(Resolved {
             inner: Some((index, variable)),
             kind: connector.kind.clone(),
             data_type: Some(DataType::of(own)),
-            unit: unit_of(own).map(|name| (name.to_owned(), table.of_variable(name, description))),
+            unit,
+            to_variable,
         })
     }
 
@@ -472,7 +489,8 @@ impl Resolver<'_> {
             }
             _ => Conversion::IDENTITY,
         };
-        Ok(units.then(linear.unwrap_or(Conversion::IDENTITY)))
+        let between = units.then(linear.unwrap_or(Conversion::IDENTITY));
+        Ok(start.to_variable.inverse().then(between).then(end.to_variable))
     }
 }
 
