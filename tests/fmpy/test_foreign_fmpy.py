@@ -121,23 +121,13 @@ def test_the_two_loops_are_not_the_same(shipped):
     assert serial["cart_pole", "v"] != parallel["cart_pole", "v"]
 
 
-@pytest.mark.parametrize("version", ["1.0", "2.0"])
-@pytest.mark.parametrize("name", ["amended.ssd", "amended.ssp"])
-def test_written_systems_follow_the_schema(tmp_path, version, name):
-    """The schema of SSP 1.0; what a cart-pole needs of 2.0 differs from it in the version attribute only."""
+def check(trees, version):
+    """Descriptions and parameter sets, also those inside descriptions, against the schemas that come with FMPy."""
     schemas = Path(fmpy.__file__).parent / "ssp" / "schema"
     schema = {
         ending: etree.XMLSchema(etree.parse(str(schemas / f"SystemStructure{kind}.xsd")))
         for ending, kind in {"ssd": "Description", "ssv": "ParameterValues"}.items()
     }
-    path = tmp_path / name
-    airloop("export", SYSTEM, "--set", "cart_pole.m_p=0.12", "-o", path, "--ssp-version", version)
-    folder = path.parent
-    if name.endswith(".ssp"):
-        folder = tmp_path / "unpacked"
-        fmpy.extract(str(path), str(folder))
-    trees = {file: etree.parse(str(file)) for ending in ("ssd", "ssv") for file in folder.rglob(f"*.{ending}")}
-    assert len(trees) == (3 if name.endswith(".ssp") else 1)
     for file, tree in trees.items():
         found = [("ssv", element) for element in tree.getroot().iter(PARAMETER_SET)]
         if file.suffix == ".ssd":
@@ -146,6 +136,33 @@ def test_written_systems_follow_the_schema(tmp_path, version, name):
             assert element.get("version") == version
             element.set("version", "1.0")
             schema[kind].assertValid(etree.fromstring(etree.tostring(element)))
+
+
+@pytest.mark.parametrize("version", ["1.0", "2.0"])
+@pytest.mark.parametrize("name", ["amended.ssd", "amended.ssp"])
+def test_written_systems_follow_the_schema(tmp_path, version, name):
+    """The schema of SSP 1.0; what a cart-pole needs of 2.0 differs from it in the version attribute only."""
+    path = tmp_path / name
+    airloop("export", SYSTEM, "--set", "cart_pole.m_p=0.12", "-o", path, "--ssp-version", version)
+    folder = path.parent
+    if name.endswith(".ssp"):
+        folder = tmp_path / "unpacked"
+        fmpy.extract(str(path), str(folder))
+    trees = {file: etree.parse(str(file)) for ending in ("ssd", "ssv") for file in folder.rglob(f"*.{ending}")}
+    assert len(trees) == (3 if name.endswith(".ssp") else 1)
+    check(trees, version)
+
+
+@pytest.mark.parametrize("version", ["1.0", "2.0"])
+def test_every_type_of_connector_follows_the_schema(shipped, tmp_path, version):
+    """A single FMU with Enumerations, Strings, Booleans and Integers."""
+    path = tmp_path / "types.ssd"
+    airloop("export", shipped("test-all-types").path, "-o", path, "--ssp-version", version)
+    tree = etree.parse(str(path))
+    common = "{http://ssp-standard.org/SSP1/SystemStructureCommon}"
+    found = {element.tag.removeprefix(common) for element in tree.iter(f"{common}*")}
+    assert {"Real", "Integer", "Boolean", "String", "Enumeration", "Item"} <= found
+    check({path: tree}, version)
 
 
 def test_fmpy_simulates_a_written_package_to_the_same_bits(tmp_path):

@@ -20,7 +20,8 @@ from libcosimpy.CosimObserver import CosimObserver  # noqa: E402
 from libcosimpy.CosimSlave import CosimLocalSlave  # noqa: E402
 from lxml import etree  # noqa: E402
 
-from pneumatic import CART, CONNECTIONS, FMUS, SYSTEM, airloop, at_start_of_interval, differences, run, sine  # noqa: E402
+from pneumatic import CART, CONNECTIONS, FMUS, SYSTEM, airloop, run, sine  # noqa: E402
+from pneumatic import at_start_of_interval, differences  # noqa: E402
 
 RECORDED = {
     "actuator": ["F_hat", "F_act"],
