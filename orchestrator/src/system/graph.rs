@@ -9,7 +9,6 @@ use tempfile::TempDir;
 use super::ssp::{self, Structure};
 use super::{Error, validate};
 use crate::fmu::{Causality, Fmu, Variability, Variable, VariableKind};
-use crate::units::Unit;
 
 /// Type of a connector or variable.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -223,7 +222,7 @@ pub struct SystemGraph {
     /// What was assumed or left out, one sentence each.
     pub notes: Vec<String>,
     /// Units that the description declares, by name.
-    pub units: Vec<(String, Unit)>,
+    pub units: Vec<(String, crate::units::Unit)>,
     /// Unpacked `.ssp` that holds the FMUs; it is removed with the last user.
     pub package: Option<Arc<TempDir>>,
 }
