@@ -40,6 +40,11 @@ pub enum Command {
     Run(RunArgs),
     /// Show what an FMU or a system consists of.
     Inspect(super::inspect::Args),
+    /// Write a system, with changed start values if wanted, as an SSP file for other tools.
+    ///
+    /// The written system simulates to the same bits. Geometry, annotations, connectors that are not connected, and
+    /// the step size and tolerance of a single FMU are not kept.
+    Export(super::export::Args),
     /// Print a completion script for a shell, e.g. `airloop completions bash > ~/.local/share/bash-completion/completions/airloop`.
     Completions {
         /// Shell.
@@ -166,7 +171,7 @@ pub enum InitialChoice {
     Zero,
 }
 
-fn parse_assignment(text: &str) -> Result<(String, String), String> {
+pub(super) fn parse_assignment(text: &str) -> Result<(String, String), String> {
     match text.split_once('=') {
         Some((name, value)) if !name.trim().is_empty() => Ok((name.trim().into(), value.trim().into())),
         _ => Err("write component.variable=value".into()),

@@ -4,7 +4,7 @@
 //! [`Master`] owns the slaves of a [`SystemGraph`] and steps them; [`simulate::run`] drives it over a time span with
 //! inputs from a series and a recorder. What is optimised, plotted or compared is left to the modules above.
 //!
-//! Values are made consistent at the start by [`propagation`]. The co-simulation masters keep to the strict reading of FMI 2.0.5 section 4.2.4: between setting an input and reading an
+//! Values are made consistent at the start by module `propagation`. The co-simulation masters keep to the strict reading of FMI 2.0.5 section 4.2.4: between setting an input and reading an
 //! output of a slave there is always a step.
 
 mod exchange;

@@ -12,6 +12,12 @@ pub enum Error {
     /// The file is of a kind that cannot be a system.
     #[error("{}: not a system; give an .ssd, an .ssp or an .fmu file", file.display())]
     Kind { file: PathBuf },
+    /// A system cannot be written to a file of this kind.
+    #[error("{}: a system is written as .ssd or .ssp; choose one of these endings", file.display())]
+    WriteKind { file: PathBuf },
+    /// A part of the system has no place in the file.
+    #[error("{}: {what} cannot be written: {problem}", file.display())]
+    Unwritable { file: PathBuf, what: String, problem: String },
     /// The XML is not well formed, or too large or too deep.
     #[error("{}: line {line}: {problem}", file.display())]
     Xml { file: PathBuf, line: usize, problem: String },

@@ -4,6 +4,8 @@ use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use tempfile::TempDir;
+
 use super::ssp::{self, Structure};
 use super::{Error, validate};
 use crate::fmu::{Causality, Fmu, InterfaceKind, Variability, Variable, VariableKind};
@@ -219,6 +221,10 @@ pub struct SystemGraph {
     pub order: Vec<usize>,
     /// What was assumed or left out, one sentence each.
     pub notes: Vec<String>,
+    /// Units that the description declares, by name.
+    pub units: Vec<(String, crate::units::Unit)>,
+    /// Unpacked `.ssp` that holds the FMUs; it is removed with the last user.
+    pub package: Option<Arc<TempDir>>,
 }
 
 impl SystemGraph {
@@ -254,6 +260,7 @@ impl SystemGraph {
                 let structure = ssp::read_as(&folder.path().join(description), &file.join(description))?;
                 let mut graph = SystemGraph::from_structure(structure, interface)?;
                 graph.file = file.into();
+                graph.package = Some(Arc::new(folder));
                 Ok(graph)
             }
             _ => Err(Error::Kind { file: file.into() }),
@@ -334,6 +341,8 @@ impl SystemGraph {
             components: vec![Component { name: stem, fmu, start_values: Vec::new() }],
             order: vec![0],
             notes: Vec::new(),
+            units: Vec::new(),
+            package: None,
         })
     }
 
