@@ -235,6 +235,18 @@ fn a_solution_without_end_underflows_with_component_variable_and_time() {
     assert!(error(&result, "a.x", |t| 1.0 / (1.0 - t)) < 1e-7);
 }
 
+#[test]
+fn a_system_too_stiff_for_an_explicit_method_is_refused_by_name() {
+    let folder = folder();
+    let system = system(&folder, &[("a", "model.fmu")], &[]);
+    let words = ["--stop", "2", "--step", "1", "--set", "a.rate=1e7", "--set", "a.u=1"];
+    let output = airloop(folder.path(), &system, &words);
+    assert_eq!(output.status.code(), Some(1));
+    let message = text(&output.stderr);
+    assert!(message.contains("component `a`") && message.contains("too stiff"), "{message}");
+    assert_eq!(written(folder.path()).0.len(), 1);
+}
+
 /// Two sampled components in series, with samples at the same times.
 const SAMPLED_IN_SERIES: &str = "<?xml version=\"1.0\" encoding=\"UTF-8\"?>
 <ssd:SystemStructureDescription version=\"1.0\" name=\"s\" xmlns:ssd=\"http://ssp-standard.org/SSP1/SystemStructureDescription\">
