@@ -69,6 +69,7 @@ pub fn run(args: &RunArgs) -> Result<ExitCode, Error> {
         .map_err(|source| csv::Error::Io { path: args.output.clone(), source })?;
 
     let run = simulate(&graph, &settings, stimulus.as_ref(), args.quiet)?;
+    notes.extend_from_slice(&run.notes);
     csv::write(&run.result, &args.output.join("result.csv"))?;
     let connectors = connectors(&graph, &run);
     let fits = match &measured {
@@ -303,6 +304,15 @@ fn report(summary: &Summary, args: &RunArgs) -> String {
         short(summary.timings.simulation_s),
         short(summary.timings.steps_per_second),
     );
+    if let Some(work) = &summary.integration {
+        text += &format!(
+            "integrator: {} steps, {} rejected, {} evaluations, {} events\n",
+            work.steps,
+            work.rejected_steps,
+            work.evaluations,
+            work.time_events + work.state_events + work.input_events,
+        );
+    }
     if summary.outcome.status == "terminated" {
         text += &format!("{}\n", summary.outcome.message.as_deref().unwrap_or_default());
     }

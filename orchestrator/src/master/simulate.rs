@@ -61,6 +61,8 @@ pub struct Run {
     pub initialization: Duration,
     /// Wall-clock time of stepping.
     pub stepping: Duration,
+    /// What the master did in place of what an FMU cannot do, one sentence each.
+    pub notes: Vec<String>,
     /// Work of the integrator; monolithic master only.
     pub integration: Option<Integration>,
 }
@@ -155,5 +157,13 @@ pub fn run(
     }
     let stepping = began.elapsed();
     let result = recorder.finish()?;
-    Ok(Run { result, end, steps: master.steps(), initialization, stepping, integration: None })
+    Ok(Run {
+        result,
+        end,
+        steps: master.steps(),
+        initialization,
+        stepping,
+        notes: Vec::new(),
+        integration: None,
+    })
 }

@@ -150,6 +150,15 @@ impl Coupled {
         self.values.set(self.wiring.inputs[input], value);
     }
 
+    /// Algebraic loops and how they are solved, one sentence each.
+    pub fn notes(&self) -> Vec<String> {
+        let loops = self.all.iter().filter_map(|transfer| match transfer {
+            Transfer::Loop(algebraic) => Some(algebraic.notes(&self.models)),
+            _ => None,
+        });
+        loops.flatten().collect()
+    }
+
     /// Columns for a recorder.
     pub fn columns(&self, graph: &SystemGraph) -> Vec<Column> {
         self.wiring.columns(graph)

@@ -86,7 +86,15 @@ pub(super) fn run(
         }
     }
     let integration = Some(monolith.summary());
-    Ok(Run { result: recorder.finish()?, end, steps, initialization, stepping: began.elapsed(), integration })
+    Ok(Run {
+        result: recorder.finish()?,
+        end,
+        steps,
+        initialization,
+        stepping: began.elapsed(),
+        notes: monolith.coupled.notes(),
+        integration,
+    })
 }
 
 /// System inputs from a series, as ramps between its samples.

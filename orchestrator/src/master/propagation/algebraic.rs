@@ -101,6 +101,24 @@ impl AlgebraicLoop {
         }
     }
 
+    /// What is solved, and where derivatives are approximated, one sentence each.
+    pub fn notes<I: DerefMut<Target = Instance>>(&self, instances: &[I]) -> Vec<String> {
+        let names: Vec<&str> = self.inputs.iter().map(|input| input.name.as_str()).collect();
+        let mut notes = vec![format!("an algebraic loop is solved for {}", names.join(", "))];
+        let mut members: Vec<usize> = self.inputs.iter().map(|input| input.instance).collect();
+        members.sort_unstable();
+        members.dedup();
+        for instance in members.into_iter().map(|member| &instances[member]) {
+            if !has_derivatives(instance) {
+                let name = instance.name();
+                notes.push(format!(
+                    "component `{name}` has no directional derivatives: its part of the loop is differentiated by finite differences"
+                ));
+            }
+        }
+        notes
+    }
+
     /// Solves the loop, the first time from the present values of the system, and writes its outputs back there.
     pub fn solve<I: DerefMut<Target = Instance>>(
         &mut self,
@@ -213,8 +231,7 @@ impl AlgebraicLoop {
         for column in 0..n {
             let input = &self.inputs[column];
             let instance = &mut instances[input.instance];
-            let declared = instance.fmu().interface(instance.kind());
-            let exact = declared.is_some_and(|interface| interface.provides_directional_derivative);
+            let exact = has_derivatives(instance);
             let own = |row: usize| self.outputs[self.inputs[row].source].instance == input.instance;
             let unknown = self.unknowns[column];
             let shift = f64::EPSILON.sqrt() * unknown.abs().max(input.nominal);
@@ -249,6 +266,11 @@ impl AlgebraicLoop {
         }
         Ok(())
     }
+}
+
+fn has_derivatives(instance: &Instance) -> bool {
+    let declared = instance.fmu().interface(instance.kind());
+    declared.is_some_and(|interface| interface.provides_directional_derivative)
 }
 
 /// Solves `a x = b` in place, `a` of shape `[n, n]` by rows, with row exchanges; false if `a` is singular.
