@@ -58,6 +58,17 @@ fn a_stair_ends_the_simulation_itself() {
 }
 
 #[test]
+fn a_stair_steps_at_whole_seconds_under_the_monolithic_master_too() {
+    let Some((result, _)) = run("Stair", &["--master", "monolithic", "--stop", "5", "--step", "0.2"]) else {
+        return;
+    };
+    let counter = &result.channel("counter").unwrap().values;
+    for (t, value) in result.time().iter().zip(counter).take(25) {
+        assert_eq!(*value, 1.0 + (t + 1e-9).floor(), "at {t} s");
+    }
+}
+
+#[test]
 fn feedthrough_passes_every_type_on() {
     let words =
         ["--set", "Float64_continuous_input=2.5", "--set", "Int32_input=-7", "--set", "Boolean_input=true"];

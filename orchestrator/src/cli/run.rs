@@ -47,7 +47,7 @@ impl Record {
 pub fn run(args: &RunArgs) -> Result<ExitCode, Error> {
     // From here on: unpacked FMUs are to be removed, also if the program is asked to end.
     let stop = stop_flag();
-    let mut graph = SystemGraph::open(&args.system)?;
+    let mut graph = SystemGraph::open_for(&args.system, args.master.interface())?;
     let mut notes = graph.notes.clone();
     let signals = match &args.signals {
         Some(file) => SignalTable::read(file)?,
@@ -91,9 +91,10 @@ pub fn run(args: &RunArgs) -> Result<ExitCode, Error> {
             notes.push(format!("`--set {name}` is given more than once: the last value holds"));
         }
         let place = format!("--set {name}={value}");
-        if let Some(data) = data.filter(|data| data.drives(&graph, name)) {
-            let (name, by) = (name.clone(), format!("the data of {}", data.file.display()));
-            return Err(system::Error::Driven { place, name, by }.into());
+        let data = data.filter(|data| data.drives(&graph, name));
+        let by = data.map(|data| format!("the data of {}", data.file.display()));
+        if let Some(by) = by.or_else(|| graph.driver_of(name)) {
+            return Err(system::Error::Driven { place, name: name.clone(), by }.into());
         }
         graph.set_start(name, value, &place)?;
     }
@@ -111,13 +112,19 @@ pub fn run(args: &RunArgs) -> Result<ExitCode, Error> {
             let _ = std::fs::remove_dir(&args.output);
         }
     })?;
+    notes.extend_from_slice(&run.notes);
     folder::clear(&args.output)?;
     csv::write(&run.result, &args.output.join("result.csv"))?;
     let connectors = connectors(&graph, &run);
     let fits = match &measured {
         Some(measured) if run.result.len() > 1 => {
-            let fits =
-                residual::compare(&graph, &run.result, &measured.series, &measured.links, &measured.file);
+            let fits = residual::compare(
+                (&graph, settings.algorithm),
+                &run.result,
+                &measured.series,
+                &measured.links,
+                &measured.file,
+            );
             match (fits, &run.end) {
                 (Ok(fits), _) => fits,
                 (Err(error), End::Completed) => return Err(error.into()),
@@ -382,6 +389,7 @@ fn summarize(
             set: args.set.iter().map(|(name, value)| format!("{name}={value}")).collect(),
         },
         outcome: Outcome { status: status.into(), message, end_time, steps: run.steps },
+        integration: run.integration.clone(),
         timings: Timings::new(run.initialization, run.stepping, run.steps, settings.start_time, end_time),
         fmus: graph.order.iter().map(fmu).collect(),
         connectors,
@@ -409,6 +417,15 @@ fn report(summary: &Summary, args: &RunArgs) -> String {
         short(summary.timings.simulation_s),
         summary.timings.steps_per_second.round(),
     );
+    if let Some(work) = &summary.integration {
+        text += &format!(
+            "integrator: {} steps, {} rejected, {} evaluations, {} events\n",
+            work.steps,
+            work.rejected_steps,
+            work.evaluations,
+            work.time_events + work.state_events + work.input_events,
+        );
+    }
     if summary.outcome.status == "terminated" {
         text += &format!("{}\n", summary.outcome.message.as_deref().unwrap_or_default());
     }

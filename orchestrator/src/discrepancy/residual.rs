@@ -5,6 +5,7 @@ use std::path::Path;
 use super::Error;
 use super::signals::Links;
 use crate::ident::fit::nrmse;
+use crate::master::Algorithm;
 use crate::results::summary::SignalRecord;
 use crate::series::resample::{locate, value_at};
 use crate::series::{Interpolation, TimeSeries};
@@ -20,7 +21,7 @@ use crate::system::graph::Source;
 /// # Errors
 /// [`Error::Fit`] if measurement and run have no time in common.
 pub fn compare(
-    graph: &SystemGraph,
+    (graph, algorithm): (&SystemGraph, Algorithm),
     result: &TimeSeries,
     measured: &TimeSeries,
     links: &Links,
@@ -34,7 +35,7 @@ pub fn compare(
         let kind = match output.source {
             Source::Input(_) => Kind::Continuous,
             Source::Output { component, variable } => match graph.is_held(component, variable) {
-                true if graph.stands_at_step_start(component, variable) => Kind::Sampled,
+                true if algorithm.stands_at_start(graph, component, variable) => Kind::Sampled,
                 true => Kind::Held,
                 false => Kind::Continuous,
             },

@@ -6,7 +6,7 @@
 use std::collections::HashMap;
 use std::ops::Range;
 
-use super::{Error, slot};
+use super::{Algorithm, Error, slot};
 use crate::fmu::{Causality, Slave, StepStatus, VariableKind};
 use crate::results::{Column, Slot};
 use crate::system::SystemGraph;
@@ -140,7 +140,8 @@ impl Wiring {
         wiring
     }
 
-    fn index_of(&self, source: Source) -> usize {
+    /// Place of a value in the buffer of its type.
+    pub fn index_of(&self, source: Source) -> usize {
         match source {
             Source::Input(input) => self.input_index[input],
             Source::Output { component, variable } => self.outputs[&(component, variable)],
@@ -224,7 +225,7 @@ impl Wiring {
     }
 
     /// See [`super::Master::columns`].
-    pub fn columns(&self, graph: &SystemGraph) -> Vec<Column> {
+    pub fn columns(&self, graph: &SystemGraph, algorithm: Algorithm) -> Vec<Column> {
         let mut columns = Vec::new();
         for (input, slot) in graph.inputs.iter().zip(&self.inputs) {
             let Some(slot) = *slot else { continue };
@@ -235,7 +236,9 @@ impl Wiring {
             let Some(slot) = slot(output.data_type, self.index_of(output.source)) else { continue };
             let held = match output.source {
                 Source::Input(_) => false,
-                Source::Output { component, variable } => graph.stands_at_step_start(component, variable),
+                Source::Output { component, variable } => {
+                    algorithm.stands_at_start(graph, component, variable)
+                }
             };
             let Conversion { factor, offset } = output.conversion;
             columns.push(Column {
@@ -263,11 +266,18 @@ impl Wiring {
                     slot,
                     factor: 1.0,
                     offset: 0.0,
-                    held: graph.stands_at_step_start(index, variable),
+                    held: algorithm.stands_at_start(graph, index, variable),
                 });
             }
         }
         columns
+    }
+
+    /// All outputs that are read, as (component, variable), in ascending order.
+    pub fn read_outputs(&self) -> Vec<(usize, usize)> {
+        let mut outputs: Vec<(usize, usize)> = self.outputs.keys().copied().collect();
+        outputs.sort_unstable();
+        outputs
     }
 
     /// Outputs of a component that are read, in the order of the FMU.

@@ -1,9 +1,10 @@
-//! Co-simulation masters with a fixed communication step: Gauss-Seidel (serial) and Jacobi (parallel).
+//! Co-simulation masters with a fixed communication step: Gauss-Seidel (serial) and Jacobi (parallel); and the
+//! [`monolithic`] coupling through Model Exchange.
 //!
 //! [`Master`] owns the slaves of a [`SystemGraph`] and steps them; [`simulate::run`] drives it over a time span with
 //! inputs from a series and a recorder. What is optimised, plotted or compared is left to the modules above.
 //!
-//! Both masters keep to the strict reading of FMI 2.0.5 section 4.2.4: between setting an input and reading an
+//! Values are made consistent at the start by module `propagation`. The co-simulation masters keep to the strict reading of FMI 2.0.5 section 4.2.4: between setting an input and reading an
 //! output of a slave there is always a step.
 
 mod exchange;
@@ -11,6 +12,8 @@ mod gauss_seidel;
 mod grid;
 mod initialize;
 mod jacobi;
+pub mod monolithic;
+mod propagation;
 pub mod simulate;
 
 use crate::fmu::StepStatus;
@@ -30,6 +33,22 @@ pub enum Algorithm {
     GaussSeidel,
     /// Parallel: all slaves get the outputs at the communication point, then all step.
     Jacobi,
+    /// All components as one differential equation through Model Exchange, with error control and no coupling error;
+    /// for [`simulate::run`] only.
+    Monolithic,
+}
+
+impl Algorithm {
+    /// Whether an output as it is in a row belongs to the interval before that row, and is written to the start of it.
+    ///
+    /// After a step, that is a sampled output ([`SystemGraph::stands_at_step_start`]). The monolithic master reads
+    /// before the events of a time, so that there every discrete output is the one of the interval that ends.
+    pub fn stands_at_start(self, graph: &SystemGraph, component: usize, variable: usize) -> bool {
+        match self {
+            Algorithm::Monolithic => graph.is_held(component, variable),
+            _ => graph.stands_at_step_start(component, variable),
+        }
+    }
 }
 
 impl std::fmt::Display for Algorithm {
@@ -37,6 +56,7 @@ impl std::fmt::Display for Algorithm {
         f.write_str(match self {
             Algorithm::GaussSeidel => "gauss-seidel",
             Algorithm::Jacobi => "jacobi",
+            Algorithm::Monolithic => "monolithic",
         })
     }
 }
@@ -50,9 +70,10 @@ pub struct Settings {
     pub stop_time: f64,
     /// Communication step size \[s\], positive; default 1 ms. The last step is shortened to meet the stop time.
     pub step_size: f64,
-    /// Gauss-Seidel (default) or Jacobi.
+    /// How components are coupled; default Gauss-Seidel.
     pub algorithm: Algorithm,
-    /// Relative tolerance for the slaves, in (0, 1); default: each slave uses its own.
+    /// Relative tolerance for the slaves, in (0, 1); default: each slave uses its own. Also that of the monolithic
+    /// integrator, default [`monolithic::DEFAULT_TOLERANCE`].
     pub tolerance: Option<f64>,
     /// Read all outputs at every communication point (default), or only those that are connected.
     pub read_all_outputs: bool,
@@ -114,6 +135,32 @@ pub enum Error {
         "the outputs still change after {passes} rounds of initialisation (`{variable}` is one); an FMU probably depends on an input that its `dependencies` do not list"
     )]
     Unsettled { passes: usize, variable: String },
+    /// [`Master`] cannot be monolithic.
+    #[error("the monolithic master does not step slaves; run it with master::simulate::run")]
+    NoSteps,
+    /// An algebraic loop has no solution that was found.
+    #[error(
+        "algebraic loop at t = {time} s: after {iterations} iterations {problem}; residuals: {residuals}; check parameters and start values of these inputs' components, or break the loop with a delay or a filter"
+    )]
+    AlgebraicLoop { time: f64, iterations: usize, problem: &'static str, residuals: String },
+    /// The integrator cannot keep the tolerance.
+    #[error(
+        "component `{component}`: the error of `{variable}` stays too large at t = {time} s, even with a step of {step} s; it may grow without bound or jump without an event indicator; look at its inputs just before (result file), or try a larger `--tolerance`"
+    )]
+    StepUnderflow { component: String, variable: String, time: f64, step: f64 },
+    /// The explicit integrator is not made for this.
+    #[error(
+        "component `{component}`: at t = {time} s the integrator needed {steps} steps within one interval, because of `{variable}`; the system is too stiff for the monolithic master: try `--master gauss-seidel` with a small `--step`"
+    )]
+    Stiff { component: String, variable: String, time: f64, steps: u64 },
+    /// Events without end.
+    #[error(
+        "{events} events within one communication step up to t = {time} s, the last by {cause}: this looks like chattering; give the model a hysteresis, or choose a smaller `--step` if the events are real"
+    )]
+    Chattering { cause: String, time: f64, events: u64 },
+    /// An event iteration without end.
+    #[error("the event iteration at t = {time} s does not end in {rounds} rounds: {cause}")]
+    EventIteration { time: f64, rounds: u32, cause: String },
     /// Two columns of the result have one name.
     #[error("the result cannot be written: {0}")]
     Result(#[from] crate::series::Error),
@@ -157,6 +204,9 @@ impl Master {
     /// Settings out of range, an FMU that fails, initial values that do not settle or are not finite.
     pub fn new(graph: &SystemGraph, settings: &Settings, inputs: &[(usize, f64)]) -> Result<Master, Error> {
         let grid = settings.validate()?;
+        if settings.algorithm == Algorithm::Monolithic {
+            return Err(Error::NoSteps);
+        }
         let wiring = Wiring::new(graph, settings.read_all_outputs);
         let mut values = wiring.initial_values(graph);
         for &(input, value) in inputs {
@@ -201,7 +251,7 @@ impl Master {
     /// Columns for a recorder: system inputs and outputs by their plain name, then, unless the system is a single
     /// FMU, all outputs of components as `component.variable`. Strings are not recorded.
     pub fn columns(&self, graph: &SystemGraph) -> Vec<Column> {
-        self.wiring.columns(graph)
+        self.wiring.columns(graph, self.algorithm)
     }
 
     /// One macro step: every slave from this communication point to the next. Allocates nothing (unless a String
@@ -216,6 +266,7 @@ impl Master {
         let status = match self.algorithm {
             Algorithm::GaussSeidel => gauss_seidel::step(&mut self.nodes, &mut self.values, t, h),
             Algorithm::Jacobi => jacobi::step(&mut self.nodes, &mut self.values, t, h),
+            Algorithm::Monolithic => return Err(Error::NoSteps),
         };
         match status {
             Ok(()) => {

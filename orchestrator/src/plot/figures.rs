@@ -8,6 +8,12 @@ const LEFT: f64 = 84.0;
 const RIGHT: f64 = 20.0;
 const TOP: f64 = 46.0;
 const BOTTOM: f64 = 50.0;
+/// Height of a row of the legend.
+const ROW: f64 = 20.0;
+/// Text widths are not known here; small letters are about this wide.
+const LETTER: f64 = 7.0;
+/// Room for the line of a legend entry.
+const SWATCH: f64 = 46.0;
 
 /// A curve over time.
 #[derive(Debug, Clone, Copy)]
@@ -50,9 +56,11 @@ pub fn comparison(figure: &Comparison) -> String {
     let (upper, lower, gap) = (300.0, 110.0, 18.0);
     let entries =
         [("measured", "measured"), ("simulated", "simulated"), ("residual", "measured \u{2212} simulated")];
-    let head = Head::new(figure.name, figure.note, &entries);
-    let top = head.bottom();
-    let mut svg = Svg::new(WIDTH, top + upper + gap + lower + BOTTOM);
+    let heading = note_start(figure.name) + LETTER * figure.note.chars().count() as f64;
+    let crowded = heading + legend_width(&entries) > WIDTH - RIGHT;
+    let top = if crowded { TOP + ROW } else { TOP };
+    let height = top + upper + gap + lower + BOTTOM;
+    let mut svg = Svg::new(WIDTH, height);
     let times = [figure.measured.time, figure.simulated.time];
     let x = time_axis(&times);
     let values = figure.measured.values.iter().chain(figure.simulated.values).copied();
@@ -66,31 +74,38 @@ pub fn comparison(figure: &Comparison) -> String {
     panel(&mut svg, &x, &y, 5, true, &axis_label("residual", figure.unit));
     svg.line((x.from, y.pixel(0.0)), (x.to, y.pixel(0.0)), "zero");
     figure.residual.draw(&mut svg, &x, &y, "residual");
-    head.draw(&mut svg);
+    title(&mut svg, figure.name, figure.note);
+    legend(&mut svg, &entries, if crowded { 24.0 + ROW } else { 24.0 });
     svg.finish(&format!("{}: measured and simulated over time", figure.name))
 }
 
-/// Several signals of one unit over time.
-pub fn signals(name: &str, unit: &str, curves: &[Curve]) -> String {
+/// Several signals of one unit over time; one alone is named by the title, several by the legend.
+pub fn signals(unit: &str, curves: &[Curve]) -> String {
     let upper = 320.0;
     let classes: Vec<String> =
         (0..curves.len()).map(|index| format!("s{}", index % SERIES_CLASSES)).collect();
     let entries: Vec<(&str, &str)> =
         classes.iter().zip(curves).map(|(class, curve)| (class.as_str(), curve.name)).collect();
-    let head = Head::new(name, "", if curves.len() > 1 { &entries } else { &[] });
-    let top = head.bottom();
+    let rows = if curves.len() > 1 { legend_rows(&entries, WIDTH - LEFT - RIGHT) } else { Vec::new() };
+    let top = TOP + ROW * rows.len().saturating_sub(1) as f64;
     let mut svg = Svg::new(WIDTH, top + upper + BOTTOM);
     let times: Vec<&[f64]> = curves.iter().map(|curve| curve.time).collect();
     let x = time_axis(&times);
     let values = curves.iter().flat_map(|curve| curve.values.iter().copied());
     let y = Axis::new(range(values), (top + upper, top)).padded(0.06);
-    let label = if curves.len() == 1 { axis_label(name, unit) } else { axis_label("", unit) };
+    let names: Vec<&str> = curves.iter().map(|curve| curve.name).collect();
+    let label = axis_label(if let [name] = names[..] { name } else { "" }, unit);
     panel(&mut svg, &x, &y, 6, true, &label);
     for (curve, class) in curves.iter().zip(&classes) {
         curve.draw(&mut svg, &x, &y, class);
     }
-    head.draw(&mut svg);
-    svg.finish(&format!("{name} over time"))
+    if let [name] = names[..] {
+        title(&mut svg, name, "");
+    }
+    for (index, row) in rows.iter().enumerate() {
+        legend(&mut svg, row, 24.0 + ROW * index as f64);
+    }
+    svg.finish(&format!("{} over time", names.join(", ")))
 }
 
 fn time_axis(times: &[&[f64]]) -> Axis {
@@ -129,105 +144,40 @@ fn panel(svg: &mut Svg, x: &Axis, y: &Axis, ticks: usize, with_time: bool, label
     }
 }
 
-/// Title and legend above the plot: side by side where they fit, else the legend in rows of its own.
-struct Head<'a> {
-    title: String,
-    note: &'a str,
-    /// Entries (class, text) by row; the first row is that of the title.
-    rows: Vec<Vec<(&'a str, &'a str)>>,
+fn title(svg: &mut Svg, name: &str, note: &str) {
+    svg.text((LEFT, 24.0), Anchor::Start, "title", name);
+    svg.text((note_start(name), 24.0), Anchor::Start, "note", note);
 }
 
-/// Height of a row of the legend.
-const ROW: f64 = 20.0;
-/// Room between title and legend.
-const ROOM: f64 = 20.0;
+/// Where the note beside a title begins; letters of the title are about 9 pixels wide.
+fn note_start(name: &str) -> f64 {
+    LEFT + 14.0 + 9.0 * name.chars().count() as f64
+}
 
-impl<'a> Head<'a> {
-    fn new(name: &str, note: &'a str, entries: &[(&'a str, &'a str)]) -> Head<'a> {
-        let most = ((WIDTH - RIGHT - LEFT - note_width(note)) / TITLE_LETTER) as usize;
-        let title = match name.chars().count() > most {
-            true => name.chars().take(most.saturating_sub(1)).chain(['\u{2026}']).collect(),
-            false => name.to_owned(),
-        };
-        let begin = LEFT + title_width(&title) + note_width(note) + ROOM;
-        let width = |entries: &[(&str, &str)]| entries.iter().map(|(_, text)| entry_width(text)).sum::<f64>();
-        if entries.is_empty() || begin + width(entries) <= WIDTH - RIGHT {
-            return Head { title, note, rows: vec![entries.to_vec()] };
-        }
-        let mut rows = vec![Vec::new(), Vec::new()];
-        for entry in entries {
-            let last = rows.last_mut().expect("there is a row");
-            if !last.is_empty() && LEFT + width(last) + entry_width(entry.1) > WIDTH - RIGHT {
-                rows.push(vec![*entry]);
-            } else {
-                last.push(*entry);
-            }
-        }
-        Head { title, note, rows }
-    }
+/// Room that entries take above the plot.
+fn legend_width(entries: &[(&str, &str)]) -> f64 {
+    entries.iter().map(|(_, text)| LETTER * text.chars().count() as f64 + SWATCH).sum()
+}
 
-    /// Where the plot may begin.
-    fn bottom(&self) -> f64 {
-        TOP + ROW * (self.rows.len() - 1) as f64
-    }
-
-    fn draw(&self, svg: &mut Svg) {
-        svg.text((LEFT, 24.0), Anchor::Start, "title", &self.title);
-        svg.text((LEFT + 14.0 + title_width(&self.title), 24.0), Anchor::Start, "note", self.note);
-        for (row, entries) in self.rows.iter().enumerate() {
-            legend(svg, entries, 24.0 + ROW * row as f64);
+/// Entries in rows that fit into `width`.
+fn legend_rows<'a>(entries: &[(&'a str, &'a str)], width: f64) -> Vec<Vec<(&'a str, &'a str)>> {
+    let mut rows: Vec<Vec<(&str, &str)>> = Vec::new();
+    for entry in entries {
+        match rows.last_mut() {
+            Some(row) if legend_width(row) + legend_width(&[*entry]) <= width => row.push(*entry),
+            _ => rows.push(vec![*entry]),
         }
     }
+    rows
 }
 
-// Text widths are not known here; letters of the title are about 9 pixels wide, those of note and legend 7.
-const TITLE_LETTER: f64 = 9.0;
-
-fn title_width(text: &str) -> f64 {
-    TITLE_LETTER * text.chars().count() as f64
-}
-
-fn note_width(text: &str) -> f64 {
-    7.0 * text.chars().count() as f64
-}
-
-/// Width of an entry of the legend with its line and the room before it.
-fn entry_width(text: &str) -> f64 {
-    7.0 * text.chars().count() as f64 + 46.0
-}
-
-/// Entries (class, text) right-aligned on the base line `y`.
-fn legend(svg: &mut Svg, entries: &[(&str, &str)], y: f64) {
+/// Entries (class, text) right-aligned above the plot.
+fn legend(svg: &mut Svg, entries: &[(&str, &str)], baseline: f64) {
     let mut right = WIDTH - RIGHT;
     for (class, text) in entries.iter().rev() {
-        let width = 7.0 * text.chars().count() as f64;
-        svg.text((right - width, y), Anchor::Start, "legend", text);
-        svg.line((right - width - 28.0, y - 4.0), (right - width - 6.0, y - 4.0), class);
-        right -= entry_width(text);
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn title_and_legend_never_overlap() {
-        let long = "Float64_continuous_output";
-        for (count, rows) in [(1, 1), (2, 2), (3, 2), (4, 3), (6, 3)] {
-            let entries = vec![("s0", long); count];
-            let name = vec![long; count].join(", ");
-            let head = Head::new(if count == 1 { "y" } else { &name }, "", &entries);
-            assert_eq!(head.rows.len(), rows, "{count} entries");
-            assert_eq!(head.rows.concat().len(), count);
-            assert!(title_width(&head.title) <= WIDTH - LEFT - RIGHT, "{}", head.title);
-            for row in &head.rows {
-                let width: f64 = row.iter().map(|(_, text)| entry_width(text)).sum();
-                assert!(LEFT + width <= WIDTH - RIGHT);
-            }
-        }
-        let entries = [("measured", "measured"), ("simulated", "simulated")];
-        assert_eq!(Head::new("x", "fit 99.52 %", &entries).rows.len(), 1);
-        assert_eq!(Head::new(&long.repeat(2), "fit 99.52 %, RMS error 1 N", &entries).rows.len(), 2);
+        let width = LETTER * text.chars().count() as f64;
+        svg.text((right - width, baseline), Anchor::Start, "legend", text);
+        svg.line((right - width - 28.0, baseline - 4.0), (right - width - 6.0, baseline - 4.0), class);
+        right -= width + SWATCH;
     }
 }

@@ -47,7 +47,7 @@ pub fn draw(folder: &Path) -> Result<Vec<PathBuf>, Error> {
 /// Names of the files that [`draw`] writes beside the page, from what the summary says about signals and connectors.
 pub fn figure_files(summary: &Summary) -> Vec<String> {
     let signals = summary.signals.iter().map(|signal| signal.name.clone());
-    let groups = grouped(summary).into_iter().map(|(_, connectors)| joined(&connectors, "_"));
+    let groups = grouped(summary).into_iter().map(|(_, connectors)| group_name(&connectors));
     let names: Vec<String> = signals.chain(groups).collect();
     unique_files(names.iter().map(String::as_str))
 }
@@ -119,16 +119,13 @@ fn grouped(summary: &Summary) -> Vec<(String, Vec<&ConnectorRecord>)> {
     }
     let mut figures = Vec::new();
     for ((_, unit), connectors) in groups {
-        for some in connectors.chunks(super::svg::SERIES_CLASSES) {
+        // Without a unit nothing says that signals share a scale.
+        let together = if unit.is_empty() { 1 } else { super::svg::SERIES_CLASSES };
+        for some in connectors.chunks(together) {
             figures.push((unit.clone(), some.to_vec()));
         }
     }
     figures
-}
-
-fn joined(connectors: &[&ConnectorRecord], separator: &str) -> String {
-    let names: Vec<&str> = connectors.iter().map(|connector| connector.name.as_str()).collect();
-    names.join(separator)
 }
 
 /// Name and text of the figure of each group.
@@ -146,9 +143,16 @@ fn groups(summary: &Summary, result: &TimeSeries) -> Vec<(String, String)> {
                 })
             })
             .collect();
-        (joined(&connectors, "_"), signals(&joined(&connectors, ", "), &unit, &curves))
+        (group_name(&connectors), signals(&unit, &curves))
     };
     grouped(summary).into_iter().map(figure).collect()
+}
+
+/// Names of the connectors, as long as that stays readable as a file name.
+fn group_name(connectors: &[&ConnectorRecord]) -> String {
+    let names: Vec<&str> = connectors.iter().map(|connector| connector.name.as_str()).collect();
+    let joined = names.join("_");
+    if joined.len() <= 60 { joined } else { format!("{}_and_{}_more", names[0], names.len() - 1) }
 }
 
 /// A number with four significant digits.

@@ -4,9 +4,11 @@ use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use tempfile::TempDir;
+
 use super::ssp::{self, Structure};
 use super::{Error, order, start, validate};
-use crate::fmu::{Causality, Fmu, Variability, Variable, VariableKind};
+use crate::fmu::{Causality, Fmu, InterfaceKind, Variability, Variable, VariableKind};
 
 /// Type of a connector or variable.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -219,6 +221,10 @@ pub struct SystemGraph {
     pub order: Vec<usize>,
     /// What was assumed or left out, one sentence each.
     pub notes: Vec<String>,
+    /// Units that the description declares, by name.
+    pub units: Vec<(String, crate::units::Unit)>,
+    /// Unpacked `.ssp` that holds the FMUs; it is removed with the last user.
+    pub package: Option<Arc<TempDir>>,
 }
 
 impl SystemGraph {
@@ -235,15 +241,25 @@ impl SystemGraph {
     /// # Errors
     /// [`Error`] names file, element and what to do.
     pub fn open(file: &Path) -> Result<SystemGraph, Error> {
+        SystemGraph::open_for(file, InterfaceKind::CoSimulation)
+    }
+
+    /// As [`SystemGraph::open`], for masters that use one interface of the FMUs. Algebraic loops are refused for
+    /// Co-Simulation only: Model Exchange can solve them.
+    ///
+    /// # Errors
+    /// As [`SystemGraph::open`].
+    pub fn open_for(file: &Path, interface: InterfaceKind) -> Result<SystemGraph, Error> {
         let ending = file.extension().and_then(|ending| ending.to_str()).map(str::to_ascii_lowercase);
         match ending.as_deref() {
-            Some("fmu") => SystemGraph::from_fmu(file),
-            Some("ssd") => SystemGraph::from_structure(ssp::read(file)?),
+            Some("fmu") => SystemGraph::from_fmu(file, interface),
+            Some("ssd") => SystemGraph::from_structure(ssp::read(file)?, interface),
             Some("ssp") => {
                 let folder = ssp::unpack(file)?;
                 let structure = ssp::read_unpacked(folder.path(), file)?;
-                let mut graph = SystemGraph::from_structure(structure)?;
+                let mut graph = SystemGraph::from_structure(structure, interface)?;
                 graph.file = file.into();
+                graph.package = Some(Arc::new(folder));
                 Ok(graph)
             }
             _ => Err(Error::Kind { file: file.into() }),
@@ -254,7 +270,7 @@ impl SystemGraph {
     ///
     /// # Errors
     /// As [`SystemGraph::open`].
-    pub fn from_structure(structure: Structure) -> Result<SystemGraph, Error> {
+    pub fn from_structure(structure: Structure, interface: InterfaceKind) -> Result<SystemGraph, Error> {
         let mut opened: HashMap<PathBuf, Arc<Fmu>> = HashMap::new();
         let mut fmus = Vec::with_capacity(structure.components.len());
         for component in &structure.components {
@@ -267,21 +283,24 @@ impl SystemGraph {
             }
             let fmu = match opened.get(&component.source) {
                 Some(fmu) => Arc::clone(fmu),
-                None => open_fmu(&structure.file, &component.name, &component.source, &component.shown)?,
+                None => {
+                    let (source, shown) = (&component.source, &component.shown);
+                    open_fmu(&structure.file, &component.name, (source, shown), interface)?
+                }
             };
             opened.insert(component.source.clone(), Arc::clone(&fmu));
             fmus.push(fmu);
         }
-        validate::resolve(&structure, fmus)
+        validate::resolve(&structure, fmus, interface)
     }
 
     /// A single FMU as a system: its inputs and outputs are the connectors.
     ///
     /// # Errors
     /// As [`SystemGraph::open`].
-    pub fn from_fmu(file: &Path) -> Result<SystemGraph, Error> {
+    pub fn from_fmu(file: &Path, interface: InterfaceKind) -> Result<SystemGraph, Error> {
         let stem = file.file_stem().map_or("fmu".into(), |stem| stem.to_string_lossy().into_owned());
-        let fmu = open_fmu(file, &stem, file, file)?;
+        let fmu = open_fmu(file, &stem, (file, file), interface)?;
         let description = &fmu.description;
         let (mut inputs, mut outputs, mut connections) = (Vec::new(), Vec::new(), Vec::new());
         for (index, variable) in description.variables.iter().enumerate() {
@@ -324,6 +343,8 @@ impl SystemGraph {
             components: vec![Component { name: stem, fmu, start_values: Vec::new() }],
             order: vec![0],
             notes: Vec::new(),
+            units: Vec::new(),
+            package: None,
         })
     }
 
@@ -362,30 +383,40 @@ impl SystemGraph {
         start::refused_number(self, input, value)
     }
 
+    /// What drives the input `component.variable`, in words, if a connection does: then its start value has no effect on
+    /// a run.
+    pub fn driver_of(&self, name: &str) -> Option<String> {
+        start::driver_of(self, name)
+    }
+
     /// Sets a start value by name and text: `component.variable`, a system input, or (for a single FMU) a variable.
     ///
     /// # Errors
-    /// [`Error::UnknownParameter`], [`Error::NotSettable`], [`Error::Driven`] (an input with a connection) or
-    /// [`Error::StartValue`], which name `place`.
+    /// [`Error::UnknownParameter`], [`Error::NotSettable`] or [`Error::StartValue`], which name `place`.
     pub fn set_start(&mut self, name: &str, text: &str, place: &str) -> Result<(), Error> {
         validate::set_start_text(self, name, text, place)
     }
 }
 
-fn open_fmu(file: &Path, component: &str, path: &Path, shown: &Path) -> Result<Arc<Fmu>, Error> {
+fn open_fmu(
+    file: &Path,
+    component: &str,
+    (path, shown): (&Path, &Path),
+    interface: InterfaceKind,
+) -> Result<Arc<Fmu>, Error> {
     let fmu = Fmu::open_shown(path, shown).map_err(|source| Error::Fmu {
         file: file.into(),
         component: component.into(),
         source: Box::new(source),
     })?;
-    if fmu.description.co_simulation.is_none() {
-        return Err(Error::NoCoSimulation {
-            file: file.into(),
-            component: component.into(),
-            fmu: shown.into(),
-        });
+    if fmu.interface(interface).is_some() {
+        return Ok(fmu);
     }
-    Ok(fmu)
+    let (file, component, fmu) = (file.into(), component.into(), shown.into());
+    Err(match interface {
+        InterfaceKind::CoSimulation => Error::NoCoSimulation { file, component, fmu },
+        InterfaceKind::ModelExchange => Error::NoModelExchange { file, component, fmu },
+    })
 }
 
 /// Unit of a variable, if it is a Real with one.

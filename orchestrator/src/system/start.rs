@@ -82,16 +82,18 @@ fn parameter_conversion(
         return Ok(Conversion::IDENTITY);
     };
     let table = UnitTable { declared: units };
-    conversion((given, table.find(given, description)), (own, table.find(own, description))).map_err(
-        |problem| Error::UnitMismatch {
+    // The set itself first: the same name may mean something else elsewhere.
+    let meant = parameter.definition.or_else(|| table.find(given, description));
+    conversion((given, meant), (own, table.of_variable(own, description))).map_err(|problem| {
+        Error::UnitMismatch {
             file: parameter.file.clone(),
             line: parameter.line,
             place: format!("start value of `{}` ({place})", target.name),
             from_unit: given.into(),
             to_unit: own.into(),
             problem,
-        },
-    )
+        }
+    })
 }
 
 /// What a system input takes, if `value` is not among it; numbers for Reals are not judged.
@@ -111,23 +113,19 @@ pub(super) fn refused_number(graph: &SystemGraph, input: usize, value: f64) -> O
     })
 }
 
-/// A start value for an input that another variable drives would have no effect.
-fn check_not_driven(
-    graph: &SystemGraph,
-    component: usize,
-    variable: usize,
-    name: &str,
-    place: &str,
-) -> Result<(), Error> {
+/// What drives the input `name`, in words, if a connection does; see [`SystemGraph::driver_of`].
+pub(super) fn driver_of(graph: &SystemGraph, name: &str) -> Option<String> {
+    if graph.inputs.iter().any(|input| input.name == name) {
+        return None;
+    }
+    let (component, variable) = find_path(graph, name, "").ok()?;
     let into = |fed: &&Connection| fed.component == component && fed.variable == variable;
-    let by = match graph.connections.iter().find(into).map(|fed| fed.source) {
-        None => return Ok(()),
-        Some(source @ Source::Output { .. }) => {
-            format!("the connection from `{}`", graph.source_name(source))
-        }
-        Some(source) => format!("the system input `{0}`: set `{0}`", graph.source_name(source)),
-    };
-    Err(Error::Driven { place: place.into(), name: name.into(), by })
+    let source = graph.connections.iter().find(into)?.source;
+    let by = graph.source_name(source);
+    Some(match source {
+        Source::Output { .. } => format!("the connection from `{by}`"),
+        Source::Input(_) => format!("the system input `{by}`: set `{by}`"),
+    })
 }
 
 /// Sets a start value given as text; see [`SystemGraph::set_start`].
@@ -153,7 +151,6 @@ pub fn set_start_text(graph: &mut SystemGraph, name: &str, text: &str, place: &s
         }
         _ => find_path(graph, name, place)?,
     };
-    check_not_driven(graph, component, variable, name, place)?;
     set_text(graph, (component, variable, Conversion::IDENTITY), text, place)
 }
 
