@@ -9,7 +9,7 @@ use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 
-use crate::master::Algorithm;
+use crate::master::{Algorithm, Coupling};
 use crate::series::Interpolation;
 use crate::units::parse_duration;
 
@@ -68,6 +68,8 @@ pub struct RunArgs {
     /// How slaves are coupled.
     #[arg(long, value_enum, default_value_t = MasterChoice::GaussSeidel)]
     pub master: MasterChoice,
+    #[command(flatten)]
+    pub coupling: CouplingArgs,
     /// CSV file with inputs of the system: first column time [s], then one column per input.
     #[arg(long, value_name = "FILE")]
     pub input: Option<PathBuf>,
@@ -104,6 +106,50 @@ pub struct RunArgs {
     pub quiet: bool,
 }
 
+/// Options of `--master interface-jacobian`.
+#[derive(Debug, Clone, Args)]
+#[command(next_help_heading = "Options of --master interface-jacobian")]
+pub struct CouplingArgs {
+    /// How often the slaves of a coupled component repeat a step from their saved state. 0: the prediction is kept,
+    /// and no state is saved. Default: 1.
+    #[arg(long, value_name = "NUMBER", conflicts_with = "iterate", value_parser = clap::value_parser!(u32).range(0..=20))]
+    pub corrections: Option<u32>,
+    /// Repeat until the outputs change by less than this part of the larger of value and nominal value, e.g. 1e-6.
+    #[arg(long, value_name = "TOL")]
+    pub iterate: Option<f64>,
+    /// Course of the inputs inside a communication step. Default: ramped.
+    #[arg(long, value_enum)]
+    pub inputs: Option<InputsChoice>,
+}
+
+impl CouplingArgs {
+    /// The option that was given, if any.
+    pub fn given(&self) -> Option<&'static str> {
+        let corrections = self.corrections.map(|_| "corrections");
+        corrections.or(self.iterate.map(|_| "iterate")).or(self.inputs.map(|_| "inputs"))
+    }
+}
+
+impl From<&CouplingArgs> for Coupling {
+    fn from(args: &CouplingArgs) -> Coupling {
+        let default = Coupling::default();
+        Coupling {
+            corrections: args.corrections.unwrap_or(default.corrections),
+            tolerance: args.iterate,
+            ramped: args.inputs.map_or(default.ramped, |inputs| inputs == InputsChoice::Ramped),
+        }
+    }
+}
+
+/// `--inputs`
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum InputsChoice {
+    /// Straight lines (for FMUs that take input derivatives) with the mean and the first moment of the input.
+    Ramped,
+    /// Held at their mean.
+    Held,
+}
+
 /// `--master`
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum MasterChoice {
@@ -111,6 +157,9 @@ pub enum MasterChoice {
     GaussSeidel,
     /// Parallel: outputs are exchanged, then all slaves step; every connection is one step late.
     Jacobi,
+    /// Linearly implicit: strongly coupled components are solved in the master, then their slaves step, with
+    /// rollback. For stiff coupling; accurate at long steps.
+    InterfaceJacobian,
 }
 
 impl From<MasterChoice> for Algorithm {
@@ -118,6 +167,7 @@ impl From<MasterChoice> for Algorithm {
         match choice {
             MasterChoice::GaussSeidel => Algorithm::GaussSeidel,
             MasterChoice::Jacobi => Algorithm::Jacobi,
+            MasterChoice::InterfaceJacobian => Algorithm::InterfaceJacobian,
         }
     }
 }

@@ -2,7 +2,7 @@
 
 use super::exchange::{Node, Values, Wiring};
 use super::{Error, Grid, Settings};
-use crate::fmu::{Slave, VariableKind};
+use crate::fmu::{Instance, Slave, VariableKind};
 use crate::system::SystemGraph;
 use crate::system::graph::{Component, Start};
 
@@ -77,7 +77,7 @@ fn settle(
     Err(Error::Unsettled { passes, variable })
 }
 
-fn set_start_values(slave: &mut Slave, component: &Component) -> Result<(), Error> {
+pub(super) fn set_start_values(slave: &mut Instance, component: &Component) -> Result<(), Error> {
     for start in &component.start_values {
         let variable = &component.fmu.description.variables[start.variable];
         let reference = [variable.value_reference];

@@ -1,15 +1,17 @@
-//! Co-simulation masters with a fixed communication step: Gauss-Seidel (serial) and Jacobi (parallel).
+//! Co-simulation masters with a fixed communication step: Gauss-Seidel (serial), Jacobi (parallel) and
+//! interface-Jacobian (linearly implicit, with rollback).
 //!
 //! [`Master`] owns the slaves of a [`SystemGraph`] and steps them; [`simulate::run`] drives it over a time span with
 //! inputs from a series and a recorder. What is optimised, plotted or compared is left to the modules above.
 //!
-//! Both masters keep to the strict reading of FMI 2.0.5 section 4.2.4: between setting an input and reading an
+//! All masters keep to the strict reading of FMI 2.0.5 section 4.2.4: between setting an input and reading an
 //! output of a slave there is always a step.
 
 mod exchange;
 mod gauss_seidel;
 mod grid;
 mod initialize;
+mod interface_jacobian;
 mod jacobi;
 pub mod simulate;
 
@@ -21,6 +23,8 @@ use crate::system::graph::DataType;
 pub use exchange::Values;
 use exchange::{Node, Wiring};
 pub use grid::Grid;
+pub use interface_jacobian::Coupling;
+use interface_jacobian::{Failure, InterfaceJacobian};
 
 /// Order in which slaves step and exchange values.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -30,6 +34,8 @@ pub enum Algorithm {
     GaussSeidel,
     /// Parallel: all slaves get the outputs at the communication point, then all step.
     Jacobi,
+    /// Linearly implicit: strongly coupled components are solved in the master before their slaves step.
+    InterfaceJacobian,
 }
 
 impl std::fmt::Display for Algorithm {
@@ -37,6 +43,7 @@ impl std::fmt::Display for Algorithm {
         f.write_str(match self {
             Algorithm::GaussSeidel => "gauss-seidel",
             Algorithm::Jacobi => "jacobi",
+            Algorithm::InterfaceJacobian => "interface-jacobian",
         })
     }
 }
@@ -50,8 +57,10 @@ pub struct Settings {
     pub stop_time: f64,
     /// Communication step size \[s\], positive; default 1 ms. The last step is shortened to meet the stop time.
     pub step_size: f64,
-    /// Gauss-Seidel (default) or Jacobi.
+    /// Gauss-Seidel (default), Jacobi or interface-Jacobian.
     pub algorithm: Algorithm,
+    /// Options of the interface-Jacobian master.
+    pub coupling: Coupling,
     /// Relative tolerance for the slaves, in (0, 1); default: each slave uses its own.
     pub tolerance: Option<f64>,
     /// Read all outputs at every communication point (default), or only those that are connected.
@@ -65,6 +74,7 @@ impl Default for Settings {
             stop_time: 1.0,
             step_size: 1e-3,
             algorithm: Algorithm::GaussSeidel,
+            coupling: Coupling::default(),
             tolerance: None,
             read_all_outputs: true,
         }
@@ -79,6 +89,10 @@ impl Settings {
     pub fn validate(&self) -> Result<Grid, Error> {
         if let Some(tolerance) = self.tolerance.filter(|tolerance| !(*tolerance > 0.0 && *tolerance < 1.0)) {
             return Err(Error::Setting { name: "tolerance", value: tolerance, allowed: "between 0 and 1" });
+        }
+        let iterate = self.coupling.tolerance.filter(|tolerance| !(*tolerance > 0.0 && *tolerance < 1.0));
+        if let Some(tolerance) = iterate {
+            return Err(Error::Setting { name: "iterate", value: tolerance, allowed: "between 0 and 1" });
         }
         Grid::new(self.start_time, self.stop_time, self.step_size)
     }
@@ -114,6 +128,19 @@ pub enum Error {
         "the outputs still change after {passes} rounds of initialisation (`{variable}` is one); an FMU probably depends on an input that its `dependencies` do not list"
     )]
     Unsettled { passes: usize, variable: String },
+    /// An option of another master.
+    #[error("--{option} is an option of `--master {master}`; give that master or leave the option out")]
+    OptionOfOther { option: &'static str, master: &'static str },
+    /// The interface-Jacobian master cannot work with an FMU.
+    #[error(
+        "component `{component}` {reason} which the interface-Jacobian master cannot handle; use `--master gauss-seidel`"
+    )]
+    Unsuitable { component: String, reason: String },
+    /// A coupled component cannot be solved.
+    #[error(
+        "the coupling of {components} {reason} at t = {time} s with step {step} s; try a smaller `--step`, or `--master gauss-seidel`"
+    )]
+    Coupling { components: String, reason: String, time: f64, step: f64 },
     /// Two columns of the result have one name.
     #[error("the result cannot be written: {0}")]
     Result(#[from] crate::series::Error),
@@ -133,6 +160,19 @@ pub enum Progress {
     },
 }
 
+/// How much work a master has done so far.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Effort {
+    /// `fmi2DoStep` calls of each component, in evaluation order; repeated steps count again.
+    pub fmu_steps: Vec<u64>,
+    /// Evaluations of blocks without states inside the master, with their derivatives.
+    pub static_evaluations: u64,
+    /// Rounds of Newton's method inside the master.
+    pub newton_rounds: u64,
+    /// Steps of coupled components, repetitions included.
+    pub coupled_passes: u64,
+}
+
 /// Instantiated and initialised slaves at a communication point.
 #[derive(Debug)]
 pub struct Master {
@@ -144,6 +184,8 @@ pub struct Master {
     /// Number of the current communication point.
     point: u64,
     algorithm: Algorithm,
+    /// Present for that algorithm only.
+    interface_jacobian: Option<Box<InterfaceJacobian>>,
 }
 
 impl Master {
@@ -161,8 +203,15 @@ impl Master {
         for &(input, value) in inputs {
             values.set(wiring.inputs[input], value);
         }
-        let nodes = initialize::initialize(graph, &wiring, settings, &grid, &mut values)?;
-        Ok(Master { nodes, wiring, values, grid, point: 0, algorithm: settings.algorithm })
+        let mut nodes = initialize::initialize(graph, &wiring, settings, &grid, &mut values)?;
+        let interface_jacobian = match settings.algorithm {
+            Algorithm::InterfaceJacobian => {
+                Some(Box::new(InterfaceJacobian::new(graph, &wiring, settings, &grid, &mut nodes, &values)?))
+            }
+            _ => None,
+        };
+        let algorithm = settings.algorithm;
+        Ok(Master { nodes, wiring, values, grid, point: 0, algorithm, interface_jacobian })
     }
 
     /// Current communication point \[s\].
@@ -197,6 +246,21 @@ impl Master {
         self.values.set(self.wiring.inputs[input], value);
     }
 
+    /// Work done so far.
+    pub fn effort(&self) -> Effort {
+        let Some(interface_jacobian) = &self.interface_jacobian else {
+            return Effort { fmu_steps: vec![self.point; self.nodes.len()], ..Effort::default() };
+        };
+        let [static_evaluations, newton_rounds, coupled_passes] = interface_jacobian.inner_work();
+        let fmu_steps = interface_jacobian.fmu_steps().collect();
+        Effort { fmu_steps, static_evaluations, newton_rounds, coupled_passes }
+    }
+
+    /// What the master does in place of what an FMU cannot do, one sentence each.
+    pub fn notes(&self) -> &[String] {
+        self.interface_jacobian.as_ref().map_or(&[], |master| master.notes())
+    }
+
     /// Columns for a recorder: system inputs and outputs by their plain name, then, unless the system is a single
     /// FMU, all outputs of components as `component.variable`. Strings are not recorded.
     pub fn columns(&self, graph: &SystemGraph) -> Vec<Column> {
@@ -215,6 +279,10 @@ impl Master {
         let status = match self.algorithm {
             Algorithm::GaussSeidel => gauss_seidel::step(&mut self.nodes, &mut self.values, t, h),
             Algorithm::Jacobi => jacobi::step(&mut self.nodes, &mut self.values, t, h),
+            Algorithm::InterfaceJacobian => match &mut self.interface_jacobian {
+                Some(master) => master.step(&mut self.nodes, &mut self.values, t, h),
+                None => Ok(()),
+            },
         };
         match status {
             Ok(()) => {
@@ -229,6 +297,10 @@ impl Master {
     fn explain(&mut self, stop: Stop, t: f64, h: f64) -> Result<Progress, Error> {
         match stop {
             Stop::Fmu(error) => Err(Error::Fmu(*error)),
+            Stop::Coupling(failure) => match &self.interface_jacobian {
+                Some(master) => Err(master.explain(&failure, &self.nodes, t, h)),
+                None => Ok(Progress::Stepped),
+            },
             Stop::NotFinite { node } => {
                 Err(self.nodes[node].not_finite(&self.values, self.grid.time(self.point + 1)))
             }
@@ -260,6 +332,14 @@ enum Stop {
     Fmu(Box<crate::fmu::Error>),
     Incomplete { node: usize, status: StepStatus },
     NotFinite { node: usize },
+    Coupling(Box<Failure>),
+}
+
+impl From<Failure> for Stop {
+    #[cold]
+    fn from(failure: Failure) -> Stop {
+        Stop::Coupling(Box::new(failure))
+    }
 }
 
 impl From<crate::fmu::Error> for Stop {

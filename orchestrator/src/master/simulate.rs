@@ -3,7 +3,7 @@
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-use super::{Error, Master, Progress, Settings};
+use super::{Effort, Error, Master, Progress, Settings};
 use crate::results::Recorder;
 use crate::series::resample::{locate, value_at};
 use crate::series::{Interpolation, TimeSeries};
@@ -56,6 +56,10 @@ pub struct Run {
     pub end: End,
     /// Macro steps done.
     pub steps: u64,
+    /// Work of the master.
+    pub effort: Effort,
+    /// What the master did in place of what an FMU cannot do, one sentence each.
+    pub notes: Vec<String>,
     /// Wall-clock time of initialisation.
     pub initialization: Duration,
     /// Wall-clock time of stepping.
@@ -149,5 +153,6 @@ pub fn run(
     }
     let stepping = began.elapsed();
     let result = recorder.finish()?;
-    Ok(Run { result, end, steps: master.steps(), initialization, stepping })
+    let (effort, notes) = (master.effort(), master.notes().to_vec());
+    Ok(Run { result, end, steps: master.steps(), effort, notes, initialization, stepping })
 }
