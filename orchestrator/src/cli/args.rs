@@ -36,7 +36,7 @@ pub enum Command {
     /// outputs as component.variable), summary.json (settings, FMUs, timings, fits), figures as SVG, and index.html
     /// with all of them. Discrete outputs stand at the start of the interval over which they are held: a sampled
     /// output y(k) is in the row of k Ts.
-    Run(RunArgs),
+    Run(Box<RunArgs>),
     /// Show what an FMU or a system consists of.
     Inspect(super::inspect::Args),
     /// Print a completion script for a shell, e.g. `airloop completions bash > ~/.local/share/bash-completion/completions/airloop`.
@@ -68,6 +68,7 @@ pub struct RunArgs {
     /// How slaves are coupled.
     #[arg(long, value_enum, default_value_t = MasterChoice::GaussSeidel)]
     pub master: MasterChoice,
+    /// Options of one master.
     #[command(flatten)]
     pub coupling: CouplingArgs,
     /// CSV file with inputs of the system: first column time [s], then one column per input.

@@ -11,6 +11,7 @@ mod exchange;
 mod gauss_seidel;
 mod grid;
 mod initialize;
+#[allow(clippy::needless_range_loop, reason = "small matrices are read by row and column")]
 mod interface_jacobian;
 mod jacobi;
 pub mod simulate;

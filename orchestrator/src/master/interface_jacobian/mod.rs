@@ -10,6 +10,7 @@
 //! Components outside all cycles step once, in the order of the graph. Algebraic loops through FMUs and events
 //! inside a coupled component are left to other masters.
 
+mod capabilities;
 mod coupled;
 mod dense;
 mod evaluator;

@@ -4,16 +4,12 @@
 use std::collections::BTreeMap;
 
 use super::coupled::Coupled;
-use super::evaluator;
-use super::local_model::{LocalModel, Origin};
-use super::options::Coupling;
 use super::radau::Radau;
 use super::reduced::{Dynamic, Link, Reduced, Static};
 use super::signal::Signal;
-use super::static_block::{Function, Secant};
 use super::unit::{Feed, Input, Outputs, Unit};
 use super::{InterfaceJacobian, Part};
-use crate::fmu::{DependencyKind, Variability, VariableKind};
+use crate::fmu::{Variability, VariableKind};
 use crate::master::exchange::{Node, Values, Wiring};
 use crate::master::{Error, Grid, Settings};
 use crate::system::SystemGraph;
@@ -21,16 +17,16 @@ use crate::system::graph::{DataType, Source};
 use crate::system::order::{feed_through, strongly_connected};
 
 /// What planning needs to know about the system.
-struct Planner<'a> {
-    graph: &'a SystemGraph,
-    wiring: &'a Wiring,
-    settings: &'a Settings,
-    grid: &'a Grid,
+pub(super) struct Planner<'a> {
+    pub graph: &'a SystemGraph,
+    pub wiring: &'a Wiring,
+    pub settings: &'a Settings,
+    pub grid: &'a Grid,
     /// Unit of each component.
-    number: Vec<usize>,
+    pub number: Vec<usize>,
     /// Place in [`Outputs`] of each output (component, variable) that feeds a Real input.
-    places: BTreeMap<(usize, usize), usize>,
-    notes: Vec<String>,
+    pub places: BTreeMap<(usize, usize), usize>,
+    pub notes: Vec<String>,
 }
 
 /// Makes the master from initialised slaves.
@@ -93,11 +89,11 @@ fn nodes_error(graph: &SystemGraph, unit: &Unit, grid: &Grid) -> Error {
 }
 
 impl Planner<'_> {
-    fn component(&self, unit: usize) -> &crate::system::graph::Component {
+    pub fn component(&self, unit: usize) -> &crate::system::graph::Component {
         &self.graph.components[self.graph.order[unit]]
     }
 
-    fn name(&self, unit: usize) -> &str {
+    pub fn name(&self, unit: usize) -> &str {
         &self.component(unit).name
     }
 
@@ -118,7 +114,7 @@ impl Planner<'_> {
         }
     }
 
-    fn is_real(&self, component: usize, variable: usize) -> bool {
+    pub fn is_real(&self, component: usize, variable: usize) -> bool {
         DataType::of(&self.graph.components[component].fmu.description.variables[variable]) == DataType::Real
     }
 
@@ -299,36 +295,6 @@ impl Planner<'_> {
         (units.iter().map(of_unit).sum::<f64>() as usize).min(1_000_000) + 3
     }
 
-    /// Refuses what a coupled component cannot do with this FMU.
-    fn refuse(&self, unit: usize, reason: &str) -> Error {
-        Error::Unsuitable { component: self.name(unit).to_owned(), reason: reason.to_owned() }
-    }
-
-    fn check(&self, unit: &Unit, members: &[usize]) -> Result<(), Error> {
-        let description = &self.component(unit.number).fmu.description;
-        if unit.discrete.contains(&true) {
-            return Err(
-                self.refuse(unit.number, "passes on discrete and continuous outputs in a coupled component")
-            );
-        }
-        if description.number_of_event_indicators > 0 {
-            return Err(self.refuse(unit.number, "has state events in a coupled component"));
-        }
-        for connection in &self.graph.connections {
-            let Source::Output { component, variable } = connection.source else { continue };
-            let inside =
-                self.number[component] == unit.number && members.contains(&self.number[connection.component]);
-            let reals =
-                self.is_real(component, variable) && self.is_real(connection.component, connection.variable);
-            if inside && !reals {
-                return Err(
-                    self.refuse(unit.number, "exchanges other than Real values in a coupled component")
-                );
-            }
-        }
-        Ok(())
-    }
-
     /// A strongly coupled component.
     fn couple(&mut self, units: &mut [Unit], members: &[usize], pieces: usize) -> Result<Coupled, Error> {
         members.iter().try_for_each(|&member| self.check(&units[member], members))?;
@@ -415,157 +381,10 @@ impl Planner<'_> {
             found.iter().any(|members| members.len() > 1 || next[members[0]].contains(&members[0]));
         (found.into_iter().rev().flatten().map(|position| fixed[position]).collect(), circular)
     }
-
-    /// Whether an input of the unit reaches one of its connected outputs directly.
-    fn has_feed_through(&self, unit: &Unit) -> bool {
-        let component = self.component(unit.number);
-        let index = self.graph.order[unit.number];
-        self.places
-            .keys()
-            .filter(|(owner, _)| *owner == index)
-            .flat_map(|&(_, variable)| feed_through(component, variable))
-            .any(|variable| unit.inputs.iter().any(|input| input.variable == variable))
-    }
-
-    /// Whether steps can be taken back; if not, the prediction has to do.
-    fn choose_repeats(
-        &mut self,
-        units: &[Unit],
-        members: &[usize],
-        dynamic: &[usize],
-        coupling: &mut Coupling,
-    ) -> Result<(), Error> {
-        let stuck = dynamic.iter().copied().find(|&number| !units[number].rollback);
-        if let Some(number) = stuck
-            && coupling.repeats()
-        {
-            if coupling.tolerance.is_some() {
-                return Err(self.refuse(
-                    number,
-                    "cannot save and restore its state, which --iterate needs (or leave --iterate out)",
-                ));
-            }
-            coupling.corrections = 0;
-            let names: Vec<&str> = members.iter().map(|&member| self.name(member)).collect();
-            let note = format!(
-                "coupled component {}: no correction, as `{}` cannot save and restore its state; the error of the last step corrects the next prediction",
-                names.join(", "),
-                self.name(number)
-            );
-            self.notes.push(note);
-        }
-        Ok(())
-    }
-
-    fn local_model(&mut self, unit: &Unit, repeats: bool) -> Result<LocalModel, Error> {
-        let description = &self.component(unit.number).fmu.description;
-        let reference = |variable: usize| description.variables[variable].value_reference;
-        let states: Vec<usize> = description.continuous_states().collect();
-        let offered = description
-            .co_simulation
-            .as_ref()
-            .is_some_and(|interface| interface.provides_directional_derivative)
-            && !states.is_empty()
-            && states.len() == description.derivatives.len();
-        let (nu, ny) = (unit.inputs.len(), unit.outputs.len());
-        let (origin, nominals) = if offered {
-            let derivatives = description.derivatives.iter().map(|unknown| reference(unknown.variable));
-            let unknowns = derivatives.chain(unit.output_references.iter().copied()).collect();
-            let nominals = states.iter().map(|&state| nominal(&description.variables[state].kind)).collect();
-            let states = states.iter().map(|&state| reference(state)).collect();
-            (Origin::Derivatives { states, unknowns }, nominals)
-        } else {
-            if !unit.rollback || !repeats {
-                return Err(self.refuse(
-                    unit.number,
-                    "has no directional derivatives, and steps cannot be repeated to find its input gains,",
-                ));
-            }
-            if self.has_feed_through(unit) {
-                return Err(self
-                    .refuse(unit.number, "has states, direct feed-through and no directional derivatives"));
-            }
-            self.notes.push(format!(
-                "component `{}` has no directional derivatives: its input gains come from {nu} repeated steps per communication step",
-                self.name(unit.number)
-            ));
-            (Origin::Differences, unit.output_nominals.clone())
-        };
-        if !unit.ramps && self.settings.coupling.ramped {
-            self.notes.push(format!(
-                "component `{}` takes no input derivatives: its inputs are held at their mean over the step",
-                self.name(unit.number)
-            ));
-        }
-        if !unit.rates {
-            self.notes.push(format!(
-                "component `{}` gives no output derivatives: the error of its prediction is taken to grow with the square of time",
-                self.name(unit.number)
-            ));
-        }
-        Ok(LocalModel::new(origin, nominals, nu, ny))
-    }
-
-    /// How a static block is evaluated.
-    fn function(&mut self, unit: &Unit, repeats: bool) -> Result<Function, Error> {
-        let component = self.component(unit.number);
-        let description = &component.fmu.description;
-        let index = self.graph.order[unit.number];
-        let others = self
-            .graph
-            .connections
-            .iter()
-            .any(|connection| connection.component == index && !self.is_real(index, connection.variable));
-        let name = component.name.clone();
-        if let Some(interface) = &description.model_exchange
-            && !interface.can_be_instantiated_only_once_per_process
-            && !others
-        {
-            let derivatives = interface.provides_directional_derivative;
-            let model = evaluator::instantiate(component, unit, self.settings, self.grid)?;
-            if !derivatives {
-                self.notes.push(format!(
-                    "component `{name}` has no directional derivatives: its slopes are difference quotients"
-                ));
-            }
-            return Ok(Function::Exchange { model: Box::new(model), derivatives });
-        }
-        let slave = description.co_simulation.as_ref();
-        let derivatives = slave.is_some_and(|interface| interface.provides_directional_derivative);
-        let corrected = unit.rollback && repeats;
-        if !derivatives && !unit.rollback {
-            return Err(self.refuse(
-                unit.number,
-                "cannot be evaluated through Model Exchange, has no directional derivatives and cannot take a step back,",
-            ));
-        }
-        self.notes.push(format!(
-            "component `{name}` cannot be evaluated through Model Exchange: it is approximated by its {}",
-            if corrected { "secant to a predicted input, at the cost of a further step" } else { "tangent" }
-        ));
-        let weight = unit.inputs.iter().map(|input| {
-            let linear = self.is_linear_in(unit, input.variable);
-            if linear { 0.0 } else { input.nominal.powi(-2) }
-        });
-        Ok(Function::Secant(Secant::new(weight.collect(), unit.outputs.len(), derivatives)))
-    }
-
-    /// Whether all connected outputs of a unit depend on an input with a constant factor or not at all.
-    fn is_linear_in(&self, unit: &Unit, input: usize) -> bool {
-        let description = &self.component(unit.number).fmu.description;
-        let index = self.graph.order[unit.number];
-        self.places.keys().filter(|(owner, _)| *owner == index).all(|(_, output)| {
-            let unknown = description.outputs.iter().find(|unknown| unknown.variable == *output);
-            let known = unknown.and_then(|unknown| unknown.dependencies.as_ref());
-            known.is_some_and(|known| {
-                let mut kinds = known.iter().filter(|known| known.variable == input);
-                kinds.all(|known| known.kind != DependencyKind::Dependent)
-            })
-        })
-    }
 }
 
-fn nominal(kind: &VariableKind) -> f64 {
+/// Nominal value of a variable; 1 where none is declared.
+pub(super) fn nominal(kind: &VariableKind) -> f64 {
     let declared = match kind {
         VariableKind::Real(real) => real.nominal,
         _ => None,
