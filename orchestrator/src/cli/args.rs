@@ -107,19 +107,20 @@ pub struct RunArgs {
     pub quiet: bool,
 }
 
+const COUPLING: &str = "Options of --master interface-jacobian";
+
 /// Options of `--master interface-jacobian`.
 #[derive(Debug, Clone, Args)]
-#[command(next_help_heading = "Options of --master interface-jacobian")]
 pub struct CouplingArgs {
     /// How often the slaves of a coupled component repeat a step from their saved state. 0: the prediction is kept,
     /// and no state is saved. Default: 1.
-    #[arg(long, value_name = "NUMBER", conflicts_with = "iterate", value_parser = clap::value_parser!(u32).range(0..=20))]
+    #[arg(long, value_name = "NUMBER", conflicts_with = "iterate", value_parser = clap::value_parser!(u32).range(0..=20), help_heading = COUPLING)]
     pub corrections: Option<u32>,
     /// Repeat until the outputs change by less than this part of the larger of value and nominal value, e.g. 1e-6.
-    #[arg(long, value_name = "TOL")]
+    #[arg(long, value_name = "TOL", help_heading = COUPLING)]
     pub iterate: Option<f64>,
     /// Course of the inputs inside a communication step. Default: ramped.
-    #[arg(long, value_enum)]
+    #[arg(long, value_enum, help_heading = COUPLING)]
     pub inputs: Option<InputsChoice>,
 }
 
