@@ -65,19 +65,22 @@ fn a_macro_step_with_recording_allocates_nothing() {
     let text = ssd(input, &components, &(connections + &connection("u", "c0.u")), "");
     let graph = SystemGraph::open(&write(&folder, "system.ssd", &text)).unwrap();
     for algorithm in [Algorithm::GaussSeidel, Algorithm::Jacobi, Algorithm::InterfaceJacobian] {
-        steps_allocate_nothing(&graph, algorithm);
+        steps_allocate_nothing(&graph, algorithm, 0);
     }
 
-    // Rollback, local models and the solver of the interface-Jacobian master need FMUs that can do more.
+    // Rollback, local models and the solver of the interface-Jacobian master, and input derivatives, need FMUs that can do more.
     let example = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../examples/01_run/system.ssd"));
     match SystemGraph::open(example) {
-        Ok(graph) => steps_allocate_nothing(&graph, Algorithm::InterfaceJacobian),
+        Ok(graph) => {
+            steps_allocate_nothing(&graph, Algorithm::InterfaceJacobian, 0);
+            steps_allocate_nothing(&graph, Algorithm::GaussSeidel, 2);
+        }
         Err(error) => println!("skipped the coupled component: {error}"),
     }
 }
 
-fn steps_allocate_nothing(graph: &SystemGraph, algorithm: Algorithm) {
-    let settings = Settings { stop_time: 10.0, algorithm, ..Settings::default() };
+fn steps_allocate_nothing(graph: &SystemGraph, algorithm: Algorithm, extrapolation: u32) {
+    let settings = Settings { stop_time: 10.0, algorithm, extrapolation, ..Settings::default() };
     let mut master = Master::new(graph, &settings, &[]).unwrap();
     let values = master.values();
     let width = [values.reals.len(), values.integers.len(), values.booleans.len()];

@@ -68,6 +68,10 @@ pub struct RunArgs {
     /// How slaves are coupled.
     #[arg(long, value_enum, default_value_t = MasterChoice::GaussSeidel)]
     pub master: MasterChoice,
+    /// Order of the polynomials that inputs follow inside a step of Gauss-Seidel or Jacobi, through the last values of
+    /// what feeds them; 0 (default) holds them. Higher orders are more exact at short steps and unstable sooner.
+    #[arg(long, value_name = "ORDER", value_parser = clap::value_parser!(u32).range(0..=2))]
+    pub extrapolation: Option<u32>,
     /// Options of one master.
     #[command(flatten)]
     pub coupling: CouplingArgs,

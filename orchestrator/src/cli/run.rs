@@ -129,12 +129,17 @@ fn settings(args: &RunArgs, graph: &SystemGraph, data: Option<&Record>) -> Resul
     {
         return Err(master::Error::OptionOfOther { option, master: "interface-jacobian" }.into());
     }
+    if args.extrapolation.is_some() && args.master == MasterChoice::InterfaceJacobian {
+        let (option, master) = ("extrapolation", "gauss-seidel` or `--master jacobi");
+        return Err(master::Error::OptionOfOther { option, master }.into());
+    }
     Ok(master::Settings {
         start_time: args.start.or(first).or(experiment.start).unwrap_or(0.0),
         stop_time: args.stop.or(last).or(experiment.stop).ok_or(missing)?,
         step_size: args.step.or(experiment.step_size).unwrap_or(DEFAULT_STEP),
         algorithm: args.master.into(),
         coupling: (&args.coupling).into(),
+        extrapolation: args.extrapolation.unwrap_or(0),
         tolerance: args.tolerance,
         read_all_outputs: true,
     })
@@ -276,6 +281,7 @@ fn summarize(
                 Interpolation::Linear => "linear".into(),
                 Interpolation::Hold => "hold".into(),
             },
+            extrapolation: settings.extrapolation,
             coupling: (settings.algorithm == Algorithm::InterfaceJacobian).then_some(CouplingRecord {
                 corrections: settings.coupling.corrections,
                 iterate: settings.coupling.tolerance,

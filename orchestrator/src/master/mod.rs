@@ -8,6 +8,7 @@
 //! output of a slave there is always a step.
 
 mod exchange;
+mod extrapolation;
 mod gauss_seidel;
 mod grid;
 mod initialize;
@@ -23,6 +24,7 @@ use crate::system::graph::DataType;
 
 pub use exchange::Values;
 use exchange::{Node, Wiring};
+use extrapolation::{Extrapolation, MAX_ORDER};
 pub use grid::Grid;
 pub use interface_jacobian::Coupling;
 use interface_jacobian::{Failure, InterfaceJacobian};
@@ -62,6 +64,8 @@ pub struct Settings {
     pub algorithm: Algorithm,
     /// Options of the interface-Jacobian master.
     pub coupling: Coupling,
+    /// Order (0 to 2) of the polynomials that inputs follow inside a step of Gauss-Seidel or Jacobi; default 0, held.
+    pub extrapolation: u32,
     /// Relative tolerance for the slaves, in (0, 1); default: each slave uses its own.
     pub tolerance: Option<f64>,
     /// Read all outputs at every communication point (default), or only those that are connected.
@@ -76,6 +80,7 @@ impl Default for Settings {
             step_size: 1e-3,
             algorithm: Algorithm::GaussSeidel,
             coupling: Coupling::default(),
+            extrapolation: 0,
             tolerance: None,
             read_all_outputs: true,
         }
@@ -90,6 +95,10 @@ impl Settings {
     pub fn validate(&self) -> Result<Grid, Error> {
         if let Some(tolerance) = self.tolerance.filter(|tolerance| !(*tolerance > 0.0 && *tolerance < 1.0)) {
             return Err(Error::Setting { name: "tolerance", value: tolerance, allowed: "between 0 and 1" });
+        }
+        if self.extrapolation > MAX_ORDER {
+            let value = f64::from(self.extrapolation);
+            return Err(Error::Setting { name: "extrapolation", value, allowed: "0, 1 or 2" });
         }
         let iterate = self.coupling.tolerance.filter(|tolerance| !(*tolerance > 0.0 && *tolerance < 1.0));
         if let Some(tolerance) = iterate {
@@ -187,6 +196,8 @@ pub struct Master {
     algorithm: Algorithm,
     /// Present for that algorithm only.
     interface_jacobian: Option<Box<InterfaceJacobian>>,
+    /// Present for Gauss-Seidel and Jacobi with inputs that are not held.
+    extrapolation: Option<Box<Extrapolation>>,
 }
 
 impl Master {
@@ -211,8 +222,12 @@ impl Master {
             }
             _ => None,
         };
+        let extrapolation = match (settings.algorithm, settings.extrapolation) {
+            (Algorithm::InterfaceJacobian, _) | (_, 0) => None,
+            _ => Some(Box::new(Extrapolation::new(graph, &wiring, settings, &grid, &mut nodes, &values)?)),
+        };
         let algorithm = settings.algorithm;
-        Ok(Master { nodes, wiring, values, grid, point: 0, algorithm, interface_jacobian })
+        Ok(Master { nodes, wiring, values, grid, point: 0, algorithm, interface_jacobian, extrapolation })
     }
 
     /// Current communication point \[s\].
@@ -259,7 +274,8 @@ impl Master {
 
     /// What the master does in place of what an FMU cannot do, one sentence each.
     pub fn notes(&self) -> &[String] {
-        self.interface_jacobian.as_ref().map_or(&[], |master| master.notes())
+        let coupled = self.interface_jacobian.as_ref().map(|master| master.notes());
+        coupled.or(self.extrapolation.as_ref().map(|master| master.notes())).unwrap_or(&[])
     }
 
     /// Columns for a recorder: system inputs and outputs by their plain name, then, unless the system is a single
@@ -278,6 +294,9 @@ impl Master {
     pub fn step(&mut self) -> Result<Progress, Error> {
         let (t, h) = (self.grid.time(self.point), self.grid.step_size(self.point));
         let status = match self.algorithm {
+            Algorithm::GaussSeidel | Algorithm::Jacobi if self.extrapolation.is_some() => {
+                self.step_extrapolated(t, h)
+            }
             Algorithm::GaussSeidel => gauss_seidel::step(&mut self.nodes, &mut self.values, t, h),
             Algorithm::Jacobi => jacobi::step(&mut self.nodes, &mut self.values, t, h),
             Algorithm::InterfaceJacobian => match &mut self.interface_jacobian {
@@ -291,6 +310,15 @@ impl Master {
                 Ok(Progress::Stepped)
             }
             Err(stop) => self.explain(stop, t, h),
+        }
+    }
+
+    #[inline(never)]
+    fn step_extrapolated(&mut self, t: f64, h: f64) -> Result<(), Stop> {
+        let serial = self.algorithm == Algorithm::GaussSeidel;
+        match &mut self.extrapolation {
+            Some(master) => master.step(&mut self.nodes, &mut self.values, t, h, serial),
+            None => Ok(()),
         }
     }
 

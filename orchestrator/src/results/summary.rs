@@ -51,6 +51,9 @@ pub struct Settings {
     pub step_size: f64,
     /// `gauss-seidel`, `jacobi` or `interface-jacobian`.
     pub master: String,
+    /// Order of the polynomials that inputs follow inside a step of `gauss-seidel` or `jacobi`.
+    #[serde(default)]
+    pub extrapolation: u32,
     /// Options of the interface-Jacobian master; null for others.
     #[serde(default)]
     pub coupling: Option<CouplingRecord>,

@@ -30,7 +30,8 @@ use crate::system::SystemGraph;
 use coupled::Coupled;
 pub(super) use coupled::Failure;
 pub use options::Coupling;
-use unit::{Outputs, Unit};
+pub(super) use plan::interfaces;
+pub(super) use unit::{Feed, Outputs, Unit};
 
 /// One strongly connected component of the graph.
 #[derive(Debug)]

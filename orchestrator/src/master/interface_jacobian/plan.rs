@@ -11,7 +11,7 @@ use super::unit::{Feed, Input, Outputs, Unit};
 use super::{InterfaceJacobian, Part};
 use crate::fmu::{Variability, VariableKind};
 use crate::master::exchange::{Node, Values, Wiring};
-use crate::master::{Error, Grid, Settings};
+use crate::master::{Error, Grid, Settings, Stop};
 use crate::system::SystemGraph;
 use crate::system::graph::{DataType, Source};
 use crate::system::order::{feed_through, strongly_connected};
@@ -38,32 +38,13 @@ pub(super) fn plan(
     nodes: &mut [Node],
     values: &Values,
 ) -> Result<InterfaceJacobian, Error> {
-    let mut number = vec![0; graph.components.len()];
-    graph.order.iter().enumerate().for_each(|(unit, &component)| number[component] = unit);
-    let mut planner =
-        Planner { graph, wiring, settings, grid, number, places: BTreeMap::new(), notes: Vec::new() };
-    planner.find_outputs();
+    let mut planner = Planner::new(graph, wiring, settings, grid);
     let mut units: Vec<Unit> = (0..nodes.len()).map(|unit| planner.unit(unit)).collect();
     let (parts, delayed) = planner.parts();
     planner.connect(&mut units, &delayed, values);
-
+    planner.note_samples(&units);
     let pieces = planner.pieces(&units);
-    let count = planner.places.len();
-    let mut outputs = Outputs {
-        y: vec![0.0; count],
-        rate: vec![0.0; count],
-        begin: vec![0.0; count],
-        signals: (0..count).map(|_| Signal::with_room(pieces)).collect(),
-    };
-    for (unit, node) in units.iter().zip(nodes.iter_mut()) {
-        let places = unit.outputs.clone();
-        unit.read(node, &mut outputs.y[places.clone()], &mut outputs.rate[places]).map_err(
-            |stop| match stop {
-                crate::master::Stop::Fmu(error) => Error::Fmu(*error),
-                _ => nodes_error(graph, unit, grid),
-            },
-        )?;
-    }
+    let outputs = planner.outputs(&units, nodes, pieces)?;
     let mut planned = Vec::with_capacity(parts.len());
     for (members, coupled) in parts {
         planned.push(match coupled {
@@ -83,12 +64,62 @@ pub(super) fn plan(
     })
 }
 
-fn nodes_error(graph: &SystemGraph, unit: &Unit, grid: &Grid) -> Error {
-    let component = graph.components[graph.order[unit.number]].name.clone();
-    Error::NotFinite { component, variable: "an output".into(), value: f64::NAN, time: grid.start() }
+/// Units and their outputs alone, for masters that step in the plain order.
+pub(in crate::master) fn interfaces(
+    graph: &SystemGraph,
+    wiring: &Wiring,
+    settings: &Settings,
+    grid: &Grid,
+    nodes: &mut [Node],
+    values: &Values,
+) -> Result<(Vec<Unit>, Outputs), Error> {
+    let planner = Planner::new(graph, wiring, settings, grid);
+    let mut units: Vec<Unit> = (0..nodes.len()).map(|unit| planner.unit(unit)).collect();
+    planner.connect(&mut units, &vec![false; graph.connections.len()], values);
+    let outputs = planner.outputs(&units, nodes, 0)?;
+    Ok((units, outputs))
 }
 
-impl Planner<'_> {
+impl<'a> Planner<'a> {
+    fn new(
+        graph: &'a SystemGraph,
+        wiring: &'a Wiring,
+        settings: &'a Settings,
+        grid: &'a Grid,
+    ) -> Planner<'a> {
+        let mut number = vec![0; graph.components.len()];
+        graph.order.iter().enumerate().for_each(|(unit, &component)| number[component] = unit);
+        let mut planner =
+            Planner { graph, wiring, settings, grid, number, places: BTreeMap::new(), notes: Vec::new() };
+        planner.find_outputs();
+        planner
+    }
+
+    /// Outputs at their initial values, with room for signals of so many pieces.
+    fn outputs(&self, units: &[Unit], nodes: &mut [Node], pieces: usize) -> Result<Outputs, Error> {
+        let count = self.places.len();
+        let mut outputs = Outputs {
+            y: vec![0.0; count],
+            rate: vec![0.0; count],
+            begin: vec![0.0; count],
+            signals: (0..count).map(|_| Signal::with_room(pieces)).collect(),
+        };
+        for (unit, node) in units.iter().zip(nodes) {
+            let places = unit.outputs.clone();
+            let read = unit.read(node, &mut outputs.y[places.clone()], &mut outputs.rate[places]);
+            read.map_err(|stop| match stop {
+                Stop::Fmu(error) => Error::Fmu(*error),
+                _ => Error::NotFinite {
+                    component: self.name(unit.number).to_owned(),
+                    variable: "an output".into(),
+                    value: f64::NAN,
+                    time: self.grid.start(),
+                },
+            })?;
+        }
+        Ok(outputs)
+    }
+
     pub fn component(&self, unit: usize) -> &crate::system::graph::Component {
         &self.graph.components[self.graph.order[unit]]
     }
@@ -237,7 +268,7 @@ impl Planner<'_> {
     }
 
     /// Fills in the inputs of all units.
-    fn connect(&mut self, units: &mut [Unit], delayed: &[bool], values: &Values) {
+    fn connect(&self, units: &mut [Unit], delayed: &[bool], values: &Values) {
         for (position, connection) in self.graph.connections.iter().enumerate() {
             if !self.is_real(connection.component, connection.variable) {
                 continue;
@@ -261,28 +292,29 @@ impl Planner<'_> {
             unit.input_references.push(variable.value_reference);
             unit.u.push(connection.conversion.apply(values.reals[self.wiring.index_of(connection.source)]));
         }
-        for number in 0..units.len() {
-            let unit = &mut units[number];
+        for unit in units {
             unit.value = unit.u.clone();
             unit.slope = vec![0.0; unit.u.len()];
             unit.orders = vec![1; unit.u.len().max(unit.outputs.len())];
-            let step = self.grid.step();
+        }
+    }
+
+    /// Notes what becomes of sampled units.
+    fn note_samples(&mut self, units: &[Unit]) {
+        for unit in units {
+            let name = self.name(unit.number).to_owned();
             match unit.sample {
-                Some(sample) if sample < step * (1.0 - 1e-6) => self.notes.push(format!(
-                    "component `{}`: one FMU step per sample of {sample} s (its default experiment)",
-                    self.name(number)
+                Some(sample) if sample < self.grid.step() * (1.0 - 1e-6) => self.notes.push(format!(
+                    "component `{name}`: one FMU step per sample of {sample} s (its default experiment)"
                 )),
                 None if unit.discrete.contains(&true) => self.notes.push(format!(
-                    "component `{}` does not tell its sample time (step size of its default experiment): its discrete outputs are held over the communication step",
-                    self.name(number)
+                    "component `{name}` does not tell its sample time (step size of its default experiment): its discrete outputs are held over the communication step"
                 )),
                 _ => {}
             }
-            let late = unit.inputs.iter().any(|input| matches!(input.feed, Feed::Begin(_)));
-            if late {
+            if unit.inputs.iter().any(|input| matches!(input.feed, Feed::Begin(_))) {
                 self.notes.push(format!(
-                    "component `{}` is sampled: inputs from components that it drives are those at the beginning of the communication step",
-                    self.name(number)
+                    "component `{name}` is sampled: inputs from components that it drives are those at the beginning of the communication step"
                 ));
             }
         }

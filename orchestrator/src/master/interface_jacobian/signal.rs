@@ -27,7 +27,7 @@ impl Piece {
 
 /// An output over the present communication step.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Signal {
+pub(in crate::master) struct Signal {
     pieces: Vec<Piece>,
 }
 

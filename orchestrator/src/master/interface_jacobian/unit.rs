@@ -11,7 +11,7 @@ use crate::system::graph::Conversion;
 
 /// Outputs of all units that feed something, one after the other.
 #[derive(Debug, Default)]
-pub(super) struct Outputs {
+pub(in crate::master) struct Outputs {
     /// Value at the last time the unit reached.
     pub y: Vec<f64>,
     /// Its time derivative there.
@@ -24,7 +24,7 @@ pub(super) struct Outputs {
 
 /// Where an input gets its value from.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) enum Feed {
+pub(in crate::master) enum Feed {
     /// A system input (place in the flat buffer), held over the step.
     System(usize),
     /// An output, by its course over the step.
@@ -55,7 +55,7 @@ impl Feed {
 
 /// A connected Real input.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Input {
+pub(in crate::master) struct Input {
     pub feed: Feed,
     pub conversion: Conversion,
     /// Position of the variable in the model description.
@@ -65,7 +65,7 @@ pub(super) struct Input {
 
 /// A unit; its number is that of its node in evaluation order.
 #[derive(Debug)]
-pub(super) struct Unit {
+pub(in crate::master) struct Unit {
     pub number: usize,
     pub inputs: Vec<Input>,
     pub input_references: Vec<u32>,
