@@ -170,6 +170,7 @@ NO_RAMPS = lacking("canInterpolateInputs")
         ({"cart-pole": [no_output_derivatives]}, "`cart_pole` gives no output derivatives", (0.02, 0.1)),
         ({"cart-pole": [NO_RAMPS]}, "`cart_pole` takes no input derivatives", (0.12, 0.7)),
         ({"cart-pole": [NO_STATE]}, "no correction, as `cart_pole` cannot save", (0.12, 0.7)),
+        ({"cart-pole": [NO_STATE, NO_DIRECTIONAL]}, "learnt from step to step (Broyden)", (0.25, 0.7)),
         ({"friction": [NO_DIRECTIONAL]}, "slopes are difference quotients", (0.001, 0.004)),
         ({"friction": [no_model_exchange]}, "approximated by its secant", (0.12, 0.7)),
         ({"friction": [no_model_exchange, NO_DIRECTIONAL]}, "approximated by its secant", (0.12, 0.7)),
@@ -188,9 +189,9 @@ def test_a_fallback_is_named_and_stays_accurate(commands, tmp_path, changes, not
 @pytest.mark.parametrize(
     "changes, options",
     [
-        ({"cart-pole": [NO_STATE, NO_DIRECTIONAL]}, ()),
+        ({"cart-pole": [NO_STATE, NO_DIRECTIONAL, no_output_derivatives]}, ()),
         ({"cart-pole": [NO_STATE]}, ("--iterate", "1e-6")),
-        ({"cart-pole": [NO_DIRECTIONAL]}, ("--corrections", "0")),
+        ({"cart-pole": [NO_DIRECTIONAL, no_output_derivatives]}, ("--corrections", "0")),
         ({"friction": [no_model_exchange, NO_STATE, NO_DIRECTIONAL]}, ()),
         ({"cart-pole": [lambda text: text.replace('numberOfEventIndicators="0"', 'numberOfEventIndicators="1"')]}, ()),
     ],

@@ -102,20 +102,25 @@ impl Planner<'_> {
             let states = states.iter().map(|&state| reference(state)).collect();
             (Origin::Derivatives { states, unknowns }, nominals)
         } else {
-            if !unit.rollback || !repeats {
+            if !repeats && !unit.rates {
                 return Err(self.refuse(
                     unit.number,
-                    "has no directional derivatives, and steps cannot be repeated to find its input gains,",
+                    "has neither directional derivatives nor output derivatives, and its steps are not repeated,",
                 ));
             }
             if self.has_feed_through(unit) {
                 return Err(self
                     .refuse(unit.number, "has states, direct feed-through and no directional derivatives"));
             }
-            self.notes.push(format!(
-                "component `{}` has no directional derivatives: its input gains come from {nu} repeated steps per communication step",
-                self.name(unit.number)
-            ));
+            let name = self.name(unit.number);
+            self.notes.push(match repeats {
+                true => format!(
+                    "component `{name}` has no directional derivatives: its input gains come from {nu} repeated steps per communication step"
+                ),
+                false => format!(
+                    "component `{name}` has no directional derivatives: its input gains are learnt from step to step (Broyden)"
+                ),
+            });
             (Origin::Differences, unit.output_nominals.clone())
         };
         if !unit.ramps && self.settings.coupling.ramped {

@@ -75,7 +75,9 @@ impl Coupled {
             }
             self.passes += 1;
             self.step_dynamics(units, nodes, pass, t, h)?;
-            if pass == 0 {
+            if !self.repeats {
+                self.learn_gains(units, h);
+            } else if pass == 0 {
                 self.find_differences(units, nodes, t, h)?;
             }
             let (unit, output, change) = self.learn(units, h);
@@ -195,6 +197,17 @@ impl Coupled {
             }
         }
         Ok(())
+    }
+
+    /// Input gains of FMUs without directional derivatives whose steps are not repeated.
+    fn learn_gains(&mut self, units: &[Unit], h: f64) {
+        for block in &mut self.problem.dynamics {
+            if block.model.origin == Origin::Differences {
+                let unit = &units[block.unit];
+                block.model.respond(&unit.value, &unit.slope, h);
+                block.model.learn_gains(unit, &self.y[block.y.clone()], h);
+            }
+        }
     }
 
     /// Defects of all local models; the largest relative change with the output it belongs to.

@@ -10,12 +10,16 @@ use super::unit::Unit;
 use crate::fmu::Slave;
 use crate::master::Stop;
 
+/// Smallest change of the inputs, relative to their nominal values, from which input gains are learnt.
+const SMALLEST_CHANGE: f64 = 1e-2;
+
 /// How the matrices come about.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) enum Origin {
     /// Directional derivatives of the FMU; value references of states, then of derivatives with outputs behind.
     Derivatives { states: Vec<u32>, unknowns: Vec<u32> },
-    /// The outputs stand for the states, and B is found by repeating a step with changed inputs.
+    /// The outputs stand for the states, and B is found by repeating a step with changed inputs, or where that is not
+    /// possible learnt from step to step.
     Differences,
 }
 
@@ -138,6 +142,23 @@ impl LocalModel {
                 + (0..nu).map(|k| d[k] * du(k)).sum::<f64>();
             self.end_rate[row] = (0..nx).map(|k| c[k] * self.column[k]).sum::<f64>()
                 + (0..nu).map(|k| d[k] * slope[k]).sum::<f64>();
+        }
+    }
+
+    /// Broyden's update of B from what the FMU did under the inputs of [`LocalModel::respond`]; none where the inputs
+    /// hardly changed, as the update would follow other errors.
+    pub fn learn_gains(&mut self, unit: &Unit, y: &[f64], h: f64) {
+        let change = |k: usize| unit.value[k] + 0.5 * h * unit.slope[k] - self.u0[k];
+        let weight = |k: usize| unit.inputs[k].nominal.powi(-2);
+        let length: f64 = (0..self.nu).map(|k| weight(k) * change(k).powi(2)).sum();
+        if length < SMALLEST_CHANGE.powi(2) {
+            return;
+        }
+        for row in 0..self.ny {
+            let rest = (y[row] - self.end[row]) / h;
+            for k in 0..self.nu {
+                self.b[row * self.nu + k] += rest * weight(k) * change(k) / length;
+            }
         }
     }
 
