@@ -55,6 +55,14 @@ def expected(step):
     return {name: table[f"{name}_{step}ms"] for name in ("x", "theta", "v", "omega")}
 
 
+@pytest.mark.parametrize("hold", held.HOLDS)
+def test_stored_held_reference_is_what_its_script_computes(hold):
+    states = held.trajectory(hold, stop_time=0.1)[:: held.STORED_EVERY]
+    stored = expected(hold)
+    for column, name in enumerate(("x", "theta", "v", "omega")):
+        assert stored[name][: len(states)] == pytest.approx(states[:, column], rel=1e-9, abs=1e-12)
+
+
 class Outcome:
     """What a run wrote, with its errors [%] against the reference."""
 
@@ -106,8 +114,7 @@ def test_interface_jacobian_with_held_inputs_and_without_correction(commands, tm
 
 def test_forces_are_consistent_at_the_communication_points(commands, tmp_path):
     result = run(commands, 2, tmp_path, "--master", "interface-jacobian").result
-    # A row of F_act holds the value of the interval that begins there, F_p the left limit: F_act one row before,
-    # where the value of the last sample of that interval is recorded.
+    # F_p is the left limit: the force of the last sample before the communication point, less the friction there.
     forces = reference.actuator_forces(held.held_command(np.arange(3001), 2))[:, 1]
     friction = reference.piston_friction(result["v"][1:])
     assert np.max(np.abs(result["F_p"][1:] - (forces[1:3000:2] - friction))) < 1e-6
@@ -128,7 +135,7 @@ def test_extrapolated_inputs_remove_the_error_of_first_order_below_the_stability
 
 
 def weakened(tmp_path, changes):
-    """The example with model descriptions changed: {FMU: [(old, new) or (pattern between two texts)]}."""
+    """The example with changed model descriptions; `changes` is {FMU: functions from text to text}."""
     for path in FMUS.glob("*.fmu"):
         with zipfile.ZipFile(path) as old, zipfile.ZipFile(tmp_path / path.name, "w") as new:
             for name in old.namelist():
