@@ -88,6 +88,51 @@ fn a_linear_transformation_is_applied() {
 }
 
 #[test]
+fn a_transformation_acts_between_the_units_of_the_connectors() {
+    let folder = folder_without_library();
+    // u [mN] -> 2 u - 1 [N] and a.y [N] -> 3 a.y + 5 [mN] -> b.u [N].
+    let connectors = U_AND_Y.replace("unit=\"N\"", "unit=\"mN\"");
+    let linear = |factor: &str, offset: &str| {
+        format!("><ssc:LinearTransformation factor=\"{factor}\" offset=\"{offset}\"/></ssd:Connection>")
+    };
+    let connections = [
+        connection("u", "a.u").replace("/>", &linear("2", "-1")),
+        connection("a.y", "b.u").replace("/>", &linear("3", "5")),
+        connection("b.y", "y"),
+    ]
+    .concat();
+    let milli = component("b", "").replace(
+        "name=\"u\" kind=\"input\"/>",
+        "name=\"u\" kind=\"input\"><ssc:Real unit=\"mN\"/></ssd:Connector>",
+    );
+    let components = component("a", "") + &milli;
+    let graph = open(&folder, &ssd(&connectors, &components, &connections, "")).unwrap();
+    let close = |found: Conversion, at: f64, expected: f64| {
+        assert!((found.apply(at) - expected).abs() < 1e-12, "{found:?}");
+    };
+    let into = |component: usize| {
+        graph.connections.iter().find(|connection| connection.component == component).unwrap().conversion
+    };
+    close(into(0), 1500.0, 2.0);
+    close(into(1), 0.25, 0.755);
+    close(graph.outputs[0].conversion, 0.25, 250.0);
+}
+
+#[test]
+fn a_unit_that_only_the_connector_has_counts() {
+    let folder = folder_without_library();
+    // gain has no unit in the FMU; the connector says that it is a length in metres.
+    let connectors = "<ssd:Connector name=\"k\" kind=\"parameter\"><ssc:Real unit=\"mm\"/></ssd:Connector>\n";
+    let metres = component("a", "").replace(
+        "name=\"gain\" kind=\"parameter\"/>",
+        "name=\"gain\" kind=\"parameter\"><ssc:Real unit=\"m\"/></ssd:Connector>",
+    );
+    let text = ssd(connectors, &metres, &connection("k", "a.gain"), &binding(&real("k", "3500")));
+    let graph = open(&folder, &text).unwrap();
+    assert_eq!(graph.components[0].start_values[0].value, Start::Real(3.5));
+}
+
+#[test]
 fn parameters_of_the_system_win_over_those_of_a_component() {
     let folder = folder_without_library();
     write(
@@ -206,7 +251,8 @@ fn bad_descriptions_are_refused_with_file_and_line() {
     let boolean_map = "<ssd:Connection startConnector=\"u\" endElement=\"a\" endConnector=\"u\"><ssc:BooleanMappingTransformation/></ssd:Connection>\n";
     let linear_text = "<ssd:Connection startElement=\"a\" startConnector=\"t\" endElement=\"b\" endConnector=\"s\"><ssc:LinearTransformation factor=\"2\"/></ssd:Connection>\n";
     let cases: Vec<(String, &str)> = vec![
-        ("no xml".into(), "the file has no element"),
+        ("no xml".into(), "line 1: text outside of the root element"),
+        ("  \n".into(), "the file has no element"),
         ("<a/>".into(), "expected <SystemStructureDescription>"),
         (
             with("").replace("version=\"1.0\" name=\"s\"", "version=\"3.0\" name=\"s\""),

@@ -9,6 +9,7 @@ use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 
+use crate::fmu::InterfaceKind;
 use crate::master::{Algorithm, Coupling};
 use crate::series::Interpolation;
 use crate::units::parse_duration;
@@ -39,6 +40,11 @@ pub enum Command {
     Run(Box<RunArgs>),
     /// Show what an FMU or a system consists of.
     Inspect(super::inspect::Args),
+    /// Write a system, with changed start values if wanted, as an SSP file for other tools.
+    ///
+    /// The written system simulates to the same bits. Geometry, annotations, connectors that are not connected, and
+    /// the step size and tolerance of a single FMU are not kept.
+    Export(super::export::Args),
     /// Print a completion script for a shell, e.g. `airloop completions bash > ~/.local/share/bash-completion/completions/airloop`.
     Completions {
         /// Shell.
@@ -65,7 +71,7 @@ pub struct RunArgs {
     /// Start time [s]. Default: first time of the measured or input data, else the default experiment, else 0.
     #[arg(long, value_parser = parse_duration, value_name = "TIME")]
     pub start: Option<f64>,
-    /// How slaves are coupled.
+    /// How components are coupled.
     #[arg(long, value_enum, default_value_t = MasterChoice::GaussSeidel)]
     pub master: MasterChoice,
     /// Order of the polynomials that inputs follow inside a step of Gauss-Seidel or Jacobi, through the last values of
@@ -100,7 +106,8 @@ pub struct RunArgs {
     /// Folder for the results; it is made if it is not there.
     #[arg(short, long, value_name = "DIR", default_value = "out/run")]
     pub output: PathBuf,
-    /// Relative tolerance for solvers inside FMUs, between 0 and 1. Default: each FMU uses its own.
+    /// Relative tolerance for solvers inside FMUs, between 0 and 1. Default: each FMU uses its own. Also that of
+    /// --master monolithic, there by default 1e-10.
     #[arg(long, value_name = "NUMBER")]
     pub tolerance: Option<f64>,
     /// Draw no figures.
@@ -166,6 +173,20 @@ pub enum MasterChoice {
     /// Linearly implicit: strongly coupled components are solved in the master, then their slaves step, with
     /// rollback. For stiff coupling; accurate at long steps.
     InterfaceJacobian,
+    /// All components as one differential equation through Model Exchange: explicit Runge-Kutta of order 8 with error
+    /// control (--tolerance), state and time events, algebraic loops; no coupling error. --step sets the rows of
+    /// the result, and no integrator step is longer.
+    Monolithic,
+}
+
+impl MasterChoice {
+    /// Interface of the FMUs that the master uses.
+    pub fn interface(self) -> InterfaceKind {
+        match self {
+            MasterChoice::Monolithic => InterfaceKind::ModelExchange,
+            _ => InterfaceKind::CoSimulation,
+        }
+    }
 }
 
 impl From<MasterChoice> for Algorithm {
@@ -174,6 +195,7 @@ impl From<MasterChoice> for Algorithm {
             MasterChoice::GaussSeidel => Algorithm::GaussSeidel,
             MasterChoice::Jacobi => Algorithm::Jacobi,
             MasterChoice::InterfaceJacobian => Algorithm::InterfaceJacobian,
+            MasterChoice::Monolithic => Algorithm::Monolithic,
         }
     }
 }
@@ -205,7 +227,7 @@ pub enum InitialChoice {
     Zero,
 }
 
-fn parse_assignment(text: &str) -> Result<(String, String), String> {
+pub(super) fn parse_assignment(text: &str) -> Result<(String, String), String> {
     match text.split_once('=') {
         Some((name, value)) if !name.trim().is_empty() => Ok((name.trim().into(), value.trim().into())),
         _ => Err("write component.variable=value".into()),

@@ -3,6 +3,7 @@
 //! Exit codes: 0 success, 1 failure, 2 wrong usage, 130 interrupted (Ctrl-C).
 
 pub mod args;
+pub mod export;
 pub mod inspect;
 pub mod inspect_system;
 pub mod run;
@@ -22,6 +23,7 @@ pub fn main() -> ExitCode {
     let outcome = match Cli::parse().command {
         Command::Run(args) => run::run(&args),
         Command::Inspect(args) => inspect::run(&args),
+        Command::Export(args) => export::run(&args),
         Command::Completions { shell } => {
             clap_complete::generate(shell, &mut Cli::command(), "airloop", &mut std::io::stdout());
             Ok(ExitCode::SUCCESS)

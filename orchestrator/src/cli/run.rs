@@ -39,7 +39,7 @@ struct Record {
 /// # Errors
 /// What keeps the run from starting, or its results from being written.
 pub fn run(args: &RunArgs) -> Result<ExitCode, Error> {
-    let mut graph = SystemGraph::open(&args.system)?;
+    let mut graph = SystemGraph::open_for(&args.system, args.master.interface())?;
     let mut notes = graph.notes.clone();
     let signals = match &args.signals {
         Some(file) => SignalTable::read(file)?,
@@ -129,7 +129,9 @@ fn settings(args: &RunArgs, graph: &SystemGraph, data: Option<&Record>) -> Resul
     {
         return Err(master::Error::OptionOfOther { option, master: "interface-jacobian" }.into());
     }
-    if args.extrapolation.is_some() && args.master == MasterChoice::InterfaceJacobian {
+    if args.extrapolation.is_some()
+        && !matches!(args.master, MasterChoice::GaussSeidel | MasterChoice::Jacobi)
+    {
         let (option, master) = ("extrapolation", "gauss-seidel` or `--master jacobi");
         return Err(master::Error::OptionOfOther { option, master }.into());
     }
@@ -297,6 +299,7 @@ fn summarize(
             set: args.set.iter().map(|(name, value)| format!("{name}={value}")).collect(),
         },
         outcome: Outcome { status: status.into(), message, end_time, steps: run.steps },
+        integration: run.integration.clone(),
         timings: Timings::new(run.initialization, run.stepping, run.steps, settings.start_time, end_time),
         effort: effort(graph, &run.effort),
         fmus: graph.order.iter().map(fmu).collect(),
@@ -334,6 +337,15 @@ fn report(summary: &Summary, args: &RunArgs) -> String {
         short(summary.timings.simulation_s),
         short(summary.timings.steps_per_second),
     );
+    if let Some(work) = &summary.integration {
+        text += &format!(
+            "integrator: {} steps, {} rejected, {} evaluations, {} events\n",
+            work.steps,
+            work.rejected_steps,
+            work.evaluations,
+            work.time_events + work.state_events + work.input_events,
+        );
+    }
     if summary.outcome.status == "terminated" {
         text += &format!("{}\n", summary.outcome.message.as_deref().unwrap_or_default());
     }

@@ -271,6 +271,13 @@ impl Wiring {
         columns
     }
 
+    /// All outputs that are read, as (component, variable), in ascending order.
+    pub fn read_outputs(&self) -> Vec<(usize, usize)> {
+        let mut outputs: Vec<(usize, usize)> = self.outputs.keys().copied().collect();
+        outputs.sort_unstable();
+        outputs
+    }
+
     /// Outputs of a component that are read, in the order of the FMU.
     fn outputs_of(&self, component: usize) -> Vec<usize> {
         let mut variables: Vec<usize> =

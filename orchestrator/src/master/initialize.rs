@@ -1,7 +1,7 @@
 //! From a system graph to slaves at the start time, with outputs that are consistent across all connections.
 
 use super::exchange::{Node, Values, Wiring};
-use super::{Error, Grid, Settings};
+use super::{Error, Grid, Settings, propagation};
 use crate::fmu::{Instance, Slave, VariableKind};
 use crate::system::SystemGraph;
 use crate::system::graph::{Component, Start};
@@ -14,7 +14,7 @@ pub(super) fn initialize(
     grid: &Grid,
     values: &mut Values,
 ) -> Result<Vec<Node>, Error> {
-    let mut nodes = Vec::with_capacity(graph.components.len());
+    let mut slaves = Vec::with_capacity(graph.components.len());
     for &index in &graph.order {
         let component = &graph.components[index];
         let fixed_step = component
@@ -31,9 +31,11 @@ pub(super) fn initialize(
         set_start_values(&mut slave, component)?;
         slave.setup_experiment(settings.tolerance, grid.start(), Some(grid.stop()))?;
         slave.enter_initialization_mode()?;
-        nodes.push(wiring.node(slave, index));
+        slaves.push(slave);
     }
-    settle(graph, wiring, &mut nodes, values)?;
+    propagation::settle(graph, wiring, &mut slaves, values, grid.start())?;
+    let mut nodes: Vec<Node> =
+        slaves.into_iter().zip(&graph.order).map(|(slave, &index)| wiring.node(slave, index)).collect();
     for node in &mut nodes {
         node.exit_initialization_mode()?;
     }
@@ -44,37 +46,6 @@ pub(super) fn initialize(
         Some(node) => Err(node.not_finite(values, grid.start())),
         None => Ok(nodes),
     }
-}
-
-/// Passes values on in evaluation order until no output changes.
-///
-/// Without an algebraic loop every round settles at least one more variable, so that there are at most as many
-/// rounds as connections, and one to see it.
-fn settle(
-    graph: &SystemGraph,
-    wiring: &Wiring,
-    nodes: &mut [Node],
-    values: &mut Values,
-) -> Result<(), Error> {
-    // Outputs at the start values first: an input must not be given a value that no output ever had.
-    for node in nodes.iter_mut() {
-        node.get_outputs(values)?;
-    }
-    let passes = graph.connections.len() + 2;
-    let mut changed = None;
-    for _ in 0..passes {
-        let before = values.clone();
-        for node in nodes.iter_mut() {
-            node.set_inputs(values)?;
-            node.get_outputs(values)?;
-        }
-        changed = values.first_difference(&before);
-        if changed.is_none() {
-            return Ok(());
-        }
-    }
-    let variable = changed.map_or_else(|| "a text".into(), |slot| wiring.name_of(slot, graph));
-    Err(Error::Unsettled { passes, variable })
 }
 
 pub(super) fn set_start_values(slave: &mut Instance, component: &Component) -> Result<(), Error> {

@@ -1,10 +1,11 @@
 //! Co-simulation masters with a fixed communication step: Gauss-Seidel (serial), Jacobi (parallel) and
-//! interface-Jacobian (linearly implicit, with rollback).
+//! interface-Jacobian (linearly implicit, with rollback); and the [`monolithic`] coupling through Model Exchange.
 //!
 //! [`Master`] owns the slaves of a [`SystemGraph`] and steps them; [`simulate::run`] drives it over a time span with
 //! inputs from a series and a recorder. What is optimised, plotted or compared is left to the modules above.
 //!
-//! All masters keep to the strict reading of FMI 2.0.5 section 4.2.4: between setting an input and reading an
+//! Values are made consistent at the start by module `propagation`. The co-simulation masters keep to the strict
+//! reading of FMI 2.0.5 section 4.2.4: between setting an input and reading an
 //! output of a slave there is always a step.
 
 mod exchange;
@@ -15,6 +16,8 @@ mod initialize;
 #[allow(clippy::needless_range_loop, reason = "small matrices are read by row and column")]
 mod interface_jacobian;
 mod jacobi;
+pub mod monolithic;
+mod propagation;
 pub mod simulate;
 
 use crate::fmu::StepStatus;
@@ -39,6 +42,9 @@ pub enum Algorithm {
     Jacobi,
     /// Linearly implicit: strongly coupled components are solved in the master before their slaves step.
     InterfaceJacobian,
+    /// All components as one differential equation through Model Exchange, with error control and no coupling error;
+    /// for [`simulate::run`] only.
+    Monolithic,
 }
 
 impl std::fmt::Display for Algorithm {
@@ -47,6 +53,7 @@ impl std::fmt::Display for Algorithm {
             Algorithm::GaussSeidel => "gauss-seidel",
             Algorithm::Jacobi => "jacobi",
             Algorithm::InterfaceJacobian => "interface-jacobian",
+            Algorithm::Monolithic => "monolithic",
         })
     }
 }
@@ -60,13 +67,14 @@ pub struct Settings {
     pub stop_time: f64,
     /// Communication step size \[s\], positive; default 1 ms. The last step is shortened to meet the stop time.
     pub step_size: f64,
-    /// Gauss-Seidel (default), Jacobi or interface-Jacobian.
+    /// How components are coupled; default Gauss-Seidel.
     pub algorithm: Algorithm,
     /// Options of the interface-Jacobian master.
     pub coupling: Coupling,
     /// Order (0 to 2) of the polynomials that inputs follow inside a step of Gauss-Seidel or Jacobi; default 0, held.
     pub extrapolation: u32,
-    /// Relative tolerance for the slaves, in (0, 1); default: each slave uses its own.
+    /// Relative tolerance for the slaves, in (0, 1); default: each slave uses its own. Also that of the monolithic
+    /// integrator, default [`monolithic::DEFAULT_TOLERANCE`].
     pub tolerance: Option<f64>,
     /// Read all outputs at every communication point (default), or only those that are connected.
     pub read_all_outputs: bool,
@@ -151,6 +159,32 @@ pub enum Error {
         "the coupling of {components} {reason} at t = {time} s with step {step} s; try a smaller `--step`, or `--master gauss-seidel`"
     )]
     Coupling { components: String, reason: String, time: f64, step: f64 },
+    /// [`Master`] cannot be monolithic.
+    #[error("the monolithic master does not step slaves; run it with master::simulate::run")]
+    NoSteps,
+    /// An algebraic loop has no solution that was found.
+    #[error(
+        "algebraic loop at t = {time} s: after {iterations} iterations {problem}; residuals: {residuals}; check parameters and start values of these inputs' components, or break the loop with a delay or a filter"
+    )]
+    AlgebraicLoop { time: f64, iterations: usize, problem: &'static str, residuals: String },
+    /// The integrator cannot keep the tolerance.
+    #[error(
+        "component `{component}`: the error of `{variable}` stays too large at t = {time} s, even with a step of {step} s; it may grow without bound or jump without an event indicator; look at its inputs just before (result file), or try a larger `--tolerance`"
+    )]
+    StepUnderflow { component: String, variable: String, time: f64, step: f64 },
+    /// The explicit integrator is not made for this.
+    #[error(
+        "component `{component}`: at t = {time} s the integrator needed {steps} steps within one interval, because of `{variable}`; the system is too stiff for the monolithic master: try `--master gauss-seidel` with a small `--step`"
+    )]
+    Stiff { component: String, variable: String, time: f64, steps: u64 },
+    /// Events without end.
+    #[error(
+        "{events} events within one communication step up to t = {time} s, the last by {cause}: this looks like chattering; give the model a hysteresis, or choose a smaller `--step` if the events are real"
+    )]
+    Chattering { cause: String, time: f64, events: u64 },
+    /// An event iteration without end.
+    #[error("the event iteration at t = {time} s does not end in {rounds} rounds: {cause}")]
+    EventIteration { time: f64, rounds: u32, cause: String },
     /// Two columns of the result have one name.
     #[error("the result cannot be written: {0}")]
     Result(#[from] crate::series::Error),
@@ -210,6 +244,9 @@ impl Master {
     /// Settings out of range, an FMU that fails, initial values that do not settle or are not finite.
     pub fn new(graph: &SystemGraph, settings: &Settings, inputs: &[(usize, f64)]) -> Result<Master, Error> {
         let grid = settings.validate()?;
+        if settings.algorithm == Algorithm::Monolithic {
+            return Err(Error::NoSteps);
+        }
         let wiring = Wiring::new(graph, settings.read_all_outputs);
         let mut values = wiring.initial_values(graph);
         for &(input, value) in inputs {
@@ -223,7 +260,7 @@ impl Master {
             _ => None,
         };
         let extrapolation = match (settings.algorithm, settings.extrapolation) {
-            (Algorithm::InterfaceJacobian, _) | (_, 0) => None,
+            (Algorithm::InterfaceJacobian | Algorithm::Monolithic, _) | (_, 0) => None,
             _ => Some(Box::new(Extrapolation::new(graph, &wiring, settings, &grid, &mut nodes, &values)?)),
         };
         let algorithm = settings.algorithm;
@@ -303,6 +340,7 @@ impl Master {
                 Some(master) => master.step(&mut self.nodes, &mut self.values, t, h),
                 None => Ok(()),
             },
+            Algorithm::Monolithic => return Err(Error::NoSteps),
         };
         match status {
             Ok(()) => {

@@ -3,8 +3,9 @@
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-use super::{Effort, Error, Master, Progress, Settings};
+use super::{Algorithm, Effort, Error, Master, Progress, Settings, monolithic};
 use crate::results::Recorder;
+use crate::results::summary::Integration;
 use crate::series::resample::{locate, value_at};
 use crate::series::{Interpolation, TimeSeries};
 use crate::system::SystemGraph;
@@ -58,12 +59,14 @@ pub struct Run {
     pub steps: u64,
     /// Work of the master.
     pub effort: Effort,
-    /// What the master did in place of what an FMU cannot do, one sentence each.
-    pub notes: Vec<String>,
     /// Wall-clock time of initialisation.
     pub initialization: Duration,
     /// Wall-clock time of stepping.
     pub stepping: Duration,
+    /// What the master did in place of what an FMU cannot do, one sentence each.
+    pub notes: Vec<String>,
+    /// Work of the integrator; monolithic master only.
+    pub integration: Option<Integration>,
 }
 
 /// A caller who watches a run.
@@ -77,7 +80,7 @@ pub struct Watch<'a> {
 /// Macro steps between two looks at the clock.
 const STEPS_PER_LOOK: u64 = 16;
 /// Time between two reports of progress.
-const REPORT_EVERY: Duration = Duration::from_millis(50);
+pub(super) const REPORT_EVERY: Duration = Duration::from_millis(50);
 
 /// Runs a system from start to stop and records all outputs at the communication points.
 ///
@@ -100,6 +103,9 @@ pub fn run(
     stimulus: Option<&Stimulus>,
     watch: Watch,
 ) -> Result<Run, Error> {
+    if settings.algorithm == Algorithm::Monolithic {
+        return monolithic::run(graph, settings, stimulus, watch);
+    }
     let began = Instant::now();
     let mut guess = 0;
     let mut first = Vec::new();
@@ -153,6 +159,14 @@ pub fn run(
     }
     let stepping = began.elapsed();
     let result = recorder.finish()?;
-    let (effort, notes) = (master.effort(), master.notes().to_vec());
-    Ok(Run { result, end, steps: master.steps(), effort, notes, initialization, stepping })
+    Ok(Run {
+        result,
+        end,
+        steps: master.steps(),
+        effort: master.effort(),
+        initialization,
+        stepping,
+        notes: master.notes().to_vec(),
+        integration: None,
+    })
 }

@@ -8,6 +8,12 @@ const LEFT: f64 = 84.0;
 const RIGHT: f64 = 20.0;
 const TOP: f64 = 46.0;
 const BOTTOM: f64 = 50.0;
+/// Height of a row of the legend.
+const ROW: f64 = 20.0;
+/// Text widths are not known here; small letters are about this wide.
+const LETTER: f64 = 7.0;
+/// Room for the line of a legend entry.
+const SWATCH: f64 = 46.0;
 
 /// A curve over time.
 #[derive(Debug, Clone, Copy)]
@@ -48,51 +54,58 @@ pub struct Comparison<'a> {
 /// Measured and simulated signal over each other, and their difference in a panel below on a scale of its own.
 pub fn comparison(figure: &Comparison) -> String {
     let (upper, lower, gap) = (300.0, 110.0, 18.0);
-    let height = TOP + upper + gap + lower + BOTTOM;
+    let entries =
+        [("measured", "measured"), ("simulated", "simulated"), ("residual", "measured \u{2212} simulated")];
+    let heading = note_start(figure.name) + LETTER * figure.note.chars().count() as f64;
+    let crowded = heading + legend_width(&entries) > WIDTH - RIGHT;
+    let top = if crowded { TOP + ROW } else { TOP };
+    let height = top + upper + gap + lower + BOTTOM;
     let mut svg = Svg::new(WIDTH, height);
     let times = [figure.measured.time, figure.simulated.time];
     let x = time_axis(&times);
     let values = figure.measured.values.iter().chain(figure.simulated.values).copied();
-    let y = Axis::new(range(values), (TOP + upper, TOP)).padded(0.06);
+    let y = Axis::new(range(values), (top + upper, top)).padded(0.06);
     panel(&mut svg, &x, &y, 6, false, &axis_label(figure.name, figure.unit));
     figure.measured.draw(&mut svg, &x, &y, "measured");
     figure.simulated.draw(&mut svg, &x, &y, "simulated");
-    let (begin, end) = (TOP + upper + gap, TOP + upper + gap + lower);
+    let (begin, end) = (top + upper + gap, top + upper + gap + lower);
     let (min, max) = range(figure.residual.values.iter().copied());
     let y = Axis::new((min.min(0.0), max.max(0.0)), (end, begin)).padded(0.08);
     panel(&mut svg, &x, &y, 5, true, &axis_label("residual", figure.unit));
     svg.line((x.from, y.pixel(0.0)), (x.to, y.pixel(0.0)), "zero");
     figure.residual.draw(&mut svg, &x, &y, "residual");
     title(&mut svg, figure.name, figure.note);
-    legend(
-        &mut svg,
-        &[("measured", "measured"), ("simulated", "simulated"), ("residual", "measured \u{2212} simulated")],
-    );
+    legend(&mut svg, &entries, if crowded { 24.0 + ROW } else { 24.0 });
     svg.finish(&format!("{}: measured and simulated over time", figure.name))
 }
 
-/// Several signals of one unit over time.
-pub fn signals(name: &str, unit: &str, curves: &[Curve]) -> String {
+/// Several signals of one unit over time; one alone is named by the title, several by the legend.
+pub fn signals(unit: &str, curves: &[Curve]) -> String {
     let upper = 320.0;
-    let mut svg = Svg::new(WIDTH, TOP + upper + BOTTOM);
+    let classes: Vec<String> =
+        (0..curves.len()).map(|index| format!("s{}", index % SERIES_CLASSES)).collect();
+    let entries: Vec<(&str, &str)> =
+        classes.iter().zip(curves).map(|(class, curve)| (class.as_str(), curve.name)).collect();
+    let rows = if curves.len() > 1 { legend_rows(&entries, WIDTH - LEFT - RIGHT) } else { Vec::new() };
+    let top = TOP + ROW * rows.len().saturating_sub(1) as f64;
+    let mut svg = Svg::new(WIDTH, top + upper + BOTTOM);
     let times: Vec<&[f64]> = curves.iter().map(|curve| curve.time).collect();
     let x = time_axis(&times);
     let values = curves.iter().flat_map(|curve| curve.values.iter().copied());
-    let y = Axis::new(range(values), (TOP + upper, TOP)).padded(0.06);
-    let label = if curves.len() == 1 { axis_label(name, unit) } else { axis_label("", unit) };
+    let y = Axis::new(range(values), (top + upper, top)).padded(0.06);
+    let names: Vec<&str> = curves.iter().map(|curve| curve.name).collect();
+    let label = axis_label(if let [name] = names[..] { name } else { "" }, unit);
     panel(&mut svg, &x, &y, 6, true, &label);
-    let classes: Vec<String> =
-        (0..curves.len()).map(|index| format!("s{}", index % SERIES_CLASSES)).collect();
     for (curve, class) in curves.iter().zip(&classes) {
         curve.draw(&mut svg, &x, &y, class);
     }
-    title(&mut svg, name, "");
-    if curves.len() > 1 {
-        let entries: Vec<(&str, &str)> =
-            classes.iter().zip(curves).map(|(class, curve)| (class.as_str(), curve.name)).collect();
-        legend(&mut svg, &entries);
+    if let [name] = names[..] {
+        title(&mut svg, name, "");
     }
-    svg.finish(&format!("{name} over time"))
+    for (index, row) in rows.iter().enumerate() {
+        legend(&mut svg, row, 24.0 + ROW * index as f64);
+    }
+    svg.finish(&format!("{} over time", names.join(", ")))
 }
 
 fn time_axis(times: &[&[f64]]) -> Axis {
@@ -133,17 +146,38 @@ fn panel(svg: &mut Svg, x: &Axis, y: &Axis, ticks: usize, with_time: bool, label
 
 fn title(svg: &mut Svg, name: &str, note: &str) {
     svg.text((LEFT, 24.0), Anchor::Start, "title", name);
-    // Text widths are not known here; letters of the title are about 9 pixels wide.
-    svg.text((LEFT + 14.0 + 9.0 * name.chars().count() as f64, 24.0), Anchor::Start, "note", note);
+    svg.text((note_start(name), 24.0), Anchor::Start, "note", note);
+}
+
+/// Where the note beside a title begins; letters of the title are about 9 pixels wide.
+fn note_start(name: &str) -> f64 {
+    LEFT + 14.0 + 9.0 * name.chars().count() as f64
+}
+
+/// Room that entries take above the plot.
+fn legend_width(entries: &[(&str, &str)]) -> f64 {
+    entries.iter().map(|(_, text)| LETTER * text.chars().count() as f64 + SWATCH).sum()
+}
+
+/// Entries in rows that fit into `width`.
+fn legend_rows<'a>(entries: &[(&'a str, &'a str)], width: f64) -> Vec<Vec<(&'a str, &'a str)>> {
+    let mut rows: Vec<Vec<(&str, &str)>> = Vec::new();
+    for entry in entries {
+        match rows.last_mut() {
+            Some(row) if legend_width(row) + legend_width(&[*entry]) <= width => row.push(*entry),
+            _ => rows.push(vec![*entry]),
+        }
+    }
+    rows
 }
 
 /// Entries (class, text) right-aligned above the plot.
-fn legend(svg: &mut Svg, entries: &[(&str, &str)]) {
+fn legend(svg: &mut Svg, entries: &[(&str, &str)], baseline: f64) {
     let mut right = WIDTH - RIGHT;
     for (class, text) in entries.iter().rev() {
-        let width = 7.0 * text.chars().count() as f64;
-        svg.text((right - width, 24.0), Anchor::Start, "legend", text);
-        svg.line((right - width - 28.0, 20.0), (right - width - 6.0, 20.0), class);
-        right -= width + 46.0;
+        let width = LETTER * text.chars().count() as f64;
+        svg.text((right - width, baseline), Anchor::Start, "legend", text);
+        svg.line((right - width - 28.0, baseline - 4.0), (right - width - 6.0, baseline - 4.0), class);
+        right -= width + SWATCH;
     }
 }

@@ -105,7 +105,9 @@ fn groups(summary: &Summary, result: &TimeSeries) -> Vec<(String, String)> {
     }
     let mut figures = Vec::new();
     for ((_, unit), connectors) in groups {
-        for some in connectors.chunks(super::svg::SERIES_CLASSES) {
+        // Without a unit nothing says that signals share a scale.
+        let together = if unit.is_empty() { 1 } else { super::svg::SERIES_CLASSES };
+        for some in connectors.chunks(together) {
             let curves: Vec<Curve> = some
                 .iter()
                 .filter_map(|connector| {
@@ -118,13 +120,17 @@ fn groups(summary: &Summary, result: &TimeSeries) -> Vec<(String, String)> {
                     })
                 })
                 .collect();
-            let names: Vec<&str> = some.iter().map(|connector| connector.name.as_str()).collect();
-            let name = names.join(", ");
-            let text = signals(&name, &unit, &curves);
-            figures.push((names.join("_"), text));
+            figures.push((group_name(some), signals(&unit, &curves)));
         }
     }
     figures
+}
+
+/// Names of the connectors, as long as that stays readable as a file name.
+fn group_name(connectors: &[&ConnectorRecord]) -> String {
+    let names: Vec<&str> = connectors.iter().map(|connector| connector.name.as_str()).collect();
+    let joined = names.join("_");
+    if joined.len() <= 60 { joined } else { format!("{}_and_{}_more", names[0], names.len() - 1) }
 }
 
 /// A number with four significant digits.

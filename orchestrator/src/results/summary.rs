@@ -30,6 +30,9 @@ pub struct Summary {
     /// Work that the run took.
     #[serde(default)]
     pub effort: EffortRecord,
+    /// Work of the integrator; only there for the monolithic master.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub integration: Option<Integration>,
     /// FMU of every component, in evaluation order.
     pub fmus: Vec<FmuRecord>,
     /// Columns of `result.csv` that are connectors of the system.
@@ -49,7 +52,7 @@ pub struct Settings {
     pub stop_time: f64,
     /// Communication step size \[s\].
     pub step_size: f64,
-    /// `gauss-seidel`, `jacobi` or `interface-jacobian`.
+    /// `gauss-seidel`, `jacobi`, `interface-jacobian` or `monolithic`.
     pub master: String,
     /// Order of the polynomials that inputs follow inside a step of `gauss-seidel` or `jacobi`.
     #[serde(default)]
@@ -108,6 +111,27 @@ pub struct Outcome {
     pub end_time: f64,
     /// Macro steps done.
     pub steps: u64,
+}
+
+/// Work of the integrator of the monolithic master.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Integration {
+    /// Integration method.
+    pub method: String,
+    /// Relative tolerance it kept to.
+    pub relative_tolerance: f64,
+    /// Integrator steps.
+    pub steps: u64,
+    /// Steps taken back because their error was too large.
+    pub rejected_steps: u64,
+    /// Evaluations of the right-hand side of the whole system, those to find events included.
+    pub evaluations: u64,
+    /// Events at times that components announced (samples among them).
+    pub time_events: u64,
+    /// Events found through event indicators, or wanted by a component after a step.
+    pub state_events: u64,
+    /// Events because an input of the system jumped.
+    pub input_events: u64,
 }
 
 /// Wall-clock times of a run.

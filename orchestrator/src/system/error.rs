@@ -12,6 +12,12 @@ pub enum Error {
     /// The file is of a kind that cannot be a system.
     #[error("{}: not a system; give an .ssd, an .ssp or an .fmu file", file.display())]
     Kind { file: PathBuf },
+    /// A system cannot be written to a file of this kind.
+    #[error("{}: a system is written as .ssd or .ssp; choose one of these endings", file.display())]
+    WriteKind { file: PathBuf },
+    /// A part of the system has no place in the file.
+    #[error("{}: {what} cannot be written: {problem}", file.display())]
+    Unwritable { file: PathBuf, what: String, problem: String },
     /// The XML is not well formed, or too large or too deep.
     #[error("{}: line {line}: {problem}", file.display())]
     Xml { file: PathBuf, line: usize, problem: String },
@@ -40,8 +46,11 @@ pub enum Error {
     #[error(transparent)]
     Archive(Box<crate::fmu::Error>),
     /// The FMU cannot be stepped by a master.
-    #[error("{}: component `{component}`: {} has no Co-Simulation interface; a master can only step Co-Simulation FMUs", file.display(), fmu.display())]
+    #[error("{}: component `{component}`: {} has no Co-Simulation interface; only `--master monolithic` works without", file.display(), fmu.display())]
     NoCoSimulation { file: PathBuf, component: String, fmu: PathBuf },
+    /// The FMU cannot be integrated by the monolithic master.
+    #[error("{}: component `{component}`: {} has no Model Exchange interface, which `--master monolithic` needs; run it with `--master gauss-seidel`", file.display(), fmu.display())]
+    NoModelExchange { file: PathBuf, component: String, fmu: PathBuf },
     /// A connection names a component that is not there.
     #[error("{}: line {line}: unknown component `{component}` in a connection; the system has: {known}", file.display())]
     UnknownComponent { file: PathBuf, line: usize, component: String, known: String },
@@ -100,6 +109,6 @@ pub enum Error {
     #[error("{place}: `{name}` cannot be set to `{value}`: allowed is {allowed}")]
     StartValue { place: String, name: String, value: String, allowed: String },
     /// Variables that depend on each other at the same instant.
-    #[error("{}: algebraic loop: {}; break it with a component whose output does not depend directly on its input (a delay or a filter), or declare true `dependencies` in the FMU", file.display(), variables.join(" -> "))]
+    #[error("{}: algebraic loop: {}; break it with a component whose output does not depend directly on its input (a delay or a filter), run it with `--master monolithic`, or declare true `dependencies` in the FMU", file.display(), variables.join(" -> "))]
     AlgebraicLoop { file: PathBuf, variables: Vec<String> },
 }

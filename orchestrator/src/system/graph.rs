@@ -4,9 +4,11 @@ use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use tempfile::TempDir;
+
 use super::ssp::{self, Structure};
 use super::{Error, validate};
-use crate::fmu::{Causality, Fmu, Variability, Variable, VariableKind};
+use crate::fmu::{Causality, Fmu, InterfaceKind, Variability, Variable, VariableKind};
 
 /// Type of a connector or variable.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -219,6 +221,10 @@ pub struct SystemGraph {
     pub order: Vec<usize>,
     /// What was assumed or left out, one sentence each.
     pub notes: Vec<String>,
+    /// Units that the description declares, by name.
+    pub units: Vec<(String, crate::units::Unit)>,
+    /// Unpacked `.ssp` that holds the FMUs; it is removed with the last user.
+    pub package: Option<Arc<TempDir>>,
 }
 
 impl SystemGraph {
@@ -235,16 +241,26 @@ impl SystemGraph {
     /// # Errors
     /// [`Error`] names file, element and what to do.
     pub fn open(file: &Path) -> Result<SystemGraph, Error> {
+        SystemGraph::open_for(file, InterfaceKind::CoSimulation)
+    }
+
+    /// As [`SystemGraph::open`], for masters that use one interface of the FMUs. Algebraic loops are refused for
+    /// Co-Simulation only: Model Exchange can solve them.
+    ///
+    /// # Errors
+    /// As [`SystemGraph::open`].
+    pub fn open_for(file: &Path, interface: InterfaceKind) -> Result<SystemGraph, Error> {
         let ending = file.extension().and_then(|ending| ending.to_str()).map(str::to_ascii_lowercase);
         match ending.as_deref() {
-            Some("fmu") => SystemGraph::from_fmu(file),
-            Some("ssd") => SystemGraph::from_structure(ssp::read(file)?),
+            Some("fmu") => SystemGraph::from_fmu(file, interface),
+            Some("ssd") => SystemGraph::from_structure(ssp::read(file)?, interface),
             Some("ssp") => {
                 let folder = ssp::unpack(file)?;
                 let description = Path::new("SystemStructure.ssd");
                 let structure = ssp::read_as(&folder.path().join(description), &file.join(description))?;
-                let mut graph = SystemGraph::from_structure(structure)?;
+                let mut graph = SystemGraph::from_structure(structure, interface)?;
                 graph.file = file.into();
+                graph.package = Some(Arc::new(folder));
                 Ok(graph)
             }
             _ => Err(Error::Kind { file: file.into() }),
@@ -255,7 +271,7 @@ impl SystemGraph {
     ///
     /// # Errors
     /// As [`SystemGraph::open`].
-    pub fn from_structure(structure: Structure) -> Result<SystemGraph, Error> {
+    pub fn from_structure(structure: Structure, interface: InterfaceKind) -> Result<SystemGraph, Error> {
         let mut opened: HashMap<PathBuf, Arc<Fmu>> = HashMap::new();
         let mut fmus = Vec::with_capacity(structure.components.len());
         for component in &structure.components {
@@ -268,21 +284,21 @@ impl SystemGraph {
             }
             let fmu = match opened.get(&component.source) {
                 Some(fmu) => Arc::clone(fmu),
-                None => open_fmu(&structure.file, &component.name, &component.source)?,
+                None => open_fmu(&structure.file, &component.name, &component.source, interface)?,
             };
             opened.insert(component.source.clone(), Arc::clone(&fmu));
             fmus.push(fmu);
         }
-        validate::resolve(&structure, fmus)
+        validate::resolve(&structure, fmus, interface)
     }
 
     /// A single FMU as a system: its inputs and outputs are the connectors.
     ///
     /// # Errors
     /// As [`SystemGraph::open`].
-    pub fn from_fmu(file: &Path) -> Result<SystemGraph, Error> {
+    pub fn from_fmu(file: &Path, interface: InterfaceKind) -> Result<SystemGraph, Error> {
         let stem = file.file_stem().map_or("fmu".into(), |stem| stem.to_string_lossy().into_owned());
-        let fmu = open_fmu(file, &stem, file)?;
+        let fmu = open_fmu(file, &stem, file, interface)?;
         let description = &fmu.description;
         let (mut inputs, mut outputs, mut connections) = (Vec::new(), Vec::new(), Vec::new());
         for (index, variable) in description.variables.iter().enumerate() {
@@ -325,6 +341,8 @@ impl SystemGraph {
             components: vec![Component { name: stem, fmu, start_values: Vec::new() }],
             order: vec![0],
             notes: Vec::new(),
+            units: Vec::new(),
+            package: None,
         })
     }
 
@@ -350,20 +368,20 @@ impl SystemGraph {
     }
 }
 
-fn open_fmu(file: &Path, component: &str, path: &Path) -> Result<Arc<Fmu>, Error> {
+fn open_fmu(file: &Path, component: &str, path: &Path, interface: InterfaceKind) -> Result<Arc<Fmu>, Error> {
     let fmu = Fmu::open(path).map_err(|source| Error::Fmu {
         file: file.into(),
         component: component.into(),
         source: Box::new(source),
     })?;
-    if fmu.description.co_simulation.is_none() {
-        return Err(Error::NoCoSimulation {
-            file: file.into(),
-            component: component.into(),
-            fmu: path.into(),
-        });
+    if fmu.interface(interface).is_some() {
+        return Ok(fmu);
     }
-    Ok(fmu)
+    let (file, component, fmu) = (file.into(), component.into(), path.into());
+    Err(match interface {
+        InterfaceKind::CoSimulation => Error::NoCoSimulation { file, component, fmu },
+        InterfaceKind::ModelExchange => Error::NoModelExchange { file, component, fmu },
+    })
 }
 
 /// Unit of a variable, if it is a Real with one.

@@ -7,8 +7,8 @@
 use std::collections::HashMap;
 
 use super::Error;
-use super::graph::{Component, Connection, Source, SystemGraph};
-use crate::fmu::{Causality, Variability};
+use super::graph::{Component, Connection, DataType, Source, SystemGraph};
+use crate::fmu::{Causality, InterfaceKind, Variability};
 
 /// Inputs on which an output depends directly; all inputs where the FMU does not say.
 pub fn feed_through(component: &Component, output: usize) -> Vec<usize> {
@@ -24,10 +24,15 @@ pub fn feed_through(component: &Component, output: usize) -> Vec<usize> {
 /// Components in evaluation order (indices into `graph.components`).
 ///
 /// # Errors
-/// [`Error::AlgebraicLoop`] with the variables that form the loop.
-pub fn evaluation_order(graph: &SystemGraph) -> Result<Vec<usize>, Error> {
+/// [`Error::AlgebraicLoop`] with the variables that form the loop, if it cannot be solved: one in Co-Simulation, or
+/// one with values that are no Reals.
+pub fn evaluation_order(graph: &SystemGraph, interface: InterfaceKind) -> Result<Vec<usize>, Error> {
+    let solvable = |&(component, variable): &(usize, usize)| {
+        let variable = &graph.components[component].fmu.description.variables[variable];
+        interface == InterfaceKind::ModelExchange && DataType::of(variable) == DataType::Real
+    };
     let variables = VariableGraph::new(&graph.components, &graph.connections);
-    if let Some(cycle) = variables.cycle() {
+    if let Some(cycle) = variables.cycle(solvable) {
         let mut names: Vec<String> = cycle
             .iter()
             .map(|&node| {
@@ -118,11 +123,13 @@ impl VariableGraph {
         })
     }
 
-    /// The nodes of a cycle in its direction, if there is one.
-    fn cycle(&self) -> Option<Vec<usize>> {
-        let members = strongly_connected(&self.next)
-            .into_iter()
-            .find(|members| members.len() > 1 || self.next[members[0]].contains(&members[0]))?;
+    /// The nodes of a cycle in its direction, if there is one; those of `allowed` variables alone do not count.
+    fn cycle(&self, allowed: impl Fn(&(usize, usize)) -> bool) -> Option<Vec<usize>> {
+        let is_cycle = |members: &Vec<usize>| {
+            (members.len() > 1 || self.next[members[0]].contains(&members[0]))
+                && !members.iter().all(|&member| allowed(&self.nodes[member]))
+        };
+        let members = strongly_connected(&self.next).into_iter().find(is_cycle)?;
         // Inside a strongly connected component every node has a successor inside it: walking on closes a cycle.
         let mut path = vec![members[0]];
         loop {
@@ -235,7 +242,7 @@ mod tests {
             nodes: vec![(0, 0); 5],
             next: vec![vec![1], vec![2], vec![3], vec![1, 4], vec![]],
         };
-        let cycle = graph.cycle().unwrap();
+        let cycle = graph.cycle(|_| false).unwrap();
         for (position, &node) in cycle.iter().enumerate() {
             assert!(graph.next[node].contains(&cycle[(position + 1) % cycle.len()]), "{cycle:?}");
         }

@@ -167,7 +167,7 @@ impl Reader<'_> {
                 .map(|node| self.connection(node))
                 .collect::<Result<_, _>>()?,
             parameters: self.bindings(system, self.file)?,
-            units: self.units(root)?,
+            units: units(root, self.file)?,
             start_time: time("startTime")?,
             stop_time: time("stopTime")?,
         })
@@ -361,38 +361,39 @@ impl Reader<'_> {
         }
         Ok(parameters)
     }
+}
 
-    fn units(&self, root: &Element) -> Result<Vec<(String, Unit)>, Error> {
-        let mut units = Vec::new();
-        for node in root.list("Units").filter(|node| node.name == "Unit") {
-            let name = node.required("name", self.file)?.to_owned();
-            let Some(base) = node.child("BaseUnit") else { continue };
-            let exponent = |symbol: &'static str| -> Result<i32, Error> {
-                let text = base.attribute(symbol).unwrap_or("0");
-                text.trim().parse().map_err(|_| Error::BadValue {
-                    file: self.file.into(),
-                    line: base.line,
-                    what: format!("exponent {symbol} of unit `{name}`"),
-                    value: text.into(),
-                    allowed: "an integer",
-                })
-            };
-            let exponents = Exponents {
-                kg: exponent("kg")?,
-                m: exponent("m")?,
-                s: exponent("s")?,
-                A: exponent("A")?,
-                K: exponent("K")?,
-                mol: exponent("mol")?,
-                cd: exponent("cd")?,
-                rad: exponent("rad")?,
-            };
-            let factor = base.number("factor", self.file)?.unwrap_or(1.0);
-            let offset = base.number("offset", self.file)?.unwrap_or(0.0);
-            units.push((name, Unit { exponents, factor, offset }));
-        }
-        Ok(units)
+/// Units that a file declares with a definition.
+pub(super) fn units(root: &Element, file: &Path) -> Result<Vec<(String, Unit)>, Error> {
+    let mut units = Vec::new();
+    for node in root.list("Units").filter(|node| node.name == "Unit") {
+        let name = node.required("name", file)?.to_owned();
+        let Some(base) = node.child("BaseUnit") else { continue };
+        let exponent = |symbol: &'static str| -> Result<i32, Error> {
+            let text = base.attribute(symbol).unwrap_or("0");
+            text.trim().parse().map_err(|_| Error::BadValue {
+                file: file.into(),
+                line: base.line,
+                what: format!("exponent {symbol} of unit `{name}`"),
+                value: text.into(),
+                allowed: "an integer",
+            })
+        };
+        let exponents = Exponents {
+            kg: exponent("kg")?,
+            m: exponent("m")?,
+            s: exponent("s")?,
+            A: exponent("A")?,
+            K: exponent("K")?,
+            mol: exponent("mol")?,
+            cd: exponent("cd")?,
+            rad: exponent("rad")?,
+        };
+        let factor = base.number("factor", file)?.unwrap_or(1.0);
+        let offset = base.number("offset", file)?.unwrap_or(0.0);
+        units.push((name, Unit { exponents, factor, offset }));
     }
+    Ok(units)
 }
 
 /// `%20` and the like as characters; anything else stays as it is.

@@ -2,8 +2,9 @@
 
 use std::path::{Path, PathBuf};
 
-use super::Error;
 use super::xml::{self, Attributes, Element};
+use super::{Error, ssp};
+use crate::units::Unit;
 
 /// Namespace of parameter sets, the same in SSP 1.0 and 2.0.
 pub const NAMESPACE: &str = "http://ssp-standard.org/SSP1/SystemStructureParameterValues";
@@ -32,6 +33,8 @@ pub struct Parameter {
     pub value: Value,
     /// Unit of the value, if given.
     pub unit: Option<String>,
+    /// What the set declares that unit to be.
+    pub definition: Option<Unit>,
     /// File that holds it.
     pub file: PathBuf,
     /// Line in that file.
@@ -56,10 +59,11 @@ pub(super) fn parameter_set(set: &Element, file: &Path) -> Result<Vec<Parameter>
             problem: format!("expected <ParameterSet> of namespace {NAMESPACE}, found <{}>", set.name),
         });
     }
-    set.list("Parameters").map(|parameter| read_parameter(parameter, file)).collect()
+    let units = ssp::units(set, file)?;
+    set.list("Parameters").map(|parameter| read_parameter(parameter, &units, file)).collect()
 }
 
-fn read_parameter(node: &Element, file: &Path) -> Result<Parameter, Error> {
+fn read_parameter(node: &Element, units: &[(String, Unit)], file: &Path) -> Result<Parameter, Error> {
     let name = node.required("name", file)?.to_owned();
     let typed = node
         .children
@@ -108,7 +112,9 @@ fn read_parameter(node: &Element, file: &Path) -> Result<Parameter, Error> {
         }
     };
     let unit = typed.attribute("unit").map(str::to_owned);
-    Ok(Parameter { name, value, unit, file: file.into(), line: typed.line })
+    let declared = units.iter().find(|(known, _)| Some(known) == unit.as_ref());
+    let definition = declared.map(|(_, unit)| *unit);
+    Ok(Parameter { name, value, unit, definition, file: file.into(), line: typed.line })
 }
 
 #[cfg(test)]

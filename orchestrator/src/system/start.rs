@@ -82,16 +82,18 @@ fn parameter_conversion(
         return Ok(Conversion::IDENTITY);
     };
     let table = UnitTable { declared: units };
-    conversion((given, table.find(given, description)), (own, table.find(own, description))).map_err(
-        |problem| Error::UnitMismatch {
+    // The set itself first: the same name may mean something else elsewhere.
+    let meant = parameter.definition.or_else(|| table.find(given, description));
+    conversion((given, meant), (own, table.of_variable(own, description))).map_err(|problem| {
+        Error::UnitMismatch {
             file: parameter.file.clone(),
             line: parameter.line,
             place: format!("start value of `{}` ({place})", target.name),
             from_unit: given.into(),
             to_unit: own.into(),
             problem,
-        },
-    )
+        }
+    })
 }
 
 /// Sets a start value given as text; see [`SystemGraph::set_start`].

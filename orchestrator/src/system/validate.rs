@@ -11,7 +11,7 @@ use super::graph::{
 };
 use super::ssp::{ConnectionElement, Connector, Endpoint, Structure};
 use super::{Error, order, start};
-use crate::fmu::{Causality, Fmu, ModelDescription};
+use crate::fmu::{Causality, Fmu, InterfaceKind, ModelDescription};
 use crate::units::{self, Compatibility, Unit};
 
 pub use super::start::set_start_text;
@@ -20,7 +20,11 @@ pub use super::start::set_start_text;
 ///
 /// # Errors
 /// The first thing that is wrong, with file, line and element.
-pub fn resolve(structure: &Structure, fmus: Vec<Arc<Fmu>>) -> Result<SystemGraph, Error> {
+pub fn resolve(
+    structure: &Structure,
+    fmus: Vec<Arc<Fmu>>,
+    interface: InterfaceKind,
+) -> Result<SystemGraph, Error> {
     for (element, fmu) in structure.components.iter().zip(&fmus) {
         for connector in &element.connectors {
             check_connector(structure, &element.name, connector, fmu)?;
@@ -48,6 +52,8 @@ pub fn resolve(structure: &Structure, fmus: Vec<Arc<Fmu>>) -> Result<SystemGraph
         },
         order: Vec::new(),
         notes: Vec::new(),
+        units: structure.units.clone(),
+        package: None,
     };
     let resolver = Resolver { structure };
     let aliases = resolver.connect(&mut graph)?;
@@ -59,7 +65,7 @@ pub fn resolve(structure: &Structure, fmus: Vec<Arc<Fmu>>) -> Result<SystemGraph
     for parameter in &structure.parameters {
         start::bind_system(&mut graph, parameter, &structure.units, &aliases)?;
     }
-    graph.order = order::evaluation_order(&graph)?;
+    graph.order = order::evaluation_order(&graph, interface)?;
     note_missing_dependencies(&mut graph);
     Ok(graph)
 }
@@ -134,7 +140,7 @@ fn check_connector(
         let table = UnitTable { declared: &structure.units };
         let place = format!("connector `{name}` of component `{component}` and the FMU's variable");
         let from = (declared, table.find(declared, &fmu.description));
-        let to = (own, table.find(own, &fmu.description));
+        let to = (own, table.of_variable(own, &fmu.description));
         conversion(from, to).map_err(|problem| Error::UnitMismatch {
             file,
             line,
@@ -169,21 +175,29 @@ fn data_type(text: &str) -> Option<DataType> {
     })
 }
 
-/// Units by name: those of the description, then of the FMU, then the usual ones.
+/// Units by name: those of the description and of FMUs, then the usual ones.
 pub(super) struct UnitTable<'a> {
     pub declared: &'a [(String, Unit)],
 }
 
 impl UnitTable<'_> {
+    /// A unit that the description names for something of an FMU.
     pub fn find(&self, name: &str, fmu: &ModelDescription) -> Option<Unit> {
-        self.of_system(name)
-            .or_else(|| fmu.units.iter().find(|unit| unit.name == name).and_then(|unit| unit.base))
-            .or_else(|| units::lookup(name))
+        self.of_system(name).or_else(|| of_fmu(name, fmu)).or_else(|| units::lookup(name))
+    }
+
+    /// The unit of a variable: what its FMU means by the name counts.
+    pub fn of_variable(&self, name: &str, fmu: &ModelDescription) -> Option<Unit> {
+        of_fmu(name, fmu).or_else(|| self.of_system(name)).or_else(|| units::lookup(name))
     }
 
     fn of_system(&self, name: &str) -> Option<Unit> {
         self.declared.iter().find(|(declared, _)| declared == name).map(|(_, unit)| *unit)
     }
+}
+
+fn of_fmu(name: &str, fmu: &ModelDescription) -> Option<Unit> {
+    fmu.units.iter().find(|unit| unit.name == name).and_then(|unit| unit.base)
 }
 
 /// Conversion between two units; what is wrong otherwise.
@@ -212,7 +226,10 @@ struct Resolved {
     inner: Option<(usize, usize)>,
     kind: String,
     data_type: Option<DataType>,
+    /// Unit of the connector: its own, else that of the variable.
     unit: Option<(String, Option<Unit>)>,
+    /// From the connector to the variable; the identity unless the connector has a unit of its own.
+    to_variable: Conversion,
 }
 
 struct Resolver<'a> {
@@ -350,6 +367,7 @@ impl Resolver<'_> {
                 kind: connector.kind.clone(),
                 data_type: connector.data_type.as_deref().and_then(data_type),
                 unit: connector.unit.as_ref().map(unit),
+                to_variable: Conversion::IDENTITY,
             });
         };
         let Some(index) = self.structure.components.iter().position(|c| &c.name == element) else {
@@ -376,11 +394,24 @@ impl Resolver<'_> {
         let variable =
             description.index_of(&connector.name).expect("connectors were checked against the FMU");
         let own = &description.variables[variable];
+        let variable_unit = unit_of(own).map(|name| (name.to_owned(), table.of_variable(name, description)));
+        let declared = connector.unit.as_ref().filter(|_| DataType::of(own) == DataType::Real);
+        let unit = declared
+            .map(|name| (name.clone(), table.find(name, description)))
+            .or_else(|| variable_unit.clone());
+        let to_variable = match (&unit, &variable_unit) {
+            // Units that do not fit were refused with the connector.
+            (Some(from), Some(to)) => {
+                conversion((&from.0, from.1), (&to.0, to.1)).unwrap_or(Conversion::IDENTITY)
+            }
+            _ => Conversion::IDENTITY,
+        };
         Ok(Resolved {
             inner: Some((index, variable)),
             kind: connector.kind.clone(),
             data_type: Some(DataType::of(own)),
-            unit: unit_of(own).map(|name| (name.to_owned(), table.find(name, description))),
+            unit,
+            to_variable,
         })
     }
 
@@ -462,7 +493,8 @@ impl Resolver<'_> {
             }
             _ => Conversion::IDENTITY,
         };
-        Ok(units.then(linear.unwrap_or(Conversion::IDENTITY)))
+        let between = units.then(linear.unwrap_or(Conversion::IDENTITY));
+        Ok(start.to_variable.inverse().then(between).then(end.to_variable))
     }
 }
 

@@ -7,8 +7,8 @@
 //! removes the error of linearisation. The stiffness of the coupling is thereby met by an L-stable method and limits
 //! no step.
 //!
-//! Components outside all cycles step once, in the order of the graph. Algebraic loops through FMUs and events
-//! inside a coupled component are left to other masters.
+//! Components outside all cycles step once, in the order of the graph. Algebraic loops through FMUs (refused when the
+//! system is read) and events inside a coupled component are left to the monolithic master.
 
 mod capabilities;
 mod coupled;

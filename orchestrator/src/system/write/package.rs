@@ -1,0 +1,83 @@
+//! An `.ssp` archive: the description, the FMUs and a parameter set per component that has start values.
+
+use std::fs::File;
+use std::io::{self, Seek, Write};
+use std::path::{Path, PathBuf};
+
+use zip::write::SimpleFileOptions;
+use zip::{CompressionMethod, DateTime, ZipWriter};
+
+use super::document::{component_name, description, parameter_set};
+use super::source::{encoded, unique};
+use super::{Error, Version};
+use crate::system::SystemGraph;
+
+/// What an archive will hold: all texts are made, the FMUs are found.
+pub(super) struct Package {
+    /// Name in the archive and content.
+    texts: Vec<(String, String)>,
+    /// Name in the archive and file.
+    fmus: Vec<(String, PathBuf)>,
+}
+
+impl Package {
+    pub fn new(graph: &SystemGraph, version: Version, file: &Path) -> Result<Package, Error> {
+        let mut taken: Vec<PathBuf> = Vec::new();
+        let mut known: Vec<(PathBuf, PathBuf)> = Vec::new();
+        let (mut sources, mut sets, mut texts) = (Vec::new(), Vec::new(), Vec::new());
+        for component in &graph.components {
+            let path = &component.fmu.path;
+            let real = path.canonicalize().map_err(|source| Error::Io { file: path.clone(), source })?;
+            let name = match known.iter().find(|(other, _)| *other == real) {
+                Some((_, name)) => name.clone(),
+                None => {
+                    let stem = path.file_stem().unwrap_or_default().to_string_lossy();
+                    let name = unique(&stem, "fmu", &taken);
+                    taken.push(name.clone());
+                    known.push((real, name.clone()));
+                    name
+                }
+            };
+            sources.push(format!("resources/{}", encoded(&name.to_string_lossy())));
+        }
+        for (index, component) in graph.components.iter().enumerate() {
+            if component.start_values.is_empty() {
+                sets.push(None);
+                continue;
+            }
+            let name = component_name(graph, index);
+            let inside = unique(&name, "ssv", &taken);
+            taken.push(inside.clone());
+            let inside = inside.to_string_lossy().into_owned();
+            sets.push(Some(format!("resources/{}", encoded(&inside))));
+            let text = parameter_set(component, &name, version, file)?;
+            texts.push((format!("resources/{inside}"), text));
+        }
+        let text = description(graph, &sources, Some(&sets), version, file)?;
+        texts.insert(0, ("SystemStructure.ssd".into(), text));
+        let fmus =
+            known.into_iter().map(|(path, name)| (format!("resources/{}", name.display()), path)).collect();
+        Ok(Package { texts, fmus })
+    }
+
+    /// Writes the archive; time stamps are the earliest that zip has, permissions are fixed.
+    pub fn write(&self, out: impl Write + Seek) -> io::Result<()> {
+        let options =
+            SimpleFileOptions::default().last_modified_time(DateTime::default()).unix_permissions(0o644);
+        let mut zip = ZipWriter::new(out);
+        for (name, text) in &self.texts {
+            zip.start_file(name.as_str(), options.compression_method(CompressionMethod::Deflated))?;
+            zip.write_all(text.as_bytes())?;
+        }
+        for (name, path) in &self.fmus {
+            let mut fmu = File::open(path)?;
+            let large = fmu.metadata()?.len() >= u64::from(u32::MAX);
+            // FMUs are archives themselves: packing them again gains nothing.
+            let options = options.compression_method(CompressionMethod::Stored).large_file(large);
+            zip.start_file(name.as_str(), options)?;
+            io::copy(&mut fmu, &mut zip)?;
+        }
+        zip.finish()?;
+        Ok(())
+    }
+}
