@@ -10,7 +10,7 @@ use std::path::PathBuf;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 
 use crate::fmu::InterfaceKind;
-use crate::master::Algorithm;
+use crate::master::{Algorithm, Coupling};
 use crate::series::Interpolation;
 use crate::units::{parse_duration, parse_time};
 
@@ -37,11 +37,12 @@ pub enum Command {
     /// outputs as component.variable), summary.json (settings, FMUs, timings, fits), figures as SVG, and index.html
     /// with all of them. What an earlier run left in the folder is removed.
     ///
-    /// Inputs are set at the start of each step and held within it. Outputs are read after the step and stand at its
-    /// end; those with direct feed-through then still belong to the inputs of its start. A discrete output that depends
+    /// Inputs are set at the start of each step and held within it, unless the master lets them follow a line
+    /// (--extrapolation, --master interface-jacobian or monolithic). Outputs are read after the step and stand at its
+    /// end; those with direct feed-through then still belong to the inputs of the step. A discrete output that depends
     /// directly on an input stands at the start of the step over which it is held: a sampled output y(k) is in the row
     /// of k Ts. A discrete output that only changes by events or time stands where it is read.
-    Run(RunArgs),
+    Run(Box<RunArgs>),
     /// Show what an FMU or a system consists of.
     Inspect(super::inspect::Args),
     /// Write a system, with changed start values if wanted, as an SSP file for other tools.
@@ -79,6 +80,13 @@ pub struct RunArgs {
     /// How components are coupled.
     #[arg(long, value_enum, default_value_t = MasterChoice::GaussSeidel)]
     pub master: MasterChoice,
+    /// Order of the polynomials that inputs follow inside a step of Gauss-Seidel or Jacobi, through the last values of
+    /// what feeds them; 0 (default) holds them. Higher orders are more exact at short steps and unstable sooner.
+    #[arg(long, value_name = "ORDER", value_parser = clap::value_parser!(u32).range(0..=2))]
+    pub extrapolation: Option<u32>,
+    /// Options of one master.
+    #[command(flatten)]
+    pub coupling: CouplingArgs,
     /// CSV file with inputs of the system: first column time [s] (or for example `time [ms]`), then one column per
     /// input. Truth values are 0 and 1, or true and false.
     #[arg(long, value_name = "FILE", group = "data")]
@@ -119,6 +127,51 @@ pub struct RunArgs {
     pub quiet: bool,
 }
 
+const COUPLING: &str = "Options of --master interface-jacobian";
+
+/// Options of `--master interface-jacobian`.
+#[derive(Debug, Clone, Args)]
+pub struct CouplingArgs {
+    /// How often the slaves of a coupled component repeat a step from their saved state. 0: the prediction is kept,
+    /// and no state is saved. Default: 1.
+    #[arg(long, value_name = "NUMBER", conflicts_with = "iterate", value_parser = clap::value_parser!(u32).range(0..=20), help_heading = COUPLING)]
+    pub corrections: Option<u32>,
+    /// Repeat until the outputs change by less than this part of the larger of value and nominal value, e.g. 1e-6.
+    #[arg(long, value_name = "TOL", help_heading = COUPLING)]
+    pub iterate: Option<f64>,
+    /// Course of the inputs inside a communication step. Default: ramped.
+    #[arg(long, value_enum, help_heading = COUPLING)]
+    pub inputs: Option<InputsChoice>,
+}
+
+impl CouplingArgs {
+    /// The option that was given, if any.
+    pub fn given(&self) -> Option<&'static str> {
+        let corrections = self.corrections.map(|_| "corrections");
+        corrections.or(self.iterate.map(|_| "iterate")).or(self.inputs.map(|_| "inputs"))
+    }
+}
+
+impl From<&CouplingArgs> for Coupling {
+    fn from(args: &CouplingArgs) -> Coupling {
+        let default = Coupling::default();
+        Coupling {
+            corrections: args.corrections.unwrap_or(default.corrections),
+            tolerance: args.iterate,
+            ramped: args.inputs.map_or(default.ramped, |inputs| inputs == InputsChoice::Ramped),
+        }
+    }
+}
+
+/// `--inputs`
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum InputsChoice {
+    /// Straight lines (for FMUs that take input derivatives) with the mean and the first moment of the input.
+    Ramped,
+    /// Held at their mean.
+    Held,
+}
+
 /// `--master`
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum MasterChoice {
@@ -126,6 +179,9 @@ pub enum MasterChoice {
     GaussSeidel,
     /// Parallel: outputs are exchanged, then all slaves step; every connection is one step late.
     Jacobi,
+    /// Linearly implicit: strongly coupled components are solved in the master, then their slaves step, with
+    /// rollback. For stiff coupling; accurate at long steps.
+    InterfaceJacobian,
     /// All components as one differential equation through Model Exchange: explicit Runge-Kutta of order 8 with error
     /// control (--tolerance), state and time events, algebraic loops; no coupling error. --step sets the rows of
     /// the result, and no integrator step is longer.
@@ -147,6 +203,7 @@ impl From<MasterChoice> for Algorithm {
         match choice {
             MasterChoice::GaussSeidel => Algorithm::GaussSeidel,
             MasterChoice::Jacobi => Algorithm::Jacobi,
+            MasterChoice::InterfaceJacobian => Algorithm::InterfaceJacobian,
             MasterChoice::Monolithic => Algorithm::Monolithic,
         }
     }

@@ -21,7 +21,7 @@ pub fn complain(text: &str) {
 /// What writing to the standard output came to, a closed pipe forgiven.
 ///
 /// # Errors
-/// As [`print`].
+/// As [`print()`].
 pub fn allow_closed(outcome: std::io::Result<()>) -> Result<(), Error> {
     match outcome {
         Err(error) if error.kind() != ErrorKind::BrokenPipe => Err(Error::Output(error)),

@@ -8,15 +8,17 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use indicatif::{ProgressBar, ProgressStyle};
 
-use super::args::{InitialChoice, RunArgs};
+use super::args::{InitialChoice, MasterChoice, RunArgs};
 use super::table::table;
 use super::{folder, output};
 use crate::discrepancy::signals::{self, Links, SignalTable};
 use crate::discrepancy::{self, residual};
 use crate::master::simulate::{self, End, Run, Stimulus, Watch};
+use crate::master::{Algorithm, Effort};
 use crate::plot::run::short;
 use crate::results::summary::{
-    self, ConnectorRecord, FmuRecord, Outcome, SCHEMA_VERSION, SignalRecord, Summary, Timings,
+    self, ConnectorRecord, CouplingRecord, EffortRecord, FmuRecord, Outcome, SCHEMA_VERSION, SignalRecord,
+    Summary, Timings,
 };
 use crate::series::{Interpolation, TimeSeries, csv};
 use crate::system::SystemGraph;
@@ -199,11 +201,24 @@ fn settings(args: &RunArgs, graph: &SystemGraph, data: Option<&Record>) -> Resul
         value: f64::NAN,
         allowed: "given with --stop, as the system has no default experiment and there are no data",
     };
+    if let Some(option) = args.coupling.given()
+        && args.master != MasterChoice::InterfaceJacobian
+    {
+        return Err(master::Error::OptionOfOther { option, master: "interface-jacobian" }.into());
+    }
+    if args.extrapolation.is_some()
+        && !matches!(args.master, MasterChoice::GaussSeidel | MasterChoice::Jacobi)
+    {
+        let (option, master) = ("extrapolation", "gauss-seidel` or `--master jacobi");
+        return Err(master::Error::OptionOfOther { option, master }.into());
+    }
     Ok(master::Settings {
         start_time: args.start.or(first).or(experiment.start).unwrap_or(0.0),
         stop_time: args.stop.or(last).or(experiment.stop).ok_or(missing)?,
         step_size: args.step.or(experiment.step_size).unwrap_or(DEFAULT_STEP),
         algorithm: args.master.into(),
+        coupling: (&args.coupling).into(),
+        extrapolation: args.extrapolation.unwrap_or(0),
         tolerance: args.tolerance,
         read_all_outputs: true,
     })
@@ -379,6 +394,12 @@ fn summarize(
                 Interpolation::Linear => "linear".into(),
                 Interpolation::Hold => "hold".into(),
             },
+            extrapolation: settings.extrapolation,
+            coupling: (settings.algorithm == Algorithm::InterfaceJacobian).then_some(CouplingRecord {
+                corrections: settings.coupling.corrections,
+                iterate: settings.coupling.tolerance,
+                inputs: if settings.coupling.ramped { "ramped".into() } else { "held".into() },
+            }),
             tolerance: settings.tolerance,
             input: args.input.clone(),
             measured: args.measured.clone(),
@@ -391,11 +412,23 @@ fn summarize(
         outcome: Outcome { status: status.into(), message, end_time, steps: run.steps },
         integration: run.integration.clone(),
         timings: Timings::new(run.initialization, run.stepping, run.steps, settings.start_time, end_time),
+        effort: effort(graph, &run.effort),
         fmus: graph.order.iter().map(fmu).collect(),
         connectors,
         signals,
         figures: Vec::new(),
         fallbacks,
+    }
+}
+
+fn effort(graph: &SystemGraph, effort: &Effort) -> EffortRecord {
+    let names = graph.order.iter().map(|&index| graph.components[index].name.clone());
+    EffortRecord {
+        fmu_steps: effort.fmu_steps.iter().sum(),
+        steps_of: names.zip(effort.fmu_steps.iter().copied()).collect(),
+        static_evaluations: effort.static_evaluations,
+        newton_rounds: effort.newton_rounds,
+        coupled_passes: effort.coupled_passes,
     }
 }
 

@@ -384,6 +384,17 @@ impl Node {
         if self.others.is_some() { self.set_others(values) } else { Ok(()) }
     }
 
+    /// Sets connected inputs other than Reals.
+    pub fn set_non_reals(&mut self, values: &Values) -> Result<(), crate::fmu::Error> {
+        if self.others.is_some() { self.set_others(values) } else { Ok(()) }
+    }
+
+    /// The slave itself.
+    #[inline(always)]
+    pub fn slave(&mut self) -> &mut Slave {
+        &mut self.slave
+    }
+
     #[inline(never)]
     fn set_others(&mut self, values: &Values) -> Result<(), crate::fmu::Error> {
         let Some(others) = &self.others else { return Ok(()) };
@@ -454,17 +465,22 @@ impl Node {
         let outputs = &values.reals[self.real_out.range.clone()];
         let position = outputs.iter().position(|value| !value.is_finite()).unwrap_or(0);
         let reference = self.real_out.references[position];
+        Error::NotFinite {
+            component: self.name().to_owned(),
+            variable: self.output_name(reference),
+            value: outputs[position],
+            time,
+        }
+    }
+
+    /// Name of the Real output with this value reference.
+    pub fn output_name(&self, reference: u32) -> String {
         let variable = self.slave.fmu().description.variables.iter().find(|variable| {
             variable.causality == Causality::Output
                 && variable.value_reference == reference
                 && DataType::of(variable) == DataType::Real
         });
-        Error::NotFinite {
-            component: self.name().to_owned(),
-            variable: variable.map_or_else(String::new, |variable| variable.name.clone()),
-            value: outputs[position],
-            time,
-        }
+        variable.map_or_else(String::new, |variable| variable.name.clone())
     }
 
     /// The last messages of the FMU as an appendix of an error message.

@@ -1,16 +1,20 @@
-//! Co-simulation masters with a fixed communication step: Gauss-Seidel (serial) and Jacobi (parallel); and the
-//! [`monolithic`] coupling through Model Exchange.
+//! Co-simulation masters with a fixed communication step: Gauss-Seidel (serial), Jacobi (parallel) and
+//! interface-Jacobian (linearly implicit, with rollback); and the [`monolithic`] coupling through Model Exchange.
 //!
 //! [`Master`] owns the slaves of a [`SystemGraph`] and steps them; [`simulate::run`] drives it over a time span with
 //! inputs from a series and a recorder. What is optimised, plotted or compared is left to the modules above.
 //!
-//! Values are made consistent at the start by module `propagation`. The co-simulation masters keep to the strict reading of FMI 2.0.5 section 4.2.4: between setting an input and reading an
+//! Values are made consistent at the start by module `propagation`. The co-simulation masters keep to the strict
+//! reading of FMI 2.0.5 section 4.2.4: between setting an input and reading an
 //! output of a slave there is always a step.
 
 mod exchange;
+mod extrapolation;
 mod gauss_seidel;
 mod grid;
 mod initialize;
+#[allow(clippy::needless_range_loop, reason = "small matrices are read by row and column")]
+mod interface_jacobian;
 mod jacobi;
 pub mod monolithic;
 mod propagation;
@@ -23,7 +27,10 @@ use crate::system::graph::DataType;
 
 pub use exchange::Values;
 use exchange::{Node, Wiring};
+use extrapolation::{Extrapolation, MAX_ORDER};
 pub use grid::Grid;
+pub use interface_jacobian::Coupling;
+use interface_jacobian::{Failure, InterfaceJacobian};
 
 /// Order in which slaves step and exchange values.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -33,6 +40,8 @@ pub enum Algorithm {
     GaussSeidel,
     /// Parallel: all slaves get the outputs at the communication point, then all step.
     Jacobi,
+    /// Linearly implicit: strongly coupled components are solved in the master before their slaves step.
+    InterfaceJacobian,
     /// All components as one differential equation through Model Exchange, with error control and no coupling error;
     /// for [`simulate::run`] only.
     Monolithic,
@@ -56,6 +65,7 @@ impl std::fmt::Display for Algorithm {
         f.write_str(match self {
             Algorithm::GaussSeidel => "gauss-seidel",
             Algorithm::Jacobi => "jacobi",
+            Algorithm::InterfaceJacobian => "interface-jacobian",
             Algorithm::Monolithic => "monolithic",
         })
     }
@@ -72,6 +82,10 @@ pub struct Settings {
     pub step_size: f64,
     /// How components are coupled; default Gauss-Seidel.
     pub algorithm: Algorithm,
+    /// Options of the interface-Jacobian master.
+    pub coupling: Coupling,
+    /// Order (0 to 2) of the polynomials that inputs follow inside a step of Gauss-Seidel or Jacobi; default 0, held.
+    pub extrapolation: u32,
     /// Relative tolerance for the slaves, in (0, 1); default: each slave uses its own. Also that of the monolithic
     /// integrator, default [`monolithic::DEFAULT_TOLERANCE`].
     pub tolerance: Option<f64>,
@@ -86,6 +100,8 @@ impl Default for Settings {
             stop_time: 1.0,
             step_size: 1e-3,
             algorithm: Algorithm::GaussSeidel,
+            coupling: Coupling::default(),
+            extrapolation: 0,
             tolerance: None,
             read_all_outputs: true,
         }
@@ -100,6 +116,14 @@ impl Settings {
     pub fn validate(&self) -> Result<Grid, Error> {
         if let Some(tolerance) = self.tolerance.filter(|tolerance| !(*tolerance > 0.0 && *tolerance < 1.0)) {
             return Err(Error::Setting { name: "tolerance", value: tolerance, allowed: "between 0 and 1" });
+        }
+        if self.extrapolation > MAX_ORDER {
+            let value = f64::from(self.extrapolation);
+            return Err(Error::Setting { name: "extrapolation", value, allowed: "0, 1 or 2" });
+        }
+        let iterate = self.coupling.tolerance.filter(|tolerance| !(*tolerance > 0.0 && *tolerance < 1.0));
+        if let Some(tolerance) = iterate {
+            return Err(Error::Setting { name: "iterate", value: tolerance, allowed: "between 0 and 1" });
         }
         Grid::new(self.start_time, self.stop_time, self.step_size)
     }
@@ -135,6 +159,19 @@ pub enum Error {
         "the outputs still change after {passes} rounds of initialisation (`{variable}` is one); an FMU probably depends on an input that its `dependencies` do not list"
     )]
     Unsettled { passes: usize, variable: String },
+    /// An option of another master.
+    #[error("--{option} is an option of `--master {master}`; give that master or leave the option out")]
+    OptionOfOther { option: &'static str, master: &'static str },
+    /// The interface-Jacobian master cannot work with an FMU.
+    #[error(
+        "component `{component}` {reason} which the interface-Jacobian master cannot handle; use `--master gauss-seidel`"
+    )]
+    Unsuitable { component: String, reason: String },
+    /// A coupled component cannot be solved.
+    #[error(
+        "the coupling of {components} {reason} at t = {time} s with step {step} s; try a smaller `--step`, or `--master gauss-seidel`"
+    )]
+    Coupling { components: String, reason: String, time: f64, step: f64 },
     /// [`Master`] cannot be monolithic.
     #[error("the monolithic master does not step slaves; run it with master::simulate::run")]
     NoSteps,
@@ -181,6 +218,19 @@ pub enum Progress {
     },
 }
 
+/// How much work a master has done so far.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Effort {
+    /// `fmi2DoStep` calls of each component, in evaluation order; repeated steps count again.
+    pub fmu_steps: Vec<u64>,
+    /// Evaluations of blocks without states inside the master, with their derivatives.
+    pub static_evaluations: u64,
+    /// Rounds of Newton's method inside the master.
+    pub newton_rounds: u64,
+    /// Steps of coupled components, repetitions included.
+    pub coupled_passes: u64,
+}
+
 /// Instantiated and initialised slaves at a communication point.
 #[derive(Debug)]
 pub struct Master {
@@ -192,6 +242,10 @@ pub struct Master {
     /// Number of the current communication point.
     point: u64,
     algorithm: Algorithm,
+    /// Present for that algorithm only.
+    interface_jacobian: Option<Box<InterfaceJacobian>>,
+    /// Present for Gauss-Seidel and Jacobi with inputs that are not held.
+    extrapolation: Option<Box<Extrapolation>>,
 }
 
 impl Master {
@@ -212,8 +266,19 @@ impl Master {
         for &(input, value) in inputs {
             values.set(wiring.inputs[input], value);
         }
-        let nodes = initialize::initialize(graph, &wiring, settings, &grid, &mut values)?;
-        Ok(Master { nodes, wiring, values, grid, point: 0, algorithm: settings.algorithm })
+        let mut nodes = initialize::initialize(graph, &wiring, settings, &grid, &mut values)?;
+        let interface_jacobian = match settings.algorithm {
+            Algorithm::InterfaceJacobian => {
+                Some(Box::new(InterfaceJacobian::new(graph, &wiring, settings, &grid, &mut nodes, &values)?))
+            }
+            _ => None,
+        };
+        let extrapolation = match (settings.algorithm, settings.extrapolation) {
+            (Algorithm::InterfaceJacobian | Algorithm::Monolithic, _) | (_, 0) => None,
+            _ => Some(Box::new(Extrapolation::new(graph, &wiring, settings, &grid, &mut nodes, &values)?)),
+        };
+        let algorithm = settings.algorithm;
+        Ok(Master { nodes, wiring, values, grid, point: 0, algorithm, interface_jacobian, extrapolation })
     }
 
     /// Current communication point \[s\].
@@ -248,6 +313,22 @@ impl Master {
         self.values.set(self.wiring.inputs[input], value);
     }
 
+    /// Work done so far.
+    pub fn effort(&self) -> Effort {
+        let Some(interface_jacobian) = &self.interface_jacobian else {
+            return Effort { fmu_steps: vec![self.point; self.nodes.len()], ..Effort::default() };
+        };
+        let [static_evaluations, newton_rounds, coupled_passes] = interface_jacobian.inner_work();
+        let fmu_steps = interface_jacobian.fmu_steps().collect();
+        Effort { fmu_steps, static_evaluations, newton_rounds, coupled_passes }
+    }
+
+    /// What the master does in place of what an FMU cannot do, one sentence each.
+    pub fn notes(&self) -> &[String] {
+        let coupled = self.interface_jacobian.as_ref().map(|master| master.notes());
+        coupled.or(self.extrapolation.as_ref().map(|master| master.notes())).unwrap_or(&[])
+    }
+
     /// Columns for a recorder: system inputs and outputs by their plain name, then, unless the system is a single
     /// FMU, all outputs of components as `component.variable`. Strings are not recorded.
     pub fn columns(&self, graph: &SystemGraph) -> Vec<Column> {
@@ -264,8 +345,15 @@ impl Master {
     pub fn step(&mut self) -> Result<Progress, Error> {
         let (t, h) = (self.grid.time(self.point), self.grid.step_size(self.point));
         let status = match self.algorithm {
+            Algorithm::GaussSeidel | Algorithm::Jacobi if self.extrapolation.is_some() => {
+                self.step_extrapolated(t, h)
+            }
             Algorithm::GaussSeidel => gauss_seidel::step(&mut self.nodes, &mut self.values, t, h),
             Algorithm::Jacobi => jacobi::step(&mut self.nodes, &mut self.values, t, h),
+            Algorithm::InterfaceJacobian => match &mut self.interface_jacobian {
+                Some(master) => master.step(&mut self.nodes, &mut self.values, t, h),
+                None => Ok(()),
+            },
             Algorithm::Monolithic => return Err(Error::NoSteps),
         };
         match status {
@@ -277,10 +365,23 @@ impl Master {
         }
     }
 
+    #[inline(never)]
+    fn step_extrapolated(&mut self, t: f64, h: f64) -> Result<(), Stop> {
+        let serial = self.algorithm == Algorithm::GaussSeidel;
+        match &mut self.extrapolation {
+            Some(master) => master.step(&mut self.nodes, &mut self.values, t, h, serial),
+            None => Ok(()),
+        }
+    }
+
     #[cold]
     fn explain(&mut self, stop: Stop, t: f64, h: f64) -> Result<Progress, Error> {
         match stop {
             Stop::Fmu(error) => Err(Error::Fmu(*error)),
+            Stop::Coupling(failure) => match &self.interface_jacobian {
+                Some(master) => Err(master.explain(&failure, &self.nodes, t, h)),
+                None => Ok(Progress::Stepped),
+            },
             Stop::NotFinite { node } => {
                 Err(self.nodes[node].not_finite(&self.values, self.grid.time(self.point + 1)))
             }
@@ -326,6 +427,14 @@ enum Stop {
     NotFinite {
         node: usize,
     },
+    Coupling(Box<Failure>),
+}
+
+impl From<Failure> for Stop {
+    #[cold]
+    fn from(failure: Failure) -> Stop {
+        Stop::Coupling(Box::new(failure))
+    }
 }
 
 impl From<crate::fmu::Error> for Stop {

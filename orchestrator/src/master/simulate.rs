@@ -3,7 +3,7 @@
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-use super::{Algorithm, Error, Master, Progress, Settings, monolithic};
+use super::{Algorithm, Effort, Error, Master, Progress, Settings, monolithic};
 use crate::results::Recorder;
 use crate::results::summary::Integration;
 use crate::series::resample::{locate, value_at};
@@ -75,6 +75,8 @@ pub struct Run {
     pub end: End,
     /// Macro steps done.
     pub steps: u64,
+    /// Work of the master.
+    pub effort: Effort,
     /// Wall-clock time of initialisation.
     pub initialization: Duration,
     /// Wall-clock time of stepping.
@@ -193,9 +195,10 @@ pub fn run(
         result,
         end,
         steps: master.steps(),
+        effort: master.effort(),
         initialization,
         stepping,
-        notes: Vec::new(),
+        notes: master.notes().to_vec(),
         integration: None,
     })
 }

@@ -1,5 +1,6 @@
 //! `summary.json`: what was run, with which settings and FMUs, how it ended, how fast, and how well it fits.
 
+use std::collections::BTreeMap;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -26,6 +27,9 @@ pub struct Summary {
     pub outcome: Outcome,
     /// Wall-clock times.
     pub timings: Timings,
+    /// Work that the run took.
+    #[serde(default)]
+    pub effort: EffortRecord,
     /// Work of the integrator; only there for the monolithic master.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub integration: Option<Integration>,
@@ -51,8 +55,14 @@ pub struct Settings {
     pub stop_time: f64,
     /// Communication step size \[s\].
     pub step_size: f64,
-    /// `gauss-seidel`, `jacobi` or `monolithic`.
+    /// `gauss-seidel`, `jacobi`, `interface-jacobian` or `monolithic`.
     pub master: String,
+    /// Order of the polynomials that inputs follow inside a step of `gauss-seidel` or `jacobi`.
+    #[serde(default)]
+    pub extrapolation: u32,
+    /// Options of the interface-Jacobian master; null for others.
+    #[serde(default)]
+    pub coupling: Option<CouplingRecord>,
     /// `linear` or `hold`, for the inputs.
     pub interpolation: String,
     /// Relative tolerance passed to the FMUs.
@@ -65,6 +75,32 @@ pub struct Settings {
     pub initial: Option<String>,
     /// Start values given on the command line, `name=value`.
     pub set: Vec<String>,
+}
+
+/// Options of the interface-Jacobian master.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct CouplingRecord {
+    /// Repeated steps; without meaning where `iterate` is given.
+    pub corrections: u32,
+    /// Relative change of the outputs at which repetition ends.
+    pub iterate: Option<f64>,
+    /// `ramped` or `held`.
+    pub inputs: String,
+}
+
+/// Work that a run took.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+pub struct EffortRecord {
+    /// `fmi2DoStep` calls of all components; repeated steps count again.
+    pub fmu_steps: u64,
+    /// The same by component.
+    pub steps_of: BTreeMap<String, u64>,
+    /// Evaluations (values and derivatives) of blocks without states inside the master.
+    pub static_evaluations: u64,
+    /// Rounds of Newton's method inside the master.
+    pub newton_rounds: u64,
+    /// Steps of coupled components, repetitions included.
+    pub coupled_passes: u64,
 }
 
 /// How a run ended.

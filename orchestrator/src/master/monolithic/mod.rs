@@ -16,7 +16,7 @@ use std::time::Instant;
 
 use super::propagation::LoopFailure;
 use super::simulate::{End, REPORT_EVERY, Run, Stimulus, Watch};
-use super::{Error, Settings};
+use super::{Effort, Error, Settings};
 use crate::results::Recorder;
 use crate::results::summary::Integration;
 use crate::series::Interpolation;
@@ -91,6 +91,7 @@ pub(super) fn run(
         result: recorder.finish()?,
         end,
         steps,
+        effort: Effort::default(),
         initialization,
         stepping: began.elapsed(),
         notes: monolith.coupled.notes(),

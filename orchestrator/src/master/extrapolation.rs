@@ -1,0 +1,192 @@
+//! Gauss-Seidel and Jacobi with inputs that run along polynomials inside the step, instead of being held.
+//!
+//! A source that has not stepped yet is continued by the polynomial through its last values. One that has stepped is
+//! followed back from the end of the step along its tangent there. (The line through its two values would not do:
+//! behind a sampled source it lags by half a sample.) Discrete outputs and system inputs are held.
+
+use super::exchange::{Node, Values, Wiring};
+use super::interface_jacobian::{Feed, Outputs, Unit, interfaces};
+use super::{Algorithm, Error, Grid, Settings, Stop};
+use crate::fmu::StepStatus;
+use crate::system::SystemGraph;
+
+/// Highest order.
+pub(super) const MAX_ORDER: u32 = 2;
+
+/// Course of an input inside the step: value, slope \[1/s\] and second derivative \[1/s2\] at its beginning.
+type Course = [f64; 3];
+
+/// See the module.
+#[derive(Debug)]
+pub(super) struct Extrapolation {
+    units: Vec<Unit>,
+    outputs: Outputs,
+    /// Whether the output is discrete, and which unit it belongs to.
+    sources: Vec<(bool, usize)>,
+    /// Values at the two communication points before the present one, the steps \[s\] from each to the next, and how
+    /// many of them there are.
+    before: [Vec<f64>; 2],
+    steps: [f64; 2],
+    known: u32,
+    /// Per unit: references, orders and values of all input derivatives.
+    derivatives: Vec<(Vec<u32>, Vec<i32>, Vec<f64>)>,
+    order: u32,
+    notes: Vec<String>,
+}
+
+impl Extrapolation {
+    /// Plans the exchange of initialised slaves.
+    pub fn new(
+        graph: &SystemGraph,
+        wiring: &Wiring,
+        settings: &Settings,
+        grid: &Grid,
+        nodes: &mut [Node],
+        values: &Values,
+    ) -> Result<Extrapolation, Error> {
+        let (units, outputs) = interfaces(graph, wiring, settings, grid, nodes, values)?;
+        let order = settings.extrapolation;
+        let count = outputs.y.len();
+        let mut sources = vec![(false, 0); count];
+        let mut notes = Vec::new();
+        for (unit, node) in units.iter().zip(nodes.iter()) {
+            for (place, &discrete) in unit.outputs.clone().zip(&unit.discrete) {
+                sources[place] = (discrete, unit.number);
+            }
+            let tangents = settings.algorithm == Algorithm::GaussSeidel && unit.discrete.contains(&false);
+            if !unit.ramps && unit.inputs.iter().any(|input| matches!(input.feed, Feed::Signal(_))) {
+                notes.push(format!(
+                    "component `{}` takes no input derivatives: its inputs are held over the step",
+                    node.name()
+                ));
+            }
+            if !unit.rates && tangents {
+                notes.push(format!(
+                    "component `{}` gives no output derivatives: after it has stepped, the line through its last two values takes the place of its tangent",
+                    node.name()
+                ));
+            }
+        }
+        let derivatives = units
+            .iter()
+            .map(|unit| {
+                let references = (0..order).flat_map(|_| unit.input_references.clone()).collect();
+                let orders = (1..=order).flat_map(|k| unit.inputs.iter().map(move |_| k as i32)).collect();
+                (references, orders, vec![0.0; order as usize * unit.inputs.len()])
+            })
+            .collect();
+        let before = [vec![0.0; count], vec![0.0; count]];
+        let steps = [grid.step(); 2];
+        Ok(Extrapolation { units, outputs, sources, before, steps, known: 0, derivatives, order, notes })
+    }
+
+    /// One macro step from `t` to `t + h` \[s\]; `serial`: a slave sees what those before it have done.
+    pub fn step(
+        &mut self,
+        nodes: &mut [Node],
+        values: &mut Values,
+        t: f64,
+        h: f64,
+        serial: bool,
+    ) -> Result<(), Stop> {
+        self.outputs.begin.copy_from_slice(&self.outputs.y);
+        for (number, node) in nodes.iter_mut().enumerate() {
+            node.set_inputs(values)?;
+            self.set_course(number, node, values, h, serial)?;
+            let status = node.do_step(t, h)?;
+            if status != StepStatus::Complete {
+                return Err(Stop::Incomplete { node: number, status });
+            }
+            if serial {
+                self.read(number, node, values, h)?;
+            }
+        }
+        if !serial {
+            for (number, node) in nodes.iter_mut().enumerate() {
+                self.read(number, node, values, h)?;
+            }
+        }
+        let [last, second] = &mut self.before;
+        second.copy_from_slice(last);
+        last.copy_from_slice(&self.outputs.begin);
+        self.steps = [h, self.steps[0]];
+        self.known = (self.known + 1).min(MAX_ORDER);
+        Ok(())
+    }
+
+    /// What was done in place of what an FMU cannot do, one sentence each.
+    pub fn notes(&self) -> &[String] {
+        &self.notes
+    }
+
+    /// Gives a slave the course of its inputs.
+    fn set_course(
+        &mut self,
+        number: usize,
+        node: &mut Node,
+        values: &Values,
+        h: f64,
+        serial: bool,
+    ) -> Result<(), Stop> {
+        let count = self.units[number].inputs.len();
+        if count == 0 || !self.units[number].ramps {
+            return Ok(());
+        }
+        for k in 0..count {
+            let input = self.units[number].inputs[k];
+            let course = match input.feed {
+                Feed::Signal(place) => {
+                    let stepped = serial && self.sources[place].1 < number;
+                    self.course(place, stepped, h)
+                }
+                feed => [feed.at(&self.outputs, values, 0.0, false), 0.0, 0.0],
+            };
+            self.units[number].value[k] = input.conversion.apply(course[0]);
+            for order in 0..self.order as usize {
+                self.derivatives[number].2[order * count + k] = input.conversion.factor * course[order + 1];
+            }
+        }
+        let (references, orders, derivatives) = &self.derivatives[number];
+        node.slave().set_real(&self.units[number].input_references, &self.units[number].value)?;
+        node.slave().set_real_input_derivatives(references, orders, derivatives)?;
+        Ok(())
+    }
+
+    fn course(&self, place: usize, stepped: bool, h: f64) -> Course {
+        let y = if stepped { self.outputs.y[place] } else { self.outputs.begin[place] };
+        if self.sources[place].0 {
+            return [y, 0.0, 0.0];
+        }
+        if stepped {
+            let rate = self.outputs.rate[place];
+            return [y - h * rate, rate, 0.0];
+        }
+        let ([last, second], [h1, h2]) = (&self.before, self.steps);
+        let slope = (y - last[place]) / h1;
+        match self.order.min(self.known) {
+            0 => [y, 0.0, 0.0],
+            1 => [y, slope, 0.0],
+            _ => {
+                let curve = 2.0 * (slope - (last[place] - second[place]) / h2) / (h1 + h2);
+                [y, slope + 0.5 * h1 * curve, curve]
+            }
+        }
+    }
+
+    /// Takes over what a slave has come to.
+    fn read(&mut self, number: usize, node: &mut Node, values: &mut Values, h: f64) -> Result<(), Stop> {
+        node.get_outputs(values)?;
+        if !node.outputs_are_finite(values) {
+            return Err(Stop::NotFinite { node: number });
+        }
+        let unit = &self.units[number];
+        let places = unit.outputs.clone();
+        unit.read(node, &mut self.outputs.y[places.clone()], &mut self.outputs.rate[places.clone()])?;
+        if !unit.rates {
+            for place in places {
+                self.outputs.rate[place] = (self.outputs.y[place] - self.outputs.begin[place]) / h;
+            }
+        }
+        Ok(())
+    }
+}

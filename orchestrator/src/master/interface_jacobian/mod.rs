@@ -1,0 +1,143 @@
+//! The interface-Jacobian master: linearly implicit co-simulation of strongly coupled components.
+//!
+//! A strongly connected component of the graph is solved inside the master as a small stiff differential equation,
+//! the reduced problem: every FMU with states is its linear model about the present point plus a defect learnt from
+//! its own steps, every FMU without states is the function that it is. Only then do the FMUs step, each under the
+//! straight line with the mean and the first moment of the input that was found. One repetition from the saved state
+//! removes the error of linearisation. The stiffness of the coupling is thereby met by an L-stable method and limits
+//! no step.
+//!
+//! Components outside all cycles step once, in the order of the graph. Algebraic loops through FMUs (refused when the
+//! system is read) and events inside a coupled component are left to the monolithic master.
+
+mod capabilities;
+mod coupled;
+mod dense;
+mod evaluator;
+mod local_model;
+mod options;
+mod plan;
+mod radau;
+mod reduced;
+mod signal;
+mod single;
+mod static_block;
+mod unit;
+
+use super::exchange::{Node, Values, Wiring};
+use super::{Error, Grid, Settings, Stop};
+use crate::system::SystemGraph;
+use coupled::Coupled;
+pub(super) use coupled::Failure;
+pub use options::Coupling;
+pub(super) use plan::interfaces;
+pub(super) use unit::{Feed, Outputs, Unit};
+
+/// One strongly connected component of the graph.
+#[derive(Debug)]
+enum Part {
+    /// A unit outside all cycles, by number.
+    Single(usize),
+    /// Units in a cycle.
+    Coupled(Box<Coupled>),
+}
+
+/// See the module.
+#[derive(Debug)]
+pub(super) struct InterfaceJacobian {
+    /// In the order of their steps.
+    parts: Vec<Part>,
+    /// In evaluation order, as the nodes.
+    units: Vec<Unit>,
+    outputs: Outputs,
+    names: Vec<String>,
+    /// Workspace of single steps.
+    cuts: Vec<f64>,
+    /// Start time \[s\].
+    start: f64,
+    notes: Vec<String>,
+}
+
+impl InterfaceJacobian {
+    /// Plans the steps of initialised slaves.
+    pub fn new(
+        graph: &SystemGraph,
+        wiring: &Wiring,
+        settings: &Settings,
+        grid: &Grid,
+        nodes: &mut [Node],
+        values: &Values,
+    ) -> Result<InterfaceJacobian, Error> {
+        plan::plan(graph, wiring, settings, grid, nodes, values)
+    }
+
+    /// One macro step from `t` to `t + h` \[s\].
+    pub fn step(&mut self, nodes: &mut [Node], values: &mut Values, t: f64, h: f64) -> Result<(), Stop> {
+        let outputs = &mut self.outputs;
+        outputs.begin.copy_from_slice(&outputs.y);
+        for part in &mut self.parts {
+            match part {
+                &mut Part::Single(number) => {
+                    let (unit, node) = (&mut self.units[number], &mut nodes[number]);
+                    single::step(unit, node, outputs, values, (self.start, t, h), &mut self.cuts)?;
+                }
+                Part::Coupled(coupled) => coupled.step(&mut self.units, nodes, outputs, values, t, h)?,
+            }
+        }
+        Ok(())
+    }
+
+    /// What was done in place of what an FMU cannot do, one sentence each.
+    pub fn notes(&self) -> &[String] {
+        &self.notes
+    }
+
+    /// Steps of each unit so far, in evaluation order.
+    pub fn fmu_steps(&self) -> impl Iterator<Item = u64> + '_ {
+        self.units.iter().map(|unit| unit.steps)
+    }
+
+    /// Evaluations of static blocks, rounds of Newton's method, and steps of coupled components with repetitions.
+    pub fn inner_work(&self) -> [u64; 3] {
+        self.parts.iter().fold([0; 3], |sum, part| match part {
+            Part::Single(_) => sum,
+            Part::Coupled(coupled) => {
+                let work = [coupled.problem.evaluations, coupled.radau.rounds, coupled.passes];
+                [sum[0] + work[0], sum[1] + work[1], sum[2] + work[2]]
+            }
+        })
+    }
+
+    /// The error for a failure, at the step from `t` with `h` \[s\].
+    pub fn explain(&self, failure: &Failure, nodes: &[Node], t: f64, h: f64) -> Error {
+        let unit = match failure {
+            Failure::Unsolved { unit, .. } | Failure::Unsettled { unit, .. } => *unit,
+        };
+        let members = self.parts.iter().find_map(|part| match part {
+            Part::Coupled(coupled) if coupled.members.contains(&unit) => Some(&coupled.members),
+            _ => None,
+        });
+        let names = |numbers: &[usize]| {
+            numbers.iter().map(|&number| self.names[number].as_str()).collect::<Vec<_>>().join(", ")
+        };
+        let components = members.map_or_else(|| self.names[unit].clone(), |members| names(members));
+        let (time, reason) = match failure {
+            Failure::Unsolved { time, rest, .. } => (
+                *time,
+                format!(
+                    "has no solution near component `{}` (rest {rest:.1e} of the nominal value)",
+                    self.names[unit]
+                ),
+            ),
+            Failure::Unsettled { output, passes, change, .. } => (
+                t,
+                format!(
+                    "does not settle in {passes} passes: `{}.{}` still changes by {change:.1e} of its size",
+                    self.names[unit],
+                    nodes[unit].output_name(*output)
+                ),
+            ),
+        };
+        Error::Coupling { components, reason, time, step: h }
+    }
+}
