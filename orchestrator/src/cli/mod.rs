@@ -8,6 +8,7 @@ mod folder;
 pub mod inspect;
 pub mod inspect_system;
 pub mod output;
+mod report;
 pub mod run;
 mod table;
 

@@ -9,13 +9,11 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use indicatif::{ProgressBar, ProgressStyle};
 
 use super::args::{InitialChoice, MasterChoice, RunArgs};
-use super::table::table;
-use super::{folder, output};
+use super::{folder, output, report};
 use crate::discrepancy::signals::{self, Links, SignalTable};
 use crate::discrepancy::{self, residual};
 use crate::master::simulate::{self, End, Run, Stimulus, Watch};
 use crate::master::{Algorithm, Effort};
-use crate::plot::run::short;
 use crate::results::summary::{
     self, ConnectorRecord, CouplingRecord, EffortRecord, FmuRecord, Outcome, SCHEMA_VERSION, SignalRecord,
     Summary, Timings,
@@ -148,7 +146,7 @@ pub fn run(args: &RunArgs) -> Result<ExitCode, Error> {
         plot::run::draw(&args.output)?;
     }
     if !args.quiet {
-        output::print(&report(&summary, args))?;
+        output::print(&report::report(&summary, args))?;
     }
     Ok(exit(&run, args))
 }
@@ -434,66 +432,6 @@ fn effort(graph: &SystemGraph, effort: &Effort) -> EffortRecord {
 
 fn text(text: &str) -> Option<String> {
     Some(text.to_owned()).filter(|text| !text.is_empty())
-}
-
-/// What is printed after a run.
-fn report(summary: &Summary, args: &RunArgs) -> String {
-    let (start, end) = (summary.settings.start_time, summary.outcome.end_time);
-    let steps = match summary.outcome.steps {
-        1 => format!("1 step of {} s", summary.settings.step_size.min(end - start)),
-        steps => format!("{steps} steps of {} s", summary.settings.step_size),
-    };
-    let mut text = format!(
-        "{}: {start} s to {end} s, {steps} ({}), {} s, {} steps/s\n",
-        summary.system,
-        summary.settings.master,
-        short(summary.timings.simulation_s),
-        summary.timings.steps_per_second.round(),
-    );
-    if let Some(work) = &summary.integration {
-        text += &format!(
-            "integrator: {} steps, {} rejected, {} evaluations, {} events\n",
-            work.steps,
-            work.rejected_steps,
-            work.evaluations,
-            work.time_events + work.state_events + work.input_events,
-        );
-    }
-    if summary.outcome.status == "terminated" {
-        text += &format!("{}\n", summary.outcome.message.as_deref().unwrap_or_default());
-    }
-    if !summary.signals.is_empty() {
-        let rows: Vec<Vec<String>> = summary
-            .signals
-            .iter()
-            .map(|signal| {
-                vec![
-                    signal.name.clone(),
-                    signal.unit.clone().unwrap_or_default(),
-                    fit_text(signal.fit_percent),
-                    short(signal.rms_error),
-                ]
-            })
-            .collect();
-        text += &format!("\n{}\n", table(&["signal", "unit", "fit [%]", "RMS error"], &rows, &[2, 3]));
-    }
-    for note in &summary.fallbacks {
-        text += &format!("note: {note}\n");
-    }
-    text += &format!("result:  {}\n", args.output.join("result.csv").display());
-    if !args.no_plots {
-        text += &format!("figures: {}\n", args.output.join("index.html").display());
-    }
-    text
-}
-
-/// A fit with two digits; far below zero the digits say nothing.
-fn fit_text(fit: Option<f64>) -> String {
-    match fit {
-        None => "constant".into(),
-        Some(fit) if fit < -1e6 => "< -1e6".into(),
-        Some(fit) => format!("{fit:.2}"),
-    }
 }
 
 fn exit(run: &Run, args: &RunArgs) -> ExitCode {

@@ -6,6 +6,7 @@
 
 pub mod error;
 pub mod graph;
+mod notes;
 pub mod order;
 pub mod ssp;
 pub mod ssv;
