@@ -81,6 +81,9 @@ pub struct RunArgs {
     /// Options of one master.
     #[command(flatten)]
     pub coupling: CouplingArgs,
+    /// Estimate of the coupling error.
+    #[command(flatten)]
+    pub coupling_error: super::coupling::CouplingErrorArgs,
     /// CSV file with inputs of the system: first column time [s], then one column per input.
     #[arg(long, value_name = "FILE")]
     pub input: Option<PathBuf>,

@@ -9,6 +9,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use indicatif::{ProgressBar, ProgressStyle};
 
 use super::args::{InitialChoice, MasterChoice, RunArgs};
+use super::coupling;
 use super::table::table;
 use crate::discrepancy::signals::{self, Links, SignalTable};
 use crate::discrepancy::{self, residual};
@@ -54,6 +55,7 @@ pub fn run(args: &RunArgs) -> Result<ExitCode, Error> {
         check_measured(&graph, measured, &mut notes)?;
     }
     let settings = settings(args, &graph, input.as_ref().or(measured.as_ref()))?;
+    let goal = args.coupling_error.goal(&graph, settings.algorithm)?;
     if let Some(measured) = measured.as_ref().filter(|_| args.initial == InitialChoice::Measured) {
         let (series, links) = (&measured.series, &measured.links);
         let set = signals::start_at_measured(&mut graph, series, links, settings.start_time);
@@ -70,7 +72,8 @@ pub fn run(args: &RunArgs) -> Result<ExitCode, Error> {
     std::fs::create_dir_all(&args.output)
         .map_err(|source| csv::Error::Io { path: args.output.clone(), source })?;
 
-    let run = simulate(&graph, &settings, stimulus.as_ref(), args.quiet)?;
+    let stop = stopped_by_ctrl_c();
+    let run = simulate(&graph, &settings, stimulus.as_ref(), &stop, args.quiet)?;
     notes.extend_from_slice(&run.notes);
     csv::write(&run.result, &args.output.join("result.csv"))?;
     let connectors = connectors(&graph, &run);
@@ -82,13 +85,20 @@ pub fn run(args: &RunArgs) -> Result<ExitCode, Error> {
         }
         _ => Vec::new(),
     };
-    let summary = summarize(args, &graph, &settings, &run, connectors, fits, notes);
+    let coupling_error =
+        goal.and_then(|goal| coupling::estimate(&graph, &settings, &run, &goal, &stop, &mut notes));
+    let mut summary = summarize(args, &graph, &settings, &run, connectors, fits, notes);
+    summary.coupling_error = coupling_error;
     summary::write(&summary, &args.output.join("summary.json"))?;
     if !args.no_plots {
         plot::run::draw(&args.output)?;
     }
     if !args.quiet {
         print!("{}", report(&summary, args));
+    }
+    if matches!(run.end, End::Completed) && stop.load(Ordering::Relaxed) {
+        eprintln!("interrupted after the run; its result is in {}", args.output.join("result.csv").display());
+        return Ok(ExitCode::from(super::INTERRUPTED));
     }
     Ok(exit(&run, args))
 }
@@ -191,13 +201,8 @@ fn note_inputs(
     }
 }
 
-/// Runs with a progress bar (on a terminal) and stops on Ctrl-C.
-fn simulate(
-    graph: &SystemGraph,
-    settings: &master::Settings,
-    stimulus: Option<&Stimulus>,
-    quiet: bool,
-) -> Result<Run, Error> {
+/// A flag that Ctrl-C sets; pressed again, it ends the program.
+fn stopped_by_ctrl_c() -> Arc<AtomicBool> {
     let stop = Arc::new(AtomicBool::new(false));
     let flag = Arc::clone(&stop);
     // Without a handler Ctrl-C ends the program as usual, so a failure here is no reason not to run.
@@ -206,6 +211,17 @@ fn simulate(
             std::process::exit(i32::from(super::INTERRUPTED));
         }
     });
+    stop
+}
+
+/// Runs with a progress bar (on a terminal) until the end or until `stop` is set.
+fn simulate(
+    graph: &SystemGraph,
+    settings: &master::Settings,
+    stimulus: Option<&Stimulus>,
+    stop: &AtomicBool,
+    quiet: bool,
+) -> Result<Run, Error> {
     let bar = match !quiet && std::io::stderr().is_terminal() {
         true => ProgressBar::new(0),
         false => ProgressBar::hidden(),
@@ -216,7 +232,7 @@ fn simulate(
         bar.set_length(all);
         bar.set_position(done);
     };
-    let run = simulate::run(graph, settings, stimulus, Watch { stop: &stop, progress: &mut progress });
+    let run = simulate::run(graph, settings, stimulus, Watch { stop, progress: &mut progress });
     bar.finish_and_clear();
     Ok(run?)
 }
@@ -305,6 +321,7 @@ fn summarize(
         fmus: graph.order.iter().map(fmu).collect(),
         connectors,
         signals,
+        coupling_error: None,
         fallbacks,
     }
 }
@@ -363,6 +380,9 @@ fn report(summary: &Summary, args: &RunArgs) -> String {
             })
             .collect();
         text += &format!("\n{}\n", table(&["signal", "unit", "fit [%]", "RMS error"], &rows, &[2, 3]));
+    }
+    if let Some(record) = &summary.coupling_error {
+        text += &format!("{}\n", coupling::report(record));
     }
     for note in &summary.fallbacks {
         text += &format!("note: {note}\n");

@@ -1,6 +1,9 @@
-//! Measurement against simulation: which column belongs to which connector, and how far they are apart.
+//! Measurement against simulation: which column belongs to which connector, and how far they are apart; and simulation
+//! against itself: how much of it is owed to the communication step.
 
+pub mod coupling_error;
 pub mod residual;
+pub mod richardson;
 pub mod signals;
 
 use std::path::PathBuf;
@@ -24,6 +27,20 @@ pub enum Error {
     /// No column fits any connector.
     #[error("{}: none of its columns ({columns}) is a connector of the system ({known}); name the pairs in a [signals] table and give it with `--signals`", file.display())]
     NothingMeasured { file: PathBuf, columns: String, known: String },
+    /// The communication step cannot be made smaller.
+    #[error("the run cannot be repeated {problem}")]
+    NoRefinement { problem: String },
+    /// A goal for a signal that is not there.
+    #[error("--coupling-signal {name}: there is no such Real output or connected signal; known are: {known}")]
+    NoSignal { name: String, known: String },
+    /// The monolithic master has no coupling error.
+    #[error(
+        "`--master monolithic` has no coupling error to estimate; leave --estimate-coupling-error out, or choose another master"
+    )]
+    NoCoupling,
+    /// The inputs of a run make no series.
+    #[error(transparent)]
+    Series(#[from] crate::series::Error),
     /// The two time ranges have nothing in common.
     #[error("{}: signal `{signal}`: {source}", file.display())]
     Fit { file: PathBuf, signal: String, source: crate::ident::fit::Error },
