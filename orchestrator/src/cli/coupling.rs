@@ -103,7 +103,7 @@ pub fn report(record: &CouplingErrorRecord) -> String {
         .collect();
     let header = ["signal", "unit", "RMS error", "error [%]", "order", ""];
     let mut text =
-        format!("\ncoupling error at {} s, estimated from a half and a quarter of it\n", record.step_size);
+        format!("coupling error at {} s, estimated from a half and a quarter of it\n", record.step_size);
     text += &table(&header, &signals, &[2, 3, 4]);
     let masters: Vec<Vec<String>> = record
         .masters

@@ -382,6 +382,9 @@ fn report(summary: &Summary, args: &RunArgs) -> String {
         text += &format!("\n{}\n", table(&["signal", "unit", "fit [%]", "RMS error"], &rows, &[2, 3]));
     }
     if let Some(record) = &summary.coupling_error {
+        if summary.signals.is_empty() {
+            text.push('\n');
+        }
         text += &format!("{}\n", coupling::report(record));
     }
     for note in &summary.fallbacks {
