@@ -1,5 +1,5 @@
 # `make demo` and `make test` work on a fresh machine with Rust, a C compiler and Python 3: each sets up what is missing first.
-.PHONY: demo test check bench fmu setup setup-build clean
+.PHONY: demo test check bench study fmu setup setup-build clean
 export CARGO_NET_RETRY ?= 10
 
 demo: fmu            ## replay one measured record through the coupled FMUs
@@ -14,6 +14,10 @@ check: setup         ## formatting, lints, documentation, generated files, licen
 
 bench: fmu           ## cost of the master per FMU step
 	cargo bench -p airloop --bench '*'
+
+study: fmu           ## error of every master against its FMU steps: out/study/masters.csv, .svg
+	scripts/setup.sh study
+	.venv/bin/python tests/study/masters.py out/study
 
 fmu: setup-build     ## target/fmu/*.fmu, modelDescriptions/*.xml and the airloop binary
 	cargo run --release -p packager

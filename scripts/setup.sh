@@ -1,5 +1,6 @@
 #!/usr/bin/env bash
-# Prepares this folder for building (`setup.sh build`) or for building and testing (`setup.sh test`).
+# Prepares this folder for building (`setup.sh build`), for building and testing (`setup.sh test`), or for that and the
+# studies (`setup.sh study`).
 # Everything lands in .venv/ and .cargo/config.toml; nothing outside this folder is touched and no root is needed.
 # Run again at any time: it does nothing when the requirements have not changed.
 #
@@ -12,8 +13,9 @@ purpose=${1:-test}
 case $purpose in
     build) requirements=requirements-build.txt oldest_python="3, 8" ;;
     test) requirements=requirements.txt oldest_python="3, 11" ;;
+    study) requirements=requirements-study.txt oldest_python="3, 11" ;;
     *)
-        echo "usage: scripts/setup.sh [build|test]" >&2
+        echo "usage: scripts/setup.sh [build|test|study]" >&2
         exit 2
         ;;
 esac
@@ -49,7 +51,7 @@ if ! .venv/bin/python -m pip --version >/dev/null 2>&1; then
     rm -f "$log"
 fi
 
-digest=$(cat requirements-build.txt "$requirements" | sha256sum | cut -d' ' -f1)
+digest=$(cat requirements-build.txt requirements.txt "$requirements" | sha256sum | cut -d' ' -f1)
 stamp=.venv/installed-$purpose
 if [ "$(cat "$stamp" 2>/dev/null)" != "$digest" ]; then
     echo "setup: installing $requirements into .venv"

@@ -87,6 +87,9 @@ pub struct RunArgs {
     /// Options of one master.
     #[command(flatten)]
     pub coupling: CouplingArgs,
+    /// Estimate of the coupling error.
+    #[command(flatten)]
+    pub coupling_error: super::coupling::CouplingErrorArgs,
     /// CSV file with inputs of the system: first column time [s] (or for example `time [ms]`), then one column per
     /// input. Truth values are 0 and 1, or true and false.
     #[arg(long, value_name = "FILE", group = "data")]

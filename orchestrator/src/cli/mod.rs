@@ -3,6 +3,7 @@
 //! Exit codes: 0 success, 1 failure, 2 wrong usage, 130 interrupted (Ctrl-C, SIGTERM, SIGHUP).
 
 pub mod args;
+pub mod coupling;
 pub mod export;
 mod folder;
 pub mod inspect;

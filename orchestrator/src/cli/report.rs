@@ -1,6 +1,7 @@
 //! What `airloop run` prints: the run in one line, the fits, the notes, where the files are.
 
 use super::args::RunArgs;
+use super::coupling;
 use super::table::table;
 use crate::plot::run::short;
 use crate::results::summary::Summary;
@@ -45,6 +46,12 @@ pub fn report(summary: &Summary, args: &RunArgs) -> String {
             })
             .collect();
         text += &format!("\n{}\n", table(&["signal", "unit", "fit [%]", "RMS error"], &rows, &[2, 3]));
+    }
+    if let Some(record) = &summary.coupling_error {
+        if summary.signals.is_empty() {
+            text.push('\n');
+        }
+        text += &format!("{}\n", coupling::report(record));
     }
     for note in &summary.fallbacks {
         text += &format!("note: {note}\n");

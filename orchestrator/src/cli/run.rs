@@ -9,7 +9,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use indicatif::{ProgressBar, ProgressStyle};
 
 use super::args::{InitialChoice, MasterChoice, RunArgs};
-use super::{folder, output, report};
+use super::{coupling, folder, output, report};
 use crate::discrepancy::signals::{self, Links, SignalTable};
 use crate::discrepancy::{self, residual};
 use crate::master::simulate::{self, End, Run, Stimulus, Watch};
@@ -78,6 +78,7 @@ pub fn run(args: &RunArgs) -> Result<ExitCode, Error> {
             grid.last_step()
         ));
     }
+    let goal = args.coupling_error.goal(&graph, settings.algorithm)?;
     if let Some(measured) = measured.as_ref().filter(|_| args.initial == InitialChoice::Measured) {
         let (series, links) = (&measured.series, &measured.links);
         let set = signals::start_at_measured(&mut graph, series, links, settings.start_time);
@@ -137,7 +138,10 @@ pub fn run(args: &RunArgs) -> Result<ExitCode, Error> {
         }
         _ => Vec::new(),
     };
+    let coupling_error =
+        goal.and_then(|goal| coupling::estimate(&graph, &settings, &run, &goal, &stop, &mut notes));
     let mut summary = summarize(args, &graph, &settings, &run, connectors, fits, notes);
+    summary.coupling_error = coupling_error;
     if !args.no_plots {
         summary.figures = plot::run::figure_files(&summary);
     }
@@ -147,6 +151,10 @@ pub fn run(args: &RunArgs) -> Result<ExitCode, Error> {
     }
     if !args.quiet {
         output::print(&report::report(&summary, args))?;
+    }
+    if matches!(run.end, End::Completed) && stop.load(Ordering::Relaxed) {
+        eprintln!("interrupted after the run; its result is in {}", args.output.join("result.csv").display());
+        return Ok(ExitCode::from(super::INTERRUPTED));
     }
     Ok(exit(&run, args))
 }
@@ -415,6 +423,7 @@ fn summarize(
         connectors,
         signals,
         figures: Vec::new(),
+        coupling_error: None,
         fallbacks,
     }
 }

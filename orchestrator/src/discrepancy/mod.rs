@@ -1,6 +1,9 @@
-//! Measurement against simulation: which column belongs to which connector, and how far they are apart.
+//! Measurement against simulation: which column belongs to which connector, and how far they are apart; and simulation
+//! against itself: how much of it is owed to the communication step.
 
+pub mod coupling_error;
 pub mod residual;
+pub mod richardson;
 pub mod signals;
 
 use std::path::PathBuf;
@@ -27,6 +30,20 @@ pub enum Error {
     /// The run does not touch the record.
     #[error("{}: the record goes from {first} s to {last} s, but the run from {start} s to {stop} s: no sample can be compared; choose `--start` and `--stop` inside of the record", file.display())]
     NoOverlap { file: PathBuf, first: f64, last: f64, start: f64, stop: f64 },
+    /// The communication step cannot be made smaller.
+    #[error("the run cannot be repeated {problem}")]
+    NoRefinement { problem: String },
+    /// A goal for a signal that is not there.
+    #[error("--coupling-signal {name}: there is no such Real output or connected signal; known are: {known}")]
+    NoSignal { name: String, known: String },
+    /// The monolithic master has no coupling error.
+    #[error(
+        "`--master monolithic` has no coupling error to estimate; leave --estimate-coupling-error out, or choose another master"
+    )]
+    NoCoupling,
+    /// The inputs of a run make no series.
+    #[error(transparent)]
+    Series(#[from] crate::series::Error),
     /// The two time ranges have nothing in common.
     #[error("{}: signal `{signal}`: {source}", file.display())]
     Fit { file: PathBuf, signal: String, source: crate::ident::fit::Error },

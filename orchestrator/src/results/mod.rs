@@ -3,6 +3,7 @@
 //! Neither steps nor plots; it is told values and times and turns them into a [`crate::series::TimeSeries`] and a
 //! JSON file.
 
+pub mod coupling_error;
 pub mod recorder;
 pub mod summary;
 

@@ -7,6 +7,8 @@ use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 
+use super::coupling_error::CouplingErrorRecord;
+
 /// Version of the layout of `summary.json`; it grows when a field changes its meaning or goes.
 pub const SCHEMA_VERSION: u32 = 1;
 
@@ -42,6 +44,9 @@ pub struct Summary {
     /// Files of the figures in the folder of the summary.
     #[serde(default)]
     pub figures: Vec<String>,
+    /// Estimated coupling error; only there if it was asked for and could be estimated.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub coupling_error: Option<CouplingErrorRecord>,
     /// Where the program chose for the user or could not do what was usual, one sentence each.
     pub fallbacks: Vec<String>,
 }
