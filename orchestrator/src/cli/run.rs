@@ -143,6 +143,7 @@ fn settings(args: &RunArgs, graph: &SystemGraph, data: Option<&Record>) -> Resul
         coupling: (&args.coupling).into(),
         extrapolation: args.extrapolation.unwrap_or(0),
         tolerance: args.tolerance,
+        adaptive: args.adaptive.settings(args.master)?,
         read_all_outputs: true,
     })
 }
@@ -300,6 +301,7 @@ fn summarize(
         },
         outcome: Outcome { status: status.into(), message, end_time, steps: run.steps },
         integration: run.integration.clone(),
+        adaptive: run.adaptive.clone(),
         timings: Timings::new(run.initialization, run.stepping, run.steps, settings.start_time, end_time),
         effort: effort(graph, &run.effort),
         fmus: graph.order.iter().map(fmu).collect(),
@@ -344,6 +346,16 @@ fn report(summary: &Summary, args: &RunArgs) -> String {
             work.rejected_steps,
             work.evaluations,
             work.time_events + work.state_events + work.input_events,
+        );
+    }
+    if let Some(adaptive) = &summary.adaptive {
+        text += &format!(
+            "adaptive: {} step pairs, {} rejected, {} FMU steps, communication steps of {} s to {} s\n",
+            adaptive.accepted,
+            adaptive.rejected,
+            summary.effort.fmu_steps,
+            short(adaptive.smallest_step.unwrap_or_default()),
+            short(adaptive.largest_step.unwrap_or_default()),
         );
     }
     if summary.outcome.status == "terminated" {

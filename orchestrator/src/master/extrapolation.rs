@@ -114,6 +114,15 @@ impl Extrapolation {
         Ok(())
     }
 
+    /// Shows every number that is carried from step to step, always in the same order.
+    pub fn carry(&mut self, each: &mut dyn FnMut(&mut f64)) {
+        self.outputs.carry(each);
+        self.before.iter_mut().flatten().chain(&mut self.steps).for_each(&mut *each);
+        let mut known = f64::from(self.known);
+        each(&mut known);
+        self.known = known as u32;
+    }
+
     /// What was done in place of what an FMU cannot do, one sentence each.
     pub fn notes(&self) -> &[String] {
         &self.notes

@@ -3,9 +3,9 @@
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-use super::{Algorithm, Effort, Error, Master, Progress, Settings, monolithic};
+use super::{Algorithm, Effort, Error, Master, Progress, Settings, adaptive, monolithic};
 use crate::results::Recorder;
-use crate::results::summary::Integration;
+use crate::results::summary::{AdaptiveRecord, Integration};
 use crate::series::resample::{locate, value_at};
 use crate::series::{Interpolation, TimeSeries};
 use crate::system::SystemGraph;
@@ -22,7 +22,7 @@ pub struct Stimulus<'a> {
 }
 
 impl Stimulus<'_> {
-    fn each(&self, t: f64, guess: &mut usize, mut give: impl FnMut(usize, f64)) {
+    pub(super) fn each(&self, t: f64, guess: &mut usize, mut give: impl FnMut(usize, f64)) {
         let position = locate(self.series.time(), t, *guess);
         *guess = position.index;
         for &(input, channel, factor, offset) in &self.links {
@@ -67,6 +67,8 @@ pub struct Run {
     pub notes: Vec<String>,
     /// Work of the integrator; monolithic master only.
     pub integration: Option<Integration>,
+    /// Adaptive steps, if they were wanted.
+    pub adaptive: Option<AdaptiveRecord>,
 }
 
 /// A caller who watches a run.
@@ -105,6 +107,9 @@ pub fn run(
 ) -> Result<Run, Error> {
     if settings.algorithm == Algorithm::Monolithic {
         return monolithic::run(graph, settings, stimulus, watch);
+    }
+    if let Some(adaptive) = settings.adaptive {
+        return adaptive::run(graph, settings, adaptive, stimulus, watch);
     }
     let began = Instant::now();
     let mut guess = 0;
@@ -168,5 +173,6 @@ pub fn run(
         stepping,
         notes: master.notes().to_vec(),
         integration: None,
+        adaptive: None,
     })
 }
