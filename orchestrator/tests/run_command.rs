@@ -149,7 +149,7 @@ fn bad_words_and_files_are_refused_by_name() {
     write(&folder, "other.csv", "time,q\n0,1\n");
     write(&folder, "moment.csv", "time,u [N.m]\n0,1\n");
     write(&folder, "map.toml", "[signals]\nz = \"q\"\n");
-    let cases: [(&[&str], i32, &str); 12] = [
+    let cases: [(&[&str], i32, &str); 14] = [
         (&["--input", "typo.csv"], 1, "typo.csv: line 1, column `uu`: no such signal; known are: u"),
         (&["--input", "nan.csv"], 1, "nan.csv: line 3, column `u`: `nan` is not finite"),
         (&["--input", "gone.csv"], 1, "gone.csv: "),
@@ -162,6 +162,8 @@ fn bad_words_and_files_are_refused_by_name() {
         (&["--stop", "1", "--set", "nope"], 2, "write component.variable=value"),
         (&["--stop", "soon"], 2, "soon"),
         (&["--stop", "1", "--initial", "zero"], 2, "--measured"),
+        (&["--stop", "1", "--adaptive"], 1, "component `a` cannot save and restore its state"),
+        (&["--stop", "1", "--step-tolerance", "1e-3"], 2, "--adaptive"),
     ];
     for (words, code, expected) in cases {
         let output = airloop(&folder, &[&["run", "system.ssd"], words].concat());

@@ -162,12 +162,14 @@ const ADAPTIVE: &str = "Adaptive communication steps";
 /// Options of adaptive communication steps.
 #[derive(Debug, Clone, Args)]
 pub struct AdaptiveArgs {
-    /// Choose every communication step by its error, from --step on: each is made whole and, from the saved states, in two
-    /// halves, which are kept. For gauss-seidel, jacobi and interface-jacobian; all FMUs must save and restore their
+    /// Choose every communication step by its error, from --step on. gauss-seidel and jacobi repeat each step from the
+    /// saved states with inputs that run towards the result of the pass before; interface-jacobian makes it whole and in
+    /// two halves, which are kept. For gauss-seidel, jacobi and interface-jacobian; all FMUs must save and restore their
     /// state. Steps end at samples of components and inputs; interface-jacobian may span whole samples of components.
     #[arg(long, help_heading = ADAPTIVE)]
     pub adaptive: bool,
-    /// Error of one step, relative to the largest value of the signal so far. Default: 1e-4.
+    /// Error of one step that is allowed, relative to the largest value of the signal so far (at least a hundredth of
+    /// its nominal value). Default: 1e-4.
     #[arg(long, value_name = "TOL", requires = "adaptive", help_heading = ADAPTIVE)]
     pub step_tolerance: Option<f64>,
     /// Shortest communication step [s]; a run that needs a shorter one fails. Default: --step / 1000000.

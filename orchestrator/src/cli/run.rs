@@ -350,7 +350,7 @@ fn report(summary: &Summary, args: &RunArgs) -> String {
     }
     if let Some(adaptive) = &summary.adaptive {
         text += &format!(
-            "adaptive: {} step pairs, {} rejected, {} FMU steps, communication steps of {} s to {} s\n",
+            "adaptive: {} steps, {} rejected, {} FMU steps, communication steps of {} s to {} s\n",
             adaptive.accepted,
             adaptive.rejected,
             summary.effort.fmu_steps,

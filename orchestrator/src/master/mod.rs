@@ -275,7 +275,11 @@ impl Master {
             _ => None,
         };
         let extrapolation = match (settings.algorithm, settings.extrapolation) {
-            (Algorithm::InterfaceJacobian | Algorithm::Monolithic, _) | (_, 0) => None,
+            (Algorithm::InterfaceJacobian | Algorithm::Monolithic, _) | (_, 0)
+                if settings.adaptive.is_none() =>
+            {
+                None
+            }
             _ => Some(Box::new(Extrapolation::new(graph, &wiring, settings, &grid, &mut nodes, &values)?)),
         };
         let algorithm = settings.algorithm;

@@ -116,8 +116,7 @@ pub struct Outcome {
     pub steps: u64,
 }
 
-/// Adaptive communication steps of a run. Every one was made once whole and once in two halves; the halves were kept and
-/// are the communication steps.
+/// Adaptive communication steps of a run.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct AdaptiveRecord {
     /// Error of one step relative to the size of the signal.
@@ -126,9 +125,9 @@ pub struct AdaptiveRecord {
     pub min_step: f64,
     /// See `min_step`.
     pub max_step: f64,
-    /// Pairs of communication steps that were kept.
+    /// Communication steps that were kept.
     pub accepted: u64,
-    /// Steps that were taken back and tried shorter.
+    /// Steps (under `interface-jacobian`: pairs of steps) that were taken back and tried shorter.
     pub rejected: u64,
     /// Shortest communication step that was kept \[s\]; null if there is none.
     pub smallest_step: Option<f64>,
@@ -143,13 +142,11 @@ impl AdaptiveRecord {
         AdaptiveRecord { tolerance, min_step, max_step, accepted, rejected, smallest_step, largest_step }
     }
 
-    /// Counts two communication steps \[s\] that were kept.
-    pub fn accept(&mut self, steps: [f64; 2]) {
+    /// Counts a communication step \[s\] that was kept.
+    pub fn accept(&mut self, step: f64) {
         self.accepted += 1;
-        for step in steps {
-            self.smallest_step = Some(self.smallest_step.map_or(step, |smallest| smallest.min(step)));
-            self.largest_step = Some(self.largest_step.map_or(step, |largest| largest.max(step)));
-        }
+        self.smallest_step = Some(self.smallest_step.map_or(step, |smallest| smallest.min(step)));
+        self.largest_step = Some(self.largest_step.map_or(step, |largest| largest.max(step)));
     }
 }
 

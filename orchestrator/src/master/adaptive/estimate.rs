@@ -12,7 +12,7 @@ use crate::system::graph::{DataType, Source};
 use crate::system::order::feed_through;
 
 /// Smallest size of a signal, as a part of its nominal value.
-const SMALLEST_SIZE: f64 = 1e-3;
+const SMALLEST_SIZE: f64 = 1e-2;
 
 /// A watched output.
 #[derive(Debug)]

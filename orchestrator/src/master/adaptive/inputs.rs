@@ -12,14 +12,14 @@ use crate::system::graph::Source;
 pub(super) struct Inputs<'a> {
     stimulus: Option<&'a Stimulus<'a>>,
     guess: usize,
-    /// Whether the master is given the course of inputs inside a step.
-    courses: bool,
+    /// Whether steps may span samples of the inputs.
+    spanning: bool,
 }
 
 impl<'a> Inputs<'a> {
-    /// Inputs from a series; `courses` for a master that takes them.
-    pub fn new(stimulus: Option<&'a Stimulus<'a>>, courses: bool) -> Inputs<'a> {
-        Inputs { stimulus, guess: 0, courses }
+    /// Inputs from a series; `spanning` for a master whose steps may span their samples.
+    pub fn new(stimulus: Option<&'a Stimulus<'a>>, spanning: bool) -> Inputs<'a> {
+        Inputs { stimulus, guess: 0, spanning }
     }
 
     /// Values at `t` \[s\], as (index of the input, value).
@@ -36,17 +36,21 @@ impl<'a> Inputs<'a> {
         let spanned = stimulus.links.iter().all(|&(input, ..)| {
             let mut fed =
                 graph.connections.iter().filter(|connection| connection.source == Source::Input(input));
-            fed.all(|connection| self.courses && is_spanned(connection.component))
+            fed.all(|connection| self.spanning && is_spanned(connection.component))
         });
         if spanned { &[] } else { stimulus.series.time() }
     }
 
-    /// Puts the values at `begin` \[s\] into the master, and where it takes them the courses until `end` \[s\].
+    /// Puts the values at `begin` \[s\] into the master, and their courses until `end` \[s\].
     pub fn put(&mut self, master: &mut Master, begin: f64, end: f64) {
         self.at(begin, |input, value| master.set_input(input, value));
-        let Some(stimulus) = self.stimulus.filter(|_| self.courses) else { return };
-        let Some(outputs) = master.interface_jacobian.as_mut().map(|master| master.courses()) else { return };
-        outputs.clear();
+        let Some(stimulus) = self.stimulus else { return };
+        let courses = match (&mut master.interface_jacobian, &mut master.extrapolation) {
+            (Some(master), _) => master.courses(),
+            (None, Some(master)) => master.courses(),
+            (None, None) => return,
+        };
+        courses.clear();
         let time = stimulus.series.time();
         let close = 1e-9 * (end - begin);
         let first = time.partition_point(|&knot| knot <= begin + close);
@@ -73,7 +77,7 @@ impl<'a> Inputs<'a> {
                     }
                 }
             }
-            outputs.push((place, course));
+            courses.push((place, course));
         }
     }
 }

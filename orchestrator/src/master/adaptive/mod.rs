@@ -1,10 +1,14 @@
 //! Adaptive communication steps for the Gauss-Seidel, Jacobi and interface-Jacobian masters.
 //!
-//! Every step is made once whole and, from the saved states, once in two halves. The halves are kept, as communication
-//! steps of the run; their difference to the whole step is the estimate of the error, from which a PI controller
-//! chooses the next step. A step whose error is too large, or that a slave does not make, is taken back and tried
-//! shorter. Steps end at samples of components and of the inputs; under the interface-Jacobian master, which lets
-//! sampled components take their own steps, they may span whole samples.
+//! Under Gauss-Seidel and Jacobi, every step is made with held (or extrapolated) inputs and repeated from the saved states
+//! with inputs that run towards what the pass before has come to; the last pass is kept, and its difference to the one
+//! before is the estimate of the error. Gauss-Seidel is repeated once, Jacobi as often as there are components, so that
+//! what a pass hands on arrives everywhere. Under the interface-Jacobian master every step is made once whole and once
+//! in two halves; the halves are kept as communication steps, and their difference to the whole is the estimate.
+//!
+//! From the estimate a PI controller chooses the next step. A step whose error is too large, or that a slave does not
+//! make, is taken back and tried shorter. Steps end at samples of components and of the inputs; under the
+//! interface-Jacobian master, which lets sampled components take their own steps, they may span whole samples.
 //!
 //! The steps themselves are those of [`Master`]; FMUs that cannot take a step back are refused.
 
@@ -33,7 +37,8 @@ use stops::{Pair, Stops};
 /// How communication steps adapt.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Adaptive {
-    /// Error of one step, relative to the largest absolute value of the signal so far; in (0, 1), default 1e-4.
+    /// Error of one step, relative to the largest absolute value of the signal so far (at least a hundredth of its
+    /// nominal value); in (0, 1), default 1e-4.
     pub tolerance: f64,
     /// Shortest communication step \[s\]; default: a millionth of [`Settings::step_size`], which is the first step.
     pub min_step: Option<f64>,
@@ -101,7 +106,13 @@ pub(super) fn run(
     let sampled = |component: usize| samples.iter().any(|&(owner, _)| owner == component);
     let stops = inputs.stops(graph, sampled).iter().copied();
     let stops = Stops::new((start, stop), stops, samples.iter().map(|&(_, time)| time).collect(), spanning);
-    let order = if spanning { 2 } else { settings.extrapolation + 1 };
+    // Of the pass that is compared: the whole step, or the last but one, which is at least as good as the first.
+    let order = if spanning { 2 } else { 1 };
+    let method = match settings.algorithm {
+        Algorithm::InterfaceJacobian => Method::Halves,
+        Algorithm::Jacobi => Method::Passes(graph.components.len() + 1),
+        _ => Method::Passes(2),
+    };
     let estimate = Estimate::new(graph, &master.wiring, &master.values, order);
     let values = &master.values;
     let width = [values.reals.len(), values.integers.len(), values.booleans.len()];
@@ -118,6 +129,7 @@ pub(super) fn run(
         middle: master.values.clone(),
         control: Control::new(settings.step_size, (min, max), order + 1),
         master,
+        method,
         inputs,
         stops,
         estimate,
@@ -129,7 +141,7 @@ pub(super) fn run(
     Ok(Run {
         result: recorder.finish()?,
         end,
-        steps: 2 * stepper.work.accepted,
+        steps: stepper.work.accepted,
         effort: stepper.master.effort(),
         initialization,
         stepping,
@@ -185,9 +197,19 @@ fn record(recorder: &mut Recorder, time: f64, values: &Values) {
     recorder.record(time, &values.reals, &values.integers, &values.booleans);
 }
 
+/// How a step and its error come about.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Method {
+    /// Whole and in two halves.
+    Halves,
+    /// So many times, each after the first with inputs that run towards the result of the one before.
+    Passes(usize),
+}
+
 /// What steps and what it remembers.
 struct Stepper<'a> {
     master: Master,
+    method: Method,
     inputs: Inputs<'a>,
     stops: Stops,
     control: Control,
@@ -211,14 +233,16 @@ impl Stepper<'_> {
         let mut reported = Instant::now();
         let mut t = start;
         while t < stop {
-            let pair = self.stops.pair(t, self.control.wanted);
+            let pair = self.next_pair(t);
             match self.try_pair(pair) {
                 Ok(true) => {}
                 Ok(false) => continue,
                 Err(end) => return end,
             }
             t = pair.end;
-            record(recorder, pair.middle, &self.middle);
+            if self.method == Method::Halves {
+                record(recorder, pair.middle, &self.middle);
+            }
             let (master, inputs) = (&mut self.master, &mut self.inputs);
             inputs.at(t, |input, value| master.set_input(input, value));
             record(recorder, t, &self.master.values);
@@ -227,7 +251,7 @@ impl Stepper<'_> {
             }
             if reported.elapsed() > REPORT_EVERY {
                 reported = Instant::now();
-                let done = 2 * self.work.accepted;
+                let done = self.work.accepted;
                 (watch.progress)(done, (done as f64 * (stop - start) / (t - start)) as u64);
             }
         }
@@ -238,12 +262,21 @@ impl Stepper<'_> {
     fn try_pair(&mut self, pair: Pair) -> Result<bool, End> {
         let fmu = |error| End::Failed(Error::Fmu(error));
         self.memory.save(&mut self.master).map_err(fmu)?;
-        let h = pair.half();
-        let error = match self.both(pair) {
+        let (h, tried) = match self.method {
+            Method::Halves => (pair.half(), self.whole_and_halves(pair)),
+            Method::Passes(count) => (pair.end - pair.begin, self.passes(pair, count)),
+        };
+        let error = match tried {
             Ok(verdict) if verdict.error <= 1.0 => {
                 self.control.accept(h, verdict.error);
                 self.estimate.accept(&self.master.values);
-                self.work.accept([pair.middle - pair.begin, pair.end - pair.middle]);
+                match self.method {
+                    Method::Halves => {
+                        self.work.accept(pair.middle - pair.begin);
+                        self.work.accept(pair.end - pair.middle);
+                    }
+                    Method::Passes(_) => self.work.accept(h),
+                }
                 return Ok(true);
             }
             Ok(verdict) => Ok(verdict),
@@ -278,8 +311,32 @@ impl Stepper<'_> {
         }))
     }
 
+    /// The next step to try.
+    fn next_pair(&mut self, t: f64) -> Pair {
+        let wanted = self.control.wanted;
+        self.stops.pair(t, if self.method == Method::Halves { wanted } else { 0.5 * wanted })
+    }
+
+    /// The step, repeated.
+    fn passes(&mut self, pair: Pair, count: usize) -> Result<estimate::Verdict, Trouble> {
+        if let Some(extrapolation) = &mut self.master.extrapolation {
+            extrapolation.look_no_further();
+        }
+        self.step(pair.begin, pair.end)?;
+        for _ in 1..count {
+            self.estimate.take_whole(&self.master.values);
+            if let Some(extrapolation) = &mut self.master.extrapolation {
+                extrapolation.look_ahead();
+            }
+            let restored = self.memory.restore(&mut self.master);
+            restored.map_err(|error| Trouble { stop: error.into(), time: pair.begin, step: 0.0 })?;
+            self.step(pair.begin, pair.end)?;
+        }
+        Ok(self.estimate.judge(&self.master.values, self.tolerance))
+    }
+
     /// The whole step, then its halves.
-    fn both(&mut self, pair: Pair) -> Result<estimate::Verdict, Trouble> {
+    fn whole_and_halves(&mut self, pair: Pair) -> Result<estimate::Verdict, Trouble> {
         self.step(pair.begin, pair.end)?;
         self.estimate.take_whole(&self.master.values);
         let restored = self.memory.restore(&mut self.master);
