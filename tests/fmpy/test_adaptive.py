@@ -97,6 +97,16 @@ def test_a_step_that_an_fmu_discards_is_tried_shorter_down_to_the_shortest(tmp_p
         assert summary["adaptive"]["rejected"] >= 1
 
 
+def test_a_component_that_ends_the_simulation_is_followed_to_that_time(tmp_path):
+    fmu = FMUS / "test" / "test-all-types.fmu"
+    options = ["--set", "fault=terminate", "--set", "fault_time=0.37", "--stop", "1", "--step", "10ms", "--min-step", "10us"]
+    outcome = start("run", fmu, *options, "--adaptive", "--no-plots", "-o", tmp_path)
+    assert outcome.returncode == 0, outcome.stderr
+    summary = json.loads((tmp_path / "summary.json").read_text())
+    assert summary["outcome"]["status"] == "terminated"
+    assert abs(summary["outcome"]["end_time"] - 0.37) < 1e-4
+
+
 def test_an_error_that_no_step_can_meet_names_component_variable_and_time(commands, tmp_path):
     words = ["--stop", "3", "--input", commands[1], "--interpolation", "hold", "--no-plots", "-o", tmp_path]
     limits = ["--step-tolerance", "1e-9", "--min-step", "0.2ms"]

@@ -329,11 +329,12 @@ fn text(text: &str) -> Option<String> {
 /// What is printed after a run.
 fn report(summary: &Summary, args: &RunArgs) -> String {
     let mut text = format!(
-        "{}: {} s to {} s, {} steps of {} s ({}), {} s, {} steps/s\n",
+        "{}: {} s to {} s, {} steps {} {} s ({}), {} s, {} steps/s\n",
         summary.system,
         summary.settings.start_time,
         summary.outcome.end_time,
         summary.outcome.steps,
+        if summary.adaptive.is_some() { "adapted from" } else { "of" },
         summary.settings.step_size,
         summary.settings.master,
         short(summary.timings.simulation_s),

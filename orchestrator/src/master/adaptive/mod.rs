@@ -285,17 +285,16 @@ impl Stepper<'_> {
             Err(trouble) => Err(trouble),
         };
         self.work.rejected += 1;
-        if let Err(Trouble { stop: Stop::Incomplete { node, status }, .. }) = &error
-            && let StepStatus::Discarded { terminated: true, .. } = status
-        {
-            let component = self.master.nodes[*node].name().to_owned();
-            self.memory.restore(&mut self.master).map_err(fmu)?;
-            return Err(End::Terminated { component });
-        }
         let relative = error.as_ref().ok().map(|verdict| verdict.error);
         if self.control.reject(h, relative) {
             self.memory.restore(&mut self.master).map_err(fmu)?;
             return Ok(false);
+        }
+        if let Err(Trouble { stop: Stop::Incomplete { node, status }, .. }) = &error
+            && let StepStatus::Discarded { terminated: true, .. } = status
+        {
+            // The last row is as close to the end that the component wants as the shortest step allows.
+            return Err(End::Terminated { component: self.master.nodes[*node].name().to_owned() });
         }
         Err(End::Failed(match error {
             Ok(verdict) => {
