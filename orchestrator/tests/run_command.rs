@@ -151,7 +151,7 @@ fn bad_words_and_files_are_refused_by_name() {
     write(&folder, "moment.csv", "time,u [N.m]\n0,1\n");
     write(&folder, "map.toml", "[signals]\nz = \"q\"\n");
     write(&folder, "file", "");
-    let cases: [(&[&str], i32, &str); 22] = [
+    let cases: [(&[&str], i32, &str); 24] = [
         (&["--stop", "1", "--step", "-1ms"], 2, "'-1ms' is not a duration: it is negative"),
         (&["--stop", "1", "--step", "nan"], 2, "'nan' is not a duration"),
         (
@@ -182,6 +182,8 @@ fn bad_words_and_files_are_refused_by_name() {
         (&["--stop", "1", "--set", "nope"], 2, "write component.variable=value"),
         (&["--stop", "soon"], 2, "soon"),
         (&["--stop", "1", "--initial", "zero"], 2, "--measured"),
+        (&["--stop", "1", "--adaptive"], 1, "component `a` cannot save and restore its state"),
+        (&["--stop", "1", "--step-tolerance", "1e-3"], 2, "--adaptive"),
     ];
     for (words, code, expected) in cases {
         let output = airloop(&folder, &[&["run", "system.ssd"], words].concat());

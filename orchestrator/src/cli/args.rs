@@ -10,7 +10,7 @@ use std::path::PathBuf;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 
 use crate::fmu::InterfaceKind;
-use crate::master::{Algorithm, Coupling};
+use crate::master::{Adaptive, Algorithm, Coupling, Error};
 use crate::series::Interpolation;
 use crate::units::{parse_duration, parse_time};
 
@@ -87,6 +87,9 @@ pub struct RunArgs {
     /// Options of one master.
     #[command(flatten)]
     pub coupling: CouplingArgs,
+    /// Options of adaptive steps.
+    #[command(flatten)]
+    pub adaptive: AdaptiveArgs,
     /// Estimate of the coupling error.
     #[command(flatten)]
     pub coupling_error: super::coupling::CouplingErrorArgs,
@@ -163,6 +166,47 @@ impl From<&CouplingArgs> for Coupling {
             tolerance: args.iterate,
             ramped: args.inputs.map_or(default.ramped, |inputs| inputs == InputsChoice::Ramped),
         }
+    }
+}
+
+const ADAPTIVE: &str = "Adaptive communication steps";
+
+/// Options of adaptive communication steps.
+#[derive(Debug, Clone, Args)]
+pub struct AdaptiveArgs {
+    /// Choose every communication step by its error, from --step on. gauss-seidel and jacobi repeat each step from the
+    /// saved states with inputs that run towards the result of the pass before; interface-jacobian makes it whole and in
+    /// two halves, which are kept. For gauss-seidel, jacobi and interface-jacobian; all FMUs must save and restore their
+    /// state. Steps end at samples of components and inputs; interface-jacobian may span whole samples of components.
+    #[arg(long, help_heading = ADAPTIVE)]
+    pub adaptive: bool,
+    /// Error of one step that is allowed, relative to the largest value of the signal so far (at least a hundredth of
+    /// its nominal value). Default: 1e-4.
+    #[arg(long, value_name = "TOL", requires = "adaptive", help_heading = ADAPTIVE)]
+    pub step_tolerance: Option<f64>,
+    /// Shortest communication step [s]; a run that needs a shorter one fails. Default: --step / 1000000.
+    #[arg(long, value_parser = parse_duration, value_name = "TIME", requires = "adaptive", help_heading = ADAPTIVE)]
+    pub min_step: Option<f64>,
+    /// Longest communication step [s]. Default: 10 * --step.
+    #[arg(long, value_parser = parse_duration, value_name = "TIME", requires = "adaptive", help_heading = ADAPTIVE)]
+    pub max_step: Option<f64>,
+}
+
+impl AdaptiveArgs {
+    /// Settings of the master, if steps are to adapt.
+    ///
+    /// # Errors
+    /// The monolithic master has an error control of its own.
+    pub fn settings(&self, master: MasterChoice) -> Result<Option<Adaptive>, Error> {
+        if !self.adaptive {
+            return Ok(None);
+        }
+        if master == MasterChoice::Monolithic {
+            let (option, master) = ("adaptive", "gauss-seidel`, `jacobi` or `interface-jacobian");
+            return Err(Error::OptionOfOther { option, master });
+        }
+        let tolerance = self.step_tolerance.unwrap_or(Adaptive::default().tolerance);
+        Ok(Some(Adaptive { tolerance, min_step: self.min_step, max_step: self.max_step }))
     }
 }
 

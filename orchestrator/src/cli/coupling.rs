@@ -21,8 +21,8 @@ pub struct CouplingErrorArgs {
     /// Estimate what the communication step does to every signal: repeat the run with a half and a quarter of the
     /// step (inputs held as in the run), do the same for the other masters, and recommend the master and step that
     /// reach the goal with the fewest FMU steps. A master costs seven times its run. Also in summary.json, as
-    /// coupling_error.
-    #[arg(long, help_heading = HEADING)]
+    /// coupling_error. For fixed steps only.
+    #[arg(long, conflicts_with = "adaptive", help_heading = HEADING)]
     pub estimate_coupling_error: bool,
     /// Error that is good enough, in percent of the RMS of the signal. Default: 0.01.
     #[arg(long, value_name = "PERCENT", requires = "estimate_coupling_error", help_heading = HEADING)]

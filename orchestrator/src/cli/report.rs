@@ -11,6 +11,7 @@ pub fn report(summary: &Summary, args: &RunArgs) -> String {
     let (start, end) = (summary.settings.start_time, summary.outcome.end_time);
     let steps = match summary.outcome.steps {
         1 => format!("1 step of {} s", summary.settings.step_size.min(end - start)),
+        steps if summary.adaptive.is_some() => format!("{steps} steps"),
         steps => format!("{steps} steps of {} s", summary.settings.step_size),
     };
     let mut text = format!(
@@ -27,6 +28,16 @@ pub fn report(summary: &Summary, args: &RunArgs) -> String {
             work.rejected_steps,
             work.evaluations,
             work.time_events + work.state_events + work.input_events,
+        );
+    }
+    if let Some(adaptive) = &summary.adaptive {
+        text += &format!(
+            "adaptive: {} steps, {} rejected, {} FMU steps, communication steps of {} s to {} s\n",
+            adaptive.accepted,
+            adaptive.rejected,
+            summary.effort.fmu_steps,
+            short(adaptive.smallest_step.unwrap_or_default()),
+            short(adaptive.largest_step.unwrap_or_default()),
         );
     }
     if summary.outcome.status == "terminated" {

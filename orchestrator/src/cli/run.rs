@@ -226,6 +226,7 @@ fn settings(args: &RunArgs, graph: &SystemGraph, data: Option<&Record>) -> Resul
         coupling: (&args.coupling).into(),
         extrapolation: args.extrapolation.unwrap_or(0),
         tolerance: args.tolerance,
+        adaptive: args.adaptive.settings(args.master)?,
         read_all_outputs: true,
     })
 }
@@ -417,6 +418,7 @@ fn summarize(
         },
         outcome: Outcome { status: status.into(), message, end_time, steps: run.steps },
         integration: run.integration.clone(),
+        adaptive: run.adaptive.clone(),
         timings: Timings::new(run.initialization, run.stepping, run.steps, settings.start_time, end_time),
         effort: effort(graph, &run.effort),
         fmus: graph.order.iter().map(fmu).collect(),

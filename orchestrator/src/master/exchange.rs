@@ -216,6 +216,7 @@ impl Wiring {
             integer_buffer: vec![0; integer_in.references.len()],
             boolean_buffer: vec![false; boolean_in.references.len()],
             slave,
+            no_set_state_prior: true,
             real_in,
             real_out,
             others: others.then(|| {
@@ -350,6 +351,8 @@ struct Others {
 #[derive(Debug)]
 pub(super) struct Node {
     slave: Slave,
+    /// Promised to the slave in every step: no state before it will be restored.
+    no_set_state_prior: bool,
     real_in: Inputs,
     real_out: Outputs,
     real_buffer: Vec<f64>,
@@ -361,6 +364,16 @@ pub(super) struct Node {
 impl Node {
     pub fn name(&self) -> &str {
         self.slave.name()
+    }
+
+    /// Says in all steps to come that a state before them may be restored.
+    pub fn keep_states(&mut self) {
+        self.no_set_state_prior = false;
+    }
+
+    /// Steps from `t` to `t + h` \[s\]; `keep`: the state before may be restored.
+    pub fn step_keeping(&mut self, t: f64, h: f64, keep: bool) -> Result<StepStatus, crate::fmu::Error> {
+        self.slave.do_step(t, h, self.no_set_state_prior && !keep)
     }
 
     pub fn exit_initialization_mode(&mut self) -> Result<(), crate::fmu::Error> {
@@ -422,7 +435,7 @@ impl Node {
     /// Steps from `t` to `t + h` \[s\].
     #[inline(always)]
     pub fn do_step(&mut self, t: f64, h: f64) -> Result<StepStatus, crate::fmu::Error> {
-        self.slave.do_step(t, h, true)
+        self.slave.do_step(t, h, self.no_set_state_prior)
     }
 
     /// Reads all outputs into their places.

@@ -5,7 +5,7 @@
 //! behind a sampled source it lags by half a sample.) Discrete outputs and system inputs are held.
 
 use super::exchange::{Node, Values, Wiring};
-use super::interface_jacobian::{Feed, Outputs, Unit, interfaces};
+use super::interface_jacobian::{Course as Input, Feed, Outputs, Unit, interfaces};
 use super::{Algorithm, Error, Grid, Settings, Stop};
 use crate::fmu::StepStatus;
 use crate::system::SystemGraph;
@@ -31,6 +31,11 @@ pub(super) struct Extrapolation {
     /// Per unit: references, orders and values of all input derivatives.
     derivatives: Vec<(Vec<u32>, Vec<i32>, Vec<f64>)>,
     order: u32,
+    /// Order of what continues a source that has not stepped yet.
+    prediction: u32,
+    /// Values and derivatives of all outputs after the last pass over the same step, if it is repeated.
+    ahead: Option<[Vec<f64>; 2]>,
+    last_pass: [Vec<f64>; 2],
     notes: Vec<String>,
 }
 
@@ -45,7 +50,8 @@ impl Extrapolation {
         values: &Values,
     ) -> Result<Extrapolation, Error> {
         let (units, outputs) = interfaces(graph, wiring, settings, grid, nodes, values)?;
-        let order = settings.extrapolation;
+        // Repeated steps run between known ends, along straight lines.
+        let order = settings.extrapolation.max(u32::from(settings.adaptive.is_some()));
         let count = outputs.y.len();
         let mut sources = vec![(false, 0); count];
         let mut notes = Vec::new();
@@ -77,7 +83,20 @@ impl Extrapolation {
             .collect();
         let before = [vec![0.0; count], vec![0.0; count]];
         let steps = [grid.step(); 2];
-        Ok(Extrapolation { units, outputs, sources, before, steps, known: 0, derivatives, order, notes })
+        Ok(Extrapolation {
+            units,
+            outputs,
+            sources,
+            before,
+            steps,
+            known: 0,
+            derivatives,
+            order,
+            prediction: settings.extrapolation,
+            ahead: None,
+            last_pass: [vec![0.0; count], vec![0.0; count]],
+            notes,
+        })
     }
 
     /// One macro step from `t` to `t + h` \[s\]; `serial`: a slave sees what those before it have done.
@@ -114,6 +133,34 @@ impl Extrapolation {
         Ok(())
     }
 
+    /// Lets the next pass over the same step know what this one has come to.
+    pub fn look_ahead(&mut self) {
+        let [y, rate] = self.ahead.get_or_insert_with(|| std::mem::take(&mut self.last_pass));
+        y.copy_from_slice(&self.outputs.y);
+        rate.copy_from_slice(&self.outputs.rate);
+    }
+
+    /// Forgets it, for the first pass over another step.
+    pub fn look_no_further(&mut self) {
+        if let Some(ahead) = self.ahead.take() {
+            self.last_pass = ahead;
+        }
+    }
+
+    /// Courses of system inputs (by place in the flat buffer) over the next step; inputs without one are held.
+    pub fn courses(&mut self) -> &mut Vec<(usize, Input)> {
+        &mut self.outputs.courses
+    }
+
+    /// Shows every number that is carried from step to step, always in the same order.
+    pub fn carry(&mut self, each: &mut dyn FnMut(&mut f64)) {
+        self.outputs.carry(each);
+        self.before.iter_mut().flatten().chain(&mut self.steps).for_each(&mut *each);
+        let mut known = f64::from(self.known);
+        each(&mut known);
+        self.known = known as u32;
+    }
+
     /// What was done in place of what an FMU cannot do, one sentence each.
     pub fn notes(&self) -> &[String] {
         &self.notes
@@ -129,7 +176,8 @@ impl Extrapolation {
         serial: bool,
     ) -> Result<(), Stop> {
         let count = self.units[number].inputs.len();
-        if count == 0 || !self.units[number].ramps {
+        let repeated = self.ahead.is_some();
+        if count == 0 || !(self.units[number].ramps || repeated) {
             return Ok(());
         }
         for k in 0..count {
@@ -139,12 +187,25 @@ impl Extrapolation {
                     let stepped = serial && self.sources[place].1 < number;
                     self.course(place, stepped, h)
                 }
-                feed => [feed.at(&self.outputs, values, 0.0, false), 0.0, 0.0],
+                feed => {
+                    let [begin, end] = [(0.0, true), (1.0, false)]
+                        .map(|(r, right)| feed.at(&self.outputs, values, r, right));
+                    [begin, (end - begin) / h, 0.0]
+                }
             };
             self.units[number].value[k] = input.conversion.apply(course[0]);
             for order in 0..self.order as usize {
                 self.derivatives[number].2[order * count + k] = input.conversion.factor * course[order + 1];
             }
+        }
+        if !self.units[number].ramps {
+            // Held: a block without states at the end of the step, others at the mean.
+            let part = if self.units[number].is_static { h } else { 0.5 * h };
+            for k in 0..count {
+                self.units[number].value[k] += part * self.derivatives[number].2[k];
+            }
+            node.slave().set_real(&self.units[number].input_references, &self.units[number].value)?;
+            return Ok(());
         }
         let (references, orders, derivatives) = &self.derivatives[number];
         node.slave().set_real(&self.units[number].input_references, &self.units[number].value)?;
@@ -153,8 +214,25 @@ impl Extrapolation {
     }
 
     fn course(&self, place: usize, stepped: bool, h: f64) -> Course {
+        if let Some([ahead, ahead_rate]) = &self.ahead {
+            let (discrete, unit) = self.sources[place];
+            let (y, rate) = match stepped {
+                true => (self.outputs.y[place], self.outputs.rate[place]),
+                false => (ahead[place], ahead_rate[place]),
+            };
+            let begin = self.outputs.begin[place];
+            return match self.units[unit].is_static {
+                _ if discrete => [y, 0.0, 0.0],
+                // It may have jumped where the step begins.
+                true => [y - h * rate, rate, 0.0],
+                false => [begin, (y - begin) / h, 0.0],
+            };
+        }
         let y = if stepped { self.outputs.y[place] } else { self.outputs.begin[place] };
         if self.sources[place].0 {
+            return [y, 0.0, 0.0];
+        }
+        if stepped && self.prediction == 0 {
             return [y, 0.0, 0.0];
         }
         if stepped {
@@ -163,7 +241,7 @@ impl Extrapolation {
         }
         let ([last, second], [h1, h2]) = (&self.before, self.steps);
         let slope = (y - last[place]) / h1;
-        match self.order.min(self.known) {
+        match self.prediction.min(self.known) {
             0 => [y, 0.0, 0.0],
             1 => [y, slope, 0.0],
             _ => {

@@ -8,6 +8,7 @@
 //! reading of FMI 2.0.5 section 4.2.4: between setting an input and reading an
 //! output of a slave there is always a step.
 
+mod adaptive;
 mod exchange;
 mod extrapolation;
 mod gauss_seidel;
@@ -25,6 +26,7 @@ use crate::results::{Column, Slot};
 use crate::system::SystemGraph;
 use crate::system::graph::DataType;
 
+pub use adaptive::Adaptive;
 pub use exchange::Values;
 use exchange::{Node, Wiring};
 use extrapolation::{Extrapolation, MAX_ORDER};
@@ -89,6 +91,8 @@ pub struct Settings {
     /// Relative tolerance for the slaves, in (0, 1); default: each slave uses its own. Also that of the monolithic
     /// integrator, default [`monolithic::DEFAULT_TOLERANCE`].
     pub tolerance: Option<f64>,
+    /// Adaptive communication steps, for [`simulate::run`]; default: none, all steps are of [`Settings::step_size`].
+    pub adaptive: Option<Adaptive>,
     /// Read all outputs at every communication point (default), or only those that are connected.
     pub read_all_outputs: bool,
 }
@@ -103,6 +107,7 @@ impl Default for Settings {
             coupling: Coupling::default(),
             extrapolation: 0,
             tolerance: None,
+            adaptive: None,
             read_all_outputs: true,
         }
     }
@@ -172,6 +177,14 @@ pub enum Error {
         "the coupling of {components} {reason} at t = {time} s with step {step} s; try a smaller `--step`, or `--master gauss-seidel`"
     )]
     Coupling { components: String, reason: String, time: f64, step: f64 },
+    /// Adaptive steps need more of an FMU.
+    #[error("component `{component}` {reason}: leave --adaptive out and choose a --step for all steps")]
+    NotAdaptive { component: String, reason: &'static str },
+    /// The shortest step is still too long.
+    #[error(
+        "component `{component}`: the error of `{variable}` at t = {time} s is {error:.1e} of its size even with the shortest communication step, {step} s; look for a jump or a growing oscillation there (result file), and try a larger `--step-tolerance`, a smaller `--min-step` or another `--master`"
+    )]
+    StepTooShort { component: String, variable: String, time: f64, step: f64, error: f64 },
     /// [`Master`] cannot be monolithic.
     #[error("the monolithic master does not step slaves; run it with master::simulate::run")]
     NoSteps,
@@ -241,6 +254,8 @@ pub struct Master {
     grid: Grid,
     /// Number of the current communication point.
     point: u64,
+    /// Macro steps made, those that were taken back included.
+    made: u64,
     algorithm: Algorithm,
     /// Present for that algorithm only.
     interface_jacobian: Option<Box<InterfaceJacobian>>,
@@ -274,11 +289,25 @@ impl Master {
             _ => None,
         };
         let extrapolation = match (settings.algorithm, settings.extrapolation) {
-            (Algorithm::InterfaceJacobian | Algorithm::Monolithic, _) | (_, 0) => None,
+            (Algorithm::InterfaceJacobian | Algorithm::Monolithic, _) | (_, 0)
+                if settings.adaptive.is_none() =>
+            {
+                None
+            }
             _ => Some(Box::new(Extrapolation::new(graph, &wiring, settings, &grid, &mut nodes, &values)?)),
         };
         let algorithm = settings.algorithm;
-        Ok(Master { nodes, wiring, values, grid, point: 0, algorithm, interface_jacobian, extrapolation })
+        Ok(Master {
+            nodes,
+            wiring,
+            values,
+            grid,
+            point: 0,
+            made: 0,
+            algorithm,
+            interface_jacobian,
+            extrapolation,
+        })
     }
 
     /// Current communication point \[s\].
@@ -316,7 +345,7 @@ impl Master {
     /// Work done so far.
     pub fn effort(&self) -> Effort {
         let Some(interface_jacobian) = &self.interface_jacobian else {
-            return Effort { fmu_steps: vec![self.point; self.nodes.len()], ..Effort::default() };
+            return Effort { fmu_steps: vec![self.made; self.nodes.len()], ..Effort::default() };
         };
         let [static_evaluations, newton_rounds, coupled_passes] = interface_jacobian.inner_work();
         let fmu_steps = interface_jacobian.fmu_steps().collect();
@@ -344,7 +373,20 @@ impl Master {
     #[inline]
     pub fn step(&mut self) -> Result<Progress, Error> {
         let (t, h) = (self.grid.time(self.point), self.grid.step_size(self.point));
-        let status = match self.algorithm {
+        match self.advance(t, h) {
+            Ok(()) => {
+                self.point += 1;
+                Ok(Progress::Stepped)
+            }
+            Err(stop) => self.explain(stop, (t, h), self.grid.time(self.point + 1)),
+        }
+    }
+
+    /// Steps every slave from `t` to `t + h` \[s\].
+    #[inline]
+    fn advance(&mut self, t: f64, h: f64) -> Result<(), Stop> {
+        self.made += 1;
+        match self.algorithm {
             Algorithm::GaussSeidel | Algorithm::Jacobi if self.extrapolation.is_some() => {
                 self.step_extrapolated(t, h)
             }
@@ -354,14 +396,8 @@ impl Master {
                 Some(master) => master.step(&mut self.nodes, &mut self.values, t, h),
                 None => Ok(()),
             },
-            Algorithm::Monolithic => return Err(Error::NoSteps),
-        };
-        match status {
-            Ok(()) => {
-                self.point += 1;
-                Ok(Progress::Stepped)
-            }
-            Err(stop) => self.explain(stop, t, h),
+            // There is no such master.
+            Algorithm::Monolithic => Ok(()),
         }
     }
 
@@ -375,20 +411,18 @@ impl Master {
     }
 
     #[cold]
-    fn explain(&mut self, stop: Stop, t: f64, h: f64) -> Result<Progress, Error> {
+    fn explain(&mut self, stop: Stop, (t, h): (f64, f64), end: f64) -> Result<Progress, Error> {
         match stop {
             Stop::Fmu(error) => Err(Error::Fmu(*error)),
             Stop::Coupling(failure) => match &self.interface_jacobian {
                 Some(master) => Err(master.explain(&failure, &self.nodes, t, h)),
                 None => Ok(Progress::Stepped),
             },
-            Stop::NotFinite { node } => {
-                Err(self.nodes[node].not_finite(&self.values, self.grid.time(self.point + 1)))
-            }
+            Stop::NotFinite { node } => Err(self.nodes[node].not_finite(&self.values, end)),
             Stop::Ended { node } => {
                 self.point += 1;
-                let (component, time) = (self.nodes[node].name().to_owned(), self.time());
-                Ok(Progress::Terminated { component, last_successful_time: Some(time) })
+                let component = self.nodes[node].name().to_owned();
+                Ok(Progress::Terminated { component, last_successful_time: Some(end) })
             }
             Stop::Incomplete { node, status } => {
                 let StepStatus::Discarded { last_successful_time, terminated } = status else {

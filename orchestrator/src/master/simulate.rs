@@ -3,9 +3,9 @@
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-use super::{Algorithm, Effort, Error, Master, Progress, Settings, monolithic};
+use super::{Algorithm, Effort, Error, Master, Progress, Settings, adaptive, monolithic};
 use crate::results::Recorder;
-use crate::results::summary::Integration;
+use crate::results::summary::{AdaptiveRecord, Integration};
 use crate::series::resample::{locate, value_at};
 use crate::series::{Interpolation, TimeSeries};
 use crate::system::SystemGraph;
@@ -32,7 +32,7 @@ impl Stimulus<'_> {
         self.links.iter().map(of).collect()
     }
 
-    fn each(
+    pub(super) fn each(
         &self,
         interpolations: &[Interpolation],
         t: f64,
@@ -85,6 +85,8 @@ pub struct Run {
     pub notes: Vec<String>,
     /// Work of the integrator; monolithic master only.
     pub integration: Option<Integration>,
+    /// Adaptive steps, if they were wanted.
+    pub adaptive: Option<AdaptiveRecord>,
 }
 
 /// A caller who watches a run.
@@ -123,6 +125,9 @@ pub fn run(
 ) -> Result<Run, Error> {
     if settings.algorithm == Algorithm::Monolithic {
         return monolithic::run(graph, settings, stimulus, watch);
+    }
+    if let Some(adaptive) = settings.adaptive {
+        return adaptive::run(graph, settings, adaptive, stimulus, watch);
     }
     let began = Instant::now();
     let mut guess = 0;
@@ -200,5 +205,6 @@ pub fn run(
         stepping,
         notes: master.notes().to_vec(),
         integration: None,
+        adaptive: None,
     })
 }

@@ -35,6 +35,9 @@ pub struct Summary {
     /// Work of the integrator; only there for the monolithic master.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub integration: Option<Integration>,
+    /// Adaptive communication steps; only there if they were wanted.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub adaptive: Option<AdaptiveRecord>,
     /// FMU of every component, in evaluation order.
     pub fmus: Vec<FmuRecord>,
     /// Columns of `result.csv` that are connectors of the system.
@@ -119,6 +122,40 @@ pub struct Outcome {
     pub end_time: f64,
     /// Macro steps done.
     pub steps: u64,
+}
+
+/// Adaptive communication steps of a run.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct AdaptiveRecord {
+    /// Error of one step relative to the size of the signal.
+    pub tolerance: f64,
+    /// Limits of the communication step \[s\].
+    pub min_step: f64,
+    /// See `min_step`.
+    pub max_step: f64,
+    /// Communication steps that were kept.
+    pub accepted: u64,
+    /// Steps (under `interface-jacobian`: pairs of steps) that were taken back and tried shorter.
+    pub rejected: u64,
+    /// Shortest communication step that was kept \[s\]; null if there is none.
+    pub smallest_step: Option<f64>,
+    /// Longest communication step that was kept \[s\]; null if there is none.
+    pub largest_step: Option<f64>,
+}
+
+impl AdaptiveRecord {
+    /// Nothing done yet.
+    pub fn new(tolerance: f64, min_step: f64, max_step: f64) -> AdaptiveRecord {
+        let (accepted, rejected, smallest_step, largest_step) = (0, 0, None, None);
+        AdaptiveRecord { tolerance, min_step, max_step, accepted, rejected, smallest_step, largest_step }
+    }
+
+    /// Counts a communication step \[s\] that was kept.
+    pub fn accept(&mut self, step: f64) {
+        self.accepted += 1;
+        self.smallest_step = Some(self.smallest_step.map_or(step, |smallest| smallest.min(step)));
+        self.largest_step = Some(self.largest_step.map_or(step, |largest| largest.max(step)));
+    }
 }
 
 /// Work of the integrator of the monolithic master.

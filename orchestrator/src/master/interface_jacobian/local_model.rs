@@ -185,6 +185,12 @@ impl LocalModel {
         self.defect_rate.fill(0.0);
     }
 
+    /// Shows every number that is carried from step to step: what was learnt.
+    pub fn carry(&mut self, each: &mut dyn FnMut(&mut f64)) {
+        let learnt = self.b.iter_mut().chain(&mut self.defect).chain(&mut self.defect_rate);
+        learnt.for_each(each);
+    }
+
     /// Output `k` at r without its direct feed-through, for the change `x` of the states.
     pub fn output(&self, k: usize, x: &[f64], r: f64, h: f64) -> f64 {
         let c = &self.c[k * self.nx..(k + 1) * self.nx];

@@ -30,7 +30,8 @@ use crate::system::SystemGraph;
 use coupled::Coupled;
 pub(super) use coupled::Failure;
 pub use options::Coupling;
-pub(super) use plan::interfaces;
+pub(super) use plan::{interfaces, nominal};
+pub(super) use signal::Signal as Course;
 pub(super) use unit::{Feed, Outputs, Unit};
 
 /// One strongly connected component of the graph.
@@ -85,6 +86,25 @@ impl InterfaceJacobian {
             }
         }
         Ok(())
+    }
+
+    /// Shows every number that is carried from step to step, always in the same order.
+    pub fn carry(&mut self, each: &mut dyn FnMut(&mut f64)) {
+        self.outputs.carry(each);
+        for unit in &mut self.units {
+            unit.u.iter_mut().chain(unit.before.iter_mut().flatten()).for_each(&mut *each);
+        }
+        for part in &mut self.parts {
+            if let Part::Coupled(coupled) = part {
+                each(&mut coupled.last_step);
+                coupled.problem.dynamics.iter_mut().for_each(|block| block.model.carry(each));
+            }
+        }
+    }
+
+    /// Courses of system inputs (by place in the flat buffer) over the next step; inputs without one are held.
+    pub fn courses(&mut self) -> &mut Vec<(usize, Course)> {
+        &mut self.outputs.courses
     }
 
     /// What was done in place of what an FMU cannot do, one sentence each.

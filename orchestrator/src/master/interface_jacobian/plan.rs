@@ -102,6 +102,7 @@ impl<'a> Planner<'a> {
             y: vec![0.0; count],
             rate: vec![0.0; count],
             begin: vec![0.0; count],
+            courses: Vec::new(),
             signals: (0..count).map(|_| Signal::with_room(pieces)).collect(),
         };
         for (unit, node) in units.iter().zip(nodes) {
@@ -416,7 +417,7 @@ impl<'a> Planner<'a> {
 }
 
 /// Nominal value of a variable; 1 where none is declared.
-pub(super) fn nominal(kind: &VariableKind) -> f64 {
+pub(in crate::master) fn nominal(kind: &VariableKind) -> f64 {
     let declared = match kind {
         VariableKind::Real(real) => real.nominal,
         _ => None,

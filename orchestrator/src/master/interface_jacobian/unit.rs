@@ -20,12 +20,25 @@ pub(in crate::master) struct Outputs {
     pub begin: Vec<f64>,
     /// Course over the communication step, from the moment the unit has stepped.
     pub signals: Vec<Signal>,
+    /// Courses of system inputs over the communication step, by place in the flat buffer; the others are held.
+    pub courses: Vec<(usize, Signal)>,
+}
+
+impl Outputs {
+    /// Shows every number that is carried from step to step, always in the same order.
+    pub fn carry(&mut self, each: &mut dyn FnMut(&mut f64)) {
+        self.y.iter_mut().chain(&mut self.rate).chain(&mut self.begin).for_each(each);
+    }
+
+    fn course(&self, place: usize) -> Option<&Signal> {
+        self.courses.iter().find(|(input, _)| *input == place).map(|(_, course)| course)
+    }
 }
 
 /// Where an input gets its value from.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(in crate::master) enum Feed {
-    /// A system input (place in the flat buffer), held over the step.
+    /// A system input (place in the flat buffer), by its course over the step or held.
     System(usize),
     /// An output, by its course over the step.
     Signal(usize),
@@ -37,7 +50,11 @@ impl Feed {
     /// Value at r; where a signal jumps, the value before (`right`: after) the jump.
     pub fn at(self, outputs: &Outputs, values: &Values, r: f64, right: bool) -> f64 {
         match self {
-            Feed::System(place) => values.reals[place],
+            Feed::System(place) => match outputs.course(place) {
+                Some(course) if right => course.right(r),
+                Some(course) => course.left(r),
+                None => values.reals[place],
+            },
             Feed::Begin(output) => outputs.begin[output],
             Feed::Signal(output) if right => outputs.signals[output].right(r),
             Feed::Signal(output) => outputs.signals[output].left(r),
@@ -48,6 +65,10 @@ impl Feed {
     pub fn moments(self, outputs: &Outputs, values: &Values, begin: f64, end: f64) -> [f64; 2] {
         match self {
             Feed::Signal(output) => outputs.signals[output].moments(begin, end),
+            Feed::System(place) if !outputs.courses.is_empty() => match outputs.course(place) {
+                Some(course) => course.moments(begin, end),
+                None => [values.reals[place], 0.0],
+            },
             _ => [self.at(outputs, values, begin, true), 0.0],
         }
     }
@@ -110,7 +131,7 @@ impl Unit {
                 node.slave().set_real_input_derivatives(&self.input_references, orders, &self.slope)?;
             }
         }
-        let status = node.slave().do_step(t, h, !keep)?;
+        let status = node.step_keeping(t, h, keep)?;
         self.steps += 1;
         if status != StepStatus::Complete {
             return Err(Stop::Incomplete { node: self.number, status });

@@ -96,6 +96,7 @@ pub(super) fn run(
         stepping: began.elapsed(),
         notes: monolith.coupled.notes(),
         integration,
+        adaptive: None,
     })
 }
 
