@@ -179,7 +179,7 @@ def test_no_estimate_is_refused_or_explained(commands, tmp_path):
     refused = start("run", SYSTEM, *words, "--coupling-signal", "y")
     assert refused.returncode == 1 and "--coupling-signal y" in refused.stderr and "theta" in refused.stderr
     refused = start("run", SYSTEM, *words, "--coupling-goal", "0")
-    assert refused.returncode == 1 and "coupling-goal = 0 is not possible" in refused.stderr
+    assert refused.returncode == 2 and "coupling-goal = 0 is not possible" in refused.stderr
     failed = start("run", SYSTEM, *words, "--set", "cart_friction.c2=1e300", "--master", "interface-jacobian")
     assert failed.returncode == 1
     summary = json.loads((tmp_path / "summary.json").read_text())
