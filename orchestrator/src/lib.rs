@@ -18,6 +18,7 @@
 pub mod cli;
 pub mod discrepancy;
 pub mod error;
+pub mod excite;
 pub mod fmu;
 pub mod ident;
 pub mod master;
