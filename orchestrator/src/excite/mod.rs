@@ -132,7 +132,11 @@ fn check(
     holds: bool,
     allowed: impl FnOnce() -> String,
 ) -> Result<(), Error> {
-    if value.is_finite() && holds { Ok(()) } else { Err(Error::Setting { what, value, unit, allowed: allowed() }) }
+    if value.is_finite() && holds {
+        Ok(())
+    } else {
+        Err(Error::Setting { what, value, unit, allowed: allowed() })
+    }
 }
 
 /// Checks a band that is sampled every `sample_time` \[s\].

@@ -22,7 +22,8 @@ pub(super) fn samples(
     seed: u64,
 ) -> Result<Vec<f64>, Error> {
     let (low, high) = (band.start.min(band.end), band.start.max(band.end));
-    let harmonics = ((low * period - 1e-9).ceil().max(1.0) as usize)..=((high * period + 1e-9).floor() as usize);
+    let harmonics =
+        ((low * period - 1e-9).ceil().max(1.0) as usize)..=((high * period + 1e-9).floor() as usize);
     check("the period", period, "s", !harmonics.is_empty(), || {
         format!("no multiple of its inverse is in the band {low} to {high} Hz; take at least {} s", 1.0 / low)
     })?;
