@@ -25,7 +25,7 @@ pub enum Error {
     Setting { what: &'static str, value: f64, unit: &'static str, allowed: String },
     /// The command leaves what the supply can give.
     #[error(
-        "the command runs from {lowest} to {highest}, but the limits are {lower} to {upper}; lower the amplitude to at most {largest} or change the offset"
+        "the command runs from {lowest:.4} to {highest:.4}, but the limits are {lower:.4} to {upper:.4}; lower the amplitude to at most {largest:.4} or change the offset"
     )]
     Limit { lowest: f64, highest: f64, lower: f64, upper: f64, largest: f64 },
 }
