@@ -75,15 +75,18 @@ impl StateSpace {
     /// Initial state that brings the simulation closest to the measured outputs (least squares over the whole record;
     /// by singular values, so that a state that the record does not show is left at 0), shape \[n_x\].
     pub fn initial_state(&self, record: &Record) -> DVector<f64> {
-        let (n_x, n_y, n) = (self.order(), self.d.nrows(), record.len());
-        let forced = self.simulate_from(&DVector::zeros(n_x), &record.inputs);
+        let (n_x, n_y) = (self.order(), self.d.nrows());
+        let mut rest = self.simulate_from(&DVector::zeros(n_x), &record.inputs);
+        for (rest, measured) in rest.iter_mut().zip(&record.outputs) {
+            rest.iter_mut().zip(measured).for_each(|(rest, measured)| *rest = measured - *rest);
+        }
         // Normal equations are avoided: the free response is orthogonalised block by block as it decays.
         let mut stacked = DMatrix::<f64>::zeros(n_x + 1 + n_y, n_x + 1);
         let mut power = DMatrix::<f64>::identity(n_x, n_x);
-        for k in 0..n {
+        for k in 0..record.len() {
             stacked.view_mut((n_x + 1, 0), (n_y, n_x)).copy_from(&(&self.c * &power));
-            for i in 0..n_y {
-                stacked[(n_x + 1 + i, n_x)] = record.outputs[i][k] - forced[i][k];
+            for (i, rest) in rest.iter().enumerate() {
+                stacked[(n_x + 1 + i, n_x)] = rest[k];
             }
             if !stacked.iter().all(|value| value.is_finite()) {
                 break;
