@@ -11,6 +11,7 @@
 //! Knows no FMUs and nothing of the command line.
 
 pub mod fit;
+pub mod friction;
 pub mod model;
 pub mod record;
 pub mod score;
