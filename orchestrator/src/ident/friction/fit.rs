@@ -187,34 +187,59 @@ impl Space {
     }
 }
 
-/// Fits a law to tracks; `from` is an earlier fit of a simpler law.
+/// What a search from several starts found.
+#[derive(Debug, Clone)]
+pub struct Found {
+    /// Parameters of the smallest sum of squares.
+    pub parameters: Parameters,
+    /// Sum of squares reached from each start.
+    costs: Vec<Option<f64>>,
+}
+
+/// Searches the parameters of a law from several starts, for long records on part of their samples; `from` is an earlier
+/// fit of a simpler law.
 ///
 /// # Errors
 /// [`Error::Fit`] if nothing can be computed.
-pub fn fit(law: Law, tracks: &[Track], settings: &Settings, from: Option<&Parameters>) -> Result<Fit, Error> {
+pub fn search(
+    law: Law,
+    tracks: &[Track],
+    settings: &Settings,
+    from: Option<&Parameters>,
+) -> Result<Found, Error> {
     let sizes = Sizes::of(tracks);
     let space = Space::of(law, &sizes, settings);
     let all: usize = tracks.iter().map(Track::len).sum();
-    let step = (all / SEARCH_SAMPLES).max(1);
-    let starts: Vec<Vec<f64>> =
-        space.starts(law, from, &sizes).iter().map(|start| start.to_vec()).collect();
-    let exact = least_squares::Settings { cost_tolerance: 1e-12, ..least_squares::Settings::default() };
-    let rough = least_squares::Settings { max_iterations: 60, cost_tolerance: 1e-8, ..exact };
-    let (mut found, costs) = if step > 1 && settings.predict == Predict::Force {
-        let thinned: Vec<Track> = tracks.iter().map(|track| track.thinned(step)).collect();
-        // A low-pass belongs to the full rate.
-        let search = Settings { low_pass: None, ..settings.clone() };
-        let (found, costs) = with_problem(law, &thinned, &search, &space, |p| multi_start(p, &starts, &rough))?;
-        let best = found.parameters;
-        (with_problem(law, tracks, settings, &space, |p| solve(p, &best, &exact))?, costs)
-    } else {
-        with_problem(law, tracks, settings, &space, |p| multi_start(p, &starts, &rough))?
+    // A spring that remembers has to be followed more closely.
+    let samples = if law == Law::Presliding { 5 * SEARCH_SAMPLES } else { SEARCH_SAMPLES };
+    let step = if settings.predict == Predict::Force { (all / samples).max(1) } else { 1 };
+    let thinned: Vec<Track> = tracks.iter().map(|track| track.thinned(step)).collect();
+    // A low-pass belongs to the full rate.
+    let low_pass = settings.low_pass.filter(|_| step == 1);
+    let settings = Settings { low_pass, ..settings.clone() };
+    let starts: Vec<Vec<f64>> = space.starts(law, from, &sizes).iter().map(|start| start.to_vec()).collect();
+    let rough = least_squares::Settings {
+        max_iterations: 60,
+        cost_tolerance: 1e-8,
+        ..least_squares::Settings::default()
     };
-    if !found.status.converged() {
-        let at = found.parameters.clone();
-        found = with_problem(law, tracks, settings, &space, |p| solve(p, &at, &exact))?;
-    }
-    Ok(assess(law, tracks, settings, &space, &found, &costs))
+    let (found, costs) =
+        with_problem(law, &thinned, &settings, &space, |problem| multi_start(problem, &starts, &rough))?;
+    let mut parameters: Parameters = [0.0; SIZE];
+    parameters.copy_from_slice(&found.parameters);
+    Ok(Found { parameters, costs })
+}
+
+/// Fits a law to all samples from where a search ended.
+///
+/// # Errors
+/// As [`search`].
+pub fn refine(law: Law, tracks: &[Track], settings: &Settings, found: &Found) -> Result<Fit, Error> {
+    let space = Space::of(law, &Sizes::of(tracks), settings);
+    let exact = least_squares::Settings { cost_tolerance: 1e-12, ..least_squares::Settings::default() };
+    let best =
+        with_problem(law, tracks, settings, &space, |problem| solve(problem, &found.parameters, &exact))?;
+    Ok(assess(law, tracks, settings, &space, &best, &found.costs))
 }
 
 fn with_problem<T>(
@@ -322,4 +347,3 @@ pub fn rms(errors: &[Vec<f64>]) -> f64 {
     let n: usize = errors.iter().map(Vec::len).sum();
     (errors.iter().flatten().map(|e| e * e).sum::<f64>() / n.max(1) as f64).sqrt()
 }
-

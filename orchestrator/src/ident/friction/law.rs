@@ -47,14 +47,8 @@ pub enum Law {
 
 impl Law {
     /// What may be added to eq. 2.
-    pub const EXTENSIONS: [Law; 6] = [
-        Law::Stribeck,
-        Law::Pressure,
-        Law::PositionCoulomb,
-        Law::Spring,
-        Law::Asymmetry,
-        Law::Presliding,
-    ];
+    pub const EXTENSIONS: [Law; 6] =
+        [Law::Stribeck, Law::Pressure, Law::PositionCoulomb, Law::Spring, Law::Asymmetry, Law::Presliding];
 
     /// Short name.
     pub fn id(self) -> &'static str {

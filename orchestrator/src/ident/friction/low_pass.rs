@@ -35,7 +35,10 @@ impl LowPass {
             Section { b0: warped * warped / norm, a1, a2 }
         };
         let damping = |k: f64| 2.0 * (PI / 8.0 * k).cos();
-        Some(LowPass { sections: [section(damping(1.0)), section(damping(3.0))], pad: (1.0 / share) as usize + 12 })
+        Some(LowPass {
+            sections: [section(damping(1.0)), section(damping(3.0))],
+            pad: (1.0 / share) as usize + 12,
+        })
     }
 
     /// Filters in place. The record is continued at both ends, turned about its end points, so that the filter has
@@ -81,7 +84,8 @@ mod tests {
     /// Largest value in the middle of a filtered sine of amplitude 1.
     fn gain(frequency: f64) -> f64 {
         let filter = LowPass::new(40.0, 1e-3).unwrap();
-        let mut values: Vec<f64> = (0..4000).map(|k| (2.0 * PI * frequency * f64::from(k) * 1e-3).sin()).collect();
+        let mut values: Vec<f64> =
+            (0..4000).map(|k| (2.0 * PI * frequency * f64::from(k) * 1e-3).sin()).collect();
         let pure = values.clone();
         filter.both_ways(&mut values);
         let (mut up, mut down) = (0.0, 0.0);

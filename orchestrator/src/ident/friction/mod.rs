@@ -95,7 +95,9 @@ pub enum Error {
     #[error("{record}: {samples} samples are too few; at least {} are needed", track::FEWEST)]
     Short { record: String, samples: usize },
     /// No motion.
-    #[error("{record}: neither velocity nor position is measured; name the column with --velocity or --position")]
+    #[error(
+        "{record}: neither velocity nor position is measured; name the column with --velocity or --position"
+    )]
     NoMotion { record: String },
     /// Nothing moves.
     #[error("{record}: the {what} stays at {value}; friction shows only in motion, in both directions")]
@@ -104,7 +106,9 @@ pub enum Error {
     #[error("predicting the motion needs the moving mass; give --mass or --fit-mass")]
     NoMass,
     /// Low-pass above what is sampled.
-    #[error("{record}: the low-pass at {corner} Hz is not below half the sample rate, {nyquist} Hz; lower it")]
+    #[error(
+        "{record}: the low-pass at {corner} Hz is not below half the sample rate, {nyquist} Hz; lower it"
+    )]
     LowPass { record: String, corner: f64, nyquist: f64 },
     /// The law needs a signal.
     #[error("the law `{law}` needs the {what}; name its column")]

@@ -26,7 +26,9 @@ const MOST_SUBSTEPS: f64 = 200.0;
 pub fn count(predict: &Predict, track: &Track) -> usize {
     match predict {
         Predict::Force => track.len(),
-        Predict::Motion { window, .. } => windows(track, *window).iter().map(|(from, to)| to - from - 1).sum(),
+        Predict::Motion { window, .. } => {
+            windows(track, *window).iter().map(|(from, to)| to - from - 1).sum()
+        }
     }
 }
 

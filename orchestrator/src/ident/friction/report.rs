@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use serde::Serialize;
 
-use super::fit::{Fit, Origin, errors_of, fit, memory, rms};
+use super::fit::{Fit, Origin, errors_of, memory, refine, rms, search};
 use super::law::{C2, Law, names};
 use super::predict::Predict;
 use super::track::{Sweep, Track};
@@ -76,9 +76,12 @@ pub struct Alternative {
     pub validation_rms: f64,
     /// `n ln(rss/rss_alternative)` on validation records, n counted without what errors remember.
     pub evidence: f64,
-    /// Its parameters.
+    /// Its parameters; empty where a first search already showed no gain.
     pub parameters: BTreeMap<&'static str, Parameter>,
 }
+
+/// A first search has to reach this part of the rms error on validation records for a law to be fitted to the end.
+const PROMISING: f64 = 0.99;
 
 /// When an alternative is offered.
 pub const RULE: &str = "offered if, on the validation records, the rms error falls by at least 3 %, \
@@ -144,7 +147,7 @@ pub fn identify(estimation: &[Sweep], validation: &[Sweep], settings: &Settings)
         let rate = (track.len() - 1) as f64 / (track.time[track.len() - 1] - track.time[0]);
         return Err(Error::LowPass { record: track.name.clone(), corner, nyquist: 0.5 * rate });
     }
-    let found = fit(settings.law, &tracks, settings, None)?;
+    let found = refine(settings.law, &tracks, settings, &search(settings.law, &tracks, settings, None)?)?;
     let validation_errors = errors_of(settings.law, &found.parameters, &others, settings);
     let alternatives = if settings.alternatives && !others.is_empty() {
         alternatives(&found, &tracks, &others, &validation_errors, settings, estimation)?
@@ -155,7 +158,8 @@ pub fn identify(estimation: &[Sweep], validation: &[Sweep], settings: &Settings)
     let validated = (!others.is_empty()).then(|| quality(&others, &validation_errors, settings));
     let parameters = parameters(&found, settings);
     let flags = verdict::flags(&found, &tracks, settings);
-    let verdict = verdict::sentences(&found, &parameters, &estimated, validated.as_ref(), &alternatives, settings);
+    let verdict =
+        verdict::sentences(&found, &parameters, &estimated, validated.as_ref(), &alternatives, settings);
     Ok(Report {
         law: settings.law,
         predicted: if settings.predict == Predict::Force { "force" } else { "motion" },
@@ -261,8 +265,16 @@ fn alternatives(
             continue;
         }
         let settings = Settings { law, ..settings.clone() };
-        let found = fit(law, tracks, &settings, Some(&base.parameters))?;
-        let errors = errors_of(law, &found.parameters, others, &settings);
+        let rough = search(law, tracks, &settings, Some(&base.parameters))?;
+        let mut errors = errors_of(law, &rough.parameters, others, &settings);
+        let promising = rms(&errors) <= PROMISING * before;
+        let (estimation_rms, found) = if promising {
+            let found = refine(law, tracks, &settings, &rough)?;
+            errors = errors_of(law, &found.parameters, others, &settings);
+            (rms(&found.errors), parameters(&found, &settings))
+        } else {
+            (rms(&errors_of(law, &rough.parameters, tracks, &settings)), BTreeMap::new())
+        };
         let after = rms(&errors);
         let evidence = 2.0 * samples * (before / after).ln();
         let added = law.extra().len() as f64;
@@ -273,10 +285,10 @@ fn alternatives(
             law,
             what: law.words(),
             offered: after <= 0.97 * before && evidence >= 10.0 + added * samples.ln() && !worse,
-            estimation_rms: rms(&found.errors),
+            estimation_rms,
             validation_rms: after,
             evidence,
-            parameters: parameters(&found, &settings),
+            parameters: found,
         });
     }
     tried.sort_by(|a, b| a.validation_rms.total_cmp(&b.validation_rms));

@@ -68,7 +68,9 @@ impl Measured<'_> {
             velocity: states.iter().map(|(s, _)| s[1] / unit).collect(),
             acceleration: states.iter().map(|(s, _)| s[2] / unit / unit).collect(),
             velocity_deviation: states.iter().map(|(_, p)| p[(1, 1)].max(0.0).sqrt() / unit).collect(),
-            sensor_deviation: std::array::from_fn(|i| scaled[i].as_ref().map(|_| variance[i].sqrt() / powers[i])),
+            sensor_deviation: std::array::from_fn(|i| {
+                scaled[i].as_ref().map(|_| variance[i].sqrt() / powers[i])
+            }),
         }
     }
 }
@@ -86,8 +88,7 @@ pub fn interpolation_variance(gaps: &[f64], values: &[f64]) -> f64 {
         let near = [values[k - 2], values[k - 1], values[k + 1], values[k + 2]];
         let (mut distance, mut enlarged) = (values[k], 1.0);
         for i in 0..4 {
-            let weight: f64 =
-                (0..4).filter(|&j| j != i).map(|j| -at[j] / (at[i] - at[j])).product();
+            let weight: f64 = (0..4).filter(|&j| j != i).map(|j| -at[j] / (at[i] - at[j])).product();
             distance -= weight * near[i];
             enlarged += weight * weight;
         }
@@ -131,7 +132,8 @@ impl Filter<'_> {
             mean[i] = values.first().copied().unwrap_or(0.0);
             let mut course = values.clone();
             for (order, size) in sizes[i..].iter_mut().enumerate() {
-                let square = course.iter().map(|value| value * value).sum::<f64>() / course.len().max(1) as f64;
+                let square =
+                    course.iter().map(|value| value * value).sum::<f64>() / course.len().max(1) as f64;
                 *size = size.max(if order == 0 { spread(values) } else { square });
                 course = course.windows(2).map(|pair| pair[1] - pair[0]).collect();
             }
@@ -295,11 +297,13 @@ mod tests {
     fn velocity_from_uneven_positions_is_not_shifted_at_reversals() {
         // Time steps between 0.7 and 1.3 ms, position noise 0.1 mm.
         let jitter = noise(6000, 9);
-        let time: Vec<f64> = (0..6000).map(|k| 1e-3 * (k as f64 + 0.15 * jitter[k].clamp(-1.0, 1.0))).collect();
+        let time: Vec<f64> =
+            (0..6000).map(|k| 1e-3 * (k as f64 + 0.15 * jitter[k].clamp(-1.0, 1.0))).collect();
         let v: Vec<f64> = time.iter().map(|t| 0.2 * (6.0 * t).sin()).collect();
         let x: Vec<f64> =
             time.iter().zip(noise(6000, 4)).map(|(t, e)| -0.2 / 6.0 * (6.0 * t).cos() + 1e-4 * e).collect();
-        let motion = Measured { time: &time, position: Some(&x), velocity: None, acceleration: None }.smooth();
+        let motion =
+            Measured { time: &time, position: Some(&x), velocity: None, acceleration: None }.smooth();
         // A shift of the reversals by tau shows as a correlation of the error with the acceleration.
         let (mut up, mut down) = (0.0, 0.0);
         for k in 200..5800 {
@@ -314,7 +318,8 @@ mod tests {
     #[test]
     fn a_record_without_noise_comes_back_as_it_is() {
         let (time, v) = sine(500);
-        let motion = Measured { time: &time, position: None, velocity: Some(&v), acceleration: None }.smooth();
+        let motion =
+            Measured { time: &time, position: None, velocity: Some(&v), acceleration: None }.smooth();
         assert!(rms(&motion.velocity, &v) < 1e-7, "{}", rms(&motion.velocity, &v));
     }
 }

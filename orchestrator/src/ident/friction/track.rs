@@ -57,8 +57,10 @@ impl Sweep {
         if n < FEWEST {
             return Err(Error::Short { record: name(), samples: n });
         }
-        let moved = self.velocity.as_ref().or(self.position.as_ref()).ok_or(Error::NoMotion { record: name() })?;
-        let (low, high) = moved.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (v.min(l), v.max(h)));
+        let moved =
+            self.velocity.as_ref().or(self.position.as_ref()).ok_or(Error::NoMotion { record: name() })?;
+        let (low, high) =
+            moved.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (v.min(l), v.max(h)));
         let size = low.abs().max(high.abs());
         if high - low <= 1e-12 * size {
             let what = if self.velocity.is_some() { "velocity" } else { "position" };

@@ -23,7 +23,10 @@ pub fn flags(fit: &Fit, tracks: &[Track], settings: &Settings) -> Vec<Flag> {
         );
     }
     if fit.origin[C1] == Origin::AtBound {
-        flag("no-coulomb-friction", "no Coulomb friction is seen: c1 is held at 0, and c2, c3 mean nothing".into());
+        flag(
+            "no-coulomb-friction",
+            "no Coulomb friction is seen: c1 is held at 0, and c2, c3 mean nothing".into(),
+        );
     }
     if fit.origin[C2] == Origin::AtBound && fit.parameters[C2] > 0.0 {
         flag(
@@ -36,7 +39,8 @@ pub fn flags(fit: &Fit, tracks: &[Track], settings: &Settings) -> Vec<Flag> {
     }
     if !fit.dependent.is_empty() {
         let all = names(fit.law);
-        let named: Vec<&str> = fit.dependent.iter().filter_map(|&j| all.get(j).map(|(_, name, _)| *name)).collect();
+        let named: Vec<&str> =
+            fit.dependent.iter().filter_map(|&j| all.get(j).map(|(_, name, _)| *name)).collect();
         flag(
             "not-told-apart",
             format!(
@@ -47,28 +51,40 @@ pub fn flags(fit: &Fit, tracks: &[Track], settings: &Settings) -> Vec<Flag> {
     }
     for (sign, direction) in [(1.0, "backwards"), (-1.0, "forwards")] {
         if tracks.iter().all(|track| track.motion.velocity.iter().all(|v| sign * v >= 0.0)) {
-            flag("one-direction", format!("nothing moves {direction}: Coulomb friction and bias are not told apart"));
+            flag(
+                "one-direction",
+                format!("nothing moves {direction}: Coulomb friction and bias are not told apart"),
+            );
         }
     }
     for track in tracks {
         if track.unordered {
             flag(
                 "not-smoothed",
-                format!("{}: the velocity is no smooth course over time; it is taken as measured, without error", track.name),
+                format!(
+                    "{}: the velocity is no smooth course over time; it is taken as measured, without error",
+                    track.name
+                ),
             );
         }
         let longest = longest_at_extreme(&track.force);
         if longest >= SATURATED {
             flag(
                 "saturated",
-                format!("{}: the force stays at its extreme for {longest} samples; it looks limited, leave that part out", track.name),
+                format!(
+                    "{}: the force stays at its extreme for {longest} samples; it looks limited, leave that part out",
+                    track.name
+                ),
             );
         }
         let gap = widest_gap(&track.time);
         if gap.1 > 5.0 {
             flag(
                 "gap",
-                format!("{}: {:.3} s without samples at {:.3} s; the motion is interpolated there", track.name, gap.2, gap.0),
+                format!(
+                    "{}: {:.3} s without samples at {:.3} s; the motion is interpolated there",
+                    track.name, gap.2, gap.0
+                ),
             );
         }
     }
@@ -87,7 +103,10 @@ pub fn flags(fit: &Fit, tracks: &[Track], settings: &Settings) -> Vec<Flag> {
     if fit.agreement < 0.3 {
         flag(
             "several-minima",
-            format!("only {:.0} % of the starts reached the best minimum; richer data would settle it", 100.0 * fit.agreement),
+            format!(
+                "only {:.0} % of the starts reached the best minimum; richer data would settle it",
+                100.0 * fit.agreement
+            ),
         );
     }
     if !fit.converged {
@@ -160,9 +179,10 @@ pub fn sentences(
         ),
     });
     if fit.origin[C4] == Origin::AtBound {
-        let upper = parameters.get("c4").and_then(|c4| c4.ci95).map_or(String::new(), |ci| {
-            format!(", at most {:.3} N.s/m", ci[1])
-        });
+        let upper = parameters
+            .get("c4")
+            .and_then(|c4| c4.ci95)
+            .map_or(String::new(), |ci| format!(", at most {:.3} N.s/m", ci[1]));
         said.push(format!("no viscous friction is seen{upper}"));
     }
     let zero = |name: &&str| {
@@ -171,10 +191,7 @@ pub fn sentences(
     };
     let small: Vec<&str> = ["c3", "c4", "c5"].into_iter().filter(zero).collect();
     if !small.is_empty() {
-        said.push(format!(
-            "{} cannot be told from zero; --fix NAME=0 leaves them out",
-            small.join(", ")
-        ));
+        said.push(format!("{} cannot be told from zero; --fix NAME=0 leaves them out", small.join(", ")));
     }
     let offered: Vec<&Alternative> = alternatives.iter().filter(|a| a.offered).collect();
     match (validation, offered.first()) {
