@@ -4,6 +4,7 @@
 
 pub mod args;
 pub mod coupling;
+pub mod derive;
 pub mod export;
 mod folder;
 pub mod inspect;
@@ -34,6 +35,7 @@ pub fn main() -> ExitCode {
         Command::Run(args) => run::run(&args),
         Command::Inspect(args) => inspect::run(&args),
         Command::Export(args) => export::run(&args),
+        Command::Derive(args) => derive::run(&args),
         Command::Completions { shell } => {
             let mut script = Vec::new();
             clap_complete::generate(shell, &mut Cli::command(), "airloop", &mut script);
