@@ -24,6 +24,9 @@ pub enum Error {
     /// Run summaries.
     #[error(transparent)]
     Summary(#[from] crate::results::summary::Error),
+    /// Command signals.
+    #[error(transparent)]
+    Excite(#[from] crate::excite::Error),
     /// System descriptions.
     #[error(transparent)]
     System(#[from] crate::system::Error),

@@ -9,7 +9,7 @@
 //!  4  discrepancy
 //!  3  master
 //!  2  system      ident
-//!  1  fmu         results
+//!  1  fmu         results     optim       excite
 //!  0  series      units       xml
 //! ```
 //!
@@ -18,9 +18,11 @@
 pub mod cli;
 pub mod discrepancy;
 pub mod error;
+pub mod excite;
 pub mod fmu;
 pub mod ident;
 pub mod master;
+pub mod optim;
 pub mod plot;
 pub mod results;
 pub mod series;

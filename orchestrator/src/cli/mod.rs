@@ -5,6 +5,7 @@
 pub mod args;
 pub mod coupling;
 pub mod derive;
+pub mod excite;
 pub mod export;
 mod folder;
 pub mod inspect;
@@ -36,6 +37,7 @@ pub fn main() -> ExitCode {
         Command::Inspect(args) => inspect::run(&args),
         Command::Export(args) => export::run(&args),
         Command::Derive(args) => derive::run(&args),
+        Command::Excite(args) => excite::run(&args),
         Command::Completions { shell } => {
             let mut script = Vec::new();
             clap_complete::generate(shell, &mut Cli::command(), "airloop", &mut script);
@@ -45,7 +47,11 @@ pub fn main() -> ExitCode {
     outcome.unwrap_or_else(|error| {
         output::complain(&format!("error: {error}"));
         // A setting out of range is wrong usage, be it a word on its own or only together with others.
-        let usage = matches!(error, crate::Error::Master(crate::master::Error::Setting { .. }));
+        let usage = matches!(
+            error,
+            crate::Error::Master(crate::master::Error::Setting { .. })
+                | crate::Error::Excite(crate::excite::Error::Setting { .. })
+        );
         if usage { ExitCode::from(USAGE) } else { ExitCode::FAILURE }
     })
 }
