@@ -375,6 +375,13 @@ impl SystemGraph {
         }
     }
 
+    /// The variables of an algebraic loop by name, each following directly from the one before, the first once more
+    /// at the end.
+    pub fn loop_names(&self, one: &Loop) -> Vec<String> {
+        let closed = one.path.iter().chain(one.path.first());
+        closed.map(|&(component, variable)| self.components[component].path_of(variable)).collect()
+    }
+
     /// Whether an output is held between communication points (variability discrete).
     pub fn is_held(&self, component: usize, variable: usize) -> bool {
         self.components[component].fmu.description.variables[variable].variability == Variability::Discrete

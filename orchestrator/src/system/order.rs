@@ -60,18 +60,17 @@ pub fn check_loops(graph: &SystemGraph, interface: InterfaceKind) -> Result<(), 
         let continuous = variable.variability == Variability::Continuous;
         DataType::of(variable) == DataType::Real && (continuous || interface == InterfaceKind::ModelExchange)
     };
-    for Loop { variables, path } in &graph.loops {
+    for one in &graph.loops {
+        let variables = &one.variables;
         let Some(culprit) = variables.iter().find(|node| !solvable(node)) else { continue };
         let name = |&(component, variable): &(usize, usize)| graph.components[component].path_of(variable);
-        let mut names: Vec<String> = path.iter().map(name).collect();
-        names.push(names[0].clone());
         let reals = variables.iter().all(|&(component, variable)| {
             DataType::of(&graph.components[component].fmu.description.variables[variable]) == DataType::Real
         });
         let (file, culprit) = (graph.file.clone(), name(culprit));
         return Err(Error::AlgebraicLoop {
             file,
-            variables: names,
+            variables: graph.loop_names(one),
             culprit,
             master: if reals { ", run it with `--master monolithic`" } else { "" },
         });

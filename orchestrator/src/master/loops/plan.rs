@@ -7,7 +7,7 @@ use crate::master::exchange::Wiring;
 use crate::master::propagation::transfers_within;
 use crate::master::{Algorithm, Error, Grid, Settings, Values};
 use crate::system::SystemGraph;
-use crate::system::order::{Loop, loop_groups};
+use crate::system::order::loop_groups;
 
 /// The groups in evaluation order.
 pub(super) fn plan(
@@ -60,7 +60,7 @@ fn check_over_step(
         Err(Error::LoopMember {
             component: graph.components[component].name.clone(),
             reason: reason.to_owned(),
-            path: path.map_or_else(String::new, |path| path_of(graph, path)),
+            path: path.map_or_else(String::new, |path| graph.loop_names(path).join(" -> ")),
             remedy: remedy.to_owned(),
         })
     };
@@ -96,11 +96,4 @@ fn check_over_step(
         return refuse(stuck, &reason, "leave --adaptive and --extrapolation out");
     }
     Ok(())
-}
-
-/// The variables of a loop, each following from the one before.
-fn path_of(graph: &SystemGraph, one: &Loop) -> String {
-    let closed = one.path.iter().chain(one.path.first());
-    let names = closed.map(|&(component, variable)| graph.components[component].path_of(variable));
-    names.collect::<Vec<_>>().join(" -> ")
 }
