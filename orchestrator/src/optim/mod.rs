@@ -1,13 +1,13 @@
 //! Optimisation: numbers in, numbers out. Nothing here knows of time, models or files.
-
-pub mod least_squares;
-//! Nonlinear programming: minimise f(x) subject to `c_l <= c(x) <= c_u` and `x_l <= x <= x_u`.
+//!
+//! [`least_squares`] fits parameters within bounds. The rest is nonlinear programming: minimise f(x) subject to `c_l <= c(x) <= c_u` and `x_l <= x <= x_u`.
 
 pub mod error;
 mod filter;
 mod form;
 mod interior_point;
 mod kkt;
+pub mod least_squares;
 mod log;
 pub mod nlp;
 pub mod outcome;
