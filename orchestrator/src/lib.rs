@@ -21,6 +21,7 @@ pub mod error;
 pub mod excite;
 pub mod fmu;
 pub mod ident;
+pub mod linalg;
 pub mod master;
 pub mod optim;
 pub mod plot;

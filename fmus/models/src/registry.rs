@@ -84,7 +84,7 @@ fn entry<M: Model>(package: &'static str, shipped: bool, readme: &'static str) -
         resources: &[],
         description: || {
             let definition = Definition::<M>::new();
-            Description { table: definition.table, xml: definition.xml }
+            Description { xml: definition.xml(), table: definition.table }
         },
     }
 }

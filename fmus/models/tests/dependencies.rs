@@ -56,6 +56,7 @@ fn differs(variable: &Variable, a: &Values<f64>, b: &Values<f64>) -> bool {
 fn check<M: Model>(allowed: impl Fn(&Variable) -> bool) -> usize {
     let definition = Definition::<M>::new();
     let (model, table) = (&definition.model, &definition.table);
+    let structure = definition.structure();
     let variables = table.variables();
     let items = |v: &Variable| match v.kind {
         Kind::Enumeration { enumeration, .. } => table.enumerations()[enumeration].items.len(),
@@ -95,10 +96,10 @@ fn check<M: Model>(allowed: impl Fn(&Variable) -> bool) -> usize {
                     }
                 }
             };
-            compare(&definition.structure.initial_unknowns);
+            compare(&structure.initial_unknowns);
             if known.causality != Causality::Parameter {
-                compare(&definition.structure.outputs);
-                compare(&definition.structure.derivatives);
+                compare(&structure.outputs);
+                compare(&structure.derivatives);
             }
         }
     }

@@ -50,6 +50,8 @@ pub enum Command {
     /// The written system simulates to the same bits. Geometry, annotations, connectors that are not connected, and
     /// the step size and tolerance of a single FMU are not kept.
     Export(super::export::Args),
+    /// Write one of our FMUs with start values, name and GUID of its own, for any FMI tool.
+    Derive(super::derive::Args),
     /// Write a command for an experiment: chirp, random stairs, multisine or pseudo-random binary sequence.
     Excite(super::excite::Args),
     /// Print a completion script for a shell, e.g. `airloop completions bash > ~/.local/share/bash-completion/completions/airloop`.

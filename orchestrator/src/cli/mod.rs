@@ -4,6 +4,7 @@
 
 pub mod args;
 pub mod coupling;
+pub mod derive;
 pub mod excite;
 pub mod export;
 mod folder;
@@ -35,6 +36,7 @@ pub fn main() -> ExitCode {
         Command::Run(args) => run::run(&args),
         Command::Inspect(args) => inspect::run(&args),
         Command::Export(args) => export::run(&args),
+        Command::Derive(args) => derive::run(&args),
         Command::Excite(args) => excite::run(&args),
         Command::Completions { shell } => {
             let mut script = Vec::new();
