@@ -10,7 +10,7 @@
 //!  3  master
 //!  2  system      ident
 //!  1  fmu         results
-//!  0  series      units       xml
+//!  0  series      linalg      units       xml
 //! ```
 //!
 //! Start with [`system::SystemGraph::open`], [`master::simulate::run`] and [`series::csv::write`].
@@ -20,6 +20,7 @@ pub mod discrepancy;
 pub mod error;
 pub mod fmu;
 pub mod ident;
+pub mod linalg;
 pub mod master;
 pub mod plot;
 pub mod results;
