@@ -2,7 +2,11 @@
 //!
 //! | module | what |
 //! |--------|------|
-//! | [`record`] | one experiment: sampled inputs and outputs |
+//! | [`record`] | one experiment: sampled inputs and outputs, read and checked |
+//! | [`source`] | an experiment in blocks, from memory or from a file |
+//! | [`structure`] | orders and delays |
+//! | [`regressor`] | the regression of an ARX model, folded into a triangle |
+//! | [`arx`] | least squares of ARX models |
 //! | [`model`] | linear discrete-time models: ARX (eq. 6) and state space |
 //! | [`fit`] | NRMSE fit (eq. 9) of two signals |
 //! | [`score`] | simulated and one-step fit of a model over several records |
@@ -10,8 +14,12 @@
 //!
 //! Knows no FMUs and nothing of the command line.
 
+pub mod arx;
 pub mod fit;
 pub mod model;
 pub mod record;
+pub mod regressor;
 pub mod score;
+pub mod source;
+pub mod structure;
 pub mod summary;

@@ -34,6 +34,8 @@ pub struct Stream {
     /// Bytes that are read but not used: `buffer[at..]`.
     buffer: Vec<u8>,
     at: usize,
+    /// Bytes read from the file.
+    read: u64,
     line: usize,
     names: Vec<(String, Option<String>)>,
     seconds: Seconds,
@@ -54,6 +56,7 @@ impl Stream {
             file,
             buffer: Vec::new(),
             at: 0,
+            read: 0,
             line: 1,
             names: Vec::new(),
             seconds: Seconds::Times(1.0),
@@ -127,6 +130,14 @@ impl Stream {
         Ok(rows.time.len())
     }
 
+    /// Rows that are still to come, estimated from the size of the file and its lines so far, rather too many.
+    pub fn rows_left(&self) -> usize {
+        let size = self.file.metadata().map_or(0, |data| data.len());
+        let used = (self.read - (self.buffer.len() - self.at) as u64).max(1);
+        let left = size.saturating_sub(used) as f64 / used as f64 * self.line as f64;
+        (1.01 * left) as usize + 64
+    }
+
     /// Drops what is used and reads more; false at the end of the file.
     fn fill(&mut self) -> Result<bool, Error> {
         self.buffer.drain(..self.at);
@@ -141,6 +152,7 @@ impl Stream {
         };
         self.buffer.truncate(before + *read.as_ref().unwrap_or(&0));
         let read = read.map_err(|source| Error::Io { path: self.path.clone(), source })?;
+        self.read += read as u64;
         Ok(read > 0)
     }
 
