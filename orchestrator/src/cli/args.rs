@@ -50,6 +50,12 @@ pub enum Command {
     /// The written system simulates to the same bits. Geometry, annotations, connectors that are not connected, and
     /// the step size and tolerance of a single FMU are not kept.
     Export(super::export::Args),
+    /// Identify a model from measured inputs and outputs.
+    Identify {
+        /// Kind of model.
+        #[command(subcommand)]
+        command: super::identify::Command,
+    },
     /// Print a completion script for a shell, e.g. `airloop completions bash > ~/.local/share/bash-completion/completions/airloop`.
     Completions {
         /// Shell.

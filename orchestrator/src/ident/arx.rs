@@ -209,7 +209,9 @@ fn deficient(dependent: &Dependent, terms: &[Term], output: &str, names: Names) 
     let involved = dependent.of.iter().map(|&(column, _)| column).chain([dependent.column]);
     let outputs = involved.filter(|&column| matches!(terms[column], Term::Output { .. })).count();
     let remedy = match outputs {
-        0 => "the inputs do not excite so many coefficients: lower nb, or use a command with more frequencies",
+        0 => {
+            "the inputs do not excite so many coefficients: lower nb, or use a command with more frequencies"
+        }
         _ => "the data are explained by fewer coefficients without any error: lower na or nb",
     };
     Error::RankDeficient { regressor: name(dependent.column), combination, output: output.into(), remedy }
@@ -258,7 +260,8 @@ mod tests {
         for k in 1..n {
             for i in 0..2 {
                 let past: f64 = (0..2).map(|l| -model.a[0][(i, l)] * y[l][k - 1]).sum();
-                y[i][k] = past + model.b[0][(i, 0)] * u[k] + model.b[1][(i, 0)] * u[k - 1] + noise_size * next();
+                y[i][k] =
+                    past + model.b[0][(i, 0)] * u[k] + model.b[1][(i, 0)] * u[k - 1] + noise_size * next();
             }
         }
         Record { name: "chirp".into(), sample_time: 1e-3, start: 0.0, inputs: vec![u], outputs: y }
@@ -286,7 +289,10 @@ mod tests {
     fn orders_above_the_true_ones_are_named_when_nothing_but_rounding_is_left() {
         let message = fit(&[chirp(20.0, 9000, 0.0, 1)], &Structure::uniform((1, 2), 2, 3, 0)).unwrap_err();
         let message = message.to_string();
-        assert!(message.starts_with("y2(k-2) is a linear combination of y1(k-1), y2(k-1), u1(k-1), y1(k-2)"), "{message}");
+        assert!(
+            message.starts_with("y2(k-2) is a linear combination of y1(k-1), y2(k-1), u1(k-1), y1(k-2)"),
+            "{message}"
+        );
         assert!(message.ends_with("lower na or nb"), "{message}");
     }
 
@@ -312,7 +318,9 @@ mod tests {
                 .map(|i| vec![truth.b[0][(i, 0)], truth.a[0][(i, 0)], truth.a[0][(i, 1)], truth.b[1][(i, 0)]])
                 .collect();
             for (equation, truth) in found.equations.iter().zip(truth) {
-                for ((c, sigma), truth) in equation.coefficients.iter().zip(equation.standard_deviations()).zip(truth) {
+                for ((c, sigma), truth) in
+                    equation.coefficients.iter().zip(equation.standard_deviations()).zip(truth)
+                {
                     inside += usize::from((c - truth).abs() < NORMAL_95 * sigma);
                     all += 1;
                 }
@@ -343,7 +351,11 @@ mod tests {
 
     #[test]
     fn too_few_samples_are_refused_with_numbers() {
-        let message = fit(&[chirp(20.0, 8, 0.5, 3)], &Structure::uniform((1, 2), 2, 3, 0)).unwrap_err().to_string();
-        assert!(message.starts_with("6 equations (samples after the first 2 of each record) are too few for 7"), "{message}");
+        let message =
+            fit(&[chirp(20.0, 8, 0.5, 3)], &Structure::uniform((1, 2), 2, 3, 0)).unwrap_err().to_string();
+        assert!(
+            message.starts_with("6 equations (samples after the first 2 of each record) are too few for 7"),
+            "{message}"
+        );
     }
 }

@@ -9,6 +9,7 @@
 //! | [`arx`] | least squares of ARX models |
 //! | [`model`] | linear discrete-time models: ARX (eq. 6) and state space |
 //! | [`fit`] | NRMSE fit (eq. 9) of two signals |
+//! | [`responses`] | measured, simulated and predicted outputs side by side |
 //! | [`score`] | simulated and one-step fit of a model over several records |
 //! | [`summary`] | what every identification reports, as JSON |
 //!
@@ -19,6 +20,7 @@ pub mod fit;
 pub mod model;
 pub mod record;
 pub mod regressor;
+pub mod responses;
 pub mod score;
 pub mod source;
 pub mod structure;

@@ -84,7 +84,9 @@ pub enum Error {
         of: &'static str,
     },
     /// Nothing to estimate.
-    #[error("output {output} has no coefficient to estimate: na and nb are 0 in all its columns; raise one of them")]
+    #[error(
+        "output {output} has no coefficient to estimate: na and nb are 0 in all its columns; raise one of them"
+    )]
     Empty {
         /// 1-based output.
         output: usize,
@@ -159,7 +161,8 @@ impl Structure {
 
     /// One more than the largest lag of an input in the equation of an output.
     fn input_span(&self, output: usize) -> usize {
-        let spans = self.nb[output].iter().zip(&self.nk[output]).map(|(&nb, &nk)| if nb > 0 { nb + nk } else { 0 });
+        let spans =
+            self.nb[output].iter().zip(&self.nk[output]).map(|(&nb, &nk)| if nb > 0 { nb + nk } else { 0 });
         spans.max().unwrap_or(0)
     }
 
@@ -211,7 +214,8 @@ fn matrix(
 ) -> Result<Vec<Vec<usize>>, Error> {
     let number = |part: &str| {
         let value = part.trim().parse::<usize>();
-        let value = value.map_err(|_| Error::Number { option, text: text.into(), part: part.trim().into() })?;
+        let value =
+            value.map_err(|_| Error::Number { option, text: text.into(), part: part.trim().into() })?;
         if value > LARGEST {
             return Err(Error::Large { option, text: text.into(), value, limit: LARGEST });
         }
@@ -261,7 +265,11 @@ mod tests {
         for (na, nb, expected) in [
             ("x", "1", "--na x: `x` is no order"),
             ("2,1;1", "1", "--na 2,1;1: 1 numbers in a row of 2 rows"),
-            ("1", "1,2", "--nb 1,2: 2 numbers in a row of 1 rows, but there are 2 outputs (rows) and 1 inputs"),
+            (
+                "1",
+                "1,2",
+                "--nb 1,2: 2 numbers in a row of 1 rows, but there are 2 outputs (rows) and 1 inputs",
+            ),
             ("0", "0;1", "output 1 has no coefficient"),
             ("1", "5000", "--nb 5000: 5000 is more than 1000"),
         ] {

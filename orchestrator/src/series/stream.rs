@@ -73,8 +73,8 @@ impl Stream {
         let header = header.trim_start_matches('\u{feff}').trim_end_matches('\r');
         stream.names = header_cells(header, path)?;
         if let Some(unit) = &stream.names[0].1 {
-            stream.seconds = Seconds::of(unit)
-                .ok_or_else(|| Error::TimeUnit { path: path.into(), unit: unit.clone() })?;
+            stream.seconds =
+                Seconds::of(unit).ok_or_else(|| Error::TimeUnit { path: path.into(), unit: unit.clone() })?;
         }
         stream.target = vec![None; stream.names.len()];
         for (index, name) in wanted.iter().enumerate() {
@@ -267,8 +267,8 @@ fn simple_number(bytes: &[u8], mut at: usize) -> Option<(f64, usize)> {
 
 /// Powers of ten that are doubles exactly.
 const POWERS_OF_TEN: [f64; 23] = [
-    1e0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10, 1e11, 1e12, 1e13, 1e14, 1e15, 1e16, 1e17, 1e18, 1e19,
-    1e20, 1e21, 1e22,
+    1e0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10, 1e11, 1e12, 1e13, 1e14, 1e15, 1e16, 1e17, 1e18,
+    1e19, 1e20, 1e21, 1e22,
 ];
 
 #[cfg(test)]
@@ -311,7 +311,12 @@ mod tests {
                 assert_eq!(rows.lines[k], at + k + 2);
                 for (column, name) in ["b", "a"].into_iter().enumerate() {
                     let expected = whole.channel(name).unwrap().values[at + k];
-                    assert_eq!(rows.columns[column][k].to_bits(), expected.to_bits(), "{name}, row {}", at + k);
+                    assert_eq!(
+                        rows.columns[column][k].to_bits(),
+                        expected.to_bits(),
+                        "{name}, row {}",
+                        at + k
+                    );
                 }
             }
             at += n;

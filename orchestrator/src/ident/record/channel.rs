@@ -198,7 +198,10 @@ mod tests {
     fn a_signal_with_a_new_value_at_every_tenth_row_is_held() {
         let sine = |k: i32| (0.05 * f64::from(k)).sin();
         assert_eq!(channel((0..2000).map(|k| sine(k / 10 * 10))).held_over(), (10, 3));
-        assert_eq!(channel((0..2000).map(|k| if k % 4 == 0 { sine(k) } else { f64::NAN })).held_over(), (4, 3));
+        assert_eq!(
+            channel((0..2000).map(|k| if k % 4 == 0 { sine(k) } else { f64::NAN })).held_over(),
+            (4, 3)
+        );
         assert_eq!(channel((0..2000).map(sine)).held_over().0, 1);
         assert_eq!(channel((0..2000).map(|k| (20.0 * sine(k)).round())).held_over().0, 1);
     }

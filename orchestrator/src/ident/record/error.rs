@@ -47,7 +47,9 @@ pub enum Error {
     )]
     SampleTimes { file: String, sample_time: f64, other: String, other_sample_time: f64 },
     /// A column in different units.
-    #[error("{file}: column `{column}` is in [{unit}], but in [{other_unit}] in {other}; convert one of the files")]
+    #[error(
+        "{file}: column `{column}` is in [{unit}], but in [{other_unit}] in {other}; convert one of the files"
+    )]
     Units { file: String, column: String, unit: String, other: String, other_unit: String },
     /// A column that never changes.
     #[error(

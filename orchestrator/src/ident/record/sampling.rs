@@ -55,9 +55,13 @@ impl Clock {
             let before = self.last;
             let length = time - before;
             if length <= 0.0 {
-                return Err(
-                    crate::series::csv::Error::NotIncreasing { path: path.into(), line, before, after: time }.into()
-                );
+                return Err(crate::series::csv::Error::NotIncreasing {
+                    path: path.into(),
+                    line,
+                    before,
+                    after: time,
+                }
+                .into());
             }
             let interval = Interval { length, line, before, after: time };
             if self.samples == 1 || length < self.shortest.length {
@@ -91,22 +95,35 @@ impl Clock {
         let mean = (self.last - self.first) / intervals_all;
         let quantum = self.quantum().min(mean);
         // Stamps of few decimals alternate between two intervals; one long interval among equal ones is a gap.
-        let alternation = intervals[intervals.len() - 1 - intervals.len() / 10] - intervals[intervals.len() / 10];
+        let alternation =
+            intervals[intervals.len() - 1 - intervals.len() / 10] - intervals[intervals.len() / 10];
         let rounding = quantum * (1.0 + 1e-6);
         let tolerance = if alternation > HARMLESS * usual { rounding } else { 0.0 };
         if self.longest.length > 1.5 * usual + tolerance {
             let Interval { line, before, after, .. } = self.longest;
-            return Err(Error::Gap { file: file(), line, before, after, sample_time: short(usual, HARMLESS * usual) });
+            return Err(Error::Gap {
+                file: file(),
+                line,
+                before,
+                after,
+                sample_time: short(usual, HARMLESS * usual),
+            });
         }
         let allowed = rounding.max(HARMLESS * mean);
         for interval in [self.shortest, self.longest] {
             if (interval.length - mean).abs() > allowed {
                 let (line, interval) = (interval.line, interval.length);
                 let sample_time = short(mean, 1e-6 * mean);
-                return Err(Error::Uneven { file: file(), line, interval: short(interval, 1e-6 * mean), sample_time });
+                return Err(Error::Uneven {
+                    file: file(),
+                    line,
+                    interval: short(interval, 1e-6 * mean),
+                    sample_time,
+                });
             }
         }
-        let doubt = (quantum.max(1e-9 * mean) / intervals_all).max(4.0 * f64::EPSILON * self.last.abs() / intervals_all);
+        let doubt = (quantum.max(1e-9 * mean) / intervals_all)
+            .max(4.0 * f64::EPSILON * self.last.abs() / intervals_all);
         Ok(Sampling {
             sample_time: short(mean, doubt),
             start: self.first,
@@ -156,7 +173,8 @@ mod tests {
 
     #[test]
     fn rounded_time_stamps_give_the_sample_time_behind_them() {
-        for (sample_time, decimals, n) in [(1e-3, 3, 4000), (0.08, 2, 900), (0.0015, 3, 3000), (1e-3, 6, 50)] {
+        for (sample_time, decimals, n) in [(1e-3, 3, 4000), (0.08, 2, 900), (0.0015, 3, 3000), (1e-3, 6, 50)]
+        {
             let found = sampling(rounded(sample_time, decimals, n)).unwrap();
             assert_eq!((found.sample_time, found.start, found.samples), (sample_time, 3.0, n));
         }
@@ -170,10 +188,16 @@ mod tests {
     fn a_lost_sample_is_a_gap_and_a_late_one_is_uneven() {
         let lost = rounded(1e-3, 3, 500).enumerate().filter(|(k, _)| *k != 250).map(|(_, t)| t);
         let message = sampling(lost).unwrap_err().to_string();
-        assert!(message.contains("line 252: gap from 3.249 s to 3.251 s in a record with samples every 0.001 s"), "{message}");
+        assert!(
+            message.contains("line 252: gap from 3.249 s to 3.251 s in a record with samples every 0.001 s"),
+            "{message}"
+        );
         let late = rounded(0.01, 6, 500).enumerate().map(|(k, t)| if k == 100 { t + 0.00123 } else { t });
         let message = sampling(late).unwrap_err().to_string();
-        assert!(message.contains("line 102: unevenly sampled") || message.contains("line 103: unevenly"), "{message}");
+        assert!(
+            message.contains("line 102: unevenly sampled") || message.contains("line 103: unevenly"),
+            "{message}"
+        );
         assert!(message.contains("resample"), "{message}");
     }
 

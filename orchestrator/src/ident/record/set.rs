@@ -126,9 +126,9 @@ fn units(surveys: &[Survey], columns: &[String]) -> Result<Vec<String>, Error> {
 /// The sample time on which all files agree; that of the file that tells it best.
 fn sample_time(surveys: &[Survey]) -> Result<f64, Error> {
     let Some(first) = surveys.first() else { return Ok(0.0) };
-    let best = surveys
-        .iter()
-        .fold(first, |best, other| if other.sampling.uncertainty < best.sampling.uncertainty { other } else { best });
+    let best = surveys.iter().fold(first, |best, other| {
+        if other.sampling.uncertainty < best.sampling.uncertainty { other } else { best }
+    });
     for survey in surveys {
         let (one, other) = (survey.sampling, best.sampling);
         let allowed = 1e-6 + 2.0 * (one.uncertainty + other.uncertainty);
@@ -145,7 +145,12 @@ fn sample_time(surveys: &[Survey]) -> Result<f64, Error> {
 }
 
 /// Every signal changes in some record of the estimation; where it does not in one of several, a note says so.
-fn exciting(surveys: &[Survey], columns: &[String], n_u: usize, notes: &mut Vec<String>) -> Result<(), Error> {
+fn exciting(
+    surveys: &[Survey],
+    columns: &[String],
+    n_u: usize,
+    notes: &mut Vec<String>,
+) -> Result<(), Error> {
     for (index, column) in columns.iter().enumerate() {
         let constant: Vec<&Survey> = surveys.iter().filter(|s| s.channels[index].is_constant()).collect();
         let value = constant.first().map_or(0.0, |survey| survey.channels[index].min.value);
