@@ -11,6 +11,8 @@
 //!  2  system      ident
 //!  1  fmu         results     optim       excite
 //!  0  series      units       xml
+//!  1  fmu         results
+//!  0  series      linalg      units       xml
 //! ```
 //!
 //! Start with [`system::SystemGraph::open`], [`master::simulate::run`] and [`series::csv::write`].

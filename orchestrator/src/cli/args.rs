@@ -54,6 +54,12 @@ pub enum Command {
     Derive(super::derive::Args),
     /// Write a command for an experiment: chirp, random stairs, multisine or pseudo-random binary sequence.
     Excite(super::excite::Args),
+    /// Identify a model from measured inputs and outputs.
+    Identify {
+        /// Kind of model.
+        #[command(subcommand)]
+        command: super::identify::Command,
+    },
     /// Print a completion script for a shell, e.g. `airloop completions bash > ~/.local/share/bash-completion/completions/airloop`.
     Completions {
         /// Shell.
