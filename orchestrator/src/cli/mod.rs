@@ -53,7 +53,7 @@ pub fn main() -> ExitCode {
             error,
             crate::Error::Master(crate::master::Error::Setting { .. })
                 | crate::Error::Excite(crate::excite::Error::Setting { .. })
-            crate::Error::Master(crate::master::Error::Setting { .. }) | crate::Error::Structure(_)
+                | crate::Error::Structure(_)
         );
         if usage { ExitCode::from(USAGE) } else { ExitCode::FAILURE }
     })
