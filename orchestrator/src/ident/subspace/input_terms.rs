@@ -137,6 +137,13 @@ pub(super) fn simulation_error(segments: &[Segment], model: &Matrices) -> Vec<f6
     errors
 }
 
+/// Initial state of the simulation that is closest to the measured outputs.
+pub(super) fn free_initial_state(segment: &Segment, model: &Matrices) -> DVector<f64> {
+    let mut rest = segment.y.clone();
+    subtract_response(&mut rest, &DVector::zeros(model.a.nrows()), model, Some(segment));
+    initial_state(&rest, model)
+}
+
 /// Takes the response to the initial state and, if given, to the inputs from `rest`.
 fn subtract_response(rest: &mut DMatrix<f64>, x0: &DVector<f64>, model: &Matrices, input: Option<&Segment>) {
     let (mut x, mut next) = (x0.clone(), x0.clone());
