@@ -11,6 +11,8 @@
 //!  2  system      ident
 //!  1  fmu         results     optim       excite
 //!  0  series      units       xml
+//!  1  fmu         results
+//!  0  series      linalg      units       xml
 //! ```
 //!
 //! Start with [`system::SystemGraph::open`], [`master::simulate::run`] and [`series::csv::write`].
@@ -21,6 +23,7 @@ pub mod error;
 pub mod excite;
 pub mod fmu;
 pub mod ident;
+pub mod linalg;
 pub mod master;
 pub mod optim;
 pub mod plot;
