@@ -7,13 +7,23 @@
 //! | [`fit`] | NRMSE fit (eq. 9) of two signals |
 //! | [`score`] | simulated and one-step fit of a model over several records |
 //! | [`subspace`] | state-space models by subspace methods |
+//! | [`output_error`] | refinement: the parameters with the best free simulation |
+//! | [`instrumental_variables`] | estimates without bias from noisy outputs |
+//! | [`parameters`] | estimates with their uncertainty |
 //! | [`summary`] | what every identification reports, as JSON |
 //!
 //! Knows no FMUs and nothing of the command line.
 
 pub mod fit;
+pub mod fold;
+pub mod instrumental_variables;
 pub mod model;
+pub mod output_error;
+pub mod parameters;
+pub mod rational;
 pub mod record;
 pub mod score;
 pub mod subspace;
 pub mod summary;
+#[cfg(test)]
+pub mod synthetic;

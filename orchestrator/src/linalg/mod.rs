@@ -9,3 +9,9 @@
 pub mod qr;
 
 pub use qr::{StreamedQr, Triangle};
+//! Linear algebra that several modules need: factorisations whose structure is known.
+
+mod front;
+pub mod sparse_ldl;
+pub mod staged_ldl;
+pub mod symmetric;

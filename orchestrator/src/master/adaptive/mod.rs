@@ -346,7 +346,7 @@ impl Stepper<'_> {
         self.step(pair.begin, pair.middle)?;
         let (master, inputs) = (&mut self.master, &mut self.inputs);
         inputs.at(pair.middle, |input, value| master.set_input(input, value));
-        memory::copy(&self.master.values, &mut self.middle);
+        self.middle.copy_from(&self.master.values);
         self.step(pair.middle, pair.end)?;
         Ok(self.estimate.judge(&self.master.values, self.tolerance))
     }
