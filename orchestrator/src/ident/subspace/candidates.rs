@@ -3,7 +3,7 @@
 use nalgebra::DMatrix;
 
 use super::data::{Matrices, Segment};
-use super::gain::innovation_gain;
+use super::gain::{prediction_error_gain, riccati_gain};
 use super::hankel::HankelFactor;
 use super::input_terms::{input_terms, simulation_error};
 use super::projection::{Projection, Weighting, predictor, pseudo_inverse};
@@ -12,6 +12,8 @@ use super::riccati::{Noise, kalman_gain};
 
 /// Samples on which candidates are compared; longer data are represented by pieces spread over them.
 pub(super) const COMPARED_SAMPLES: usize = 16_000;
+/// Samples on which the innovation gain is fitted.
+const GAIN_SAMPLES: usize = 8_000;
 
 /// How a model was estimated.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
@@ -167,7 +169,12 @@ impl<'a> Candidates<'a> {
             block = &block * &model.a;
         }
         let state = pseudo_inverse(gamma) * predictor(&horizon.factor);
-        innovation_gain(&horizon.factor, model, &state)
+        let mut starts: Vec<DMatrix<f64>> = riccati_gain(&horizon.factor, model, &state).into_iter().collect();
+        if spectral_radius(&model.a) < 1.0 {
+            starts.push(DMatrix::zeros(n, n_y));
+        }
+        let some = super::data::sparse(self.segments, GAIN_SAMPLES);
+        prediction_error_gain(&some, model, &starts)
     }
 }
 

@@ -3,7 +3,7 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::data::{Matrices, Segment};
-use super::hankel::Fold;
+use crate::linalg::StreamedQr;
 
 /// B, shape \[n, n_u\], and D, shape \[n_y, n_u\] (zeros unless `direct`), that bring the simulated outputs closest to the
 /// measured ones, with an initial state of its own for every segment. Everything about them is linear:
@@ -21,17 +21,16 @@ pub(super) fn input_terms(
     let (n, n_y) = (a.nrows(), c.nrows());
     let n_d = if direct { n_y * n_u } else { 0 };
     let parameters = n * n_u + n_d;
-    let mut all = Fold::new(parameters + 1);
+    let mut all = StreamedQr::new(parameters + 1);
     for segment in segments {
         let own = responses(segment, a, c, observer, direct);
         // The first n columns are the initial state; the rows below do not know it any more.
-        let mut row = vec![0.0; parameters + 1];
         for k in n..own.nrows() {
-            row.iter_mut().enumerate().for_each(|(column, value)| *value = own[(k, n + column)]);
-            all.push(&row);
+            all.append(1, |column, out| out[0] = own[(k, n + column)]);
         }
     }
-    let r = all.finish();
+    let all = all.finish();
+    let r = all.r();
     let regressor = r.view((0, 0), (parameters, parameters)).into_owned();
     let rhs = r.view((0, parameters), (parameters, 1)).column(0).into_owned();
     let theta = solve_scaled(regressor, &rhs)?;
@@ -62,8 +61,7 @@ fn responses(
     states.view_mut((0, 0), (n, n)).fill_with_identity();
     let mut next = states.clone();
     let mut outputs = DMatrix::<f64>::zeros(n_y, columns);
-    let mut fold = Fold::new(columns);
-    let mut row = vec![0.0; columns];
+    let mut fold = StreamedQr::new(columns);
     for k in 0..segment.len() {
         let (u, y) = (segment.u.column(k), segment.y.column(k));
         outputs.columns_mut(0, carried).gemm(1.0, c, &states, 0.0);
@@ -95,13 +93,12 @@ fn responses(
             outputs.column_mut(columns - 1).fill(0.0);
         }
         for i in 0..n_y {
-            row.iter_mut().zip(outputs.row(i).iter()).for_each(|(value, output)| *value = *output);
-            row[columns - 1] += y[i];
-            fold.push(&row);
+            outputs[(i, columns - 1)] += y[i];
+            fold.append(1, |column, out| out[0] = outputs[(i, column)]);
         }
         std::mem::swap(&mut states, &mut next);
     }
-    fold.finish()
+    fold.finish().r().clone()
 }
 
 /// Least-squares solution of a triangular factor, its columns scaled to one; directions that the data do not show are
@@ -137,6 +134,13 @@ pub(super) fn simulation_error(segments: &[Segment], model: &Matrices) -> Vec<f6
     errors
 }
 
+/// Initial state of the simulation that is closest to the measured outputs.
+pub(super) fn free_initial_state(segment: &Segment, model: &Matrices) -> DVector<f64> {
+    let mut rest = segment.y.clone();
+    subtract_response(&mut rest, &DVector::zeros(model.a.nrows()), model, Some(segment));
+    initial_state(&rest, model)
+}
+
 /// Takes the response to the initial state and, if given, to the inputs from `rest`.
 fn subtract_response(rest: &mut DMatrix<f64>, x0: &DVector<f64>, model: &Matrices, input: Option<&Segment>) {
     let (mut x, mut next) = (x0.clone(), x0.clone());
@@ -157,21 +161,19 @@ fn subtract_response(rest: &mut DMatrix<f64>, x0: &DVector<f64>, model: &Matrice
 /// Initial state whose free response is closest to `rest`, shape \[n_y, n\].
 fn initial_state(rest: &DMatrix<f64>, model: &Matrices) -> DVector<f64> {
     let n = model.a.nrows();
-    let mut fold = Fold::new(n + 1);
+    let mut fold = StreamedQr::new(n + 1);
     let mut free = model.c.clone();
-    let mut row = vec![0.0; n + 1];
     for column in rest.column_iter() {
         for (i, value) in column.iter().enumerate() {
-            row[..n].iter_mut().zip(free.row(i).iter()).for_each(|(entry, free)| *entry = *free);
-            row[n] = *value;
-            fold.push(&row);
+            fold.append(1, |column, out| out[0] = if column < n { free[(i, column)] } else { *value });
         }
         free = &free * &model.a;
         if free.amax() < 1e-12 {
             break;
         }
     }
-    let r = fold.finish();
+    let triangle = fold.finish();
+    let r = triangle.r();
     solve_scaled(r.view((0, 0), (n, n)).into_owned(), &r.view((0, n), (n, 1)).column(0).into_owned())
         .unwrap_or_else(|| DVector::zeros(n))
 }

@@ -43,3 +43,45 @@ pub(super) fn kalman_gain(a: &DMatrix<f64>, c: &DMatrix<f64>, noise: &Noise) -> 
 fn symmetric(matrix: DMatrix<f64>) -> DMatrix<f64> {
     (&matrix + matrix.transpose()) * 0.5
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_gain_is_that_of_scipy() {
+        // tests/reference/kalman_gain.py
+        let expected = DMatrix::from_row_slice(
+            3,
+            2,
+            &[
+                0.8136130609972,
+                0.277876009736933,
+                0.027689116503652,
+                0.248015550398922,
+                -0.064848699774532,
+                0.220128911410995,
+            ],
+        );
+        let a = DMatrix::from_row_slice(3, 3, &[1.1, 0.3, 0.0, -0.2, 0.7, 0.4, 0.0, 0.1, -0.5]);
+        let c = DMatrix::from_row_slice(2, 3, &[1.0, 0.0, 0.5, 0.0, 1.0, -1.0]);
+        let noise = Noise {
+            q: DMatrix::from_row_slice(3, 3, &[0.5, 0.1, 0.0, 0.1, 0.4, 0.05, 0.0, 0.05, 0.3]),
+            s: DMatrix::from_row_slice(3, 2, &[0.1, 0.02, 0.03, -0.05, 0.0, 0.04]),
+            r: DMatrix::from_row_slice(2, 2, &[0.3, 0.05, 0.05, 0.2]),
+        };
+        let found = kalman_gain(&a, &c, &noise).unwrap();
+        assert!((found - expected).amax() < 1e-12);
+    }
+
+    #[test]
+    fn a_state_that_no_output_sees_and_that_grows_has_no_stable_predictor() {
+        let noise = Noise {
+            q: DMatrix::identity(1, 1),
+            s: DMatrix::zeros(1, 1),
+            r: DMatrix::identity(1, 1),
+        };
+        let a = DMatrix::from_element(1, 1, 1.2);
+        assert!(kalman_gain(&a, &DMatrix::zeros(1, 1), &noise).is_none());
+    }
+}
