@@ -232,9 +232,11 @@ pub enum InputsChoice {
 /// `--master`
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum MasterChoice {
-    /// Serial: in evaluation order, each slave gets the newest outputs of those before it.
+    /// Serial: in evaluation order, each slave gets the newest outputs of those before it. Algebraic loops are solved
+    /// at every communication point.
     GaussSeidel,
-    /// Parallel: outputs are exchanged, then all slaves step; every connection is one step late.
+    /// Parallel: outputs are exchanged, then all slaves step; every connection is one step late, but for those of
+    /// algebraic loops, which are solved at every communication point.
     Jacobi,
     /// Linearly implicit: strongly coupled components are solved in the master, then their slaves step, with
     /// rollback. For stiff coupling; accurate at long steps.
