@@ -45,6 +45,12 @@ pub enum Error {
     /// Files of identified models.
     #[error(transparent)]
     Model(#[from] crate::ident::model::file::Error),
+    /// Friction.
+    #[error(transparent)]
+    Friction(#[from] crate::ident::friction::Error),
+    /// Columns of friction records.
+    #[error(transparent)]
+    Sweep(#[from] crate::ident::friction::read::Error),
     /// Simulation.
     #[error(transparent)]
     Master(#[from] crate::master::Error),

@@ -21,8 +21,8 @@
 
 pub mod arx;
 pub mod fit;
-pub mod friction;
 pub mod fold;
+pub mod friction;
 pub mod instrumental_variables;
 pub mod model;
 pub mod output_error;
@@ -32,9 +32,9 @@ pub mod record;
 pub mod regressor;
 pub mod responses;
 pub mod score;
-pub mod subspace;
 pub mod source;
 pub mod structure;
+pub mod subspace;
 pub mod summary;
 #[cfg(test)]
 pub mod synthetic;

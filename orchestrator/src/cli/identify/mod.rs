@@ -4,10 +4,12 @@
 //! |--------|------|
 //! | [`arx`] | `identify arx` |
 //! | [`data`] | the options that say which data, shared by all |
+//! | [`friction`] | `identify friction` |
 //! | [`output`] | the folder of the results, shared by all |
 
 pub mod arx;
 pub mod data;
+pub mod friction;
 pub mod output;
 mod report;
 
@@ -29,6 +31,16 @@ pub enum Command {
     /// Writes summary.json (fits under `estimation` and `validation`, coefficients with intervals), model.toml, CSV files
     /// with measured, simulated and predicted outputs, figures as SVG, and index.html with all of them.
     Arx(Box<arx::Args>),
+    /// Fit Coulomb and viscous friction (eq. 2) to records of force and motion.
+    ///
+    /// Position and velocity are smoothed first (a Kalman smoother that looks ahead as far as back); the spread that is
+    /// left of the velocity enters the fit, so that its noise does not flatten the sign change. c1, c2 and c4 are never
+    /// negative. With validation records, what might be added to eq. 2 (Stribeck, pressure, position, asymmetry,
+    /// presliding) is tried and offered where it helps clearly.
+    ///
+    /// Writes summary.json (parameters with intervals, fits under `estimation` and `validation`, flags, alternatives),
+    /// friction.toml, CSV files with the smoothed motion and forces, figures as SVG, index.html, and with --fmu an FMU.
+    Friction(Box<friction::Args>),
 }
 
 /// Runs one of the commands.
@@ -38,5 +50,6 @@ pub enum Command {
 pub fn run(command: &Command) -> Result<ExitCode, Error> {
     match command {
         Command::Arx(args) => arx::run(args),
+        Command::Friction(args) => friction::run(args),
     }
 }

@@ -68,12 +68,7 @@ pub struct OutputError {
 /// assert!((refined.model.a[0][(0, 0)] + 0.8).abs() < 1e-9);
 /// # Ok::<(), output_error::Error>(())
 /// ```
-pub fn refine(
-    model: &Arx,
-    mask: &Mask,
-    records: &[Record],
-    options: &Options,
-) -> Result<OutputError, Error> {
+pub fn refine(model: &Arx, mask: &Mask, records: &[Record], options: &Options) -> Result<OutputError, Error> {
     let (n_y, n_u) = (model.output_offset.len(), model.input_offset.len());
     let p = mask.coefficients().len();
     if p == 0 {
@@ -97,7 +92,8 @@ pub fn refine(
     let values = mask.parameters(&found.point);
     let parameters = Parameters { names: mask.names(), values, covariance: None };
     let (parameters, condition) = with_covariance(parameters, &linear.r);
-    let initial = problem.experiments.iter().map(|e| simulate(&found.point, e, &found.root).impulses).collect();
+    let initial =
+        problem.experiments.iter().map(|e| simulate(&found.point, e, &found.root).impulses).collect();
     Ok(OutputError {
         noise_covariance: found.moments.covariance(),
         rms: rms(&found.moments),
