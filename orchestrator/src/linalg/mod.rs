@@ -1,17 +1,16 @@
-//! Dense linear algebra that streams: what nalgebra does not bring.
+//! Linear algebra that several modules need, beyond what nalgebra brings.
 //!
 //! | module | what |
 //! |--------|------|
 //! | [`qr`] | QR of a tall matrix whose rows arrive in blocks; sub-problems from its triangle |
+//! | [`sparse_ldl`], [`staged_ldl`], [`symmetric`] | factorisations whose structure is known |
 //!
 //! Knows nothing of signals and models.
 
-pub mod qr;
-
-pub use qr::{StreamedQr, Triangle};
-//! Linear algebra that several modules need: factorisations whose structure is known.
-
 mod front;
+pub mod qr;
 pub mod sparse_ldl;
 pub mod staged_ldl;
 pub mod symmetric;
+
+pub use qr::{StreamedQr, Triangle};

@@ -142,21 +142,67 @@ pub(super) struct Matrices {
 /// Parts of the segments that together have about `samples` samples: all of them if they have no more, else pieces
 /// spread evenly over every segment.
 pub(super) fn sparse(segments: &[Segment], samples: usize) -> Vec<Segment> {
+    let lengths: Vec<usize> = segments.iter().map(Segment::len).collect();
+    spread(&lengths, samples).into_iter().map(|(index, from, n)| segments[index].part(from, n)).collect()
+}
+
+/// Pieces (index, first sample, samples) of signals of the given lengths that have about `samples` samples together.
+pub(super) fn spread(lengths: &[usize], samples: usize) -> Vec<Piece> {
     const PIECE: usize = 4000;
-    let total: usize = segments.iter().map(Segment::len).sum();
-    if total <= samples {
-        return segments.to_vec();
-    }
+    let total: usize = lengths.iter().sum();
     let mut parts = Vec::new();
-    for segment in segments {
-        let share = segment.len() as f64 / total as f64 * samples as f64;
+    for (index, &length) in lengths.iter().enumerate() {
+        if total <= samples {
+            parts.push((index, 0, length));
+            continue;
+        }
+        let share = length as f64 / total as f64 * samples as f64;
         let pieces = (share / PIECE as f64).round().max(1.0) as usize;
-        let length = (share / pieces as f64).ceil() as usize;
+        let wanted = (share / pieces as f64).ceil() as usize;
         for piece in 0..pieces {
-            let from = (segment.len() * piece) / pieces;
-            let n = length.min(segment.len() - from);
-            parts.push(segment.part(from, n));
+            let from = length * piece / pieces;
+            parts.push((index, from, wanted.min(length - from)));
         }
     }
     parts
+}
+
+/// A piece of a signal: its index, first sample, number of samples.
+pub(super) type Piece = (usize, usize, usize);
+
+/// Pieces to estimate from and pieces kept back to judge: every second record if that leaves a fair share on both
+/// sides (a record is often one kind of signal throughout, a chirp even one frequency after the other), else the last
+/// third of every record.
+pub(super) fn kept_back(lengths: &[usize]) -> (Vec<Piece>, Vec<Piece>) {
+    let whole = |first: usize| -> Vec<Piece> {
+        (first..lengths.len()).step_by(2).map(|index| (index, 0, lengths[index])).collect()
+    };
+    let samples = |pieces: &[Piece]| pieces.iter().map(|piece| piece.2).sum::<usize>();
+    let (used, kept) = (whole(0), whole(1));
+    if 3 * samples(&kept) >= samples(&used) && 3 * samples(&used) >= samples(&kept) {
+        return (used, kept);
+    }
+    let cut = |length: usize| length - length / 3;
+    let used = lengths.iter().enumerate().map(|(index, &n)| (index, 0, cut(n)));
+    let kept = lengths.iter().enumerate().map(|(index, &n)| (index, cut(n), n - cut(n)));
+    (used.collect(), kept.filter(|piece| piece.2 > 0).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_second_record_is_kept_back_or_the_last_third_of_each() {
+        assert_eq!(kept_back(&[9, 6, 9]), (vec![(0, 0, 9), (2, 0, 9)], vec![(1, 0, 6)]));
+        assert_eq!(kept_back(&[9]), (vec![(0, 0, 6)], vec![(0, 6, 3)]));
+        assert_eq!(kept_back(&[90, 9]), (vec![(0, 0, 60), (1, 0, 6)], vec![(0, 60, 30), (1, 6, 3)]));
+    }
+
+    #[test]
+    fn pieces_are_spread_over_long_signals_and_short_ones_stay_whole() {
+        assert_eq!(spread(&[100, 50], 1000), [(0, 0, 100), (1, 0, 50)]);
+        let pieces = spread(&[100_000, 50_000], 12_000);
+        assert_eq!(pieces, [(0, 0, 4000), (0, 50_000, 4000), (1, 0, 4000)]);
+    }
 }

@@ -9,8 +9,9 @@
 //! | `input_terms` | B and D on the simulated output |
 //! | `gain`, `riccati` | innovation gain |
 //! | [`candidates`] | every weighting and horizon for one order |
+//! | [`refined`] | output-error or prediction-error refinement, where it helps on samples kept back |
 //!
-//! Start with [`estimate`]. Refinement by output error is left to `ident::output_error`.
+//! Start with [`estimate`] and [`refine`].
 
 pub mod candidates;
 mod data;
@@ -19,11 +20,13 @@ mod hankel;
 mod input_terms;
 pub mod projection;
 pub mod realisation;
+pub mod refined;
 mod riccati;
 
 pub use candidates::Method;
 pub use projection::Weighting;
 pub use realisation::Realisation;
+pub use refined::{Refined, Refinement, refine};
 
 use candidates::{Candidates, relative_error};
 use data::{Scale, Segment, scaled};
@@ -261,19 +264,18 @@ fn horizons(segments: &[Segment], order: usize, options: &Options) -> Result<Vec
     Ok(tried)
 }
 
-/// Errors of the orders 1 to `highest` on the last third of every record, estimated from the rest.
+/// Errors of the orders 1 to `highest` on samples kept back, estimated from the rest.
 fn order_search(
     segments: &[Segment],
     highest: usize,
     options: &Options,
 ) -> Result<Vec<OrderError>, Error> {
-    let split = |segment: &Segment| segment.len() - segment.len() / 3;
-    let used: Vec<Segment> = segments.iter().map(|segment| segment.part(0, split(segment))).collect();
-    let kept: Vec<Segment> = segments
-        .iter()
-        .map(|segment| segment.part(split(segment), segment.len() - split(segment)))
-        .filter(|segment| segment.len() > 0)
-        .collect();
+    let lengths: Vec<usize> = segments.iter().map(Segment::len).collect();
+    let (used, kept) = data::kept_back(&lengths);
+    let cut = |pieces: Vec<data::Piece>| -> Vec<Segment> {
+        pieces.into_iter().map(|(index, from, n)| segments[index].part(from, n)).collect()
+    };
+    let (used, kept) = (cut(used), cut(kept));
     // A short record bounds the order rather than ending the search.
     let highest = (1..=highest).rev().find(|&order| horizons(&used, order, options).is_ok()).unwrap_or(1);
     let horizons = horizons(&used, highest, options)?;

@@ -1,0 +1,196 @@
+//! Refinement of a subspace estimate by output error or prediction error, where it helps on samples kept back.
+
+use nalgebra::DMatrix;
+
+use super::data::{self, Scale, Segment};
+use super::gain::prediction_error_gain;
+use super::projection::pseudo_inverse;
+use super::{Error, Estimate, Options, Order, estimate};
+use crate::ident::model::StateSpace;
+use crate::ident::output_error::{
+    Criterion, Options as Iterations, Outcome, RefinedStateSpace, StateSpaceOptions, refine_state_space,
+};
+use crate::ident::record::Record;
+use crate::ident::score::score;
+
+/// Samples the refinement works on; longer records are represented by pieces spread over them.
+const REFINED_SAMPLES: usize = 100_000;
+/// Iterations: most refinements settle within these, or change the model hardly any more.
+const ITERATIONS: usize = 25;
+/// Samples times squared number of parameters times iterations that are worth the time; at least 5 iterations are made.
+const WORK: f64 = 3e8;
+
+/// What is refined.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Refinement {
+    /// Nothing: the subspace estimate itself.
+    None,
+    /// The free simulation.
+    OutputError,
+    /// The one-step prediction, with its gain.
+    PredictionError,
+}
+
+/// Outcome of [`refine`].
+#[derive(Debug, Clone, PartialEq)]
+pub struct Refined {
+    /// The model that is recommended: refined if that helped, else as it was; with its innovation gain.
+    pub model: StateSpace,
+    /// Whether `model` is the refined one.
+    pub taken: bool,
+    /// Fit \[%\] on samples kept back, estimated from the rest, without and with refinement: of the simulation or of the
+    /// prediction, whichever was refined; the first is minus infinity for an unstable model. `None`: not tested.
+    pub held_back: Option<(f64, f64)>,
+    /// The refinement with its covariance, if it was taken.
+    pub details: Option<RefinedStateSpace>,
+    /// What happened, in a sentence.
+    pub note: String,
+}
+
+/// Refines `start`, an estimate from `records` with `options`.
+///
+/// A refined model fits the estimation data better as a matter of course. It is taken only if, estimated from a part of
+/// the data, it also fits the rest no worse (every second record, or else the last third of every record).
+///
+/// # Errors
+/// [`Error`] of an estimate.
+pub fn refine(
+    records: &[Record],
+    start: &Estimate,
+    options: &Options,
+    refinement: Refinement,
+) -> Result<Refined, Error> {
+    let unchanged = |note: String, held_back| Refined {
+        model: start.model.clone(),
+        taken: false,
+        held_back,
+        details: None,
+        note,
+    };
+    let (criterion, what) = match refinement {
+        Refinement::None => return Ok(unchanged(String::new(), None)),
+        Refinement::OutputError => (Criterion::Simulation, "output error"),
+        Refinement::PredictionError => (Criterion::Prediction, "prediction error"),
+    };
+    let settings = StateSpaceOptions {
+        iterations: Iterations { iterations: iterations(records, start), ..Iterations::default() },
+        criterion,
+        direct_term: options.direct,
+    };
+    let held_back = on_samples_kept_back(records, start.model.order(), options, &settings);
+    match held_back {
+        None => return Ok(unchanged(
+            format!("not refined by {what}: the records are too short, or not stable enough, to test it on samples kept back"),
+            None,
+        )),
+        Some((before, after)) if after < before => return Ok(unchanged(
+            format!("not refined by {what}: on samples kept back the fit would fall from {before:.2} % to {after:.2} %"),
+            held_back,
+        )),
+        _ => {}
+    }
+    let Ok(details) = refine_state_space(&start.model, &pieces(records, REFINED_SAMPLES), &settings) else {
+        return Ok(unchanged(format!("not refined by {what}: the records are too short"), held_back));
+    };
+    let mut model = details.model.clone();
+    if criterion == Criterion::Simulation {
+        model.gain = gain(records, &model, start, options)?;
+    }
+    let limit = if details.outcome == Outcome::Converged { "" } else { ", not to the end" };
+    let (before, after) = held_back.unwrap_or_default();
+    let note = format!(
+        "refined by {what} in {} iterations{limit}: on samples kept back the fit rises from {before:.2} % to {after:.2} %",
+        details.iterations
+    );
+    Ok(Refined { model, taken: true, held_back, details: Some(details), note })
+}
+
+/// Iterations that fit into [`WORK`].
+fn iterations(records: &[Record], start: &Estimate) -> usize {
+    let samples = records.iter().map(Record::len).sum::<usize>().min(REFINED_SAMPLES) as f64;
+    let (n, (n_y, n_u)) = (start.model.order(), start.model.d.shape());
+    let parameters = (n * (n_u + n_y) + n_y * n_u) as f64;
+    ((WORK / (samples * parameters * parameters)) as usize).clamp(5, ITERATIONS)
+}
+
+/// Fits \[%\] without and with refinement on samples kept back.
+fn on_samples_kept_back(
+    records: &[Record],
+    order: usize,
+    options: &Options,
+    settings: &StateSpaceOptions,
+) -> Option<(f64, f64)> {
+    let lengths: Vec<usize> = records.iter().map(Record::len).collect();
+    let (used, kept) = data::kept_back(&lengths);
+    let (used, kept) = (cut(records, used), cut(records, kept));
+    let options = Options { order: Order::Fixed(order), ..options.clone() };
+    let before = estimate(&used, &options).ok()?.model;
+    let after = refine_state_space(&before, &pieces(&used, REFINED_SAMPLES), settings).ok()?.model;
+    let names: Vec<String> = (0..before.d.nrows()).map(|i| i.to_string()).collect();
+    let kept = pieces(&kept, REFINED_SAMPLES);
+    let fit = |model: &StateSpace| {
+        let score = score(model, &kept, &names);
+        match settings.criterion {
+            Criterion::Simulation => score.mean_fit_simulated,
+            Criterion::Prediction => score.mean_fit_one_step,
+        }
+    };
+    // Whatever is refined is better than what has no simulation at all.
+    let after = fit(&after)?;
+    Some((fit(&before).unwrap_or(f64::NEG_INFINITY), after))
+}
+
+/// Innovation gain of the refined model: that of the estimate, in the new state basis, and improved.
+fn gain(
+    records: &[Record],
+    model: &StateSpace,
+    start: &Estimate,
+    options: &Options,
+) -> Result<Option<DMatrix<f64>>, Error> {
+    let (segments, scale): (Vec<Segment>, Scale) =
+        data::scaled(records, &options.input_offset, &options.output_offset)?;
+    let (n, n_y) = (model.order(), model.c.nrows());
+    let mut starts = vec![DMatrix::zeros(n, n_y)];
+    if let Some(gain) = &start.model.gain {
+        let basis = pseudo_inverse(observability(model)) * observability(&start.model);
+        let gain = basis * gain * DMatrix::from_diagonal(&scale.output);
+        starts.push(gain);
+    }
+    let some = data::sparse(&segments, super::candidates::GAIN_SAMPLES);
+    let gain = prediction_error_gain(&some, &scale.scaled(model), &starts);
+    Ok(gain.map(|gain| gain * DMatrix::from_diagonal(&scale.output.map(|scale| 1.0 / scale))))
+}
+
+/// C, CA, .. with more rows than states.
+fn observability(model: &StateSpace) -> DMatrix<f64> {
+    let (n, n_y) = (model.order(), model.c.nrows());
+    let mut gamma = DMatrix::zeros(2 * n * n_y, n);
+    let mut block = model.c.clone();
+    for row in 0..2 * n {
+        gamma.view_mut((row * n_y, 0), (n_y, n)).copy_from(&block);
+        block = &block * &model.a;
+    }
+    gamma
+}
+
+fn part(record: &Record, from: usize, n: usize) -> Record {
+    let cut = |channels: &[Vec<f64>]| channels.iter().map(|values| values[from..from + n].to_vec()).collect();
+    Record {
+        name: record.name.clone(),
+        sample_time: record.sample_time,
+        start: record.time(from),
+        inputs: cut(&record.inputs),
+        outputs: cut(&record.outputs),
+    }
+}
+
+/// Pieces of the records with about `samples` samples together, spread evenly over them.
+fn pieces(records: &[Record], samples: usize) -> Vec<Record> {
+    let lengths: Vec<usize> = records.iter().map(Record::len).collect();
+    cut(records, data::spread(&lengths, samples))
+}
+
+fn cut(records: &[Record], pieces: Vec<data::Piece>) -> Vec<Record> {
+    pieces.into_iter().map(|(index, from, n)| part(&records[index], from, n)).collect()
+}
