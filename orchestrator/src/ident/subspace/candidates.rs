@@ -13,7 +13,7 @@ use super::riccati::{Noise, kalman_gain};
 /// Samples on which candidates are compared; longer data are represented by pieces spread over them.
 pub(super) const COMPARED_SAMPLES: usize = 16_000;
 /// Samples on which the innovation gain is fitted.
-pub(super) const GAIN_SAMPLES: usize = 8_000;
+const GAIN_SAMPLES: usize = 8_000;
 
 /// How a model was estimated.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]

@@ -2,9 +2,8 @@
 
 use nalgebra::DMatrix;
 
-use super::data::{self, Scale, Segment};
-use super::gain::prediction_error_gain;
-use super::projection::pseudo_inverse;
+use super::candidates::{COMPARED_SAMPLES, Candidates};
+use super::data;
 use super::{Error, Estimate, Options, Order, estimate};
 use crate::ident::model::StateSpace;
 use crate::ident::output_error::{
@@ -19,6 +18,9 @@ const REFINED_SAMPLES: usize = 100_000;
 const ITERATIONS: usize = 25;
 /// Samples times squared number of parameters times iterations that are worth the time; at least 5 iterations are made.
 const WORK: f64 = 3e8;
+
+/// Loss of fit \[points\] on samples kept back that is no evidence against the refinement.
+const TOLERANCE: f64 = 0.25;
 
 /// What is refined.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
@@ -51,7 +53,7 @@ pub struct Refined {
 /// Refines `start`, an estimate from `records` with `options`.
 ///
 /// A refined model fits the estimation data better as a matter of course. It is taken only if, estimated from a part of
-/// the data, it also fits the rest no worse (every second record, or else the last third of every record).
+/// the data, it fits the rest no worse (every second record, or else the last third of every record).
 ///
 /// # Errors
 /// [`Error`] of an estimate.
@@ -84,7 +86,7 @@ pub fn refine(
             format!("not refined by {what}: the records are too short, or not stable enough, to test it on samples kept back"),
             None,
         )),
-        Some((before, after)) if after < before => return Ok(unchanged(
+        Some((before, after)) if after < before - TOLERANCE => return Ok(unchanged(
             format!("not refined by {what}: on samples kept back the fit would fall from {before:.2} % to {after:.2} %"),
             held_back,
         )),
@@ -98,11 +100,13 @@ pub fn refine(
         model.gain = gain(records, &model, start, options)?;
     }
     let limit = if details.outcome == Outcome::Converged { "" } else { ", not to the end" };
-    let (before, after) = held_back.unwrap_or_default();
-    let note = format!(
-        "refined by {what} in {} iterations{limit}: on samples kept back the fit rises from {before:.2} % to {after:.2} %",
-        details.iterations
-    );
+    let tested = match held_back {
+        Some((before, after)) if before.is_finite() => {
+            format!("on samples kept back the fit is {after:.2} %, without refinement {before:.2} %")
+        }
+        _ => "without refinement the model is unstable on samples kept back".into(),
+    };
+    let note = format!("refined by {what} in {} iterations{limit}; {tested}", details.iterations);
     Ok(Refined { model, taken: true, held_back, details: Some(details), note })
 }
 
@@ -141,37 +145,19 @@ fn on_samples_kept_back(
     Some((fit(&before).unwrap_or(f64::NEG_INFINITY), after))
 }
 
-/// Innovation gain of the refined model: that of the estimate, in the new state basis, and improved.
+/// Innovation gain of the refined model.
 fn gain(
     records: &[Record],
     model: &StateSpace,
     start: &Estimate,
     options: &Options,
 ) -> Result<Option<DMatrix<f64>>, Error> {
-    let (segments, scale): (Vec<Segment>, Scale) =
-        data::scaled(records, &options.input_offset, &options.output_offset)?;
-    let (n, n_y) = (model.order(), model.c.nrows());
-    let mut starts = vec![DMatrix::zeros(n, n_y)];
-    if let Some(gain) = &start.model.gain {
-        let basis = pseudo_inverse(observability(model)) * observability(&start.model);
-        let gain = basis * gain * DMatrix::from_diagonal(&scale.output);
-        starts.push(gain);
-    }
-    let some = data::sparse(&segments, super::candidates::GAIN_SAMPLES);
-    let gain = prediction_error_gain(&some, &scale.scaled(model), &starts);
+    let (segments, scale) = data::scaled(records, &options.input_offset, &options.output_offset)?;
+    let some = data::sparse(&segments, COMPARED_SAMPLES);
+    let method = &start.method;
+    let candidates = Candidates::new(&some, &[method.horizon], &[method.weighting], options.direct, false);
+    let gain = candidates.gain(method, &scale.scaled(model));
     Ok(gain.map(|gain| gain * DMatrix::from_diagonal(&scale.output.map(|scale| 1.0 / scale))))
-}
-
-/// C, CA, .. with more rows than states.
-fn observability(model: &StateSpace) -> DMatrix<f64> {
-    let (n, n_y) = (model.order(), model.c.nrows());
-    let mut gamma = DMatrix::zeros(2 * n * n_y, n);
-    let mut block = model.c.clone();
-    for row in 0..2 * n {
-        gamma.view_mut((row * n_y, 0), (n_y, n)).copy_from(&block);
-        block = &block * &model.a;
-    }
-    gamma
 }
 
 fn part(record: &Record, from: usize, n: usize) -> Record {
