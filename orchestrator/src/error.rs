@@ -33,6 +33,18 @@ pub enum Error {
     /// Fits.
     #[error(transparent)]
     Fit(#[from] crate::ident::fit::Error),
+    /// Records for an identification.
+    #[error(transparent)]
+    Record(#[from] crate::ident::record::Error),
+    /// Orders of an ARX model.
+    #[error(transparent)]
+    Structure(#[from] crate::ident::structure::Error),
+    /// Estimation of an ARX model.
+    #[error(transparent)]
+    Arx(#[from] crate::ident::arx::Error),
+    /// Files of identified models.
+    #[error(transparent)]
+    Model(#[from] crate::ident::model::file::Error),
     /// Simulation.
     #[error(transparent)]
     Master(#[from] crate::master::Error),

@@ -8,6 +8,7 @@ pub mod derive;
 pub mod excite;
 pub mod export;
 mod folder;
+pub mod identify;
 pub mod inspect;
 pub mod inspect_system;
 pub mod output;
@@ -38,6 +39,7 @@ pub fn main() -> ExitCode {
         Command::Export(args) => export::run(&args),
         Command::Derive(args) => derive::run(&args),
         Command::Excite(args) => excite::run(&args),
+        Command::Identify { command } => identify::run(&command),
         Command::Completions { shell } => {
             let mut script = Vec::new();
             clap_complete::generate(shell, &mut Cli::command(), "airloop", &mut script);
@@ -51,6 +53,7 @@ pub fn main() -> ExitCode {
             error,
             crate::Error::Master(crate::master::Error::Setting { .. })
                 | crate::Error::Excite(crate::excite::Error::Setting { .. })
+                | crate::Error::Structure(_)
         );
         if usage { ExitCode::from(USAGE) } else { ExitCode::FAILURE }
     })

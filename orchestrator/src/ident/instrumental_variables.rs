@@ -118,6 +118,28 @@ pub fn estimate(
     })
 }
 
+/// Least squares of the equation error on the same rows: the usual start.
+pub fn least_squares(template: &Arx, mask: &Mask, records: &[Record]) -> Result<Arx, Error> {
+    let (n_y, n_u) = (template.output_offset.len(), template.input_offset.len());
+    let p = mask.coefficients().len();
+    check_records(records, n_u, n_y, mask.lags() + p.div_ceil(n_y.max(1)) + 1)?;
+    let mut fold = Fold::new(p + 1);
+    let identity = DMatrix::identity(n_y, n_y);
+    // Nothing is filtered: A(z) = 1.
+    let plain = Arx { a: Vec::new(), b: Vec::new(), ..template.clone() };
+    for record in records {
+        let experiment = Experiment::new(record, &template.input_offset, &template.output_offset);
+        let filtered = Filtered::new(&plain, &experiment);
+        let outputs = filtered.outputs(&experiment.y);
+        let mut columns = filtered.columns(mask, &outputs);
+        columns.push(Column::of(&experiment.y));
+        fold.push(&filtered.eliminate(&columns, mask.lags(), &identity));
+    }
+    let r = fold.finish();
+    let z = r.view((0, p), (p, 1)).column(0).into_owned();
+    Ok(mask.model(template, &fold::solve(&r.view((0, 0), (p, p)).into_owned(), &z, 1e-13).0))
+}
+
 /// One round of the iteration.
 struct Round {
     /// Triangular factor of the weighted instruments, shape \[p, p\].

@@ -318,9 +318,11 @@ mod tests {
     fn least_squares_keeps_digits_that_normal_equations_lose() {
         // Laeuchli's matrix: the squares of the small entries vanish beside 1.
         let e = 1e-9;
-        let matrix = DMatrix::from_row_slice(4, 4, &[
-            1.0, 1.0, 1.0, 6.0, e, 0.0, 0.0, e, 0.0, e, 0.0, 2.0 * e, 0.0, 0.0, e, 3.0 * e,
-        ]);
+        let matrix = DMatrix::from_row_slice(
+            4,
+            4,
+            &[1.0, 1.0, 1.0, 6.0, e, 0.0, 0.0, e, 0.0, e, 0.0, 2.0 * e, 0.0, 0.0, e, 3.0 * e],
+        );
         let x = streamed(&matrix, &[2]).solve(3).unwrap();
         for (i, expected) in [1.0, 2.0, 3.0].into_iter().enumerate() {
             assert!((x[(i, 0)] - expected).abs() < 1e-6, "{x}");

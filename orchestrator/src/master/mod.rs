@@ -271,6 +271,13 @@ impl Master {
         self.point >= self.grid.steps()
     }
 
+    /// Components, those that share an algebraic loop as one.
+    fn blocks(&self) -> usize {
+        let loops = self.loops.as_ref();
+        let more = |node: usize| loops.is_some_and(|loops| loops.continues(node));
+        (0..self.nodes.len()).filter(|&node| !more(node)).count()
+    }
+
     /// Values of system inputs and outputs of components at the current communication point.
     pub fn values(&self) -> &Values {
         &self.values

@@ -34,6 +34,8 @@ pub struct Stream {
     /// Bytes that are read but not used: `buffer[at..]`.
     buffer: Vec<u8>,
     at: usize,
+    /// Bytes read from the file.
+    read: u64,
     line: usize,
     names: Vec<(String, Option<String>)>,
     seconds: Seconds,
@@ -54,6 +56,7 @@ impl Stream {
             file,
             buffer: Vec::new(),
             at: 0,
+            read: 0,
             line: 1,
             names: Vec::new(),
             seconds: Seconds::Times(1.0),
@@ -70,8 +73,8 @@ impl Stream {
         let header = header.trim_start_matches('\u{feff}').trim_end_matches('\r');
         stream.names = header_cells(header, path)?;
         if let Some(unit) = &stream.names[0].1 {
-            stream.seconds = Seconds::of(unit)
-                .ok_or_else(|| Error::TimeUnit { path: path.into(), unit: unit.clone() })?;
+            stream.seconds =
+                Seconds::of(unit).ok_or_else(|| Error::TimeUnit { path: path.into(), unit: unit.clone() })?;
         }
         stream.target = vec![None; stream.names.len()];
         for (index, name) in wanted.iter().enumerate() {
@@ -127,6 +130,14 @@ impl Stream {
         Ok(rows.time.len())
     }
 
+    /// Rows that are still to come, estimated from the size of the file and its lines so far, rather too many.
+    pub fn rows_left(&self) -> usize {
+        let size = self.file.metadata().map_or(0, |data| data.len());
+        let used = (self.read - (self.buffer.len() - self.at) as u64).max(1);
+        let left = size.saturating_sub(used) as f64 / used as f64 * self.line as f64;
+        (1.01 * left) as usize + 64
+    }
+
     /// Drops what is used and reads more; false at the end of the file.
     fn fill(&mut self) -> Result<bool, Error> {
         self.buffer.drain(..self.at);
@@ -141,6 +152,7 @@ impl Stream {
         };
         self.buffer.truncate(before + *read.as_ref().unwrap_or(&0));
         let read = read.map_err(|source| Error::Io { path: self.path.clone(), source })?;
+        self.read += read as u64;
         Ok(read > 0)
     }
 
@@ -255,8 +267,8 @@ fn simple_number(bytes: &[u8], mut at: usize) -> Option<(f64, usize)> {
 
 /// Powers of ten that are doubles exactly.
 const POWERS_OF_TEN: [f64; 23] = [
-    1e0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10, 1e11, 1e12, 1e13, 1e14, 1e15, 1e16, 1e17, 1e18, 1e19,
-    1e20, 1e21, 1e22,
+    1e0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10, 1e11, 1e12, 1e13, 1e14, 1e15, 1e16, 1e17, 1e18,
+    1e19, 1e20, 1e21, 1e22,
 ];
 
 #[cfg(test)]
@@ -299,7 +311,12 @@ mod tests {
                 assert_eq!(rows.lines[k], at + k + 2);
                 for (column, name) in ["b", "a"].into_iter().enumerate() {
                     let expected = whole.channel(name).unwrap().values[at + k];
-                    assert_eq!(rows.columns[column][k].to_bits(), expected.to_bits(), "{name}, row {}", at + k);
+                    assert_eq!(
+                        rows.columns[column][k].to_bits(),
+                        expected.to_bits(),
+                        "{name}, row {}",
+                        at + k
+                    );
                 }
             }
             at += n;

@@ -2,9 +2,9 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::levenberg_marquardt::{Linear, Moments, Problem, minimise};
+use super::levenberg_marquardt::{Found, Linear, Moments, Problem, minimise};
 use super::{Error, Options, Outcome, with_covariance};
-use crate::ident::instrumental_variables;
+use crate::ident::instrumental_variables::{self, FILTER_RADIUS};
 use crate::ident::model::Arx;
 use crate::ident::parameters::Parameters;
 use crate::ident::rational::columns::Column;
@@ -12,6 +12,9 @@ use crate::ident::rational::{
     Experiment, Filtered, Mask, check_records, simulate, spectral_radius, stabilised,
 };
 use crate::ident::record::Record;
+
+/// Most starts that are tried.
+const TRIES: usize = 3;
 
 /// Result of [`refine`].
 #[derive(Debug, Clone, PartialEq)]
@@ -39,8 +42,9 @@ pub struct OutputError {
 
 /// Minimises the simulated error of an ARX structure from `model` (as a rule the least-squares estimate).
 ///
-/// The start is the better of `model` and the refined instrumental variables that begin there; an unstable `model` is
-/// drawn into the unit circle first. The offsets stay those of `model`.
+/// Starts are `model`, least squares, and refined instrumental variables from both, unstable ones drawn into the unit
+/// circle; the one with the smallest simulated error is taken, the next only if the iterations do not settle. The offsets
+/// stay those of `model`.
 ///
 /// # Errors
 /// [`Error`] for records that do not fit the model or are too short.
@@ -85,26 +89,10 @@ pub fn refine(
             .collect(),
         largest_pole: options.largest_pole,
     };
-    let radius = f64::min(instrumental_variables::FILTER_RADIUS, options.largest_pole);
-    let given = stabilised(&mask.model(model, &mask.parameters(model)), radius);
-    let iv_options = instrumental_variables::Options { iterations: 10, ..Default::default() };
-    let iv = instrumental_variables::estimate(&given, mask, records, &iv_options)?;
+    let given = stabilised(&mask.model(model, &mask.parameters(model)), FILTER_RADIUS);
     let identity = DMatrix::identity(n_y, n_y);
-    let criterion = |model: &Arx| {
-        let moments = problem.residuals(model, &identity);
-        moments.map_or(f64::INFINITY, |moments| {
-            moments.covariance().diagonal().iter().map(|variance| variance.max(f64::MIN_POSITIVE).ln()).sum()
-        })
-    };
     let start_rms = problem.residuals(&given, &identity).map_or(vec![f64::NAN; n_y], |moments| rms(&moments));
-    let refined = stabilised(&iv.model, radius);
-    let (first, second) =
-        if criterion(&refined) < criterion(&given) { (refined, given) } else { (given, refined) };
-    let found = minimise(&problem, first, options)
-        .or_else(|| minimise(&problem, second, options))
-        // At rest and without memory: always finite.
-        .or_else(|| minimise(&problem, mask.model(model, &DVector::zeros(p)), options));
-    let Some(found) = found else { return Err(Error::NothingFree) };
+    let found = from_starts(&problem, given, records, options)?;
     let linear = problem.linearise(&found.point, &found.root);
     let values = mask.parameters(&found.point);
     let parameters = Parameters { names: mask.names(), values, covariance: None };
@@ -121,6 +109,47 @@ pub fn refine(
         condition,
         initial,
     })
+}
+
+/// Minimises from the most promising start, and from the next ones as long as the iterations do not settle.
+fn from_starts(
+    problem: &ArxProblem,
+    given: Arx,
+    records: &[Record],
+    options: &Options,
+) -> Result<Found<Arx>, Error> {
+    let (mask, n_y) = (problem.mask, given.output_offset.len());
+    let identity = DMatrix::identity(n_y, n_y);
+    let criterion = |model: &Arx| problem.residuals(model, &identity).map_or(f64::INFINITY, |m| m.criterion());
+    let iv_options = instrumental_variables::Options { iterations: 10, ..Default::default() };
+    let instruments = |start: &Arx| -> Result<Arx, Error> {
+        let found = instrumental_variables::estimate(start, mask, records, &iv_options)?;
+        Ok(stabilised(&found.model, FILTER_RADIUS))
+    };
+    let plain = stabilised(&instrumental_variables::least_squares(problem.template, mask, records)?, FILTER_RADIUS);
+    let mut starts = vec![instruments(&plain)?, plain.clone()];
+    if (mask.parameters(&given) - mask.parameters(&plain)).amax() > 1e-6 {
+        starts.extend([instruments(&given)?, given]);
+    }
+    // At rest and without memory: always finite.
+    starts.push(mask.model(problem.template, &DVector::zeros(mask.coefficients().len())));
+    let mut ranked: Vec<(f64, Arx)> = starts.into_iter().map(|start| (criterion(&start), start)).collect();
+    ranked.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let mut best: Option<Found<Arx>> = None;
+    for (_, start) in ranked.into_iter().take(TRIES) {
+        let found = minimise(problem, start, options);
+        let settled = found.as_ref().is_some_and(|found| matches!(found.outcome, Outcome::Converged | Outcome::Flat));
+        let lower = |found: &Found<Arx>| {
+            best.as_ref().is_none_or(|best| found.moments.criterion() < best.moments.criterion())
+        };
+        if let Some(found) = found.filter(lower) {
+            best = Some(found);
+        }
+        if settled {
+            break;
+        }
+    }
+    best.ok_or(Error::NothingFree)
 }
 
 fn rms(moments: &Moments) -> Vec<f64> {

@@ -41,6 +41,11 @@ impl Moments {
         &self.sum / self.samples.max(1) as f64
     }
 
+    /// Sum of the logarithms of the mean squares: what the iterations lower if every output has its own weight.
+    pub(super) fn criterion(&self) -> f64 {
+        self.covariance().diagonal().iter().map(|variance| variance.max(f64::MIN_POSITIVE).ln()).sum()
+    }
+
     fn cost(&self, root: &DMatrix<f64>) -> f64 {
         (root * &self.sum * root.transpose()).trace()
     }
@@ -124,6 +129,7 @@ pub(super) fn minimise<P: Problem>(problem: &P, start: P::Point, options: &Optio
     let mut moments = problem.residuals(&point, &DMatrix::identity(n_y, n_y))?;
     let mut root = weights(&moments, &power, options.weighting);
     let mut damping = 1e-3;
+    let mut slow = 0;
     for iteration in 0..options.iterations {
         let found = |point, moments, root, outcome| {
             Some(Found { point, moments, root, iterations: iteration, outcome })
@@ -145,6 +151,7 @@ pub(super) fn minimise<P: Problem>(problem: &P, start: P::Point, options: &Optio
             let tried = tried.and_then(|tried| Some((problem.residuals(&tried, &root)?, tried)));
             match tried.filter(|(moments, _)| moments.cost(&root) < cost) {
                 Some((better, next)) => {
+                    slow = if cost - better.cost(&root) < 1e-7 * cost { slow + 1 } else { 0 };
                     damping = f64::max(damping * 0.1, 1e-12);
                     (moments, point) = (better, next);
                     break;
@@ -158,6 +165,10 @@ pub(super) fn minimise<P: Problem>(problem: &P, start: P::Point, options: &Optio
             }
         }
         root = weights(&moments, &power, options.weighting);
+        if slow == 3 {
+            // A flat valley: the data leave a combination of the parameters open, the simulation no longer changes.
+            return Some(Found { point, moments, root, iterations: iteration + 1, outcome: Outcome::Flat });
+        }
     }
     Some(Found { point, moments, root, iterations: options.iterations, outcome: Outcome::IterationLimit })
 }

@@ -57,6 +57,9 @@ impl Default for Options {
 pub enum Outcome {
     /// At a minimum.
     Converged,
+    /// The error no longer falls, though the parameters still move: the data leave a combination of them open, as a rule
+    /// because the order is higher than needed.
+    Flat,
     /// No step lowers the error, though this is no minimum: the border of stability is in the way, or the data do not
     /// determine the parameters.
     Stalled,
@@ -69,6 +72,9 @@ impl Outcome {
     pub fn describe(self) -> &'static str {
         match self {
             Outcome::Converged => "the iterations settled at a minimum",
+            Outcome::Flat => {
+                "the error settled, though the parameters did not: the data leave a combination of them open; a lower order may do as well"
+            }
             Outcome::Stalled => {
                 "the iterations stopped where no step lowers the error: a pole is at the border of stability, or the data do not determine all parameters; try a lower order"
             }

@@ -4,7 +4,7 @@ use nalgebra::DMatrix;
 
 use crate::ident::fold::Fold;
 
-/// A column: `sign * signal(k - shift)` for every output, zero before the first sample.
+/// A column: `sign * signal(k - shift)` for every output, zero before the first and after the last sample of the signal.
 #[derive(Debug, Clone, Copy)]
 pub struct Column<'a> {
     /// Signal of every output, shape \[n_y\]\[n\].
@@ -36,16 +36,16 @@ pub fn fold_columns(
         for (index, column) in columns.iter().enumerate() {
             let rows = fold.column(index, count * n_y);
             rows.fill(0.0);
-            // Samples of the chunk that lie before the shifted signal begins stay zero.
+            // Samples of the chunk that lie before or after the shifted signal stay zero.
             let absent = column.shift.saturating_sub(first).min(count);
             for (i, rows) in rows.chunks_exact_mut(count).enumerate() {
                 for (l, signal) in column.signal.iter().enumerate() {
                     let weight = column.sign * root[(i, l)];
-                    if weight == 0.0 || absent == count {
+                    let from = (first + absent).saturating_sub(column.shift);
+                    if weight == 0.0 || absent == count || from >= signal.len() {
                         continue;
                     }
-                    let from = first + absent - column.shift;
-                    let values = &signal[from..from + count - absent];
+                    let values = &signal[from..signal.len().min(from + count - absent)];
                     rows[absent..].iter_mut().zip(values).for_each(|(row, value)| *row += weight * value);
                 }
             }

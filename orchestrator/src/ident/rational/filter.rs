@@ -48,15 +48,23 @@ impl Inverse {
         (0..self.n_y).map(|i| self.run(signal.len(), |k, now| now[i] = signal[k])).collect()
     }
 
-    /// Impulse responses `A(z)^-1 e_i`, shape \[n_y\]\[n_y\]\[n\], and the sample from which on all of them are negligible.
-    pub fn impulses(&self, n: usize) -> (Vec<Vec<Vec<f64>>>, usize) {
-        let mut impulse = vec![0.0; n];
-        impulse.iter_mut().take(1).for_each(|first| *first = 1.0);
-        let responses = self.columns(&impulse);
-        let peak = responses.iter().flatten().flatten().fold(0.0f64, |peak, value| peak.max(value.abs()));
-        let last = |response: &Vec<f64>| response.iter().rposition(|value| value.abs() > 1e-10 * peak);
-        let decayed = responses.iter().flatten().filter_map(last).max().map_or(0, |last| last + 1);
-        (responses, decayed)
+    /// Impulse responses `A(z)^-1 e_i`, shape \[n_y\]\[n_y\]\[m\], as far as they are not negligible; `m` is at most `n`.
+    pub fn impulses(&self, n: usize) -> Vec<Vec<Vec<f64>>> {
+        let mut length = n.min(256);
+        loop {
+            let mut impulse = vec![0.0; length];
+            impulse.iter_mut().take(1).for_each(|first| *first = 1.0);
+            let mut responses = self.columns(&impulse);
+            let peak = responses.iter().flatten().flatten().fold(0.0f64, |peak, value| peak.max(value.abs()));
+            let last = |response: &Vec<f64>| response.iter().rposition(|value| value.abs() > 1e-10 * peak);
+            let decayed = responses.iter().flatten().filter_map(last).max().map_or(0, |last| last + 1);
+            // A quarter of silence: a slow oscillation passes through zero, but not for that long.
+            if length == n || decayed + length / 4 < length {
+                responses.iter_mut().flatten().for_each(|response| response.truncate(decayed));
+                return responses;
+            }
+            length = n.min(4 * length);
+        }
     }
 }
 
@@ -68,7 +76,8 @@ mod tests {
     fn the_impulse_response_is_that_of_the_difference_equation() {
         let a = [DMatrix::from_row_slice(1, 1, &[-0.5]), DMatrix::from_row_slice(1, 1, &[0.06])];
         // 1 / ((1 - 0.2 q)(1 - 0.3 q)): partial fractions 3 * 0.3^k - 2 * 0.2^k
-        let (response, decayed) = Inverse::new(&a, 1).impulses(60);
+        let response = Inverse::new(&a, 1).impulses(60);
+        let decayed = response[0][0].len();
         for (k, value) in response[0][0].iter().enumerate() {
             let k = i32::try_from(k).unwrap();
             assert!((value - (3.0 * 0.3f64.powi(k) - 2.0 * 0.2f64.powi(k))).abs() < 1e-15);

@@ -127,25 +127,24 @@ pub fn simulate(model: &Arx, experiment: &Experiment, root: &DMatrix<f64>) -> Si
     let inverse = Inverse::new(&model.a, n_y);
     let forced = |k: usize, now: &mut [f64]| {
         for (lag, b) in model.b.iter().enumerate().take(k + 1) {
-            for (j, u) in experiment.u.iter().enumerate() {
-                for (i, now) in now.iter_mut().enumerate() {
-                    *now += b[(i, j)] * u[k - lag];
-                }
+            for (u, b) in experiment.u.iter().zip(b.as_slice().chunks_exact(n_y)) {
+                now.iter_mut().zip(b).for_each(|(now, b)| *now += b * u[k - lag]);
             }
         }
     };
-    let at_rest = inverse.run(n, forced);
     let difference = |y: &[Vec<f64>]| -> Vec<Vec<f64>> {
-        let of = |(measured, y): (&Vec<f64>, &Vec<f64>)| measured.iter().zip(y).map(|(m, y)| m - y).collect();
+        let of =
+            |(measured, y): (&Vec<f64>, &Vec<f64>)| measured.iter().zip(y).map(|(m, y)| m - y).collect();
         experiment.y.iter().zip(y).map(of).collect()
     };
-    let rest = difference(&at_rest);
-    let (responses, decayed) = inverse.impulses(n);
+    let responses = inverse.impulses(n);
+    let horizon = (memory(&responses) + lags).min(n);
+    let rest = difference(&inverse.run(horizon, forced));
     let mut columns = initial_columns(&responses, lags);
     let states = columns.len();
     columns.push(Column::of(&rest));
     let mut fold = Fold::new(states + 1);
-    fold_columns(&columns, 0..(decayed + lags).min(n), root, &mut fold);
+    fold_columns(&columns, 0..horizon, root, &mut fold);
     let r = fold.finish();
     let z = r.view((0, states), (states, 1)).column(0).into_owned();
     let (found, _) = solve(&r.view((0, 0), (states, states)).into_owned(), &z, 1e-10);
@@ -161,6 +160,11 @@ pub fn simulate(model: &Arx, experiment: &Experiment, root: &DMatrix<f64>) -> Si
     Simulation { impulses, y, residual }
 }
 
+/// Samples until the impulse responses are negligible.
+fn memory(responses: &[Vec<Vec<f64>>]) -> usize {
+    responses.iter().flatten().map(Vec::len).max().unwrap_or(0)
+}
+
 /// Responses to the impulses that stand for the initial state: columns ordered by sample, then equation.
 pub fn initial_columns(responses: &[Vec<Vec<f64>>], lags: usize) -> Vec<Column<'_>> {
     (0..lags)
@@ -173,10 +177,8 @@ pub fn initial_columns(responses: &[Vec<Vec<f64>>], lags: usize) -> Vec<Column<'
 pub struct Filtered {
     /// `A(z)^-1 e_i u_j`, shape \[n_u\]\[n_y\]\[n_y\]\[n\]: signal, equation, output, sample.
     pub u: Vec<Vec<Vec<Vec<f64>>>>,
-    /// Impulse responses, shape \[n_y\]\[n_y\]\[n\].
+    /// Impulse responses, shape \[n_y\]\[n_y\]\[m\], as far as they are not negligible.
     pub impulses: Vec<Vec<Vec<f64>>>,
-    /// Sample from which on the impulse responses are negligible.
-    pub decayed: usize,
     inverse: Inverse,
 }
 
@@ -185,8 +187,8 @@ impl Filtered {
     pub fn new(model: &Arx, experiment: &Experiment) -> Filtered {
         let inverse = Inverse::new(&model.a, experiment.y.len());
         let u = experiment.u.iter().map(|signal| inverse.columns(signal)).collect();
-        let (impulses, decayed) = inverse.impulses(experiment.len());
-        Filtered { u, impulses, decayed, inverse }
+        let impulses = inverse.impulses(experiment.len());
+        Filtered { u, impulses, inverse }
     }
 
     /// `A(z)^-1 e_i y_m` for outputs (measured or simulated), shape as [`Filtered::u`].
@@ -215,11 +217,11 @@ impl Filtered {
     /// Folds rows of `columns` with the initial state of this record eliminated: the factor of what the impulses cannot
     /// explain, shape \[columns, columns\].
     pub fn eliminate(&self, columns: &[Column], lags: usize, root: &DMatrix<f64>) -> DMatrix<f64> {
-        let n = columns.iter().flat_map(|column| column.signal.first()).map(Vec::len).min().unwrap_or(0);
+        let n = columns.iter().flat_map(|column| column.signal.first()).map(Vec::len).max().unwrap_or(0);
         let mut all = initial_columns(&self.impulses, lags);
         let states = all.len();
         all.extend_from_slice(columns);
-        let horizon = (self.decayed + lags).min(n);
+        let horizon = (memory(&self.impulses) + lags).min(n);
         let mut fold = Fold::new(all.len());
         fold_columns(&all, 0..horizon, root, &mut fold);
         let early = fold.finish();

@@ -170,10 +170,13 @@ impl InterfaceJacobian {
         let (time, reason) = match failure {
             Failure::Unsolved { time, rest, .. } => (
                 *time,
-                format!(
-                    "has no solution near component `{}` (rest {rest:.1e} of the nominal value)",
-                    self.names[unit]
-                ),
+                match rest.is_nan() {
+                    true => "has no inputs that fit its outputs (or values that are not finite)".to_owned(),
+                    false => format!(
+                        "has no solution near component `{}` (rest {rest:.1e} of the nominal value)",
+                        self.names[unit]
+                    ),
+                },
             ),
             Failure::Unsettled { output, passes, change, .. } => (
                 t,

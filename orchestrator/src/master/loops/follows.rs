@@ -103,7 +103,10 @@ fn answers(node: &mut Node, dependents: &[Dependent], derivatives: bool) -> Resu
         for change in CHANGES {
             node.set_real(&[*input], &[value + change * size.max(value.abs())])?;
             node.get_real(outputs, &mut after)?;
-            followed |= after != before;
+            followed = after != before;
+            if followed {
+                break;
+            }
         }
         node.set_real(&[*input], &[value])?;
         if followed {

@@ -55,6 +55,11 @@ impl Loops {
         self.groups.iter().flat_map(|group| group.notes(nodes)).collect()
     }
 
+    /// Whether a node shares a loop with the one before.
+    pub fn continues(&self, node: usize) -> bool {
+        self.group_of[node].is_some_and(|number| self.groups[number].nodes.start < node)
+    }
+
     /// The group of a node.
     pub fn group_of(&self, node: usize) -> Option<usize> {
         self.group_of[node]
