@@ -1,10 +1,8 @@
-//! Linear algebra that several modules need, beyond what nalgebra brings.
 //! Linear algebra that nalgebra does not bring: factorisations whose structure is known, and one that streams.
 //!
 //! | module | what |
 //! |--------|------|
 //! | [`qr`] | QR of a tall matrix whose rows arrive in blocks; sub-problems from its triangle |
-//! | [`sparse_ldl`], [`staged_ldl`], [`symmetric`] | factorisations whose structure is known |
 //! | [`sparse_ldl`], [`staged_ldl`] | factorisations of sparse symmetric matrices |
 //! | [`symmetric`] | symmetric matrices |
 //!
