@@ -42,6 +42,9 @@ pub enum Error {
     /// Estimation of an ARX model.
     #[error(transparent)]
     Arx(#[from] crate::ident::arx::Error),
+    /// Estimation of a state-space model.
+    #[error(transparent)]
+    Subspace(#[from] crate::ident::subspace::Error),
     /// Files of identified models.
     #[error(transparent)]
     Model(#[from] crate::ident::model::file::Error),

@@ -3,6 +3,7 @@
 //! | module | what |
 //! |--------|------|
 //! | `data` | records about the operating point, scaled |
+//! | [`pieces`] | pieces of records that stand for all, or are kept back |
 //! | `hankel` | triangular factor of past and future |
 //! | [`projection`] | weighted projection: observability matrix, state |
 //! | [`realisation`] | A and C; mirrored poles |
@@ -18,6 +19,7 @@ mod data;
 mod gain;
 mod hankel;
 mod input_terms;
+pub mod pieces;
 pub mod projection;
 pub mod realisation;
 pub mod refined;
@@ -271,8 +273,8 @@ fn order_search(
     options: &Options,
 ) -> Result<Vec<OrderError>, Error> {
     let lengths: Vec<usize> = segments.iter().map(Segment::len).collect();
-    let (used, kept) = data::kept_back(&lengths);
-    let cut = |pieces: Vec<data::Piece>| -> Vec<Segment> {
+    let (used, kept) = pieces::kept_back(&lengths);
+    let cut = |pieces: Vec<pieces::Piece>| -> Vec<Segment> {
         pieces.into_iter().map(|(index, from, n)| segments[index].part(from, n)).collect()
     };
     let (used, kept) = (cut(used), cut(kept));

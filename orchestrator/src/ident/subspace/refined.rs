@@ -3,7 +3,7 @@
 use nalgebra::DMatrix;
 
 use super::candidates::{COMPARED_SAMPLES, Candidates};
-use super::data;
+use super::{data, pieces};
 use super::{Error, Estimate, Options, Order, estimate};
 use crate::ident::model::StateSpace;
 use crate::ident::output_error::{
@@ -92,7 +92,7 @@ pub fn refine(
         )),
         _ => {}
     }
-    let Ok(details) = refine_state_space(&start.model, &pieces(records, REFINED_SAMPLES), &settings) else {
+    let Ok(details) = refine_state_space(&start.model, &some(records), &settings) else {
         return Ok(unchanged(format!("not refined by {what}: the records are too short"), held_back));
     };
     let mut model = details.model.clone();
@@ -125,14 +125,13 @@ fn on_samples_kept_back(
     options: &Options,
     settings: &StateSpaceOptions,
 ) -> Option<(f64, f64)> {
-    let lengths: Vec<usize> = records.iter().map(Record::len).collect();
-    let (used, kept) = data::kept_back(&lengths);
-    let (used, kept) = (cut(records, used), cut(records, kept));
+    let (used, kept) = pieces::kept_back(&pieces::lengths(records));
+    let (used, kept) = (pieces::cut(records, &used), pieces::cut(records, &kept));
     let options = Options { order: Order::Fixed(order), ..options.clone() };
     let before = estimate(&used, &options).ok()?.model;
-    let after = refine_state_space(&before, &pieces(&used, REFINED_SAMPLES), settings).ok()?.model;
+    let after = refine_state_space(&before, &some(&used), settings).ok()?.model;
     let names: Vec<String> = (0..before.d.nrows()).map(|i| i.to_string()).collect();
-    let kept = pieces(&kept, REFINED_SAMPLES);
+    let kept = some(&kept);
     let fit = |model: &StateSpace| {
         let score = score(model, &kept, &names);
         match settings.criterion {
@@ -160,23 +159,7 @@ fn gain(
     Ok(gain.map(|gain| gain * DMatrix::from_diagonal(&scale.output.map(|scale| 1.0 / scale))))
 }
 
-fn part(record: &Record, from: usize, n: usize) -> Record {
-    let cut = |channels: &[Vec<f64>]| channels.iter().map(|values| values[from..from + n].to_vec()).collect();
-    Record {
-        name: record.name.clone(),
-        sample_time: record.sample_time,
-        start: record.time(from),
-        inputs: cut(&record.inputs),
-        outputs: cut(&record.outputs),
-    }
-}
-
-/// Pieces of the records with about `samples` samples together, spread evenly over them.
-fn pieces(records: &[Record], samples: usize) -> Vec<Record> {
-    let lengths: Vec<usize> = records.iter().map(Record::len).collect();
-    cut(records, data::spread(&lengths, samples))
-}
-
-fn cut(records: &[Record], pieces: Vec<data::Piece>) -> Vec<Record> {
-    pieces.into_iter().map(|(index, from, n)| part(&records[index], from, n)).collect()
+/// The records, or pieces of them if there are more samples than are worth the time.
+fn some(records: &[Record]) -> Vec<Record> {
+    pieces::cut(records, &pieces::spread(&pieces::lengths(records), REFINED_SAMPLES))
 }
