@@ -48,6 +48,14 @@ pub enum Error {
     /// Files of identified models.
     #[error(transparent)]
     Model(#[from] crate::ident::model::file::Error),
+    /// An FMU of an identified model.
+    #[error("FMU `{name}`: {problem}")]
+    LinearFmu {
+        /// Name that was wanted.
+        name: String,
+        /// What is in the way, and the remedy.
+        problem: String,
+    },
     /// Simulation.
     #[error(transparent)]
     Master(#[from] crate::master::Error),
