@@ -42,6 +42,9 @@ pub enum Error {
     /// Estimation of an ARX model.
     #[error(transparent)]
     Arx(#[from] crate::ident::arx::Error),
+    /// Estimation of a state-space model.
+    #[error(transparent)]
+    Subspace(#[from] crate::ident::subspace::Error),
     /// Files of identified models.
     #[error(transparent)]
     Model(#[from] crate::ident::model::file::Error),
@@ -51,6 +54,14 @@ pub enum Error {
     /// Columns of friction records.
     #[error(transparent)]
     Sweep(#[from] crate::ident::friction::read::Error),
+    /// An FMU of an identified model.
+    #[error("FMU `{name}`: {problem}")]
+    LinearFmu {
+        /// Name that was wanted.
+        name: String,
+        /// What is in the way, and the remedy.
+        problem: String,
+    },
     /// Simulation.
     #[error(transparent)]
     Master(#[from] crate::master::Error),

@@ -11,6 +11,7 @@
 //! | [`fit`] | NRMSE fit (eq. 9) of two signals |
 //! | [`responses`] | measured, simulated and predicted outputs side by side |
 //! | [`score`] | simulated and one-step fit of a model over several records |
+//! | [`compare`] | ARX and state space of rising order side by side |
 //! | [`subspace`] | state-space models by subspace methods |
 //! | [`output_error`] | refinement: the parameters with the best free simulation |
 //! | [`instrumental_variables`] | estimates without bias from noisy outputs |
@@ -20,6 +21,7 @@
 //! Knows no FMUs and nothing of the command line.
 
 pub mod arx;
+pub mod compare;
 pub mod fit;
 pub mod fold;
 pub mod friction;

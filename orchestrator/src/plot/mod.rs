@@ -7,6 +7,7 @@ pub mod axes;
 pub mod figures;
 pub mod fit_page;
 pub mod friction;
+pub mod orders;
 pub mod page;
 pub mod run;
 pub mod svg;

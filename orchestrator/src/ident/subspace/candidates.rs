@@ -28,6 +28,22 @@ pub struct Method {
     pub stabilised: bool,
 }
 
+impl Method {
+    /// In words.
+    pub fn describe(&self) -> String {
+        let weighting = match self.weighting {
+            Weighting::N4sid => "N4SID",
+            Weighting::Moesp => "MOESP",
+            Weighting::Cva => "CVA",
+        };
+        let realisation = match self.realisation {
+            Realisation::Shift => "shift invariance",
+            Realisation::States => "state regression",
+        };
+        format!("{weighting}, {} past and future samples, {realisation}", self.horizon)
+    }
+}
+
 /// A model with its error on the compared samples.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Candidate {
@@ -83,14 +99,14 @@ impl<'a> Candidates<'a> {
 
     /// Singular values of one projection.
     pub fn singular_values(&self, method: &Method) -> Vec<f64> {
-        self.projection(method)
-            .map_or_else(Vec::new, |(_, projection)| projection.singular_values.iter().copied().collect())
+        self.projection(method).map_or_else(Vec::new, |(_, projection)| {
+            projection.singular_values.iter().copied().collect()
+        })
     }
 
     /// Highest order that any projection shows.
     pub fn rank(&self) -> usize {
-        let ranks =
-            self.horizons.iter().flat_map(|horizon| horizon.projections.iter().map(|(_, p)| p.rank()));
+        let ranks = self.horizons.iter().flat_map(|horizon| horizon.projections.iter().map(|(_, p)| p.rank()));
         ranks.max().unwrap_or(0)
     }
 
@@ -109,12 +125,7 @@ impl<'a> Candidates<'a> {
                 if n <= projection.rank() && n <= shifted {
                     for realisation in Realisation::ALL {
                         let horizon = horizon.factor.horizon;
-                        methods.push(Method {
-                            weighting: *weighting,
-                            horizon,
-                            realisation,
-                            stabilised: false,
-                        });
+                        methods.push(Method { weighting: *weighting, horizon, realisation, stabilised: false });
                     }
                 }
             }

@@ -70,10 +70,7 @@ fn a_system_with_direct_term_comes_back_from_several_records_without_noise() {
         let options = Options { weightings: vec![weighting], ..options(Order::Fixed(4)) };
         let found = estimate(&records, &options).unwrap();
         for (k, (found, expected)) in markov(&found.model, 30).iter().zip(markov(&truth(), 30)).enumerate() {
-            assert!(
-                (found - &expected).amax() < 1e-8,
-                "{weighting:?}, Markov parameter {k}: {found} {expected}"
-            );
+            assert!((found - &expected).amax() < 1e-8, "{weighting:?}, Markov parameter {k}: {found} {expected}");
         }
         assert!(found.warnings.is_empty(), "{:?}", found.warnings);
     }
