@@ -16,12 +16,14 @@
 //! | [`output_error`] | refinement: the parameters with the best free simulation |
 //! | [`instrumental_variables`] | estimates without bias from noisy outputs |
 //! | [`parameters`] | estimates with their uncertainty |
+//! | [`diagnostics`] | residual tests, poles and zeros, responses with their uncertainty, a verdict |
 //! | [`summary`] | what every identification reports, as JSON |
 //!
 //! Knows no FMUs and nothing of the command line.
 
 pub mod arx;
 pub mod compare;
+pub mod diagnostics;
 pub mod fit;
 pub mod fold;
 pub mod friction;
