@@ -283,10 +283,10 @@ fn a_loop_inside_a_chain_sees_what_comes_before_and_feeds_what_comes_after() {
 }
 
 #[test]
-fn two_loops_that_share_a_component_are_solved_in_their_order() {
+fn a_component_fed_by_itself_is_a_loop_of_its_own() {
     let folder = TempDir::new().unwrap();
     fmu(&folder, "able.fmu", ABLE);
-    // The loop of a and b drives that of b's state and c through a state: one group, two loops.
+    // A loop of a and b feeds another input of c.
     let components = [("c", "able.fmu"), ("a", "able.fmu"), ("b", "able.fmu")];
     let connections = [
         ("b.y", "a.u", 1.0, 1.0),
