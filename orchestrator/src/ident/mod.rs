@@ -9,7 +9,9 @@
 //! | [`arx`] | least squares of ARX models |
 //! | [`model`] | linear discrete-time models: ARX (eq. 6) and state space |
 //! | [`fit`] | NRMSE fit (eq. 9) of two signals |
+//! | [`playback`] | responses of an ARX model, block by block |
 //! | [`responses`] | measured, simulated and predicted outputs side by side |
+//! | [`order_search`] | many ARX structures, ranked by simulated fit |
 //! | [`score`] | simulated and one-step fit of a model over several records |
 //! | [`summary`] | what every identification reports, as JSON |
 //!
@@ -18,6 +20,8 @@
 pub mod arx;
 pub mod fit;
 pub mod model;
+pub mod order_search;
+pub mod playback;
 pub mod record;
 pub mod regressor;
 pub mod responses;
