@@ -15,9 +15,18 @@ pub enum Error {
     /// FMUs.
     #[error(transparent)]
     Fmu(#[from] crate::fmu::Error),
+    /// Derived FMUs.
+    #[error(transparent)]
+    Derive(#[from] crate::fmu::derive::DeriveError),
+    /// FMUs to derive from.
+    #[error(transparent)]
+    Template(#[from] crate::fmu::template_folder::TemplateNotFound),
     /// Run summaries.
     #[error(transparent)]
     Summary(#[from] crate::results::summary::Error),
+    /// Command signals.
+    #[error(transparent)]
+    Excite(#[from] crate::excite::Error),
     /// System descriptions.
     #[error(transparent)]
     System(#[from] crate::system::Error),

@@ -4,6 +4,8 @@
 
 pub mod args;
 pub mod coupling;
+pub mod derive;
+pub mod excite;
 pub mod export;
 mod folder;
 pub mod identify;
@@ -35,6 +37,8 @@ pub fn main() -> ExitCode {
         Command::Run(args) => run::run(&args),
         Command::Inspect(args) => inspect::run(&args),
         Command::Export(args) => export::run(&args),
+        Command::Derive(args) => derive::run(&args),
+        Command::Excite(args) => excite::run(&args),
         Command::Identify { command } => identify::run(&command),
         Command::Completions { shell } => {
             let mut script = Vec::new();
@@ -47,7 +51,9 @@ pub fn main() -> ExitCode {
         // A setting out of range is wrong usage, be it a word on its own or only together with others.
         let usage = matches!(
             error,
-            crate::Error::Master(crate::master::Error::Setting { .. }) | crate::Error::Structure(_)
+            crate::Error::Master(crate::master::Error::Setting { .. })
+                | crate::Error::Excite(crate::excite::Error::Setting { .. })
+                | crate::Error::Structure(_)
         );
         if usage { ExitCode::from(USAGE) } else { ExitCode::FAILURE }
     })
