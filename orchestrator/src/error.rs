@@ -45,6 +45,15 @@ pub enum Error {
     /// Files of identified models.
     #[error(transparent)]
     Model(#[from] crate::ident::model::file::Error),
+    /// Output error.
+    #[error(transparent)]
+    Refinement(#[from] crate::ident::output_error::Error),
+    /// A model that no FMU takes.
+    #[error("--fmu: {reason}")]
+    NoFmu {
+        /// What is too large.
+        reason: String,
+    },
     /// Simulation.
     #[error(transparent)]
     Master(#[from] crate::master::Error),

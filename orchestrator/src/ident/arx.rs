@@ -6,6 +6,7 @@
 use nalgebra::DMatrix;
 
 use super::model::Arx;
+use super::parameters::Parameters;
 use super::record;
 use super::regressor::Regression;
 use super::source::Source;
@@ -16,8 +17,6 @@ use crate::linalg::qr::Dependent;
 /// What is left of a column, relative to it, below which it counts as a combination of others: rounding in data of
 /// double precision and in the triangle.
 pub const RANK_TOLERANCE: f64 = 1e-12;
-/// Two-sided 95 % point of the normal distribution.
-pub const NORMAL_95: f64 = 1.959963984540054;
 
 /// Why a model cannot be estimated.
 #[derive(Debug, thiserror::Error)]
@@ -39,6 +38,9 @@ pub enum Error {
         "the sums of squares of the data overflow or are not finite; scale the signals to units in which they are between 1e-100 and 1e100"
     )]
     NotFinite,
+    /// No structure of a search can be estimated.
+    #[error("--order auto: no structure can be estimated; the first reason: {problem}")]
+    NoStructure { problem: String },
     /// A regressor that others explain exactly.
     #[error("{regressor} {combination}, so the coefficients of {output} cannot be told apart; {remedy}")]
     RankDeficient { regressor: String, combination: String, output: String, remedy: &'static str },
@@ -98,6 +100,30 @@ pub struct Estimate {
     pub rows: u64,
 }
 
+impl Estimate {
+    /// Coefficients `A1[i,j]` .., `B0[i,j]` .. with their covariance, for white equation noise. Covariances between the
+    /// equations of different outputs are left at zero.
+    pub fn parameters(&self) -> Parameters {
+        let entry = |output: usize, term: &Term| match *term {
+            Term::Output { channel, lag } => format!("A{lag}[{},{}]", output + 1, channel + 1),
+            Term::Input { channel, lag } => format!("B{lag}[{},{}]", output + 1, channel + 1),
+        };
+        let (mut names, mut values) = (Vec::new(), Vec::new());
+        let mut starts = Vec::new();
+        for (output, equation) in self.equations.iter().enumerate() {
+            starts.push(names.len());
+            names.extend(equation.terms.iter().map(|term| entry(output, term)));
+            values.extend_from_slice(&equation.coefficients);
+        }
+        let mut covariance = DMatrix::zeros(values.len(), values.len());
+        for (output, equation) in self.equations.iter().enumerate() {
+            let p = equation.terms.len();
+            covariance.view_mut((starts[output], starts[output]), (p, p)).copy_from(&equation.covariance());
+        }
+        Parameters { names, values: values.into(), covariance: Some(covariance) }
+    }
+}
+
 /// Estimates a model from experiments, which are read once.
 ///
 /// # Errors
@@ -144,7 +170,9 @@ pub fn solve(
         let shared = equations.iter().find(|other| other.terms == terms).map(|other| other.triangle.clone());
         let triangle = match shared {
             Some(triangle) => triangle,
-            None => regression.triangle.select(&columns.iter().copied().chain(n..n + n_y).collect::<Vec<_>>()),
+            None => {
+                regression.triangle.select(&columns.iter().copied().chain(n..n + n_y).collect::<Vec<_>>())
+            }
         };
         if let Some(dependent) = triangle.dependent(p, RANK_TOLERANCE) {
             return Err(deficient(&dependent, &terms, &names.outputs[output], names));
@@ -323,7 +351,7 @@ mod tests {
                 for ((c, sigma), truth) in
                     equation.coefficients.iter().zip(equation.standard_deviations()).zip(truth)
                 {
-                    inside += usize::from((c - truth).abs() < NORMAL_95 * sigma);
+                    inside += usize::from((c - truth).abs() < crate::ident::parameters::TWO_SIDED_95 * sigma);
                     all += 1;
                 }
             }

@@ -6,6 +6,7 @@
 //! | [`source`] | an experiment in blocks, from memory or from a file |
 //! | [`structure`] | orders and delays |
 //! | [`regressor`] | the regression of an ARX model, folded into a triangle |
+//! | [`excitation`] | what the inputs can teach |
 //! | [`arx`] | least squares of ARX models |
 //! | [`model`] | linear discrete-time models: ARX (eq. 6) and state space |
 //! | [`fit`] | NRMSE fit (eq. 9) of two signals |
@@ -22,23 +23,24 @@
 //! Knows no FMUs and nothing of the command line.
 
 pub mod arx;
+pub mod excitation;
 pub mod fit;
-pub mod friction;
 pub mod fold;
+pub mod friction;
 pub mod instrumental_variables;
 pub mod model;
 pub mod order_search;
-pub mod playback;
 pub mod output_error;
 pub mod parameters;
+pub mod playback;
 pub mod rational;
 pub mod record;
 pub mod regressor;
 pub mod responses;
 pub mod score;
-pub mod subspace;
 pub mod source;
 pub mod structure;
+pub mod subspace;
 pub mod summary;
 #[cfg(test)]
 pub mod synthetic;

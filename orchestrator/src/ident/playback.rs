@@ -78,7 +78,8 @@ impl<'a> Playback<'a> {
                     let offset = self.model.output_offset[i];
                     simulated.clear();
                     simulated.extend(free[lags * n_y..].iter().skip(i).step_by(n_y).map(|y| y + offset));
-                    simulated[..known].copy_from_slice(&window.outputs[i][window.before..window.before + known]);
+                    simulated[..known]
+                        .copy_from_slice(&window.outputs[i][window.before..window.before + known]);
                 }
                 free.drain(..n * n_y);
             }
@@ -158,7 +159,12 @@ mod tests {
                 DMatrix::from_row_slice(2, 2, &[-1.2, 0.1, -0.05, -0.9]),
                 DMatrix::from_row_slice(2, 2, &[0.4, -0.02, 0.03, 0.2]),
             ],
-            b: vec![DMatrix::zeros(2, 2), DMatrix::zeros(2, 2), DMatrix::zeros(2, 2), DMatrix::from_element(2, 2, 0.7)],
+            b: vec![
+                DMatrix::zeros(2, 2),
+                DMatrix::zeros(2, 2),
+                DMatrix::zeros(2, 2),
+                DMatrix::from_element(2, 2, 0.7),
+            ],
             input_offset: vec![0.5, -1.0],
             output_offset: vec![3.0, 100.0],
         };
@@ -180,7 +186,11 @@ mod tests {
                     assert_eq!(played.at, samples);
                     for i in 0..2 {
                         for (k, y) in played.simulated.unwrap()[i].iter().enumerate() {
-                            assert!((y - simulated[i][played.at + k]).abs() < 1e-9, "y{i}({})", played.at + k);
+                            assert!(
+                                (y - simulated[i][played.at + k]).abs() < 1e-9,
+                                "y{i}({})",
+                                played.at + k
+                            );
                             let predicted = played.one_step[i][k];
                             assert!((predicted - one_step[i][played.at + k]).abs() < 1e-9);
                             assert_eq!(played.outputs[i][k], record.outputs[i][played.at + k]);

@@ -184,7 +184,14 @@ mod tests {
     fn a_file_gives_the_same_windows_as_its_record_in_memory() {
         let n = 2 * BLOCK + 77;
         let rows: String = (0..n)
-            .map(|k| format!("{:.2},{},x,{}\n", 0.01 * k as f64, (0.3 * k as f64).sin(), (k * k % 97) as f64 + 0.01 * k as f64))
+            .map(|k| {
+                format!(
+                    "{:.2},{},x,{}\n",
+                    0.01 * k as f64,
+                    (0.3 * k as f64).sin(),
+                    (k * k % 97) as f64 + 0.01 * k as f64
+                )
+            })
             .collect();
         let file = tempfile::NamedTempFile::new().unwrap();
         std::fs::write(file.path(), format!("time,u,text,y\n{rows}")).unwrap();

@@ -93,7 +93,9 @@ pub enum Error {
         output: usize,
     },
     /// A range of orders without structures, or with too many.
-    #[error("--order auto: the ranges of na, nb and nk make {found} structures; choose them for 1 to {most}, as --na 1..4 --nb 1..4 --nk 0..3")]
+    #[error(
+        "--order auto: the ranges of na, nb and nk make {found} structures; choose them for 1 to {most}, as --na 1..4 --nb 1..4 --nk 0..3"
+    )]
     Ranges {
         /// Structures.
         found: usize,
@@ -222,7 +224,8 @@ pub fn text(orders: &[Vec<usize>]) -> String {
 pub fn range(option: &'static str, text: &str) -> Result<RangeInclusive<usize>, Error> {
     let number = |part: &str| {
         let part = part.trim();
-        let value = part.parse().map_err(|_| Error::Number { option, text: text.into(), part: part.into() })?;
+        let value =
+            part.parse().map_err(|_| Error::Number { option, text: text.into(), part: part.into() })?;
         let limit = LARGEST;
         if value > limit { Err(Error::Large { option, text: text.into(), value, limit }) } else { Ok(value) }
     };

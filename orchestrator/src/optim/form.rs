@@ -148,8 +148,10 @@ impl<'a> Form<'a> {
         self.row_scale = largest.into_iter().map(factor).collect();
         self.objective_scale = factor(gradient[..self.n].iter().fold(0.0, |m, g| m.max(g.abs())));
         for (j, slack) in self.slacks.iter().enumerate() {
-            self.lower[self.n + j] = self.constraint_bounds.lower[self.rows[slack.row]] * self.row_scale[slack.row];
-            self.upper[self.n + j] = self.constraint_bounds.upper[self.rows[slack.row]] * self.row_scale[slack.row];
+            self.lower[self.n + j] =
+                self.constraint_bounds.lower[self.rows[slack.row]] * self.row_scale[slack.row];
+            self.upper[self.n + j] =
+                self.constraint_bounds.upper[self.rows[slack.row]] * self.row_scale[slack.row];
         }
         Ok(())
     }
@@ -207,7 +209,9 @@ impl<'a> Form<'a> {
             }
         }
         self.nlp.jacobian(&x[..self.n], &mut self.raw_jacobian)?;
-        for ((value, &place), &(row, _)) in jacobian.iter_mut().zip(&self.jacobian_place).zip(&self.jacobian_entries) {
+        for ((value, &place), &(row, _)) in
+            jacobian.iter_mut().zip(&self.jacobian_place).zip(&self.jacobian_entries)
+        {
             *value = self.row_scale[row] * self.raw_jacobian[place];
         }
         if let Some(i) = gradient.iter().position(|g| !g.is_finite()) {

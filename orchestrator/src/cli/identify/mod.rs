@@ -4,10 +4,12 @@
 //! |--------|------|
 //! | [`arx`] | `identify arx` |
 //! | [`data`] | the options that say which data, shared by all |
+//! | [`fmu`] | `--fmu`: the model as an FMU |
 //! | [`output`] | the folder of the results, shared by all |
 
 pub mod arx;
 pub mod data;
+pub mod fmu;
 pub mod output;
 mod report;
 

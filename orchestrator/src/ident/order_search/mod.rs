@@ -11,7 +11,7 @@ use std::ops::RangeInclusive;
 use super::arx::{self, Error, Estimate, Names};
 use super::model::Model;
 use super::regressor::Regression;
-use super::source::Source;
+use super::source::{Part, Source};
 use super::structure::Structure;
 
 /// Fits that differ by less \[points\] count as equal; the smaller structure then goes first.
@@ -158,10 +158,39 @@ fn candidate(structure: Structure, solved: &Result<Estimate, Error>, n_y: usize)
     candidate
 }
 
-/// How many samples of each record are kept for the estimation when no record is given to judge by: the first two
+/// Samples at the beginning of each record that are estimated from when no record is given to judge by: the first two
 /// thirds.
 pub fn estimation_share(samples: usize) -> usize {
     samples - samples / 3
+}
+
+/// As [`search`]; without records to judge by, the last third of each estimation record judges.
+///
+/// # Errors
+/// As [`search`].
+pub fn search_or_split(
+    estimation: &[&dyn Source],
+    judging: &[&dyn Source],
+    ranges: &Ranges,
+    sample_time: f64,
+    offsets: (&[f64], &[f64]),
+    names: Names,
+) -> Result<Vec<Candidate>, Error> {
+    if !judging.is_empty() {
+        return search(estimation, judging, ranges, sample_time, offsets, names);
+    }
+    let parts = |last: bool| -> Vec<Part> {
+        let cut = |samples: usize| match last {
+            true => (estimation_share(samples), samples),
+            false => (0, estimation_share(samples)),
+        };
+        let cuts = estimation.iter().map(|source| cut(source.samples()));
+        estimation.iter().zip(cuts).map(|(&source, (from, to))| Part { source, from, to }).collect()
+    };
+    let (first, last) = (parts(false), parts(true));
+    let first: Vec<&dyn Source> = first.iter().map(|part| part as &dyn Source).collect();
+    let last: Vec<&dyn Source> = last.iter().map(|part| part as &dyn Source).collect();
+    search(&first, &last, ranges, sample_time, offsets, names)
 }
 
 /// The structures that no range of this size may exceed.

@@ -34,7 +34,11 @@ struct Group {
 /// are measured and do not count.
 ///
 /// Every model sees the same arithmetic on any number of threads.
-pub(super) fn fits(models: &[&Arx], sources: &[&dyn Source], lags: usize) -> Result<Vec<Vec<Option<f64>>>, Error> {
+pub(super) fn fits(
+    models: &[&Arx],
+    sources: &[&dyn Source],
+    lags: usize,
+) -> Result<Vec<Vec<Option<f64>>>, Error> {
     let mut order: Vec<usize> = (0..models.len()).collect();
     let lags_of = |b: &Arx| {
         let first = b.b.iter().position(|b| b.iter().any(|value| *value != 0.0)).unwrap_or(0);
@@ -50,7 +54,9 @@ pub(super) fn fits(models: &[&Arx], sources: &[&dyn Source], lags: usize) -> Res
     groups.iter_mut().enumerate().for_each(|(index, group)| shares[index % threads].push(group));
     std::thread::scope(|scope| {
         let work = shares.into_iter().map(|mut share| {
-            scope.spawn(move || sources.iter().try_for_each(|source| run(&mut share, models[0], *source, lags)))
+            scope.spawn(move || {
+                sources.iter().try_for_each(|source| run(&mut share, models[0], *source, lags))
+            })
         });
         let work: Vec<_> = work.collect();
         work.into_iter().try_for_each(|thread| match thread.join() {
@@ -64,7 +70,8 @@ pub(super) fn fits(models: &[&Arx], sources: &[&dyn Source], lags: usize) -> Res
         for (lane, &member) in group.members.iter().enumerate() {
             for (i, fit) in fits[member].iter_mut().enumerate() {
                 let all: Option<Vec<f64>> = group.fits.iter().map(|record| record[i][lane]).collect();
-                *fit = all.filter(|all| !all.is_empty()).map(|all| all.iter().sum::<f64>() / all.len() as f64);
+                *fit =
+                    all.filter(|all| !all.is_empty()).map(|all| all.iter().sum::<f64>() / all.len() as f64);
             }
         }
     }
@@ -169,7 +176,8 @@ impl Group {
     /// begins here.
     fn advance(&mut self, inputs: &[f64], outputs: &[f64], known: usize) {
         let n_y = self.past.len();
-        let n_u = if self.lags.1 > self.lags.0 { self.inputs[0].len() / (self.lags.1 - self.lags.0) } else { 0 };
+        let n_u =
+            if self.lags.1 > self.lags.0 { self.inputs[0].len() / (self.lags.1 - self.lags.0) } else { 0 };
         let n = outputs.len() / n_y;
         let depth = self.na * n_y;
         if self.free.len() < depth || self.free.is_empty() {
@@ -195,7 +203,8 @@ impl Group {
                     }
                 }
                 // u(k - last) .. u(k - first), as the rows are.
-                let u = &inputs[(k + 1 - self.lags.1.min(k + 1)) * n_u..(k + 1 - self.lags.0.min(k + 1)) * n_u];
+                let u =
+                    &inputs[(k + 1 - self.lags.1.min(k + 1)) * n_u..(k + 1 - self.lags.0.min(k + 1)) * n_u];
                 for (b, u) in self.inputs[i].iter().zip(u) {
                     for lane in 0..LANES {
                         sum[lane] += b[lane] * u;

@@ -122,7 +122,11 @@ pub(super) struct Found<P> {
 }
 
 /// Minimises from a stable start. `None` if the residuals of the start are not finite.
-pub(super) fn minimise<P: Problem>(problem: &P, start: P::Point, options: &Options) -> Option<Found<P::Point>> {
+pub(super) fn minimise<P: Problem>(
+    problem: &P,
+    start: P::Point,
+    options: &Options,
+) -> Option<Found<P::Point>> {
     let power = problem.power();
     let n_y = power.len();
     let mut point = start;

@@ -271,8 +271,7 @@ impl<'r, 'n, 'm> Run<'r, 'n, 'm> {
         }
         while !self.solve(None) {
             let (form, point) = (&*self.form, &self.point);
-            let raised =
-                self.kkt.raise(form, &point.hessian, &point.jacobian, &self.diagonal, self.barrier);
+            let raised = self.kkt.raise(form, &point.hessian, &point.jacobian, &self.diagonal, self.barrier);
             if raised.is_err() {
                 return false;
             }

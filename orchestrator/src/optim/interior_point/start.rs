@@ -46,7 +46,11 @@ impl<'r, 'n, 'm> Run<'r, 'n, 'm> {
                 run.estimate_multipliers();
             }
             Some(multipliers) => {
-                length("the multipliers of the constraints", multipliers.constraints.len(), run.form.constraints())?;
+                length(
+                    "the multipliers of the constraints",
+                    multipliers.constraints.len(),
+                    run.form.constraints(),
+                )?;
                 length("the multipliers of the lower bounds", multipliers.lower.len(), run.form.n)?;
                 length("the multipliers of the upper bounds", multipliers.upper.len(), run.form.n)?;
                 run.warm(multipliers, start.barrier);
