@@ -62,6 +62,15 @@ pub enum Error {
         /// What is in the way, and the remedy.
         problem: String,
     },
+    /// Output error.
+    #[error(transparent)]
+    Refinement(#[from] crate::ident::output_error::Error),
+    /// A model that no FMU takes.
+    #[error("--fmu: {reason}")]
+    NoFmu {
+        /// What is too large.
+        reason: String,
+    },
     /// Simulation.
     #[error(transparent)]
     Master(#[from] crate::master::Error),

@@ -6,17 +6,17 @@
 use nalgebra::DMatrix;
 
 use super::model::Arx;
+use super::parameters::Parameters;
 use super::record;
 use super::regressor::Regression;
 use super::source::Source;
 use super::structure::{Structure, Term};
+use crate::linalg::Triangle;
 use crate::linalg::qr::Dependent;
 
 /// What is left of a column, relative to it, below which it counts as a combination of others: rounding in data of
 /// double precision and in the triangle.
 pub const RANK_TOLERANCE: f64 = 1e-12;
-/// Two-sided 95 % point of the normal distribution.
-pub const NORMAL_95: f64 = 1.959963984540054;
 
 /// Why a model cannot be estimated.
 #[derive(Debug, thiserror::Error)]
@@ -38,6 +38,9 @@ pub enum Error {
         "the sums of squares of the data overflow or are not finite; scale the signals to units in which they are between 1e-100 and 1e100"
     )]
     NotFinite,
+    /// No structure of a search can be estimated.
+    #[error("--order auto: no structure can be estimated; the first reason: {problem}")]
+    NoStructure { problem: String },
     /// A regressor that others explain exactly.
     #[error("{regressor} {combination}, so the coefficients of {output} cannot be told apart; {remedy}")]
     RankDeficient { regressor: String, combination: String, output: String, remedy: &'static str },
@@ -59,23 +62,26 @@ pub struct Equation {
     pub terms: Vec<Term>,
     /// Their coefficients: the entries of A and B.
     pub coefficients: Vec<f64>,
-    /// `(Phi^T Phi)^-1`, shape \[terms, terms\]; times the noise variance it is the covariance of the coefficients.
-    pub inverse_gram: DMatrix<f64>,
+    /// Triangle of the regressors, the first columns of it.
+    pub triangle: Triangle,
     /// Variance of the equation error e, in the squared unit of the output.
     pub noise_variance: f64,
-    /// Condition number of the regressors, each scaled to norm 1.
-    pub condition: f64,
 }
 
 impl Equation {
     /// Standard deviations of the coefficients, for white equation noise.
     pub fn standard_deviations(&self) -> Vec<f64> {
-        self.inverse_gram.diagonal().iter().map(|gram| (self.noise_variance * gram).sqrt()).collect()
+        self.covariance().diagonal().iter().map(|variance| variance.sqrt()).collect()
     }
 
-    /// Covariance of the coefficients, shape \[terms, terms\].
+    /// Covariance of the coefficients, shape \[terms, terms\], for white equation noise.
     pub fn covariance(&self) -> DMatrix<f64> {
-        &self.inverse_gram * self.noise_variance
+        self.triangle.inverse_gram(self.terms.len()) * self.noise_variance
+    }
+
+    /// Condition number of the regressors, each scaled to norm 1.
+    pub fn condition(&self) -> f64 {
+        self.triangle.scaled_condition(self.terms.len())
     }
 }
 
@@ -92,6 +98,30 @@ pub struct Estimate {
     pub noise_covariance: DMatrix<f64>,
     /// Rows of the regression.
     pub rows: u64,
+}
+
+impl Estimate {
+    /// Coefficients `A1[i,j]` .., `B0[i,j]` .. with their covariance, for white equation noise. Covariances between the
+    /// equations of different outputs are left at zero.
+    pub fn parameters(&self) -> Parameters {
+        let entry = |output: usize, term: &Term| match *term {
+            Term::Output { channel, lag } => format!("A{lag}[{},{}]", output + 1, channel + 1),
+            Term::Input { channel, lag } => format!("B{lag}[{},{}]", output + 1, channel + 1),
+        };
+        let (mut names, mut values) = (Vec::new(), Vec::new());
+        let mut starts = Vec::new();
+        for (output, equation) in self.equations.iter().enumerate() {
+            starts.push(names.len());
+            names.extend(equation.terms.iter().map(|term| entry(output, term)));
+            values.extend_from_slice(&equation.coefficients);
+        }
+        let mut covariance = DMatrix::zeros(values.len(), values.len());
+        for (output, equation) in self.equations.iter().enumerate() {
+            let p = equation.terms.len();
+            covariance.view_mut((starts[output], starts[output]), (p, p)).copy_from(&equation.covariance());
+        }
+        Parameters { names, values: values.into(), covariance: Some(covariance) }
+    }
 }
 
 /// Estimates a model from experiments, which are read once.
@@ -128,30 +158,30 @@ pub fn solve(
     if !regression.triangle.r().iter().all(|value| value.is_finite()) {
         return Err(Error::NotFinite);
     }
-    let mut equations = Vec::new();
+    let mut equations: Vec<Equation> = Vec::new();
     // Column i turns the triangle into residuals of output i.
-    let n = regression.terms.len();
-    let mut residual = DMatrix::zeros(n + structure.n_y(), structure.n_y());
-    for output in 0..structure.n_y() {
+    let (n, n_y) = (regression.terms.len(), structure.n_y());
+    let mut residual = DMatrix::zeros(n + n_y, n_y);
+    for output in 0..n_y {
         let terms = structure.terms(output);
         let columns: Vec<usize> = terms.iter().filter_map(|term| regression.column(*term)).collect();
-        let own: Vec<usize> = columns.iter().copied().chain([n + output]).collect();
-        let triangle = regression.triangle.select(&own);
         let p = terms.len();
+        // Equations with the same regressors share their triangle, with all outputs behind them.
+        let shared = equations.iter().find(|other| other.terms == terms).map(|other| other.triangle.clone());
+        let triangle = match shared {
+            Some(triangle) => triangle,
+            None => {
+                regression.triangle.select(&columns.iter().copied().chain(n..n + n_y).collect::<Vec<_>>())
+            }
+        };
         if let Some(dependent) = triangle.dependent(p, RANK_TOLERANCE) {
             return Err(deficient(&dependent, &terms, &names.outputs[output], names));
         }
         let solution = triangle.solve(p).ok_or(Error::NotFinite)?;
-        let coefficients: Vec<f64> = solution.column(0).iter().copied().collect();
+        let coefficients: Vec<f64> = solution.column(output).iter().copied().collect();
         residual[(n + output, output)] = 1.0;
         columns.iter().zip(&coefficients).for_each(|(&column, c)| residual[(column, output)] = -c);
-        equations.push(Equation {
-            inverse_gram: triangle.inverse_gram(p),
-            condition: triangle.scaled_condition(p),
-            noise_variance: 0.0,
-            terms,
-            coefficients,
-        });
+        equations.push(Equation { triangle, noise_variance: 0.0, terms, coefficients });
     }
     let errors = regression.triangle.r() * residual;
     let products = errors.tr_mul(&errors);
@@ -321,7 +351,7 @@ mod tests {
                 for ((c, sigma), truth) in
                     equation.coefficients.iter().zip(equation.standard_deviations()).zip(truth)
                 {
-                    inside += usize::from((c - truth).abs() < NORMAL_95 * sigma);
+                    inside += usize::from((c - truth).abs() < crate::ident::parameters::TWO_SIDED_95 * sigma);
                     all += 1;
                 }
             }

@@ -1,6 +1,9 @@
 //! Experiments that are read in blocks, as often as an algorithm needs: from memory or from a file.
 
-use super::record::{Error, Record};
+use std::path::PathBuf;
+
+use super::record::{Error, Record, Survey};
+use crate::series::stream::{Rows, Stream};
 
 /// Samples of a block.
 pub const BLOCK: usize = 4096;
@@ -31,7 +34,7 @@ impl Window<'_> {
 }
 
 /// An experiment that can be read from the beginning as often as wanted.
-pub trait Source {
+pub trait Source: Sync {
     /// What messages call it.
     fn name(&self) -> &str;
     /// Number of samples.
@@ -69,5 +72,167 @@ impl Source for Record {
             at = end;
         }
         Ok(())
+    }
+}
+
+/// Samples `from..to` of an experiment, as an experiment of its own.
+#[derive(Clone, Copy)]
+pub struct Part<'a> {
+    /// The whole.
+    pub source: &'a dyn Source,
+    /// First sample.
+    pub from: usize,
+    /// Sample after the last.
+    pub to: usize,
+}
+
+impl Source for Part<'_> {
+    fn name(&self) -> &str {
+        self.source.name()
+    }
+
+    fn samples(&self) -> usize {
+        self.to - self.from
+    }
+
+    fn time(&self, k: usize) -> f64 {
+        self.source.time(self.from + k)
+    }
+
+    fn windows(&self, history: usize, take: &mut dyn FnMut(Window)) -> Result<(), Error> {
+        self.source.windows(history, &mut |window| {
+            let begin = window.at - window.before;
+            let end = (begin + window.len()).min(self.to);
+            let at = window.at.max(self.from);
+            let begin_own = begin.max(self.from);
+            if at >= end {
+                return;
+            }
+            let kept = begin_own - begin..end - begin;
+            let inputs: Vec<&[f64]> = window.inputs.iter().map(|u| &u[kept.clone()]).collect();
+            let outputs: Vec<&[f64]> = window.outputs.iter().map(|y| &y[kept.clone()]).collect();
+            take(Window { inputs: &inputs, outputs: &outputs, before: at - begin_own, at: at - self.from });
+        })
+    }
+}
+
+/// An experiment in a file, of which only a block is in memory.
+#[derive(Debug, Clone)]
+pub struct FileSource {
+    /// File.
+    pub path: PathBuf,
+    /// Columns, inputs first.
+    pub columns: Vec<String>,
+    /// Number of inputs.
+    pub n_u: usize,
+    /// What the first reading told.
+    pub survey: Survey,
+    /// Slopes per sample that are taken away, shape \[n_u + n_y\].
+    pub slopes: Vec<f64>,
+    /// Sample time \[s\] on which all files agree.
+    pub sample_time: f64,
+}
+
+impl Source for FileSource {
+    fn name(&self) -> &str {
+        &self.survey.name
+    }
+
+    fn samples(&self) -> usize {
+        self.survey.sampling.samples
+    }
+
+    fn time(&self, k: usize) -> f64 {
+        self.survey.sampling.start + k as f64 * self.sample_time
+    }
+
+    fn windows(&self, history: usize, take: &mut dyn FnMut(Window)) -> Result<(), Error> {
+        let mut stream = Stream::open(&self.path, &self.columns)?;
+        let mut rows = Rows::default();
+        let mut held: Vec<Vec<f64>> = vec![Vec::new(); self.columns.len()];
+        let middle = 0.5 * (self.samples() as f64 - 1.0);
+        let mut at = 0;
+        loop {
+            let n = stream.read(&mut rows, BLOCK)?;
+            if n == 0 {
+                return Ok(());
+            }
+            let before = history.min(at);
+            for ((held, new), &slope) in held.iter_mut().zip(&rows.columns).zip(&self.slopes) {
+                held.drain(..held.len() - before.min(held.len()));
+                if slope == 0.0 {
+                    held.extend_from_slice(new);
+                } else {
+                    held.extend(new.iter().enumerate().map(|(k, x)| x - slope * ((at + k) as f64 - middle)));
+                }
+            }
+            let columns: Vec<&[f64]> = held.iter().map(Vec::as_slice).collect();
+            let (inputs, outputs) = columns.split_at(self.n_u);
+            take(Window { inputs, outputs, before, at });
+            at += n;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::ident::record::set::Request;
+    use crate::ident::record::{Detrend, Experiments};
+
+    #[test]
+    fn a_file_gives_the_same_windows_as_its_record_in_memory() {
+        let n = 2 * BLOCK + 77;
+        let rows: String = (0..n)
+            .map(|k| {
+                format!(
+                    "{:.2},{},x,{}\n",
+                    0.01 * k as f64,
+                    (0.3 * k as f64).sin(),
+                    (k * k % 97) as f64 + 0.01 * k as f64
+                )
+            })
+            .collect();
+        let file = tempfile::NamedTempFile::new().unwrap();
+        std::fs::write(file.path(), format!("time,u,text,y\n{rows}")).unwrap();
+        let request = Request {
+            estimation: vec![file.path().into()],
+            inputs: vec!["u".into()],
+            outputs: vec!["y".into()],
+            detrend: Detrend::Linear,
+            ..Request::default()
+        };
+        let memory = Experiments::read(&request).unwrap();
+        let record = &memory.estimation[0];
+        let (_, estimation, _) = Experiments::stream(&request).unwrap();
+        let mut windows = Vec::new();
+        let copy = |window: Window| {
+            (window.at, window.before, window.inputs[0].to_vec(), window.outputs[0].to_vec())
+        };
+        record.windows(5, &mut |window| windows.push(copy(window))).unwrap();
+        let mut found = Vec::new();
+        estimation[0].windows(5, &mut |window| found.push(copy(window))).unwrap();
+        assert_eq!(windows.len(), 3);
+        assert!(found == windows);
+        assert_eq!(estimation[0].time(123), record.time(123));
+    }
+
+    #[test]
+    fn a_part_is_an_experiment_of_its_own() {
+        let values: Vec<f64> = (0..3 * BLOCK).map(|k| k as f64).collect();
+        let record = Record { inputs: vec![values.clone()], outputs: vec![values], ..Record::default() };
+        let part = Part { source: &record, from: BLOCK - 2, to: 2 * BLOCK + 3 };
+        let mut next = BLOCK as f64 - 2.0;
+        part.windows(4, &mut |window| {
+            let first = window.before;
+            assert_eq!(window.at, next as usize - (BLOCK - 2));
+            assert_eq!(first, window.at.min(4));
+            for (k, value) in window.outputs[0].iter().enumerate() {
+                assert_eq!(*value, next - first as f64 + k as f64);
+            }
+            next += (window.len() - first) as f64;
+        })
+        .unwrap();
+        assert_eq!(next as usize, 2 * BLOCK + 3);
     }
 }

@@ -1,6 +1,7 @@
 //! Orders and delays of an ARX model, output by output and input by input.
 
 use std::fmt;
+use std::ops::RangeInclusive;
 
 /// Orders of `A(z) y(k) = B(z) u(k) + e(k)` (eq. 6). Row i belongs to the equation of output i.
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
@@ -90,6 +91,16 @@ pub enum Error {
     Empty {
         /// 1-based output.
         output: usize,
+    },
+    /// A range of orders without structures, or with too many.
+    #[error(
+        "--order auto: the ranges of na, nb and nk make {found} structures; choose them for 1 to {most}, as --na 1..4 --nb 1..4 --nk 0..3"
+    )]
+    Ranges {
+        /// Structures.
+        found: usize,
+        /// Most allowed.
+        most: usize,
     },
     /// Orders out of reach.
     #[error("--{option} {text}: {value} is more than {limit}, the largest order or delay")]
@@ -204,6 +215,24 @@ pub fn text(orders: &[Vec<usize>]) -> String {
     }
     let row = |row: &Vec<usize>| row.iter().map(usize::to_string).collect::<Vec<_>>().join(",");
     orders.iter().map(row).collect::<Vec<_>>().join(";")
+}
+
+/// A range of orders like `1..4` (both ends included), or one number.
+///
+/// # Errors
+/// [`Error::Number`] or [`Error::Large`].
+pub fn range(option: &'static str, text: &str) -> Result<RangeInclusive<usize>, Error> {
+    let number = |part: &str| {
+        let part = part.trim();
+        let value =
+            part.parse().map_err(|_| Error::Number { option, text: text.into(), part: part.into() })?;
+        let limit = LARGEST;
+        if value > limit { Err(Error::Large { option, text: text.into(), value, limit }) } else { Ok(value) }
+    };
+    match text.split_once("..") {
+        Some((first, last)) => Ok(number(first)?..=number(last.trim_start_matches('='))?),
+        None => number(text).map(|order| order..=order),
+    }
 }
 
 fn matrix(

@@ -109,3 +109,41 @@ pub fn comparisons(
     }
     figures
 }
+
+/// A measured output and the response of a model.
+#[derive(Debug, Clone, Copy)]
+pub struct Compared<'a> {
+    /// Record.
+    pub record: &'a str,
+    /// Output.
+    pub output: &'a str,
+    /// Unit; empty for none.
+    pub unit: &'a str,
+    /// Whether the response is a free simulation, or else a one-step prediction.
+    pub simulated: bool,
+    /// Fit \[%\].
+    pub fit: Option<f64>,
+    /// Times and values of measurement, response and residual.
+    pub curves: &'a [(Vec<f64>, Vec<f64>)],
+}
+
+/// The figure of one output, as SVG.
+pub fn compared(figure: &Compared) -> String {
+    let what = if figure.simulated { "simulated" } else { "predicted one step ahead" };
+    let note = match figure.fit {
+        Some(fit) => format!("{}: {what}, fit {fit:.2} %", figure.record),
+        None => format!("{}: {what}", figure.record),
+    };
+    let curve = |index: usize, name| {
+        let (time, values) = &figure.curves[index];
+        Curve { time, values, held: false, name }
+    };
+    comparison(&Comparison {
+        name: figure.output,
+        unit: figure.unit,
+        note: &note,
+        measured: curve(0, "measured"),
+        simulated: curve(1, what),
+        residual: curve(2, "residual"),
+    })
+}

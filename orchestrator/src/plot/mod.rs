@@ -4,6 +4,7 @@
 //! simulation. Start with [`run::draw`].
 
 pub mod axes;
+pub mod envelope;
 pub mod figures;
 pub mod fit_page;
 pub mod friction;

@@ -304,25 +304,15 @@ pub fn write(series: &TimeSeries, path: &Path) -> Result<(), Error> {
 }
 
 fn write_rows(series: &TimeSeries, out: &mut impl Write) -> std::io::Result<()> {
-    out.write_all(b"time")?;
-    for channel in series.channels() {
-        if channel.name.contains([',', '"', '\n']) {
-            write!(out, ",\"{}\"", channel.name.replace('"', "\"\""))?;
-        } else {
-            write!(out, ",{}", channel.name)?;
-        }
+    super::rows::write_header(out, series.channels().iter().map(|channel| channel.name.as_str()))?;
+    for (row, &time) in series.time().iter().enumerate() {
+        super::rows::write_row(out, time, series.channels().iter().map(|channel| channel.values[row]))?;
     }
-    for (row, time) in series.time().iter().enumerate() {
-        write!(out, "\n{time}")?;
-        for channel in series.channels() {
-            write_number(channel.values[row], out)?;
-        }
-    }
-    out.write_all(b"\n")
+    Ok(())
 }
 
 /// The shortest text that reads back to the same value, without long runs of zeros.
-fn write_number(value: f64, out: &mut impl Write) -> std::io::Result<()> {
+pub(super) fn write_number(value: f64, out: &mut impl Write) -> std::io::Result<()> {
     let size = value.abs();
     if size != 0.0 && !(1e-5..1e16).contains(&size) {
         write!(out, ",{value:e}")

@@ -71,11 +71,19 @@ fn derivatives_agree_with_central_differences() {
             moved[i] -= 2.0 * step;
             let (down, before) = (lagrangian(&mut problem, &moved), gradient(&mut problem, &moved));
             let slope = (up - down) / (2.0 * step);
-            assert!((slope - exact[i]).abs() < 2e-7 * (1.0 + slope.abs()), "{transcription:?} {i}: {slope} {}", exact[i]);
+            assert!(
+                (slope - exact[i]).abs() < 2e-7 * (1.0 + slope.abs()),
+                "{transcription:?} {i}: {slope} {}",
+                exact[i]
+            );
             for j in 0..n {
                 let curvature = (slopes[j] - before[j]) / (2.0 * step);
                 let gap = (curvature - hessian[i][j]).abs();
-                assert!(gap < 1e-5 * (1.0 + curvature.abs()), "{transcription:?} {i} {j}: {curvature} {}", hessian[i][j]);
+                assert!(
+                    gap < 1e-5 * (1.0 + curvature.abs()),
+                    "{transcription:?} {i} {j}: {curvature} {}",
+                    hessian[i][j]
+                );
             }
         }
     }
@@ -95,7 +103,22 @@ fn the_optimum_is_the_reference() {
         let x = problem.pump();
         let solution = run(&mut problem, x);
         println!("{} {} {:?}", transcription.name(), solution.objective, solution.evaluations);
-        if std::env::var("T").is_ok() { for i in &solution.iterations { println!("{:3} {:12.6} {:9.2e} {:9.2e} mu {:8.1e} step {:8.1e} {:8.1e} reg {:8.1e} {:?}", i.number, i.objective, i.violation, i.dual_infeasibility, i.barrier, i.step, i.step_length, i.regularisation, i.note); } }
+        if std::env::var("T").is_ok() {
+            for i in &solution.iterations {
+                println!(
+                    "{:3} {:12.6} {:9.2e} {:9.2e} mu {:8.1e} step {:8.1e} {:8.1e} reg {:8.1e} {:?}",
+                    i.number,
+                    i.objective,
+                    i.violation,
+                    i.dual_infeasibility,
+                    i.barrier,
+                    i.step,
+                    i.step_length,
+                    i.regularisation,
+                    i.note
+                );
+            }
+        }
         let near = |minimum: &f64| (solution.objective - minimum).abs() <= 1e-6 * minimum;
         assert_eq!(solution.status, Status::Solved);
         assert!(solution.violation() <= 1e-8);

@@ -10,8 +10,10 @@ use std::path::PathBuf;
 use clap::{Args, ValueEnum};
 
 use crate::Error;
+use crate::ident::record;
 use crate::ident::record::set::Request;
-use crate::ident::record::{Detrend, Experiments};
+use crate::ident::record::{Detrend, Experiments, Record};
+use crate::ident::source::{FileSource, Source};
 
 /// Which data, and where the results go.
 #[derive(Debug, Clone, Args)]
@@ -36,6 +38,9 @@ pub struct DataArgs {
     /// Folder for the results; it is made if it is not there.
     #[arg(short, long, value_name = "DIR", default_value = "out/identify")]
     pub output: PathBuf,
+    /// Also write the model as an FMU of this name (for model NAME the file NAME.fmu in the folder of the results).
+    #[arg(long, value_name = "NAME")]
+    pub fmu: Option<String>,
     /// Draw no figures.
     #[arg(long)]
     pub no_plots: bool,
@@ -88,5 +93,65 @@ impl DataArgs {
     /// A file that cannot be used, or files that do not belong together.
     pub fn read(&self) -> Result<Experiments, Error> {
         Ok(Experiments::read(&self.request())?)
+    }
+
+    /// Reads and checks all files; above a size, or if `stream` is set, they do not stay in memory.
+    ///
+    /// # Errors
+    /// As [`DataArgs::read`].
+    pub fn load(&self, stream: bool) -> Result<Loaded, Error> {
+        let size = |path: &PathBuf| std::fs::metadata(path).map_or(0, |data| data.len());
+        let all: u64 = self.files.iter().chain(&self.validate).map(size).sum();
+        if !stream && all <= LARGEST_IN_MEMORY {
+            return Ok(Loaded { data: self.read()?, files: None });
+        }
+        let (data, estimation, validation) = Experiments::stream(&self.request())?;
+        Ok(Loaded { data, files: Some((estimation, validation)) })
+    }
+}
+
+/// Files \[bytes\] that are kept in memory.
+const LARGEST_IN_MEMORY: u64 = 1 << 30;
+
+/// Experiments in memory or in files.
+#[derive(Debug)]
+pub struct Loaded {
+    /// Names, units, operating point; the records, if they are in memory.
+    pub data: Experiments,
+    /// Estimation and validation in files, if they are not.
+    files: Option<(Vec<FileSource>, Vec<FileSource>)>,
+}
+
+impl Loaded {
+    /// Experiments of the estimation.
+    pub fn estimation(&self) -> Vec<&dyn Source> {
+        match &self.files {
+            Some((estimation, _)) => estimation.iter().map(|file| file as &dyn Source).collect(),
+            None => self.data.estimation.iter().map(|record| record as &dyn Source).collect(),
+        }
+    }
+
+    /// Experiments of the validation.
+    pub fn validation(&self) -> Vec<&dyn Source> {
+        match &self.files {
+            Some((_, validation)) => validation.iter().map(|file| file as &dyn Source).collect(),
+            None => self.data.validation.iter().map(|record| record as &dyn Source).collect(),
+        }
+    }
+
+    /// Operating point of inputs and outputs.
+    pub fn offsets(&self) -> (&[f64], &[f64]) {
+        (&self.data.input_offset, &self.data.output_offset)
+    }
+
+    /// Records of the estimation in memory.
+    ///
+    /// # Errors
+    /// They are too long for it.
+    pub fn records(&self) -> Result<&[Record], Error> {
+        match self.files {
+            Some(_) => Err(record::Error::NotInMemory.into()),
+            None => Ok(&self.data.estimation),
+        }
     }
 }

@@ -10,11 +10,13 @@ use crate::ident::record::Experiments;
 use crate::ident::responses::{Responses, responses};
 use crate::ident::summary::{self, Summary};
 use crate::plot::fit_page::{self, Page, Table};
-use crate::series::{TimeSeries, csv, file::write_whole};
+use crate::series::file::{persist, write_whole};
+use crate::series::{TimeSeries, csv};
 use crate::{Error, plot};
+use tempfile::NamedTempFile;
 
 /// What an identification leaves behind.
-#[derive(Debug, Clone)]
+#[derive(Debug)]
 pub struct Results {
     /// Contents of summary.json; figures and files are filled in by [`Results::write`].
     pub summary: Summary,
@@ -22,6 +24,8 @@ pub struct Results {
     pub model: NamedModel,
     /// Further tables: file name and contents.
     pub series: Vec<(String, TimeSeries)>,
+    /// Tables that are written already: name and temporary file in the folder of the results.
+    pub ready: Vec<(String, NamedTempFile)>,
     /// Further texts: file name and contents.
     pub texts: Vec<(String, String)>,
     /// Figures: name and SVG.
@@ -48,7 +52,7 @@ impl Results {
                 series.push((format!("{name}.csv"), table));
             }
         }
-        Results { summary, model, series, texts: Vec::new(), figures, tables: Vec::new() }
+        Results { summary, model, series, ready: Vec::new(), texts: Vec::new(), figures, tables: Vec::new() }
     }
 
     /// Writes everything into `folder`, which then holds nothing of an earlier result, and gives the summary as written.
@@ -61,6 +65,7 @@ impl Results {
         let named = self.figures.iter().map(|(name, _)| name.as_str());
         self.summary.figures = plot::run::unique_files(named);
         let tables = self.series.iter().map(|(name, _)| name.clone());
+        let tables = tables.chain(self.ready.iter().map(|(name, _)| name.clone()));
         let texts = self.texts.iter().map(|(name, _)| name.clone());
         self.summary.files.splice(0..0, ["model.toml".to_owned()].into_iter().chain(tables).chain(texts));
         let write = |name: &str, text: &str| write_text(&folder.join(name), text);
@@ -70,6 +75,10 @@ impl Results {
         file::save(&self.model, &folder.join("model.toml"))?;
         for (name, series) in &self.series {
             csv::write(series, &folder.join(name))?;
+        }
+        for (name, file) in std::mem::take(&mut self.ready) {
+            let path = folder.join(&name);
+            persist(file, &path).map_err(|source| csv::Error::Io { path, source })?;
         }
         for (name, text) in &self.texts {
             write(name, text)?;

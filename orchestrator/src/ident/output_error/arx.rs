@@ -117,13 +117,15 @@ fn from_starts(
 ) -> Result<Found<Arx>, Error> {
     let (mask, n_y) = (problem.mask, given.output_offset.len());
     let identity = DMatrix::identity(n_y, n_y);
-    let criterion = |model: &Arx| problem.residuals(model, &identity).map_or(f64::INFINITY, |m| m.criterion());
+    let criterion =
+        |model: &Arx| problem.residuals(model, &identity).map_or(f64::INFINITY, |m| m.criterion());
     let iv_options = instrumental_variables::Options { iterations: 10, ..Default::default() };
     let instruments = |start: &Arx| -> Result<Arx, Error> {
         let found = instrumental_variables::estimate(start, mask, records, &iv_options)?;
         Ok(stabilised(&found.model, FILTER_RADIUS))
     };
-    let plain = stabilised(&instrumental_variables::least_squares(problem.template, mask, records)?, FILTER_RADIUS);
+    let plain =
+        stabilised(&instrumental_variables::least_squares(problem.template, mask, records)?, FILTER_RADIUS);
     let mut starts = vec![instruments(&plain)?, plain.clone()];
     if (mask.parameters(&given) - mask.parameters(&plain)).amax() > 1e-6 {
         starts.extend([instruments(&given)?, given]);
@@ -140,7 +142,8 @@ fn from_starts(
     let mut best: Option<Found<Arx>> = None;
     for (_, start) in ranked.into_iter().take(TRIES) {
         let found = minimise(problem, start, options);
-        let settled = found.as_ref().is_some_and(|found| matches!(found.outcome, Outcome::Converged | Outcome::Flat));
+        let settled =
+            found.as_ref().is_some_and(|found| matches!(found.outcome, Outcome::Converged | Outcome::Flat));
         let lower = |found: &Found<Arx>| {
             best.as_ref().is_none_or(|best| found.moments.criterion() < best.moments.criterion())
         };

@@ -139,8 +139,7 @@ pub fn simulate(model: &Arx, experiment: &Experiment, root: &DMatrix<f64>) -> Si
         }
     };
     let difference = |y: &[Vec<f64>]| -> Vec<Vec<f64>> {
-        let of =
-            |(measured, y): (&Vec<f64>, &Vec<f64>)| measured.iter().zip(y).map(|(m, y)| m - y).collect();
+        let of = |(measured, y): (&Vec<f64>, &Vec<f64>)| measured.iter().zip(y).map(|(m, y)| m - y).collect();
         experiment.y.iter().zip(y).map(of).collect()
     };
     let responses = inverse.impulses(n);

@@ -51,6 +51,11 @@ pub enum Error {
         "{file}: column `{column}` is in [{unit}], but in [{other_unit}] in {other}; convert one of the files"
     )]
     Units { file: String, column: String, unit: String, other: String, other_unit: String },
+    /// A method that needs all samples at once.
+    #[error(
+        "these files are read block by block (--stream, or more than 1 GB), but this method needs all samples in memory; use --method least-squares, or cut the files"
+    )]
+    NotInMemory,
     /// A column that never changes.
     #[error(
         "column `{column}` is {value} in every row of {files}: nothing can be learnt from a constant {kind}; {remedy}"

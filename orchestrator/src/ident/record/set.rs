@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use super::read::{self, Survey};
 use super::{Detrend, Error, Record, detrend};
+use crate::ident::source::FileSource;
 
 /// What to read.
 #[derive(Debug, Clone, Default)]
@@ -55,6 +56,28 @@ impl Experiments {
             detrend::remove_slopes(record, &detrend::slopes(request.detrend, survey));
         }
         Ok(experiments)
+    }
+
+    /// Reads all files once and checks them, and gives sources that read them again, in constant memory; the records of
+    /// the experiments stay empty. Estimation first, then validation.
+    ///
+    /// # Errors
+    /// As [`Experiments::read`].
+    pub fn stream(request: &Request) -> Result<(Experiments, Vec<FileSource>, Vec<FileSource>), Error> {
+        let (experiments, surveys) = Experiments::open(request, false)?;
+        let columns: Vec<String> = request.inputs.iter().chain(&request.outputs).cloned().collect();
+        let paths = request.estimation.iter().chain(&request.validation);
+        let source = |(path, survey): (&PathBuf, Survey)| FileSource {
+            path: path.clone(),
+            columns: columns.clone(),
+            n_u: request.inputs.len(),
+            slopes: detrend::slopes(request.detrend, &survey),
+            survey,
+            sample_time: experiments.sample_time,
+        };
+        let mut estimation: Vec<FileSource> = paths.zip(surveys).map(source).collect();
+        let validation = estimation.split_off(request.estimation.len());
+        Ok((experiments, estimation, validation))
     }
 
     /// Reads all files once and checks them; without `keep` the records stay empty. The surveys are those of the

@@ -99,14 +99,14 @@ impl<'a> Candidates<'a> {
 
     /// Singular values of one projection.
     pub fn singular_values(&self, method: &Method) -> Vec<f64> {
-        self.projection(method).map_or_else(Vec::new, |(_, projection)| {
-            projection.singular_values.iter().copied().collect()
-        })
+        self.projection(method)
+            .map_or_else(Vec::new, |(_, projection)| projection.singular_values.iter().copied().collect())
     }
 
     /// Highest order that any projection shows.
     pub fn rank(&self) -> usize {
-        let ranks = self.horizons.iter().flat_map(|horizon| horizon.projections.iter().map(|(_, p)| p.rank()));
+        let ranks =
+            self.horizons.iter().flat_map(|horizon| horizon.projections.iter().map(|(_, p)| p.rank()));
         ranks.max().unwrap_or(0)
     }
 
@@ -125,7 +125,12 @@ impl<'a> Candidates<'a> {
                 if n <= projection.rank() && n <= shifted {
                     for realisation in Realisation::ALL {
                         let horizon = horizon.factor.horizon;
-                        methods.push(Method { weighting: *weighting, horizon, realisation, stabilised: false });
+                        methods.push(Method {
+                            weighting: *weighting,
+                            horizon,
+                            realisation,
+                            stabilised: false,
+                        });
                     }
                 }
             }
@@ -185,7 +190,8 @@ impl<'a> Candidates<'a> {
             block = &block * &model.a;
         }
         let state = pseudo_inverse(gamma) * predictor(&horizon.factor);
-        let mut starts: Vec<DMatrix<f64>> = riccati_gain(&horizon.factor, model, &state).into_iter().collect();
+        let mut starts: Vec<DMatrix<f64>> =
+            riccati_gain(&horizon.factor, model, &state).into_iter().collect();
         if spectral_radius(&model.a) < 1.0 {
             starts.push(DMatrix::zeros(n, n_y));
         }

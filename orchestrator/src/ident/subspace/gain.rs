@@ -28,8 +28,7 @@ pub(super) fn riccati_gain(
     let w = &steps.later * state.transpose() - &x * model.a.transpose() - &steps.u * model.b.transpose();
     let v = &steps.y - &x * model.c.transpose() - &steps.u * model.d.transpose();
     let rows = factor.rows() as f64;
-    let mut noise =
-        Noise { q: w.tr_mul(&w) / rows, s: w.tr_mul(&v) / rows, r: v.tr_mul(&v) / rows };
+    let mut noise = Noise { q: w.tr_mul(&w) / rows, s: w.tr_mul(&v) / rows, r: v.tr_mul(&v) / rows };
     if noise.r.trace() < NOISE_FREE * n_y as f64 {
         return Some(DMatrix::zeros(n, n_y));
     }
@@ -72,8 +71,7 @@ pub(super) fn prediction_error_gain(
         // Every output counts by its relative error.
         let weights = rms(&errors).map(|rms| 1.0 / rms.max(f64::MIN_POSITIVE));
         let weights = DMatrix::from_diagonal(&weights);
-        let driven: Vec<Segment> =
-            errors.iter().map(|e| Segment { u: e.clone(), y: &weights * e }).collect();
+        let driven: Vec<Segment> = errors.iter().map(|e| Segment { u: e.clone(), y: &weights * e }).collect();
         let closed = &model.a - &gain * &model.c;
         let Some(step) = input_terms(&driven, &closed, &(&weights * &model.c), None, false) else { break };
         let before = least;
@@ -98,12 +96,7 @@ pub(super) fn prediction_error_gain(
 }
 
 /// Innovations `y(k) - C x(k) - D u(k)` of the predictor from the initial state, shape \[n_y, n\].
-fn innovations(
-    segment: &Segment,
-    model: &Matrices,
-    gain: &DMatrix<f64>,
-    x0: &DVector<f64>,
-) -> DMatrix<f64> {
+fn innovations(segment: &Segment, model: &Matrices, gain: &DMatrix<f64>, x0: &DVector<f64>) -> DMatrix<f64> {
     let mut errors = segment.y.clone();
     let (mut x, mut next) = (x0.clone(), x0.clone());
     for (mut e, u) in errors.column_iter_mut().zip(segment.u.column_iter()) {

@@ -55,7 +55,8 @@ impl Projection {
                 let svd = factor.future().svd(true, false);
                 let u = svd.u.expect("asked for");
                 let rank = rank(&svd.singular_values);
-                let (u, s) = (u.columns(0, rank).into_owned(), svd.singular_values.rows(0, rank).into_owned());
+                let (u, s) =
+                    (u.columns(0, rank).into_owned(), svd.singular_values.rows(0, rank).into_owned());
                 let weight = DMatrix::from_diagonal(&s.map(|s| 1.0 / s)) * u.transpose();
                 (&weight * future, Some(u * DMatrix::from_diagonal(&s)), Some(weight))
             }

@@ -85,7 +85,24 @@ mod tests {
         let diagonal = DMatrix::from_row_slice(
             4,
             4,
-            &[1.25, 0.2, 0.0, 0.3, 0.0, 0.5, 0.1, 0.0, 0.0, 0.0, 1.1 * c, 1.1 * s, 0.0, 0.0, -1.1 * s, 1.1 * c],
+            &[
+                1.25,
+                0.2,
+                0.0,
+                0.3,
+                0.0,
+                0.5,
+                0.1,
+                0.0,
+                0.0,
+                0.0,
+                1.1 * c,
+                1.1 * s,
+                0.0,
+                0.0,
+                -1.1 * s,
+                1.1 * c,
+            ],
         );
         let turn = DMatrix::from_fn(4, 4, |i, j| ((i * 4 + j) as f64).sin()).qr().q();
         let mended = stabilised(&(&turn * diagonal * turn.transpose())).unwrap();

@@ -76,11 +76,7 @@ mod tests {
 
     #[test]
     fn a_state_that_no_output_sees_and_that_grows_has_no_stable_predictor() {
-        let noise = Noise {
-            q: DMatrix::identity(1, 1),
-            s: DMatrix::zeros(1, 1),
-            r: DMatrix::identity(1, 1),
-        };
+        let noise = Noise { q: DMatrix::identity(1, 1), s: DMatrix::zeros(1, 1), r: DMatrix::identity(1, 1) };
         let a = DMatrix::from_element(1, 1, 1.2);
         assert!(kalman_gain(&a, &DMatrix::zeros(1, 1), &noise).is_none());
     }

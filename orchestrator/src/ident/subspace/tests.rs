@@ -70,7 +70,10 @@ fn a_system_with_direct_term_comes_back_from_several_records_without_noise() {
         let options = Options { weightings: vec![weighting], ..options(Order::Fixed(4)) };
         let found = estimate(&records, &options).unwrap();
         for (k, (found, expected)) in markov(&found.model, 30).iter().zip(markov(&truth(), 30)).enumerate() {
-            assert!((found - &expected).amax() < 1e-8, "{weighting:?}, Markov parameter {k}: {found} {expected}");
+            assert!(
+                (found - &expected).amax() < 1e-8,
+                "{weighting:?}, Markov parameter {k}: {found} {expected}"
+            );
         }
         assert!(found.warnings.is_empty(), "{:?}", found.warnings);
     }
@@ -97,8 +100,9 @@ fn the_predictor_of_an_innovations_model_leaves_its_innovations() {
     let mut model = truth();
     model.gain = Some(DMatrix::from_row_slice(4, 2, &[0.3, 0.1, -0.1, 0.2, 0.2, 0.0, 0.0, -0.1]));
     let (n, size) = (3000, 0.3);
-    let inputs: Vec<Vec<f64>> =
-        (0..2).map(|j| noise(3 + j, n).iter().map(|u| u + model.input_offset[j as usize]).collect()).collect();
+    let inputs: Vec<Vec<f64>> = (0..2)
+        .map(|j| noise(3 + j, n).iter().map(|u| u + model.input_offset[j as usize]).collect())
+        .collect();
     let innovations: Vec<Vec<f64>> =
         (0..2).map(|i| noise(71 + i, n).iter().map(|e| size * e).collect()).collect();
     // The innovations drive the state like inputs.
@@ -106,7 +110,11 @@ fn the_predictor_of_an_innovations_model_leaves_its_innovations() {
         b: DMatrix::from_fn(4, 4, |i, j| {
             if j < 2 { model.b[(i, j)] } else { model.gain.as_ref().unwrap()[(i, j - 2)] }
         }),
-        d: DMatrix::from_fn(2, 4, |i, j| if j < 2 { model.d[(i, j)] } else { f64::from(u8::from(i == j - 2)) }),
+        d: DMatrix::from_fn(
+            2,
+            4,
+            |i, j| if j < 2 { model.d[(i, j)] } else { f64::from(u8::from(i == j - 2)) },
+        ),
         input_offset: [model.input_offset.clone(), vec![0.0; 2]].concat(),
         gain: None,
         ..model.clone()
@@ -116,7 +124,8 @@ fn the_predictor_of_an_innovations_model_leaves_its_innovations() {
     let found = estimate(std::slice::from_ref(&record), &options(Order::Fixed(4))).unwrap();
     let predicted = found.model.one_step(&record);
     for i in 0..2 {
-        let rms = |values: &mut dyn Iterator<Item = f64>| (values.map(|v| v * v).sum::<f64>() / n as f64).sqrt();
+        let rms =
+            |values: &mut dyn Iterator<Item = f64>| (values.map(|v| v * v).sum::<f64>() / n as f64).sqrt();
         let left = rms(&mut record.outputs[i].iter().zip(&predicted[i]).map(|(y, p)| y - p));
         let least = rms(&mut innovations[i].iter().copied());
         assert!(left < 1.02 * least, "output {i}: {left} against {least}");
@@ -184,5 +193,9 @@ fn a_single_sine_is_not_enough_and_said_so() {
         y.iter_mut().zip(e).for_each(|(y, e)| *y += 0.1 * e);
     }
     let found = estimate(&records, &options(Order::Fixed(2))).unwrap();
-    assert!(found.warnings.iter().any(|warning| warning.contains("more frequencies")), "{:?}", found.warnings);
+    assert!(
+        found.warnings.iter().any(|warning| warning.contains("more frequencies")),
+        "{:?}",
+        found.warnings
+    );
 }

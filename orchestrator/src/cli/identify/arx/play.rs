@@ -1,0 +1,184 @@
+//! The model against all records: fits, tables and figures in one pass over each.
+
+use std::io::{BufWriter, Write};
+
+use serde_json::json;
+use tempfile::NamedTempFile;
+
+use super::Args;
+use super::estimate::Estimated;
+use crate::cli::identify::data::Loaded;
+use crate::cli::identify::output::Results;
+use crate::ident::model::{Linear, Model, NamedModel};
+use crate::ident::playback::{Playback, Played};
+use crate::ident::score::{RecordScore, Score, Tally};
+use crate::ident::source::Source;
+use crate::ident::summary::{SCHEMA_VERSION, Summary, coefficients};
+use crate::plot::envelope::Envelope;
+use crate::plot::fit_page::{Compared, compared};
+use crate::series::{csv, rows};
+use crate::{Error, series};
+
+/// Longest record \[samples\] that is written as a table.
+const LONGEST_TABLE: usize = 200_000;
+
+/// Results of an estimated model.
+///
+/// # Errors
+/// A file that cannot be read again, or a table that cannot be written.
+pub fn results(args: &Args, loaded: &Loaded, estimated: Estimated) -> Result<Results, Error> {
+    let data = &loaded.data;
+    let stable = estimated.model.is_stable();
+    let mut summary = Summary {
+        schema_version: SCHEMA_VERSION,
+        airloop_version: env!("CARGO_PKG_VERSION").into(),
+        method: estimated.method,
+        inputs: data.inputs.clone(),
+        outputs: data.outputs.clone(),
+        sample_time: data.sample_time,
+        structure: json!({
+            "na": estimated.structure.na,
+            "nb": estimated.structure.nb,
+            "nk": estimated.structure.nk,
+        }),
+        stable,
+        diagnostics: estimated.diagnostics,
+        verdict: estimated.verdict,
+        warnings: estimated.warnings,
+        ..Summary::default()
+    };
+    summary.diagnostics["parameters"] = json!(estimated.parameters.intervals());
+    let mut results = Results {
+        summary,
+        model: NamedModel {
+            model: Linear::Arx(estimated.model.clone()),
+            inputs: data.inputs.clone(),
+            outputs: data.outputs.clone(),
+            units: data.units.clone(),
+        },
+        series: Vec::new(),
+        ready: Vec::new(),
+        texts: Vec::new(),
+        figures: Vec::new(),
+        tables: Vec::new(),
+    };
+    results.summary.coefficients = coefficients(&results.model.model);
+    let playback = Playback::new(&estimated.model, stable);
+    let (estimation, validation) = (loaded.estimation(), loaded.validation());
+    for (set, sources, judges) in
+        [("estimation", &estimation, validation.is_empty()), ("validation", &validation, true)]
+    {
+        let mut records = Vec::new();
+        for (index, source) in sources.iter().enumerate() {
+            let name = if sources.len() == 1 { set.to_owned() } else { format!("{set}_{}", index + 1) };
+            let figures = judges && !args.data.no_plots;
+            records.push(play(args, loaded, *source, &name, &playback, figures, &mut results)?);
+        }
+        let score = Score::of_records(records, &data.outputs);
+        match set {
+            "estimation" => results.summary.estimation = score,
+            _ if !sources.is_empty() => results.summary.validation = Some(score),
+            _ => {}
+        }
+    }
+    Ok(results)
+}
+
+/// Plays one record.
+fn play(
+    args: &Args,
+    loaded: &Loaded,
+    source: &dyn Source,
+    name: &str,
+    playback: &Playback,
+    figures: bool,
+    results: &mut Results,
+) -> Result<RecordScore, Error> {
+    let data = &loaded.data;
+    let (n_y, samples) = (data.outputs.len(), source.samples());
+    let mut tally = Tally::new(source.name(), n_y, playback.warm_up());
+    // Measured, response and residual of every output.
+    let mut envelope = figures.then(|| Envelope::new(3 * n_y, samples));
+    let mut table =
+        (samples <= LONGEST_TABLE).then(|| table(args, data, results.summary.stable)).transpose()?;
+    let mut written = Ok(());
+    playback.run(source, &mut |played| {
+        tally.add(&played);
+        if let Some(envelope) = &mut envelope {
+            draw(envelope, source, &played, playback.warm_up());
+        }
+        if let Some(table) = table.as_mut().filter(|_| written.is_ok()) {
+            written = write(table, source, &played);
+        }
+    })?;
+    let io =
+        |source| Error::from(csv::Error::Io { path: args.data.output.join(format!("{name}.csv")), source });
+    written.map_err(io)?;
+    if let Some(table) = table {
+        let file = table.into_inner().map_err(|error| io(error.into_error()))?;
+        results.ready.push((format!("{name}.csv"), file));
+    } else {
+        results.summary.warnings.push(format!(
+            "{name}.csv is not written: {samples} samples are more than the {LONGEST_TABLE} of a table"
+        ));
+    }
+    let score = tally.finish(&data.outputs);
+    if let Some(envelope) = envelope {
+        let curves = envelope.finish();
+        for (i, (output, curves)) in data.outputs.iter().zip(curves.chunks_exact(3)).enumerate() {
+            let fits = if results.summary.stable { &score.fit_simulated } else { &score.fit_one_step };
+            let svg = compared(&Compared {
+                record: name,
+                output,
+                unit: data.units.get(data.inputs.len() + i).map_or("", String::as_str),
+                simulated: results.summary.stable,
+                fit: fits.get(output).copied().flatten(),
+                curves,
+            });
+            results.figures.push((format!("{name}_{output}"), svg));
+        }
+    }
+    Ok(score)
+}
+
+fn draw(envelope: &mut Envelope, source: &dyn Source, played: &Played, warm_up: usize) {
+    let responses = played.simulated.unwrap_or(played.one_step);
+    let n = played.outputs.first().map_or(0, |output| output.len());
+    for k in warm_up.saturating_sub(played.at).min(n)..n {
+        let values = played.outputs.iter().zip(responses);
+        let values = values.flat_map(|(y, y_hat)| [y[k], y_hat[k], y[k] - y_hat[k]]);
+        envelope.push(source.time(played.at + k), values);
+    }
+}
+
+type TableWriter = BufWriter<NamedTempFile>;
+
+/// A table in the folder of the results, without a name yet.
+fn table(
+    args: &Args,
+    data: &crate::ident::record::Experiments,
+    simulated: bool,
+) -> Result<TableWriter, Error> {
+    let folder = &args.data.output;
+    let file = series::file::temporary(folder);
+    let file = file.map_err(|source| csv::Error::Io { path: folder.clone(), source })?;
+    let mut out = BufWriter::with_capacity(1 << 16, file);
+    let suffixes =
+        ["_simulated", "_one_step"].into_iter().filter(|suffix| simulated || *suffix == "_one_step");
+    let responses =
+        suffixes.flat_map(|suffix| data.outputs.iter().map(move |name| format!("{name}{suffix}")));
+    let names: Vec<String> = data.inputs.iter().chain(&data.outputs).cloned().chain(responses).collect();
+    rows::write_header(&mut out, names.iter().map(String::as_str))
+        .map_err(|source| csv::Error::Io { path: folder.clone(), source })?;
+    Ok(out)
+}
+
+fn write(out: &mut TableWriter, source: &dyn Source, played: &Played) -> std::io::Result<()> {
+    let n = played.outputs.first().map_or(0, |output| output.len());
+    for k in 0..n {
+        let measured = played.inputs.iter().chain(played.outputs).map(|column| column[k]);
+        let responses = played.simulated.into_iter().flatten().chain(played.one_step).map(|column| column[k]);
+        rows::write_row(out, source.time(played.at + k), measured.chain(responses))?;
+    }
+    out.flush()
+}
