@@ -29,7 +29,9 @@ pub struct Autocorrelation {
     pub explained_by_past: f64,
 }
 
-/// Correlation of the residual of one output with one input.
+/// Correlation of the residual of one output with one input, both filtered so that the input is white: a slow input would
+/// hide what is missing in the correlation of its neighbouring values. The values then look like the impulse response that
+/// the model lacks.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct CrossCorrelation {
     /// Name of the output.
@@ -38,7 +40,7 @@ pub struct CrossCorrelation {
     pub input: String,
     /// Lags, from negative to positive; at a positive lag the input comes first.
     pub lags: Vec<i64>,
-    /// Correlation of `e(k + lag)` and `u(k)`.
+    /// Correlation of the filtered `e(k + lag)` and `u(k)`.
     pub values: Vec<f64>,
     /// A value stays within +- this with a probability of 99 % if residual and input are independent.
     pub band_99: f64,
@@ -47,7 +49,8 @@ pub struct CrossCorrelation {
     pub missing_dynamics: f64,
     /// The same at negative lags: above 1 the input depends on past outputs (feedback).
     pub feedback: f64,
-    /// Largest squared correlation at lags from 0 on: about the share of the variance of the residual.
+    /// Share of the variance of the filtered residual that the input explains: squared correlations at lags from 0 on, less
+    /// what independent signals show by chance.
     pub explained_by_input: f64,
 }
 
@@ -95,10 +98,11 @@ pub fn cross_correlation(
     (input, input_name): (usize, &str),
     lags: usize,
 ) -> CrossCorrelation {
-    let e = centred(residuals.iter().map(|record| record[index].as_slice()));
+    let mut e = centred(residuals.iter().map(|record| record[index].as_slice()));
     let first = |(record, e): (&Record, &Vec<f64>)| record.inputs[input][record.len() - e.len()..].to_vec();
     let cut: Vec<Vec<f64>> = records.iter().zip(&e).map(first).collect();
-    let u = centred(cut.iter().map(Vec::as_slice));
+    let mut u = centred(cut.iter().map(Vec::as_slice));
+    whiten(&mut u, &mut e, lags.min(WHITENING));
     let n: usize = e.iter().map(Vec::len).sum();
     let long = 4 * lags;
     let (of_e, of_u) = (covariances(&e, &e, long), covariances(&u, &u, long));
@@ -124,7 +128,8 @@ pub fn cross_correlation(
         band_99: chi_squared::two_sided_normal(0.01) * deviation,
         missing_dynamics: in_bands(positive),
         feedback: in_bands(negative),
-        explained_by_input: largest(positive).powi(2),
+        explained_by_input: (positive.iter().map(|r| r * r).sum::<f64>() - deviation.powi(2) * positive.len() as f64)
+            .clamp(0.0, 1.0),
         values,
     }
 }
@@ -148,22 +153,52 @@ fn covariances(a: &[Vec<f64>], b: &[Vec<f64>], lags: usize) -> Vec<f64> {
     (0..=lags).map(at).collect()
 }
 
-/// Share of the variance that an autoregression over all lags explains (Levinson-Durbin).
+/// Share of the variance that an autoregression over all lags explains.
 fn autoregression(correlation: &[f64]) -> f64 {
+    1.0 - levinson(correlation).1
+}
+
+/// Coefficients of the best prediction from the past for a correlation sequence (Levinson and Durbin), shape \[lags\], and
+/// the share of the variance that it leaves.
+fn levinson(correlation: &[f64]) -> (Vec<f64>, f64) {
     let mut coefficients: Vec<f64> = Vec::new();
     let mut left = 1.0;
     for lag in 1..correlation.len() {
         let predicted: f64 = coefficients.iter().enumerate().map(|(j, a)| a * correlation[lag - 1 - j]).sum();
         let reflection = (correlation[lag] - predicted) / left;
+        if reflection.abs() >= 1.0 {
+            return (coefficients, 0.0);
+        }
         let before = coefficients.clone();
         coefficients.iter_mut().enumerate().for_each(|(j, a)| *a -= reflection * before[lag - 2 - j]);
         coefficients.push(reflection);
         left *= 1.0 - reflection * reflection;
-        if left <= 0.0 {
-            return 1.0;
+    }
+    (coefficients, left)
+}
+
+/// Most past values of the filter that makes an input white.
+const WHITENING: usize = 20;
+/// White noise added to the input in mind, as a share of its variance: what it does not excite is not blown up.
+const FLOOR: f64 = 1e-4;
+
+/// Filters inputs and residuals with the filter that makes the inputs white.
+fn whiten(inputs: &mut [Vec<f64>], residuals: &mut [Vec<f64>], order: usize) {
+    let mut correlation = covariances(inputs, inputs, order);
+    let variance = correlation[0] * (1.0 + FLOOR);
+    if variance <= 0.0 {
+        return;
+    }
+    correlation.iter_mut().for_each(|value| *value /= variance);
+    correlation[0] = 1.0;
+    let (coefficients, _) = levinson(&correlation);
+    for values in inputs.iter_mut().chain(residuals) {
+        for k in (0..values.len()).rev() {
+            let past = coefficients.iter().take(k).enumerate();
+            let predicted: f64 = past.map(|(j, a)| a * values[k - 1 - j]).sum();
+            values[k] -= predicted;
         }
     }
-    1.0 - left
 }
 
 #[cfg(test)]
