@@ -198,7 +198,7 @@ impl Model for PneumaticCylinder {
         }
         let u = t.input("u").unit("N").about("force command").nominal(50.0).real(0.0);
         let x =
-            t.input("x").unit("m").about("position of the piston, 0 at mid-stroke").nominal(0.1).real(0.0);
+            t.input("x").unit("m").about("position of the piston, 0 at mid-stroke").nominal(0.05).real(0.0);
         let v = t.input("v").unit("m/s").about("speed of the piston").nominal(0.5).real(0.0);
         let mut force = |name: &'static str, about: &'static str| {
             t.output(name).unit("N").about(about).nominal(50.0).computed()
