@@ -8,6 +8,7 @@
 mod chamber;
 mod orifice;
 mod parameters;
+mod side;
 #[cfg(test)]
 mod tests;
 mod valve;
@@ -16,33 +17,8 @@ use chamber::{Chamber, Exponents};
 use fmi2_export::{Identity, Memory, MemoryBlock, Model, Outcome, Real, Refusal, Scalar, Table, Values};
 use orifice::Air;
 use parameters::Parameters;
+use side::{MAX_DELAY, Side};
 use valve::{Flows, Valve};
-
-/// Longest delay of a tube \[substeps\].
-const MAX_DELAY: usize = 200;
-
-/// Handles of the states of one valve, or of their derivatives.
-struct ValveStates {
-    c: Real,
-    q: Real,
-    s: Real,
-    s_rate: Real,
-    pv: Real,
-}
-
-/// One side of the cylinder: valve, tube, chamber.
-struct Side {
-    valve: ValveStates,
-    p: Real,
-    der_valve: ValveStates,
-    der_p: Real,
-    m_valve: Real,
-    m_tube: Real,
-    /// Position of the play.
-    play: MemoryBlock,
-    /// Flow into the tube at the last samples of the delay line, youngest first.
-    line: MemoryBlock,
-}
 
 /// Force command and piston motion to forces and pressures; the equations stand in the README of the FMU.
 ///
@@ -193,7 +169,7 @@ impl Model for PneumaticCylinder {
 
     #[allow(non_snake_case)]
     fn declare(t: &mut Table) -> Self {
-        for (name, exponents) in UNITS {
+        for (name, exponents) in side::UNITS {
             t.unit(name, exponents);
         }
         let u = t.input("u").unit("N").about("force command").nominal(50.0).real(0.0);
@@ -206,7 +182,7 @@ impl Model for PneumaticCylinder {
         let F_hat = force("F_hat", "force of the pressures at the valve ports");
         let F_act =
             force("F_act", "force on the piston before its friction; with rod_fixed on the load cell");
-        let sides = [1, 2].map(|i| declare_side(t, i));
+        let sides = [1, 2].map(|i| Side::declare(t, i));
         let k = Parameters::declare(t);
         let mut area = |name: &'static str, about: &'static str| {
             t.calculated(name).unit("m2").about(about).nominal(3e-4).computed()
@@ -341,63 +317,4 @@ impl Model for PneumaticCylinder {
             q[side.play.at(0)] = q[self.F_eq] / q[[self.S1, self.S2][i]] + q[self.k.patm];
         }
     }
-}
-
-/// Units that only this model has.
-const UNITS: [(&str, &[(&str, i32)]); 8] = [
-    ("m3", &[("m", 3)]),
-    ("K", &[("K", 1)]),
-    ("J/(kg.K)", &[("m", 2), ("s", -2), ("K", -1)]),
-    ("1/Pa", &[("kg", -1), ("m", 1), ("s", 2)]),
-    ("1/(Pa.s)", &[("kg", -1), ("m", 1), ("s", 1)]),
-    ("Pa/s", &[("kg", 1), ("m", -1), ("s", -3)]),
-    ("1/s2", &[("s", -2)]),
-    ("kg/s", &[("kg", 1), ("s", -1)]),
-];
-
-fn declare_side(t: &mut Table, i: usize) -> Side {
-    let p = t
-        .computed_state(format!("p{i}"))
-        .output()
-        .unit("Pa")
-        .about(format!("pressure of chamber {i}, absolute"))
-        .nominal(1e5)
-        .computed();
-    let pv = t
-        .computed_state(format!("pv{i}"))
-        .output()
-        .unit("Pa")
-        .about(format!("pressure at the port of valve {i}, absolute"))
-        .nominal(1e5)
-        .computed();
-    let mut state = |name: String, unit: &'static str, about: String, nominal: f64| {
-        let d = t.computed_state(name).about(about).nominal(nominal);
-        if unit.is_empty() { d.computed() } else { d.unit(unit).computed() }
-    };
-    let valve = ValveStates {
-        c: state(format!("c{i}"), "Pa", format!("filtered pressure command of valve {i}"), 1e5),
-        q: state(format!("q{i}"), "", format!("integrator of the controller of valve {i}"), 0.1),
-        s: state(format!("s{i}"), "", format!("position of spool {i}, 1: fully open to the supply"), 0.1),
-        s_rate: state(format!("s{i}_rate"), "1/s", format!("rate of spool {i}"), 10.0),
-        pv,
-    };
-    let mut rate = |name: String, of: Real, unit: &'static str, nominal: f64| {
-        let about = format!("rate of {name}");
-        t.derivative(format!("der({name})"), of).unit(unit).about(about).nominal(nominal).computed()
-    };
-    let der_p = rate(format!("p{i}"), p, "Pa/s", 1e6);
-    let der_valve = ValveStates {
-        pv: rate(format!("pv{i}"), pv, "Pa/s", 1e6),
-        c: rate(format!("c{i}"), valve.c, "Pa/s", 1e6),
-        q: rate(format!("q{i}"), valve.q, "1/s", 1.0),
-        s: rate(format!("s{i}"), valve.s, "1/s", 10.0),
-        s_rate: rate(format!("s{i}_rate"), valve.s_rate, "1/s2", 1e4),
-    };
-    let mut flow = |name: &str, about: String| {
-        t.local(format!("{name}{i}")).unit("kg/s").about(about).nominal(1e-4).computed()
-    };
-    let m_valve = flow("m_valve", format!("mass flow through valve {i} into its port"));
-    let m_tube = flow("m_tube", format!("mass flow from port {i} into its tube"));
-    let (play, line) = (t.memory(1), t.memory(MAX_DELAY + 1));
-    Side { valve, p, der_valve, der_p, m_valve, m_tube, play, line }
 }

@@ -3,7 +3,7 @@
 use fmi2_export::{Boolean, Integer, Real, Table};
 
 /// Handles; names and values are those of the plant's description in the README.
-#[allow(non_snake_case, missing_docs)]
+#[allow(non_snake_case)]
 pub struct Parameters {
     pub bore: Real,
     pub rod: Real,

@@ -178,7 +178,8 @@ fn seal_of_a_fixed_rod_holds_back_up_to_its_force() {
     });
     let mut held: Vec<f64> = Vec::new();
     for _ in 0..2000 {
-        (free.at_rest(1), fixed.at_rest(1));
+        free.at_rest(1);
+        fixed.at_rest(1);
         held.push(free.q[free.model.F_act] - fixed.q[fixed.model.F_act]);
     }
     // The force rises by far more than klc sealx = 3.2 N, so that the seal comes to slide at its full force of 1.2 N.
