@@ -127,7 +127,8 @@ fn record(args: &RecordArgs) -> Result<ExitCode, Error> {
         csv::write(&measured, &path)?;
         let role = if recording.estimation { "estimation" } else { "validation" };
         let columns: Vec<&str> = measured.channels().iter().map(|channel| channel.name.as_str()).collect();
-        text += &format!("{}: {} samples of {}, {role}\n", path.display(), measured.len(), columns.join(", "));
+        text +=
+            &format!("{}: {} samples of {}, {role}\n", path.display(), measured.len(), columns.join(", "));
     }
     let id = args.output.file_name().map_or("rig".into(), |name| name.to_string_lossy().into_owned());
     let source = source.file_name().map_or("".into(), |name| name.to_string_lossy().into_owned());
@@ -186,7 +187,8 @@ fn recordings(args: &RecordArgs) -> Result<(PathBuf, &'static str, Vec<Recording
                 centring: args.centring,
                 ..Default::default()
             };
-            plan.amplitude = args.amplitude.as_ref().and_then(|a| a.first().copied()).unwrap_or(plan.amplitude);
+            plan.amplitude =
+                args.amplitude.as_ref().and_then(|a| a.first().copied()).unwrap_or(plan.amplitude);
             plan.band = args.band.clone().unwrap_or(plan.band);
             plan.duration = args.duration.unwrap_or(plan.duration);
             let file = args.system.clone().unwrap_or_else(|| Path::new("system.ssd").into());

@@ -30,7 +30,8 @@ pub fn text(
         named.push(&channel.name);
         let sensor = sensor_of(&channel.name, sensors);
         let unit = channel.unit.as_deref().unwrap_or("");
-        let _ = write!(text, "\n[sensors.{}]\nunit = {unit:?}\nnoise_rms = {:?}\n", channel.name, sensor.noise);
+        let _ =
+            write!(text, "\n[sensors.{}]\nunit = {unit:?}\nnoise_rms = {:?}\n", channel.name, sensor.noise);
         if sensor.step > 0.0 {
             let _ = writeln!(text, "step = {:?}", sensor.step);
         }

@@ -118,7 +118,7 @@ fn run(graph: &SystemGraph, algorithm: Algorithm, inputs: &TimeSeries) -> Result
         Algorithm::Monolithic => Interpolation::Linear,
         _ => Interpolation::Hold,
     };
-    let stimulus = Stimulus { series: inputs, links: &links, interpolation };
+    let stimulus = Stimulus { series: inputs, links, interpolation };
     let stop = AtomicBool::new(false);
     let watch = Watch { stop: &stop, progress: &mut |_, _| {} };
     let run = simulate::run(graph, &settings, Some(&stimulus), watch)?;
@@ -127,7 +127,11 @@ fn run(graph: &SystemGraph, algorithm: Algorithm, inputs: &TimeSeries) -> Result
         End::Failed(error) => Err(error.into()),
         End::Terminated { component, .. } => {
             let time = run.result.time().last().copied().unwrap_or(time[0]);
-            Err(Error::Ended { file: graph.file.clone(), time, why: format!("`{component}` asked for the end") })
+            Err(Error::Ended {
+                file: graph.file.clone(),
+                time,
+                why: format!("`{component}` asked for the end"),
+            })
         }
         End::Interrupted => {
             let time = run.result.time().last().copied().unwrap_or(time[0]);

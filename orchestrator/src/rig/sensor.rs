@@ -34,7 +34,11 @@ pub fn quantise(value: f64, step: f64) -> f64 {
         return value;
     }
     let inverse = (1.0 / step).round();
-    if (inverse * step - 1.0).abs() < 1e-12 { (value * inverse).round() / inverse } else { (value / step).round() * step }
+    if (inverse * step - 1.0).abs() < 1e-12 {
+        (value * inverse).round() / inverse
+    } else {
+        (value / step).round() * step
+    }
 }
 
 /// What the sensors make of a recording. Each signal of each file has a noise of its own that depends on `seed` and
@@ -49,7 +53,11 @@ pub fn measure(recording: &Recording, sensors: &[Sensor], seed: u64) -> Result<T
         let sensor = sensor_of(&channel.name, sensors);
         let mut random = Random::stream(seed, &format!("{}/{}", recording.name, channel.name));
         let one = |value: &f64| quantise(value + sensor.noise * random.normal(), sensor.step);
-        measured.push(channel.name.clone(), channel.unit.clone(), channel.values.iter().map(one).collect())?;
+        measured.push(
+            channel.name.clone(),
+            channel.unit.clone(),
+            channel.values.iter().map(one).collect(),
+        )?;
     }
     Ok(measured)
 }

@@ -24,7 +24,13 @@ pub struct Plan {
 
 impl Default for Plan {
     fn default() -> Plan {
-        Plan { amplitudes: vec![0.3, 0.12, 0.2], band: 0.4..1.5, duration: 20.0, sample_time: 1e-3, stroke: 0.3 }
+        Plan {
+            amplitudes: vec![0.3, 0.12, 0.2],
+            band: 0.4..1.5,
+            duration: 20.0,
+            sample_time: 1e-3,
+            stroke: 0.3,
+        }
     }
 }
 

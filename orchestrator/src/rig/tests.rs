@@ -45,7 +45,10 @@ fn quantised_values_are_short_numbers() {
 fn the_case_lists_sensors_and_files() {
     let text = case::text("a", "actuator", "x.fmu", 1, 1e-3, &[], &[recording()]);
     let table: toml::Table = text.parse().unwrap();
-    assert_eq!(table["sample_rate_hz"].as_float().or(table["sample_rate_hz"].as_integer().map(|i| i as f64)), Some(1000.0));
+    assert_eq!(
+        table["sample_rate_hz"].as_float().or(table["sample_rate_hz"].as_integer().map(|i| i as f64)),
+        Some(1000.0)
+    );
     assert_eq!(table["sensors"]["F_p"]["noise_rms"].as_float(), Some(0.3));
     assert_eq!(table["files"][0]["role"].as_str(), Some("estimation"));
 }
