@@ -220,7 +220,7 @@ fn bad_records_are_refused_with_the_remedy() {
     let good = rows(&|_| None);
     let lines: Vec<&str> = good.lines().collect();
     for (name, text, expected) in [
-        ("short", lines[..6].join("\n"), "too few for"),
+        ("short", lines[..5].join("\n"), "too few for"),
         ("tiny", lines[..3].join("\n"), "2 samples are too few"),
         ("constant", rows(&|k| Some(format!("{:.3},5,{}\n", k as f64 * 1e-3, y[k]))), "column `u` is 5 in every row"),
         ("gap", rows(&|k| (100..150).contains(&k).then(String::new)), "line 102: gap from 0.099 s to 0.15 s"),
