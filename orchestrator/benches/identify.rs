@@ -62,17 +62,25 @@ fn main() {
         Regression::of(&[&estimation], &ranges.largest((1, 2)), OFFSETS).expect("the data are in memory");
     });
     let search = best(|| {
-        order_search::search(&[&estimation], &[&judging], &ranges, 1e-3, OFFSETS, names).expect("the data excite");
+        order_search::search(&[&estimation], &[&judging], &ranges, 1e-3, OFFSETS, names)
+            .expect("the data excite");
     });
     let numpy = numpy();
     let ratio = |own: Duration, other: f64| format!("{:.2} times", own.as_secs_f64() / other);
     println!("identify: ARX na=nb=2, 2 outputs, 1e6 samples: {estimate:.1?}");
     println!("identify: QR of the largest of 64 structures, 1e5 samples: {factorisation:.1?}");
-    println!("identify: search over the 64: {search:.1?}, {} its own QR", ratio(search, factorisation.as_secs_f64()));
+    println!(
+        "identify: search over the 64: {search:.1?}, {} its own QR",
+        ratio(search, factorisation.as_secs_f64())
+    );
     match numpy {
         Some((qr, largest)) => {
             println!("identify: NumPy and LAPACK: {:.1} ms, ours is {}", 1e3 * qr, ratio(estimate, qr));
-            println!("identify: LAPACK's QR of the largest: {:.1} ms, our search is {}", 1e3 * largest, ratio(search, largest));
+            println!(
+                "identify: LAPACK's QR of the largest: {:.1} ms, our search is {}",
+                1e3 * largest,
+                ratio(search, largest)
+            );
         }
         None => println!("identify: NumPy left out, as .venv/bin/python does not run it"),
     }
@@ -91,7 +99,8 @@ fn best(mut work: impl FnMut()) -> Duration {
 
 fn numpy() -> Option<(f64, f64)> {
     let python = Path::new(env!("CARGO_MANIFEST_DIR")).join("../.venv/bin/python");
-    let output = Command::new(python).args(["-c", NUMPY]).output().ok().filter(|output| output.status.success())?;
+    let output =
+        Command::new(python).args(["-c", NUMPY]).output().ok().filter(|output| output.status.success())?;
     let text = String::from_utf8(output.stdout).ok()?;
     let mut seconds = text.split_whitespace().filter_map(|word| word.parse().ok());
     Some((seconds.next()?, seconds.next()?))

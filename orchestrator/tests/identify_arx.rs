@@ -85,7 +85,10 @@ fn eq_8_comes_back_with_its_files() {
     let output = identify(&folder, &["a.csv", "b.csv", "--validate", "check.csv", "-o", "out/m"]);
     assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
     let printed = text(&output.stdout);
-    assert!(printed.starts_with("arx, least squares: 4998 samples of 0.001 s in 2 records, stable"), "{printed}");
+    assert!(
+        printed.starts_with("arx, least squares: 4998 samples of 0.001 s in 2 records, stable"),
+        "{printed}"
+    );
     let summary = summary(&folder, "out/m");
     let coefficients = &summary["coefficients"];
     for (name, expected) in [
@@ -94,7 +97,8 @@ fn eq_8_comes_back_with_its_files() {
         ("B1", vec![-0.6557, -0.0847]),
     ] {
         let rows = coefficients[name].as_array().unwrap().iter();
-        let found: Vec<f64> = rows.flat_map(|row| row.as_array().unwrap()).map(|x| x.as_f64().unwrap()).collect();
+        let found: Vec<f64> =
+            rows.flat_map(|row| row.as_array().unwrap()).map(|x| x.as_f64().unwrap()).collect();
         assert_eq!(found.len(), expected.len());
         assert!(found.iter().zip(&expected).all(|(x, y)| (x - y).abs() < 1e-9), "{name}: {found:?}");
     }
@@ -102,19 +106,24 @@ fn eq_8_comes_back_with_its_files() {
     for set in ["estimation", "validation"] {
         for fit in ["fit_simulated", "fit_one_step"] {
             for output in ["F_hat", "F_p"] {
-                assert!((summary[set][fit][output].as_f64().unwrap() - 100.0).abs() < 1e-6, "{set} {fit} {output}");
+                assert!(
+                    (summary[set][fit][output].as_f64().unwrap() - 100.0).abs() < 1e-6,
+                    "{set} {fit} {output}"
+                );
             }
         }
     }
     let out = folder.path().join("out/m");
-    for file in ["estimation_1.csv", "estimation_2.csv", "validation.csv", "validation_F_p.svg", "index.html"] {
+    for file in ["estimation_1.csv", "estimation_2.csv", "validation.csv", "validation_F_p.svg", "index.html"]
+    {
         assert!(out.join(file).is_file(), "{file}");
     }
     let Linear::Arx(model) = file::load(&out.join("model.toml")).unwrap().model else { panic!() };
     assert_eq!(model.a[0][(1, 0)], coefficients["A1"][1][0].as_f64().unwrap());
     let played = csv::read(&out.join("validation.csv")).unwrap();
     let names: Vec<&str> = played.channels().iter().map(|channel| channel.name.as_str()).collect();
-    let expected = ["u", "F_hat", "F_p", "F_hat_simulated", "F_p_simulated", "F_hat_one_step", "F_p_one_step"];
+    let expected =
+        ["u", "F_hat", "F_p", "F_hat_simulated", "F_p_simulated", "F_hat_one_step", "F_p_one_step"];
     assert_eq!(names, expected);
     assert_eq!(std::fs::read_dir(&out).unwrap().filter(|f| hidden(f.as_ref().unwrap())).count(), 0);
 }
@@ -137,9 +146,13 @@ fn files_read_anew_for_every_pass_give_the_same_bytes() {
             }
             let bytes = |name: &str| {
                 let folder = folder.path().join(name);
-                let mut files: Vec<_> = std::fs::read_dir(&folder).unwrap().map(|f| f.unwrap().file_name()).collect();
+                let mut files: Vec<_> =
+                    std::fs::read_dir(&folder).unwrap().map(|f| f.unwrap().file_name()).collect();
                 files.sort();
-                files.into_iter().map(|f| (f.clone(), std::fs::read(folder.join(f)).unwrap())).collect::<Vec<_>>()
+                files
+                    .into_iter()
+                    .map(|f| (f.clone(), std::fs::read(folder.join(f)).unwrap()))
+                    .collect::<Vec<_>>()
             };
             assert!(bytes("memory") == bytes("stream"), "--detrend {detrend} {order:?}");
         }
@@ -156,14 +169,32 @@ fn the_search_names_the_true_orders_and_keeps_its_table() {
         y[k] = 1.6 * y[k - 1] - 0.7 * y[k - 2] + u[k - 3] + 0.5 * u[k - 4] + 0.2 * next();
     }
     write(&folder, "r.csv", &table("time,u,y", 0.08, &[&u, &y]));
-    let words = ["identify", "arx", "r.csv", "--inputs", "u", "--outputs", "y", "--order", "auto", "--nk", "0..4", "-o", "o"];
+    let words = [
+        "identify",
+        "arx",
+        "r.csv",
+        "--inputs",
+        "u",
+        "--outputs",
+        "y",
+        "--order",
+        "auto",
+        "--nk",
+        "0..4",
+        "-o",
+        "o",
+    ];
     let output = airloop(&folder, &words);
     assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
     let summary = summary(&folder, "o");
     assert_eq!(summary["structure"], serde_json::json!({"na": [[2]], "nb": [[2]], "nk": [[3]]}));
     assert_eq!(summary["sample_time"], 0.08);
     let orders = std::fs::read_to_string(folder.path().join("o/orders.csv")).unwrap();
-    assert!(orders.starts_with("rank,na,nb,nk,coefficients,stable,fit_simulated,\"fit_y\",aicc,bic,mdl\n1,2,2,3,4,true,"));
+    assert!(
+        orders.starts_with("rank,na,nb,nk,coefficients,stable,fit_simulated,\"fit_y\",aicc,bic,mdl,taken\n")
+    );
+    let taken: Vec<&str> = orders.lines().filter(|line| line.ends_with(",true")).collect();
+    assert!(taken.len() == 1 && taken[0].contains(",2,2,3,4,true,"), "{taken:?}");
     assert_eq!(orders.lines().count(), 1 + 4 * 4 * 5);
     assert!(text(&output.stdout).contains("warning: no validation files"), "{}", text(&output.stdout));
 }
@@ -178,7 +209,8 @@ fn output_error_leaves_no_bias_where_least_squares_does() {
         write(&folder, name, &table("time,u,F_hat,F_p", 1e-3, &[&u, &y[0], &y[1]]));
     }
     let fit = |method: &str| {
-        let output = identify(&folder, &["a.csv", "--validate", "check.csv", "--method", method, "-o", method]);
+        let output =
+            identify(&folder, &["a.csv", "--validate", "check.csv", "--method", method, "-o", method]);
         assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
         summary(&folder, method)["validation"]["mean_fit_simulated"].as_f64().unwrap()
     };
@@ -200,7 +232,10 @@ fn an_unstable_model_has_no_simulated_fit() {
     let output = airloop(&folder, &words);
     assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
     let summary = summary(&folder, "o");
-    assert_eq!((&summary["stable"], &summary["estimation"]["fit_simulated"]["y"]), (&Value::Bool(false), &Value::Null));
+    assert_eq!(
+        (&summary["stable"], &summary["estimation"]["fit_simulated"]["y"]),
+        (&Value::Bool(false), &Value::Null)
+    );
     assert!(summary["estimation"]["fit_one_step"]["y"].as_f64().unwrap() > 90.0);
     assert!(text(&output.stdout).contains("UNSTABLE") && text(&output.stdout).contains("unstable"));
 }
@@ -222,21 +257,44 @@ fn bad_records_are_refused_with_the_remedy() {
     for (name, text, expected) in [
         ("short", lines[..5].join("\n"), "too few for"),
         ("tiny", lines[..3].join("\n"), "2 samples are too few"),
-        ("constant", rows(&|k| Some(format!("{:.3},5,{}\n", k as f64 * 1e-3, y[k]))), "column `u` is 5 in every row"),
+        (
+            "constant",
+            rows(&|k| Some(format!("{:.3},5,{}\n", k as f64 * 1e-3, y[k]))),
+            "column `u` is 5 in every row",
+        ),
         ("gap", rows(&|k| (100..150).contains(&k).then(String::new)), "line 102: gap from 0.099 s to 0.15 s"),
         (
             "jitter",
-            rows(&|k| Some(format!("{:.6},{},{}\n", k as f64 * 1e-3 + if k % 7 == 3 { 3e-4 } else { 0.0 }, u[k], y[k]))),
+            rows(&|k| {
+                Some(format!(
+                    "{:.6},{},{}\n",
+                    k as f64 * 1e-3 + if k % 7 == 3 { 3e-4 } else { 0.0 },
+                    u[k],
+                    y[k]
+                ))
+            }),
             "unevenly sampled",
         ),
-        ("nan", rows(&|k| Some(format!("{:.3},{},NaN\n", k as f64 * 1e-3, u[k]))), "column `y` has no number in any row"),
-        ("hole", rows(&|k| (k == 50).then(|| format!("0.050,{},\n", u[50]))), "line 52, column `y`: the value is missing, as in 1 of 400"),
+        (
+            "nan",
+            rows(&|k| Some(format!("{:.3},{},NaN\n", k as f64 * 1e-3, u[k]))),
+            "column `y` has no number in any row",
+        ),
+        (
+            "hole",
+            rows(&|k| (k == 50).then(|| format!("0.050,{},\n", u[50]))),
+            "line 52, column `y`: the value is missing, as in 1 of 400",
+        ),
         (
             "rates",
             rows(&|k| (k % 10 != 0).then(|| format!("{:.3},{},\n", k as f64 * 1e-3, u[k]))),
             "only at every 10. row",
         ),
-        ("text", rows(&|k| (k == 9).then(|| "0.009,a,1\n".into())), "line 11, column `u`: `a` is not a number"),
+        (
+            "text",
+            rows(&|k| (k == 9).then(|| "0.009,a,1\n".into())),
+            "line 11, column `u`: `a` is not a number",
+        ),
         ("back", rows(&|k| (k == 9).then(|| "0.001,1,1\n".into())), "line 11, column `time`"),
     ] {
         write(&folder, "bad.csv", &text);
@@ -265,7 +323,9 @@ fn bad_records_are_refused_with_the_remedy() {
         assert!(message.contains(expected), "{words:?}: {message}");
     }
     let words = ["identify", "arx", "good.csv", "--inputs", "u", "--outputs", "F", "-o", "o"];
-    assert!(self::text(&airloop(&folder, &words).stderr).contains("there is no column `F`; the file has: u, y"));
+    assert!(
+        self::text(&airloop(&folder, &words).stderr).contains("there is no column `F`; the file has: u, y")
+    );
     let words = ["identify", "arx", "good.csv", "--inputs", "u", "--outputs", "u", "-o", "o"];
     assert!(self::text(&airloop(&folder, &words).stderr).contains("column `u` is named twice"));
 }
