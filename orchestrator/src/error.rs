@@ -42,9 +42,26 @@ pub enum Error {
     /// Estimation of an ARX model.
     #[error(transparent)]
     Arx(#[from] crate::ident::arx::Error),
+    /// Estimation of a state-space model.
+    #[error(transparent)]
+    Subspace(#[from] crate::ident::subspace::Error),
     /// Files of identified models.
     #[error(transparent)]
     Model(#[from] crate::ident::model::file::Error),
+    /// Friction.
+    #[error(transparent)]
+    Friction(#[from] crate::ident::friction::Error),
+    /// Columns of friction records.
+    #[error(transparent)]
+    Sweep(#[from] crate::ident::friction::read::Error),
+    /// An FMU of an identified model.
+    #[error("FMU `{name}`: {problem}")]
+    LinearFmu {
+        /// Name that was wanted.
+        name: String,
+        /// What is in the way, and the remedy.
+        problem: String,
+    },
     /// Output error.
     #[error(transparent)]
     Refinement(#[from] crate::ident::output_error::Error),

@@ -283,10 +283,10 @@ fn a_loop_inside_a_chain_sees_what_comes_before_and_feeds_what_comes_after() {
 }
 
 #[test]
-fn two_loops_that_share_a_component_are_solved_in_their_order() {
+fn a_component_fed_by_itself_is_a_loop_of_its_own() {
     let folder = TempDir::new().unwrap();
     fmu(&folder, "able.fmu", ABLE);
-    // The loop of a and b drives that of b's state and c through a state: one group, two loops.
+    // A loop of a and b feeds another input of c.
     let components = [("c", "able.fmu"), ("a", "able.fmu"), ("b", "able.fmu")];
     let connections = [
         ("b.y", "a.u", 1.0, 1.0),
@@ -304,6 +304,42 @@ fn two_loops_that_share_a_component_are_solved_in_their_order() {
             assert!(values(&run, name).iter().all(|y| (y - expected).abs() < 1e-12), "{algorithm} {name}");
         }
     }
+}
+
+#[test]
+fn a_loop_that_only_missing_dependencies_make_is_run_all_the_same() {
+    let folder = TempDir::new().unwrap();
+    let silent = Abilities { dependencies: false, model_exchange: false, ..ABLE };
+    let cases = [
+        ("derivatives.fmu", silent, "an algebraic loop is solved for a.u, b.u"),
+        (
+            "states.fmu",
+            Abilities { derivatives: false, ..silent },
+            "over the communication step for a.u, b.u",
+        ),
+    ];
+    for (name, able, note) in cases {
+        fmu(&folder, name, able);
+        // The states approach each other: x' = 1 (w - x), w' = 1 (x - w), from 1 and 0.
+        let path = system(
+            &folder,
+            &[("a", name), ("b", name)],
+            &[("b.x", "a.u", 1.0, 0.0), ("a.x", "b.u", 1.0, 0.0)],
+        );
+        let graph = graph(&path, &[("a.rate", "1"), ("b.rate", "1"), ("a.x", "1")]);
+        let error = |step_size: f64| {
+            let run = completed(&graph, &Settings { stop_time: 1.0, step_size, ..Settings::default() });
+            assert!(run.notes[0].contains(note), "{:?}", run.notes);
+            (values(&run, "a.x").last().unwrap() - 0.5 * (1.0 + (-2.0f64).exp())).abs()
+        };
+        let (coarse, fine) = (error(0.02), error(0.01));
+        assert!(coarse < 0.01 && ((coarse / fine).log2() - 1.0).abs() < 0.1, "{name}: {coarse:e} {fine:e}");
+    }
+    fmu(&folder, "neither.fmu", Abilities { derivatives: false, states: false, ..silent });
+    let connections = [("b.x", "a.u", 1.0, 0.0), ("a.x", "b.u", 1.0, 0.0)];
+    let path = system(&folder, &[("a", "neither.fmu"), ("b", "neither.fmu")], &connections);
+    let message = simulate(&graph(&path, &[]), &Settings::default()).unwrap_err().to_string();
+    assert!(message.contains("component `a`") && message.contains("true `dependencies`"), "{message}");
 }
 
 fn airloop(folder: &Path, words: &[&str]) -> Output {

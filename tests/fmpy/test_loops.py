@@ -77,6 +77,23 @@ def test_two_static_frictions_in_a_loop_agree_with_fsolve_in_every_row(tmp_path,
     assert any(note.startswith("an algebraic loop is solved for a.v, b.v") for note in summary["fallbacks"])
 
 
+@pytest.mark.parametrize("master", MASTERS)
+def test_two_loops_through_the_same_components_are_solved_in_their_order(tmp_path, master):
+    # The forces F_in depend on each other, and on the velocities of the loop before.
+    velocities = [("a.f", "b.v", 0.01, 0.02), ("b.f", "a.v", -0.02, 0.1)]
+    forces = [("b.F_out", "a.F_in", -0.5, 1.0), ("a.F_out", "b.F_in", 0.5, 0.0)]
+    system = system_of(tmp_path, {"a": "friction.fmu", "b": "friction.fmu"}, forces + velocities)
+    result, summary = run(system, tmp_path / "out", "--stop", "0.1", "--step", "10ms", "--master", master)
+    # F_a = 1 - (F_b - f_b) / 2, F_b = (F_a - f_a) / 2
+    f_a, f_b = result["a.f"], result["b.f"]
+    into_a = (1.0 + 0.25 * f_a + 0.5 * f_b) / 1.25
+    into_b = 0.5 * (into_a - f_a)
+    assert f_a[0] == pytest.approx(2.519, abs=1e-3)
+    assert np.max(np.abs(result["a.F_out"] - (into_a - f_a))) < 1e-10
+    assert np.max(np.abs(result["b.F_out"] - (into_b - f_b))) < 1e-10
+    assert sum(note.startswith("an algebraic loop is solved") for note in summary["fallbacks"]) == 2
+
+
 # Two cart-poles that push each other with their accelerations; the second is held by a spring.
 PUSH = [("one.a", "two.F", 0.3, 0.0), ("two.a", "one.F_ext", -0.2, 0.5), ("two.x", "two.F_ext", -3.0, 0.0)]
 

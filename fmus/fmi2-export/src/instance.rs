@@ -188,11 +188,19 @@ impl<M: Model> Instance<M> {
         Ok(())
     }
 
+    /// True until the initialisation is over: computed states still follow from what is set.
+    pub(crate) fn is_before_start(&self) -> bool {
+        matches!(self.state.mode, Mode::Instantiated | Mode::InitializationMode)
+    }
+
     /// Brings derived parameters, outputs and derivatives up to date.
     #[inline]
     pub(crate) fn update(&mut self) -> Outcome {
         if self.state.dirty {
             self.prepare()?;
+            if self.is_before_start() {
+                self.definition.model.initialize(&mut self.state.values)?;
+            }
             self.definition.model.equations(&mut self.state.values)?;
             self.state.dirty = false;
         }

@@ -131,7 +131,7 @@ impl Variable {
         }
     }
 
-    /// True where the model computes the value.
+    /// True where the model computes the value; of a state, the initial one.
     pub fn is_computed(&self) -> bool {
         self.initial == Some(Initial::Calculated)
     }
@@ -227,6 +227,12 @@ impl Table {
     /// A continuous state with its start value; local unless made an output.
     pub fn state(&mut self, name: impl Into<String>) -> Declaration<'_> {
         self.declare(name, Causality::Local, Variability::Continuous, Some(Initial::Exact)).continuous_state()
+    }
+
+    /// A continuous state whose initial value [`Model::initialize`] computes; close it with `computed()`.
+    pub fn computed_state(&mut self, name: impl Into<String>) -> Declaration<'_> {
+        self.declare(name, Causality::Local, Variability::Continuous, Some(Initial::Calculated))
+            .continuous_state()
     }
 
     /// The time derivative of a state; local unless made an output.
@@ -346,7 +352,7 @@ impl Table {
     /// Used to find dependencies, so the points must be in general position, not random.
     pub fn spread(&self, draw: usize, v: &mut Values<f64>) {
         let mut sequence = Sequence::new(draw);
-        for variable in self.variables.iter().filter(|v| !v.is_computed()) {
+        for variable in self.variables.iter().filter(|v| !v.is_computed() || v.is_state) {
             let r = sequence.next();
             match variable.kind {
                 Kind::Real { handle, start, min, max, nominal, .. } => {

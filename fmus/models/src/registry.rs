@@ -4,6 +4,7 @@ use crate::arx_actuator::{self, ArxActuator, FirstOrder};
 use crate::cart_pole::CartPole;
 use crate::friction::{self, Friction};
 use crate::linear_state_space::LinearStateSpace;
+use crate::pneumatic_cylinder::PneumaticCylinder;
 use crate::testing::{AllTypes, BouncingBall, Copy};
 use fmi2_export::{Definition, Identity, Model, Table};
 
@@ -66,6 +67,11 @@ pub fn all() -> Vec<Entry> {
             "fmu-linear-state-space",
             true,
             include_str!("../../linear-state-space/README.md"),
+        ),
+        entry::<PneumaticCylinder>(
+            "fmu-pneumatic-cylinder",
+            true,
+            include_str!("../../pneumatic-cylinder/README.md"),
         ),
         entry::<Copy>("fmu-test-copy", false, include_str!("../../test-copy/README.md")),
         entry::<BouncingBall>(

@@ -109,6 +109,17 @@ fn drawing(model_name: &str) -> Vec<(Shape, Colour)> {
             disc((33.0, 68.0), 10.0, GREEN),
             disc((67.0, 68.0), 10.0, PALE),
         ],
+        "pneumatic-cylinder" => vec![
+            rectangle((8.0, 46.0), (68.0, 86.0), INK),
+            rectangle((12.0, 50.0), (64.0, 82.0), PALE),
+            rectangle((12.0, 50.0), (34.0, 82.0), BLUE),
+            rectangle((34.0, 50.0), (42.0, 82.0), INK),
+            rectangle((42.0, 62.0), (92.0, 70.0), GREY),
+            line((22.0, 46.0), (22.0, 30.0), 5.0, INK),
+            line((54.0, 46.0), (54.0, 30.0), 5.0, INK),
+            rectangle((10.0, 10.0), (34.0, 30.0), ORANGE),
+            rectangle((42.0, 10.0), (66.0, 30.0), ORANGE),
+        ],
         "test-copy" => vec![
             disc((22.0, 50.0), 13.0, BLUE),
             disc((78.0, 50.0), 13.0, BLUE),

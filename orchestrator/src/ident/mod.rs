@@ -14,15 +14,19 @@
 //! | [`responses`] | measured, simulated and predicted outputs side by side |
 //! | [`order_search`] | many ARX structures, ranked by simulated fit |
 //! | [`score`] | simulated and one-step fit of a model over several records |
+//! | [`compare`] | ARX and state space of rising order side by side |
 //! | [`subspace`] | state-space models by subspace methods |
 //! | [`output_error`] | refinement: the parameters with the best free simulation |
 //! | [`instrumental_variables`] | estimates without bias from noisy outputs |
 //! | [`parameters`] | estimates with their uncertainty |
+//! | [`diagnostics`] | residual tests, poles and zeros, responses with their uncertainty, a verdict |
 //! | [`summary`] | what every identification reports, as JSON |
 //!
 //! Knows no FMUs and nothing of the command line.
 
 pub mod arx;
+pub mod compare;
+pub mod diagnostics;
 pub mod excitation;
 pub mod fit;
 pub mod fold;

@@ -11,6 +11,7 @@ use super::record::Record;
 pub struct Noise(u64);
 
 impl Noise {
+    /// A sequence of its own for every seed.
     pub fn new(seed: u64) -> Noise {
         let mut noise = Noise(seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) | 1);
         (0..8).for_each(|_| _ = noise.uniform());
@@ -23,6 +24,7 @@ impl Noise {
         ((self.0 >> 11) as f64 + 0.5) / (1u64 << 53) as f64
     }
 
+    /// With mean 0 and variance 1.
     pub fn normal(&mut self) -> f64 {
         let (radius, angle) = ((-2.0 * self.uniform().ln()).sqrt(), std::f64::consts::TAU * self.uniform());
         radius * angle.cos()

@@ -6,7 +6,7 @@
 use super::symmetric::Inertia;
 
 /// Growth allowed in the first search for a pivot, and in the last resort before a row is left to the caller.
-const THRESHOLDS: [f64; 2] = [0.1, 1e-6];
+const THRESHOLDS: [f64; 2] = [1e-2, 1e-7];
 
 /// Columns of the factor that one front produced.
 #[derive(Clone, Debug, Default)]
@@ -122,9 +122,14 @@ impl Front {
     pub fn eliminate(&mut self, leading: usize, all: bool, factor: &mut Factor, inertia: &mut Inertia) {
         factor.inverse.clear();
         factor.pivots = 0;
-        let mut k = 0;
+        let (mut k, mut from) = (0, 0);
         while k < leading {
-            let Some(pivot) = self.search(k, leading, all) else { break };
+            let Some(pivot) = self.search(k, from.clamp(k, leading), leading, all) else { break };
+            from = match pivot {
+                Pivot::One(i) => i + 1,
+                // A row before the first of the pair stays behind, also when it is exchanged with it.
+                Pivot::Two(i, _) => i + 2,
+            };
             match pivot {
                 Pivot::One(i) => {
                     self.swap(k, i);
@@ -172,17 +177,21 @@ impl Front {
         factor.columns.extend_from_slice(&self.values[..k * self.rows]);
     }
 
-    fn search(&self, k: usize, leading: usize, all: bool) -> Option<Pivot> {
+    /// The next pivot among the rows from `k` on; the search begins at row `from`, behind those that failed before.
+    fn search(&self, k: usize, from: usize, leading: usize, all: bool) -> Option<Pivot> {
         for threshold in THRESHOLDS {
-            for candidate in k..leading {
+            for candidate in (from..leading).chain(k..from) {
                 let (inside, r, outside) = self.largest(candidate, k, leading);
                 let diagonal = self.entry(candidate, candidate).abs();
-                let largest = inside.max(outside);
-                // The mark of a row that is zero altogether: nothing will change it later within this front.
+                let largest = if inside > outside { inside } else { outside };
+                // A row that is zero altogether is taken where nothing can come to it any more.
                 if diagonal >= threshold * largest && (diagonal > 0.0 || (all && largest == 0.0)) {
                     return Some(Pivot::One(candidate));
                 }
-                if inside > 0.0 && self.growth(candidate, r, k) * threshold <= 1.0 {
+                if inside >= threshold * outside
+                    && inside > 0.0
+                    && self.growth((candidate, r), largest, k, leading) * threshold <= 1.0
+                {
                     return Some(Pivot::Two(candidate, r));
                 }
             }
@@ -210,27 +219,31 @@ impl Front {
                 (inside, place) = (value.abs(), j);
             }
         }
-        let outside = column[leading..].iter().fold(0.0f64, |m, v| m.max(v.abs()));
-        (inside, place, outside)
+        (inside, place, largest(&column[leading..]))
     }
 
-    /// Largest entry of L that the pivot of rows `i` and `j` would give.
-    fn growth(&self, i: usize, j: usize, k: usize) -> f64 {
-        let (i, j) = (i.min(j), i.max(j));
-        let (a, b, c) = (self.entry(i, i), self.entry(j, i), self.entry(j, j));
+    /// Bound of the largest entry of L that the pivot of two rows would give; `of_first` bounds the entries of the
+    /// first row beside the diagonal.
+    fn growth(&self, (i, j): (usize, usize), of_first: f64, k: usize, leading: usize) -> f64 {
+        let (a, b, c) = (self.entry(i, i), self.entry(i.max(j), i.min(j)), self.entry(j, j));
         let (p, q) = (a / b, c / b);
         let determinant = (p * q - 1.0).abs();
         if determinant <= 1e-10 {
             return f64::INFINITY;
         }
-        let beside = |row: usize, other: usize| {
-            let mut largest = 0.0f64;
-            for t in (k..self.rows).filter(|&t| t != row && t != other) {
-                largest = largest.max(self.entry(t.max(row), t.min(row)).abs());
-            }
-            largest
-        };
-        let (mi, mj) = (beside(i, j), beside(j, i));
+        let mi = of_first;
+        let mut mj = 0.0;
+        for t in (k..j).filter(|&t| t != i) {
+            let value = self.entry(j, t).abs();
+            mj = if value > mj { value } else { mj };
+        }
+        let column = &self.values[j * self.rows..(j + 1) * self.rows];
+        for (t, value) in column.iter().enumerate().take(leading).skip(j + 1) {
+            let value = if t == i { 0.0 } else { value.abs() };
+            mj = if value > mj { value } else { mj };
+        }
+        let outside = largest(&column[leading..]);
+        mj = if outside > mj { outside } else { mj };
         let scale = 1.0 / (b.abs() * determinant);
         ((q.abs() * mi + mj) * scale).max((mi + p.abs() * mj) * scale)
     }
@@ -294,4 +307,19 @@ impl Front {
             }
         }
     }
+}
+
+/// Largest magnitude; four running maxima, which the processor takes side by side.
+fn largest(values: &[f64]) -> f64 {
+    let mut running = [0.0f64; 4];
+    let chunks = values.chunks_exact(4);
+    let rest = chunks.remainder();
+    for chunk in chunks {
+        for (m, value) in running.iter_mut().zip(chunk) {
+            let value = value.abs();
+            *m = if value > *m { value } else { *m };
+        }
+    }
+    let all = running.iter().chain(rest);
+    all.fold(0.0, |m, value| if value.abs() > m { value.abs() } else { m })
 }

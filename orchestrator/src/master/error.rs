@@ -51,7 +51,7 @@ pub enum Error {
         "component `{component}`: the error of `{variable}` at t = {time} s is {error:.1e} of its size even with the shortest communication step, {step} s; look for a jump or a growing oscillation there (result file), and try a larger `--step-tolerance`, a smaller `--min-step` or another `--master`"
     )]
     StepTooShort { component: String, variable: String, time: f64, step: f64, error: f64 },
-    /// [`Master`] cannot be monolithic.
+    /// [`super::Master`] cannot be monolithic.
     #[error("the monolithic master does not step slaves; run it with master::simulate::run")]
     NoSteps,
     /// An algebraic loop has no solution that was found.

@@ -139,6 +139,8 @@ impl<'a> Form<'a> {
     /// Scales objective and rows so that no entry of their gradients at `x` is larger than `limit`.
     pub fn scale(&mut self, x: &[f64], limit: f64) -> Result<(), EvaluationError> {
         let (mut gradient, mut jacobian) = (vec![0.0; self.total()], vec![0.0; self.jacobian_entries.len()]);
+        self.objective_scale = 1.0;
+        self.row_scale.fill(1.0);
         self.derivatives(x, &mut gradient, &mut jacobian)?;
         let factor = |largest: f64| if largest > limit { (limit / largest).max(1e-8) } else { 1.0 };
         let mut largest = vec![0.0f64; self.m];

@@ -147,6 +147,17 @@ impl Kkt {
         Err(Uncorrectable)
     }
 
+    /// The Hessian with a shift is positive definite in those of x that are not fixed.
+    pub fn is_convex(&mut self, form: &Form, hessian: &[f64], shift: f64) -> bool {
+        self.held.clear();
+        self.held.extend((0..form.total()).map(|j| form.fixed(j)));
+        let no_slopes = vec![0.0; form.jacobian_entries.len()];
+        let nothing = vec![0.0; form.total()];
+        // Without slopes the rows are the negative part of a block diagonal.
+        let inertia = self.try_shift(form, hessian, &no_slopes, &nothing, shift, 1.0);
+        inertia == Inertia { positive: self.n, negative: self.m, zero: 0 }
+    }
+
     fn try_shift(
         &mut self,
         form: &Form,

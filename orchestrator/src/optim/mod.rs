@@ -11,19 +11,23 @@ pub mod least_squares;
 mod log;
 pub mod nlp;
 pub mod outcome;
+pub mod qp;
 pub mod settings;
+mod sqp;
 
 use std::ops::ControlFlow;
 
 pub use error::Error;
 use form::Form;
-use interior_point::{End, Run};
+use interior_point::{End, Iterate, Run};
 use kkt::Kkt;
 use log::Log;
 pub use log::Monitor;
 pub use nlp::{Bounds, EvaluationError, Nlp, Stages};
 pub use outcome::{Evaluations, Iteration, Multipliers, Note, Solution, Start, Status, Violation};
+pub use qp::{Quadratic, QuadraticSolution, QuadraticStatus, solve_quadratic};
 pub use settings::{Method, Settings};
+use sqp::Sqp;
 
 /// Solves a problem from a start.
 ///
@@ -47,13 +51,8 @@ pub fn solve_with(
     let mut form = Form::new(nlp)?;
     let mut kkt = Kkt::new(&form)?;
     let mut log = Log::new(monitor);
-    let mut run = Run::begin(&mut form, &mut kkt, settings, &mut log, start)?;
-    let status = match run.run() {
-        End::Status(status) => status,
-        End::Restored => Status::Stalled,
-    };
-    let error = run.error();
-    let (at, barrier) = (std::mem::take(&mut run.at), run.barrier);
+    let end = run(&mut form, &mut kkt, settings, &mut log, start)?;
+    let at = end.at;
     let n = form.n;
     let scale = form.objective_scale;
     let plain = |z: &[f64]| z[..n].iter().map(|z| z / scale).collect();
@@ -62,16 +61,71 @@ pub fn solve_with(
         lower: plain(&at.lower),
         upper: plain(&at.upper),
     };
-    let evaluations = Evaluations { factorisations: kkt.factorisations, ..form.evaluations };
+    let evaluations = Evaluations {
+        factorisations: kkt.factorisations,
+        quadratic_programs: end.quadratic_programs,
+        ..form.evaluations
+    };
     Ok(Solution {
-        status,
+        status: end.status,
         objective: form.plain_objective(&at.x),
         worst: form.worst(&at.x),
         x: at.x[..n].to_vec(),
         multipliers,
-        barrier,
-        error,
+        barrier: end.barrier,
+        error: end.error,
         iterations: log.table,
         evaluations,
     })
+}
+
+/// The last iterate of a method, and how it came to an end.
+struct Finish {
+    status: Status,
+    at: Iterate,
+    barrier: f64,
+    error: f64,
+    quadratic_programs: usize,
+}
+
+fn run(
+    form: &mut Form,
+    kkt: &mut Kkt,
+    settings: &Settings,
+    log: &mut Log,
+    start: &Start,
+) -> Result<Finish, Error> {
+    match settings.method {
+        Method::InteriorPoint => interior_point(form, kkt, settings, log, start),
+        Method::Sqp => {
+            let mut run = Sqp::begin(form, kkt, settings, log, start)?;
+            let end = run.run();
+            let (error, quadratic_programs) = (run.error(), run.quadratic_programs);
+            let at = std::mem::take(&mut run.at);
+            match end {
+                sqp::End::Status(status) => Ok(Finish { status, at, barrier: 0.0, error, quadratic_programs }),
+                sqp::End::NoStep => {
+                    let from = Start::cold(at.x[..form.n].to_vec());
+                    let finish = interior_point(form, kkt, settings, log, &from)?;
+                    Ok(Finish { quadratic_programs, ..finish })
+                }
+            }
+        }
+    }
+}
+
+fn interior_point(
+    form: &mut Form,
+    kkt: &mut Kkt,
+    settings: &Settings,
+    log: &mut Log,
+    start: &Start,
+) -> Result<Finish, Error> {
+    let mut run = Run::begin(form, kkt, settings, log, start)?;
+    let status = match run.run() {
+        End::Status(status) => status,
+        End::Restored => Status::Stalled,
+    };
+    let error = run.error();
+    Ok(Finish { status, at: std::mem::take(&mut run.at), barrier: run.barrier, error, quadratic_programs: 0 })
 }

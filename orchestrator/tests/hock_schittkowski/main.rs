@@ -46,3 +46,9 @@ fn interior_point_reaches_the_known_minima() {
     assert!(count >= 40);
     assert!(20 * failed.len() <= count, "{} of {count} fail:\n{}", failed.len(), failed.join("\n"));
 }
+
+#[test]
+fn sqp_reaches_the_known_minima() {
+    let (count, failed) = failures(&Settings { method: Method::Sqp, ..Settings::default() });
+    assert!(20 * failed.len() <= count, "{} of {count} fail:\n{}", failed.len(), failed.join("\n"));
+}

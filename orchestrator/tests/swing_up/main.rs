@@ -5,7 +5,7 @@ mod interval;
 mod mechanics;
 mod problem;
 
-use airloop::optim::{Nlp, Settings, Solution, Start, Status, solve};
+use airloop::optim::{Method, Nlp, Settings, Solution, Start, Status, solve};
 use problem::{SwingUp, Transcription};
 
 fn run(problem: &mut SwingUp, x: Vec<f64>) -> Solution {
@@ -71,19 +71,11 @@ fn derivatives_agree_with_central_differences() {
             moved[i] -= 2.0 * step;
             let (down, before) = (lagrangian(&mut problem, &moved), gradient(&mut problem, &moved));
             let slope = (up - down) / (2.0 * step);
-            assert!(
-                (slope - exact[i]).abs() < 2e-7 * (1.0 + slope.abs()),
-                "{transcription:?} {i}: {slope} {}",
-                exact[i]
-            );
+            assert!((slope - exact[i]).abs() < 2e-7 * (1.0 + slope.abs()), "{transcription:?} {i}: {slope} {}", exact[i]);
             for j in 0..n {
                 let curvature = (slopes[j] - before[j]) / (2.0 * step);
                 let gap = (curvature - hessian[i][j]).abs();
-                assert!(
-                    gap < 1e-5 * (1.0 + curvature.abs()),
-                    "{transcription:?} {i} {j}: {curvature} {}",
-                    hessian[i][j]
-                );
+                assert!(gap < 1e-5 * (1.0 + curvature.abs()), "{transcription:?} {i} {j}: {curvature} {}", hessian[i][j]);
             }
         }
     }
@@ -102,26 +94,31 @@ fn the_optimum_is_the_reference() {
         let mut problem = SwingUp::new(transcription, 100);
         let x = problem.pump();
         let solution = run(&mut problem, x);
-        println!("{} {} {:?}", transcription.name(), solution.objective, solution.evaluations);
-        if std::env::var("T").is_ok() {
-            for i in &solution.iterations {
-                println!(
-                    "{:3} {:12.6} {:9.2e} {:9.2e} mu {:8.1e} step {:8.1e} {:8.1e} reg {:8.1e} {:?}",
-                    i.number,
-                    i.objective,
-                    i.violation,
-                    i.dual_infeasibility,
-                    i.barrier,
-                    i.step,
-                    i.step_length,
-                    i.regularisation,
-                    i.note
-                );
-            }
-        }
         let near = |minimum: &f64| (solution.objective - minimum).abs() <= 1e-6 * minimum;
         assert_eq!(solution.status, Status::Solved);
         assert!(solution.violation() <= 1e-8);
         assert!(minima.iter().any(near), "{transcription:?}: {}", solution.objective);
+    }
+}
+
+/// Seeds of the perturbed pump guess from which no minimum is reached.
+fn failing(transcription: Transcription, method: Method) -> Vec<String> {
+    let settings = Settings { method, ..Settings::default() };
+    let attempt = |seed: u64| {
+        let mut problem = SwingUp::new(transcription, 50);
+        let start = Start::cold(problem.perturbed(seed));
+        let solution = solve(&mut problem, &start, &settings).unwrap();
+        println!("{seed} {} {} {} {:.1e}", transcription.name(), solution.iterations.len(), solution.objective, solution.violation());
+        let good = solution.status == Status::Solved && solution.violation() <= 1e-8;
+        (!good).then(|| format!("seed {seed}: {}", solution.status))
+    };
+    (0..20).filter_map(attempt).collect()
+}
+
+#[test]
+fn perturbed_guesses_converge() {
+    for transcription in Transcription::ALL {
+        let failed = failing(transcription, Method::InteriorPoint);
+        assert!(failed.len() <= 1, "{transcription:?}:\n{}", failed.join("\n"));
     }
 }

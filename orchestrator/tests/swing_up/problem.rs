@@ -1,6 +1,7 @@
 //! The swing-up as a nonlinear program: transcriptions, guesses, patterns.
 
 use std::f64::consts::PI;
+use std::time::{Duration, Instant};
 
 use airloop::optim::{Bounds, EvaluationError, Nlp, Stages};
 
@@ -42,6 +43,8 @@ pub struct SwingUp {
     interval: Box<dyn Interval>,
     /// Half stroke, m; smaller ones make the problem infeasible.
     pub stroke: f64,
+    /// Time spent in the functions.
+    pub elapsed: Duration,
     /// Entries of one interval that are not always zero.
     jacobian: Vec<(usize, usize)>,
     hessian: Vec<(usize, usize)>,
@@ -76,7 +79,7 @@ impl SwingUp {
             there.iter().enumerate().filter(|(_, t)| **t).map(|(at, _)| (at / WIDTH, at % WIDTH)).collect()
         };
         let (jacobian, hessian) = (entries(&jacobian), entries(&hessian));
-        Self { transcription, intervals, interval, stroke: STROKE, jacobian, hessian }
+        Self { transcription, intervals, interval, stroke: STROKE, elapsed: Duration::ZERO, jacobian, hessian }
     }
 
     /// Variables per node.
@@ -200,9 +203,11 @@ impl Nlp for SwingUp {
     }
 
     fn constraint_values(&mut self, x: &[f64], values: &mut [f64]) -> Result<(), EvaluationError> {
+        let begin = Instant::now();
         for (k, chunk) in values.chunks_mut(6).enumerate() {
             chunk.copy_from_slice(&self.interval.defects(&self.local(x, k), None));
         }
+        self.elapsed += begin.elapsed();
         Ok(())
     }
 
@@ -212,11 +217,13 @@ impl Nlp for SwingUp {
     }
 
     fn jacobian(&mut self, x: &[f64], values: &mut [f64]) -> Result<(), EvaluationError> {
+        let begin = Instant::now();
         let mut rows = [[0.0; WIDTH]; 6];
         for (k, chunk) in values.chunks_mut(self.jacobian.len()).enumerate() {
             self.interval.defects(&self.local(x, k), Some(&mut rows));
             chunk.iter_mut().zip(&self.jacobian).for_each(|(value, &(i, j))| *value = rows[i][j]);
         }
+        self.elapsed += begin.elapsed();
         Ok(())
     }
 
@@ -233,6 +240,7 @@ impl Nlp for SwingUp {
         multipliers: &[f64],
         values: &mut [f64],
     ) -> Result<(), EvaluationError> {
+        let begin = Instant::now();
         let (curvature, of_objective) = values.split_at_mut(self.intervals * self.hessian.len());
         for (k, chunk) in curvature.chunks_mut(self.hessian.len()).enumerate() {
             let weight = std::array::from_fn(|i| multipliers[6 * k + i]);
@@ -240,6 +248,7 @@ impl Nlp for SwingUp {
             chunk.iter_mut().zip(&self.hessian).for_each(|(value, &(i, j))| *value = h[i][j]);
         }
         of_objective.iter_mut().zip(self.weights()).for_each(|(h, (_, w))| *h = 2.0 * w * objective_factor);
+        self.elapsed += begin.elapsed();
         Ok(())
     }
 
@@ -247,7 +256,7 @@ impl Nlp for SwingUp {
         let s = self.stride();
         Some(Stages {
             variables: (0..self.variables()).map(|i| i / s).collect(),
-            constraints: (0..self.constraints()).map(|i| i / 6).collect(),
+            constraints: (0..self.constraints()).map(|i| i / 6 + 1).collect(),
         })
     }
 

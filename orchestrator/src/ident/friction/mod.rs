@@ -3,20 +3,24 @@
 //! | module | what |
 //! |--------|------|
 //! | [`track`] | records and their smoothed motion |
+//! | [`read`] | columns of a series to a record in SI units |
 //! | [`smoother`] | position, velocity, acceleration with uncertainty |
 //! | [`law`] | eq. 2 and what may be added to it |
 //! | [`predict`] | errors of a law: force from motion, or motion from force |
 //! | [`fit`] | bounded least squares from several starts, intervals |
+//! | [`curve`] | force over velocity with its band |
 //! | [`report`] | fits, flags, alternatives, verdict |
 //!
 //! Noise in the velocity would flatten the sign change of eq. 2 (errors in variables). Here the smoothed velocity is a
 //! conditional mean with a known spread, and the fit compares with the mean of the friction over that spread.
 //! Start with [`report::identify`].
 
+pub mod curve;
 pub mod fit;
 pub mod law;
 mod low_pass;
 pub mod predict;
+pub mod read;
 pub mod report;
 pub mod smoother;
 #[cfg(test)]
@@ -113,6 +117,14 @@ pub enum Error {
     /// The law needs a signal.
     #[error("the law `{law}` needs the {what}; name its column")]
     Missing { law: &'static str, what: &'static str },
+    /// A parameter that the law does not have.
+    #[error("the law has no parameter `{name}`; it has {}", known.join(", "))]
+    Parameter { name: String, known: Vec<&'static str> },
+    /// The FMU knows eq. 2 only.
+    #[error(
+        "the FMU `friction` holds eq. 2; the law `{law}` has none. Leave --fmu out, or take the law coulomb-viscous"
+    )]
+    NoFmu { law: &'static str },
     /// The fit.
     #[error("the fit of the friction law failed: {0}")]
     Fit(crate::optim::least_squares::Error),

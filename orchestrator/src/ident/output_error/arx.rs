@@ -2,6 +2,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
+use super::denoised::denoised;
 use super::levenberg_marquardt::{Found, Linear, Moments, Problem, minimise};
 use super::{Error, Options, Outcome, with_covariance};
 use crate::ident::instrumental_variables::{self, FILTER_RADIUS};
@@ -42,8 +43,8 @@ pub struct OutputError {
 
 /// Minimises the simulated error of an ARX structure from `model` (as a rule the least-squares estimate).
 ///
-/// Starts are `model`, least squares, and refined instrumental variables from both, unstable ones drawn into the unit
-/// circle; the one with the smallest simulated error is taken, the next only if the iterations do not settle. The offsets
+/// Starts are `model`, least squares, refined instrumental variables from both, and the same for the records as a model of
+/// high order simulates them; unstable ones are drawn into the unit circle. The one with the smallest simulated error is taken, the next only if the iterations do not settle. The offsets
 /// stay those of `model`.
 ///
 /// # Errors
@@ -128,6 +129,11 @@ fn from_starts(
     let mut starts = vec![instruments(&plain)?, plain.clone()];
     if (mask.parameters(&given) - mask.parameters(&plain)).amax() > 1e-6 {
         starts.extend([instruments(&given)?, given]);
+    }
+    if let Some(simulated) = denoised(problem.template, mask, records, FILTER_RADIUS) {
+        let start = instrumental_variables::least_squares(problem.template, mask, &simulated)?;
+        let found = instrumental_variables::estimate(&start, mask, &simulated, &iv_options)?;
+        starts.extend([stabilised(&start, FILTER_RADIUS), stabilised(&found.model, FILTER_RADIUS)]);
     }
     // At rest and without memory: always finite.
     starts.push(mask.model(problem.template, &DVector::zeros(mask.coefficients().len())));

@@ -155,7 +155,9 @@ pub(super) fn minimise<P: Problem>(
             let tried = tried.and_then(|tried| Some((problem.residuals(&tried, &root)?, tried)));
             match tried.filter(|(moments, _)| moments.cost(&root) < cost) {
                 Some((better, next)) => {
-                    slow = if cost - better.cost(&root) < 1e-7 * cost { slow + 1 } else { 0 };
+                    // The cost is about the number of residuals; a hundredth is a tenth of a standard deviation.
+                    let gained = cost - better.cost(&root);
+                    slow = if gained < f64::max(1e-7 * cost, 0.01) { slow + 1 } else { 0 };
                     damping = f64::max(damping * 0.1, 1e-12);
                     (moments, point) = (better, next);
                     break;
@@ -169,7 +171,7 @@ pub(super) fn minimise<P: Problem>(
             }
         }
         root = weights(&moments, &power, options.weighting);
-        if slow == 3 {
+        if slow == 2 {
             // A flat valley: the data leave a combination of the parameters open, the simulation no longer changes.
             return Some(Found { point, moments, root, iterations: iteration + 1, outcome: Outcome::Flat });
         }

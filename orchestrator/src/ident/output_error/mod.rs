@@ -7,6 +7,7 @@
 //! structures, [`refine_state_space`] for state space.
 
 mod arx;
+mod denoised;
 mod levenberg_marquardt;
 mod sensitivity;
 mod state_space;

@@ -17,6 +17,7 @@ pub struct Inverse {
 }
 
 impl Inverse {
+    /// The filter of `A1, A2, ..`, shape \[n_y, n_y\] each.
     pub fn new(a: &[DMatrix<f64>], n_y: usize) -> Inverse {
         let mut rows = Vec::with_capacity(n_y * n_y * a.len());
         for i in 0..n_y {

@@ -28,6 +28,22 @@ pub struct Method {
     pub stabilised: bool,
 }
 
+impl Method {
+    /// In words.
+    pub fn describe(&self) -> String {
+        let weighting = match self.weighting {
+            Weighting::N4sid => "N4SID",
+            Weighting::Moesp => "MOESP",
+            Weighting::Cva => "CVA",
+        };
+        let realisation = match self.realisation {
+            Realisation::Shift => "shift invariance",
+            Realisation::States => "state regression",
+        };
+        format!("{weighting}, {} past and future samples, {realisation}", self.horizon)
+    }
+}
+
 /// A model with its error on the compared samples.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Candidate {

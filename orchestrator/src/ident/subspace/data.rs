@@ -142,21 +142,6 @@ pub(super) struct Matrices {
 /// Parts of the segments that together have about `samples` samples: all of them if they have no more, else pieces
 /// spread evenly over every segment.
 pub(super) fn sparse(segments: &[Segment], samples: usize) -> Vec<Segment> {
-    const PIECE: usize = 4000;
-    let total: usize = segments.iter().map(Segment::len).sum();
-    if total <= samples {
-        return segments.to_vec();
-    }
-    let mut parts = Vec::new();
-    for segment in segments {
-        let share = segment.len() as f64 / total as f64 * samples as f64;
-        let pieces = (share / PIECE as f64).round().max(1.0) as usize;
-        let length = (share / pieces as f64).ceil() as usize;
-        for piece in 0..pieces {
-            let from = (segment.len() * piece) / pieces;
-            let n = length.min(segment.len() - from);
-            parts.push(segment.part(from, n));
-        }
-    }
-    parts
+    let lengths: Vec<usize> = segments.iter().map(Segment::len).collect();
+    super::pieces::spread(&lengths, samples).into_iter().map(|(index, from, n)| segments[index].part(from, n)).collect()
 }

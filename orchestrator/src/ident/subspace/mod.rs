@@ -3,27 +3,32 @@
 //! | module | what |
 //! |--------|------|
 //! | `data` | records about the operating point, scaled |
+//! | [`pieces`] | pieces of records that stand for all, or are kept back |
 //! | `hankel` | triangular factor of past and future |
 //! | [`projection`] | weighted projection: observability matrix, state |
 //! | [`realisation`] | A and C; mirrored poles |
 //! | `input_terms` | B and D on the simulated output |
 //! | `gain`, `riccati` | innovation gain |
 //! | [`candidates`] | every weighting and horizon for one order |
+//! | [`refined`] | output-error or prediction-error refinement, where it helps on samples kept back |
 //!
-//! Start with [`estimate`]. Refinement by output error is left to `ident::output_error`.
+//! Start with [`estimate`] and [`refine`].
 
 pub mod candidates;
 mod data;
 mod gain;
 mod hankel;
 mod input_terms;
+pub mod pieces;
 pub mod projection;
 pub mod realisation;
+pub mod refined;
 mod riccati;
 
 pub use candidates::Method;
 pub use projection::Weighting;
 pub use realisation::Realisation;
+pub use refined::{Refined, Refinement, refine};
 
 use candidates::{Candidates, relative_error};
 use data::{Scale, Segment, scaled};
@@ -119,9 +124,7 @@ pub enum Error {
     #[error("the order is 0; a state-space model has at least one state: choose 1 or more")]
     NoOrder,
     /// The horizon leaves no room for the order.
-    #[error(
-        "a horizon of {horizon} samples shows at most order {most} with {n_y} outputs, not {order}; choose a longer horizon or a lower order"
-    )]
+    #[error("a horizon of {horizon} samples shows at most order {most} with {n_y} outputs, not {order}; choose a longer horizon or a lower order")]
     Horizon { horizon: usize, order: usize, most: usize, n_y: usize },
     /// The projection has fewer directions than the order.
     #[error(
@@ -129,9 +132,7 @@ pub enum Error {
     )]
     Rank { order: usize, rank: usize },
     /// Records of different shape.
-    #[error(
-        "record `{record}` has {inputs} inputs and {outputs} outputs of equal length, or not; {n_u} and {n_y} are expected"
-    )]
+    #[error("record `{record}` has {inputs} inputs and {outputs} outputs of equal length, or not; {n_u} and {n_y} are expected")]
     Channels { record: String, inputs: usize, outputs: usize, n_u: usize, n_y: usize },
     /// A channel that never changes.
     #[error("{kind} {} is constant in all records and says nothing of the system; leave it out or record a change", index + 1)]
@@ -140,9 +141,7 @@ pub enum Error {
     #[error("record `{record}`: {kind} {} is {value} at sample {sample}; cut the record or repair the sample", index + 1)]
     NotFinite { record: String, kind: &'static str, index: usize, sample: usize, value: f64 },
     /// Numerics.
-    #[error(
-        "no model of order {order} came out with finite numbers; choose a lower order or check the data for outliers"
-    )]
+    #[error("no model of order {order} came out with finite numbers; choose a lower order or check the data for outliers")]
     NoModel { order: usize },
 }
 
@@ -267,15 +266,18 @@ fn horizons(segments: &[Segment], order: usize, options: &Options) -> Result<Vec
     Ok(tried)
 }
 
-/// Errors of the orders 1 to `highest` on the last third of every record, estimated from the rest.
-fn order_search(segments: &[Segment], highest: usize, options: &Options) -> Result<Vec<OrderError>, Error> {
-    let split = |segment: &Segment| segment.len() - segment.len() / 3;
-    let used: Vec<Segment> = segments.iter().map(|segment| segment.part(0, split(segment))).collect();
-    let kept: Vec<Segment> = segments
-        .iter()
-        .map(|segment| segment.part(split(segment), segment.len() - split(segment)))
-        .filter(|segment| segment.len() > 0)
-        .collect();
+/// Errors of the orders 1 to `highest` on samples kept back, estimated from the rest.
+fn order_search(
+    segments: &[Segment],
+    highest: usize,
+    options: &Options,
+) -> Result<Vec<OrderError>, Error> {
+    let lengths: Vec<usize> = segments.iter().map(Segment::len).collect();
+    let (used, kept) = pieces::kept_back(&lengths);
+    let cut = |pieces: Vec<pieces::Piece>| -> Vec<Segment> {
+        pieces.into_iter().map(|(index, from, n)| segments[index].part(from, n)).collect()
+    };
+    let (used, kept) = (cut(used), cut(kept));
     // A short record bounds the order rather than ending the search.
     let highest = (1..=highest).rev().find(|&order| horizons(&used, order, options).is_ok()).unwrap_or(1);
     let horizons = horizons(&used, highest, options)?;

@@ -30,13 +30,20 @@ pub(in crate::master) enum Method {
 }
 
 impl Group {
-    /// Sets all inputs where a step begins, so that the loops are solved at `t` \[s\].
+    /// Sets all inputs where a step begins, so that the loops are solved at `t` \[s\]; or remembers them for the step.
     pub fn begin(&mut self, nodes: &mut [Node], values: &mut Values, t: f64) -> Result<(), Stop> {
-        let Method::AtPoint { all, .. } = &mut self.method else { return Ok(()) };
-        for node in &mut nodes[self.nodes.clone()] {
-            node.set_inputs(values)?;
+        match &mut self.method {
+            Method::AtPoint { all, .. } => {
+                for node in &mut nodes[self.nodes.clone()] {
+                    node.set_inputs(values)?;
+                }
+                run(all, nodes, values, t)
+            }
+            Method::OverStep(over) => {
+                over.begin(values);
+                Ok(())
+            }
         }
-        run(all, nodes, values, t)
     }
 
     /// Solves the loops at `time` \[s\], with the inputs from outside that the slaves have.

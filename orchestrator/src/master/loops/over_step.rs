@@ -121,9 +121,13 @@ impl OverStep {
         self.rounds
     }
 
+    /// Takes over the values where the step begins.
+    pub fn begin(&mut self, values: &Values) {
+        self.before.copy_from(values);
+    }
+
     /// Steps the group from `t` to `t + h` \[s\], so that its inputs fit its outputs.
     pub fn step(&mut self, nodes: &mut [Node], values: &mut Values, t: f64, h: f64) -> Result<(), Stop> {
-        self.before.copy_from(values);
         self.passes += 1;
         for (saved, number) in self.saved.iter_mut().zip(self.nodes.clone()) {
             nodes[number].slave().get_state(saved)?;

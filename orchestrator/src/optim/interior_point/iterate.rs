@@ -1,7 +1,9 @@
 //! A point of the interior point method with its multipliers, and what follows from it: gaps to the bounds, barrier
 //! terms, optimality errors, step lengths.
 
-use crate::optim::form::Form;
+use crate::optim::error::Error;
+use crate::optim::form::{Form, length};
+use crate::optim::outcome::Multipliers;
 
 /// Weight of the term that keeps variables with one bound from running away.
 const DAMPING: f64 = 1e-5;
@@ -47,6 +49,23 @@ fn gap(distance: f64, bound: f64) -> f64 {
 }
 
 impl Iterate {
+    /// Takes over the multipliers of an earlier run.
+    pub fn take_multipliers(&mut self, form: &Form, multipliers: &Multipliers) -> Result<(), Error> {
+        length("the multipliers of the constraints", multipliers.constraints.len(), form.constraints())?;
+        length("the multipliers of the lower bounds", multipliers.lower.len(), form.n)?;
+        length("the multipliers of the upper bounds", multipliers.upper.len(), form.n)?;
+        self.y = form.scaled_multipliers(&multipliers.constraints);
+        let scaled = |z: &[f64]| z.iter().map(|z| form.objective_scale * z.max(0.0)).collect();
+        (self.lower, self.upper) = (scaled(&multipliers.lower), scaled(&multipliers.upper));
+        // A slack s = c(x) has the bounds of the constraint: its multipliers are the parts of y.
+        for slack in &form.slacks {
+            let y = self.y[slack.row];
+            self.lower.push((-y).max(0.0));
+            self.upper.push(y.max(0.0));
+        }
+        Ok(())
+    }
+
     fn lower_gap(&self, form: &Form, j: usize) -> Option<f64> {
         let l = form.lower[j];
         (l.is_finite() && !form.fixed(j)).then(|| gap(self.x[j] - l, l))

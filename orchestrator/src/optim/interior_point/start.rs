@@ -46,33 +46,12 @@ impl<'r, 'n, 'm> Run<'r, 'n, 'm> {
                 run.estimate_multipliers();
             }
             Some(multipliers) => {
-                length(
-                    "the multipliers of the constraints",
-                    multipliers.constraints.len(),
-                    run.form.constraints(),
-                )?;
-                length("the multipliers of the lower bounds", multipliers.lower.len(), run.form.n)?;
-                length("the multipliers of the upper bounds", multipliers.upper.len(), run.form.n)?;
-                run.warm(multipliers, start.barrier);
+                run.at.take_multipliers(run.form, multipliers)?;
+                let mean = run.at.mean_complementarity(run.form);
+                run.barrier = start.barrier.unwrap_or(mean).clamp(run.smallest_barrier(), WARM_BARRIER);
+                run.at.bound_multipliers(run.form, run.barrier);
             }
         }
         Ok(run)
-    }
-
-    fn warm(&mut self, multipliers: &crate::optim::outcome::Multipliers, barrier: Option<f64>) {
-        let scale = self.form.objective_scale;
-        self.at.y = self.form.scaled_multipliers(&multipliers.constraints);
-        let scaled = |z: &[f64]| z.iter().map(|z| scale * z.max(0.0)).collect::<Vec<f64>>();
-        (self.at.lower, self.at.upper) = (scaled(&multipliers.lower), scaled(&multipliers.upper));
-        // A slack s = c(x) is bounded by the constraint's bounds: its multipliers are the parts of y.
-        for slack in &self.form.slacks {
-            let y = self.at.y[slack.row];
-            self.at.lower.push((-y).max(0.0));
-            self.at.upper.push(y.max(0.0));
-        }
-        self.barrier = barrier
-            .unwrap_or_else(|| self.at.mean_complementarity(self.form))
-            .clamp(self.smallest_barrier(), WARM_BARRIER);
-        self.at.bound_multipliers(self.form, self.barrier);
     }
 }
