@@ -69,7 +69,8 @@ impl Wanted {
         folder: &Path,
     ) -> Result<(), Error> {
         if let Some(delay) = delays.iter().find(|delay| **delay > LONGEST_DELAY) {
-            let problem = format!("a delay of {delay} samples is more than {LONGEST_DELAY}; leave --fmu away");
+            let problem =
+                format!("a delay of {delay} samples is more than {LONGEST_DELAY}; leave --fmu away");
             return Err(Error::LinearFmu { name: self.name.clone(), problem });
         }
         if model.order() > MOST.0 {
@@ -93,7 +94,8 @@ impl Wanted {
 
 fn start_values(model: &StateSpace, delays: &[usize]) -> Vec<(String, Value)> {
     let (n_x, n_u, n_y) = (model.order(), model.d.ncols(), model.d.nrows());
-    let count = |name: &str, n: usize| (name.to_owned(), Value::Integer(i32::try_from(n).unwrap_or(i32::MAX)));
+    let count =
+        |name: &str, n: usize| (name.to_owned(), Value::Integer(i32::try_from(n).unwrap_or(i32::MAX)));
     let mut start = vec![count("n_x", n_x), count("n_u", n_u), count("n_y", n_y)];
     start.push(("sample_time".into(), Value::Real(model.sample_time)));
     for (name, matrix) in [("A", &model.a), ("B", &model.b), ("C", &model.c), ("D", &model.d)] {

@@ -3,9 +3,9 @@
 use std::path::Path;
 
 use crate::Error;
+use crate::cli::identify::linear_fmu::Wanted;
 use crate::fmu::derive::{Derivation, Value, derive};
 use crate::fmu::template_folder::template;
-use crate::cli::identify::linear_fmu::Wanted;
 use crate::ident::model::{Arx, Model, StateSpace};
 use nalgebra::DMatrix;
 

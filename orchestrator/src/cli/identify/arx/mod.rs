@@ -15,8 +15,8 @@ use std::process::ExitCode;
 use clap::ValueEnum;
 
 use super::data::DataArgs;
-use super::output::Results;
 use super::linear_fmu::Wanted;
+use super::output::Results;
 use super::report;
 use crate::Error;
 use crate::cli::{folder, output};

@@ -65,7 +65,9 @@ pub fn table(candidates: &[Candidate], outputs: &[String], shown: usize) -> Tabl
     let criteria = ["AICc", "BIC", "MDL"].map(str::to_owned);
     let several = outputs.len() > 1;
     let names = outputs.iter().filter(|_| several).cloned();
-    let row = |candidate: &Candidate| {
+    let taken = recommended(candidates);
+    let row = |(index, candidate): (usize, &Candidate)| {
+        let mark = if taken == Some(index) { " (taken)" } else { "" };
         let stable = candidate.stable == Some(true);
         let fit = match candidate.stable {
             None => "not estimated".to_owned(),
@@ -74,13 +76,19 @@ pub fn table(candidates: &[Candidate], outputs: &[String], shown: usize) -> Tabl
         let fits = candidate.fits.iter().filter(|_| several).map(|fit| percent(*fit, stable));
         let criteria = [candidate.aicc, candidate.bic, candidate.mdl];
         let criteria = criteria.map(|value| value.map_or("-".into(), |value| format!("{value:.2}")));
-        let first = [candidate.structure.to_string(), candidate.parameters.to_string(), fit];
+        let first = [format!("{}{mark}", candidate.structure), candidate.parameters.to_string(), fit];
         first.into_iter().chain(fits).chain(criteria).collect()
     };
     Table {
         heading: String::new(),
         header: header.chain(names).chain(criteria).collect(),
-        rows: candidates.iter().take(shown).map(row).collect(),
+        // The one that is taken is shown, however far down it stands.
+        rows: candidates
+            .iter()
+            .enumerate()
+            .filter(|(index, _)| *index < shown || taken == Some(*index))
+            .map(row)
+            .collect(),
     }
 }
 

@@ -10,16 +10,16 @@ use super::Args;
 use super::estimate::Estimated;
 use crate::cli::identify::data::Loaded;
 use crate::cli::identify::output::Results;
-use crate::ident::diagnostics::response::Family;
 use crate::ident::diagnostics;
+use crate::ident::diagnostics::response::Family;
 use crate::ident::model::{Linear, Model, NamedModel};
 use crate::ident::playback::{Playback, Played};
 use crate::ident::score::{RecordScore, Score, Tally};
 use crate::ident::source::Source;
 use crate::ident::summary::{SCHEMA_VERSION, Summary, coefficients};
 use crate::plot::envelope::Envelope;
-use crate::plot::identification;
 use crate::plot::fit_page::{Compared, compared};
+use crate::plot::identification;
 use crate::series::{csv, rows};
 use crate::{Error, series};
 
@@ -102,7 +102,9 @@ fn judge(
     let share = LONGEST_TEST / sources.len().max(1);
     let records = sources.iter().map(|source| source.head(share)).collect::<Result<Vec<_>, _>>()?;
     if sources.iter().any(|source| source.samples() > share) {
-        summary.warnings.push(format!("the residuals are tested on the first {share} samples of each record"));
+        summary
+            .warnings
+            .push(format!("the residuals are tested on the first {share} samples of each record"));
     }
     let at = |parameters: &DVector<f64>| estimated.mask.model(&estimated.model, parameters).to_state_space();
     let family = Family { parameters: &estimated.parameters, at: &at };
