@@ -23,7 +23,9 @@ fn main() {
     let named = |t: &Transcription| words.iter().any(|word| word == t.name());
     let all = !Transcription::ALL.iter().any(named);
     let meshes = if given.is_empty() { vec![100, 200, 400] } else { given };
-    println!("method         transcription  intervals  iterations  factors  objective         ms     of which functions, ms");
+    println!(
+        "method         transcription  intervals  iterations  factors  objective         ms     of which functions, ms"
+    );
     for method in [Method::InteriorPoint] {
         for transcription in Transcription::ALL.into_iter().filter(|t| all || named(t)) {
             for &intervals in &meshes {

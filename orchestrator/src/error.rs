@@ -65,12 +65,6 @@ pub enum Error {
     /// Output error.
     #[error(transparent)]
     Refinement(#[from] crate::ident::output_error::Error),
-    /// A model that no FMU takes.
-    #[error("--fmu: {reason}")]
-    NoFmu {
-        /// What is too large.
-        reason: String,
-    },
     /// Simulation.
     #[error(transparent)]
     Master(#[from] crate::master::Error),

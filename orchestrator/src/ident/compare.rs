@@ -230,7 +230,9 @@ mod tests {
         assert_eq!(enough(&entries, Family::Arx).unwrap().order, 1);
         assert_eq!(enough(&entries, Family::StateSpace).unwrap().order, 3);
         let verdict = verdict(&entries).join("\n");
-        for part in ["ARX: order 1 is enough", "gain 0.20 points", "state space: order 3", "ARX 3", "3.50 points"] {
+        for part in
+            ["ARX: order 1 is enough", "gain 0.20 points", "state space: order 3", "ARX 3", "3.50 points"]
+        {
             assert!(verdict.contains(part), "{part}\n{verdict}");
         }
     }

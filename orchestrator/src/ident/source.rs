@@ -41,6 +41,11 @@ pub trait Source: Sync {
     fn samples(&self) -> usize;
     /// Time of sample `k` \[s\].
     fn time(&self, k: usize) -> f64;
+    /// The first `samples` samples in memory, or all if there are fewer.
+    ///
+    /// # Errors
+    /// Whatever reading comes to.
+    fn head(&self, samples: usize) -> Result<Record, Error>;
     /// Hands all samples to `take` in order; every window has the last `history` samples of the one before in front.
     ///
     /// # Errors
@@ -59,6 +64,13 @@ impl Source for Record {
 
     fn time(&self, k: usize) -> f64 {
         Record::time(self, k)
+    }
+
+    fn head(&self, samples: usize) -> Result<Record, Error> {
+        let n = samples.min(self.len());
+        let cut = |columns: &[Vec<f64>]| columns.iter().map(|column| column[..n].to_vec()).collect();
+        let (name, sample_time, start) = (self.name.clone(), self.sample_time, self.start);
+        Ok(Record { name, sample_time, start, inputs: cut(&self.inputs), outputs: cut(&self.outputs) })
     }
 
     fn windows(&self, history: usize, take: &mut dyn FnMut(Window)) -> Result<(), Error> {
@@ -97,6 +109,14 @@ impl Source for Part<'_> {
 
     fn time(&self, k: usize) -> f64 {
         self.source.time(self.from + k)
+    }
+
+    fn head(&self, samples: usize) -> Result<Record, Error> {
+        let mut record = self.source.head(self.from + samples.min(self.samples()))?;
+        record.start = self.time(0);
+        let columns = record.inputs.iter_mut().chain(&mut record.outputs);
+        columns.for_each(|column| drop(column.drain(..self.from.min(column.len()))));
+        Ok(record)
     }
 
     fn windows(&self, history: usize, take: &mut dyn FnMut(Window)) -> Result<(), Error> {
@@ -146,16 +166,34 @@ impl Source for FileSource {
         self.survey.sampling.start + k as f64 * self.sample_time
     }
 
+    fn head(&self, samples: usize) -> Result<Record, Error> {
+        let mut columns: Vec<Vec<f64>> = vec![Vec::new(); self.columns.len()];
+        self.read(0, samples.min(self.samples()), &mut |window| {
+            let new = window.inputs.iter().chain(window.outputs);
+            columns.iter_mut().zip(new).for_each(|(column, new)| column.extend_from_slice(new));
+        })?;
+        let outputs = columns.split_off(self.n_u);
+        let (name, start) = (self.survey.name.clone(), self.time(0));
+        Ok(Record { name, sample_time: self.sample_time, start, inputs: columns, outputs })
+    }
+
     fn windows(&self, history: usize, take: &mut dyn FnMut(Window)) -> Result<(), Error> {
+        self.read(history, self.samples(), take)
+    }
+}
+
+impl FileSource {
+    /// Hands the first `end` samples to `take`.
+    fn read(&self, history: usize, end: usize, take: &mut dyn FnMut(Window)) -> Result<(), Error> {
         let mut stream = Stream::open(&self.path, &self.columns)?;
         let mut rows = Rows::default();
         let mut held: Vec<Vec<f64>> = vec![Vec::new(); self.columns.len()];
         let middle = 0.5 * (self.samples() as f64 - 1.0);
         let mut at = 0;
-        loop {
-            let n = stream.read(&mut rows, BLOCK)?;
+        while at < end {
+            let n = stream.read(&mut rows, BLOCK.min(end - at))?;
             if n == 0 {
-                return Ok(());
+                break;
             }
             let before = history.min(at);
             for ((held, new), &slope) in held.iter_mut().zip(&rows.columns).zip(&self.slopes) {
@@ -171,6 +209,7 @@ impl Source for FileSource {
             take(Window { inputs, outputs, before, at });
             at += n;
         }
+        Ok(())
     }
 }
 
@@ -215,6 +254,8 @@ mod tests {
         assert_eq!(windows.len(), 3);
         assert!(found == windows);
         assert_eq!(estimation[0].time(123), record.time(123));
+        assert_eq!(estimation[0].head(BLOCK + 9).unwrap(), record.head(BLOCK + 9).unwrap());
+        assert_eq!(record.head(BLOCK + 9).unwrap().len(), BLOCK + 9);
     }
 
     #[test]

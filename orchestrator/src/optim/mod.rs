@@ -103,7 +103,9 @@ fn run(
             let (error, quadratic_programs) = (run.error(), run.quadratic_programs);
             let at = std::mem::take(&mut run.at);
             match end {
-                sqp::End::Status(status) => Ok(Finish { status, at, barrier: 0.0, error, quadratic_programs }),
+                sqp::End::Status(status) => {
+                    Ok(Finish { status, at, barrier: 0.0, error, quadratic_programs })
+                }
                 sqp::End::NoStep => {
                     let from = Start::cold(at.x[..form.n].to_vec());
                     let finish = interior_point(form, kkt, settings, log, &from)?;

@@ -79,7 +79,15 @@ impl SwingUp {
             there.iter().enumerate().filter(|(_, t)| **t).map(|(at, _)| (at / WIDTH, at % WIDTH)).collect()
         };
         let (jacobian, hessian) = (entries(&jacobian), entries(&hessian));
-        Self { transcription, intervals, interval, stroke: STROKE, elapsed: Duration::ZERO, jacobian, hessian }
+        Self {
+            transcription,
+            intervals,
+            interval,
+            stroke: STROKE,
+            elapsed: Duration::ZERO,
+            jacobian,
+            hessian,
+        }
     }
 
     /// Variables per node.

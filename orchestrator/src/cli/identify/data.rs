@@ -38,9 +38,6 @@ pub struct DataArgs {
     /// Folder for the results; it is made if it is not there.
     #[arg(short, long, value_name = "DIR", default_value = "out/identify")]
     pub output: PathBuf,
-    /// Also write the model as an FMU of this name (for model NAME the file NAME.fmu in the folder of the results).
-    #[arg(long, value_name = "NAME")]
-    pub fmu: Option<String>,
     /// Draw no figures.
     #[arg(long)]
     pub no_plots: bool,

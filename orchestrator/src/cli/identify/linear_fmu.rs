@@ -12,6 +12,9 @@ const TEMPLATE: &str = "linear-state-space";
 /// Most states, inputs and outputs of the template.
 const MOST: (usize, usize, usize) = (12, 4, 4);
 
+/// Longest delay of an input \[samples\].
+const LONGEST_DELAY: usize = 64;
+
 /// An FMU that is to be written once there is a model.
 #[derive(Debug, Clone)]
 pub struct Wanted {
@@ -51,6 +54,25 @@ impl Wanted {
     /// # Errors
     /// [`Error::LinearFmu`] for too many states, [`Error::Derive`] for a file that cannot be written.
     pub fn write(&self, model: &StateSpace, description: &str, folder: &Path) -> Result<(), Error> {
+        self.write_delayed(model, &[], description, folder)
+    }
+
+    /// As [`Wanted::write`], with inputs that act `delays[j]` samples later, shape \[n_u\] or none.
+    ///
+    /// # Errors
+    /// As [`Wanted::write`], also for delays that are too long.
+    pub fn write_delayed(
+        &self,
+        model: &StateSpace,
+        delays: &[usize],
+        description: &str,
+        folder: &Path,
+    ) -> Result<(), Error> {
+        if let Some(delay) = delays.iter().find(|delay| **delay > LONGEST_DELAY) {
+            let problem =
+                format!("a delay of {delay} samples is more than {LONGEST_DELAY}; leave --fmu away");
+            return Err(Error::LinearFmu { name: self.name.clone(), problem });
+        }
         if model.order() > MOST.0 {
             let problem = format!(
                 "the model has {} states, and FMUs of linear models {} at most; lower the order",
@@ -62,7 +84,7 @@ impl Wanted {
         let derivation = Derivation {
             name: self.name.clone(),
             description: description.to_owned(),
-            start: start_values(model),
+            start: start_values(model, delays),
             resources: Vec::new(),
         };
         derive(&self.template, &folder.join(self.file()), &derivation)?;
@@ -70,9 +92,10 @@ impl Wanted {
     }
 }
 
-fn start_values(model: &StateSpace) -> Vec<(String, Value)> {
+fn start_values(model: &StateSpace, delays: &[usize]) -> Vec<(String, Value)> {
     let (n_x, n_u, n_y) = (model.order(), model.d.ncols(), model.d.nrows());
-    let count = |name: &str, n: usize| (name.to_owned(), Value::Integer(i32::try_from(n).unwrap_or(i32::MAX)));
+    let count =
+        |name: &str, n: usize| (name.to_owned(), Value::Integer(i32::try_from(n).unwrap_or(i32::MAX)));
     let mut start = vec![count("n_x", n_x), count("n_u", n_u), count("n_y", n_y)];
     start.push(("sample_time".into(), Value::Real(model.sample_time)));
     for (name, matrix) in [("A", &model.a), ("B", &model.b), ("C", &model.c), ("D", &model.d)] {
@@ -87,5 +110,6 @@ fn start_values(model: &StateSpace) -> Vec<(String, Value)> {
             start.push((format!("{name}[{}]", index + 1), Value::Real(*offset)));
         }
     }
+    start.extend(delays.iter().enumerate().map(|(j, &delay)| count(&format!("nk[{}]", j + 1), delay)));
     start
 }

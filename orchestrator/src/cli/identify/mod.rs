@@ -8,7 +8,6 @@
 //! | [`linear_fmu`] | the FMU of a linear model |
 //! | [`data`] | the options that say which data, shared by all |
 //! | [`friction`] | `identify friction` |
-//! | [`fmu`] | `--fmu`: the model as an FMU |
 //! | [`output`] | the folder of the results, shared by all |
 
 pub mod arx;
@@ -16,7 +15,6 @@ pub mod compare;
 pub mod data;
 pub mod friction;
 pub mod linear_fmu;
-pub mod fmu;
 pub mod output;
 mod report;
 pub mod state_space;

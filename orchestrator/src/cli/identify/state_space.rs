@@ -216,9 +216,9 @@ fn results(estimate: &Estimate, refined: &Refined, data: &Experiments, plots: bo
     summary.verdict.extend(verdict(estimate, refined));
     let mended = refined.taken && model.is_stable();
     let concerns_poles = |warning: &String| warning.contains("stable model") || warning.contains("mirrored");
-    summary.warnings.extend(
-        estimate.warnings.iter().filter(|warning| !(mended && concerns_poles(warning))).cloned(),
-    );
+    summary
+        .warnings
+        .extend(estimate.warnings.iter().filter(|warning| !(mended && concerns_poles(warning))).cloned());
     if !estimate.orders.is_empty() {
         results.tables.push(orders_table(estimate));
     }
@@ -233,7 +233,8 @@ fn verdict(estimate: &Estimate, refined: &Refined) -> Vec<String> {
     let mut sentences = Vec::new();
     if !estimate.orders.is_empty() {
         let highest = estimate.orders.len();
-        let error = |order: usize| estimate.orders.get(order.wrapping_sub(1)).and_then(|found| found.held_back);
+        let error =
+            |order: usize| estimate.orders.get(order.wrapping_sub(1)).and_then(|found| found.held_back);
         let own = error(order).unwrap_or(f64::NAN);
         let below = match error(order.wrapping_sub(1)) {
             Some(error) => format!(", order {} {:.2} %", order - 1, 100.0 * error),
@@ -311,7 +312,8 @@ fn figures(estimate: &Estimate, model: &StateSpace) -> Vec<(String, String)> {
     figures.push(("poles".into(), orders::poles(&poles)));
     if !estimate.orders.is_empty() {
         let fits = estimate.orders.iter();
-        let fits = fits.map(|found| (found.order, found.held_back.map(|error| 100.0 * (1.0 - error)))).collect();
+        let fits =
+            fits.map(|found| (found.order, found.held_back.map(|error| 100.0 * (1.0 - error)))).collect();
         let curve = OrderCurve { name: "estimated from the rest".into(), fits };
         figures.push(("orders".into(), orders::fits("Fit on data kept back", &[curve])));
     }

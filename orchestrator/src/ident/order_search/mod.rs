@@ -16,6 +16,9 @@ use super::structure::Structure;
 
 /// Fits that differ by less \[points\] count as equal; the smaller structure then goes first.
 pub const TIE: f64 = 0.01;
+/// Simulated fits within this \[points\] of the best are not worth more coefficients: chance in the judging data makes
+/// as much.
+pub const MARGIN: f64 = 0.5;
 /// Largest number of structures of one search.
 pub const MOST: usize = 10_000;
 
@@ -124,6 +127,18 @@ pub fn search(
 fn rank(candidates: &mut [Candidate]) {
     let level = |candidate: &Candidate| candidate.fit.map_or(f64::NEG_INFINITY, |fit| (fit / TIE).round());
     candidates.sort_by(|a, b| level(b).total_cmp(&level(a)).then(a.parameters.cmp(&b.parameters)));
+}
+
+/// Index of the structure to take: the least Bayesian information criterion among those with a simulated fit within
+/// [`MARGIN`] of the best; `None` if no structure is stable.
+pub fn recommended(candidates: &[Candidate]) -> Option<usize> {
+    let best = candidates.iter().filter_map(|candidate| candidate.fit).fold(f64::NEG_INFINITY, f64::max);
+    let near = |candidate: &Candidate| candidate.fit.is_some_and(|fit| fit >= best - MARGIN);
+    // Data without noise may have no criterion; then the ranking decides.
+    let criterion = |index: usize| candidates[index].bic.unwrap_or(f64::NEG_INFINITY);
+    (0..candidates.len())
+        .filter(|&index| near(&candidates[index]))
+        .min_by(|&a, &b| criterion(a).total_cmp(&criterion(b)).then(a.cmp(&b)))
 }
 
 fn candidate(structure: Structure, solved: &Result<Estimate, Error>, n_y: usize) -> Candidate {

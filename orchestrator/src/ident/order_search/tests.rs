@@ -81,6 +81,16 @@ fn the_true_structure_comes_first() {
 }
 
 #[test]
+fn chance_in_the_judging_data_buys_no_coefficients() {
+    let (estimation, judging) = (record(6000, 0.5, 1), record(700, 0.5, 2));
+    let candidates = found(&Ranges { na: 1..=6, nb: 1..=6, nk: 2..=2 }, &[&estimation], &[&judging]);
+    let taken = &candidates[recommended(&candidates).unwrap()];
+    assert_eq!((taken.structure.na[0][0], taken.structure.nb[0][0]), (2, 2), "{taken:?}");
+    assert!(taken.fit.unwrap() > candidates[0].fit.unwrap() - MARGIN);
+    assert_eq!(recommended(&[]), None);
+}
+
+#[test]
 fn every_candidate_has_the_fit_of_the_model_estimated_and_simulated_alone() {
     let estimation = [record(BLOCK + 700, 0.3, 3), record(900, 0.3, 4)];
     let judging = [record(2 * BLOCK + 5, 0.3, 5), record(300, 0.3, 6)];

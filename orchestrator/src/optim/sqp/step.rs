@@ -30,7 +30,14 @@ pub(super) struct Step {
 impl Step {
     pub fn new(form: &Form) -> Self {
         let total = form.total();
-        Self { x: vec![0.0; total], y: vec![0.0; form.m], lower: vec![0.0; total], upper: vec![0.0; total], note: Note::None, correctable: false }
+        Self {
+            x: vec![0.0; total],
+            y: vec![0.0; form.m],
+            lower: vec![0.0; total],
+            upper: vec![0.0; total],
+            note: Note::None,
+            correctable: false,
+        }
     }
 }
 
@@ -44,8 +51,7 @@ impl Sqp<'_, '_, '_> {
         let Some((solution, elastic)) = self.quadratic_step() else { return false };
         let total = self.form.total();
         let step = &solution.x[..total];
-        self.active =
-            ActiveSet::of_solution(self.form, &self.at.x, step, &solution.lower, &solution.upper);
+        self.active = ActiveSet::of_solution(self.form, &self.at.x, step, &solution.lower, &solution.upper);
         let note = if elastic { Note::Elastic } else { Note::QuadraticProgram };
         // The KKT system with this working set has the solution to the last digits.
         self.step.correctable =
@@ -66,7 +72,8 @@ impl Sqp<'_, '_, '_> {
     fn held_step(&mut self) -> bool {
         let (form, active) = (&*self.form, &self.active);
         let n = form.n;
-        let diagonal: Vec<f64> = (0..form.total()).map(|j| if j < n { 0.0 } else { SLACK_CURVATURE }).collect();
+        let diagonal: Vec<f64> =
+            (0..form.total()).map(|j| if j < n { 0.0 } else { SLACK_CURVATURE }).collect();
         let held = |j: usize| form.fixed(j) || active.held[j] != Held::Free;
         let (hessian, jacobian) = (&self.point.hessian, &self.point.jacobian);
         self.kkt.factor(form, hessian, jacobian, &diagonal, held, 1e-8).is_ok() && {
@@ -137,7 +144,8 @@ impl Sqp<'_, '_, '_> {
         }
         self.quadratic_programs += 1;
         let solution = solve_quadratic(&problem).ok()?;
-        matches!(solution.status, QuadraticStatus::Solved | QuadraticStatus::Inexact).then_some((solution, true))
+        matches!(solution.status, QuadraticStatus::Solved | QuadraticStatus::Inexact)
+            .then_some((solution, true))
     }
 
     /// The quadratic program in the step of X.

@@ -7,6 +7,7 @@ use super::{Args, MethodChoice};
 use crate::Error;
 use crate::cli::identify::data::Loaded;
 use crate::ident::arx::{self, Estimate, Names};
+use crate::ident::diagnostics::Kind;
 use crate::ident::excitation::{Excitation, excitation};
 use crate::ident::model::Arx;
 use crate::ident::model::file::rows;
@@ -26,8 +27,12 @@ pub struct Estimated {
     pub structure: Structure,
     /// How it was estimated.
     pub method: String,
-    /// Coefficients with their covariance.
+    /// Which coefficients are free.
+    pub mask: Mask,
+    /// Those coefficients with their covariance.
     pub parameters: Parameters,
+    /// Residuals that speak for or against it, and past outputs per equation that it was fitted with.
+    pub residuals: (Kind, usize),
     /// What else goes under `diagnostics`.
     pub diagnostics: Value,
     /// Sentences about the data.
@@ -51,11 +56,19 @@ pub fn estimate(
     let estimate = arx::estimate(&sources, structure, loaded.data.sample_time, loaded.offsets(), names)?;
     let condition: Vec<f64> = estimate.equations.iter().map(|equation| equation.condition()).collect();
     let warnings = doubts(&estimate, &condition, &inputs, names);
+    let mask = mask(structure);
+    let one_step = structure.na.iter().flatten().copied().max().unwrap_or(0);
+    let residuals = match args.method {
+        MethodChoice::LeastSquares => (Kind::OneStep, one_step),
+        _ => (Kind::Simulated, 0),
+    };
     let mut estimated = Estimated {
         model: estimate.model.clone(),
         structure: structure.clone(),
         method: format!("arx, {}", args.method.name()),
-        parameters: estimate.parameters(),
+        parameters: in_order(&estimate.parameters(), &mask),
+        mask: mask.clone(),
+        residuals,
         diagnostics: json!({
             "noise_covariance": rows(&estimate.noise_covariance),
             "condition": condition,
@@ -65,7 +78,6 @@ pub fn estimate(
         warnings,
     };
     let model = estimate.model;
-    let mask = mask(structure);
     match args.method {
         MethodChoice::LeastSquares => {}
         MethodChoice::InstrumentalVariables => {
@@ -98,6 +110,19 @@ impl Estimated {
         self.model = model;
         self.parameters = parameters;
         self.diagnostics["noise_covariance"] = json!(rows(noise_covariance));
+    }
+}
+
+/// The parameters in the order of the mask.
+fn in_order(parameters: &Parameters, mask: &Mask) -> Parameters {
+    let names = mask.names();
+    let place = |name: &String| parameters.names.iter().position(|known| known == name);
+    let order: Vec<usize> = names.iter().filter_map(place).collect();
+    let covariance = parameters.covariance.as_ref();
+    Parameters {
+        values: parameters.values.select_rows(&order),
+        covariance: covariance.map(|covariance| covariance.select_rows(&order).select_columns(&order)),
+        names,
     }
 }
 

@@ -6,6 +6,7 @@
 )]
 
 mod estimate;
+mod fmu;
 mod orders;
 mod play;
 
@@ -14,8 +15,9 @@ use std::process::ExitCode;
 use clap::ValueEnum;
 
 use super::data::DataArgs;
+use super::linear_fmu::Wanted;
 use super::output::Results;
-use super::{fmu, report};
+use super::report;
 use crate::Error;
 use crate::cli::{folder, output};
 use crate::ident::arx::Names;
@@ -49,6 +51,10 @@ pub struct Args {
     /// How the coefficients are estimated.
     #[arg(long, value_enum, default_value_t = MethodChoice::LeastSquares)]
     pub method: MethodChoice,
+    /// Also write the model as NAME.fmu: an arx-actuator for one input and at most two outputs about zero, else a
+    /// linear-state-space (12 states, 4 inputs, 4 outputs at most). It starts at rest at the operating point.
+    #[arg(long, value_name = "NAME")]
+    pub fmu: Option<String>,
     /// Read the files anew for every pass instead of keeping them in memory; done without asking above 1 GB.
     #[arg(long)]
     pub stream: bool,
@@ -91,6 +97,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
     // What is wrong with the orders is said before long files are read.
     let ranges = ranges(args, channels)?;
     let given = if ranges.is_none() { Some(structure(args, channels)?) } else { None };
+    let fmu = args.fmu.as_ref().map(|name| Wanted::new(name, channels)).transpose()?;
     let mut loaded = args.data.load(args.stream)?;
     let names = Names { inputs: &args.data.inputs, outputs: &args.data.outputs };
     let mut warnings = Vec::new();
@@ -100,6 +107,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
         (None, given) => given.unwrap_or_else(|| Structure::uniform(channels, 1, 2, 0)),
     };
     let estimated = estimate::estimate(args, &loaded, &structure, names)?;
+    let model = estimated.model.clone();
     if candidates.is_some() && loaded.validation().is_empty() {
         warnings.push(
             "no validation files: the orders were judged on the last third of every file, the model is estimated from all of it; its estimation fits are no proof, give --validate".to_owned(),
@@ -118,17 +126,19 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
     if let Some(candidates) = &candidates {
         orders::add(&mut results, candidates, &args.data.outputs);
     }
-    if let Some(name) = &args.data.fmu {
-        let description = report::headline(&results.summary);
-        folder::clear(&args.data.output)?;
-        let file = fmu::write(&results.model, name, &args.data.output, &description)?;
-        results.summary.files.push(file);
-    }
+    results.summary.files.extend(fmu.as_ref().map(Wanted::file));
     let summary = results.write(&args.data.output)?;
+    if let (Some(wanted), Some(name)) = (&fmu, &args.fmu) {
+        fmu::write(wanted, name, &model, &args.data.output, &report::headline(&summary))?;
+    }
     if !args.data.quiet {
         let table = candidates.as_ref().map(|all| orders::table(all, &args.data.outputs, orders::SHOWN));
         let table = table.map_or(String::new(), |table| report::text_table(&table) + "\n");
-        output::print(&(table + &report::report(&summary, &args.data.output)))?;
+        let mut text = table + &report::report(&summary, &args.data.output);
+        if let Some(fmu) = &fmu {
+            text += &format!("FMU:     {}\n", args.data.output.join(fmu.file()).display());
+        }
+        output::print(&text)?;
     }
     Ok(ExitCode::SUCCESS)
 }

@@ -2,13 +2,16 @@
 
 use std::io::{BufWriter, Write};
 
-use serde_json::json;
+use nalgebra::DVector;
+use serde_json::{Value, json};
 use tempfile::NamedTempFile;
 
 use super::Args;
 use super::estimate::Estimated;
 use crate::cli::identify::data::Loaded;
 use crate::cli::identify::output::Results;
+use crate::ident::diagnostics;
+use crate::ident::diagnostics::response::Family;
 use crate::ident::model::{Linear, Model, NamedModel};
 use crate::ident::playback::{Playback, Played};
 use crate::ident::score::{RecordScore, Score, Tally};
@@ -16,11 +19,14 @@ use crate::ident::source::Source;
 use crate::ident::summary::{SCHEMA_VERSION, Summary, coefficients};
 use crate::plot::envelope::Envelope;
 use crate::plot::fit_page::{Compared, compared};
+use crate::plot::identification;
 use crate::series::{csv, rows};
 use crate::{Error, series};
 
 /// Longest record \[samples\] that is written as a table.
 const LONGEST_TABLE: usize = 200_000;
+/// Samples of all records together whose residuals are tested.
+const LONGEST_TEST: usize = 100_000;
 
 /// Results of an estimated model.
 ///
@@ -32,7 +38,7 @@ pub fn results(args: &Args, loaded: &Loaded, estimated: Estimated) -> Result<Res
     let mut summary = Summary {
         schema_version: SCHEMA_VERSION,
         airloop_version: env!("CARGO_PKG_VERSION").into(),
-        method: estimated.method,
+        method: estimated.method.clone(),
         inputs: data.inputs.clone(),
         outputs: data.outputs.clone(),
         sample_time: data.sample_time,
@@ -42,12 +48,12 @@ pub fn results(args: &Args, loaded: &Loaded, estimated: Estimated) -> Result<Res
             "nk": estimated.structure.nk,
         }),
         stable,
-        diagnostics: estimated.diagnostics,
-        verdict: estimated.verdict,
-        warnings: estimated.warnings,
+        diagnostics: estimated.diagnostics.clone(),
+        verdict: estimated.verdict.clone(),
+        warnings: estimated.warnings.clone(),
         ..Summary::default()
     };
-    summary.diagnostics["parameters"] = json!(estimated.parameters.intervals());
+    let figures = judge(args, loaded, &estimated, &mut summary)?;
     let mut results = Results {
         summary,
         model: NamedModel {
@@ -81,7 +87,48 @@ pub fn results(args: &Args, loaded: &Loaded, estimated: Estimated) -> Result<Res
             _ => {}
         }
     }
+    results.figures.extend(figures);
     Ok(results)
+}
+
+/// Residual tests, poles and zeros, responses: into the summary, and as figures (name and SVG).
+fn judge(
+    args: &Args,
+    loaded: &Loaded,
+    estimated: &Estimated,
+    summary: &mut Summary,
+) -> Result<Vec<(String, String)>, Error> {
+    let sources = loaded.estimation();
+    let share = LONGEST_TEST / sources.len().max(1);
+    let records = sources.iter().map(|source| source.head(share)).collect::<Result<Vec<_>, _>>()?;
+    if sources.iter().any(|source| source.samples() > share) {
+        summary
+            .warnings
+            .push(format!("the residuals are tested on the first {share} samples of each record"));
+    }
+    let at = |parameters: &DVector<f64>| estimated.mask.model(&estimated.model, parameters).to_state_space();
+    let family = Family { parameters: &estimated.parameters, at: &at };
+    let (kind, fitted_lags) = estimated.residuals;
+    let options = diagnostics::Options { kind, fitted_lags, ..diagnostics::Options::default() };
+    let (inputs, outputs) = (&loaded.data.inputs, &loaded.data.outputs);
+    let found = diagnostics::diagnose(&estimated.model, Some(family), &records, inputs, outputs, &options);
+    let verdict = diagnostics::verdict::verdict(&estimated.structure.to_string(), &found);
+    summary.verdict.splice(0..0, verdict.sentences.iter().cloned());
+    if let (Value::Object(all), Value::Object(more)) = (&mut summary.diagnostics, json!(found)) {
+        all.extend(more);
+        all.insert("verdict".into(), json!(verdict));
+    }
+    if args.data.no_plots {
+        return Ok(Vec::new());
+    }
+    let figures = [
+        ("residual_autocorrelation", identification::autocorrelations(&found.autocorrelation)),
+        ("residual_cross_correlation", identification::cross_correlations(&found.cross_correlation)),
+        ("poles_and_zeros", identification::pole_zero_map(&found.poles, &found.channel_zeros)),
+        ("step_responses", identification::step_responses(&found.step)),
+        ("frequency_responses", identification::frequency_responses(&found.frequency)),
+    ];
+    Ok(figures.into_iter().map(|(name, svg)| (name.to_owned(), svg)).collect())
 }
 
 /// Plays one record.
