@@ -8,10 +8,10 @@ pub mod envelope;
 pub mod figures;
 pub mod fit_page;
 pub mod friction;
-pub mod orders;
 pub mod identification;
 pub mod page;
 pub mod run;
+pub mod singular_values;
 pub mod svg;
 
 use std::path::PathBuf;

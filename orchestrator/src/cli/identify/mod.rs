@@ -5,7 +5,6 @@
 //! | [`arx`] | `identify arx` |
 //! | [`state_space`] | `identify state-space` |
 //! | [`compare`] | `identify compare` |
-//! | [`linear_fmu`] | the FMU of a linear model |
 //! | [`data`] | the options that say which data, shared by all |
 //! | [`friction`] | `identify friction` |
 //! | [`fmu`] | `--fmu`: the model as an FMU |
@@ -15,7 +14,6 @@ pub mod arx;
 pub mod compare;
 pub mod data;
 pub mod friction;
-pub mod linear_fmu;
 pub mod fmu;
 pub mod output;
 mod report;
