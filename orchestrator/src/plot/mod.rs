@@ -12,6 +12,7 @@ pub mod identification;
 pub mod orders;
 pub mod page;
 pub mod run;
+pub mod singular_values;
 pub mod svg;
 
 use std::path::PathBuf;

@@ -5,7 +5,6 @@
 //! | [`arx`] | `identify arx` |
 //! | [`state_space`] | `identify state-space` |
 //! | [`compare`] | `identify compare` |
-//! | [`linear_fmu`] | the FMU of a linear model |
 //! | [`data`] | the options that say which data, shared by all |
 //! | [`friction`] | `identify friction` |
 //! | [`output`] | the folder of the results, shared by all |
@@ -15,6 +14,7 @@ pub mod compare;
 pub mod data;
 pub mod friction;
 pub mod linear_fmu;
+pub mod fmu;
 pub mod output;
 mod report;
 pub mod state_space;
