@@ -11,6 +11,7 @@ mod nelder_mead;
 use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
 
+use super::diagnostics::chi_squared::two_sided_normal;
 use super::fold::{Fold, dot};
 use super::rational::columns::{Column, fold_columns};
 use super::rational::{Error, Experiment, check_records};
@@ -58,7 +59,8 @@ pub struct Channel {
     pub decay: f64,
     /// Correlation r of neighbouring coefficients in the prior.
     pub correlation: f64,
-    /// First lag whose coefficient is outside its band: the delay in samples; `None` if none is.
+    /// First lag whose coefficient is outside the 99 % band *for all lags together*: the delay in samples; `None` if none
+    /// is.
     pub first_significant: Option<usize>,
 }
 
@@ -251,6 +253,7 @@ impl Marginal<'_> {
         // Covariance sigma^2 (L R^-1) (L R^-1)^T; R is regular, there is an identity in it.
         let spread = back(&DMatrix::identity(p, p)).map_or(DMatrix::zeros(p, p), |inverse| &found.factor * inverse);
         let noise = found.noise_variance.sqrt();
+        let together = two_sided_normal(0.01 / self.length as f64) / TWO_SIDED_99;
         let channels = (0..n_u).map(|j| {
             let scale = y_scale / u_scales[j];
             let rows = j * self.length..(j + 1) * self.length;
@@ -258,7 +261,7 @@ impl Marginal<'_> {
             let band_99: Vec<f64> = rows.map(|row| TWO_SIDED_99 * scale * noise * spread.row(row).norm()).collect();
             let prior = Prior::new(&variables[j * self.variables()..], self.kernel);
             Channel {
-                first_significant: values.iter().zip(&band_99).position(|(value, band)| value.abs() > *band),
+                first_significant: values.iter().zip(&band_99).position(|(value, band)| value.abs() > together * band),
                 values,
                 band_99,
                 decay: prior.decay,

@@ -3,6 +3,7 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::denoised::denoised;
+use super::equivalent;
 use super::levenberg_marquardt::{Found, Linear, Moments, Problem, minimise};
 use super::{Error, Options, Outcome, with_covariance};
 use crate::ident::instrumental_variables::{self, FILTER_RADIUS};
@@ -44,7 +45,7 @@ pub struct OutputError {
 /// Minimises the simulated error of an ARX structure from `model` (as a rule the least-squares estimate).
 ///
 /// Starts are `model`, least squares, refined instrumental variables from both, and the same for the records as a model of
-/// high order simulates them; unstable ones are drawn into the unit circle. The one with the smallest simulated error is taken, the next only if the iterations do not settle. The offsets
+/// high order simulates them; unstable ones are drawn into the unit circle. The one with the smallest simulated error is taken, the next only if the iterations stall. The offsets
 /// stay those of `model`.
 ///
 /// # Errors
@@ -112,7 +113,7 @@ pub fn refine(
     })
 }
 
-/// Minimises from the most promising start, and from the next ones as long as the iterations do not settle.
+/// Minimises from the most promising start, and from the next ones as long as the iterations stall.
 fn from_starts(
     problem: &ArxProblem,
     given: Arx,
@@ -141,10 +142,16 @@ fn from_starts(
     starts.push(mask.model(problem.template, &DVector::zeros(mask.coefficients().len())));
     let mut ranked: Vec<(f64, Arx)> = starts.into_iter().map(|start| (criterion(&start), start)).collect();
     ranked.sort_by(|a, b| a.0.total_cmp(&b.0));
+    // Settled in better coordinates, only the last digits are left to do in those of the structure.
+    let settled = ranked.first().and_then(|(_, start)| equivalent::refined(start, mask, records, options));
+    if let Some(start) = settled.filter(|start| spectral_radius(start) <= options.largest_pole) {
+        ranked.insert(0, (criterion(&start), start));
+        ranked.sort_by(|a, b| a.0.total_cmp(&b.0));
+    }
     let mut best: Option<Found<Arx>> = None;
     for (_, start) in ranked.into_iter().take(TRIES) {
         let found = minimise(problem, start, options);
-        let settled = found.as_ref().is_some_and(|found| matches!(found.outcome, Outcome::Converged | Outcome::Flat));
+        let settled = found.as_ref().is_some_and(|found| found.outcome != Outcome::Stalled);
         let lower = |found: &Found<Arx>| {
             best.as_ref().is_none_or(|best| found.moments.criterion() < best.moments.criterion())
         };
