@@ -89,8 +89,6 @@ pub enum Note {
     Restoration,
     /// The step came from a quadratic program with inequalities.
     QuadraticProgram,
-    /// The step came from a quadratic program whose constraints were relaxed.
-    Elastic,
 }
 
 /// The largest violation of a point.
