@@ -122,3 +122,40 @@ fn perturbed_guesses_converge() {
         assert!(failed.len() <= 1, "{transcription:?}:\n{}", failed.join("\n"));
     }
 }
+
+#[test]
+fn the_linear_guess_converges_too() {
+    for transcription in Transcription::ALL {
+        let mut problem = SwingUp::new(transcription, 50);
+        let x = problem.linear();
+        let solution = run(&mut problem, x);
+        assert_eq!(solution.status, Status::Solved, "{transcription:?}");
+        assert!(solution.violation() <= 1e-8);
+    }
+}
+
+#[test]
+fn multiple_shooting_goes_on_by_sqp_from_shooting_collocation() {
+    let mut coarse = SwingUp::new(Transcription::ShootingCollocation, 100);
+    let x = coarse.pump();
+    let first = run(&mut coarse, x);
+    let mut sampled = SwingUp::new(Transcription::MultipleShooting, 100);
+    let settings = Settings { method: Method::Sqp, ..Settings::default() };
+    let solution = solve(&mut sampled, &first.restart(), &settings).unwrap();
+    assert_eq!(solution.status, Status::Solved);
+    assert!((solution.objective - 1094.6922941665).abs() <= 1e-6 * 1094.7, "{}", solution.objective);
+    let x = sampled.pump();
+    let alone = run(&mut sampled, x);
+    assert!(solution.iterations.len() < alone.iterations.len(), "{}", solution.iterations.len());
+}
+
+#[test]
+fn too_short_a_stroke_is_infeasible_and_named() {
+    let mut problem = SwingUp::new(Transcription::MultipleShooting, 50);
+    problem.stroke = 0.005;
+    let x = problem.pump();
+    let solution = run(&mut problem, x);
+    assert_eq!(solution.status, Status::Infeasible);
+    let worst = solution.worst.unwrap().to_string();
+    assert!(worst.starts_with("defect of "), "{worst}");
+}
