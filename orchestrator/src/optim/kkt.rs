@@ -9,10 +9,13 @@ use crate::linalg::symmetric::Inertia;
 
 /// Up to this size a problem without stages is factorised densely.
 const DENSE: usize = 300;
-const REFINEMENTS: usize = 8;
+const REFINEMENTS: usize = 10;
 /// Backward error at which refinement ends, and above which the factorisation counts as singular.
 const REFINED: f64 = 1e-13;
 const USELESS: f64 = 1e-5;
+
+/// Added to the diagonals where pivots are not exchanged; refinement removes its effect.
+const STATIC: f64 = 1e-9;
 
 #[derive(Debug)]
 enum Ldl {
@@ -194,7 +197,11 @@ impl Kkt {
         self.factorisations += 1;
         match &mut self.ldl {
             Ldl::Staged(ldl) => ldl.factor(&self.values),
-            Ldl::Sparse(ldl) => ldl.factor(&self.values),
+            Ldl::Sparse(ldl) => {
+                diagonals[..n].iter_mut().for_each(|d| *d += STATIC);
+                diagonals[n..].iter_mut().for_each(|d| *d -= STATIC);
+                ldl.factor(&self.values)
+            }
         }
     }
 

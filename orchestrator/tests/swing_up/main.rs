@@ -159,3 +159,13 @@ fn too_short_a_stroke_is_infeasible_and_named() {
     let worst = solution.worst.unwrap().to_string();
     assert!(worst.starts_with("defect of "), "{worst}");
 }
+
+#[test]
+fn without_stages_the_sparse_factorisation_reaches_the_same_optimum() {
+    let mut problem = SwingUp::new(Transcription::MultipleShooting, 100);
+    problem.staged = false;
+    let x = problem.pump();
+    let solution = run(&mut problem, x);
+    assert_eq!(solution.status, Status::Solved);
+    assert!((solution.objective - 1094.6922941665).abs() <= 1e-6 * 1094.7, "{}", solution.objective);
+}

@@ -43,6 +43,8 @@ pub struct SwingUp {
     interval: Box<dyn Interval>,
     /// Half stroke, m; smaller ones make the problem infeasible.
     pub stroke: f64,
+    /// Whether the stages are told to the solver.
+    pub staged: bool,
     /// Time spent in the functions.
     pub elapsed: Duration,
     /// Entries of one interval that are not always zero.
@@ -79,7 +81,7 @@ impl SwingUp {
             there.iter().enumerate().filter(|(_, t)| **t).map(|(at, _)| (at / WIDTH, at % WIDTH)).collect()
         };
         let (jacobian, hessian) = (entries(&jacobian), entries(&hessian));
-        Self { transcription, intervals, interval, stroke: STROKE, elapsed: Duration::ZERO, jacobian, hessian }
+        Self { transcription, intervals, interval, stroke: STROKE, staged: true, elapsed: Duration::ZERO, jacobian, hessian }
     }
 
     /// Variables per node.
@@ -253,7 +255,7 @@ impl Nlp for SwingUp {
 
     fn stages(&self) -> Option<Stages> {
         let s = self.stride();
-        Some(Stages {
+        self.staged.then(|| Stages {
             variables: (0..self.variables()).map(|i| i / s).collect(),
             constraints: (0..self.constraints()).map(|i| i / 6 + 1).collect(),
         })
