@@ -143,6 +143,7 @@ fn an_infeasible_problem_names_the_constraint_that_is_violated() {
         let mut problem = Plane::circle(1.0, 2.0);
         let solution = solve(&mut problem, &Start::cold(vec![3.0, 1.0]), &with(method)).unwrap();
         assert_eq!(solution.status, Status::Infeasible, "{method:?}");
+        assert_eq!(solution.blocking.unwrap().to_string(), "stroke >= 2");
         let worst = solution.worst.unwrap();
         assert_eq!(worst.name, "circle");
         assert!((worst.amount - 3.0).abs() < 1e-5, "{}", worst.amount);

@@ -113,6 +113,33 @@ impl fmt::Display for Violation {
     }
 }
 
+/// Which end of a range.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Side {
+    /// The lower bound.
+    Lower,
+    /// The upper bound.
+    Upper,
+}
+
+/// The bound that stands most in the way of a feasible point: relaxing it reduces the violation fastest.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Blocking {
+    /// Name of the variable or constraint.
+    pub name: String,
+    /// Which of its bounds.
+    pub side: Side,
+    /// The bound.
+    pub bound: f64,
+}
+
+impl fmt::Display for Blocking {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let sign = if self.side == Side::Lower { ">=" } else { "<=" };
+        write!(f, "{} {sign} {}", self.name, self.bound)
+    }
+}
+
 /// Multipliers and barrier parameter that belong to a point; the sign is that of L = f + y.c - z_l.x + z_u.x.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Multipliers {
@@ -166,7 +193,7 @@ pub struct Solution {
     pub x: Vec<f64>,
     /// Objective at `x`; NaN where it has no value.
     pub objective: f64,
-    /// Multipliers at `x`.
+    /// Multipliers at `x`; where the problem is infeasible those of the least violation.
     pub multipliers: Multipliers,
     /// Barrier parameter at the end.
     pub barrier: f64,
@@ -174,6 +201,8 @@ pub struct Solution {
     pub error: f64,
     /// The worst constraint or bound at `x`, if any is violated at all.
     pub worst: Option<Violation>,
+    /// The bound that stands most in the way, where the problem is infeasible and a bound does.
+    pub blocking: Option<Blocking>,
     /// Iteration table.
     pub iterations: Vec<Iteration>,
     /// Evaluations.
