@@ -25,7 +25,9 @@ fn main() {
     let named = |name: &str| words.iter().any(|word| word == name);
     let all = words.iter().all(|word| word.parse::<usize>().is_ok() || word.starts_with("--"));
     let meshes = if given.is_empty() { vec![100, 200, 400] } else { given };
-    println!("transcription  intervals  iterations  factors  QPs     objective         ms  of which functions, ms");
+    println!(
+        "transcription  intervals  iterations  factors  QPs     objective         ms  of which functions, ms"
+    );
     for transcription in Transcription::ALL.into_iter().filter(|t| all || named(t.name())) {
         for &intervals in &meshes {
             fastest(transcription.name(), intervals, || pump(transcription, intervals));

@@ -251,7 +251,8 @@ fn a_warm_start_at_the_solution_needs_hardly_any_iteration() {
 #[test]
 fn the_same_input_gives_the_same_bytes() {
     for method in METHODS {
-        let run = || solve(&mut Plane::circle(2.0, 0.0), &Start::cold(vec![0.3, -0.5]), &with(method)).unwrap();
+        let run =
+            || solve(&mut Plane::circle(2.0, 0.0), &Start::cold(vec![0.3, -0.5]), &with(method)).unwrap();
         assert_eq!(run(), run());
     }
 }
@@ -260,8 +261,7 @@ fn the_same_input_gives_the_same_bytes() {
 fn the_limit_of_iterations_is_kept() {
     for method in METHODS {
         let settings = Settings { max_iterations: 3, ..with(method) };
-        let solution =
-            solve(&mut Plane::rosenbrock(), &Start::cold(vec![-1.2, 1.0]), &settings).unwrap();
+        let solution = solve(&mut Plane::rosenbrock(), &Start::cold(vec![-1.2, 1.0]), &settings).unwrap();
         assert_eq!(solution.status, Status::IterationLimit);
         assert_eq!(solution.iterations.len(), 4);
     }

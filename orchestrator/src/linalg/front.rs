@@ -72,7 +72,11 @@ impl Factor {
 
     /// Rows of the pivot that starts at `k`. The second row of a 2x2 pivot carries NaN as its off-diagonal mark.
     fn width(&self, k: usize) -> usize {
-        if self.inverse[k].1 != 0.0 && k + 1 < self.inverse.len() && self.inverse[k + 1].1.is_nan() { 2 } else { 1 }
+        if self.inverse[k].1 != 0.0 && k + 1 < self.inverse.len() && self.inverse[k + 1].1.is_nan() {
+            2
+        } else {
+            1
+        }
     }
 }
 

@@ -32,10 +32,8 @@ impl SparseLdl {
         upper.iter().for_each(|&(column, _)| columns[column + 1] += 1);
         (0..dimension).for_each(|i| columns[i + 1] += columns[i]);
         let rows = upper.iter().map(|&(_, row)| row).collect();
-        let place = entries
-            .iter()
-            .filter_map(|&(i, j)| upper.binary_search(&(i.max(j), i.min(j))).ok())
-            .collect();
+        let place =
+            entries.iter().filter_map(|&(i, j)| upper.binary_search(&(i.max(j), i.min(j))).ok()).collect();
         let count = upper.len();
         let matrix = CscMatrix::new(dimension, dimension, columns, rows, vec![0.0; count]);
         Ok(Self { matrix, place, positions: (0..count).collect(), factor: None })

@@ -15,7 +15,9 @@ pub struct Inertia {
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum PatternError {
     /// An entry lies outside the matrix.
-    #[error("entry {entry} of the pattern is ({row}, {column}), but the matrix has {dimension} rows; number rows and columns from 0")]
+    #[error(
+        "entry {entry} of the pattern is ({row}, {column}), but the matrix has {dimension} rows; number rows and columns from 0"
+    )]
     Outside {
         /// Position in the list of entries.
         entry: usize,

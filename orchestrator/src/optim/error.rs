@@ -27,7 +27,9 @@ pub enum Error {
         upper: f64,
     },
     /// An entry of the Jacobian or Hessian outside the problem.
-    #[error("entry {entry} of the pattern of the {matrix} is ({row}, {column}), outside of [{rows}, {columns}]")]
+    #[error(
+        "entry {entry} of the pattern of the {matrix} is ({row}, {column}), outside of [{rows}, {columns}]"
+    )]
     Entry {
         /// "Jacobian" or "Hessian".
         matrix: &'static str,

@@ -94,7 +94,8 @@ impl Filter {
         if !improves {
             return None;
         }
-        let armijo = self.switches(current, length) && below(trial.phi, phi + ARMIJO * length * current.slope, phi);
+        let armijo =
+            self.switches(current, length) && below(trial.phi, phi + ARMIJO * length * current.slope, phi);
         Some(if armijo { Acceptance::Objective } else { Acceptance::Filter })
     }
 

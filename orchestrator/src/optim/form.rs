@@ -150,8 +150,10 @@ impl<'a> Form<'a> {
         self.row_scale = largest.into_iter().map(factor).collect();
         self.objective_scale = factor(gradient[..self.n].iter().fold(0.0, |m, g| m.max(g.abs())));
         for (j, slack) in self.slacks.iter().enumerate() {
-            self.lower[self.n + j] = self.constraint_bounds.lower[self.rows[slack.row]] * self.row_scale[slack.row];
-            self.upper[self.n + j] = self.constraint_bounds.upper[self.rows[slack.row]] * self.row_scale[slack.row];
+            self.lower[self.n + j] =
+                self.constraint_bounds.lower[self.rows[slack.row]] * self.row_scale[slack.row];
+            self.upper[self.n + j] =
+                self.constraint_bounds.upper[self.rows[slack.row]] * self.row_scale[slack.row];
         }
         Ok(())
     }
@@ -209,7 +211,9 @@ impl<'a> Form<'a> {
             }
         }
         self.nlp.jacobian(&x[..self.n], &mut self.raw_jacobian)?;
-        for ((value, &place), &(row, _)) in jacobian.iter_mut().zip(&self.jacobian_place).zip(&self.jacobian_entries) {
+        for ((value, &place), &(row, _)) in
+            jacobian.iter_mut().zip(&self.jacobian_place).zip(&self.jacobian_entries)
+        {
             *value = self.row_scale[row] * self.raw_jacobian[place];
         }
         if let Some(i) = gradient.iter().position(|g| !g.is_finite()) {
@@ -378,7 +382,8 @@ impl<'a> Form<'a> {
         let count = self.n + self.own_slacks();
         let multiplier = |j: usize| lower[j].max(upper[j]);
         let j = (0..count).max_by(|&a, &b| multiplier(a).total_cmp(&multiplier(b)))?;
-        let (side, bounds) = if lower[j] > upper[j] { (Side::Lower, &self.lower) } else { (Side::Upper, &self.upper) };
+        let (side, bounds) =
+            if lower[j] > upper[j] { (Side::Lower, &self.lower) } else { (Side::Upper, &self.upper) };
         let scale = j.checked_sub(self.n).map_or(1.0, |slack| self.row_scale[self.slacks[slack].row]);
         (multiplier(j) > 1e-6).then(|| Blocking { name: self.name(j), side, bound: bounds[j] / scale })
     }

@@ -57,7 +57,9 @@ use kkt::Kkt;
 use log::Log;
 pub use log::Monitor;
 pub use nlp::{Bounds, EvaluationError, Nlp, Stages};
-pub use outcome::{Blocking, Evaluations, Iteration, Multipliers, Note, Side, Solution, Start, Status, Violation};
+pub use outcome::{
+    Blocking, Evaluations, Iteration, Multipliers, Note, Side, Solution, Start, Status, Violation,
+};
 pub use qp::{Quadratic, QuadraticSolution, QuadraticStatus, solve_quadratic};
 pub use settings::{Method, Settings};
 use sqp::Sqp;
@@ -138,7 +140,9 @@ fn run(
             let (error, quadratic_programs) = (run.error(), run.quadratic_programs);
             let at = std::mem::take(&mut run.at);
             match end {
-                sqp::End::Status(status) => Ok(Finish { status, at, barrier: 0.0, error, quadratic_programs }),
+                sqp::End::Status(status) => {
+                    Ok(Finish { status, at, barrier: 0.0, error, quadratic_programs })
+                }
                 sqp::End::NoStep => {
                     let from = Start::cold(at.x[..form.n].to_vec());
                     let finish = interior_point(form, kkt, settings, log, &from)?;

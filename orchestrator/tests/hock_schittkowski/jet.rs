@@ -45,7 +45,11 @@ impl Jet {
 
     pub fn powi(self, n: i32) -> Self {
         let (x, k) = (self.value, f64::from(n));
-        self.chain(x.powi(n), k * x.powi(n - 1), if n < 2 && n >= 0 { 0.0 } else { k * (k - 1.0) * x.powi(n - 2) })
+        self.chain(
+            x.powi(n),
+            k * x.powi(n - 1),
+            if n < 2 && n >= 0 { 0.0 } else { k * (k - 1.0) * x.powi(n - 2) },
+        )
     }
 
     pub fn exp(self) -> Self {

@@ -13,12 +13,17 @@ pub fn problems() -> Vec<Problem> {
     vec![
         Problem::new("HS26", &[-2.6, 2.0, 2.0], &[0.0], |x| (x[0] - x[1]).powi(2) + (x[1] - x[2]).powi(4))
             .subject_to(1, 0, |x| vec![(1.0 + x[1].powi(2)) * x[0] + x[2].powi(4) - 3.0]),
-        Problem::new("HS27", &[2.0; 3], &[0.04], |x| 0.01 * (x[0] - 1.0).powi(2) + (x[1] - x[0].powi(2)).powi(2))
-            .subject_to(1, 0, |x| vec![x[0] + x[2].powi(2) + 1.0]),
+        Problem::new("HS27", &[2.0; 3], &[0.04], |x| {
+            0.01 * (x[0] - 1.0).powi(2) + (x[1] - x[0].powi(2)).powi(2)
+        })
+        .subject_to(1, 0, |x| vec![x[0] + x[2].powi(2) + 1.0]),
         Problem::new("HS28", &[-4.0, 1.0, 1.0], &[0.0], |x| (x[0] + x[1]).powi(2) + (x[1] + x[2]).powi(2))
             .subject_to(1, 0, |x| vec![x[0] + 2.0 * x[1] + 3.0 * x[2] - 1.0]),
-        Problem::new("HS29", &[1.0; 3], &[-16.0 * 2f64.sqrt()], |x| -x[0] * x[1] * x[2])
-            .subject_to(0, 1, |x| vec![48.0 - x[0].powi(2) - 2.0 * x[1].powi(2) - 4.0 * x[2].powi(2)]),
+        Problem::new("HS29", &[1.0; 3], &[-16.0 * 2f64.sqrt()], |x| -x[0] * x[1] * x[2]).subject_to(
+            0,
+            1,
+            |x| vec![48.0 - x[0].powi(2) - 2.0 * x[1].powi(2) - 4.0 * x[2].powi(2)],
+        ),
         Problem::new("HS30", &[1.0; 3], &[1.0], squares)
             .within(&[(1.0, 10.0), (-10.0, 10.0), (-10.0, 10.0)])
             .subject_to(0, 1, |x| vec![x[0].powi(2) + x[1].powi(2) - 1.0]),
@@ -29,9 +34,7 @@ pub fn problems() -> Vec<Problem> {
             (x[0] + 3.0 * x[1] + x[2]).powi(2) + 4.0 * (x[0] - x[1]).powi(2)
         })
         .within(&[(0.0, INF); 3])
-        .subject_to(1, 1, |x| {
-            vec![1.0 - x[0] - x[1] - x[2], 6.0 * x[1] + 4.0 * x[2] - x[0].powi(3) - 3.0]
-        }),
+        .subject_to(1, 1, |x| vec![1.0 - x[0] - x[1] - x[2], 6.0 * x[1] + 4.0 * x[2] - x[0].powi(3) - 3.0]),
         Problem::new("HS33", &[0.0, 0.0, 3.0], &[2f64.sqrt() - 6.0, -4.0], |x| {
             (x[0] - 1.0) * (x[0] - 2.0) * (x[0] - 3.0) + x[2]
         })
@@ -68,9 +71,7 @@ pub fn problems() -> Vec<Problem> {
             4.0 * x[0].powi(2) + 2.0 * x[1].powi(2) + 2.0 * x[2].powi(2) - 33.0 * x[0] + 16.0 * x[1]
                 - 24.0 * x[2]
         })
-        .subject_to(2, 0, |x| {
-            vec![3.0 * x[0] - 2.0 * x[1].powi(2) - 7.0, 4.0 * x[0] - x[2].powi(2) - 11.0]
-        }),
+        .subject_to(2, 0, |x| vec![3.0 * x[0] - 2.0 * x[1].powi(2) - 7.0, 4.0 * x[0] - x[2].powi(2) - 11.0]),
         Problem::new("HS62", &[0.7, 0.2, 0.1], &[-26_272.514_48], |x| {
             let [a, b, c] = [x[0] + x[1] + x[2] + 0.03, x[1] + x[2] + 0.03, x[2] + 0.03];
             let first = (a / (0.09 * x[0] + b)).ln();

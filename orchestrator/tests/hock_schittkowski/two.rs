@@ -28,8 +28,11 @@ pub fn problems() -> Vec<Problem> {
         .within(&[(-1.5, 4.0), (-3.0, 3.0)]),
         Problem::new("HS6", &[-1.2, 1.0], &[0.0], |x| (1.0 - x[0]).powi(2))
             .subject_to(1, 0, |x| vec![10.0 * (x[1] - x[0].powi(2))]),
-        Problem::new("HS7", &[2.0, 2.0], &[-(3f64.sqrt())], |x| (1.0 + x[0].powi(2)).ln() - x[1])
-            .subject_to(1, 0, |x| vec![(1.0 + x[0].powi(2)).powi(2) + x[1].powi(2) - 4.0]),
+        Problem::new("HS7", &[2.0, 2.0], &[-(3f64.sqrt())], |x| (1.0 + x[0].powi(2)).ln() - x[1]).subject_to(
+            1,
+            0,
+            |x| vec![(1.0 + x[0].powi(2)).powi(2) + x[1].powi(2) - 4.0],
+        ),
         Problem::new("HS8", &[2.0, 1.0], &[-1.0], |_| Jet::constant(-1.0))
             .subject_to(2, 0, |x| vec![x[0].powi(2) + x[1].powi(2) - 25.0, x[0] * x[1] - 9.0]),
         Problem::new("HS9", &[0.0, 0.0], &[-0.5], |x| (x[0] * PI / 12.0).sin() * (x[1] * PI / 16.0).cos())
@@ -49,29 +52,31 @@ pub fn problems() -> Vec<Problem> {
         Problem::new("HS14", &[2.0, 2.0], &[9.0 - 2.875 * 7f64.sqrt()], |x| {
             (x[0] - 2.0).powi(2) + (x[1] - 1.0).powi(2)
         })
-        .subject_to(1, 1, |x| {
-            vec![x[0] - 2.0 * x[1] + 1.0, 1.0 - 0.25 * x[0].powi(2) - x[1].powi(2)]
-        }),
+        .subject_to(1, 1, |x| vec![x[0] - 2.0 * x[1] + 1.0, 1.0 - 0.25 * x[0].powi(2) - x[1].powi(2)]),
         Problem::new("HS15", &start, &[306.5, 360.379_767], rosenbrock)
             .within(&[(-INF, 0.5), (-INF, INF)])
             .subject_to(0, 2, |x| vec![x[0] * x[1] - 1.0, x[0] + x[1].powi(2)]),
         Problem::new("HS16", &start, &[0.25, 23.144_661_0], rosenbrock)
             .within(&[(-0.5, 0.5), (-INF, 1.0)])
             .subject_to(0, 2, |x| vec![x[0] + x[1].powi(2), x[0].powi(2) + x[1]]),
-        Problem::new("HS17", &start, &[1.0], rosenbrock)
-            .within(&[(-0.5, 0.5), (-INF, 1.0)])
-            .subject_to(0, 2, |x| vec![x[1].powi(2) - x[0], x[0].powi(2) - x[1]]),
+        Problem::new("HS17", &start, &[1.0], rosenbrock).within(&[(-0.5, 0.5), (-INF, 1.0)]).subject_to(
+            0,
+            2,
+            |x| vec![x[1].powi(2) - x[0], x[0].powi(2) - x[1]],
+        ),
         Problem::new("HS18", &[2.0, 2.0], &[5.0], |x| 0.01 * x[0].powi(2) + x[1].powi(2))
             .within(&[(2.0, 50.0), (0.0, 50.0)])
             .subject_to(0, 2, |x| vec![x[0] * x[1] - 25.0, x[0].powi(2) + x[1].powi(2) - 25.0]),
-        Problem::new("HS19", &[20.1, 5.84], &[-6961.813_88], |x| (x[0] - 10.0).powi(3) + (x[1] - 20.0).powi(3))
-            .within(&[(13.0, 100.0), (0.0, 100.0)])
-            .subject_to(0, 2, |x| {
-                vec![
-                    (x[0] - 5.0).powi(2) + (x[1] - 5.0).powi(2) - 100.0,
-                    82.81 - (x[1] - 5.0).powi(2) - (x[0] - 6.0).powi(2),
-                ]
-            }),
+        Problem::new("HS19", &[20.1, 5.84], &[-6961.813_88], |x| {
+            (x[0] - 10.0).powi(3) + (x[1] - 20.0).powi(3)
+        })
+        .within(&[(13.0, 100.0), (0.0, 100.0)])
+        .subject_to(0, 2, |x| {
+            vec![
+                (x[0] - 5.0).powi(2) + (x[1] - 5.0).powi(2) - 100.0,
+                82.81 - (x[1] - 5.0).powi(2) - (x[0] - 6.0).powi(2),
+            ]
+        }),
         Problem::new("HS20", &start, &[81.5 - 25.0 * 3f64.sqrt(), 40.198_729_8], rosenbrock)
             .within(&[(-0.5, 0.5), (-INF, INF)])
             .subject_to(0, 3, |x| {

@@ -1,6 +1,8 @@
 //! Defects of one interval with derivatives, for every transcription: functions of the variables at its ends.
 
-use crate::mechanics::{AD, Accelerations, BD, FEED, SAMPLE, accelerations, actuator_flow, continuous_actuator};
+use crate::mechanics::{
+    AD, Accelerations, BD, FEED, SAMPLE, accelerations, actuator_flow, continuous_actuator,
+};
 
 /// Most variables of an interval: state, command, midpoint command; state and command of the next node.
 pub const WIDTH: usize = 15;
@@ -154,9 +156,8 @@ impl Collocation {
     fn middle(&self, x: &Row, fa: &Accelerations, fb: &Accelerations) -> [f64; 4] {
         let n = self.next;
         let rates = [[x[3], x[n + 3]], [fa.value[0], fb.value[0]], [fa.value[1], fb.value[1]]];
-        let s = [0, 1, 2].map(|i| {
-            0.5 * (x[i + 1] + x[n + i + 1]) + self.h / 8.0 * (rates[i][0] - rates[i][1])
-        });
+        let s =
+            [0, 1, 2].map(|i| 0.5 * (x[i + 1] + x[n + i + 1]) + self.h / 8.0 * (rates[i][0] - rates[i][1]));
         [s[0], s[1], s[2], dot(&self.forces[1], x)]
     }
 
@@ -330,7 +331,9 @@ impl Interval for Shooting {
             let end = state;
             // Adjoint of the point at which the following stage was evaluated.
             let mut later = [0.0; 4];
-            for (stage, (part, weight)) in sample.iter().zip([(0.5, 1.0), (0.5, 2.0), (1.0, 2.0), (0.0, 1.0)]).rev() {
+            for (stage, (part, weight)) in
+                sample.iter().zip([(0.5, 1.0), (0.5, 2.0), (1.0, 2.0), (0.0, 1.0)]).rev()
+            {
                 let rate = [0, 1, 2, 3].map(|i| SAMPLE / 6.0 * weight * end[i] + SAMPLE * part * later[i]);
                 let g = &stage.at.gradient;
                 let back = |j: usize| rate[2] * g[0][j] + rate[3] * g[1][j];

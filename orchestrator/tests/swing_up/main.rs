@@ -71,11 +71,19 @@ fn derivatives_agree_with_central_differences() {
             moved[i] -= 2.0 * step;
             let (down, before) = (lagrangian(&mut problem, &moved), gradient(&mut problem, &moved));
             let slope = (up - down) / (2.0 * step);
-            assert!((slope - exact[i]).abs() < 2e-7 * (1.0 + slope.abs()), "{transcription:?} {i}: {slope} {}", exact[i]);
+            assert!(
+                (slope - exact[i]).abs() < 2e-7 * (1.0 + slope.abs()),
+                "{transcription:?} {i}: {slope} {}",
+                exact[i]
+            );
             for j in 0..n {
                 let curvature = (slopes[j] - before[j]) / (2.0 * step);
                 let gap = (curvature - hessian[i][j]).abs();
-                assert!(gap < 1e-5 * (1.0 + curvature.abs()), "{transcription:?} {i} {j}: {curvature} {}", hessian[i][j]);
+                assert!(
+                    gap < 1e-5 * (1.0 + curvature.abs()),
+                    "{transcription:?} {i} {j}: {curvature} {}",
+                    hessian[i][j]
+                );
             }
         }
     }

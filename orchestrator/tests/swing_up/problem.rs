@@ -81,7 +81,16 @@ impl SwingUp {
             there.iter().enumerate().filter(|(_, t)| **t).map(|(at, _)| (at / WIDTH, at % WIDTH)).collect()
         };
         let (jacobian, hessian) = (entries(&jacobian), entries(&hessian));
-        Self { transcription, intervals, interval, stroke: STROKE, staged: true, elapsed: Duration::ZERO, jacobian, hessian }
+        Self {
+            transcription,
+            intervals,
+            interval,
+            stroke: STROKE,
+            staged: true,
+            elapsed: Duration::ZERO,
+            jacobian,
+            hessian,
+        }
     }
 
     /// Variables per node.
@@ -127,7 +136,8 @@ impl SwingUp {
             let at = knots.windows(2).find(|pair| t <= pair[1].0).unwrap_or(&knots[knots.len() - 2..]);
             let part = (t - at[0].0) / (at[1].0 - at[0].0);
             x[k * self.stride() + 1] = at[0].1 + part * (at[1].1 - at[0].1);
-            x[k * self.stride()] = sines.iter().enumerate().map(|(i, a)| a * (PI * (i + 1) as f64 * t).sin()).sum();
+            x[k * self.stride()] =
+                sines.iter().enumerate().map(|(i, a)| a * (PI * (i + 1) as f64 * t).sin()).sum();
         }
         x
     }

@@ -182,7 +182,9 @@ impl Iterate {
         let (mut dual, mut complementarity, mut sum, mut count) = (0.0f64, 0.0f64, 0.0, 0usize);
         for (j, g) in work.iter().enumerate().filter(|(j, _)| !form.fixed(*j)) {
             dual = dual.max((g - self.lower[j] + self.upper[j]).abs());
-            for (gap, z) in [(self.lower_gap(form, j), self.lower[j]), (self.upper_gap(form, j), self.upper[j])] {
+            for (gap, z) in
+                [(self.lower_gap(form, j), self.lower[j]), (self.upper_gap(form, j), self.upper[j])]
+            {
                 if let Some(gap) = gap {
                     complementarity = complementarity.max((gap * z - barrier).abs());
                     sum += z;
@@ -191,7 +193,8 @@ impl Iterate {
             }
         }
         let y: f64 = self.y.iter().map(|y| y.abs()).sum();
-        let mean = |sum: f64, count: usize| if count == 0 { 1.0 } else { (sum / count as f64).max(100.0) / 100.0 };
+        let mean =
+            |sum: f64, count: usize| if count == 0 { 1.0 } else { (sum / count as f64).max(100.0) / 100.0 };
         Errors {
             dual: dual / mean(sum + y, count + form.m),
             rows: point.rows.iter().fold(0.0, |m, c| m.max(c.abs())),
@@ -203,7 +206,9 @@ impl Iterate {
     pub fn mean_complementarity(&self, form: &Form) -> f64 {
         let (mut sum, mut count) = (0.0, 0usize);
         for j in 0..form.total() {
-            for (gap, z) in [(self.lower_gap(form, j), self.lower[j]), (self.upper_gap(form, j), self.upper[j])] {
+            for (gap, z) in
+                [(self.lower_gap(form, j), self.lower[j]), (self.upper_gap(form, j), self.upper[j])]
+            {
                 if let Some(gap) = gap {
                     sum += gap * z;
                     count += 1;

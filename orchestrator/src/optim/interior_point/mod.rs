@@ -88,6 +88,7 @@ impl<'r, 'n, 'm> Run<'r, 'n, 'm> {
             jacobian: vec![0.0; form.jacobian_entries.len()],
             hessian: vec![0.0; form.hessian_entries.len()],
         };
+        kkt.least_shift = 0.0;
         let step = Step { x: vec![0.0; form.total()], y: vec![0.0; form.m], ..Step::default() };
         Self {
             form,
@@ -277,8 +278,7 @@ impl<'r, 'n, 'm> Run<'r, 'n, 'm> {
         }
         while !self.solve(None) {
             let (form, point) = (&*self.form, &self.point);
-            let raised =
-                self.kkt.raise(form, &point.hessian, &point.jacobian, &self.diagonal, self.barrier);
+            let raised = self.kkt.raise(form, &point.hessian, &point.jacobian, &self.diagonal, self.barrier);
             if raised.is_err() {
                 return false;
             }

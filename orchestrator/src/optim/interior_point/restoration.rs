@@ -148,8 +148,10 @@ impl Run<'_, '_, '_> {
         let held = |j| form.fixed(j);
         let (rows, mut x) = (vec![0.0; form.m], vec![0.0; form.total()]);
         let jacobian = &self.point.jacobian;
+        let least_shift = std::mem::take(&mut self.kkt.least_shift);
         let good = self.kkt.factor(form, &hessian, jacobian, &ones, held, 1.0).is_ok()
             && self.kkt.solve(form, jacobian, (&gradient, &rows), &mut x, &mut self.at.y);
+        self.kkt.least_shift = least_shift;
         if !good || self.at.y.iter().any(|y| y.abs() > 1e3 || y.is_nan()) {
             self.at.y.fill(0.0);
         }

@@ -145,7 +145,9 @@ impl<'r, 'n, 'm> Sqp<'r, 'n, 'm> {
         let limit = self.settings.diverging;
         if !self.log.push(row) {
             Some(Status::Interrupted)
-        } else if errors.largest() <= self.settings.tolerance && violation <= self.settings.violation_tolerance {
+        } else if errors.largest() <= self.settings.tolerance
+            && violation <= self.settings.violation_tolerance
+        {
             Some(Status::Solved)
         } else if self.log.table.len() > self.settings.max_iterations {
             Some(Status::IterationLimit)
@@ -226,8 +228,7 @@ impl<'r, 'n, 'm> Sqp<'r, 'n, 'm> {
 
     /// Moves to the trial point; false when the derivatives have no value there.
     fn take(&mut self, trial: &Trial, current: Current, acceptance: Acceptance, length: f64) -> bool {
-        let derivatives =
-            self.form.derivatives(&trial.x, &mut self.point.gradient, &mut self.point.jacobian);
+        let derivatives = self.form.derivatives(&trial.x, &mut self.point.gradient, &mut self.point.jacobian);
         if derivatives.is_err() {
             return false;
         }

@@ -30,7 +30,14 @@ pub(super) struct Step {
 impl Step {
     pub fn new(form: &Form) -> Self {
         let total = form.total();
-        Self { x: vec![0.0; total], y: vec![0.0; form.m], lower: vec![0.0; total], upper: vec![0.0; total], note: Note::None, correctable: false }
+        Self {
+            x: vec![0.0; total],
+            y: vec![0.0; form.m],
+            lower: vec![0.0; total],
+            upper: vec![0.0; total],
+            note: Note::None,
+            correctable: false,
+        }
     }
 }
 
@@ -44,11 +51,9 @@ impl Sqp<'_, '_, '_> {
         }
         let Some(solution) = self.quadratic_step() else { return false };
         let step = &solution.x;
-        self.active =
-            ActiveSet::of_solution(self.form, &self.at.x, step, &solution.lower, &solution.upper);
+        self.active = ActiveSet::of_solution(self.form, &self.at.x, step, &solution.lower, &solution.upper);
         // The KKT system with this working set has the solution to the last digits.
-        self.step.correctable =
-            self.held_step() && self.active.inside(self.form, &self.at.x, &self.step.x);
+        self.step.correctable = self.held_step() && self.active.inside(self.form, &self.at.x, &self.step.x);
         if !self.step.correctable {
             self.step.x.copy_from_slice(step);
             self.step.y.copy_from_slice(&solution.y);
@@ -65,7 +70,8 @@ impl Sqp<'_, '_, '_> {
     fn held_step(&mut self) -> bool {
         let (form, active) = (&*self.form, &self.active);
         let n = form.n;
-        let diagonal: Vec<f64> = (0..form.total()).map(|j| if j < n { 0.0 } else { SLACK_CURVATURE }).collect();
+        let diagonal: Vec<f64> =
+            (0..form.total()).map(|j| if j < n { 0.0 } else { SLACK_CURVATURE }).collect();
         let held = |j: usize| form.fixed(j) || active.held[j] != Held::Free;
         let (hessian, jacobian) = (&self.point.hessian, &self.point.jacobian);
         self.kkt.factor(form, hessian, jacobian, &diagonal, held, 1e-8).is_ok() && {
