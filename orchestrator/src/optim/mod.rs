@@ -35,12 +35,16 @@
 //! last point, the worst violation by name, and for infeasible problems the bound that stands most in the way. Values
 //! that are NaN, or functions that fail, shorten the step. A monitor may stop the run; [`Solution::restart`] goes on
 //! from its end. The result depends on the input alone: everything runs in one thread.
+//! Optimisation: numbers in, numbers out. Nothing here knows of time, models or files.
+//!
+//! [`least_squares`] fits parameters within bounds. The rest is nonlinear programming: minimise f(x) subject to `c_l <= c(x) <= c_u` and `x_l <= x <= x_u`.
 
 pub mod error;
 mod filter;
 mod form;
 mod interior_point;
 mod kkt;
+pub mod least_squares;
 mod log;
 pub mod nlp;
 pub mod outcome;

@@ -36,6 +36,29 @@ impl Axis {
         self.from + (value - self.min) / (self.max - self.min) * (self.to - self.from)
     }
 
+    /// Ticks of an axis that holds decimal logarithms: at powers of ten, at 2 and 5 times them too where the axis spans less
+    /// than two decades; at every second or third power if there were more than about `count`.
+    pub fn log_ticks(&self, count: usize) -> Vec<(f64, String)> {
+        let (first, last) = (self.min.floor() as i32, self.max.ceil() as i32);
+        let every = ((self.max - self.min) / count.max(1) as f64).ceil().max(1.0) as i32;
+        let between: &[f64] = if self.max - self.min < 2.0 { &[1.0, 2.0, 5.0] } else { &[1.0] };
+        (first..=last)
+            .filter(|power| power % every == 0)
+            .flat_map(|power| between.iter().map(move |factor| (power, factor)))
+            .map(|(power, factor)| (f64::from(power) + factor.log10(), (power, factor)))
+            .filter(|(value, _)| (self.min - 1e-9..=self.max + 1e-9).contains(value))
+            .map(|(value, (power, factor))| {
+                let text = if (-4..6).contains(&power) {
+                    let decimals = usize::try_from(-power).unwrap_or(0);
+                    format!("{:.decimals$}", factor * 10f64.powi(power))
+                } else {
+                    format!("{factor}e{power}").replace('-', "\u{2212}")
+                };
+                (value, text)
+            })
+            .collect()
+    }
+
     /// Ticks at round values (1, 2 or 5 times a power of ten), about `count` of them, with their labels.
     pub fn ticks(&self, count: usize) -> Vec<(f64, String)> {
         let raw = (self.max - self.min) / count.max(1) as f64;
@@ -124,6 +147,19 @@ mod tests {
         let labels: Vec<String> =
             Axis::new((0.0, 3.999), (0.0, 1.0)).ticks(8).into_iter().map(|(_, label)| label).collect();
         assert_eq!(labels, ["0", "0.5", "1.0", "1.5", "2.0", "2.5", "3.0", "3.5"].map(String::from));
+    }
+
+    #[test]
+    fn logarithmic_ticks_are_powers_of_ten() {
+        let labels = |min: f64, max: f64| -> Vec<String> {
+            Axis::new((min, max), (0.0, 1.0)).log_ticks(8).into_iter().map(|(_, label)| label).collect()
+        };
+        assert_eq!(labels(-1.3, 2.7), ["0.1", "1", "10", "100"]);
+        assert_eq!(labels(0.0, 1.0), ["1", "2", "5", "10"]);
+        assert_eq!(
+            labels(-18.0, 0.0),
+            ["1e\u{2212}18", "1e\u{2212}15", "1e\u{2212}12", "1e\u{2212}9", "1e\u{2212}6", "0.001", "1"]
+        );
     }
 
     #[test]

@@ -1,12 +1,18 @@
-//! Figures of a run as SVG, and one page that holds them all.
+//! Figures of a run as SVG, and one page that holds them all; figures of an identification.
 //!
 //! Everything is drawn from the files of a run (`result.csv`, `summary.json`, the measurement), never from a live
-//! simulation. Start with [`run::draw`].
+//! simulation. Start with [`run::draw`]; [`identification`] draws from the numbers of a model and its tests.
 
 pub mod axes;
+pub mod envelope;
 pub mod figures;
+pub mod fit_page;
+pub mod friction;
+pub mod identification;
+pub mod orders;
 pub mod page;
 pub mod run;
+pub mod singular_values;
 pub mod svg;
 
 use std::path::PathBuf;

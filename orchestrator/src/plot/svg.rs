@@ -1,4 +1,4 @@
-//! A minimal SVG writer: lines, polylines, rectangles, text that stays text.
+//! A minimal SVG writer: lines, polylines, areas, markers, text that stays text.
 
 use std::fmt::Write;
 
@@ -11,6 +11,19 @@ pub enum Anchor {
     Middle,
     /// Ends at the point.
     End,
+}
+
+/// Form of a marker.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Shape {
+    /// A circle.
+    Circle,
+    /// A square.
+    Square,
+    /// A triangle that stands on its base.
+    Triangle,
+    /// Two crossing lines.
+    Cross,
 }
 
 /// An SVG drawing; lengths in pixels, y downwards.
@@ -50,6 +63,42 @@ impl Svg {
             let _ = write!(text, "{separator}{x:.2},{y:.2}");
         }
         self.push(format_args!("<polyline class=\"{class}\" points=\"{text}\"/>"));
+    }
+
+    /// Separate points as dots.
+    pub fn dots(&mut self, points: &[(f64, f64)], class: &str) {
+        let mut text = String::with_capacity(points.len() * 16);
+        for (x, y) in points {
+            // Writing into a String cannot fail.
+            let _ = write!(text, "M{x:.1} {y:.1}h0");
+        }
+        self.push(format_args!("<path class=\"{class}\" d=\"{text}\"/>"));
+    }
+
+    /// A filled area inside a closed line.
+    pub fn area(&mut self, points: &[(f64, f64)], class: &str) {
+        let corners: Vec<String> = points.iter().map(|(x, y)| format!("{x:.2},{y:.2}")).collect();
+        self.push(format_args!("<polygon class=\"{class}\" points=\"{}\"/>", corners.join(" ")));
+    }
+
+    /// A marker centred on a point, some `size` pixels from the centre to its edge.
+    pub fn marker(&mut self, shape: Shape, (x, y): (f64, f64), size: f64, class: &str) {
+        let (left, right, top, bottom) = (x - size, x + size, y - size, y + size);
+        let path = match shape {
+            Shape::Circle => {
+                return self.push(format_args!(
+                    "<circle class=\"{class}\" cx=\"{x:.2}\" cy=\"{y:.2}\" r=\"{size:.2}\"/>"
+                ));
+            }
+            Shape::Square => format!("M{left:.2},{top:.2}H{right:.2}V{bottom:.2}H{left:.2}Z"),
+            Shape::Triangle => format!("M{x:.2},{top:.2}L{right:.2},{bottom:.2}H{left:.2}Z"),
+            Shape::Cross => {
+                format!(
+                    "M{left:.2},{top:.2}L{right:.2},{bottom:.2}M{left:.2},{bottom:.2}L{right:.2},{top:.2}"
+                )
+            }
+        };
+        self.push(format_args!("<path class=\"{class}\" d=\"{path}\"/>"));
     }
 
     /// A text on one line; `class` chooses size and colour.
@@ -104,9 +153,16 @@ text{font-family:Helvetica,Arial,'DejaVu Sans',sans-serif;fill:#222}\
 .mark{stroke:#888;stroke-width:1}\
 polyline{fill:none;stroke-width:1.5;stroke-linejoin:round;stroke-linecap:round}line{fill:none}\
 .measured{stroke:#b0b0b0;stroke-width:4}.simulated{stroke:#0b62a8;stroke-width:1.5}\
+.dots{stroke:#b0b0b0;stroke-width:2.5;stroke-linecap:round;fill:none}\
 .residual{stroke:#b23a2e;stroke-width:1.1}\
 .s0{stroke:#0072b2}.s1{stroke:#d55e00}.s2{stroke:#009e73}.s3{stroke:#cc79a7}.s4{stroke:#7a5c00}.s5{stroke:#56b4e9}\
-.s0,.s1,.s2,.s3,.s4,.s5{stroke-width:1.6}";
+.s0,.s1,.s2,.s3,.s4,.s5{stroke-width:1.6}\
+.d1{stroke-dasharray:7 4}.d2{stroke-dasharray:2 3}.d3{stroke-dasharray:9 3 2 3}\
+.band{fill:#0072b2;fill-opacity:.2;stroke:none}.limit{stroke:#b23a2e;stroke-width:1.2;stroke-dasharray:6 4}\
+.stem{stroke:#0b62a8;stroke-width:1.6}.beyond{stroke:#b23a2e;stroke-width:2.2}\
+.ring{fill:none;stroke:#888;stroke-width:1.2}circle,path{fill:none}\
+.open{fill:#fff}.dot{fill:#0b62a8;stroke:none}.dot-beyond{fill:#b23a2e;stroke:none}\
+.faint{fill:#888;fill-opacity:.35;stroke:none}";
 
 /// Number of series classes `s0`, `s1` ...
 pub const SERIES_CLASSES: usize = 6;

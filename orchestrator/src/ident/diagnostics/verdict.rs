@@ -1,0 +1,198 @@
+//! What the diagnostics say, in words.
+
+use serde::Serialize;
+
+use super::{Diagnostics, Kind};
+
+/// Share of the variance of a residual below which a finding of the tests has no practical weight.
+pub const NEGLIGIBLE: f64 = 0.02;
+/// Probability below which residuals are not taken for white.
+pub const LEVEL: f64 = 0.01;
+
+/// How a residual looks.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Whiteness {
+    /// The test finds nothing.
+    White,
+    /// The test finds something, but it explains next to nothing.
+    PracticallyWhite,
+    /// The residual can be predicted from its own past.
+    Coloured,
+}
+
+/// The verdict: sentences, and the facts behind them.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Verdict {
+    /// What the data say, one sentence each.
+    pub sentences: Vec<String>,
+    /// Whether nothing speaks against the model: every residual at least practically white, no channel with missing
+    /// dynamics, all poles inside the unit circle.
+    pub explains_the_data: bool,
+    /// Whiteness of every residual, by output.
+    pub whiteness: Vec<(String, Whiteness)>,
+    /// Channels (input, output) whose residual still follows the input.
+    pub missing_dynamics: Vec<(String, String)>,
+    /// Channels (input, output) where the input seems to depend on past outputs.
+    pub feedback: Vec<(String, String)>,
+    /// Parameters whose 95 % interval holds 0, the highest lags first.
+    pub insignificant: Vec<String>,
+}
+
+/// The verdict on a model called `name`, such as `order 1`.
+pub fn verdict(name: &str, diagnostics: &Diagnostics) -> Verdict {
+    let mut sentences = Vec::new();
+    let whiteness: Vec<(String, Whiteness)> = diagnostics
+        .autocorrelation
+        .iter()
+        .map(|of| {
+            let kind = if of.p_value >= LEVEL {
+                Whiteness::White
+            } else if of.explained_by_past < NEGLIGIBLE {
+                Whiteness::PracticallyWhite
+            } else {
+                Whiteness::Coloured
+            };
+            (of.output.clone(), kind)
+        })
+        .collect();
+    let missing: Vec<_> = diagnostics
+        .cross_correlation
+        .iter()
+        .filter(|of| of.missing_dynamics > 1.0 && of.explained_by_input >= NEGLIGIBLE / 4.0)
+        .collect();
+    let feedback: Vec<_> = diagnostics.cross_correlation.iter().filter(|of| of.feedback > 1.0).collect();
+    let unstable: Vec<_> = diagnostics.poles.iter().filter(|pole| pole.modulus >= 1.0).collect();
+    let white = whiteness.iter().all(|(_, kind)| *kind != Whiteness::Coloured);
+    let explains_the_data = white && missing.is_empty() && unstable.is_empty();
+    if let Some(pole) = unstable.first() {
+        sentences.push(format!(
+            "the model is unstable (pole of modulus {:.4}): it cannot be simulated; use output error, or another order",
+            pole.modulus
+        ));
+    }
+    if explains_the_data {
+        let smallest = diagnostics.autocorrelation.iter().map(|of| of.p_value).fold(1.0, f64::min);
+        let evidence = if smallest >= LEVEL {
+            format!("residuals white (Ljung-Box p = {smallest:.2})")
+        } else {
+            let most = diagnostics.autocorrelation.iter().map(|of| of.explained_by_past).fold(0.0, f64::max);
+            format!(
+                "residuals practically white (their past explains {:.1} % of their variance; with {} samples the test sees that)",
+                100.0 * most,
+                diagnostics.samples
+            )
+        };
+        sentences.push(format!("{name} explains the data: {evidence}, none follows an input"));
+    }
+    for of in &diagnostics.autocorrelation {
+        if of.p_value >= LEVEL || of.explained_by_past < NEGLIGIBLE {
+            continue;
+        }
+        let share = format!("their past explains {:.0} % of their variance", 100.0 * of.explained_by_past);
+        let followed = missing.iter().any(|pair| pair.output == of.output);
+        let remedy = match (diagnostics.residuals, followed) {
+            (Kind::OneStep, _) => "raise the order or use output error",
+            (Kind::Simulated, true) => "raise the order",
+            (Kind::Simulated, false) => {
+                "no input explains them, so it is coloured noise or a nonlinear effect; the simulation is not improved by a noise model"
+            }
+        };
+        sentences.push(format!("residuals of {} are coloured ({share}): {remedy}", of.output));
+    }
+    for pair in &missing {
+        let at = pair.lags.iter().zip(&pair.values).filter(|(lag, _)| **lag >= 0);
+        let largest = at.max_by(|a, b| a.1.abs().total_cmp(&b.1.abs())).map_or(0, |(lag, _)| *lag);
+        sentences.push(format!(
+            "the residual of {} still follows {} (most {largest} samples later, {:.1} % of its variance): dynamics or delay of this channel are missing",
+            pair.output, pair.input, 100.0 * pair.explained_by_input
+        ));
+    }
+    for pair in &feedback {
+        sentences.push(format!(
+            "{} depends on past residuals of {}: there seems to be feedback, and output error or instruments are then biased; record with the loop open, or use a prediction-error model",
+            pair.input, pair.output
+        ));
+    }
+    let insignificant: Vec<String> = diagnostics
+        .parameters
+        .iter()
+        .rev()
+        .filter(|p| p.interval_95.is_some_and(|[low, high]| low <= 0.0 && 0.0 <= high))
+        .filter(|p| !p.name.starts_with("direction"))
+        .map(|p| p.name.clone())
+        .collect();
+    let undetermined = diagnostics.parameters.iter().any(|p| p.standard_deviation.is_none());
+    if undetermined {
+        sentences.push(
+            "the data do not determine all parameters (no covariance): lower the order, or excite more frequencies"
+                .into(),
+        );
+    } else if !insignificant.is_empty() {
+        let shown: Vec<&str> = insignificant.iter().take(6).map(String::as_str).collect();
+        let more = if insignificant.len() > shown.len() { ", ..." } else { "" };
+        sentences.push(format!("the 95 % intervals of {}{more} hold 0", shown.join(", ")));
+    }
+    let channel = |pair: &&super::CrossCorrelation| (pair.input.clone(), pair.output.clone());
+    Verdict {
+        sentences,
+        explains_the_data,
+        whiteness,
+        missing_dynamics: missing.iter().map(channel).collect(),
+        feedback: feedback.iter().map(channel).collect(),
+        insignificant,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::DVector;
+
+    use super::*;
+    use crate::ident::diagnostics::response::Family;
+    use crate::ident::diagnostics::{Options, diagnose};
+    use crate::ident::model::{Arx, Model};
+    use crate::ident::output_error::refine;
+    use crate::ident::rational::Mask;
+    use crate::ident::record::Record;
+    use crate::ident::synthetic::{Noise, eq8, measure, stairs};
+
+    fn names() -> (Vec<String>, Vec<String>) {
+        (vec!["u".into()], vec!["F_hat".into(), "F_p".into()])
+    }
+
+    fn judged(mask: &Mask, records: &[Record]) -> (Verdict, Diagnostics) {
+        let found = refine(&eq8(), mask, records, &Default::default()).unwrap();
+        let at = |p: &DVector<f64>| mask.model(&found.model, p).to_state_space();
+        let family = Family { parameters: &found.parameters, at: &at };
+        let (u, y) = names();
+        let diagnostics = diagnose(&found.model, Some(family), records, &u, &y, &Options::default());
+        (verdict("order 1", &diagnostics), diagnostics)
+    }
+
+    #[test]
+    fn the_right_order_explains_the_data_and_one_too_low_does_not() {
+        let mut noise = Noise::new(11);
+        let records = [measure(&eq8(), vec![stairs(3000, 40.0, &mut noise)], 0.5, &mut noise)];
+        let (good, diagnostics) = judged(&Mask::of(&eq8()), &records);
+        assert!(good.explains_the_data, "{:?}", good.sentences);
+        assert!(good.sentences[0].starts_with("order 1 explains the data: residuals white"), "{good:?}");
+        assert!(serde_json::to_string(&diagnostics).unwrap().contains("\"dc_gain\""));
+        // No direct term where the plant has a large one.
+        let (poor, _) = judged(&Mask::full(2, 1, 1, 1, 1), &records);
+        assert!(!poor.explains_the_data);
+        assert!(poor.missing_dynamics.contains(&("u".into(), "F_hat".into())), "{:?}", poor.sentences);
+    }
+
+    #[test]
+    fn an_unstable_model_is_called_unstable() {
+        let mut noise = Noise::new(12);
+        let records = [measure(&eq8(), vec![stairs(300, 40.0, &mut noise)], 0.5, &mut noise)];
+        let unstable = Arx { a: vec![eq8().a[0].clone() * 1.05], ..eq8() };
+        let (u, y) = names();
+        let options = Options { kind: Kind::OneStep, ..Options::default() };
+        let found = verdict("order 1", &diagnose(&unstable, None, &records, &u, &y, &options));
+        assert!(found.sentences[0].starts_with("the model is unstable"), "{:?}", found.sentences);
+        assert!(!found.explains_the_data);
+    }
+}
