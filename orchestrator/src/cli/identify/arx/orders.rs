@@ -1,7 +1,7 @@
 //! The search of orders as tables.
 
-use super::super::output::Results;
 use crate::Error;
+use crate::cli::identify::output::Results;
 use crate::cli::identify::report::percent;
 use crate::ident::arx;
 use crate::ident::order_search::{Candidate, MARGIN, recommended};
