@@ -71,6 +71,9 @@ pub enum Error {
     /// Measurement against simulation.
     #[error(transparent)]
     Discrepancy(#[from] crate::discrepancy::Error),
+    /// Virtual rig.
+    #[error(transparent)]
+    Rig(#[from] crate::rig::Error),
     /// The folder of the results.
     #[error("output folder {}: {problem}", folder.display())]
     OutputFolder {

@@ -6,7 +6,7 @@
 //!  7  cli
 //!  6  error
 //!  5  plot
-//!  4  discrepancy
+//!  4  discrepancy rig
 //!  3  master
 //!  2  system      ident
 //!  1  fmu         results     optim       excite
@@ -28,6 +28,7 @@ pub mod master;
 pub mod optim;
 pub mod plot;
 pub mod results;
+pub mod rig;
 pub mod series;
 pub mod system;
 pub mod units;

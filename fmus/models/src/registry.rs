@@ -22,16 +22,10 @@ pub struct Entry {
     pub parameter_sets: Vec<ParameterSet>,
     /// Further files under `resources/`: name and content.
     pub resources: &'static [(&'static str, &'static str)],
-    /// Builds the model description.
-    pub description: fn() -> Description,
-}
-
-/// Model description of an [`Entry`].
-pub struct Description {
-    /// The variables.
-    pub table: Table,
-    /// `modelDescription.xml`.
-    pub xml: String,
+    /// Declares the variables.
+    pub table: fn() -> Table,
+    /// Writes `modelDescription.xml`; takes its time, since dependencies are searched for.
+    pub xml: fn() -> String,
 }
 
 /// Values of Real parameters under a name.
@@ -94,10 +88,8 @@ fn entry<M: Model>(package: &'static str, shipped: bool, readme: &'static str) -
         readme,
         parameter_sets: Vec::new(),
         resources: &[],
-        description: || {
-            let definition = Definition::<M>::new();
-            Description { xml: definition.xml(), table: definition.table }
-        },
+        table: || Table::of::<M>().1,
+        xml: || Definition::<M>::new().xml(),
     }
 }
 
@@ -125,7 +117,7 @@ mod tests {
     #[test]
     fn parameter_sets_name_real_parameters_of_their_model() {
         for entry in all() {
-            let table = (entry.description)().table;
+            let table = (entry.table)();
             for (name, _) in entry.parameter_sets.iter().flat_map(|set| &set.values) {
                 let variable = table.by_name(name).unwrap_or_else(|| panic!("{name} is unknown"));
                 assert_eq!(variable.causality, Causality::Parameter);
@@ -137,7 +129,7 @@ mod tests {
     #[test]
     fn start_values_are_the_first_parameter_set() {
         for entry in all() {
-            let table = (entry.description)().table;
+            let table = (entry.table)();
             for (name, value) in entry.parameter_sets.first().iter().flat_map(|set| &set.values) {
                 let kind = &table.by_name(name).expect("checked by the test above").kind;
                 assert!(matches!(kind, Kind::Real { start, .. } if *start == Some(*value)), "{name}");

@@ -54,6 +54,12 @@ pub enum Command {
     Derive(super::derive::Args),
     /// Write a command for an experiment: chirp, random stairs, multisine or pseudo-random binary sequence.
     Excite(super::excite::Args),
+    /// A virtual rig: records as an experimenter would take them.
+    Rig {
+        /// What to do.
+        #[command(subcommand)]
+        command: super::rig::Command,
+    },
     /// Identify a model from measured inputs and outputs.
     Identify {
         /// Kind of model.

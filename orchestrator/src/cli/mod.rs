@@ -13,6 +13,7 @@ pub mod inspect;
 pub mod inspect_system;
 pub mod output;
 mod report;
+pub mod rig;
 pub mod run;
 mod table;
 
@@ -39,6 +40,7 @@ pub fn main() -> ExitCode {
         Command::Export(args) => export::run(&args),
         Command::Derive(args) => derive::run(&args),
         Command::Excite(args) => excite::run(&args),
+        Command::Rig { command } => rig::run(&command),
         Command::Identify { command } => identify::run(&command),
         Command::Completions { shell } => {
             let mut script = Vec::new();

@@ -112,8 +112,19 @@ impl Front {
         self.values[column * self.rows + row] += value;
     }
 
+    /// Adds to entries of one column, in rows that are not above the diagonal.
+    pub fn add_column(&mut self, column: usize, rows: &[usize], values: &[f64]) {
+        let target = &mut self.values[column * self.rows..(column + 1) * self.rows];
+        rows.iter().zip(values).for_each(|(&row, value)| target[row] += value);
+    }
+
+    /// A column from the diagonal down.
+    pub fn column(&self, column: usize) -> &[f64] {
+        &self.values[column * self.rows + column..(column + 1) * self.rows]
+    }
+
     /// Entry of two rows, `row >= column`.
-    pub fn entry(&self, row: usize, column: usize) -> f64 {
+    fn entry(&self, row: usize, column: usize) -> f64 {
         self.values[column * self.rows + row]
     }
 

@@ -33,6 +33,7 @@ pub struct StagedLdl {
     front: Front,
     remainder: Vec<f64>,
     delayed: Vec<usize>,
+    positions: Vec<usize>,
     local: Vec<f64>,
 }
 
@@ -83,8 +84,8 @@ impl StagedLdl {
             stages[stage].places.push(Place { entry, row: place(row), column: place(column) });
         }
         let factors = vec![Factor::default(); count];
-        let (front, remainder, delayed, local) = Default::default();
-        Ok(Self { stages, factors, front, remainder, delayed, local })
+        let (front, remainder, delayed, positions, local) = Default::default();
+        Ok(Self { stages, factors, front, remainder, delayed, positions, local })
     }
 
     /// Factorises the matrix whose entries have these values, in the order of the pattern.
@@ -98,13 +99,14 @@ impl StagedLdl {
         for (k, stage) in self.stages.iter().enumerate() {
             let late = self.delayed.len();
             self.front.reset(self.delayed.iter().chain(&stage.rows).copied());
-            let place = |i: usize| if i < late { i } else { late + carried[i - late] };
-            let size = late + carried.len();
-            let mut next = self.remainder.iter();
-            for column in 0..size {
-                for row in column..size {
-                    self.front.add(place(row), place(column), *next.next().unwrap_or(&0.0));
-                }
+            // Both parts are in ascending order, so that a lower triangle stays one.
+            self.positions.clear();
+            self.positions.extend((0..late).chain(carried.iter().map(|&i| late + i)));
+            let mut from = 0;
+            for (column, &at) in self.positions.iter().enumerate() {
+                let count = self.positions.len() - column;
+                self.front.add_column(at, &self.positions[column..], &self.remainder[from..from + count]);
+                from += count;
             }
             for at in &stage.places {
                 self.front.add(late + at.row, late + at.column, values[at.entry]);
@@ -117,7 +119,7 @@ impl StagedLdl {
             self.remainder.clear();
             let rows = factor.index.len();
             for column in factor.pivots..rows {
-                self.remainder.extend((column..rows).map(|row| self.front.entry(row, column)));
+                self.remainder.extend_from_slice(self.front.column(column));
             }
             carried = &stage.border;
         }

@@ -3,7 +3,7 @@
 
 use super::error::Error;
 use super::nlp::{Bounds, EvaluationError, Nlp};
-use super::outcome::{Evaluations, Violation};
+use super::outcome::{Blocking, Evaluations, Side, Violation};
 
 /// Weight of the relaxations in the feasibility restoration.
 pub(super) const RELAXATION_COST: f64 = 1e3;
@@ -375,6 +375,17 @@ impl<'a> Form<'a> {
             return None;
         };
         Some(Violation { name, value: values[i], lower: bounds.lower[i], upper: bounds.upper[i], amount })
+    }
+
+    /// The bound with the largest multiplier, of a variable or of an inequality.
+    pub fn blocking(&self, lower: &[f64], upper: &[f64]) -> Option<Blocking> {
+        let count = self.n + self.own_slacks();
+        let multiplier = |j: usize| lower[j].max(upper[j]);
+        let j = (0..count).max_by(|&a, &b| multiplier(a).total_cmp(&multiplier(b)))?;
+        let (side, bounds) =
+            if lower[j] > upper[j] { (Side::Lower, &self.lower) } else { (Side::Upper, &self.upper) };
+        let scale = j.checked_sub(self.n).map_or(1.0, |slack| self.row_scale[self.slacks[slack].row]);
+        (multiplier(j) > 1e-6).then(|| Blocking { name: self.name(j), side, bound: bounds[j] / scale })
     }
 
     fn name(&self, i: usize) -> String {

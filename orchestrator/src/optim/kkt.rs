@@ -9,10 +9,13 @@ use crate::linalg::symmetric::Inertia;
 
 /// Up to this size a problem without stages is factorised densely.
 const DENSE: usize = 300;
-const REFINEMENTS: usize = 8;
+const REFINEMENTS: usize = 10;
 /// Backward error at which refinement ends, and above which the factorisation counts as singular.
 const REFINED: f64 = 1e-13;
 const USELESS: f64 = 1e-5;
+
+/// Added to the diagonals where pivots are not exchanged; refinement removes its effect.
+const STATIC: f64 = 1e-9;
 
 #[derive(Debug)]
 enum Ldl {
@@ -31,6 +34,8 @@ pub(super) struct Kkt {
     /// Numbers that were added to the diagonals at the last factorisation.
     pub shift: f64,
     pub row_shift: f64,
+    /// Shift that is tried first.
+    pub least_shift: f64,
     /// The last shift that was needed, 0 before any.
     last: f64,
     /// Diagonal of X with shift, and which of X stay as they are.
@@ -73,6 +78,7 @@ impl Kkt {
             m,
             shift: 0.0,
             row_shift: 0.0,
+            least_shift: 0.0,
             last: 0.0,
             diagonal: Vec::new(),
             held: Vec::new(),
@@ -95,7 +101,7 @@ impl Kkt {
     ) -> Result<(), Uncorrectable> {
         self.held.clear();
         self.held.extend((0..form.total()).map(held));
-        let (mut shift, mut row_shift) = (0.0, 0.0);
+        let (mut shift, mut row_shift) = (self.least_shift, 0.0);
         let dependent = 1e-8 * barrier.max(1e-12).powf(0.25);
         let wanted = Inertia { positive: self.n, negative: self.m, zero: 0 };
         loop {
@@ -194,7 +200,11 @@ impl Kkt {
         self.factorisations += 1;
         match &mut self.ldl {
             Ldl::Staged(ldl) => ldl.factor(&self.values),
-            Ldl::Sparse(ldl) => ldl.factor(&self.values),
+            Ldl::Sparse(ldl) => {
+                diagonals[..n].iter_mut().for_each(|d| *d += STATIC);
+                diagonals[n..].iter_mut().for_each(|d| *d -= STATIC);
+                ldl.factor(&self.values)
+            }
         }
     }
 

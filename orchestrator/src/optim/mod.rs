@@ -1,3 +1,40 @@
+//! Nonlinear programming: minimise f(x) subject to `c_l <= c(x) <= c_u` and `x_l <= x <= x_u`.
+//!
+//! A problem implements [`Nlp`] (functions, exact first and second derivatives with fixed patterns, names, and the
+//! chain of stages where it has one); [`solve`] takes it from a [`Start`] to a [`Solution`]. Nothing here knows of
+//! time, FMUs or files, and nothing prints.
+//!
+//! # Two methods
+//!
+//! - **Interior point** ([`Method::InteriorPoint`]), for starts from afar: barrier for the bounds, Newton steps on the
+//!   KKT conditions with the Hessian shifted until the inertia is that of a minimum, filter line search with
+//!   second-order correction, and restoration of feasibility by the same method on relaxed constraints. After a step
+//!   with a strongly shifted Hessian the multipliers are estimated anew by least squares: those of the step belong to
+//!   another problem, and the next Hessian would inherit their size.
+//! - **SQP** ([`Method::Sqp`]), for starts near the solution (a coarser mesh, an earlier run): the KKT system with the
+//!   bounds of the working set held, and Clarabel's quadratic program with all bounds only where that step leaves
+//!   other bounds or a multiplier has the wrong sign. The same KKT system then gives the step of the new working set
+//!   to the last digits, so convergence is quadratic. Where the linearised constraints have no solution within the
+//!   bounds, or no step is acceptable, the interior point method goes on.
+//!
+//! Both work on one form of the problem (`form`): scaled equations with one slack per inequality and bounds on
+//! everything. Both share the filter, the KKT matrix, scaling, iteration table and stop test: scaled KKT error and
+//! unscaled violation below their tolerances.
+//!
+//! # Linear algebra
+//!
+//! Slacks, also the relaxations of the restoration, are eliminated: the KKT matrix always has one row per variable and
+//! constraint, so one symbolic analysis serves the whole run. With stages it is factorised by dense fronts along the
+//! chain ([`crate::linalg::staged_ldl`]), pivots exchanged within a stage, inertia exact, cost linear in the number
+//! of stages. Without stages small problems are one such front, others go to a sparse LDL^T
+//! ([`crate::linalg::sparse_ldl`]) with refinement. Solutions are refined on the system before elimination.
+//!
+//! # Trouble
+//!
+//! What is wrong before the first step is an [`Error`]; every end of a run that could begin is a [`Status`], with the
+//! last point, the worst violation by name, and for infeasible problems the bound that stands most in the way. Values
+//! that are NaN, or functions that fail, shorten the step. A monitor may stop the run; [`Solution::restart`] goes on
+//! from its end. The result depends on the input alone: everything runs in one thread.
 //! Optimisation: numbers in, numbers out. Nothing here knows of time, models or files.
 //!
 //! [`least_squares`] fits parameters within bounds. The rest is nonlinear programming: minimise f(x) subject to `c_l <= c(x) <= c_u` and `x_l <= x <= x_u`.
@@ -24,7 +61,9 @@ use kkt::Kkt;
 use log::Log;
 pub use log::Monitor;
 pub use nlp::{Bounds, EvaluationError, Nlp, Stages};
-pub use outcome::{Evaluations, Iteration, Multipliers, Note, Solution, Start, Status, Violation};
+pub use outcome::{
+    Blocking, Evaluations, Iteration, Multipliers, Note, Side, Solution, Start, Status, Violation,
+};
 pub use qp::{Quadratic, QuadraticSolution, QuadraticStatus, solve_quadratic};
 pub use settings::{Method, Settings};
 use sqp::Sqp;
@@ -66,10 +105,12 @@ pub fn solve_with(
         quadratic_programs: end.quadratic_programs,
         ..form.evaluations
     };
+    let infeasible = end.status == Status::Infeasible;
     Ok(Solution {
         status: end.status,
         objective: form.plain_objective(&at.x),
         worst: form.worst(&at.x),
+        blocking: infeasible.then(|| form.blocking(&at.lower, &at.upper)).flatten(),
         x: at.x[..n].to_vec(),
         multipliers,
         barrier: end.barrier,

@@ -89,8 +89,6 @@ pub enum Note {
     Restoration,
     /// The step came from a quadratic program with inequalities.
     QuadraticProgram,
-    /// The step came from a quadratic program whose constraints were relaxed.
-    Elastic,
 }
 
 /// The largest violation of a point.
@@ -112,6 +110,33 @@ impl fmt::Display for Violation {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { name, value, lower, upper, amount } = self;
         write!(f, "{name}: {lower} <= {value} <= {upper} violated by {amount:.3e}")
+    }
+}
+
+/// Which end of a range.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Side {
+    /// The lower bound.
+    Lower,
+    /// The upper bound.
+    Upper,
+}
+
+/// The bound that stands most in the way of a feasible point: relaxing it reduces the violation fastest.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Blocking {
+    /// Name of the variable or constraint.
+    pub name: String,
+    /// Which of its bounds.
+    pub side: Side,
+    /// The bound.
+    pub bound: f64,
+}
+
+impl fmt::Display for Blocking {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let sign = if self.side == Side::Lower { ">=" } else { "<=" };
+        write!(f, "{} {sign} {}", self.name, self.bound)
     }
 }
 
@@ -168,7 +193,7 @@ pub struct Solution {
     pub x: Vec<f64>,
     /// Objective at `x`; NaN where it has no value.
     pub objective: f64,
-    /// Multipliers at `x`.
+    /// Multipliers at `x`; where the problem is infeasible those of the least violation.
     pub multipliers: Multipliers,
     /// Barrier parameter at the end.
     pub barrier: f64,
@@ -176,6 +201,8 @@ pub struct Solution {
     pub error: f64,
     /// The worst constraint or bound at `x`, if any is violated at all.
     pub worst: Option<Violation>,
+    /// The bound that stands most in the way, where the problem is infeasible and a bound does.
+    pub blocking: Option<Blocking>,
     /// Iteration table.
     pub iterations: Vec<Iteration>,
     /// Evaluations.

@@ -9,9 +9,9 @@ pub mod figures;
 pub mod fit_page;
 pub mod friction;
 pub mod identification;
-pub mod orders;
 pub mod page;
 pub mod run;
+pub mod singular_values;
 pub mod svg;
 
 use std::path::PathBuf;

@@ -110,29 +110,88 @@ fn the_optimum_is_the_reference() {
 }
 
 /// Seeds of the perturbed pump guess from which no minimum is reached.
-fn failing(transcription: Transcription, method: Method) -> Vec<String> {
-    let settings = Settings { method, ..Settings::default() };
+fn failing(transcription: Transcription) -> Vec<String> {
     let attempt = |seed: u64| {
         let mut problem = SwingUp::new(transcription, 50);
-        let start = Start::cold(problem.perturbed(seed));
-        let solution = solve(&mut problem, &start, &settings).unwrap();
-        println!(
-            "{seed} {} {} {} {:.1e}",
-            transcription.name(),
-            solution.iterations.len(),
-            solution.objective,
-            solution.violation()
-        );
+        let x = problem.perturbed(seed);
+        let solution = run(&mut problem, x);
         let good = solution.status == Status::Solved && solution.violation() <= 1e-8;
         (!good).then(|| format!("seed {seed}: {}", solution.status))
     };
     (0..20).filter_map(attempt).collect()
 }
 
+/// 20 perturbed guesses, of which 95 % have to converge.
+fn perturbed_guesses_converge(transcription: Transcription) {
+    let failed = failing(transcription);
+    assert!(failed.len() <= 1, "{transcription:?}:\n{}", failed.join("\n"));
+}
+
 #[test]
-fn perturbed_guesses_converge() {
+fn perturbed_guesses_converge_with_hermite_simpson() {
+    perturbed_guesses_converge(Transcription::HermiteSimpson);
+}
+
+#[test]
+fn perturbed_guesses_converge_with_trapezoids() {
+    perturbed_guesses_converge(Transcription::Trapezoidal);
+}
+
+#[test]
+fn perturbed_guesses_converge_with_multiple_shooting() {
+    perturbed_guesses_converge(Transcription::MultipleShooting);
+}
+
+#[test]
+fn perturbed_guesses_converge_with_shooting_and_collocation() {
+    perturbed_guesses_converge(Transcription::ShootingCollocation);
+}
+
+#[test]
+fn the_linear_guess_converges_too() {
     for transcription in Transcription::ALL {
-        let failed = failing(transcription, Method::InteriorPoint);
-        assert!(failed.len() <= 1, "{transcription:?}:\n{}", failed.join("\n"));
+        let mut problem = SwingUp::new(transcription, 50);
+        let x = problem.linear();
+        let solution = run(&mut problem, x);
+        assert_eq!(solution.status, Status::Solved, "{transcription:?}");
+        assert!(solution.violation() <= 1e-8);
     }
+}
+
+#[test]
+fn multiple_shooting_goes_on_by_sqp_from_shooting_collocation() {
+    let mut coarse = SwingUp::new(Transcription::ShootingCollocation, 100);
+    let x = coarse.pump();
+    let first = run(&mut coarse, x);
+    let mut sampled = SwingUp::new(Transcription::MultipleShooting, 100);
+    let settings = Settings { method: Method::Sqp, ..Settings::default() };
+    let solution = solve(&mut sampled, &first.restart(), &settings).unwrap();
+    assert_eq!(solution.status, Status::Solved);
+    assert!((solution.objective - 1094.6922941665).abs() <= 1e-6 * 1094.7, "{}", solution.objective);
+    let x = sampled.pump();
+    let alone = run(&mut sampled, x);
+    assert!(solution.iterations.len() < alone.iterations.len(), "{}", solution.iterations.len());
+}
+
+#[test]
+fn too_short_a_stroke_is_infeasible_and_named() {
+    let mut problem = SwingUp::new(Transcription::MultipleShooting, 50);
+    problem.stroke = 0.005;
+    let x = problem.pump();
+    let solution = run(&mut problem, x);
+    assert_eq!(solution.status, Status::Infeasible);
+    let worst = solution.worst.unwrap().to_string();
+    assert!(worst.starts_with("defect of "), "{worst}");
+    let blocking = solution.blocking.unwrap().to_string();
+    assert!(blocking.starts_with("x at t = ") && blocking.ends_with("0.005"), "{blocking}");
+}
+
+#[test]
+fn without_stages_the_sparse_factorisation_reaches_the_same_optimum() {
+    let mut problem = SwingUp::new(Transcription::MultipleShooting, 100);
+    problem.staged = false;
+    let x = problem.pump();
+    let solution = run(&mut problem, x);
+    assert_eq!(solution.status, Status::Solved);
+    assert!((solution.objective - 1094.6922941665).abs() <= 1e-6 * 1094.7, "{}", solution.objective);
 }

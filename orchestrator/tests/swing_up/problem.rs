@@ -43,6 +43,8 @@ pub struct SwingUp {
     interval: Box<dyn Interval>,
     /// Half stroke, m; smaller ones make the problem infeasible.
     pub stroke: f64,
+    /// Whether the stages are told to the solver.
+    pub staged: bool,
     /// Time spent in the functions.
     pub elapsed: Duration,
     /// Entries of one interval that are not always zero.
@@ -84,6 +86,7 @@ impl SwingUp {
             intervals,
             interval,
             stroke: STROKE,
+            staged: true,
             elapsed: Duration::ZERO,
             jacobian,
             hessian,
@@ -262,7 +265,7 @@ impl Nlp for SwingUp {
 
     fn stages(&self) -> Option<Stages> {
         let s = self.stride();
-        Some(Stages {
+        self.staged.then(|| Stages {
             variables: (0..self.variables()).map(|i| i / s).collect(),
             constraints: (0..self.constraints()).map(|i| i / 6 + 1).collect(),
         })

@@ -8,6 +8,7 @@
 mod chamber;
 mod orifice;
 mod parameters;
+mod side;
 #[cfg(test)]
 mod tests;
 mod valve;
@@ -16,33 +17,8 @@ use chamber::{Chamber, Exponents};
 use fmi2_export::{Identity, Memory, MemoryBlock, Model, Outcome, Real, Refusal, Scalar, Table, Values};
 use orifice::Air;
 use parameters::Parameters;
+use side::{MAX_DELAY, Side};
 use valve::{Flows, Valve};
-
-/// Longest delay of a tube \[substeps\].
-const MAX_DELAY: usize = 200;
-
-/// Handles of the states of one valve, or of their derivatives.
-struct ValveStates {
-    c: Real,
-    q: Real,
-    s: Real,
-    s_rate: Real,
-    pv: Real,
-}
-
-/// One side of the cylinder: valve, tube, chamber.
-struct Side {
-    valve: ValveStates,
-    p: Real,
-    der_valve: ValveStates,
-    der_p: Real,
-    m_valve: Real,
-    m_tube: Real,
-    /// Position of the play.
-    play: MemoryBlock,
-    /// Flow into the tube at the last samples of the delay line, youngest first.
-    line: MemoryBlock,
-}
 
 /// Force command and piston motion to forces and pressures; the equations stand in the README of the FMU.
 ///
@@ -54,8 +30,8 @@ struct Side {
 /// | `F_act` | N | force on the piston before its friction; with `rod_fixed` that of the load cell |
 /// | `p1`, `p2`, `pv1`, `pv2` | Pa | pressures of chambers and valve ports, absolute |
 ///
-/// Continuous states and two clocks: the delay line moves every `substep`, play and seal every `sample_time`. With
-/// the default integrator that is the classical Runge-Kutta method with a step of `substep`, as in the rig.
+/// Continuous states and two clocks: the delay line moves every substep, play and seal every `sample_time`. With the
+/// default integrator that is the classical Runge-Kutta method with steps of a substep, as in the rig.
 #[allow(non_snake_case)]
 pub struct PneumaticCylinder {
     u: Real,
@@ -75,14 +51,14 @@ pub struct PneumaticCylinder {
 }
 
 impl PneumaticCylinder {
-    /// Substeps per sample of the command.
-    fn ratio<S: Scalar>(&self, q: &Values<S>) -> f64 {
-        (q[self.k.sample_time].value() / q[self.k.substep].value()).round()
+    /// Step of the delay line \[s\].
+    fn substep<S: Scalar>(&self, q: &Values<S>) -> f64 {
+        q[self.k.sample_time].value() / f64::from(q[self.k.substeps])
     }
 
     /// Delay of the tubes in substeps.
     fn delay<S: Scalar>(&self, q: &Values<S>) -> usize {
-        (q[self.k.tdelay].value() / q[self.k.substep].value()).round() as usize
+        (q[self.k.tdelay].value() / self.substep(q)).round() as usize
     }
 
     /// True where a sample of the command falls on the present time.
@@ -107,10 +83,10 @@ impl PneumaticCylinder {
     /// Flow that leaves the tube of side `i` \[kg/s\] where `entering` enters it.
     fn delayed<S: Scalar>(&self, q: &Values<S>, i: usize, entering: S) -> S {
         let (line, delay) = (self.sides[i].line, self.delay(q));
-        match (q.at_sample, delay) {
-            (false, _) => q[line.at(delay)],
-            (true, 0) => entering,
-            (true, _) => q[line.at(delay - 1)],
+        match (delay, q.at_sample) {
+            (0, _) => entering,
+            (_, false) => q[line.at(delay)],
+            (_, true) => q[line.at(delay - 1)],
         }
     }
 
@@ -193,12 +169,12 @@ impl Model for PneumaticCylinder {
 
     #[allow(non_snake_case)]
     fn declare(t: &mut Table) -> Self {
-        for (name, exponents) in UNITS {
+        for (name, exponents) in side::UNITS {
             t.unit(name, exponents);
         }
         let u = t.input("u").unit("N").about("force command").nominal(50.0).real(0.0);
         let x =
-            t.input("x").unit("m").about("position of the piston, 0 at mid-stroke").nominal(0.1).real(0.0);
+            t.input("x").unit("m").about("position of the piston, 0 at mid-stroke").nominal(0.05).real(0.0);
         let v = t.input("v").unit("m/s").about("speed of the piston").nominal(0.5).real(0.0);
         let mut force = |name: &'static str, about: &'static str| {
             t.output(name).unit("N").about(about).nominal(50.0).computed()
@@ -206,7 +182,7 @@ impl Model for PneumaticCylinder {
         let F_hat = force("F_hat", "force of the pressures at the valve ports");
         let F_act =
             force("F_act", "force on the piston before its friction; with rod_fixed on the load cell");
-        let sides = [1, 2].map(|i| declare_side(t, i));
+        let sides = [1, 2].map(|i| Side::declare(t, i));
         let k = Parameters::declare(t);
         let mut area = |name: &'static str, about: &'static str| {
             t.calculated(name).unit("m2").about(about).nominal(3e-4).computed()
@@ -231,15 +207,11 @@ impl Model for PneumaticCylinder {
                 bore.value()
             ));
         }
-        let (sample_time, substep) = (q[self.k.sample_time].value(), q[self.k.substep].value());
-        let ratio = self.ratio(q);
-        if ratio < 1.0 || (ratio * substep - sample_time).abs() > 1e-9 * sample_time {
-            return refused(format!("substep = {substep} s must divide sample_time = {sample_time} s"));
-        }
         if self.delay(q) > MAX_DELAY {
             return refused(format!(
-                "tdelay = {} s is more than {MAX_DELAY} substeps of {substep} s; enlarge substep",
-                q[self.k.tdelay].value()
+                "tdelay = {} s is more than {MAX_DELAY} substeps of {} s; take fewer substeps per sample",
+                q[self.k.tdelay].value(),
+                self.substep(q)
             ));
         }
         Ok(())
@@ -301,7 +273,7 @@ impl Model for PneumaticCylinder {
     }
 
     fn sample_period(&self, q: &Values<f64>) -> Option<f64> {
-        Some(q[self.k.substep])
+        Some(self.substep(q))
     }
 
     fn sample(&self, q: &mut Values<f64>) {
@@ -318,7 +290,7 @@ impl Model for PneumaticCylinder {
             Self::shift(q, side.line, delay, entering);
         }
         let count: Memory = self.count.at(0);
-        q[count] = if q[count] + 1.0 < self.ratio(q) { q[count] + 1.0 } else { 0.0 };
+        q[count] = if q[count] + 1.0 < f64::from(q[self.k.substeps]) { q[count] + 1.0 } else { 0.0 };
     }
 
     /// Draws with the spools on both sides and closed, all three ranges of the flow law, and both kinds of rod.
@@ -327,7 +299,7 @@ impl Model for PneumaticCylinder {
         // Areas and bias force of this draw; a draw that is refused is passed over by the search.
         let _ = self.prepare(q);
         q[self.k.rod_fixed] = draw.is_multiple_of(2);
-        (q[self.k.sample_time], q[self.k.substep]) = (1e-3, 1e-4);
+        (q[self.k.sample_time], q[self.k.substeps]) = (1e-3, 10);
         q[self.k.tdelay] = if draw == 0 { 0.0 } else { 0.003 };
         q[self.x] *= [0.3, 1.0, 0.1, 0.5][draw % 4];
         let spool = [[0.3, -0.2], [-0.4, 0.25], [0.011, 0.5], [0.15, -0.012]][draw % 4];
@@ -339,67 +311,10 @@ impl Model for PneumaticCylinder {
             q[side.valve.pv] = supply * part[i];
             q[side.p] = q[side.valve.pv] * across[i];
             q[side.valve.c] = q[side.valve.pv] * (1.0 + 0.1 * wave);
-            (q[side.valve.s], q[side.valve.q], q[side.valve.s_rate]) = (spool[i], wave, 30.0 * wave);
+            // One draw beyond the bound of the integrator.
+            q[side.valve.q] = if draw == 1 { 0.35 } else { wave };
+            (q[side.valve.s], q[side.valve.s_rate]) = (spool[i], 30.0 * wave);
             q[side.play.at(0)] = q[self.F_eq] / q[[self.S1, self.S2][i]] + q[self.k.patm];
         }
     }
-}
-
-/// Units that only this model has.
-const UNITS: [(&str, &[(&str, i32)]); 8] = [
-    ("m3", &[("m", 3)]),
-    ("K", &[("K", 1)]),
-    ("J/(kg.K)", &[("m", 2), ("s", -2), ("K", -1)]),
-    ("1/Pa", &[("kg", -1), ("m", 1), ("s", 2)]),
-    ("1/(Pa.s)", &[("kg", -1), ("m", 1), ("s", 1)]),
-    ("Pa/s", &[("kg", 1), ("m", -1), ("s", -3)]),
-    ("1/s2", &[("s", -2)]),
-    ("kg/s", &[("kg", 1), ("s", -1)]),
-];
-
-fn declare_side(t: &mut Table, i: usize) -> Side {
-    let p = t
-        .computed_state(format!("p{i}"))
-        .output()
-        .unit("Pa")
-        .about(format!("pressure of chamber {i}, absolute"))
-        .nominal(1e5)
-        .computed();
-    let pv = t
-        .computed_state(format!("pv{i}"))
-        .output()
-        .unit("Pa")
-        .about(format!("pressure at the port of valve {i}, absolute"))
-        .nominal(1e5)
-        .computed();
-    let mut state = |name: String, unit: &'static str, about: String, nominal: f64| {
-        let d = t.computed_state(name).about(about).nominal(nominal);
-        if unit.is_empty() { d.computed() } else { d.unit(unit).computed() }
-    };
-    let valve = ValveStates {
-        c: state(format!("c{i}"), "Pa", format!("filtered pressure command of valve {i}"), 1e5),
-        q: state(format!("q{i}"), "", format!("integrator of the controller of valve {i}"), 0.1),
-        s: state(format!("s{i}"), "", format!("position of spool {i}, 1: fully open to the supply"), 0.1),
-        s_rate: state(format!("s{i}_rate"), "1/s", format!("rate of spool {i}"), 10.0),
-        pv,
-    };
-    let mut rate = |name: String, of: Real, unit: &'static str, nominal: f64| {
-        let about = format!("rate of {name}");
-        t.derivative(format!("der({name})"), of).unit(unit).about(about).nominal(nominal).computed()
-    };
-    let der_p = rate(format!("p{i}"), p, "Pa/s", 1e6);
-    let der_valve = ValveStates {
-        pv: rate(format!("pv{i}"), pv, "Pa/s", 1e6),
-        c: rate(format!("c{i}"), valve.c, "Pa/s", 1e6),
-        q: rate(format!("q{i}"), valve.q, "1/s", 1.0),
-        s: rate(format!("s{i}"), valve.s, "1/s", 10.0),
-        s_rate: rate(format!("s{i}_rate"), valve.s_rate, "1/s2", 1e4),
-    };
-    let mut flow = |name: &str, about: String| {
-        t.local(format!("{name}{i}")).unit("kg/s").about(about).nominal(1e-4).computed()
-    };
-    let m_valve = flow("m_valve", format!("mass flow through valve {i} into its port"));
-    let m_tube = flow("m_tube", format!("mass flow from port {i} into its tube"));
-    let (play, line) = (t.memory(1), t.memory(MAX_DELAY + 1));
-    Side { valve, p, der_valve, der_p, m_valve, m_tube, play, line }
 }

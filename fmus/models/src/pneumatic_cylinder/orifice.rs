@@ -38,10 +38,10 @@ impl<S: Scalar> Air<S> {
     /// `pu / sqrt(T)` times 0.040418 for r ≤ 0.528, times `0.156174 r^(1/k) sqrt(1 - r^((k-1)/k))` below 0.995, and from
     /// there on falling with `1 - r` to 0.
     pub fn flow(self, from: S, to: S) -> S {
-        if from.value() >= to.value() { self.from_larger(from, to) } else { -self.from_larger(to, from) }
+        if from.value() >= to.value() { self.downhill(from, to) } else { -self.downhill(to, from) }
     }
 
-    fn from_larger(self, pu: S, pd: S) -> S {
+    fn downhill(self, pu: S, pd: S) -> S {
         let r = pd / pu;
         let part = if r.value() <= CRITICAL {
             S::from(CHOKED)

@@ -1,9 +1,9 @@
 //! The parameters of the cylinder, with units and ranges.
 
-use fmi2_export::{Boolean, Real, Table};
+use fmi2_export::{Boolean, Integer, Real, Table};
 
 /// Handles; names and values are those of the plant's description in the README.
-#[allow(non_snake_case, missing_docs)]
+#[allow(non_snake_case)]
 pub struct Parameters {
     pub bore: Real,
     pub rod: Real,
@@ -35,7 +35,7 @@ pub struct Parameters {
     pub sealx: Real,
     pub klc: Real,
     pub sample_time: Real,
-    pub substep: Real,
+    pub substeps: Integer,
 }
 
 impl Parameters {
@@ -75,7 +75,11 @@ impl Parameters {
             sealx: real("sealx", "m", "pre-sliding distance of the seal", 1e-9, 8.0e-6),
             klc: real("klc", "N/m", "stiffness of the load cell that holds the fixed rod", 1.0, 4.0e5),
             sample_time: real("sample_time", "s", "sample time of command, play and seal", 1e-6, 1e-3),
-            substep: real("substep", "s", "step of the delay line; divides sample_time", 1e-7, 1e-4),
+            substeps: t
+                .parameter("substeps")
+                .about("steps of the delay line per sample")
+                .range(1.0, 1000.0)
+                .integer(10),
             rod_fixed: t
                 .parameter("rod_fixed")
                 .about("the rod is held by the load cell: F_act includes the seal's pre-sliding")

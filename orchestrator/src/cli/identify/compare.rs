@@ -22,7 +22,7 @@ use crate::ident::score::Score;
 use crate::ident::subspace::{Order, pieces};
 use crate::ident::summary::SCHEMA_VERSION;
 use crate::plot::fit_page::{self, Page, Table};
-use crate::plot::orders::{self, OrderCurve};
+use crate::plot::identification::{self, OrderFit, fit_against_order};
 use crate::series::{csv, file::write_whole};
 use crate::{Error, plot};
 
@@ -287,18 +287,27 @@ fn rows(entries: &[Entry], outputs: &[String]) -> String {
 }
 
 fn figures(entries: &[Entry]) -> Vec<(String, String)> {
-    let curve = |family: Family, of: &dyn Fn(Option<&Score>) -> Option<f64>| {
-        let own = entries.iter().filter(|entry| entry.family == family);
-        let fits = own.map(|entry| (entry.order, of(entry.validation.as_ref()))).collect();
-        OrderCurve { name: family.name().into(), fits }
-    };
-    let families = [Family::Arx, Family::StateSpace];
-    let curves = |of: &dyn Fn(Option<&Score>) -> Option<f64>| -> Vec<OrderCurve> {
-        families.map(|family| curve(family, of)).into_iter().filter(|curve| !curve.fits.is_empty()).collect()
+    let figure = |title: &str, of: &dyn Fn(Option<&Score>) -> Option<f64>| {
+        let fits = |family: Family| -> Vec<OrderFit> {
+            let own = entries.iter().filter(|entry| entry.family == family && entry.stable.is_some());
+            let fit = |entry: &Entry| OrderFit {
+                order: entry.order,
+                fit: of(entry.validation.as_ref()),
+                stable: entry.stable == Some(true),
+            };
+            own.map(fit).collect()
+        };
+        let families = [Family::Arx, Family::StateSpace].map(|family| (family.name(), fits(family)));
+        let families: Vec<identification::Family> = families
+            .iter()
+            .filter(|(_, fits)| !fits.is_empty())
+            .map(|(name, fits)| identification::Family { name, fits })
+            .collect();
+        fit_against_order(title, "mean over outputs and files", &families)
     };
     vec![
-        ("fit_simulated".into(), orders::fits("Simulated fit on validation data", &curves(&simulated))),
-        ("fit_one_step".into(), orders::fits("One-step fit on validation data", &curves(&one_step))),
+        ("fit_simulated".into(), figure("Simulated fit on validation data", &simulated)),
+        ("fit_one_step".into(), figure("One-step fit on validation data", &one_step)),
     ]
 }
 

@@ -5,9 +5,9 @@
 //! | [`arx`] | `identify arx` |
 //! | [`state_space`] | `identify state-space` |
 //! | [`compare`] | `identify compare` |
-//! | [`linear_fmu`] | the FMU of a linear model |
 //! | [`data`] | the options that say which data, shared by all |
 //! | [`friction`] | `identify friction` |
+//! | [`linear_fmu`] | the FMU of a linear model |
 //! | [`output`] | the folder of the results, shared by all |
 
 pub mod arx;

@@ -8,19 +8,26 @@
 use std::process::ExitCode;
 
 use clap::ValueEnum;
+use nalgebra::DVector;
 use serde_json::{Map, Value, json};
 
 use super::data::DataArgs;
-use super::linear_fmu::Wanted;
 use super::output::Results;
+use super::linear_fmu::Wanted;
 use super::report;
 use crate::Error;
-use crate::cli::output;
-use crate::ident::model::{Linear, Model, NamedModel, StateSpace};
-use crate::ident::record::Experiments;
+use crate::cli::{folder, output};
+use crate::ident::diagnostics::verdict::{self, Verdict};
+use crate::ident::diagnostics::{self, Diagnostics, Kind, diagnose, response};
+use crate::ident::model::{Linear, Model, NamedModel};
+use crate::ident::record::{Experiments, Record};
 use crate::ident::subspace::{self, Estimate, Options, Order, Refined, Refinement, Weighting};
 use crate::plot::fit_page::Table;
-use crate::plot::orders::{self, OrderCurve};
+use crate::plot::identification::{
+    Family, OrderFit, autocorrelations, cross_correlations, fit_against_order, frequency_responses, pole_zero_map,
+    step_responses,
+};
+use crate::plot::singular_values::singular_values;
 
 /// `airloop identify state-space`
 #[derive(Debug, clap::Args)]
@@ -42,8 +49,7 @@ pub struct Args {
     /// Highest order that --order auto tries.
     #[arg(long, default_value = "10", value_name = "ORDER", value_parser = clap::value_parser!(u16).range(1..=40))]
     pub max_order: u16,
-    /// Also write the model as an FMU of this name: Co-Simulation and Model Exchange, at rest at the operating point at
-    /// the start; up to 12 states, 4 inputs `u[i]` and 4 outputs `y[i]`.
+    /// Also write the model as NAME.fmu, a linear-state-space, into the folder of the results.
     #[arg(long, value_name = "NAME")]
     pub fmu: Option<String>,
 }
@@ -155,8 +161,8 @@ impl MethodArgs {
 /// # Errors
 /// What keeps it from a model, or its results from being written.
 pub fn run(args: &Args) -> Result<ExitCode, Error> {
-    let fmu = args.fmu.as_ref().map(|name| Wanted::new(name, args.data.channels())).transpose()?;
     let data = args.data.read()?;
+    let fmu = args.fmu.as_ref().map(|name| Wanted::new(name, (data.inputs.len(), data.outputs.len()))).transpose()?;
     let order = match args.order {
         OrderChoice::Auto => Order::UpTo(args.max_order.into()),
         OrderChoice::Fixed(order) => Order::Fixed(order),
@@ -166,28 +172,16 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
     let refined = subspace::refine(&data.estimation, &estimate, &options, args.method.refinement())?;
     let mut results = results(&estimate, &refined, &data, !args.data.no_plots);
     if let Some(fmu) = &fmu {
+        folder::make(&args.data.output)?;
+        folder::clear(&args.data.output)?;
+        fmu.write(&refined.model, &report::headline(&results.summary), &args.data.output)?;
         results.summary.files.push(fmu.file());
     }
     let summary = results.write(&args.data.output)?;
-    if let Some(fmu) = &fmu {
-        fmu.write(&refined.model, &description(&data, refined.model.order()), &args.data.output)?;
-    }
     if !args.data.quiet {
-        let mut text = report::report(&summary, &args.data.output);
-        if let Some(fmu) = &fmu {
-            text += &format!("FMU:     {}\n", args.data.output.join(fmu.file()).display());
-        }
-        output::print(&text)?;
+        output::print(&report::report(&summary, &args.data.output))?;
     }
     Ok(ExitCode::SUCCESS)
-}
-
-fn description(data: &Experiments, order: usize) -> String {
-    format!(
-        "State space of order {order} identified from measurements: {} from {}.",
-        data.outputs.join(", "),
-        data.inputs.join(", ")
-    )
 }
 
 fn results(estimate: &Estimate, refined: &Refined, data: &Experiments, plots: bool) -> Results {
@@ -202,6 +196,8 @@ fn results(estimate: &Estimate, refined: &Refined, data: &Experiments, plots: bo
     let method = format!("state space of order {order}, subspace ({})", estimate.method.describe());
     let method = method + if refined.taken { ", refined" } else { "" };
     let mut results = Results::of(&method, named, data, plots);
+    let found = found(refined, data);
+    let judged = verdict::verdict(&format!("order {order}"), &found);
     let summary = &mut results.summary;
     summary.structure = json!({
         "order": order,
@@ -212,29 +208,29 @@ fn results(estimate: &Estimate, refined: &Refined, data: &Experiments, plots: bo
         "poles_mirrored": estimate.method.stabilised && !refined.taken,
         "refined": refined.taken,
     });
-    summary.diagnostics = diagnostics(estimate, refined, data);
-    summary.verdict.extend(verdict(estimate, refined));
+    summary.diagnostics = diagnostics(estimate, refined, data, &found, &judged);
+    summary.verdict.extend(sentences(estimate, refined));
+    summary.verdict.extend(judged.sentences);
     let mended = refined.taken && model.is_stable();
     let concerns_poles = |warning: &String| warning.contains("stable model") || warning.contains("mirrored");
-    summary
-        .warnings
-        .extend(estimate.warnings.iter().filter(|warning| !(mended && concerns_poles(warning))).cloned());
+    summary.warnings.extend(
+        estimate.warnings.iter().filter(|warning| !(mended && concerns_poles(warning))).cloned(),
+    );
     if !estimate.orders.is_empty() {
         results.tables.push(orders_table(estimate));
     }
     if plots {
-        results.figures.extend(figures(estimate, model));
+        results.figures.extend(figures(estimate, order, &found));
     }
     results
 }
 
-fn verdict(estimate: &Estimate, refined: &Refined) -> Vec<String> {
+fn sentences(estimate: &Estimate, refined: &Refined) -> Vec<String> {
     let order = estimate.model.order();
     let mut sentences = Vec::new();
     if !estimate.orders.is_empty() {
         let highest = estimate.orders.len();
-        let error =
-            |order: usize| estimate.orders.get(order.wrapping_sub(1)).and_then(|found| found.held_back);
+        let error = |order: usize| estimate.orders.get(order.wrapping_sub(1)).and_then(|found| found.held_back);
         let own = error(order).unwrap_or(f64::NAN);
         let below = match error(order.wrapping_sub(1)) {
             Some(error) => format!(", order {} {:.2} %", order - 1, 100.0 * error),
@@ -259,21 +255,34 @@ fn verdict(estimate: &Estimate, refined: &Refined) -> Vec<String> {
     sentences
 }
 
-fn diagnostics(estimate: &Estimate, refined: &Refined, data: &Experiments) -> Value {
+/// Residual tests, poles, zeros and responses; with bands if the refinement gave a covariance.
+fn found(refined: &Refined, data: &Experiments) -> Diagnostics {
+    let options = diagnostics::Options { kind: Kind::Simulated, ..diagnostics::Options::default() };
+    let at = refined.details.as_ref().map(|details| (details, |p: &DVector<f64>| details.at(p)));
+    let family = at.as_ref().map(|(details, at)| response::Family { parameters: &details.parameters, at });
+    diagnose(&refined.model, family, &data.estimation, &data.inputs, &data.outputs, &options)
+}
+
+fn diagnostics(
+    estimate: &Estimate,
+    refined: &Refined,
+    data: &Experiments,
+    found: &Diagnostics,
+    judged: &Verdict,
+) -> Value {
     let model = &refined.model;
-    let initial = |records: &[crate::ident::record::Record]| -> Vec<Vec<f64>> {
+    let initial = |records: &[Record]| -> Vec<Vec<f64>> {
         records.iter().map(|record| model.initial_state(record).iter().copied().collect()).collect()
     };
-    let poles: Vec<Value> = model
-        .poles()
-        .iter()
-        .map(|pole| json!({"real": pole.re, "imaginary": pole.im, "modulus": pole.norm()}))
-        .collect();
-    let mut values = Map::new();
+    let mut values = match json!(found) {
+        Value::Object(values) => values,
+        _ => Map::new(),
+    };
+    // Directions of a local basis mean nothing to a reader.
+    values.remove("parameters");
+    values.insert("verdict".into(), json!(judged));
     values.insert("singular_values".into(), json!(estimate.singular_values));
     values.insert("orders".into(), json!(estimate.orders));
-    values.insert("poles".into(), json!(poles));
-    values.insert("one_step_gain".into(), json!(model.gain.is_some()));
     let (before, after) = refined.held_back.unzip();
     let finite = |fit: Option<f64>| fit.filter(|fit| fit.is_finite());
     values.insert(
@@ -305,17 +314,25 @@ fn orders_table(estimate: &Estimate) -> Table {
     }
 }
 
-fn figures(estimate: &Estimate, model: &StateSpace) -> Vec<(String, String)> {
-    let mut figures =
-        vec![("singular_values".into(), orders::singular_values(&estimate.singular_values, model.order()))];
-    let poles: Vec<(f64, f64)> = model.poles().iter().map(|pole| (pole.re, pole.im)).collect();
-    figures.push(("poles".into(), orders::poles(&poles)));
+fn figures(estimate: &Estimate, order: usize, found: &Diagnostics) -> Vec<(String, String)> {
+    let mut figures = vec![
+        ("singular_values".to_owned(), singular_values(&estimate.singular_values, order)),
+        ("poles_and_zeros".into(), pole_zero_map(&found.poles, &found.channel_zeros)),
+        ("residuals".into(), autocorrelations(&found.autocorrelation)),
+        ("residuals_and_inputs".into(), cross_correlations(&found.cross_correlation)),
+        ("step_responses".into(), step_responses(&found.step)),
+        ("frequency_responses".into(), frequency_responses(&found.frequency)),
+    ];
     if !estimate.orders.is_empty() {
-        let fits = estimate.orders.iter();
-        let fits =
-            fits.map(|found| (found.order, found.held_back.map(|error| 100.0 * (1.0 - error)))).collect();
-        let curve = OrderCurve { name: "estimated from the rest".into(), fits };
-        figures.push(("orders".into(), orders::fits("Fit on data kept back", &[curve])));
+        let fit = |found: &subspace::OrderError| OrderFit {
+            order: found.order,
+            fit: found.held_back.map(|error| 100.0 * (1.0 - error)),
+            stable: found.held_back.is_some(),
+        };
+        let fits: Vec<OrderFit> = estimate.orders.iter().map(fit).collect();
+        let family = Family { name: "state space", fits: &fits };
+        let title = "Simulated fit on data kept back";
+        figures.push(("orders".into(), fit_against_order(title, "before refinement", &[family])));
     }
     figures
 }

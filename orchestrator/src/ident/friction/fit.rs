@@ -130,8 +130,7 @@ impl Space {
                 space.set(E1, -100.0 * unit, 100.0 * unit, unit, 0.0);
             }
             Law::Asymmetry => {
-                space.set(E1, -most, most, f, 0.0);
-                space.set(E2, -most / v, most / v, f / v, 0.0);
+                space.set(E1, -most / v, most / v, f / v, 0.0);
             }
             Law::Presliding => {
                 space.set(E1, 1e-6 * sizes.travel, sizes.travel, 1e-3 * sizes.travel, 3e-3 * sizes.travel);

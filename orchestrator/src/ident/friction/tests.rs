@@ -50,6 +50,36 @@ fn exact_sweeps_give_the_friction_back() {
     assert!((report.parameters["mass"].value - 0.399).abs() < 1e-5);
 }
 
+/// Parameters and standard deviations that `tests/reference/make_friction_reference.py` prints (scipy curve_fit).
+#[test]
+fn the_fit_is_that_of_scipy() {
+    let parameters = [5.789688973, 64.28320769, 0.006293154216, 2.982199133, -2.326432077];
+    let deviations = [0.026037846, 0.86522813, 0.00010108027, 0.25714585, 0.0093150814];
+    let k = 0..600;
+    let v: Vec<f64> =
+        k.clone().map(|k| 0.12 * (0.05 * k as f64).sin() + 0.05 * (0.013 * k as f64).sin()).collect();
+    let noise = k.clone().map(|k| 0.3 * (0.7 * (k * k) as f64).sin());
+    let c = [5.7910, 63.7045, 0.0064, 3.0, -2.3170];
+    let record = Sweep {
+        name: "reference".into(),
+        time: k.map(|k| k as f64 * 1e-3).collect(),
+        force: v.iter().zip(noise).map(|(v, e)| eq2(&c, *v) + e).collect(),
+        velocity: Some(v),
+        ..Sweep::default()
+    };
+    let settings = Settings { smooth: false, alternatives: false, ..Settings::default() };
+    let fit = identify(&[record], &[], &settings).unwrap().fit;
+    for j in 0..5 {
+        assert!(
+            (fit.parameters[j] - parameters[j]).abs() < 1e-6 * parameters[j].abs(),
+            "{:?}",
+            fit.parameters
+        );
+        let deviation = fit.deviation[j].unwrap() / fit.memory.sqrt();
+        assert!((deviation - deviations[j]).abs() < 1e-5 * deviations[j], "{j}: {deviation}");
+    }
+}
+
 /// Noise of the issue (0.3 N) and of the rig's drive encoder (1 mm/s); 2 % in every parameter.
 #[test]
 fn equations_10_and_11_come_back_from_noisy_sweeps() {

@@ -194,15 +194,20 @@ pub fn sentences(
         said.push(format!("{} cannot be told from zero; --fix NAME=0 leaves them out", small.join(", ")));
     }
     let offered: Vec<&Alternative> = alternatives.iter().filter(|a| a.offered).collect();
-    match (validation, offered.first()) {
-        (Some(validation), Some(best)) => said.push(format!(
-            "the data ask for {}: rms error {:.4} instead of {:.4} {unit} on validation records (--law {})",
-            best.what,
-            best.validation_rms,
-            validation.rms,
-            best.law.id()
-        )),
-        (Some(_), None) if !alternatives.is_empty() => {
+    match validation {
+        Some(validation) if !offered.is_empty() => {
+            said.extend(offered.iter().enumerate().map(|(index, found)| {
+                format!(
+                    "the data {}ask for {}: rms error {:.4} instead of {:.4} {unit} on validation records (--law {})",
+                    if index == 0 { "" } else { "also " },
+                    found.what,
+                    found.validation_rms,
+                    validation.rms,
+                    found.law.id()
+                )
+            }));
+        }
+        Some(_) if !alternatives.is_empty() => {
             said.push("no alternative improves the validation records clearly".into());
         }
         _ => {}

@@ -88,6 +88,7 @@ impl<'r, 'n, 'm> Run<'r, 'n, 'm> {
             jacobian: vec![0.0; form.jacobian_entries.len()],
             hessian: vec![0.0; form.hessian_entries.len()],
         };
+        kkt.least_shift = 0.0;
         let step = Step { x: vec![0.0; form.total()], y: vec![0.0; form.m], ..Step::default() };
         Self {
             form,

@@ -49,13 +49,16 @@ impl Run<'_, '_, '_> {
         };
         let mut at = std::mem::take(&mut inner.at);
         self.form.unrelax();
-        at.x.truncate(own);
-        self.at.x = at.x;
-        self.at.reset_multipliers(self.form, self.barrier);
+        [&mut at.x, &mut at.lower, &mut at.upper].into_iter().for_each(|v| v.truncate(own));
+        // Where the problem is infeasible, the multipliers of the restoration say which bounds stand in the way.
+        self.at = at;
         if let Err(error) = self.evaluate() {
             return Some(End::Status(Status::EvaluationFailed(error.to_string())));
         }
-        self.estimate_multipliers();
+        if !matches!(end, End::Status(Status::Infeasible | Status::Acceptable)) {
+            self.at.reset_multipliers(self.form, self.barrier);
+            self.estimate_multipliers();
+        }
         match end {
             End::Restored => None,
             End::Status(Status::Infeasible | Status::Stalled | Status::Acceptable)
@@ -145,8 +148,10 @@ impl Run<'_, '_, '_> {
         let held = |j| form.fixed(j);
         let (rows, mut x) = (vec![0.0; form.m], vec![0.0; form.total()]);
         let jacobian = &self.point.jacobian;
+        let least_shift = std::mem::take(&mut self.kkt.least_shift);
         let good = self.kkt.factor(form, &hessian, jacobian, &ones, held, 1.0).is_ok()
             && self.kkt.solve(form, jacobian, (&gradient, &rows), &mut x, &mut self.at.y);
+        self.kkt.least_shift = least_shift;
         if !good || self.at.y.iter().any(|y| y.abs() > 1e3 || y.is_nan()) {
             self.at.y.fill(0.0);
         }

@@ -1,7 +1,7 @@
 //! Sequential quadratic programming with a filter line search. The step solves the KKT system with the bounds of the
 //! working set held (cheap, structured); where it leaves other bounds or a multiplier has the wrong sign, a quadratic
-//! program with all bounds finds the working set. Where neither makes progress, the interior point method goes on
-//! from the point.
+//! program with all bounds finds the working set. Where neither makes progress, or the constraints have no solution
+//! when linearised within the bounds, the interior point method goes on from the point: it restores feasibility.
 
 mod active_set;
 mod step;
@@ -40,6 +40,7 @@ pub(super) struct Sqp<'r, 'n, 'm> {
     work: Vec<f64>,
     last: Iteration,
     pub quadratic_programs: usize,
+    programs_in_a_row: usize,
 }
 
 struct Trial {
@@ -96,6 +97,7 @@ impl<'r, 'n, 'm> Sqp<'r, 'n, 'm> {
             work: Vec::new(),
             last: Iteration::default(),
             quadratic_programs: 0,
+            programs_in_a_row: 0,
         };
         run.evaluate().map_err(Error::Start)?;
         Ok(run)

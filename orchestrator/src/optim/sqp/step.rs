@@ -11,9 +11,9 @@ use crate::optim::qp::{Quadratic, QuadraticSolution, QuadraticStatus, solve_quad
 const SLACK_CURVATURE: f64 = 1e-8;
 /// Multiplier of the wrong sign up to which a bound stays in the working set.
 const WRONG_SIGN: f64 = 1e-9;
-/// Penalty of the relaxations of an infeasible quadratic program, and how often it is raised by its factor.
-const PENALTY: f64 = 1e3;
-const DIRECT_SHIFTS: usize = 40;
+/// Iterations in a row that may need a quadratic program.
+const PROGRAMS_IN_A_ROW: usize = 20;
+const CONVEX_SHIFTS: usize = 40;
 
 /// Step of X with the multipliers at its end.
 #[derive(Clone, Debug, Default)]
@@ -46,25 +46,23 @@ impl Sqp<'_, '_, '_> {
     pub(super) fn compute_step(&mut self) -> bool {
         if self.held_step() && self.is_optimal() {
             (self.step.note, self.step.correctable) = (Note::None, true);
+            self.programs_in_a_row = 0;
             return true;
         }
-        let Some((solution, elastic)) = self.quadratic_step() else { return false };
-        let total = self.form.total();
-        let step = &solution.x[..total];
+        let Some(solution) = self.quadratic_step() else { return false };
+        let step = &solution.x;
         self.active = ActiveSet::of_solution(self.form, &self.at.x, step, &solution.lower, &solution.upper);
-        let note = if elastic { Note::Elastic } else { Note::QuadraticProgram };
         // The KKT system with this working set has the solution to the last digits.
-        self.step.correctable =
-            !elastic && self.held_step() && self.active.inside(self.form, &self.at.x, &self.step.x);
+        self.step.correctable = self.held_step() && self.active.inside(self.form, &self.at.x, &self.step.x);
         if !self.step.correctable {
             self.step.x.copy_from_slice(step);
             self.step.y.copy_from_slice(&solution.y);
-            self.step.lower.copy_from_slice(&solution.lower[..total]);
-            self.step.upper.copy_from_slice(&solution.upper[..total]);
+            self.step.lower.copy_from_slice(&solution.lower);
+            self.step.upper.copy_from_slice(&solution.upper);
         } else {
             self.step.lower.iter_mut().chain(&mut self.step.upper).for_each(|z| *z = z.max(0.0));
         }
-        self.step.note = note;
+        self.step.note = Note::QuadraticProgram;
         true
     }
 
@@ -121,31 +119,18 @@ impl Sqp<'_, '_, '_> {
         signs && self.active.inside(self.form, &self.at.x, &self.step.x)
     }
 
-    /// Solution of the quadratic program with all bounds, and whether its rows had to be relaxed.
-    fn quadratic_step(&mut self) -> Option<(QuadraticSolution, bool)> {
+    /// Solution of the quadratic program with all bounds; none where it has none, or where too many in a row say
+    /// that the working set does not settle.
+    fn quadratic_step(&mut self) -> Option<QuadraticSolution> {
+        self.programs_in_a_row += 1;
+        if self.programs_in_a_row > PROGRAMS_IN_A_ROW {
+            return None;
+        }
         let shift = self.convex_shift()?;
         self.kkt.shift = shift;
-        let mut problem = self.quadratic(shift);
         self.quadratic_programs += 1;
-        let solution = solve_quadratic(&problem).ok()?;
-        if matches!(solution.status, QuadraticStatus::Solved | QuadraticStatus::Inexact) {
-            return Some((solution, false));
-        }
-        // Elastic: p, n >= 0 in every row, at a price.
-        let mut columns = problem.gradient.len();
-        for row in 0..self.form.m {
-            for sign in [-1.0, 1.0] {
-                problem.rows.push((row, columns, sign));
-                problem.gradient.push(PENALTY);
-                problem.bounds.lower.push(0.0);
-                problem.bounds.upper.push(f64::INFINITY);
-                columns += 1;
-            }
-        }
-        self.quadratic_programs += 1;
-        let solution = solve_quadratic(&problem).ok()?;
-        matches!(solution.status, QuadraticStatus::Solved | QuadraticStatus::Inexact)
-            .then_some((solution, true))
+        let solution = solve_quadratic(&self.quadratic(shift)).ok()?;
+        matches!(solution.status, QuadraticStatus::Solved | QuadraticStatus::Inexact).then_some(solution)
     }
 
     /// The quadratic program in the step of X.
@@ -170,7 +155,7 @@ impl Sqp<'_, '_, '_> {
     /// Smallest shift found with which the Hessian itself is positive definite.
     fn convex_shift(&mut self) -> Option<f64> {
         let mut shift = self.kkt.shift;
-        for _ in 0..DIRECT_SHIFTS {
+        for _ in 0..CONVEX_SHIFTS {
             if self.kkt.is_convex(self.form, &self.point.hessian, shift) {
                 return Some(shift);
             }
