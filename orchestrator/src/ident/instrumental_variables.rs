@@ -66,8 +66,10 @@ pub fn estimate(
         return Err(Error::NothingFree);
     }
     check_records(records, n_u, n_y, mask.lags() + p.div_ceil(n_y) + 1)?;
-    let experiments: Vec<Experiment> =
-        records.iter().map(|record| Experiment::new(record, &start.input_offset, &start.output_offset)).collect();
+    let experiments: Vec<Experiment> = records
+        .iter()
+        .map(|record| Experiment::new(record, &start.input_offset, &start.output_offset))
+        .collect();
     let mut best: Option<(f64, InstrumentalVariables)> = None;
     let mut parameters = mask.parameters(start);
     let mut root = DMatrix::identity(n_y, n_y);

@@ -83,7 +83,9 @@ impl Svg {
             Shape::Square => format!("M{left:.2},{top:.2}H{right:.2}V{bottom:.2}H{left:.2}Z"),
             Shape::Triangle => format!("M{x:.2},{top:.2}L{right:.2},{bottom:.2}H{left:.2}Z"),
             Shape::Cross => {
-                format!("M{left:.2},{top:.2}L{right:.2},{bottom:.2}M{left:.2},{bottom:.2}L{right:.2},{top:.2}")
+                format!(
+                    "M{left:.2},{top:.2}L{right:.2},{bottom:.2}M{left:.2},{bottom:.2}L{right:.2},{top:.2}"
+                )
             }
         };
         self.push(format_args!("<path class=\"{class}\" d=\"{path}\"/>"));

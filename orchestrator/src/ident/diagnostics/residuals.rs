@@ -74,7 +74,8 @@ pub fn autocorrelation(
     let degrees_of_freedom = lags.saturating_sub(fitted).max(1);
     let n_f = n as f64;
     let squares = values.iter().enumerate().skip(1);
-    let ljung_box = n_f * (n_f + 2.0) * squares.map(|(lag, r)| r * r / (n_f - lag as f64).max(1.0)).sum::<f64>();
+    let ljung_box =
+        n_f * (n_f + 2.0) * squares.map(|(lag, r)| r * r / (n_f - lag as f64).max(1.0)).sum::<f64>();
     let by_chance = lags as f64 / n_f.max(1.0);
     let explained = if covariances[0] > 0.0 { autoregression(&values) } else { 0.0 };
     Autocorrelation {
@@ -119,7 +120,8 @@ pub fn cross_correlation(
         earlier.iter().skip(1).rev().chain(&later).map(|covariance| covariance / scale).collect();
     let together = |count: usize| chi_squared::two_sided_normal(0.01 / count.max(1) as f64) * deviation;
     let largest = |values: &[f64]| values.iter().fold(0.0f64, |largest, value| largest.max(value.abs()));
-    let in_bands = |values: &[f64]| if deviation > 0.0 { largest(values) / together(values.len()) } else { 0.0 };
+    let in_bands =
+        |values: &[f64]| if deviation > 0.0 { largest(values) / together(values.len()) } else { 0.0 };
     let (negative, positive) = values.split_at(lags);
     CrossCorrelation {
         output: output.into(),
@@ -128,7 +130,8 @@ pub fn cross_correlation(
         band_99: chi_squared::two_sided_normal(0.01) * deviation,
         missing_dynamics: in_bands(positive),
         feedback: in_bands(negative),
-        explained_by_input: (positive.iter().map(|r| r * r).sum::<f64>() - deviation.powi(2) * positive.len() as f64)
+        explained_by_input: (positive.iter().map(|r| r * r).sum::<f64>()
+            - deviation.powi(2) * positive.len() as f64)
             .clamp(0.0, 1.0),
         values,
     }

@@ -107,15 +107,16 @@ pub fn step_responses(
     let stable = model.is_stable();
     let gain = stable.then(|| dc_gain(model)).flatten();
     let gain_deviation = family.filter(|_| gain.is_some()).map(|family| {
-        family.deviations(|model| dc_gain(model).map_or(vec![f64::NAN; model.d.len()], |g| g.as_slice().to_vec()))
+        family.deviations(|model| {
+            dc_gain(model).map_or(vec![f64::NAN; model.d.len()], |g| g.as_slice().to_vec())
+        })
     });
     let length = horizon(model);
     let mut found = Vec::new();
     for (j, input) in inputs.iter().enumerate() {
         let full = step(model, j, length);
-        let settled: Vec<Option<usize>> = (0..outputs.len())
-            .map(|i| gain.as_ref().map(|gain| settling(&full[i], gain[(i, j)])))
-            .collect();
+        let settled: Vec<Option<usize>> =
+            (0..outputs.len()).map(|i| gain.as_ref().map(|gain| settling(&full[i], gain[(i, j)]))).collect();
         let slowest = settled.iter().flatten().max().copied().unwrap_or(length);
         let shown = (slowest + slowest / 3 + 10).min(length);
         let stride = shown.div_ceil(POINTS).max(1);

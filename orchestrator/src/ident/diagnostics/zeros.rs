@@ -20,7 +20,9 @@ pub fn transmission_zeros(model: &StateSpace) -> Vec<Complex<f64>> {
     }
     // Zeros of two unlike square combinations: those that both have belong to the model.
     let weights = |n: usize, m: usize, seed: f64| {
-        DMatrix::from_fn(n, m, |i, j| (seed + 1.7 * i as f64 + 2.9 * j as f64).sin() + f64::from(u8::from(i == j)))
+        DMatrix::from_fn(n, m, |i, j| {
+            (seed + 1.7 * i as f64 + 2.9 * j as f64).sin() + f64::from(u8::from(i == j))
+        })
     };
     let combined = |seed: f64| {
         let mut model = model.clone();

@@ -263,7 +263,11 @@ impl Tangent {
         let mut take = |rows: usize, columns: usize, len: usize| {
             let (head, tail) = rest.split_at(len);
             rest = tail;
-            if len == 0 { DMatrix::zeros(rows, columns) } else { DMatrix::from_column_slice(rows, columns, head) }
+            if len == 0 {
+                DMatrix::zeros(rows, columns)
+            } else {
+                DMatrix::from_column_slice(rows, columns, head)
+            }
         };
         let (a, b) = (take(n_x, n_x, n_x * n_x), take(n_x, n_u, n_x * n_u));
         let (k, c) = (take(n_x, n_y, gain), take(n_y, n_x, n_y * n_x));
@@ -306,9 +310,10 @@ impl Predictor {
         let (n_x, n_y) = (model.order(), model.d.nrows());
         let gain = model.gain.clone().unwrap_or_else(|| DMatrix::zeros(n_x, n_y));
         let (f, g) = (&model.a - &gain * &model.c, &model.b - &gain * &model.d);
-        let state = (0..n_x).flat_map(|i| f.row(i).iter().chain(&g.row(i)).chain(&gain.row(i)).copied().collect::<Vec<_>>());
-        let output = (0..n_y)
-            .flat_map(|i| model.c.row(i).iter().chain(&model.d.row(i)).copied().collect::<Vec<_>>());
+        let state = (0..n_x)
+            .flat_map(|i| f.row(i).iter().chain(&g.row(i)).chain(&gain.row(i)).copied().collect::<Vec<_>>());
+        let output =
+            (0..n_y).flat_map(|i| model.c.row(i).iter().chain(&model.d.row(i)).copied().collect::<Vec<_>>());
         Predictor { n_x, n_y, state: state.collect(), output: output.collect(), c: model.c.clone(), f }
     }
 

@@ -61,7 +61,8 @@ mod tests {
 
     #[test]
     fn rows_are_the_shifted_and_weighted_signals() {
-        let (s, t) = ([vec![1.0, 2.0, 3.0], vec![0.5, 0.0, -1.0]], [vec![1.0, 1.0, 1.0], vec![2.0, 0.0, 1.0]]);
+        let (s, t) =
+            ([vec![1.0, 2.0, 3.0], vec![0.5, 0.0, -1.0]], [vec![1.0, 1.0, 1.0], vec![2.0, 0.0, 1.0]]);
         let columns = [Column { signal: &s, shift: 2, sign: -1.0 }, Column::of(&t)];
         let root = DMatrix::from_row_slice(2, 2, &[2.0, 0.0, 1.0, 3.0]);
         let mut fold = Fold::new(2);

@@ -27,10 +27,14 @@ pub enum Error {
     #[error("there is no record to estimate from")]
     NoRecord,
     /// The record has other channels than the model.
-    #[error("`{record}` has {inputs} inputs and {outputs} outputs, the model {n_u} and {n_y}; name the same columns")]
+    #[error(
+        "`{record}` has {inputs} inputs and {outputs} outputs, the model {n_u} and {n_y}; name the same columns"
+    )]
     Channels { record: String, inputs: usize, outputs: usize, n_u: usize, n_y: usize },
     /// A value is not a number.
-    #[error("`{record}`, sample {sample} of {channel}: not a finite number; cut the record there or fill the gap")]
+    #[error(
+        "`{record}`, sample {sample} of {channel}: not a finite number; cut the record there or fill the gap"
+    )]
     NotFinite { record: String, channel: String, sample: usize },
     /// Fewer samples than parameters.
     #[error(
@@ -38,7 +42,9 @@ pub enum Error {
     )]
     TooShort { record: String, samples: usize, needed: usize },
     /// More outputs than one block of rows holds.
-    #[error("{n_y} outputs are more than the {BLOCK} that can be estimated together; identify them in groups")]
+    #[error(
+        "{n_y} outputs are more than the {BLOCK} that can be estimated together; identify them in groups"
+    )]
     TooManyOutputs { n_y: usize },
     /// Nothing to estimate.
     #[error("no coefficient of the structure is free; raise na or nb")]
@@ -133,8 +139,7 @@ pub fn simulate(model: &Arx, experiment: &Experiment, root: &DMatrix<f64>) -> Si
         }
     };
     let difference = |y: &[Vec<f64>]| -> Vec<Vec<f64>> {
-        let of =
-            |(measured, y): (&Vec<f64>, &Vec<f64>)| measured.iter().zip(y).map(|(m, y)| m - y).collect();
+        let of = |(measured, y): (&Vec<f64>, &Vec<f64>)| measured.iter().zip(y).map(|(m, y)| m - y).collect();
         experiment.y.iter().zip(y).map(of).collect()
     };
     let responses = inverse.impulses(n);
@@ -148,8 +153,7 @@ pub fn simulate(model: &Arx, experiment: &Experiment, root: &DMatrix<f64>) -> Si
     let r = fold.finish();
     let z = r.view((0, states), (states, 1)).column(0).into_owned();
     let (found, _) = solve(&r.view((0, 0), (states, states)).into_owned(), &z, 1e-10);
-    let impulses: Vec<Vec<f64>> =
-        (0..lags).map(|b| (0..n_y).map(|i| found[b * n_y + i]).collect()).collect();
+    let impulses: Vec<Vec<f64>> = (0..lags).map(|b| (0..n_y).map(|i| found[b * n_y + i]).collect()).collect();
     let y = inverse.run(n, |k, now| {
         forced(k, now);
         if let Some(impulse) = impulses.get(k) {

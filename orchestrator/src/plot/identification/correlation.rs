@@ -7,7 +7,11 @@ use crate::ident::diagnostics::residuals::{Autocorrelation, CrossCorrelation};
 fn panel(sheet: &mut Sheet, index: usize, title: &str, label: &str, lags: &[f64], values: &[f64], band: f64) {
     let largest = values.iter().fold(band, |largest, value| largest.max(value.abs())) * 1.12;
     let (first, last) = (lags.first().copied().unwrap_or(0.0), lags.last().copied().unwrap_or(1.0));
-    let lowest = if values.iter().any(|value| *value < -band) { -largest } else { -f64::max(1.8 * band, 0.1 * largest) };
+    let lowest = if values.iter().any(|value| *value < -band) {
+        -largest
+    } else {
+        -f64::max(1.8 * band, 0.1 * largest)
+    };
     let panel = sheet.panel(
         index,
         title,

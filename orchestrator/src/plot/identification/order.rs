@@ -28,7 +28,8 @@ pub struct Family<'a> {
 /// range that the better half of all models spans are drawn on the lower edge.
 pub fn fit_against_order(title: &str, note: &str, families: &[Family]) -> String {
     let shapes = [Shape::Circle, Shape::Square, Shape::Triangle];
-    let classes: Vec<String> = (0..families.len()).map(|index| format!("s{} d{}", index % 6, index % 4)).collect();
+    let classes: Vec<String> =
+        (0..families.len()).map(|index| format!("s{} d{}", index % 6, index % 4)).collect();
     let mut legend: Vec<Entry> = families
         .iter()
         .zip(&classes)

@@ -41,7 +41,14 @@ pub(super) struct Sheet {
 
 impl Sheet {
     /// Room for `count` panels whose plots are `height` pixels high, `columns` of them side by side.
-    pub(super) fn new(title: &str, note: &str, legend: &[Entry], count: usize, columns: usize, height: f64) -> Sheet {
+    pub(super) fn new(
+        title: &str,
+        note: &str,
+        legend: &[Entry],
+        count: usize,
+        columns: usize,
+        height: f64,
+    ) -> Sheet {
         let heading = LEFT + TITLE_LETTER * letters(title) + 14.0 + LETTER * letters(note);
         let room = WIDTH - RIGHT;
         let one_row = heading + legend_width(legend) <= room;
@@ -152,7 +159,6 @@ impl Panel {
     }
 }
 
-
 fn letters(text: &str) -> f64 {
     text.chars().count() as f64
 }
@@ -166,7 +172,8 @@ fn rows<'a, 'b>(entries: &'b [Entry<'a>], width: f64) -> Vec<&'b [Entry<'a>]> {
     let mut found = Vec::new();
     let mut rest = entries;
     while !rest.is_empty() {
-        let fitting = (1..=rest.len()).take_while(|&count| count == 1 || legend_width(&rest[..count]) <= width);
+        let fitting =
+            (1..=rest.len()).take_while(|&count| count == 1 || legend_width(&rest[..count]) <= width);
         let (row, later) = rest.split_at(fitting.last().unwrap_or(1));
         found.push(row);
         rest = later;
@@ -190,7 +197,8 @@ fn draw_legend(svg: &mut Svg, entries: &[Entry], baseline: f64) {
                 svg.marker(shape, (0.5 * (from + to), middle), 4.0, &format!("{} open", solid(entry.class)));
             }
             None if entry.class == "band" => {
-                let corners = [(from, middle - 5.0), (to, middle - 5.0), (to, middle + 5.0), (from, middle + 5.0)];
+                let corners =
+                    [(from, middle - 5.0), (to, middle - 5.0), (to, middle + 5.0), (from, middle + 5.0)];
                 svg.area(&corners, entry.class);
             }
             None => svg.line((from, middle), (to, middle), entry.class),

@@ -23,7 +23,8 @@ pub fn pole_zero_map(poles: &[Root], channels: &[ChannelZeros]) -> String {
     // A zero far out would make everything else a dot; it is drawn on the edge.
     let reach = poles.iter().map(|pole| pole.modulus).fold(1.0, f64::max).min(2.0) * 1.15;
     let slow = close_up(poles);
-    let views = [("whole (outer zeros on the edge)", (0.0, 0.0), reach), ("around the slow poles", slow.0, slow.1)];
+    let views =
+        [("whole (outer zeros on the edge)", (0.0, 0.0), reach), ("around the slow poles", slow.0, slow.1)];
     for (index, (title, (re, im), half)) in views.into_iter().enumerate() {
         let panel = sheet.panel(
             index,
@@ -45,7 +46,8 @@ pub fn pole_zero_map(poles: &[Root], channels: &[ChannelZeros]) -> String {
             }
         }
         svg.polyline(&arc, "ring");
-        let shown = |root: &Root| index == 0 || ((root.re - re).abs() <= half && (root.im - im).abs() <= half);
+        let shown =
+            |root: &Root| index == 0 || ((root.re - re).abs() <= half && (root.im - im).abs() <= half);
         for (channel, of) in channels.iter().enumerate() {
             for zero in of.zeros.iter().filter(|zero| shown(zero)) {
                 svg.marker(style(channel).0, panel.at(zero.re, zero.im), 5.5, &classes[channel]);

@@ -67,8 +67,7 @@ pub fn frequency_responses(found: &[FrequencyResponse]) -> String {
         let (min, max) = if min.is_finite() { (min, max) } else { (0.1, 1.0) };
         // Four decades say enough; a notch may be deeper.
         let limits = (f64::max(min / 1.5, max * 1e-4), max * 1.5);
-        let panel =
-            sheet.panel(2 * index, &title, frequency, (limits, Scale::Logarithmic, "magnitude"));
+        let panel = sheet.panel(2 * index, &title, frequency, (limits, Scale::Logarithmic, "magnitude"));
         if !of.relative_deviation.is_empty() {
             panel.band(&mut sheet.svg, &of.frequency, &edge(-TWO_SIDED_95), &edge(TWO_SIDED_95));
         }

@@ -57,7 +57,8 @@ pub fn scatter(figure: &Scatter) -> String {
     }
     let (x, y) = figure.curve;
     if !figure.band.is_empty() {
-        let edge = |sign: f64| -> Vec<f64> { y.iter().zip(figure.band).map(|(y, half)| y + sign * half).collect() };
+        let edge =
+            |sign: f64| -> Vec<f64> { y.iter().zip(figure.band).map(|(y, half)| y + sign * half).collect() };
         panel.band(&mut sheet.svg, x, &edge(-1.0), &edge(1.0));
     }
     panel.line(&mut sheet.svg, x, y, "s0");
