@@ -6,11 +6,13 @@
 //!  7  cli
 //!  6  error
 //!  5  plot
-//!  4  discrepancy
+//!  4  discrepancy rig
 //!  3  master
 //!  2  system      ident
-//!  1  fmu         results
+//!  1  fmu         results     optim       excite
 //!  0  series      units       xml
+//!  1  fmu         results
+//!  0  series      linalg      units       xml
 //! ```
 //!
 //! Start with [`system::SystemGraph::open`], [`master::simulate::run`] and [`series::csv::write`].
@@ -18,11 +20,15 @@
 pub mod cli;
 pub mod discrepancy;
 pub mod error;
+pub mod excite;
 pub mod fmu;
 pub mod ident;
+pub mod linalg;
 pub mod master;
+pub mod optim;
 pub mod plot;
 pub mod results;
+pub mod rig;
 pub mod series;
 pub mod system;
 pub mod units;

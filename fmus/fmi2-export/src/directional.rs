@@ -56,6 +56,9 @@ impl<M: Model> Instance<M> {
         if parameters {
             self.definition.model.prepare(&mut self.duals)?;
         }
+        if self.is_before_start() {
+            self.definition.model.initialize(&mut self.duals)?;
+        }
         self.definition.model.equations(&mut self.duals)
     }
 

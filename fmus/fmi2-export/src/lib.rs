@@ -26,6 +26,8 @@ mod model;
 mod model_exchange;
 mod resources;
 mod scalar;
+mod spread;
+pub mod start_values;
 pub mod state_machine;
 pub mod structure;
 mod table;

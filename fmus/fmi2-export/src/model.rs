@@ -99,6 +99,18 @@ pub trait Model: Sized + Send + Sync + 'static {
         Ok(())
     }
 
+    /// Initial values of computed states ([`Table::computed_state`]) and of memory, from parameters, inputs and the
+    /// other states.
+    ///
+    /// Called until the simulation starts, after [`Model::prepare`] and before the equations.
+    ///
+    /// # Errors
+    /// A start that does not exist; the text says why.
+    fn initialize<S: Scalar>(&self, values: &mut Values<S>) -> Outcome {
+        let _ = values;
+        Ok(())
+    }
+
     /// Outputs, locals and state derivatives from time, inputs, states, parameters and memory.
     ///
     /// Must not read what it wrote in an earlier call.

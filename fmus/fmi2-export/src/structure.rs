@@ -66,11 +66,13 @@ impl Structure {
             v.initial == Some(Initial::Calculated)
                 && (v.causality == Causality::Output
                     || v.causality == Causality::CalculatedParameter
+                    || v.is_state
                     || v.derivative_of().is_some())
         });
         let input_or_state = |v: &Variable| v.causality == Causality::Input || v.is_state;
         let knowns = indices(&input_or_state);
-        let initial_knowns = indices(&|v| input_or_state(v) || v.causality == Causality::Parameter);
+        let initial_knowns =
+            indices(&|v| (input_or_state(v) && !v.is_computed()) || v.causality == Causality::Parameter);
 
         let search = Search { model, table, draws: draws(model, table) };
         let both: Vec<usize> = outputs.iter().chain(&derivatives).copied().collect();
@@ -140,8 +142,8 @@ impl<M: Model> Search<'_, M> {
             let known_variable = &self.table.variables()[known];
             let mut slopes: Vec<Vec<Slope>> = unknowns.iter().map(|_| Vec::new()).collect();
             for (i, point) in points.iter().enumerate() {
-                let seeded = self.seed(known_variable, point, &mut dual);
-                let step = self.step(known_variable, point, &mut moved);
+                let seeded = self.seed(known_variable, point, &mut dual, phase);
+                let step = self.step(known_variable, point, &mut moved, phase);
                 for (&unknown, slopes) in unknowns.iter().zip(&mut slopes) {
                     let slope = match self.table.variables()[unknown].real() {
                         Some(y) if seeded => {
@@ -187,7 +189,7 @@ impl<M: Model> Search<'_, M> {
                         if phase == Phase::Initialisation && !at_sample {
                             continue;
                         }
-                        if self.model.prepare(&mut base).is_err() {
+                        if self.model.prepare(&mut base).is_err() || !self.initialize(&mut base, phase) {
                             continue;
                         }
                         let mut value = base.clone();
@@ -210,22 +212,28 @@ impl<M: Model> Search<'_, M> {
         values
     }
 
+    /// Computes initial states where they are still to be found.
+    fn initialize<S: Scalar>(&self, values: &mut Values<S>, phase: Phase) -> bool {
+        phase == Phase::Running || self.model.initialize(values).is_ok()
+    }
+
     /// Evaluates with one known changed; only a parameter asks for new derived parameters.
-    fn evaluate<S: Scalar>(&self, known: &Variable, values: &mut Values<S>) -> bool {
+    fn evaluate<S: Scalar>(&self, known: &Variable, values: &mut Values<S>, phase: Phase) -> bool {
         (known.causality != Causality::Parameter || self.model.prepare(values).is_ok())
+            && self.initialize(values, phase)
             && self.model.equations(values).is_ok()
     }
 
     /// Derivatives with respect to a Real known; false where there are none.
-    fn seed(&self, known: &Variable, point: &Point, dual: &mut Values<Dual>) -> bool {
+    fn seed(&self, known: &Variable, point: &Point, dual: &mut Values<Dual>, phase: Phase) -> bool {
         let Some(x) = known.real() else { return false };
         dual.copy_from_f64(&point.base);
         dual[x].eps = 1.0;
-        self.evaluate(known, dual)
+        self.evaluate(known, dual, phase)
     }
 
     /// Values with the known moved to where another draw has it; gives the distance (1 for what is not Real).
-    fn step(&self, known: &Variable, point: &Point, moved: &mut Values<f64>) -> Option<f64> {
+    fn step(&self, known: &Variable, point: &Point, moved: &mut Values<f64>, phase: Phase) -> Option<f64> {
         moved.copy_from(&point.base);
         let from = if known.causality == Causality::Parameter { point.fixed } else { point.rest };
         match &known.kind {
@@ -234,7 +242,7 @@ impl<M: Model> Search<'_, M> {
             _ => copy_variable(known, &self.draws[(from + 1) % DRAWS], moved),
         }
         let distance = known.real().map_or(1.0, |x| moved[x] - point.base[x]);
-        (distance != 0.0 && self.evaluate(known, moved)).then_some(distance)
+        (distance != 0.0 && self.evaluate(known, moved, phase)).then_some(distance)
     }
 
     fn differs(&self, unknown: usize, a: &Values<f64>, b: &Values<f64>) -> bool {

@@ -75,6 +75,7 @@ fn modes_to_set(v: &Variable) -> u16 {
             before_start | bit(Mode::EventMode) | bit(Mode::StepComplete)
         }
         (Causality::Parameter, _) => before_start,
+        _ if v.is_state && v.is_computed() => bit(Mode::EventMode) | bit(Mode::ContinuousTimeMode),
         _ if v.is_state => before_start | bit(Mode::EventMode) | bit(Mode::ContinuousTimeMode),
         _ if v.initial == Some(Initial::Exact) => before_start,
         _ => 0,

@@ -3,6 +3,8 @@
 use crate::arx_actuator::{self, ArxActuator, FirstOrder};
 use crate::cart_pole::CartPole;
 use crate::friction::{self, Friction};
+use crate::linear_state_space::LinearStateSpace;
+use crate::pneumatic_cylinder::PneumaticCylinder;
 use crate::testing::{AllTypes, BouncingBall, Copy};
 use fmi2_export::{Definition, Identity, Model, Table};
 
@@ -20,16 +22,10 @@ pub struct Entry {
     pub parameter_sets: Vec<ParameterSet>,
     /// Further files under `resources/`: name and content.
     pub resources: &'static [(&'static str, &'static str)],
-    /// Builds the model description.
-    pub description: fn() -> Description,
-}
-
-/// Model description of an [`Entry`].
-pub struct Description {
-    /// The variables.
-    pub table: Table,
-    /// `modelDescription.xml`.
-    pub xml: String,
+    /// Declares the variables.
+    pub table: fn() -> Table,
+    /// Writes `modelDescription.xml`; takes its time, since dependencies are searched for.
+    pub xml: fn() -> String,
 }
 
 /// Values of Real parameters under a name.
@@ -61,6 +57,16 @@ pub fn all() -> Vec<Entry> {
             ..entry::<Friction>("fmu-friction", true, include_str!("../../friction/README.md"))
         },
         entry::<CartPole>("fmu-cart-pole", true, include_str!("../../cart-pole/README.md")),
+        entry::<LinearStateSpace>(
+            "fmu-linear-state-space",
+            true,
+            include_str!("../../linear-state-space/README.md"),
+        ),
+        entry::<PneumaticCylinder>(
+            "fmu-pneumatic-cylinder",
+            true,
+            include_str!("../../pneumatic-cylinder/README.md"),
+        ),
         entry::<Copy>("fmu-test-copy", false, include_str!("../../test-copy/README.md")),
         entry::<BouncingBall>(
             "fmu-test-bouncing-ball",
@@ -82,10 +88,8 @@ fn entry<M: Model>(package: &'static str, shipped: bool, readme: &'static str) -
         readme,
         parameter_sets: Vec::new(),
         resources: &[],
-        description: || {
-            let definition = Definition::<M>::new();
-            Description { table: definition.table, xml: definition.xml }
-        },
+        table: || Table::of::<M>().1,
+        xml: || Definition::<M>::new().xml(),
     }
 }
 
@@ -113,7 +117,7 @@ mod tests {
     #[test]
     fn parameter_sets_name_real_parameters_of_their_model() {
         for entry in all() {
-            let table = (entry.description)().table;
+            let table = (entry.table)();
             for (name, _) in entry.parameter_sets.iter().flat_map(|set| &set.values) {
                 let variable = table.by_name(name).unwrap_or_else(|| panic!("{name} is unknown"));
                 assert_eq!(variable.causality, Causality::Parameter);
@@ -125,7 +129,7 @@ mod tests {
     #[test]
     fn start_values_are_the_first_parameter_set() {
         for entry in all() {
-            let table = (entry.description)().table;
+            let table = (entry.table)();
             for (name, value) in entry.parameter_sets.first().iter().flat_map(|set| &set.values) {
                 let kind = &table.by_name(name).expect("checked by the test above").kind;
                 assert!(matches!(kind, Kind::Real { start, .. } if *start == Some(*value)), "{name}");

@@ -4,7 +4,7 @@
 //! both realisations, not from the models' own choice.
 
 use airloop_models::testing::{AllTypes, BouncingBall, Copy};
-use airloop_models::{ArxActuator, CartPole, Friction};
+use airloop_models::{ArxActuator, CartPole, Friction, LinearStateSpace, PneumaticCylinder};
 use fmi2_export::structure::Unknown;
 use fmi2_export::{Causality, Definition, Interface, Kind, Model, Values, Variable};
 
@@ -39,6 +39,13 @@ fn move_variable(variable: &Variable, items: usize, random: &mut Random, q: &mut
     }
 }
 
+/// Moves a state from where it stands by a part of its value and of its nominal value.
+fn move_state(variable: &Variable, random: &mut Random, q: &mut Values<f64>) {
+    if let Kind::Real { handle, nominal, .. } = variable.kind {
+        q[handle] += 0.4 * (random.next() - 0.5) * (q[handle].abs() + nominal.unwrap_or(1.0));
+    }
+}
+
 fn differs(variable: &Variable, a: &Values<f64>, b: &Values<f64>) -> bool {
     match &variable.kind {
         Kind::Real { handle, .. } => {
@@ -56,6 +63,7 @@ fn differs(variable: &Variable, a: &Values<f64>, b: &Values<f64>) -> bool {
 fn check<M: Model>(allowed: impl Fn(&Variable) -> bool) -> usize {
     let definition = Definition::<M>::new();
     let (model, table) = (&definition.model, &definition.table);
+    let structure = definition.structure();
     let variables = table.variables();
     let items = |v: &Variable| match v.kind {
         Kind::Enumeration { enumeration, .. } => table.enumerations()[enumeration].items.len(),
@@ -69,18 +77,32 @@ fn check<M: Model>(allowed: impl Fn(&Variable) -> bool) -> usize {
         for v in variables.iter().filter(|v| !v.is_computed() && allowed(v)) {
             move_variable(v, items(v), &mut random, &mut base);
         }
-        let evaluate = |q: &mut Values<f64>| model.prepare(q).is_ok() && model.equations(q).is_ok();
-        let mut value = base.clone();
-        if !evaluate(&mut value) {
+        if model.prepare(&mut base).is_err() || model.initialize(&mut base).is_err() {
             continue;
         }
-        for (k, known) in variables.iter().enumerate().filter(|(_, v)| !v.is_computed() && allowed(v)) {
+        // Some way from the computed initial states.
+        for v in variables.iter().filter(|v| v.is_computed() && v.is_state) {
+            move_state(v, &mut random, &mut base);
+        }
+        let initial = |q: &mut Values<f64>| {
+            model.prepare(q).is_ok() && model.initialize(q).is_ok() && model.equations(q).is_ok()
+        };
+        let running = |q: &mut Values<f64>| model.prepare(q).is_ok() && model.equations(q).is_ok();
+        let evaluated = |at: &Values<f64>, evaluate: &dyn Fn(&mut Values<f64>) -> bool| {
+            let mut q = at.clone();
+            evaluate(&mut q).then_some(q)
+        };
+        let known = |v: &Variable| allowed(v) && (v.is_state || !v.is_computed());
+        for (k, known) in variables.iter().enumerate().filter(|(_, v)| known(v)) {
             let mut moved = base.clone();
-            move_variable(known, items(known), &mut random, &mut moved);
-            if !evaluate(&mut moved) {
-                continue;
+            if known.is_computed() {
+                move_state(known, &mut random, &mut moved);
+            } else {
+                move_variable(known, items(known), &mut random, &mut moved);
             }
-            let mut compare = |unknowns: &[Unknown]| {
+            let mut compare = |unknowns: &[Unknown], evaluate: &dyn Fn(&mut Values<f64>) -> bool| {
+                let pair = evaluated(&base, evaluate).zip(evaluated(&moved, evaluate));
+                let Some((value, moved)) = pair else { return };
                 for unknown in unknowns {
                     let variable = &variables[unknown.variable];
                     if differs(variable, &value, &moved) {
@@ -95,10 +117,10 @@ fn check<M: Model>(allowed: impl Fn(&Variable) -> bool) -> usize {
                     }
                 }
             };
-            compare(&definition.structure.initial_unknowns);
+            compare(&structure.initial_unknowns, &initial);
             if known.causality != Causality::Parameter {
-                compare(&definition.structure.outputs);
-                compare(&definition.structure.derivatives);
+                compare(&structure.outputs, &running);
+                compare(&structure.derivatives, &running);
             }
         }
     }
@@ -111,6 +133,8 @@ fn whatever_changes_lists_what_was_moved() {
     assert!(check::<Friction>(all) > POINTS);
     assert!(check::<CartPole>(all) > POINTS);
     assert!(check::<ArxActuator>(all) > 10 * POINTS);
+    assert!(check::<LinearStateSpace>(all) > 10 * POINTS);
+    assert!(check::<PneumaticCylinder>(all) > 10 * POINTS);
     assert!(check::<Copy>(all) > 0);
     assert!(check::<BouncingBall>(all) > POINTS);
     // A fault that panics on demand has no value to compare.

@@ -39,8 +39,8 @@ pub fn licences(root: &Path) -> Result<Vec<Member>, Error> {
 /// # Errors
 /// A library that cannot be read.
 pub fn of(entry: &Entry, libraries: &[&Library], licences: &[Member]) -> Result<Vec<Member>, Error> {
-    let description = (entry.description)();
-    let mut members = vec![Member::file("modelDescription.xml", description.xml.as_bytes())];
+    let table = (entry.table)();
+    let mut members = vec![Member::file("modelDescription.xml", (entry.xml)())];
     let mut libraries = libraries.to_vec();
     libraries.sort_by(|a, b| a.platform.cmp(&b.platform));
     for library in libraries {
@@ -49,12 +49,12 @@ pub fn of(entry: &Entry, libraries: &[&Library], licences: &[Member]) -> Result<
         let bytes = std::fs::read(&library.path).map_err(Error::file(&library.path))?;
         members.push(Member { executable: true, ..Member::file(name, bytes) });
     }
-    members.push(Member::file("documentation/index.html", documentation::page(entry, &description.table)));
+    members.push(Member::file("documentation/index.html", documentation::page(entry, &table)));
     members.extend_from_slice(licences);
     members.push(Member::file("model.png", icon::png(entry.identity.model_name)));
     members.push(Member::folder("resources/"));
     for set in &entry.parameter_sets {
-        let text = parameter_set::text(set, &description.table);
+        let text = parameter_set::text(set, &table);
         members.push(Member::file(format!("resources/{}.ssv", set.name), text));
     }
     for (name, text) in entry.resources {

@@ -9,7 +9,7 @@ const FOLDER: &str = "modelDescriptions";
 /// Path of every shipped model description and its text.
 fn expected(root: &Path, entries: &[Entry]) -> Vec<(PathBuf, String)> {
     let path = |e: &Entry| root.join(FOLDER).join(format!("{}.xml", e.identity.model_name));
-    entries.iter().filter(|e| e.shipped).map(|e| (path(e), (e.description)().xml)).collect()
+    entries.iter().filter(|e| e.shipped).map(|e| (path(e), (e.xml)())).collect()
 }
 
 /// Writes those that differ from what is there.

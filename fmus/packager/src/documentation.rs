@@ -69,7 +69,7 @@ mod tests {
     #[test]
     fn page_has_equations_and_every_variable() {
         for entry in registry::all() {
-            let table = (entry.description)().table;
+            let table = (entry.table)();
             let page = super::page(&entry, &table);
             assert!(page.contains("<pre><code>"), "{}: no equation", entry.identity.model_name);
             assert!(page.matches("<table>").count() >= 2, "{}", entry.identity.model_name);
@@ -83,7 +83,7 @@ mod tests {
     #[test]
     fn readme_names_every_variable_of_a_shipped_fmu() {
         for entry in registry::all().iter().filter(|e| e.shipped) {
-            let table = (entry.description)().table;
+            let table = (entry.table)();
             for variable in table.variables() {
                 // Vectors and matrices are named by their first element.
                 let name = variable.name.trim_start_matches("der(").split(['[', ')']).next().expect("a name");

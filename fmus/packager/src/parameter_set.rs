@@ -52,7 +52,7 @@ mod tests {
         let entries = registry::all();
         let entry = entries.iter().find(|e| e.identity.model_name == "friction").expect("registered");
         let set = entry.parameter_sets.iter().find(|s| s.name == "cart").expect("eq. 11");
-        let text = super::text(set, &(entry.description)().table);
+        let text = super::text(set, &(entry.table)());
         for part in [
             "name=\"cart\"",
             "<ssv:Parameter name=\"c3\">\n      <ssv:Real value=\"0.0064\" unit=\"m/s\"/>",

@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 
 use super::fit::nrmse;
 use super::model::Model;
+use super::playback::Played;
 use super::record::Record;
 
 /// Fits of one model, by output name, over one or several records.
@@ -67,6 +68,77 @@ fn score_record(model: &dyn Model, stable: bool, record: &Record, outputs: &[Str
     scored
 }
 
+/// Takes the responses of a model to one record block by block, and makes its score.
+#[derive(Debug, Clone)]
+pub struct Tally {
+    name: String,
+    warm_up: usize,
+    samples: usize,
+    simulated: bool,
+    channels: Vec<ChannelTally>,
+}
+
+#[derive(Debug, Clone, Copy, Default)]
+struct ChannelTally {
+    /// First measured value, about which the spread is summed.
+    first: f64,
+    sum: f64,
+    squares: f64,
+    /// Squared errors of the simulation and of the prediction.
+    errors: [f64; 2],
+}
+
+impl Tally {
+    /// Of a record with `n_y` outputs, of which the first `warm_up` samples do not count.
+    pub fn new(name: &str, n_y: usize, warm_up: usize) -> Tally {
+        let channels = vec![ChannelTally::default(); n_y];
+        Tally { name: name.into(), warm_up, samples: 0, simulated: true, channels }
+    }
+
+    /// Adds a block.
+    pub fn add(&mut self, played: &Played) {
+        let n = played.outputs.first().map_or(0, |output| output.len());
+        let from = self.warm_up.saturating_sub(played.at).min(n);
+        self.simulated &= played.simulated.is_some();
+        for (i, tally) in self.channels.iter_mut().enumerate() {
+            let measured = &played.outputs[i][from..];
+            if self.samples == 0 {
+                tally.first = measured.first().copied().unwrap_or(0.0);
+            }
+            let about = |y: &f64| y - tally.first;
+            tally.sum += measured.iter().map(about).sum::<f64>();
+            tally.squares += measured.iter().map(|y| about(y) * about(y)).sum::<f64>();
+            let error = |responses: &[f64]| -> f64 {
+                measured.iter().zip(&responses[from..]).map(|(y, y_hat)| (y - y_hat) * (y - y_hat)).sum()
+            };
+            tally.errors[0] += played.simulated.map_or(0.0, |simulated| error(&simulated[i]));
+            tally.errors[1] += error(&played.one_step[i]);
+        }
+        self.samples += n - from;
+    }
+
+    /// Score of the record; `outputs` are the names.
+    pub fn finish(&self, outputs: &[String]) -> RecordScore {
+        let n = self.samples as f64;
+        let mut scored =
+            RecordScore { name: self.name.clone(), samples: self.samples, ..RecordScore::default() };
+        for (name, tally) in outputs.iter().zip(&self.channels) {
+            let spread = tally.squares - tally.sum * tally.sum / n;
+            let fit = |error: f64| {
+                let fit = 100.0 * (1.0 - (error / spread).sqrt()); // eq. 9
+                (spread > 0.0 && fit.is_finite()).then_some(fit)
+            };
+            let [free, predicted] = tally.errors;
+            let rms = (free / n).sqrt();
+            let free = Some(free).filter(|_| self.simulated);
+            scored.fit_simulated.insert(name.clone(), free.and_then(fit));
+            scored.rms_simulated.insert(name.clone(), free.map(|_| rms).filter(|rms| rms.is_finite()));
+            scored.fit_one_step.insert(name.clone(), fit(predicted));
+        }
+        scored
+    }
+}
+
 impl Score {
     /// Means over records that were scored one by one. A record without a fit for an output leaves the mean empty.
     pub fn of_records(records: Vec<RecordScore>, outputs: &[String]) -> Score {
@@ -114,6 +186,7 @@ impl Score {
 #[cfg(test)]
 mod tests {
     use super::super::model::Arx;
+    use super::super::playback::Playback;
     use super::*;
     use nalgebra::DMatrix;
 
@@ -140,6 +213,25 @@ mod tests {
         assert!((score.mean_fit_simulated.unwrap() - 100.0).abs() < 1e-10);
         assert!((score.mean_fit_one_step.unwrap() - 100.0).abs() < 1e-10);
         assert_eq!(score.records.iter().map(|r| r.samples).collect::<Vec<_>>(), [49, 79]);
+    }
+
+    #[test]
+    fn scores_by_blocks_are_those_of_the_whole_record() {
+        let (model, mut record) = (gain(0.4), record(9000));
+        record.outputs[0].iter_mut().for_each(|y| *y += 1000.0);
+        let model = Arx { output_offset: vec![1000.0], ..model };
+        let mut tally = Tally::new("r", 1, model.warm_up());
+        Playback::new(&model, true).run(&record, &mut |played| tally.add(&played)).unwrap();
+        let (found, whole) = (tally.finish(&["y".into()]), score(&model, &[record], &["y".into()]));
+        let whole = &whole.records[0];
+        assert_eq!(found.samples, whole.samples);
+        for (found, whole) in [
+            (&found.fit_simulated, &whole.fit_simulated),
+            (&found.fit_one_step, &whole.fit_one_step),
+            (&found.rms_simulated, &whole.rms_simulated),
+        ] {
+            assert!((found["y"].unwrap() - whole["y"].unwrap()).abs() < 1e-9, "{found:?} {whole:?}");
+        }
     }
 
     #[test]

@@ -4,10 +4,14 @@
 //! simulation. Start with [`run::draw`]; [`identification`] draws from the numbers of a model and its tests.
 
 pub mod axes;
+pub mod envelope;
 pub mod figures;
+pub mod fit_page;
+pub mod friction;
 pub mod identification;
 pub mod page;
 pub mod run;
+pub mod singular_values;
 pub mod svg;
 
 use std::path::PathBuf;

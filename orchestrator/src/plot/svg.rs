@@ -65,6 +65,16 @@ impl Svg {
         self.push(format_args!("<polyline class=\"{class}\" points=\"{text}\"/>"));
     }
 
+    /// Separate points as dots.
+    pub fn dots(&mut self, points: &[(f64, f64)], class: &str) {
+        let mut text = String::with_capacity(points.len() * 16);
+        for (x, y) in points {
+            // Writing into a String cannot fail.
+            let _ = write!(text, "M{x:.1} {y:.1}h0");
+        }
+        self.push(format_args!("<path class=\"{class}\" d=\"{text}\"/>"));
+    }
+
     /// A filled area inside a closed line.
     pub fn area(&mut self, points: &[(f64, f64)], class: &str) {
         let corners: Vec<String> = points.iter().map(|(x, y)| format!("{x:.2},{y:.2}")).collect();
@@ -143,6 +153,7 @@ text{font-family:Helvetica,Arial,'DejaVu Sans',sans-serif;fill:#222}\
 .mark{stroke:#888;stroke-width:1}\
 polyline{fill:none;stroke-width:1.5;stroke-linejoin:round;stroke-linecap:round}line{fill:none}\
 .measured{stroke:#b0b0b0;stroke-width:4}.simulated{stroke:#0b62a8;stroke-width:1.5}\
+.dots{stroke:#b0b0b0;stroke-width:2.5;stroke-linecap:round;fill:none}\
 .residual{stroke:#b23a2e;stroke-width:1.1}\
 .s0{stroke:#0072b2}.s1{stroke:#d55e00}.s2{stroke:#009e73}.s3{stroke:#cc79a7}.s4{stroke:#7a5c00}.s5{stroke:#56b4e9}\
 .s0,.s1,.s2,.s3,.s4,.s5{stroke-width:1.6}\

@@ -18,11 +18,25 @@ pub fn write_whole(
         Some(parent) if !parent.as_os_str().is_empty() => parent,
         _ => Path::new("."),
     };
-    let file = tempfile::Builder::new().prefix(".writing-").tempfile_in(folder)?;
-    let mut writer = BufWriter::with_capacity(1 << 16, file);
+    let mut writer = BufWriter::with_capacity(1 << 16, temporary(folder)?);
     fill(&mut writer)?;
     writer.flush()?;
-    let file = writer.into_inner().map_err(|error| error.into_error())?;
+    persist(writer.into_inner().map_err(|error| error.into_error())?, path)
+}
+
+/// A file in `folder` that goes away by itself, unless [`persist`] gives it a name.
+///
+/// # Errors
+/// Whatever the file system reports.
+pub fn temporary(folder: &Path) -> std::io::Result<NamedTempFile> {
+    tempfile::Builder::new().prefix(".writing-").tempfile_in(folder)
+}
+
+/// Gives a complete temporary file its name; a file of that name is replaced.
+///
+/// # Errors
+/// Whatever the file system reports.
+pub fn persist(file: NamedTempFile, path: &Path) -> std::io::Result<()> {
     readable_by_all(file.as_file())?;
     file.persist(path)?;
     Ok(())

@@ -6,6 +6,8 @@
 pub mod csv;
 pub mod file;
 pub mod resample;
+pub mod rows;
+pub mod stream;
 
 pub use resample::Interpolation;
 

@@ -45,8 +45,8 @@ fn compare(fmu: &Arc<Fmu>, kind: InterfaceKind, findings: &mut Findings) -> Resu
                 || format!("interface {kind}, {} by {}", name(unknown.variable), name(known.variable));
             match declared.iter().find(|dependency| dependency.variable == known.variable) {
                 None if changes[row][column] && unknown.reference == known.reference => {
-                    let message =
-                        "a state that is an output depends on itself, which ModelStructure does not say";
+                    let message = "a state that is an output depends on itself, which ModelStructure does not say; \
+                                   FMI 2.0.4 section 2.2.8 leaves open whether it has to";
                     findings.note("dependency-on-itself", place(), message);
                 }
                 None if changes[row][column] => {

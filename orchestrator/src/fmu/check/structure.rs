@@ -141,7 +141,8 @@ fn check_initial_unknowns(description: &ModelDescription, findings: &mut Finding
     }
 }
 
-/// Unknowns depend on inputs, states and the independent variable; at initialisation also on exact start values.
+/// FMI 2.0.4 section 2.2.8: unknowns depend on inputs, states and the independent variable; at initialisation also on
+/// variables with exact start values. Parameters are no knowns of outputs and derivatives.
 fn check_knowns(description: &ModelDescription, findings: &mut Findings) {
     let states: HashSet<usize> = description.continuous_states().collect();
     let lists = [
@@ -163,7 +164,11 @@ fn check_knowns(description: &ModelDescription, findings: &mut Findings) {
                     // A parameter is constant in this list; naming it misleads nobody about states and inputs.
                     let harmless = known.causality == Causality::Parameter;
                     let severity = if harmless { Severity::Warning } else { Severity::Error };
-                    let message = format!("it depends on {}, which is no known of this list", known.name);
+                    let more = if initial { ", variables with initial=\"exact\"" } else { "" };
+                    let message = format!(
+                        "it depends on {}, which is no known of this list (FMI 2.0.4 section 2.2.8: inputs, states, the independent variable{more})",
+                        known.name
+                    );
                     findings.add(severity, "structure-knowns", place(), message);
                 }
                 if !seen.insert(dependency.variable) {

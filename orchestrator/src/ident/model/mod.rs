@@ -3,11 +3,13 @@
 //! All of them work about an operating point: `u - input_offset` goes in, `output_offset` is added to what comes out.
 
 pub mod arx;
+pub mod file;
 pub mod state_space;
 
 use nalgebra::Complex;
 
 pub use arx::Arx;
+pub use file::{Linear, NamedModel};
 pub use state_space::StateSpace;
 
 use super::record::Record;
@@ -34,7 +36,9 @@ pub trait Model {
     fn to_state_space(&self) -> StateSpace;
     /// Poles in the z plane.
     fn poles(&self) -> Vec<Complex<f64>> {
-        self.to_state_space().a.complex_eigenvalues().iter().copied().collect()
+        let a = self.to_state_space().a;
+        // A model without memory has no poles.
+        if a.is_empty() { Vec::new() } else { a.complex_eigenvalues().iter().copied().collect() }
     }
     /// Whether all poles are inside the unit circle.
     fn is_stable(&self) -> bool {

@@ -1,0 +1,246 @@
+//! ARX and state-space models of rising order side by side (Fig. 5): which order is enough?
+
+use serde::Serialize;
+
+use super::arx::{self, Names};
+use super::model::Model;
+use super::record::{Experiments, Record};
+use super::regressor::Regression;
+use super::score::{Score, score};
+use super::source::Source;
+use super::structure::Structure;
+use super::subspace::{self, Refinement};
+
+/// Fit \[points\] below that of the best order that still counts as enough.
+pub const ENOUGH: f64 = 0.5;
+
+/// Family of models.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Family {
+    /// Order n: na = n, nb = n + 1 from u(k) on, so that order 1 has A1, B0 and B1 (eq. 7).
+    Arx,
+    /// Order n: n states and a direct term.
+    StateSpace,
+}
+
+impl Family {
+    /// Name as in sentences.
+    pub fn name(self) -> &'static str {
+        match self {
+            Family::Arx => "ARX",
+            Family::StateSpace => "state space",
+        }
+    }
+}
+
+/// One model of the comparison.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Entry {
+    /// Family.
+    pub family: Family,
+    /// Order.
+    pub order: usize,
+    /// Numbers that are estimated (for state space without the choice of the state basis, and without K).
+    pub parameters: usize,
+    /// Whether all poles are inside the unit circle; `None`: there is no model.
+    pub stable: Option<bool>,
+    /// Fits on the estimation records.
+    pub estimation: Option<Score>,
+    /// Fits on the validation records.
+    pub validation: Option<Score>,
+    /// How it was estimated, or why there is no model.
+    pub note: String,
+}
+
+impl Entry {
+    /// Mean simulated fit \[%\] on validation data; `None` for an unstable model or none.
+    pub fn fit(&self) -> Option<f64> {
+        self.validation.as_ref()?.mean_fit_simulated
+    }
+}
+
+/// Estimates all ARX orders of a range from one factorisation.
+///
+/// # Errors
+/// [`arx::Error`] of the data; what one order lacks stands in its entry.
+pub fn arx_orders(
+    data: &Experiments,
+    orders: std::ops::RangeInclusive<usize>,
+) -> Result<Vec<Entry>, arx::Error> {
+    let channels = (data.inputs.len(), data.outputs.len());
+    let structure = |order: usize| Structure::uniform(channels, order, order + 1, 0);
+    let sources: Vec<&dyn Source> = data.estimation.iter().map(|record| record as &dyn Source).collect();
+    let offsets = (data.input_offset.as_slice(), data.output_offset.as_slice());
+    let names = Names { inputs: &data.inputs, outputs: &data.outputs };
+    let regression = Regression::of(&sources, &structure(*orders.end()), offsets)?;
+    let entry = |order: usize| {
+        let structure = structure(order);
+        let parameters = structure.parameters();
+        match arx::solve(&regression, &structure, data.sample_time, offsets, names) {
+            Ok(found) => judged(Family::Arx, order, parameters, &found.model, data, String::new()),
+            Err(error) => none(Family::Arx, order, parameters, error.to_string()),
+        }
+    };
+    Ok(orders.map(entry).collect())
+}
+
+/// Estimates all state-space orders of a range from one factorisation; `done` is called after each.
+///
+/// # Errors
+/// [`subspace::Error`] of the data; what one order lacks stands in its entry.
+pub fn state_space_orders(
+    data: &Experiments,
+    orders: std::ops::RangeInclusive<usize>,
+    options: &subspace::Options,
+    refinement: Refinement,
+    mut done: impl FnMut(),
+) -> Result<Vec<Entry>, subspace::Error> {
+    let (n_u, n_y) = (data.inputs.len(), data.outputs.len());
+    let found = subspace::estimate_orders(&data.estimation, *orders.end(), options)?;
+    let mut entries = Vec::new();
+    for (index, found) in found.into_iter().enumerate() {
+        let order = index + 1;
+        if !orders.contains(&order) {
+            continue;
+        }
+        let parameters = order * (n_u + n_y) + n_u * n_y;
+        entries.push(match found {
+            Err(error) => none(Family::StateSpace, order, parameters, error.to_string()),
+            Ok(start) => {
+                let refined = subspace::refine(&data.estimation, &start, options, refinement)?;
+                let notes = [vec![start.method.describe()], start.warnings, vec![refined.note]].concat();
+                let notes: Vec<String> = notes.into_iter().filter(|note| !note.is_empty()).collect();
+                judged(Family::StateSpace, order, parameters, &refined.model, data, notes.join("; "))
+            }
+        });
+        done();
+    }
+    Ok(entries)
+}
+
+fn judged(
+    family: Family,
+    order: usize,
+    parameters: usize,
+    model: &dyn Model,
+    data: &Experiments,
+    note: String,
+) -> Entry {
+    let scored = |records: &[Record]| Some(score(model, records, &data.outputs));
+    Entry {
+        family,
+        order,
+        parameters,
+        stable: Some(model.is_stable()),
+        estimation: scored(&data.estimation),
+        validation: scored(&data.validation),
+        note,
+    }
+}
+
+fn none(family: Family, order: usize, parameters: usize, note: String) -> Entry {
+    Entry { family, order, parameters, stable: None, estimation: None, validation: None, note }
+}
+
+/// The smallest stable order of a family whose simulated fit on validation data is within [`ENOUGH`] of the best of the
+/// family.
+pub fn enough(entries: &[Entry], family: Family) -> Option<&Entry> {
+    let own = || entries.iter().filter(move |entry| entry.family == family);
+    let best = own().filter_map(Entry::fit).fold(f64::NEG_INFINITY, f64::max);
+    own().find(|entry| entry.fit().is_some_and(|fit| fit >= best - ENOUGH))
+}
+
+/// Which order is enough, and why: a sentence for each family, one that compares them, and one on unstable models.
+pub fn verdict(entries: &[Entry]) -> Vec<String> {
+    let mut sentences = Vec::new();
+    let mut chosen = Vec::new();
+    for family in [Family::Arx, Family::StateSpace] {
+        let own: Vec<&Entry> = entries.iter().filter(|entry| entry.family == family).collect();
+        let fitted = || own.iter().filter_map(|entry| Some((entry.fit()?, entry.order)));
+        let Some((best, best_order)) = fitted().max_by(|a, b| a.0.total_cmp(&b.0).then(b.1.cmp(&a.1))) else {
+            if !own.is_empty() {
+                sentences.push(format!("{}: no order gives a stable model", family.name()));
+            }
+            continue;
+        };
+        let Some(entry) = enough(entries, family) else { continue };
+        let (order, fit) = (entry.order, entry.fit().unwrap_or(best));
+        chosen.push((family, order, fit, entry.parameters));
+        sentences.push(if order == best_order {
+            format!(
+                "{}: order {order} is enough; its simulated fit of {fit:.2} % on validation data is the best of all orders tried, and lower orders lose more than {ENOUGH} points",
+                family.name()
+            )
+        } else {
+            format!(
+                "{}: order {order} is enough; it fits validation data to {fit:.2} % in simulation, and higher orders gain {:.2} points at most (order {best_order}: {best:.2} %)",
+                family.name(),
+                best - fit
+            )
+        });
+    }
+    if let [(_, arx, arx_fit, arx_count), (_, space, space_fit, space_count)] = chosen[..] {
+        let gain = space_fit - arx_fit;
+        let (better, by) = if gain > 0.0 { ("state space", gain) } else { ("ARX", -gain) };
+        sentences.push(if by <= ENOUGH {
+            format!(
+                "ARX of order {arx} ({arx_count} coefficients) and state space of order {space} ({space_count}) are as good as each other: {arx_fit:.2} % and {space_fit:.2} %"
+            )
+        } else {
+            format!(
+                "{better} is better by {by:.2} points: ARX of order {arx} with {arx_count} coefficients reaches {arx_fit:.2} %, state space of order {space} with {space_count} reaches {space_fit:.2} %"
+            )
+        });
+    }
+    let unstable: Vec<String> = entries
+        .iter()
+        .filter(|entry| entry.stable == Some(false))
+        .map(|entry| format!("{} {}", entry.family.name(), entry.order))
+        .collect();
+    if !unstable.is_empty() {
+        sentences.push(format!("unstable, and therefore without a simulated fit: {}", unstable.join(", ")));
+    }
+    sentences
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn entry(family: Family, order: usize, fit: Option<f64>) -> Entry {
+        let score = Score { mean_fit_simulated: fit, ..Score::default() };
+        Entry {
+            validation: Some(score),
+            stable: Some(fit.is_some()),
+            ..none(family, order, 3 * order, String::new())
+        }
+    }
+
+    #[test]
+    fn the_smallest_order_near_the_best_is_enough_and_unstable_ones_are_named() {
+        let entries = [
+            entry(Family::Arx, 1, Some(87.7)),
+            entry(Family::Arx, 2, Some(87.9)),
+            entry(Family::Arx, 3, None),
+            entry(Family::StateSpace, 1, Some(85.0)),
+            entry(Family::StateSpace, 2, Some(90.0)),
+            entry(Family::StateSpace, 3, Some(91.2)),
+        ];
+        assert_eq!(enough(&entries, Family::Arx).unwrap().order, 1);
+        assert_eq!(enough(&entries, Family::StateSpace).unwrap().order, 3);
+        let verdict = verdict(&entries).join("\n");
+        for part in
+            ["ARX: order 1 is enough", "gain 0.20 points", "state space: order 3", "ARX 3", "3.50 points"]
+        {
+            assert!(verdict.contains(part), "{part}\n{verdict}");
+        }
+    }
+
+    #[test]
+    fn a_family_without_a_stable_model_is_said_to_have_none() {
+        let sentences = verdict(&[entry(Family::Arx, 1, None)]);
+        assert_eq!(sentences[0], "ARX: no order gives a stable model");
+        assert!(enough(&[entry(Family::Arx, 1, None)], Family::Arx).is_none());
+    }
+}

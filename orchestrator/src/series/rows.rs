@@ -1,0 +1,33 @@
+//! CSV row by row, for tables that are longer than the memory. The format is that of [`super::csv`].
+
+use std::io::{Result, Write};
+
+use super::csv::write_number;
+
+/// Writes the header: `time`, then the names.
+///
+/// # Errors
+/// Those of `out`.
+pub fn write_header<'a>(out: &mut impl Write, names: impl IntoIterator<Item = &'a str>) -> Result<()> {
+    out.write_all(b"time")?;
+    for name in names {
+        if name.contains([',', '"', '\n']) {
+            write!(out, ",\"{}\"", name.replace('"', "\"\""))?;
+        } else {
+            write!(out, ",{name}")?;
+        }
+    }
+    out.write_all(b"\n")
+}
+
+/// Writes a row; numbers are in the shortest form that reads back to the same bits.
+///
+/// # Errors
+/// Those of `out`.
+pub fn write_row(out: &mut impl Write, time: f64, values: impl IntoIterator<Item = f64>) -> Result<()> {
+    write!(out, "{time}")?;
+    for value in values {
+        write_number(value, out)?;
+    }
+    out.write_all(b"\n")
+}
