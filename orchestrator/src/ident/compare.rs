@@ -168,9 +168,12 @@ pub fn verdict(entries: &[Entry]) -> Vec<String> {
         let (order, fit) = (entry.order, entry.fit().unwrap_or(best));
         chosen.push((family, order, fit, entry.parameters));
         sentences.push(if order == best_order {
+            let lowest = own.iter().all(|entry| entry.order >= order);
+            let lower = format!(", and lower orders lose more than {ENOUGH} points");
             format!(
-                "{}: order {order} is enough; its simulated fit of {fit:.2} % on validation data is the best of all orders tried, and lower orders lose more than {ENOUGH} points",
-                family.name()
+                "{}: order {order} is enough; its simulated fit of {fit:.2} % on validation data is the best of all orders tried{}",
+                family.name(),
+                if lowest { "" } else { &lower }
             )
         } else {
             format!(
@@ -230,7 +233,9 @@ mod tests {
         assert_eq!(enough(&entries, Family::Arx).unwrap().order, 1);
         assert_eq!(enough(&entries, Family::StateSpace).unwrap().order, 3);
         let verdict = verdict(&entries).join("\n");
-        for part in ["ARX: order 1 is enough", "gain 0.20 points", "state space: order 3", "ARX 3", "3.50 points"] {
+        for part in
+            ["ARX: order 1 is enough", "gain 0.20 points", "state space: order 3", "ARX 3", "3.50 points"]
+        {
             assert!(verdict.contains(part), "{part}\n{verdict}");
         }
     }

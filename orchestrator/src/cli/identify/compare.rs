@@ -135,7 +135,9 @@ fn keep_back(data: &mut Experiments) -> String {
     data.validation = pieces::cut(&data.estimation, &kept);
     data.estimation = pieces::cut(&data.estimation, &used);
     let what = if whole { "every second file" } else { "the last third of each file" };
-    format!("no validation files are given: {what} is kept back from the estimation and judges the models; give others with --validate")
+    format!(
+        "no validation files are given: {what} is kept back from the estimation and judges the models; give others with --validate"
+    )
 }
 
 /// A bar on a terminal, else nothing.
@@ -197,11 +199,9 @@ fn write(
     write_file(&folder.join("index.html"), |out| out.write_all(fit_page::html(&page).as_bytes()))
 }
 
-fn write_file(
-    path: &Path,
-    content: impl FnOnce(&mut dyn Write) -> std::io::Result<()>,
-) -> Result<(), Error> {
-    write_whole(path, |out| content(out)).map_err(|source| csv::Error::Io { path: path.into(), source }.into())
+fn write_file(path: &Path, content: impl FnOnce(&mut dyn Write) -> std::io::Result<()>) -> Result<(), Error> {
+    write_whole(path, |out| content(out))
+        .map_err(|source| csv::Error::Io { path: path.into(), source }.into())
 }
 
 fn simulated(score: Option<&Score>) -> Option<f64> {
@@ -213,7 +213,8 @@ fn one_step(score: Option<&Score>) -> Option<f64> {
 }
 
 fn table(entries: &[Entry]) -> Table {
-    let header = ["model", "order", "coefficients", "simulated", "one step", "estimation: simulated", "one step"];
+    let header =
+        ["model", "order", "coefficients", "simulated", "one step", "estimation: simulated", "one step"];
     let row = |entry: &Entry| {
         let fit = |fit: Option<f64>, stable: bool| match entry.stable {
             None => "none".into(),
@@ -270,14 +271,16 @@ fn rows(entries: &[Entry], outputs: &[String]) -> String {
             Family::Arx => "arx",
             Family::StateSpace => "state-space",
         };
-        let mut cells = vec![family.to_owned(), entry.order.to_string(), entry.parameters.to_string(), stable];
+        let mut cells =
+            vec![family.to_owned(), entry.order.to_string(), entry.parameters.to_string(), stable];
         for score in [entry.validation.as_ref(), entry.estimation.as_ref()] {
             let kinds = [
                 (simulated(score), score.map(|score| &score.fit_simulated)),
                 (one_step(score), score.map(|score| &score.fit_one_step)),
             ];
             for (mean, by_output) in kinds {
-                let own = outputs.iter().map(|name| by_output.and_then(|fits| fits.get(name).copied().flatten()));
+                let own =
+                    outputs.iter().map(|name| by_output.and_then(|fits| fits.get(name).copied().flatten()));
                 let cell = |fit: Option<f64>| fit.map_or(String::new(), |fit| fit.to_string());
                 cells.extend(std::iter::once(mean).chain(own).map(cell));
             }

@@ -13,8 +13,8 @@
 pub mod arx;
 pub mod compare;
 pub mod data;
-pub mod friction;
 pub mod fmu;
+pub mod friction;
 pub mod output;
 mod report;
 pub mod state_space;

@@ -23,8 +23,8 @@ use crate::ident::record::{Experiments, Record};
 use crate::ident::subspace::{self, Estimate, Options, Order, Refined, Refinement, Weighting};
 use crate::plot::fit_page::Table;
 use crate::plot::identification::{
-    Family, OrderFit, autocorrelations, cross_correlations, fit_against_order, frequency_responses, pole_zero_map,
-    step_responses,
+    Family, OrderFit, autocorrelations, cross_correlations, fit_against_order, frequency_responses,
+    pole_zero_map, step_responses,
 };
 use crate::plot::singular_values::singular_values;
 
@@ -209,9 +209,13 @@ fn results(estimate: &Estimate, refined: &Refined, data: &Experiments, plots: bo
     summary.verdict.extend(judged.sentences);
     let mended = refined.taken && model.is_stable();
     let concerns_poles = |warning: &String| warning.contains("stable model") || warning.contains("mirrored");
-    summary.warnings.extend(
-        estimate.warnings.iter().filter(|warning| !(mended && concerns_poles(warning))).cloned(),
-    );
+    summary
+        .warnings
+        .extend(estimate.warnings.iter().filter(|warning| !(mended && concerns_poles(warning))).cloned());
+    if !model.is_stable() {
+        let remedy = "options that give a stable model: --unstable mirror, or --refine output-error";
+        summary.warnings.push(remedy.into());
+    }
     if !estimate.orders.is_empty() {
         results.tables.push(orders_table(estimate));
     }
@@ -226,7 +230,8 @@ fn sentences(estimate: &Estimate, refined: &Refined) -> Vec<String> {
     let mut sentences = Vec::new();
     if !estimate.orders.is_empty() {
         let highest = estimate.orders.len();
-        let error = |order: usize| estimate.orders.get(order.wrapping_sub(1)).and_then(|found| found.held_back);
+        let error =
+            |order: usize| estimate.orders.get(order.wrapping_sub(1)).and_then(|found| found.held_back);
         let own = error(order).unwrap_or(f64::NAN);
         let below = match error(order.wrapping_sub(1)) {
             Some(error) => format!(", order {} {:.2} %", order - 1, 100.0 * error),

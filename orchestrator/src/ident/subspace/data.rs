@@ -143,5 +143,8 @@ pub(super) struct Matrices {
 /// spread evenly over every segment.
 pub(super) fn sparse(segments: &[Segment], samples: usize) -> Vec<Segment> {
     let lengths: Vec<usize> = segments.iter().map(Segment::len).collect();
-    super::pieces::spread(&lengths, samples).into_iter().map(|(index, from, n)| segments[index].part(from, n)).collect()
+    super::pieces::spread(&lengths, samples)
+        .into_iter()
+        .map(|(index, from, n)| segments[index].part(from, n))
+        .collect()
 }

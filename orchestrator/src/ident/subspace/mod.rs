@@ -19,6 +19,7 @@ mod data;
 mod gain;
 mod hankel;
 mod input_terms;
+mod parallel;
 pub mod pieces;
 pub mod projection;
 pub mod realisation;
@@ -124,7 +125,9 @@ pub enum Error {
     #[error("the order is 0; a state-space model has at least one state: choose 1 or more")]
     NoOrder,
     /// The horizon leaves no room for the order.
-    #[error("a horizon of {horizon} samples shows at most order {most} with {n_y} outputs, not {order}; choose a longer horizon or a lower order")]
+    #[error(
+        "a horizon of {horizon} samples shows at most order {most} with {n_y} outputs, not {order}; choose a longer horizon or a lower order"
+    )]
     Horizon { horizon: usize, order: usize, most: usize, n_y: usize },
     /// The projection has fewer directions than the order.
     #[error(
@@ -132,7 +135,9 @@ pub enum Error {
     )]
     Rank { order: usize, rank: usize },
     /// Records of different shape.
-    #[error("record `{record}` has {inputs} inputs and {outputs} outputs of equal length, or not; {n_u} and {n_y} are expected")]
+    #[error(
+        "record `{record}` has {inputs} inputs and {outputs} outputs of equal length, or not; {n_u} and {n_y} are expected"
+    )]
     Channels { record: String, inputs: usize, outputs: usize, n_u: usize, n_y: usize },
     /// A channel that never changes.
     #[error("{kind} {} is constant in all records and says nothing of the system; leave it out or record a change", index + 1)]
@@ -141,7 +146,9 @@ pub enum Error {
     #[error("record `{record}`: {kind} {} is {value} at sample {sample}; cut the record or repair the sample", index + 1)]
     NotFinite { record: String, kind: &'static str, index: usize, sample: usize, value: f64 },
     /// Numerics.
-    #[error("no model of order {order} came out with finite numbers; choose a lower order or check the data for outliers")]
+    #[error(
+        "no model of order {order} came out with finite numbers; choose a lower order or check the data for outliers"
+    )]
     NoModel { order: usize },
 }
 
@@ -267,11 +274,7 @@ fn horizons(segments: &[Segment], order: usize, options: &Options) -> Result<Vec
 }
 
 /// Errors of the orders 1 to `highest` on samples kept back, estimated from the rest.
-fn order_search(
-    segments: &[Segment],
-    highest: usize,
-    options: &Options,
-) -> Result<Vec<OrderError>, Error> {
+fn order_search(segments: &[Segment], highest: usize, options: &Options) -> Result<Vec<OrderError>, Error> {
     let lengths: Vec<usize> = segments.iter().map(Segment::len).collect();
     let (used, kept) = pieces::kept_back(&lengths);
     let cut = |pieces: Vec<pieces::Piece>| -> Vec<Segment> {

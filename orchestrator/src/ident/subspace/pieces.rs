@@ -49,7 +49,8 @@ pub fn kept_back(lengths: &[usize]) -> (Vec<Piece>, Vec<Piece>) {
 pub fn cut(records: &[Record], pieces: &[Piece]) -> Vec<Record> {
     let part = |&(index, from, n): &Piece| {
         let record = &records[index];
-        let cut = |channels: &[Vec<f64>]| channels.iter().map(|values| values[from..from + n].to_vec()).collect();
+        let cut =
+            |channels: &[Vec<f64>]| channels.iter().map(|values| values[from..from + n].to_vec()).collect();
         Record {
             name: record.name.clone(),
             sample_time: record.sample_time,

@@ -3,8 +3,8 @@
 use nalgebra::DMatrix;
 
 use super::candidates::{COMPARED_SAMPLES, Candidates};
-use super::{data, pieces};
 use super::{Error, Estimate, Options, Order, estimate};
+use super::{data, pieces};
 use crate::ident::model::StateSpace;
 use crate::ident::output_error::{
     Criterion, Options as Iterations, Outcome, RefinedStateSpace, StateSpaceOptions, refine_state_space,
@@ -82,14 +82,22 @@ pub fn refine(
     };
     let held_back = on_samples_kept_back(records, start.model.order(), options, &settings);
     match held_back {
-        None => return Ok(unchanged(
-            format!("not refined by {what}: the records are too short, or not stable enough, to test it on samples kept back"),
-            None,
-        )),
-        Some((before, after)) if after < before - TOLERANCE => return Ok(unchanged(
-            format!("not refined by {what}: on samples kept back the fit would fall from {before:.2} % to {after:.2} %"),
-            held_back,
-        )),
+        None => {
+            return Ok(unchanged(
+                format!(
+                    "not refined by {what}: the records are too short, or not stable enough, to test it on samples kept back"
+                ),
+                None,
+            ));
+        }
+        Some((before, after)) if after < before - TOLERANCE => {
+            return Ok(unchanged(
+                format!(
+                    "not refined by {what}: on samples kept back the fit would fall from {before:.2} % to {after:.2} %"
+                ),
+                held_back,
+            ));
+        }
         _ => {}
     }
     let Ok(details) = refine_state_space(&start.model, &some(records), &settings) else {
