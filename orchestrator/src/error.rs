@@ -54,6 +54,14 @@ pub enum Error {
     /// Columns of friction records.
     #[error(transparent)]
     Sweep(#[from] crate::ident::friction::read::Error),
+    /// An FMU of an identified model.
+    #[error("FMU `{name}`: {problem}")]
+    LinearFmu {
+        /// Name that was wanted.
+        name: String,
+        /// What is in the way, and the remedy.
+        problem: String,
+    },
     /// Output error.
     #[error(transparent)]
     Refinement(#[from] crate::ident::output_error::Error),

@@ -19,6 +19,7 @@
 //! | [`output_error`] | refinement: the parameters with the best free simulation |
 //! | [`instrumental_variables`] | estimates without bias from noisy outputs |
 //! | [`parameters`] | estimates with their uncertainty |
+//! | [`impulse_response`] | regularised FIR: evidence for delay and order before any structure is chosen |
 //! | [`diagnostics`] | residual tests, poles and zeros, responses with their uncertainty, a verdict |
 //! | [`summary`] | what every identification reports, as JSON |
 //!
@@ -31,6 +32,7 @@ pub mod excitation;
 pub mod fit;
 pub mod fold;
 pub mod friction;
+pub mod impulse_response;
 pub mod instrumental_variables;
 pub mod model;
 pub mod order_search;

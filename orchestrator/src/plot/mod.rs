@@ -9,7 +9,6 @@ pub mod figures;
 pub mod fit_page;
 pub mod friction;
 pub mod identification;
-pub mod orders;
 pub mod page;
 pub mod run;
 pub mod singular_values;

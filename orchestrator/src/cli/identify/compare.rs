@@ -98,10 +98,6 @@ struct Enough {
 /// # Errors
 /// What keeps it from a comparison, or its results from being written.
 pub fn run(args: &Args) -> Result<ExitCode, Error> {
-    if args.data.fmu.is_some() {
-        let reason = "a comparison chooses no model; write the FMU with `identify arx` or `identify state-space` of the order you want".into();
-        return Err(Error::NoFmu { reason });
-    }
     let mut data = args.data.read()?;
     let mut warnings = data.notes.clone();
     if data.validation.is_empty() {

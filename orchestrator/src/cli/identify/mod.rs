@@ -7,6 +7,7 @@
 //! | [`compare`] | `identify compare` |
 //! | [`data`] | the options that say which data, shared by all |
 //! | [`friction`] | `identify friction` |
+//! | [`linear_fmu`] | the FMU of a linear model |
 //! | [`output`] | the folder of the results, shared by all |
 
 pub mod arx;
@@ -14,7 +15,6 @@ pub mod compare;
 pub mod data;
 pub mod friction;
 pub mod linear_fmu;
-pub mod fmu;
 pub mod output;
 mod report;
 pub mod state_space;

@@ -13,7 +13,8 @@ use serde_json::{Map, Value, json};
 
 use super::data::DataArgs;
 use super::output::Results;
-use super::{fmu, report};
+use super::linear_fmu::Wanted;
+use super::report;
 use crate::Error;
 use crate::cli::{folder, output};
 use crate::ident::diagnostics::verdict::{self, Verdict};
@@ -48,6 +49,9 @@ pub struct Args {
     /// Highest order that --order auto tries.
     #[arg(long, default_value = "10", value_name = "ORDER", value_parser = clap::value_parser!(u16).range(1..=40))]
     pub max_order: u16,
+    /// Also write the model as NAME.fmu, a linear-state-space, into the folder of the results.
+    #[arg(long, value_name = "NAME")]
+    pub fmu: Option<String>,
 }
 
 /// How a state-space model is estimated.
@@ -158,6 +162,7 @@ impl MethodArgs {
 /// What keeps it from a model, or its results from being written.
 pub fn run(args: &Args) -> Result<ExitCode, Error> {
     let data = args.data.read()?;
+    let fmu = args.fmu.as_ref().map(|name| Wanted::new(name, (data.inputs.len(), data.outputs.len()))).transpose()?;
     let order = match args.order {
         OrderChoice::Auto => Order::UpTo(args.max_order.into()),
         OrderChoice::Fixed(order) => Order::Fixed(order),
@@ -166,12 +171,11 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
     let estimate = subspace::estimate(&data.estimation, &options)?;
     let refined = subspace::refine(&data.estimation, &estimate, &options, args.method.refinement())?;
     let mut results = results(&estimate, &refined, &data, !args.data.no_plots);
-    if let Some(name) = &args.data.fmu {
+    if let Some(fmu) = &fmu {
         folder::make(&args.data.output)?;
         folder::clear(&args.data.output)?;
-        let description = report::headline(&results.summary);
-        let file = fmu::write(&results.model, name, &args.data.output, &description)?;
-        results.summary.files.push(file);
+        fmu.write(&refined.model, &report::headline(&results.summary), &args.data.output)?;
+        results.summary.files.push(fmu.file());
     }
     let summary = results.write(&args.data.output)?;
     if !args.data.quiet {

@@ -33,7 +33,7 @@ pub struct Verdict {
     pub whiteness: Vec<(String, Whiteness)>,
     /// Channels (input, output) whose residual still follows the input.
     pub missing_dynamics: Vec<(String, String)>,
-    /// Channels (input, output) where the input seems to depend on past outputs.
+    /// Channels (input, output) where the input seems to depend on past outputs, of outputs without missing dynamics.
     pub feedback: Vec<(String, String)>,
     /// Parameters whose 95 % interval holds 0, the highest lags first.
     pub insignificant: Vec<String>,
@@ -61,7 +61,13 @@ pub fn verdict(name: &str, diagnostics: &Diagnostics) -> Verdict {
         .iter()
         .filter(|of| of.missing_dynamics > 1.0 && of.explained_by_input >= NEGLIGIBLE / 4.0)
         .collect();
-    let feedback: Vec<_> = diagnostics.cross_correlation.iter().filter(|of| of.feedback > 1.0).collect();
+    // What a model leaves of a slow input looks like feedback, too: only a complete model can tell.
+    let complete = |output: &str| !missing.iter().any(|pair| pair.output == output);
+    let feedback: Vec<_> = diagnostics
+        .cross_correlation
+        .iter()
+        .filter(|of| of.feedback > 1.0 && complete(&of.output))
+        .collect();
     let unstable: Vec<_> = diagnostics.poles.iter().filter(|pole| pole.modulus >= 1.0).collect();
     let white = whiteness.iter().all(|(_, kind)| *kind != Whiteness::Coloured);
     let explains_the_data = white && missing.is_empty() && unstable.is_empty();

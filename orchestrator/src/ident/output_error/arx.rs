@@ -3,6 +3,7 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::denoised::denoised;
+use super::equivalent;
 use super::levenberg_marquardt::{Found, Linear, Moments, Problem, minimise};
 use super::{Error, Options, Outcome, with_covariance};
 use crate::ident::instrumental_variables::{self, FILTER_RADIUS};
@@ -44,7 +45,7 @@ pub struct OutputError {
 /// Minimises the simulated error of an ARX structure from `model` (as a rule the least-squares estimate).
 ///
 /// Starts are `model`, least squares, refined instrumental variables from both, and the same for the records as a model of
-/// high order simulates them; unstable ones are drawn into the unit circle. The one with the smallest simulated error is taken, the next only if the iterations do not settle. The offsets
+/// high order simulates them; unstable ones are drawn into the unit circle. The one with the smallest simulated error is taken, the next only if the iterations stall. The offsets
 /// stay those of `model`.
 ///
 /// # Errors
@@ -69,7 +70,12 @@ pub struct OutputError {
 /// assert!((refined.model.a[0][(0, 0)] + 0.8).abs() < 1e-9);
 /// # Ok::<(), output_error::Error>(())
 /// ```
-pub fn refine(model: &Arx, mask: &Mask, records: &[Record], options: &Options) -> Result<OutputError, Error> {
+pub fn refine(
+    model: &Arx,
+    mask: &Mask,
+    records: &[Record],
+    options: &Options,
+) -> Result<OutputError, Error> {
     let (n_y, n_u) = (model.output_offset.len(), model.input_offset.len());
     let p = mask.coefficients().len();
     if p == 0 {
@@ -93,8 +99,7 @@ pub fn refine(model: &Arx, mask: &Mask, records: &[Record], options: &Options) -
     let values = mask.parameters(&found.point);
     let parameters = Parameters { names: mask.names(), values, covariance: None };
     let (parameters, condition) = with_covariance(parameters, &linear.r);
-    let initial =
-        problem.experiments.iter().map(|e| simulate(&found.point, e, &found.root).impulses).collect();
+    let initial = problem.experiments.iter().map(|e| simulate(&found.point, e, &found.root).impulses).collect();
     Ok(OutputError {
         noise_covariance: found.moments.covariance(),
         rms: rms(&found.moments),
@@ -108,7 +113,7 @@ pub fn refine(model: &Arx, mask: &Mask, records: &[Record], options: &Options) -
     })
 }
 
-/// Minimises from the most promising start, and from the next ones as long as the iterations do not settle.
+/// Minimises from the most promising start, and from the next ones as long as the iterations stall.
 fn from_starts(
     problem: &ArxProblem,
     given: Arx,
@@ -117,15 +122,13 @@ fn from_starts(
 ) -> Result<Found<Arx>, Error> {
     let (mask, n_y) = (problem.mask, given.output_offset.len());
     let identity = DMatrix::identity(n_y, n_y);
-    let criterion =
-        |model: &Arx| problem.residuals(model, &identity).map_or(f64::INFINITY, |m| m.criterion());
+    let criterion = |model: &Arx| problem.residuals(model, &identity).map_or(f64::INFINITY, |m| m.criterion());
     let iv_options = instrumental_variables::Options { iterations: 10, ..Default::default() };
     let instruments = |start: &Arx| -> Result<Arx, Error> {
         let found = instrumental_variables::estimate(start, mask, records, &iv_options)?;
         Ok(stabilised(&found.model, FILTER_RADIUS))
     };
-    let plain =
-        stabilised(&instrumental_variables::least_squares(problem.template, mask, records)?, FILTER_RADIUS);
+    let plain = stabilised(&instrumental_variables::least_squares(problem.template, mask, records)?, FILTER_RADIUS);
     let mut starts = vec![instruments(&plain)?, plain.clone()];
     if (mask.parameters(&given) - mask.parameters(&plain)).amax() > 1e-6 {
         starts.extend([instruments(&given)?, given]);
@@ -139,11 +142,16 @@ fn from_starts(
     starts.push(mask.model(problem.template, &DVector::zeros(mask.coefficients().len())));
     let mut ranked: Vec<(f64, Arx)> = starts.into_iter().map(|start| (criterion(&start), start)).collect();
     ranked.sort_by(|a, b| a.0.total_cmp(&b.0));
+    // Settled in better coordinates, only the last digits are left to do in those of the structure.
+    let settled = ranked.first().and_then(|(_, start)| equivalent::refined(start, mask, records, options));
+    if let Some(start) = settled.filter(|start| spectral_radius(start) <= options.largest_pole) {
+        ranked.insert(0, (criterion(&start), start));
+        ranked.sort_by(|a, b| a.0.total_cmp(&b.0));
+    }
     let mut best: Option<Found<Arx>> = None;
     for (_, start) in ranked.into_iter().take(TRIES) {
         let found = minimise(problem, start, options);
-        let settled =
-            found.as_ref().is_some_and(|found| matches!(found.outcome, Outcome::Converged | Outcome::Flat));
+        let settled = found.as_ref().is_some_and(|found| found.outcome != Outcome::Stalled);
         let lower = |found: &Found<Arx>| {
             best.as_ref().is_none_or(|best| found.moments.criterion() < best.moments.criterion())
         };

@@ -111,6 +111,9 @@ pub(super) fn weights(moments: &Moments, power: &DVector<f64>, weighting: Weight
     }
 }
 
+/// Shares of a Gauss-Newton step that are tried before it is damped.
+const SHARES: [f64; 3] = [1.0, 0.3, 0.1];
+
 /// What the iterations ended with.
 #[derive(Debug, Clone)]
 pub(super) struct Found<P> {
@@ -149,26 +152,29 @@ pub(super) fn minimise<P: Problem>(
         if offset < options.tolerance || exact {
             return found(point, moments, root, Outcome::Converged);
         }
-        loop {
-            let delta = damped_step(&linear.r, &linear.z, damping);
-            let tried = problem.step(&point, &linear.tangent, &delta);
-            let tried = tried.and_then(|tried| Some((problem.residuals(&tried, &root)?, tried)));
-            match tried.filter(|(moments, _)| moments.cost(&root) < cost) {
-                Some((better, next)) => {
-                    // The cost is about the number of residuals; a hundredth is a tenth of a standard deviation.
-                    let gained = cost - better.cost(&root);
-                    slow = if gained < f64::max(1e-7 * cost, 0.01) { slow + 1 } else { 0 };
-                    damping = f64::max(damping * 0.1, 1e-12);
-                    (moments, point) = (better, next);
-                    break;
-                }
-                None => damping *= 8.0,
-            }
+        let try_step = |delta: &DVector<f64>| {
+            let tried = problem.step(&point, &linear.tangent, delta)?;
+            let moments = problem.residuals(&tried, &root)?;
+            (moments.cost(&root) < cost).then_some((moments, tried))
+        };
+        // The Gauss-Newton step does not depend on the scale of the parameters, which damping does: coefficients of a
+        // quickly sampled model are nearly collinear. Damping is for where the step leads astray.
+        let newton = fold::solve(&linear.r, &linear.z, 1e-11).0;
+        let mut better = SHARES.iter().find_map(|share| try_step(&(&newton * *share)));
+        while better.is_none() {
+            better = try_step(&damped_step(&linear.r, &linear.z, damping));
+            damping = if better.is_some() { f64::max(0.1 * damping, 1e-9) } else { 8.0 * damping };
             if damping > 1e8 {
                 // No step lowers the cost: rounding hides what is left, or the border of stability is in the way.
                 let outcome = if offset < 0.1 { Outcome::Converged } else { Outcome::Stalled };
                 return found(point, moments, root, outcome);
             }
+        }
+        if let Some((next_moments, next)) = better {
+            // The cost is about the number of residuals; a hundredth is a tenth of a standard deviation.
+            let gained = cost - next_moments.cost(&root);
+            slow = if gained < f64::max(1e-6 * cost, 0.01) { slow + 1 } else { 0 };
+            (moments, point) = (next_moments, next);
         }
         root = weights(&moments, &power, options.weighting);
         if slow == 2 {

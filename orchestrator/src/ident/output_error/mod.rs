@@ -8,6 +8,7 @@
 
 mod arx;
 mod denoised;
+mod equivalent;
 mod levenberg_marquardt;
 mod sensitivity;
 mod state_space;

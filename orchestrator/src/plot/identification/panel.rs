@@ -190,7 +190,8 @@ fn draw_legend(svg: &mut Svg, entries: &[Entry], baseline: f64) {
         let (from, to, middle) = (right - width - 32.0, right - width - 6.0, baseline - 4.0);
         match entry.shape {
             Some(shape) => {
-                if entry.class.starts_with('s') {
+                // Families of lines have dashes of their own; other markers stand alone.
+                if entry.class.contains(" d") {
                     svg.line((from, middle), (to, middle), entry.class);
                 }
                 svg.marker(shape, (0.5 * (from + to), middle), 4.0, &format!("{} open", solid(entry.class)));

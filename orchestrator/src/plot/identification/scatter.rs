@@ -29,7 +29,7 @@ const CELL: f64 = 2.0;
 /// The figure; many points become at most one per cell of two pixels, so that a long record stays a small file.
 pub fn scatter(figure: &Scatter) -> String {
     let mut legend = vec![
-        Entry { class: "measured", shape: None, text: "measured" },
+        Entry { class: "faint", shape: Some(Shape::Circle), text: "measured" },
         Entry { class: "s0", shape: None, text: "model" },
     ];
     if !figure.band.is_empty() {

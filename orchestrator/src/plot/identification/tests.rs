@@ -90,5 +90,5 @@ fn points_that_fall_together_are_drawn_once() {
         curve: (&[0.0, 1.0], &[0.0, 1.0]),
         band: &[0.1, 0.1],
     });
-    assert_eq!(count(&svg, "class=\"faint\""), 100);
+    assert_eq!(count(&svg, "class=\"faint\""), 100); // the one of the legend has a second class
 }
