@@ -1,0 +1,23 @@
+//! From a residual to the effect that the declared model lacks.
+
+pub mod case;
+pub mod engine;
+pub mod rig;
+
+use std::path::PathBuf;
+
+/// Why the loop cannot be closed.
+#[derive(Debug, thiserror::Error)]
+pub enum Error {
+    /// A case folder says something that does not fit.
+    #[error("{}: {problem}", path.display())]
+    Case {
+        /// File.
+        path: PathBuf,
+        /// What is wrong and what to do.
+        problem: String,
+    },
+    /// A record cannot be read.
+    #[error(transparent)]
+    Csv(#[from] crate::series::csv::Error),
+}
