@@ -1,7 +1,9 @@
 //! From a residual to the effect that the declared model lacks.
 
+pub mod answer;
 pub mod case;
 pub mod engine;
+pub mod report;
 pub mod rig;
 
 use std::path::PathBuf;
@@ -16,6 +18,14 @@ pub enum Error {
         path: PathBuf,
         /// What is wrong and what to do.
         problem: String,
+    },
+    /// The report cannot be written.
+    #[error("{}: the report cannot be written: {source}", path.display())]
+    Write {
+        /// File.
+        path: PathBuf,
+        /// Reason.
+        source: std::io::Error,
     },
     /// A record cannot be read.
     #[error(transparent)]

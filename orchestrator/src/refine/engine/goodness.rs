@@ -50,6 +50,8 @@ pub struct Null {
     pub signals: Vec<String>,
     mean: Vec<[f64; 3]>,
     deviation: Vec<[f64; 3]>,
+    /// Standard deviation of the powers of white noise of unit variance.
+    white: Vec<[f64; 3]>,
     /// Largest normalised power that noise alone gives (of the draws not used for the scale).
     pub quantile: f64,
     /// Draws made.
@@ -104,7 +106,16 @@ impl Null {
                 std::array::from_fn(|i| (of(s, i).map(|v| (v - mean[s][i]).powi(2)).sum::<f64>() / half as f64).sqrt())
             })
             .collect();
-        let mut null = Null { signals, mean, deviation, quantile: 0.0, draws };
+        let mut samples_of = vec![0usize; signals.len()];
+        for &record in records {
+            for span in system.signals(record) {
+                if let Some(s) = signals.iter().position(|name| *name == span.signal) {
+                    samples_of[s] += span.range.len();
+                }
+            }
+        }
+        let white = samples_of.iter().map(|&n| BLOCKS.map(|length| (2.0 * n as f64 / length as f64).sqrt())).collect();
+        let mut null = Null { signals, mean, deviation, white, quantile: 0.0, draws };
         let worst = |draw: &Vec<(String, [f64; 3])>| null.normalised(draw).into_iter().map(|(_, z)| z).fold(f64::MIN, f64::max);
         null.quantile = samples[half..].iter().map(worst).fold(0.0, f64::max);
         null
@@ -116,7 +127,9 @@ impl Null {
             .iter()
             .enumerate()
             .map(|(s, (name, power))| {
-                let z = (0..3).map(|i| (power[i] - self.mean[s][i]) / self.deviation[s][i].max(1e-9));
+                // Rounding noise of a moving encoder cancels in long blocks, so that its powers hardly vary; an error of
+                // some percent of the noise must not count there. White noise is the yardstick.
+                let z = (0..3).map(|i| (power[i] - self.mean[s][i]) / self.deviation[s][i].max(self.white[s][i]));
                 (name.clone(), z.fold(f64::MIN, f64::max))
             })
             .collect()

@@ -5,6 +5,7 @@ pub mod fit;
 pub mod goodness;
 pub mod parallel;
 pub mod search;
+pub mod select;
 pub mod system;
 
 pub use system::{Span, System};

@@ -38,6 +38,8 @@ pub struct Search<'a, S: System + ?Sized> {
     pub candidates: &'a [Candidate],
     /// Estimation records.
     pub records: Vec<usize>,
+    /// Positions in `records` of those that candidates are screened on: one of each repeated command.
+    pub screened: Vec<usize>,
     /// Null distribution.
     pub null: Null,
 }
@@ -54,6 +56,12 @@ pub struct Promise {
 }
 
 impl<S: System + ?Sized> Search<'_, S> {
+    /// Price of a parameter in the Bayesian information criterion: the logarithm of the number of samples.
+    pub fn penalty(&self) -> f64 {
+        let samples = self.records.iter().map(|&record| self.system.signals(record).iter().map(|s| s.range.len()).sum::<usize>());
+        (samples.sum::<usize>().max(2) as f64).ln()
+    }
+
     /// Fits `added` candidates with `extra` free parameters from a start.
     pub fn fit(&self, added: &[usize], extra: &[Free], start: &[f64], locals: &[Vec<f64>], iterations: usize) -> Model {
         let mut free: Vec<Free> = added.iter().flat_map(|&c| self.candidates[c].free.iter().copied()).collect();
@@ -74,7 +82,8 @@ impl<S: System + ?Sized> Search<'_, S> {
     /// What every start of every candidate that `base` lacks promises, best start of each candidate, best first.
     pub fn screen(&self, base: &Model) -> Vec<Promise> {
         let fit = &base.fit;
-        let at_base = parallel::map(self.records.len(), |i| {
+        let at_base = parallel::map(self.screened.len(), |j| {
+            let i = self.screened[j];
             columns(self.system, self.records[i], &fit.parameters, &fit.free, &fit.locals[i])
         });
         let starts: Vec<(usize, usize)> = (0..self.candidates.len())
@@ -97,13 +106,13 @@ impl<S: System + ?Sized> Search<'_, S> {
             p[index] = value;
         }
         let (m, known) = (open.len(), fit.free.len());
-        let locals: usize = fit.locals.iter().map(Vec::len).sum();
+        let locals: usize = self.screened.iter().map(|&i| fit.locals[i].len()).sum();
         let size = m + known + locals;
         let (mut matrix, mut right, mut chi2) = (DMatrix::zeros(size, size), DVector::zeros(size), 0.0);
         let mut offset = m + known;
-        for (i, &record) in self.records.iter().enumerate() {
-            let found = self.start_columns(record, &p, &open, &fit.locals[i]);
-            let all: Vec<&Vec<f64>> = found.columns.iter().chain(&at_base[i].columns).collect();
+        for (j, &i) in self.screened.iter().enumerate() {
+            let found = self.start_columns(self.records[i], &p, &open, &fit.locals[i]);
+            let all: Vec<&Vec<f64>> = found.columns.iter().chain(&at_base[j].columns).collect();
             let place = |a: usize| if a < m + known { a } else { offset + a - m - known };
             for (a, column) in all.iter().enumerate() {
                 right[place(a)] -= dot(column, &found.residuals);
@@ -125,6 +134,8 @@ impl<S: System + ?Sized> Search<'_, S> {
                 chi2 += (fit.parameters[f.index] / prior).powi(2);
             }
         }
+        // As if all records had been screened.
+        let share = self.records.len() as f64 / self.screened.len() as f64;
         let mut held = vec![false; m];
         for _ in 0..=m {
             let step = solve(&matrix, &right, &held)?;
@@ -140,7 +151,7 @@ impl<S: System + ?Sized> Search<'_, S> {
             for (a, f) in open.iter().enumerate() {
                 p[f.index] += step[a];
             }
-            return chi2.is_finite().then(|| Promise { candidate, chi2: chi2 - gained, parameters: p });
+            return chi2.is_finite().then(|| Promise { candidate, chi2: (chi2 - gained) * share, parameters: p });
         }
         None
     }

@@ -19,6 +19,8 @@ pub trait System: Sync {
     fn signals(&self, record: usize) -> Vec<Span>;
     /// What the sensors would show without noise, all signals one after the other.
     fn predict(&self, record: usize, parameters: &[f64], locals: &[f64]) -> Vec<f64>;
+    /// What the sensors have shown, laid out as in `predict`.
+    fn measured(&self, record: usize) -> Vec<f64>;
     /// (measured - predicted) / noise.
     fn whiten(&self, record: usize, predicted: &[f64]) -> Vec<f64>;
     /// The whitened residuals as they would be if `predicted` were true: sensor noise and rounding.

@@ -185,7 +185,7 @@ pub fn candidates(scope: &Scope) -> Vec<Candidate> {
 
 /// Corrections of the declared parameters, each known to `share` of its value.
 pub fn corrections(scope: &Scope, share: f64) -> Vec<Free> {
-    let actuator: &[usize] = &[D_A11, D_A12, D_A21, D_A22, D_B01, D_B02, D_B11, D_B12];
+    let actuator: &[usize] = &[D_ACT_GAIN, D_ACT_RATE];
     let friction: &[usize] = &[D_PF_C1, D_PF_C2, D_PF_C4, D_CF_C1, D_CF_C2, D_CF_C3, D_CF_C5, D_M_C];
     let pole: &[usize] = &[D_M_P, D_L, D_B_P];
     let chosen: Vec<&[usize]> = match scope.kind {

@@ -196,6 +196,10 @@ impl crate::refine::engine::System for Coupled {
         out
     }
 
+    fn measured(&self, record: usize) -> Vec<f64> {
+        self.trials[record].measured.iter().flat_map(|m| m.values.iter().copied()).collect()
+    }
+
     fn whiten(&self, record: usize, predicted: &[f64]) -> Vec<f64> {
         let trial = &self.trials[record];
         let mut out = Vec::with_capacity(predicted.len());

@@ -92,14 +92,8 @@ parameters! {
     SENSOR_GAIN_X "sensor.gain.x" "1" 0.0, -0.5, 1.0, 0.01;
     SENSOR_GAIN_THETA "sensor.gain.theta" "1" 0.0, -0.5, 1.0, 0.01;
     SENSOR_GAIN_V "sensor.gain.v" "1" 0.0, -0.5, 1.0, 0.01;
-    D_A11 "declared.A1[1,1]" "1" 0.0, -0.1, 0.1, 1e-4;
-    D_A12 "declared.A1[1,2]" "1" 0.0, -0.5, 0.5, 3e-3;
-    D_A21 "declared.A1[2,1]" "1" 0.0, -0.5, 0.5, 3e-3;
-    D_A22 "declared.A1[2,2]" "1" 0.0, -0.1, 0.1, 1e-4;
-    D_B01 "declared.B0[1]" "1" 0.0, -0.5, 0.5, 3e-3;
-    D_B02 "declared.B0[2]" "1" 0.0, -0.5, 0.5, 3e-3;
-    D_B11 "declared.B1[1]" "1" 0.0, -0.5, 0.5, 3e-3;
-    D_B12 "declared.B1[2]" "1" 0.0, -0.5, 0.5, 3e-3;
+    D_ACT_GAIN "declared.actuator.gain" "1" 0.0, -0.5, 1.0, 0.01;
+    D_ACT_RATE "declared.actuator.rate" "1" 0.0, -0.5, 1.0, 0.01;
     D_PF_C1 "declared.piston_friction.c1" "1" 0.0, -0.5, 1.0, 0.01;
     D_PF_C2 "declared.piston_friction.c2" "1" 0.0, -0.5, 1.0, 0.01;
     D_PF_C4 "declared.piston_friction.c4" "1" 0.0, -0.5, 1.0, 0.01;

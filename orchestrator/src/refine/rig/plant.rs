@@ -142,12 +142,16 @@ impl Mechanics {
 
 /// Actuator of the parameter vector `p`.
 pub fn actuator(declared: &Actuator, p: &[f64]) -> ActuatorTerms {
-    let rel = |value: f64, index: usize| value * (1.0 + p[index]);
-    let a1 = &declared.A1;
+    // Slower or faster by a common factor: y(k) - y(k-1) = -(I + A1) y(k-1) + ...; the static gain stays.
+    let rate = 1.0 + p[D_ACT_RATE];
+    let a: [[f64; 2]; 2] = std::array::from_fn(|i| {
+        std::array::from_fn(|j| rate * (declared.A1[i][j] + f64::from(i == j)) - f64::from(i == j))
+    });
+    let scale = rate * (1.0 + p[D_ACT_GAIN]);
     ActuatorTerms {
-        a: [[rel(a1[0][0], D_A11), rel(a1[0][1], D_A12)], [rel(a1[1][0], D_A21), rel(a1[1][1], D_A22)]],
-        b0: [rel(declared.B0[0], D_B01), rel(declared.B0[1], D_B02)],
-        b1: [rel(declared.B1[0], D_B11), rel(declared.B1[1], D_B12)],
+        a,
+        b0: declared.B0.map(|value| scale * value),
+        b1: declared.B1.map(|value| scale * value),
         gain: p[GAIN],
         delay: p[DELAY] / declared.sample_time,
         deadband: p[DEADBAND],

@@ -1,0 +1,94 @@
+//! From a case to the system, its candidates and the corrections of its declared parameters.
+
+use super::catalogue::{Scope, candidates, corrections};
+use super::coupled::{Coupled, Trial};
+use super::record::Measured;
+use crate::refine::Error;
+use crate::refine::case::{Case, Kind, Role};
+use crate::refine::engine::candidate::Candidate;
+use crate::refine::engine::fit::Free;
+use crate::series::TimeSeries;
+
+/// How well declared parameters are taken to be known, relative to their value.
+pub const DECLARED_SHARE: f64 = 0.01;
+
+/// A case ready for the search.
+pub struct Rig {
+    /// System.
+    pub system: Coupled,
+    /// Candidates that its records can show.
+    pub candidates: Vec<Candidate>,
+    /// Corrections of declared parameters.
+    pub corrections: Vec<Free>,
+    /// Effects of the vocabulary that cannot be looked for, and why.
+    pub not_testable: Vec<(String, String)>,
+}
+
+fn values<'a>(records: impl Iterator<Item = &'a TimeSeries>, name: &str) -> (f64, f64) {
+    records
+        .filter_map(|record| record.channel(name))
+        .flat_map(|channel| channel.values.iter())
+        .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), &value| (low.min(value), high.max(value)))
+}
+
+/// Makes the system of a case.
+///
+/// # Errors
+/// A part of the model that its records need is not declared, or a signal is missing.
+pub fn open(case: &Case) -> Result<Rig, Error> {
+    let declaration = &case.declaration;
+    let refused = |problem: &str| Error::Case { path: format!("{}/case.toml", declaration.id).into(), problem: problem.into() };
+    let need = |there: bool, what: &str| if there { Ok(()) } else { Err(refused(&format!("[model.{what}] is missing; records of this kind need it"))) };
+    let actuator = declaration.model.actuator.clone();
+    let model = &declaration.model;
+    if declaration.kind != Kind::Friction {
+        need(actuator.is_some(), "actuator")?;
+    }
+    if declaration.kind == Kind::Cartpole {
+        need(model.piston_friction.is_some(), "piston_friction")?;
+        need(model.cart_friction.is_some(), "cart_friction")?;
+        need(model.cart_pole.is_some(), "cart_pole")?;
+    }
+    let actuator = actuator.ok_or_else(|| refused("kind = \"friction\": friction sweeps cannot be searched yet"))?;
+    if (actuator.sample_time * declaration.sample_rate_hz - 1.0).abs() > 1e-6 {
+        return Err(refused("model.actuator.sample_time and sample_rate_hz do not belong together; resample the records"));
+    }
+    let mut trials = Vec::new();
+    for (series, file) in case.records.iter().zip(&declaration.files) {
+        let Some(u) = series.channel("u") else { return Err(refused(&format!("{} has no column `u`", file.name))) };
+        let measured = ["F_hat", "F_p", "x", "theta"].iter().filter_map(|&name| {
+            let channel = series.channel(name)?;
+            Some(Measured::new(name, channel.values.clone(), declaration.sensors[name].noise_rms))
+        });
+        let measured: Vec<Measured> = measured.collect();
+        let needed: &[&str] = if declaration.kind == Kind::Cartpole { &["x", "theta"] } else { &["F_hat", "F_p"] };
+        if let Some(missing) = needed.iter().find(|name| !measured.iter().any(|m| m.name == **name)) {
+            return Err(refused(&format!("{} has no column `{missing}`, which this kind of record needs", file.name)));
+        }
+        trials.push(Trial {
+            u: u.values.clone(),
+            measured,
+            estimation: file.role == Role::Estimation,
+            fixed: declaration.kind == Kind::Actuator,
+        });
+    }
+    let fitted = || case.records.iter().zip(&declaration.files).filter(|(_, f)| f.role == Role::Estimation).map(|(r, _)| r);
+    let (low, high) = values(fitted(), "u");
+    let scope = Scope {
+        declared: model,
+        kind: declaration.kind,
+        signals: declaration.sensors.keys().map(String::as_str).filter(|name| *name != "u").collect(),
+        command: low.abs().max(high.abs()),
+        positions: values(fitted(), "x"),
+    };
+    let (candidates, corrections) = (candidates(&scope), corrections(&scope, DECLARED_SHARE));
+    let mut not_testable = Vec::new();
+    if declaration.kind != Kind::Friction {
+        not_testable.push(("act.area".into(), "no chamber pressure is measured; it would look like act.gain".into()));
+    }
+    if declaration.kind == Kind::Cartpole {
+        not_testable.push(("sensor.offset(x)".into(), "the initial position is unknown and takes it up".into()));
+    }
+    let system = Coupled { declared: model.clone(), actuator, trials };
+    Ok(Rig { system, candidates, corrections, not_testable })
+}
