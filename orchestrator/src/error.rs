@@ -15,15 +15,36 @@ pub enum Error {
     /// FMUs.
     #[error(transparent)]
     Fmu(#[from] crate::fmu::Error),
+    /// Derived FMUs.
+    #[error(transparent)]
+    Derive(#[from] crate::fmu::derive::DeriveError),
+    /// FMUs to derive from.
+    #[error(transparent)]
+    Template(#[from] crate::fmu::template_folder::TemplateNotFound),
     /// Run summaries.
     #[error(transparent)]
     Summary(#[from] crate::results::summary::Error),
+    /// Command signals.
+    #[error(transparent)]
+    Excite(#[from] crate::excite::Error),
     /// System descriptions.
     #[error(transparent)]
     System(#[from] crate::system::Error),
     /// Fits.
     #[error(transparent)]
     Fit(#[from] crate::ident::fit::Error),
+    /// Records for an identification.
+    #[error(transparent)]
+    Record(#[from] crate::ident::record::Error),
+    /// Orders of an ARX model.
+    #[error(transparent)]
+    Structure(#[from] crate::ident::structure::Error),
+    /// Estimation of an ARX model.
+    #[error(transparent)]
+    Arx(#[from] crate::ident::arx::Error),
+    /// Files of identified models.
+    #[error(transparent)]
+    Model(#[from] crate::ident::model::file::Error),
     /// Simulation.
     #[error(transparent)]
     Master(#[from] crate::master::Error),

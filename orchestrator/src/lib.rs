@@ -9,8 +9,10 @@
 //!  4  discrepancy
 //!  3  master
 //!  2  system      ident
-//!  1  fmu         results
+//!  1  fmu         results     optim       excite
 //!  0  series      units       xml
+//!  1  fmu         results
+//!  0  series      linalg      units       xml
 //! ```
 //!
 //! Start with [`system::SystemGraph::open`], [`master::simulate::run`] and [`series::csv::write`].
@@ -18,9 +20,12 @@
 pub mod cli;
 pub mod discrepancy;
 pub mod error;
+pub mod excite;
 pub mod fmu;
 pub mod ident;
+pub mod linalg;
 pub mod master;
+pub mod optim;
 pub mod plot;
 pub mod results;
 pub mod series;

@@ -6,10 +6,10 @@ use std::path::{Path, PathBuf};
 /// The house plan, lowest line first; modules that do not exist yet have their place already.
 const LAYERS: [&[&str]; 8] = [
     &["series", "linalg", "units", "xml"],
-    &["fmu", "optim", "results"],
+    &["fmu", "optim", "results", "excite"],
     &["system", "ident", "transcription"],
     &["master", "coupled", "control"],
-    &["plan", "discrepancy"],
+    &["plan", "discrepancy", "rig"],
     &["report", "plot"],
     &["error"],
     &["cli"],

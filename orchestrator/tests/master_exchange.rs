@@ -297,7 +297,7 @@ fn a_slave_may_end_the_simulation() {
 #[test]
 fn an_end_at_the_end_of_a_step_lets_the_others_finish_it() {
     let folder = folder();
-    for algorithm in [Algorithm::GaussSeidel, Algorithm::Jacobi] {
+    for algorithm in [Algorithm::GaussSeidel, Algorithm::Jacobi, Algorithm::InterfaceJacobian] {
         // The slave that ends is neither the first nor the last one to step.
         let components = [component("a", ""), component("b", ""), component("c", "")].concat();
         let connections = [connection("u", "a.u"), connection("a.y", "b.u"), connection("u", "c.u")].concat();

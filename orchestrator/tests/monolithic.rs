@@ -208,6 +208,29 @@ fn slaves_refuse_a_loop_and_name_the_master_that_works() {
 }
 
 #[test]
+fn a_system_of_models_without_co_simulation_is_inspected_and_exported() {
+    let folder = folder();
+    let system =
+        system(&folder, &[("a", "model.fmu"), ("b", "plain.fmu")], &[("a.c", "b.u"), ("b.y", "a.u")]);
+    let command = |words: &[&str]| {
+        let output = Command::new(env!("CARGO_BIN_EXE_airloop"))
+            .args(words)
+            .current_dir(folder.path())
+            .output()
+            .unwrap();
+        assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+        text(&output.stdout)
+    };
+    let system = system.to_str().unwrap();
+    assert!(command(&["inspect", system]).contains("Algebraic loop: "));
+    let value: serde_json::Value = serde_json::from_str(&command(&["inspect", "--json", system])).unwrap();
+    assert_eq!(value["algebraic_loops"][0].as_array().map(Vec::len), Some(5));
+    command(&["export", system, "-o", "again.ssp"]);
+    let (result, _) = run(folder.path(), Path::new("again.ssp"), &["--stop", "1"]);
+    assert!(error(&result, "b.y", |_| 0.739_085_133_215_160_6) < 1e-12);
+}
+
+#[test]
 fn chattering_is_reported_with_its_indicator_and_keeps_the_result() {
     let folder = folder();
     let system = system(&folder, &[("a", "model.fmu")], &[]);

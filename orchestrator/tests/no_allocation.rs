@@ -2,6 +2,7 @@
 #![cfg(target_os = "linux")]
 #![allow(unsafe_code, reason = "a global allocator is an unsafe trait")]
 
+mod looped;
 mod slave;
 
 use std::alloc::{GlobalAlloc, Layout, System};
@@ -66,6 +67,25 @@ fn a_macro_step_with_recording_allocates_nothing() {
     let graph = SystemGraph::open(&write(&folder, "system.ssd", &text)).unwrap();
     for algorithm in [Algorithm::GaussSeidel, Algorithm::Jacobi, Algorithm::InterfaceJacobian] {
         steps_allocate_nothing(&graph, algorithm, 0);
+    }
+
+    // Loops that move with a state, at the communication points and over the steps.
+    let loops = tempfile::TempDir::new().unwrap();
+    looped::fmu(&loops, "able.fmu", looped::ABLE);
+    looped::fmu(&loops, "deaf.fmu", looped::Abilities { flag: "STALE", ..looped::ABLE });
+    for fmu in ["able.fmu", "deaf.fmu"] {
+        let connections = [("in", "a.v", 1.0, 0.0), ("b.y", "a.u", -0.5, 1.0), ("a.y", "b.u", 1.0, 0.0)];
+        let path = looped::system(&loops, &[("a", "able.fmu"), ("b", fmu)], &connections);
+        let mut graph = SystemGraph::open(&path).unwrap();
+        for name in ["a.gain", "a.share", "a.rate", "b.bend"] {
+            graph.set_start(name, "1", "test").unwrap();
+        }
+        steps_allocate_nothing(&graph, Algorithm::GaussSeidel, 0);
+        steps_allocate_nothing(&graph, Algorithm::Jacobi, 0);
+        if fmu == "able.fmu" {
+            steps_allocate_nothing(&graph, Algorithm::GaussSeidel, 2);
+            steps_allocate_nothing(&graph, Algorithm::InterfaceJacobian, 0);
+        }
     }
 
     // Rollback, local models and the solver of the interface-Jacobian master, and input derivatives, need FMUs that can do more.

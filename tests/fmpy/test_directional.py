@@ -26,7 +26,21 @@ MOST_GENERAL = {
             for k in (1, 2)
         },
         **{f"B{i}[{j}]": 0.1 * math.cos(i + 2 * j) for i in range(5) for j in (1, 2)},
-    }
+    },
+    "linear-state-space": {
+        "n_x": 12,
+        "n_u": 4,
+        "n_y": 4,
+        "realisation": 2,
+        **{
+            f"A[{i},{j}]": (0.9 - 0.05 * i if i == j else 0.0) + 1e-2 * math.sin(i + 2 * j)
+            for i in range(1, 13)
+            for j in range(1, 13)
+        },
+        **{f"B[{i},{j}]": math.cos(i + 3 * j) for i in range(1, 13) for j in range(1, 5)},
+        **{f"C[{i},{j}]": math.cos(2 * i + j) for i in range(1, 5) for j in range(1, 13)},
+        **{f"D[{i},{j}]": math.cos(i + j) for i in range(1, 5) for j in range(1, 5)},
+    },
 }
 
 

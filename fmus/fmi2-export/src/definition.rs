@@ -1,40 +1,51 @@
 //! Everything about a model that is the same for all its instances, built once per library.
 //!
 //! The parts come from [`Table`], [`Structure`] and [`crate::description`]; this module only ties them together
-//! and gives them their fingerprint.
+//! and gives them their fingerprint. Dependencies and model description are for the packager: no instance needs
+//! them, and the search for them costs up to a second for a model with hundreds of parameters.
 
 use crate::description;
 use crate::model::Model;
 use crate::structure::Structure;
 use crate::table::Table;
 
-/// The model with its variable table, dependency structure and model description.
+/// The model with its variable table.
 #[derive(Clone, Debug)]
 pub struct Definition<M> {
     /// Handles of the variables, and the equations.
     pub model: M,
     /// The variables.
     pub table: Table,
-    /// `ModelStructure`: unknowns and what they depend on.
-    pub structure: Structure,
-    /// Fingerprint of the model description, `{8-4-4-4-12}` hexadecimal digits.
+    /// Fingerprint of the model description without its `ModelStructure`, `{8-4-4-4-12}` hexadecimal digits.
     pub guid: String,
-    /// Text of `modelDescription.xml`.
-    pub xml: String,
 }
 
 impl<M: Model> Definition<M> {
-    /// Declares the model, finds its dependencies and writes its description.
+    /// Declares the model.
     ///
     /// # Panics
-    /// On a table that no FMU can have, or equations that refuse every draw of [`Model::probe`]: errors of the
-    /// model's author, found by the first test that packages the model.
+    /// On a table that no FMU can have: an error of the model's author, found by the first test that packages the
+    /// model.
     pub fn new() -> Self {
         let (model, table) = Table::of::<M>();
-        let structure = Structure::of(&model, &table);
-        let guid = fingerprint(&description::text(&M::IDENTITY, &table, &structure, ""));
-        let xml = description::text(&M::IDENTITY, &table, &structure, &guid);
-        Self { model, table, structure, guid, xml }
+        let guid = fingerprint(&description::text(&M::IDENTITY, &table, &Structure::default(), ""));
+        Self { model, table, guid }
+    }
+
+    /// `ModelStructure`: unknowns and what they depend on.
+    ///
+    /// # Panics
+    /// On equations that refuse every draw of [`Model::probe`]: again an error of the model's author.
+    pub fn structure(&self) -> Structure {
+        Structure::of(&self.model, &self.table)
+    }
+
+    /// Text of `modelDescription.xml`.
+    ///
+    /// # Panics
+    /// As [`Definition::structure`].
+    pub fn xml(&self) -> String {
+        description::text(&M::IDENTITY, &self.table, &self.structure(), &self.guid)
     }
 }
 

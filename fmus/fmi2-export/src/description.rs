@@ -344,7 +344,7 @@ mod tests {
 
     #[test]
     fn attributes_stand_where_the_standard_wants_them() {
-        let xml = Definition::<Awkward>::new().xml;
+        let xml = Definition::<Awkward>::new().xml();
         for line in [
             "description=\"a &lt; b &amp; &quot;c&quot;\"",
             "numberOfEventIndicators=\"2\"",
@@ -366,8 +366,8 @@ mod tests {
     fn guid_changes_with_the_description_only() {
         let (a, b) = (Definition::<Awkward>::new(), Definition::<Awkward>::new());
         assert_eq!(a.guid, b.guid);
-        assert_eq!(a.xml, b.xml);
-        assert!(a.xml.contains(&format!("guid=\"{}\"", a.guid)));
+        assert_eq!(a.xml(), b.xml());
+        assert!(a.xml().contains(&format!("guid=\"{}\"", a.guid)));
     }
 
     #[test]

@@ -1,7 +1,6 @@
-//! Bytes of an FMU state: versioned, bound to the model's GUID, checked.
+//! Bytes of an FMU state: versioned, bound to the FMU's GUID, checked.
 
 use crate::ctypes::Status;
-use crate::definition::Definition;
 use crate::instance::{Instance, State};
 use crate::model::Model;
 use crate::state_machine::Mode;
@@ -16,11 +15,11 @@ pub(crate) struct Snapshot {
 }
 
 /// The state as bytes.
-pub(crate) fn serialize<M: Model>(definition: &Definition<M>, state: &State, bytes: &mut Vec<u8>) {
+pub(crate) fn serialize(guid: &str, state: &State, bytes: &mut Vec<u8>) {
     bytes.clear();
     bytes.extend_from_slice(MAGIC);
     bytes.extend_from_slice(&VERSION.to_le_bytes());
-    text(bytes, &definition.guid);
+    text(bytes, guid);
     let start = bytes.len();
     bytes.extend_from_slice(&[0; 16]); // length and checksum of what follows
     let body = bytes.len();
@@ -45,11 +44,8 @@ pub(crate) fn deserialize<M: Model>(instance: &Instance<M>, bytes: &[u8]) -> Res
         return Err(format!("the bytes have format version {version}, this library reads {VERSION}"));
     }
     let guid = r.text().ok_or("the bytes end early")?;
-    if guid != instance.definition.guid {
-        return Err(format!(
-            "the bytes are a state of another FMU: GUID {guid}, not {}",
-            instance.definition.guid
-        ));
+    if guid != instance.guid {
+        return Err(format!("the bytes are a state of another FMU: GUID {guid}, not {}", instance.guid));
     }
     let (length, sum) = (r.u64().ok_or("the bytes end early")?, r.u64().ok_or("the bytes end early")?);
     if length != r.bytes.len() as u64 || sum != checksum(r.bytes) {

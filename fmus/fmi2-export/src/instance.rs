@@ -6,6 +6,7 @@ use crate::dual::Dual;
 use crate::integrator::Workspace;
 use crate::logger::{Category, Logger};
 use crate::model::{Model, Outcome, Refusal};
+use crate::start_values::StartValues;
 use crate::state_machine::Mode;
 use crate::values::{Interface, Real, Values};
 use crate::variables::Access;
@@ -90,6 +91,10 @@ impl State {
 /// An instance of model `M`, as behind an `fmi2Component`.
 pub struct Instance<M: Model> {
     pub(crate) definition: &'static Definition<M>,
+    /// GUID of the FMU: that of the library, or of an FMU derived from it.
+    pub(crate) guid: String,
+    /// What `fmi2Reset` goes back to.
+    start: Values<f64>,
     pub(crate) state: State,
     pub(crate) logger: Logger,
     resources: Option<PathBuf>,
@@ -106,9 +111,10 @@ impl<M: Model> Instance<M> {
     /// Creates an instance with start values.
     ///
     /// # Errors
-    /// Where the model can't load its resources.
+    /// Where the start values of a derived FMU do not fit, or the model can't load its resources.
     pub(crate) fn new(
         definition: &'static Definition<M>,
+        derived: Option<StartValues>,
         interface: Interface,
         logger: Logger,
         resources: Option<PathBuf>,
@@ -120,7 +126,11 @@ impl<M: Model> Instance<M> {
             .filter(|v| v.causality == crate::Causality::Input)
             .filter_map(crate::Variable::real)
             .collect();
-        let values = table.start_values(interface);
+        let mut values = table.start_values(interface);
+        if let Some(derived) = &derived {
+            derived.apply(table, &mut values).map_err(Refusal::Error)?;
+        }
+        let start = values.clone();
         let state = State {
             mode: Mode::Instantiated,
             dirty: true,
@@ -142,6 +152,8 @@ impl<M: Model> Instance<M> {
         };
         let mut instance = Self {
             definition,
+            guid: derived.map_or_else(|| definition.guid.clone(), |derived| derived.guid),
+            start,
             duals: state.values.convert(),
             work: Workspace::new(table.states().len(), table.number_of_event_indicators(), inputs.len()),
             access: Access::of(table),
@@ -266,11 +278,10 @@ impl<M: Model> Instance<M> {
     }
 
     pub(crate) fn reset(&mut self) -> Status {
-        let fresh = self.definition.table.start_values(self.interface());
         let s = &mut self.state;
-        s.pre_real.copy_from_slice(&fresh.real);
-        s.pre_memory.copy_from_slice(&fresh.memory);
-        s.values = fresh;
+        s.pre_real.copy_from_slice(&self.start.real);
+        s.pre_memory.copy_from_slice(&self.start.memory);
+        s.values.copy_from(&self.start);
         s.mode = Mode::Instantiated;
         s.dirty = true;
         s.parameters_dirty = true;

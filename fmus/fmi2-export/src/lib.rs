@@ -26,6 +26,7 @@ mod model;
 mod model_exchange;
 mod resources;
 mod scalar;
+pub mod start_values;
 pub mod state_machine;
 pub mod structure;
 mod table;

@@ -31,13 +31,17 @@
 
 mod arx_actuator;
 mod cart_pole;
+mod continuous_form;
 mod friction;
+mod linear_state_space;
+mod matrix;
 pub mod registry;
 pub mod testing;
 
 pub use arx_actuator::ArxActuator;
 pub use cart_pole::CartPole;
 pub use friction::Friction;
+pub use linear_state_space::LinearStateSpace;
 
 /// Attributes that every model has in common.
 const GENERATION_TOOL: &str = "airloop fmi2-export";

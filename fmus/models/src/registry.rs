@@ -3,6 +3,7 @@
 use crate::arx_actuator::{self, ArxActuator, FirstOrder};
 use crate::cart_pole::CartPole;
 use crate::friction::{self, Friction};
+use crate::linear_state_space::LinearStateSpace;
 use crate::testing::{AllTypes, BouncingBall, Copy};
 use fmi2_export::{Definition, Identity, Model, Table};
 
@@ -61,6 +62,11 @@ pub fn all() -> Vec<Entry> {
             ..entry::<Friction>("fmu-friction", true, include_str!("../../friction/README.md"))
         },
         entry::<CartPole>("fmu-cart-pole", true, include_str!("../../cart-pole/README.md")),
+        entry::<LinearStateSpace>(
+            "fmu-linear-state-space",
+            true,
+            include_str!("../../linear-state-space/README.md"),
+        ),
         entry::<Copy>("fmu-test-copy", false, include_str!("../../test-copy/README.md")),
         entry::<BouncingBall>(
             "fmu-test-bouncing-ball",
@@ -84,7 +90,7 @@ fn entry<M: Model>(package: &'static str, shipped: bool, readme: &'static str) -
         resources: &[],
         description: || {
             let definition = Definition::<M>::new();
-            Description { table: definition.table, xml: definition.xml }
+            Description { xml: definition.xml(), table: definition.table }
         },
     }
 }

@@ -4,7 +4,7 @@
 //! both realisations, not from the models' own choice.
 
 use airloop_models::testing::{AllTypes, BouncingBall, Copy};
-use airloop_models::{ArxActuator, CartPole, Friction};
+use airloop_models::{ArxActuator, CartPole, Friction, LinearStateSpace};
 use fmi2_export::structure::Unknown;
 use fmi2_export::{Causality, Definition, Interface, Kind, Model, Values, Variable};
 
@@ -56,6 +56,7 @@ fn differs(variable: &Variable, a: &Values<f64>, b: &Values<f64>) -> bool {
 fn check<M: Model>(allowed: impl Fn(&Variable) -> bool) -> usize {
     let definition = Definition::<M>::new();
     let (model, table) = (&definition.model, &definition.table);
+    let structure = definition.structure();
     let variables = table.variables();
     let items = |v: &Variable| match v.kind {
         Kind::Enumeration { enumeration, .. } => table.enumerations()[enumeration].items.len(),
@@ -95,10 +96,10 @@ fn check<M: Model>(allowed: impl Fn(&Variable) -> bool) -> usize {
                     }
                 }
             };
-            compare(&definition.structure.initial_unknowns);
+            compare(&structure.initial_unknowns);
             if known.causality != Causality::Parameter {
-                compare(&definition.structure.outputs);
-                compare(&definition.structure.derivatives);
+                compare(&structure.outputs);
+                compare(&structure.derivatives);
             }
         }
     }
@@ -111,6 +112,7 @@ fn whatever_changes_lists_what_was_moved() {
     assert!(check::<Friction>(all) > POINTS);
     assert!(check::<CartPole>(all) > POINTS);
     assert!(check::<ArxActuator>(all) > 10 * POINTS);
+    assert!(check::<LinearStateSpace>(all) > 10 * POINTS);
     assert!(check::<Copy>(all) > 0);
     assert!(check::<BouncingBall>(all) > POINTS);
     // A fault that panics on demand has no value to compare.

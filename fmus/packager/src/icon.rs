@@ -99,6 +99,16 @@ fn drawing(model_name: &str) -> Vec<(Shape, Colour)> {
             disc((74.0, 18.0), 9.0, ORANGE),
             disc((46.0, 58.0), 4.0, PALE),
         ],
+        "linear-state-space" => vec![
+            rectangle((10.0, 14.0), (16.0, 86.0), INK),
+            rectangle((84.0, 14.0), (90.0, 86.0), INK),
+            line((50.0, 14.0), (50.0, 86.0), 2.0, GREY),
+            line((16.0, 50.0), (84.0, 50.0), 2.0, GREY),
+            disc((33.0, 32.0), 10.0, BLUE),
+            disc((67.0, 32.0), 10.0, ORANGE),
+            disc((33.0, 68.0), 10.0, GREEN),
+            disc((67.0, 68.0), 10.0, PALE),
+        ],
         "test-copy" => vec![
             disc((22.0, 50.0), 13.0, BLUE),
             disc((78.0, 50.0), 13.0, BLUE),

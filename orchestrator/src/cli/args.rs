@@ -50,6 +50,16 @@ pub enum Command {
     /// The written system simulates to the same bits. Geometry, annotations, connectors that are not connected, and
     /// the step size and tolerance of a single FMU are not kept.
     Export(super::export::Args),
+    /// Write one of our FMUs with start values, name and GUID of its own, for any FMI tool.
+    Derive(super::derive::Args),
+    /// Write a command for an experiment: chirp, random stairs, multisine or pseudo-random binary sequence.
+    Excite(super::excite::Args),
+    /// Identify a model from measured inputs and outputs.
+    Identify {
+        /// Kind of model.
+        #[command(subcommand)]
+        command: super::identify::Command,
+    },
     /// Print a completion script for a shell, e.g. `airloop completions bash > ~/.local/share/bash-completion/completions/airloop`.
     Completions {
         /// Shell.
@@ -222,9 +232,11 @@ pub enum InputsChoice {
 /// `--master`
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum MasterChoice {
-    /// Serial: in evaluation order, each slave gets the newest outputs of those before it.
+    /// Serial: in evaluation order, each slave gets the newest outputs of those before it. Algebraic loops are solved
+    /// at every communication point.
     GaussSeidel,
-    /// Parallel: outputs are exchanged, then all slaves step; every connection is one step late.
+    /// Parallel: outputs are exchanged, then all slaves step; every connection is one step late, but for those of
+    /// algebraic loops, which are solved at every communication point.
     Jacobi,
     /// Linearly implicit: strongly coupled components are solved in the master, then their slaves step, with
     /// rollback. For stiff coupling; accurate at long steps.

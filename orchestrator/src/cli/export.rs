@@ -59,7 +59,7 @@ impl From<VersionChoice> for Version {
 /// # Errors
 /// What keeps the system from being read, amended or written.
 pub fn run(args: &Args) -> Result<ExitCode, Error> {
-    let mut graph = SystemGraph::open(&args.system)?;
+    let mut graph = SystemGraph::open_to_read(&args.system)?;
     for (name, value) in &args.set {
         graph.set_start(name, value, &format!("--set {name}={value}"))?;
     }

@@ -4,7 +4,6 @@ use std::io::ErrorKind;
 use std::path::Path;
 
 use crate::Error;
-use crate::results::summary;
 
 /// Makes the folder; whether it was not there before.
 ///
@@ -21,19 +20,24 @@ pub fn make(folder: &Path) -> Result<bool, Error> {
     Ok(made)
 }
 
-/// Removes what an earlier run wrote into the folder: result, summary, page, and the figures that its summary lists.
-/// Files of others stay.
+/// Removes what an earlier run or identification wrote into the folder: result, model, summary, page, and the figures
+/// and files that its summary lists. Files of others stay.
 ///
 /// # Errors
 /// [`Error::OutputFolder`] names a file that cannot be removed.
 pub fn clear(folder: &Path) -> Result<(), Error> {
-    let listed = summary::read(&folder.join("summary.json")).map_or_else(|_| Vec::new(), |old| old.figures);
-    let plain = |name: &String| name.ends_with(".svg") && Path::new(name).file_name() == Some(name.as_ref());
-    let figures = listed.into_iter().filter(plain);
+    let summary = std::fs::read(folder.join("summary.json")).unwrap_or_default();
+    let summary: serde_json::Value = serde_json::from_slice(&summary).unwrap_or_default();
+    let listed = ["figures", "files"].into_iter().filter_map(|list| summary[list].as_array()).flatten();
+    let plain = |name: &&str| {
+        let ending = Path::new(name).extension().and_then(|ending| ending.to_str());
+        Path::new(name).file_name() == Some(name.as_ref())
+            && ending.is_some_and(|ending| ["svg", "csv", "toml", "fmu"].contains(&ending))
+    };
+    let listed = listed.filter_map(|name| name.as_str()).filter(plain);
     // The summary goes last: until then it lists what is left.
-    let own = ["result.csv", "index.html", "summary.json"].map(str::to_owned);
-    for name in figures.chain(own) {
-        match std::fs::remove_file(folder.join(&name)) {
+    for name in listed.chain(["result.csv", "index.html", "summary.json"]) {
+        match std::fs::remove_file(folder.join(name)) {
             Err(error) if error.kind() != ErrorKind::NotFound => {
                 let problem = format!("{name} of an earlier run cannot be removed: {error}");
                 return Err(Error::OutputFolder { folder: folder.into(), problem });

@@ -46,7 +46,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
         let (text, value) = (describe(&fmu), json(&fmu));
         (vec![fmu], text, value)
     } else {
-        let graph = SystemGraph::open(&args.file)?;
+        let graph = SystemGraph::open_to_read(&args.file)?;
         let (text, value) = (inspect_system::describe(&graph), inspect_system::json(&graph));
         let mut fmus: Vec<Arc<Fmu>> = Vec::new();
         for component in &graph.components {

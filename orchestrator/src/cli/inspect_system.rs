@@ -53,6 +53,7 @@ pub fn json(graph: &SystemGraph) -> serde_json::Value {
         "inputs": inputs.collect::<Vec<_>>(),
         "outputs": outputs.collect::<Vec<_>>(),
         "connections": connections.collect::<Vec<_>>(),
+        "algebraic_loops": graph.loops.iter().map(|one| graph.loop_names(one)).collect::<Vec<_>>(),
         "evaluation_order": order.collect::<Vec<_>>(),
         "notes": graph.notes,
     })
@@ -112,6 +113,9 @@ pub fn describe(graph: &SystemGraph) -> String {
         })
         .collect();
     text += &indented(&table(&["from", "to", "conversion"], &connections, &[]));
+    for one in &graph.loops {
+        text += &format!("\nAlgebraic loop: {}\n", graph.loop_names(one).join(" -> "));
+    }
     for note in &graph.notes {
         text += &format!("\nNote: {note}\n");
     }

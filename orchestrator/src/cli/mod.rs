@@ -4,8 +4,11 @@
 
 pub mod args;
 pub mod coupling;
+pub mod derive;
+pub mod excite;
 pub mod export;
 mod folder;
+pub mod identify;
 pub mod inspect;
 pub mod inspect_system;
 pub mod output;
@@ -34,6 +37,9 @@ pub fn main() -> ExitCode {
         Command::Run(args) => run::run(&args),
         Command::Inspect(args) => inspect::run(&args),
         Command::Export(args) => export::run(&args),
+        Command::Derive(args) => derive::run(&args),
+        Command::Excite(args) => excite::run(&args),
+        Command::Identify { command } => identify::run(&command),
         Command::Completions { shell } => {
             let mut script = Vec::new();
             clap_complete::generate(shell, &mut Cli::command(), "airloop", &mut script);
@@ -43,7 +49,12 @@ pub fn main() -> ExitCode {
     outcome.unwrap_or_else(|error| {
         output::complain(&format!("error: {error}"));
         // A setting out of range is wrong usage, be it a word on its own or only together with others.
-        let usage = matches!(error, crate::Error::Master(crate::master::Error::Setting { .. }));
+        let usage = matches!(
+            error,
+            crate::Error::Master(crate::master::Error::Setting { .. })
+                | crate::Error::Excite(crate::excite::Error::Setting { .. })
+                | crate::Error::Structure(_)
+        );
         if usage { ExitCode::from(USAGE) } else { ExitCode::FAILURE }
     })
 }

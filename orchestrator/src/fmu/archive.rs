@@ -302,7 +302,7 @@ fn check_names<'a>(names: impl Iterator<Item = &'a str>) -> Result<(), ArchiveEr
 }
 
 /// Why a name is refused, if it is.
-fn bad_name(name: &str) -> Option<&'static str> {
+pub(super) fn bad_name(name: &str) -> Option<&'static str> {
     let path = name.strip_suffix('/').unwrap_or(name);
     if name.starts_with('/') {
         return Some("it is an absolute path");

@@ -6,6 +6,7 @@
 
 mod archive;
 pub mod check;
+pub mod derive;
 pub mod description;
 mod error;
 mod functions;
@@ -16,6 +17,7 @@ mod model;
 mod open;
 mod package;
 mod slave;
+pub mod template_folder;
 
 pub use archive::{ArchiveError, Limits};
 pub use description::{

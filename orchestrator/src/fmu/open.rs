@@ -110,6 +110,11 @@ impl Fmu {
         self.unpacked.folder.path().join("resources")
     }
 
+    /// The folder with the unpacked files.
+    pub(super) fn folder(&self) -> &Path {
+        self.unpacked.folder.path()
+    }
+
     /// Names of all files in the archive, with forward slashes, in archive order.
     pub fn files(&self) -> &[String] {
         &self.unpacked.files

@@ -4,53 +4,14 @@
 //! lists are made before the first step; a macro step only copies numbers.
 
 use std::collections::HashMap;
-use std::ops::Range;
+use std::ops::{Deref, DerefMut, Range};
 
+use super::values::Values;
 use super::{Algorithm, Error, slot};
-use crate::fmu::{Causality, Slave, StepStatus, VariableKind};
+use crate::fmu::{Causality, Instance, Slave, StepStatus, VariableKind};
 use crate::results::{Column, Slot};
 use crate::system::SystemGraph;
 use crate::system::graph::{Conversion, DataType, Source, Start, SystemInput, unit_of};
-
-/// All values of a system at a communication point.
-#[derive(Debug, Clone, PartialEq, Default)]
-pub struct Values {
-    /// Reals.
-    pub reals: Vec<f64>,
-    /// Integers and enumerations.
-    pub integers: Vec<i32>,
-    /// Booleans.
-    pub booleans: Vec<bool>,
-    /// Strings.
-    pub strings: Vec<String>,
-}
-
-impl Values {
-    /// Sets a number; Integers are rounded, a Boolean is true unless the value is 0.
-    #[inline]
-    pub(super) fn set(&mut self, slot: Option<Slot>, value: f64) {
-        match slot {
-            Some(Slot::Real(index)) => self.reals[index] = value,
-            Some(Slot::Integer(index)) => self.integers[index] = value.round() as i32,
-            Some(Slot::Boolean(index)) => self.booleans[index] = value != 0.0,
-            None => {}
-        }
-    }
-
-    /// The first number that differs, bit by bit; `None` inside for a text.
-    pub(super) fn first_difference(&self, other: &Values) -> Option<Option<Slot>> {
-        let bits = |values: &[f64]| -> Vec<u64> { values.iter().map(|value| value.to_bits()).collect() };
-        let differs = |index: Option<usize>, slot: fn(usize) -> Slot| index.map(|index| Some(slot(index)));
-        differs(mismatch(&bits(&self.reals), &bits(&other.reals)), Slot::Real)
-            .or_else(|| differs(mismatch(&self.integers, &other.integers), Slot::Integer))
-            .or_else(|| differs(mismatch(&self.booleans, &other.booleans), Slot::Boolean))
-            .or_else(|| (self.strings != other.strings).then_some(None))
-    }
-}
-
-fn mismatch<T: PartialEq>(a: &[T], b: &[T]) -> Option<usize> {
-    a.iter().zip(b).position(|(a, b)| a != b)
-}
 
 /// Position of every value in the flat buffers.
 #[derive(Debug)]
@@ -359,6 +320,20 @@ pub(super) struct Node {
     integer_buffer: Vec<i32>,
     boolean_buffer: Vec<bool>,
     others: Option<Box<Others>>,
+}
+
+impl Deref for Node {
+    type Target = Instance;
+
+    fn deref(&self) -> &Instance {
+        &self.slave
+    }
+}
+
+impl DerefMut for Node {
+    fn deref_mut(&mut self) -> &mut Instance {
+        &mut self.slave
+    }
 }
 
 impl Node {

@@ -4,8 +4,12 @@
 //! followed back from the end of the step along its tangent there. (The line through its two values would not do:
 //! behind a sampled source it lags by half a sample.) Discrete outputs and system inputs are held.
 
-use super::exchange::{Node, Values, Wiring};
+use std::ops::Range;
+
+use super::Values;
+use super::exchange::{Node, Wiring};
 use super::interface_jacobian::{Course as Input, Feed, Outputs, Unit, interfaces};
+use super::loops::{Group, Loops};
 use super::{Algorithm, Error, Grid, Settings, Stop};
 use crate::fmu::StepStatus;
 use crate::system::SystemGraph;
@@ -33,6 +37,10 @@ pub(super) struct Extrapolation {
     order: u32,
     /// Order of what continues a source that has not stepped yet.
     prediction: u32,
+    /// Inputs of a slave at one instant.
+    held: Vec<f64>,
+    /// Whether the inputs of each unit in a loop have a course.
+    has_course: Vec<bool>,
     /// Values and derivatives of all outputs after the last pass over the same step, if it is repeated.
     ahead: Option<[Vec<f64>; 2]>,
     last_pass: [Vec<f64>; 2],
@@ -81,6 +89,8 @@ impl Extrapolation {
                 (references, orders, vec![0.0; order as usize * unit.inputs.len()])
             })
             .collect();
+        let most = units.iter().map(|unit| unit.inputs.len()).max().unwrap_or(0);
+        let (held, has_course) = (vec![0.0; most], vec![false; units.len()]);
         let before = [vec![0.0; count], vec![0.0; count]];
         let steps = [grid.step(); 2];
         Ok(Extrapolation {
@@ -93,6 +103,8 @@ impl Extrapolation {
             derivatives,
             order,
             prediction: settings.extrapolation,
+            held,
+            has_course,
             ahead: None,
             last_pass: [vec![0.0; count], vec![0.0; count]],
             notes,
@@ -104,23 +116,51 @@ impl Extrapolation {
         &mut self,
         nodes: &mut [Node],
         values: &mut Values,
-        t: f64,
-        h: f64,
+        mut loops: Option<&mut Loops>,
+        (t, h): (f64, f64),
         serial: bool,
     ) -> Result<(), Stop> {
         self.outputs.begin.copy_from_slice(&self.outputs.y);
-        for (number, node) in nodes.iter_mut().enumerate() {
-            node.set_inputs(values)?;
-            self.set_course(number, node, values, h, serial)?;
-            let status = node.do_step(t, h)?;
-            if status != StepStatus::Complete {
-                return Err(Stop::Incomplete { node: number, status });
+        if let Some(loops) = loops.as_deref_mut().filter(|_| !serial) {
+            for group in loops.groups() {
+                self.begin(group, nodes, values, (t, h), serial)?;
+            }
+        }
+        let mut next = 0;
+        while next < nodes.len() {
+            let (block, mut group) = match loops.as_deref_mut() {
+                Some(loops) => loops.block(next),
+                None => (next..next + 1, None),
+            };
+            next = block.end;
+            match group.as_deref_mut() {
+                Some(group) if serial => self.begin(group, nodes, values, (t, h), serial)?,
+                Some(_) => {}
+                None => nodes[block.start].set_inputs(values)?,
+            }
+            for number in block.clone() {
+                let node = &mut nodes[number];
+                if self.find_course(number, values, &block, h, serial) {
+                    self.give_course(number, node, h)?;
+                }
+                let status = node.do_step(t, h)?;
+                if status != StepStatus::Complete {
+                    return Err(Stop::Incomplete { node: number, status });
+                }
             }
             if serial {
-                self.read(number, node, values, h)?;
+                if let Some(group) = group {
+                    self.finish(group, nodes, values, (t, h))?;
+                }
+                for number in block {
+                    self.read(number, &mut nodes[number], values, h)?;
+                }
             }
         }
         if !serial {
+            for group in loops.into_iter().flat_map(Loops::groups) {
+                self.finish(group, nodes, values, (t, h))?;
+            }
             for (number, node) in nodes.iter_mut().enumerate() {
                 self.read(number, node, values, h)?;
             }
@@ -166,26 +206,80 @@ impl Extrapolation {
         &self.notes
     }
 
-    /// Gives a slave the course of its inputs.
-    fn set_course(
+    /// Solves a loop where the step begins, with the inputs from outside at the beginnings of their courses.
+    fn begin(
         &mut self,
-        number: usize,
-        node: &mut Node,
-        values: &Values,
-        h: f64,
+        group: &mut Group,
+        nodes: &mut [Node],
+        values: &mut Values,
+        (t, h): (f64, f64),
         serial: bool,
     ) -> Result<(), Stop> {
+        let block = group.nodes.clone();
+        for number in block.clone() {
+            nodes[number].set_inputs(values)?;
+            self.has_course[number] = self.find_course(number, values, &block, h, serial);
+            if self.has_course[number] {
+                let unit = &self.units[number];
+                nodes[number].set_real(&unit.input_references, &unit.value)?;
+            }
+        }
+        group.solve(nodes, values, t)?;
+        for number in block {
+            let unit = &self.units[number];
+            let places = unit.outputs.clone();
+            if !places.is_empty() {
+                nodes[number].get_real(&unit.output_references, &mut self.outputs.y[places.clone()])?;
+                self.outputs.begin[places.clone()].copy_from_slice(&self.outputs.y[places]);
+            }
+        }
+        Ok(())
+    }
+
+    /// Solves a loop where the step ends, with the inputs from outside at the ends of their courses.
+    fn finish(
+        &mut self,
+        group: &mut Group,
+        nodes: &mut [Node],
+        values: &mut Values,
+        (t, h): (f64, f64),
+    ) -> Result<(), Stop> {
+        for number in group.nodes.clone().filter(|&number| self.has_course[number]) {
+            let unit = &self.units[number];
+            let count = unit.inputs.len();
+            self.held[..count].copy_from_slice(&unit.value);
+            let mut power = 1.0;
+            for order in 0..self.order as usize {
+                power *= h / (order + 1) as f64;
+                let rates = &self.derivatives[number].2[order * count..(order + 1) * count];
+                self.held.iter_mut().zip(rates).for_each(|(value, rate)| *value += power * rate);
+            }
+            nodes[number].set_real(&unit.input_references, &self.held[..count])?;
+        }
+        group.solve(nodes, values, t + h)
+    }
+
+    /// Finds the course of the inputs of a slave that steps together with those in `block`; false if they are held.
+    fn find_course(
+        &mut self,
+        number: usize,
+        values: &Values,
+        block: &Range<usize>,
+        h: f64,
+        serial: bool,
+    ) -> bool {
         let count = self.units[number].inputs.len();
         let repeated = self.ahead.is_some();
         if count == 0 || !(self.units[number].ramps || repeated) {
-            return Ok(());
+            return false;
         }
         for k in 0..count {
             let input = self.units[number].inputs[k];
             let course = match input.feed {
                 Feed::Signal(place) => {
-                    let stepped = serial && self.sources[place].1 < number;
-                    self.course(place, stepped, h)
+                    let source = self.sources[place].1;
+                    let together = block.contains(&source);
+                    self.course(place, serial && source < number && !together, together, h)
                 }
                 feed => {
                     let [begin, end] = [(0.0, true), (1.0, false)]
@@ -198,22 +292,30 @@ impl Extrapolation {
                 self.derivatives[number].2[order * count + k] = input.conversion.factor * course[order + 1];
             }
         }
-        if !self.units[number].ramps {
-            // Held: a block without states at the end of the step, others at the mean.
-            let part = if self.units[number].is_static { h } else { 0.5 * h };
-            for k in 0..count {
-                self.units[number].value[k] += part * self.derivatives[number].2[k];
-            }
-            node.slave().set_real(&self.units[number].input_references, &self.units[number].value)?;
+        true
+    }
+
+    /// Gives a slave the course of its inputs.
+    fn give_course(&mut self, number: usize, node: &mut Node, h: f64) -> Result<(), Stop> {
+        let unit = &self.units[number];
+        let (references, orders, derivatives) = &self.derivatives[number];
+        if unit.ramps {
+            node.set_real(&unit.input_references, &unit.value)?;
+            node.slave().set_real_input_derivatives(references, orders, derivatives)?;
             return Ok(());
         }
-        let (references, orders, derivatives) = &self.derivatives[number];
-        node.slave().set_real(&self.units[number].input_references, &self.units[number].value)?;
-        node.slave().set_real_input_derivatives(references, orders, derivatives)?;
+        // Held: a block without states at the end of the step, others at the mean.
+        let part = if unit.is_static { h } else { 0.5 * h };
+        let count = unit.inputs.len();
+        for ((held, value), rate) in self.held.iter_mut().zip(&unit.value).zip(derivatives) {
+            *held = value + part * rate;
+        }
+        node.set_real(&unit.input_references, &self.held[..count])?;
         Ok(())
     }
 
-    fn course(&self, place: usize, stepped: bool, h: f64) -> Course {
+    /// Course of an output; `stepped`: its slave has done the step; `together`: it steps with the one it feeds.
+    fn course(&self, place: usize, stepped: bool, together: bool, h: f64) -> Course {
         if let Some([ahead, ahead_rate]) = &self.ahead {
             let (discrete, unit) = self.sources[place];
             let (y, rate) = match stepped {
@@ -223,9 +325,9 @@ impl Extrapolation {
             let begin = self.outputs.begin[place];
             return match self.units[unit].is_static {
                 _ if discrete => [y, 0.0, 0.0],
-                // It may have jumped where the step begins.
-                true => [y - h * rate, rate, 0.0],
-                false => [begin, (y - begin) / h, 0.0],
+                // It may have jumped where the step begins; a loop was solved there.
+                true if !together => [y - h * rate, rate, 0.0],
+                _ => [begin, (y - begin) / h, 0.0],
             };
         }
         let y = if stepped { self.outputs.y[place] } else { self.outputs.begin[place] };

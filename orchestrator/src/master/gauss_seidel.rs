@@ -4,7 +4,8 @@
 //! later in the order are seen with their values at the beginning of the step.
 
 use super::Stop;
-use super::exchange::{Node, Values};
+use super::Values;
+use super::exchange::Node;
 use crate::fmu::StepStatus;
 
 /// One macro step from `t` to `t + h` \[s\].

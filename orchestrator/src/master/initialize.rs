@@ -1,6 +1,7 @@
 //! From a system graph to slaves at the start time, with outputs that are consistent across all connections.
 
-use super::exchange::{Node, Values, Wiring};
+use super::Values;
+use super::exchange::{Node, Wiring};
 use super::{Error, Grid, Settings, propagation};
 use crate::fmu::{Instance, Slave, VariableKind};
 use crate::system::SystemGraph;

@@ -3,7 +3,8 @@
 //! The order of the slaves does not matter; every connection adds a delay of one communication step.
 
 use super::Stop;
-use super::exchange::{Node, Values};
+use super::Values;
+use super::exchange::Node;
 use crate::fmu::StepStatus;
 
 /// One macro step from `t` to `t + h` \[s\].

@@ -5,10 +5,11 @@
 //! inputs from a series and a recorder. What is optimised, plotted or compared is left to the modules above.
 //!
 //! Values are made consistent at the start by module `propagation`. The co-simulation masters keep to the strict
-//! reading of FMI 2.0.5 section 4.2.4: between setting an input and reading an
-//! output of a slave there is always a step.
+//! reading of FMI 2.0.5 section 4.2.4: between setting an input and reading an output of a slave there is always a
+//! step. Algebraic loops (module `loops`) are the exception, through slaves that were found to allow it.
 
 mod adaptive;
+mod error;
 mod exchange;
 mod extrapolation;
 mod gauss_seidel;
@@ -17,9 +18,12 @@ mod initialize;
 #[allow(clippy::needless_range_loop, reason = "small matrices are read by row and column")]
 mod interface_jacobian;
 mod jacobi;
+mod loops;
 pub mod monolithic;
 mod propagation;
 pub mod simulate;
+mod stop;
+mod values;
 
 use crate::fmu::StepStatus;
 use crate::results::{Column, Slot};
@@ -27,12 +31,15 @@ use crate::system::SystemGraph;
 use crate::system::graph::DataType;
 
 pub use adaptive::Adaptive;
-pub use exchange::Values;
+pub use error::Error;
 use exchange::{Node, Wiring};
 use extrapolation::{Extrapolation, MAX_ORDER};
 pub use grid::Grid;
 pub use interface_jacobian::Coupling;
-use interface_jacobian::{Failure, InterfaceJacobian};
+use interface_jacobian::InterfaceJacobian;
+use loops::Loops;
+use stop::{Stop, ended};
+pub use values::Values;
 
 /// Order in which slaves step and exchange values.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -134,88 +141,6 @@ impl Settings {
     }
 }
 
-/// Why a simulation cannot start or go on.
-#[derive(Debug, thiserror::Error)]
-#[allow(missing_docs, reason = "component, variable, time and step, as in each message")]
-pub enum Error {
-    /// A setting is out of range.
-    #[error("{name} = {value} is not possible: it must be {allowed}")]
-    Setting { name: &'static str, value: f64, allowed: &'static str },
-    /// The last step is shorter and a slave cannot do that.
-    #[error(
-        "component `{component}` cannot handle steps of different length, but {stop} s is no multiple of the step {step} s; choose another stop time or step"
-    )]
-    FixedStepOnly { component: String, stop: f64, step: f64 },
-    /// A call into an FMU failed; its message names component, time and what to try.
-    #[error(transparent)]
-    Fmu(#[from] crate::fmu::Error),
-    /// A slave stopped inside a step.
-    #[error(
-        "component `{component}`: fmi2DoStep returned fmi2Discard at t = {time} s with step {step} s{reached}; try a smaller `--step`{log}"
-    )]
-    Discarded { component: String, time: f64, step: f64, reached: String, log: String },
-    /// NaN or infinity at an output.
-    #[error(
-        "component `{component}`: output `{variable}` is {value} at t = {time} s; look at its inputs just before (result file), try a smaller `--step`, and check parameters and start values"
-    )]
-    NotFinite { component: String, variable: String, value: f64, time: f64 },
-    /// Initial values do not settle.
-    #[error(
-        "the outputs still change after {passes} rounds of initialisation (`{variable}` is one); an FMU probably depends on an input that its `dependencies` do not list"
-    )]
-    Unsettled { passes: usize, variable: String },
-    /// An option of another master.
-    #[error("--{option} is an option of `--master {master}`; give that master or leave the option out")]
-    OptionOfOther { option: &'static str, master: &'static str },
-    /// The interface-Jacobian master cannot work with an FMU.
-    #[error(
-        "component `{component}` {reason} which the interface-Jacobian master cannot handle; use `--master gauss-seidel`"
-    )]
-    Unsuitable { component: String, reason: String },
-    /// A coupled component cannot be solved.
-    #[error(
-        "the coupling of {components} {reason} at t = {time} s with step {step} s; try a smaller `--step`, or `--master gauss-seidel`"
-    )]
-    Coupling { components: String, reason: String, time: f64, step: f64 },
-    /// Adaptive steps need more of an FMU.
-    #[error("component `{component}` {reason}: leave --adaptive out and choose a --step for all steps")]
-    NotAdaptive { component: String, reason: &'static str },
-    /// The shortest step is still too long.
-    #[error(
-        "component `{component}`: the error of `{variable}` at t = {time} s is {error:.1e} of its size even with the shortest communication step, {step} s; look for a jump or a growing oscillation there (result file), and try a larger `--step-tolerance`, a smaller `--min-step` or another `--master`"
-    )]
-    StepTooShort { component: String, variable: String, time: f64, step: f64, error: f64 },
-    /// [`Master`] cannot be monolithic.
-    #[error("the monolithic master does not step slaves; run it with master::simulate::run")]
-    NoSteps,
-    /// An algebraic loop has no solution that was found.
-    #[error(
-        "algebraic loop at t = {time} s: after {iterations} iterations {problem}; residuals: {residuals}; check parameters and start values of these inputs' components, or break the loop with a delay or a filter"
-    )]
-    AlgebraicLoop { time: f64, iterations: usize, problem: &'static str, residuals: String },
-    /// The integrator cannot keep the tolerance.
-    #[error(
-        "component `{component}`: the error of `{variable}` stays too large at t = {time} s, even with a step of {step} s; it may grow without bound or jump without an event indicator; look at its inputs just before (result file), or try a larger `--tolerance`"
-    )]
-    StepUnderflow { component: String, variable: String, time: f64, step: f64 },
-    /// The explicit integrator is not made for this.
-    #[error(
-        "component `{component}`: at t = {time} s the integrator needed {steps} steps within one interval, because of `{variable}`; the system is too stiff for the monolithic master: try `--master gauss-seidel` with a small `--step`"
-    )]
-    Stiff { component: String, variable: String, time: f64, steps: u64 },
-    /// Events without end.
-    #[error(
-        "{events} events within one communication step up to t = {time} s, the last by {cause}: this looks like chattering; give the model a hysteresis, or choose a smaller `--step` if the events are real"
-    )]
-    Chattering { cause: String, time: f64, events: u64 },
-    /// An event iteration without end.
-    #[error("the event iteration at t = {time} s does not end in {rounds} rounds: {cause}")]
-    EventIteration { time: f64, rounds: u32, cause: String },
-    /// Two columns of the result have one name.
-    #[error("the result cannot be written: {0}")]
-    Result(#[from] crate::series::Error),
-}
-
 /// What a macro step came to.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Progress {
@@ -261,6 +186,9 @@ pub struct Master {
     interface_jacobian: Option<Box<InterfaceJacobian>>,
     /// Present for Gauss-Seidel and Jacobi with inputs that are not held.
     extrapolation: Option<Box<Extrapolation>>,
+    /// Present for systems with algebraic loops.
+    loops: Option<Box<Loops>>,
+    notes: Vec<String>,
 }
 
 impl Master {
@@ -282,10 +210,17 @@ impl Master {
             values.set(wiring.inputs[input], value);
         }
         let mut nodes = initialize::initialize(graph, &wiring, settings, &grid, &mut values)?;
+        let loops = Loops::new(graph, &wiring, settings, &grid, &values)?.map(Box::new);
         let interface_jacobian = match settings.algorithm {
-            Algorithm::InterfaceJacobian => {
-                Some(Box::new(InterfaceJacobian::new(graph, &wiring, settings, &grid, &mut nodes, &values)?))
-            }
+            Algorithm::InterfaceJacobian => Some(Box::new(InterfaceJacobian::new(
+                graph,
+                &wiring,
+                settings,
+                &grid,
+                &mut nodes,
+                &values,
+                loops.as_deref(),
+            )?)),
             _ => None,
         };
         let extrapolation = match (settings.algorithm, settings.extrapolation) {
@@ -297,6 +232,10 @@ impl Master {
             _ => Some(Box::new(Extrapolation::new(graph, &wiring, settings, &grid, &mut nodes, &values)?)),
         };
         let algorithm = settings.algorithm;
+        let mut notes = loops.as_ref().map_or_else(Vec::new, |loops| loops.notes(&nodes));
+        let coupled = interface_jacobian.as_ref().map(|master| master.notes());
+        let others = coupled.or(extrapolation.as_ref().map(|master| master.notes())).unwrap_or(&[]);
+        notes.extend_from_slice(others);
         Ok(Master {
             nodes,
             wiring,
@@ -307,6 +246,8 @@ impl Master {
             algorithm,
             interface_jacobian,
             extrapolation,
+            loops,
+            notes,
         })
     }
 
@@ -330,6 +271,13 @@ impl Master {
         self.point >= self.grid.steps()
     }
 
+    /// Components, those that share an algebraic loop as one.
+    fn blocks(&self) -> usize {
+        let loops = self.loops.as_ref();
+        let more = |node: usize| loops.is_some_and(|loops| loops.continues(node));
+        (0..self.nodes.len()).filter(|&node| !more(node)).count()
+    }
+
     /// Values of system inputs and outputs of components at the current communication point.
     pub fn values(&self) -> &Values {
         &self.values
@@ -345,17 +293,22 @@ impl Master {
     /// Work done so far.
     pub fn effort(&self) -> Effort {
         let Some(interface_jacobian) = &self.interface_jacobian else {
-            return Effort { fmu_steps: vec![self.made; self.nodes.len()], ..Effort::default() };
+            let Some(loops) = &self.loops else {
+                return Effort { fmu_steps: vec![self.made; self.nodes.len()], ..Effort::default() };
+            };
+            let fmu_steps =
+                (0..self.nodes.len()).map(|node| self.made + loops.repeated_steps(node)).collect();
+            return Effort { fmu_steps, newton_rounds: loops.rounds(), ..Effort::default() };
         };
         let [static_evaluations, newton_rounds, coupled_passes] = interface_jacobian.inner_work();
+        let newton_rounds = newton_rounds + self.loops.as_ref().map_or(0, |loops| loops.rounds());
         let fmu_steps = interface_jacobian.fmu_steps().collect();
         Effort { fmu_steps, static_evaluations, newton_rounds, coupled_passes }
     }
 
     /// What the master does in place of what an FMU cannot do, one sentence each.
     pub fn notes(&self) -> &[String] {
-        let coupled = self.interface_jacobian.as_ref().map(|master| master.notes());
-        coupled.or(self.extrapolation.as_ref().map(|master| master.notes())).unwrap_or(&[])
+        &self.notes
     }
 
     /// Columns for a recorder: system inputs and outputs by their plain name, then, unless the system is a single
@@ -387,13 +340,17 @@ impl Master {
     fn advance(&mut self, t: f64, h: f64) -> Result<(), Stop> {
         self.made += 1;
         match self.algorithm {
-            Algorithm::GaussSeidel | Algorithm::Jacobi if self.extrapolation.is_some() => {
-                self.step_extrapolated(t, h)
+            Algorithm::GaussSeidel | Algorithm::Jacobi
+                if self.extrapolation.is_some() || self.loops.is_some() =>
+            {
+                self.step_otherwise(t, h)
             }
             Algorithm::GaussSeidel => gauss_seidel::step(&mut self.nodes, &mut self.values, t, h),
             Algorithm::Jacobi => jacobi::step(&mut self.nodes, &mut self.values, t, h),
             Algorithm::InterfaceJacobian => match &mut self.interface_jacobian {
-                Some(master) => master.step(&mut self.nodes, &mut self.values, t, h),
+                Some(master) => {
+                    master.step(&mut self.nodes, &mut self.values, self.loops.as_deref_mut(), t, h)
+                }
                 None => Ok(()),
             },
             // There is no such master.
@@ -401,12 +358,15 @@ impl Master {
         }
     }
 
+    /// With inputs that are not held, or with algebraic loops.
     #[inline(never)]
-    fn step_extrapolated(&mut self, t: f64, h: f64) -> Result<(), Stop> {
+    fn step_otherwise(&mut self, t: f64, h: f64) -> Result<(), Stop> {
         let serial = self.algorithm == Algorithm::GaussSeidel;
-        match &mut self.extrapolation {
-            Some(master) => master.step(&mut self.nodes, &mut self.values, t, h, serial),
-            None => Ok(()),
+        let (nodes, values) = (&mut self.nodes, &mut self.values);
+        match (&mut self.extrapolation, &mut self.loops) {
+            (Some(master), loops) => master.step(nodes, values, loops.as_deref_mut(), (t, h), serial),
+            (None, Some(loops)) => loops.step(nodes, values, t, h, serial),
+            (None, None) => Ok(()),
         }
     }
 
@@ -418,6 +378,7 @@ impl Master {
                 Some(master) => Err(master.explain(&failure, &self.nodes, t, h)),
                 None => Ok(Progress::Stepped),
             },
+            Stop::Loop { failure, time } => Err(failure.at(time)),
             Stop::NotFinite { node } => Err(self.nodes[node].not_finite(&self.values, end)),
             Stop::Ended { node } => {
                 self.point += 1;
@@ -444,60 +405,6 @@ impl Master {
             }
         }
     }
-}
-
-/// Why a macro step stopped; small, so that the good path carries little.
-#[derive(Debug)]
-enum Stop {
-    Fmu(Box<crate::fmu::Error>),
-    Incomplete {
-        node: usize,
-        status: StepStatus,
-    },
-    /// The whole step was done, and a slave asked for the end at its end.
-    Ended {
-        node: usize,
-    },
-    NotFinite {
-        node: usize,
-    },
-    Coupling(Box<Failure>),
-}
-
-impl From<Failure> for Stop {
-    #[cold]
-    fn from(failure: Failure) -> Stop {
-        Stop::Coupling(Box::new(failure))
-    }
-}
-
-impl From<crate::fmu::Error> for Stop {
-    #[cold]
-    fn from(error: crate::fmu::Error) -> Stop {
-        Stop::Fmu(Box::new(error))
-    }
-}
-
-/// Distance to the end of a step, relative to the time, below which a slave that stopped there did the whole step.
-const AT_END: f64 = 1e-9;
-
-/// The slave that asks for the end of the simulation exactly at the `end` \[s\] of the step, so that the others can
-/// finish the step; an error for one that stopped before.
-#[cold]
-fn ended(
-    node: &mut Node,
-    index: usize,
-    status: StepStatus,
-    values: &mut Values,
-    end: f64,
-) -> Result<usize, Stop> {
-    if let StepStatus::Discarded { last_successful_time: Some(last), terminated: true } = status {
-        let whole = (last - end).abs() <= AT_END * end.abs().max(1.0);
-        if whole && node.get_outputs(values).is_ok() {
-            return Ok(index);
-        }
-    }
-    Err(Stop::Incomplete { node: index, status })
 }
 
 /// Slot of a value of some type in the flat buffers; `None` for String.

@@ -5,6 +5,7 @@
 
 pub mod axes;
 pub mod figures;
+pub mod fit_page;
 pub mod page;
 pub mod run;
 pub mod svg;

@@ -53,7 +53,7 @@ pub fn figure_files(summary: &Summary) -> Vec<String> {
 }
 
 /// A file name for each figure, no two alike.
-fn unique_files<'a>(names: impl Iterator<Item = &'a str>) -> Vec<String> {
+pub fn unique_files<'a>(names: impl Iterator<Item = &'a str>) -> Vec<String> {
     let mut files: Vec<String> = Vec::new();
     for name in names {
         let stem = file_name(name);
@@ -174,7 +174,7 @@ fn file_name(name: &str) -> String {
     name.chars().map(safe).take(80).collect()
 }
 
-fn write(path: &Path, text: &str) -> Result<(), Error> {
+pub(super) fn write(path: &Path, text: &str) -> Result<(), Error> {
     file::write_whole(path, |out| out.write_all(text.as_bytes()))
         .map_err(|source| Error::Io { file: path.into(), source })
 }

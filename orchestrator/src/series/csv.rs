@@ -157,14 +157,14 @@ pub fn parse(text: &str, path: &Path) -> Result<TimeSeries, Error> {
 }
 
 /// Factor of a unit of time; small units divide by a whole number, which rounds once (7 ms is 0.007 s).
-#[derive(Clone, Copy)]
-enum Seconds {
+#[derive(Debug, Clone, Copy)]
+pub(super) enum Seconds {
     Times(f64),
     Over(f64),
 }
 
 impl Seconds {
-    fn of(unit: &str) -> Option<Seconds> {
+    pub(super) fn of(unit: &str) -> Option<Seconds> {
         Some(match unit {
             "s" => Seconds::Times(1.0),
             "ms" => Seconds::Over(1e3),
@@ -176,7 +176,7 @@ impl Seconds {
         })
     }
 
-    fn convert(self, value: f64) -> f64 {
+    pub(super) fn convert(self, value: f64) -> f64 {
         match self {
             Seconds::Times(factor) => value * factor,
             Seconds::Over(divisor) => value / divisor,
@@ -185,7 +185,7 @@ impl Seconds {
 }
 
 /// A truth value written as a word.
-fn truth(cell: &str) -> Option<f64> {
+pub(super) fn truth(cell: &str) -> Option<f64> {
     match cell.trim().trim_matches('"') {
         "true" | "True" | "TRUE" => Some(1.0),
         "false" | "False" | "FALSE" => Some(0.0),
@@ -236,7 +236,7 @@ fn number(cell: &str, path: &Path, line: usize, column: &str) -> Result<f64, Err
 }
 
 /// Names and units of the header; the first is `time`.
-fn header_cells(header: &str, path: &Path) -> Result<Vec<(String, Option<String>)>, Error> {
+pub(super) fn header_cells(header: &str, path: &Path) -> Result<Vec<(String, Option<String>)>, Error> {
     let cells = split_quoted(header).ok_or_else(|| Error::Quote { path: path.into(), line: 1 })?;
     let named: Vec<(String, Option<String>)> = cells.iter().map(|cell| name_and_unit(cell.trim())).collect();
     let first = &named[0].0;

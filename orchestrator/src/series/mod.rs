@@ -6,6 +6,7 @@
 pub mod csv;
 pub mod file;
 pub mod resample;
+pub mod stream;
 
 pub use resample::Interpolation;
 

@@ -117,7 +117,7 @@ pub enum Error {
     /// A start value of the wrong type or outside the variable's range.
     #[error("{place}: `{name}` cannot be set to `{value}`: allowed is {allowed}")]
     StartValue { place: String, name: String, value: String, allowed: String },
-    /// Variables that depend on each other at the same instant.
-    #[error("{}: algebraic loop: {}; break it with a component whose output does not depend directly on its input (a delay or a filter), run it with `--master monolithic`, or declare true `dependencies` in the FMU", file.display(), variables.join(" -> "))]
-    AlgebraicLoop { file: PathBuf, variables: Vec<String> },
+    /// Variables that depend on each other at the same instant and cannot be solved for.
+    #[error("{}: algebraic loop: {}, with `{culprit}`, which is no continuous Real and cannot be solved for; break it with a component whose output does not depend directly on its input (a delay or a filter){master}, or declare true `dependencies` in the FMU", file.display(), variables.join(" -> "))]
+    AlgebraicLoop { file: PathBuf, variables: Vec<String>, culprit: String, master: &'static str },
 }

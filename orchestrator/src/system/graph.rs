@@ -6,8 +6,9 @@ use std::sync::Arc;
 
 use tempfile::TempDir;
 
+use super::order::{self, Loop};
 use super::ssp::{self, Structure};
-use super::{Error, order, start, validate};
+use super::{Error, start, validate};
 use crate::fmu::{Causality, Fmu, InterfaceKind, Variability, Variable, VariableKind};
 
 /// Type of a connector or variable.
@@ -219,6 +220,8 @@ pub struct SystemGraph {
     pub experiment: Experiment,
     /// Components in evaluation order.
     pub order: Vec<usize>,
+    /// Variables that depend on each other at the same instant.
+    pub loops: Vec<Loop>,
     /// What was assumed or left out, one sentence each.
     pub notes: Vec<String>,
     /// Units that the description declares, by name.
@@ -244,12 +247,24 @@ impl SystemGraph {
         SystemGraph::open_for(file, InterfaceKind::CoSimulation)
     }
 
-    /// As [`SystemGraph::open`], for masters that use one interface of the FMUs. Algebraic loops are refused for
-    /// Co-Simulation only: Model Exchange can solve them.
+    /// As [`SystemGraph::open`], for masters that use one interface of the FMUs.
     ///
     /// # Errors
     /// As [`SystemGraph::open`].
     pub fn open_for(file: &Path, interface: InterfaceKind) -> Result<SystemGraph, Error> {
+        SystemGraph::open_with(file, Some(interface))
+    }
+
+    /// As [`SystemGraph::open`], to look at or write the system without running it: FMUs may have any interface, and
+    /// algebraic loops any variables.
+    ///
+    /// # Errors
+    /// As [`SystemGraph::open`].
+    pub fn open_to_read(file: &Path) -> Result<SystemGraph, Error> {
+        SystemGraph::open_with(file, None)
+    }
+
+    fn open_with(file: &Path, interface: Option<InterfaceKind>) -> Result<SystemGraph, Error> {
         let ending = file.extension().and_then(|ending| ending.to_str()).map(str::to_ascii_lowercase);
         match ending.as_deref() {
             Some("fmu") => SystemGraph::from_fmu(file, interface),
@@ -266,11 +281,14 @@ impl SystemGraph {
         }
     }
 
-    /// Opens the FMUs of a description and resolves it.
+    /// Opens the FMUs of a description and resolves it, for masters that use `interface`, or (`None`) for none.
     ///
     /// # Errors
     /// As [`SystemGraph::open`].
-    pub fn from_structure(structure: Structure, interface: InterfaceKind) -> Result<SystemGraph, Error> {
+    pub fn from_structure(
+        structure: Structure,
+        interface: Option<InterfaceKind>,
+    ) -> Result<SystemGraph, Error> {
         let mut opened: HashMap<PathBuf, Arc<Fmu>> = HashMap::new();
         let mut fmus = Vec::with_capacity(structure.components.len());
         for component in &structure.components {
@@ -298,7 +316,7 @@ impl SystemGraph {
     ///
     /// # Errors
     /// As [`SystemGraph::open`].
-    pub fn from_fmu(file: &Path, interface: InterfaceKind) -> Result<SystemGraph, Error> {
+    pub fn from_fmu(file: &Path, interface: Option<InterfaceKind>) -> Result<SystemGraph, Error> {
         let stem = file.file_stem().map_or("fmu".into(), |stem| stem.to_string_lossy().into_owned());
         let fmu = open_fmu(file, &stem, (file, file), interface)?;
         let description = &fmu.description;
@@ -342,6 +360,7 @@ impl SystemGraph {
             },
             components: vec![Component { name: stem, fmu, start_values: Vec::new() }],
             order: vec![0],
+            loops: Vec::new(),
             notes: Vec::new(),
             units: Vec::new(),
             package: None,
@@ -354,6 +373,13 @@ impl SystemGraph {
             Source::Input(index) => self.inputs[index].name.clone(),
             Source::Output { component, variable } => self.components[component].path_of(variable),
         }
+    }
+
+    /// The variables of an algebraic loop by name, each following directly from the one before, the first once more
+    /// at the end.
+    pub fn loop_names(&self, one: &Loop) -> Vec<String> {
+        let closed = one.path.iter().chain(one.path.first());
+        closed.map(|&(component, variable)| self.components[component].path_of(variable)).collect()
     }
 
     /// Whether an output is held between communication points (variability discrete).
@@ -402,16 +428,16 @@ fn open_fmu(
     file: &Path,
     component: &str,
     (path, shown): (&Path, &Path),
-    interface: InterfaceKind,
+    interface: Option<InterfaceKind>,
 ) -> Result<Arc<Fmu>, Error> {
     let fmu = Fmu::open_shown(path, shown).map_err(|source| Error::Fmu {
         file: file.into(),
         component: component.into(),
         source: Box::new(source),
     })?;
-    if fmu.interface(interface).is_some() {
+    let Some(interface) = interface.filter(|&interface| fmu.interface(interface).is_none()) else {
         return Ok(fmu);
-    }
+    };
     let (file, component, fmu) = (file.into(), component.into(), shown.into());
     Err(match interface {
         InterfaceKind::CoSimulation => Error::NoCoSimulation { file, component, fmu },

@@ -2,7 +2,8 @@
 //!
 //! The graph of variables has an edge for every connection and for every input that an output depends on directly
 //! (`dependencies` of the model structure). Its strongly connected components (Tarjan 1972) are the algebraic
-//! loops. Components are then ordered so that an output with direct feed-through comes before its consumers.
+//! loops. Components are then ordered so that an output with direct feed-through comes before its consumers; those
+//! that share a loop stand together.
 
 use std::collections::HashMap;
 
@@ -21,42 +22,99 @@ pub fn feed_through(component: &Component, output: usize) -> Vec<usize> {
     }
 }
 
-/// Components in evaluation order (indices into `graph.components`).
-///
-/// # Errors
-/// [`Error::AlgebraicLoop`] with the variables that form the loop, if it cannot be solved: one in Co-Simulation, or
-/// one with values that are no Reals.
-pub fn evaluation_order(graph: &SystemGraph, interface: InterfaceKind) -> Result<Vec<usize>, Error> {
-    let solvable = |&(component, variable): &(usize, usize)| {
-        let variable = &graph.components[component].fmu.description.variables[variable];
-        interface == InterfaceKind::ModelExchange && DataType::of(variable) == DataType::Real
-    };
-    let variables = VariableGraph::new(&graph.components, &graph.connections);
-    if let Some(cycle) = variables.cycle(solvable) {
-        let mut names: Vec<String> = cycle
-            .iter()
-            .map(|&node| {
-                let (component, variable) = variables.nodes[node];
-                graph.components[component].path_of(variable)
-            })
-            .collect();
-        names.push(names[0].clone());
-        return Err(Error::AlgebraicLoop { file: graph.file.clone(), variables: names });
-    }
-    Ok(order_components(graph))
+/// An algebraic loop.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Loop {
+    /// All its inputs and outputs, as (component, variable), in ascending order.
+    pub variables: Vec<(usize, usize)>,
+    /// Some of them as a path that closes: each follows directly from the one before.
+    pub path: Vec<(usize, usize)>,
 }
 
-/// Takes, again and again, the component that waits for the fewest others.
+/// All algebraic loops of a system, in the order of their first variables.
+pub fn algebraic_loops(graph: &SystemGraph) -> Vec<Loop> {
+    let variables = VariableGraph::new(&graph.components, &graph.connections);
+    let nodes = |numbers: &[usize]| numbers.iter().map(|&node| variables.nodes[node]).collect::<Vec<_>>();
+    let mut loops: Vec<Loop> = variables
+        .cycles()
+        .iter()
+        .map(|members| {
+            let path = nodes(&variables.path(members));
+            let mut variables = nodes(members);
+            variables.sort_unstable();
+            Loop { variables, path }
+        })
+        .collect();
+    loops.sort_by(|a, b| a.variables.cmp(&b.variables));
+    loops
+}
+
+/// Refuses loops that no master with this interface solves.
 ///
-/// Waiting for an output with direct feed-through counts most, then for a discrete output (it only gets its value
-/// for the interval in the step), then for any other; the order of the file decides between equals.
-fn order_components(graph: &SystemGraph) -> Vec<usize> {
-    let count = graph.components.len();
-    let mut waiting = vec![[0usize; 3]; count];
-    let mut consumers: Vec<Vec<(usize, usize)>> = vec![Vec::new(); count];
+/// # Errors
+/// [`Error::AlgebraicLoop`] with the variables that form the loop. Model Exchange takes Reals; in Co-Simulation they
+/// have to be continuous as well, as a discrete output does not follow its inputs between its events.
+pub fn check_loops(graph: &SystemGraph, interface: InterfaceKind) -> Result<(), Error> {
+    let solvable = |&(component, variable): &(usize, usize)| {
+        let variable = &graph.components[component].fmu.description.variables[variable];
+        let continuous = variable.variability == Variability::Continuous;
+        DataType::of(variable) == DataType::Real && (continuous || interface == InterfaceKind::ModelExchange)
+    };
+    for one in &graph.loops {
+        let variables = &one.variables;
+        let Some(culprit) = variables.iter().find(|node| !solvable(node)) else { continue };
+        let name = |&(component, variable): &(usize, usize)| graph.components[component].path_of(variable);
+        let reals = variables.iter().all(|&(component, variable)| {
+            DataType::of(&graph.components[component].fmu.description.variables[variable]) == DataType::Real
+        });
+        let (file, culprit) = (graph.file.clone(), name(culprit));
+        return Err(Error::AlgebraicLoop {
+            file,
+            variables: graph.loop_names(one),
+            culprit,
+            master: if reals { ", run it with `--master monolithic`" } else { "" },
+        });
+    }
+    Ok(())
+}
+
+/// Components that share algebraic loops, each group in ascending order; components outside all loops are missing.
+pub fn loop_groups(graph: &SystemGraph) -> Vec<Vec<usize>> {
+    let mut groups: Vec<Vec<usize>> = Vec::new();
+    for one in &graph.loops {
+        let mut members: Vec<usize> = one.variables.iter().map(|&(component, _)| component).collect();
+        let shares = |group: &Vec<usize>| group.iter().any(|member| members.contains(member));
+        let (shared, others): (Vec<_>, Vec<_>) = groups.into_iter().partition(shares);
+        groups = others;
+        members.extend(shared.into_iter().flatten());
+        members.sort_unstable();
+        members.dedup();
+        groups.push(members);
+    }
+    groups
+}
+
+/// Components in evaluation order (indices into `graph.components`), those that share a loop one after the other.
+///
+/// Takes, again and again, the group that waits for the fewest others. Waiting for an output with direct
+/// feed-through counts most, then for a discrete output (it only gets its value for the interval in the step), then
+/// for any other; the order of the file decides between equals.
+pub fn evaluation_order(graph: &SystemGraph) -> Vec<usize> {
+    let mut groups = loop_groups(graph);
+    let looped: Vec<usize> = groups.concat();
+    groups
+        .extend((0..graph.components.len()).filter(|index| !looped.contains(index)).map(|index| vec![index]));
+    groups.sort();
+    let mut group_of = vec![0; graph.components.len()];
+    for (group, members) in groups.iter().enumerate() {
+        members.iter().for_each(|&member| group_of[member] = group);
+    }
+    let mut waiting = vec![[0usize; 3]; groups.len()];
+    let mut consumers: Vec<Vec<(usize, usize)>> = vec![Vec::new(); groups.len()];
     for connection in &graph.connections {
         let Source::Output { component, variable } = connection.source else { continue };
-        if component == connection.component {
+        let (from, to) = (group_of[component], group_of[connection.component]);
+        if from == to {
             continue;
         }
         let producer = &graph.components[component];
@@ -66,17 +124,17 @@ fn order_components(graph: &SystemGraph) -> Vec<usize> {
             true if discrete => 1,
             true => 2,
         };
-        waiting[connection.component][rank] += 1;
-        consumers[component].push((connection.component, rank));
+        waiting[to][rank] += 1;
+        consumers[from].push((to, rank));
     }
-    let mut order = Vec::with_capacity(count);
-    let mut left: Vec<usize> = (0..count).collect();
+    let mut order = Vec::with_capacity(graph.components.len());
+    let mut left: Vec<usize> = (0..groups.len()).collect();
     while let Some(position) = (0..left.len()).min_by_key(|&position| waiting[left[position]]) {
-        let component = left.remove(position);
-        for &(consumer, rank) in &consumers[component] {
+        let group = left.remove(position);
+        for &(consumer, rank) in &consumers[group] {
             waiting[consumer][rank] -= 1;
         }
-        order.push(component);
+        order.extend_from_slice(&groups[group]);
     }
     order
 }
@@ -123,20 +181,23 @@ impl VariableGraph {
         })
     }
 
-    /// The nodes of a cycle in its direction, if there is one; those of `allowed` variables alone do not count.
-    fn cycle(&self, allowed: impl Fn(&(usize, usize)) -> bool) -> Option<Vec<usize>> {
-        let is_cycle = |members: &Vec<usize>| {
-            (members.len() > 1 || self.next[members[0]].contains(&members[0]))
-                && !members.iter().all(|&member| allowed(&self.nodes[member]))
-        };
-        let members = strongly_connected(&self.next).into_iter().find(is_cycle)?;
+    /// Strongly connected components that hold a cycle.
+    fn cycles(&self) -> Vec<Vec<usize>> {
+        let mut components = strongly_connected(&self.next);
+        components.retain(|members| members.len() > 1 || self.next[members[0]].contains(&members[0]));
+        components
+    }
+
+    /// The nodes of a cycle inside a strongly connected component, in its direction.
+    fn path(&self, members: &[usize]) -> Vec<usize> {
         // Inside a strongly connected component every node has a successor inside it: walking on closes a cycle.
         let mut path = vec![members[0]];
         loop {
-            let last = *path.last().expect("the path begins with a node");
-            let next = *self.next[last].iter().find(|node| members.contains(node))?;
+            let last = path[path.len() - 1];
+            let inside = self.next[last].iter().find(|node| members.contains(node));
+            let Some(&next) = inside else { return path };
             if let Some(start) = path.iter().position(|&node| node == next) {
-                return Some(path.split_off(start));
+                return path.split_off(start);
             }
             path.push(next);
         }
@@ -242,7 +303,9 @@ mod tests {
             nodes: vec![(0, 0); 5],
             next: vec![vec![1], vec![2], vec![3], vec![1, 4], vec![]],
         };
-        let cycle = graph.cycle(|_| false).unwrap();
+        let cycles = graph.cycles();
+        assert_eq!(cycles.len(), 1);
+        let cycle = graph.path(&cycles[0]);
         for (position, &node) in cycle.iter().enumerate() {
             assert!(graph.next[node].contains(&cycle[(position + 1) % cycle.len()]), "{cycle:?}");
         }

@@ -23,7 +23,7 @@ pub use super::start::set_start_text;
 pub fn resolve(
     structure: &Structure,
     fmus: Vec<Arc<Fmu>>,
-    interface: InterfaceKind,
+    interface: Option<InterfaceKind>,
 ) -> Result<SystemGraph, Error> {
     for (element, fmu) in structure.components.iter().zip(&fmus) {
         for connector in &element.connectors {
@@ -51,6 +51,7 @@ pub fn resolve(
             tolerance: None,
         },
         order: Vec::new(),
+        loops: Vec::new(),
         notes: Vec::new(),
         units: structure.units.clone(),
         package: None,
@@ -65,7 +66,11 @@ pub fn resolve(
     for parameter in &structure.parameters {
         start::bind_system(&mut graph, parameter, &structure.units, &aliases)?;
     }
-    graph.order = order::evaluation_order(&graph, interface)?;
+    graph.loops = order::algebraic_loops(&graph);
+    if let Some(interface) = interface {
+        order::check_loops(&graph, interface)?;
+    }
+    graph.order = order::evaluation_order(&graph);
     notes::missing_dependencies(&mut graph);
     notes::open_inputs(structure, &mut graph);
     Ok(graph)

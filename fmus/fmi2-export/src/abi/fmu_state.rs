@@ -54,7 +54,7 @@ pub unsafe fn serialized_fmu_state_size<M: Model>(c: Component, state: FmuState,
     call::<M>(c, F, |i| match (snapshot(state), output(size, 1)) {
         (Some(snapshot), Some([size])) => {
             let mut bytes = Vec::new();
-            fmu_state::serialize(i.definition, &snapshot.state, &mut bytes);
+            fmu_state::serialize(&i.guid, &snapshot.state, &mut bytes);
             *size = bytes.len();
             Status::OK
         }
@@ -72,7 +72,7 @@ pub unsafe fn serialize_fmu_state<M: Model>(
     call::<M>(c, F, |i| match (snapshot(state), output(bytes.cast::<u8>(), size)) {
         (Some(snapshot), Some(out)) => {
             let mut written = Vec::new();
-            fmu_state::serialize(i.definition, &snapshot.state, &mut written);
+            fmu_state::serialize(&i.guid, &snapshot.state, &mut written);
             if written.len() > out.len() {
                 return i.error(
                     F.name(),

@@ -14,6 +14,7 @@ use crate::instance::Instance;
 use crate::logger::{Category, Logger};
 use crate::model::{Model, Refusal};
 use crate::resources;
+use crate::start_values::{FILE, StartValues};
 use crate::state_machine::{Function, Mode, allowed_states, is_allowed};
 use crate::values::Interface;
 
@@ -184,23 +185,38 @@ pub unsafe fn instantiate<M: Model>(
             return refuse(&logger, &format!("{other} is neither fmi2ModelExchange nor fmi2CoSimulation"));
         }
     };
-    match text(guid) {
-        Some(guid) if guid == definition.guid => {}
-        guid => {
-            let message = format!(
-                "the GUID {} is not that of this FMU, {}: library and modelDescription.xml do not belong together",
-                guid.unwrap_or("(none)"),
-                definition.guid
-            );
-            return refuse(&logger, &message);
-        }
-    }
     let folder = text(resource_location).and_then(resources::folder);
+    let derived = match catch(|| StartValues::read(folder.as_deref())) {
+        Ok(Ok(derived)) => derived,
+        Ok(Err(message)) | Err(message) => return refuse(&logger, &message),
+    };
+    if let Err(message) = check_guid(text(guid).unwrap_or("(none)"), &definition.guid, derived.as_ref()) {
+        return refuse(&logger, &message);
+    }
     let (again, callback_logger) = (Logger::new(callback, environment, name, logging_on != 0), logger);
-    match catch(|| Instance::<M>::new(definition, interface, callback_logger, folder)) {
+    match catch(|| Instance::<M>::new(definition, derived, interface, callback_logger, folder)) {
         Ok(Ok(instance)) => Box::into_raw(Box::new(instance)).cast(),
         Ok(Err(Refusal::Discard(message) | Refusal::Error(message))) => refuse(&again, &message),
         Err(panic) => refuse(&again, &format!("the model failed: {panic}")),
+    }
+}
+
+/// The GUID that the importer read must be that of the library, or of the FMU derived from it.
+fn check_guid(guid: &str, library: &str, derived: Option<&StartValues>) -> Result<(), String> {
+    match derived {
+        Some(derived) if derived.base != library => Err(format!(
+            "resources/{FILE} was made for the library {}, this one is {library}: derive the FMU again",
+            derived.base
+        )),
+        Some(derived) if derived.guid != guid => Err(format!(
+            "the GUID {guid} is not that of resources/{FILE}, {}: it does not belong to modelDescription.xml",
+            derived.guid
+        )),
+        None if guid != library => Err(format!(
+            "the GUID {guid} is not that of this FMU, {library}: library and modelDescription.xml do not belong \
+             together, or fmuResourceLocation does not lead to resources/{FILE} of a derived FMU"
+        )),
+        _ => Ok(()),
     }
 }
 

@@ -1,9 +1,7 @@
 //! Identified pneumatic actuator: ARX model from force command to force (paper eq. 3, 5-8, 12).
 //!
-//! [`realisation`] has the state forms, [`pressure`] the pressures of eq. 3 and 5, [`matrix`] the logarithm that
-//! the continuous form needs.
+//! [`realisation`] has the state forms, [`pressure`] the pressures of eq. 3 and 5.
 
-mod matrix;
 mod pressure;
 mod realisation;
 #[cfg(test)]

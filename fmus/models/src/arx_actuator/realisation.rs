@@ -1,6 +1,6 @@
 //! State forms of the recursion: sampled (observer form) and continuous (its zero-order-hold equivalent).
 
-use super::matrix::{Complex, Matrix, NoLogarithm};
+use crate::continuous_form::{self, NoContinuous};
 use fmi2_export::Scalar;
 
 /// Most coefficients on past outputs.
@@ -13,6 +13,9 @@ pub const MAX_NY: usize = 2;
 pub const MAX_BLOCKS: usize = 4;
 /// Most continuous states.
 pub const MAX_STATES: usize = MAX_BLOCKS * MAX_NY;
+
+/// States and command.
+pub type Matrix<S> = crate::matrix::Matrix<S, { MAX_STATES + 1 }>;
 
 /// The orders of eq. 6.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -128,20 +131,7 @@ impl<S: Scalar> Recursion<S> {
             return Err(NoContinuousForm::Delay { delay, na: self.shape.na });
         }
         let transition = self.transition();
-        let n = self.shape.states();
-        let mut log = transition.logarithm().map_err(|why| {
-            // Beside the axis by less than this the logarithm exists but has no digits.
-            const CLOSE: f64 = 1e-4;
-            let poles = Matrix::leading(&transition, n).poles();
-            let on_axis = |p: &Complex| p.0 <= 0.0 && p.1.abs() <= CLOSE * p.0.abs();
-            poles.into_iter().find(on_axis).map_or(NoContinuousForm::Numerical(why), NoContinuousForm::Pole)
-        })?;
-        for i in 0..n {
-            for j in 0..=n {
-                log.set(i, j, log.at(i, j) / sample_time);
-            }
-        }
-        Ok(log)
+        Ok(continuous_form::of(&transition, self.shape.states(), sample_time)?)
     }
 }
 
@@ -150,10 +140,14 @@ impl<S: Scalar> Recursion<S> {
 pub enum NoContinuousForm {
     /// The command reaches further back than the outputs: poles at zero.
     Delay { delay: usize, na: usize },
-    /// A pole at zero or on the negative real axis.
-    Pole(Complex),
-    /// The logarithm was not found.
-    Numerical(NoLogarithm),
+    /// The matrix of one sample has no logarithm.
+    Transition(NoContinuous),
+}
+
+impl From<NoContinuous> for NoContinuousForm {
+    fn from(why: NoContinuous) -> Self {
+        Self::Transition(why)
+    }
 }
 
 impl std::fmt::Display for NoContinuousForm {
@@ -164,12 +158,7 @@ impl std::fmt::Display for NoContinuousForm {
                 "the recursion has a pole at 0, because the oldest command in it (nk + nb - 1 = {delay} samples \
                  back) is older than the oldest output (na = {na} samples back)"
             ),
-            Self::Pole((re, im)) if im.abs() < 1e-9 => write!(f, "the recursion has a pole at {re:.6}"),
-            Self::Pole((re, im)) => write!(f, "the recursion has a pole at {re:.6} {im:+.2e}i"),
-            Self::Numerical(NoLogarithm::Singular) => write!(f, "the recursion has a pole at 0"),
-            Self::Numerical(NoLogarithm::NoSquareRoot) => {
-                write!(f, "the recursion has a pole too close to the negative real axis")
-            }
+            Self::Transition(why) => write!(f, "{why}"),
         }
     }
 }

@@ -57,7 +57,7 @@ fn step_response_of_eq_8_has_the_published_values() {
 #[test]
 fn toe_of_eq_12_has_the_published_poles_and_gains() {
     let mut run = Run::new(Interface::CoSimulation, |m, q| set_first_order(m, q, TOE)).prepared();
-    let poles = matrix::Matrix::leading(&run.model.recursion(&run.q).transition(), 2).poles();
+    let poles = realisation::Matrix::leading(&run.model.recursion(&run.q).transition(), 2).poles();
     assert!(poles.iter().any(|p| (p.0 - 0.97915).abs() < 5e-6 && (p.1 - 0.01532).abs() < 5e-6), "{poles:?}");
     let last = (0..4000).map(|_| run.step(1.0)).last().expect("4000 samples");
     assert!((last[0] - 1.00636).abs() < 5e-6 && (last[1] - 0.98965).abs() < 5e-6, "{last:?}");

@@ -3,11 +3,13 @@
 //! All of them work about an operating point: `u - input_offset` goes in, `output_offset` is added to what comes out.
 
 pub mod arx;
+pub mod file;
 pub mod state_space;
 
 use nalgebra::Complex;
 
 pub use arx::Arx;
+pub use file::{Linear, NamedModel};
 pub use state_space::StateSpace;
 
 use super::record::Record;

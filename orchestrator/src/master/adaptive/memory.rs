@@ -24,7 +24,7 @@ impl Memory {
         for (node, state) in master.nodes.iter_mut().zip(&mut self.states) {
             node.slave().get_state(state)?;
         }
-        copy(&master.values, &mut self.values);
+        self.values.copy_from(&master.values);
         self.carried.clear();
         let carried = &mut self.carried;
         carry(master, &mut |value| carried.push(*value));
@@ -38,7 +38,7 @@ impl Memory {
                 node.slave().set_state(state)?;
             }
         }
-        copy(&self.values, &mut master.values);
+        master.values.copy_from(&self.values);
         let mut carried = self.carried.iter();
         carry(master, &mut |value| {
             if let Some(saved) = carried.next() {
@@ -57,12 +57,4 @@ fn carry(master: &mut Master, each: &mut dyn FnMut(&mut f64)) {
     if let Some(extrapolation) = &mut master.extrapolation {
         extrapolation.carry(each);
     }
-}
-
-/// Copies values without new memory (unless there are texts).
-pub(super) fn copy(from: &Values, to: &mut Values) {
-    to.reals.copy_from_slice(&from.reals);
-    to.integers.copy_from_slice(&from.integers);
-    to.booleans.copy_from_slice(&from.booleans);
-    to.strings.clone_from_slice(&from.strings);
 }

@@ -2,8 +2,8 @@
 //!
 //! Under Gauss-Seidel and Jacobi, every step is made with held (or extrapolated) inputs and repeated from the saved states
 //! with inputs that run towards what the pass before has come to; the last pass is kept, and its difference to the one
-//! before is the estimate of the error. Gauss-Seidel is repeated once, Jacobi as often as there are components, so that
-//! what a pass hands on arrives everywhere. Under the interface-Jacobian master every step is made once whole and once
+//! before is the estimate of the error. Gauss-Seidel is repeated once, Jacobi as often as there are components (those
+//! that share an algebraic loop count as one), so that what a pass hands on arrives everywhere. Under the interface-Jacobian master every step is made once whole and once
 //! in two halves; the halves are kept as communication steps, and their difference to the whole is the estimate.
 //!
 //! From the estimate a PI controller chooses the next step. A step whose error is too large, or that a slave does not
@@ -110,7 +110,7 @@ pub(super) fn run(
     let order = if spanning { 2 } else { 1 };
     let method = match settings.algorithm {
         Algorithm::InterfaceJacobian => Method::Halves,
-        Algorithm::Jacobi => Method::Passes(graph.components.len() + 1),
+        Algorithm::Jacobi => Method::Passes(master.blocks() + 1),
         _ => Method::Passes(2),
     };
     let estimate = Estimate::new(graph, &master.wiring, &master.values, order);
@@ -346,7 +346,7 @@ impl Stepper<'_> {
         self.step(pair.begin, pair.middle)?;
         let (master, inputs) = (&mut self.master, &mut self.inputs);
         inputs.at(pair.middle, |input, value| master.set_input(input, value));
-        memory::copy(&self.master.values, &mut self.middle);
+        self.middle.copy_from(&self.master.values);
         self.step(pair.middle, pair.end)?;
         Ok(self.estimate.judge(&self.master.values, self.tolerance))
     }

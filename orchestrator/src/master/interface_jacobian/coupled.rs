@@ -9,7 +9,9 @@ use super::signal::line_of;
 use super::static_block::Function;
 use super::unit::{Outputs, Unit};
 use crate::master::Stop;
-use crate::master::exchange::{Node, Values};
+use crate::master::Values;
+use crate::master::exchange::Node;
+use crate::master::loops::{Group, Loops};
 
 /// Steps of an iteration to a tolerance before it is given up.
 const MAX_STEPS: u32 = 20;
@@ -35,6 +37,8 @@ pub(super) struct Coupled {
     pub y: Vec<f64>,
     pub rate: Vec<f64>,
     pub nudged: Vec<f64>,
+    /// Algebraic loops (by number of their group): solved once so many static blocks have stepped.
+    pub loops: Vec<(usize, usize)>,
     /// Steps of the whole component, with repetitions.
     pub passes: u64,
 }
@@ -49,6 +53,18 @@ pub(in crate::master) enum Failure {
 }
 
 impl Coupled {
+    /// Finds the loops among its members.
+    pub fn place_loops(&mut self, loops: &Loops) {
+        for group in self.members.iter().filter_map(|&unit| loops.group_of(unit)) {
+            if self.loops.iter().any(|&(known, _)| known == group) {
+                continue;
+            }
+            let mut statics = self.problem.statics.iter();
+            let last = statics.rposition(|block| loops.group_of(block.unit) == Some(group));
+            self.loops.push((group, last.map_or(0, |last| last + 1)));
+        }
+    }
+
     /// Steps the component from `t` to `t + h` \[s\].
     pub fn step(
         &mut self,
@@ -56,8 +72,8 @@ impl Coupled {
         nodes: &mut [Node],
         outputs: &mut Outputs,
         values: &mut Values,
-        t: f64,
-        h: f64,
+        mut loops: Option<&mut Loops>,
+        (t, h): (f64, f64),
     ) -> Result<(), Stop> {
         for &unit in &self.members {
             nodes[unit].set_non_reals(values)?;
@@ -97,7 +113,17 @@ impl Coupled {
         }
         self.last_step = h;
         self.finish_dynamics(units, outputs, h);
-        self.finish_statics(units, nodes, outputs, values, t, h)?;
+        for index in 0..=self.problem.statics.len() {
+            for position in 0..self.loops.len() {
+                let (group, after) = self.loops[position];
+                if let Some(loops) = loops.as_deref_mut().filter(|_| after == index) {
+                    self.solve_loop(loops.group(group), units, nodes, outputs, values, (t, h))?;
+                }
+            }
+            if index < self.problem.statics.len() {
+                self.finish_static(index, units, nodes, outputs, values, (t, h))?;
+            }
+        }
         for &unit in &self.members {
             nodes[unit].get_outputs(values)?;
             if !nodes[unit].outputs_are_finite(values) {
@@ -290,35 +316,86 @@ impl Coupled {
         }
     }
 
-    /// Steps the static FMUs to the inputs at the end of the step.
-    fn finish_statics(
+    /// Solves a loop at the end of the step through the FMUs, whose own steps met its solution but nearly.
+    fn solve_loop(
         &mut self,
+        group: &mut Group,
+        units: &mut [Unit],
+        nodes: &mut [Node],
+        outputs: &mut Outputs,
+        values: &mut Values,
+        (t, h): (f64, f64),
+    ) -> Result<(), Stop> {
+        if group.nodes.clone().any(|number| units[number].ended) {
+            return Ok(());
+        }
+        group.solve(nodes, values, t + h)?;
+        let dynamics = self.problem.dynamics.iter().map(|block| (block.unit, &block.y, false));
+        let statics = self.problem.statics.iter().map(|block| (block.unit, &block.y, true));
+        for (number, y, is_static) in dynamics.chain(statics) {
+            if !group.nodes.contains(&number) {
+                continue;
+            }
+            let unit = &units[number];
+            unit.read(&mut nodes[number], &mut self.y[y.clone()], &mut self.rate[y.clone()])?;
+            for (k, q) in unit.outputs.clone().zip(y.clone()) {
+                outputs.signals[k].move_end(self.y[q] - outputs.y[k]);
+                outputs.y[k] = self.y[q];
+                outputs.rate[k] = match unit.rates && !is_static {
+                    true => self.rate[q],
+                    false => (self.y[q] - outputs.begin[k]) / h,
+                };
+            }
+        }
+        let dynamics = self.problem.dynamics.iter().map(|block| (block.unit, &block.u));
+        let statics = self.problem.statics.iter().map(|block| (block.unit, &block.u));
+        for (number, u) in dynamics.chain(statics).filter(|(number, _)| group.nodes.contains(number)) {
+            for (k, i) in u.clone().enumerate() {
+                // From inside the group, or known before: what the slave has now.
+                if let (Link::Inside(q), input) = self.problem.inputs[i]
+                    && self.is_of(group, q)
+                {
+                    units[number].u[k] = input.conversion.apply(self.y[q]);
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Whether output `q` of the problem belongs to a slave of the group.
+    fn is_of(&self, group: &Group, q: usize) -> bool {
+        let dynamics = self.problem.dynamics.iter().map(|block| (block.unit, &block.y));
+        let statics = self.problem.statics.iter().map(|block| (block.unit, &block.y));
+        dynamics.chain(statics).any(|(number, y)| y.contains(&q) && group.nodes.contains(&number))
+    }
+
+    /// Steps a static FMU to the inputs at the end of the step.
+    fn finish_static(
+        &mut self,
+        index: usize,
         units: &mut [Unit],
         nodes: &mut [Node],
         outputs: &mut Outputs,
         values: &Values,
-        t: f64,
-        h: f64,
+        (t, h): (f64, f64),
     ) -> Result<(), Stop> {
-        for index in 0..self.problem.statics.len() {
-            self.end_inputs(index, units, outputs, values);
-            let block = &self.problem.statics[index];
-            let (unit, node) = (&mut units[block.unit], &mut nodes[block.unit]);
-            if unit.ramps {
-                for k in 0..unit.u.len() {
-                    unit.slope[k] = (unit.value[k] - unit.u[k]) / h;
-                    unit.value[k] = unit.u[k];
-                }
+        self.end_inputs(index, units, outputs, values);
+        let block = &self.problem.statics[index];
+        let (unit, node) = (&mut units[block.unit], &mut nodes[block.unit]);
+        if unit.ramps {
+            for k in 0..unit.u.len() {
+                unit.slope[k] = (unit.value[k] - unit.u[k]) / h;
+                unit.value[k] = unit.u[k];
             }
-            unit.advance(node, t, h, false)?;
-            unit.read(node, &mut self.y[block.y.clone()], &mut self.rate[block.y.clone()])?;
-            for (k, q) in unit.outputs.clone().zip(block.y.clone()) {
-                let signal = &mut outputs.signals[k];
-                signal.clear();
-                signal.line(0.0, 1.0, outputs.y[k], self.y[q]);
-                outputs.rate[k] = if unit.rates { self.rate[q] } else { (self.y[q] - outputs.y[k]) / h };
-                outputs.y[k] = self.y[q];
-            }
+        }
+        unit.advance(node, t, h, false)?;
+        unit.read(node, &mut self.y[block.y.clone()], &mut self.rate[block.y.clone()])?;
+        for (k, q) in unit.outputs.clone().zip(block.y.clone()) {
+            let signal = &mut outputs.signals[k];
+            signal.clear();
+            signal.line(0.0, 1.0, outputs.y[k], self.y[q]);
+            outputs.rate[k] = if unit.rates { self.rate[q] } else { (self.y[q] - outputs.y[k]) / h };
+            outputs.y[k] = self.y[q];
         }
         Ok(())
     }

@@ -7,8 +7,9 @@
 //! removes the error of linearisation. The stiffness of the coupling is thereby met by an L-stable method and limits
 //! no step.
 //!
-//! Components outside all cycles step once, in the order of the graph. Algebraic loops through FMUs (refused when the
-//! system is read) and events inside a coupled component are left to the monolithic master.
+//! Components outside all cycles step once, in the order of the graph. An algebraic loop is part of the reduced problem;
+//! where the step ends it is solved once more through the FMUs themselves ([`super::loops`]), so that what is passed on
+//! is no approximation. Events inside a coupled component are left to the monolithic master.
 
 mod capabilities;
 mod coupled;
@@ -24,7 +25,9 @@ mod single;
 mod static_block;
 mod unit;
 
-use super::exchange::{Node, Values, Wiring};
+use super::Values;
+use super::exchange::{Node, Wiring};
+use super::loops::Loops;
 use super::{Error, Grid, Settings, Stop};
 use crate::system::SystemGraph;
 use coupled::Coupled;
@@ -68,12 +71,26 @@ impl InterfaceJacobian {
         grid: &Grid,
         nodes: &mut [Node],
         values: &Values,
+        loops: Option<&Loops>,
     ) -> Result<InterfaceJacobian, Error> {
-        plan::plan(graph, wiring, settings, grid, nodes, values)
+        let mut master = plan::plan(graph, wiring, settings, grid, nodes, values)?;
+        for part in &mut master.parts {
+            if let (Part::Coupled(coupled), Some(loops)) = (part, loops) {
+                coupled.place_loops(loops);
+            }
+        }
+        Ok(master)
     }
 
     /// One macro step from `t` to `t + h` \[s\].
-    pub fn step(&mut self, nodes: &mut [Node], values: &mut Values, t: f64, h: f64) -> Result<(), Stop> {
+    pub fn step(
+        &mut self,
+        nodes: &mut [Node],
+        values: &mut Values,
+        mut loops: Option<&mut Loops>,
+        t: f64,
+        h: f64,
+    ) -> Result<(), Stop> {
         let outputs = &mut self.outputs;
         outputs.begin.copy_from_slice(&outputs.y);
         for part in &mut self.parts {
@@ -82,10 +99,16 @@ impl InterfaceJacobian {
                     let (unit, node) = (&mut self.units[number], &mut nodes[number]);
                     single::step(unit, node, outputs, values, (self.start, t, h), &mut self.cuts)?;
                 }
-                Part::Coupled(coupled) => coupled.step(&mut self.units, nodes, outputs, values, t, h)?,
+                Part::Coupled(coupled) => {
+                    let loops = loops.as_deref_mut();
+                    coupled.step(&mut self.units, nodes, outputs, values, loops, (t, h))?;
+                }
             }
         }
-        Ok(())
+        match self.units.iter().find(|unit| unit.ended) {
+            Some(unit) => Err(Stop::Ended { node: unit.number }),
+            None => Ok(()),
+        }
     }
 
     /// Shows every number that is carried from step to step, always in the same order.
@@ -93,6 +116,9 @@ impl InterfaceJacobian {
         self.outputs.carry(each);
         for unit in &mut self.units {
             unit.u.iter_mut().chain(unit.before.iter_mut().flatten()).for_each(&mut *each);
+            let mut ended = f64::from(u8::from(unit.ended));
+            each(&mut ended);
+            unit.ended = ended != 0.0;
         }
         for part in &mut self.parts {
             if let Part::Coupled(coupled) = part {
@@ -144,10 +170,13 @@ impl InterfaceJacobian {
         let (time, reason) = match failure {
             Failure::Unsolved { time, rest, .. } => (
                 *time,
-                format!(
-                    "has no solution near component `{}` (rest {rest:.1e} of the nominal value)",
-                    self.names[unit]
-                ),
+                match rest.is_nan() {
+                    true => "has no inputs that fit its outputs (or values that are not finite)".to_owned(),
+                    false => format!(
+                        "has no solution near component `{}` (rest {rest:.1e} of the nominal value)",
+                        self.names[unit]
+                    ),
+                },
             ),
             Failure::Unsettled { output, passes, change, .. } => (
                 t,

@@ -10,7 +10,8 @@ use super::signal::Signal;
 use super::unit::{Feed, Input, Outputs, Unit};
 use super::{InterfaceJacobian, Part};
 use crate::fmu::{Variability, VariableKind};
-use crate::master::exchange::{Node, Values, Wiring};
+use crate::master::Values;
+use crate::master::exchange::{Node, Wiring};
 use crate::master::{Error, Grid, Settings, Stop};
 use crate::system::SystemGraph;
 use crate::system::graph::{DataType, Source};
@@ -213,6 +214,7 @@ impl<'a> Planner<'a> {
             before: vec![[0.0; 2]; variables.len()],
             discrete,
             saved: None,
+            ended: false,
             steps: 0,
         }
     }
@@ -391,6 +393,7 @@ impl<'a> Planner<'a> {
             coupling,
             repeats,
             last_step: 0.0,
+            loops: Vec::new(),
             nudged: vec![0.0; places.len()],
             y: vec![0.0; places.len()],
             rate: vec![0.0; places.len()],

@@ -8,7 +8,7 @@ use super::local_model::LocalModel;
 use super::static_block::Function;
 use super::unit::{Feed, Input, Outputs, Unit};
 use crate::master::Stop;
-use crate::master::exchange::Values;
+use crate::master::Values;
 
 /// A dynamic FMU; ranges in the states, inputs and outputs of the problem.
 #[derive(Debug)]

@@ -59,6 +59,13 @@ impl Signal {
         self.pieces.push(Piece { begin, end, c });
     }
 
+    /// Adds a rise to the last piece, from 0 at its beginning to `change` at its end.
+    pub fn move_end(&mut self, change: f64) {
+        if let Some(piece) = self.pieces.last_mut() {
+            piece.c[1] += change;
+        }
+    }
+
     /// Value at `r`; where a piece ends and the next begins, that of the end.
     pub fn left(&self, r: f64) -> f64 {
         let piece = self.pieces.iter().find(|piece| r <= piece.end + CLOSE).or(self.pieces.last());
@@ -128,6 +135,14 @@ mod tests {
         assert!((signal.left(0.5) - 0.125).abs() < 1e-15);
         let [mean, first] = signal.moments(0.0, 1.0);
         assert!((mean - 0.25).abs() < 1e-15 && (first - 0.15).abs() < 1e-15);
+    }
+
+    #[test]
+    fn a_moved_end_leaves_the_beginning() {
+        let mut signal = Signal::default();
+        signal.hermite((0.0, 1.0), [1.0, 2.0], [3.0, -1.0], 0.1);
+        signal.move_end(0.5);
+        assert!((signal.right(0.0) - 1.0).abs() < 1e-15 && (signal.left(1.0) - 3.5).abs() < 1e-15);
     }
 
     #[test]

@@ -5,7 +5,8 @@
 use super::signal::{CLOSE, line_of};
 use super::unit::{Feed, Outputs, Unit};
 use crate::master::Stop;
-use crate::master::exchange::{Node, Values};
+use crate::master::Values;
+use crate::master::exchange::Node;
 
 /// Steps `unit` from `t` to `t + h` \[s\]; `start` is the time of its first sample, `cuts` a workspace.
 pub(super) fn step(

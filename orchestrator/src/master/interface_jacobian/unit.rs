@@ -5,8 +5,9 @@ use std::ops::Range;
 
 use super::signal::Signal;
 use crate::fmu::{Error, StateHandle, StepStatus};
-use crate::master::Stop;
-use crate::master::exchange::{Node, Values};
+use crate::master::Values;
+use crate::master::exchange::Node;
+use crate::master::stop::{Stop, ended_at};
 use crate::system::graph::Conversion;
 
 /// Outputs of all units that feed something, one after the other.
@@ -117,6 +118,8 @@ pub(in crate::master) struct Unit {
     /// Outputs and their derivatives before the present step.
     pub before: Vec<[f64; 2]>,
     pub saved: Option<StateHandle>,
+    /// It asked for the end of the simulation where its last step ended.
+    pub ended: bool,
     pub steps: u64,
 }
 
@@ -131,10 +134,18 @@ impl Unit {
                 node.slave().set_real_input_derivatives(&self.input_references, orders, &self.slope)?;
             }
         }
+        if self.ended {
+            // Where a piece of the communication step began.
+            let status = StepStatus::Discarded { last_successful_time: Some(t), terminated: true };
+            return Err(Stop::Incomplete { node: self.number, status });
+        }
         let status = node.step_keeping(t, h, keep)?;
         self.steps += 1;
         if status != StepStatus::Complete {
-            return Err(Stop::Incomplete { node: self.number, status });
+            self.ended = ended_at(status, t + h);
+            if !self.ended {
+                return Err(Stop::Incomplete { node: self.number, status });
+            }
         }
         for k in 0..count {
             self.u[k] = self.value[k] + if self.ramps { h * self.slope[k] } else { 0.0 };
@@ -164,7 +175,8 @@ impl Unit {
     }
 
     /// Restores the state of the last [`Unit::save`].
-    pub fn restore(&self, node: &mut Node) -> Result<(), Error> {
+    pub fn restore(&mut self, node: &mut Node) -> Result<(), Error> {
+        self.ended = false;
         match &self.saved {
             Some(state) => node.slave().set_state(state),
             None => Ok(()),

@@ -6,7 +6,8 @@ use std::ops::Range;
 
 use super::integrate::Problem;
 use crate::fmu::{Error as FmuError, Model, Status, VariableKind};
-use crate::master::exchange::{Values, Wiring};
+use crate::master::Values;
+use crate::master::exchange::Wiring;
 use crate::master::propagation::{self, LoopFailure, Scope, Transfer};
 use crate::master::{Algorithm, Error, Settings, initialize, slot};
 use crate::results::{Column, Slot};

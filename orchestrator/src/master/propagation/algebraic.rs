@@ -50,6 +50,19 @@ impl From<FmuError> for LoopFailure {
 }
 
 impl LoopFailure {
+    /// No solution was found; `residuals` are those of the inputs.
+    #[cold]
+    pub fn unsolved(
+        inputs: &[LoopInput],
+        residuals: &[f64],
+        iterations: usize,
+        problem: &'static str,
+    ) -> LoopFailure {
+        let names = inputs.iter().map(|input| input.name.clone());
+        let residuals = names.zip(residuals.iter().copied()).collect();
+        LoopFailure::Unsolved { residuals, iterations, problem }
+    }
+
     /// As an error at `time` \[s\].
     pub fn at(self, time: f64) -> Error {
         match self {
@@ -84,6 +97,11 @@ pub struct AlgebraicLoop {
     /// `[n, n]`, rows first.
     jacobian: Vec<f64>,
     change: Vec<f64>,
+    /// Unknowns before a Newton step, and those that are tried.
+    base: Vec<f64>,
+    trial: Vec<f64>,
+    /// Newton steps so far.
+    rounds: u64,
 }
 
 impl AlgebraicLoop {
@@ -96,6 +114,9 @@ impl AlgebraicLoop {
             values: vec![0.0; outputs.len()],
             jacobian: vec![0.0; n * n],
             change: vec![0.0; n],
+            base: vec![0.0; n],
+            trial: vec![0.0; n],
+            rounds: 0,
             inputs,
             outputs,
         }
@@ -132,8 +153,8 @@ impl AlgebraicLoop {
                 *unknown = input.conversion.apply(reals[self.outputs[input.source].place]);
             }
         }
-        let start = self.unknowns.clone();
-        let mut size = self.evaluate(instances, &start)?;
+        self.trial.copy_from_slice(&self.unknowns);
+        let mut size = self.evaluate(instances)?;
         for iteration in 0..MOST_ITERATIONS {
             if size <= TOLERANCE {
                 return self.finish(reals);
@@ -146,13 +167,15 @@ impl AlgebraicLoop {
             if !solve_linear(&mut self.jacobian, &mut self.change) {
                 return Err(self.unsolved(iteration, "its Jacobian is singular"));
             }
-            let base = self.unknowns.clone();
+            self.rounds += 1;
+            self.base.copy_from_slice(&self.unknowns);
             let mut length = 1.0;
             let mut better = false;
             for _ in 0..MOST_HALVINGS {
-                let change = base.iter().zip(&self.change);
-                let trial: Vec<f64> = change.map(|(base, change)| base - length * change).collect();
-                let new = self.evaluate(instances, &trial)?;
+                for ((trial, base), change) in self.trial.iter_mut().zip(&self.base).zip(&self.change) {
+                    *trial = base - length * change;
+                }
+                let new = self.evaluate(instances)?;
                 if new < size {
                     size = new;
                     better = true;
@@ -161,7 +184,8 @@ impl AlgebraicLoop {
                 length *= 0.5;
             }
             if !better {
-                size = self.evaluate(instances, &base)?;
+                self.trial.copy_from_slice(&self.base);
+                size = self.evaluate(instances)?;
                 if size <= STAGNATION {
                     return self.finish(reals);
                 }
@@ -174,6 +198,16 @@ impl AlgebraicLoop {
             true => self.finish(reals),
             false => Err(self.unsolved(MOST_ITERATIONS, "the iteration does not converge")),
         }
+    }
+
+    /// Newton steps so far.
+    pub fn rounds(&self) -> u64 {
+        self.rounds
+    }
+
+    /// Forgets the last solution: the next one begins from the present values of the system.
+    pub fn forget(&mut self) {
+        self.started = false;
     }
 
     /// Reads the outputs without solving anything.
@@ -195,34 +229,21 @@ impl AlgebraicLoop {
     }
 
     fn unsolved(&self, iterations: usize, problem: &'static str) -> LoopFailure {
-        let names = self.inputs.iter().map(|input| input.name.clone());
-        let residuals = names.zip(self.residuals.iter().copied()).collect();
-        LoopFailure::Unsolved { residuals, iterations, problem }
+        LoopFailure::unsolved(&self.inputs, &self.residuals, iterations, problem)
     }
 
-    /// Sets the inputs, reads the outputs; the largest residual in units of its magnitude.
-    fn evaluate<I: DerefMut<Target = Instance>>(
-        &mut self,
-        instances: &mut [I],
-        unknowns: &[f64],
-    ) -> Result<f64, FmuError> {
-        self.unknowns.copy_from_slice(unknowns);
-        for (input, value) in self.inputs.iter().zip(unknowns) {
+    /// Sets the inputs to `trial`, reads the outputs; the largest residual in units of its magnitude.
+    fn evaluate<I: DerefMut<Target = Instance>>(&mut self, instances: &mut [I]) -> Result<f64, FmuError> {
+        self.unknowns.copy_from_slice(&self.trial);
+        for (input, value) in self.inputs.iter().zip(&self.unknowns) {
             instances[input.instance].set_real(&[input.reference], &[*value])?;
         }
         for (output, value) in self.outputs.iter().zip(&mut self.values) {
             instances[output.instance].get_real(&[output.reference], std::slice::from_mut(value))?;
         }
-        let mut size = 0.0f64;
-        for ((input, unknown), residual) in self.inputs.iter().zip(unknowns).zip(&mut self.residuals) {
-            *residual = input.conversion.apply(self.values[input.source]) - unknown;
-            let scaled = residual.abs() / unknown.abs().max(input.nominal);
-            size = if scaled.is_nan() { f64::NAN } else { size.max(scaled) };
-            if size.is_nan() {
-                break;
-            }
-        }
-        Ok(size)
+        let outputs = &self.values;
+        let given = |input: &LoopInput| input.conversion.apply(outputs[input.source]);
+        Ok(residuals(&self.inputs, &self.unknowns, given, &mut self.residuals))
     }
 
     /// Derivatives of the residuals by the unknowns.
@@ -268,13 +289,29 @@ impl AlgebraicLoop {
     }
 }
 
+/// What the source of each input gives less the input; the largest in units of max(|value|, nominal), NaN if one is.
+pub fn residuals(
+    inputs: &[LoopInput],
+    unknowns: &[f64],
+    given: impl Fn(&LoopInput) -> f64,
+    residuals: &mut [f64],
+) -> f64 {
+    let mut size = 0.0f64;
+    for ((input, unknown), residual) in inputs.iter().zip(unknowns).zip(residuals) {
+        *residual = given(input) - unknown;
+        let scaled = residual.abs() / unknown.abs().max(input.nominal);
+        size = if scaled.is_nan() || size.is_nan() { f64::NAN } else { size.max(scaled) };
+    }
+    size
+}
+
 fn has_derivatives(instance: &Instance) -> bool {
     let declared = instance.fmu().interface(instance.kind());
     declared.is_some_and(|interface| interface.provides_directional_derivative)
 }
 
 /// Solves `a x = b` in place, `a` of shape `[n, n]` by rows, with row exchanges; false if `a` is singular.
-fn solve_linear(a: &mut [f64], b: &mut [f64]) -> bool {
+pub fn solve_linear(a: &mut [f64], b: &mut [f64]) -> bool {
     let n = b.len();
     for k in 0..n {
         let size = |row: &usize| a[row * n + k].abs();

@@ -99,6 +99,39 @@ pub fn schedule(graph: &SystemGraph, outputs: &[Node], scope: Scope) -> Vec<Stag
     if scope != Scope::Rates {
         outputs.iter().for_each(|&node| add(node));
     }
+    stages(graph, &nodes, &index, scope)
+}
+
+/// The stages among the components in `members`, for what changes between events; with `inner`, inputs from outside
+/// stay as they are.
+pub fn schedule_within(graph: &SystemGraph, members: &[usize], inner: bool) -> Vec<Stage> {
+    let mut nodes: Vec<Node> = Vec::new();
+    let mut index = HashMap::new();
+    let mut add = |node: Node| {
+        index.entry(node).or_insert_with(|| {
+            nodes.push(node);
+            nodes.len() - 1
+        });
+    };
+    for connection in &graph.connections {
+        let input = (connection.component, connection.variable);
+        if !members.contains(&connection.component) || !is_exchanged(graph, input) {
+            continue;
+        }
+        match connection.source {
+            Source::Output { component, variable } if members.contains(&component) => {
+                add((component, variable));
+                add(input);
+            }
+            _ if !inner => add(input),
+            _ => {}
+        }
+    }
+    stages(graph, &nodes, &index, Scope::Rates)
+}
+
+/// The stages for these variables, of which `index` knows the positions.
+fn stages(graph: &SystemGraph, nodes: &[Node], index: &HashMap<Node, usize>, scope: Scope) -> Vec<Stage> {
     let mut next: Vec<Vec<usize>> = vec![Vec::new(); nodes.len()];
     for connection in &graph.connections {
         let Source::Output { component, variable } = connection.source else { continue };
@@ -107,7 +140,7 @@ pub fn schedule(graph: &SystemGraph, outputs: &[Node], scope: Scope) -> Vec<Stag
             next[from].push(to);
         }
     }
-    for (&(component, variable), &to) in &index {
+    for (&(component, variable), &to) in index {
         let owner = &graph.components[component];
         if owner.fmu.description.variables[variable].causality == Causality::Output {
             let inputs = match scope {
@@ -121,7 +154,7 @@ pub fn schedule(graph: &SystemGraph, outputs: &[Node], scope: Scope) -> Vec<Stag
         }
     }
     next.iter_mut().for_each(|successors| successors.sort_unstable());
-    in_order(graph, &nodes, &next)
+    in_order(graph, nodes, &next)
 }
 
 fn in_order(graph: &SystemGraph, nodes: &[Node], next: &[Vec<usize>]) -> Vec<Stage> {

@@ -5,7 +5,8 @@ use std::ops::DerefMut;
 use super::algebraic::{AlgebraicLoop, LoopFailure, LoopInput, LoopOutput};
 use super::schedule::{Node, Stage, sources};
 use crate::fmu::{Causality, Error as FmuError, Instance, Variable, VariableKind};
-use crate::master::exchange::{Values, Wiring};
+use crate::master::Values;
+use crate::master::exchange::Wiring;
 use crate::system::SystemGraph;
 use crate::system::graph::{Conversion, DataType, Source};
 
@@ -139,7 +140,8 @@ impl Transfer {
     }
 }
 
-fn nominal(variable: &Variable) -> f64 {
+/// Typical magnitude of a variable; 1 where none is declared.
+pub fn nominal(variable: &Variable) -> f64 {
     match &variable.kind {
         VariableKind::Real(real) => real.nominal.map_or(1.0, f64::abs).max(f64::MIN_POSITIVE),
         _ => 1.0,

@@ -3,12 +3,9 @@
 use fmi2_export::Scalar;
 use std::ops::Mul;
 
-/// Largest dimension: 4 blocks of 2 states, and the command.
-pub const MAX: usize = 9;
-
 /// A square matrix of dimension `n <= MAX`; rows first.
 #[derive(Clone, Copy, Debug)]
-pub struct Matrix<S> {
+pub struct Matrix<S, const MAX: usize> {
     n: usize,
     a: [[S; MAX]; MAX],
 }
@@ -22,7 +19,7 @@ pub enum NoLogarithm {
     NoSquareRoot,
 }
 
-impl<S: Scalar> Matrix<S> {
+impl<S: Scalar, const MAX: usize> Matrix<S, MAX> {
     /// All entries zero.
     pub fn zero(n: usize) -> Self {
         assert!(n <= MAX, "matrix of dimension {n}; at most {MAX}");
@@ -36,6 +33,11 @@ impl<S: Scalar> Matrix<S> {
             m.a[i][i] = S::from(1.0);
         }
         m
+    }
+
+    /// Number of rows.
+    pub fn dimension(&self) -> usize {
+        self.n
     }
 
     /// Entry in row `i`, column `j` (0-based).
@@ -162,7 +164,7 @@ impl<S: Scalar> Matrix<S> {
     }
 }
 
-impl<S: Scalar> Mul for Matrix<S> {
+impl<S: Scalar, const MAX: usize> Mul for Matrix<S, MAX> {
     type Output = Self;
     fn mul(self, other: Self) -> Self {
         let mut product = Self::zero(self.n);
@@ -177,7 +179,7 @@ impl<S: Scalar> Mul for Matrix<S> {
 
 /// `row += factor * other`, over the whole width: a loop of fixed length is faster than one to `n`.
 #[inline]
-fn add_multiple<S: Scalar>(row: &mut [S; MAX], factor: S, other: &[S; MAX]) {
+fn add_multiple<S: Scalar, const MAX: usize>(row: &mut [S; MAX], factor: S, other: &[S; MAX]) {
     for (x, y) in row.iter_mut().zip(other) {
         *x += factor * *y;
     }
@@ -186,9 +188,9 @@ fn add_multiple<S: Scalar>(row: &mut [S; MAX], factor: S, other: &[S; MAX]) {
 /// A complex number: real and imaginary part.
 pub type Complex = (f64, f64);
 
-impl Matrix<f64> {
+impl<const MAX: usize> Matrix<f64, MAX> {
     /// The values of the leading block of dimension `n`, without derivatives.
-    pub fn leading<S: Scalar>(m: &Matrix<S>, n: usize) -> Self {
+    pub fn leading<S: Scalar>(m: &Matrix<S, MAX>, n: usize) -> Self {
         let mut block = Self::zero(n);
         for i in 0..n {
             (0..n).for_each(|j| block.a[i][j] = m.a[i][j].value());
@@ -260,7 +262,9 @@ mod tests {
     use super::*;
     use fmi2_export::Dual;
 
-    fn matrix(rows: &[&[f64]]) -> Matrix<f64> {
+    const MAX: usize = 5;
+
+    fn matrix(rows: &[&[f64]]) -> Matrix<f64, MAX> {
         let mut m = Matrix::zero(rows.len());
         for (i, row) in rows.iter().enumerate() {
             row.iter().enumerate().for_each(|(j, x)| m.set(i, j, *x));
@@ -269,7 +273,7 @@ mod tests {
     }
 
     /// Taylor series after scaling: another route than the logarithm.
-    fn exponential(a: Matrix<f64>) -> Matrix<f64> {
+    fn exponential(a: Matrix<f64, MAX>) -> Matrix<f64, MAX> {
         let a = a.scaled(1.0 / 1024.0);
         let mut term = Matrix::identity(a.n);
         let mut sum = term;
@@ -302,7 +306,7 @@ mod tests {
     #[test]
     fn derivative_of_the_logarithm_agrees_with_a_difference() {
         let a = matrix(&[&[0.9, -0.2, 0.1], &[0.3, 0.8, 0.0], &[0.0, 0.1, 0.4]]);
-        let mut dual = Matrix::zero(3);
+        let mut dual = Matrix::<Dual, MAX>::zero(3);
         for i in 0..3 {
             (0..3).for_each(|j| dual.set(i, j, Dual::new(a.at(i, j), f64::from(u8::from((i, j) == (1, 2))))));
         }

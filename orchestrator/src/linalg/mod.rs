@@ -1,0 +1,17 @@
+//! Linear algebra that nalgebra does not bring: factorisations whose structure is known, and one that streams.
+//!
+//! | module | what |
+//! |--------|------|
+//! | [`qr`] | QR of a tall matrix whose rows arrive in blocks; sub-problems from its triangle |
+//! | [`sparse_ldl`], [`staged_ldl`] | factorisations of sparse symmetric matrices |
+//! | [`symmetric`] | symmetric matrices |
+//!
+//! Knows nothing of signals and models.
+
+mod front;
+pub mod qr;
+pub mod sparse_ldl;
+pub mod staged_ldl;
+pub mod symmetric;
+
+pub use qr::{StreamedQr, Triangle};
