@@ -5,8 +5,8 @@
 //! ```text
 //!  7  cli
 //!  6  error
-//!  5  plot
-//!  4  discrepancy
+//!  5  plot        report
+//!  4  discrepancy refine
 //!  3  master
 //!  2  system      ident
 //!  1  fmu         results     optim       excite
@@ -27,6 +27,8 @@ pub mod linalg;
 pub mod master;
 pub mod optim;
 pub mod plot;
+pub mod refine;
+pub mod report;
 pub mod results;
 pub mod series;
 pub mod system;

@@ -13,6 +13,7 @@ pub mod inspect;
 pub mod inspect_system;
 pub mod output;
 mod report;
+pub mod refine;
 pub mod run;
 mod table;
 
@@ -40,6 +41,7 @@ pub fn main() -> ExitCode {
         Command::Derive(args) => derive::run(&args),
         Command::Excite(args) => excite::run(&args),
         Command::Identify { command } => identify::run(&command),
+        Command::Refine(args) => refine::run(&args),
         Command::Completions { shell } => {
             let mut script = Vec::new();
             clap_complete::generate(shell, &mut Cli::command(), "airloop", &mut script);

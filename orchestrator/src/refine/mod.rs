@@ -1,9 +1,11 @@
 //! From a residual to the effect that the declared model lacks.
+//!
+//! [`case`] reads what was declared and measured, [`rig`] simulates it with every candidate effect, [`engine`] searches
+//! (it knows no physics), [`answer`] says it in the words of the vocabulary. Files and pages are left to `report`.
 
 pub mod answer;
 pub mod case;
 pub mod engine;
-pub mod report;
 pub mod rig;
 
 use std::path::PathBuf;
@@ -18,14 +20,6 @@ pub enum Error {
         path: PathBuf,
         /// What is wrong and what to do.
         problem: String,
-    },
-    /// The report cannot be written.
-    #[error("{}: the report cannot be written: {source}", path.display())]
-    Write {
-        /// File.
-        path: PathBuf,
-        /// Reason.
-        source: std::io::Error,
     },
     /// A record cannot be read.
     #[error(transparent)]
