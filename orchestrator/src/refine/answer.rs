@@ -107,7 +107,7 @@ pub struct Answer {
 
 /// Finds what a rig's declared model lacks.
 pub fn answer(rig: &Rig, groups: &[String], settings: &Settings) -> Answer {
-    let system = &rig.system;
+    let system = rig.system.as_ref();
     let records: Vec<usize> = (0..system.records()).filter(|&record| system.estimation(record)).collect();
     let screened = (0..records.len()).filter(|&i| i == 0 || groups[records[i]].is_empty() || groups[records[i]] != groups[records[i - 1]]);
     let screened: Vec<usize> = screened.collect();
@@ -120,13 +120,13 @@ pub fn answer(rig: &Rig, groups: &[String], settings: &Settings) -> Answer {
     assemble(rig, &search, &selection)
 }
 
-fn fit_locals<S: System>(system: &S, records: &[usize], p: &[f64]) -> super::engine::fit::Fit {
+fn fit_locals<S: System + ?Sized>(system: &S, records: &[usize], p: &[f64]) -> super::engine::fit::Fit {
     let locals: Vec<Vec<f64>> = records.iter().map(|&r| system.locals(r).iter().map(|l| l.0).collect()).collect();
     super::engine::fit::fit(system, records, p, &[], &locals, 10)
 }
 
 /// Errors of a model on records, their initial states fitted.
-fn errors<S: System>(system: &S, records: &[usize], p: &[f64]) -> Errors {
+fn errors<S: System + ?Sized>(system: &S, records: &[usize], p: &[f64]) -> Errors {
     let fit = fit_locals(system, records, p);
     let parts = parallel::map(records.len(), |i| {
         let predicted = system.predict(records[i], p, &fit.locals[i]);
@@ -153,7 +153,7 @@ fn errors<S: System>(system: &S, records: &[usize], p: &[f64]) -> Errors {
 }
 
 /// Parameters of one candidate of a model, with intervals by the delta method.
-fn parameters<S: System>(search: &Search<S>, model: &Model, candidate: usize) -> Vec<Parameter> {
+fn parameters<S: System + ?Sized>(search: &Search<S>, model: &Model, candidate: usize) -> Vec<Parameter> {
     let (own, fit) = (&search.candidates[candidate], &model.fit);
     let values = quantities(own, &fit.parameters);
     let samples = search.penalty().exp();
@@ -178,8 +178,8 @@ fn parameters<S: System>(search: &Search<S>, model: &Model, candidate: usize) ->
     }).collect()
 }
 
-fn assemble(rig: &Rig, search: &Search<super::rig::coupled::Coupled>, selection: &Selection) -> Answer {
-    let system = &rig.system;
+fn assemble(rig: &Rig, search: &Search<dyn System + '_>, selection: &Selection) -> Answer {
+    let system = rig.system.as_ref();
     let penalty = search.penalty();
     let criterion = |model: &Model| model.fit.chi2 + penalty * model.size(search.candidates) as f64;
     let score = |model: &Model| selection.declared.fit.chi2 - criterion(model);

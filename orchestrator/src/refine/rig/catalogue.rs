@@ -157,6 +157,9 @@ fn sensors(scope: &Scope, found: &mut Vec<Candidate>) {
         ("v", OFFSET_V, SENSOR_DELAY_V, SENSOR_GAIN_V),
     ];
     for (signal, offset, delay, gain) in all.into_iter().filter(|entry| scope.signals.contains(entry.0)) {
+        if scope.kind == Kind::Friction && signal != "F_p" {
+            continue;
+        }
         let mut push = |id, index| found.push(Candidate { signal: Some(signal), ..linear(id, channel, &[index]) });
         push("sensor.offset", offset);
         push("sensor.gain", gain);

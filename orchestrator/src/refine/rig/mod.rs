@@ -6,8 +6,10 @@
 
 pub mod catalogue;
 pub mod coupled;
+pub mod motion;
 pub mod open;
 pub mod parameters;
 pub mod physical;
 pub mod plant;
 pub mod record;
+pub mod sweep;

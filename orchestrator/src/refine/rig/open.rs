@@ -2,9 +2,12 @@
 
 use super::catalogue::{Scope, candidates, corrections};
 use super::coupled::{Coupled, Trial};
+use super::motion::smooth;
 use super::record::Measured;
+use super::sweep::{Sweep, Sweeps};
 use crate::refine::Error;
-use crate::refine::case::{Case, Kind, Role};
+use crate::refine::case::{Actuator, Case, Experiment, Kind, Role};
+use crate::refine::engine::System;
 use crate::refine::engine::candidate::Candidate;
 use crate::refine::engine::fit::Free;
 use crate::series::TimeSeries;
@@ -15,7 +18,7 @@ pub const DECLARED_SHARE: f64 = 0.01;
 /// A case ready for the search.
 pub struct Rig {
     /// System.
-    pub system: Coupled,
+    pub system: Box<dyn System>,
     /// Candidates that its records can show.
     pub candidates: Vec<Candidate>,
     /// Corrections of declared parameters.
@@ -31,25 +34,14 @@ fn values<'a>(records: impl Iterator<Item = &'a TimeSeries>, name: &str) -> (f64
         .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), &value| (low.min(value), high.max(value)))
 }
 
-/// Makes the system of a case.
-///
-/// # Errors
-/// A part of the model that its records need is not declared, or a signal is missing.
-pub fn open(case: &Case) -> Result<Rig, Error> {
+fn refused(case: &Case, problem: &str) -> Error {
+    Error::Case { path: format!("{}/case.toml", case.declaration.id).into(), problem: problem.into() }
+}
+
+/// Coupled trials, or the actuator with the rod fixed.
+fn coupled(case: &Case, actuator: Actuator) -> Result<Coupled, Error> {
     let declaration = &case.declaration;
-    let refused = |problem: &str| Error::Case { path: format!("{}/case.toml", declaration.id).into(), problem: problem.into() };
-    let need = |there: bool, what: &str| if there { Ok(()) } else { Err(refused(&format!("[model.{what}] is missing; records of this kind need it"))) };
-    let actuator = declaration.model.actuator.clone();
-    let model = &declaration.model;
-    if declaration.kind != Kind::Friction {
-        need(actuator.is_some(), "actuator")?;
-    }
-    if declaration.kind == Kind::Cartpole {
-        need(model.piston_friction.is_some(), "piston_friction")?;
-        need(model.cart_friction.is_some(), "cart_friction")?;
-        need(model.cart_pole.is_some(), "cart_pole")?;
-    }
-    let actuator = actuator.ok_or_else(|| refused("kind = \"friction\": friction sweeps cannot be searched yet"))?;
+    let refused = |problem: &str| refused(case, problem);
     if (actuator.sample_time * declaration.sample_rate_hz - 1.0).abs() > 1e-6 {
         return Err(refused("model.actuator.sample_time and sample_rate_hz do not belong together; resample the records"));
     }
@@ -65,13 +57,64 @@ pub fn open(case: &Case) -> Result<Rig, Error> {
         if let Some(missing) = needed.iter().find(|name| !measured.iter().any(|m| m.name == **name)) {
             return Err(refused(&format!("{} has no column `{missing}`, which this kind of record needs", file.name)));
         }
-        trials.push(Trial {
-            u: u.values.clone(),
-            measured,
-            estimation: file.role == Role::Estimation,
-            fixed: declaration.kind == Kind::Actuator,
-        });
+        let (estimation, fixed) = (file.role == Role::Estimation, declaration.kind == Kind::Actuator);
+        trials.push(Trial { u: u.values.clone(), measured, estimation, fixed });
     }
+    Ok(Coupled { declared: declaration.model.clone(), actuator, trials })
+}
+
+/// Friction sweeps.
+fn sweeps(case: &Case) -> Result<Sweeps, Error> {
+    let declaration = &case.declaration;
+    let dt = 1.0 / declaration.sample_rate_hz;
+    let mut sweeps = Vec::new();
+    for (series, file) in case.records.iter().zip(&declaration.files) {
+        let record = |name: &str| Some((&series.channel(name)?.values[..], declaration.sensors.get(name)?.noise_rms));
+        let cart = match file.experiment {
+            Experiment::SweepPiston => false,
+            Experiment::SweepCart => true,
+            _ => return Err(refused(case, &format!("{}: a case of kind `friction` has sweep_piston and sweep_cart only", file.name))),
+        };
+        let Some((values, noise)) = record("F_p") else { return Err(refused(case, &format!("{} has no column `F_p`", file.name))) };
+        let (x, v) = (record("x"), record("v"));
+        if x.is_none() && v.is_none() {
+            return Err(refused(case, &format!("{} has neither `x` nor `v`; the motion of the drive is needed", file.name)));
+        }
+        let force = Measured::new("F_p", values.to_vec(), noise);
+        let estimation = file.role == Role::Estimation;
+        let mut sweep = Sweep { motion: smooth(x, v, dt), force, cart, estimation };
+        sweep.weigh(&declaration.model);
+        sweeps.push(sweep);
+    }
+    Ok(Sweeps { declared: declaration.model.clone(), dt, sweeps })
+}
+
+/// Makes the system of a case.
+///
+/// # Errors
+/// A part of the model that its records need is not declared, or a signal is missing.
+pub fn open(case: &Case) -> Result<Rig, Error> {
+    let declaration = &case.declaration;
+    let refused = |problem: &str| refused(case, problem);
+    let need = |there: bool, what: &str| if there { Ok(()) } else { Err(refused(&format!("[model.{what}] is missing; records of this kind need it"))) };
+    let actuator = declaration.model.actuator.clone();
+    let model = &declaration.model;
+    if declaration.kind != Kind::Friction {
+        need(actuator.is_some(), "actuator")?;
+    }
+    if declaration.kind == Kind::Cartpole {
+        need(model.piston_friction.is_some(), "piston_friction")?;
+        need(model.cart_friction.is_some(), "cart_friction")?;
+        need(model.cart_pole.is_some(), "cart_pole")?;
+    }
+    if declaration.kind == Kind::Friction {
+        need(model.piston_friction.is_some(), "piston_friction")?;
+        need(model.cart_friction.is_some(), "cart_friction")?;
+    }
+    let system: Box<dyn System> = match actuator {
+        Some(actuator) if declaration.kind != Kind::Friction => Box::new(coupled(case, actuator)?),
+        _ => Box::new(sweeps(case)?),
+    };
     let fitted = || case.records.iter().zip(&declaration.files).filter(|(_, f)| f.role == Role::Estimation).map(|(r, _)| r);
     let (low, high) = values(fitted(), "u");
     let scope = Scope {
@@ -89,6 +132,10 @@ pub fn open(case: &Case) -> Result<Rig, Error> {
     if declaration.kind == Kind::Cartpole {
         not_testable.push(("sensor.offset(x)".into(), "the initial position is unknown and takes it up".into()));
     }
-    let system = Coupled { declared: model.clone(), actuator, trials };
+    if declaration.kind == Kind::Friction {
+        let why = "the motion is taken from position and speed together";
+        not_testable.extend(["x", "v"].map(|signal| (format!("sensor.*({signal})"), why.to_owned())));
+        not_testable.push(("pf.pressure".into(), "the cylinder is vented".into()));
+    }
     Ok(Rig { system, candidates, corrections, not_testable })
 }
