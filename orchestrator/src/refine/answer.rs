@@ -6,8 +6,10 @@ use super::engine::goodness::Null;
 use super::engine::search::{Model, Search};
 use super::engine::select::{Effort, Selection, Stage, select};
 use super::engine::{System, parallel};
+use super::interval;
+use super::rig::localise::localise;
 use super::rig::open::Rig;
-use super::rig::physical::{correction, quantities};
+use super::rig::physical::correction;
 
 /// Settings of the search.
 #[derive(Debug, Clone, Copy)]
@@ -117,7 +119,55 @@ pub fn answer(rig: &Rig, groups: &[String], settings: &Settings) -> Answer {
     let declared = search.fit(&[], &[], &fit.parameters, &fit.locals, 5);
     let effort = Effort { max_effects: settings.max_effects, ..Effort::default() };
     let selection = select(&search, declared, &rig.corrections, effort);
-    assemble(rig, &search, &selection)
+    let mut found = assemble(rig, &search, &selection);
+    if !selection.explained {
+        trace(rig, &search, &selection, groups, &mut found);
+    }
+    found
+}
+
+/// Names the channel of what no candidate explains; behind a wrong actuator, effects of the mechanics are still found.
+fn trace(rig: &Rig, search: &Search<dyn System + '_>, selection: &Selection, groups: &[String], found: &mut Answer) {
+    let Some(coupled) = &rig.coupled else {
+        let worst = selection.best.left.iter().max_by(|a, b| a.1.total_cmp(&b.1));
+        let channel = if worst.is_some_and(|(signal, _)| signal == "F_hat") { "actuator" } else { "piston_friction" };
+        let channel = if rig.candidates.iter().any(|c| c.channel == "piston_friction") { channel } else { "actuator" };
+        found.unexplained = Some((channel.into(), Vec::new()));
+        return;
+    };
+    let limit = search.null.quantile + super::engine::select::MARGIN;
+    let fits = selection.declared.left.iter().find(|(signal, _)| signal == "F_hat").map(|(_, z)| *z < limit);
+    let groups: Vec<usize> = groups.iter().map(|name| groups.iter().position(|g| g == name).unwrap_or(0)).collect();
+    let mechanical = |c: &&super::engine::candidate::Candidate| {
+        ["cart", "cart_friction", "pole"].contains(&c.channel) || c.id != "sensor.delay" && matches!(c.signal, Some("x" | "theta"))
+    };
+    let candidates: Vec<_> = rig.candidates.iter().filter(mechanical).cloned().collect();
+    let findings = localise(coupled, &candidates, fits, &groups, &super::rig::parameters::neutral());
+    found.unexplained = findings.channel.map(|channel| (channel, findings.variables));
+    let Some(model) = findings.effects else { return };
+    found.verdict = Verdict::Effect;
+    found.notes.push("The actuator does not follow its declared model, so the mechanics were searched with the measured force of the load cell.".into());
+    let gain = findings.declared.fit.chi2 - model.fit.chi2;
+    let mut chosen = Vec::new();
+    for &c in &model.added {
+        let own = &candidates[c];
+        chosen.push(Effect {
+            id: own.id.into(),
+            channel: own.channel.into(),
+            signal: own.signal.map(str::to_owned),
+            selected: true,
+            group: None,
+            score: gain,
+            parameters: interval::parameters(own, &model.fit, 1.0),
+            reason: "with it, position and angle follow the measured force".into(),
+        });
+    }
+    found.effects.retain(|e| !chosen.iter().any(|c| c.id == e.id && c.signal == e.signal));
+    chosen.append(&mut found.effects);
+    found.effects = chosen;
+    let system = rig.system.as_ref();
+    let sets = [true, false].map(|estimation| (0..system.records()).filter(|&r| system.estimation(r) == estimation).collect::<Vec<_>>());
+    found.after = [0, 1].map(|i| errors(system, &sets[i], &model.fit.parameters));
 }
 
 fn fit_locals<S: System + ?Sized>(system: &S, records: &[usize], p: &[f64]) -> super::engine::fit::Fit {
@@ -152,32 +202,6 @@ fn errors<S: System + ?Sized>(system: &S, records: &[usize], p: &[f64]) -> Error
     found
 }
 
-/// Parameters of one candidate of a model, with intervals by the delta method.
-fn parameters<S: System + ?Sized>(search: &Search<S>, model: &Model, candidate: usize) -> Vec<Parameter> {
-    let (own, fit) = (&search.candidates[candidate], &model.fit);
-    let values = quantities(own, &fit.parameters);
-    let samples = search.penalty().exp();
-    // A misfit that is left widens the intervals.
-    let scale = (fit.chi2 / samples).max(1.0).sqrt();
-    let slopes: Vec<Vec<f64>> = fit.free.iter().enumerate().map(|(a, free)| {
-        let step = 0.01 * fit.covariance[(a, a)].max(0.0).sqrt();
-        let mut moved = fit.parameters.clone();
-        moved[free.index] += step;
-        let shifted = quantities(own, &moved);
-        shifted.iter().zip(&values).map(|(s, v)| if step > 0.0 { (s.2 - v.2) / step } else { 0.0 }).collect()
-    }).collect();
-    values.iter().enumerate().map(|(i, (name, unit, value))| {
-        let mut variance = 0.0;
-        for a in 0..fit.free.len() {
-            for b in 0..fit.free.len() {
-                variance += slopes[a][i] * fit.covariance[(a, b)] * slopes[b][i];
-            }
-        }
-        let half = 1.96 * scale * variance.max(0.0).sqrt();
-        Parameter { name: name.clone(), unit: unit.clone(), value: *value, interval: (value - half, value + half) }
-    }).collect()
-}
-
 fn assemble(rig: &Rig, search: &Search<dyn System + '_>, selection: &Selection) -> Answer {
     let system = rig.system.as_ref();
     let penalty = search.penalty();
@@ -198,7 +222,7 @@ fn assemble(rig: &Rig, search: &Search<dyn System + '_>, selection: &Selection) 
             selected,
             group,
             score: score(model),
-            parameters: parameters(search, model, c),
+            parameters: interval::parameters(own, &model.fit, penalty.exp()),
             reason,
         });
     };

@@ -6,6 +6,7 @@
 pub mod answer;
 pub mod case;
 pub mod engine;
+pub mod interval;
 pub mod rig;
 
 use std::path::PathBuf;

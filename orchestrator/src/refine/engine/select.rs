@@ -74,7 +74,7 @@ pub fn select<S: System + ?Sized>(search: &Search<S>, declared: Model, correctio
         let best = passing.remove(0);
         let equals = passing
             .into_iter()
-            .filter(|other| criterion(other) - criterion(&best) < TIE && !nested(search.candidates, &best, other))
+            .filter(|other| criterion(other) - criterion(&best) < TIE && !nested(search.candidates, &best, other) && !degenerate(search, &best, other))
             .collect();
         Selection { stage, best, equals, explained: true, tried, declared: declared.clone() }
     };
@@ -128,9 +128,20 @@ fn nested(candidates: &[Candidate], best: &Model, other: &Model) -> bool {
     }
 }
 
+/// Whether a candidate of `other` imitates the best one at the edge of what it can be: with a parameter at a bound, or
+/// with one that might as well be neutral. That is no second explanation.
+fn degenerate<S: System + ?Sized>(search: &Search<S>, best: &Model, other: &Model) -> bool {
+    let own = |c: &usize| search.candidates[*c].free.iter().map(|f| f.index);
+    let new: Vec<usize> = other.added.iter().filter(|c| !best.added.contains(c)).flat_map(own).collect();
+    other.fit.free.iter().enumerate().any(|(a, f)| {
+        let uncertain = 3.0 * other.fit.covariance[(a, a)].max(0.0).sqrt();
+        new.contains(&f.index) && (other.fit.at_bound[a] || other.fit.parameters[f.index].abs() < uncertain)
+    })
+}
+
 /// Fits what is promising on top of `base`, best promise first. Once a model leaves only noise, only candidates that
 /// promised about as much are still fitted.
-fn attempt<S: System + ?Sized>(
+pub fn attempt<S: System + ?Sized>(
     search: &Search<S>,
     base: &Model,
     promises: &[Promise],

@@ -41,7 +41,7 @@ pub struct Prediction {
 }
 
 /// The sampled actuator during a simulation.
-struct Running<'a> {
+pub struct Running<'a> {
     terms: &'a ActuatorTerms,
     command: Vec<f64>,
     y: [f64; 2],
@@ -50,12 +50,13 @@ struct Running<'a> {
 }
 
 impl<'a> Running<'a> {
-    fn new(terms: &'a ActuatorTerms, u: &[f64]) -> Running<'a> {
+    /// At rest, with the whole command of the record.
+    pub fn new(terms: &'a ActuatorTerms, u: &[f64]) -> Running<'a> {
         Running { terms, command: terms.shaped_command(u), y: [0.0; 2], before: 0.0, mode: [0.0; 2] }
     }
 
     /// Pressure force and force on the piston over sample `k` at time `t` \[s\].
-    fn sample(&mut self, k: usize, t: f64, x: f64, v: f64) -> [f64; 2] {
+    pub fn sample(&mut self, k: usize, t: f64, x: f64, v: f64) -> [f64; 2] {
         let terms = self.terms;
         let mut u = self.command[k] * (1.0 + terms.posgain * x);
         if terms.droop.0 != 0.0 {

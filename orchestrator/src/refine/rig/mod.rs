@@ -6,7 +6,9 @@
 
 pub mod catalogue;
 pub mod coupled;
+pub mod localise;
 pub mod motion;
+pub mod observer;
 pub mod open;
 pub mod parameters;
 pub mod physical;

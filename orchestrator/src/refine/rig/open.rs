@@ -19,6 +19,8 @@ pub const DECLARED_SHARE: f64 = 0.01;
 pub struct Rig {
     /// System.
     pub system: Box<dyn System>,
+    /// The same, if it is a coupled rig: for the trace by measured forces.
+    pub coupled: Option<Coupled>,
     /// Candidates that its records can show.
     pub candidates: Vec<Candidate>,
     /// Corrections of declared parameters.
@@ -39,7 +41,7 @@ fn refused(case: &Case, problem: &str) -> Error {
 }
 
 /// Coupled trials, or the actuator with the rod fixed.
-fn coupled(case: &Case, actuator: Actuator) -> Result<Coupled, Error> {
+pub fn coupled(case: &Case, actuator: Actuator) -> Result<Coupled, Error> {
     let declaration = &case.declaration;
     let refused = |problem: &str| refused(case, problem);
     if (actuator.sample_time * declaration.sample_rate_hz - 1.0).abs() > 1e-6 {
@@ -111,10 +113,15 @@ pub fn open(case: &Case) -> Result<Rig, Error> {
         need(model.piston_friction.is_some(), "piston_friction")?;
         need(model.cart_friction.is_some(), "cart_friction")?;
     }
-    let system: Box<dyn System> = match actuator {
-        Some(actuator) if declaration.kind != Kind::Friction => Box::new(coupled(case, actuator)?),
-        _ => Box::new(sweeps(case)?),
+    let series = match actuator {
+        Some(actuator) if declaration.kind != Kind::Friction => Some(coupled(case, actuator)?),
+        _ => None,
     };
+    let system: Box<dyn System> = match &series {
+        Some(series) => Box::new(series.clone()),
+        None => Box::new(sweeps(case)?),
+    };
+    let coupled = series.filter(|_| declaration.kind == Kind::Cartpole);
     let fitted = || case.records.iter().zip(&declaration.files).filter(|(_, f)| f.role == Role::Estimation).map(|(r, _)| r);
     let (low, high) = values(fitted(), "u");
     let scope = Scope {
@@ -137,5 +144,5 @@ pub fn open(case: &Case) -> Result<Rig, Error> {
         not_testable.extend(["x", "v"].map(|signal| (format!("sensor.*({signal})"), why.to_owned())));
         not_testable.push(("pf.pressure".into(), "the cylinder is vented".into()));
     }
-    Ok(Rig { system, candidates, corrections, not_testable })
+    Ok(Rig { system, coupled, candidates, corrections, not_testable })
 }

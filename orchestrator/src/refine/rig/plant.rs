@@ -94,9 +94,10 @@ pub struct Mechanics {
 pub type State = [f64; 6];
 
 impl Mechanics {
-    /// Time derivative of the state under the held force `f_act` \[N\]; `p` is the magnitude of the pressure force \[N\].
+    /// Time derivative of the state under the held force `f_act` \[N\]; `p` is the magnitude of the pressure force \[N\],
+    /// `extra` a torque on the pole \[N m\].
     #[inline]
-    pub fn derivative(&self, s: &State, f_act: f64, p: f64) -> State {
+    pub fn derivative(&self, s: &State, f_act: f64, p: f64, extra: f64) -> State {
         let [x, v, th, om, zp, zc] = *s;
         let mut f = f_act - self.piston.force(v, x, p, zp) - self.cart.force(v, x, p, zc);
         f -= self.spring.0 * x - self.spring.1;
@@ -114,7 +115,7 @@ impl Mechanics {
             f -= self.mass * self.g * self.tilt.sin();
             weight = self.ml * self.g * (th + self.tilt).sin();
         }
-        let mut torque = -self.damping * om - weight;
+        let mut torque = extra - self.damping * om - weight;
         if self.pole_coulomb != 0.0 {
             torque -= self.pole_coulomb * tanh(om / 0.05);
         }
@@ -131,11 +132,17 @@ impl Mechanics {
     /// One Runge-Kutta step of order 4.
     #[inline]
     pub fn step(&self, s: &State, f_act: f64, p: f64, h: f64) -> State {
+        self.step_with(s, f_act, p, h, 0.0)
+    }
+
+    /// As [`Mechanics::step`], with a torque `extra` \[N m\] on the pole.
+    #[inline]
+    pub fn step_with(&self, s: &State, f_act: f64, p: f64, h: f64, extra: f64) -> State {
         let add = |k: &State, h: f64| -> State { std::array::from_fn(|i| s[i] + h * k[i]) };
-        let k1 = self.derivative(s, f_act, p);
-        let k2 = self.derivative(&add(&k1, 0.5 * h), f_act, p);
-        let k3 = self.derivative(&add(&k2, 0.5 * h), f_act, p);
-        let k4 = self.derivative(&add(&k3, h), f_act, p);
+        let k1 = self.derivative(s, f_act, p, extra);
+        let k2 = self.derivative(&add(&k1, 0.5 * h), f_act, p, extra);
+        let k3 = self.derivative(&add(&k2, 0.5 * h), f_act, p, extra);
+        let k4 = self.derivative(&add(&k3, h), f_act, p, extra);
         std::array::from_fn(|i| s[i] + h / 6.0 * (k1[i] + 2.0 * k2[i] + 2.0 * k3[i] + k4[i]))
     }
 }
