@@ -15,8 +15,6 @@ pub mod compare;
 pub mod data;
 pub mod friction;
 pub mod linear_fmu;
-pub mod fmu;
-pub mod friction;
 pub mod output;
 mod report;
 pub mod state_space;
