@@ -7,6 +7,8 @@
 //!  6  error
 //!  5  plot
 //!  4  discrepancy rig
+//!  5  plot        report
+//!  4  discrepancy refine
 //!  3  master
 //!  2  system      ident
 //!  1  fmu         results     optim       excite
@@ -27,6 +29,8 @@ pub mod linalg;
 pub mod master;
 pub mod optim;
 pub mod plot;
+pub mod refine;
+pub mod report;
 pub mod results;
 pub mod rig;
 pub mod series;

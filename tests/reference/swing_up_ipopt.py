@@ -4,8 +4,8 @@
 
 The equations are typed here a second time on purpose: nothing of the project's own code is used. Prints one row per
 transcription, number of intervals and form of the expressions (`expanded`: one graph of scalars; `mapped`: a function
-per interval), from the pump guess, the fastest of three runs. `cargo bench --bench nlp` prints the same rows for the
-optimiser of this project; time there includes building the problem.
+per interval), from the pump guess, the fastest of three runs, CPU time in one thread. `cargo bench --bench nlp` prints
+the same rows for the optimiser of this project; time there includes building the problem.
 """
 
 import os
@@ -81,76 +81,60 @@ def interval(kind, h):
 
 def solve(kind, count, expand):
     h = T / count
-    y, u, um = ca.MX.sym("y", 6, count + 1), ca.MX.sym("u", 1, count + 1), ca.MX.sym("um", 1, count)
     held = kind in ("ms", "sc")
-    defects = interval(kind, h).map(count)(y[:, :-1], u[:, :-1], um, y[:, 1:], u[:, 1:])
+    commands = count if held else count + 1
+    middles = count if kind == "hs" else 0
+    # Variables node by node, as in the statement of the problem: y, u, um.
+    x = ca.MX.sym("x", 6 * (count + 1) + commands + middles)
+    low, high, guess = [], [], []
+    y, u, um = [], [], []
+    theta = np.interp(np.linspace(0, 1, count + 1), *PUMP)
+    at = 0
+    for k in range(count + 1):
+        y.append(x[at : at + 6])
+        bound = np.array([STROKE, *[np.inf] * 5])
+        lower, upper = -bound, bound.copy()
+        if k == 0:
+            lower = upper = np.zeros(6)
+        if k == count:
+            lower[:4] = upper[:4] = [0, np.pi, 0, 0]
+        low.append(lower)
+        high.append(upper)
+        guess.append([0, theta[k], 0, 0, 0, 0])
+        at += 6
+        for there, list_ in ((k < commands, u), (k < middles, um)):
+            if there:
+                list_.append(x[at])
+                low.append([-U_MAX])
+                high.append([U_MAX])
+                guess.append([0])
+                at += 1
+    y, u = ca.horzcat(*y), ca.horzcat(*u)
+    um = ca.horzcat(*um) if middles else ca.MX.zeros(1, count)
+    next_u = ca.MX.zeros(1, count) if held else u[:, 1:]
+    defects = interval(kind, h).map(count)(y[:, :-1], u[:, :count], um, y[:, 1:], next_u)
     if held:
-        cost = h * ca.sumsqr(u[:-1])
+        cost = h * ca.sumsqr(u)
     elif kind == "trap":
         cost = h / 2 * (ca.sumsqr(u[:-1]) + ca.sumsqr(u[1:]))
     else:
         cost = h / 6 * (ca.sumsqr(u[:-1]) + 4 * ca.sumsqr(um) + ca.sumsqr(u[1:]))
-    y_low, y_high = np.full((6, count + 1), -np.inf), np.full((6, count + 1), np.inf)
-    y_low[0], y_high[0] = -STROKE, STROKE
-    y_low[:, 0] = y_high[:, 0] = 0
-    y_low[:4, -1] = y_high[:4, -1] = [0, np.pi, 0, 0]
-    guess = np.zeros((6, count + 1))
-    guess[1] = np.interp(np.linspace(0, 1, count + 1), *PUMP)
-    free = count if held else count + 1
-    middles = count if kind == "hs" else 0
-
-    # Node by node, as in the statement of the problem.
-    def stack(states, commands, middle, vertcat):
-        parts = []
-        for k in range(count + 1):
-            parts.append(states[:, k])
-            parts += [commands[k]] if k < free else []
-            parts += [middle[k]] if k < middles else []
-        return vertcat(*parts)
-
-    def numbers(states, command):
-        return stack(states, [command] * (count + 1), [command] * count, lambda *p: np.concatenate([np.atleast_1d(x) for x in p]))
-
-    symbols = stack(y, u, um, ca.vertcat)
-    constants = ca.MX.zeros(1, 1)
-    if held:
-        defects = ca.substitute([defects], [u[-1]], [constants])[0] if False else defects
-    names = ca.symvar(ca.vertcat(ca.vec(defects), cost))
-    problem = {"x": symbols, "f": cost, "g": ca.vec(defects)}
-    # IPOPT's variables must be a vector of symbols: one vector, cut into y, u, um.
-    size = symbols.shape[0]
-    x = ca.MX.sym("x", size)
-    at, ys, us, ums = 0, [], [], []
-    for k in range(count + 1):
-        ys.append(x[at : at + 6])
-        at += 6
-        if k < free:
-            us.append(x[at])
-            at += 1
-        else:
-            us.append(ca.MX(0))
-        if k < middles:
-            ums.append(x[at])
-            at += 1
-        elif k < count:
-            ums.append(ca.MX(0))
-    whole = ca.Function("whole", names, [cost, ca.vec(defects)])
-    arguments = {"y": ca.horzcat(*ys), "u": ca.horzcat(*us), "um": ca.horzcat(*ums)}
-    f, g = whole(*[arguments[name.name()] for name in names])
-    problem = {"x": x, "f": f, "g": g}
-    options = {"ipopt.print_level": 0, "print_time": False, "expand": expand, "ipopt.max_iter": 3000}
+    problem = {"x": x, "f": cost, "g": ca.vec(defects)}
+    options = {"ipopt.print_level": 0, "ipopt.sb": "yes", "print_time": False, "expand": expand}
+    begin = time.process_time()
     solver = ca.nlpsol("solver", "ipopt", problem, options)
+    setup = time.process_time() - begin
     best = np.inf
+    arguments = {"x0": np.concatenate(guess), "lbx": np.concatenate(low), "ubx": np.concatenate(high)}
     for _ in range(3):
-        begin, cpu = time.perf_counter(), time.process_time()
-        found = solver(
-            x0=numbers(guess, 0.0), lbx=numbers(y_low, -U_MAX), ubx=numbers(y_high, U_MAX), lbg=0, ubg=0
-        )
-        best = min(best, time.process_time() - cpu)
+        begin = time.process_time()
+        found = solver(**arguments, lbg=0, ubg=0)
+        best = min(best, time.process_time() - begin)
     stats = solver.stats()
     form = "expanded" if expand else "mapped"
     print(
-        f"{kind:5} {count:5} {form:9} {stats['iter_count']:4}  {float(found['f']):.9f}  {1e3 * best:8.2f}  {stats['return_status']}",
+        f"{kind:5} {count:5} {form:9} {stats['iter_count']:10} {float(found['f']):17.9f} {1e3 * best:9.2f} "
+        f"{1e3 * setup:9.2f}  {stats['return_status']}",
         flush=True,
     )
 
@@ -159,7 +143,7 @@ def main():
     words = sys.argv[1:]
     kinds = [w for w in words if not w.isdigit()] or ["hs", "trap", "ms", "sc"]
     counts = [int(w) for w in words if w.isdigit()] or [100, 200, 400]
-    print("kind  count form      iterations  objective  CPU ms of the solve")
+    print("kind  count form      iterations         objective  solve, ms  setup, ms  (CPU)")
     for kind in kinds:
         for count in counts:
             for expand in (True, False):

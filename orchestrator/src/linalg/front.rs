@@ -32,8 +32,7 @@ impl Factor {
             let width = self.width(k);
             let (done, rest) = local.split_at_mut(k + width);
             let top = k + width;
-            for j in k..top {
-                let scale = done[j];
+            for (j, &scale) in done.iter().enumerate().skip(k) {
                 if scale != 0.0 {
                     let column = &self.columns[j * rows + top..(j + 1) * rows];
                     rest.iter_mut().zip(column).for_each(|(r, l)| *r -= l * scale);

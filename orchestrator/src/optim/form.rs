@@ -62,8 +62,7 @@ impl<'a> Form<'a> {
         let (mut lower, mut upper) = (variables.lower.clone(), variables.upper.clone());
         let (mut rows, mut row_of) = (Vec::new(), vec![usize::MAX; all]);
         let (mut target, mut slacks) = (Vec::new(), Vec::new());
-        for i in 0..all {
-            let (l, u) = (constraints.lower[i], constraints.upper[i]);
+        for (i, (&l, &u)) in constraints.lower.iter().zip(&constraints.upper).enumerate() {
             if l == f64::NEG_INFINITY && u == f64::INFINITY {
                 continue;
             }

@@ -20,7 +20,7 @@ const STATIC: f64 = 1e-9;
 #[derive(Debug)]
 enum Ldl {
     Staged(StagedLdl),
-    Sparse(SparseLdl),
+    Sparse(Box<SparseLdl>),
 }
 
 /// `[[W + diag(d), J^T], [J, -r]]` in X = (x, s) and the rows; r = `row_shift`.
@@ -67,7 +67,7 @@ impl Kkt {
         let ldl = match form.stages()? {
             Some(stages) => Ldl::Staged(StagedLdl::new(&entries, &stages)?),
             None if n + m <= DENSE => Ldl::Staged(StagedLdl::new(&entries, &vec![0; n + m])?),
-            None => Ldl::Sparse(SparseLdl::new(&entries, n + m)?),
+            None => Ldl::Sparse(Box::new(SparseLdl::new(&entries, n + m)?)),
         };
         let values = vec![0.0; entries.len()];
         Ok(Self {
