@@ -34,7 +34,8 @@ pub struct Args {
     #[command(flatten)]
     pub data: DataArgs,
     /// Search the orders: all combinations of the ranges of --na, --nb and --nk (default 1..4, 1..4, 0..3) are ranked by
-    /// the simulated fit on the validation files, or else on the last third of every file.
+    /// the simulated fit on the validation files, or else on the last third of every file. Taken is the one with the least
+    /// BIC of those within 0.5 points of the best.
     #[arg(long, value_enum)]
     pub order: Option<OrderChoice>,
     /// Number of coefficients on past outputs: one number, or a matrix with a row for each output, as "2,1;1,2"; with
