@@ -126,7 +126,8 @@ fn the_comparison_finds_the_order_and_writes_its_table() {
     for (name, seed) in [("a.csv", 1), ("b.csv", 2), ("check.csv", 3)] {
         record(&folder, name, &truth(), 800, 0.1, 100 * seed);
     }
-    let words = ["compare", "a.csv", "b.csv", "--validate", "check.csv", "--arx", "1..3", "--state-space", "1..4"];
+    let words =
+        ["compare", "a.csv", "b.csv", "--validate", "check.csv", "--arx", "1..3", "--state-space", "1..4"];
     let output = identify(&folder, &[&words[..], &["-o", "c"]].concat());
     assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
     let printed = text(&output.stdout);

@@ -12,8 +12,8 @@ use nalgebra::DVector;
 use serde_json::{Map, Value, json};
 
 use super::data::DataArgs;
-use super::output::Results;
 use super::linear_fmu::Wanted;
+use super::output::Results;
 use super::report;
 use crate::Error;
 use crate::cli::{folder, output};
@@ -24,8 +24,8 @@ use crate::ident::record::{Experiments, Record};
 use crate::ident::subspace::{self, Estimate, Options, Order, Refined, Refinement, Weighting};
 use crate::plot::fit_page::Table;
 use crate::plot::identification::{
-    Family, OrderFit, autocorrelations, cross_correlations, fit_against_order, frequency_responses, pole_zero_map,
-    step_responses,
+    Family, OrderFit, autocorrelations, cross_correlations, fit_against_order, frequency_responses,
+    pole_zero_map, step_responses,
 };
 use crate::plot::singular_values::singular_values;
 
@@ -162,7 +162,11 @@ impl MethodArgs {
 /// What keeps it from a model, or its results from being written.
 pub fn run(args: &Args) -> Result<ExitCode, Error> {
     let data = args.data.read()?;
-    let fmu = args.fmu.as_ref().map(|name| Wanted::new(name, (data.inputs.len(), data.outputs.len()))).transpose()?;
+    let fmu = args
+        .fmu
+        .as_ref()
+        .map(|name| Wanted::new(name, (data.inputs.len(), data.outputs.len())))
+        .transpose()?;
     let order = match args.order {
         OrderChoice::Auto => Order::UpTo(args.max_order.into()),
         OrderChoice::Fixed(order) => Order::Fixed(order),
@@ -213,9 +217,9 @@ fn results(estimate: &Estimate, refined: &Refined, data: &Experiments, plots: bo
     summary.verdict.extend(judged.sentences);
     let mended = refined.taken && model.is_stable();
     let concerns_poles = |warning: &String| warning.contains("stable model") || warning.contains("mirrored");
-    summary.warnings.extend(
-        estimate.warnings.iter().filter(|warning| !(mended && concerns_poles(warning))).cloned(),
-    );
+    summary
+        .warnings
+        .extend(estimate.warnings.iter().filter(|warning| !(mended && concerns_poles(warning))).cloned());
     if !estimate.orders.is_empty() {
         results.tables.push(orders_table(estimate));
     }
@@ -230,7 +234,8 @@ fn sentences(estimate: &Estimate, refined: &Refined) -> Vec<String> {
     let mut sentences = Vec::new();
     if !estimate.orders.is_empty() {
         let highest = estimate.orders.len();
-        let error = |order: usize| estimate.orders.get(order.wrapping_sub(1)).and_then(|found| found.held_back);
+        let error =
+            |order: usize| estimate.orders.get(order.wrapping_sub(1)).and_then(|found| found.held_back);
         let own = error(order).unwrap_or(f64::NAN);
         let below = match error(order.wrapping_sub(1)) {
             Some(error) => format!(", order {} {:.2} %", order - 1, 100.0 * error),

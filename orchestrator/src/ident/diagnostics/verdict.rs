@@ -63,11 +63,8 @@ pub fn verdict(name: &str, diagnostics: &Diagnostics) -> Verdict {
         .collect();
     // What a model leaves of a slow input looks like feedback, too: only a complete model can tell.
     let complete = |output: &str| !missing.iter().any(|pair| pair.output == output);
-    let feedback: Vec<_> = diagnostics
-        .cross_correlation
-        .iter()
-        .filter(|of| of.feedback > 1.0 && complete(&of.output))
-        .collect();
+    let feedback: Vec<_> =
+        diagnostics.cross_correlation.iter().filter(|of| of.feedback > 1.0 && complete(&of.output)).collect();
     let unstable: Vec<_> = diagnostics.poles.iter().filter(|pole| pole.modulus >= 1.0).collect();
     let white = whiteness.iter().all(|(_, kind)| *kind != Whiteness::Coloured);
     let explains_the_data = white && missing.is_empty() && unstable.is_empty();

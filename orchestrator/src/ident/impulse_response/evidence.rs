@@ -39,7 +39,8 @@ pub fn evidence(responses: &[ImpulseResponse], inputs: &[String], outputs: &[Str
             });
         }
     }
-    let length = responses.first().and_then(|of| of.channels.first()).map_or(0, |channel| channel.values.len());
+    let length =
+        responses.first().and_then(|of| of.channels.first()).map_or(0, |channel| channel.values.len());
     let (n_y, n_u, blocks) = (responses.len(), inputs.len(), length.saturating_sub(1).div_ceil(2));
     let scaled = |i: usize, j: usize, lag: usize, band: bool| {
         let channel = &responses[i].channels[j];

@@ -103,7 +103,9 @@ pub fn estimate(records: &[Record], options: &Options) -> Result<Vec<ImpulseResp
         let samples: usize = all.iter().map(Experiment::len).sum();
         let sum: f64 = all.iter_mut().map(|experiment| power(&of(experiment)[index])).sum();
         let size = Some((sum / samples as f64).sqrt()).filter(|size| *size > 0.0).unwrap_or(1.0);
-        all.iter_mut().flat_map(|experiment| of(experiment)[index].iter_mut()).for_each(|value| *value /= size);
+        all.iter_mut()
+            .flat_map(|experiment| of(experiment)[index].iter_mut())
+            .for_each(|value| *value /= size);
         size
     };
     let u_scales: Vec<f64> = (0..n_u).map(|j| scale(|e| &mut e.u, j, &mut experiments)).collect();
@@ -239,7 +241,8 @@ impl Marginal<'_> {
             let one = [size, (decay / (1.0 - decay)).ln(), 3.0];
             (0..n_u).flat_map(|_| one[..self.variables()].to_vec()).collect()
         };
-        let grid = [-4.0, 0.0, 4.0].into_iter().flat_map(|size| [0.6, 0.9, 0.97].map(|decay| alike(size, decay)));
+        let grid =
+            [-4.0, 0.0, 4.0].into_iter().flat_map(|size| [0.6, 0.9, 0.97].map(|decay| alike(size, decay)));
         let start = grid
             .map(|variables| (criterion(&variables), variables))
             .min_by(|a, b| a.0.total_cmp(&b.0))
@@ -251,17 +254,22 @@ impl Marginal<'_> {
         let whitened = found.r.solve_upper_triangular(&found.z).unwrap_or_else(|| DVector::zeros(p));
         let g = &found.factor * whitened;
         // Covariance sigma^2 (L R^-1) (L R^-1)^T; R is regular, there is an identity in it.
-        let spread = back(&DMatrix::identity(p, p)).map_or(DMatrix::zeros(p, p), |inverse| &found.factor * inverse);
+        let spread =
+            back(&DMatrix::identity(p, p)).map_or(DMatrix::zeros(p, p), |inverse| &found.factor * inverse);
         let noise = found.noise_variance.sqrt();
         let together = two_sided_normal(0.01 / self.length as f64) / TWO_SIDED_99;
         let channels = (0..n_u).map(|j| {
             let scale = y_scale / u_scales[j];
             let rows = j * self.length..(j + 1) * self.length;
             let values: Vec<f64> = rows.clone().map(|row| scale * g[row]).collect();
-            let band_99: Vec<f64> = rows.map(|row| TWO_SIDED_99 * scale * noise * spread.row(row).norm()).collect();
+            let band_99: Vec<f64> =
+                rows.map(|row| TWO_SIDED_99 * scale * noise * spread.row(row).norm()).collect();
             let prior = Prior::new(&variables[j * self.variables()..], self.kernel);
             Channel {
-                first_significant: values.iter().zip(&band_99).position(|(value, band)| value.abs() > together * band),
+                first_significant: values
+                    .iter()
+                    .zip(&band_99)
+                    .position(|(value, band)| value.abs() > together * band),
                 values,
                 band_99,
                 decay: prior.decay,

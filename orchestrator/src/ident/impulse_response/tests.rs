@@ -57,7 +57,10 @@ fn regularisation_is_closer_to_the_truth_than_least_squares() {
     let target = DVector::from_fn(111, |row, _| y[row + 39]);
     let plain = phi.svd(true, true).solve(&target, 1e-12).unwrap();
     let error = |g: &dyn Fn(usize, usize) -> f64| -> f64 {
-        (0..40).flat_map(|l| (0..2).map(move |j| (l, j))).map(|(l, j)| (g(j, l) - truth(l as i32)[j]).powi(2)).sum()
+        (0..40)
+            .flat_map(|l| (0..2).map(move |j| (l, j)))
+            .map(|(l, j)| (g(j, l) - truth(l as i32)[j]).powi(2))
+            .sum()
     };
     let regularised = error(&|j, l| found[0].channels[j].values[l]);
     assert!(regularised < 0.3 * error(&|j, l| plain[j * 40 + l]), "{regularised}");

@@ -70,12 +70,7 @@ pub struct OutputError {
 /// assert!((refined.model.a[0][(0, 0)] + 0.8).abs() < 1e-9);
 /// # Ok::<(), output_error::Error>(())
 /// ```
-pub fn refine(
-    model: &Arx,
-    mask: &Mask,
-    records: &[Record],
-    options: &Options,
-) -> Result<OutputError, Error> {
+pub fn refine(model: &Arx, mask: &Mask, records: &[Record], options: &Options) -> Result<OutputError, Error> {
     let (n_y, n_u) = (model.output_offset.len(), model.input_offset.len());
     let p = mask.coefficients().len();
     if p == 0 {
@@ -99,7 +94,8 @@ pub fn refine(
     let values = mask.parameters(&found.point);
     let parameters = Parameters { names: mask.names(), values, covariance: None };
     let (parameters, condition) = with_covariance(parameters, &linear.r);
-    let initial = problem.experiments.iter().map(|e| simulate(&found.point, e, &found.root).impulses).collect();
+    let initial =
+        problem.experiments.iter().map(|e| simulate(&found.point, e, &found.root).impulses).collect();
     Ok(OutputError {
         noise_covariance: found.moments.covariance(),
         rms: rms(&found.moments),
@@ -122,13 +118,15 @@ fn from_starts(
 ) -> Result<Found<Arx>, Error> {
     let (mask, n_y) = (problem.mask, given.output_offset.len());
     let identity = DMatrix::identity(n_y, n_y);
-    let criterion = |model: &Arx| problem.residuals(model, &identity).map_or(f64::INFINITY, |m| m.criterion());
+    let criterion =
+        |model: &Arx| problem.residuals(model, &identity).map_or(f64::INFINITY, |m| m.criterion());
     let iv_options = instrumental_variables::Options { iterations: 10, ..Default::default() };
     let instruments = |start: &Arx| -> Result<Arx, Error> {
         let found = instrumental_variables::estimate(start, mask, records, &iv_options)?;
         Ok(stabilised(&found.model, FILTER_RADIUS))
     };
-    let plain = stabilised(&instrumental_variables::least_squares(problem.template, mask, records)?, FILTER_RADIUS);
+    let plain =
+        stabilised(&instrumental_variables::least_squares(problem.template, mask, records)?, FILTER_RADIUS);
     let mut starts = vec![instruments(&plain)?, plain.clone()];
     if (mask.parameters(&given) - mask.parameters(&plain)).amax() > 1e-6 {
         starts.extend([instruments(&given)?, given]);
