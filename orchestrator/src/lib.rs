@@ -10,8 +10,6 @@
 //!  3  master
 //!  2  system      ident
 //!  1  fmu         results     optim       excite
-//!  0  series      units       xml
-//!  1  fmu         results
 //!  0  series      linalg      units       xml
 //! ```
 //!
