@@ -85,6 +85,12 @@ pub enum Error {
     /// The standard output.
     #[error("the standard output cannot be written: {0}")]
     Output(std::io::Error),
+    /// Missing effects.
+    #[error(transparent)]
+    Refine(#[from] crate::refine::Error),
+    /// Reports.
+    #[error(transparent)]
+    Report(#[from] crate::report::Error),
     /// Figures.
     #[error(transparent)]
     Plot(#[from] crate::plot::Error),

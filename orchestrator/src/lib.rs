@@ -5,8 +5,8 @@
 //! ```text
 //!  7  cli
 //!  6  error
-//!  5  plot
-//!  4  discrepancy rig
+//!  5  plot        report
+//!  4  discrepancy refine      rig
 //!  3  master
 //!  2  system      ident
 //!  1  fmu         results     optim       excite
@@ -25,6 +25,8 @@ pub mod linalg;
 pub mod master;
 pub mod optim;
 pub mod plot;
+pub mod refine;
+pub mod report;
 pub mod results;
 pub mod rig;
 pub mod series;

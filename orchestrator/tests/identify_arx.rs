@@ -310,7 +310,11 @@ fn bad_records_are_refused_with_the_remedy() {
     write(&folder, "slow.csv", &table("time,u,y", 2e-3, &[&u, &y]));
     for (words, code, expected) in [
         (&["good.csv", "--validate", "other.csv"][..], 1, "column `y` is in [Pa], but in [kPa] in good.csv"),
-        (&["good.csv", "slow.csv"], 1, "samples every 0.002 s, but good.csv has them every 0.001 s"),
+        (
+            &["good.csv", "slow.csv"],
+            1,
+            "good.csv: samples every 0.001 s, but slow.csv has them every 0.002 s",
+        ),
         (&["good.csv", "--na", "2,1"], 2, "--na 2,1"),
         (&["good.csv", "--order", "auto", "--na", "4..1"], 2, "make 0 structures"),
         (&["good.csv", "--method", "output-error", "--stream"], 1, "needs all samples in memory"),

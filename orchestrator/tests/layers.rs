@@ -9,7 +9,7 @@ const LAYERS: [&[&str]; 8] = [
     &["fmu", "optim", "results", "excite"],
     &["system", "ident", "transcription"],
     &["master", "coupled", "control"],
-    &["plan", "discrepancy", "rig"],
+    &["plan", "discrepancy", "refine", "rig"],
     &["report", "plot"],
     &["error"],
     &["cli"],

@@ -57,7 +57,10 @@ mod tests {
     #[test]
     fn check_names_what_is_missing_changed_or_left_over() {
         let folder = tempfile::tempdir().expect("a temporary folder");
-        let (root, entries) = (folder.path(), registry::all());
+        let root = folder.path();
+        // Models with few parameters, for the sake of time.
+        let few = |e: &Entry| ["friction", "cart-pole", "test-copy"].contains(&e.identity.model_name);
+        let entries: Vec<Entry> = registry::all().into_iter().filter(few).collect();
         let shipped = entries.iter().filter(|e| e.shipped).count();
         assert_eq!(check(root, &entries).len(), shipped);
         write(root, &entries).expect("writable");

@@ -66,6 +66,11 @@ pub enum Command {
         #[command(subcommand)]
         command: super::identify::Command,
     },
+    /// Find the physical effect that a declared model lacks, from measured records.
+    ///
+    /// Writes report.json, report.md and report.html. Candidates are fitted in simulation on the estimation records;
+    /// errors are reported on the validation records.
+    Refine(super::refine::Args),
     /// Print a completion script for a shell, e.g. `airloop completions bash > ~/.local/share/bash-completion/completions/airloop`.
     Completions {
         /// Shell.

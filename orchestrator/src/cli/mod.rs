@@ -14,6 +14,7 @@ pub mod inspect_system;
 pub mod output;
 mod report;
 pub mod rig;
+pub mod refine;
 pub mod run;
 mod table;
 
@@ -42,6 +43,7 @@ pub fn main() -> ExitCode {
         Command::Excite(args) => excite::run(&args),
         Command::Rig { command } => rig::run(&command),
         Command::Identify { command } => identify::run(&command),
+        Command::Refine(args) => refine::run(&args),
         Command::Completions { shell } => {
             let mut script = Vec::new();
             clap_complete::generate(shell, &mut Cli::command(), "airloop", &mut script);

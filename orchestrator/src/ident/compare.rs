@@ -168,9 +168,12 @@ pub fn verdict(entries: &[Entry]) -> Vec<String> {
         let (order, fit) = (entry.order, entry.fit().unwrap_or(best));
         chosen.push((family, order, fit, entry.parameters));
         sentences.push(if order == best_order {
+            let lowest = own.iter().all(|entry| entry.order >= order);
+            let lower = format!(", and lower orders lose more than {ENOUGH} points");
             format!(
-                "{}: order {order} is enough; its simulated fit of {fit:.2} % on validation data is the best of all orders tried, and lower orders lose more than {ENOUGH} points",
-                family.name()
+                "{}: order {order} is enough; its simulated fit of {fit:.2} % on validation data is the best of all orders tried{}",
+                family.name(),
+                if lowest { "" } else { &lower }
             )
         } else {
             format!(

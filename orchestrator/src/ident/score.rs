@@ -185,9 +185,9 @@ impl Score {
 
 #[cfg(test)]
 mod tests {
-    use super::super::model::Arx;
-    use super::super::playback::Playback;
     use super::*;
+    use crate::ident::model::Arx;
+    use crate::ident::playback::Playback;
     use nalgebra::DMatrix;
 
     fn gain(pole: f64) -> Arx {

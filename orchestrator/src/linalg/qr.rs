@@ -208,8 +208,8 @@ impl Triangle {
     /// times its norm.
     pub fn dependent(&self, n: usize, tolerance: f64) -> Option<Dependent> {
         let column = (0..n).find(|&j| {
-            let norm = self.r.view((0, j), (j + 1, 1)).norm();
-            !(self.r[(j, j)].abs() > tolerance * norm)
+            let (left, norm) = (self.r[(j, j)].abs(), self.r.view((0, j), (j + 1, 1)).norm());
+            left.is_nan() || left <= tolerance * norm
         })?;
         let solution = self.back_substitute(column, &self.r.view((0, column), (column, 1)).into_owned());
         let norm = |j: usize| self.r.view((0, j), (j + 1, 1)).norm();

@@ -34,11 +34,9 @@ pub fn quantise(value: f64, step: f64) -> f64 {
         return value;
     }
     let inverse = (1.0 / step).round();
-    if (inverse * step - 1.0).abs() < 1e-12 {
-        (value * inverse).round() / inverse
-    } else {
-        (value / step).round() * step
-    }
+    let whole = (inverse * step - 1.0).abs() < 1e-12;
+    let rounded = if whole { (value * inverse).round() / inverse } else { (value / step).round() * step };
+    rounded + 0.0 // no negative zero
 }
 
 /// What the sensors make of a recording. Each signal of each file has a noise of its own that depends on `seed` and

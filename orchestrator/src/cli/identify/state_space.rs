@@ -220,6 +220,10 @@ fn results(estimate: &Estimate, refined: &Refined, data: &Experiments, plots: bo
     summary
         .warnings
         .extend(estimate.warnings.iter().filter(|warning| !(mended && concerns_poles(warning))).cloned());
+    if !model.is_stable() {
+        let remedy = "options that give a stable model: --unstable mirror, or --refine output-error";
+        summary.warnings.push(remedy.into());
+    }
     if !estimate.orders.is_empty() {
         results.tables.push(orders_table(estimate));
     }

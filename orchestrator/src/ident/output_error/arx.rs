@@ -31,7 +31,7 @@ pub struct OutputError {
     pub start_rms: Vec<f64>,
     /// RMS of measured minus simulated at the end, shape \[n_y\].
     pub rms: Vec<f64>,
-    /// Iterations.
+    /// Iterations in the coefficients of the structure; a full structure is refined in state-space coordinates before.
     pub iterations: usize,
     /// How they ended.
     pub outcome: Outcome,

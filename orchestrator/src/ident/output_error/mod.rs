@@ -10,8 +10,10 @@ mod arx;
 mod denoised;
 mod equivalent;
 mod levenberg_marquardt;
+mod predictor;
 mod sensitivity;
 mod state_space;
+mod tangent;
 
 use nalgebra::DMatrix;
 use serde::Serialize;

@@ -2,7 +2,8 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::state_space::{Predictor, Tangent, weighted};
+use super::predictor::{Predictor, weighted};
+use super::tangent::Tangent;
 use crate::ident::fold::Fold;
 use crate::ident::model::StateSpace;
 use crate::ident::rational::Experiment;

@@ -7,9 +7,11 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::levenberg_marquardt::{Linear, Moments, Problem, minimise};
+use super::predictor::Predictor;
 use super::sensitivity::Sensitivity;
+use super::tangent::Tangent;
 use super::{Error, Options, Outcome, with_covariance};
-use crate::ident::fold::{self, Fold};
+use crate::ident::fold::{Fold, dot};
 use crate::ident::model::{Model, StateSpace};
 use crate::ident::parameters::Parameters;
 use crate::ident::rational::{Experiment, check_records};
@@ -202,200 +204,6 @@ fn balanced(model: &StateSpace) -> Option<StateSpace> {
     })
 }
 
-/// Directions in which the model can change its outputs: orthonormal columns over the entries of `[A, B, K, C]`
-/// (column-major each), and the entries of D.
-#[derive(Debug, Clone, PartialEq)]
-pub(super) struct Tangent {
-    basis: DMatrix<f64>,
-    with_gain: bool,
-    with_direct_term: bool,
-}
-
-impl Tangent {
-    fn new(model: &StateSpace, with_direct_term: bool) -> Tangent {
-        let (n_x, with_gain) = (model.order(), model.gain.is_some());
-        let blocks = |a: DMatrix<f64>, b: DMatrix<f64>, k: Option<DMatrix<f64>>, c: DMatrix<f64>| {
-            let gain = k.map_or(Vec::new(), |k| k.as_slice().to_vec());
-            [a.as_slice(), b.as_slice(), &gain, c.as_slice()].concat()
-        };
-        let gain = model.gain.clone();
-        let rows = blocks(model.a.clone(), model.b.clone(), gain, model.c.clone()).len();
-        // What a change of basis I + S does: (S A - A S, S B, S K, -C S).
-        let mut changes = DMatrix::zeros(rows, rows);
-        for (index, mut column) in changes.column_iter_mut().take(n_x * n_x).enumerate() {
-            let mut s = DMatrix::zeros(n_x, n_x);
-            s[index] = 1.0;
-            let a = &s * &model.a - &model.a * &s;
-            let gain = model.gain.as_ref().map(|gain| &s * gain);
-            column.copy_from_slice(&blocks(a, &s * &model.b, gain, -&model.c * &s));
-        }
-        let free = rows.saturating_sub(n_x * n_x);
-        if free == 0 {
-            return Tangent { basis: DMatrix::zeros(rows, 0), with_gain, with_direct_term };
-        }
-        // The left singular vectors of the smallest singular values are orthogonal to all changes of basis.
-        let svd = changes.svd(true, false);
-        let mut order: Vec<usize> = (0..rows).collect();
-        order.sort_by(|&i, &j| svd.singular_values[i].total_cmp(&svd.singular_values[j]));
-        let u = svd.u.unwrap_or_else(|| DMatrix::identity(rows, rows));
-        let basis = DMatrix::from_fn(rows, free, |row, column| u[(row, order[column])]);
-        Tangent { basis, with_gain, with_direct_term }
-    }
-
-    /// Number of directions.
-    pub(super) fn len(&self, model: &StateSpace) -> usize {
-        self.basis.ncols() + if self.with_direct_term { model.d.len() } else { 0 }
-    }
-
-    /// Changes of A, B, K, C, D along direction `index`.
-    pub(super) fn direction(&self, model: &StateSpace, index: usize) -> [DMatrix<f64>; 5] {
-        let mut unit = DVector::zeros(self.len(model));
-        unit[index] = 1.0;
-        self.changes(model, &unit)
-    }
-
-    /// Changes of A, B, K, C, D after a step.
-    fn changes(&self, model: &StateSpace, step: &DVector<f64>) -> [DMatrix<f64>; 5] {
-        let (n_x, n_u, n_y) = (model.order(), model.d.ncols(), model.d.nrows());
-        let local = &self.basis * step.rows(0, self.basis.ncols());
-        let gain = if self.with_gain { n_x * n_y } else { 0 };
-        let mut rest = local.as_slice();
-        let mut take = |rows: usize, columns: usize, len: usize| {
-            let (head, tail) = rest.split_at(len);
-            rest = tail;
-            if len == 0 {
-                DMatrix::zeros(rows, columns)
-            } else {
-                DMatrix::from_column_slice(rows, columns, head)
-            }
-        };
-        let (a, b) = (take(n_x, n_x, n_x * n_x), take(n_x, n_u, n_x * n_u));
-        let (k, c) = (take(n_x, n_y, gain), take(n_y, n_x, n_y * n_x));
-        let d = if self.with_direct_term {
-            DMatrix::from_iterator(n_y, n_u, step.iter().skip(self.basis.ncols()).copied())
-        } else {
-            DMatrix::zeros(n_y, n_u)
-        };
-        [a, b, k, c, d]
-    }
-
-    fn apply(&self, model: &StateSpace, step: &DVector<f64>) -> StateSpace {
-        let [a, b, k, c, d] = self.changes(model, step);
-        StateSpace {
-            a: &model.a + a,
-            b: &model.b + b,
-            c: &model.c + c,
-            d: &model.d + d,
-            gain: model.gain.as_ref().map(|gain| gain + k),
-            ..model.clone()
-        }
-    }
-}
-
-/// `x(k+1) = F x + G u + K y`, `y_hat = C x + D u` with `F = A - K C`, `G = B - K D`; rows of the matrices one after
-/// another.
-pub(super) struct Predictor {
-    n_x: usize,
-    n_y: usize,
-    /// `[F, G, K]`, shape \[n_x, n_x + n_u + n_y\].
-    state: Vec<f64>,
-    /// `[C, D]`, shape \[n_y, n_x + n_u\].
-    output: Vec<f64>,
-    pub(super) f: DMatrix<f64>,
-    pub(super) c: DMatrix<f64>,
-}
-
-impl Predictor {
-    fn new(model: &StateSpace) -> Predictor {
-        let (n_x, n_y) = (model.order(), model.d.nrows());
-        let gain = model.gain.clone().unwrap_or_else(|| DMatrix::zeros(n_x, n_y));
-        let (f, g) = (&model.a - &gain * &model.c, &model.b - &gain * &model.d);
-        let state = (0..n_x)
-            .flat_map(|i| f.row(i).iter().chain(&g.row(i)).chain(&gain.row(i)).copied().collect::<Vec<_>>());
-        let output =
-            (0..n_y).flat_map(|i| model.c.row(i).iter().chain(&model.d.row(i)).copied().collect::<Vec<_>>());
-        Predictor { n_x, n_y, state: state.collect(), output: output.collect(), c: model.c.clone(), f }
-    }
-
-    /// Residuals from an initial state; `each` sees the sample, state, inputs and residual before the state moves on.
-    pub(super) fn run(
-        &self,
-        experiment: &Experiment,
-        x0: &DVector<f64>,
-        mut each: impl FnMut(usize, &[f64], &[f64], &[f64]),
-    ) -> Vec<Vec<f64>> {
-        let (n_x, n_y, n_u, n) = (self.n_x, self.n_y, experiment.u.len(), experiment.len());
-        // State, inputs and outputs of a sample stand together.
-        let mut now = vec![0.0; n_x + n_u + n_y];
-        now[..n_x].copy_from_slice(x0.as_slice());
-        let mut next = vec![0.0; n_x];
-        let mut e = vec![0.0; n_y];
-        let mut residual = vec![vec![0.0; n]; n_y];
-        for k in 0..n {
-            for j in 0..n_u {
-                now[n_x + j] = experiment.u[j][k];
-            }
-            for i in 0..n_y {
-                let y = experiment.y[i][k];
-                now[n_x + n_u + i] = y;
-                let row = &self.output[i * (n_x + n_u)..(i + 1) * (n_x + n_u)];
-                e[i] = y - fold::dot(row, &now[..n_x + n_u]);
-                residual[i][k] = e[i];
-            }
-            each(k, &now[..n_x], &now[n_x..n_x + n_u], &e);
-            for (next, row) in next.iter_mut().zip(self.state.chunks_exact(n_x + n_u + n_y)) {
-                *next = fold::dot(row, &now);
-            }
-            now[..n_x].copy_from_slice(&next);
-        }
-        residual
-    }
-
-    /// Samples after which the free response is negligible.
-    pub(super) fn horizon(&self, n: usize) -> usize {
-        let mut power = DMatrix::identity(self.n_x, self.n_x);
-        for k in 0..n {
-            if power.amax() < 1e-10 {
-                return k;
-            }
-            power = &self.f * power;
-        }
-        n
-    }
-
-    /// Initial state that makes the weighted residual smallest.
-    fn initial_state(&self, experiment: &Experiment, root: &DMatrix<f64>) -> DVector<f64> {
-        let (n_x, n_y) = (self.n_x, self.n_y);
-        let horizon = self.horizon(experiment.len());
-        let early = Experiment {
-            u: experiment.u.iter().map(|u| u[..horizon].to_vec()).collect(),
-            y: experiment.y.iter().map(|y| y[..horizon].to_vec()).collect(),
-        };
-        let mut fold = Fold::new(n_x + 1);
-        let mut free = self.c.clone();
-        self.run(&early, &DVector::zeros(n_x), |_, _, _, e| {
-            let rows = root * &free;
-            fold.room(n_y);
-            for j in 0..n_x {
-                fold.column(j, n_y).copy_from_slice(rows.column(j).as_slice());
-            }
-            weighted(root, e, fold.column(n_x, n_y));
-            fold.commit(n_y);
-            free = &free * &self.f;
-        });
-        let r = fold.finish();
-        let z = r.view((0, n_x), (n_x, 1)).column(0).into_owned();
-        fold::solve(&r.view((0, 0), (n_x, n_x)).into_owned(), &z, 1e-10).0
-    }
-}
-
-/// `root e`.
-pub(super) fn weighted(root: &DMatrix<f64>, e: &[f64], out: &mut [f64]) {
-    for (i, out) in out.iter_mut().enumerate() {
-        *out = e.iter().enumerate().map(|(l, e)| root[(i, l)] * e).sum();
-    }
-}
-
 struct StateSpaceProblem {
     experiments: Vec<Experiment>,
     n_y: usize,
@@ -440,7 +248,7 @@ impl Problem for StateSpaceProblem {
     fn power(&self) -> DVector<f64> {
         let samples: usize = self.experiments.iter().map(Experiment::len).sum();
         DVector::from_fn(self.n_y, |i, _| {
-            let sum: f64 = self.experiments.iter().map(|e| fold::dot(&e.y[i], &e.y[i])).sum();
+            let sum: f64 = self.experiments.iter().map(|e| dot(&e.y[i], &e.y[i])).sum();
             sum / samples.max(1) as f64
         })
     }

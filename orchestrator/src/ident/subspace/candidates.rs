@@ -6,6 +6,7 @@ use super::data::{Matrices, Segment};
 use super::gain::{prediction_error_gain, riccati_gain};
 use super::hankel::HankelFactor;
 use super::input_terms::{input_terms, simulation_error};
+use super::parallel::parallel;
 use super::projection::{Projection, Weighting, predictor, pseudo_inverse};
 use super::realisation::{Realisation, realise, spectral_radius, stabilised};
 use super::riccati::{Noise, kalman_gain};
@@ -210,30 +211,4 @@ pub(super) fn relative_error(segments: &[Segment], model: &Matrices) -> f64 {
         (squares[i] / energy).sqrt()
     };
     (0..n_y).map(mean).sum::<f64>() / n_y as f64
-}
-
-/// Results in the order of the items, whatever the number of threads.
-fn parallel<T: Sync, R: Send>(items: &[T], work: impl Fn(&T) -> R + Sync) -> Vec<R> {
-    let threads = std::thread::available_parallelism().map_or(1, std::num::NonZero::get).min(items.len());
-    if threads < 2 {
-        return items.iter().map(work).collect();
-    }
-    let next = std::sync::atomic::AtomicUsize::new(0);
-    let mut found: Vec<(usize, R)> = std::thread::scope(|scope| {
-        let workers: Vec<_> = (0..threads)
-            .map(|_| {
-                scope.spawn(|| {
-                    let mut own = Vec::new();
-                    loop {
-                        let index = next.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
-                        let Some(item) = items.get(index) else { break own };
-                        own.push((index, work(item)));
-                    }
-                })
-            })
-            .collect();
-        workers.into_iter().flat_map(|worker| worker.join().expect("no worker panics")).collect()
-    });
-    found.sort_by_key(|(index, _)| *index);
-    found.into_iter().map(|(_, result)| result).collect()
 }

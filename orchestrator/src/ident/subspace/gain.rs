@@ -27,7 +27,7 @@ pub(super) fn riccati_gain(
     let x = &steps.past * state.transpose();
     let w = &steps.later * state.transpose() - &x * model.a.transpose() - &steps.u * model.b.transpose();
     let v = &steps.y - &x * model.c.transpose() - &steps.u * model.d.transpose();
-    let rows = factor.rows() as f64;
+    let rows = factor.rows as f64;
     let mut noise = Noise { q: w.tr_mul(&w) / rows, s: w.tr_mul(&v) / rows, r: v.tr_mul(&v) / rows };
     if noise.r.trace() < NOISE_FREE * n_y as f64 {
         return Some(DMatrix::zeros(n, n_y));

@@ -8,7 +8,11 @@
 use nalgebra::DMatrix;
 
 use super::data::Segment;
+use super::parallel::parallel;
 use crate::linalg::{StreamedQr, Triangle};
+
+/// Parts of the tall matrix that are folded side by side.
+const PARTS: usize = 4;
 
 /// R of the tall matrix with the horizon it belongs to.
 #[derive(Debug, Clone, PartialEq)]
@@ -17,8 +21,10 @@ pub(super) struct HankelFactor {
     pub n_y: usize,
     /// Past samples p and future samples f.
     pub horizon: usize,
-    /// Of q columns, q = horizon (2 n_u + 2 n_y).
-    triangle: Triangle,
+    /// Rows of the tall matrix.
+    pub rows: u64,
+    /// Shape \[q, q\], q = horizon (2 n_u + 2 n_y).
+    r: DMatrix<f64>,
 }
 
 impl HankelFactor {
@@ -26,23 +32,26 @@ impl HankelFactor {
     pub fn new(segments: &[Segment], horizon: usize) -> HankelFactor {
         let n_u = segments.first().map_or(0, |segment| segment.u.nrows());
         let n_y = segments.first().map_or(0, |segment| segment.y.nrows());
-        let mut qr = StreamedQr::new(2 * horizon * (n_u + n_y));
-        for segment in segments {
-            // A channel is a column here.
-            let (u, y) = (segment.u.transpose(), segment.y.transpose());
-            let end = (segment.len() + 1).saturating_sub(horizon);
-            let mut t = horizon;
-            while t < end {
-                let rows = qr.space().min(end - t);
-                qr.append(rows, |column, out| {
-                    let (of_input, channel, from) = place(column, t, horizon, n_u, n_y);
-                    let signal = if of_input { &u } else { &y };
-                    out.copy_from_slice(&signal.as_slice()[channel * segment.len() + from..][..rows]);
-                });
-                t += rows;
+        let signals: Vec<Signals> = segments
+            .iter()
+            .map(|segment| Signals { u: segment.u.transpose(), y: segment.y.transpose() })
+            .collect();
+        // The parts are always the same, so that the result does not depend on the number of threads.
+        let parts = parts(segments, horizon);
+        let triangles = parallel(&parts, |rows| {
+            let mut qr = StreamedQr::new(2 * horizon * (n_u + n_y));
+            for &(segment, from, to) in rows {
+                fold(&mut qr, &signals[segment], from, to, horizon);
             }
+            qr.finish()
+        });
+        let rows = triangles.iter().map(Triangle::rows).sum();
+        let mut triangles = triangles.into_iter();
+        let mut r = triangles.next().map_or_else(|| DMatrix::zeros(0, 0), |first| first.r().clone());
+        for other in triangles {
+            r = stacked(&r, other.r());
         }
-        HankelFactor { n_u, n_y, horizon, triangle: qr.finish() }
+        HankelFactor { n_u, n_y, horizon, rows, r }
     }
 
     /// Factor for a shorter horizon.
@@ -55,12 +64,8 @@ impl HankelFactor {
             .chain((0..horizon * n_z).map(|column| long * self.n_u + column))
             .chain((0..horizon * self.n_y).map(|column| long * (self.n_u + n_z) + column))
             .collect();
-        HankelFactor { horizon, triangle: self.triangle.select(&columns), n_u: self.n_u, n_y: self.n_y }
-    }
-
-    /// Rows of the tall matrix.
-    pub fn rows(&self) -> u64 {
-        self.triangle.rows()
+        let r = self.r.select_columns(&columns).qr().unpack_r();
+        HankelFactor { horizon, r, n_u: self.n_u, n_y: self.n_y, rows: self.rows }
     }
 
     /// First columns of the past and of the future outputs.
@@ -72,26 +77,26 @@ impl HankelFactor {
     /// L22 = R_ww': the past beside the future inputs, shape \[p n_z, p n_z\].
     pub fn past(&self) -> DMatrix<f64> {
         let (w, y) = self.starts();
-        self.triangle.r().view((w, w), (y - w, y - w)).transpose()
+        self.r.view((w, w), (y - w, y - w)).transpose()
     }
 
     /// \[L21 L22\]: all of the past, shape \[p n_z, f n_u + p n_z\].
     pub fn whole_past(&self) -> DMatrix<f64> {
         let (w, y) = self.starts();
-        self.triangle.r().view((0, w), (y, y - w)).transpose()
+        self.r.view((0, w), (y, y - w)).transpose()
     }
 
     /// L32: what the past says of the future outputs beside the future inputs, shape \[f n_y, p n_z\].
     pub fn future_by_past(&self) -> DMatrix<f64> {
         let (w, y) = self.starts();
-        self.triangle.r().view((w, y), (y - w, self.triangle.r().ncols() - y)).transpose()
+        self.r.view((w, y), (y - w, self.r.ncols() - y)).transpose()
     }
 
     /// \[L32 L33\]: the future outputs beside the future inputs, shape \[f n_y, p n_z + f n_y\].
     pub fn future(&self) -> DMatrix<f64> {
         let (w, y) = self.starts();
-        let q = self.triangle.r().ncols();
-        self.triangle.r().view((w, y), (q - w, q - y)).transpose()
+        let q = self.r.ncols();
+        self.r.view((w, y), (q - w, q - y)).transpose()
     }
 
     /// Coordinates, one column per variable: z(t-1) .. z(t-p); one step later; u(t); y(t).
@@ -102,7 +107,7 @@ impl HankelFactor {
         let out: Vec<usize> = (y..y + self.n_y).collect();
         let past: Vec<usize> = (w..y).collect();
         let later: Vec<usize> = u.iter().chain(&out).copied().chain(w..y - n_z).collect();
-        let of = |columns: &[usize]| self.triangle.r().select_columns(columns);
+        let of = |columns: &[usize]| self.r.select_columns(columns);
         Steps { past: of(&past), later: of(&later), u: of(&u), y: of(&out) }
     }
 
@@ -112,7 +117,7 @@ impl HankelFactor {
         let n_z = self.n_u + self.n_y;
         let columns: Vec<usize> =
             (0..w).chain((w..y).filter(|column| (column - w) % n_z < self.n_u)).collect();
-        self.triangle.r().select_columns(&columns).singular_values().iter().copied().collect()
+        self.r.select_columns(&columns).singular_values().iter().copied().collect()
     }
 }
 
@@ -122,6 +127,61 @@ pub(super) struct Steps {
     pub later: DMatrix<f64>,
     pub u: DMatrix<f64>,
     pub y: DMatrix<f64>,
+}
+
+/// Channels of a segment as columns.
+struct Signals {
+    u: DMatrix<f64>,
+    y: DMatrix<f64>,
+}
+
+/// Rows (segment, first t, end) in [`PARTS`] parts of about the same length.
+fn parts(segments: &[Segment], horizon: usize) -> Vec<Vec<(usize, usize, usize)>> {
+    let end = |segment: &Segment| (segment.len() + 1).saturating_sub(horizon).max(horizon);
+    let all: usize = segments.iter().map(|segment| end(segment) - horizon).sum();
+    let most = all.div_ceil(PARTS).max(1);
+    let mut parts = vec![Vec::new()];
+    let mut room = most;
+    for (index, segment) in segments.iter().enumerate() {
+        let mut from = horizon;
+        while from < end(segment) {
+            if room == 0 {
+                parts.push(Vec::new());
+                room = most;
+            }
+            let rows = room.min(end(segment) - from);
+            if let Some(part) = parts.last_mut() {
+                part.push((index, from, from + rows));
+            }
+            from += rows;
+            room -= rows;
+        }
+    }
+    parts
+}
+
+/// Adds the rows `from .. to` of a segment.
+fn fold(qr: &mut StreamedQr, signals: &Signals, from: usize, to: usize, horizon: usize) {
+    let (n, n_u, n_y) = (signals.y.nrows(), signals.u.ncols(), signals.y.ncols());
+    let mut t = from;
+    while t < to {
+        let rows = qr.space().min(to - t);
+        qr.append(rows, |column, out| {
+            let (of_input, channel, first) = place(column, t, horizon, n_u, n_y);
+            let signal = if of_input { &signals.u } else { &signals.y };
+            out.copy_from_slice(&signal.as_slice()[channel * n + first..][..rows]);
+        });
+        t += rows;
+    }
+}
+
+/// Triangle of one matrix above another.
+fn stacked(above: &DMatrix<f64>, below: &DMatrix<f64>) -> DMatrix<f64> {
+    let n = above.ncols();
+    let mut both = DMatrix::zeros(2 * n, n);
+    both.rows_mut(0, n).copy_from(above);
+    both.rows_mut(n, n).copy_from(below);
+    both.qr().unpack_r()
 }
 
 /// What stands in a column at row t: whether an input, which channel, which sample.

@@ -19,6 +19,7 @@ mod data;
 mod gain;
 mod hankel;
 mod input_terms;
+mod parallel;
 pub mod pieces;
 pub mod projection;
 pub mod realisation;

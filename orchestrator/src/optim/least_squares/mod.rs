@@ -13,6 +13,9 @@ use nalgebra::{DMatrix, DVector};
 
 pub use start::{multi_start, spread};
 
+/// Fills a Jacobian (shape \[m, n\]) at parameters (shape \[n\]).
+pub type FillJacobian<'a> = &'a dyn Fn(&[f64], &mut DMatrix<f64>);
+
 /// What to minimise.
 pub struct Problem<'a> {
     /// Number of residuals m.
@@ -27,7 +30,7 @@ pub struct Problem<'a> {
     /// Fills the residuals (shape \[m\]) at parameters (shape \[n\]); false if they cannot be evaluated there.
     pub evaluate: &'a dyn Fn(&[f64], &mut [f64]) -> bool,
     /// Fills the Jacobian `dr_i/dp_j`, shape \[m, n\]; central difference quotients if there is none.
-    pub jacobian: Option<&'a dyn Fn(&[f64], &mut DMatrix<f64>)>,
+    pub jacobian: Option<FillJacobian<'a>>,
 }
 
 /// When to stop.

@@ -1,7 +1,7 @@
 //! The search of orders as tables.
 
-use super::super::output::Results;
 use crate::Error;
+use crate::cli::identify::output::Results;
 use crate::cli::identify::report::percent;
 use crate::ident::arx;
 use crate::ident::order_search::{Candidate, MARGIN, recommended};
@@ -11,7 +11,7 @@ use crate::plot::fit_page::Table;
 /// Candidates on the terminal.
 pub const SHOWN: usize = 10;
 /// Candidates on the page.
-const ON_PAGE: usize = 30;
+const ON_PAGE: usize = 15;
 
 /// The structure to take.
 ///
@@ -75,7 +75,7 @@ pub fn table(candidates: &[Candidate], outputs: &[String], shown: usize) -> Tabl
         };
         let fits = candidate.fits.iter().filter(|_| several).map(|fit| percent(*fit, stable));
         let criteria = [candidate.aicc, candidate.bic, candidate.mdl];
-        let criteria = criteria.map(|value| value.map_or("-".into(), |value| format!("{value:.2}")));
+        let criteria = criteria.map(|value| value.map_or("-".into(), |value| format!("{value:.4}")));
         let first = [format!("{}{mark}", candidate.structure), candidate.parameters.to_string(), fit];
         first.into_iter().chain(fits).chain(criteria).collect()
     };

@@ -13,20 +13,24 @@ use crate::cli::identify::output::Results;
 use crate::ident::diagnostics;
 use crate::ident::diagnostics::response::Family;
 use crate::ident::model::{Linear, Model, NamedModel};
+use crate::ident::parameters::{Interval, Parameters};
 use crate::ident::playback::{Playback, Played};
 use crate::ident::score::{RecordScore, Score, Tally};
 use crate::ident::source::Source;
 use crate::ident::summary::{SCHEMA_VERSION, Summary, coefficients};
 use crate::plot::envelope::Envelope;
-use crate::plot::fit_page::{Compared, compared};
+use crate::plot::fit_page::{Compared, Table, compared};
 use crate::plot::identification;
+use crate::plot::run::short;
 use crate::series::{csv, rows};
 use crate::{Error, series};
 
 /// Longest record \[samples\] that is written as a table.
 const LONGEST_TABLE: usize = 200_000;
-/// Samples of all records together whose residuals are tested.
+/// Samples of all records together whose residuals are tested in full.
 const LONGEST_TEST: usize = 100_000;
+/// Samples of all records together whose residuals are tested where there are more, so that memory goes to the data.
+const PART_TESTED: usize = 20_000;
 
 /// Results of an estimated model.
 ///
@@ -69,6 +73,7 @@ pub fn results(args: &Args, loaded: &Loaded, estimated: Estimated) -> Result<Res
         tables: Vec::new(),
     };
     results.summary.coefficients = coefficients(&results.model.model);
+    results.tables.push(coefficients_table(&estimated.parameters));
     let playback = Playback::new(&estimated.model, stable);
     let (estimation, validation) = (loaded.estimation(), loaded.validation());
     for (set, sources, judges) in
@@ -99,7 +104,8 @@ fn judge(
     summary: &mut Summary,
 ) -> Result<Vec<(String, String)>, Error> {
     let sources = loaded.estimation();
-    let share = LONGEST_TEST / sources.len().max(1);
+    let all: usize = sources.iter().map(|source| source.samples()).sum();
+    let share = if all > LONGEST_TEST { PART_TESTED / sources.len().max(1) } else { all };
     let records = sources.iter().map(|source| source.head(share)).collect::<Result<Vec<_>, _>>()?;
     if sources.iter().any(|source| source.samples() > share) {
         summary
@@ -129,6 +135,20 @@ fn judge(
         ("frequency_responses", identification::frequency_responses(&found.frequency)),
     ];
     Ok(figures.into_iter().map(|(name, svg)| (name.to_owned(), svg)).collect())
+}
+
+fn coefficients_table(parameters: &Parameters) -> Table {
+    let number = |value: Option<f64>| value.map_or("-".to_owned(), short);
+    let row = |interval: Interval| {
+        let [low, high] = interval.interval_95.map_or([None, None], |ends| ends.map(Some));
+        let deviation = number(interval.standard_deviation);
+        vec![interval.name, format!("{:.8}", interval.value), deviation, number(low), number(high)]
+    };
+    Table {
+        heading: "Coefficients with 95 % intervals".into(),
+        header: ["coefficient", "value", "standard deviation", "from", "to"].map(str::to_owned).into(),
+        rows: parameters.intervals().into_iter().map(row).collect(),
+    }
 }
 
 /// Plays one record.

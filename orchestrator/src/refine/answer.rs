@@ -1,0 +1,291 @@
+//! The answer of a search in the terms of the vocabulary: what is missing, how well it is known, what it improves.
+
+use std::collections::BTreeMap;
+
+use super::engine::goodness::Null;
+use super::engine::search::{Model, Search};
+use super::engine::select::{Effort, Selection, Stage, select};
+use super::engine::{System, parallel};
+use super::interval;
+use super::rig::localise::localise;
+use super::rig::open::Rig;
+use super::rig::physical::correction;
+
+/// Settings of the search.
+#[derive(Debug, Clone, Copy)]
+pub struct Settings {
+    /// Seed of the simulated null.
+    pub seed: u64,
+    /// Draws of the simulated null, half for the scale and half for the quantile.
+    pub draws: usize,
+    /// Most effects that are added.
+    pub max_effects: usize,
+}
+
+impl Default for Settings {
+    fn default() -> Settings {
+        Settings { seed: 1, draws: 400, max_effects: 3 }
+    }
+}
+
+/// What the records say.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Verdict {
+    /// Effects were found.
+    Effect,
+    /// Nothing is missing.
+    Nothing,
+    /// Something is missing that is none of the candidates.
+    Unexplained,
+}
+
+/// A parameter with its 95 % interval.
+#[derive(Debug, Clone)]
+pub struct Parameter {
+    /// Name in the vocabulary.
+    pub name: String,
+    /// Unit.
+    pub unit: String,
+    /// Value.
+    pub value: f64,
+    /// 95 % interval.
+    pub interval: (f64, f64),
+}
+
+/// An effect of the answer.
+#[derive(Debug, Clone)]
+pub struct Effect {
+    /// Id of the vocabulary.
+    pub id: String,
+    /// Channel.
+    pub channel: String,
+    /// Measured signal of a sensor effect.
+    pub signal: Option<String>,
+    /// Whether it is part of the corrected model.
+    pub selected: bool,
+    /// Effects of one group cannot be told apart.
+    pub group: Option<usize>,
+    /// Improvement of the information criterion over the declared model.
+    pub score: f64,
+    /// Parameters.
+    pub parameters: Vec<Parameter>,
+    /// Why it was chosen or not, one sentence.
+    pub reason: String,
+}
+
+/// Errors of a set of records, by signal.
+#[derive(Debug, Clone, Default)]
+pub struct Errors {
+    /// Rms in the unit of the signal.
+    pub rms: BTreeMap<String, f64>,
+    /// Rms over the standard deviation of the measured signal.
+    pub nrmse: BTreeMap<String, f64>,
+}
+
+/// The answer.
+#[derive(Debug, Clone)]
+pub struct Answer {
+    /// What the records say.
+    pub verdict: Verdict,
+    /// Effects, selected ones first.
+    pub effects: Vec<Effect>,
+    /// Channel and variables of what no candidate explains.
+    pub unexplained: Option<(String, Vec<String>)>,
+    /// Corrections of declared parameters: name, relative change, standard deviation.
+    pub corrections: Vec<(String, f64, f64)>,
+    /// Errors of the declared and of the corrected model: estimation, validation.
+    pub before: [Errors; 2],
+    /// See `before`.
+    pub after: [Errors; 2],
+    /// Noise by signal.
+    pub noise: BTreeMap<String, f64>,
+    /// How far the declared and the corrected model are from noise, by signal: normalised powers.
+    pub left: [Vec<(String, f64)>; 2],
+    /// Effects that cannot be looked for, and why.
+    pub not_testable: Vec<(String, String)>,
+    /// Remarks, one sentence each.
+    pub notes: Vec<String>,
+}
+
+/// Finds what a rig's declared model lacks.
+pub fn answer(rig: &Rig, groups: &[String], settings: &Settings) -> Answer {
+    let system = rig.system.as_ref();
+    let records: Vec<usize> = (0..system.records()).filter(|&record| system.estimation(record)).collect();
+    let screened = (0..records.len()).filter(|&i| i == 0 || groups[records[i]].is_empty() || groups[records[i]] != groups[records[i - 1]]);
+    let screened: Vec<usize> = screened.collect();
+    let fit = fit_locals(system, &records, &super::rig::parameters::neutral());
+    let null = Null::simulate(system, &records, &fit.parameters, &fit.locals, settings.draws, settings.seed);
+    let search = Search { system, candidates: &rig.candidates, records, screened, null };
+    let declared = search.fit(&[], &[], &fit.parameters, &fit.locals, 5);
+    let effort = Effort { max_effects: settings.max_effects, ..Effort::default() };
+    let selection = select(&search, declared, &rig.corrections, effort);
+    let mut found = assemble(rig, &search, &selection);
+    if !selection.explained {
+        trace(rig, &search, &selection, groups, &mut found);
+    }
+    found
+}
+
+/// Names the channel of what no candidate explains; behind a wrong actuator, effects of the mechanics are still found.
+fn trace(rig: &Rig, search: &Search<dyn System + '_>, selection: &Selection, groups: &[String], found: &mut Answer) {
+    let Some(coupled) = &rig.coupled else {
+        let worst = selection.best.left.iter().max_by(|a, b| a.1.total_cmp(&b.1));
+        let channel = if worst.is_some_and(|(signal, _)| signal == "F_hat") { "actuator" } else { "piston_friction" };
+        let channel = if rig.candidates.iter().any(|c| c.channel == "piston_friction") { channel } else { "actuator" };
+        found.unexplained = Some((channel.into(), Vec::new()));
+        return;
+    };
+    let limit = search.null.quantile + super::engine::select::MARGIN;
+    let fits = selection.declared.left.iter().find(|(signal, _)| signal == "F_hat").map(|(_, z)| *z < limit);
+    let groups: Vec<usize> = groups.iter().map(|name| groups.iter().position(|g| g == name).unwrap_or(0)).collect();
+    let mechanical = |c: &&super::engine::candidate::Candidate| {
+        ["cart", "cart_friction", "pole"].contains(&c.channel) || c.id != "sensor.delay" && matches!(c.signal, Some("x" | "theta"))
+    };
+    let candidates: Vec<_> = rig.candidates.iter().filter(mechanical).cloned().collect();
+    let findings = localise(coupled, &candidates, fits, &groups, &super::rig::parameters::neutral());
+    found.unexplained = findings.channel.map(|channel| (channel, findings.variables));
+    let Some(model) = findings.effects else { return };
+    found.verdict = Verdict::Effect;
+    found.notes.push("The actuator does not follow its declared model, so the mechanics were searched with the measured force of the load cell.".into());
+    let gain = findings.declared.fit.chi2 - model.fit.chi2;
+    let mut chosen = Vec::new();
+    for &c in &model.added {
+        let own = &candidates[c];
+        chosen.push(Effect {
+            id: own.id.into(),
+            channel: own.channel.into(),
+            signal: own.signal.map(str::to_owned),
+            selected: true,
+            group: None,
+            score: gain,
+            parameters: interval::parameters(own, &model.fit, 1.0),
+            reason: "with it, position and angle follow the measured force".into(),
+        });
+    }
+    found.effects.retain(|e| !chosen.iter().any(|c| c.id == e.id && c.signal == e.signal));
+    chosen.append(&mut found.effects);
+    found.effects = chosen;
+    let system = rig.system.as_ref();
+    let sets = [true, false].map(|estimation| (0..system.records()).filter(|&r| system.estimation(r) == estimation).collect::<Vec<_>>());
+    found.after = [0, 1].map(|i| errors(system, &sets[i], &model.fit.parameters));
+}
+
+fn fit_locals<S: System + ?Sized>(system: &S, records: &[usize], p: &[f64]) -> super::engine::fit::Fit {
+    let locals: Vec<Vec<f64>> = records.iter().map(|&r| system.locals(r).iter().map(|l| l.0).collect()).collect();
+    super::engine::fit::fit(system, records, p, &[], &locals, 10)
+}
+
+/// Errors of a model on records, their initial states fitted.
+fn errors<S: System + ?Sized>(system: &S, records: &[usize], p: &[f64]) -> Errors {
+    let fit = fit_locals(system, records, p);
+    let parts = parallel::map(records.len(), |i| {
+        let predicted = system.predict(records[i], p, &fit.locals[i]);
+        let measured = system.measured(records[i]);
+        system.signals(records[i]).into_iter().map(|span| {
+            let (m, q) = (&measured[span.range.clone()], &predicted[span.range.clone()]);
+            let mean = m.iter().sum::<f64>() / m.len() as f64;
+            let error: f64 = m.iter().zip(q).map(|(a, b)| (a - b).powi(2)).sum();
+            let spread: f64 = m.iter().map(|a| (a - mean).powi(2)).sum();
+            (span.signal, m.len(), error, spread)
+        }).collect::<Vec<_>>()
+    });
+    let mut sums: BTreeMap<String, (usize, f64, f64)> = BTreeMap::new();
+    for (signal, n, error, spread) in parts.into_iter().flatten() {
+        let entry = sums.entry(signal).or_default();
+        *entry = (entry.0 + n, entry.1 + error, entry.2 + spread);
+    }
+    let mut found = Errors::default();
+    for (signal, (n, error, spread)) in sums {
+        found.rms.insert(signal.clone(), (error / n as f64).sqrt());
+        found.nrmse.insert(signal, (error / spread.max(f64::MIN_POSITIVE)).sqrt());
+    }
+    found
+}
+
+fn assemble(rig: &Rig, search: &Search<dyn System + '_>, selection: &Selection) -> Answer {
+    let system = rig.system.as_ref();
+    let penalty = search.penalty();
+    let criterion = |model: &Model| model.fit.chi2 + penalty * model.size(search.candidates) as f64;
+    let score = |model: &Model| selection.declared.fit.chi2 - criterion(model);
+    let (best, declared) = (&selection.best, &selection.declared);
+    let mut effects: Vec<Effect> = Vec::new();
+    let mut effect = |model: &Model, c: usize, selected: bool, group: Option<usize>, reason: String| {
+        let own = &rig.candidates[c];
+        let same = |e: &Effect| e.id == own.id && e.signal.as_deref() == own.signal;
+        if effects.iter().any(same) {
+            return;
+        }
+        effects.push(Effect {
+            id: own.id.into(),
+            channel: own.channel.into(),
+            signal: own.signal.map(str::to_owned),
+            selected,
+            group,
+            score: score(model),
+            parameters: interval::parameters(own, &model.fit, penalty.exp()),
+            reason,
+        });
+    };
+    let verdict = match (selection.explained, best.added.is_empty()) {
+        (true, true) => Verdict::Nothing,
+        (true, false) => Verdict::Effect,
+        (false, _) => Verdict::Unexplained,
+    };
+    if verdict == Verdict::Effect {
+        for &c in &best.added {
+            let others = selection.equals.iter().filter(|m| !m.added.contains(&c));
+            let rivals: Vec<usize> = others.flat_map(|m| m.added.iter().copied().filter(|o| !best.added.contains(o))).collect();
+            let group = (!rivals.is_empty()).then_some(c);
+            effect(best, c, true, group, "with it, what is left is noise".into());
+        }
+        for model in &selection.equals {
+            let replaced = best.added.iter().find(|c| !model.added.contains(c)).copied();
+            for &c in model.added.iter().filter(|c| !best.added.contains(c)) {
+                let reason = "these records cannot tell it from the selected effect".to_owned();
+                effect(model, c, false, replaced, reason);
+            }
+        }
+    }
+    let mut singles: Vec<&Model> = selection.tried.iter().filter(|m| m.added.len() == 1).collect();
+    singles.sort_by(|a, b| score(b).total_cmp(&score(a)));
+    for model in singles.into_iter().take(12) {
+        let (signal, z) = model.left.iter().max_by(|a, b| a.1.total_cmp(&b.1)).cloned().unwrap_or_default();
+        effect(model, model.added[0], false, None, format!("alone it leaves {signal} {z:.0} standard deviations above noise"));
+    }
+    let corrections: Vec<(String, f64, f64)> = if selection.stage == Stage::Corrected {
+        let deviations = |index: usize| {
+            let a = best.fit.free.iter().position(|f| f.index == index)?;
+            Some(best.fit.covariance[(a, a)].max(0.0).sqrt())
+        };
+        let one = |index: usize| deviations(index).map(|sd| { let (name, value) = correction(index, &best.fit.parameters); (name, value, sd) });
+        rig.corrections.iter().filter_map(|f| one(f.index)).collect()
+    } else {
+        Vec::new()
+    };
+    let after = if verdict == Verdict::Unexplained { &declared.fit.parameters } else { &best.fit.parameters };
+    let validation: Vec<usize> = (0..system.records()).filter(|&r| !system.estimation(r)).collect();
+    let sets = [search.records.clone(), validation];
+    let before = [0, 1].map(|i| errors(system, &sets[i], &declared.fit.parameters));
+    let after = [0, 1].map(|i| errors(system, &sets[i], after));
+    let noise = system.signals(search.records[0]).into_iter().map(|span| {
+        let declared = span.noise;
+        let estimate = if selection.explained { after[0].rms.get(&span.signal).copied().unwrap_or(declared) } else { declared };
+        (span.signal, estimate)
+    }).collect();
+    let mut notes = Vec::new();
+    if selection.stage == Stage::Corrected {
+        notes.push("The declared parameters are off by about a percent; they were corrected within that, which is no missing effect.".into());
+    }
+    Answer {
+        verdict,
+        effects,
+        unexplained: (verdict == Verdict::Unexplained).then(|| ("actuator".to_owned(), Vec::new())),
+        corrections,
+        before,
+        after,
+        noise,
+        left: [declared.left.clone(), best.left.clone()],
+        not_testable: rig.not_testable.clone(),
+        notes,
+    }
+}

@@ -1,0 +1,36 @@
+//! What may be missing from a declared model, as the engine sees it.
+
+use super::fit::Free;
+
+/// A candidate effect: which parameters it has and where to start looking for them.
+#[derive(Debug, Clone)]
+pub struct Candidate {
+    /// Id of the effect (`cart.spring`); sensors carry the signal as well.
+    pub id: &'static str,
+    /// Channel of the effect.
+    pub channel: &'static str,
+    /// Measured signal of a sensor effect.
+    pub signal: Option<&'static str>,
+    /// Its parameters, all fitted in the end.
+    pub free: Vec<Free>,
+    /// Points to start from. Effects that are nonlinear in their parameters have several.
+    pub starts: Vec<Start>,
+    /// Candidate that this one contains as a special case.
+    pub contains: Option<&'static str>,
+}
+
+/// A point to start from.
+#[derive(Debug, Clone)]
+pub struct Start {
+    /// Values set there: index, value.
+    pub values: Vec<(usize, f64)>,
+    /// Positions in [`Candidate::free`] of the parameters that the linear step from here finds.
+    pub open: Vec<usize>,
+}
+
+impl Candidate {
+    /// Unique name: id, with the signal for sensors.
+    pub fn name(&self) -> String {
+        self.signal.map_or_else(|| self.id.to_owned(), |signal| format!("{}({signal})", self.id))
+    }
+}

@@ -1,0 +1,232 @@
+//! Bounded Levenberg-Marquardt over all estimation records, each with local parameters of its own.
+//!
+//! Derivatives are forward differences: one simulation per parameter. The normal equations have the form of an arrow
+//! (local parameters of a record meet only those of the same record and the shared ones), but are small enough to be
+//! solved as a whole.
+
+use nalgebra::{Cholesky, DMatrix, DVector};
+
+use super::{System, parallel};
+
+/// A shared parameter that is fitted.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Free {
+    /// Index in the parameter vector.
+    pub index: usize,
+    /// Bounds of the value.
+    pub bounds: (f64, f64),
+    /// Length of the difference step.
+    pub step: f64,
+    /// Standard deviation of what is known beforehand (around the start value zero), if anything.
+    pub prior: Option<f64>,
+}
+
+/// A fitted model.
+#[derive(Debug, Clone)]
+pub struct Fit {
+    /// Parameter vector.
+    pub parameters: Vec<f64>,
+    /// Shared parameters that were fitted.
+    pub free: Vec<Free>,
+    /// Local parameters of every record of the fit.
+    pub locals: Vec<Vec<f64>>,
+    /// Sum of squared residuals, priors included.
+    pub chi2: f64,
+    /// Covariance of the free parameters for unit residuals, shape \[free, free\]; the local ones are accounted for.
+    pub covariance: DMatrix<f64>,
+    /// Whether a parameter stands at a bound.
+    pub at_bound: Vec<bool>,
+}
+
+/// Normal equations: matrix, right side, sum of squares.
+type Normal = (DMatrix<f64>, DVector<f64>, f64);
+
+/// Columns of one record: residuals, derivatives by the shared and by the local parameters.
+pub struct Columns {
+    /// Residuals.
+    pub residuals: Vec<f64>,
+    /// d residuals / d parameter, for shared then local parameters.
+    pub columns: Vec<Vec<f64>>,
+}
+
+/// Residuals and their derivatives of one record.
+pub fn columns<S: System + ?Sized>(system: &S, record: usize, p: &[f64], free: &[Free], locals: &[f64]) -> Columns {
+    let residuals = system.residuals(record, p, locals);
+    let difference = |moved: Vec<f64>, step: f64| -> Vec<f64> {
+        moved.iter().zip(&residuals).map(|(a, b)| (a - b) / step).collect()
+    };
+    let mut columns = Vec::new();
+    let mut q = p.to_vec();
+    for f in free {
+        // A step inwards from the upper bound.
+        let step = if q[f.index] + f.step > f.bounds.1 { -f.step } else { f.step };
+        q[f.index] = p[f.index] + step;
+        columns.push(difference(system.residuals(record, &q, locals), step));
+        q[f.index] = p[f.index];
+    }
+    let mut moved = locals.to_vec();
+    for (i, (_, step)) in system.locals(record).into_iter().enumerate() {
+        moved[i] = locals[i] + step;
+        columns.push(difference(system.residuals(record, p, &moved), step));
+        moved[i] = locals[i];
+    }
+    Columns { residuals, columns }
+}
+
+fn squares(values: &[f64]) -> f64 {
+    values.iter().map(|value| value * value).sum()
+}
+
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+fn normal_equations<S: System + ?Sized>(system: &S, records: &[usize], p: &[f64], free: &[Free], locals: &[Vec<f64>]) -> Normal {
+    let parts = parallel::map(records.len(), |i| {
+        let found = columns(system, records[i], p, free, &locals[i]);
+        let m = found.columns.len();
+        let matrix = DMatrix::from_fn(m, m, |a, b| if a <= b { dot(&found.columns[a], &found.columns[b]) } else { 0.0 });
+        let right = DVector::from_fn(m, |a, _| -dot(&found.columns[a], &found.residuals));
+        (matrix, right, squares(&found.residuals))
+    });
+    let ng = free.len();
+    let size = ng + locals.iter().map(Vec::len).sum::<usize>();
+    let (mut matrix, mut right, mut sum) = (DMatrix::zeros(size, size), DVector::zeros(size), 0.0);
+    let mut offset = ng;
+    for (part, part_right, part_sum) in parts {
+        let place = |a: usize| if a < ng { a } else { offset + a - ng };
+        for a in 0..part.nrows() {
+            right[place(a)] += part_right[a];
+            for b in a..part.nrows() {
+                matrix[(place(a), place(b))] += part[(a, b)];
+                if a != b {
+                    matrix[(place(b), place(a))] += part[(a, b)];
+                }
+            }
+        }
+        offset += part.nrows() - ng;
+        sum += part_sum;
+    }
+    for (a, f) in free.iter().enumerate() {
+        if let Some(prior) = f.prior {
+            matrix[(a, a)] += prior.powi(-2);
+            right[a] -= p[f.index] * prior.powi(-2);
+            sum += (p[f.index] / prior).powi(2);
+        }
+    }
+    (matrix, right, sum)
+}
+
+/// Sum of squares of the records, priors included.
+pub fn cost<S: System + ?Sized>(system: &S, records: &[usize], p: &[f64], free: &[Free], locals: &[Vec<f64>]) -> f64 {
+    let sum: f64 = parallel::map(records.len(), |i| squares(&system.residuals(records[i], p, &locals[i]))).iter().sum();
+    let known = |f: &Free| f.prior.map_or(0.0, |prior| (p[f.index] / prior).powi(2));
+    sum + free.iter().map(known).sum::<f64>()
+}
+
+/// Solves the damped equations for the parameters that are not held at a bound; zero for those that are.
+fn damped_step(matrix: &DMatrix<f64>, right: &DVector<f64>, damping: f64, held: &[bool]) -> Option<DVector<f64>> {
+    let open: Vec<usize> = (0..right.len()).filter(|&i| !held.get(i).copied().unwrap_or(false)).collect();
+    let part = DMatrix::from_fn(open.len(), open.len(), |a, b| {
+        let value = matrix[(open[a], open[b])];
+        if a == b { value * (1.0 + damping) + f64::MIN_POSITIVE.sqrt() } else { value }
+    });
+    let solved = Cholesky::new(part)?.solve(&DVector::from_fn(open.len(), |a, _| right[open[a]]));
+    let mut step = DVector::zeros(right.len());
+    for (a, &i) in open.iter().enumerate() {
+        step[i] = solved[a];
+    }
+    Some(step)
+}
+
+/// Fits the shared parameters `free` and all local ones to `records`, from the start `p` and `locals`.
+pub fn fit<S: System + ?Sized>(
+    system: &S,
+    records: &[usize],
+    p: &[f64],
+    free: &[Free],
+    locals: &[Vec<f64>],
+    iterations: usize,
+) -> Fit {
+    let ng = free.len();
+    let (mut p, mut locals) = (p.to_vec(), locals.to_vec());
+    for f in free {
+        p[f.index] = p[f.index].clamp(f.bounds.0, f.bounds.1);
+    }
+    let mut damping = 1e-4;
+    let mut normal = normal_equations(system, records, &p, free, &locals);
+    let mut round = 0;
+    let mut refused = 0;
+    while round < iterations && refused < 6 {
+        let (matrix, right, chi2) = (&normal.0, &normal.1, normal.2);
+        let held: Vec<bool> = free
+            .iter()
+            .enumerate()
+            .map(|(a, f)| (p[f.index] <= f.bounds.0 && right[a] < 0.0) || (p[f.index] >= f.bounds.1 && right[a] > 0.0))
+            .collect();
+        let Some(step) = damped_step(matrix, right, damping, &held) else {
+            damping = (damping * 10.0).max(1e-6);
+            refused += 1;
+            continue;
+        };
+        let (mut q, mut moved) = (p.clone(), locals.clone());
+        for (a, f) in free.iter().enumerate() {
+            q[f.index] = (p[f.index] + step[a]).clamp(f.bounds.0, f.bounds.1);
+        }
+        let mut offset = ng;
+        for own in &mut moved {
+            for value in own {
+                *value += step[offset];
+                offset += 1;
+            }
+        }
+        let new = cost(system, records, &q, free, &moved);
+        if new.is_finite() && new < chi2 {
+            (p, locals, refused) = (q, moved, 0);
+            damping = (damping * 0.1).max(1e-9);
+            round += 1;
+            let gained = chi2 - new;
+            // One more set of derivatives for the covariance, then done.
+            normal = normal_equations(system, records, &p, free, &locals);
+            if gained < 0.02 + 1e-7 * chi2 {
+                break;
+            }
+        } else {
+            if chi2.is_finite() && predicted(matrix, right, &step) < 0.01 {
+                break;
+            }
+            damping = (damping * 10.0).max(1e-3);
+            refused += 1;
+        }
+    }
+    let (matrix, right, chi2) = normal;
+    let at_bound: Vec<bool> =
+        free.iter().map(|f| p[f.index] <= f.bounds.0 || p[f.index] >= f.bounds.1).collect();
+    let held: Vec<bool> = at_bound.iter().enumerate().map(|(a, &at)| at && right[a] * if p[free[a].index] <= free[a].bounds.0 { -1.0 } else { 1.0 } > 0.0).collect();
+    let covariance = covariance(&matrix, ng, &held);
+    Fit { parameters: p, free: free.to_vec(), locals, chi2, covariance, at_bound }
+}
+
+/// Gain of a step in the linear model.
+fn predicted(matrix: &DMatrix<f64>, right: &DVector<f64>, step: &DVector<f64>) -> f64 {
+    2.0 * step.dot(right) - (matrix * step).dot(step)
+}
+
+/// Covariance of the first `ng` parameters; those held have none.
+fn covariance(matrix: &DMatrix<f64>, ng: usize, held: &[bool]) -> DMatrix<f64> {
+    let open: Vec<usize> = (0..matrix.nrows()).filter(|&i| !held.get(i).copied().unwrap_or(false)).collect();
+    let part = DMatrix::from_fn(open.len(), open.len(), |a, b| matrix[(open[a], open[b])]);
+    let mut found = DMatrix::zeros(ng, ng);
+    // Scaled to a unit diagonal: parameters differ by orders of magnitude.
+    let scale: Vec<f64> = (0..open.len()).map(|a| part[(a, a)].max(1e-300).sqrt()).collect();
+    let scaled = DMatrix::from_fn(open.len(), open.len(), |a, b| {
+        part[(a, b)] / (scale[a] * scale[b]) + if a == b { 1e-12 } else { 0.0 }
+    });
+    let Some(inverse) = Cholesky::new(scaled).map(|factor| factor.inverse()) else { return found.add_scalar(f64::NAN) };
+    for (a, &i) in open.iter().enumerate().filter(|(_, i)| **i < ng) {
+        for (b, &j) in open.iter().enumerate().filter(|(_, j)| **j < ng) {
+            found[(i, j)] = inverse[(a, b)] / (scale[a] * scale[b]);
+        }
+    }
+    found
+}

@@ -1,0 +1,11 @@
+//! Search for missing effects in any [`System`]: fits, goodness of fit, selection. Knows no physics.
+
+pub mod candidate;
+pub mod fit;
+pub mod goodness;
+pub mod parallel;
+pub mod search;
+pub mod select;
+pub mod system;
+
+pub use system::{Span, System};

@@ -1,0 +1,190 @@
+//! Fits of candidates, alone and together, and where to start them.
+
+use nalgebra::{DMatrix, DVector};
+
+use super::candidate::Candidate;
+use super::fit::{Columns, Fit, Free, columns, fit};
+use super::goodness::{Null, pooled};
+use super::{System, parallel};
+
+/// A model: the declared one with some candidates added, fitted.
+#[derive(Debug, Clone)]
+pub struct Model {
+    /// Candidates that were added, by index.
+    pub added: Vec<usize>,
+    /// The fit.
+    pub fit: Fit,
+    /// Largest normalised power of each signal that is left.
+    pub left: Vec<(String, f64)>,
+}
+
+impl Model {
+    /// Largest normalised power of all signals.
+    pub fn worst(&self) -> f64 {
+        self.left.iter().map(|(_, z)| *z).fold(f64::MIN, f64::max)
+    }
+
+    /// Number of parameters of the added candidates.
+    pub fn size(&self, candidates: &[Candidate]) -> usize {
+        self.added.iter().map(|&c| candidates[c].free.len()).sum()
+    }
+}
+
+/// The search around one system.
+pub struct Search<'a, S: System + ?Sized> {
+    /// System.
+    pub system: &'a S,
+    /// Candidates.
+    pub candidates: &'a [Candidate],
+    /// Estimation records.
+    pub records: Vec<usize>,
+    /// Positions in `records` of those that candidates are screened on: one of each repeated command.
+    pub screened: Vec<usize>,
+    /// Null distribution.
+    pub null: Null,
+}
+
+/// A start of a candidate and the sum of squares that the linear step from there promises.
+#[derive(Debug, Clone)]
+pub struct Promise {
+    /// Candidate.
+    pub candidate: usize,
+    /// Sum of squares predicted.
+    pub chi2: f64,
+    /// Parameter vector after the linear step.
+    pub parameters: Vec<f64>,
+}
+
+impl<S: System + ?Sized> Search<'_, S> {
+    /// Price of a parameter in the Bayesian information criterion: the logarithm of the number of samples.
+    pub fn penalty(&self) -> f64 {
+        let samples = self.records.iter().map(|&record| self.system.signals(record).iter().map(|s| s.range.len()).sum::<usize>());
+        (samples.sum::<usize>().max(2) as f64).ln()
+    }
+
+    /// Fits `added` candidates with `extra` free parameters from a start.
+    pub fn fit(&self, added: &[usize], extra: &[Free], start: &[f64], locals: &[Vec<f64>], iterations: usize) -> Model {
+        let mut free: Vec<Free> = added.iter().flat_map(|&c| self.candidates[c].free.iter().copied()).collect();
+        free.extend_from_slice(extra);
+        let fit = fit(self.system, &self.records, start, &free, locals, iterations);
+        let left = self.left(&fit);
+        Model { added: added.to_vec(), fit, left }
+    }
+
+    /// Normalised powers of the residuals of a fit.
+    pub fn left(&self, fit: &Fit) -> Vec<(String, f64)> {
+        let residuals = parallel::map(self.records.len(), |i| {
+            self.system.residuals(self.records[i], &fit.parameters, &fit.locals[i])
+        });
+        self.null.normalised(&pooled(self.system, &self.records, &residuals))
+    }
+
+    /// What every start of every candidate that `base` lacks promises, best start of each candidate, best first.
+    pub fn screen(&self, base: &Model) -> Vec<Promise> {
+        let fit = &base.fit;
+        let at_base = parallel::map(self.screened.len(), |j| {
+            let i = self.screened[j];
+            columns(self.system, self.records[i], &fit.parameters, &fit.free, &fit.locals[i])
+        });
+        let starts: Vec<(usize, usize)> = (0..self.candidates.len())
+            .filter(|c| !base.added.contains(c))
+            .flat_map(|c| (0..self.candidates[c].starts.len()).map(move |s| (c, s)))
+            .collect();
+        let mut promises: Vec<Promise> =
+            parallel::map(starts.len(), |i| self.promise(base, &at_base, starts[i])).into_iter().flatten().collect();
+        promises.sort_by(|a, b| a.chi2.total_cmp(&b.chi2).then(a.candidate.cmp(&b.candidate)));
+        promises
+    }
+
+    /// The linear step from one start.
+    fn promise(&self, base: &Model, at_base: &[Columns], (candidate, start): (usize, usize)) -> Option<Promise> {
+        let fit = &base.fit;
+        let (own, start) = (&self.candidates[candidate], &self.candidates[candidate].starts[start]);
+        let open: Vec<Free> = start.open.iter().map(|&position| own.free[position]).collect();
+        let mut p = fit.parameters.clone();
+        for &(index, value) in &start.values {
+            p[index] = value;
+        }
+        let (m, known) = (open.len(), fit.free.len());
+        let locals: usize = self.screened.iter().map(|&i| fit.locals[i].len()).sum();
+        let size = m + known + locals;
+        let (mut matrix, mut right, mut chi2) = (DMatrix::zeros(size, size), DVector::zeros(size), 0.0);
+        let mut offset = m + known;
+        for (j, &i) in self.screened.iter().enumerate() {
+            let found = self.start_columns(self.records[i], &p, &open, &fit.locals[i]);
+            let all: Vec<&Vec<f64>> = found.columns.iter().chain(&at_base[j].columns).collect();
+            let place = |a: usize| if a < m + known { a } else { offset + a - m - known };
+            for (a, column) in all.iter().enumerate() {
+                right[place(a)] -= dot(column, &found.residuals);
+                for (b, other) in all.iter().enumerate().skip(a) {
+                    let value = dot(column, other);
+                    matrix[(place(a), place(b))] += value;
+                    if a != b {
+                        matrix[(place(b), place(a))] += value;
+                    }
+                }
+            }
+            offset += all.len() - m - known;
+            chi2 += found.residuals.iter().map(|r| r * r).sum::<f64>();
+        }
+        for (a, f) in fit.free.iter().enumerate() {
+            if let Some(prior) = f.prior {
+                matrix[(m + a, m + a)] += prior.powi(-2);
+                right[m + a] -= fit.parameters[f.index] * prior.powi(-2);
+                chi2 += (fit.parameters[f.index] / prior).powi(2);
+            }
+        }
+        // As if all records had been screened.
+        let share = self.records.len() as f64 / self.screened.len() as f64;
+        let mut held = vec![false; m];
+        for _ in 0..=m {
+            let step = solve(&matrix, &right, &held)?;
+            let gained = 2.0 * step.dot(&right) - (&matrix * &step).dot(&step);
+            let outside = (0..m).find(|&a| {
+                let value = p[open[a].index] + step[a];
+                !held[a] && (value < open[a].bounds.0 || value > open[a].bounds.1)
+            });
+            if let Some(a) = outside {
+                held[a] = true;
+                continue;
+            }
+            for (a, f) in open.iter().enumerate() {
+                p[f.index] += step[a];
+            }
+            return chi2.is_finite().then(|| Promise { candidate, chi2: (chi2 - gained) * share, parameters: p });
+        }
+        None
+    }
+
+    fn start_columns(&self, record: usize, p: &[f64], open: &[Free], locals: &[f64]) -> Columns {
+        let residuals = self.system.residuals(record, p, locals);
+        let mut q = p.to_vec();
+        let columns = open.iter().map(|f| {
+            q[f.index] = p[f.index] + f.step;
+            let moved = self.system.residuals(record, &q, locals);
+            q[f.index] = p[f.index];
+            moved.iter().zip(&residuals).map(|(a, b)| (a - b) / f.step).collect()
+        });
+        let columns = columns.collect();
+        Columns { residuals, columns }
+    }
+}
+
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+/// Least-squares step with some of the first unknowns held at zero.
+fn solve(matrix: &DMatrix<f64>, right: &DVector<f64>, held: &[bool]) -> Option<DVector<f64>> {
+    let open: Vec<usize> = (0..right.len()).filter(|&i| !held.get(i).copied().unwrap_or(false)).collect();
+    let part = DMatrix::from_fn(open.len(), open.len(), |a, b| {
+        let value = matrix[(open[a], open[b])];
+        if a == b { value * (1.0 + 1e-9) + 1e-12 } else { value }
+    });
+    let solved = nalgebra::Cholesky::new(part)?.solve(&DVector::from_fn(open.len(), |a, _| right[open[a]]));
+    let mut step = DVector::zeros(right.len());
+    for (a, &i) in open.iter().enumerate() {
+        step[i] = solved[a];
+    }
+    Some(step)
+}

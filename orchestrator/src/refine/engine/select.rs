@@ -1,0 +1,197 @@
+//! Which candidates are missing: the smallest set that leaves nothing but noise.
+//!
+//! Models are tried in the order of what they assume: the declared model as it is, one candidate, a pair of candidates,
+//! the declared model with its parameters slightly off, and candidates on top of that. The first stage whose best
+//! model leaves only noise decides. Within it the Bayesian information criterion chooses, and what comes within
+//! [`TIE`] of the best cannot be told apart from it by these records.
+
+use super::System;
+use super::candidate::Candidate;
+use super::fit::Free;
+use super::search::{Model, Promise, Search};
+
+/// A model leaves only noise when no normalised power exceeds the largest of the null by more than this.
+pub const MARGIN: f64 = 8.0;
+/// Improvement of the sum of squares below which an effect is not looked at; noise gives up to some 25.
+pub const NOTICEABLE: f64 = 45.0;
+/// Difference of the information criterion within which two models count as equal.
+pub const TIE: f64 = 12.0;
+
+/// How the declared model and the records were brought together.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Stage {
+    /// Declared model as it is.
+    Declared,
+    /// Candidates added to the declared model.
+    Effects,
+    /// Declared parameters corrected within what is known of them, candidates added if any.
+    Corrected,
+}
+
+/// Outcome of the search.
+#[derive(Debug, Clone)]
+pub struct Selection {
+    /// Stage that ended the search.
+    pub stage: Stage,
+    /// The model of the answer, or the best one found if nothing leaves only noise.
+    pub best: Model,
+    /// Models that the records cannot tell from the best, best first.
+    pub equals: Vec<Model>,
+    /// Whether the best model leaves only noise.
+    pub explained: bool,
+    /// Every model that was fitted.
+    pub tried: Vec<Model>,
+    /// The declared model with the initial states fitted.
+    pub declared: Model,
+}
+
+/// Limits of the search.
+#[derive(Debug, Clone, Copy)]
+pub struct Effort {
+    /// Most effects added.
+    pub max_effects: usize,
+    /// Single candidates that are fitted.
+    pub singles: usize,
+    /// Singles that pairs are built on, and candidates fitted on each.
+    pub pairs: (usize, usize),
+}
+
+impl Default for Effort {
+    fn default() -> Effort {
+        Effort { max_effects: 3, singles: 14, pairs: (4, 4) }
+    }
+}
+
+/// Runs the search from the fitted declared model.
+pub fn select<S: System + ?Sized>(search: &Search<S>, declared: Model, corrections: &[Free], effort: Effort) -> Selection {
+    let limit = search.null.quantile + MARGIN;
+    let penalty = search.penalty();
+    let criterion = |model: &Model| model.fit.chi2 + penalty * model.size(search.candidates) as f64;
+    let mut tried: Vec<Model> = Vec::new();
+    let end = |stage, passing: Vec<Model>, tried: Vec<Model>| {
+        let mut passing = passing;
+        passing.sort_by(|a, b| criterion(a).total_cmp(&criterion(b)));
+        let best = passing.remove(0);
+        let equals = passing
+            .into_iter()
+            .filter(|other| criterion(other) - criterion(&best) < TIE && !nested(search.candidates, &best, other) && !degenerate(search, &best, other))
+            .collect();
+        Selection { stage, best, equals, explained: true, tried, declared: declared.clone() }
+    };
+    let promises = search.screen(&declared);
+    let clean = declared.worst() < limit;
+    if clean {
+        let noticed = promises.iter().take(3).map(|p| search.fit(&[p.candidate], &[], &p.parameters, &declared.fit.locals, 10));
+        let noticed: Vec<Model> = noticed.filter(|m| declared.fit.chi2 - criterion(m) > NOTICEABLE).collect();
+        if noticed.is_empty() {
+            return end(Stage::Declared, vec![declared.clone()], tried);
+        }
+    }
+    let singles = attempt(search, &declared, &promises, &[], effort.singles, limit);
+    tried.extend(singles.iter().cloned());
+    let passing: Vec<Model> = singles.iter().filter(|m| m.worst() < limit).cloned().collect();
+    if !passing.is_empty() {
+        return end(Stage::Effects, passing, tried);
+    }
+    if effort.max_effects >= 2 {
+        let pairs = extend(search, &singles, &[], effort.pairs, limit);
+        tried.extend(pairs.iter().cloned());
+        let passing: Vec<Model> = pairs.into_iter().filter(|m| m.worst() < limit).collect();
+        if !passing.is_empty() {
+            return end(Stage::Effects, passing, tried);
+        }
+    }
+    let corrected = search.fit(&[], corrections, &declared.fit.parameters, &declared.fit.locals, 12);
+    tried.push(corrected.clone());
+    if corrected.worst() < limit {
+        return end(Stage::Corrected, vec![corrected], tried);
+    }
+    let promises = search.screen(&corrected);
+    let singles = attempt(search, &corrected, &promises, corrections, 4, limit);
+    tried.extend(singles.iter().cloned());
+    let passing: Vec<Model> = singles.iter().filter(|m| m.worst() < limit).cloned().collect();
+    if !passing.is_empty() {
+        return end(Stage::Corrected, passing, tried);
+    }
+    let best = tried.iter().min_by(|a, b| criterion(a).total_cmp(&criterion(b))).cloned().unwrap_or(declared.clone());
+    Selection { stage: Stage::Effects, best, equals: Vec::new(), explained: false, tried, declared }
+}
+
+/// Whether `other` only adds freedom to `best`: one of its candidates contains the one of the best.
+fn nested(candidates: &[Candidate], best: &Model, other: &Model) -> bool {
+    let lacks: Vec<usize> = best.added.iter().copied().filter(|c| !other.added.contains(c)).collect();
+    let has: Vec<usize> = other.added.iter().copied().filter(|c| !best.added.contains(c)).collect();
+    match (&lacks[..], &has[..]) {
+        ([], _) => true,
+        (&[one], &[another]) => candidates[another].contains == Some(candidates[one].id),
+        _ => false,
+    }
+}
+
+/// Whether a candidate of `other` imitates the best one at the edge of what it can be: with a parameter at a bound, or
+/// with one that might as well be neutral. That is no second explanation.
+fn degenerate<S: System + ?Sized>(search: &Search<S>, best: &Model, other: &Model) -> bool {
+    let own = |c: &usize| search.candidates[*c].free.iter().map(|f| f.index);
+    let new: Vec<usize> = other.added.iter().filter(|c| !best.added.contains(c)).flat_map(own).collect();
+    other.fit.free.iter().enumerate().any(|(a, f)| {
+        let uncertain = 3.0 * other.fit.covariance[(a, a)].max(0.0).sqrt();
+        new.contains(&f.index) && (other.fit.at_bound[a] || other.fit.parameters[f.index].abs() < uncertain)
+    })
+}
+
+/// Fits what is promising on top of `base`, best promise first. Once a model leaves only noise, only candidates that
+/// promised about as much are still fitted.
+pub fn attempt<S: System + ?Sized>(
+    search: &Search<S>,
+    base: &Model,
+    promises: &[Promise],
+    extra: &[Free],
+    count: usize,
+    limit: f64,
+) -> Vec<Model> {
+    let mut found: Vec<Model> = Vec::new();
+    let mut enough = f64::INFINITY;
+    let mut seen = Vec::new();
+    for promise in promises {
+        if seen.contains(&promise.candidate) {
+            continue;
+        }
+        if seen.len() >= count || promise.chi2 > enough {
+            break;
+        }
+        seen.push(promise.candidate);
+        let mut added = base.added.clone();
+        added.push(promise.candidate);
+        let model = search.fit(&added, extra, &promise.parameters, &base.fit.locals, 14);
+        if model.worst() < limit {
+            enough = enough.min(2.0 * promise.chi2);
+        }
+        found.push(model);
+    }
+    found.sort_by(|a, b| a.fit.chi2.total_cmp(&b.fit.chi2));
+    found
+}
+
+/// Pairs: the best singles, each with the candidates that promise most beside it.
+fn extend<S: System + ?Sized>(
+    search: &Search<S>,
+    singles: &[Model],
+    extra: &[Free],
+    (bases, each): (usize, usize),
+    limit: f64,
+) -> Vec<Model> {
+    let mut found: Vec<Model> = Vec::new();
+    for base in singles.iter().take(bases) {
+        let promises = search.screen(base);
+        for model in attempt(search, base, &promises, extra, each, limit) {
+            let same = |other: &Model| model.added.iter().all(|c| other.added.contains(c));
+            if !found.iter().any(same) {
+                found.push(model);
+            }
+        }
+        if found.iter().any(|model| model.worst() < limit) {
+            break;
+        }
+    }
+    found
+}

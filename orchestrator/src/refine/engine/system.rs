@@ -1,0 +1,43 @@
+//! What the engine needs to know of a system: residuals of its records as a function of one parameter vector.
+
+use std::ops::Range;
+
+use super::goodness::Noise;
+
+/// A declared system with candidate effects, and the records made with it.
+///
+/// Parameters are one flat vector shared by all records; what differs from record to record (initial states) are its
+/// local parameters.
+pub trait System: Sync {
+    /// Number of records.
+    fn records(&self) -> usize;
+    /// Whether a record may be fitted (otherwise it is for validation).
+    fn estimation(&self, record: usize) -> bool;
+    /// Local parameters of a record: start value and difference step of each.
+    fn locals(&self, record: usize) -> Vec<(f64, f64)>;
+    /// Where the residuals of each signal stand.
+    fn signals(&self, record: usize) -> Vec<Span>;
+    /// What the sensors would show without noise, all signals one after the other.
+    fn predict(&self, record: usize, parameters: &[f64], locals: &[f64]) -> Vec<f64>;
+    /// What the sensors have shown, laid out as in `predict`.
+    fn measured(&self, record: usize) -> Vec<f64>;
+    /// (measured - predicted) / noise.
+    fn whiten(&self, record: usize, predicted: &[f64]) -> Vec<f64>;
+    /// The whitened residuals as they would be if `predicted` were true: sensor noise and rounding.
+    fn redraw(&self, record: usize, predicted: &[f64], noise: &mut Noise) -> Vec<f64>;
+    /// Whitened residuals.
+    fn residuals(&self, record: usize, parameters: &[f64], locals: &[f64]) -> Vec<f64> {
+        self.whiten(record, &self.predict(record, parameters, locals))
+    }
+}
+
+/// Residuals of one signal within those of a record.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Span {
+    /// Measured signal.
+    pub signal: String,
+    /// Its residuals.
+    pub range: Range<usize>,
+    /// Noise \[unit of the signal\]: a whitened residual times this is the residual.
+    pub noise: f64,
+}

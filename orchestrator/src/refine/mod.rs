@@ -1,0 +1,28 @@
+//! From a residual to the effect that the declared model lacks.
+//!
+//! [`case`] reads what was declared and measured, [`rig`] simulates it with every candidate effect, [`engine`] searches
+//! (it knows no physics), [`answer`] says it in the words of the vocabulary. Files and pages are left to `report`.
+
+pub mod answer;
+pub mod case;
+pub mod engine;
+pub mod interval;
+pub mod rig;
+
+use std::path::PathBuf;
+
+/// Why the loop cannot be closed.
+#[derive(Debug, thiserror::Error)]
+pub enum Error {
+    /// A case folder says something that does not fit.
+    #[error("{}: {problem}", path.display())]
+    Case {
+        /// File.
+        path: PathBuf,
+        /// What is wrong and what to do.
+        problem: String,
+    },
+    /// A record cannot be read.
+    #[error(transparent)]
+    Csv(#[from] crate::series::csv::Error),
+}

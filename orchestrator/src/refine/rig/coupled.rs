@@ -1,0 +1,221 @@
+//! Simulation of the coupled rig, and of the actuator with the rod fixed.
+
+use super::parameters::*;
+use super::plant::{ActuatorTerms, Mechanics, State, actuator, mechanics};
+use crate::refine::case::{Actuator, Declared};
+use super::record::Measured;
+use crate::refine::engine::goodness::Noise;
+use crate::refine::engine::system::Span;
+
+/// Runge-Kutta steps per sample. The stiffest mode (friction at standstill) has a time constant of 0.8 ms.
+const SUBSTEPS: usize = 2;
+
+/// One record: command and measured signals.
+#[derive(Debug, Clone)]
+pub struct Trial {
+    /// Force command \[N\], shape \[n\].
+    pub u: Vec<f64>,
+    /// Measured signals.
+    pub measured: Vec<Measured>,
+    /// Whether it may be fitted.
+    pub estimation: bool,
+    /// Whether the rod is fixed: no mechanics.
+    pub fixed: bool,
+}
+
+/// Predicted signals, each of shape \[n\].
+#[derive(Debug, Clone, Default)]
+pub struct Prediction {
+    /// Pressure force \[N\].
+    pub f_hat: Vec<f64>,
+    /// Load cell \[N\].
+    pub f_p: Vec<f64>,
+    /// Position \[m\].
+    pub x: Vec<f64>,
+    /// Pole angle \[rad\].
+    pub theta: Vec<f64>,
+    /// Speed \[m/s\].
+    pub v: Vec<f64>,
+    /// Angular speed \[rad/s\].
+    pub omega: Vec<f64>,
+}
+
+/// The sampled actuator during a simulation.
+pub struct Running<'a> {
+    terms: &'a ActuatorTerms,
+    command: Vec<f64>,
+    y: [f64; 2],
+    before: f64,
+    mode: [f64; 2],
+}
+
+impl<'a> Running<'a> {
+    /// At rest, with the whole command of the record.
+    pub fn new(terms: &'a ActuatorTerms, u: &[f64]) -> Running<'a> {
+        Running { terms, command: terms.shaped_command(u), y: [0.0; 2], before: 0.0, mode: [0.0; 2] }
+    }
+
+    /// Pressure force and force on the piston over sample `k` at time `t` \[s\].
+    pub fn sample(&mut self, k: usize, t: f64, x: f64, v: f64) -> [f64; 2] {
+        let terms = self.terms;
+        let mut u = self.command[k] * (1.0 + terms.posgain * x);
+        if terms.droop.0 != 0.0 {
+            u *= 1.0 - terms.droop.0 * (1.0 - (-t / terms.droop.1).exp());
+        }
+        if let Some((transition, input)) = &terms.mode {
+            let q = self.mode;
+            self.mode = std::array::from_fn(|i| transition[i][0] * q[0] + transition[i][1] * q[1] + input[i] * u);
+            u = q[0];
+        }
+        let y = self.y;
+        self.y = std::array::from_fn(|i| {
+            -(terms.a[i][0] * y[0] + terms.a[i][1] * y[1]) + terms.b0[i] * u + terms.b1[i] * self.before // eq. 6
+        });
+        self.before = u;
+        let lost = terms.backpressure * v;
+        [self.y[0] - lost, self.y[1] - lost]
+    }
+}
+
+/// Simulates a record from position `x0` \[m\] and angle `theta0` \[rad\] at rest.
+///
+/// The first sample of the actuator has no past: y(-1) = u(-1) = 0.
+pub fn simulate(terms: &ActuatorTerms, plant: Option<&Mechanics>, u: &[f64], dt: f64, x0: f64, theta0: f64) -> Prediction {
+    let n = u.len();
+    let mut out = Prediction::default();
+    for signal in [&mut out.f_hat, &mut out.f_p, &mut out.x, &mut out.theta, &mut out.v, &mut out.omega] {
+        signal.reserve(n);
+    }
+    let mut running = Running::new(terms, u);
+    let mut s: State = [x0, 0.0, theta0, 0.0, 0.0, 0.0];
+    let h = dt / SUBSTEPS as f64;
+    for k in 0..n {
+        let [f_hat, f_act] = running.sample(k, k as f64 * dt, s[0], s[1]);
+        out.f_hat.push(f_hat);
+        let Some(plant) = plant else {
+            out.f_p.push(f_act);
+            continue;
+        };
+        let p = f_hat.abs();
+        out.f_p.push(f_act - plant.piston.force(s[1], s[0], p, s[4]));
+        out.x.push(s[0]);
+        out.v.push(s[1]);
+        out.theta.push(s[2]);
+        out.omega.push(s[3]);
+        for _ in 0..SUBSTEPS {
+            s = plant.step(&s, f_act, p, h);
+        }
+    }
+    out
+}
+
+/// The rig as a system of the engine: declared model and trials.
+#[derive(Debug, Clone)]
+pub struct Coupled {
+    /// Declared parameters.
+    pub declared: Declared,
+    /// Declared actuator.
+    pub actuator: Actuator,
+    /// Records.
+    pub trials: Vec<Trial>,
+}
+
+impl Coupled {
+    /// Predicted signals of a trial, without sensor effects.
+    pub fn simulate(&self, record: usize, p: &[f64], locals: &[f64]) -> Prediction {
+        let terms = actuator(&self.actuator, p);
+        let plant = (!self.trials[record].fixed).then(|| mechanics(&self.declared, p));
+        let (x0, theta0) = (locals.first().copied().unwrap_or(0.0), locals.get(1).copied().unwrap_or(0.0));
+        simulate(&terms, plant.as_ref(), &self.trials[record].u, self.actuator.sample_time, x0, theta0)
+    }
+}
+
+/// Parameters of the sensor of a column: offset, delay, gain.
+pub fn sensor(name: &str) -> Option<[usize; 3]> {
+    match name {
+        "F_hat" => Some([OFFSET_F_HAT, SENSOR_DELAY_F_HAT, SENSOR_GAIN_F_HAT]),
+        "F_p" => Some([OFFSET_F_P, SENSOR_DELAY_F_P, SENSOR_GAIN_F_P]),
+        "x" => Some([OFFSET_X, SENSOR_DELAY_X, SENSOR_GAIN_X]),
+        "theta" => Some([OFFSET_THETA, SENSOR_DELAY_THETA, SENSOR_GAIN_THETA]),
+        "v" => Some([OFFSET_V, SENSOR_DELAY_V, SENSOR_GAIN_V]),
+        _ => None,
+    }
+}
+
+/// What a sensor with its effects shows of the true signal; `before` is the signal before the record begins.
+pub fn sensed(name: &str, truth: &[f64], p: &[f64], dt: f64, before: f64, out: &mut Vec<f64>) {
+    let Some([offset, delay, gain]) = sensor(name) else { return };
+    let (offset, delay, gain) = (p[offset], p[delay] / dt, 1.0 + p[gain]);
+    let at = |index: i64| if index < 0 { before } else { truth[index as usize] };
+    let (whole, part) = (delay.floor() as i64, delay.fract());
+    out.clear();
+    if delay == 0.0 {
+        out.extend(truth.iter().map(|value| gain * value + offset));
+    } else {
+        let delayed = |k: i64| (1.0 - part) * at(k - whole) + part * at(k - whole - 1);
+        out.extend((0..truth.len() as i64).map(|k| gain * delayed(k) + offset));
+    }
+}
+
+impl crate::refine::engine::System for Coupled {
+    fn records(&self) -> usize {
+        self.trials.len()
+    }
+
+    fn estimation(&self, record: usize) -> bool {
+        self.trials[record].estimation
+    }
+
+    fn locals(&self, record: usize) -> Vec<(f64, f64)> {
+        let trial = &self.trials[record];
+        let first = |name: &str| trial.measured.iter().find(|m| m.name == name).map_or(0.0, |m| m.values[0]);
+        if trial.fixed { Vec::new() } else { vec![(first("x"), 2e-5), (first("theta"), 1e-4)] }
+    }
+
+    fn signals(&self, record: usize) -> Vec<Span> {
+        let trial = &self.trials[record];
+        let n = trial.u.len();
+        let span = |(i, m): (usize, &Measured)| Span { signal: m.name.clone(), range: i * n..(i + 1) * n, noise: m.noise };
+        trial.measured.iter().enumerate().map(span).collect()
+    }
+
+    fn predict(&self, record: usize, p: &[f64], locals: &[f64]) -> Vec<f64> {
+        let trial = &self.trials[record];
+        let prediction = self.simulate(record, p, locals);
+        let mut seen = Vec::with_capacity(trial.u.len());
+        let mut out = Vec::with_capacity(trial.u.len() * trial.measured.len());
+        for m in &trial.measured {
+            let (truth, before) = match m.name.as_str() {
+                "F_hat" => (&prediction.f_hat, 0.0),
+                "F_p" => (&prediction.f_p, 0.0),
+                "x" => (&prediction.x, prediction.x.first().copied().unwrap_or(0.0)),
+                _ => (&prediction.theta, prediction.theta.first().copied().unwrap_or(0.0)),
+            };
+            sensed(&m.name, truth, p, self.actuator.sample_time, before, &mut seen);
+            out.extend_from_slice(&seen);
+        }
+        out
+    }
+
+    fn measured(&self, record: usize) -> Vec<f64> {
+        self.trials[record].measured.iter().flat_map(|m| m.values.iter().copied()).collect()
+    }
+
+    fn whiten(&self, record: usize, predicted: &[f64]) -> Vec<f64> {
+        let trial = &self.trials[record];
+        let mut out = Vec::with_capacity(predicted.len());
+        for (m, own) in trial.measured.iter().zip(predicted.chunks(trial.u.len())) {
+            m.whiten(own, &mut out);
+        }
+        out
+    }
+
+    fn redraw(&self, record: usize, predicted: &[f64], noise: &mut Noise) -> Vec<f64> {
+        let trial = &self.trials[record];
+        let mut out = Vec::with_capacity(predicted.len());
+        for (m, own) in trial.measured.iter().zip(predicted.chunks(trial.u.len())) {
+            m.redraw(own, noise, &mut out);
+        }
+        out
+    }
+}

@@ -1,0 +1,123 @@
+//! `report.json`.
+
+use std::collections::BTreeMap;
+
+use serde::Serialize;
+
+use crate::refine::answer::{Answer, Errors, Verdict};
+
+/// Version of the layout of `report.json`.
+pub const SCHEMA_VERSION: u32 = 1;
+
+#[derive(Serialize)]
+struct Report<'a> {
+    schema_version: u32,
+    case: &'a str,
+    verdict: &'static str,
+    effects: Vec<Effect<'a>>,
+    unexplained: Option<Unexplained<'a>>,
+    residual: Residual<'a>,
+    noise_floor: &'a BTreeMap<String, f64>,
+    score_kind: &'static str,
+    declared_corrections: BTreeMap<&'a str, Correction>,
+    not_testable: BTreeMap<&'a str, &'a str>,
+    notes: &'a [String],
+}
+
+#[derive(Serialize)]
+struct Effect<'a> {
+    id: &'a str,
+    channel: &'a str,
+    signal: Option<&'a str>,
+    selected: bool,
+    group: Option<usize>,
+    score: f64,
+    params: BTreeMap<&'a str, Parameter<'a>>,
+    reason: &'a str,
+}
+
+#[derive(Serialize)]
+struct Parameter<'a> {
+    value: f64,
+    unit: &'a str,
+    ci95: [f64; 2],
+}
+
+#[derive(Serialize)]
+struct Unexplained<'a> {
+    channel: &'a str,
+    variables: &'a [String],
+}
+
+#[derive(Serialize)]
+struct Residual<'a> {
+    estimation: Set<'a>,
+    validation: Set<'a>,
+}
+
+#[derive(Serialize)]
+struct Set<'a> {
+    rms_before: &'a BTreeMap<String, f64>,
+    rms_after: &'a BTreeMap<String, f64>,
+    nrmse_before: &'a BTreeMap<String, f64>,
+    nrmse_after: &'a BTreeMap<String, f64>,
+}
+
+#[derive(Serialize)]
+struct Correction {
+    relative: f64,
+    standard_deviation: f64,
+}
+
+fn set<'a>(before: &'a Errors, after: &'a Errors) -> Set<'a> {
+    Set { rms_before: &before.rms, rms_after: &after.rms, nrmse_before: &before.nrmse, nrmse_after: &after.nrmse }
+}
+
+/// The word of a verdict.
+pub fn word(verdict: Verdict) -> &'static str {
+    match verdict {
+        Verdict::Effect => "effect",
+        Verdict::Nothing => "none",
+        Verdict::Unexplained => "unexplained",
+    }
+}
+
+/// The answer as JSON text.
+pub fn text(answer: &Answer, case: &str) -> String {
+    let effects = answer.effects.iter().map(|e| Effect {
+        id: &e.id,
+        channel: &e.channel,
+        signal: e.signal.as_deref(),
+        selected: e.selected,
+        group: e.group,
+        score: e.score,
+        params: e
+            .parameters
+            .iter()
+            .map(|p| (p.name.as_str(), Parameter { value: p.value, unit: &p.unit, ci95: [p.interval.0, p.interval.1] }))
+            .collect(),
+        reason: &e.reason,
+    });
+    let report = Report {
+        schema_version: SCHEMA_VERSION,
+        case,
+        verdict: word(answer.verdict),
+        effects: effects.collect(),
+        unexplained: answer.unexplained.as_ref().map(|(channel, variables)| Unexplained { channel, variables }),
+        residual: Residual {
+            estimation: set(&answer.before[0], &answer.after[0]),
+            validation: set(&answer.before[1], &answer.after[1]),
+        },
+        noise_floor: &answer.noise,
+        score_kind: "delta BIC",
+        declared_corrections: answer
+            .corrections
+            .iter()
+            .map(|(name, relative, sd)| (name.as_str(), Correction { relative: *relative, standard_deviation: *sd }))
+            .collect(),
+        not_testable: answer.not_testable.iter().map(|(id, why)| (id.as_str(), why.as_str())).collect(),
+        notes: &answer.notes,
+    };
+    // Every value of the report is text or number, so this cannot fail.
+    serde_json::to_string_pretty(&report).unwrap_or_default() + "\n"
+}
