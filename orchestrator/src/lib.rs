@@ -5,15 +5,11 @@
 //! ```text
 //!  7  cli
 //!  6  error
-//!  5  plot
-//!  4  discrepancy rig
 //!  5  plot        report
-//!  4  discrepancy refine
+//!  4  discrepancy refine      rig
 //!  3  master
 //!  2  system      ident
 //!  1  fmu         results     optim       excite
-//!  0  series      units       xml
-//!  1  fmu         results
 //!  0  series      linalg      units       xml
 //! ```
 //!

@@ -41,18 +41,18 @@ fn made(seed: u64, n: usize, m: usize, degenerate: bool) -> (Quadratic, Vec<f64>
         }
     }
     let mut row_bounds = Bounds::free(m);
-    for i in 0..m {
+    for (i, &value) in product.iter().enumerate() {
         let y = match i % 3 {
             0 => {
-                (row_bounds.lower[i], row_bounds.upper[i]) = (product[i], product[i]);
+                (row_bounds.lower[i], row_bounds.upper[i]) = (value, value);
                 next()
             }
             1 => {
-                row_bounds.upper[i] = product[i];
+                row_bounds.upper[i] = value;
                 if degenerate && i % 2 == 0 { 0.0 } else { next().abs() }
             }
             _ => {
-                (row_bounds.lower[i], row_bounds.upper[i]) = (product[i] - 1.0, product[i] + 2.0);
+                (row_bounds.lower[i], row_bounds.upper[i]) = (value - 1.0, value + 2.0);
                 0.0
             }
         };

@@ -19,7 +19,7 @@ const STATIC: f64 = 1e-9;
 
 #[derive(Debug)]
 enum Ldl {
-    Staged(StagedLdl),
+    Staged(Box<StagedLdl>),
     Sparse(Box<SparseLdl>),
 }
 
@@ -65,8 +65,8 @@ impl Kkt {
         entries.extend(form.jacobian_entries.iter().map(|&(row, column)| (n + row, column)));
         entries.extend((0..n + m).map(|i| (i, i)));
         let ldl = match form.stages()? {
-            Some(stages) => Ldl::Staged(StagedLdl::new(&entries, &stages)?),
-            None if n + m <= DENSE => Ldl::Staged(StagedLdl::new(&entries, &vec![0; n + m])?),
+            Some(stages) => Ldl::Staged(Box::new(StagedLdl::new(&entries, &stages)?)),
+            None if n + m <= DENSE => Ldl::Staged(Box::new(StagedLdl::new(&entries, &vec![0; n + m])?)),
             None => Ldl::Sparse(Box::new(SparseLdl::new(&entries, n + m)?)),
         };
         let values = vec![0.0; entries.len()];

@@ -84,7 +84,7 @@ pub fn solve_with(
     nlp: &mut dyn Nlp,
     start: &Start,
     settings: &Settings,
-    monitor: &mut dyn FnMut(&Iteration) -> ControlFlow<()>,
+    monitor: &mut Monitor<'_>,
 ) -> Result<Solution, Error> {
     settings.validate()?;
     let mut form = Form::new(nlp)?;

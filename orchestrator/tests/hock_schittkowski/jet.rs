@@ -48,7 +48,7 @@ impl Jet {
         self.chain(
             x.powi(n),
             k * x.powi(n - 1),
-            if n < 2 && n >= 0 { 0.0 } else { k * (k - 1.0) * x.powi(n - 2) },
+            if (0..2).contains(&n) { 0.0 } else { k * (k - 1.0) * x.powi(n - 2) },
         )
     }
 

@@ -53,9 +53,11 @@ pub fn problems() -> Vec<Problem> {
             (x[0] - 2.0).powi(2) + (x[1] - 1.0).powi(2)
         })
         .subject_to(1, 1, |x| vec![x[0] - 2.0 * x[1] + 1.0, 1.0 - 0.25 * x[0].powi(2) - x[1].powi(2)]),
-        Problem::new("HS15", &start, &[306.5, 360.379_767], rosenbrock)
-            .within(&[(-INF, 0.5), (-INF, INF)])
-            .subject_to(0, 2, |x| vec![x[0] * x[1] - 1.0, x[0] + x[1].powi(2)]),
+        Problem::new("HS15", &start, &[306.5], rosenbrock).within(&[(-INF, 0.5), (-INF, INF)]).subject_to(
+            0,
+            2,
+            |x| vec![x[0] * x[1] - 1.0, x[0] + x[1].powi(2)],
+        ),
         Problem::new("HS16", &start, &[0.25, 23.144_661_0], rosenbrock)
             .within(&[(-0.5, 0.5), (-INF, 1.0)])
             .subject_to(0, 2, |x| vec![x[0] + x[1].powi(2), x[0].powi(2) + x[1]]),
@@ -67,7 +69,7 @@ pub fn problems() -> Vec<Problem> {
         Problem::new("HS18", &[2.0, 2.0], &[5.0], |x| 0.01 * x[0].powi(2) + x[1].powi(2))
             .within(&[(2.0, 50.0), (0.0, 50.0)])
             .subject_to(0, 2, |x| vec![x[0] * x[1] - 25.0, x[0].powi(2) + x[1].powi(2) - 25.0]),
-        Problem::new("HS19", &[20.1, 5.84], &[-6961.813_88], |x| {
+        Problem::new("HS19", &[20.1, 5.84], &[-6_961.813_88], |x| {
             (x[0] - 10.0).powi(3) + (x[1] - 20.0).powi(3)
         })
         .within(&[(13.0, 100.0), (0.0, 100.0)])

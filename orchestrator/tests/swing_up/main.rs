@@ -1,6 +1,7 @@
 //! The swing-up of the pneumatic cart-pole with equations typed by hand: the independent check of the optimiser,
 //! and of the plan over FMUs.
 
+mod guesses;
 mod interval;
 mod mechanics;
 mod problem;
@@ -124,7 +125,7 @@ fn failing(transcription: Transcription) -> Vec<String> {
 /// 20 perturbed guesses, of which 95 % have to converge.
 fn perturbed_guesses_converge(transcription: Transcription) {
     let failed = failing(transcription);
-    assert!(failed.len() <= 1, "{transcription:?}:\n{}", failed.join("\n"));
+    assert!(failed.len() <= 1, "{}:\n{}", transcription.name(), failed.join("\n"));
 }
 
 #[test]

@@ -70,8 +70,9 @@ impl Accelerations {
         h[2][2] = mu[0] * 2.0 * ml * s;
         h[2][0] = h[0][2];
         // -mu . M_theta a_j, and -mu . M_theta_theta a.
-        for j in 0..4 {
-            let term = ml * s * (mu[0] * self.gradient[1][j] + mu[1] * self.gradient[0][j]);
+        let terms: [f64; 4] =
+            std::array::from_fn(|j| ml * s * (mu[0] * self.gradient[1][j] + mu[1] * self.gradient[0][j]));
+        for (j, term) in terms.into_iter().enumerate() {
             h[0][j] += term;
             h[j][0] += term;
         }
@@ -100,7 +101,7 @@ pub fn continuous_actuator() -> ([[f64; 2]; 2], [f64; 2]) {
     (ac, [0, 1].map(|i| ac[i][0] * y[0] + ac[i][1] * y[1]))
 }
 
-/// `[z(t); ]` as a linear function of (z1, z2, u): the first two rows of expm([[Ac, Bc], [0, 0]] t).
+/// z(t) as a linear function of (z1, z2, u): the first two rows of expm([[Ac, Bc], [0, 0]] t).
 pub fn actuator_flow(t: f64) -> [[f64; 3]; 2] {
     let (ac, bc) = continuous_actuator();
     let halvings = 10;

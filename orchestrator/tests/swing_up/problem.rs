@@ -142,36 +142,15 @@ impl SwingUp {
         x
     }
 
-    /// G1: a straight line.
-    pub fn linear(&self) -> Vec<f64> {
-        self.guess(&[(0.0, 0.0), (1.0, PI)], [0.0; 3])
-    }
-
     /// G2: pumping.
     pub fn pump(&self) -> Vec<f64> {
         self.guess(&PUMP, [0.0; 3])
     }
-
-    /// G2 with its knots moved and a motion of the cart, by seed.
-    pub fn perturbed(&self, seed: u64) -> Vec<f64> {
-        let mut state = seed.wrapping_mul(0x9E37_79B9_7F4A_7C15).wrapping_add(0x1234_5678_9ABC_DEF1);
-        let mut uniform = |width: f64| {
-            state ^= state << 13;
-            state ^= state >> 7;
-            state ^= state << 17;
-            width * ((state >> 11) as f64 / (1u64 << 52) as f64 - 1.0)
-        };
-        let mut knots = PUMP;
-        for knot in &mut knots[1..5] {
-            knot.0 += uniform(0.05);
-            knot.1 *= 1.0 + uniform(0.4);
-        }
-        let sines = [0; 3].map(|_| uniform(0.06));
-        self.guess(&knots, sines)
-    }
 }
 
-const PUMP: [(f64, f64); 6] = [(0.0, 0.0), (0.13, -0.3), (0.30, 0.7), (0.53, -1.3), (0.75, 2.0), (1.0, PI)];
+/// Knots of G2: (t / T, theta).
+pub const PUMP: [(f64, f64); 6] =
+    [(0.0, 0.0), (0.13, -0.3), (0.30, 0.7), (0.53, -1.3), (0.75, 2.0), (1.0, PI)];
 
 impl Nlp for SwingUp {
     fn variables(&self) -> usize {
