@@ -12,8 +12,8 @@ pub mod identify;
 pub mod inspect;
 pub mod inspect_system;
 pub mod output;
-mod report;
 pub mod refine;
+mod report;
 pub mod run;
 mod table;
 

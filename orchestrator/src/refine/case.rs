@@ -209,7 +209,9 @@ fn read_record(path: &Path, declaration: &Declaration) -> Result<TimeSeries, Err
     }
     for name in declaration.sensors.keys() {
         if series.channel(name).is_none() {
-            return Err(refused(format!("there is no column `{name}`, which case.toml declares as a sensor")));
+            return Err(refused(format!(
+                "there is no column `{name}`, which case.toml declares as a sensor"
+            )));
         }
     }
     for channel in series.channels() {
