@@ -170,11 +170,8 @@ impl<S: System + ?Sized> Search<'_, S> {
             for (a, f) in open.iter().enumerate() {
                 p[f.index] += step[a];
             }
-            return chi2.is_finite().then(|| Promise {
-                candidate,
-                chi2: (chi2 - gained) * share,
-                parameters: p,
-            });
+            let promise = Promise { candidate, chi2: (chi2 - gained) * share, parameters: p };
+            return chi2.is_finite().then_some(promise);
         }
         None
     }
