@@ -124,7 +124,28 @@ pub fn answer(rig: &Rig, groups: &[String], settings: &Settings) -> Answer {
     if !selection.explained {
         trace(rig, &search, &selection, groups, &mut found);
     }
+    hold_back(&mut found);
     found
+}
+
+/// Takes an effect back that makes the validation records worse: it was fitted to something else.
+fn hold_back(found: &mut Answer) {
+    let total = |errors: &Errors| -> f64 {
+        let share = |(signal, rms): (&String, &f64)| found.noise.get(signal).map_or(0.0, |noise| (rms / noise).powi(2));
+        errors.rms.iter().map(share).sum()
+    };
+    // Behind a wrong actuator the simulation from the command says nothing; there the innovations have decided.
+    if found.verdict != Verdict::Effect || found.unexplained.is_some() || total(&found.after[1]) < total(&found.before[1]) {
+        return;
+    }
+    found.verdict = Verdict::Unexplained;
+    let channel = found.effects.iter().find(|e| e.selected).map_or("cart", |e| &e.channel).to_owned();
+    found.unexplained = Some((channel, Vec::new()));
+    for effect in &mut found.effects {
+        (effect.selected, effect.group) = (false, None);
+        "it lowers the error on estimation records but not on validation records".clone_into(&mut effect.reason);
+    }
+    found.after = found.before.clone();
 }
 
 /// Names the channel of what no candidate explains; behind a wrong actuator, effects of the mechanics are still found.
