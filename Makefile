@@ -1,5 +1,5 @@
 # `make demo` and `make test` work on a fresh machine with Rust, a C compiler and Python 3: each sets up what is missing first.
-.PHONY: demo test check bench study fmu setup setup-build clean
+.PHONY: demo test check bench study study-refine fmu setup setup-build clean
 export CARGO_NET_RETRY ?= 10
 
 demo: fmu            ## replay one measured record through the coupled FMUs
@@ -18,6 +18,11 @@ bench: fmu           ## cost of the master per FMU step
 study: fmu           ## error of every master against its FMU steps: out/study/masters.csv, .svg
 	scripts/setup.sh study
 	.venv/bin/python tests/study/masters.py out/study
+
+study-refine: fmu    ## cases with known missing effects, and what `airloop refine` makes of them: out/study-refine
+	scripts/setup.sh study
+	.venv/bin/python tests/study/refine/make_cases.py out/study-refine/cases
+	.venv/bin/python tests/study/refine/score.py target/release/airloop out/study-refine/cases out/study-refine/reports
 
 fmu: setup-build     ## target/fmu/*.fmu, modelDescriptions/*.xml and the airloop binary
 	cargo run --release -p packager

@@ -15,6 +15,7 @@ pub mod output;
 mod report;
 pub mod rig;
 pub mod refine;
+mod report;
 pub mod run;
 mod table;
 

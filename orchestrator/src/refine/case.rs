@@ -163,6 +163,10 @@ impl Case {
     pub fn read(folder: &Path) -> Result<Case, Error> {
         let path = folder.join("case.toml");
         let refused = |problem: String| Error::Case { path: path.clone(), problem };
+        if folder.is_file() {
+            let problem = "a single file cannot be searched: give the folder of a case with case.toml (declared model, sensors, files) and its records; studies of other systems (study.toml, .ssd) are not supported yet";
+            return Err(Error::Case { path: folder.into(), problem: problem.into() });
+        }
         let text = std::fs::read_to_string(&path).map_err(|error| refused(error.to_string()))?;
         let declaration: Declaration = toml::from_str(&text).map_err(|error| refused(error.to_string()))?;
         if !(declaration.sample_rate_hz > 0.0 && declaration.sample_rate_hz.is_finite()) {
@@ -209,7 +213,9 @@ fn read_record(path: &Path, declaration: &Declaration) -> Result<TimeSeries, Err
     }
     for name in declaration.sensors.keys() {
         if series.channel(name).is_none() {
-            return Err(refused(format!("there is no column `{name}`, which case.toml declares as a sensor")));
+            return Err(refused(format!(
+                "there is no column `{name}`, which case.toml declares as a sensor"
+            )));
         }
     }
     for channel in series.channels() {

@@ -19,7 +19,11 @@ pub fn parameters(candidate: &Candidate, fit: &Fit, samples: f64) -> Vec<Paramet
             let mut moved = fit.parameters.clone();
             moved[free.index] += step;
             let shifted = quantities(candidate, &moved);
-            shifted.iter().zip(&values).map(|(s, v)| if step > 0.0 { (s.2 - v.2) / step } else { 0.0 }).collect()
+            shifted
+                .iter()
+                .zip(&values)
+                .map(|(s, v)| if step > 0.0 { (s.2 - v.2) / step } else { 0.0 })
+                .collect()
         })
         .collect();
     let parameter = |(i, (name, unit, value)): (usize, &(String, String, f64))| {
@@ -30,7 +34,12 @@ pub fn parameters(candidate: &Candidate, fit: &Fit, samples: f64) -> Vec<Paramet
             }
         }
         let half = 1.96 * scale * variance.max(0.0).sqrt();
-        Parameter { name: name.clone(), unit: unit.clone(), value: *value, interval: (value - half, value + half) }
+        Parameter {
+            name: name.clone(),
+            unit: unit.clone(),
+            value: *value,
+            interval: (value - half, value + half),
+        }
     };
     values.iter().enumerate().map(parameter).collect()
 }

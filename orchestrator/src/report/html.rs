@@ -53,7 +53,13 @@ pub fn text(answer: &Answer, case: &str) -> String {
     }
     out.push_str("<h2>Notes</h2>\n<ul>\n");
     for (name, relative, deviation) in &answer.corrections {
-        let _ = writeln!(out, "<li>declared {}: {:+.2} % (&plusmn; {:.2} %)</li>", escape(name), 100.0 * relative, 196.0 * deviation);
+        let _ = writeln!(
+            out,
+            "<li>declared {}: {:+.2} % (&plusmn; {:.2} %)</li>",
+            escape(name),
+            100.0 * relative,
+            196.0 * deviation
+        );
     }
     for (id, why) in &answer.not_testable {
         let _ = writeln!(out, "<li>not testable: {}: {}</li>", escape(id), escape(why));

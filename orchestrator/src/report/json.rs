@@ -70,7 +70,12 @@ struct Correction {
 }
 
 fn set<'a>(before: &'a Errors, after: &'a Errors) -> Set<'a> {
-    Set { rms_before: &before.rms, rms_after: &after.rms, nrmse_before: &before.nrmse, nrmse_after: &after.nrmse }
+    Set {
+        rms_before: &before.rms,
+        rms_after: &after.rms,
+        nrmse_before: &before.nrmse,
+        nrmse_after: &after.nrmse,
+    }
 }
 
 /// The word of a verdict.
@@ -94,7 +99,12 @@ pub fn text(answer: &Answer, case: &str) -> String {
         params: e
             .parameters
             .iter()
-            .map(|p| (p.name.as_str(), Parameter { value: p.value, unit: &p.unit, ci95: [p.interval.0, p.interval.1] }))
+            .map(|p| {
+                (
+                    p.name.as_str(),
+                    Parameter { value: p.value, unit: &p.unit, ci95: [p.interval.0, p.interval.1] },
+                )
+            })
             .collect(),
         reason: &e.reason,
     });
@@ -103,7 +113,10 @@ pub fn text(answer: &Answer, case: &str) -> String {
         case,
         verdict: word(answer.verdict),
         effects: effects.collect(),
-        unexplained: answer.unexplained.as_ref().map(|(channel, variables)| Unexplained { channel, variables }),
+        unexplained: answer
+            .unexplained
+            .as_ref()
+            .map(|(channel, variables)| Unexplained { channel, variables }),
         residual: Residual {
             estimation: set(&answer.before[0], &answer.after[0]),
             validation: set(&answer.before[1], &answer.after[1]),
@@ -113,7 +126,9 @@ pub fn text(answer: &Answer, case: &str) -> String {
         declared_corrections: answer
             .corrections
             .iter()
-            .map(|(name, relative, sd)| (name.as_str(), Correction { relative: *relative, standard_deviation: *sd }))
+            .map(|(name, relative, sd)| {
+                (name.as_str(), Correction { relative: *relative, standard_deviation: *sd })
+            })
             .collect(),
         not_testable: answer.not_testable.iter().map(|(id, why)| (id.as_str(), why.as_str())).collect(),
         notes: &answer.notes,

@@ -14,13 +14,22 @@ pub fn text(answer: &Answer, case: &str) -> String {
     if !rivals.is_empty() {
         let _ = writeln!(out, "These records cannot tell it from: {}.\n", rivals.join(", "));
     }
-    let _ = writeln!(out, "| signal | noise rms | error before | error after | before, of the signal | in noise rms |\n|---|---|---|---|---|---|");
+    let _ = writeln!(
+        out,
+        "| signal | noise rms | error before | error after | before, of the signal | in noise rms |\n|---|---|---|---|---|---|"
+    );
     for row in words::errors(answer) {
         let _ = writeln!(out, "| {} |", row.join(" | "));
     }
-    let _ = writeln!(out, "\nErrors are rms on validation records in the unit of the signal, simulated over the whole record.\n");
+    let _ = writeln!(
+        out,
+        "\nErrors are rms on validation records in the unit of the signal, simulated over the whole record.\n"
+    );
     if !answer.effects.is_empty() {
-        let _ = writeln!(out, "| candidate | channel | selected | improvement (BIC) | parameters | why |\n|---|---|---|---|---|---|");
+        let _ = writeln!(
+            out,
+            "| candidate | channel | selected | improvement (BIC) | parameters | why |\n|---|---|---|---|---|---|"
+        );
         for e in &answer.effects {
             let selected = if e.selected { "yes" } else { "no" };
             let _ = writeln!(
@@ -36,7 +45,8 @@ pub fn text(answer: &Answer, case: &str) -> String {
         out.push('\n');
     }
     for (name, relative, deviation) in &answer.corrections {
-        let _ = writeln!(out, "- declared {name}: {:+.2} % (+- {:.2} %)", 100.0 * relative, 196.0 * deviation);
+        let _ =
+            writeln!(out, "- declared {name}: {:+.2} % (+- {:.2} %)", 100.0 * relative, 196.0 * deviation);
     }
     for (id, why) in &answer.not_testable {
         let _ = writeln!(out, "- not testable: {id}: {why}");

@@ -6,7 +6,13 @@ use crate::refine::answer::{Answer, Effect, Verdict};
 pub fn number(value: f64) -> String {
     let size = value.abs();
     if value == 0.0 || (1e-3..1e5).contains(&size) {
-        let digits = if size >= 100.0 { 1 } else if size >= 1.0 { 3 } else { 5 };
+        let digits = if size >= 100.0 {
+            1
+        } else if size >= 1.0 {
+            3
+        } else {
+            5
+        };
         format!("{value:.digits$}")
     } else {
         format!("{value:.3e}")
@@ -34,9 +40,17 @@ pub fn parameters(effect: &Effect) -> String {
 /// The answer in one sentence.
 pub fn sentence(answer: &Answer) -> String {
     let chosen: Vec<&Effect> = answer.effects.iter().filter(|effect| effect.selected).collect();
-    let list = chosen.iter().map(|e| format!("{} ({}; {})", name(e), e.channel, parameters(e))).collect::<Vec<_>>().join(" and ");
+    let list = chosen
+        .iter()
+        .map(|e| format!("{} ({}; {})", name(e), e.channel, parameters(e)))
+        .collect::<Vec<_>>()
+        .join(" and ");
     let rest = answer.unexplained.as_ref().map(|(channel, variables)| {
-        let on = if variables.is_empty() { String::new() } else { format!(", depending on {}", variables.join(", ")) };
+        let on = if variables.is_empty() {
+            String::new()
+        } else {
+            format!(", depending on {}", variables.join(", "))
+        };
         format!("something at the channel `{channel}`{on}, that is none of the known effects")
     });
     match (answer.verdict, rest) {
@@ -44,7 +58,10 @@ pub fn sentence(answer: &Answer) -> String {
         (Verdict::Effect, None) => format!("The declared model lacks {list}."),
         (Verdict::Effect, Some(rest)) => format!("The declared model lacks {list}; it also lacks {rest}."),
         (Verdict::Unexplained, rest) => {
-            format!("The declared model lacks {}.", rest.unwrap_or_else(|| "something that is none of the known effects".into()))
+            format!(
+                "The declared model lacks {}.",
+                rest.unwrap_or_else(|| "something that is none of the known effects".into())
+            )
         }
     }
 }

@@ -87,14 +87,15 @@ def draw(rng, ranges):
     return found
 
 
-def commands(folder):
-    """Feed-forward commands of the shipped cases: the recorded command without its centring part."""
+def commands(rng):
+    """Five feed-forward commands: sums of sines up to 4 Hz, 30 to 55 N at most, from rest."""
+    t = np.arange(N) * TS
     found = []
-    for case in ("v01", "v03", "v05", "v06", "v10"):
-        for trial in (1, 3, 5, 7, 9):
-            data = np.loadtxt(folder / case / f"trial_{trial:02d}.csv", delimiter=",", skiprows=1)
-            found.append(data[:, 1] + 55.0 * data[:, 4])
-    return np.array(found).reshape(5, 5, N)
+    for _ in range(5):
+        f, phase, amp = rng.uniform(0.3, 4.0, 6), rng.uniform(0, 2 * np.pi, 6), rng.uniform(0.3, 1.0, 6)
+        u = (amp[:, None] * np.sin(2 * np.pi * f[:, None] * t + phase[:, None])).sum(0) * (1 - np.exp(-t / 0.1))
+        found.append(u * rng.uniform(30.0, 55.0) / np.abs(u).max())
+    return np.array(found)
 
 
 class Lanes:
@@ -360,15 +361,13 @@ def specification(rng):
 def main():
     parser = argparse.ArgumentParser()
     parser.add_argument("folder", type=pathlib.Path)
-    parser.add_argument("--records", type=pathlib.Path, default=pathlib.Path(__file__).parents[4] / "shared" / "data" / "rig")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--only", default="")
     args = parser.parse_args()
     rng = np.random.default_rng(args.seed)
-    feed = commands(args.records)
     everything = specification(rng)
     for case in everything:
-        case["feed"] = feed[rng.integers(5)]
+        case["feed"] = commands(rng)
         case["noise"] = dict(u=0.0, F_hat=0.3, F_p=round(rng.uniform(0.24, 0.47), 2), x=1e-4, theta=0.00044)
         case["plant"] = {k: v * (1 + (rng.normal() * 0.01 if case.get("off") else 0.0)) for k, v in DECLARED.items()}
         case["x0"], case["th0"] = rng.normal(0, 0.003, 10), rng.normal(0, 0.015, 10)

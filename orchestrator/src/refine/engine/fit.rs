@@ -38,6 +38,9 @@ pub struct Fit {
     pub at_bound: Vec<bool>,
 }
 
+/// Mean square of the residuals above which a fit that hardly moves is given up.
+const HOPELESS: f64 = 30.0;
+
 /// Normal equations: matrix, right side, sum of squares.
 type Normal = (DMatrix<f64>, DVector<f64>, f64);
 
@@ -50,7 +53,13 @@ pub struct Columns {
 }
 
 /// Residuals and their derivatives of one record.
-pub fn columns<S: System + ?Sized>(system: &S, record: usize, p: &[f64], free: &[Free], locals: &[f64]) -> Columns {
+pub fn columns<S: System + ?Sized>(
+    system: &S,
+    record: usize,
+    p: &[f64],
+    free: &[Free],
+    locals: &[f64],
+) -> Columns {
     let residuals = system.residuals(record, p, locals);
     let difference = |moved: Vec<f64>, step: f64| -> Vec<f64> {
         moved.iter().zip(&residuals).map(|(a, b)| (a - b) / step).collect()
@@ -81,11 +90,22 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
-fn normal_equations<S: System + ?Sized>(system: &S, records: &[usize], p: &[f64], free: &[Free], locals: &[Vec<f64>]) -> Normal {
+fn normal_equations<S: System + ?Sized>(
+    system: &S,
+    records: &[usize],
+    p: &[f64],
+    free: &[Free],
+    locals: &[Vec<f64>],
+) -> Normal {
     let parts = parallel::map(records.len(), |i| {
         let found = columns(system, records[i], p, free, &locals[i]);
         let m = found.columns.len();
-        let matrix = DMatrix::from_fn(m, m, |a, b| if a <= b { dot(&found.columns[a], &found.columns[b]) } else { 0.0 });
+        let matrix =
+            DMatrix::from_fn(
+                m,
+                m,
+                |a, b| if a <= b { dot(&found.columns[a], &found.columns[b]) } else { 0.0 },
+            );
         let right = DVector::from_fn(m, |a, _| -dot(&found.columns[a], &found.residuals));
         (matrix, right, squares(&found.residuals))
     });
@@ -118,14 +138,26 @@ fn normal_equations<S: System + ?Sized>(system: &S, records: &[usize], p: &[f64]
 }
 
 /// Sum of squares of the records, priors included.
-pub fn cost<S: System + ?Sized>(system: &S, records: &[usize], p: &[f64], free: &[Free], locals: &[Vec<f64>]) -> f64 {
-    let sum: f64 = parallel::map(records.len(), |i| squares(&system.residuals(records[i], p, &locals[i]))).iter().sum();
+pub fn cost<S: System + ?Sized>(
+    system: &S,
+    records: &[usize],
+    p: &[f64],
+    free: &[Free],
+    locals: &[Vec<f64>],
+) -> f64 {
+    let sum: f64 =
+        parallel::map(records.len(), |i| squares(&system.residuals(records[i], p, &locals[i]))).iter().sum();
     let known = |f: &Free| f.prior.map_or(0.0, |prior| (p[f.index] / prior).powi(2));
     sum + free.iter().map(known).sum::<f64>()
 }
 
 /// Solves the damped equations for the parameters that are not held at a bound; zero for those that are.
-fn damped_step(matrix: &DMatrix<f64>, right: &DVector<f64>, damping: f64, held: &[bool]) -> Option<DVector<f64>> {
+fn damped_step(
+    matrix: &DMatrix<f64>,
+    right: &DVector<f64>,
+    damping: f64,
+    held: &[bool],
+) -> Option<DVector<f64>> {
     let open: Vec<usize> = (0..right.len()).filter(|&i| !held.get(i).copied().unwrap_or(false)).collect();
     let part = DMatrix::from_fn(open.len(), open.len(), |a, b| {
         let value = matrix[(open[a], open[b])];
@@ -154,6 +186,8 @@ pub fn fit<S: System + ?Sized>(
         p[f.index] = p[f.index].clamp(f.bounds.0, f.bounds.1);
     }
     let mut damping = 1e-4;
+    let count = |&record: &usize| system.signals(record).last().map_or(0, |span| span.range.end);
+    let samples = records.iter().map(count).sum::<usize>() as f64;
     let mut normal = normal_equations(system, records, &p, free, &locals);
     let mut round = 0;
     let mut refused = 0;
@@ -162,7 +196,9 @@ pub fn fit<S: System + ?Sized>(
         let held: Vec<bool> = free
             .iter()
             .enumerate()
-            .map(|(a, f)| (p[f.index] <= f.bounds.0 && right[a] < 0.0) || (p[f.index] >= f.bounds.1 && right[a] > 0.0))
+            .map(|(a, f)| {
+                (p[f.index] <= f.bounds.0 && right[a] < 0.0) || (p[f.index] >= f.bounds.1 && right[a] > 0.0)
+            })
             .collect();
         let Some(step) = damped_step(matrix, right, damping, &held) else {
             damping = (damping * 10.0).max(1e-6);
@@ -188,7 +224,9 @@ pub fn fit<S: System + ?Sized>(
             let gained = chi2 - new;
             // One more set of derivatives for the covariance, then done.
             normal = normal_equations(system, records, &p, free, &locals);
-            if gained < 0.02 + 1e-7 * chi2 {
+            // Far from noise and hardly moving: this model will not explain the records.
+            let hopeless = new > HOPELESS * samples && gained < 3e-3 * chi2;
+            if gained < 0.02 + 1e-7 * chi2 || hopeless {
                 break;
             }
         } else {
@@ -202,7 +240,11 @@ pub fn fit<S: System + ?Sized>(
     let (matrix, right, chi2) = normal;
     let at_bound: Vec<bool> =
         free.iter().map(|f| p[f.index] <= f.bounds.0 || p[f.index] >= f.bounds.1).collect();
-    let held: Vec<bool> = at_bound.iter().enumerate().map(|(a, &at)| at && right[a] * if p[free[a].index] <= free[a].bounds.0 { -1.0 } else { 1.0 } > 0.0).collect();
+    let held: Vec<bool> = at_bound
+        .iter()
+        .enumerate()
+        .map(|(a, &at)| at && right[a] * if p[free[a].index] <= free[a].bounds.0 { -1.0 } else { 1.0 } > 0.0)
+        .collect();
     let covariance = covariance(&matrix, ng, &held);
     Fit { parameters: p, free: free.to_vec(), locals, chi2, covariance, at_bound }
 }
@@ -222,11 +264,48 @@ fn covariance(matrix: &DMatrix<f64>, ng: usize, held: &[bool]) -> DMatrix<f64> {
     let scaled = DMatrix::from_fn(open.len(), open.len(), |a, b| {
         part[(a, b)] / (scale[a] * scale[b]) + if a == b { 1e-12 } else { 0.0 }
     });
-    let Some(inverse) = Cholesky::new(scaled).map(|factor| factor.inverse()) else { return found.add_scalar(f64::NAN) };
+    let Some(inverse) = Cholesky::new(scaled).map(|factor| factor.inverse()) else {
+        return found.add_scalar(f64::NAN);
+    };
     for (a, &i) in open.iter().enumerate().filter(|(_, i)| **i < ng) {
         for (b, &j) in open.iter().enumerate().filter(|(_, j)| **j < ng) {
             found[(i, j)] = inverse[(a, b)] / (scale[a] * scale[b]);
         }
     }
     found
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::system::testing::Lines;
+    use super::*;
+
+    fn free(index: usize, bounds: (f64, f64)) -> Free {
+        Free { index, bounds, step: 1e-4, prior: None }
+    }
+
+    #[test]
+    fn a_slope_with_an_offset_per_record_has_the_closed_form_of_least_squares() {
+        let system = Lines::new(3.0, 0.0);
+        let start = vec![vec![0.0]; 2];
+        let found = fit(&system, &[0, 1], &[0.0, 0.0], &[free(0, (-10.0, 10.0))], &start, 20);
+        let (mut numerator, mut denominator) = (0.0, 0.0);
+        for record in &system.values {
+            let (n, mean) = (record.len() as f64, record.iter().sum::<f64>() / record.len() as f64);
+            for (k, y) in record.iter().enumerate() {
+                let t = k as f64 / n - (n - 1.0) / (2.0 * n);
+                numerator += t * (y - mean);
+                denominator += t * t;
+            }
+        }
+        assert!((found.parameters[0] - numerator / denominator).abs() < 1e-7);
+        assert!((found.covariance[(0, 0)] * denominator - 1.0).abs() < 1e-5);
+    }
+
+    #[test]
+    fn a_bound_is_kept_and_told() {
+        let system = Lines::new(3.0, 0.0);
+        let found = fit(&system, &[0, 1], &[0.0, 0.0], &[free(0, (-1.0, 2.0))], &[vec![0.0], vec![0.0]], 20);
+        assert_eq!((found.parameters[0], found.at_bound[0]), (2.0, true));
+    }
 }

@@ -59,7 +59,11 @@ pub struct Null {
 }
 
 /// Sums of the powers over records, by signal.
-pub fn pooled<S: System + ?Sized>(system: &S, records: &[usize], residuals: &[Vec<f64>]) -> Vec<(String, [f64; 3])> {
+pub fn pooled<S: System + ?Sized>(
+    system: &S,
+    records: &[usize],
+    residuals: &[Vec<f64>],
+) -> Vec<(String, [f64; 3])> {
     let mut found: Vec<(String, [f64; 3])> = Vec::new();
     for (residual, &record) in residuals.iter().zip(records) {
         for span in system.signals(record) {
@@ -95,7 +99,10 @@ impl Null {
                 .collect();
             pooled(system, records, &residuals)
         });
-        let signals: Vec<String> = samples.first().map(|first| first.iter().map(|(name, _)| name.clone()).collect()).unwrap_or_default();
+        let signals: Vec<String> = samples
+            .first()
+            .map(|first| first.iter().map(|(name, _)| name.clone()).collect())
+            .unwrap_or_default();
         let half = draws / 2;
         let of = |signal: usize, i: usize| samples[..half].iter().map(move |draw| draw[signal].1[i]);
         let mean: Vec<[f64; 3]> = (0..signals.len())
@@ -103,7 +110,9 @@ impl Null {
             .collect();
         let deviation: Vec<[f64; 3]> = (0..signals.len())
             .map(|s| {
-                std::array::from_fn(|i| (of(s, i).map(|v| (v - mean[s][i]).powi(2)).sum::<f64>() / half as f64).sqrt())
+                std::array::from_fn(|i| {
+                    (of(s, i).map(|v| (v - mean[s][i]).powi(2)).sum::<f64>() / half as f64).sqrt()
+                })
             })
             .collect();
         let mut samples_of = vec![0usize; signals.len()];
@@ -114,9 +123,14 @@ impl Null {
                 }
             }
         }
-        let white = samples_of.iter().map(|&n| BLOCKS.map(|length| (2.0 * n as f64 / length as f64).sqrt())).collect();
+        let white = samples_of
+            .iter()
+            .map(|&n| BLOCKS.map(|length| (2.0 * n as f64 / length as f64).sqrt()))
+            .collect();
         let mut null = Null { signals, mean, deviation, white, quantile: 0.0, draws };
-        let worst = |draw: &Vec<(String, [f64; 3])>| null.normalised(draw).into_iter().map(|(_, z)| z).fold(f64::MIN, f64::max);
+        let worst = |draw: &Vec<(String, [f64; 3])>| {
+            null.normalised(draw).into_iter().map(|(_, z)| z).fold(f64::MIN, f64::max)
+        };
         null.quantile = samples[half..].iter().map(worst).fold(0.0, f64::max);
         null
     }
@@ -129,9 +143,42 @@ impl Null {
             .map(|(s, (name, power))| {
                 // Rounding noise of a moving encoder cancels in long blocks, so that its powers hardly vary; an error of
                 // some percent of the noise must not count there. White noise is the yardstick.
-                let z = (0..3).map(|i| (power[i] - self.mean[s][i]) / self.deviation[s][i].max(self.white[s][i]));
+                let z =
+                    (0..3).map(|i| (power[i] - self.mean[s][i]) / self.deviation[s][i].max(self.white[s][i]));
                 (name.clone(), z.fold(f64::MIN, f64::max))
             })
             .collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::system::testing::Lines;
+    use super::*;
+
+    #[test]
+    fn long_blocks_see_a_slow_error_that_the_power_hides() {
+        let system = Lines::new(0.0, 0.0);
+        let null = Null::simulate(&system, &[0], &[0.0, 0.0], &[vec![0.0]], 200, 1);
+        let mut noise = Noise::new(3, 0);
+        let white: Vec<f64> = (0..512).map(|_| noise.normal()).collect();
+        let biased: Vec<f64> = white.iter().map(|value| value + 0.45).collect();
+        let worst = |r: &[f64]| null.normalised(&[("y".into(), powers(r))])[0].1;
+        assert!(worst(&white) < null.quantile + 1.0);
+        assert!(worst(&biased) > null.quantile + 8.0);
+        let power_alone = (powers(&biased)[0] - 512.0) / 1024f64.sqrt();
+        assert!(power_alone < 6.0);
+    }
+
+    #[test]
+    fn normal_numbers_have_the_moments_of_the_normal_law() {
+        let mut noise = Noise::new(1, 2);
+        let n = 200_000;
+        let values: Vec<f64> = (0..n).map(|_| noise.normal()).collect();
+        let moment = |power: i32| values.iter().map(|v| v.powi(power)).sum::<f64>() / n as f64;
+        // Standard errors are sqrt(1/n), sqrt(2/n) and sqrt(96/n); five of them.
+        assert!(
+            moment(1).abs() < 0.0112 && (moment(2) - 1.0).abs() < 0.0158 && (moment(4) - 3.0).abs() < 0.11
+        );
     }
 }

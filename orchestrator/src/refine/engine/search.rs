@@ -58,13 +58,24 @@ pub struct Promise {
 impl<S: System + ?Sized> Search<'_, S> {
     /// Price of a parameter in the Bayesian information criterion: the logarithm of the number of samples.
     pub fn penalty(&self) -> f64 {
-        let samples = self.records.iter().map(|&record| self.system.signals(record).iter().map(|s| s.range.len()).sum::<usize>());
+        let samples = self
+            .records
+            .iter()
+            .map(|&record| self.system.signals(record).iter().map(|s| s.range.len()).sum::<usize>());
         (samples.sum::<usize>().max(2) as f64).ln()
     }
 
     /// Fits `added` candidates with `extra` free parameters from a start.
-    pub fn fit(&self, added: &[usize], extra: &[Free], start: &[f64], locals: &[Vec<f64>], iterations: usize) -> Model {
-        let mut free: Vec<Free> = added.iter().flat_map(|&c| self.candidates[c].free.iter().copied()).collect();
+    pub fn fit(
+        &self,
+        added: &[usize],
+        extra: &[Free],
+        start: &[f64],
+        locals: &[Vec<f64>],
+        iterations: usize,
+    ) -> Model {
+        let mut free: Vec<Free> =
+            added.iter().flat_map(|&c| self.candidates[c].free.iter().copied()).collect();
         free.extend_from_slice(extra);
         let fit = fit(self.system, &self.records, start, &free, locals, iterations);
         let left = self.left(&fit);
@@ -91,13 +102,21 @@ impl<S: System + ?Sized> Search<'_, S> {
             .flat_map(|c| (0..self.candidates[c].starts.len()).map(move |s| (c, s)))
             .collect();
         let mut promises: Vec<Promise> =
-            parallel::map(starts.len(), |i| self.promise(base, &at_base, starts[i])).into_iter().flatten().collect();
+            parallel::map(starts.len(), |i| self.promise(base, &at_base, starts[i]))
+                .into_iter()
+                .flatten()
+                .collect();
         promises.sort_by(|a, b| a.chi2.total_cmp(&b.chi2).then(a.candidate.cmp(&b.candidate)));
         promises
     }
 
     /// The linear step from one start.
-    fn promise(&self, base: &Model, at_base: &[Columns], (candidate, start): (usize, usize)) -> Option<Promise> {
+    fn promise(
+        &self,
+        base: &Model,
+        at_base: &[Columns],
+        (candidate, start): (usize, usize),
+    ) -> Option<Promise> {
         let fit = &base.fit;
         let (own, start) = (&self.candidates[candidate], &self.candidates[candidate].starts[start]);
         let open: Vec<Free> = start.open.iter().map(|&position| own.free[position]).collect();
@@ -151,7 +170,8 @@ impl<S: System + ?Sized> Search<'_, S> {
             for (a, f) in open.iter().enumerate() {
                 p[f.index] += step[a];
             }
-            return chi2.is_finite().then(|| Promise { candidate, chi2: (chi2 - gained) * share, parameters: p });
+            let promise = Promise { candidate, chi2: (chi2 - gained) * share, parameters: p };
+            return chi2.is_finite().then_some(promise);
         }
         None
     }

@@ -63,7 +63,12 @@ impl Default for Effort {
 }
 
 /// Runs the search from the fitted declared model.
-pub fn select<S: System + ?Sized>(search: &Search<S>, declared: Model, corrections: &[Free], effort: Effort) -> Selection {
+pub fn select<S: System + ?Sized>(
+    search: &Search<S>,
+    declared: Model,
+    corrections: &[Free],
+    effort: Effort,
+) -> Selection {
     let limit = search.null.quantile + MARGIN;
     let penalty = search.penalty();
     let criterion = |model: &Model| model.fit.chi2 + penalty * model.size(search.candidates) as f64;
@@ -74,14 +79,29 @@ pub fn select<S: System + ?Sized>(search: &Search<S>, declared: Model, correctio
         let best = passing.remove(0);
         let equals = passing
             .into_iter()
-            .filter(|other| criterion(other) - criterion(&best) < TIE && !nested(search.candidates, &best, other) && !degenerate(search, &best, other))
+            .filter(|other| {
+                criterion(other) - criterion(&best) < TIE
+                    && !nested(search.candidates, &best, other)
+                    && !degenerate(search, &best, other)
+            })
             .collect();
         Selection { stage, best, equals, explained: true, tried, declared: declared.clone() }
+    };
+    let unexplained = |tried: Vec<Model>, declared: Model| {
+        let best = tried
+            .iter()
+            .min_by(|a, b| criterion(a).total_cmp(&criterion(b)))
+            .cloned()
+            .unwrap_or(declared.clone());
+        Selection { stage: Stage::Effects, best, equals: Vec::new(), explained: false, tried, declared }
     };
     let promises = search.screen(&declared);
     let clean = declared.worst() < limit;
     if clean {
-        let noticed = promises.iter().take(3).map(|p| search.fit(&[p.candidate], &[], &p.parameters, &declared.fit.locals, 10));
+        let noticed = promises
+            .iter()
+            .take(3)
+            .map(|p| search.fit(&[p.candidate], &[], &p.parameters, &declared.fit.locals, 10));
         let noticed: Vec<Model> = noticed.filter(|m| declared.fit.chi2 - criterion(m) > NOTICEABLE).collect();
         if noticed.is_empty() {
             return end(Stage::Declared, vec![declared.clone()], tried);
@@ -106,6 +126,11 @@ pub fn select<S: System + ?Sized>(search: &Search<S>, declared: Model, correctio
     if corrected.worst() < limit {
         return end(Stage::Corrected, vec![corrected], tried);
     }
+    // A signal that neither candidates nor corrections bring down is not worth more of the same.
+    let lost = |model: &Model| model.left.first().is_some_and(|(_, z)| *z > limit);
+    if tried.iter().all(lost) {
+        return unexplained(tried, declared);
+    }
     let promises = search.screen(&corrected);
     let singles = attempt(search, &corrected, &promises, corrections, 4, limit);
     tried.extend(singles.iter().cloned());
@@ -113,8 +138,7 @@ pub fn select<S: System + ?Sized>(search: &Search<S>, declared: Model, correctio
     if !passing.is_empty() {
         return end(Stage::Corrected, passing, tried);
     }
-    let best = tried.iter().min_by(|a, b| criterion(a).total_cmp(&criterion(b))).cloned().unwrap_or(declared.clone());
-    Selection { stage: Stage::Effects, best, equals: Vec::new(), explained: false, tried, declared }
+    unexplained(tried, declared)
 }
 
 /// Whether `other` only adds freedom to `best`: one of its candidates contains the one of the best.
@@ -194,4 +218,60 @@ fn extend<S: System + ?Sized>(
         }
     }
     found
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::candidate::Start;
+    use super::super::goodness::Null;
+    use super::super::system::testing::Lines;
+    use super::*;
+
+    fn candidate(id: &'static str, index: usize) -> Candidate {
+        let free = vec![Free { index, bounds: (-1e3, 1e3), step: 1e-3, prior: None }];
+        let starts = vec![Start { values: Vec::new(), open: vec![0] }];
+        Candidate { id, channel: "c", signal: None, free, starts, contains: None }
+    }
+
+    fn chosen(system: &Lines, candidates: &[Candidate]) -> (Vec<&'static str>, bool, usize) {
+        let locals = vec![vec![0.0], vec![40.0]];
+        let null = Null::simulate(system, &[0, 1], &[0.0, 0.0], &locals, 100, 1);
+        let search = Search { system, candidates, records: vec![0, 1], screened: vec![0, 1], null };
+        let declared = search.fit(&[], &[], &[0.0, 0.0], &locals, 5);
+        let found = select(&search, declared, &[], Effort::default());
+        (found.best.added.iter().map(|&c| candidates[c].id).collect(), found.explained, found.equals.len())
+    }
+
+    #[test]
+    fn nothing_is_added_to_a_model_that_leaves_noise() {
+        let candidates = [candidate("slope", 0), candidate("square", 1)];
+        assert_eq!(chosen(&Lines::new(0.0, 0.0), &candidates), (vec![], true, 0));
+    }
+
+    #[test]
+    fn the_effect_that_is_there_is_chosen_alone() {
+        let candidates = [candidate("slope", 0), candidate("square", 1)];
+        assert_eq!(chosen(&Lines::new(0.0, 60.0), &candidates), (vec!["square"], true, 0));
+        assert_eq!(chosen(&Lines::new(60.0, 0.0), &candidates), (vec!["slope"], true, 0));
+    }
+
+    #[test]
+    fn two_effects_are_found_as_a_pair() {
+        let candidates = [candidate("slope", 0), candidate("square", 1)];
+        let (mut both, explained, _) = chosen(&Lines::new(-60.0, 90.0), &candidates);
+        both.sort_unstable();
+        assert_eq!((both, explained), (vec!["slope", "square"], true));
+    }
+
+    #[test]
+    fn twins_are_told_as_equals() {
+        let candidates = [candidate("slope", 0), candidate("twin", 0)];
+        assert_eq!(chosen(&Lines::new(60.0, 0.0), &candidates), (vec!["slope"], true, 1));
+    }
+
+    #[test]
+    fn what_no_candidate_explains_is_said() {
+        let candidates = [candidate("slope", 0)];
+        assert!(!chosen(&Lines::new(0.0, 300.0), &candidates).1);
+    }
 }

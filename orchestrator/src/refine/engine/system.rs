@@ -41,3 +41,54 @@ pub struct Span {
     /// Noise \[unit of the signal\]: a whitened residual times this is the residual.
     pub noise: f64,
 }
+
+/// A system for tests: straight lines and parabolas with an offset per record.
+#[cfg(test)]
+pub(super) mod testing {
+    use super::*;
+
+    /// `y = offset + p0 t + p1 t^2` plus unit noise, t in [0, 1).
+    pub struct Lines {
+        pub values: Vec<Vec<f64>>,
+    }
+
+    impl Lines {
+        pub fn new(slope: f64, square: f64) -> Lines {
+            let record = |r: u64| {
+                let mut noise = Noise::new(7, r);
+                let at = |k: usize| k as f64 / 512.0;
+                (0..512)
+                    .map(|k| 40.0 * r as f64 + slope * at(k) + square * at(k).powi(2) + noise.normal())
+                    .collect()
+            };
+            Lines { values: (0..3).map(record).collect() }
+        }
+    }
+
+    impl System for Lines {
+        fn records(&self) -> usize {
+            3
+        }
+        fn estimation(&self, record: usize) -> bool {
+            record < 2
+        }
+        fn locals(&self, record: usize) -> Vec<(f64, f64)> {
+            vec![(self.values[record][0], 0.01)]
+        }
+        fn signals(&self, _: usize) -> Vec<Span> {
+            vec![Span { signal: "y".into(), range: 0..512, noise: 1.0 }]
+        }
+        fn predict(&self, _: usize, p: &[f64], locals: &[f64]) -> Vec<f64> {
+            (0..512).map(|k| k as f64 / 512.0).map(|t| locals[0] + p[0] * t + p[1] * t * t).collect()
+        }
+        fn measured(&self, record: usize) -> Vec<f64> {
+            self.values[record].clone()
+        }
+        fn whiten(&self, record: usize, predicted: &[f64]) -> Vec<f64> {
+            self.values[record].iter().zip(predicted).map(|(y, p)| y - p).collect()
+        }
+        fn redraw(&self, _: usize, predicted: &[f64], noise: &mut Noise) -> Vec<f64> {
+            predicted.iter().map(|_| noise.normal()).collect()
+        }
+    }
+}

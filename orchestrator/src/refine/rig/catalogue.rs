@@ -30,14 +30,22 @@ pub fn free(index: usize) -> Free {
 
 fn linear(id: &'static str, channel: &'static str, indices: &[usize]) -> Candidate {
     let starts = vec![Start { values: Vec::new(), open: (0..indices.len()).collect() }];
-    Candidate { id, channel, signal: None, free: indices.iter().map(|&i| free(i)).collect(), starts, contains: None }
+    Candidate {
+        id,
+        channel,
+        signal: None,
+        free: indices.iter().map(|&i| free(i)).collect(),
+        starts,
+        contains: None,
+    }
 }
 
 /// One shape parameter (the last index) on a grid, the others found by the linear step.
 fn shaped(id: &'static str, channel: &'static str, indices: &[usize], grid: &[f64]) -> Candidate {
     let shape = indices[indices.len() - 1];
     let open: Vec<usize> = (0..indices.len() - 1).collect();
-    let starts = grid.iter().map(|&value| Start { values: vec![(shape, value)], open: open.clone() }).collect();
+    let starts =
+        grid.iter().map(|&value| Start { values: vec![(shape, value)], open: open.clone() }).collect();
     Candidate { starts, ..linear(id, channel, indices) }
 }
 
@@ -160,7 +168,8 @@ fn sensors(scope: &Scope, found: &mut Vec<Candidate>) {
         if scope.kind == Kind::Friction && signal != "F_p" {
             continue;
         }
-        let mut push = |id, index| found.push(Candidate { signal: Some(signal), ..linear(id, channel, &[index]) });
+        let mut push =
+            |id, index| found.push(Candidate { signal: Some(signal), ..linear(id, channel, &[index]) });
         push("sensor.offset", offset);
         push("sensor.gain", gain);
         let delayed = searched("sensor.delay", channel, delay, &[0.001, 0.006]);

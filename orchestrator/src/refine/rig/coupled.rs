@@ -2,8 +2,8 @@
 
 use super::parameters::*;
 use super::plant::{ActuatorTerms, Mechanics, State, actuator, mechanics};
-use crate::refine::case::{Actuator, Declared};
 use super::record::Measured;
+use crate::refine::case::{Actuator, Declared};
 use crate::refine::engine::goodness::Noise;
 use crate::refine::engine::system::Span;
 
@@ -64,7 +64,8 @@ impl<'a> Running<'a> {
         }
         if let Some((transition, input)) = &terms.mode {
             let q = self.mode;
-            self.mode = std::array::from_fn(|i| transition[i][0] * q[0] + transition[i][1] * q[1] + input[i] * u);
+            self.mode =
+                std::array::from_fn(|i| transition[i][0] * q[0] + transition[i][1] * q[1] + input[i] * u);
             u = q[0];
         }
         let y = self.y;
@@ -80,7 +81,14 @@ impl<'a> Running<'a> {
 /// Simulates a record from position `x0` \[m\] and angle `theta0` \[rad\] at rest.
 ///
 /// The first sample of the actuator has no past: y(-1) = u(-1) = 0.
-pub fn simulate(terms: &ActuatorTerms, plant: Option<&Mechanics>, u: &[f64], dt: f64, x0: f64, theta0: f64) -> Prediction {
+pub fn simulate(
+    terms: &ActuatorTerms,
+    plant: Option<&Mechanics>,
+    u: &[f64],
+    dt: f64,
+    x0: f64,
+    theta0: f64,
+) -> Prediction {
     let n = u.len();
     let mut out = Prediction::default();
     for signal in [&mut out.f_hat, &mut out.f_p, &mut out.x, &mut out.theta, &mut out.v, &mut out.omega] {
@@ -175,7 +183,11 @@ impl crate::refine::engine::System for Coupled {
     fn signals(&self, record: usize) -> Vec<Span> {
         let trial = &self.trials[record];
         let n = trial.u.len();
-        let span = |(i, m): (usize, &Measured)| Span { signal: m.name.clone(), range: i * n..(i + 1) * n, noise: m.noise };
+        let span = |(i, m): (usize, &Measured)| Span {
+            signal: m.name.clone(),
+            range: i * n..(i + 1) * n,
+            noise: m.noise,
+        };
         trial.measured.iter().enumerate().map(span).collect()
     }
 

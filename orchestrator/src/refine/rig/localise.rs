@@ -3,7 +3,6 @@
 use super::coupled::Coupled;
 use super::observer::{Observer, Walk};
 use crate::refine::engine::candidate::Candidate;
-use crate::refine::engine::fit::fit;
 use crate::refine::engine::goodness::Null;
 use crate::refine::engine::search::{Model, Search};
 use crate::refine::engine::select::attempt;
@@ -32,13 +31,20 @@ pub struct Findings {
 /// Traces what the candidates cannot explain.
 ///
 /// `pressure_fits`: whether the pressure force follows the command as declared (`None`: it is not measured).
-pub fn localise(rig: &Coupled, candidates: &[Candidate], pressure_fits: Option<bool>, groups: &[usize], p: &[f64]) -> Findings {
+pub fn localise(
+    rig: &Coupled,
+    candidates: &[Candidate],
+    pressure_fits: Option<bool>,
+    groups: &[usize],
+    p: &[f64],
+) -> Findings {
     let records: Vec<usize> = (0..rig.records()).filter(|&r| rig.estimation(r)).collect();
     let locals = vec![Vec::new(); records.len()];
     let force_measured = rig.trials.iter().all(|t| t.measured.iter().any(|m| m.name == "F_p"));
     let upstream = best_walk(rig, FORCE_WALKS.map(|q| [q, 0.0, 0.0]), p);
     let null = Null::simulate(&upstream, &records, p, &locals, 40, 1);
-    let screened: Vec<usize> = (0..records.len()).filter(|&i| i == 0 || groups[records[i]] != groups[records[i - 1]]).collect();
+    let screened: Vec<usize> =
+        (0..records.len()).filter(|&i| i == 0 || groups[records[i]] != groups[records[i - 1]]).collect();
     let search = Search { system: &upstream, candidates, records: records.clone(), screened, null };
     let declared = search.fit(&[], &[], p, &locals, 1);
     let samples = search.penalty().exp();
@@ -53,7 +59,10 @@ pub fn localise(rig: &Coupled, candidates: &[Candidate], pressure_fits: Option<b
         let promises = search.screen(&declared);
         tried = attempt(&search, &declared, &promises, &[], 6, f64::MIN);
         if !tried.first().is_some_and(explained) {
-            let pairs = tried.iter().take(2).flat_map(|base| attempt(&search, base, &search.screen(base), &[], 3, f64::MIN));
+            let pairs = tried
+                .iter()
+                .take(2)
+                .flat_map(|base| attempt(&search, base, &search.screen(base), &[], 3, f64::MIN));
             let mut pairs: Vec<Model> = pairs.collect();
             pairs.sort_by(|a, b| a.fit.chi2.total_cmp(&b.fit.chi2));
             tried.extend(pairs);
@@ -90,9 +99,16 @@ fn best_walk<'a, const N: usize>(rig: &'a Coupled, walks: [Walk; N], p: &[f64]) 
 }
 
 /// Variables that the estimated disturbance depends on: those whose bins tell most of its variance.
-fn variables(observer: &Observer, records: &[usize], p: &[f64], disturbance: usize, channel: &str) -> Vec<String> {
+fn variables(
+    observer: &Observer,
+    records: &[usize],
+    p: &[f64],
+    disturbance: usize,
+    channel: &str,
+) -> Vec<String> {
     let passes = parallel::map(records.len(), |i| observer.pass(records[i], p));
-    let mut table: Vec<(&str, Vec<f64>)> = ["x", "xdot", "theta", "thetadot", "F"].map(|name| (name, Vec::new())).into();
+    let mut table: Vec<(&str, Vec<f64>)> =
+        ["x", "xdot", "theta", "thetadot", "F"].map(|name| (name, Vec::new())).into();
     let mut values = Vec::new();
     for pass in &passes {
         // The filter needs some time to find the disturbance.
@@ -110,8 +126,11 @@ fn variables(observer: &Observer, records: &[usize], p: &[f64], disturbance: usi
         "piston_friction" => &["x", "xdot", "F"],
         _ => &["F", "xdot", "x"],
     };
-    let mut shares: Vec<(&str, f64)> =
-        table.iter().filter(|(name, _)| allowed.contains(name)).map(|(name, column)| (*name, told(column, &values))).collect();
+    let mut shares: Vec<(&str, f64)> = table
+        .iter()
+        .filter(|(name, _)| allowed.contains(name))
+        .map(|(name, column)| (*name, told(column, &values)))
+        .collect();
     shares.sort_by(|a, b| b.1.total_cmp(&a.1));
     let best = shares.first().map_or(0.0, |share| share.1);
     shares.into_iter().filter(|(_, share)| *share > 0.7 * best).map(|(name, _)| name.to_owned()).collect()
@@ -126,7 +145,9 @@ fn told(variable: &[f64], values: &[f64]) -> f64 {
     let size = (values.len() / 24).max(1);
     let between: f64 = order
         .chunks(size)
-        .map(|bin| bin.len() as f64 * (bin.iter().map(|&i| values[i]).sum::<f64>() / bin.len() as f64 - mean).powi(2))
+        .map(|bin| {
+            bin.len() as f64 * (bin.iter().map(|&i| values[i]).sum::<f64>() / bin.len() as f64 - mean).powi(2)
+        })
         .sum();
     if total > 0.0 { between / total } else { 0.0 }
 }

@@ -43,8 +43,10 @@ pub fn smooth(x: Option<Record>, v: Option<Record>, dt: f64) -> Motion {
         let Some(inverse) = scaled_inverse(prior_covariance) else { continue };
         let gain = covariance * transition.transpose() * inverse;
         let (next, next_covariance) = smoothed[k + 1];
-        smoothed[k] =
-            (mean + gain * (next - prior), covariance + gain * (next_covariance - prior_covariance) * gain.transpose());
+        smoothed[k] = (
+            mean + gain * (next - prior),
+            covariance + gain * (next_covariance - prior_covariance) * gain.transpose(),
+        );
     }
     Motion {
         x: smoothed.iter().map(|(m, _)| m[0]).collect(),
@@ -63,10 +65,22 @@ fn scaled_inverse(p: Matrix4<f64>) -> Option<Matrix4<f64>> {
 
 fn transition(dt: f64) -> Matrix4<f64> {
     Matrix4::new(
-        1.0, dt, dt * dt / 2.0, dt.powi(3) / 6.0, //
-        0.0, 1.0, dt, dt * dt / 2.0, //
-        0.0, 0.0, 1.0, dt, //
-        0.0, 0.0, 0.0, 1.0,
+        1.0,
+        dt,
+        dt * dt / 2.0,
+        dt.powi(3) / 6.0, //
+        0.0,
+        1.0,
+        dt,
+        dt * dt / 2.0, //
+        0.0,
+        0.0,
+        1.0,
+        dt, //
+        0.0,
+        0.0,
+        0.0,
+        1.0,
     )
 }
 
@@ -101,4 +115,31 @@ fn filter(x: Option<Record>, v: Option<Record>, dt: f64, intensity: f64) -> Filt
         found.posterior.push((mean, covariance));
     }
     found
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::refine::engine::goodness::Noise;
+
+    #[test]
+    fn a_noisy_sine_is_recovered_ten_times_better_than_measured() {
+        let (dt, w) = (1e-3, std::f64::consts::TAU * 2.0);
+        let mut noise = Noise::new(5, 0);
+        let n = 2000;
+        let x: Vec<f64> = (0..n).map(|k| 0.02 * (w * k as f64 * dt).sin() + 1e-4 * noise.normal()).collect();
+        let v: Vec<f64> =
+            (0..n).map(|k| 0.02 * w * (w * k as f64 * dt).cos() + 1e-3 * noise.normal()).collect();
+        let motion = smooth(Some((&x, 1e-4)), Some((&v, 1e-3)), dt);
+        let rms = |f: &dyn Fn(usize) -> f64| {
+            ((100..n - 100).map(|k| f(k).powi(2)).sum::<f64>() / (n - 200) as f64).sqrt()
+        };
+        let error_v = rms(&|k| motion.v[k] - 0.02 * w * (w * k as f64 * dt).cos());
+        let error_a = rms(&|k| motion.a[k] + 0.02 * w * w * (w * k as f64 * dt).sin());
+        assert!(error_v < 3e-4, "{error_v}");
+        assert!(error_a < 0.03, "{error_a}");
+        // The variance that the smoother states is that of its error, within a factor.
+        let stated = motion.variance_v[n / 2].sqrt();
+        assert!(error_v < 2.0 * stated && stated < 2.0 * error_v, "{error_v} {stated}");
+    }
 }

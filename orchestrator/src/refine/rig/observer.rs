@@ -85,14 +85,29 @@ fn pass(rig: &Coupled, trial: &Trial, p: &[f64], walk: Walk, known: Option<&[Vec
     if walk[0] == 0.0 {
         covariance[(4, 4)] = 0.0;
     }
-    let noise = Matrix::from_diagonal(&Vector::from([0.0, 0.0, 0.0, 0.0, walk[0].powi(2), walk[1].powi(2), walk[2].powi(2)]));
-    let mut out = Pass { innovations: vec![0.0; 2 * n], states: Vec::with_capacity(n), force: Vec::with_capacity(n), corrections: Vec::new(), cost: 0.0 };
+    let noise = Matrix::from_diagonal(&Vector::from([
+        0.0,
+        0.0,
+        0.0,
+        0.0,
+        walk[0].powi(2),
+        walk[1].powi(2),
+        walk[2].powi(2),
+    ]));
+    let mut out = Pass {
+        innovations: vec![0.0; 2 * n],
+        states: Vec::with_capacity(n),
+        force: Vec::with_capacity(n),
+        corrections: Vec::new(),
+        cost: 0.0,
+    };
     for k in 0..n {
         let [f_hat, f_act] = running.sample(k, k as f64 * dt, s[0], s[1]);
         let magnitude = f_hat.abs();
         let mut own = Vec::new();
         for (i, m) in used.iter().enumerate() {
-            let (offset, gain) = sensor(&m.name).map_or((0.0, 1.0), |[offset, _, gain]| (p[offset], 1.0 + p[gain]));
+            let (offset, gain) =
+                sensor(&m.name).map_or((0.0, 1.0), |[offset, _, gain]| (p[offset], 1.0 + p[gain]));
             let shown = |s: &Vector| gain * predicted(&m.name, s, &plant, f_act, magnitude) + offset;
             let error = m.values[k] - shown(&s);
             let (correction, deviation) = match known {
@@ -154,7 +169,9 @@ impl<'a> Observer<'a> {
 
     /// Computes the gains with the parameters `p`.
     pub fn around(rig: &'a Coupled, walk: Walk, p: &[f64]) -> Observer<'a> {
-        let passes = crate::refine::engine::parallel::map(rig.trials.len(), |i| pass(rig, &rig.trials[i], p, walk, None));
+        let passes = crate::refine::engine::parallel::map(rig.trials.len(), |i| {
+            pass(rig, &rig.trials[i], p, walk, None)
+        });
         let cost = passes.iter().zip(&rig.trials).filter(|(_, t)| t.estimation).map(|(p, _)| p.cost).sum();
         Observer { rig, corrections: passes.into_iter().map(|p| p.corrections).collect(), walk, cost }
     }

@@ -45,19 +45,27 @@ pub fn coupled(case: &Case, actuator: Actuator) -> Result<Coupled, Error> {
     let declaration = &case.declaration;
     let refused = |problem: &str| refused(case, problem);
     if (actuator.sample_time * declaration.sample_rate_hz - 1.0).abs() > 1e-6 {
-        return Err(refused("model.actuator.sample_time and sample_rate_hz do not belong together; resample the records"));
+        return Err(refused(
+            "model.actuator.sample_time and sample_rate_hz do not belong together; resample the records",
+        ));
     }
     let mut trials = Vec::new();
     for (series, file) in case.records.iter().zip(&declaration.files) {
-        let Some(u) = series.channel("u") else { return Err(refused(&format!("{} has no column `u`", file.name))) };
+        let Some(u) = series.channel("u") else {
+            return Err(refused(&format!("{} has no column `u`", file.name)));
+        };
         let measured = ["F_hat", "F_p", "x", "theta"].iter().filter_map(|&name| {
             let channel = series.channel(name)?;
             Some(Measured::new(name, channel.values.clone(), declaration.sensors[name].noise_rms))
         });
         let measured: Vec<Measured> = measured.collect();
-        let needed: &[&str] = if declaration.kind == Kind::Cartpole { &["x", "theta"] } else { &["F_hat", "F_p"] };
+        let needed: &[&str] =
+            if declaration.kind == Kind::Cartpole { &["x", "theta"] } else { &["F_hat", "F_p"] };
         if let Some(missing) = needed.iter().find(|name| !measured.iter().any(|m| m.name == **name)) {
-            return Err(refused(&format!("{} has no column `{missing}`, which this kind of record needs", file.name)));
+            return Err(refused(&format!(
+                "{} has no column `{missing}`, which this kind of record needs",
+                file.name
+            )));
         }
         let (estimation, fixed) = (file.role == Role::Estimation, declaration.kind == Kind::Actuator);
         trials.push(Trial { u: u.values.clone(), measured, estimation, fixed });
@@ -71,16 +79,27 @@ fn sweeps(case: &Case) -> Result<Sweeps, Error> {
     let dt = 1.0 / declaration.sample_rate_hz;
     let mut sweeps = Vec::new();
     for (series, file) in case.records.iter().zip(&declaration.files) {
-        let record = |name: &str| Some((&series.channel(name)?.values[..], declaration.sensors.get(name)?.noise_rms));
+        let record =
+            |name: &str| Some((&series.channel(name)?.values[..], declaration.sensors.get(name)?.noise_rms));
         let cart = match file.experiment {
             Experiment::SweepPiston => false,
             Experiment::SweepCart => true,
-            _ => return Err(refused(case, &format!("{}: a case of kind `friction` has sweep_piston and sweep_cart only", file.name))),
+            _ => {
+                return Err(refused(
+                    case,
+                    &format!("{}: a case of kind `friction` has sweep_piston and sweep_cart only", file.name),
+                ));
+            }
         };
-        let Some((values, noise)) = record("F_p") else { return Err(refused(case, &format!("{} has no column `F_p`", file.name))) };
+        let Some((values, noise)) = record("F_p") else {
+            return Err(refused(case, &format!("{} has no column `F_p`", file.name)));
+        };
         let (x, v) = (record("x"), record("v"));
         if x.is_none() && v.is_none() {
-            return Err(refused(case, &format!("{} has neither `x` nor `v`; the motion of the drive is needed", file.name)));
+            return Err(refused(
+                case,
+                &format!("{} has neither `x` nor `v`; the motion of the drive is needed", file.name),
+            ));
         }
         let force = Measured::new("F_p", values.to_vec(), noise);
         let estimation = file.role == Role::Estimation;
@@ -98,7 +117,13 @@ fn sweeps(case: &Case) -> Result<Sweeps, Error> {
 pub fn open(case: &Case) -> Result<Rig, Error> {
     let declaration = &case.declaration;
     let refused = |problem: &str| refused(case, problem);
-    let need = |there: bool, what: &str| if there { Ok(()) } else { Err(refused(&format!("[model.{what}] is missing; records of this kind need it"))) };
+    let need = |there: bool, what: &str| {
+        if there {
+            Ok(())
+        } else {
+            Err(refused(&format!("[model.{what}] is missing; records of this kind need it")))
+        }
+    };
     let actuator = declaration.model.actuator.clone();
     let model = &declaration.model;
     if declaration.kind != Kind::Friction {
@@ -122,7 +147,13 @@ pub fn open(case: &Case) -> Result<Rig, Error> {
         None => Box::new(sweeps(case)?),
     };
     let coupled = series.filter(|_| declaration.kind == Kind::Cartpole);
-    let fitted = || case.records.iter().zip(&declaration.files).filter(|(_, f)| f.role == Role::Estimation).map(|(r, _)| r);
+    let fitted = || {
+        case.records
+            .iter()
+            .zip(&declaration.files)
+            .filter(|(_, f)| f.role == Role::Estimation)
+            .map(|(r, _)| r)
+    };
     let (low, high) = values(fitted(), "u");
     let scope = Scope {
         declared: model,
@@ -134,10 +165,12 @@ pub fn open(case: &Case) -> Result<Rig, Error> {
     let (candidates, corrections) = (candidates(&scope), corrections(&scope, DECLARED_SHARE));
     let mut not_testable = Vec::new();
     if declaration.kind != Kind::Friction {
-        not_testable.push(("act.area".into(), "no chamber pressure is measured; it would look like act.gain".into()));
+        not_testable
+            .push(("act.area".into(), "no chamber pressure is measured; it would look like act.gain".into()));
     }
     if declaration.kind == Kind::Cartpole {
-        not_testable.push(("sensor.offset(x)".into(), "the initial position is unknown and takes it up".into()));
+        not_testable
+            .push(("sensor.offset(x)".into(), "the initial position is unknown and takes it up".into()));
     }
     if declaration.kind == Kind::Friction {
         let why = "the motion is taken from position and speed together";

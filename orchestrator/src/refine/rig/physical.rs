@@ -17,7 +17,11 @@ pub fn quantities(candidate: &Candidate, p: &[f64]) -> Vec<Quantity> {
         }
         "cart.cogging" => {
             let (sin, cos) = (p[COG_SIN], p[COG_COS]);
-            vec![q("amp", "N", sin.hypot(cos)), q("period", "m", p[COG_PERIOD]), q("phase", "rad", cos.atan2(sin))]
+            vec![
+                q("amp", "N", sin.hypot(cos)),
+                q("period", "m", p[COG_PERIOD]),
+                q("phase", "rad", cos.atan2(sin)),
+            ]
         }
         _ => candidate
             .free

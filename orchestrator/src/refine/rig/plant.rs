@@ -37,7 +37,8 @@ impl FrictionTerms {
         if self.stribeck != 0.0 {
             level += self.stribeck * (-(w / self.vs).powi(2)).exp();
         }
-        let mut force = self.c.c1 * main + (self.c.c4 + self.viscous) * v + self.c.c5 + self.offset + level * s;
+        let mut force =
+            self.c.c1 * main + (self.c.c4 + self.viscous) * v + self.c.c5 + self.offset + level * s;
         if v > 0.0 {
             force += self.asym_force * s + self.asym_coef * v;
         }
@@ -55,16 +56,27 @@ impl FrictionTerms {
 /// The command path and the sampled actuator.
 #[derive(Debug, Clone)]
 pub struct ActuatorTerms {
+    /// A1 of eq. 6.
     pub a: [[f64; 2]; 2],
+    /// B0 of eq. 6.
     pub b0: [f64; 2],
+    /// B1 of eq. 6.
     pub b1: [f64; 2],
+    /// act.gain.
     pub gain: f64,
+    /// act.delay \[samples\].
     pub delay: f64,
+    /// act.deadband \[N\].
     pub deadband: f64,
+    /// act.saturation \[N\]; infinite: none.
     pub limit: f64,
+    /// act.hysteresis \[N\].
     pub hysteresis: f64,
+    /// act.posgain \[1/m\].
     pub posgain: f64,
+    /// act.backpressure \[N s/m\].
     pub backpressure: f64,
+    /// act.droop: depth, time constant \[s\].
     pub droop: (f64, f64),
     /// Sampled second-order mode: transition \[2, 2\] and input \[2\] matrices.
     pub mode: Option<([[f64; 2]; 2], [f64; 2])>,
@@ -73,18 +85,31 @@ pub struct ActuatorTerms {
 /// Everything the equations of motion need.
 #[derive(Debug, Clone, Default)]
 pub struct Mechanics {
+    /// Friction between piston and cylinder.
     pub piston: FrictionTerms,
+    /// Friction between cart and guide.
     pub cart: FrictionTerms,
+    /// Cart and pole together, M \[kg\].
     pub mass: f64,
+    /// m_p l \[kg m\].
     pub ml: f64,
+    /// m_p l^2 \[kg m2\].
     pub inertia: f64,
+    /// Gravity \[m/s2\].
     pub g: f64,
+    /// b_p with its correction \[N m s/rad\].
     pub damping: f64,
+    /// pole.coulomb \[N m\].
     pub pole_coulomb: f64,
+    /// pole.quaddrag \[N m s2/rad2\].
     pub pole_drag: f64,
+    /// cart.spring: stiffness \[N/m\], stiffness times rest \[N\].
     pub spring: (f64, f64),
+    /// cart.endstop: position \[m\], stiffness \[N/m\], damping \[N s/m\].
     pub stop: (f64, f64, f64),
+    /// cart.cogging: amplitudes of sine and cosine \[N\], period \[m\].
     pub cogging: (f64, f64, f64),
+    /// cart.tilt \[rad\].
     pub tilt: f64,
     /// Cart alone (pole taken off) \[kg\].
     pub cart_mass: f64,
@@ -125,7 +150,9 @@ impl Mechanics {
         let det = m * j - c * c;
         let a = (row * j - c * torque) / det;
         let alpha = (m * torque - c * row) / det;
-        let rate = |friction: &FrictionTerms, z| if friction.disp > 0.0 { friction.presliding_rate(v, z) } else { 0.0 };
+        let rate = |friction: &FrictionTerms, z| {
+            if friction.disp > 0.0 { friction.presliding_rate(v, z) } else { 0.0 }
+        };
         [v, a, om, alpha, rate(&self.piston, zp), rate(&self.cart, zc)]
     }
 
@@ -167,7 +194,9 @@ pub fn actuator(declared: &Actuator, p: &[f64]) -> ActuatorTerms {
         posgain: p[POSGAIN],
         backpressure: p[BACKPRESSURE],
         droop: (p[DROOP_DEPTH], p[DROOP_TAU]),
-        mode: p[MODE_FREQ].is_finite().then(|| sampled_mode(p[MODE_FREQ], p[MODE_ZETA], declared.sample_time)),
+        mode: p[MODE_FREQ]
+            .is_finite()
+            .then(|| sampled_mode(p[MODE_FREQ], p[MODE_ZETA], declared.sample_time)),
     }
 }
 
@@ -214,7 +243,8 @@ pub fn mechanics(declared: &Declared, p: &[f64]) -> Mechanics {
         position: p[CF_POSCOULOMB],
         disp: p[CF_PRESLIDING],
     };
-    let body = declared.cart_pole.clone().unwrap_or(CartPole { m_c: 1.0, m_p: 0.0, l: 1.0, ..CartPole::default() });
+    let body =
+        declared.cart_pole.clone().unwrap_or(CartPole { m_c: 1.0, m_p: 0.0, l: 1.0, ..CartPole::default() });
     let (m_c, m_p) = (rel(body.m_c, D_M_C), rel(body.m_p, D_M_P));
     let l = rel(body.l, D_L) + p[LENGTH];
     let (payload, d) = (p[PAYLOAD], body.tip_distance);
@@ -281,5 +311,64 @@ impl ActuatorTerms {
                 (1.0 + self.gain) * value.clamp(-self.limit, self.limit)
             })
             .collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_fast_tanh_is_that_of_the_library() {
+        for x in [-800.0, -20.0, -0.3, -1e-9, 0.0, 1e-12, 0.7, 5.0, 900.0f64] {
+            assert!((tanh(x) - x.tanh()).abs() < 3e-16, "{x}");
+        }
+    }
+
+    #[test]
+    fn a_critically_damped_mode_has_the_closed_step_response() {
+        let (freq, dt) = (20.0, 1e-3);
+        let (transition, input) = sampled_mode(freq, 1.0, dt);
+        let w = std::f64::consts::TAU * freq;
+        let mut q = [0.0; 2];
+        for k in 1..200 {
+            q = std::array::from_fn(|i| transition[i][0] * q[0] + transition[i][1] * q[1] + input[i]);
+            let t = f64::from(k) * dt;
+            let exact = 1.0 - (1.0 + w * t) * (-w * t).exp();
+            // Runge-Kutta of order 4 with w h = 0.06: some 1e-8.
+            assert!((q[0] - exact).abs() < 1e-7, "{k}: {} {exact}", q[0]);
+        }
+    }
+
+    #[test]
+    fn the_hanging_pole_swings_with_its_period() {
+        let declared = Declared {
+            cart_pole: Some(CartPole { m_c: 1e6, m_p: 0.1, l: 0.2, g: 9.81, ..CartPole::default() }),
+            ..Declared::default()
+        };
+        let plant = mechanics(&declared, &neutral());
+        let period = std::f64::consts::TAU * (0.2f64 / 9.81).sqrt();
+        let mut s: State = [0.0, 0.0, 1e-3, 0.0, 0.0, 0.0];
+        let steps = 2000;
+        for _ in 0..steps {
+            s = plant.step(&s, 0.0, 0.0, period / f64::from(steps));
+        }
+        assert!((s[2] / 1e-3 - 1.0).abs() < 1e-6 && (s[3] / 1e-3).abs() < 1e-4);
+    }
+
+    #[test]
+    fn play_and_dead_band_shape_a_ramp_as_drawn_by_hand() {
+        let mut terms = actuator(
+            &Actuator { sample_time: 1e-3, A1: [[0.0; 2]; 2], B0: [1.0; 2], B1: [0.0; 2] },
+            &neutral(),
+        );
+        terms.hysteresis = 1.0;
+        assert_eq!(terms.shaped_command(&[0.0, 2.0, 3.0, 2.0, 1.0, 0.0]), [0.0, 1.0, 2.0, 2.0, 2.0, 1.0]);
+        terms.hysteresis = 0.0;
+        terms.deadband = 1.0;
+        assert_eq!(terms.shaped_command(&[0.5, 2.0, -3.0]), [0.0, 1.0, -2.0]);
+        terms.deadband = 0.0;
+        terms.delay = 1.5;
+        assert_eq!(terms.shaped_command(&[2.0, 4.0, 6.0]), [0.0, 1.0, 3.0]);
     }
 }

@@ -43,8 +43,12 @@ impl Measured {
         // Rounding that is all of the noise: the null has no other, even if the declared number is a digit off.
         let white = if white < 0.15 * self.noise { 0.0 } else { white };
         let shift = noise.uniform() * self.step;
-        let round = |value: f64| if self.step > 0.0 { (value / self.step).round() * self.step } else { value };
-        let shown: Vec<f64> = predicted.iter().map(|value| round(value + shift + white * if white > 0.0 { noise.normal() } else { 0.0 })).collect();
+        let round =
+            |value: f64| if self.step > 0.0 { (value / self.step).round() * self.step } else { value };
+        let shown: Vec<f64> = predicted
+            .iter()
+            .map(|value| round(value + shift + white * if white > 0.0 { noise.normal() } else { 0.0 }))
+            .collect();
         let weights = weights(&shown, self.noise);
         out.extend((0..shown.len()).map(|k| (shown[k] - predicted[k] - shift) * weights[k]));
     }

@@ -40,8 +40,10 @@ impl Sweep {
         for k in 0..self.force.weights.len() {
             let (v, x) = (self.motion.v[k], self.motion.x[k]);
             let step = 1e-5;
-            let slope = (friction.force(v + step, x, 0.0, 0.0) - friction.force(v - step, x, 0.0, 0.0)) / (2.0 * step);
-            let variance = slope * slope * self.motion.variance_v[k] + mass * mass * self.motion.variance_a[k];
+            let slope = (friction.force(v + step, x, 0.0, 0.0) - friction.force(v - step, x, 0.0, 0.0))
+                / (2.0 * step);
+            let variance =
+                slope * slope * self.motion.variance_v[k] + mass * mass * self.motion.variance_a[k];
             self.force.weights[k] = (self.force.weights[k].powi(-2) + variance).powf(-0.5);
         }
     }

@@ -1,0 +1,105 @@
+//! `airloop refine` as a user meets it: exit codes, report.json, messages.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+use serde_json::Value;
+
+/// A case of the shared records; `None`, with a line that says so, where they are not there.
+fn case(name: &str) -> Option<PathBuf> {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/data/rig").join(name);
+    if !folder.is_dir() {
+        eprintln!("skipped: {} is not there", folder.display());
+        return None;
+    }
+    Some(folder)
+}
+
+fn refine(case: &Path, output: &Path) -> Output {
+    let program = env!("CARGO_BIN_EXE_airloop");
+    Command::new(program).arg("refine").arg(case).arg("-o").arg(output).output().unwrap()
+}
+
+fn report(folder: &Path) -> Value {
+    serde_json::from_str(&fs::read_to_string(folder.join("report.json")).unwrap()).unwrap()
+}
+
+#[test]
+fn names_the_dead_band_of_the_rod_fixed_case_and_writes_all_fields() {
+    let Some(case) = case("v02") else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let output = refine(&case, folder.path());
+    assert_eq!(output.status.code(), Some(0), "{output:?}");
+    let report = report(folder.path());
+    assert_eq!(report["verdict"], "effect");
+    let effect = &report["effects"][0];
+    assert_eq!(
+        (&effect["id"], &effect["channel"], &effect["selected"]),
+        (&"act.deadband".into(), &"actuator".into(), &true.into())
+    );
+    let width = &effect["params"]["width"];
+    let [low, high] = [0, 1].map(|i| width["ci95"][i].as_f64().unwrap());
+    // truth.toml: 1.373845
+    assert!(low < 1.373845 && 1.373845 < high && high - low < 0.02, "{width}");
+    assert_eq!(width["unit"], "N");
+    assert!(report["effects"].as_array().unwrap().iter().skip(1).all(|e| e["selected"] == false));
+    for set in ["estimation", "validation"] {
+        let residual = &report["residual"][set];
+        for field in ["rms_before", "rms_after", "nrmse_before", "nrmse_after"] {
+            assert!(residual[field]["F_hat"].as_f64().unwrap() > 0.0, "{set} {field}");
+        }
+        assert!(residual["rms_after"]["F_hat"].as_f64().unwrap() < 0.31);
+        assert!(residual["rms_before"]["F_hat"].as_f64().unwrap() > 1.0);
+    }
+    assert_eq!(report["unexplained"], Value::Null);
+    for file in ["report.md", "report.html"] {
+        assert!(fs::read_to_string(folder.path().join(file)).unwrap().contains("act.deadband"), "{file}");
+    }
+}
+
+#[test]
+fn the_same_seed_gives_the_same_bytes() {
+    let Some(case) = case("v07") else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let [one, two] = ["one", "two"].map(|name| folder.path().join(name));
+    assert_eq!(refine(&case, &one).status.code(), Some(0));
+    refine(&case, &two);
+    let bytes = |folder: &Path| fs::read(folder.join("report.json")).unwrap();
+    assert!(bytes(&one) == bytes(&two));
+    assert_eq!(report(&one)["effects"][0]["id"], "cf.stribeck");
+}
+
+const ACTUATOR: &str = "id = \"t\"\nkind = \"actuator\"\nsample_rate_hz = 1000\n[model.actuator]\nsample_time = 0.001\nA1 = [[-0.9, 0.0], [0.0, -0.9]]\nB0 = [0.1, 0.1]\nB1 = [0.0, 0.0]\n[sensors.u]\nunit = \"N\"\nnoise_rms = 0.0\n[sensors.F_hat]\nunit = \"N\"\nnoise_rms = 0.3\n[sensors.F_p]\nunit = \"N\"\nnoise_rms = 0.3\n";
+
+fn file(name: &str, role: &str) -> String {
+    format!("[[files]]\nname = \"{name}\"\nrole = \"{role}\"\nexperiment = \"rod_fixed\"\n")
+}
+
+#[test]
+fn a_case_without_validation_records_is_refused_with_the_reason() {
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(folder.path().join("case.toml"), ACTUATOR.to_owned() + &file("a.csv", "estimation")).unwrap();
+    let output = refine(folder.path(), &folder.path().join("out"));
+    let message = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(1));
+    assert!(
+        message.contains("no file has the role `validation`") && message.contains("has not seen"),
+        "{message}"
+    );
+}
+
+#[test]
+fn a_time_gap_is_named_with_file_and_line() {
+    let folder = tempfile::tempdir().unwrap();
+    let declaration = ACTUATOR.to_owned() + &file("a.csv", "estimation") + &file("a.csv", "validation");
+    fs::write(folder.path().join("case.toml"), declaration).unwrap();
+    fs::write(folder.path().join("a.csv"), "time,u,F_hat,F_p\n0,1,0,0\n0.001,1,0,0\n0.005,1,0,0\n").unwrap();
+    let output = refine(folder.path(), &folder.path().join("out"));
+    let message = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(1));
+    assert!(
+        message.contains("a.csv") && message.contains("line 4") && message.contains("0.004"),
+        "{message}"
+    );
+}
