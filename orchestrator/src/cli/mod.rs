@@ -12,10 +12,9 @@ pub mod identify;
 pub mod inspect;
 pub mod inspect_system;
 pub mod output;
-mod report;
-pub mod rig;
 pub mod refine;
 mod report;
+pub mod rig;
 pub mod run;
 mod table;
 

@@ -30,6 +30,6 @@ mod tests {
         assert!(lengths.len() > 300);
         let highest = samples.iter().copied().fold(f64::NEG_INFINITY, f64::max);
         let lowest = samples.iter().copied().fold(f64::INFINITY, f64::min);
-        assert!(highest > 0.97 && highest <= 1.0 && lowest < -0.97 && lowest >= -1.0);
+        assert!((0.97..=1.0).contains(&highest) && (-1.0..=-0.97).contains(&lowest));
     }
 }
