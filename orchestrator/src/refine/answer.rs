@@ -131,11 +131,16 @@ pub fn answer(rig: &Rig, groups: &[String], settings: &Settings) -> Answer {
 /// Takes an effect back that makes the validation records worse: it was fitted to something else.
 fn hold_back(found: &mut Answer) {
     let total = |errors: &Errors| -> f64 {
-        let share = |(signal, rms): (&String, &f64)| found.noise.get(signal).map_or(0.0, |noise| (rms / noise).powi(2));
+        let share = |(signal, rms): (&String, &f64)| {
+            found.noise.get(signal).map_or(0.0, |noise| (rms / noise).powi(2))
+        };
         errors.rms.iter().map(share).sum()
     };
     // Behind a wrong actuator the simulation from the command says nothing; there the innovations have decided.
-    if found.verdict != Verdict::Effect || found.unexplained.is_some() || total(&found.after[1]) < total(&found.before[1]) {
+    if found.verdict != Verdict::Effect
+        || found.unexplained.is_some()
+        || total(&found.after[1]) < total(&found.before[1])
+    {
         return;
     }
     found.verdict = Verdict::Unexplained;
@@ -143,7 +148,8 @@ fn hold_back(found: &mut Answer) {
     found.unexplained = Some((channel, Vec::new()));
     for effect in &mut found.effects {
         (effect.selected, effect.group) = (false, None);
-        "it lowers the error on estimation records but not on validation records".clone_into(&mut effect.reason);
+        "it lowers the error on estimation records but not on validation records"
+            .clone_into(&mut effect.reason);
     }
     found.after = found.before.clone();
 }

@@ -126,8 +126,9 @@ pub fn select<S: System + ?Sized>(
     if corrected.worst() < limit {
         return end(Stage::Corrected, vec![corrected], tried);
     }
-    // A signal that neither candidates nor corrections bring down is not worth more of the same.
-    let lost = |model: &Model| model.left.first().is_some_and(|(_, z)| *z > limit);
+    // The first signal of the chain, if neither candidates nor corrections bring it down, spoils all that follow.
+    let before = declared.left.first().map_or(0.0, |(_, z)| *z);
+    let lost = |model: &Model| model.left.first().is_some_and(|(_, z)| *z > limit.max(0.3 * before));
     if tried.iter().all(lost) {
         return unexplained(tried, declared);
     }
@@ -186,7 +187,13 @@ pub fn attempt<S: System + ?Sized>(
         seen.push(promise.candidate);
         let mut added = base.added.clone();
         added.push(promise.candidate);
-        let model = search.fit(&added, extra, &promise.parameters, &base.fit.locals, 14);
+        let model = search.fit(
+            &added,
+            extra,
+            &promise.parameters,
+            &base.fit.locals,
+            if extra.is_empty() { 14 } else { 25 },
+        );
         if model.worst() < limit {
             enough = enough.min(2.0 * promise.chi2);
         }
