@@ -292,7 +292,7 @@ mod tests {
         let start = vec![vec![0.0]; 2];
         let found = fit(&system, &[0, 1], &[0.0, 0.0], &[free(0, (-10.0, 10.0))], &start, 20);
         let (mut numerator, mut denominator) = (0.0, 0.0);
-        for record in &system.values {
+        for record in &system.values[..2] {
             let (n, mean) = (record.len() as f64, record.iter().sum::<f64>() / record.len() as f64);
             for (k, y) in record.iter().enumerate() {
                 let t = k as f64 / n - (n - 1.0) / (2.0 * n);

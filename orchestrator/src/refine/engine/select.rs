@@ -14,6 +14,8 @@ use super::search::{Model, Promise, Search};
 pub const MARGIN: f64 = 8.0;
 /// Improvement of the sum of squares below which an effect is not looked at; noise gives up to some 25.
 pub const NOTICEABLE: f64 = 45.0;
+/// Normalised power from which a misfit is far beyond declared parameters that are a percent off.
+pub const SERIOUS: f64 = 5000.0;
 /// Difference of the information criterion within which two models count as equal.
 pub const TIE: f64 = 12.0;
 
@@ -128,7 +130,7 @@ pub fn select<S: System + ?Sized>(
     }
     // The first signal of the chain, if neither candidates nor corrections bring it down, spoils all that follow.
     let before = declared.left.first().map_or(0.0, |(_, z)| *z);
-    let lost = |model: &Model| model.left.first().is_some_and(|(_, z)| *z > limit.max(0.3 * before));
+    let lost = |model: &Model| before > SERIOUS && model.left.first().is_some_and(|(_, z)| *z > 0.3 * before);
     if tried.iter().all(lost) {
         return unexplained(tried, declared);
     }
