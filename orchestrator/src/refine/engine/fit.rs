@@ -279,8 +279,8 @@ fn covariance(matrix: &DMatrix<f64>, ng: usize, held: &[bool]) -> DMatrix<f64> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::system::testing::Lines;
     use super::*;
+    use crate::refine::engine::system::testing::Lines;
 
     fn free(index: usize, bounds: (f64, f64)) -> Free {
         Free { index, bounds, step: 1e-4, prior: None }

@@ -231,10 +231,10 @@ fn extend<S: System + ?Sized>(
 
 #[cfg(test)]
 mod tests {
-    use super::super::candidate::Start;
-    use super::super::goodness::Null;
-    use super::super::system::testing::Lines;
     use super::*;
+    use crate::refine::engine::candidate::Start;
+    use crate::refine::engine::goodness::Null;
+    use crate::refine::engine::system::testing::Lines;
 
     fn candidate(id: &'static str, index: usize) -> Candidate {
         let free = vec![Free { index, bounds: (-1e3, 1e3), step: 1e-3, prior: None }];
