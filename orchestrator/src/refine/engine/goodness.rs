@@ -153,8 +153,8 @@ impl Null {
 
 #[cfg(test)]
 mod tests {
-    use super::super::system::testing::Lines;
     use super::*;
+    use crate::refine::engine::system::testing::Lines;
 
     #[test]
     fn long_blocks_see_a_slow_error_that_the_power_hides() {

@@ -14,6 +14,8 @@ use super::search::{Model, Promise, Search};
 pub const MARGIN: f64 = 8.0;
 /// Improvement of the sum of squares below which an effect is not looked at; noise gives up to some 25.
 pub const NOTICEABLE: f64 = 45.0;
+/// Normalised power from which a misfit is far beyond declared parameters that are a percent off.
+pub const SERIOUS: f64 = 5000.0;
 /// Difference of the information criterion within which two models count as equal.
 pub const TIE: f64 = 12.0;
 
@@ -126,8 +128,9 @@ pub fn select<S: System + ?Sized>(
     if corrected.worst() < limit {
         return end(Stage::Corrected, vec![corrected], tried);
     }
-    // A signal that neither candidates nor corrections bring down is not worth more of the same.
-    let lost = |model: &Model| model.left.first().is_some_and(|(_, z)| *z > limit);
+    // The first signal of the chain, if neither candidates nor corrections bring it down, spoils all that follow.
+    let before = declared.left.first().map_or(0.0, |(_, z)| *z);
+    let lost = |model: &Model| before > SERIOUS && model.left.first().is_some_and(|(_, z)| *z > 0.3 * before);
     if tried.iter().all(lost) {
         return unexplained(tried, declared);
     }
@@ -186,7 +189,13 @@ pub fn attempt<S: System + ?Sized>(
         seen.push(promise.candidate);
         let mut added = base.added.clone();
         added.push(promise.candidate);
-        let model = search.fit(&added, extra, &promise.parameters, &base.fit.locals, 14);
+        let model = search.fit(
+            &added,
+            extra,
+            &promise.parameters,
+            &base.fit.locals,
+            if extra.is_empty() { 14 } else { 25 },
+        );
         if model.worst() < limit {
             enough = enough.min(2.0 * promise.chi2);
         }
@@ -222,10 +231,10 @@ fn extend<S: System + ?Sized>(
 
 #[cfg(test)]
 mod tests {
-    use super::super::candidate::Start;
-    use super::super::goodness::Null;
-    use super::super::system::testing::Lines;
     use super::*;
+    use crate::refine::engine::candidate::Start;
+    use crate::refine::engine::goodness::Null;
+    use crate::refine::engine::system::testing::Lines;
 
     fn candidate(id: &'static str, index: usize) -> Candidate {
         let free = vec![Free { index, bounds: (-1e3, 1e3), step: 1e-3, prior: None }];

@@ -44,7 +44,7 @@ pub struct Span {
 
 /// A system for tests: straight lines and parabolas with an offset per record.
 #[cfg(test)]
-pub(super) mod testing {
+pub(in crate::refine::engine) mod testing {
     use super::*;
 
     /// `y = offset + p0 t + p1 t^2` plus unit noise, t in [0, 1).

@@ -10,9 +10,11 @@ use crate::refine::engine::{System, parallel};
 
 /// Walks of the actuator force that are tried \[N per sample\].
 const FORCE_WALKS: [f64; 3] = [0.03, 0.1, 0.3];
-/// Mean square of the innovations up to which the mechanics count as explained. The disturbance of a wrong actuator is
-/// not quite a random walk, so that it need not come down to 1.
-const EXPLAINED: f64 = 2.0;
+/// Normalised power of the innovations up to which the mechanics count as explained. The disturbance of a wrong actuator
+/// is not quite a random walk, so that it need not come down to that of noise.
+const EXPLAINED: f64 = 30.0;
+/// The same as a share of what the declared model leaves: gains fixed beforehand fit a much changed model less well.
+const EXPLAINED_SHARE: f64 = 2e-4;
 
 /// What the measured force says about the rest of the rig.
 pub struct Findings {
@@ -47,8 +49,8 @@ pub fn localise(
         (0..records.len()).filter(|&i| i == 0 || groups[records[i]] != groups[records[i - 1]]).collect();
     let search = Search { system: &upstream, candidates, records: records.clone(), screened, null };
     let declared = search.fit(&[], &[], p, &locals, 1);
-    let samples = search.penalty().exp();
-    let explained = |model: &Model| model.fit.chi2 < EXPLAINED * samples;
+    let limit = EXPLAINED.max(EXPLAINED_SHARE * declared.worst());
+    let explained = |model: &Model| model.worst() < limit;
     let (mut effects, mut tried) = (None, Vec::new());
     if force_measured && explained(&declared) {
         let channel = if pressure_fits == Some(true) { "piston_friction" } else { "actuator" };

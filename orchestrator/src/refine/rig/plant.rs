@@ -269,7 +269,7 @@ pub fn mechanics(declared: &Declared, p: &[f64]) -> Mechanics {
 /// `q'' + 2 zeta w q' + w^2 q = w^2 u` over one sample `dt` \[s\] with `u` held.
 fn sampled_mode(freq: f64, zeta: f64, dt: f64) -> ([[f64; 2]; 2], [f64; 2]) {
     let w = std::f64::consts::TAU * freq;
-    let steps = 1 + (w * dt * 10.0) as usize;
+    let steps = 4 + (w * dt * 20.0) as usize;
     let h = dt / steps as f64;
     let rate = |q: [f64; 2], u: f64| [q[1], w * w * (u - q[0]) - 2.0 * zeta * w * q[1]];
     let run = |mut q: [f64; 2], u: f64| {
@@ -335,7 +335,7 @@ mod tests {
             q = std::array::from_fn(|i| transition[i][0] * q[0] + transition[i][1] * q[1] + input[i]);
             let t = f64::from(k) * dt;
             let exact = 1.0 - (1.0 + w * t) * (-w * t).exp();
-            // Runge-Kutta of order 4 with w h = 0.06: some 1e-8.
+            // Runge-Kutta of order 4 with w h = 0.02: some 1e-10.
             assert!((q[0] - exact).abs() < 1e-7, "{k}: {} {exact}", q[0]);
         }
     }
