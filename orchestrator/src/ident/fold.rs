@@ -4,6 +4,8 @@
 
 use nalgebra::{DMatrix, DVector};
 
+use crate::linalg::spectral;
+
 /// Rows of a block: with some tens of columns it stays in the second-level cache.
 pub const BLOCK: usize = 192;
 
@@ -108,7 +110,7 @@ pub fn dot(a: &[f64], b: &[f64]) -> f64 {
 pub fn solve(r: &DMatrix<f64>, z: &DVector<f64>, tolerance: f64) -> (DVector<f64>, usize) {
     let scales = column_scales(r);
     let scaled = DMatrix::from_fn(r.nrows(), r.ncols(), |i, j| r[(i, j)] / scales[j]);
-    let svd = scaled.svd(true, true);
+    let svd = spectral::svd(scaled, true, true);
     let threshold = tolerance * svd.singular_values.max();
     let rank = svd.rank(threshold);
     let x = svd.solve(z, threshold).unwrap_or_else(|_| DVector::zeros(r.ncols()));
@@ -131,7 +133,7 @@ pub fn covariance(r: &DMatrix<f64>) -> (Option<DMatrix<f64>>, f64) {
     }
     let scales = column_scales(r);
     let scaled = DMatrix::from_fn(n, n, |i, j| r[(i, j)] / scales[j]);
-    let values = scaled.clone().singular_values();
+    let values = spectral::singular_values(scaled.clone());
     let condition = values.max() / values.min();
     if !condition.is_finite() || condition > 1e12 {
         return (None, condition);

@@ -3,6 +3,7 @@
 //! | module | what |
 //! |--------|------|
 //! | [`qr`] | QR of a tall matrix whose rows arrive in blocks; sub-problems from its triangle |
+//! | [`spectral`] | singular values and eigenvalues that always come to an end |
 //! | [`sparse_ldl`], [`staged_ldl`] | factorisations of sparse symmetric matrices |
 //! | [`symmetric`] | symmetric matrices |
 //!
@@ -11,6 +12,7 @@
 mod front;
 pub mod qr;
 pub mod sparse_ldl;
+pub mod spectral;
 pub mod staged_ldl;
 pub mod symmetric;
 

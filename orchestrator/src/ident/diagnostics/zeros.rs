@@ -6,6 +6,7 @@
 use nalgebra::{Complex, DMatrix};
 
 use crate::ident::model::StateSpace;
+use crate::linalg::spectral;
 
 /// A place on the real axis where no zero of a sampled model is expected.
 const SHIFT: f64 = -1.618_033_988_7;
@@ -67,7 +68,7 @@ fn square_zeros(model: &StateSpace) -> Vec<Complex<f64>> {
         return Vec::new();
     }
     let inner = product.view((0, 0), (n, n)).into_owned();
-    let mut found: Vec<Complex<f64>> = inner.complex_eigenvalues().iter().copied().collect();
+    let mut found: Vec<Complex<f64>> = spectral::eigenvalues(&inner);
     found.sort_by(|a, b| b.norm().total_cmp(&a.norm()).then(b.im.total_cmp(&a.im)));
     found.truncate(finite_zeros(model));
     let size = inner.norm();
@@ -84,7 +85,7 @@ fn finite_zeros(model: &StateSpace) -> usize {
     let mut reached = model.b.clone();
     for index in 0..=n {
         if markov.norm() > 1e-12 * size {
-            let regular = markov.singular_values().min() > 1e-9 * markov.norm();
+            let regular = spectral::singular_values(markov.clone()).min() > 1e-9 * markov.norm();
             return if regular { n.saturating_sub(m * index) } else { n };
         }
         markov = &model.c * &reached;

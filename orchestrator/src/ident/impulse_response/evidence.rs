@@ -1,6 +1,8 @@
 //! What impulse responses say of delay and order.
 
 use nalgebra::DMatrix;
+
+use crate::linalg::spectral;
 use serde::Serialize;
 
 use super::{ImpulseResponse, TWO_SIDED_99};
@@ -52,7 +54,7 @@ pub fn evidence(responses: &[ImpulseResponse], inputs: &[String], outputs: &[Str
             scaled(row % n_y, column % n_u, row / n_y + column / n_u + 1, band)
         })
     };
-    let mut values: Vec<f64> = hankel(false).singular_values().iter().copied().collect();
+    let mut values: Vec<f64> = spectral::singular_values(hankel(false)).iter().copied().collect();
     values.sort_by(|a, b| b.total_cmp(a));
     // Errors of unlike lags are about independent: the norm of a random matrix is about the sum of the norms of its
     // longest row and column.

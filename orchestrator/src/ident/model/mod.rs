@@ -8,6 +8,8 @@ pub mod state_space;
 
 use nalgebra::Complex;
 
+use crate::linalg::spectral;
+
 pub use arx::Arx;
 pub use file::{Linear, NamedModel};
 pub use state_space::StateSpace;
@@ -38,7 +40,7 @@ pub trait Model {
     fn poles(&self) -> Vec<Complex<f64>> {
         let a = self.to_state_space().a;
         // A model without memory has no poles.
-        if a.is_empty() { Vec::new() } else { a.complex_eigenvalues().iter().copied().collect() }
+        if a.is_empty() { Vec::new() } else { spectral::eigenvalues(&a) }
     }
     /// Whether all poles are inside the unit circle.
     fn is_stable(&self) -> bool {

@@ -4,6 +4,7 @@ use nalgebra::{DMatrix, DVector};
 
 use super::Model;
 use crate::ident::record::Record;
+use crate::linalg::spectral;
 
 /// `x(k+1) = A x(k) + B u(k) + K e(k)`, `y(k) = C x(k) + D u(k) + e(k)`, about an operating point.
 #[derive(Debug, Clone, PartialEq)]
@@ -101,7 +102,7 @@ impl StateSpace {
         }
         let r = stacked.view((0, 0), (n_x, n_x)).into_owned();
         let rhs = stacked.view((0, n_x), (n_x, 1)).column(0).into_owned();
-        let svd = r.svd(true, true);
+        let svd = spectral::svd(r, true, true);
         let threshold = svd.singular_values.max() * 1e-10;
         svd.solve(&rhs, threshold).unwrap_or_else(|_| DVector::zeros(n_x))
     }

@@ -16,6 +16,7 @@ use crate::ident::model::{Model, StateSpace};
 use crate::ident::parameters::Parameters;
 use crate::ident::rational::{Experiment, check_records};
 use crate::ident::record::Record;
+use crate::linalg::spectral;
 
 /// What is minimised.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
@@ -161,7 +162,7 @@ fn radius(a: &DMatrix<f64>) -> f64 {
     if !a.iter().all(|value| value.is_finite()) {
         return f64::INFINITY;
     }
-    a.complex_eigenvalues().iter().fold(0.0, |radius, pole| f64::max(radius, pole.norm()))
+    spectral::eigenvalues(a).iter().fold(0.0, |radius, pole| f64::max(radius, pole.norm()))
 }
 
 /// `sum_k A^k Q A^kT`, by doubling; A stable.

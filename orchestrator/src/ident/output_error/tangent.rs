@@ -3,6 +3,7 @@
 use nalgebra::{DMatrix, DVector};
 
 use crate::ident::model::StateSpace;
+use crate::linalg::spectral;
 
 /// Directions in which the model can change its outputs: orthonormal columns over the entries of `[A, B, K, C]`
 /// (column-major each), and the entries of D.
@@ -36,7 +37,7 @@ impl Tangent {
             return Tangent { basis: DMatrix::zeros(rows, 0), with_gain, with_direct_term };
         }
         // The left singular vectors of the smallest singular values are orthogonal to all changes of basis.
-        let svd = changes.svd(true, false);
+        let svd = spectral::svd(changes, true, false);
         let mut order: Vec<usize> = (0..rows).collect();
         order.sort_by(|&i, &j| svd.singular_values[i].total_cmp(&svd.singular_values[j]));
         let u = svd.u.unwrap_or_else(|| DMatrix::identity(rows, rows));

@@ -16,6 +16,7 @@ pub use mask::{Coefficient, Mask};
 use crate::ident::fold::{BLOCK, Fold, solve};
 use crate::ident::model::Arx;
 use crate::ident::record::Record;
+use crate::linalg::spectral;
 use columns::{Column, fold_columns};
 use filter::Inverse;
 
@@ -253,7 +254,7 @@ pub fn spectral_radius(model: &Arx) -> f64 {
             companion.view_mut((lag * n_y, (lag + 1) * n_y), (n_y, n_y)).fill_with_identity();
         }
     }
-    companion.complex_eigenvalues().iter().fold(0.0, |radius, pole| f64::max(radius, pole.norm()))
+    spectral::eigenvalues(&companion).iter().fold(0.0, |radius, pole| f64::max(radius, pole.norm()))
 }
 
 /// The model with its poles drawn towards the origin so that the largest has the modulus `radius`; a model whose poles

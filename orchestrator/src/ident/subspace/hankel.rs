@@ -9,6 +9,7 @@ use nalgebra::DMatrix;
 
 use super::data::Segment;
 use super::parallel::parallel;
+use crate::linalg::spectral;
 use crate::linalg::{StreamedQr, Triangle};
 
 /// Parts of the tall matrix that are folded side by side.
@@ -117,7 +118,7 @@ impl HankelFactor {
         let n_z = self.n_u + self.n_y;
         let columns: Vec<usize> =
             (0..w).chain((w..y).filter(|column| (column - w) % n_z < self.n_u)).collect();
-        self.r.select_columns(&columns).singular_values().iter().copied().collect()
+        spectral::singular_values(self.r.select_columns(&columns)).iter().copied().collect()
     }
 }
 

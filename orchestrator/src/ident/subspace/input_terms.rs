@@ -4,6 +4,7 @@ use nalgebra::{DMatrix, DVector};
 
 use super::data::{Matrices, Segment};
 use crate::linalg::StreamedQr;
+use crate::linalg::spectral;
 
 /// B, shape \[n, n_u\], and D, shape \[n_y, n_u\] (zeros unless `direct`), that bring the simulated outputs closest to the
 /// measured ones, with an initial state of its own for every segment. Everything about them is linear:
@@ -111,7 +112,7 @@ fn solve_scaled(mut r: DMatrix<f64>, rhs: &DVector<f64>) -> Option<DVector<f64>>
     if !r.iter().chain(rhs).all(|value| value.is_finite()) {
         return None;
     }
-    let svd = r.try_svd(true, true, f64::EPSILON, 10_000)?;
+    let svd = spectral::svd(r, true, true);
     let tolerance = 1e-12 * svd.singular_values.max();
     let mut solution = svd.solve(rhs, tolerance).ok()?;
     solution.iter_mut().zip(&scale).for_each(|(value, scale)| *value /= scale);

@@ -2,6 +2,8 @@
 
 use nalgebra::{DMatrix, DVector};
 
+use crate::linalg::spectral;
+
 use super::hankel::HankelFactor;
 
 /// Relative singular value below which a direction is taken for not there.
@@ -52,7 +54,7 @@ impl Projection {
             Weighting::N4sid => (predictor * factor.whole_past(), None, None),
             Weighting::Moesp => (future, None, None),
             Weighting::Cva => {
-                let svd = factor.future().svd(true, false);
+                let svd = spectral::svd(factor.future(), true, false);
                 let u = svd.u.expect("asked for");
                 let rank = rank(&svd.singular_values);
                 let (u, s) =
@@ -61,7 +63,7 @@ impl Projection {
                 (&weight * future, Some(u * DMatrix::from_diagonal(&s)), Some(weight))
             }
         };
-        let svd = weighted.svd(true, false);
+        let svd = spectral::svd(weighted, true, false);
         let n = rank(&svd.singular_values);
         let u = svd.u.expect("asked for").columns(0, n).into_owned();
         let root = svd.singular_values.rows(0, n).map(f64::sqrt);
@@ -98,7 +100,7 @@ fn rank(singular_values: &DVector<f64>) -> usize {
 
 /// Moore-Penrose inverse; directions below `RANK` are left out.
 pub(super) fn pseudo_inverse(matrix: DMatrix<f64>) -> DMatrix<f64> {
-    let svd = matrix.svd(true, true);
+    let svd = spectral::svd(matrix, true, true);
     let rank = rank(&svd.singular_values);
     let inverse = svd.singular_values.rows(0, rank).map(|s| 1.0 / s);
     let v = svd.v_t.expect("asked for").rows(0, rank).transpose();

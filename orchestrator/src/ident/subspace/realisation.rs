@@ -2,6 +2,8 @@
 
 use nalgebra::DMatrix;
 
+use crate::linalg::spectral;
+
 use super::hankel::HankelFactor;
 use super::projection::{Projection, pseudo_inverse};
 
@@ -52,7 +54,7 @@ pub(super) fn realise(
 
 /// Largest modulus of the poles.
 pub(super) fn spectral_radius(a: &DMatrix<f64>) -> f64 {
-    a.complex_eigenvalues().iter().map(|pole| pole.norm()).fold(0.0, f64::max)
+    spectral::eigenvalues(a).iter().map(|pole| pole.norm()).fold(0.0, f64::max)
 }
 
 /// A with the poles outside the unit circle mirrored at it (to `1 / conj(z)`), in the real Schur form; poles next to
@@ -106,7 +108,7 @@ mod tests {
         );
         let turn = DMatrix::from_fn(4, 4, |i, j| ((i * 4 + j) as f64).sin()).qr().q();
         let mended = stabilised(&(&turn * diagonal * turn.transpose())).unwrap();
-        let mut moduli: Vec<f64> = mended.complex_eigenvalues().iter().map(|pole| pole.norm()).collect();
+        let mut moduli: Vec<f64> = spectral::eigenvalues(&mended).iter().map(|pole| pole.norm()).collect();
         moduli.sort_by(f64::total_cmp);
         for (found, expected) in moduli.iter().zip([0.5, 0.8, 1.0 / 1.1, 1.0 / 1.1]) {
             assert!((found - expected).abs() < 1e-12, "{moduli:?}");

@@ -2,6 +2,8 @@
 
 use nalgebra::DMatrix;
 
+use crate::linalg::spectral;
+
 /// Covariances of process noise Q, measurement noise R and between them S (rows: states).
 pub(super) struct Noise {
     pub q: DMatrix<f64>,
@@ -36,7 +38,7 @@ pub(super) fn kalman_gain(a: &DMatrix<f64>, c: &DMatrix<f64>, noise: &Noise) -> 
         }
     }
     let gain = (a * &p * c.transpose() + &noise.s) * (c * &p * c.transpose() + &noise.r).try_inverse()?;
-    let radius = (a - &gain * c).complex_eigenvalues().iter().map(|pole| pole.norm()).fold(0.0, f64::max);
+    let radius = spectral::eigenvalues(&(a - &gain * c)).iter().map(|pole| pole.norm()).fold(0.0, f64::max);
     (gain.iter().all(|value| value.is_finite()) && radius < 1.0).then_some(gain)
 }
 
