@@ -16,7 +16,11 @@ const SWEEPS: usize = 60;
 pub fn svd(matrix: DMatrix<f64>, u: bool, v: bool) -> SVD<f64, Dyn, Dyn> {
     let limit = ITERATIONS * matrix.nrows().min(matrix.ncols()) + 50;
     let finite = matrix.iter().all(|value| value.is_finite());
-    let quick = if finite && !matrix.is_empty() { SVD::try_new(matrix.clone(), u, v, 5.0 * f64::EPSILON, limit) } else { None };
+    let quick = if finite && !matrix.is_empty() {
+        SVD::try_new(matrix.clone(), u, v, 5.0 * f64::EPSILON, limit)
+    } else {
+        None
+    };
     quick.unwrap_or_else(|| jacobi(matrix, u, v))
 }
 
