@@ -33,7 +33,7 @@ pub struct Verdict {
     pub whiteness: Vec<(String, Whiteness)>,
     /// Channels (input, output) whose residual still follows the input.
     pub missing_dynamics: Vec<(String, String)>,
-    /// Channels (input, output) where the input seems to depend on past outputs, of outputs without missing dynamics.
+    /// Channels (input, output) where the input seems to depend on past outputs; only told where no dynamics are missing.
     pub feedback: Vec<(String, String)>,
     /// Parameters whose 95 % interval holds 0, the highest lags first.
     pub insignificant: Vec<String>,
@@ -61,10 +61,11 @@ pub fn verdict(name: &str, diagnostics: &Diagnostics) -> Verdict {
         .iter()
         .filter(|of| of.missing_dynamics > 1.0 && of.explained_by_input >= NEGLIGIBLE / 4.0)
         .collect();
-    // What a model leaves of a slow input looks like feedback, too: only a complete model can tell.
-    let complete = |output: &str| !missing.iter().any(|pair| pair.output == output);
+    // What a model leaves of a predictable input (a chirp) looks like feedback, too, also by way of other outputs: only
+    // a complete model can tell.
+    let complete = missing.is_empty();
     let feedback: Vec<_> =
-        diagnostics.cross_correlation.iter().filter(|of| of.feedback > 1.0 && complete(&of.output)).collect();
+        diagnostics.cross_correlation.iter().filter(|of| of.feedback > 1.0 && complete).collect();
     let unstable: Vec<_> = diagnostics.poles.iter().filter(|pole| pole.modulus >= 1.0).collect();
     let white = whiteness.iter().all(|(_, kind)| *kind != Whiteness::Coloured);
     let explains_the_data = white && missing.is_empty() && unstable.is_empty();
