@@ -41,6 +41,16 @@ pub enum Error {
     /// No structure of a search can be estimated.
     #[error("--order auto: no structure can be estimated; the first reason: {problem}")]
     NoStructure { problem: String },
+    /// No structure of a search can be simulated.
+    #[error(
+        "--order auto: none of the {estimated} structures that can be estimated is stable, so none can be simulated and judged; use --detrend mean if means are large against the spread of the signals, try wider --na, --nb and --nk, or give the orders (--na 2 --nb 2) to get the unstable model: the plant itself may be unstable"
+    )]
+    NoneStable { estimated: usize },
+    /// No structure of a search has a simulated fit.
+    #[error(
+        "--order auto: no structure has a simulated fit on the judging data (--validate, or else the last third of each file): an output does not move there, or a file is shorter than the orders; give other judging data, or the orders themselves (--na 2 --nb 2)"
+    )]
+    NotJudged,
     /// A regressor that others explain exactly.
     #[error("{regressor} {combination}, so the coefficients of {output} cannot be told apart; {remedy}")]
     RankDeficient { regressor: String, combination: String, output: String, remedy: &'static str },

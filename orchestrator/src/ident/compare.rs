@@ -14,6 +14,11 @@ use super::subspace::{self, Refinement};
 /// Fit \[points\] below that of the best order that still counts as enough.
 pub const ENOUGH: f64 = 0.5;
 
+/// Fit \[%\] below which a model explains nothing, and no order is enough.
+pub const EXPLAINS: f64 = 10.0;
+/// Gain \[points\] of the last order over the one before from which higher ones are worth a try.
+pub const RISING: f64 = 1.0;
+
 /// Family of models.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
@@ -144,12 +149,27 @@ fn none(family: Family, order: usize, parameters: usize, note: String) -> Entry 
 }
 
 /// The smallest stable order of a family whose simulated fit on validation data is within [`ENOUGH`] of the best of the
-/// family.
+/// family; `None` if none is stable, or none reaches [`EXPLAINS`].
 pub fn enough(entries: &[Entry], family: Family) -> Option<&Entry> {
     let own = || entries.iter().filter(move |entry| entry.family == family);
     let best = own().filter_map(Entry::fit).fold(f64::NEG_INFINITY, f64::max);
-    own().find(|entry| entry.fit().is_some_and(|fit| fit >= best - ENOUGH))
+    own().find(|entry| entry.fit().is_some_and(|fit| best >= EXPLAINS && fit >= best - ENOUGH))
 }
+
+/// Whether the last order of a family that was tried is the best, and by more than [`RISING`] better than the one before.
+fn rising(entries: &[Entry], family: Family) -> bool {
+    let mut own: Vec<&Entry> = entries.iter().filter(|entry| entry.family == family).collect();
+    own.sort_by_key(|entry| entry.order);
+    let [.., before, last] = own[..] else { return false };
+    let others = own.iter().filter(|entry| entry.order < last.order).filter_map(|entry| entry.fit());
+    let (Some(fit), most) = (last.fit(), others.fold(f64::NEG_INFINITY, f64::max)) else { return false };
+    // The order before may be unstable; then the best of the others counts.
+    let reference = before.fit().unwrap_or(most);
+    fit > most && most.is_finite() && fit > reference + RISING
+}
+
+/// What to look at if no model explains the data.
+const REMEDY: &str = "the plant may be unstable, an input may not reach the outputs, or means are large against the spread of the signals (--detrend mean)";
 
 /// Which order is enough, and why: a sentence for each family, one that compares them, and one on unstable models.
 pub fn verdict(entries: &[Entry]) -> Vec<String> {
@@ -160,14 +180,30 @@ pub fn verdict(entries: &[Entry]) -> Vec<String> {
         let fitted = || own.iter().filter_map(|entry| Some((entry.fit()?, entry.order)));
         let Some((best, best_order)) = fitted().max_by(|a, b| a.0.total_cmp(&b.0).then(b.1.cmp(&a.1))) else {
             if !own.is_empty() {
-                sentences.push(format!("{}: no order gives a stable model", family.name()));
+                sentences.push(format!("{}: no order gives a stable model; {REMEDY}", family.name()));
             }
             continue;
         };
-        let Some(entry) = enough(entries, family) else { continue };
+        let Some(entry) = enough(entries, family) else {
+            let [first, last] = [own.first(), own.last()].map(|entry| entry.map_or(0, |entry| entry.order));
+            sentences.push(format!(
+                "{}: no order from {first} to {last} explains the data: the best, order {best_order}, fits validation data to {best:.2} % in simulation; {REMEDY}",
+                family.name()
+            ));
+            continue;
+        };
         let (order, fit) = (entry.order, entry.fit().unwrap_or(best));
         chosen.push((family, order, fit, entry.parameters));
-        sentences.push(if order == best_order {
+        sentences.push(if rising(entries, family) {
+            let option = match family {
+                Family::Arx => "--arx",
+                Family::StateSpace => "--state-space",
+            };
+            format!(
+                "{}: order {best_order} is the best with a simulated fit of {best:.2} % on validation data, but the fit is still rising at the last order tried; raise {option}",
+                family.name()
+            )
+        } else if order == best_order {
             let lowest = own.iter().all(|entry| entry.order >= order);
             let lower = format!(", and lower orders lose more than {ENOUGH} points");
             format!(
@@ -233,9 +269,14 @@ mod tests {
         assert_eq!(enough(&entries, Family::Arx).unwrap().order, 1);
         assert_eq!(enough(&entries, Family::StateSpace).unwrap().order, 3);
         let verdict = verdict(&entries).join("\n");
-        for part in
-            ["ARX: order 1 is enough", "gain 0.20 points", "state space: order 3", "ARX 3", "3.50 points"]
-        {
+        for part in [
+            "ARX: order 1 is enough",
+            "gain 0.20 points",
+            "state space: order 3 is the best",
+            "raise --state-space",
+            "ARX 3",
+            "3.50 points",
+        ] {
             assert!(verdict.contains(part), "{part}\n{verdict}");
         }
     }
@@ -243,7 +284,24 @@ mod tests {
     #[test]
     fn a_family_without_a_stable_model_is_said_to_have_none() {
         let sentences = verdict(&[entry(Family::Arx, 1, None)]);
-        assert_eq!(sentences[0], "ARX: no order gives a stable model");
+        assert!(sentences[0].starts_with("ARX: no order gives a stable model; "), "{sentences:?}");
         assert!(enough(&[entry(Family::Arx, 1, None)], Family::Arx).is_none());
+    }
+
+    #[test]
+    fn a_family_that_fits_next_to_nothing_is_not_called_enough() {
+        let entries = [entry(Family::Arx, 1, Some(0.4)), entry(Family::Arx, 2, Some(0.3))];
+        let sentences = verdict(&entries);
+        assert!(sentences[0].contains("no order from 1 to 2 explains the data"), "{sentences:?}");
+        assert!(enough(&entries, Family::Arx).is_none());
+    }
+
+    #[test]
+    fn a_fit_that_has_settled_at_the_last_order_is_not_rising() {
+        let settled = [entry(Family::Arx, 1, Some(60.0)), entry(Family::Arx, 2, Some(60.9))];
+        assert!(!rising(&settled, Family::Arx) && !rising(&settled[..1], Family::Arx));
+        let below = [entry(Family::Arx, 1, Some(80.0)), entry(Family::Arx, 2, Some(60.9))];
+        assert!(!rising(&below, Family::Arx));
+        assert!(rising(&[entry(Family::Arx, 1, Some(60.0)), entry(Family::Arx, 2, Some(62.0))], Family::Arx));
     }
 }

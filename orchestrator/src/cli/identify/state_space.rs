@@ -78,6 +78,9 @@ pub struct MethodArgs {
     pub unstable: UnstableChoice,
 }
 
+/// Simulation error relative to the signal above which a model explains next to nothing.
+const UNEXPLAINED: f64 = 0.9;
+
 /// `--order`
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum OrderChoice {
@@ -237,18 +240,7 @@ fn sentences(estimate: &Estimate, refined: &Refined) -> Vec<String> {
     let order = estimate.model.order();
     let mut sentences = Vec::new();
     if !estimate.orders.is_empty() {
-        let highest = estimate.orders.len();
-        let error =
-            |order: usize| estimate.orders.get(order.wrapping_sub(1)).and_then(|found| found.held_back);
-        let own = error(order).unwrap_or(f64::NAN);
-        let below = match error(order.wrapping_sub(1)) {
-            Some(error) => format!(", order {} {:.2} %", order - 1, 100.0 * error),
-            None => String::new(),
-        };
-        sentences.push(format!(
-            "order {order} of 1 to {highest} is enough: on data kept back its simulation error is {:.2} % of the signal{below}, and no order is more than 2 % (of that) better",
-            100.0 * own
-        ));
+        sentences.push(order_sentence(&estimate.orders, order));
     }
     let values = &estimate.singular_values;
     if let (Some(first), Some(last)) = (values.first(), values.get(order - 1)) {
@@ -262,6 +254,38 @@ fn sentences(estimate: &Estimate, refined: &Refined) -> Vec<String> {
     }
     sentences.extend(Some(refined.note.clone()).filter(|note| !note.is_empty()));
     sentences
+}
+
+/// What the search of the order found, `order` being the one taken.
+fn order_sentence(orders: &[subspace::OrderError], order: usize) -> String {
+    let highest = orders.len();
+    let remedy = "the plant may be unstable, an input may not reach the outputs, or means are large against the spread of the signals (--detrend mean)";
+    let error = |order: usize| orders.get(order.wrapping_sub(1)).and_then(|found| found.held_back);
+    let least = orders.iter().filter_map(|found| found.held_back).fold(f64::INFINITY, f64::min);
+    let Some(own) = error(order) else {
+        return format!(
+            "no order up to {highest} explains the data: none gives a stable model that simulates the data kept back; {remedy}; order {order} is given to look at"
+        );
+    };
+    if least > UNEXPLAINED {
+        return format!(
+            "no order up to {highest} explains the data: on data kept back the least simulation error is {:.0} % of the signal; {remedy}; order {order} is given to look at",
+            100.0 * least
+        );
+    }
+    let below = match error(order.wrapping_sub(1)) {
+        Some(error) => format!(", order {} {}", order - 1, share(error)),
+        None => String::new(),
+    };
+    format!(
+        "order {order} of 1 to {highest} is enough: on data kept back its simulation error is {} of the signal{below}, and no order is more than 2 % (of that) better",
+        share(own)
+    )
+}
+
+/// A share in per cent; one at rounding level is not given digits that it does not have.
+fn share(value: f64) -> String {
+    if value < subspace::EXACT { "0 %, but for rounding,".into() } else { format!("{:.2} %", 100.0 * value) }
 }
 
 /// Residual tests, poles, zeros and responses; with bands if the refinement gave a covariance.
@@ -355,5 +379,21 @@ mod tests {
         assert_eq!(parse_order("auto"), Ok(OrderChoice::Auto));
         assert_eq!(parse_order("4"), Ok(OrderChoice::Fixed(4)));
         assert!(parse_order("0").is_err() && parse_order("41").is_err() && parse_order("four").is_err());
+    }
+
+    #[test]
+    fn an_order_is_called_enough_only_if_it_explains_the_data() {
+        let orders = |errors: [Option<f64>; 2]| {
+            let all = errors.iter().enumerate();
+            let all: Vec<_> =
+                all.map(|(index, &held_back)| subspace::OrderError { order: index + 1, held_back }).collect();
+            order_sentence(&all, 1)
+        };
+        for unusable in [[None, None], [Some(0.97), Some(0.99)]] {
+            let sentence = orders(unusable);
+            assert!(sentence.starts_with("no order up to 2 explains the data"), "{sentence}");
+            assert!(!sentence.contains("NaN") && !sentence.contains("is enough"), "{sentence}");
+        }
+        assert!(orders([Some(0.1), None]).contains("error is 10.00 % of the signal"));
     }
 }

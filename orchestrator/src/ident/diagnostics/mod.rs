@@ -94,6 +94,9 @@ pub struct Diagnostics {
     pub residuals: Kind,
     /// Samples tested.
     pub samples: usize,
+    /// RMS of every residual relative to the spread of its output (root mean square about the mean), shape \[n_y\];
+    /// `None` for an output that does not change.
+    pub relative_residual: Vec<Option<f64>>,
     /// Correlation of every residual with itself.
     pub autocorrelation: Vec<Autocorrelation>,
     /// Correlation of every residual with every input.
@@ -143,6 +146,7 @@ pub fn diagnose(
     };
     let all: residuals::Residuals = records.iter().map(residual).collect();
     let samples = all.iter().map(|record| record.first().map_or(0, Vec::len)).sum();
+    let relative_residual = (0..outputs.len()).map(|i| relative_residual(&all, records, i)).collect();
     let lags = options.lags.min(records.iter().map(Record::len).max().unwrap_or(0) / 4);
     let named = |index: usize| (index, outputs[index].as_str());
     let mut cross_correlation = Vec::new();
@@ -167,6 +171,7 @@ pub fn diagnose(
     Diagnostics {
         residuals: kind,
         samples,
+        relative_residual,
         autocorrelation: outputs
             .iter()
             .enumerate()
@@ -180,4 +185,15 @@ pub fn diagnose(
         step: response::step_responses(&state_space, family, inputs, outputs),
         frequency: response::frequency_responses(&state_space, family, inputs, outputs, lowest),
     }
+}
+
+/// RMS of the residual of output `index` over the spread of the output.
+fn relative_residual(residuals: &residuals::Residuals, records: &[Record], index: usize) -> Option<f64> {
+    let mean_square = |values: &[f64]| values.iter().map(|v| v * v).sum::<f64>() / values.len().max(1) as f64;
+    let outputs: Vec<f64> = records.iter().flat_map(|record| record.outputs[index].iter().copied()).collect();
+    let mean = outputs.iter().sum::<f64>() / outputs.len().max(1) as f64;
+    let about: Vec<f64> = outputs.iter().map(|y| y - mean).collect();
+    let residual: Vec<f64> = residuals.iter().flat_map(|record| record[index].iter().copied()).collect();
+    let spread = mean_square(&about).sqrt();
+    (spread > 0.0).then(|| mean_square(&residual).sqrt() / spread).filter(|share| share.is_finite())
 }

@@ -52,6 +52,8 @@ pub struct CrossCorrelation {
     /// Share of the variance of the filtered residual that the input explains: squared correlations at lags from 0 on, less
     /// what independent signals show by chance.
     pub explained_by_input: f64,
+    /// Share of the variance of the filtered input that past residuals explain, in the same way over negative lags.
+    pub explained_by_residual: f64,
 }
 
 /// Residuals of several records, shape \[records\]\[n_y\]\[n\].
@@ -123,6 +125,10 @@ pub fn cross_correlation(
     let in_bands =
         |values: &[f64]| if deviation > 0.0 { largest(values) / together(values.len()) } else { 0.0 };
     let (negative, positive) = values.split_at(lags);
+    let explained = |values: &[f64]| {
+        let by_chance = deviation.powi(2) * values.len() as f64;
+        (values.iter().map(|r| r * r).sum::<f64>() - by_chance).clamp(0.0, 1.0)
+    };
     CrossCorrelation {
         output: output.into(),
         input: input_name.into(),
@@ -130,9 +136,8 @@ pub fn cross_correlation(
         band_99: chi_squared::two_sided_normal(0.01) * deviation,
         missing_dynamics: in_bands(positive),
         feedback: in_bands(negative),
-        explained_by_input: (positive.iter().map(|r| r * r).sum::<f64>()
-            - deviation.powi(2) * positive.len() as f64)
-            .clamp(0.0, 1.0),
+        explained_by_input: explained(positive),
+        explained_by_residual: explained(negative),
         values,
     }
 }
@@ -277,5 +282,7 @@ mod tests {
         (2..3000).for_each(|k| u[k] += 0.3 * white[k - 2]);
         let found = cross_correlation(&vec![vec![white]], &[record(u)], (0, "y"), (0, "u"), 20);
         assert!(found.missing_dynamics < 1.0 && found.feedback > 2.0, "{found:?}");
+        // Var(0.3 e) over the whole variance of the input.
+        assert!((found.explained_by_residual - 0.09 / 1.09).abs() < 0.03, "{found:?}");
     }
 }

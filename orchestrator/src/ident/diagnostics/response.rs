@@ -30,6 +30,11 @@ impl Family<'_> {
         self.parameters.deviations().into_iter().map(pair).collect()
     }
 
+    /// Whether a band is worth its time, with a number of operations for each neighbour.
+    fn affordable(&self, operations: f64) -> bool {
+        2.0 * self.parameters.values.len() as f64 * operations <= MOST_OPERATIONS
+    }
+
     /// Standard deviations of what `of` computes from a model, shape that of its result.
     fn deviations(&self, of: impl Fn(&StateSpace) -> Vec<f64>) -> Vec<f64> {
         let mut squares: Vec<f64> = Vec::new();
@@ -85,6 +90,8 @@ pub struct FrequencyResponse {
     pub phase_deviation: Vec<f64>,
 }
 
+/// Most operations for one band; some seconds. Beyond, responses are given without it.
+const MOST_OPERATIONS: f64 = 1e10;
 /// Most samples of a step response that are computed.
 const LONGEST: usize = 200_000;
 /// Points of a response that are kept.
@@ -106,7 +113,9 @@ pub fn step_responses(
 ) -> Vec<StepResponse> {
     let stable = model.is_stable();
     let gain = stable.then(|| dc_gain(model)).flatten();
-    let gain_deviation = family.filter(|_| gain.is_some()).map(|family| {
+    let gain_operations = (model.order() as f64).powi(3);
+    let affordable = |family: &Family| gain.is_some() && family.affordable(gain_operations);
+    let gain_deviation = family.filter(affordable).map(|family| {
         family.deviations(|model| {
             dc_gain(model).map_or(vec![f64::NAN; model.d.len()], |g| g.as_slice().to_vec())
         })
@@ -123,7 +132,9 @@ pub fn step_responses(
         let thin = |y: &[Vec<f64>]| -> Vec<f64> {
             y.iter().flat_map(|y| y[..shown].iter().step_by(stride).copied()).collect()
         };
-        let deviation = family.map(|family| family.deviations(|model| thin(&step(model, j, shown))));
+        let operations = 2.0 * shown as f64 * (model.order() as f64 + 1.0).powi(2) * inputs.len() as f64;
+        let bands = family.filter(|family| family.affordable(operations));
+        let deviation = bands.map(|family| family.deviations(|model| thin(&step(model, j, shown))));
         let values = thin(&full);
         let points = values.len() / outputs.len().max(1);
         for (i, output) in outputs.iter().enumerate() {
@@ -203,6 +214,9 @@ pub fn frequency_responses(
     let frequency: Vec<f64> =
         (0..POINTS).map(|k| lowest * (ratio * k as f64 / (POINTS - 1) as f64).exp()).collect();
     let response = frequency_response(model, &frequency);
+    // A complex elimination for each frequency.
+    let operations = POINTS as f64 * 8.0 / 3.0 * (model.order() as f64).powi(3);
+    let family = family.filter(|family| family.affordable(operations));
     // Relative changes of the complex response: real part in magnitude, imaginary part in phase.
     let changes: Option<Vec<f64>> = family.map(|family| {
         family.deviations(|near| {
@@ -322,6 +336,29 @@ mod tests {
         };
         let [values, deviation] = simulated_band(family, &record);
         assert_eq!((values[0].len(), deviation[0].len()), (30, 30));
+    }
+
+    #[test]
+    fn a_band_that_would_take_minutes_is_left_out_and_the_response_stays() {
+        let n = 60;
+        let large = StateSpace {
+            a: DMatrix::identity(n, n) * 0.5,
+            b: DMatrix::from_element(n, 1, 1.0),
+            c: DMatrix::from_element(1, n, 1.0 / n as f64),
+            ..first_order(0.5, 1.0)
+        };
+        let parameters = Parameters {
+            names: vec!["p".into(); 120],
+            values: DVector::zeros(120),
+            covariance: Some(DMatrix::identity(120, 120)),
+        };
+        let family = Family { parameters: &parameters, at: &|_| first_order(0.5, 1.0) };
+        let (u, y) = channel();
+        let bode = &frequency_responses(&large, Some(family), &u, &y, 0.1)[0];
+        assert!(bode.relative_deviation.is_empty() && bode.phase_deviation.is_empty());
+        // n poles at 0.5 side by side: 1 / (z - 0.5).
+        let z = Complex::from_polar(1.0, std::f64::consts::TAU * bode.frequency[0] * 0.01);
+        assert!((bode.magnitude[0] - (z - 0.5).inv().norm()).abs() < 1e-9);
     }
 
     #[test]

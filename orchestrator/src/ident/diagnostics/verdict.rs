@@ -6,6 +6,10 @@ use super::{Diagnostics, Kind};
 
 /// Share of the variance of a residual below which a finding of the tests has no practical weight.
 pub const NEGLIGIBLE: f64 = 0.02;
+/// Residual relative to the spread of its output below which it is rounding, of which no test says anything.
+pub const ROUNDING: f64 = 1e-6;
+/// Share of the variance of an input that past residuals must explain to be called feedback.
+pub const FEEDBACK: f64 = 0.01;
 /// Probability below which residuals are not taken for white.
 pub const LEVEL: f64 = 0.01;
 
@@ -42,11 +46,20 @@ pub struct Verdict {
 /// The verdict on a model called `name`, such as `order 1`.
 pub fn verdict(name: &str, diagnostics: &Diagnostics) -> Verdict {
     let mut sentences = Vec::new();
+    let exact: Vec<&str> = diagnostics
+        .autocorrelation
+        .iter()
+        .zip(&diagnostics.relative_residual)
+        .filter(|(_, share)| share.is_some_and(|share| share < ROUNDING))
+        .map(|(of, _)| of.output.as_str())
+        .collect();
+    let rounding = |output: &str| exact.contains(&output);
+    let all_exact = !exact.is_empty() && exact.len() == diagnostics.autocorrelation.len();
     let whiteness: Vec<(String, Whiteness)> = diagnostics
         .autocorrelation
         .iter()
         .map(|of| {
-            let kind = if of.p_value >= LEVEL {
+            let kind = if of.p_value >= LEVEL || rounding(&of.output) {
                 Whiteness::White
             } else if of.explained_by_past < NEGLIGIBLE {
                 Whiteness::PracticallyWhite
@@ -59,13 +72,18 @@ pub fn verdict(name: &str, diagnostics: &Diagnostics) -> Verdict {
     let missing: Vec<_> = diagnostics
         .cross_correlation
         .iter()
+        .filter(|of| !rounding(&of.output))
         .filter(|of| of.missing_dynamics > 1.0 && of.explained_by_input >= NEGLIGIBLE / 4.0)
         .collect();
     // What a model leaves of a predictable input (a chirp) looks like feedback, too, also by way of other outputs: only
     // a complete model can tell.
     let complete = missing.is_empty();
-    let feedback: Vec<_> =
-        diagnostics.cross_correlation.iter().filter(|of| of.feedback > 1.0 && complete).collect();
+    let feedback: Vec<_> = diagnostics
+        .cross_correlation
+        .iter()
+        .filter(|of| complete && !rounding(&of.output))
+        .filter(|of| of.feedback > 1.0 && of.explained_by_residual > FEEDBACK)
+        .collect();
     let unstable: Vec<_> = diagnostics.poles.iter().filter(|pole| pole.modulus >= 1.0).collect();
     let white = whiteness.iter().all(|(_, kind)| *kind != Whiteness::Coloured);
     let explains_the_data = white && missing.is_empty() && unstable.is_empty();
@@ -75,12 +93,17 @@ pub fn verdict(name: &str, diagnostics: &Diagnostics) -> Verdict {
             pole.modulus
         ));
     }
-    if explains_the_data {
-        let smallest = diagnostics.autocorrelation.iter().map(|of| of.p_value).fold(1.0, f64::min);
+    if explains_the_data && all_exact {
+        sentences.push(format!(
+            "{name} explains the data to rounding: no residual is larger than {ROUNDING:e} of the spread of its output"
+        ));
+    } else if explains_the_data {
+        let tested = || diagnostics.autocorrelation.iter().filter(|of| !rounding(&of.output));
+        let smallest = tested().map(|of| of.p_value).fold(1.0, f64::min);
         let evidence = if smallest >= LEVEL {
             format!("residuals white (Ljung-Box p = {smallest:.2})")
         } else {
-            let most = diagnostics.autocorrelation.iter().map(|of| of.explained_by_past).fold(0.0, f64::max);
+            let most = tested().map(|of| of.explained_by_past).fold(0.0, f64::max);
             format!(
                 "residuals practically white (their past explains {:.1} % of their variance; with {} samples the test sees that)",
                 100.0 * most,
@@ -89,8 +112,11 @@ pub fn verdict(name: &str, diagnostics: &Diagnostics) -> Verdict {
         };
         sentences.push(format!("{name} explains the data: {evidence}, none follows an input"));
     }
+    if !exact.is_empty() && !all_exact {
+        sentences.push(format!("{} is explained to rounding", exact.join(", ")));
+    }
     for of in &diagnostics.autocorrelation {
-        if of.p_value >= LEVEL || of.explained_by_past < NEGLIGIBLE {
+        if rounding(&of.output) || of.p_value >= LEVEL || of.explained_by_past < NEGLIGIBLE {
             continue;
         }
         let share = format!("their past explains {:.0} % of their variance", 100.0 * of.explained_by_past);
@@ -114,8 +140,10 @@ pub fn verdict(name: &str, diagnostics: &Diagnostics) -> Verdict {
     }
     for pair in &feedback {
         sentences.push(format!(
-            "{} depends on past residuals of {}: there seems to be feedback, and output error or instruments are then biased; record with the loop open, or use a prediction-error model",
-            pair.input, pair.output
+            "{} depends on past residuals of {} ({:.0} % of its variance): there seems to be feedback, and output error or instruments are then biased; record with the loop open, or use a prediction-error model",
+            pair.input,
+            pair.output,
+            100.0 * pair.explained_by_residual
         ));
     }
     let insignificant: Vec<String> = diagnostics
@@ -126,6 +154,16 @@ pub fn verdict(name: &str, diagnostics: &Diagnostics) -> Verdict {
         .filter(|p| !p.name.starts_with("direction"))
         .map(|p| p.name.clone())
         .collect();
+    let bands = diagnostics.frequency.iter().all(|response| !response.relative_deviation.is_empty())
+        && diagnostics.step.iter().all(|response| !response.standard_deviation.is_empty());
+    let determined = |p: &super::Interval| p.standard_deviation.is_some();
+    if !bands && !diagnostics.parameters.is_empty() && diagnostics.parameters.iter().all(determined) {
+        sentences.push(format!(
+            "responses of this size ({} parameters, {} poles) are given without all of their uncertainty bands, which would take too long: lower the orders for them",
+            diagnostics.parameters.len(),
+            diagnostics.poles.len()
+        ));
+    }
     let undetermined = diagnostics.parameters.iter().any(|p| p.standard_deviation.is_none());
     if undetermined {
         sentences.push(
@@ -186,6 +224,43 @@ mod tests {
         let (poor, _) = judged(&Mask::full(2, 1, 1, 1, 1), &records);
         assert!(!poor.explains_the_data);
         assert!(poor.missing_dynamics.contains(&("u".into(), "F_hat".into())), "{:?}", poor.sentences);
+    }
+
+    #[test]
+    fn data_without_noise_are_explained_to_rounding_and_nothing_else_is_said_of_their_residuals() {
+        let mut noise = Noise::new(13);
+        let records = [measure(&eq8(), vec![stairs(600, 40.0, &mut noise)], 0.0, &mut noise)];
+        let (u, y) = names();
+        let found = verdict("order 1", &diagnose(&eq8(), None, &records, &u, &y, &Options::default()));
+        assert_eq!(found.sentences.len(), 1, "{:?}", found.sentences);
+        assert!(found.sentences[0].contains("to rounding") && found.explains_the_data, "{found:?}");
+    }
+
+    #[test]
+    fn feedback_is_told_only_where_it_moves_the_input() {
+        let feedback = |gain: f64| {
+            let mut noise = Noise::new(14);
+            let n = 30_000;
+            let e: Vec<f64> = (0..n).map(|_| noise.normal()).collect();
+            let mut u: Vec<f64> = (0..n).map(|_| noise.normal()).collect();
+            (1..n).for_each(|k| u[k] += gain * e[k - 1]);
+            let static_gain = Arx {
+                a: vec![nalgebra::DMatrix::zeros(1, 1)],
+                b: vec![nalgebra::DMatrix::from_element(1, 1, 2.0)],
+                sample_time: 0.01,
+                input_offset: vec![0.0],
+                output_offset: vec![0.0],
+            };
+            let y = u.iter().zip(&e).map(|(u, e)| 2.0 * u + e).collect();
+            let records =
+                [Record { sample_time: 0.01, inputs: vec![u], outputs: vec![y], ..Record::default() }];
+            let found =
+                diagnose(&static_gain, None, &records, &["u".into()], &["y".into()], &Options::default());
+            (found.cross_correlation[0].feedback > 1.0, verdict("order 0", &found).feedback.len())
+        };
+        // 0.05^2 of the variance is significant with 30 000 samples, but nothing; 0.3^2 is much.
+        assert_eq!(feedback(0.05), (true, 0));
+        assert_eq!(feedback(0.3), (true, 1));
     }
 
     #[test]

@@ -39,6 +39,9 @@ pub(super) fn fits(
     sources: &[&dyn Source],
     lags: usize,
 ) -> Result<Vec<Vec<Option<f64>>>, Error> {
+    let Some(&any) = models.first() else {
+        return Ok(Vec::new());
+    };
     let mut order: Vec<usize> = (0..models.len()).collect();
     let lags_of = |b: &Arx| {
         let first = b.b.iter().position(|b| b.iter().any(|value| *value != 0.0)).unwrap_or(0);
@@ -54,9 +57,7 @@ pub(super) fn fits(
     groups.iter_mut().enumerate().for_each(|(index, group)| shares[index % threads].push(group));
     std::thread::scope(|scope| {
         let work = shares.into_iter().map(|mut share| {
-            scope.spawn(move || {
-                sources.iter().try_for_each(|source| run(&mut share, models[0], *source, lags))
-            })
+            scope.spawn(move || sources.iter().try_for_each(|source| run(&mut share, any, *source, lags)))
         });
         let work: Vec<_> = work.collect();
         work.into_iter().try_for_each(|thread| match thread.join() {
@@ -64,7 +65,7 @@ pub(super) fn fits(
             Err(panic) => std::panic::resume_unwind(panic),
         })
     })?;
-    let n_y = models.first().map_or(0, |model| model.output_offset.len());
+    let n_y = any.output_offset.len();
     let mut fits = vec![vec![None; n_y]; models.len()];
     for group in &groups {
         for (lane, &member) in group.members.iter().enumerate() {

@@ -168,3 +168,21 @@ fn structures_that_cannot_be_told_apart_are_kept_with_their_reason() {
         "{last:?}"
     );
 }
+
+#[test]
+fn without_a_stable_structure_none_has_a_fit_and_none_is_recommended() {
+    // y(k) = 1.02 y(k-1) + 0.1 u(k-1): its only pole is outside the unit circle.
+    let mut next = noise(9);
+    let u: Vec<f64> = (0..200).map(|_| next()).collect();
+    let mut y = vec![0.0; 200];
+    for k in 1..200 {
+        y[k] = 1.02 * y[k - 1] + 0.1 * u[k - 1] + 1e-3 * next();
+    }
+    let record = Record { sample_time: 0.01, inputs: vec![u], outputs: vec![y], ..Record::default() };
+    let (inputs, outputs) = (["u".to_owned()], ["y".to_owned()]);
+    let names = Names { inputs: &inputs, outputs: &outputs };
+    let ranges = Ranges { na: 1..=1, nb: 1..=1, nk: 1..=1 };
+    let found = search(&[&record], &[&record], &ranges, 0.01, (&[0.0], &[0.0]), names).unwrap();
+    assert_eq!((found.len(), found[0].stable, found[0].fit), (1, Some(false), None));
+    assert_eq!(recommended(&found), None);
+}

@@ -20,8 +20,8 @@ pub struct Channel {
     pub max: Limit,
     /// First value, the reference of the sums.
     first: f64,
-    /// Sums of `x - first` and `k (x - first)`.
-    sums: [f64; 2],
+    /// Sums of `x - first`, `k (x - first)` and `(x - first)^2`.
+    sums: [f64; 3],
     previous: f64,
     repeats: usize,
     /// Line of the first row that repeats the one before.
@@ -117,6 +117,7 @@ impl Channel {
         let deviation = value - self.first;
         self.sums[0] += deviation;
         self.sums[1] += k as f64 * deviation;
+        self.sums[2] += deviation * deviation;
     }
 
     /// Whether there is no number at all.
@@ -132,6 +133,12 @@ impl Channel {
     /// Mean value.
     pub fn mean(&self) -> f64 {
         self.first + self.sums[0] / self.samples as f64
+    }
+
+    /// Mean square about the mean.
+    pub fn variance(&self) -> f64 {
+        let n = self.samples as f64;
+        ((self.sums[2] - self.sums[0] * self.sums[0] / n) / n).max(0.0)
     }
 
     /// Slope per sample of the straight line through the values (least squares).
@@ -182,6 +189,8 @@ mod tests {
     fn mean_and_slope_of_a_line_are_exact() {
         let line = channel((0..1001).map(|k| 1e6 + 0.5 * f64::from(k)));
         assert_eq!((line.mean(), line.slope()), (1e6 + 250.0, 0.5));
+        // (n^2 - 1) / 12 of the squared step.
+        assert!((line.variance() - 0.25 * (1001.0 * 1001.0 - 1.0) / 12.0).abs() < 1e-9);
     }
 
     #[test]

@@ -103,6 +103,10 @@ impl Experiments {
         let estimation = request.estimation.len();
         let mut notes = Vec::new();
         exciting(&surveys[..estimation], &columns, n_u, &mut notes)?;
+        notes.extend(twice(&request.estimation, &request.validation));
+        if request.detrend == Detrend::None {
+            notes.extend(large_means(&surveys[..estimation], &columns));
+        }
         surveys.iter().for_each(|survey| notes.extend(survey.notes(&columns)));
         let (input_offset, output_offset) =
             detrend::operating_point(request.detrend, &surveys[..estimation], n_u);
@@ -121,6 +125,55 @@ impl Experiments {
         };
         Ok((experiments, surveys))
     }
+}
+
+/// Mean relative to the spread of a signal from which on a model about zero is doubtful.
+const LARGE_MEAN: f64 = 3.0;
+
+/// Signals whose mean is large against their spread, over all records of the estimation, in one sentence.
+fn large_means(surveys: &[Survey], columns: &[String]) -> Option<String> {
+    let samples: f64 = surveys.iter().map(|survey| survey.sampling.samples as f64).sum();
+    let large = |&index: &usize| {
+        let over = |of: &dyn Fn(&super::channel::Channel) -> f64| {
+            let part = |survey: &Survey| of(&survey.channels[index]) * survey.sampling.samples as f64;
+            surveys.iter().map(part).sum::<f64>() / samples
+        };
+        let mean = over(&|channel| channel.mean());
+        let variance = over(&|channel| channel.variance() + (channel.mean() - mean).powi(2));
+        mean.abs() > LARGE_MEAN * variance.sqrt()
+    };
+    let names: Vec<String> =
+        (0..columns.len()).filter(large).map(|index| format!("`{}`", columns[index])).collect();
+    let which = if names.len() == 1 { "its spread" } else { "their spread" };
+    (!names.is_empty()).then(|| {
+        format!(
+            "the mean of {} is larger than {LARGE_MEAN} times {which}, and a linear model has its rest at zero: use --detrend mean, so that it works about the mean",
+            names.join(", ")
+        )
+    })
+}
+
+/// Files that are given more than once, a sentence each.
+fn twice(estimation: &[PathBuf], validation: &[PathBuf]) -> Vec<String> {
+    let real = |path: &PathBuf| path.canonicalize().unwrap_or_else(|_| path.clone());
+    let (first, second): (Vec<_>, Vec<_>) =
+        (estimation.iter().map(real).collect(), validation.iter().map(real).collect());
+    let mut notes = Vec::new();
+    for (paths, real, what) in [
+        (estimation, &first, "it counts twice in the estimation"),
+        (validation, &second, "it counts twice in the validation"),
+    ] {
+        let again = paths.iter().enumerate().filter(|(index, _)| real[..*index].contains(&real[*index]));
+        notes.extend(again.map(|(_, path)| format!("{} is given twice: {what}", path.display())));
+    }
+    let judged = validation.iter().zip(&second).filter(|(_, path)| first.contains(path));
+    notes.extend(judged.map(|(path, _)| {
+        format!(
+            "{} is a file of the estimation and of the validation: its fit is no proof; validate with data that were not used",
+            path.display()
+        )
+    }));
+    notes
 }
 
 /// Units on which all files that give one agree.
@@ -193,4 +246,51 @@ fn exciting(
         }
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::*;
+
+    fn write(folder: &Path, name: &str, offset: f64) -> PathBuf {
+        let value = |k: i32| (0.7 * f64::from(k * k)).sin();
+        let rows: String = (0..50)
+            .map(|k| format!("{},{},{}\n", 0.1 * f64::from(k), value(k), value(k + 3) + offset))
+            .collect();
+        let path = folder.join(name);
+        std::fs::write(&path, format!("time,u,y\n{rows}")).unwrap();
+        path
+    }
+
+    fn notes(estimation: &[&PathBuf], validation: &[&PathBuf], detrend: Detrend) -> Vec<String> {
+        let paths = |paths: &[&PathBuf]| paths.iter().map(|path| (*path).clone()).collect();
+        let (inputs, outputs) = (vec!["u".into()], vec!["y".into()]);
+        let (estimation, validation) = (paths(estimation), paths(validation));
+        Experiments::read(&Request { estimation, validation, inputs, outputs, detrend }).unwrap().notes
+    }
+
+    #[test]
+    fn a_mean_that_is_large_against_the_spread_is_told_unless_it_is_taken_away() {
+        let folder = tempfile::tempdir().unwrap();
+        let (low, high) = (write(folder.path(), "low.csv", 1.0), write(folder.path(), "high.csv", 100.0));
+        let found = notes(&[&high], &[], Detrend::None);
+        assert!(found.len() == 1 && found[0].contains("mean of `y` is larger"), "{found:?}");
+        assert!(found[0].contains("--detrend mean"));
+        assert!(notes(&[&high], &[], Detrend::Mean).is_empty());
+        assert!(notes(&[&low], &[], Detrend::None).is_empty());
+        // 1 and 100 in two files are a spread of 50 about 50.
+        assert!(notes(&[&low, &high], &[], Detrend::None).is_empty());
+    }
+
+    #[test]
+    fn a_file_that_is_given_twice_is_told() {
+        let folder = tempfile::tempdir().unwrap();
+        let (a, b) = (write(folder.path(), "a.csv", 0.0), write(folder.path(), "b.csv", 0.5));
+        assert!(notes(&[&a], &[&b], Detrend::None).is_empty());
+        let other_way = folder.path().join(".").join("a.csv");
+        assert!(notes(&[&a, &other_way], &[], Detrend::None)[0].contains("counts twice in the estimation"));
+        assert!(notes(&[&a], &[&a, &b], Detrend::None)[0].contains("no proof"));
+    }
 }

@@ -39,8 +39,8 @@ use super::record::Record;
 
 /// Widest factor: beyond it horizons cost more time than they bring.
 const WIDEST: usize = 200;
-/// Error of a scaled signal that counts as none.
-const EXACT: f64 = 1e-7;
+/// Error relative to the signal that counts as none: rounding of the data and of the numerics.
+pub const EXACT: f64 = 1e-6;
 /// An order is enough if its error on samples kept back is at most this much above that of the best order.
 const ENOUGH: f64 = 1.02;
 

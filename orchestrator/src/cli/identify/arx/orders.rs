@@ -18,14 +18,22 @@ const ON_PAGE: usize = 15;
 /// # Errors
 /// No structure is stable; the reason of the first that cannot be estimated, if none could.
 pub fn chosen(candidates: &[Candidate]) -> Result<Structure, Error> {
-    let usable = recommended(candidates).map(|index| &candidates[index]);
-    match usable.or_else(|| candidates.iter().find(|candidate| candidate.stable.is_some())) {
-        Some(candidate) => Ok(candidate.structure.clone()),
-        None => {
-            let problem = candidates.iter().find_map(|candidate| candidate.problem.clone());
-            Err(arx::Error::NoStructure { problem: problem.unwrap_or_default() }.into())
-        }
+    if let Some(index) = recommended(candidates) {
+        return Ok(candidates[index].structure.clone());
     }
+    let estimated = candidates.iter().filter(|candidate| candidate.stable.is_some()).count();
+    if candidates.iter().any(|candidate| candidate.stable == Some(true)) {
+        // Stable, but without a fit: the judging data do not move, or are too short.
+        return Err(arx::Error::NotJudged.into());
+    }
+    Err(match estimated {
+        0 => {
+            let problem = candidates.iter().find_map(|candidate| candidate.problem.clone());
+            arx::Error::NoStructure { problem: problem.unwrap_or_default() }
+        }
+        _ => arx::Error::NoneStable { estimated },
+    }
+    .into())
 }
 
 /// Adds the search to the results: `orders.csv`, a table on the page, the sentence of the verdict.
@@ -121,4 +129,33 @@ fn csv(candidates: &[Candidate], outputs: &[String]) -> String {
         ));
     }
     lines.join("\n") + "\n"
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn candidate(stable: Option<bool>) -> Candidate {
+        Candidate {
+            structure: Structure::uniform((1, 1), 1, 1, 0),
+            parameters: 2,
+            stable,
+            fit: None,
+            fits: vec![None],
+            aicc: None,
+            bic: None,
+            mdl: None,
+            problem: stable.is_none().then(|| "too few".into()),
+        }
+    }
+
+    #[test]
+    fn without_a_fit_the_reason_is_told_with_a_remedy() {
+        let message = |stable: [Option<bool>; 2]| chosen(&stable.map(candidate)).unwrap_err().to_string();
+        let unstable = message([Some(false), Some(false)]);
+        assert!(unstable.contains("none of the 2 structures"), "{unstable}");
+        assert!(unstable.contains("--detrend mean"), "{unstable}");
+        assert!(message([None, None]).ends_with("too few"));
+        assert!(message([Some(true), None]).contains("judging data"));
+    }
 }
