@@ -98,6 +98,8 @@ struct Enough {
 /// # Errors
 /// What keeps it from a comparison, or its results from being written.
 pub fn run(args: &Args) -> Result<ExitCode, Error> {
+    let names = ["compare.csv", "index.html", "summary.json"].map(str::to_owned);
+    folder::check(&args.data.output, &args.data.inputs_read(), &names)?;
     let mut data = args.data.read()?;
     let mut warnings = data.notes.clone();
     if data.validation.is_empty() {
@@ -156,10 +158,11 @@ fn write(
     warnings: &[String],
 ) -> Result<(), Error> {
     let folder = &args.output;
-    folder::make(folder)?;
-    folder::clear(folder)?;
     let figures = if args.no_plots { Vec::new() } else { figures(entries) };
     let names = plot::run::unique_files(figures.iter().map(|(name, _)| name.as_str()));
+    folder::check(folder, &[], &names)?;
+    folder::make(folder)?;
+    folder::clear(folder)?;
     let order = |family| compare::enough(entries, family).map(|entry| entry.order);
     let summary = Summary {
         schema_version: SCHEMA_VERSION,

@@ -10,6 +10,7 @@ use std::path::PathBuf;
 use clap::{Args, ValueEnum};
 
 use crate::Error;
+use crate::cli::folder;
 use crate::ident::record;
 use crate::ident::record::set::Request;
 use crate::ident::record::{Detrend, Experiments, Record};
@@ -84,6 +85,24 @@ impl DataArgs {
         (self.inputs.len(), self.outputs.len())
     }
 
+    /// Refuses a folder of results in which files of the user would be replaced, as far as the names of the results are
+    /// known before the work: tables of the records, and `more`.
+    ///
+    /// # Errors
+    /// [`Error::OutputFolder`].
+    pub fn check_output(&self, more: &[String]) -> Result<(), Error> {
+        let sets = [("estimation", self.files.len()), ("validation", self.validate.len())];
+        let mut names: Vec<String> = sets.into_iter().flat_map(|(set, count)| tables(set, count)).collect();
+        names.extend(["model.toml", "index.html", "summary.json"].map(str::to_owned));
+        names.extend_from_slice(more);
+        folder::check(&self.output, &self.inputs_read(), &names)
+    }
+
+    /// All files that are read.
+    pub fn inputs_read(&self) -> Vec<PathBuf> {
+        self.files.iter().chain(&self.validate).cloned().collect()
+    }
+
     /// Reads and checks all files.
     ///
     /// # Errors
@@ -104,6 +123,14 @@ impl DataArgs {
         }
         let (data, estimation, validation) = Experiments::stream(&self.request())?;
         Ok(Loaded { data, files: Some((estimation, validation)) })
+    }
+}
+
+/// Names of the tables of a set of records: `estimation.csv`, or `estimation_1.csv` and so on.
+pub fn tables(set: &str, count: usize) -> Vec<String> {
+    match count {
+        1 => vec![format!("{set}.csv")],
+        _ => (1..=count).map(|index| format!("{set}_{index}.csv")).collect(),
     }
 }
 

@@ -22,6 +22,18 @@ pub struct Wanted {
     name: String,
 }
 
+/// Refuses a name that is more than the name of a file and of a model.
+///
+/// # Errors
+/// [`Error::LinearFmu`].
+pub fn check_name(name: &str) -> Result<(), Error> {
+    if !name.is_empty() && name.chars().all(|c| c.is_alphanumeric() || "-_".contains(c)) {
+        return Ok(());
+    }
+    let problem = "the name may have letters, digits, - and _ only".to_owned();
+    Err(Error::LinearFmu { name: name.to_owned(), problem })
+}
+
 impl Wanted {
     /// Checks before any work is done that an FMU of `n_u` inputs and `n_y` outputs can be written.
     ///
@@ -29,11 +41,8 @@ impl Wanted {
     /// [`Error::LinearFmu`] for a name or a size that does not do, [`Error::Template`] if the FMU to derive from is not
     /// found.
     pub fn new(name: &str, (n_u, n_y): (usize, usize)) -> Result<Wanted, Error> {
+        check_name(name)?;
         let refused = |problem: String| Error::LinearFmu { name: name.to_owned(), problem };
-        let plain = !name.is_empty() && name.chars().all(|c| c.is_alphanumeric() || "-_".contains(c));
-        if !plain {
-            return Err(refused("the name may have letters, digits, - and _ only".into()));
-        }
         if n_u > MOST.1 || n_y > MOST.2 {
             return Err(refused(format!(
                 "there are {n_u} inputs and {n_y} outputs, and FMUs of linear models have {} and {} at most; leave some out",
@@ -46,6 +55,26 @@ impl Wanted {
     /// File name in the folder of the results.
     pub fn file(&self) -> String {
         format!("{}.fmu", self.name)
+    }
+
+    /// Checks that a model of `states` states whose inputs act `delays` samples later fits.
+    ///
+    /// # Errors
+    /// [`Error::LinearFmu`] for too many states or a delay that is too long.
+    pub fn check(&self, states: usize, delays: &[usize]) -> Result<(), Error> {
+        let refused = |problem: String| Err(Error::LinearFmu { name: self.name.clone(), problem });
+        if let Some(delay) = delays.iter().find(|delay| **delay > LONGEST_DELAY) {
+            return refused(format!(
+                "a delay of {delay} samples is more than {LONGEST_DELAY}; leave --fmu away"
+            ));
+        }
+        if states > MOST.0 {
+            return refused(format!(
+                "the model has {states} states, and FMUs of linear models {} at most; lower the order",
+                MOST.0
+            ));
+        }
+        Ok(())
     }
 
     /// Writes the FMU into `folder`. Its inputs `u[i]` and outputs `y[i]` are those of the model in their order; it
@@ -68,19 +97,7 @@ impl Wanted {
         description: &str,
         folder: &Path,
     ) -> Result<(), Error> {
-        if let Some(delay) = delays.iter().find(|delay| **delay > LONGEST_DELAY) {
-            let problem =
-                format!("a delay of {delay} samples is more than {LONGEST_DELAY}; leave --fmu away");
-            return Err(Error::LinearFmu { name: self.name.clone(), problem });
-        }
-        if model.order() > MOST.0 {
-            let problem = format!(
-                "the model has {} states, and FMUs of linear models {} at most; lower the order",
-                model.order(),
-                MOST.0
-            );
-            return Err(Error::LinearFmu { name: self.name.clone(), problem });
-        }
+        self.check(model.order(), delays)?;
         let derivation = Derivation {
             name: self.name.clone(),
             description: description.to_owned(),

@@ -60,14 +60,18 @@ impl Results {
     /// # Errors
     /// What cannot be made, removed or written.
     pub fn write(mut self, folder: &Path) -> Result<Summary, Error> {
-        folder::make(folder)?;
-        folder::clear(folder)?;
         let named = self.figures.iter().map(|(name, _)| name.as_str());
         self.summary.figures = plot::run::unique_files(named);
         let tables = self.series.iter().map(|(name, _)| name.clone());
         let tables = tables.chain(self.ready.iter().map(|(name, _)| name.clone()));
         let texts = self.texts.iter().map(|(name, _)| name.clone());
         self.summary.files.splice(0..0, ["model.toml".to_owned()].into_iter().chain(tables).chain(texts));
+        let all = [&self.summary.figures, &self.summary.files].into_iter().flatten().cloned();
+        let all: Vec<String> = all.chain(["index.html", "summary.json"].map(str::to_owned)).collect();
+        // Names of figures are known only now.
+        folder::check(folder, &[], &all)?;
+        folder::make(folder)?;
+        folder::clear(folder)?;
         let write = |name: &str, text: &str| write_text(&folder.join(name), text);
         // First the summary: it lists what a later run has to remove.
         let path = folder.join("summary.json");

@@ -16,7 +16,7 @@ use super::linear_fmu::Wanted;
 use super::output::Results;
 use super::report;
 use crate::Error;
-use crate::cli::{folder, output};
+use crate::cli::output;
 use crate::ident::diagnostics::verdict::{self, Verdict};
 use crate::ident::diagnostics::{self, Diagnostics, Kind, diagnose, response};
 use crate::ident::model::{Linear, Model, NamedModel};
@@ -164,12 +164,10 @@ impl MethodArgs {
 /// # Errors
 /// What keeps it from a model, or its results from being written.
 pub fn run(args: &Args) -> Result<ExitCode, Error> {
+    let fmu = args.fmu.as_ref().map(|name| Wanted::new(name, args.data.channels())).transpose()?;
+    let files: Vec<String> = fmu.iter().map(Wanted::file).collect();
+    args.data.check_output(&files)?;
     let data = args.data.read()?;
-    let fmu = args
-        .fmu
-        .as_ref()
-        .map(|name| Wanted::new(name, (data.inputs.len(), data.outputs.len())))
-        .transpose()?;
     let order = match args.order {
         OrderChoice::Auto => Order::UpTo(args.max_order.into()),
         OrderChoice::Fixed(order) => Order::Fixed(order),
@@ -179,14 +177,17 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
     let refined = subspace::refine(&data.estimation, &estimate, &options, args.method.refinement())?;
     let mut results = results(&estimate, &refined, &data, !args.data.no_plots);
     if let Some(fmu) = &fmu {
-        folder::make(&args.data.output)?;
-        folder::clear(&args.data.output)?;
-        fmu.write(&refined.model, &report::headline(&results.summary), &args.data.output)?;
-        results.summary.files.push(fmu.file());
+        fmu.check(refined.model.order(), &[])?;
     }
+    results.summary.files.extend(files);
     let summary = results.write(&args.data.output)?;
+    let mut text = report::report(&summary, &args.data.output);
+    if let Some(fmu) = &fmu {
+        fmu.write(&refined.model, &report::headline(&summary), &args.data.output)?;
+        text += &format!("FMU:     {}\n", args.data.output.join(fmu.file()).display());
+    }
     if !args.data.quiet {
-        output::print(&report::report(&summary, &args.data.output))?;
+        output::print(&text)?;
     }
     Ok(ExitCode::SUCCESS)
 }

@@ -99,6 +99,8 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
     let ranges = ranges(args, channels)?;
     let given = if ranges.is_none() { Some(structure(args, channels)?) } else { None };
     let fmu = args.fmu.as_ref().map(|name| Wanted::new(name, channels)).transpose()?;
+    let files: Vec<String> = fmu.iter().map(Wanted::file).collect();
+    args.data.check_output(&files)?;
     let mut loaded = args.data.load(args.stream)?;
     let names = Names { inputs: &args.data.inputs, outputs: &args.data.outputs };
     let mut warnings = Vec::new();

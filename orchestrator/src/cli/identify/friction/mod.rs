@@ -149,6 +149,7 @@ pub enum PredictChoice {
 /// A file, column or setting that cannot be used, or a result that cannot be written.
 pub fn run(args: &Args) -> Result<ExitCode, Error> {
     let settings = settings(args)?;
+    results::check(args)?;
     let report = identify(&read(&args.files, args)?, &read(&args.validate, args)?, &settings)?;
     let text = results::write(&report, args)?;
     if !args.quiet {

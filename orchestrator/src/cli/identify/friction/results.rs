@@ -8,6 +8,8 @@ use serde::Serialize;
 use super::Args;
 use crate::Error;
 use crate::cli::folder;
+use crate::cli::identify::data;
+use crate::cli::identify::linear_fmu::check_name;
 use crate::cli::identify::report::text_table;
 use crate::fmu::derive::{Derivation, Value, derive};
 use crate::fmu::template_folder;
@@ -33,6 +35,24 @@ struct Summary<'a> {
     report: &'a Report,
     figures: Vec<String>,
     files: Vec<String>,
+}
+
+/// Refuses a name of the FMU, and a folder in which files of the user would be replaced.
+///
+/// # Errors
+/// [`Error::LinearFmu`], [`Error::OutputFolder`].
+pub fn check(args: &Args) -> Result<(), Error> {
+    args.fmu.as_ref().map_or(Ok(()), |name| check_name(name))?;
+    let sets = [("estimation", args.files.len()), ("validation", args.validate.len())];
+    let mut names: Vec<String> = sets.into_iter().flat_map(|(set, count)| data::tables(set, count)).collect();
+    names.extend(args.fmu.as_ref().map(|name| format!("{name}.fmu")));
+    let figures = ["friction", "residual"].into_iter().flat_map(|kind| {
+        sets.into_iter().filter(|(_, count)| *count > 0).map(move |(set, _)| format!("{kind}_{set}.svg"))
+    });
+    names.extend(figures.filter(|_| !args.no_plots));
+    names.extend(["friction.toml", "index.html", "summary.json"].map(str::to_owned));
+    let inputs: Vec<_> = args.files.iter().chain(&args.validate).cloned().collect();
+    folder::check(&args.output, &inputs, &names)
 }
 
 /// Writes everything into the folder; what is printed about it.
