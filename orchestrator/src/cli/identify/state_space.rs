@@ -286,7 +286,7 @@ fn order_sentence(orders: &[subspace::OrderError], order: usize) -> String {
 
 /// A share in per cent; one at rounding level is not given digits that it does not have.
 fn share(value: f64) -> String {
-    if value < subspace::EXACT { "0 %, but for rounding,".into() } else { format!("{:.2} %", 100.0 * value) }
+    if value < subspace::EXACT { "0 % (to rounding)".into() } else { format!("{:.2} %", 100.0 * value) }
 }
 
 /// Residual tests, poles, zeros and responses; with bands if the refinement gave a covariance.
