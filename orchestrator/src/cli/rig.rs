@@ -5,6 +5,7 @@
     reason = "these texts are the help of the program, brackets are units"
 )]
 
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
@@ -119,6 +120,9 @@ fn record(args: &RecordArgs) -> Result<ExitCode, Error> {
     let (source, kind, recordings) = recordings(args)?;
     let sensors = sensors(args);
     sensor::check(&recordings, &sensors)?;
+    let names: Vec<String> = recordings.iter().map(|recording| recording.name.clone()).collect();
+    let names = [names, vec!["case.toml".to_owned()]].concat();
+    folder::check_against(&args.output, std::slice::from_ref(&source), &names, &earlier(&args.output))?;
     folder::make(&args.output)?;
     let mut text = String::new();
     for recording in &recordings {
@@ -140,6 +144,18 @@ fn record(args: &RecordArgs) -> Result<ExitCode, Error> {
         output::print(&format!("{text}{}\n", path.display()))?;
     }
     Ok(ExitCode::SUCCESS)
+}
+
+/// Files of an earlier record of a virtual rig in the folder.
+fn earlier(folder: &Path) -> BTreeSet<String> {
+    let text = std::fs::read_to_string(folder.join("case.toml")).unwrap_or_default();
+    let case: toml::Table = toml::from_str(&text).unwrap_or_default();
+    if !case.contains_key("virtual_rig") {
+        return BTreeSet::new();
+    }
+    let files = case.get("files").and_then(toml::Value::as_array).into_iter().flatten();
+    let named = files.filter_map(|file| file.get("name").and_then(toml::Value::as_str));
+    named.chain(["case.toml"]).map(str::to_owned).collect()
 }
 
 /// File that was simulated, kind of case, records without noise.
