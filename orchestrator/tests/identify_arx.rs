@@ -347,3 +347,49 @@ fn an_earlier_result_leaves_no_file_behind() {
     files.sort();
     assert_eq!(files, ["estimation.csv", "index.html", "model.toml", "notes.txt", "summary.json"]);
 }
+
+#[test]
+fn files_of_the_user_are_not_replaced() {
+    let folder = tempfile::tempdir().unwrap();
+    for (name, seed) in [("estimation_1.csv", 1), ("b.csv", 2), ("validation.csv", 3), ("a.csv", 4)] {
+        record(&folder, name, 400, 0.1, seed);
+    }
+    let bytes = |name: &str| std::fs::read(folder.path().join(name)).unwrap();
+    let before = bytes("estimation_1.csv");
+    let refused = |words: &[&str], file: &str| {
+        let output = identify(&folder, words);
+        let message = text(&output.stderr);
+        assert_eq!(output.status.code(), Some(1), "{message}");
+        assert!(message.contains(&format!("`{file}`")) && message.contains("another folder"), "{message}");
+        assert!(!folder.path().join("model.toml").exists());
+    };
+    refused(&["estimation_1.csv", "b.csv", "-o", "."], "estimation_1.csv");
+    refused(&["a.csv", "--validate", "b.csv", "-o", "."], "validation.csv");
+    assert_eq!(bytes("estimation_1.csv"), before);
+    // An earlier result is replaced, unless it is read.
+    for _ in 0..2 {
+        assert_eq!(identify(&folder, &["a.csv", "-o", "out"]).status.code(), Some(0));
+    }
+    refused(&["out/estimation.csv", "b.csv", "-o", "out"], "estimation.csv");
+    // A figure whose name is not that of an earlier result.
+    std::fs::remove_file(folder.path().join("validation.csv")).unwrap();
+    write(&folder, "step_responses.svg", "mine");
+    refused(&["a.csv", "-o", "."], "step_responses.svg");
+    assert_eq!(bytes("step_responses.svg"), b"mine");
+}
+
+#[test]
+fn a_model_too_large_for_an_fmu_leaves_no_result() {
+    let folder = tempfile::tempdir().unwrap();
+    record(&folder, "a.csv", 2000, 0.5, 1);
+    let output = identify(&folder, &["a.csv", "--na", "9", "--nb", "9", "--fmu", "large", "-o", "out"]);
+    let message = text(&output.stderr);
+    assert_eq!(output.status.code(), Some(1), "{message}");
+    if message.contains("18 states") {
+        assert!(message.contains("12 at most"), "{message}");
+    } else {
+        // Without the FMUs there is nothing to derive from.
+        assert!(message.contains("linear-state-space"), "{message}");
+    }
+    assert!(!folder.path().join("out").exists());
+}

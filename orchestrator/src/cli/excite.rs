@@ -158,6 +158,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
         (Some(supply), Some((s1, s2))) => Some(supply::force_limits(*s1, *s2, *supply)?),
         _ => common.limit,
     };
+    check_files(common)?;
     let mut pieces = Vec::new();
     for (index, &amplitude) in common.amplitude.iter().enumerate() {
         let settings = Settings {
@@ -188,6 +189,29 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
         output::print(&text)?;
     }
     Ok(ExitCode::SUCCESS)
+}
+
+/// Refuses two amplitudes for one file, and a file that is there and is no command of this column.
+fn check_files(common: &Common) -> Result<(), Error> {
+    let one = common.join || common.amplitude.len() == 1;
+    for (index, &amplitude) in common.amplitude.iter().enumerate() {
+        if !one && common.amplitude[..index].contains(&amplitude) {
+            return Err(crate::excite::Error::Repeated { amplitude }.into());
+        }
+        let path = if one { common.output.clone() } else { numbered(&common.output, amplitude) };
+        let Ok(found) = csv::read(&path) else {
+            if path.is_dir() || path.metadata().is_ok_and(|file| file.is_file() && file.len() > 0) {
+                return Err(crate::excite::Error::File { path }.into());
+            }
+            continue;
+        };
+        let name = common.column.split(" [").next().unwrap_or_default();
+        let command = matches!(found.channels(), [channel] if channel.name == name);
+        if !command {
+            return Err(crate::excite::Error::File { path }.into());
+        }
+    }
+    Ok(())
 }
 
 /// Writes one file; what is printed about it.

@@ -49,6 +49,11 @@ pub struct Args {
 /// # Errors
 /// A case that cannot be read or searched, a report that cannot be written.
 pub fn run(args: &Args) -> Result<ExitCode, Error> {
+    let names = ["report.json", "report.md", "report.html"].map(str::to_owned);
+    let earlier = std::fs::read(args.output.join("report.json")).unwrap_or_default();
+    let earlier: serde_json::Value = serde_json::from_slice(&earlier).unwrap_or_default();
+    let ours = if earlier["score_kind"].is_string() { &names[..] } else { &[] };
+    folder::check_against(&args.output, &[], &names, &ours.iter().cloned().collect())?;
     let case = Case::read(&args.case)?;
     let rig = open(&case)?;
     folder::make(&args.output)?;

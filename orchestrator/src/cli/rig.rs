@@ -5,6 +5,7 @@
     reason = "these texts are the help of the program, brackets are units"
 )]
 
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
@@ -67,17 +68,20 @@ pub struct RecordArgs {
     #[arg(long, value_name = "SIGNAL=STEP", value_parser = parse_number)]
     pub quantise: Vec<(String, f64)>,
     /// Mass that the load cell moves with the cart in friction-sweep [kg].
-    #[arg(long, value_name = "KG", default_value_t = 0.399)]
-    pub mass: f64,
+    /// Default: 0.399.
+    #[arg(long, value_name = "KG")]
+    pub mass: Option<f64>,
     /// Start value that varies from trial to trial within plus and minus this spread (coupled). May be repeated.
     #[arg(long, value_name = "NAME=SPREAD", value_parser = parse_number)]
     pub vary: Vec<(String, f64)>,
     /// Middle of the command (coupled).
-    #[arg(long, value_name = "NUMBER", default_value_t = 0.0, allow_hyphen_values = true)]
-    pub offset: f64,
+    /// Default: 0.
+    #[arg(long, value_name = "NUMBER", allow_hyphen_values = true)]
+    pub offset: Option<f64>,
     /// Command per metre that pulls x back to the middle (coupled).
-    #[arg(long, value_name = "NUMBER", default_value_t = 60.0)]
-    pub centring: f64,
+    /// Default: 60.
+    #[arg(long, value_name = "NUMBER")]
+    pub centring: Option<f64>,
     /// Seed of commands and noise.
     #[arg(long, default_value_t = 1)]
     pub seed: u64,
@@ -116,9 +120,13 @@ pub fn run(command: &Command) -> Result<ExitCode, Error> {
 }
 
 fn record(args: &RecordArgs) -> Result<ExitCode, Error> {
+    check_options(args)?;
     let (source, kind, recordings) = recordings(args)?;
     let sensors = sensors(args);
     sensor::check(&recordings, &sensors)?;
+    let names: Vec<String> = recordings.iter().map(|recording| recording.name.clone()).collect();
+    let names = [names, vec!["case.toml".to_owned()]].concat();
+    folder::check_against(&args.output, std::slice::from_ref(&source), &names, &earlier(&args.output))?;
     folder::make(&args.output)?;
     let mut text = String::new();
     for recording in &recordings {
@@ -140,6 +148,36 @@ fn record(args: &RecordArgs) -> Result<ExitCode, Error> {
         output::print(&format!("{text}{}\n", path.display()))?;
     }
     Ok(ExitCode::SUCCESS)
+}
+
+/// Refuses options that the plan does not use.
+fn check_options(args: &RecordArgs) -> Result<(), Error> {
+    let coupled = args.plan == PlanChoice::Coupled;
+    let cart = args.plan == PlanChoice::FrictionSweep && args.system.is_none() && args.set.is_empty();
+    let several = args.amplitude.as_ref().is_some_and(|all| all.len() > 1);
+    let unused = [
+        ("--mass", args.mass.is_some() && !cart, "friction-sweep without --system and --set"),
+        ("--vary", !args.vary.is_empty() && !coupled, "coupled"),
+        ("--offset", args.offset.is_some() && !coupled, "coupled"),
+        ("--centring", args.centring.is_some() && !coupled, "coupled"),
+        ("--amplitude with several values", several && coupled, "rod-fixed or friction-sweep"),
+    ];
+    match unused.into_iter().find(|(_, unused, _)| *unused) {
+        Some((option, _, plan)) => Err(crate::rig::Error::Unused { option, plan }.into()),
+        None => Ok(()),
+    }
+}
+
+/// Files of an earlier record of a virtual rig in the folder.
+fn earlier(folder: &Path) -> BTreeSet<String> {
+    let text = std::fs::read_to_string(folder.join("case.toml")).unwrap_or_default();
+    let case: toml::Table = toml::from_str(&text).unwrap_or_default();
+    if !case.contains_key("virtual_rig") {
+        return BTreeSet::new();
+    }
+    let files = case.get("files").and_then(toml::Value::as_array).into_iter().flatten();
+    let named = files.filter_map(|file| file.get("name").and_then(toml::Value::as_str));
+    named.chain(["case.toml"]).map(str::to_owned).collect()
 }
 
 /// File that was simulated, kind of case, records without noise.
@@ -174,7 +212,11 @@ fn recordings(args: &RecordArgs) -> Result<(PathBuf, &'static str, Vec<Recording
                 sweep::record(&file, &part("piston", "sweep_piston", args.set.clone(), 0.0), &plan)?;
             if args.system.is_none() && args.set.is_empty() {
                 let cart = CART.iter().map(|(name, value)| ((*name).into(), (*value).into())).collect();
-                recordings.extend(sweep::record(&file, &part("cart", "sweep_cart", cart, args.mass), &plan)?);
+                recordings.extend(sweep::record(
+                    &file,
+                    &part("cart", "sweep_cart", cart, args.mass.unwrap_or(0.399)),
+                    &plan,
+                )?);
             }
             Ok((file, "friction", recordings))
         }
@@ -183,8 +225,8 @@ fn recordings(args: &RecordArgs) -> Result<(PathBuf, &'static str, Vec<Recording
                 sample_time: args.step,
                 seed: args.seed,
                 vary: args.vary.clone(),
-                offset: args.offset,
-                centring: args.centring,
+                offset: args.offset.unwrap_or(0.0),
+                centring: args.centring.unwrap_or(60.0),
                 ..Default::default()
             };
             plan.amplitude =

@@ -21,13 +21,21 @@ pub type Band = Range<f64>;
 #[allow(missing_docs, reason = "setting, value and what is allowed, as named in each message")]
 pub enum Error {
     /// A setting out of range.
-    #[error("{what} is {value} {unit}, but {allowed}")]
+    #[error("{what} is {value}{}{unit}, but {allowed}", if unit.is_empty() { "" } else { " " })]
     Setting { what: &'static str, value: f64, unit: &'static str, allowed: String },
     /// The command leaves what the supply can give.
     #[error(
         "the command runs from {lowest:.4} to {highest:.4}, but the limits are {lower:.4} to {upper:.4}; lower the amplitude to at most {largest:.4} or change the offset"
     )]
     Limit { lowest: f64, highest: f64, lower: f64, upper: f64, largest: f64 },
+    /// Two signals for one file.
+    #[error(
+        "the amplitude {amplitude} is given twice, and both would be the same file; give each once, or --join for one after another in one file"
+    )]
+    Repeated { amplitude: f64 },
+    /// A file that is no command.
+    #[error("{}: this file is there and is no command with the same column; choose another name", path.display())]
+    File { path: std::path::PathBuf },
 }
 
 /// Shape of a command without its amplitude: its largest value is at most 1.
@@ -171,6 +179,12 @@ impl Signal {
                 check("the longest hold time", hold.end, "s", hold.end >= hold.start, || {
                     format!("it must not be below the shortest, {} s", hold.start)
                 })?;
+                check("the hold time", hold.start, "s", count(hold.start, ts) < n, || {
+                    format!(
+                        "the signal lasts {} s and would be constant; hold levels for a fraction of it",
+                        settings.duration
+                    )
+                })?;
                 stairs::samples(hold, n, ts, seed)
             }
             Signal::Multisine { band, period } => {
@@ -268,6 +282,12 @@ mod tests {
         let chirp = Signal::Chirp { band: 0.1..600.0, sweep: chirp::Sweep::Linear };
         let message = chirp.samples(&Settings::default()).unwrap_err().to_string();
         assert!(message.contains("600 Hz") && message.contains("500 Hz"), "{message}");
+        let none = Settings { amplitude: 0.0, ..Settings::default() };
+        let message = chirp.samples(&none).unwrap_err().to_string();
+        assert!(message.starts_with("the amplitude is 0, but"), "{message}");
+        let message =
+            Signal::Stairs { hold: 30.0..30.0 }.samples(&Settings::default()).unwrap_err().to_string();
+        assert!(message.contains("30 s") && message.contains("constant"), "{message}");
         for settings in [
             Settings { duration: -1.0, ..Settings::default() },
             Settings { sample_time: 0.0, ..Settings::default() },

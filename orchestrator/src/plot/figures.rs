@@ -54,8 +54,8 @@ pub struct Comparison<'a> {
 /// Measured and simulated signal over each other, and their difference in a panel below on a scale of its own.
 pub fn comparison(figure: &Comparison) -> String {
     let (upper, lower, gap) = (300.0, 110.0, 18.0);
-    let entries =
-        [("measured", "measured"), ("simulated", "simulated"), ("residual", "measured \u{2212} simulated")];
+    let left = format!("measured \u{2212} {}", figure.simulated.name);
+    let entries = [("measured", "measured"), ("simulated", figure.simulated.name), ("residual", &left)];
     let heading = note_start(figure.name) + LETTER * figure.note.chars().count() as f64;
     let crowded = heading + legend_width(&entries) > WIDTH - RIGHT;
     let top = if crowded { TOP + ROW } else { TOP };
@@ -76,7 +76,7 @@ pub fn comparison(figure: &Comparison) -> String {
     figure.residual.draw(&mut svg, &x, &y, "residual");
     title(&mut svg, figure.name, figure.note);
     legend(&mut svg, &entries, if crowded { 24.0 + ROW } else { 24.0 });
-    svg.finish(&format!("{}: measured and simulated over time", figure.name))
+    svg.finish(&format!("{}: measured and {} over time", figure.name, figure.simulated.name))
 }
 
 /// Several signals of one unit over time; one alone is named by the title, several by the legend.

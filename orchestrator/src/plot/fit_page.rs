@@ -102,7 +102,7 @@ pub fn comparisons(
             unit: measured.unit.as_deref().unwrap_or(""),
             note: &note,
             measured: curve(values, "measured"),
-            simulated: curve(other, "simulated"),
+            simulated: curve(other, what),
             residual: curve(&residual, "residual"),
         });
         figures.push((format!("{name}_{output}"), svg));

@@ -52,7 +52,7 @@ fn pixels(points: &[(f64, f64)], x: &Axis, y: &Axis) -> Vec<(f64, f64)> {
 
 fn title(svg: &mut Svg, name: &str, note: &str) {
     svg.text((LEFT, 24.0), Anchor::Start, "title", name);
-    svg.text((LEFT + 14.0 + 9.0 * name.chars().count() as f64, 24.0), Anchor::Start, "note", note);
+    svg.text((LEFT + 18.0 + 10.5 * name.chars().count() as f64, 24.0), Anchor::Start, "note", note);
 }
 
 fn frame(svg: &mut Svg, x: &Axis, y: &Axis, label: &str) {

@@ -68,6 +68,9 @@ pub enum Error {
         "the sweep of {amplitude} m/s from {from} Hz on moves {travel:.3} m to and fro, but the stroke is {stroke} m; raise the lowest frequency or lower the amplitude"
     )]
     Stroke { amplitude: f64, from: f64, travel: f64, stroke: f64 },
+    /// An option of another experiment.
+    #[error("{option} is only for --plan {plan}; leave it away")]
+    Unused { option: &'static str, plan: &'static str },
     /// A sensor for nothing.
     #[error("no signal `{name}` is recorded; there are {there}")]
     Sensor { name: String, there: String },

@@ -11,6 +11,19 @@ use nalgebra::DMatrix;
 
 /// Limits of `arx-actuator`: na, nb, nk, n_y.
 const ARX_LIMITS: (usize, usize, usize, usize) = (4, 5, 64, 2);
+
+/// Checks that the model fits into one of the FMUs.
+///
+/// # Errors
+/// As for [`write`], where the model is too large.
+pub fn check(wanted: &Wanted, arx: &Arx) -> Result<(), Error> {
+    if actuator(arx).is_some() {
+        return Ok(());
+    }
+    let (short, delays) = without_delays(arx);
+    wanted.check(short.to_state_space().order(), &delays)
+}
+
 /// Writes the model into `folder`. With one input and at most two outputs about zero it becomes an `arx-actuator`,
 /// else a `linear-state-space`. Both start at rest: commands and outputs at the operating point.
 ///

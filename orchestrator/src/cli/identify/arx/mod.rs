@@ -111,6 +111,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
     };
     let estimated = estimate::estimate(args, &loaded, &structure, names)?;
     let model = estimated.model.clone();
+    fmu.as_ref().map_or(Ok(()), |wanted| fmu::check(wanted, &model))?;
     if candidates.is_some() && loaded.validation().is_empty() {
         warnings.push(
             "no validation files: the orders were judged on the last third of every file, the model is estimated from all of it; its estimation fits are no proof, give --validate".to_owned(),
