@@ -8,7 +8,7 @@
 //!  5  plot        report
 //!  4  discrepancy refine      rig
 //!  3  master
-//!  2  system      ident
+//!  2  system      ident       transcription
 //!  1  fmu         results     optim       excite
 //!  0  series      linalg      units       xml
 //! ```
@@ -31,6 +31,7 @@ pub mod results;
 pub mod rig;
 pub mod series;
 pub mod system;
+pub mod transcription;
 pub mod units;
 mod xml;
 
