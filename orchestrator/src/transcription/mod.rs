@@ -24,6 +24,8 @@ mod probe;
 pub mod problem;
 pub mod program;
 mod scheme;
+pub mod trajectory;
+mod vector;
 
 pub use dynamics::{Dynamics, Entry, Point, Size, Structure};
 pub use error::Error;
@@ -34,6 +36,7 @@ pub use problem::{
     Cost, Duration, Limit, Path, Phase, Place, Problem, Quantity, RateLimit, Shooting, Variable,
 };
 pub use program::{Discretisation, Program};
+pub use trajectory::{Interpolation, PhaseTrajectory, Trajectory};
 
 /// How an interval of a mesh is made discrete.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
