@@ -4,8 +4,10 @@
 //! transcription and the solver, and roll the command out. Files of results, figures and words are left to the layers
 //! above.
 
+pub mod catalogue;
 mod error;
 pub mod file;
 mod names;
+pub mod task;
 
 pub use error::Error;

@@ -56,7 +56,8 @@ mod tests {
 
     #[test]
     fn distances_are_those_of_levenshtein() {
-        for (a, b, expected) in [("kitten", "sitting", 3), ("", "ab", 2), ("Omega", "omega", 0), ("abc", "acb", 2)]
+        for (a, b, expected) in
+            [("kitten", "sitting", 3), ("", "ab", 2), ("Omega", "omega", 0), ("abc", "acb", 2)]
         {
             assert_eq!(distance(a, b), expected, "{a} {b}");
         }

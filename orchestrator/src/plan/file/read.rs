@@ -225,12 +225,8 @@ impl Default for Verification {
 
 fn verification(value: Value) -> Result<Verification, Error> {
     let table = value.table("[verification]")?;
-    let masters = [
-        Algorithm::Monolithic,
-        Algorithm::GaussSeidel,
-        Algorithm::Jacobi,
-        Algorithm::InterfaceJacobian,
-    ];
+    let masters =
+        [Algorithm::Monolithic, Algorithm::GaussSeidel, Algorithm::Jacobi, Algorithm::InterfaceJacobian];
     let names = masters.map(|master| master.to_string());
     let masters: Vec<(&str, Algorithm)> = names.iter().map(String::as_str).zip(masters).collect();
     let default = Verification::default();

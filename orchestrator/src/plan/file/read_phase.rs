@@ -81,7 +81,8 @@ fn bounds(value: Value) -> Result<Vec<Bound>, Error> {
 }
 
 fn bound(table: &Table, terms: Vec<(Text, f64)>, place: Place) -> Result<Bound, Error> {
-    let places = [("nodes", Where::Nodes), ("midpoints", Where::Midpoints), ("everywhere", Where::Everywhere)];
+    let places =
+        [("nodes", Where::Nodes), ("midpoints", Where::Midpoints), ("everywhere", Where::Everywhere)];
     let bound = Bound {
         name: table.maybe("name", |value| value.text())?.map(|text| text.text),
         terms,
