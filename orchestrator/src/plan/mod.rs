@@ -8,6 +8,7 @@ pub mod catalogue;
 mod error;
 pub mod file;
 mod names;
+pub mod record;
 pub mod task;
 
 pub use error::Error;
