@@ -2,6 +2,7 @@
 
 use crate::arx_actuator::{self, ArxActuator, FirstOrder};
 use crate::cart_pole::CartPole;
+use crate::compass_gait::CompassGait;
 use crate::friction::{self, Friction};
 use crate::linear_state_space::LinearStateSpace;
 use crate::pneumatic_cylinder::PneumaticCylinder;
@@ -67,6 +68,7 @@ pub fn all() -> Vec<Entry> {
             true,
             include_str!("../../pneumatic-cylinder/README.md"),
         ),
+        entry::<CompassGait>("fmu-compass-gait", true, include_str!("../../compass-gait/README.md")),
         entry::<Copy>("fmu-test-copy", false, include_str!("../../test-copy/README.md")),
         entry::<BouncingBall>(
             "fmu-test-bouncing-ball",

@@ -120,6 +120,15 @@ fn drawing(model_name: &str) -> Vec<(Shape, Colour)> {
             rectangle((10.0, 10.0), (34.0, 30.0), ORANGE),
             rectangle((42.0, 10.0), (66.0, 30.0), ORANGE),
         ],
+        "compass-gait" => vec![
+            line((6.0, 90.0), (94.0, 90.0), 3.0, GREY),
+            line((50.0, 42.0), (50.0, 14.0), 9.0, BLUE),
+            line((50.0, 42.0), (34.0, 66.0), 8.0, INK),
+            line((34.0, 66.0), (20.0, 87.0), 4.0, ORANGE),
+            line((50.0, 42.0), (66.0, 66.0), 8.0, INK),
+            line((66.0, 66.0), (80.0, 87.0), 4.0, ORANGE),
+            disc((50.0, 42.0), 7.0, PALE),
+        ],
         "test-copy" => vec![
             disc((22.0, 50.0), 13.0, BLUE),
             disc((78.0, 50.0), 13.0, BLUE),
