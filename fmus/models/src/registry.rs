@@ -4,7 +4,10 @@ use crate::arx_actuator::{self, ArxActuator, FirstOrder};
 use crate::cart_pole::CartPole;
 use crate::friction::{self, Friction};
 use crate::linear_state_space::LinearStateSpace;
+use crate::pendulum::Pendulum;
+use crate::piston_force::PistonForce;
 use crate::pneumatic_cylinder::PneumaticCylinder;
+use crate::rigid_mass::RigidMass;
 use crate::testing::{AllTypes, BouncingBall, Copy};
 use fmi2_export::{Definition, Identity, Model, Table};
 
@@ -67,6 +70,9 @@ pub fn all() -> Vec<Entry> {
             true,
             include_str!("../../pneumatic-cylinder/README.md"),
         ),
+        entry::<RigidMass>("fmu-rigid-mass", true, include_str!("../../rigid-mass/README.md")),
+        entry::<Pendulum>("fmu-pendulum", true, include_str!("../../pendulum/README.md")),
+        entry::<PistonForce>("fmu-piston-force", true, include_str!("../../piston-force/README.md")),
         entry::<Copy>("fmu-test-copy", false, include_str!("../../test-copy/README.md")),
         entry::<BouncingBall>(
             "fmu-test-bouncing-ball",
