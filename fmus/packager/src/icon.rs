@@ -129,6 +129,28 @@ fn drawing(model_name: &str) -> Vec<(Shape, Colour)> {
             line((66.0, 66.0), (80.0, 87.0), 4.0, ORANGE),
             disc((50.0, 42.0), 7.0, PALE),
         ],
+        "rigid-mass" => vec![
+            line((6.0, 80.0), (94.0, 80.0), 3.0, GREY),
+            rectangle((38.0, 40.0), (88.0, 78.0), BLUE),
+            line((6.0, 59.0), (32.0, 59.0), 5.0, ORANGE),
+            line((24.0, 51.0), (32.0, 59.0), 5.0, ORANGE),
+            line((24.0, 67.0), (32.0, 59.0), 5.0, ORANGE),
+        ],
+        "pendulum" => vec![
+            line((20.0, 14.0), (80.0, 14.0), 4.0, GREY),
+            line((50.0, 14.0), (72.0, 76.0), 5.0, INK),
+            disc((72.0, 76.0), 10.0, ORANGE),
+            disc((50.0, 14.0), 5.0, BLUE),
+        ],
+        "piston-force" => vec![
+            rectangle((8.0, 26.0), (64.0, 74.0), INK),
+            rectangle((12.0, 30.0), (60.0, 70.0), PALE),
+            rectangle((12.0, 30.0), (30.0, 70.0), BLUE),
+            rectangle((30.0, 30.0), (38.0, 70.0), INK),
+            line((38.0, 50.0), (92.0, 50.0), 6.0, ORANGE),
+            line((82.0, 40.0), (92.0, 50.0), 6.0, ORANGE),
+            line((82.0, 60.0), (92.0, 50.0), 6.0, ORANGE),
+        ],
         "test-copy" => vec![
             disc((22.0, 50.0), 13.0, BLUE),
             disc((78.0, 50.0), 13.0, BLUE),
