@@ -32,6 +32,7 @@
 mod arx_actuator;
 mod cart_pole;
 mod continuous_form;
+mod effect;
 mod friction;
 mod linear_state_space;
 mod matrix;
@@ -41,6 +42,7 @@ pub mod testing;
 
 pub use arx_actuator::ArxActuator;
 pub use cart_pole::CartPole;
+pub use effect::{ForceEffect, SensorEffect, SignalEffect, TorqueEffect};
 pub use friction::Friction;
 pub use linear_state_space::LinearStateSpace;
 pub use pneumatic_cylinder::PneumaticCylinder;

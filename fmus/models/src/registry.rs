@@ -2,6 +2,7 @@
 
 use crate::arx_actuator::{self, ArxActuator, FirstOrder};
 use crate::cart_pole::CartPole;
+use crate::effect::{ForceEffect, SensorEffect, SignalEffect, TorqueEffect};
 use crate::friction::{self, Friction};
 use crate::linear_state_space::LinearStateSpace;
 use crate::pneumatic_cylinder::PneumaticCylinder;
@@ -67,6 +68,10 @@ pub fn all() -> Vec<Entry> {
             true,
             include_str!("../../pneumatic-cylinder/README.md"),
         ),
+        entry::<ForceEffect>("fmu-force-effect", true, include_str!("../../force-effect/README.md")),
+        entry::<TorqueEffect>("fmu-torque-effect", true, include_str!("../../torque-effect/README.md")),
+        entry::<SignalEffect>("fmu-signal-effect", true, include_str!("../../signal-effect/README.md")),
+        entry::<SensorEffect>("fmu-sensor-effect", true, include_str!("../../sensor-effect/README.md")),
         entry::<Copy>("fmu-test-copy", false, include_str!("../../test-copy/README.md")),
         entry::<BouncingBall>(
             "fmu-test-bouncing-ball",
