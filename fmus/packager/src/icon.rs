@@ -109,6 +109,33 @@ fn drawing(model_name: &str) -> Vec<(Shape, Colour)> {
             disc((33.0, 68.0), 10.0, GREEN),
             disc((67.0, 68.0), 10.0, PALE),
         ],
+        "force-effect" => vec![
+            line((10.0, 50.0), (90.0, 50.0), 5.0, GREY),
+            line((74.0, 38.0), (90.0, 50.0), 5.0, GREY),
+            line((74.0, 62.0), (90.0, 50.0), 5.0, GREY),
+            rectangle((34.0, 30.0), (62.0, 70.0), ORANGE),
+        ],
+        "torque-effect" => {
+            let turn = |s: f64| {
+                let angle = 5.0 * s - 1.0;
+                (50.0 + 32.0 * angle.cos(), 50.0 + 32.0 * angle.sin())
+            };
+            let mut shapes = curve(turn, 5.0, GREY);
+            shapes.push(disc((50.0, 50.0), 13.0, ORANGE));
+            shapes
+        }
+        "signal-effect" => vec![
+            line((10.0, 50.0), (90.0, 50.0), 2.5, GREY),
+            line((10.0, 82.0), (40.0, 50.0), 5.0, ORANGE),
+            line((40.0, 50.0), (60.0, 50.0), 5.0, ORANGE),
+            line((60.0, 50.0), (90.0, 18.0), 5.0, ORANGE),
+        ],
+        "sensor-effect" => vec![
+            disc((50.0, 50.0), 34.0, INK),
+            disc((50.0, 50.0), 28.0, PALE),
+            line((50.0, 56.0), (68.0, 32.0), 5.0, ORANGE),
+            disc((50.0, 56.0), 5.0, INK),
+        ],
         "pneumatic-cylinder" => vec![
             rectangle((8.0, 46.0), (68.0, 86.0), INK),
             rectangle((12.0, 50.0), (64.0, 82.0), PALE),
