@@ -9,6 +9,8 @@ mod error;
 pub mod file;
 mod names;
 pub mod record;
+pub mod sampling;
 pub mod task;
+pub mod verify;
 
 pub use error::Error;
