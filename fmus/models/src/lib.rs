@@ -38,12 +38,14 @@ mod matrix;
 mod pneumatic_cylinder;
 pub mod registry;
 pub mod testing;
+mod tvlqr_controller;
 
 pub use arx_actuator::ArxActuator;
 pub use cart_pole::CartPole;
 pub use friction::Friction;
 pub use linear_state_space::LinearStateSpace;
 pub use pneumatic_cylinder::PneumaticCylinder;
+pub use tvlqr_controller::TvlqrController;
 
 /// Attributes that every model has in common.
 const GENERATION_TOOL: &str = "airloop fmi2-export";

@@ -6,6 +6,7 @@ use crate::friction::{self, Friction};
 use crate::linear_state_space::LinearStateSpace;
 use crate::pneumatic_cylinder::PneumaticCylinder;
 use crate::testing::{AllTypes, BouncingBall, Copy};
+use crate::tvlqr_controller::TvlqrController;
 use fmi2_export::{Definition, Identity, Model, Table};
 
 /// One model and what its FMU holds besides the library.
@@ -67,6 +68,14 @@ pub fn all() -> Vec<Entry> {
             true,
             include_str!("../../pneumatic-cylinder/README.md"),
         ),
+        Entry {
+            resources: &[("controller.csv", include_str!("../../tvlqr-controller/example.csv"))],
+            ..entry::<TvlqrController>(
+                "fmu-tvlqr-controller",
+                true,
+                include_str!("../../tvlqr-controller/README.md"),
+            )
+        },
         entry::<Copy>("fmu-test-copy", false, include_str!("../../test-copy/README.md")),
         entry::<BouncingBall>(
             "fmu-test-bouncing-ball",
