@@ -6,7 +6,7 @@
 //!  7  cli
 //!  6  error
 //!  5  plot        report
-//!  4  discrepancy refine      rig
+//!  4  discrepancy refine      rig         plan
 //!  3  master
 //!  2  system      ident       transcription
 //!  1  fmu         results     optim       excite
@@ -24,6 +24,7 @@ pub mod ident;
 pub mod linalg;
 pub mod master;
 pub mod optim;
+pub mod plan;
 pub mod plot;
 pub mod refine;
 pub mod report;

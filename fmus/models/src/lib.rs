@@ -34,19 +34,27 @@ mod arx_actuator;
 mod cart_pole;
 mod compass_gait;
 mod continuous_form;
+mod effect;
 mod friction;
 mod linear_state_space;
 mod matrix;
+mod pendulum;
+mod piston_force;
 mod pneumatic_cylinder;
 pub mod registry;
+mod rigid_mass;
 pub mod testing;
 
 pub use arx_actuator::ArxActuator;
 pub use cart_pole::CartPole;
 pub use compass_gait::CompassGait;
+pub use effect::{ForceEffect, SensorEffect, SignalEffect, TorqueEffect};
 pub use friction::Friction;
 pub use linear_state_space::LinearStateSpace;
+pub use pendulum::Pendulum;
+pub use piston_force::PistonForce;
 pub use pneumatic_cylinder::PneumaticCylinder;
+pub use rigid_mass::RigidMass;
 
 /// Attributes that every model has in common.
 const GENERATION_TOOL: &str = "airloop fmi2-export";
