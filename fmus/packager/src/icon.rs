@@ -178,7 +178,6 @@ fn drawing(model_name: &str) -> Vec<(Shape, Colour)> {
             line((82.0, 40.0), (92.0, 50.0), 6.0, ORANGE),
             line((82.0, 60.0), (92.0, 50.0), 6.0, ORANGE),
         ],
-        ],
         "tvlqr-controller" => {
             let wave = |s: f64| (8.0 + 84.0 * s, 50.0 - 30.0 * (6.0 * s).sin() * (1.0 - s));
             let beside = |s: f64| {
