@@ -7,7 +7,9 @@
 pub mod catalogue;
 mod error;
 pub mod file;
+pub mod guess;
 mod names;
+pub mod prepare;
 pub mod record;
 pub mod sampling;
 pub mod task;
