@@ -91,6 +91,9 @@ pub enum Error {
     /// Missing effects.
     #[error(transparent)]
     Refine(#[from] crate::refine::Error),
+    /// Plans.
+    #[error(transparent)]
+    Plan(#[from] crate::plan::Error),
     /// Reports.
     #[error(transparent)]
     Report(#[from] crate::report::Error),

@@ -6,6 +6,8 @@
 //!  7  cli
 //!  6  error
 //!  5  plot        report
+//!  4  discrepancy refine      rig         plan
+//!  3  master
 //!  4  discrepancy refine      rig
 //!  3  master      coupled
 //!  2  system      ident       transcription
@@ -25,6 +27,7 @@ pub mod ident;
 pub mod linalg;
 pub mod master;
 pub mod optim;
+pub mod plan;
 pub mod plot;
 pub mod refine;
 pub mod report;
