@@ -14,6 +14,7 @@ mod calls;
 mod chain;
 mod error;
 mod learn;
+mod memory;
 mod names;
 mod options;
 mod program;
@@ -25,9 +26,10 @@ use std::sync::Arc;
 use crate::fmu::{Error as FmuError, Model, Status, VariableKind};
 use crate::optim::EvaluationError;
 use crate::system::SystemGraph;
-use crate::system::graph::{Conversion, Start};
+use crate::system::graph::{Component, Conversion, Start};
 use crate::transcription::dynamics::{Dynamics, Entry, Point, Size, Structure};
 use anatomy::{Anatomy, Origin};
+use memory::Known;
 use program::{Maker, Place, Program};
 use work::{Trouble, Work};
 
@@ -54,6 +56,8 @@ struct Plan {
     start: Vec<f64>,
     /// `component.variable` of each value.
     value_names: Vec<String>,
+    /// `component.variable` of each argument of each component.
+    argument_names: Vec<Vec<String>>,
     notes: Vec<String>,
 }
 
@@ -96,8 +100,8 @@ impl System {
         let size = Size { states: states.len(), inputs: inputs.len(), outputs: options.outputs.len() };
         let column = |component: usize, state: usize| states.iter().position(|&s| s == (component, state));
         let columns = anatomy.blocks.iter().enumerate();
-        let columns =
-            columns.map(|(component, block)| (0..block.states).map(|state| column(component, state)).collect());
+        let columns = columns
+            .map(|(component, block)| (0..block.states).map(|state| column(component, state)).collect());
         let maker = Maker {
             anatomy: &anatomy,
             locals: &locals,
@@ -105,8 +109,11 @@ impl System {
             states: size.states,
             width: size.arguments(),
         };
-        let value_names: Vec<String> =
-            anatomy.values.iter().map(|value| graph.components[value.component].path_of(value.variable)).collect();
+        let value_names: Vec<String> = anatomy
+            .values
+            .iter()
+            .map(|value| graph.components[value.component].path_of(value.variable))
+            .collect();
         let program = maker.make().map_err(|waiting| Error::AlgebraicLoop {
             path: waiting.into_iter().map(|value| value_names[value].clone()).collect(),
         })?;
@@ -120,7 +127,8 @@ impl System {
             Origin::Input(input, inner) => (Place::Column(size.states + input), inner.then(*conversion)),
             Origin::Value(value, inner) => (Place::Value(value), inner.then(*conversion)),
         };
-        let outputs: Vec<(Place, Conversion)> = anatomy.outputs.iter().zip(&anatomy.owners).map(place).collect();
+        let outputs: Vec<(Place, Conversion)> =
+            anatomy.outputs.iter().zip(&anatomy.owners).map(place).collect();
         let mut plan = Plan {
             structure: Structure::dense(size),
             time: options.time,
@@ -133,18 +141,20 @@ impl System {
             start: states.iter().map(|&(component, state)| locals[component].anchor[state]).collect(),
             outputs,
             value_names,
+            argument_names: argument_names(&graph, &anatomy),
             notes,
             graph,
         };
         plan.structure = plan.structure();
         plan.describe(&anatomy, &states, state_names, &inputs, options);
-        let plan = Arc::new(plan);
         if !intact {
             models = start::instances(&plan.graph, plan.time)?;
         }
         let widths: Vec<usize> = anatomy.blocks.iter().map(|block| block.arguments.len()).collect();
         let work = Work::new(&plan.program, widths, size);
-        Ok(System { plan, models, work, broken: false })
+        let mut system = System { plan: Arc::new(plan), models, work, broken: false };
+        system.work.combine_constants(&system.plan.program);
+        Ok(system)
     }
 
     /// Units of states, inputs and outputs, where they have one, `[n_x + n_u + n_g]`.
@@ -165,12 +175,33 @@ impl System {
     /// Makes the instances anew after an FMU refused for good.
     fn repair(&mut self) -> Result<(), EvaluationError> {
         if self.broken {
-            self.models = start::instances(&self.plan.graph, self.plan.time)
-                .map_err(|error| EvaluationError { function: "the system".to_owned(), reason: error.to_string() })?;
+            self.models = start::instances(&self.plan.graph, self.plan.time).map_err(|error| {
+                EvaluationError { function: "the system".to_owned(), reason: error.to_string() }
+            })?;
             self.work.forget();
             self.broken = false;
         }
         Ok(())
+    }
+
+    /// Brings values, or values and first derivatives, to a point.
+    fn at(&mut self, at: Point<'_>, wanted: Known) -> Result<(), EvaluationError> {
+        self.repair()?;
+        let (program, models) = (&self.plan.program, &mut self.models);
+        let done = self.work.recall(at).and_then(|known| {
+            match (known, wanted) {
+                (Known::Nothing, Known::Derivatives) => {
+                    self.work.visit(program, models)?;
+                    self.work.differentiate(program, models)?;
+                }
+                (Known::Nothing, _) => self.work.visit(program, models)?,
+                (Known::Values, Known::Derivatives) => self.work.revisit(program, models)?,
+                _ => return Ok(()),
+            }
+            self.work.remember(wanted);
+            Ok(())
+        });
+        done.map_err(|trouble| self.explain(trouble))
     }
 
     #[cold]
@@ -185,6 +216,13 @@ impl System {
             Trouble::NotFinite { value, found } => {
                 let function = format!("`{}`", self.plan.value_names[value]);
                 EvaluationError { function, reason: format!("it is {found}") }
+            }
+            Trouble::Derivative { component, argument, found } => {
+                let variable = self.plan.argument_names[component][argument].as_str();
+                EvaluationError {
+                    function: format!("a derivative by `{variable}`"),
+                    reason: format!("it is {found}"),
+                }
             }
             Trouble::Argument { column, found } => {
                 let function = format!("`{}`", self.plan.names[column]);
@@ -212,10 +250,7 @@ impl Dynamics for System {
     }
 
     fn evaluate(&mut self, at: Point<'_>, values: &mut [f64]) -> Result<(), EvaluationError> {
-        self.repair()?;
-        let plan = &*self.plan;
-        let done = self.work.visit(&plan.program, &mut self.models, at);
-        done.map_err(|trouble| self.explain(trouble))?;
+        self.at(at, Known::Values)?;
         self.work.write_values(&self.plan.rates, &self.plan.outputs, values);
         Ok(())
     }
@@ -226,16 +261,11 @@ impl Dynamics for System {
         values: &mut [f64],
         jacobian: &mut [f64],
     ) -> Result<(), EvaluationError> {
-        self.repair()?;
+        self.at(at, Known::Derivatives)?;
         let plan = &*self.plan;
-        let done = self
-            .work
-            .visit(&plan.program, &mut self.models, at)
-            .and_then(|()| self.work.differentiate(&plan.program, &mut self.models));
-        done.map_err(|trouble| self.explain(trouble))?;
-        self.work.write_values(&self.plan.rates, &self.plan.outputs, values);
-        self.work.combine(&self.plan.program);
-        self.work.write_jacobian(&self.plan.rates, &self.plan.outputs, jacobian);
+        self.work.write_values(&plan.rates, &plan.outputs, values);
+        self.work.combine(&plan.program);
+        self.work.write_jacobian(&plan.rates, &plan.outputs, jacobian);
         Ok(())
     }
 
@@ -245,17 +275,11 @@ impl Dynamics for System {
         weights: &[f64],
         hessian: &mut [f64],
     ) -> Result<(), EvaluationError> {
-        self.repair()?;
+        self.at(at, Known::Derivatives)?;
         let plan = &*self.plan;
-        let done = self
-            .work
-            .visit(&plan.program, &mut self.models, at)
-            .and_then(|()| self.work.differentiate(&plan.program, &mut self.models))
-            .and_then(|()| {
-                self.work.combine(&plan.program);
-                self.work.weigh(&plan.program, &plan.rates, &plan.outputs, weights);
-                self.work.bend(&plan.program, &mut self.models, hessian)
-            });
+        self.work.combine(&plan.program);
+        self.work.weigh(&plan.program, &plan.rates, &plan.outputs, weights);
+        let done = self.work.bend(&plan.program, &mut self.models, hessian);
         done.map_err(|trouble| self.explain(trouble))
     }
 
@@ -326,6 +350,13 @@ impl Plan {
     }
 }
 
+fn argument_names(graph: &SystemGraph, anatomy: &Anatomy) -> Vec<Vec<String>> {
+    let of = |(component, block): (&Component, &anatomy::Block)| {
+        block.arguments.iter().map(|argument| component.path_of(argument.variable)).collect()
+    };
+    graph.components.iter().zip(&anatomy.blocks).map(of).collect()
+}
+
 /// States in the order of the problem, as (component, position), and their names.
 fn choose_states(
     graph: &SystemGraph,
@@ -343,7 +374,9 @@ fn choose_states(
         return Ok((states, names));
     };
     let states = wanted.iter().map(|name| names::state(graph, name)).collect::<Result<Vec<_>, _>>()?;
-    if let Some((index, _)) = states.iter().enumerate().find(|(index, state)| states[..*index].contains(state)) {
+    if let Some((index, _)) =
+        states.iter().enumerate().find(|(index, state)| states[..*index].contains(state))
+    {
         return Err(Error::Twice { role: "state", name: wanted[index].clone() });
     }
     match moving.find(|state| !states.contains(state)) {
@@ -358,9 +391,12 @@ fn choose_continuous(graph: &mut SystemGraph) -> Vec<String> {
     for component in &mut graph.components {
         let description = &component.fmu.description;
         let Some(index) = description.index_of(REALISATION.0) else { continue };
-        let VariableKind::Enumeration { declared_type, .. } = &description.variables[index].kind else { continue };
+        let VariableKind::Enumeration { declared_type, .. } = &description.variables[index].kind else {
+            continue;
+        };
         let mut types = description.types.iter().filter(|definition| definition.name == *declared_type);
-        let item = types.find_map(|definition| definition.items.iter().find(|(name, _)| name == REALISATION.1));
+        let item =
+            types.find_map(|definition| definition.items.iter().find(|(name, _)| name == REALISATION.1));
         let Some(&(_, value)) = item else { continue };
         if component.start_values.iter().all(|start| start.variable != index) {
             component.set_start(index, Start::Integer(value));
@@ -386,6 +422,9 @@ fn event_note(graph: &SystemGraph) -> Option<String> {
     let with = components.filter(|component| component.fmu.description.number_of_event_indicators > 0);
     let with: Vec<String> = with.map(|component| format!("`{}`", component.name)).collect();
     (!with.is_empty()).then(|| {
-        format!("state events of {} are not handled: what holds at the start holds throughout", with.join(", "))
+        format!(
+            "state events of {} are not handled: what holds at the start holds throughout",
+            with.join(", ")
+        )
     })
 }
