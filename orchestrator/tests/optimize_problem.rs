@@ -104,7 +104,11 @@ fn what_does_not_fit_the_system_is_named_with_its_place_and_what_was_meant() {
     let Some(folder) = example() else { return };
     let cases = [
         ("theta = \"180 deg\"", "tetha = \"180 deg\"", "did you mean `theta`"),
-        ("\"180 deg\"", "\"180 mm\"", "`mm` is no unit for `theta`; `theta` is in `rad`; write it in `rad` or `deg`"),
+        (
+            "\"180 deg\"",
+            "\"180 mm\"",
+            "`mm` is no unit for `theta`; `theta` is in `rad`; write it in `rad` or `deg`",
+        ),
         ("\"-150 mm\"", "\"-150 furlong\"", "the unit `furlong` is not known"),
         ("\"-150 mm\"", "\"200 mm\"", "lies above the upper bound"),
         ("integral = \"u\"", "integral = \"actuator.F_hatt\"", "F_hat`"),

@@ -11,7 +11,11 @@ fn gap(summary: &Summary, errors: &std::collections::BTreeMap<String, f64>) -> S
     let states = summary.signals.iter().filter(|signal| signal.kind == "state");
     let one = |signal: &crate::plan::record::SignalRecord| {
         let error = errors.get(&signal.name)?;
-        let unit = signal.unit.as_deref().filter(|unit| *unit != "1").map_or(String::new(), |unit| format!(" {unit}"));
+        let unit = signal
+            .unit
+            .as_deref()
+            .filter(|unit| *unit != "1")
+            .map_or(String::new(), |unit| format!(" {unit}"));
         Some(format!("{} {}{unit}", signal.name, short(*error)))
     };
     states.filter_map(one).collect::<Vec<_>>().join(", ")
