@@ -6,6 +6,7 @@
 
 pub mod catalogue;
 mod error;
+pub mod feed_forward;
 pub mod file;
 mod names;
 pub mod record;
