@@ -44,6 +44,7 @@ mod pneumatic_cylinder;
 pub mod registry;
 mod rigid_mass;
 pub mod testing;
+mod tvlqr_controller;
 
 pub use arx_actuator::ArxActuator;
 pub use cart_pole::CartPole;
@@ -55,6 +56,7 @@ pub use pendulum::Pendulum;
 pub use piston_force::PistonForce;
 pub use pneumatic_cylinder::PneumaticCylinder;
 pub use rigid_mass::RigidMass;
+pub use tvlqr_controller::TvlqrController;
 
 /// Attributes that every model has in common.
 const GENERATION_TOOL: &str = "airloop fmi2-export";

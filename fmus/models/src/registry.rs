@@ -11,6 +11,7 @@ use crate::piston_force::PistonForce;
 use crate::pneumatic_cylinder::PneumaticCylinder;
 use crate::rigid_mass::RigidMass;
 use crate::testing::{AllTypes, BouncingBall, Copy};
+use crate::tvlqr_controller::TvlqrController;
 use fmi2_export::{Definition, Identity, Model, Table};
 
 /// One model and what its FMU holds besides the library.
@@ -80,6 +81,14 @@ pub fn all() -> Vec<Entry> {
         entry::<TorqueEffect>("fmu-torque-effect", true, include_str!("../../torque-effect/README.md")),
         entry::<SignalEffect>("fmu-signal-effect", true, include_str!("../../signal-effect/README.md")),
         entry::<SensorEffect>("fmu-sensor-effect", true, include_str!("../../sensor-effect/README.md")),
+        Entry {
+            resources: &[("controller.csv", include_str!("../../tvlqr-controller/example.csv"))],
+            ..entry::<TvlqrController>(
+                "fmu-tvlqr-controller",
+                true,
+                include_str!("../../tvlqr-controller/README.md"),
+            )
+        },
         entry::<Copy>("fmu-test-copy", false, include_str!("../../test-copy/README.md")),
         entry::<BouncingBall>(
             "fmu-test-bouncing-ball",

@@ -178,6 +178,17 @@ fn drawing(model_name: &str) -> Vec<(Shape, Colour)> {
             line((82.0, 40.0), (92.0, 50.0), 6.0, ORANGE),
             line((82.0, 60.0), (92.0, 50.0), 6.0, ORANGE),
         ],
+        "tvlqr-controller" => {
+            let wave = |s: f64| (8.0 + 84.0 * s, 50.0 - 30.0 * (6.0 * s).sin() * (1.0 - s));
+            let beside = |s: f64| {
+                let (x, y) = wave(s);
+                (x, y - 24.0 * (1.0 - s) * (1.0 - s))
+            };
+            let mut shapes = curve(wave, 4.0, GREY);
+            shapes.extend(curve(beside, 5.0, BLUE));
+            shapes.push(disc((92.0, 50.0), 7.0, ORANGE));
+            shapes
+        }
         "test-copy" => vec![
             disc((22.0, 50.0), 13.0, BLUE),
             disc((78.0, 50.0), 13.0, BLUE),

@@ -89,6 +89,12 @@ impl Catalogue {
                 all.variables.push(Variable { name: path.clone(), path, kind, unit, meaning, start });
             }
         }
+        if graph.single {
+            let component = &graph.components[0].name;
+            let long = all.variables.iter().enumerate();
+            let long = long.map(|(at, one)| (format!("{component}.{}", one.name), at, Conversion::IDENTITY));
+            all.aliases = long.collect();
+        }
         all.add_connectors(graph);
         all
     }

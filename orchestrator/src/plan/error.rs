@@ -24,6 +24,9 @@ pub enum Error {
     /// The system cannot be opened.
     #[error(transparent)]
     System(#[from] crate::system::Error),
+    /// The system has no right-hand side that can be optimised.
+    #[error(transparent)]
+    Coupled(#[from] crate::coupled::Error),
     /// The roll-out cannot be begun.
     #[error(transparent)]
     Master(#[from] crate::master::Error),

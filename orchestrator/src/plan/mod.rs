@@ -8,8 +8,12 @@ pub mod catalogue;
 mod error;
 pub mod feed_forward;
 pub mod file;
+pub mod guess;
 mod names;
+pub mod prepare;
 pub mod record;
+pub mod sampling;
 pub mod task;
+pub mod verify;
 
 pub use error::Error;

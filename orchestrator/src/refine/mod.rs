@@ -7,6 +7,7 @@ pub mod amend;
 pub mod answer;
 pub mod case;
 pub mod engine;
+pub mod evidence;
 pub mod interval;
 pub mod rig;
 

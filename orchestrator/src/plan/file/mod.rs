@@ -17,3 +17,6 @@ pub use table::Text;
 
 /// JSON schema of the problem file, for editors that complete and check TOML.
 pub const SCHEMA: &str = include_str!("schema.json");
+
+#[cfg(test)]
+mod tests;

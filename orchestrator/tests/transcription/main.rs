@@ -1,0 +1,13 @@
+//! The transcriptions over the trait `Dynamics`: against the nonlinear programs typed by hand, published optima, closed
+//! forms and differences.
+
+mod cart_pole;
+#[path = "../swing_up/interval.rs"]
+mod interval;
+#[path = "../swing_up/mechanics.rs"]
+mod mechanics;
+#[allow(dead_code, reason = "what only the hand-written runs use")]
+#[path = "../swing_up/problem.rs"]
+mod problem;
+mod same_program;
+mod swing_up;
