@@ -8,6 +8,7 @@ pub mod case;
 pub mod engine;
 pub mod interval;
 pub mod rig;
+pub mod study;
 
 use std::path::PathBuf;
 
@@ -19,6 +20,16 @@ pub enum Error {
     Case {
         /// File.
         path: PathBuf,
+        /// What is wrong and what to do.
+        problem: String,
+    },
+    /// A study says something that does not fit.
+    #[error("{}: {place}{problem}", path.display())]
+    Study {
+        /// File.
+        path: PathBuf,
+        /// Line and column, if there is one place.
+        place: String,
         /// What is wrong and what to do.
         problem: String,
     },
