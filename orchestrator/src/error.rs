@@ -88,6 +88,9 @@ pub enum Error {
     /// Missing effects.
     #[error(transparent)]
     Refine(#[from] crate::refine::Error),
+    /// Amended systems.
+    #[error(transparent)]
+    Amend(#[from] crate::refine::amend::Error),
     /// Reports.
     #[error(transparent)]
     Report(#[from] crate::report::Error),

@@ -13,6 +13,7 @@ pub mod inspect;
 pub mod inspect_system;
 pub mod output;
 pub mod refine;
+mod refine_progress;
 mod report;
 pub mod rig;
 pub mod run;

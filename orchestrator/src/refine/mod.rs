@@ -10,6 +10,7 @@ pub mod engine;
 pub mod evidence;
 pub mod interval;
 pub mod rig;
+pub mod watch;
 
 use std::path::PathBuf;
 
