@@ -42,7 +42,9 @@ fn main() {
     let meshes = if given.is_empty() { vec![100, 200, 400] } else { given };
     let has = |word: &str| words.iter().any(|given| given == word);
     let all = KINDS.iter().all(|(name, ..)| !has(name));
-    println!("source   kind  count  iterations         objective  load, ms  build, ms  solve, ms  total, ms  (CPU)");
+    println!(
+        "source   kind  count  iterations         objective  load, ms  build, ms  solve, ms  total, ms  (CPU)"
+    );
     for (name, transcription, typed) in KINDS.into_iter().filter(|(name, ..)| all || has(name)) {
         for &count in &meshes {
             let guess = problem::SwingUp::new(typed, count).pump();
@@ -56,14 +58,16 @@ fn main() {
 
 /// CPU time of this thread, ms.
 fn cpu() -> f64 {
-    let schedule = std::fs::read_to_string("/proc/thread-self/schedstat").expect("Linux tells the time of a thread");
+    let schedule =
+        std::fs::read_to_string("/proc/thread-self/schedstat").expect("Linux tells the time of a thread");
     let nanoseconds = schedule.split_whitespace().next().and_then(|word| word.parse::<f64>().ok());
     1e-6 * nanoseconds.expect("the first number is the time on the processor")
 }
 
 fn from_fmus() -> Box<dyn Dynamics> {
     let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../examples/01_run/system.ssd");
-    let graph = SystemGraph::open_for(&file, InterfaceKind::ModelExchange).expect("`make fmu` builds the FMUs");
+    let graph =
+        SystemGraph::open_for(&file, InterfaceKind::ModelExchange).expect("`make fmu` builds the FMUs");
     let options = Options { states: Some(STATES.map(str::to_owned).to_vec()), ..Options::default() };
     Box::new(System::open(&graph, &options).expect("the example has continuous dynamics"))
 }
@@ -81,9 +85,11 @@ fn run(dynamics: fn() -> Box<dyn Dynamics>, kind: Transcription, count: usize, g
     let loaded = cpu();
     let mut problem = cart_pole::swing_up(1);
     problem.phases[0].dynamics = vec![dynamics];
-    let mut program = Program::new(&mut problem, &Discretisation::uniform(kind, &[count])).expect("well posed");
+    let mut program =
+        Program::new(&mut problem, &Discretisation::uniform(kind, &[count])).expect("well posed");
     let built = cpu();
-    let solution = solve(&mut program, &Start::cold(guess.to_vec()), &Settings::default()).expect("well posed");
+    let solution =
+        solve(&mut program, &Start::cold(guess.to_vec()), &Settings::default()).expect("well posed");
     ([loaded - begin, built - loaded, cpu() - built], solution)
 }
 

@@ -217,7 +217,11 @@ fn trace(
 }
 
 /// Fits the local parameters of records alone.
-pub(super) fn fit_locals<S: System + ?Sized>(system: &S, records: &[usize], p: &[f64]) -> super::engine::fit::Fit {
+pub(super) fn fit_locals<S: System + ?Sized>(
+    system: &S,
+    records: &[usize],
+    p: &[f64],
+) -> super::engine::fit::Fit {
     let locals: Vec<Vec<f64>> =
         records.iter().map(|&r| system.locals(r).iter().map(|l| l.0).collect()).collect();
     super::engine::fit::fit(system, records, p, &[], &locals, 10)

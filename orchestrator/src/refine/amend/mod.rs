@@ -88,7 +88,9 @@ pub fn write(network: &Network, folder: &Path, templates: Option<&Path>) -> Resu
 pub fn remove(folder: &Path) -> Result<(), Error> {
     let place = folder.join(FOLDER);
     match std::fs::remove_dir_all(&place) {
-        Err(source) if source.kind() != std::io::ErrorKind::NotFound => Err(Error::Io { path: place, source }),
+        Err(source) if source.kind() != std::io::ErrorKind::NotFound => {
+            Err(Error::Io { path: place, source })
+        }
         _ => Ok(()),
     }
 }

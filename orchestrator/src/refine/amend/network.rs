@@ -147,7 +147,11 @@ mod tests {
     }
 
     fn block(name: &str) -> Block {
-        Block { part: part(name), way: ("in", "out", Some("N")), further: vec![("v", None, end("plant", "v"))] }
+        Block {
+            part: part(name),
+            way: ("in", "out", Some("N")),
+            further: vec![("v", None, end("plant", "v"))],
+        }
     }
 
     fn ways(network: &Network) -> Vec<String> {

@@ -34,19 +34,15 @@ fn corrected(declared: &Declared, answer: &Answer) -> Declared {
         [("piston_friction", &mut model.piston_friction), ("cart_friction", &mut model.cart_friction)]
     {
         let Some(c) = friction else { continue };
-        for (index, value) in
-            [&mut c.c1, &mut c.c2, &mut c.c3, &mut c.c4, &mut c.c5].into_iter().enumerate()
+        for (index, value) in [&mut c.c1, &mut c.c2, &mut c.c3, &mut c.c4, &mut c.c5].into_iter().enumerate()
         {
             scale(value, &format!("{name}.c{}", index + 1));
         }
     }
     if let Some(body) = &mut model.cart_pole {
-        for (value, name) in [
-            (&mut body.m_c, "m_c"),
-            (&mut body.m_p, "m_p"),
-            (&mut body.l, "l"),
-            (&mut body.b_p, "b_p"),
-        ] {
+        for (value, name) in
+            [(&mut body.m_c, "m_c"), (&mut body.m_p, "m_p"), (&mut body.l, "l"), (&mut body.b_p, "b_p")]
+        {
             scale(value, name);
         }
         for effect in answer.effects.iter().filter(|effect| effect.selected) {
@@ -237,8 +233,7 @@ fn rod_fixed(model: &Declared, selected: &[&Effect]) -> Network {
 fn frictions(model: &Declared, selected: &[&Effect]) -> Network {
     let mut network = Network::new("amended_frictions", STOP_TIME);
     let input = |name: &str| Some(end("", name));
-    let sources =
-        Sources { x: input("x"), v: input("v"), theta: None, omega: None, f_hat: None };
+    let sources = Sources { x: input("x"), v: input("v"), theta: None, omega: None, f_hat: None };
     for (name, channel, shown, declared) in [
         ("piston_friction", "piston_friction", "f_piston", &model.piston_friction),
         ("cart_friction", "cart_friction", "f_cart", &model.cart_friction),

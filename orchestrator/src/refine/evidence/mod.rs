@@ -99,7 +99,11 @@ pub fn gather(case: &Case, rig: &Rig, answer: &Answer) -> Evidence {
                 let pairs = measured[span.range.clone()].iter().zip(&predicted[m][span.range.clone()]);
                 pairs.map(|(y, p)| y - p).collect::<Vec<f64>>()
             };
-            Some(Residual { signal, measured: measured[span.range.clone()].to_vec(), values: [own(0), own(1)] })
+            Some(Residual {
+                signal,
+                measured: measured[span.range.clone()].to_vec(),
+                values: [own(0), own(1)],
+            })
         };
         Record {
             name: declaration.files.get(record).map_or(String::new(), |file| file.name.clone()),
