@@ -7,6 +7,7 @@
 pub mod assemble;
 pub mod catalogue;
 mod error;
+pub mod feed_forward;
 pub mod file;
 pub mod guess;
 pub mod multistart;
