@@ -6,6 +6,7 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 
 use super::super::folder;
+use super::many::{MULTISTART, SWEEP, Table};
 use crate::Error;
 use crate::optim::{Note, Status};
 use crate::plan::file::transcription_name;
@@ -28,7 +29,17 @@ const ITERATIONS: &str = "iterations.csv";
 
 /// Every file that may be written.
 pub fn names() -> Vec<String> {
-    let files = [TRAJECTORY, COMMAND, ITERATIONS, CONTINUOUS, SAMPLED, "index.html", "summary.json"];
+    let files = [
+        TRAJECTORY,
+        COMMAND,
+        ITERATIONS,
+        CONTINUOUS,
+        SAMPLED,
+        MULTISTART,
+        SWEEP,
+        "index.html",
+        "summary.json",
+    ];
     files.map(str::to_owned).into_iter().chain(figure_files(true, true)).collect()
 }
 
@@ -50,6 +61,8 @@ pub struct Results<'a> {
     pub times: [Duration; 3],
     /// When the command began.
     pub began: Instant,
+    /// Table of many solves, where there were many.
+    pub table: Option<&'a Table>,
     /// Whether figures are drawn.
     pub plots: bool,
 }
@@ -81,7 +94,8 @@ impl Results<'_> {
                 Err(error) => notes.push(format!("there is no {name} roll-out: {error}")),
             }
         }
-        let files: Vec<&str> = tables.iter().map(|(name, _)| *name).chain([ITERATIONS]).collect();
+        let files = tables.iter().map(|(name, _)| *name).chain([ITERATIONS]);
+        let files: Vec<&str> = files.chain(self.table.map(|table| table.name)).collect();
         let summary = self.summary(&files, notes);
         folder::make(folder)?;
         folder::clear(folder)?;
@@ -89,6 +103,11 @@ impl Results<'_> {
         record::write(&summary, &folder.join("summary.json")).map_err(crate::plot::Error::from)?;
         for (name, series) in &tables {
             csv::write(series, &folder.join(name))?;
+        }
+        if let Some(table) = self.table {
+            let path = folder.join(table.name);
+            let written = crate::series::file::write_whole(&path, |out| out.write_all(table.csv.as_bytes()));
+            written.map_err(|source| csv::Error::Io { path, source })?;
         }
         iterations(&self.solved.done, &folder.join(ITERATIONS))?;
         Ok(summary)
@@ -128,10 +147,10 @@ impl Results<'_> {
             transcription: transcription_name(last.pass.transcription).into(),
             intervals: solved.trajectory.phases.iter().map(|phase| phase.intervals()).collect(),
             guess: self.guess.clone(),
-            status: status(&last.solution.status).into(),
+            status: status_name(&last.solution.status).into(),
             message: last.solution.status.to_string(),
             objective: finite(last.solution.objective),
-            iterations: solved.done.iter().map(count).sum(),
+            iterations: solved.iterations(),
             max_defect: solved.max_defect,
             max_bound_violation: solved.max_bound_violation,
             worst: solved.worst.as_ref().map(ToString::to_string),
@@ -196,26 +215,22 @@ impl Results<'_> {
     }
 }
 
-/// Iterations of a solve: the first row of its table is the start.
-fn count(done: &Done) -> usize {
-    done.solution.iterations.len().saturating_sub(1)
-}
-
 fn pass(done: &Done) -> PassRecord {
     let solution = &done.solution;
     PassRecord {
         transcription: transcription_name(done.pass.transcription).into(),
         intervals: done.pass.intervals.clone(),
-        status: status(&solution.status).into(),
+        status: status_name(&solution.status).into(),
         objective: solution.objective.is_finite().then_some(solution.objective),
-        iterations: count(done),
+        iterations: done.iterations(),
         function_evaluations: solution.evaluations.functions,
         factorisations: solution.evaluations.factorisations,
         time: (done.build + done.solve).as_secs_f64(),
     }
 }
 
-fn status(status: &Status) -> &'static str {
+/// Word of a status in summaries and tables.
+pub fn status_name(status: &Status) -> &'static str {
     match status {
         Status::Solved => "solved",
         Status::Acceptable => "acceptable",
