@@ -7,7 +7,7 @@
 //!  6  error
 //!  5  plot        report
 //!  4  discrepancy refine      rig
-//!  3  master
+//!  3  master      control
 //!  2  system      ident       transcription
 //!  1  fmu         results     optim       excite
 //!  0  series      linalg      units       xml
@@ -16,6 +16,7 @@
 //! Start with [`system::SystemGraph::open`], [`master::simulate::run`] and [`series::csv::write`].
 
 pub mod cli;
+pub mod control;
 pub mod discrepancy;
 pub mod error;
 pub mod excite;
