@@ -8,6 +8,10 @@
 //!  5  plot        report
 //!  4  discrepancy refine      rig
 //!  3  master      control
+//!  4  discrepancy refine      rig         plan
+//!  3  master
+//!  4  discrepancy refine      rig
+//!  3  master      coupled
 //!  2  system      ident       transcription
 //!  1  fmu         results     optim       excite
 //!  0  series      linalg      units       xml
@@ -17,6 +21,7 @@
 
 pub mod cli;
 pub mod control;
+pub mod coupled;
 pub mod discrepancy;
 pub mod error;
 pub mod excite;
@@ -25,6 +30,7 @@ pub mod ident;
 pub mod linalg;
 pub mod master;
 pub mod optim;
+pub mod plan;
 pub mod plot;
 pub mod refine;
 pub mod report;

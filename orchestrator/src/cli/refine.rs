@@ -12,6 +12,7 @@ use super::{folder, output};
 use crate::refine::answer::{Settings, Verdict, answer};
 use crate::refine::case::Case;
 use crate::refine::rig::open::open;
+use crate::refine::study;
 use crate::report;
 use crate::{Error, report::words};
 
@@ -54,13 +55,22 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
     let earlier: serde_json::Value = serde_json::from_slice(&earlier).unwrap_or_default();
     let ours = if earlier["score_kind"].is_string() { &names[..] } else { &[] };
     folder::check_against(&args.output, &[], &names, &ours.iter().cloned().collect())?;
-    let case = Case::read(&args.case)?;
-    let rig = open(&case)?;
+    let (found, name) = match study::find(&args.case)? {
+        Some(file) => {
+            let found = study::answer::answer(&file, args.max_effects.into(), &|_| ())?;
+            (found, file.name())
+        }
+        None => {
+            let case = Case::read(&args.case)?;
+            let rig = open(&case)?;
+            let groups: Vec<String> = case.declaration.files.iter().map(|file| file.group.clone()).collect();
+            let settings =
+                Settings { seed: args.seed, max_effects: args.max_effects.into(), ..Settings::default() };
+            (answer(&rig, &groups, &settings), case.declaration.id)
+        }
+    };
     folder::make(&args.output)?;
-    let groups: Vec<String> = case.declaration.files.iter().map(|file| file.group.clone()).collect();
-    let settings = Settings { seed: args.seed, max_effects: args.max_effects.into(), ..Settings::default() };
-    let found = answer(&rig, &groups, &settings);
-    report::write(&found, &case.declaration.id, &args.output)?;
+    report::write(&found, &name, &args.output)?;
     if !args.quiet {
         let rows: Vec<Vec<String>> = words::errors(&found).into_iter().map(Vec::from).collect();
         let header = ["signal", "noise", "before", "after", "before, of the signal", "in noise rms"];

@@ -101,6 +101,10 @@ pub struct Answer {
     pub noise: BTreeMap<String, f64>,
     /// How far the declared and the corrected model are from noise, by signal: normalised powers.
     pub left: [Vec<(String, f64)>; 2],
+    /// Largest of `left` that noise gives.
+    pub limit: f64,
+    /// Parameter vectors of the declared and of the corrected model.
+    pub parameters: [Vec<f64>; 2],
     /// Effects that cannot be looked for, and why.
     pub not_testable: Vec<(String, String)>,
     /// Remarks, one sentence each.
@@ -152,6 +156,7 @@ fn hold_back(found: &mut Answer) {
             .clone_into(&mut effect.reason);
     }
     found.after = found.before.clone();
+    found.parameters[1] = found.parameters[0].clone();
 }
 
 /// Names the channel of what no candidate explains; behind a wrong actuator, effects of the mechanics are still found.
@@ -208,9 +213,11 @@ fn trace(
         (0..system.records()).filter(|&r| system.estimation(r) == estimation).collect::<Vec<_>>()
     });
     found.after = [0, 1].map(|i| errors(system, &sets[i], &model.fit.parameters));
+    found.parameters[1] = model.fit.parameters.clone();
 }
 
-fn fit_locals<S: System + ?Sized>(system: &S, records: &[usize], p: &[f64]) -> super::engine::fit::Fit {
+/// Fits the local parameters of records alone.
+pub(super) fn fit_locals<S: System + ?Sized>(system: &S, records: &[usize], p: &[f64]) -> super::engine::fit::Fit {
     let locals: Vec<Vec<f64>> =
         records.iter().map(|&r| system.locals(r).iter().map(|l| l.0).collect()).collect();
     super::engine::fit::fit(system, records, p, &[], &locals, 10)
@@ -319,11 +326,12 @@ fn assemble(rig: &Rig, search: &Search<dyn System + '_>, selection: &Selection) 
     } else {
         Vec::new()
     };
-    let after = if verdict == Verdict::Unexplained { &declared.fit.parameters } else { &best.fit.parameters };
+    let after_parameters =
+        if verdict == Verdict::Unexplained { &declared.fit.parameters } else { &best.fit.parameters };
     let validation: Vec<usize> = (0..system.records()).filter(|&r| !system.estimation(r)).collect();
     let sets = [search.records.clone(), validation];
     let before = [0, 1].map(|i| errors(system, &sets[i], &declared.fit.parameters));
-    let after = [0, 1].map(|i| errors(system, &sets[i], after));
+    let after = [0, 1].map(|i| errors(system, &sets[i], after_parameters));
     let noise = system
         .signals(search.records[0])
         .into_iter()
@@ -350,6 +358,8 @@ fn assemble(rig: &Rig, search: &Search<dyn System + '_>, selection: &Selection) 
         after,
         noise,
         left: [declared.left.clone(), best.left.clone()],
+        limit: search.null.quantile + super::engine::select::MARGIN,
+        parameters: [declared.fit.parameters.clone(), after_parameters.clone()],
         not_testable: rig.not_testable.clone(),
         notes,
     }
