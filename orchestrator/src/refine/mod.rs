@@ -11,6 +11,7 @@ pub mod evidence;
 pub mod interval;
 pub mod rig;
 pub mod study;
+pub mod watch;
 
 use std::path::PathBuf;
 

@@ -98,7 +98,8 @@ impl<'a> Fits<'a> {
 
     /// Whether a simulation runs long enough from fitted states for a direct fit to get lost.
     fn long(&self) -> bool {
-        let fitted = |piece: &Piece| self.study.records[piece.record].initial == Initial::Word(InitialWord::Fit);
+        let fitted =
+            |piece: &Piece| self.study.records[piece.record].initial == Initial::Word(InitialWord::Fit);
         self.study.windows.is_none() && self.pieces.iter().any(fitted)
     }
 
@@ -133,7 +134,11 @@ impl<'a> Fits<'a> {
     /// Free parameters of the declared model and of candidates.
     pub fn free(&self, added: &[usize]) -> Vec<Free> {
         let own = added.iter().flat_map(|&c| self.study.candidates[c].entries.clone());
-        self.study.declared_free().into_iter().chain(own.map(|index| self.study.entries[index].free)).collect()
+        self.study
+            .declared_free()
+            .into_iter()
+            .chain(own.map(|index| self.study.entries[index].free))
+            .collect()
     }
 
     /// The declared model, fitted from the values of the declaration.
@@ -285,8 +290,9 @@ fn linear_step(
         chi2 += residuals.iter().map(|r| r * r).sum::<f64>();
     }
     let scale: Vec<f64> = (0..size).map(|a| f64::sqrt(matrix[(a, a)]).max(1e-150)).collect();
-    let scaled =
-        DMatrix::from_fn(size, size, |a, b| matrix[(a, b)] / (scale[a] * scale[b]) + if a == b { 1e-9 } else { 0.0 });
+    let scaled = DMatrix::from_fn(size, size, |a, b| {
+        matrix[(a, b)] / (scale[a] * scale[b]) + if a == b { 1e-9 } else { 0.0 }
+    });
     let solved = Cholesky::new(scaled)?.solve(&DVector::from_fn(size, |a, _| right[a] / scale[a]));
     let step = DVector::from_fn(size, |a, _| solved[a] / scale[a]);
     let gain = 2.0 * step.dot(&right) - (&matrix * &step).dot(&step);

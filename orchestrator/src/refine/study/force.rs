@@ -28,7 +28,13 @@ impl ForceView<'_> {
         self.study().records[self.view.pieces[index].record].force.as_ref()
     }
 
-    fn run(&self, plant: &mut Plant, record: &ForceRecord, step: f64, p: &[f64]) -> Result<Vec<f64>, super::Problem> {
+    fn run(
+        &self,
+        plant: &mut Plant,
+        record: &ForceRecord,
+        step: f64,
+        p: &[f64],
+    ) -> Result<Vec<f64>, super::Problem> {
         let Some((_, state, tap, _)) = &self.study().force else { return Ok(Vec::new()) };
         let n = record.acceleration.len();
         let (mut x, mut dx) = (vec![0.0; plant.nx], vec![0.0; plant.nx]);
