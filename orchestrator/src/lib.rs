@@ -6,12 +6,8 @@
 //!  7  cli
 //!  6  error
 //!  5  plot        report
-//!  4  discrepancy refine      rig
-//!  3  master      control
 //!  4  discrepancy refine      rig         plan
-//!  3  master
-//!  4  discrepancy refine      rig
-//!  3  master      coupled
+//!  3  master      coupled     control
 //!  2  system      ident       transcription
 //!  1  fmu         results     optim       excite
 //!  0  series      linalg      units       xml

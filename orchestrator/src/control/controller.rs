@@ -63,7 +63,8 @@ impl Controller {
             .iter()
             .enumerate()
             .map(|(j, y)| {
-                let expected = e.iter().enumerate().fold(row.measured[j], |sum, (i, e)| sum + e * row.output[(j, i)]);
+                let expected =
+                    e.iter().enumerate().fold(row.measured[j], |sum, (i, e)| sum + e * row.output[(j, i)]);
                 y - expected
             })
             .collect();
@@ -79,8 +80,12 @@ impl Controller {
         let states = row.states.iter().zip(e.iter()).map(|(x, e)| x + e).collect();
         *e = (0..e.len())
             .map(|i| {
-                let of_states = e.iter().enumerate().fold(row.drift[i], |sum, (j, e)| sum + row.a[(i, j)] * e);
-                inputs.iter().enumerate().fold(of_states, |sum, (l, u)| sum + row.b[(i, l)] * (u - row.inputs[l]))
+                let of_states =
+                    e.iter().enumerate().fold(row.drift[i], |sum, (j, e)| sum + row.a[(i, j)] * e);
+                inputs
+                    .iter()
+                    .enumerate()
+                    .fold(of_states, |sum, (l, u)| sum + row.b[(i, l)] * (u - row.inputs[l]))
             })
             .collect();
         estimate.sample += 1;

@@ -52,7 +52,11 @@ impl Nominal {
         let (Some(&start), Some(&end)) = (knots.time.first(), knots.time.last()) else {
             return Err(Error::Trajectory("it has no knots".into()));
         };
-        if let Some(pair) = knots.time.windows(2).find(|pair| pair[1].partial_cmp(&pair[0]) != Some(std::cmp::Ordering::Greater)) {
+        if let Some(pair) = knots
+            .time
+            .windows(2)
+            .find(|pair| pair[1].partial_cmp(&pair[0]) != Some(std::cmp::Ordering::Greater))
+        {
             return Err(Error::Trajectory(format!(
                 "times do not rise: {} s is followed by {} s; make each knot later than the one before",
                 pair[0], pair[1]
@@ -83,7 +87,8 @@ impl Nominal {
                     if late > slack { plant.advance(point, late)? } else { knots.states[at].clone() }
                 }
                 None => {
-                    let point = Point { time: time - sample_time, states: &states[k - 1], inputs: &inputs[k - 1] };
+                    let point =
+                        Point { time: time - sample_time, states: &states[k - 1], inputs: &inputs[k - 1] };
                     plant.advance(point, sample_time)?
                 }
             };
@@ -137,7 +142,13 @@ fn size(rows: &[Vec<f64>]) -> Vec<f64> {
             let (low, high) = (values().fold(f64::MAX, f64::min), values().fold(f64::MIN, f64::max));
             let magnitude = low.abs().max(high.abs());
             let spans = high - low > 1e-9 * magnitude;
-            if spans { high - low } else if magnitude > 0.0 { magnitude } else { 1.0 }
+            if spans {
+                high - low
+            } else if magnitude > 0.0 {
+                magnitude
+            } else {
+                1.0
+            }
         })
         .collect()
 }
@@ -165,7 +176,8 @@ fn rest(
             return Ok((x, u, true));
         }
         let rates = DVector::from_fn(n, |i, _| values[i] / size[i]);
-        let slopes = DMatrix::from_fn(n, unknown.len(), |i, j| jacobian[i * arguments + unknown[j]] / size[i]);
+        let slopes =
+            DMatrix::from_fn(n, unknown.len(), |i, j| jacobian[i * arguments + unknown[j]] / size[i]);
         let Ok(step) = spectral::svd(slopes, true, true).solve(&rates, 1e-12) else { break };
         for (&argument, step) in unknown.iter().zip(&step) {
             if argument < n { x[argument] -= step } else { u[argument - n] -= step }

@@ -10,7 +10,12 @@ const DOUBLINGS: usize = 60;
 /// Stabilising solution of `P = A' P A - A' P B (R + B' P B)^-1 B' P A + Q` by the structure-preserving doubling
 /// algorithm (Chu, Fan, Lin and Wang, Int. J. Control 77, 2004); A `[n, n]`, B `[n, m]`, Q and R symmetric, R
 /// positive definite. `None` where the closed loop would not be stable.
-pub fn steady(a: &DMatrix<f64>, b: &DMatrix<f64>, q: &DMatrix<f64>, r: &DMatrix<f64>) -> Option<DMatrix<f64>> {
+pub fn steady(
+    a: &DMatrix<f64>,
+    b: &DMatrix<f64>,
+    q: &DMatrix<f64>,
+    r: &DMatrix<f64>,
+) -> Option<DMatrix<f64>> {
     let n = a.nrows();
     let unit = DMatrix::<f64>::identity(n, n);
     let mut left = a.clone();

@@ -93,8 +93,7 @@ fn plan() -> (Vec<f64>, Vec<Vec<f64>>, Vec<Vec<f64>>) {
 
 fn nominal(plant: &mut Sampled<'_>) -> Nominal {
     let (time, states, inputs) = plan();
-    let knots =
-        Knots { time: &time, states: &states, inputs: &inputs, interpolation: Interpolation::Linear };
+    let knots = Knots { time: &time, states: &states, inputs: &inputs, interpolation: Interpolation::Linear };
     Nominal::new(plant, &knots).unwrap()
 }
 
@@ -125,9 +124,8 @@ fn derivatives_of_a_sample_agree_with_central_differences() {
         let mut plant = Sampled::new(&mut pendulum, &held, 0.1, steps, ORIGIN).unwrap();
         let at = [0.4, -0.7, 1.5, 2.0];
         let exact = plant.linearise(Point { time: 0.0, states: &at[..3], inputs: &at[3..] }).unwrap();
-        let mut sample = |at: &[f64]| {
-            plant.advance(Point { time: 0.0, states: &at[..3], inputs: &at[3..] }, 0.1).unwrap()
-        };
+        let mut sample =
+            |at: &[f64]| plant.advance(Point { time: 0.0, states: &at[..3], inputs: &at[3..] }, 0.1).unwrap();
         assert_eq!(exact.next, sample(&at));
         for j in 0..4 {
             let (mut up, mut down) = (at, at);
@@ -240,7 +238,8 @@ fn between_knots_the_plant_is_followed_and_the_end_is_an_equilibrium() {
 fn knots_beside_the_samples_are_met_by_a_shorter_step() {
     let mut pendulum = Pendulum::new();
     let mut plant = Sampled::new(&mut pendulum, &[2], SAMPLE, 1, ORIGIN).unwrap();
-    let (time, states, inputs) = ([0.0, 0.013, 0.05], [[0.0; 3], [0.1, 0.0, 1.0], [0.2, 0.0, 1.0]], [[1.0]; 3]);
+    let (time, states, inputs) =
+        ([0.0, 0.013, 0.05], [[0.0; 3], [0.1, 0.0, 1.0], [0.2, 0.0, 1.0]], [[1.0]; 3]);
     let (states, inputs) = (states.map(|x| x.to_vec()), inputs.map(|u| u.to_vec()));
     let knots = Knots { time: &time, states: &states, inputs: &inputs, interpolation: Interpolation::Hold };
     let nominal = Nominal::new(&mut plant, &knots).unwrap();
@@ -278,10 +277,8 @@ fn controller(signal: Measured, drift: f64) -> Result<Controller, Error> {
     let mut plant = Sampled::new(&mut pendulum, &[2], SAMPLE, 1, ORIGIN).unwrap();
     let nominal = nominal(&mut plant);
     let limits = vec![(-30.0, 30.0)];
-    let settings = Design {
-        input_drift: vec![drift],
-        ..Design::of(&nominal, vec![signal], vec![1e-3], limits)
-    };
+    let settings =
+        Design { input_drift: vec![drift], ..Design::of(&nominal, vec![signal], vec![1e-3], limits) };
     design(&mut plant, &nominal, &settings)
 }
 
@@ -326,7 +323,8 @@ fn the_error_of_the_estimate_is_as_large_as_its_covariance_says() {
     let controller = design(&mut plant, &nominal, &settings).unwrap();
     let drift = [&settings.state_drift[..], &settings.input_drift].concat();
     let initial = [&settings.initial[..], &settings.input_drift].concat();
-    let squares = |v: &[f64], f: f64| DMatrix::from_fn(4, 4, |i, j| if i == j { f * v[i] * v[i] } else { 0.0 });
+    let squares =
+        |v: &[f64], f: f64| DMatrix::from_fn(4, 4, |i, j| if i == j { f * v[i] * v[i] } else { 0.0 });
     let (q, r) = (squares(&drift, SAMPLE), DMatrix::from_element(1, 1, 1e-6));
     let mut random = 11u64;
     let (mut sum_early, mut sum_late) = (0.0, 0.0);
@@ -337,7 +335,8 @@ fn the_error_of_the_estimate_is_as_large_as_its_covariance_says() {
         for k in 0..60 {
             let row = &controller.rows[k];
             let noise = 1e-3 * normal(&mut random);
-            let measured = row.measured[0] + (0..4).map(|i| row.output[(0, i)] * truth[i]).sum::<f64>() + noise;
+            let measured =
+                row.measured[0] + (0..4).map(|i| row.output[(0, i)] * truth[i]).sum::<f64>() + noise;
             let (inputs, states) = controller.step(&mut estimate, &[measured]);
             p = riccati::corrected(&p, &row.correction, &row.output, &r);
             let error = DMatrix::from_fn(4, 1, |i, _| states[i] - row.states[i] - truth[i]);

@@ -45,7 +45,12 @@ impl Design {
     /// A design that suits the spans of a trajectory: deviations cost alike at a tenth of each span; every state drifts
     /// by 0.3 % of its span in a second, every input is disturbed by what drifts by a tenth of its span, and the
     /// initial states are known to a hundredth of theirs.
-    pub fn of(nominal: &Nominal, measured: Vec<Measured>, noise: Vec<f64>, limits: Vec<(f64, f64)>) -> Design {
+    pub fn of(
+        nominal: &Nominal,
+        measured: Vec<Measured>,
+        noise: Vec<f64>,
+        limits: Vec<(f64, f64)>,
+    ) -> Design {
         let (states, inputs) = nominal.spans();
         let part = |spans: &[f64], part: f64| spans.iter().map(|span| part * span).collect::<Vec<f64>>();
         Design {
@@ -88,7 +93,8 @@ impl Design {
 /// equations without a stabilising solution at the end of the trajectory.
 pub fn design(plant: &mut Sampled<'_>, nominal: &Nominal, design: &Design) -> Result<Controller, Error> {
     design.check()?;
-    let disturbed: Vec<usize> = (0..design.input_drift.len()).filter(|&j| design.input_drift[j] > 0.0).collect();
+    let disturbed: Vec<usize> =
+        (0..design.input_drift.len()).filter(|&j| design.input_drift[j] > 0.0).collect();
     let mut rows = Vec::with_capacity(nominal.samples() + 1);
     let mut linear = Vec::with_capacity(nominal.samples() + 1);
     for k in 0..=nominal.samples() {
@@ -190,7 +196,10 @@ fn regulate(
     disturbed: &[usize],
 ) -> Result<(), Error> {
     let weights = |deviations: &[f64]| {
-        DMatrix::from_diagonal(&DVector::from_iterator(deviations.len(), deviations.iter().map(|d| 1.0 / (d * d))))
+        DMatrix::from_diagonal(&DVector::from_iterator(
+            deviations.len(),
+            deviations.iter().map(|d| 1.0 / (d * d)),
+        ))
     };
     let (q, r) = (weights(&design.state_deviation), weights(&design.input_deviation));
     let unstable = |time: f64| Error::Riccati {
@@ -200,7 +209,8 @@ fn regulate(
         remedy: "weights",
     };
     let end = nominal.samples();
-    let mut p = riccati::steady(&linear[end].a, &linear[end].b, &q, &r).ok_or_else(|| unstable(nominal.time(end)))?;
+    let mut p =
+        riccati::steady(&linear[end].a, &linear[end].b, &q, &r).ok_or_else(|| unstable(nominal.time(end)))?;
     for k in (0..=end).rev() {
         let (a, b) = (&linear[k].a, &linear[k].b);
         let gain = riccati::gain(a, b, &p, &r).ok_or_else(|| unstable(nominal.time(k)))?;

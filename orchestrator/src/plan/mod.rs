@@ -15,8 +15,10 @@ pub mod prepare;
 pub mod record;
 pub mod sampling;
 pub mod solve;
+pub mod stabilise;
 pub mod table;
 pub mod task;
+pub mod trials;
 pub mod verify;
 
 pub use error::Error;

@@ -131,7 +131,8 @@ impl Plant {
         let force = force - self.piston * piston - self.guide * guide;
         // The pole's point mass eliminated from equation 4.
         let bearing = 0.0006 * w / 0.2;
-        let a = (force + self.pole * s * (0.2 * w * w + 9.81 * c) + bearing * c) / (self.cart + self.pole * s * s);
+        let a = (force + self.pole * s * (0.2 * w * w + 9.81 * c) + bearing * c)
+            / (self.cart + self.pole * s * s);
         [v, w, a, (-9.81 * s - a * c - bearing / self.pole) / 0.2]
     }
 
