@@ -16,9 +16,11 @@ pub mod prepare;
 pub mod record;
 pub mod sampling;
 pub mod solve;
+pub mod stabilise;
 pub mod sweep;
 pub mod table;
 pub mod task;
+pub mod trials;
 pub mod verify;
 
 pub use error::Error;
