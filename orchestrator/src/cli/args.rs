@@ -66,6 +66,12 @@ pub enum Command {
         #[command(subcommand)]
         command: super::identify::Command,
     },
+    /// Find a motion for a system of FMUs: the least cost within bounds, from a problem file.
+    ///
+    /// Writes trajectory.csv (time [s], states, inputs, costates), command.csv (to be played with `airloop run --input`),
+    /// summary.json, iterations.csv, the roll-outs of the command through a master, figures as SVG, and index.html with an
+    /// animation. The gap between plan and roll-outs is reported.
+    Optimize(Box<super::optimize::args::Args>),
     /// Find the physical effect that a declared model lacks, from measured records.
     ///
     /// Writes report.json, report.md and report.html. Candidates are fitted in simulation on the estimation records;

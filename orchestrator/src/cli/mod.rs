@@ -11,6 +11,7 @@ mod folder;
 pub mod identify;
 pub mod inspect;
 pub mod inspect_system;
+pub mod optimize;
 pub mod output;
 pub mod refine;
 mod report;
@@ -43,6 +44,7 @@ pub fn main() -> ExitCode {
         Command::Excite(args) => excite::run(&args),
         Command::Rig { command } => rig::run(&command),
         Command::Identify { command } => identify::run(&command),
+        Command::Optimize(args) => optimize::run(&args),
         Command::Refine(args) => refine::run(&args),
         Command::Completions { shell } => {
             let mut script = Vec::new();

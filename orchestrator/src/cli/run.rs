@@ -296,7 +296,7 @@ fn note_inputs(
 }
 
 /// Set by Ctrl-C, SIGTERM or SIGHUP; a second signal ends the program at once.
-fn stop_flag() -> Arc<AtomicBool> {
+pub(super) fn stop_flag() -> Arc<AtomicBool> {
     let stop = Arc::new(AtomicBool::new(false));
     let flag = Arc::clone(&stop);
     // Without a handler a signal ends the program as usual, so a failure here is no reason not to run.

@@ -111,7 +111,8 @@ impl Anatomy {
                     connection.source == source
                         && is_continuous(graph, connection.component, connection.variable)
                 });
-                let asked = |shown: &Shown| matches!(*shown, Shown::Value(c, v, _) if (c, v) == (index, variable));
+                let asked =
+                    |shown: &Shown| matches!(*shown, Shown::Value(c, v, _) if (c, v) == (index, variable));
                 let is_rate = description.derivatives.iter().any(|unknown| unknown.variable == variable);
                 if (connected || shown.iter().any(asked)) && !is_rate {
                     let listed = description.outputs.iter().any(|unknown| unknown.variable == variable);
@@ -140,7 +141,9 @@ impl Anatomy {
                 let continuous = is_continuous(graph, index, variable);
                 match connection.source {
                     Source::Input(input) => {
-                        let Some(position) = inputs.iter().position(|&chosen| chosen == input) else { continue };
+                        let Some(position) = inputs.iter().position(|&chosen| chosen == input) else {
+                            continue;
+                        };
                         if !continuous {
                             let name = graph.inputs[input].name.clone();
                             return Err(Error::Input { name, variable: component.path_of(variable) });
@@ -172,8 +175,10 @@ impl Anatomy {
         let refuse = |reason: &'static str| Error::Output { name: name.to_owned(), reason };
         let (owner, origin) = match *shown {
             Shown::Input(input, _) => {
-                let held = "shows an input that is held; choose it as an input of the problem, or leave it out";
-                let position = inputs.iter().position(|&chosen| chosen == input).ok_or_else(|| refuse(held))?;
+                let held =
+                    "shows an input that is held; choose it as an input of the problem, or leave it out";
+                let position =
+                    inputs.iter().position(|&chosen| chosen == input).ok_or_else(|| refuse(held))?;
                 (0, Origin::Input(position, Conversion::IDENTITY))
             }
             Shown::State(component, state, _) => (component, Origin::State(state)),
@@ -202,7 +207,9 @@ impl Anatomy {
             Some(k) => description.derivatives.get(k),
             None => description.outputs.iter().find(|unknown| unknown.variable == value.variable),
         };
-        let Some(known) = listed.and_then(|unknown| unknown.dependencies.as_ref()) else { return Some(false) };
+        let Some(known) = listed.and_then(|unknown| unknown.dependencies.as_ref()) else {
+            return Some(false);
+        };
         let dependency = known.iter().find(|dependency| dependency.variable == argument.variable)?;
         // Between events, every kind but `dependent` is linear with one factor.
         Some(dependency.kind != DependencyKind::Dependent)

@@ -105,7 +105,13 @@ pub(super) struct Column {
 
 impl Column {
     /// Derivatives of `values` by an argument, written from `first` on in the order of [`Column::values`].
-    pub fn new(anatomy: &Anatomy, component: usize, argument: usize, values: &[usize], first: usize) -> Column {
+    pub fn new(
+        anatomy: &Anatomy,
+        component: usize,
+        argument: usize,
+        values: &[usize],
+        first: usize,
+    ) -> Column {
         let block = &anatomy.blocks[component];
         let (exact, others): (Vec<usize>, Vec<usize>) =
             values.iter().partition(|&&value| anatomy.values[value].exact);

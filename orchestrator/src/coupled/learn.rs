@@ -175,7 +175,10 @@ impl<'a> Student<'a> {
             if !unknowns.is_empty() {
                 model.directional_derivative(&unknowns, &[argument.reference], &[1.0], &mut found)?;
             }
-            exact.iter().zip(found).for_each(|(value, slope)| column[value - self.block.values.start] = slope);
+            exact
+                .iter()
+                .zip(found)
+                .for_each(|(value, slope)| column[value - self.block.values.start] = slope);
             columns.push(column);
         }
         Ok(columns)
@@ -270,8 +273,7 @@ pub(super) fn idle_states(anatomy: &Anatomy, locals: &[Local]) -> Vec<(usize, us
         for state in 0..block.states {
             let still = local.row(state).iter().all(|entry| *entry == Coefficient::Zero)
                 && local.offsets[state] == 0.0;
-            let alone =
-                (0..block.values.len()).all(|row| local.coefficient(row, state) == Coefficient::Zero);
+            let alone = (0..block.values.len()).all(|row| local.coefficient(row, state) == Coefficient::Zero);
             let origin = |origin: &Origin| matches!(origin, Origin::State(own) if *own == state);
             let shown = anatomy.outputs.iter().zip(&anatomy.owners);
             let shown = shown.into_iter().any(|((from, _), owner)| *owner == index && origin(from));
@@ -288,7 +290,8 @@ pub(super) fn idle_note(graph: &SystemGraph, idle: &[(usize, usize)]) -> Option<
     if idle.is_empty() {
         return None;
     }
-    let name = |&(component, state): &(usize, usize)| format!("`{}`", names::state_name(graph, component, state));
+    let name =
+        |&(component, state): &(usize, usize)| format!("`{}`", names::state_name(graph, component, state));
     let list = idle.iter().map(name).collect::<Vec<_>>().join(", ");
     Some(format!("nothing moves or depends on the states {list}: they are left out"))
 }

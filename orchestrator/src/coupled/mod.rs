@@ -96,8 +96,8 @@ impl System {
         let size = Size { states: states.len(), inputs: inputs.len(), outputs: options.outputs.len() };
         let column = |component: usize, state: usize| states.iter().position(|&s| s == (component, state));
         let columns = anatomy.blocks.iter().enumerate();
-        let columns =
-            columns.map(|(component, block)| (0..block.states).map(|state| column(component, state)).collect());
+        let columns = columns
+            .map(|(component, block)| (0..block.states).map(|state| column(component, state)).collect());
         let maker = Maker {
             anatomy: &anatomy,
             locals: &locals,
@@ -105,8 +105,11 @@ impl System {
             states: size.states,
             width: size.arguments(),
         };
-        let value_names: Vec<String> =
-            anatomy.values.iter().map(|value| graph.components[value.component].path_of(value.variable)).collect();
+        let value_names: Vec<String> = anatomy
+            .values
+            .iter()
+            .map(|value| graph.components[value.component].path_of(value.variable))
+            .collect();
         let program = maker.make().map_err(|waiting| Error::AlgebraicLoop {
             path: waiting.into_iter().map(|value| value_names[value].clone()).collect(),
         })?;
@@ -120,7 +123,8 @@ impl System {
             Origin::Input(input, inner) => (Place::Column(size.states + input), inner.then(*conversion)),
             Origin::Value(value, inner) => (Place::Value(value), inner.then(*conversion)),
         };
-        let outputs: Vec<(Place, Conversion)> = anatomy.outputs.iter().zip(&anatomy.owners).map(place).collect();
+        let outputs: Vec<(Place, Conversion)> =
+            anatomy.outputs.iter().zip(&anatomy.owners).map(place).collect();
         let mut plan = Plan {
             structure: Structure::dense(size),
             time: options.time,
@@ -165,8 +169,9 @@ impl System {
     /// Makes the instances anew after an FMU refused for good.
     fn repair(&mut self) -> Result<(), EvaluationError> {
         if self.broken {
-            self.models = start::instances(&self.plan.graph, self.plan.time)
-                .map_err(|error| EvaluationError { function: "the system".to_owned(), reason: error.to_string() })?;
+            self.models = start::instances(&self.plan.graph, self.plan.time).map_err(|error| {
+                EvaluationError { function: "the system".to_owned(), reason: error.to_string() }
+            })?;
             self.work.forget();
             self.broken = false;
         }
@@ -343,7 +348,9 @@ fn choose_states(
         return Ok((states, names));
     };
     let states = wanted.iter().map(|name| names::state(graph, name)).collect::<Result<Vec<_>, _>>()?;
-    if let Some((index, _)) = states.iter().enumerate().find(|(index, state)| states[..*index].contains(state)) {
+    if let Some((index, _)) =
+        states.iter().enumerate().find(|(index, state)| states[..*index].contains(state))
+    {
         return Err(Error::Twice { role: "state", name: wanted[index].clone() });
     }
     match moving.find(|state| !states.contains(state)) {
@@ -358,9 +365,12 @@ fn choose_continuous(graph: &mut SystemGraph) -> Vec<String> {
     for component in &mut graph.components {
         let description = &component.fmu.description;
         let Some(index) = description.index_of(REALISATION.0) else { continue };
-        let VariableKind::Enumeration { declared_type, .. } = &description.variables[index].kind else { continue };
+        let VariableKind::Enumeration { declared_type, .. } = &description.variables[index].kind else {
+            continue;
+        };
         let mut types = description.types.iter().filter(|definition| definition.name == *declared_type);
-        let item = types.find_map(|definition| definition.items.iter().find(|(name, _)| name == REALISATION.1));
+        let item =
+            types.find_map(|definition| definition.items.iter().find(|(name, _)| name == REALISATION.1));
         let Some(&(_, value)) = item else { continue };
         if component.start_values.iter().all(|start| start.variable != index) {
             component.set_start(index, Start::Integer(value));
@@ -386,6 +396,9 @@ fn event_note(graph: &SystemGraph) -> Option<String> {
     let with = components.filter(|component| component.fmu.description.number_of_event_indicators > 0);
     let with: Vec<String> = with.map(|component| format!("`{}`", component.name)).collect();
     (!with.is_empty()).then(|| {
-        format!("state events of {} are not handled: what holds at the start holds throughout", with.join(", "))
+        format!(
+            "state events of {} are not handled: what holds at the start holds throughout",
+            with.join(", ")
+        )
     })
 }

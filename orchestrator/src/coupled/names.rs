@@ -40,7 +40,8 @@ fn find(graph: &SystemGraph, name: &str) -> Option<(Source, Conversion)> {
     }
     let inside = |(index, component): (usize, &crate::system::graph::Component)| {
         let bare = if graph.single { Some(name) } else { None };
-        let rest = name.strip_prefix(component.name.as_str()).and_then(|rest| rest.strip_prefix('.')).or(bare)?;
+        let rest =
+            name.strip_prefix(component.name.as_str()).and_then(|rest| rest.strip_prefix('.')).or(bare)?;
         let variable = component.fmu.description.index_of(rest)?;
         Some((Source::Output { component: index, variable }, Conversion::IDENTITY))
     };
@@ -104,7 +105,8 @@ pub(super) fn state(graph: &SystemGraph, name: &str) -> Result<(usize, usize), E
 
 /// Positions in the graph of the inputs of the dynamics.
 pub(super) fn inputs(graph: &SystemGraph, names: Option<&[String]>) -> Result<Vec<usize>, Error> {
-    let usable = |&input: &usize| graph.inputs[input].data_type == DataType::Real && !graph.input_is_held(input);
+    let usable =
+        |&input: &usize| graph.inputs[input].data_type == DataType::Real && !graph.input_is_held(input);
     let Some(names) = names else { return Ok((0..graph.inputs.len()).filter(usable).collect()) };
     let position = |name: &String| {
         graph.inputs.iter().position(|input| input.name == *name).ok_or_else(|| {

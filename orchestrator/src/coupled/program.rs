@@ -121,7 +121,8 @@ pub(super) struct Maker<'a> {
 impl Maker<'_> {
     /// The program, or the values that wait for each other.
     pub fn make(&self) -> Result<Program, Vec<usize>> {
-        let mut program = Program { patterns: vec![Vec::new(); self.anatomy.values.len()], ..Program::default() };
+        let mut program =
+            Program { patterns: vec![Vec::new(); self.anatomy.values.len()], ..Program::default() };
         let mut entry_of = vec![Vec::new(); self.anatomy.values.len()];
         for component in 0..self.anatomy.blocks.len() {
             self.slopes(component, &mut program, &mut entry_of);
@@ -175,7 +176,10 @@ impl Maker<'_> {
         match self.anatomy.blocks[component].arguments[argument].origin {
             Origin::State(state) => {
                 let anchor = self.locals[component].anchor[argument];
-                (self.columns[component][state].map_or(Place::Fixed(anchor), Place::Column), Conversion::IDENTITY)
+                (
+                    self.columns[component][state].map_or(Place::Fixed(anchor), Place::Column),
+                    Conversion::IDENTITY,
+                )
             }
             Origin::Input(input, conversion) => (Place::Column(self.states + input), conversion),
             Origin::Value(value, conversion) => (Place::Value(value), conversion),
@@ -200,7 +204,8 @@ impl Maker<'_> {
         for (component, block) in self.anatomy.blocks.iter().enumerate() {
             let left: Vec<usize> =
                 block.values.clone().filter(|&value| !done[value] && !self.is_affine(value)).collect();
-            let ready: Vec<usize> = left.iter().copied().filter(|&value| self.is_ready(value, done)).collect();
+            let ready: Vec<usize> =
+                left.iter().copied().filter(|&value| self.is_ready(value, done)).collect();
             if !ready.is_empty() && ready.len() == left.len() {
                 return Some((component, ready));
             }

@@ -2,13 +2,13 @@
 
 use super::Error;
 use super::catalogue::Catalogue;
-use super::file::statement::Where;
 use super::file::Statement;
+use super::file::statement::Where;
 use super::sampling::{Sampling, whole_samples};
 use super::task::{Limit, Limits, Signal, Task, TaskPhase, Term};
 use crate::transcription::{
-    self, Cost, Dynamics, Duration, Link, Path, Phase, Place, Problem, Quantity, RateLimit, Shooting, Transcription,
-    Variable,
+    self, Cost, Duration, Dynamics, Link, Path, Phase, Place, Problem, Quantity, RateLimit, Shooting,
+    Transcription, Variable,
 };
 
 fn variable(signal: Signal) -> Variable {
@@ -28,7 +28,13 @@ fn limit(limit: &Limit) -> transcription::Limit {
 }
 
 /// Conditions of states at an end of a phase.
-fn conditions(task: &Task, catalogue: &Catalogue, states: &[Limits], others: &[Limit], end: &str) -> Vec<transcription::Limit> {
+fn conditions(
+    task: &Task,
+    catalogue: &Catalogue,
+    states: &[Limits],
+    others: &[Limit],
+    end: &str,
+) -> Vec<transcription::Limit> {
     let mut found = Vec::new();
     for (state, &(lower, upper)) in states.iter().enumerate() {
         if lower.is_finite() || upper.is_finite() {
@@ -71,7 +77,8 @@ fn one(
     let mut phase = Phase::new(&of.name, dynamics, duration);
     if let Some(sampling) = sampling {
         // Those of the sampled components that are linear and driven by inputs alone.
-        let states = phase.dynamics.first().map(|one| one.structure().linear_states(sampled)).unwrap_or_default();
+        let states =
+            phase.dynamics.first().map(|one| one.structure().linear_states(sampled)).unwrap_or_default();
         if !states.is_empty() {
             phase.shooting = Shooting::Sampled { states, sample_time: sampling.sample_time };
         }
@@ -119,7 +126,9 @@ pub fn check_samples(
     transcription: Transcription,
     intervals: &[usize],
 ) -> Result<(), Error> {
-    let Some(sampling) = sampling.filter(|_| transcription == Transcription::MultipleShooting) else { return Ok(()) };
+    let Some(sampling) = sampling.filter(|_| transcription == Transcription::MultipleShooting) else {
+        return Ok(());
+    };
     for (phase, &count) in task.phases.iter().zip(intervals) {
         let (lower, upper) = phase.duration;
         let at = |problem| Err(statement.source.error_at(statement.phases[0].place, problem));
@@ -142,8 +151,10 @@ pub fn check_samples(
         if samples % count != 0 {
             let fitting: Vec<usize> = (1..=samples).filter(|n| samples % n == 0).collect();
             let near = fitting.partition_point(|n| *n < count);
-            let near: Vec<String> =
-                fitting[near.saturating_sub(2)..(near + 2).min(fitting.len())].iter().map(usize::to_string).collect();
+            let near: Vec<String> = fitting[near.saturating_sub(2)..(near + 2).min(fitting.len())]
+                .iter()
+                .map(usize::to_string)
+                .collect();
             return at(format!(
                 "{samples} samples of {sample} s do not divide into {count} intervals, which multiple shooting needs; \
                  choose {} intervals, or another transcription",

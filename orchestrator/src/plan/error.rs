@@ -30,6 +30,12 @@ pub enum Error {
     /// The roll-out cannot be begun.
     #[error(transparent)]
     Master(#[from] crate::master::Error),
+    /// The problem cannot be transcribed.
+    #[error(transparent)]
+    Transcription(#[from] crate::transcription::Error),
+    /// The system cannot be evaluated where it has to be.
+    #[error(transparent)]
+    Evaluation(#[from] crate::optim::EvaluationError),
     /// The solver cannot begin.
     #[error(transparent)]
     Solver(#[from] crate::optim::Error),

@@ -42,7 +42,9 @@ pub fn choose(statement: &Statement, word: Option<&str>) -> Result<Choice, Error
     let named = |name: &str| statement.guesses.iter().position(|guess| guess.name.text == name);
     let of = |name: &str| match name {
         "linear" => Some(Choice::Linear),
-        name if Path::new(name).extension().is_some_and(|ending| ending == "csv") => Some(Choice::File(name.into())),
+        name if Path::new(name).extension().is_some_and(|ending| ending == "csv") => {
+            Some(Choice::File(name.into()))
+        }
         name => named(name).map(Choice::Named),
     };
     let unknown = |name: &str| {
@@ -51,7 +53,9 @@ pub fn choose(statement: &Statement, word: Option<&str>) -> Result<Choice, Error
         format!("there is no guess `{name}`; {meant}; an earlier trajectory is a .csv file")
     };
     match (word, &statement.settings.guess) {
-        (Some(word), _) => of(word).ok_or_else(|| Error::Place { place: format!("--guess {word}"), problem: unknown(word) }),
+        (Some(word), _) => {
+            of(word).ok_or_else(|| Error::Place { place: format!("--guess {word}"), problem: unknown(word) })
+        }
         (None, Some(Text { text, place })) => match of(text) {
             // Beside the problem file.
             Some(Choice::File(file)) => {
@@ -96,7 +100,8 @@ impl Line {
 
     fn value(&self, part: f64) -> f64 {
         let how = if self.held { Interpolation::Hold } else { Interpolation::Linear };
-        let line = if self.at.is_empty() { 0.0 } else { value_at(&self.values, locate(&self.at, part, 0), how) };
+        let line =
+            if self.at.is_empty() { 0.0 } else { value_at(&self.values, locate(&self.at, part, 0), how) };
         let sines = self.sines.iter().enumerate();
         line + sines.map(|(i, amplitude)| amplitude * (PI * (i + 1) as f64 * part).sin()).sum::<f64>()
     }
@@ -139,7 +144,8 @@ impl Rough {
 fn room(task: &Task, state: usize) -> f64 {
     let bounds = task.phases.iter().flat_map(|phase| &phase.path);
     let own = bounds.filter(|path| path.limit.terms == [(Signal::State(state), 1.0)]);
-    let half = own.map(|path| 0.5 * (path.limit.limits.1 - path.limit.limits.0)).fold(f64::INFINITY, f64::min);
+    let half =
+        own.map(|path| 0.5 * (path.limit.limits.1 - path.limit.limits.0)).fold(f64::INFINITY, f64::min);
     if half.is_finite() { half } else { 0.0 }
 }
 
@@ -147,7 +153,12 @@ fn room(task: &Task, state: usize) -> f64 {
 ///
 /// # Errors
 /// [`Error`] for variables that are none, and files that cannot be read or do not fit.
-pub fn guess(statement: &Statement, catalogue: &Catalogue, task: &Task, choice: &Choice) -> Result<Rough, Error> {
+pub fn guess(
+    statement: &Statement,
+    catalogue: &Catalogue,
+    task: &Task,
+    choice: &Choice,
+) -> Result<Rough, Error> {
     let durations: Vec<f64> = task.phases.iter().map(|phase| phase.duration_guess).collect();
     let linear = linear(task, &durations);
     match choice {
@@ -191,7 +202,9 @@ fn linear(task: &Task, durations: &[f64]) -> Rough {
     let input = |index: usize| {
         let bounds = task.phases.iter().flat_map(|phase| &phase.path);
         let own = bounds.filter(|path| path.limit.terms == [(Signal::Input(index), 1.0)]);
-        Line::constant(own.fold(0.0, |value: f64, path| value.max(path.limit.limits.0).min(path.limit.limits.1)))
+        Line::constant(
+            own.fold(0.0, |value: f64, path| value.max(path.limit.limits.0).min(path.limit.limits.1)),
+        )
     };
     Rough {
         states: (0..task.signals.states.len()).map(state).collect(),
@@ -215,7 +228,9 @@ fn named(
     for course in &guess.courses {
         let found = catalogue.want(&statement.source, &course.variable)?;
         let convert = |value: &f64| match &course.unit {
-            Some(unit) => catalogue.convert(&statement.source, *value, (unit, course.variable.place), found.0),
+            Some(unit) => {
+                catalogue.convert(&statement.source, *value, (unit, course.variable.place), found.0)
+            }
             None => Ok(found.1.inverse().apply(*value)),
         };
         let values = course.value.iter().map(convert).collect::<Result<Vec<f64>, Error>>()?;

@@ -4,6 +4,7 @@
 //! transcription and the solver, and roll the command out. Files of results, figures and words are left to the layers
 //! above.
 
+pub mod assemble;
 pub mod catalogue;
 mod error;
 pub mod feed_forward;
@@ -13,6 +14,8 @@ mod names;
 pub mod prepare;
 pub mod record;
 pub mod sampling;
+pub mod solve;
+pub mod table;
 pub mod task;
 pub mod verify;
 

@@ -66,8 +66,11 @@ pub fn prepare_statement(statement: Statement, began: Instant) -> Result<Prepare
             notes.push(note);
         }
         let size = system.size();
-        let states: Vec<usize> =
-            system.names()[..size.states].iter().filter_map(|name| catalogue.find(name)).map(|found| found.0).collect();
+        let states: Vec<usize> = system.names()[..size.states]
+            .iter()
+            .filter_map(|name| catalogue.find(name))
+            .map(|found| found.0)
+            .collect();
         signals.states = states;
         let shown = [&signals.states, &signals.inputs, &signals.outputs].into_iter().flatten();
         let names = shown.map(|&index| catalogue.variables()[index].name.clone()).collect();
@@ -76,7 +79,17 @@ pub fn prepare_statement(statement: Statement, began: Instant) -> Result<Prepare
     let task = task::task(&statement, &catalogue, signals)?;
     notes.extend(task.notes.iter().cloned());
     let sampled_states = sampled_states(&graph, &catalogue, &task.signals, sampling.as_ref());
-    Ok(Prepared { statement, graph, catalogue, task, sampling, dynamics, sampled_states, notes, load: began.elapsed() })
+    Ok(Prepared {
+        statement,
+        graph,
+        catalogue,
+        task,
+        sampling,
+        dynamics,
+        sampled_states,
+        notes,
+        load: began.elapsed(),
+    })
 }
 
 fn open(statement: &Statement) -> Result<SystemGraph, Error> {

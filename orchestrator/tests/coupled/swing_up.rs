@@ -82,7 +82,12 @@ fn rates_and_their_jacobian_are_those_of_the_equations() {
             for j in 0..7 {
                 let gap = (jacobian[i * 7 + j] - rows[i][j]).abs();
                 let size = rows[i].iter().fold(1.0f64, |size, entry| size.max(entry.abs()));
-                assert!(gap <= 1e-11 * size, "{y:?} {u}: ({i}, {j}) is {}, by hand {}", jacobian[i * 7 + j], rows[i][j]);
+                assert!(
+                    gap <= 1e-11 * size,
+                    "{y:?} {u}: ({i}, {j}) is {}, by hand {}",
+                    jacobian[i * 7 + j],
+                    rows[i][j]
+                );
             }
         }
     }
@@ -118,7 +123,10 @@ fn the_hessian_is_that_of_the_equations() {
         let size = expected.iter().fold(1.0f64, |size, entry| size.max(entry.abs()));
         for (index, (found, expected)) in hessian.iter().zip(expected).enumerate() {
             worst = worst.max((found - expected).abs() / size);
-            assert!((found - expected).abs() <= 1e-7 * size, "{y:?} {u}: {index} is {found}, by hand {expected}");
+            assert!(
+                (found - expected).abs() <= 1e-7 * size,
+                "{y:?} {u}: {index} is {found}, by hand {expected}"
+            );
             assert_eq!(*found, hessian[index % 7 * 7 + index / 7], "not symmetric");
         }
     }

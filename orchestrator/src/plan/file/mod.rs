@@ -12,7 +12,7 @@ mod table;
 pub use quantity::Quantity;
 pub use read::{parse, read};
 pub use source::{Place, Source};
-pub use statement::{Statement, Transcription};
+pub use statement::{Statement, TRANSCRIPTIONS, transcription_name};
 pub use table::Text;
 
 /// JSON schema of the problem file, for editors that complete and check TOML.

@@ -7,13 +7,14 @@ use toml::de::DeTable;
 use super::read_phase;
 use super::source::Source;
 use super::statement::{
-    Animation, Course, Guess, MeshRefinement, Others, Pass, Phase, Settings, Statement, Transcription,
+    Animation, Course, Guess, MeshRefinement, Others, Pass, Phase, Settings, Statement, TRANSCRIPTIONS,
     Verification,
 };
 use super::table::{Table, Text, Value};
 use crate::master::Algorithm;
 use crate::optim::Method;
 use crate::plan::Error;
+use crate::transcription::Transcription;
 
 /// Guesses that every problem has.
 pub const BUILT_IN: [&str; 1] = ["linear"];
@@ -118,7 +119,7 @@ impl Default for Settings {
 fn settings_of(value: Value) -> Result<Settings, Error> {
     let table = value.table("[settings]")?;
     let default = Settings::default();
-    let transcription = table.maybe("transcription", |value| value.choice(&Transcription::NAMES))?;
+    let transcription = table.maybe("transcription", |value| value.choice(&TRANSCRIPTIONS))?;
     let transcription = transcription.unwrap_or(default.transcription);
     let intervals = table.maybe("intervals", |value| value.whole(1))?.unwrap_or(default.intervals);
     let methods = [("interior-point", Method::InteriorPoint), ("sqp", Method::Sqp)];
@@ -151,7 +152,7 @@ fn tolerance(value: Value) -> Result<f64, Error> {
 fn passes(value: Value, default: Transcription) -> Result<Vec<Pass>, Error> {
     let one = |value: &Value| {
         let table = value.table("an entry of `start_with`")?;
-        let transcription = table.maybe("transcription", |value| value.choice(&Transcription::NAMES))?;
+        let transcription = table.maybe("transcription", |value| value.choice(&TRANSCRIPTIONS))?;
         let intervals = table.need("intervals")?.whole(1)?;
         table.finish()?;
         Ok(Pass { transcription: transcription.unwrap_or(default), intervals, place: value.place() })

@@ -6,6 +6,7 @@ use super::quantity::Quantity;
 use super::source::{Place, Source};
 use super::table::Text;
 use crate::optim::Method;
+use crate::transcription::Transcription;
 
 /// A problem file.
 #[derive(Debug, Clone, PartialEq)]
@@ -36,42 +37,18 @@ pub struct Statement {
     pub animation: Option<Animation>,
 }
 
-/// Ways from a trajectory to finitely many numbers.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum Transcription {
-    /// Trapezoidal collocation.
-    Trapezoidal,
-    /// Hermite-Simpson collocation, midpoint states eliminated.
-    HermiteSimpson,
-    /// Hermite-Simpson collocation, midpoint states as variables.
-    HermiteSimpsonSeparated,
-    /// Shooting through the samples of the sampled components.
-    MultipleShooting,
-    /// Shooting for the linear states of the sampled components, collocation for the others.
-    ShootingCollocation,
-}
+/// Names of the transcriptions in problem files and on the command line.
+pub const TRANSCRIPTIONS: [(&str, Transcription); 5] = [
+    ("trapezoidal", Transcription::Trapezoidal),
+    ("hermite-simpson", Transcription::HermiteSimpson),
+    ("hermite-simpson-separated", Transcription::HermiteSimpsonSeparated),
+    ("multiple-shooting", Transcription::MultipleShooting),
+    ("shooting-collocation", Transcription::ShootingCollocation),
+];
 
-impl Transcription {
-    /// Names in problem files and on the command line.
-    pub const NAMES: [(&'static str, Transcription); 5] = [
-        ("trapezoidal", Transcription::Trapezoidal),
-        ("hermite-simpson", Transcription::HermiteSimpson),
-        ("hermite-simpson-separated", Transcription::HermiteSimpsonSeparated),
-        ("multiple-shooting", Transcription::MultipleShooting),
-        ("shooting-collocation", Transcription::ShootingCollocation),
-    ];
-
-    /// Whether the inputs are constant over each interval.
-    pub fn holds_inputs(self) -> bool {
-        matches!(self, Transcription::MultipleShooting | Transcription::ShootingCollocation)
-    }
-}
-
-impl std::fmt::Display for Transcription {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let name = Transcription::NAMES.iter().find(|(_, one)| one == self);
-        f.write_str(name.map_or("", |(name, _)| name))
-    }
+/// Name of a transcription in problem files.
+pub fn transcription_name(transcription: Transcription) -> &'static str {
+    TRANSCRIPTIONS.iter().find(|(_, one)| *one == transcription).map_or("", |(name, _)| name)
 }
 
 /// `[settings]`.

@@ -1,7 +1,8 @@
 //! What a problem file says, and what is said about a wrong one.
 
 use super::statement::{Duration, Of, Where};
-use super::{Place, Quantity, SCHEMA, Source, Statement, Transcription, parse};
+use super::{Place, Quantity, SCHEMA, Source, Statement, TRANSCRIPTIONS, parse};
+use crate::transcription::Transcription;
 
 fn statement(text: &str) -> Result<Statement, crate::plan::Error> {
     parse(Source { file: "folder/problem.toml".into(), text: text.into() })
@@ -150,5 +151,5 @@ fn the_schema_has_the_keys_that_are_read() {
         .iter()
         .map(|name| name.as_str().unwrap())
         .collect();
-    assert_eq!(names, Transcription::NAMES.map(|(name, _)| name));
+    assert_eq!(names, TRANSCRIPTIONS.map(|(name, _)| name));
 }
