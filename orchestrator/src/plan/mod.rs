@@ -6,12 +6,14 @@
 
 pub mod assemble;
 pub mod catalogue;
+pub mod deliver;
 mod error;
 pub mod feed_forward;
 pub mod file;
 pub mod guess;
 mod names;
 pub mod prepare;
+mod reset;
 pub mod record;
 pub mod sampling;
 pub mod solve;

@@ -5,6 +5,7 @@ use std::time::{Duration, Instant};
 
 use super::catalogue::{Catalogue, Kind};
 use super::file::{self, Statement, Text};
+use super::reset::{self, Jump};
 use super::sampling::{self, Sampling};
 use super::task::{self, Signals, Task};
 use super::{Error, names};
@@ -28,6 +29,8 @@ pub struct Prepared {
     pub sampling: Option<Sampling>,
     /// One instance of the dynamics of every phase.
     pub dynamics: Vec<Box<dyn Dynamics>>,
+    /// What happens between each phase and the next, one fewer than phases; none: all states are continuous.
+    pub resets: Vec<Option<Jump>>,
     /// States, by index, that belong to sampled components.
     pub sampled_states: Vec<usize>,
     /// What was assumed, one sentence each.
@@ -76,6 +79,11 @@ pub fn prepare_statement(statement: Statement, began: Instant) -> Result<Prepare
         let names = shown.map(|&index| catalogue.variables()[index].name.clone()).collect();
         dynamics.push(Box::new(Named { inner: Box::new(system), names }));
     }
+    let resets = reset::resets(&statement, &catalogue, &signals, |parameters, signals| {
+        let mut own = graph.clone();
+        set(&statement, &mut own, parameters)?;
+        Ok(Box::new(open_dynamics(&statement, &own, &catalogue, signals)?))
+    })?;
     let task = task::task(&statement, &catalogue, signals)?;
     notes.extend(task.notes.iter().cloned());
     let sampled_states = sampled_states(&graph, &catalogue, &task.signals, sampling.as_ref());
@@ -86,6 +94,7 @@ pub fn prepare_statement(statement: Statement, began: Instant) -> Result<Prepare
         task,
         sampling,
         dynamics,
+        resets,
         sampled_states,
         notes,
         load: began.elapsed(),
