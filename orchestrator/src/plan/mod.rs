@@ -6,6 +6,7 @@
 
 pub mod assemble;
 pub mod catalogue;
+pub mod deliver;
 mod error;
 pub mod feed_forward;
 pub mod file;
@@ -14,6 +15,7 @@ pub mod multistart;
 mod names;
 pub mod prepare;
 pub mod record;
+mod reset;
 pub mod sampling;
 pub mod solve;
 pub mod stabilise;

@@ -10,8 +10,8 @@ use super::guess::Rough;
 use super::prepare::{Prepared, Setup};
 use crate::optim::{self, Iteration, Method, Nlp, Solution, Start, Status, solve_with};
 use crate::transcription::{
-    Complaint, Discretisation, Dynamics, Interpolation, Mesh, PhaseTrajectory, Problem, Program, Trajectory,
-    Transcription,
+    Complaint, Discretisation, Dynamics, Interpolation, Link, Mesh, PhaseTrajectory, Problem, Program,
+    Trajectory, Transcription,
 };
 
 /// One solve of a chain.
@@ -152,7 +152,14 @@ impl Session {
             dynamics.push((0..threads.max(1)).map(|_| one.duplicate()).collect::<Result<_, _>>()?);
         }
         let sampled = (&prepared.sampled_states[..], prepared.sampling.as_ref());
-        Ok(Session { problem: assemble::problem(&prepared.task, &prepared.catalogue, dynamics, sampled) })
+        let links = prepared.resets.iter().map(|reset| match reset {
+            Some(jump) => jump.link(),
+            None => Ok(Link::continuous()),
+        });
+        let links = links.collect::<Result<_, _>>()?;
+        Ok(Session {
+            problem: assemble::problem(&prepared.task, &prepared.catalogue, dynamics, links, sampled),
+        })
     }
 
     /// Solves from a guess.

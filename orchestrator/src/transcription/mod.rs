@@ -12,12 +12,14 @@ pub mod dynamics;
 pub mod error;
 mod evaluate;
 mod functions;
+pub mod integrated;
 mod joint;
 mod layout;
 mod linear;
 pub mod link;
 pub mod mesh;
 pub mod names;
+pub mod output_reset;
 mod part;
 mod pattern;
 mod probe;
@@ -29,9 +31,11 @@ mod vector;
 
 pub use dynamics::{Dynamics, Entry, Point, Size, Structure};
 pub use error::Error;
+pub use integrated::Integrated;
 pub use link::{Link, Reset, ResetSize, StateLink};
 pub use mesh::Mesh;
 pub use names::Complaint;
+pub use output_reset::{After, OutputReset};
 pub use problem::{
     Cost, Duration, Limit, Path, Phase, Place, Problem, Quantity, RateLimit, Shooting, Variable,
 };
