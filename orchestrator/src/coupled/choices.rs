@@ -6,6 +6,9 @@ use crate::fmu::VariableKind;
 use crate::system::SystemGraph;
 use crate::system::graph::Start;
 
+/// A state: component and position.
+type State = (usize, usize);
+
 /// Name of the parameter that chooses between a sampled and a continuous form, and its item for the latter.
 const REALISATION: (&str, &str) = ("realisation", "continuous");
 
@@ -15,7 +18,7 @@ pub(super) fn states(
     anatomy: &Anatomy,
     idle: &[(usize, usize)],
     options: &Options,
-) -> Result<(Vec<(usize, usize)>, Vec<String>), Error> {
+) -> Result<(Vec<State>, Vec<String>), Error> {
     let all = anatomy.blocks.iter().enumerate();
     let all = all.flat_map(|(component, block)| (0..block.states).map(move |state| (component, state)));
     let name = |&(component, state): &(usize, usize)| names::state_name(graph, component, state);
