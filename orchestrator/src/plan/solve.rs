@@ -8,6 +8,7 @@ use super::assemble;
 use super::file::statement::{MeshRefinement, Statement};
 use super::guess::Rough;
 use super::prepare::{Prepared, Setup};
+use super::task::Task;
 use crate::optim::{self, Iteration, Method, Nlp, Solution, Start, Status, solve_with};
 use crate::transcription::{
     Complaint, Discretisation, Dynamics, Interpolation, Mesh, PhaseTrajectory, Problem, Program, Trajectory,
@@ -147,12 +148,20 @@ impl Session {
     /// # Errors
     /// [`Error::Evaluation`] when an FMU cannot be instantiated again.
     pub fn new(prepared: &Prepared, threads: usize) -> Result<Session, Error> {
+        Session::with_task(prepared, &prepared.task, threads)
+    }
+
+    /// As [`Session::new`], for another task on the same states, inputs and outputs.
+    ///
+    /// # Errors
+    /// As [`Session::new`].
+    pub fn with_task(prepared: &Prepared, task: &Task, threads: usize) -> Result<Session, Error> {
         let mut dynamics: Vec<Vec<Box<dyn Dynamics>>> = Vec::new();
         for one in &prepared.dynamics {
             dynamics.push((0..threads.max(1)).map(|_| one.duplicate()).collect::<Result<_, _>>()?);
         }
         let sampled = (&prepared.sampled_states[..], prepared.sampling.as_ref());
-        Ok(Session { problem: assemble::problem(&prepared.task, &prepared.catalogue, dynamics, sampled) })
+        Ok(Session { problem: assemble::problem(task, &prepared.catalogue, dynamics, sampled) })
     }
 
     /// Solves from a guess.

@@ -9,6 +9,7 @@ use super::super::folder;
 use super::many::{MULTISTART, SWEEP, Table};
 use crate::Error;
 use crate::optim::{Note, Status};
+use crate::plan::diagnose::Diagnosis;
 use crate::plan::file::transcription_name;
 use crate::plan::prepare::Prepared;
 use crate::plan::record::{
@@ -26,6 +27,9 @@ use crate::series::csv;
 const COMMAND: &str = "command.csv";
 /// The iteration table.
 const ITERATIONS: &str = "iterations.csv";
+
+/// What is said where a limit can be blamed.
+pub const NO_MOTION: &str = "infeasible: no motion was found that keeps all limits; relax the one that is named, or give it more time";
 
 /// Every file that may be written.
 pub fn names() -> Vec<String> {
@@ -63,6 +67,8 @@ pub struct Results<'a> {
     pub began: Instant,
     /// Table of many solves, where there were many.
     pub table: Option<&'a Table>,
+    /// The limit that stands in the way, where one does.
+    pub diagnosis: Option<&'a Diagnosis>,
     /// Whether figures are drawn.
     pub plots: bool,
 }
@@ -147,13 +153,20 @@ impl Results<'_> {
             transcription: transcription_name(last.pass.transcription).into(),
             intervals: solved.trajectory.phases.iter().map(|phase| phase.intervals()).collect(),
             guess: self.guess.clone(),
-            status: status_name(&last.solution.status).into(),
-            message: last.solution.status.to_string(),
+            status: if self.diagnosis.is_some() { "infeasible" } else { status_name(&last.solution.status) }
+                .into(),
+            message: match self.diagnosis {
+                Some(_) => NO_MOTION.into(),
+                None => last.solution.status.to_string(),
+            },
             objective: finite(last.solution.objective),
             iterations: solved.iterations(),
             max_defect: solved.max_defect,
             max_bound_violation: solved.max_bound_violation,
-            worst: solved.worst.as_ref().map(ToString::to_string),
+            worst: match self.diagnosis {
+                Some(diagnosis) => Some(diagnosis.to_string()),
+                None => solved.worst.as_ref().map(ToString::to_string),
+            },
             blocking: last.solution.blocking.as_ref().map(|one| format!("most in the way: {one}")),
             durations: solved.trajectory.phases.iter().map(|phase| phase.end() - phase.begin()).collect(),
             open_loop_final_error: errors.as_ref().map(|errors| FinalError {
