@@ -188,7 +188,8 @@ fn foreign(folder: &TempDir, changes: &[(&str, &str)]) {
         .status()
         .unwrap();
     assert!(built.success());
-    let mut archive = zip::ZipWriter::new(std::fs::File::create(folder.path().join("van_der_pol.fmu")).unwrap());
+    let mut archive =
+        zip::ZipWriter::new(std::fs::File::create(folder.path().join("van_der_pol.fmu")).unwrap());
     let options = zip::write::SimpleFileOptions::default();
     for (name, file) in [
         ("modelDescription.xml", source.join("modelDescription.xml")),
@@ -219,7 +220,13 @@ fn an_fmu_of_another_tool_without_derivatives_is_optimised() {
 fn an_fmu_that_fails_beyond_a_point_is_stepped_back_from() {
     // The oscillator swings through x2 = 1 in the plan; a failure beyond 1.2 only stands in the way of long steps.
     let folder = TempDir::new().unwrap();
-    foreign(&folder, &[("    rates(model, dx);\n    return 0;", "    rates(model, dx);\n    return model->x[1] > 1.2 ? 3 : 0;")]);
+    foreign(
+        &folder,
+        &[(
+            "    rates(model, dx);\n    return 0;",
+            "    rates(model, dx);\n    return model->x[1] > 1.2 ? 3 : 0;",
+        )],
+    );
     let output = optimize(&folder, Path::new("problem.toml"), &["--no-verification"]);
     assert_eq!(output.status.code(), Some(0), "{}{}", text(&output.stdout), text(&output.stderr));
     assert!(close(summary(&folder).objective.unwrap(), 3.614994456984, 1e-7));

@@ -101,14 +101,14 @@ fn narrow(
     monitor: &mut Monitor,
 ) -> Result<Option<Diagnosis>, Error> {
     let path = &prepared.task.phases[place.0].path[place.1];
-    let Some(worst) = worst(path, place.0, &free.trajectory) else { return Ok(None) };
+    let Some(worst) = worst(path, place.0, free.trajectory()) else { return Ok(None) };
     let (mut low, mut high, mut found) = (1.0, factor(path.limit.limits, worst.value), (free, worst));
     for _ in 0..HALVINGS {
         if !(high.is_finite() && high > low) {
             break;
         }
         let middle = 0.5 * (low + high);
-        let begin = Begin::At(&found.0.trajectory);
+        let begin = Begin::At(&found.0.outcome);
         let Some(next) = trial(prepared, settings, place, Some(middle), begin, monitor)? else { break };
         let least = worst_of(path, place.0, &next);
         match least {
@@ -127,12 +127,12 @@ fn narrow(
         time: worst.time,
         amount: (lower - worst.value).max(worst.value - upper),
     };
-    Ok(Some(Diagnosis { complaint, factor: (low, high), trajectory: solved.trajectory }))
+    Ok(Some(Diagnosis { complaint, factor: (low, high), trajectory: solved.outcome.trajectory }))
 }
 
 /// The worst point of a trial that was solved and still breaks the limit.
 fn worst_of(path: &PathLimit, phase: usize, trial: &Solved) -> Option<Worst> {
-    solved(trial).then(|| worst(path, phase, &trial.trajectory)).flatten()
+    solved(trial).then(|| worst(path, phase, trial.trajectory())).flatten()
 }
 
 /// By what the limits have to be multiplied to let a value in.

@@ -5,6 +5,7 @@ use std::time::{Duration, Instant};
 
 use super::catalogue::{Catalogue, Kind};
 use super::file::{self, Statement, Text};
+use super::reset::{self, Jump};
 use super::sampling::{self, Sampling};
 use super::task::{self, Signals, Task};
 use super::{Error, names};
@@ -20,6 +21,8 @@ pub struct Prepared {
     pub setup: Setup,
     /// One instance of the dynamics of every phase.
     pub dynamics: Vec<Box<dyn Dynamics>>,
+    /// What happens between each phase and the next, one fewer than phases; none: all states are continuous.
+    pub resets: Vec<Option<Jump>>,
 }
 
 impl std::ops::Deref for Prepared {
@@ -90,12 +93,17 @@ pub fn prepare_statement(statement: Statement, began: Instant) -> Result<Prepare
         let names = shown.map(|&index| catalogue.variables()[index].name.clone()).collect();
         dynamics.push(Box::new(Named { inner: Box::new(system), names }));
     }
+    let resets = reset::resets(&statement, &catalogue, &signals, |parameters, signals| {
+        let mut own = graph.clone();
+        set(&statement, &mut own, parameters)?;
+        Ok(Box::new(open_dynamics(&statement, &own, &catalogue, signals)?))
+    })?;
     let task = task::task(&statement, &catalogue, signals)?;
     notes.extend(task.notes.iter().cloned());
     let sampled_states = sampled_states(&graph, &catalogue, &task.signals, sampling.as_ref());
     let load = began.elapsed();
     let setup = Setup { statement, graph, catalogue, task, sampling, sampled_states, notes, load };
-    Ok(Prepared { setup, dynamics })
+    Ok(Prepared { setup, dynamics, resets })
 }
 
 fn open(statement: &Statement) -> Result<SystemGraph, Error> {

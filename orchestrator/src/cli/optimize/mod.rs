@@ -26,7 +26,7 @@ use crate::plan::guess::{self, Choice, Rough};
 use crate::plan::prepare::{Prepared, prepare_statement};
 use crate::plan::solve::{Begin, Progress, Session, Settings, Solved};
 use crate::plan::{self, Error as PlanError, table, verify};
-use crate::{Error, plot};
+use crate::{Error, plot, transcription};
 
 /// Exit code when no motion keeps the constraints near where the search ended.
 pub const INFEASIBLE: u8 = 20;
@@ -157,7 +157,16 @@ fn search(
 
 /// Whether the system could not be evaluated where it has to be.
 fn no_value(error: &PlanError) -> bool {
-    matches!(error, PlanError::Evaluation(_) | PlanError::Solver(crate::optim::Error::Start(_)))
+    matches!(
+        error,
+        PlanError::Evaluation(_)
+            | PlanError::Solver(crate::optim::Error::Start(_))
+            | PlanError::Coupled(crate::coupled::Error::Fmu(_))
+            | PlanError::Transcription(
+                transcription::Error::Evaluation(_)
+                    | transcription::Error::Solver(crate::optim::Error::Start(_))
+            )
+    )
 }
 
 /// The guess that the command line names.
@@ -279,9 +288,9 @@ fn roll_out(prepared: &Prepared, solved: &Solved, stop: &Arc<AtomicBool>) -> Res
     let said = said.map(|step| crate::plan::task::seconds(&prepared.statement.source, step)).transpose()?;
     let step = said.or(prepared.sampling.as_ref().map(|sampling| sampling.sample_time)).unwrap_or(STEP);
     let options = verify::Options { master: verification.master, step, tolerance: verification.tolerance };
-    let first = &solved.trajectory.phases[0];
+    let first = &solved.trajectory().phases[0];
     let states = (&prepared.task.signals.states[..], &first.states[0][..]);
-    let rolled = table::with_command(prepared, &solved.trajectory, |command| {
+    let rolled = table::with_command(prepared, solved.trajectory(), |command| {
         verify::roll_out(&prepared.graph, &prepared.catalogue, states, command, options, stop)
     });
     Ok(rolled?)

@@ -4,6 +4,7 @@ use std::path::Path;
 
 use toml::de::DeTable;
 
+use super::feed_forward;
 use super::read_phase;
 use super::source::Source;
 use super::statement::{
@@ -48,6 +49,7 @@ pub fn parse(source: Source) -> Result<Statement, Error> {
     let guesses = root.maybe("guess", guesses)?.unwrap_or_default();
     let verification = root.maybe("verification", verification)?.unwrap_or_default();
     let animation = root.maybe("animation", animation)?;
+    let feed_forward = root.maybe("feed_forward", feed_forward::read)?;
     root.finish()?;
     let folder = source.file.parent().unwrap_or(Path::new(""));
     let stem = source.file.file_stem().map(|stem| stem.to_string_lossy().into_owned());
@@ -63,6 +65,7 @@ pub fn parse(source: Source) -> Result<Statement, Error> {
         guesses,
         verification,
         animation,
+        feed_forward,
         source: source.clone(),
     })
 }
@@ -85,6 +88,11 @@ fn phases(root: &Table) -> Result<Vec<Phase>, Error> {
 /// A list of texts.
 fn texts(value: Value) -> Result<Vec<Text>, Error> {
     value.list()?.iter().map(Value::text).collect()
+}
+
+/// `name = "other name"`.
+pub fn texts_of_pairs(value: Value, name: &str) -> Result<Vec<(Text, Text)>, Error> {
+    value.table(name)?.entries().into_iter().map(|(name, value)| Ok((name, value.text()?))).collect()
 }
 
 /// `name = value` with plain values, as text.

@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use super::feed_forward::FeedForward;
 use super::quantity::Quantity;
 use super::source::{Place, Source};
 use super::table::Text;
@@ -35,6 +36,8 @@ pub struct Statement {
     pub verification: Verification,
     /// What the page draws.
     pub animation: Option<Animation>,
+    /// Actuators that are to deliver what is planned.
+    pub feed_forward: Option<FeedForward>,
 }
 
 /// Names of the transcriptions in problem files and on the command line.
@@ -125,6 +128,8 @@ pub struct Phase {
     pub intervals: Option<usize>,
     /// Start values of parameters in this phase, such as a pinned mode.
     pub parameters: Vec<(Text, String)>,
+    /// How the states at the start follow from the end of the phase before; none: they are continuous.
+    pub reset: Option<Reset>,
     /// Conditions at the start; states that are not named keep the start values of the system.
     pub initial: Vec<Condition>,
     /// Conditions at the end; states that are not named are free.
@@ -135,6 +140,19 @@ pub struct Phase {
     pub rates: Vec<Rate>,
     /// Cost.
     pub costs: Vec<Cost>,
+}
+
+/// A jump of states from the end of a phase to the start of the next, read from outputs of the system.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Reset {
+    /// Start values of parameters of the system that shows the outputs.
+    pub parameters: Vec<(Text, String)>,
+    /// State after, and the variable that shows it before; other states are continuous.
+    pub states: Vec<(Text, Text)>,
+    /// Bounds of outputs, such as impulses.
+    pub bounds: Vec<Bound>,
+    /// Where it stands.
+    pub place: Place,
 }
 
 /// What holds for a variable at one end of a phase.
