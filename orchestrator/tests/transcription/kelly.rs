@@ -227,7 +227,7 @@ fn the_mesh_is_refined_until_the_errors_between_knots_are_small() {
     let largest: Vec<f64> = rounds.iter().map(|round| round.errors[0].largest()).collect();
     let iterations: Vec<usize> =
         rounds.iter().map(|round| round.outcome.solution.iterations.len() - 1).collect();
-    println!("{largest:?} {iterations:?}");
+
     assert!(largest[0] > 1e-4 && *largest.last().unwrap() <= 1e-6, "{largest:?}");
     // A warm start costs a few iterations.
     assert!(iterations[1..].iter().all(|count| *count <= 10), "{iterations:?}");

@@ -84,7 +84,6 @@ fn a_coarse_solution_starts_a_fine_one() {
             assert!(outcome.complaints.is_empty(), "{}", outcome.complaints[0]);
             steps.push(outcome.solution.iterations.len() - 1);
         }
-        println!("{method:?}: {steps:?}");
         // Less than from the pump guess, also where the friction, sharper than the grid, moves the minimum.
         assert!(steps[1..].iter().all(|count| *count < steps[0]), "{method:?}: {steps:?}");
     }
