@@ -94,6 +94,9 @@ pub enum Error {
     /// Plans.
     #[error(transparent)]
     Plan(#[from] crate::plan::Error),
+    /// Amended systems.
+    #[error(transparent)]
+    Amend(#[from] crate::refine::amend::Error),
     /// Reports.
     #[error(transparent)]
     Report(#[from] crate::report::Error),

@@ -12,11 +12,11 @@ use airloop::refine::engine::candidate::Candidate;
 use airloop::refine::rig::coupled::Coupled;
 use airloop::refine::rig::open::open;
 use airloop::refine::rig::parameters::{self, TABLE};
-use airloop::refine::rig::physical::quantities;
+use airloop::refine::rig::physical::{correction, quantities};
 use airloop::series::csv;
 
 /// Samples that are compared.
-const SAMPLES: usize = 600;
+const SAMPLES: usize = 400;
 
 fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
@@ -100,27 +100,33 @@ fn run(case: &Case, answer: &Answer, x0: f64, theta0: f64, master: &str) -> BTre
     result.channels().iter().map(|c| (c.name.clone(), c.values.clone())).collect()
 }
 
-/// Largest difference to the prediction of the search, of each signal that has no part in the coupling convention.
-fn differences(rig: &Coupled, p: &[f64], run: &BTreeMap<String, Vec<f64>>, start: [f64; 2]) -> Vec<f64> {
+/// Largest differences to the prediction of the search: pressure force, load cell, position, angle.
+///
+/// In a run the force of the friction is read before the sample of its time: the step of the actuator is added.
+fn differences(rig: &Coupled, p: &[f64], run: &BTreeMap<String, Vec<f64>>, start: [f64; 2]) -> [f64; 4] {
     let predicted = rig.predict(0, p, &start);
-    let n = rig.trials[0].u.len();
-    let names = ["F_hat", "F_p", "x", "theta"];
-    let signals = names.iter().zip(predicted.chunks(n)).filter(|(name, _)| **name != "F_p");
-    signals
-        .map(|(name, expected)| {
-            let found = &run[*name];
-            (0..SAMPLES).map(|k| (found[k] - expected[k]).abs()).fold(0.0, f64::max)
-        })
-        .collect()
+    let mut expected = predicted.chunks(rig.trials[0].u.len());
+    ["F_hat", "F_p", "x", "theta"].map(|name| {
+        let expected = expected.next().unwrap();
+        let step = |k: usize| {
+            let step = run["F_act"][k] - run["F_act"][k - 1];
+            if name == "F_p" { (1.0 + p[parameters::SENSOR_GAIN_F_P]) * step } else { 0.0 }
+        };
+        (1..SAMPLES).map(|k| (run[name][k] + step(k) - expected[k]).abs()).fold(0.0, f64::max)
+    })
 }
 
 fn check(case: &Case, rig: &Coupled, p: &[f64], answer: &Answer, name: &str) {
     let start = [0.012, 0.03];
     let found = run(case, answer, start[0], start[1], "monolithic");
     let errors = differences(rig, p, &found, start);
-    eprintln!("{name}: {errors:?}");
-    // Two Runge-Kutta steps of 0.5 ms per sample against an integrator of 1e-9.
-    let limits = [1e-4, 2e-6, 2e-5];
+    // Two Runge-Kutta steps of 0.5 ms per sample against an integrator of 1e-9; the friction of the piston has a slope of
+    // some 100 N s/m.
+    let mut limits = [1e-4, 1e-3, 5e-7, 2e-6];
+    if name == "pf.pressure" || name == "sensor.delay(F_p)" {
+        // The load cell reads another pressure force, or a past value, before the sample than behind it.
+        limits[1] = f64::INFINITY;
+    }
     assert!(errors.iter().zip(limits).all(|(error, limit)| *error < limit), "{name}: {errors:?}");
 }
 
@@ -166,4 +172,43 @@ fn every_effect_of_the_pole_moves_as_in_the_search() {
 #[test]
 fn every_effect_of_the_sensors_shows_as_in_the_search() {
     all_of("sensor");
+}
+
+#[test]
+fn corrections_of_declared_parameters_move_as_in_the_search() {
+    let case = case();
+    let opened = open(&case).unwrap();
+    let rig = opened.coupled.as_ref().unwrap();
+    let mut p = parameters::neutral();
+    let mut corrections = Vec::new();
+    for (k, free) in opened.corrections.iter().enumerate() {
+        p[free.index] = 0.01 * (1.0 + 0.1 * k as f64) * if k % 2 == 0 { 1.0 } else { -1.0 };
+        let (name, relative) = correction(free.index, &p);
+        corrections.push((name, relative, 1e-3));
+    }
+    // Effects that count from corrected values: presliding replaces the corrected Coulomb friction, a payload is added to
+    // the corrected pole.
+    let own = ["cf.presliding", "pole.payload", "cart.tilt"];
+    let own = own.map(|id| opened.candidates.iter().find(|c| c.id == id).unwrap());
+    own.iter().for_each(|candidate| switched_on(candidate, &mut p));
+    let effects = own.iter().map(|candidate| effect(candidate, &p)).collect();
+    check(&case, rig, &p, &answer(effects, corrections), "corrections");
+}
+
+#[test]
+fn co_simulation_follows_within_its_step() {
+    let case = case();
+    let opened = open(&case).unwrap();
+    let rig = opened.coupled.as_ref().unwrap();
+    let mut p = parameters::neutral();
+    let own = ["act.delay", "cart.spring", "sensor.delay(x)"];
+    let own = own.map(|name| opened.candidates.iter().find(|c| c.name() == name).unwrap());
+    own.iter().for_each(|candidate| switched_on(candidate, &mut p));
+    let answer = answer(own.iter().map(|candidate| effect(candidate, &p)).collect(), Vec::new());
+    let start = [0.012, 0.03];
+    let found = run(&case, &answer, start[0], start[1], "gauss-seidel");
+    let [f_hat, _, x, theta] = differences(rig, &p, &found, start);
+    // Speeds of some 0.3 m/s and accelerations of 20 m/s2 over one step of 1 ms; a delay that is off by a step would show
+    // as 3e-4 m.
+    assert!(f_hat < 1e-9 && x < 1e-4 && theta < 1e-3, "{f_hat} {x} {theta}");
 }

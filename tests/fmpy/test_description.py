@@ -35,6 +35,8 @@ ALLOWED_INITIAL = {
 
 # SI base-unit exponents of the unit names in use: what each must declare, from a table of units and not from the code.
 BASE_UNITS = {
+    "Hz": {"s": -1},
+    "N.m.s2/rad2": {"kg": 1, "m": 2, "rad": -2},
     "1": {},
     "J": {"kg": 1, "m": 2, "s": -2},
     "N": {"kg": 1, "m": 1, "s": -2},

@@ -14,6 +14,7 @@ pub mod inspect_system;
 pub mod optimize;
 pub mod output;
 pub mod refine;
+mod refine_progress;
 mod report;
 pub mod rig;
 pub mod run;

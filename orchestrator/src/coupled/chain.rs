@@ -1,6 +1,6 @@
 //! The chain rule: derivatives of all values by states and inputs, and weighted second derivatives.
 
-use super::program::{Factor, Place, Program};
+use super::program::{Factor, Place, Program, Row};
 use super::work::{Trouble, Work};
 use crate::fmu::Model;
 use crate::system::graph::Conversion;
@@ -13,10 +13,19 @@ impl Work {
         }
     }
 
-    /// Rows of all values from the derivatives of the components.
+    /// Rows that are the same everywhere.
+    pub fn combine_constants(&mut self, program: &Program) {
+        self.combine_rows(&program.rows[..program.constant_rows]);
+    }
+
+    /// Rows of the other values from the derivatives of the components.
     pub fn combine(&mut self, program: &Program) {
+        self.combine_rows(&program.rows[program.constant_rows..]);
+    }
+
+    fn combine_rows(&mut self, rows: &[Row]) {
         let width = self.size.arguments();
-        for row in &program.rows {
+        for row in rows {
             let begin = row.value * width;
             self.rows[begin..begin + width].fill(0.0);
             for &(factor, place) in &row.terms {
@@ -24,9 +33,8 @@ impl Work {
                 match place {
                     Place::Column(column) => self.rows[begin + column] += factor,
                     Place::Value(source) => {
-                        for column in 0..width {
-                            self.rows[begin + column] += factor * self.rows[source * width + column];
-                        }
+                        let (own, other) = two_rows(&mut self.rows, width, row.value, source);
+                        own.iter_mut().zip(other).for_each(|(target, slope)| *target += factor * slope);
                     }
                     Place::Fixed(_) => {}
                 }
@@ -93,6 +101,7 @@ impl Work {
         hessian: &mut [f64],
     ) -> Result<(), Trouble> {
         hessian.fill(0.0);
+        self.set_time(program, models)?;
         let width = self.size.arguments();
         for slopes in &program.slopes {
             if slopes.curvatures.iter().all(|curvature| self.adjoint[curvature.value] == 0.0) {
@@ -125,11 +134,11 @@ impl Work {
         &self,
         width: usize,
         weight: f64,
-        (factor, place): (f64, Place),
-        (other_factor, other): (f64, Place),
+        (conversion, place): (Conversion, Place),
+        (other_conversion, other): (Conversion, Place),
         hessian: &mut [f64],
     ) {
-        let weight = weight * factor * other_factor;
+        let weight = weight * conversion.factor * other_conversion.factor;
         let row = |value: usize| &self.rows[value * width..(value + 1) * width];
         let mut line = |line: usize, weight: f64| {
             let target = &mut hessian[line * width..(line + 1) * width];
@@ -148,5 +157,14 @@ impl Work {
             }
             Place::Fixed(_) => {}
         }
+    }
+}
+
+/// One row to write and another to read.
+fn two_rows(rows: &mut [f64], width: usize, target: usize, source: usize) -> (&mut [f64], &[f64]) {
+    let (first, rest) = rows.split_at_mut(target.max(source) * width);
+    match target > source {
+        true => (&mut rest[..width], &first[source * width..(source + 1) * width]),
+        false => (&mut first[target * width..(target + 1) * width], &rest[..width]),
     }
 }

@@ -14,6 +14,7 @@ mod calls;
 mod chain;
 mod error;
 mod learn;
+mod memory;
 mod names;
 mod options;
 mod program;
@@ -25,9 +26,10 @@ use std::sync::Arc;
 use crate::fmu::{Error as FmuError, Model, Status, VariableKind};
 use crate::optim::EvaluationError;
 use crate::system::SystemGraph;
-use crate::system::graph::{Conversion, Start};
+use crate::system::graph::{Component, Conversion, Start};
 use crate::transcription::dynamics::{Dynamics, Entry, Point, Size, Structure};
 use anatomy::{Anatomy, Origin};
+use memory::Known;
 use program::{Maker, Place, Program};
 use work::{Trouble, Work};
 
@@ -54,6 +56,8 @@ struct Plan {
     start: Vec<f64>,
     /// `component.variable` of each value.
     value_names: Vec<String>,
+    /// `component.variable` of each argument of each component.
+    argument_names: Vec<Vec<String>>,
     notes: Vec<String>,
 }
 
@@ -137,18 +141,20 @@ impl System {
             start: states.iter().map(|&(component, state)| locals[component].anchor[state]).collect(),
             outputs,
             value_names,
+            argument_names: argument_names(&graph, &anatomy),
             notes,
             graph,
         };
         plan.structure = plan.structure();
         plan.describe(&anatomy, &states, state_names, &inputs, options);
-        let plan = Arc::new(plan);
         if !intact {
             models = start::instances(&plan.graph, plan.time)?;
         }
         let widths: Vec<usize> = anatomy.blocks.iter().map(|block| block.arguments.len()).collect();
         let work = Work::new(&plan.program, widths, size);
-        Ok(System { plan, models, work, broken: false })
+        let mut system = System { plan: Arc::new(plan), models, work, broken: false };
+        system.work.combine_constants(&system.plan.program);
+        Ok(system)
     }
 
     /// Units of states, inputs and outputs, where they have one, `[n_x + n_u + n_g]`.
@@ -178,6 +184,26 @@ impl System {
         Ok(())
     }
 
+    /// Brings values, or values and first derivatives, to a point.
+    fn at(&mut self, at: Point<'_>, wanted: Known) -> Result<(), EvaluationError> {
+        self.repair()?;
+        let (program, models) = (&self.plan.program, &mut self.models);
+        let done = self.work.recall(at).and_then(|known| {
+            match (known, wanted) {
+                (Known::Nothing, Known::Derivatives) => {
+                    self.work.visit(program, models)?;
+                    self.work.differentiate(program, models)?;
+                }
+                (Known::Nothing, _) => self.work.visit(program, models)?,
+                (Known::Values, Known::Derivatives) => self.work.revisit(program, models)?,
+                _ => return Ok(()),
+            }
+            self.work.remember(wanted);
+            Ok(())
+        });
+        done.map_err(|trouble| self.explain(trouble))
+    }
+
     #[cold]
     fn explain(&mut self, trouble: Trouble) -> EvaluationError {
         match trouble {
@@ -190,6 +216,13 @@ impl System {
             Trouble::NotFinite { value, found } => {
                 let function = format!("`{}`", self.plan.value_names[value]);
                 EvaluationError { function, reason: format!("it is {found}") }
+            }
+            Trouble::Derivative { component, argument, found } => {
+                let variable = self.plan.argument_names[component][argument].as_str();
+                EvaluationError {
+                    function: format!("a derivative by `{variable}`"),
+                    reason: format!("it is {found}"),
+                }
             }
             Trouble::Argument { column, found } => {
                 let function = format!("`{}`", self.plan.names[column]);
@@ -217,10 +250,7 @@ impl Dynamics for System {
     }
 
     fn evaluate(&mut self, at: Point<'_>, values: &mut [f64]) -> Result<(), EvaluationError> {
-        self.repair()?;
-        let plan = &*self.plan;
-        let done = self.work.visit(&plan.program, &mut self.models, at);
-        done.map_err(|trouble| self.explain(trouble))?;
+        self.at(at, Known::Values)?;
         self.work.write_values(&self.plan.rates, &self.plan.outputs, values);
         Ok(())
     }
@@ -231,16 +261,11 @@ impl Dynamics for System {
         values: &mut [f64],
         jacobian: &mut [f64],
     ) -> Result<(), EvaluationError> {
-        self.repair()?;
+        self.at(at, Known::Derivatives)?;
         let plan = &*self.plan;
-        let done = self
-            .work
-            .visit(&plan.program, &mut self.models, at)
-            .and_then(|()| self.work.differentiate(&plan.program, &mut self.models));
-        done.map_err(|trouble| self.explain(trouble))?;
-        self.work.write_values(&self.plan.rates, &self.plan.outputs, values);
-        self.work.combine(&self.plan.program);
-        self.work.write_jacobian(&self.plan.rates, &self.plan.outputs, jacobian);
+        self.work.write_values(&plan.rates, &plan.outputs, values);
+        self.work.combine(&plan.program);
+        self.work.write_jacobian(&plan.rates, &plan.outputs, jacobian);
         Ok(())
     }
 
@@ -250,17 +275,11 @@ impl Dynamics for System {
         weights: &[f64],
         hessian: &mut [f64],
     ) -> Result<(), EvaluationError> {
-        self.repair()?;
+        self.at(at, Known::Derivatives)?;
         let plan = &*self.plan;
-        let done = self
-            .work
-            .visit(&plan.program, &mut self.models, at)
-            .and_then(|()| self.work.differentiate(&plan.program, &mut self.models))
-            .and_then(|()| {
-                self.work.combine(&plan.program);
-                self.work.weigh(&plan.program, &plan.rates, &plan.outputs, weights);
-                self.work.bend(&plan.program, &mut self.models, hessian)
-            });
+        self.work.combine(&plan.program);
+        self.work.weigh(&plan.program, &plan.rates, &plan.outputs, weights);
+        let done = self.work.bend(&plan.program, &mut self.models, hessian);
         done.map_err(|trouble| self.explain(trouble))
     }
 
@@ -329,6 +348,13 @@ impl Plan {
         self.names.extend(inputs.iter().map(|&input| graph.inputs[input].name.clone()));
         self.names.extend(options.outputs.iter().cloned());
     }
+}
+
+fn argument_names(graph: &SystemGraph, anatomy: &Anatomy) -> Vec<Vec<String>> {
+    let of = |(component, block): (&Component, &anatomy::Block)| {
+        block.arguments.iter().map(|argument| component.path_of(argument.variable)).collect()
+    };
+    graph.components.iter().zip(&anatomy.blocks).map(of).collect()
 }
 
 /// States in the order of the problem, as (component, position), and their names.

@@ -19,7 +19,7 @@ pub(super) enum Place {
 }
 
 /// Factor of a derivative.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Factor {
     Constant(f64),
     /// Varying entry, and the factor of the connection.
@@ -77,8 +77,8 @@ pub(super) struct Slopes {
     pub bends: Vec<Bend>,
     /// Values and pairs of arguments of the curvatures.
     pub curvatures: Vec<Curvature>,
-    /// Rows of the arguments: factor and place.
-    pub arguments: Vec<(f64, Place)>,
+    /// Where the arguments come from.
+    pub arguments: Vec<(Conversion, Place)>,
 }
 
 /// A second derivative of a value by two arguments, `first <= second`.
@@ -95,6 +95,8 @@ pub(super) struct Program {
     pub steps: Vec<Step>,
     /// Rows of the derivatives in an order in which each needs earlier ones only.
     pub rows: Vec<Row>,
+    /// Those among them that are the same everywhere, at the beginning.
+    pub constant_rows: usize,
     pub slopes: Vec<Slopes>,
     /// Number of varying entries.
     pub entries: usize,
@@ -151,6 +153,11 @@ impl Maker<'_> {
                 self.add_row(value, &entry_of, &mut program);
             }
         }
+        // Constant rows depend on constant rows only; the order within each part stays.
+        let patterns = &program.patterns;
+        let varies = |row: &Row| patterns[row.value].contains(&Entry::Varying);
+        program.rows.sort_by_key(varies);
+        program.constant_rows = program.rows.iter().filter(|row| !varies(row)).count();
         let waiting: Vec<usize> = (0..done.len()).filter(|&value| !done[value]).collect();
         if waiting.is_empty() { Ok(program) } else { Err(waiting) }
     }
@@ -314,7 +321,7 @@ impl Maker<'_> {
         let mut slopes = Slopes { component, states: block.states, ..Slopes::default() };
         for argument in 0..block.arguments.len() {
             let (place, conversion) = self.source(component, argument);
-            slopes.arguments.push((conversion.factor, place));
+            slopes.arguments.push((conversion, place));
             let values: Vec<usize> = block.values.clone().filter(|&value| varying(value, argument)).collect();
             if values.is_empty() {
                 continue;

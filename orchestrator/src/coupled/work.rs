@@ -1,6 +1,7 @@
 //! The numbers at one point: values through the components, and derivatives of each component there.
 
 use super::calls::{Scratch, set_one};
+use super::memory::{Known, Memory};
 use super::program::{Place, Program, Slopes, Step};
 use crate::fmu::{Error as FmuError, Model};
 use crate::system::graph::Conversion;
@@ -11,7 +12,6 @@ use crate::transcription::dynamics::{Point, Size};
 const FIRST: f64 = 6e-6;
 /// For first derivatives that are differenced again: the fourth root.
 const NESTED: f64 = 1.2e-4;
-
 /// Why there are no numbers at a point.
 #[derive(Debug)]
 pub(super) enum Trouble {
@@ -19,6 +19,8 @@ pub(super) enum Trouble {
     Fmu { component: usize, error: FmuError },
     /// A value is no number.
     NotFinite { value: usize, found: f64 },
+    /// A derivative by an argument is no number.
+    Derivative { component: usize, argument: usize, found: f64 },
     /// A state or input is no number.
     Argument { column: usize, found: f64 },
 }
@@ -44,6 +46,12 @@ pub(super) struct Work {
     /// Second derivatives times weights by pairs of arguments.
     pub scratch: Scratch,
     buffer: Vec<f64>,
+    /// Time and point, as the memory knows them.
+    key: Vec<f64>,
+    memory: Memory,
+    /// Place of the present point in the memory.
+    place: Option<usize>,
+    /// Time that the components have.
     time: Option<f64>,
 }
 
@@ -62,13 +70,16 @@ impl Work {
             curvatures: [vec![0.0; program.curvatures], vec![0.0; program.curvatures]],
             scratch: Scratch::new(values, program.width),
             buffer: vec![0.0; program.width.max(most)],
+            key: vec![0.0; 1 + size.arguments()],
+            memory: Memory::new(1 + size.arguments(), values + program.entries),
+            place: None,
             time: None,
         }
     }
 
     /// For other instances of the same components.
     pub fn fresh(&self) -> Work {
-        Work { time: None, ..self.clone() }
+        Work { time: None, memory: self.memory.fresh(), place: None, ..self.clone() }
     }
 
     /// The instances were made anew.
@@ -84,24 +95,55 @@ impl Work {
         }
     }
 
-    /// Values at a point; the components then stand there.
-    pub fn visit(&mut self, program: &Program, models: &mut [Model], at: Point<'_>) -> Result<(), Trouble> {
-        let (states, inputs) = self.point.split_at_mut(self.size.states);
-        states.copy_from_slice(at.states);
-        inputs.copy_from_slice(at.inputs);
+    /// Takes a point, and from the memory what is known of it.
+    pub fn recall(&mut self, at: Point<'_>) -> Result<Known, Trouble> {
+        self.key[0] = at.time;
+        self.key[1..=at.states.len()].copy_from_slice(at.states);
+        self.key[1 + at.states.len()..].copy_from_slice(at.inputs);
+        self.point.copy_from_slice(&self.key[1..]);
         if let Some(column) = self.point.iter().position(|value| !value.is_finite()) {
             return Err(Trouble::Argument { column, found: self.point[column] });
         }
-        if self.time != Some(at.time) {
-            // Where this fails, some components have the new time and some the old.
-            self.time = None;
-            for slopes in &program.slopes {
-                let component = slopes.component;
-                let done = models[component].set_time(at.time);
-                done.map_err(|error| Trouble::Fmu { component, error })?;
-            }
-            self.time = Some(at.time);
+        let found = self.memory.place(&self.key);
+        self.place = found.map(|(place, _)| place);
+        let Some((place, known)) = found else { return Ok(Known::Nothing) };
+        let numbers = self.memory.numbers(place);
+        let (values, entries) = numbers.split_at(self.values.len());
+        if known >= Known::Values {
+            self.values.copy_from_slice(values);
         }
+        if known == Known::Derivatives {
+            self.entries.copy_from_slice(entries);
+        }
+        Ok(known)
+    }
+
+    /// Keeps what is known of the point now.
+    pub fn remember(&mut self, known: Known) {
+        if let Some(place) = self.place {
+            self.memory.keep(place, known, [&self.values, &self.entries]);
+        }
+    }
+
+    /// Brings the components to the time of the point.
+    pub fn set_time(&mut self, program: &Program, models: &mut [Model]) -> Result<(), Trouble> {
+        let time = self.key[0];
+        if self.time == Some(time) {
+            return Ok(());
+        }
+        // Where this fails, some components have the new time and some the old.
+        self.time = None;
+        for slopes in &program.slopes {
+            let component = slopes.component;
+            models[component].set_time(time).map_err(|error| Trouble::Fmu { component, error })?;
+        }
+        self.time = Some(time);
+        Ok(())
+    }
+
+    /// Values at the point; the components then stand there.
+    pub fn visit(&mut self, program: &Program, models: &mut [Model]) -> Result<(), Trouble> {
+        self.set_time(program, models)?;
         for step in &program.steps {
             match step {
                 Step::Affine(affine) => {
@@ -161,15 +203,56 @@ impl Work {
                 column
                     .differentiate(&mut models[component], at, FIRST, &mut self.scratch, results)
                     .map_err(|error| Trouble::Fmu { component, error })?;
+                if let Some(found) = results.iter().find(|slope| !slope.is_finite()) {
+                    return Err(Trouble::Derivative { component, argument: column.argument, found: *found });
+                }
             }
         }
         Ok(())
     }
 
-    /// Second derivatives of a component where it stands, by central differences of its first ones.
+    /// Arguments of a component at the point, from the values of all.
+    fn take_arguments(&mut self, slopes: &Slopes) {
+        for (argument, &(conversion, place)) in slopes.arguments.iter().enumerate() {
+            let value = self.at(place);
+            self.arguments[slopes.component][argument] = match conversion == Conversion::IDENTITY {
+                true => value,
+                false => conversion.apply(value),
+            };
+        }
+    }
+
+    /// Brings the arguments of a component that matter for derivatives to the point.
+    fn stand(&mut self, slopes: &Slopes, model: &mut Model) -> Result<(), FmuError> {
+        let at = &self.arguments[slopes.component];
+        let mut states_set = false;
+        for column in &slopes.columns {
+            if column.argument < slopes.states && std::mem::replace(&mut states_set, true) {
+                continue;
+            }
+            set_one(model, slopes.states, column.argument, column.reference, at)?;
+        }
+        Ok(())
+    }
+
+    /// First derivatives of every component at a point whose values are known.
+    pub fn revisit(&mut self, program: &Program, models: &mut [Model]) -> Result<(), Trouble> {
+        self.set_time(program, models)?;
+        for slopes in &program.slopes {
+            let component = slopes.component;
+            self.take_arguments(slopes);
+            self.stand(slopes, &mut models[component]).map_err(|error| Trouble::Fmu { component, error })?;
+        }
+        self.differentiate(program, models)
+    }
+
+    /// Second derivatives of a component at a point whose first derivatives are known, by differences of them.
     pub fn differentiate_twice(&mut self, slopes: &Slopes, model: &mut Model) -> Result<(), FmuError> {
+        self.take_arguments(slopes);
+        self.stand(slopes, model)?;
+        let last = slopes.bends.len().saturating_sub(1);
         let at = &mut self.arguments[slopes.component];
-        for bend in &slopes.bends {
+        for (number, bend) in slopes.bends.iter().enumerate() {
             let moved = &bend.columns[0];
             let here = at[moved.argument];
             let step = FIRST * moved.scale(here);
@@ -183,12 +266,15 @@ impl Work {
                 }
             }
             at[moved.argument] = here;
-            set_one(model, slopes.states, moved.argument, moved.reference, at)?;
+            // The states are set together: the next of them brings this one back.
+            let next = slopes.bends.get(number + 1).map(|bend| bend.columns[0].argument);
+            let both = moved.argument < slopes.states && next.is_some_and(|next| next < slopes.states);
+            if number != last && !both {
+                set_one(model, slopes.states, moved.argument, moved.reference, at)?;
+            }
             let [above, below] = &mut self.curvatures;
-            for column in &bend.columns {
-                for target in column.targets.clone() {
-                    above[target] = (above[target] - below[target]) / (up - down);
-                }
+            for target in bend.columns.iter().flat_map(|column| column.targets.clone()) {
+                above[target] = (above[target] - below[target]) / (up - down);
             }
         }
         Ok(())

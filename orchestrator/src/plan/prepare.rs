@@ -17,6 +17,22 @@ use crate::transcription::{Dynamics, Point, Size, Structure};
 
 /// A problem that is ready to be transcribed.
 pub struct Prepared {
+    /// All but the FMU instances; threads may share it.
+    pub setup: Setup,
+    /// One instance of the dynamics of every phase.
+    pub dynamics: Vec<Box<dyn Dynamics>>,
+}
+
+impl std::ops::Deref for Prepared {
+    type Target = Setup;
+
+    fn deref(&self) -> &Setup {
+        &self.setup
+    }
+}
+
+/// A problem with its system, names and numbers.
+pub struct Setup {
     /// What the file says.
     pub statement: Statement,
     /// The system with the parameters of the problem.
@@ -27,10 +43,6 @@ pub struct Prepared {
     pub task: Task,
     /// Sampled components, if there are any.
     pub sampling: Option<Sampling>,
-    /// One instance of the dynamics of every phase.
-    pub dynamics: Vec<Box<dyn Dynamics>>,
-    /// What happens between each phase and the next, one fewer than phases; none: all states are continuous.
-    pub resets: Vec<Option<Jump>>,
     /// States, by index, that belong to sampled components.
     pub sampled_states: Vec<usize>,
     /// What was assumed, one sentence each.
@@ -87,18 +99,9 @@ pub fn prepare_statement(statement: Statement, began: Instant) -> Result<Prepare
     let task = task::task(&statement, &catalogue, signals)?;
     notes.extend(task.notes.iter().cloned());
     let sampled_states = sampled_states(&graph, &catalogue, &task.signals, sampling.as_ref());
-    Ok(Prepared {
-        statement,
-        graph,
-        catalogue,
-        task,
-        sampling,
-        dynamics,
-        resets,
-        sampled_states,
-        notes,
-        load: began.elapsed(),
-    })
+    let load = began.elapsed();
+    let setup = Setup { statement, graph, catalogue, task, sampling, sampled_states, notes, load };
+    Ok(Prepared { setup, dynamics, resets })
 }
 
 fn open(statement: &Statement) -> Result<SystemGraph, Error> {

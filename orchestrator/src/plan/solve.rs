@@ -7,7 +7,7 @@ use super::Error;
 use super::assemble;
 use super::file::statement::{MeshRefinement, Statement};
 use super::guess::Rough;
-use super::prepare::Prepared;
+use super::prepare::{Prepared, Setup};
 use crate::optim::{self, Iteration, Method, Nlp, Solution, Start, Status, solve_with};
 use crate::transcription::{
     Complaint, Discretisation, Dynamics, Interpolation, Link, Mesh, PhaseTrajectory, Problem, Program, Trajectory,
@@ -78,6 +78,13 @@ pub struct Done {
     pub size: (usize, usize),
 }
 
+impl Done {
+    /// Iterations; the first row of the table is the start.
+    pub fn iterations(&self) -> usize {
+        self.solution.iterations.len().saturating_sub(1)
+    }
+}
+
 /// A plan.
 #[derive(Debug, Clone)]
 pub struct Solved {
@@ -100,6 +107,11 @@ impl Solved {
     /// Never: there is at least one.
     pub fn last(&self) -> &Done {
         &self.done[self.done.len() - 1]
+    }
+
+    /// Iterations of all solves; the first row of each table is its start.
+    pub fn iterations(&self) -> usize {
+        self.done.iter().map(Done::iterations).sum()
     }
 
     /// How the last solve ended.
@@ -154,14 +166,14 @@ impl Session {
     /// What keeps the solver from beginning; how it ended is in [`Solved::status`].
     pub fn solve(
         &mut self,
-        prepared: &Prepared,
+        setup: &Setup,
         settings: &Settings,
-        guess: &Rough,
+        begin: Begin,
         monitor: &mut Monitor,
     ) -> Result<Solved, Error> {
         for pass in &settings.passes {
-            let sampling = prepared.sampling.as_ref();
-            let (statement, task) = (&prepared.statement, &prepared.task);
+            let sampling = setup.sampling.as_ref();
+            let (statement, task) = (&setup.statement, &setup.task);
             assemble::check_samples(statement, task, sampling, pass.transcription, &pass.intervals)?;
         }
         let mut done = Vec::new();
@@ -169,10 +181,10 @@ impl Session {
         for (number, pass) in settings.passes.iter().enumerate() {
             let meshes = pass.intervals.iter().map(|&n| Mesh::uniform(n)).collect();
             let from = match found.as_ref().map(|found| &found.trajectory) {
-                None => From::Guess(guess),
-                Some(trajectory) => From::Trajectory(trajectory),
+                None => begin,
+                Some(trajectory) => Begin::At(trajectory),
             };
-            let next = self.one(prepared, settings, (number, pass), meshes, from, monitor)?;
+            let next = self.one(setup, settings, (number, pass), meshes, from, monitor)?;
             let ended = !matches!(next.done.solution.status, Status::Solved | Status::Acceptable);
             done.push(next.done.clone());
             found = Some(next);
@@ -190,24 +202,24 @@ impl Session {
 
     fn one(
         &mut self,
-        prepared: &Prepared,
+        setup: &Setup,
         settings: &Settings,
         (number, pass): (usize, &Pass),
         meshes: Vec<Mesh>,
-        from: From,
+        from: Begin,
         monitor: &mut Monitor,
     ) -> Result<Found, Error> {
         let began = Instant::now();
         let guess = match &from {
-            From::Guess(rough) => Some(knots(prepared, rough, pass.transcription, &meshes)?),
-            From::Trajectory(_) => None,
+            Begin::From(rough) => Some(knots(setup, rough, pass.transcription, &meshes)?),
+            Begin::At(_) => None,
         };
         let discretisation = Discretisation { transcription: pass.transcription, meshes };
         let mut program = Program::new(&mut self.problem, &discretisation)?;
         let (start, method) = match (guess, from) {
             (Some(guess), _) => (Start::cold(program.vector(&guess)?), settings.method),
-            (None, From::Trajectory(trajectory)) => (program.start(trajectory)?, Method::InteriorPoint),
-            (None, From::Guess(_)) => unreachable!("a rough guess has knots"),
+            (None, Begin::At(trajectory)) => (program.start(trajectory)?, Method::InteriorPoint),
+            (None, Begin::From(_)) => unreachable!("a rough guess has knots"),
         };
         let size = (program.variables(), program.constraints());
         let build = began.elapsed();
@@ -235,9 +247,13 @@ impl Session {
     }
 }
 
-enum From<'a> {
-    Guess(&'a Rough),
-    Trajectory(&'a Trajectory),
+/// Where a search begins.
+#[derive(Debug, Clone, Copy)]
+pub enum Begin<'a> {
+    /// At a guess.
+    From(&'a Rough),
+    /// At a trajectory of the same states and inputs, with its costates where it has them.
+    At(&'a Trajectory),
 }
 
 struct Found {
@@ -250,7 +266,7 @@ struct Found {
 
 /// A rough guess at the knots of meshes.
 fn knots(
-    prepared: &Prepared,
+    setup: &Setup,
     rough: &Rough,
     transcription: Transcription,
     meshes: &[Mesh],
@@ -263,7 +279,7 @@ fn knots(
     };
     let mut begin = 0.0;
     let mut phases = Vec::new();
-    for ((mesh, &duration), phase) in meshes.iter().zip(&rough.durations).zip(&prepared.task.phases) {
+    for ((mesh, &duration), phase) in meshes.iter().zip(&rough.durations).zip(&setup.task.phases) {
         let part = |fraction: f64| (begin + fraction * duration) / total;
         let fractions = mesh.fractions();
         let times = fractions.iter().map(|fraction| begin + fraction * duration).collect();

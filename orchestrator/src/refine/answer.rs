@@ -10,6 +10,7 @@ use super::interval;
 use super::rig::localise::localise;
 use super::rig::open::Rig;
 use super::rig::physical::correction;
+use super::watch::{Listener, Watched};
 
 /// Settings of the search.
 #[derive(Debug, Clone, Copy)]
@@ -111,14 +112,17 @@ pub struct Answer {
     pub notes: Vec<String>,
 }
 
-/// Finds what a rig's declared model lacks.
-pub fn answer(rig: &Rig, groups: &[String], settings: &Settings) -> Answer {
-    let system = rig.system.as_ref();
+/// Finds what a rig's declared model lacks; `listener` hears how far it is.
+pub fn answer(rig: &Rig, groups: &[String], settings: &Settings, listener: Listener) -> Answer {
+    let watched = Watched::new(rig.system.as_ref(), listener);
+    let system: &dyn System = &watched;
+    system.stage("declared model");
     let records: Vec<usize> = (0..system.records()).filter(|&record| system.estimation(record)).collect();
     let screened = (0..records.len())
         .filter(|&i| i == 0 || groups[records[i]].is_empty() || groups[records[i]] != groups[records[i - 1]]);
     let screened: Vec<usize> = screened.collect();
     let fit = fit_locals(system, &records, &super::rig::parameters::neutral());
+    system.stage("noise floor");
     let null = Null::simulate(system, &records, &fit.parameters, &fit.locals, settings.draws, settings.seed);
     let search = Search { system, candidates: &rig.candidates, records, screened, null };
     let declared = search.fit(&[], &[], &fit.parameters, &fit.locals, 5);
@@ -167,6 +171,7 @@ fn trace(
     groups: &[String],
     found: &mut Answer,
 ) {
+    search.system.stage("place of what is left");
     let Some(coupled) = &rig.coupled else {
         let worst = selection.best.left.iter().max_by(|a, b| a.1.total_cmp(&b.1));
         let channel =
@@ -217,7 +222,11 @@ fn trace(
 }
 
 /// Fits the local parameters of records alone.
-pub(super) fn fit_locals<S: System + ?Sized>(system: &S, records: &[usize], p: &[f64]) -> super::engine::fit::Fit {
+pub(super) fn fit_locals<S: System + ?Sized>(
+    system: &S,
+    records: &[usize],
+    p: &[f64],
+) -> super::engine::fit::Fit {
     let locals: Vec<Vec<f64>> =
         records.iter().map(|&r| system.locals(r).iter().map(|l| l.0).collect()).collect();
     super::engine::fit::fit(system, records, p, &[], &locals, 10)

@@ -10,6 +10,8 @@ pub mod engine;
 pub mod evidence;
 pub mod interval;
 pub mod rig;
+pub mod study;
+pub mod watch;
 
 use std::path::PathBuf;
 
@@ -21,6 +23,16 @@ pub enum Error {
     Case {
         /// File.
         path: PathBuf,
+        /// What is wrong and what to do.
+        problem: String,
+    },
+    /// A study says something that does not fit.
+    #[error("{}: {place}{problem}", path.display())]
+    Study {
+        /// File.
+        path: PathBuf,
+        /// Line and column, if there is one place.
+        place: String,
         /// What is wrong and what to do.
         problem: String,
     },

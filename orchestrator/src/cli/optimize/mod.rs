@@ -3,6 +3,7 @@
 //! Exit codes: 0 solved, 20 infeasible, 21 not solved, 22 the system could not be evaluated; 1, 2 and 130 as everywhere.
 
 pub mod args;
+mod many;
 mod text;
 mod write;
 
@@ -12,7 +13,7 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
 
@@ -20,10 +21,11 @@ use self::args::Args;
 use super::{folder, output, run};
 use crate::optim::Status;
 use crate::plan::file::{self, Statement};
-use crate::plan::guess::{self, Choice};
+use crate::plan::guess::{self, Choice, Rough};
+use crate::plan::deliver;
 use crate::plan::prepare::{Prepared, prepare_statement};
-use crate::plan::solve::{Progress, Session, Settings, Solved};
-use crate::plan::{Error as PlanError, table, verify};
+use crate::plan::solve::{Begin, Progress, Session, Settings, Solved};
+use crate::plan::{self, Error as PlanError, table, verify};
 use crate::{Error, plot};
 
 /// Exit code when no motion keeps the constraints near where the search ended.
@@ -49,6 +51,11 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
     let began = Instant::now();
     let stop = run::stop_flag();
     let mut statement = file::read(problem)?;
+    let other = args.variant.as_ref().map(|name| file::variant(&statement, name)).transpose()?;
+    let problem = other.as_ref().unwrap_or(problem);
+    if other.is_some() {
+        statement = file::read(problem)?;
+    }
     let settings = settings(args, &mut statement)?;
     let choice = guess::choose(&statement, word(args).as_deref())?;
     let inputs: Vec<PathBuf> = match (&choice, &args.resume) {
@@ -56,27 +63,29 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
         _ => vec![problem.clone()],
     };
     folder::check(&args.output, &inputs, &write::names())?;
-    let prepared = prepare_statement(statement, began)?;
-    let rough = guess::guess(&prepared.statement, &prepared.catalogue, &prepared.task, &choice)?;
-    let loaded = began.elapsed();
-    let mut session = Session::new(&prepared, settings.threads)?;
-    let instances = began.elapsed() - loaded;
-    let solved = watched(args.quiet, &stop, |monitor| session.solve(&prepared, &settings, &rough, monitor))?;
+    let found = search(args, statement, &settings, &choice, began, &stop)?;
+    let Found { prepared, rough, solved, table, loaded, instances } = &found;
     let verifying = Instant::now();
     let verification = &prepared.statement.verification;
     let rollouts =
-        (verification.run && !args.no_verification && !stop.load(Ordering::Relaxed) && finished(&solved))
-            .then(|| roll_out(&prepared, &solved, &stop))
+        (verification.run && !args.no_verification && !stop.load(Ordering::Relaxed) && finished(solved))
+            .then(|| roll_out(prepared, solved, &stop))
             .transpose()?;
     let verified = verifying.elapsed();
+    let delivery = match finished(solved) && !stop.load(Ordering::Relaxed) {
+        true => deliver::deliver(prepared, &solved.trajectory, &stop)?,
+        false => None,
+    };
     let results = write::Results {
-        prepared: &prepared,
-        solved: &solved,
+        prepared,
+        solved,
         rollouts: rollouts.as_ref(),
+        delivery: delivery.as_ref(),
         guess: choice.name(&prepared.statement),
         notes: &rough.notes,
         problem_file: problem,
-        times: [loaded, instances, verified],
+        times: [*loaded, *instances, verified],
+        table: table.as_ref(),
         began,
         plots: !args.no_plots,
     };
@@ -85,9 +94,64 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
         plot::plan::draw(&args.output)?;
     }
     if !args.quiet {
+        if let Some(table) = table {
+            output::print(&table.text)?;
+        }
         output::print(&text::report(&summary, &args.output, !args.no_plots))?;
     }
-    Ok(exit(&solved, &stop, &args.output))
+    Ok(exit(solved, &stop, &args.output))
+}
+
+/// What the search came to.
+struct Found {
+    prepared: Prepared,
+    rough: Rough,
+    solved: Solved,
+    /// Table of many solves.
+    table: Option<many::Table>,
+    /// Time of loading, and of making instances.
+    loaded: Duration,
+    instances: Duration,
+}
+
+/// One solve, or many.
+fn search(
+    args: &Args,
+    statement: Statement,
+    settings: &Settings,
+    choice: &Choice,
+    began: Instant,
+    stop: &AtomicBool,
+) -> Result<Found, Error> {
+    let bar = bar(args.quiet);
+    let mut monitor = |progress: &Progress| {
+        show(&bar, progress);
+        if stop.load(Ordering::Relaxed) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    };
+    if let Some(sweep) = &args.sweep {
+        let values = many::values(sweep);
+        let steps = plan::sweep::sweep(&statement, settings, choice, (&sweep.name, &values), &mut monitor)?;
+        bar.finish_and_clear();
+        let table = Some(many::sweep_table(sweep, &steps));
+        let (prepared, rough, solved) = many::last(steps)?;
+        let loaded = prepared.load;
+        return Ok(Found { prepared, rough, solved, table, loaded, instances: Duration::ZERO });
+    }
+    let prepared = prepare_statement(statement, began)?;
+    let rough = guess::guess(&prepared.statement, &prepared.catalogue, &prepared.task, choice)?;
+    let loaded = began.elapsed();
+    if let Some(count) = args.multistart {
+        let starts = (count as usize, args.seed);
+        let (solved, table) = many::starts(&prepared, settings, &rough, starts, stop, &bar)?;
+        bar.finish_and_clear();
+        let table = Some(table);
+        return Ok(Found { prepared, rough, solved, table, loaded, instances: Duration::ZERO });
+    }
+    let mut session = Session::new(&prepared, settings.threads)?;
+    let instances = began.elapsed() - loaded;
+    let solved = session.solve(&prepared.setup, settings, Begin::From(&rough), &mut monitor)?;
+    bar.finish_and_clear();
+    Ok(Found { prepared, rough, solved, table: None, loaded, instances })
 }
 
 /// The guess that the command line names.
@@ -145,34 +209,28 @@ fn finished(solved: &Solved) -> bool {
     matches!(solved.status(), Status::Solved | Status::Acceptable)
 }
 
-/// Runs with a line of progress (on a terminal) until `stop` is set.
-fn watched<T>(
-    quiet: bool,
-    stop: &AtomicBool,
-    work: impl FnOnce(&mut crate::plan::solve::Monitor) -> Result<T, PlanError>,
-) -> Result<T, Error> {
+/// A line of progress, on a terminal.
+fn bar(quiet: bool) -> ProgressBar {
     let bar = match !quiet && std::io::stderr().is_terminal() {
         true => ProgressBar::new_spinner(),
         false => ProgressBar::hidden(),
     };
     bar.set_style(ProgressStyle::with_template("{spinner} {msg}").expect("the template is well formed"));
-    let mut monitor = |progress: &Progress| {
-        let iteration = progress.iteration;
-        bar.set_message(format!(
-            "{} with {} intervals: iteration {}, objective {:.6e}, violation {:.1e}, optimality {:.1e}",
-            file::transcription_name(progress.pass.transcription),
-            progress.pass.intervals.iter().sum::<usize>(),
-            iteration.number,
-            iteration.objective,
-            iteration.violation,
-            iteration.dual_infeasibility
-        ));
-        bar.tick();
-        if stop.load(Ordering::Relaxed) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
-    };
-    let done = work(&mut monitor);
-    bar.finish_and_clear();
-    Ok(done?)
+    bar
+}
+
+fn show(bar: &ProgressBar, progress: &Progress) {
+    let iteration = progress.iteration;
+    bar.set_message(format!(
+        "{} with {} intervals: iteration {}, objective {:.6e}, violation {:.1e}, optimality {:.1e}",
+        file::transcription_name(progress.pass.transcription),
+        progress.pass.intervals.iter().sum::<usize>(),
+        iteration.number,
+        iteration.objective,
+        iteration.violation,
+        iteration.dual_infeasibility
+    ));
+    bar.tick();
 }
 
 fn roll_out(prepared: &Prepared, solved: &Solved, stop: &Arc<AtomicBool>) -> Result<verify::Rollouts, Error> {

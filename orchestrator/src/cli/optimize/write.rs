@@ -6,8 +6,10 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 
 use super::super::folder;
+use super::many::{MULTISTART, SWEEP, Table};
 use crate::Error;
 use crate::optim::{Note, Status};
+use crate::plan::deliver::Delivery;
 use crate::plan::file::transcription_name;
 use crate::plan::prepare::Prepared;
 use crate::plan::record::{
@@ -23,12 +25,29 @@ use crate::series::csv;
 
 /// The command, for `airloop run --input`.
 const COMMAND: &str = "command.csv";
+/// Planned forces, commands of the actuators and the forces that they deliver.
+const FORCES: &str = "feed_forward.csv";
+/// Motions of the plant under the delivered forces of each kind of command.
+const CHAINS: [&str; 2] = ["closed_chain_optimised.csv", "closed_chain_naive.csv"];
 /// The iteration table.
 const ITERATIONS: &str = "iterations.csv";
 
 /// Every file that may be written.
 pub fn names() -> Vec<String> {
-    let files = [TRAJECTORY, COMMAND, ITERATIONS, CONTINUOUS, SAMPLED, "index.html", "summary.json"];
+    let files = [
+        TRAJECTORY,
+        COMMAND,
+        ITERATIONS,
+        CONTINUOUS,
+        SAMPLED,
+        MULTISTART,
+        SWEEP,
+        FORCES,
+        CHAINS[0],
+        CHAINS[1],
+        "index.html",
+        "summary.json",
+    ];
     files.map(str::to_owned).into_iter().chain(figure_files(true, true)).collect()
 }
 
@@ -40,6 +59,8 @@ pub struct Results<'a> {
     pub solved: &'a Solved,
     /// Its roll-outs.
     pub rollouts: Option<&'a Rollouts>,
+    /// Commands of actuators and what they bring about, where the problem asks for them.
+    pub delivery: Option<&'a Delivery>,
     /// Name of the guess.
     pub guess: String,
     /// Notes on the guess.
@@ -50,6 +71,8 @@ pub struct Results<'a> {
     pub times: [Duration; 3],
     /// When the command began.
     pub began: Instant,
+    /// Table of many solves, where there were many.
+    pub table: Option<&'a Table>,
     /// Whether figures are drawn.
     pub plots: bool,
 }
@@ -81,7 +104,14 @@ impl Results<'_> {
                 Err(error) => notes.push(format!("there is no {name} roll-out: {error}")),
             }
         }
-        let files: Vec<&str> = tables.iter().map(|(name, _)| *name).chain([ITERATIONS]).collect();
+        if let Some(delivery) = self.delivery {
+            tables.push((FORCES, delivery.table.clone()));
+            for (file, motion) in CHAINS.iter().zip(delivery.motions.iter().flatten()) {
+                tables.push((file, motion.result.clone()));
+            }
+        }
+        let files = tables.iter().map(|(name, _)| *name).chain([ITERATIONS]);
+        let files: Vec<&str> = files.chain(self.table.map(|table| table.name)).collect();
         let summary = self.summary(&files, notes);
         folder::make(folder)?;
         folder::clear(folder)?;
@@ -89,6 +119,11 @@ impl Results<'_> {
         record::write(&summary, &folder.join("summary.json")).map_err(crate::plot::Error::from)?;
         for (name, series) in &tables {
             csv::write(series, &folder.join(name))?;
+        }
+        if let Some(table) = self.table {
+            let path = folder.join(table.name);
+            let written = crate::series::file::write_whole(&path, |out| out.write_all(table.csv.as_bytes()));
+            written.map_err(|source| csv::Error::Io { path, source })?;
         }
         iterations(&self.solved.done, &folder.join(ITERATIONS))?;
         Ok(summary)
@@ -128,10 +163,10 @@ impl Results<'_> {
             transcription: transcription_name(last.pass.transcription).into(),
             intervals: solved.trajectory.phases.iter().map(|phase| phase.intervals()).collect(),
             guess: self.guess.clone(),
-            status: status(&last.solution.status).into(),
+            status: status_name(&last.solution.status).into(),
             message: last.solution.status.to_string(),
             objective: finite(last.solution.objective),
-            iterations: solved.done.iter().map(count).sum(),
+            iterations: solved.iterations(),
             max_defect: solved.max_defect,
             max_bound_violation: solved.max_bound_violation,
             worst: solved.worst.as_ref().map(ToString::to_string),
@@ -157,6 +192,8 @@ impl Results<'_> {
             portrait,
             animation,
             fmus: graph.order.iter().map(|&index| fmu(graph, index)).collect(),
+            stage2: self.delivery.map(record::stage2),
+            closed_chain: self.delivery.and_then(record::closed_chain),
             files: files.iter().map(|&name| name.to_owned()).collect(),
             figures,
             notes: prepared.notes.iter().chain(self.notes).cloned().chain(more).collect(),
@@ -196,26 +233,22 @@ impl Results<'_> {
     }
 }
 
-/// Iterations of a solve: the first row of its table is the start.
-fn count(done: &Done) -> usize {
-    done.solution.iterations.len().saturating_sub(1)
-}
-
 fn pass(done: &Done) -> PassRecord {
     let solution = &done.solution;
     PassRecord {
         transcription: transcription_name(done.pass.transcription).into(),
         intervals: done.pass.intervals.clone(),
-        status: status(&solution.status).into(),
+        status: status_name(&solution.status).into(),
         objective: solution.objective.is_finite().then_some(solution.objective),
-        iterations: count(done),
+        iterations: done.iterations(),
         function_evaluations: solution.evaluations.functions,
         factorisations: solution.evaluations.factorisations,
         time: (done.build + done.solve).as_secs_f64(),
     }
 }
 
-fn status(status: &Status) -> &'static str {
+/// Word of a status in summaries and tables.
+pub fn status_name(status: &Status) -> &'static str {
     match status {
         Status::Solved => "solved",
         Status::Acceptable => "acceptable",

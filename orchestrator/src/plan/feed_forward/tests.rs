@@ -72,7 +72,8 @@ fn without_active_bounds_the_command_is_the_least_squares_solution() {
 fn commands_at_a_bound_press_against_it() {
     // The gradient of the objective by every command, by differences: 0 inside, outward at a bound.
     let toe = toe();
-    let plan: Vec<f64> = (0..500).map(|k| 30.0 * (2.0 * std::f64::consts::PI * f64::from(k) / 500.0).sin()).collect();
+    let plan: Vec<f64> =
+        (0..500).map(|k| 30.0 * (2.0 * std::f64::consts::PI * f64::from(k) / 500.0).sin()).collect();
     let tight = Settings { lower: -25.0, upper: 25.0, ..settings(1e-2) };
     let command = invert(&toe, &plan, tight).expect("solved");
     let (state, before) = start(&toe, &plan, tight).expect("within reach");

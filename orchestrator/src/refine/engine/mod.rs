@@ -8,4 +8,4 @@ pub mod search;
 pub mod select;
 pub mod system;
 
-pub use system::{Span, System, Variable};
+pub use system::{Span, System};

@@ -25,31 +25,12 @@ pub trait System: Sync {
     fn whiten(&self, record: usize, predicted: &[f64]) -> Vec<f64>;
     /// The whitened residuals as they would be if `predicted` were true: sensor noise and rounding.
     fn redraw(&self, record: usize, predicted: &[f64], noise: &mut Noise) -> Vec<f64>;
-    /// Time between samples \[s\].
-    fn sample_time(&self) -> f64 {
-        1.0
-    }
-    /// What the residuals of a record may depend on, one value per sample: for figures only.
-    fn variables(&self, _record: usize, _parameters: &[f64], _locals: &[f64]) -> Vec<Variable> {
-        Vec::new()
-    }
     /// A stage of the search begins: told to whoever watches.
     fn stage(&self, _name: &str) {}
     /// Whitened residuals.
     fn residuals(&self, record: usize, parameters: &[f64], locals: &[f64]) -> Vec<f64> {
         self.whiten(record, &self.predict(record, parameters, locals))
     }
-}
-
-/// A quantity over the time of a record.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Variable {
-    /// Name in the vocabulary: `u`, `F`, `x`, `xdot`, `theta`, `thetadot`.
-    pub name: &'static str,
-    /// Unit.
-    pub unit: &'static str,
-    /// Values, shape \[n\].
-    pub values: Vec<f64>,
 }
 
 /// Residuals of one signal within those of a record.
@@ -65,7 +46,7 @@ pub struct Span {
 
 /// A system for tests: straight lines and parabolas with an offset per record.
 #[cfg(test)]
-pub(in crate::refine::engine) mod testing {
+pub(in crate::refine) mod testing {
     use super::*;
 
     /// `y = offset + p0 t + p1 t^2` plus unit noise, t in [0, 1).

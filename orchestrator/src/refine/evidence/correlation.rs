@@ -33,7 +33,12 @@ pub fn of(signals: &[Signal], records: &[Record]) -> Vec<Correlation> {
             pooled(&parts.collect::<Vec<_>>(), &steps)
         });
         let lags = steps.iter().map(|&step| step as f64 * dt).collect();
-        Correlation { signal: signal.name.clone(), lags, values, limit: 2.58 / (samples.max(1) as f64).sqrt() }
+        Correlation {
+            signal: signal.name.clone(),
+            lags,
+            values,
+            limit: 2.58 / (samples.max(1) as f64).sqrt(),
+        }
     };
     signals.iter().enumerate().map(one).collect()
 }

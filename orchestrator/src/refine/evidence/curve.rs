@@ -75,7 +75,8 @@ fn sampled(effect: &Effect, drawn: &Drawn, low: f64, high: f64) -> Curve {
         let x = low + (high - low) * k as f64 / (POINTS - 1) as f64;
         let value = (drawn.law)(x, &at(None));
         let spread = effect.parameters.iter().enumerate().map(|(index, p)| {
-            let ends = [p.interval.0, p.interval.1].map(|end| (drawn.law)(x, &at(Some((index, end)))) - value);
+            let ends =
+                [p.interval.0, p.interval.1].map(|end| (drawn.law)(x, &at(Some((index, end)))) - value);
             ends.iter().map(|difference| difference.abs()).fold(0.0, f64::max).powi(2)
         });
         let half = spread.filter(|square| square.is_finite()).sum::<f64>().sqrt();
@@ -94,8 +95,7 @@ fn drawn(effect: &Effect, declared: &Friction) -> Option<Drawn> {
     let (c1, c2, c3) = (declared.c1, declared.c2, declared.c3);
     let s = move |v: f64| (c2 * (v - c3)).tanh();
     let (force, torque) = (("friction force", "N"), ("torque", "N m"));
-    let (v, x, omega, u, t) =
-        (("xdot", "m/s"), ("x", "m"), ("thetadot", "rad/s"), ("u", "N"), ("time", "s"));
+    let (v, x, omega, u, t) = (("xdot", "m/s"), ("x", "m"), ("thetadot", "rad/s"), ("u", "N"), ("time", "s"));
     let command = ("command behind the effect", "N");
     let make = |over, what, law: Law| Some(Drawn { over, what, law });
     let (channel, kind) = effect.id.split_once('.')?;
@@ -114,9 +114,7 @@ fn drawn(effect: &Effect, declared: &Friction) -> Option<Drawn> {
             Box::new(move |v, p| if v > 0.0 { p("force") * s(v) + p("coef") * v } else { 0.0 }),
         ),
         ("cf", "poscoulomb") => make(x, ("Coulomb level", "N"), Box::new(|x, p| p("slope") * x)),
-        ("pf", "pressure") => {
-            make(("F", "N"), ("Coulomb level", "N"), Box::new(|f, p| p("coef") * f.abs()))
-        }
+        ("pf", "pressure") => make(("F", "N"), ("Coulomb level", "N"), Box::new(|f, p| p("coef") * f.abs())),
         // The first slip from rest: z/disp = 1 - exp(-way/disp).
         ("pf" | "cf", "presliding") => make(
             ("x", "m"),

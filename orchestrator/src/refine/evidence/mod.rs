@@ -7,16 +7,18 @@ pub mod correlation;
 pub mod curve;
 pub mod dependence;
 pub mod ports;
+pub mod variables;
 
 use super::answer::{Answer, fit_locals};
 use super::case::Case;
-use super::engine::{Variable, parallel};
+use super::engine::parallel;
 use super::rig::open::Rig;
 
 pub use correlation::Correlation;
 pub use curve::Curve;
 pub use dependence::Dependence;
 pub use ports::Port;
+pub use variables::Variable;
 
 /// Most records whose residuals are shown over time.
 const SHOWN: usize = 2;
@@ -99,14 +101,20 @@ pub fn gather(case: &Case, rig: &Rig, answer: &Answer) -> Evidence {
                 let pairs = measured[span.range.clone()].iter().zip(&predicted[m][span.range.clone()]);
                 pairs.map(|(y, p)| y - p).collect::<Vec<f64>>()
             };
-            Some(Residual { signal, measured: measured[span.range.clone()].to_vec(), values: [own(0), own(1)] })
+            Some(Residual {
+                signal,
+                measured: measured[span.range.clone()].to_vec(),
+                values: [own(0), own(1)],
+            })
         };
+        let residuals: Vec<Residual> = system.signals(record).into_iter().filter_map(residual).collect();
+        let variables = variables::of(case, record, &signals, &residuals);
         Record {
             name: declaration.files.get(record).map_or(String::new(), |file| file.name.clone()),
             group: declaration.files.get(record).map_or(String::new(), |file| file.group.clone()),
-            sample_time: system.sample_time(),
-            residuals: system.signals(record).into_iter().filter_map(residual).collect(),
-            variables: system.variables(record, &answer.parameters[1], &fits[1][i]),
+            sample_time: 1.0 / declaration.sample_rate_hz,
+            residuals,
+            variables,
         }
     });
     let dependence = dependence::of(&signals, &records);

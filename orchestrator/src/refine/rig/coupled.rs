@@ -5,7 +5,7 @@ use super::plant::{ActuatorTerms, Mechanics, State, actuator, mechanics};
 use super::record::Measured;
 use crate::refine::case::{Actuator, Declared};
 use crate::refine::engine::goodness::Noise;
-use crate::refine::engine::system::{Span, Variable};
+use crate::refine::engine::system::Span;
 
 /// Runge-Kutta steps per sample. The stiffest mode (friction at standstill) has a time constant of 0.8 ms.
 const SUBSTEPS: usize = 2;
@@ -229,24 +229,5 @@ impl crate::refine::engine::System for Coupled {
             m.redraw(own, noise, &mut out);
         }
         out
-    }
-
-    fn sample_time(&self) -> f64 {
-        self.actuator.sample_time
-    }
-
-    fn variables(&self, record: usize, p: &[f64], locals: &[f64]) -> Vec<Variable> {
-        let found = self.simulate(record, p, locals);
-        let u = self.trials[record].u.clone();
-        let all = [
-            ("u", "N", u),
-            ("F", "N", found.f_hat),
-            ("x", "m", found.x),
-            ("xdot", "m/s", found.v),
-            ("theta", "rad", found.theta),
-            ("thetadot", "rad/s", found.omega),
-        ];
-        let there = all.into_iter().filter(|(.., values)| !values.is_empty());
-        there.map(|(name, unit, values)| Variable { name, unit, values }).collect()
     }
 }

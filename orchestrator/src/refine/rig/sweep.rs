@@ -6,7 +6,7 @@ use super::plant::mechanics;
 use super::record::Measured;
 use crate::refine::case::Declared;
 use crate::refine::engine::goodness::Noise;
-use crate::refine::engine::system::{Span, Variable};
+use crate::refine::engine::system::Span;
 
 /// One sweep.
 #[derive(Debug, Clone)]
@@ -105,16 +105,5 @@ impl crate::refine::engine::System for Sweeps {
         let mut out = Vec::new();
         self.sweeps[record].force.redraw(predicted, noise, &mut out);
         out
-    }
-
-    fn sample_time(&self) -> f64 {
-        self.dt
-    }
-
-    fn variables(&self, record: usize, _: &[f64], _: &[f64]) -> Vec<Variable> {
-        let motion = &self.sweeps[record].motion;
-        [("x", "m", &motion.x), ("xdot", "m/s", &motion.v)]
-            .map(|(name, unit, values)| Variable { name, unit, values: values.clone() })
-            .into()
     }
 }
