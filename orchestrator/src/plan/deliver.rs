@@ -109,7 +109,9 @@ impl Workshop<'_> {
         }
         let motions = match &self.section.plant {
             None => None,
-            Some(plant) => Some([self.motion(plant, &forces, &times, 0)?, self.motion(plant, &forces, &times, 1)?]),
+            Some(plant) => {
+                Some([self.motion(plant, &forces, &times, 0)?, self.motion(plant, &forces, &times, 1)?])
+            }
         };
         Ok(Delivery { forces, motions, table })
     }
@@ -132,7 +134,8 @@ impl Workshop<'_> {
         sample: f64,
     ) -> Result<(Actuator, Vec<String>), Error> {
         let source = &self.prepared.statement.source;
-        let path = |name: &Text| Ok::<_, Error>(catalogue.variables()[catalogue.want(source, name)?.0].path.clone());
+        let path =
+            |name: &Text| Ok::<_, Error>(catalogue.variables()[catalogue.want(source, name)?.0].path.clone());
         let options = Options {
             states: None,
             inputs: Some(vec![path(&self.section.command)?]),
@@ -151,7 +154,8 @@ impl Workshop<'_> {
         let (offset, found) = at(&rest)?;
         let (_, elsewhere) = at(&vec![1.0; n])?;
         if offset.iter().any(|value| *value != 0.0) || found != elsewhere {
-            let problem = format!("`{}` is not linear; commands are found for linear actuators only", graph.name);
+            let problem =
+                format!("`{}` is not linear; commands are found for linear actuators only", graph.name);
             return Err(source.error_at(self.section.actuator.place, problem));
         }
         let a: Vec<f64> = (0..n).flat_map(|i| found[i * width..i * width + n].to_vec()).collect();
@@ -178,7 +182,8 @@ impl Workshop<'_> {
             Some(Signal::State(i)) => Box::new(move |t| self.plan.states_at(t)[i]),
             Some(Signal::Input(i)) => Box::new(move |t| self.plan.inputs_at(t)[i]),
             _ => {
-                let problem = format!("`{}` is neither a state nor an input of the plan", planned.variable.text);
+                let problem =
+                    format!("`{}` is neither a state nor an input of the plan", planned.variable.text);
                 return Err(source.error_at(planned.variable.place, problem));
             }
         };
@@ -216,7 +221,10 @@ impl Workshop<'_> {
                 let problem = format!("`{}` is no output of the actuator's system", self.section.output.text);
                 Err(self.prepared.statement.source.error_at(self.section.output.place, problem))
             }
-            _ => Err(Error::Place { place: "the run of the actuator".into(), problem: "it ended early".into() }),
+            _ => Err(Error::Place {
+                place: "the run of the actuator".into(),
+                problem: "it ended early".into(),
+            }),
         }
     }
 
@@ -273,7 +281,8 @@ impl Workshop<'_> {
                     let mut values: Vec<f64> = y.iter().map(|y| factor * y).collect();
                     if longer.len() > times.len() {
                         // On the line of the last two samples.
-                        let slope = (y[last] - y[last - last.min(1)]) / (times[last] - times[last - last.min(1)]).max(1e-9);
+                        let slope = (y[last] - y[last - last.min(1)])
+                            / (times[last] - times[last - last.min(1)]).max(1e-9);
                         values.push(factor * (y[last] + slope * over));
                     }
                     values

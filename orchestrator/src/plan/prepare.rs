@@ -21,6 +21,8 @@ pub struct Prepared {
     pub setup: Setup,
     /// One instance of the dynamics of every phase.
     pub dynamics: Vec<Box<dyn Dynamics>>,
+    /// What happens between each phase and the next, one fewer than phases; none: all states are continuous.
+    pub resets: Vec<Option<Jump>>,
 }
 
 impl std::ops::Deref for Prepared {

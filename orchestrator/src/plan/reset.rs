@@ -3,8 +3,8 @@
 use super::Error;
 use super::assemble;
 use super::catalogue::{Catalogue, Kind};
-use super::file::statement::{Reset, Statement};
 use super::file::Text;
+use super::file::statement::{Reset, Statement};
 use super::task::{Reader, Signal, Signals};
 use crate::coupled::System;
 use crate::optim::EvaluationError;
@@ -26,8 +26,12 @@ impl Jump {
     pub fn link(&self) -> Result<Link, EvaluationError> {
         let dynamics = self.dynamics.duplicate()?;
         let size = dynamics.size();
-        let reset =
-            OutputReset::new(dynamics, self.after.clone(), (0..size.outputs).collect(), vec![0.0; size.inputs]);
+        let reset = OutputReset::new(
+            dynamics,
+            self.after.clone(),
+            (0..size.outputs).collect(),
+            vec![0.0; size.inputs],
+        );
         Ok(Link::reset(Box::new(reset), self.limits.clone()))
     }
 }
@@ -43,7 +47,8 @@ pub fn resets(
     open: impl Fn(&[(Text, String)], &Signals) -> Result<Box<System>, Error>,
 ) -> Result<Vec<Option<Jump>>, Error> {
     if let Some(reset) = statement.phases.first().and_then(|phase| phase.reset.as_ref()) {
-        let problem = "the first phase has no phase before it; a `reset` belongs to the phase that it leads to";
+        let problem =
+            "the first phase has no phase before it; a `reset` belongs to the phase that it leads to";
         return Err(statement.source.error_at(reset.place, problem.to_owned()));
     }
     let one = |reset: &Reset| {
@@ -60,7 +65,8 @@ pub fn resets(
                 Signal::State(before) => After::State(before),
                 Signal::Output(output) => After::Output(output),
                 Signal::Input(_) => {
-                    let problem = format!("`{}` is an input; a state follows from a state or an output", shown.text);
+                    let problem =
+                        format!("`{}` is an input; a state follows from a state or an output", shown.text);
                     return Err(statement.source.error_at(shown.place, problem));
                 }
             };
@@ -69,7 +75,8 @@ pub fn resets(
         for bound in &reset.bounds {
             let limit = reader.bound(bound)?.limit;
             if limit.terms.iter().any(|(signal, _)| !matches!(signal, Signal::Output(_))) {
-                let problem = format!("`{}`: a bound of a reset is about outputs, such as impulses", limit.name);
+                let problem =
+                    format!("`{}`: a bound of a reset is about outputs, such as impulses", limit.name);
                 return Err(statement.source.error_at(bound.place, problem));
             }
             limits.push(assemble::limit(&limit));

@@ -10,8 +10,8 @@ use super::guess::Rough;
 use super::prepare::{Prepared, Setup};
 use crate::optim::{self, Iteration, Method, Nlp, Solution, Start, Status, solve_with};
 use crate::transcription::{
-    Complaint, Discretisation, Dynamics, Interpolation, Link, Mesh, PhaseTrajectory, Problem, Program, Trajectory,
-    Transcription,
+    Complaint, Discretisation, Dynamics, Interpolation, Link, Mesh, PhaseTrajectory, Problem, Program,
+    Trajectory, Transcription,
 };
 
 /// One solve of a chain.
@@ -157,7 +157,9 @@ impl Session {
             None => Ok(Link::continuous()),
         });
         let links = links.collect::<Result<_, _>>()?;
-        Ok(Session { problem: assemble::problem(&prepared.task, &prepared.catalogue, dynamics, links, sampled) })
+        Ok(Session {
+            problem: assemble::problem(&prepared.task, &prepared.catalogue, dynamics, links, sampled),
+        })
     }
 
     /// Solves from a guess.

@@ -119,7 +119,8 @@ impl Dynamics for Integrated {
         for value in 0..self.size.values() {
             let row = if value < n { value } else { value + m };
             for argument in 0..own {
-                jacobian[row * width + argument] = self.matrix[value * own + argument] * self.factor(argument);
+                jacobian[row * width + argument] =
+                    self.matrix[value * own + argument] * self.factor(argument);
             }
         }
         for input in 0..m {

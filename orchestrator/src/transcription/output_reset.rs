@@ -42,7 +42,10 @@ impl OutputReset {
             After::State(i) => *i < size.states,
             After::Output(i) => *i < size.outputs,
         };
-        assert!(after.iter().all(fits) && outputs.iter().all(|i| *i < size.outputs), "indices of the dynamics");
+        assert!(
+            after.iter().all(fits) && outputs.iter().all(|i| *i < size.outputs),
+            "indices of the dynamics"
+        );
         assert_eq!(inputs.len(), size.inputs, "one value per input");
         OutputReset {
             values: vec![0.0; size.values()],

@@ -20,7 +20,13 @@ fn half_step_has_the_reference_cost_and_durations() {
         std::ops::ControlFlow::Continue(())
     };
     let solution = solve_with(&mut program, &Start::cold(x), &Settings::default(), &mut monitor).unwrap();
-    println!("{:?} {} {:?} {:?}", solution.status, solution.objective, program.phase_times(&solution.x), begin.elapsed());
+    println!(
+        "{:?} {} {:?} {:?}",
+        solution.status,
+        solution.objective,
+        program.phase_times(&solution.x),
+        begin.elapsed()
+    );
     println!("{:?}", solution.worst);
     assert_eq!(solution.status, Status::Solved);
     assert!((solution.objective - 0.0405907915).abs() < 2e-5);

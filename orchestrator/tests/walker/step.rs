@@ -75,15 +75,28 @@ pub fn problem(fmu: &File, variant: Variant) -> Problem {
     let scaled = |i: usize| if b { 1.0 } else { U_MAX[i] };
     let phase = |name: &str, mode: &str, bounds: [f64; 2], stance: &[usize]| {
         let dynamics = wrap(system(fmu, &[("contact_mode", mode)], &shown));
-        let mut phase = Phase::new(name, vec![dynamics], Duration::Free { lower: bounds[0], upper: bounds[1] });
+        let mut phase =
+            Phase::new(name, vec![dynamics], Duration::Free { lower: bounds[0], upper: bounds[1] });
         let mut path = |name: &str, unit: &str, quantity: Quantity, lower: f64, upper: f64| {
             phase.paths.push(Path::everywhere(Limit::between(name, unit, quantity, lower, upper)));
         };
         for i in 0..2 {
             path(&format!("leg {} length", i + 1), "m", Variable::State(L + i).into(), 0.90, 1.05);
             path(&format!("leg {} angle", i + 1), "rad", Variable::State(TH + i).into(), -0.6, 0.6);
-            path(&format!("leg {} angular velocity", i + 1), "rad/s", Variable::State(V + 2 + i).into(), -8.0, 8.0);
-            path(&format!("leg {} rate of length", i + 1), "m/s", Variable::State(V + 4 + i).into(), -1.0, 1.0);
+            path(
+                &format!("leg {} angular velocity", i + 1),
+                "rad/s",
+                Variable::State(V + 2 + i).into(),
+                -8.0,
+                8.0,
+            );
+            path(
+                &format!("leg {} rate of length", i + 1),
+                "m/s",
+                Variable::State(V + 4 + i).into(),
+                -1.0,
+                1.0,
+            );
         }
         let between = |k: usize| vec![(Variable::State(k + 1), 1.0), (Variable::State(k), -1.0)].into();
         path("angle between the legs", "rad", between(TH), -0.8, 0.8);
@@ -117,9 +130,11 @@ pub fn problem(fmu: &File, variant: Variant) -> Problem {
         }
         if let [stance] = stance {
             let swing = 1 - stance;
-            for (window, lower) in
-                [([0.001, 0.199], if swing == 0 { -1e-4 } else { 0.0 }), ([0.2, 0.8], 0.02), ([0.801, 0.999], 0.0)]
-            {
+            for (window, lower) in [
+                ([0.001, 0.199], if swing == 0 { -1e-4 } else { 0.0 }),
+                ([0.2, 0.8], 0.02),
+                ([0.801, 0.999], 0.0),
+            ] {
                 let limit = Limit::between("clearance", "m", foot(swing, "y"), lower, f64::INFINITY);
                 phase.paths.push(Path { limit, place: Place::Everywhere, window });
             }
@@ -159,13 +174,20 @@ pub fn problem(fmu: &File, variant: Variant) -> Problem {
     let outputs: Vec<&str> = outputs.iter().map(String::as_str).chain(impulses).collect();
     let impact = wrap(system(fmu, &[("contact_mode", "foot1"), ("impact_map", "both")], &outputs));
     let states = impact.size().states;
-    let after = (0..states).map(|i| if (V..V + 6).contains(&i) { After::Output(i - V) } else { After::State(i) });
+    let after =
+        (0..states).map(|i| if (V..V + 6).contains(&i) { After::Output(i - V) } else { After::State(i) });
     let reset = OutputReset::new(impact, after.collect(), vec![6, 7, 8, 9], vec![0.0; 3]);
     let impulse = |i: usize| Variable::Output(i);
     let limits = vec![
         Limit::equal("tangential impulse on foot 1", "N s", impulse(0), 0.0),
         Limit::equal("normal impulse on foot 1", "N s", impulse(1), 0.0),
-        Limit::between("impulse cone", "N s", vec![(impulse(3), 0.6), (impulse(2), -1.0)], 0.0, f64::INFINITY),
+        Limit::between(
+            "impulse cone",
+            "N s",
+            vec![(impulse(3), 0.6), (impulse(2), -1.0)],
+            0.0,
+            f64::INFINITY,
+        ),
         Limit::between("impulse cone", "N s", vec![(impulse(3), 0.6), (impulse(2), 1.0)], 0.0, f64::INFINITY),
     ];
     Problem { phases, links: vec![Link::reset(Box::new(reset), limits), Link::continuous()] }

@@ -34,9 +34,14 @@ fn delivered(summary: &Summary) -> String {
     for (kind, chain) in summary.closed_chain.iter().flatten() {
         text += &match &chain.problem {
             None => {
-                format!("closed chain, {kind} command: completed, off by at most {}\n", short(chain.max_final_error))
+                format!(
+                    "closed chain, {kind} command: completed, off by at most {}\n",
+                    short(chain.max_final_error)
+                )
             }
-            Some(problem) => format!("closed chain, {kind} command: ended at {} s: {problem}\n", short(chain.end)),
+            Some(problem) => {
+                format!("closed chain, {kind} command: ended at {} s: {problem}\n", short(chain.end))
+            }
         };
     }
     text

@@ -61,7 +61,8 @@ pub enum Drive {
 pub fn read(value: Value) -> Result<FeedForward, Error> {
     let table = value.table("[feed_forward]")?;
     let forces = table.need("forces")?.table("[feed_forward.forces]")?.entries();
-    let forces = forces.into_iter().map(|(name, value)| Ok((name, planned(value)?))).collect::<Result<_, Error>>()?;
+    let forces =
+        forces.into_iter().map(|(name, value)| Ok((name, planned(value)?))).collect::<Result<_, Error>>()?;
     let smoothness = table.maybe("smoothness", |value| {
         let number = value.number()?;
         if number >= 0.0 { Ok(number) } else { Err(value.error("`smoothness` is not negative")) }
@@ -98,7 +99,9 @@ fn plant(value: Value) -> Result<Plant, Error> {
         let one = value.table("an input of the plant")?;
         let drive = match one.maybe("force", |value| value.text())? {
             Some(force) => Drive::Force(force, factor(&one)?),
-            None => Drive::Planned(Planned { variable: one.need("variable")?.text()?, factor: factor(&one)? }),
+            None => {
+                Drive::Planned(Planned { variable: one.need("variable")?.text()?, factor: factor(&one)? })
+            }
         };
         one.finish()?;
         Ok((name, drive))
