@@ -6,7 +6,7 @@
 use nalgebra::{Cholesky, DMatrix, DVector};
 
 use super::System;
-use super::normal::{Normal, cost, residuals};
+use super::normal::{Normal, cost, gradients, residuals};
 
 /// A shared parameter that is fitted.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -38,8 +38,10 @@ pub struct Fit {
     pub at_bound: Vec<bool>,
 }
 
-/// Mean square of the residuals above which a fit that hardly moves is given up.
+/// Mean square of the residuals above which a fit that moves too slowly is given up.
 const HOPELESS: f64 = 30.0;
+/// Slow steps in a row after which it is.
+const SLOW: usize = 2;
 /// Steps that one set of derivatives serves at most.
 const SERVED: usize = 4;
 /// Share of what a step promised that it must gain for the derivatives to serve the next.
@@ -85,7 +87,7 @@ pub fn fit<S: System + ?Sized>(
     let count = |&record: &usize| system.signals(record).last().map_or(0, |span| span.range.end);
     let samples = records.iter().map(count).sum::<usize>() as f64;
     let mut normal = Normal::new(system, records, &p, free, &locals);
-    let (mut round, mut refused, mut served, mut settled) = (0, 0, 0, false);
+    let (mut round, mut refused, mut served, mut slow, mut settled) = (0, 0, 0, 0, false);
     while round < iterations && refused < 6 {
         let (matrix, right, chi2) = (&normal.matrix, &normal.right, normal.chi2);
         let held: Vec<bool> = free
@@ -122,10 +124,11 @@ pub fn fit<S: System + ?Sized>(
             damping = (damping * 0.1).max(1e-9);
             round += 1;
             let gained = chi2 - new;
-            // Far from noise and hardly moving: this model will not explain the records. With parameters that are
-            // known beforehand the way is long and narrow, and slow steps say nothing.
-            let narrow = free.iter().any(|f| f.prior.is_some());
-            let hopeless = !narrow && new > HOPELESS * samples && gained < 3e-3 * chi2;
+            // Far from noise, and at this pace still far from it after the rounds that are left: this model will not
+            // explain the records. One slow step alone may be the damping.
+            let pace = (new / chi2).powi((iterations - round) as i32);
+            slow = if new * pace > HOPELESS * samples { slow + 1 } else { 0 };
+            let hopeless = slow >= SLOW;
             settled = gained < 2e-3 + 1e-8 * chi2;
             served += 1;
             if !settled && !hopeless && served < SERVED && gained > TRUSTED * hoped {
@@ -161,6 +164,19 @@ pub fn fit<S: System + ?Sized>(
         .collect();
     let covariance = covariance(&matrix, ng, &held);
     Fit { parameters: p, free: free.to_vec(), locals, chi2, covariance, at_bound }
+}
+
+/// Covariance of the free parameters by the scatter of the records around the common optimum, for residuals that are not
+/// white: each record counts as one observation of the gradient.
+pub fn scatter<S: System + ?Sized>(system: &S, records: &[usize], fit: &Fit) -> DMatrix<f64> {
+    let gradients = gradients(system, records, &fit.parameters, &fit.free, &fit.locals);
+    let ng = fit.free.len();
+    let mut spread = DMatrix::zeros(ng, ng);
+    for own in &gradients {
+        spread += own * own.transpose();
+    }
+    let n = gradients.len() as f64;
+    &fit.covariance * spread * &fit.covariance * (n / (n - 1.0).max(1.0))
 }
 
 /// Gain of a step in the linear model.

@@ -162,6 +162,19 @@ impl Normal {
     }
 }
 
+/// Half the gradient of the sum of squares by the shared parameters, of every record.
+pub fn gradients<S: System + ?Sized>(
+    system: &S,
+    records: &[usize],
+    p: &[f64],
+    free: &[Free],
+    locals: &[Vec<f64>],
+) -> Vec<DVector<f64>> {
+    let starts: Vec<&[f64]> = locals.iter().map(Vec::as_slice).collect();
+    let one = |own: Columns| DVector::from_fn(own.columns.len(), |a, _| dot(&own.columns[a], &own.residuals));
+    columns(system, records, p, free, &starts, false, None).into_iter().map(one).collect()
+}
+
 /// What known parameters add to the sum of squares.
 fn surprise(p: &[f64], free: &[Free]) -> f64 {
     free.iter().map(|f| f.prior.map_or(0.0, |prior| (p[f.index] / prior).powi(2))).sum()

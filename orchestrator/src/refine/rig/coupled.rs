@@ -268,3 +268,50 @@ impl crate::refine::engine::System for Coupled {
         out
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::refine::case::{CartPole, Friction};
+    use crate::refine::engine::System;
+    use crate::refine::rig::parameters::neutral;
+
+    fn rig() -> Coupled {
+        let declared = Declared {
+            piston_friction: Some(Friction { c1: 1.5, c2: 40.0, c4: 50.0, ..Friction::default() }),
+            cart_friction: Some(Friction { c1: 6.0, c2: 60.0, ..Friction::default() }),
+            cart_pole: Some(CartPole { m_c: 0.4, m_p: 0.1, l: 0.2, g: 9.81, ..CartPole::default() }),
+            ..Declared::default()
+        };
+        let actuator =
+            Actuator { sample_time: 1e-3, A1: [[-0.9, 0.0], [0.0, -0.8]], B0: [0.1, 0.2], B1: [0.0; 2] };
+        let trial = |n: usize| {
+            let measured = ["F_hat", "F_p", "x", "theta"].map(|name| Measured::new(name, vec![0.0; n], 0.1));
+            let u = (0..n).map(|k| 30.0 * (0.02 * k as f64).sin()).collect();
+            Trial { u, measured: measured.into(), estimation: true, fixed: false }
+        };
+        Coupled { declared, actuator, trials: vec![trial(300), trial(200)] }
+    }
+
+    #[test]
+    fn simulations_side_by_side_are_those_one_by_one_to_the_last_bit() {
+        let rig = rig();
+        let with = |record, values: &[(usize, f64)]| {
+            let mut parameters = neutral();
+            values.iter().for_each(|&(index, value)| parameters[index] = value);
+            Job { record, parameters, locals: vec![0.01, -0.02] }
+        };
+        let jobs = [
+            with(0, &[]),
+            with(1, &[(CF_PRESLIDING, 1e-3), (POLE_COULOMB, 1e-3)]),
+            with(0, &[(COG_SIN, 0.5), (TILT, 0.02), (PF_ASYM_COEF, 2.0)]),
+            with(0, &[(STOP_POS, 0.005), (STOP_STIFFNESS, 300.0), (PF_STRIBECK, 1.0)]),
+            with(1, &[(BACKPRESSURE, 3.0), (DELAY, 1.5e-3)]),
+        ];
+        let one_by_one: Vec<Vec<f64>> =
+            jobs.iter().map(|job| rig.residuals(job.record, &job.parameters, &job.locals)).collect();
+        assert!(one_by_one.windows(2).all(|pair| pair[0] != pair[1]));
+        assert!(one_by_one.iter().flatten().all(|value| value.is_finite()));
+        assert_eq!(rig.residuals_of(&jobs), one_by_one);
+    }
+}
