@@ -2,8 +2,9 @@
 .PHONY: demo test check bench study study-refine fmu setup setup-build clean
 export CARGO_NET_RETRY ?= 10
 
-demo: fmu            ## replay one measured record through the coupled FMUs
+demo: fmu            ## replay a measured record through the coupled FMUs, then find what a declared model lacks
 	cargo run --release --quiet -p airloop -- run examples/01_run/system.ssd --measured data/rig/v05/trial_07.csv -o out/demo
+	cargo run --release --quiet -p airloop -- refine data/rig/v01 -o out/demo-refine
 
 test: check fmu      ## everything CI runs: checks, FMUs, Rust tests, FMI tests
 	cargo test --workspace

@@ -199,3 +199,41 @@ fn what_no_candidate_explains_is_told_with_its_channel() {
     assert_eq!(report["unexplained"]["channel"], "actuator");
     assert!(selected(&report).is_empty());
 }
+
+#[test]
+#[cfg(unix)]
+fn an_interrupted_search_leaves_nothing_behind_and_says_so() {
+    let case = Path::new(env!("CARGO_MANIFEST_DIR")).join("../data/rig/v01");
+    let parent = tempfile::tempdir().unwrap();
+    let folder = parent.path().join("out");
+    let child = Command::new(env!("CARGO_BIN_EXE_airloop"))
+        .arg("refine")
+        .args([&case, Path::new("-o"), &folder])
+        .stderr(std::process::Stdio::piped())
+        .spawn()
+        .unwrap();
+    // The folder is made right before the search begins, which takes seconds.
+    while !folder.is_dir() {
+        std::thread::sleep(std::time::Duration::from_millis(5));
+    }
+    std::thread::sleep(std::time::Duration::from_millis(200));
+    assert!(Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap().success());
+    let output = child.wait_with_output().unwrap();
+    let message = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(130), "{message}");
+    assert!(message.contains("interrupted during the search; nothing was written"), "{message}");
+    assert_eq!(fs::read_dir(parent.path()).unwrap().count(), 0, "the new folder is gone");
+}
+
+#[test]
+fn an_amended_system_that_is_no_earlier_result_is_not_replaced() {
+    let case = Path::new(env!("CARGO_MANIFEST_DIR")).join("../data/rig/v01");
+    let folder = tempfile::tempdir().unwrap();
+    fs::create_dir(folder.path().join("system")).unwrap();
+    fs::write(folder.path().join("system/mine.txt"), "mine").unwrap();
+    let output = refine(&case, folder.path());
+    let message = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(1));
+    assert!(message.contains("`system` is there"), "{message}");
+    assert_eq!(fs::read_to_string(folder.path().join("system/mine.txt")).unwrap(), "mine");
+}

@@ -10,6 +10,7 @@ use super::interval;
 use super::rig::localise::localise;
 use super::rig::open::Rig;
 use super::rig::physical::correction;
+use super::watch::{Listener, Watched};
 
 /// Settings of the search.
 #[derive(Debug, Clone, Copy)]
@@ -101,20 +102,27 @@ pub struct Answer {
     pub noise: BTreeMap<String, f64>,
     /// How far the declared and the corrected model are from noise, by signal: normalised powers.
     pub left: [Vec<(String, f64)>; 2],
+    /// Largest of `left` that noise gives.
+    pub limit: f64,
+    /// Parameter vectors of the declared and of the corrected model.
+    pub parameters: [Vec<f64>; 2],
     /// Effects that cannot be looked for, and why.
     pub not_testable: Vec<(String, String)>,
     /// Remarks, one sentence each.
     pub notes: Vec<String>,
 }
 
-/// Finds what a rig's declared model lacks.
-pub fn answer(rig: &Rig, groups: &[String], settings: &Settings) -> Answer {
-    let system = rig.system.as_ref();
+/// Finds what a rig's declared model lacks; `listener` hears how far it is.
+pub fn answer(rig: &Rig, groups: &[String], settings: &Settings, listener: Listener) -> Answer {
+    let watched = Watched::new(rig.system.as_ref(), listener);
+    let system: &dyn System = &watched;
+    system.stage("declared model");
     let records: Vec<usize> = (0..system.records()).filter(|&record| system.estimation(record)).collect();
     let screened = (0..records.len())
         .filter(|&i| i == 0 || groups[records[i]].is_empty() || groups[records[i]] != groups[records[i - 1]]);
     let screened: Vec<usize> = screened.collect();
     let fit = fit_locals(system, &records, &super::rig::parameters::neutral());
+    system.stage("noise floor");
     let null = Null::simulate(system, &records, &fit.parameters, &fit.locals, settings.draws, settings.seed);
     let search = Search { system, candidates: &rig.candidates, records, screened, null };
     let declared = search.fit(&[], &[], &fit.parameters, &fit.locals, 5);
@@ -152,6 +160,7 @@ fn hold_back(found: &mut Answer) {
             .clone_into(&mut effect.reason);
     }
     found.after = found.before.clone();
+    found.parameters[1] = found.parameters[0].clone();
 }
 
 /// Names the channel of what no candidate explains; behind a wrong actuator, effects of the mechanics are still found.
@@ -162,6 +171,7 @@ fn trace(
     groups: &[String],
     found: &mut Answer,
 ) {
+    search.system.stage("place of what is left");
     let Some(coupled) = &rig.coupled else {
         let worst = selection.best.left.iter().max_by(|a, b| a.1.total_cmp(&b.1));
         let channel =
@@ -208,9 +218,15 @@ fn trace(
         (0..system.records()).filter(|&r| system.estimation(r) == estimation).collect::<Vec<_>>()
     });
     found.after = [0, 1].map(|i| errors(system, &sets[i], &model.fit.parameters));
+    found.parameters[1] = model.fit.parameters.clone();
 }
 
-fn fit_locals<S: System + ?Sized>(system: &S, records: &[usize], p: &[f64]) -> super::engine::fit::Fit {
+/// Fits the local parameters of records alone.
+pub(super) fn fit_locals<S: System + ?Sized>(
+    system: &S,
+    records: &[usize],
+    p: &[f64],
+) -> super::engine::fit::Fit {
     let locals: Vec<Vec<f64>> =
         records.iter().map(|&r| system.locals(r).iter().map(|l| l.0).collect()).collect();
     super::engine::fit::fit(system, records, p, &[], &locals, 10)
@@ -319,11 +335,12 @@ fn assemble(rig: &Rig, search: &Search<dyn System + '_>, selection: &Selection) 
     } else {
         Vec::new()
     };
-    let after = if verdict == Verdict::Unexplained { &declared.fit.parameters } else { &best.fit.parameters };
+    let after_parameters =
+        if verdict == Verdict::Unexplained { &declared.fit.parameters } else { &best.fit.parameters };
     let validation: Vec<usize> = (0..system.records()).filter(|&r| !system.estimation(r)).collect();
     let sets = [search.records.clone(), validation];
     let before = [0, 1].map(|i| errors(system, &sets[i], &declared.fit.parameters));
-    let after = [0, 1].map(|i| errors(system, &sets[i], after));
+    let after = [0, 1].map(|i| errors(system, &sets[i], after_parameters));
     let noise = system
         .signals(search.records[0])
         .into_iter()
@@ -350,6 +367,8 @@ fn assemble(rig: &Rig, search: &Search<dyn System + '_>, selection: &Selection) 
         after,
         noise,
         left: [declared.left.clone(), best.left.clone()],
+        limit: search.null.quantile + super::engine::select::MARGIN,
+        parameters: [declared.fit.parameters.clone(), after_parameters.clone()],
         not_testable: rig.not_testable.clone(),
         notes,
     }

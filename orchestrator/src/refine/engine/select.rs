@@ -97,6 +97,7 @@ pub fn select<S: System + ?Sized>(
             .unwrap_or(declared.clone());
         Selection { stage: Stage::Effects, best, equals: Vec::new(), explained: false, tried, declared }
     };
+    search.system.stage("screening");
     let promises = search.screen(&declared);
     let clean = declared.worst() < limit;
     if clean {
@@ -109,6 +110,7 @@ pub fn select<S: System + ?Sized>(
             return end(Stage::Declared, vec![declared.clone()], tried);
         }
     }
+    search.system.stage("single effects");
     let singles = attempt(search, &declared, &promises, &[], effort.singles, limit);
     tried.extend(singles.iter().cloned());
     let passing: Vec<Model> = singles.iter().filter(|m| m.worst() < limit).cloned().collect();
@@ -116,6 +118,7 @@ pub fn select<S: System + ?Sized>(
         return end(Stage::Effects, passing, tried);
     }
     if effort.max_effects >= 2 {
+        search.system.stage("pairs of effects");
         let pairs = extend(search, &singles, &[], effort.pairs, limit);
         tried.extend(pairs.iter().cloned());
         let passing: Vec<Model> = pairs.into_iter().filter(|m| m.worst() < limit).collect();
@@ -123,6 +126,7 @@ pub fn select<S: System + ?Sized>(
             return end(Stage::Effects, passing, tried);
         }
     }
+    search.system.stage("declared parameters");
     let corrected = search.fit(&[], corrections, &declared.fit.parameters, &declared.fit.locals, 12);
     tried.push(corrected.clone());
     if corrected.worst() < limit {

@@ -25,6 +25,8 @@ pub trait System: Sync {
     fn whiten(&self, record: usize, predicted: &[f64]) -> Vec<f64>;
     /// The whitened residuals as they would be if `predicted` were true: sensor noise and rounding.
     fn redraw(&self, record: usize, predicted: &[f64], noise: &mut Noise) -> Vec<f64>;
+    /// A stage of the search begins: told to whoever watches.
+    fn stage(&self, _name: &str) {}
     /// Whitened residuals.
     fn residuals(&self, record: usize, parameters: &[f64], locals: &[f64]) -> Vec<f64> {
         self.whiten(record, &self.predict(record, parameters, locals))
@@ -60,7 +62,7 @@ pub struct Span {
 
 /// A system for tests: straight lines and parabolas with an offset per record.
 #[cfg(test)]
-pub(in crate::refine::engine) mod testing {
+pub(in crate::refine) mod testing {
     use super::*;
 
     /// `y = offset + p0 t + p1 t^2` plus unit noise, t in [0, 1).

@@ -1,0 +1,310 @@
+//! Fits of a study in simulation: the declared model alone and with candidates, and their error on spans kept back.
+
+use nalgebra::{Cholesky, DMatrix, DVector};
+
+use super::declaration::{Initial, InitialWord, Role};
+use super::model::Study;
+use super::simulate::{Piece, View};
+use crate::refine::engine::System;
+use crate::refine::engine::fit::{Columns, Fit, Free, columns, fit};
+use crate::refine::engine::parallel;
+
+/// Records from which on whole records are kept back; with fewer, spans of every record are, so that what is kept back
+/// lies within the conditions of the fit.
+const WHOLE_RECORDS: usize = 6;
+/// Spans of a record otherwise.
+const SPANS: usize = 4;
+
+/// The declared model with some candidates, fitted.
+#[derive(Debug, Clone)]
+pub struct Model {
+    /// Candidates, by index, in the order they were added.
+    pub added: Vec<usize>,
+    /// Fit to all estimation records.
+    pub fit: Fit,
+    /// Rms of the whitened residuals of that fit.
+    pub error: f64,
+    /// Rms of the whitened residuals on what was kept back; NaN where it was not asked for.
+    pub held_back: f64,
+}
+
+/// Estimation records, what is kept back of them, and the scale of residuals.
+#[derive(Debug)]
+pub struct Fits<'a> {
+    /// Study.
+    pub study: &'a Study,
+    /// Divisors of residuals by output.
+    pub scale: Vec<f64>,
+    /// Estimation records.
+    pub pieces: Vec<Piece>,
+    /// What is fitted and what is kept back.
+    pub folds: Vec<(Vec<Piece>, Vec<Piece>)>,
+}
+
+/// Pieces of all records of a role.
+pub fn pieces(study: &Study, role: Role) -> Vec<Piece> {
+    let of_role = study.records.iter().enumerate().filter(|(_, record)| record.role == role);
+    of_role.map(|(record, own)| Piece { record, range: 0..own.n }).collect()
+}
+
+fn folds(study: &Study, pieces: &[Piece]) -> Vec<(Vec<Piece>, Vec<Piece>)> {
+    if pieces.len() >= WHOLE_RECORDS {
+        let groups = pieces.len().min(SPANS + 1);
+        let of = |group: usize, inside: bool| {
+            let own = pieces.iter().enumerate().filter(|(i, _)| (i % groups == group) == inside);
+            own.map(|(_, piece)| piece.clone()).collect::<Vec<_>>()
+        };
+        return (0..groups).map(|group| (of(group, false), of(group, true))).collect();
+    }
+    let spans: Vec<Vec<Piece>> = pieces
+        .iter()
+        .map(|piece| {
+            let record = &study.records[piece.record];
+            let unit = study.windows.map_or(1, |window| ((window / record.step).round() as usize).max(2));
+            let units = piece.range.len() / unit;
+            let edge = |k: usize| piece.range.start + unit * (k * units / SPANS);
+            (0..SPANS).map(|k| Piece { record: piece.record, range: edge(k)..edge(k + 1) }).collect()
+        })
+        .collect();
+    let fold = |k: usize| {
+        let inside = spans.iter().map(|own| own[k].clone()).filter(|piece| piece.range.len() > 8).collect();
+        let outside = spans.iter().flat_map(|own| own.iter().enumerate().filter(|(i, _)| *i != k));
+        let outside = outside.map(|(_, piece)| piece.clone()).filter(|piece| piece.range.len() > 8).collect();
+        (outside, inside)
+    };
+    (0..SPANS).map(fold).collect()
+}
+
+fn rms(chi2: f64, count: usize) -> f64 {
+    (chi2 / count.max(1) as f64).sqrt()
+}
+
+impl<'a> Fits<'a> {
+    /// For residuals divided by `scale`.
+    pub fn new(study: &'a Study, scale: Vec<f64>) -> Fits<'a> {
+        let pieces = pieces(study, Role::Estimation);
+        let folds = folds(study, &pieces);
+        Fits { study, scale, pieces, folds }
+    }
+
+    /// The engine's view of pieces with the blocks of `added`.
+    pub fn view(&self, added: &[usize], pieces: &[Piece]) -> View<'a> {
+        View { study: self.study, active: added.to_vec(), pieces: pieces.to_vec(), scale: self.scale.clone() }
+    }
+
+    fn count(&self, pieces: &[Piece]) -> usize {
+        pieces.iter().map(|piece| piece.range.len()).sum::<usize>() * self.study.outputs.len()
+    }
+
+    /// Whether a simulation runs long enough from fitted states for a direct fit to get lost.
+    fn long(&self) -> bool {
+        let fitted =
+            |piece: &Piece| self.study.records[piece.record].initial == Initial::Word(InitialWord::Fit);
+        self.study.windows.is_none() && self.pieces.iter().any(fitted)
+    }
+
+    /// Initial states as measured.
+    pub fn locals(view: &View) -> Vec<Vec<f64>> {
+        (0..view.records()).map(|r| view.locals(r).into_iter().map(|(start, _)| start).collect()).collect()
+    }
+
+    /// Fits `free` on a growing part of each piece: each fit starts within reach of the next.
+    pub fn grow(&self, added: &[usize], pieces: &[Piece], p: &[f64], free: &[Free], parts: &[f64]) -> Fit {
+        let mut p = p.to_vec();
+        let mut locals = Self::locals(&self.view(added, pieces));
+        for (i, part) in parts.iter().enumerate() {
+            let short = |piece: &Piece| {
+                let n = ((piece.range.len() as f64 * part) as usize).max(16).min(piece.range.len());
+                Piece { record: piece.record, range: piece.range.start..piece.range.start + n }
+            };
+            let short: Vec<Piece> = pieces.iter().map(short).collect();
+            let view = self.view(added, &short);
+            let records: Vec<usize> = (0..short.len()).collect();
+            let rounds = if i + 1 == parts.len() { 20 } else { 8 };
+            let found = fit(&view, &records, &p, free, &locals, rounds);
+            if i + 1 == parts.len() {
+                return found;
+            }
+            (p, locals) = (found.parameters, found.locals);
+        }
+        let view = self.view(added, pieces);
+        fit(&view, &(0..pieces.len()).collect::<Vec<_>>(), &p, free, &locals, 20)
+    }
+
+    /// Free parameters of the declared model and of candidates.
+    pub fn free(&self, added: &[usize]) -> Vec<Free> {
+        let own = added.iter().flat_map(|&c| self.study.candidates[c].entries.clone());
+        self.study
+            .declared_free()
+            .into_iter()
+            .chain(own.map(|index| self.study.entries[index].free))
+            .collect()
+    }
+
+    /// The declared model, fitted from the values of the declaration.
+    pub fn declared(&self) -> Model {
+        let parts: &[f64] = if self.long() { &[0.03, 0.06, 0.12, 0.25, 0.5, 1.0] } else { &[1.0] };
+        let found = self.grow(&[], &self.pieces, &self.study.start(), &self.free(&[]), parts);
+        let error = rms(found.chi2, self.count(&self.pieces));
+        Model { added: Vec::new(), fit: found, error, held_back: f64::NAN }
+    }
+
+    /// Candidate `c` on top of `base`: best start by the linear step, then the fit of everything.
+    pub fn add(&self, base: &Model, c: usize) -> Option<Model> {
+        let (p, locals) = self.promise(base, c)?;
+        let mut added = base.added.clone();
+        added.push(c);
+        self.fit_from(added, &p, &locals)
+    }
+
+    /// Fits everything from a start.
+    pub fn fit_from(&self, added: Vec<usize>, p: &[f64], locals: &[Vec<f64>]) -> Option<Model> {
+        let records: Vec<usize> = (0..self.pieces.len()).collect();
+        let view = self.view(&added, &self.pieces);
+        let found = fit(&view, &records, p, &self.free(&added), locals, 14);
+        let error = rms(found.chi2, self.count(&self.pieces));
+        error.is_finite().then_some(Model { added, fit: found, error, held_back: f64::NAN })
+    }
+
+    /// Start of a candidate beside `base` that promises the smallest sum of squares, after the linear step.
+    fn promise(&self, base: &Model, c: usize) -> Option<(Vec<f64>, Vec<Vec<f64>>)> {
+        let own = &self.study.candidates[c];
+        let mut added = base.added.clone();
+        added.push(c);
+        if let [only] = &own.starts[..]
+            && only.iter().all(|value| *value == 0.0)
+        {
+            return Some((base.fit.parameters.clone(), base.fit.locals.clone()));
+        }
+        let before = self.view(&base.added, &self.pieces);
+        let shared: Vec<Columns> = parallel::map(self.pieces.len(), |r| {
+            columns(&before, r, &base.fit.parameters, &base.fit.free, &base.fit.locals[r])
+        });
+        let view = self.view(&added, &self.pieces);
+        let promises: Vec<Option<(f64, Vec<f64>)>> = parallel::map(own.starts.len(), |s| {
+            let mut p = base.fit.parameters.clone();
+            let start = &own.starts[s];
+            own.entries.clone().zip(start).for_each(|(index, value)| p[index] = *value);
+            let open: Vec<Free> = own
+                .entries
+                .clone()
+                .zip(start)
+                .filter(|(_, value)| **value == 0.0)
+                .map(|(index, _)| self.study.entries[index].free)
+                .collect();
+            linear_step(&view, &shared, &base.fit, &open, p)
+        });
+        let best = promises.into_iter().flatten().min_by(|a, b| a.0.total_cmp(&b.0))?;
+        Some((best.1, base.fit.locals.clone()))
+    }
+
+    /// Error on what is kept back: everything fitted without it, then only its initial states on it.
+    pub fn hold_back(&self, model: &mut Model) {
+        if !model.held_back.is_nan() {
+            return;
+        }
+        let free = self.free(&model.added);
+        let parts: &[f64] = if self.long() { &[0.3, 1.0] } else { &[1.0] };
+        let sums = parallel::map(self.folds.len(), |f| {
+            let (outside, inside) = &self.folds[f];
+            let found = self.grow(&model.added, outside, &model.fit.parameters, &free, parts);
+            let test = self.grow(&model.added, inside, &found.parameters, &[], parts);
+            (test.chi2, self.count(inside))
+        });
+        let (chi2, count) = sums.into_iter().fold((0.0, 0), |a, b| (a.0 + b.0, a.1 + b.1));
+        model.held_back = rms(chi2, count);
+    }
+
+    /// Sets the difference step of a candidate's entries so that it moves the residuals by a thousandth; false if
+    /// nothing moves them.
+    pub fn step(&self, base: &Model, c: usize, index: usize) -> Option<f64> {
+        let own = &self.study.candidates[c];
+        let mut added = base.added.clone();
+        added.extend(own.needs.filter(|needs| !added.contains(needs)));
+        added.push(c);
+        let view = self.view(&added, &self.pieces[..1]);
+        let start = &own.starts[own.starts.len() / 2];
+        let mut p = base.fit.parameters.clone();
+        own.entries.clone().zip(start).for_each(|(index, value)| p[index] = *value);
+        if p[index] != 0.0 {
+            return Some(1e-3 * p[index].abs());
+        }
+        let before = view.residuals(0, &p, &base.fit.locals[0]);
+        let mut step = 1e-3;
+        for _ in 0..12 {
+            p[index] = step;
+            let moved = view.residuals(0, &p, &base.fit.locals[0]);
+            let change = moved.iter().zip(&before).map(|(a, b)| (a - b).powi(2)).sum::<f64>();
+            let change = rms(change, before.len()) / 1e-3;
+            if (0.2..5.0).contains(&change) {
+                return Some(step);
+            }
+            step *= if change.is_finite() { (1.0 / change).clamp(1e-5, 1e5) } else { 1e-3 };
+            if !(1e-30..1e30).contains(&step) {
+                return None;
+            }
+        }
+        None
+    }
+}
+
+/// The linear least-squares step from `p` over `open`, the parameters of `fit` and the local ones: promised sum of
+/// squares and parameters after it.
+fn linear_step(
+    view: &View,
+    shared: &[Columns],
+    fit: &Fit,
+    open: &[Free],
+    mut p: Vec<f64>,
+) -> Option<(f64, Vec<f64>)> {
+    let (m, known) = (open.len(), fit.free.len());
+    let size = m + known + fit.locals.iter().map(Vec::len).sum::<usize>();
+    let (mut matrix, mut right, mut chi2) = (DMatrix::zeros(size, size), DVector::zeros(size), 0.0);
+    let mut offset = m + known;
+    for (r, base) in shared.iter().enumerate() {
+        let residuals = view.residuals(r, &p, &fit.locals[r]);
+        let mut q = p.clone();
+        let own: Vec<Vec<f64>> = open
+            .iter()
+            .map(|f| {
+                q[f.index] = p[f.index] + f.step;
+                let moved = view.residuals(r, &q, &fit.locals[r]);
+                q[f.index] = p[f.index];
+                moved.iter().zip(&residuals).map(|(a, b)| (a - b) / f.step).collect()
+            })
+            .collect();
+        let all: Vec<&Vec<f64>> = own.iter().chain(&base.columns).collect();
+        let place = |a: usize| if a < m + known { a } else { offset + a - m - known };
+        let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+        for (a, column) in all.iter().enumerate() {
+            right[place(a)] -= dot(column, &residuals);
+            for (b, other) in all.iter().enumerate().skip(a) {
+                let value = dot(column, other);
+                matrix[(place(a), place(b))] += value;
+                if a != b {
+                    matrix[(place(b), place(a))] += value;
+                }
+            }
+        }
+        offset += all.len() - m - known;
+        chi2 += residuals.iter().map(|r| r * r).sum::<f64>();
+    }
+    let scale: Vec<f64> = (0..size).map(|a| f64::sqrt(matrix[(a, a)]).max(1e-150)).collect();
+    let scaled = DMatrix::from_fn(size, size, |a, b| {
+        matrix[(a, b)] / (scale[a] * scale[b]) + if a == b { 1e-9 } else { 0.0 }
+    });
+    let solved = Cholesky::new(scaled)?.solve(&DVector::from_fn(size, |a, _| right[a] / scale[a]));
+    let step = DVector::from_fn(size, |a, _| solved[a] / scale[a]);
+    let gain = 2.0 * step.dot(&right) - (&matrix * &step).dot(&step);
+    for (a, f) in open.iter().enumerate() {
+        p[f.index] = (p[f.index] + step[a]).clamp(f.bounds.0, f.bounds.1);
+        // A strength at its bound would promise what it cannot give.
+        if step[a] < 0.0 && f.bounds.0 == 0.0 {
+            return Some((chi2, p));
+        }
+    }
+    for (a, f) in fit.free.iter().enumerate() {
+        p[f.index] = (p[f.index] + step[m + a]).clamp(f.bounds.0, f.bounds.1);
+    }
+    chi2.is_finite().then_some((chi2 - gain, p))
+}

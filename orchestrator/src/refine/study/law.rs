@@ -1,0 +1,157 @@
+//! The laws of the candidate effects, as forces and as changes of a command: what a block at an attachment computes.
+
+/// What a law may depend on.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Point {
+    /// Velocity at the attachment.
+    pub velocity: f64,
+    /// Position at the attachment.
+    pub position: f64,
+    /// Pressure force \[N\].
+    pub pressure_force: f64,
+    /// Chamber pressure \[Pa\].
+    pub pressure: f64,
+    /// Time since the beginning of the record \[s\].
+    pub time: f64,
+}
+
+/// A law; its parameters stand in the order of [`Law::parameters`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Law {
+    /// `coef v`
+    Viscous,
+    /// `force s(v)`
+    Coulomb,
+    /// `force exp(-(v/vs)^2) s(v)`
+    Stribeck,
+    /// Coulomb level times `z/disp - s(v)`, `z' = v - |v| z/disp`
+    Presliding,
+    /// `coef |F| s(v)`, F the pressure force
+    Pressure,
+    /// `value`
+    Offset,
+    /// v > 0: `force s(v) + coef v`
+    Asymmetry,
+    /// `slope x s(v)`
+    PositionCoulomb,
+    /// `coef |v| v`
+    Drag,
+    /// `stiffness x + force`
+    Spring,
+    /// x > pos: `max(0, stiffness (x - pos) + damping v)`
+    EndStop,
+    /// `sine sin(2 pi x / period) + cosine cos(2 pi x / period)`
+    Cogging,
+    /// `-coef p`
+    Area,
+    /// `-gain` times the value that passes
+    Gain,
+    /// value less itself clipped: dead band
+    DeadBand,
+    /// value clipped
+    Saturation,
+    /// gain that changes with position
+    PositionGain,
+    /// gain that falls with time
+    Droop,
+}
+
+impl Law {
+    /// Number of parameters.
+    pub fn parameters(self) -> usize {
+        match self {
+            Law::Stribeck | Law::Asymmetry | Law::Spring | Law::Droop => 2,
+            Law::EndStop | Law::Cogging => 3,
+            _ => 1,
+        }
+    }
+
+    /// Whether the law changes a command instead of taking a force from it.
+    pub fn changes_command(self) -> bool {
+        matches!(self, Law::Gain | Law::DeadBand | Law::Saturation | Law::PositionGain | Law::Droop)
+    }
+
+    /// What is taken from the value that passes the attachment. `s` is the factor that changes sign with the velocity,
+    /// `z` the state of presliding, `level` the Coulomb level it acts on.
+    pub fn force(self, p: &[f64], at: &Point, s: f64, z: f64, level: f64) -> f64 {
+        let (v, x) = (at.velocity, at.position);
+        match self {
+            Law::Viscous => p[0] * v,
+            Law::Coulomb => p[0] * s,
+            Law::Stribeck => p[0] * (-(v / p[1]).powi(2)).exp() * s,
+            Law::Presliding => level * (z / p[0] - s),
+            Law::Pressure => p[0] * at.pressure_force.abs() * s,
+            Law::Offset => p[0],
+            Law::Asymmetry => {
+                if v > 0.0 {
+                    p[0] * s + p[1] * v
+                } else {
+                    0.0
+                }
+            }
+            Law::PositionCoulomb => p[0] * x * s,
+            Law::Drag => p[0] * v.abs() * v,
+            Law::Spring => p[0] * x + p[1],
+            Law::EndStop => {
+                if x > p[2] {
+                    (p[0] * (x - p[2]) + p[1] * v).max(0.0)
+                } else {
+                    0.0
+                }
+            }
+            Law::Cogging => {
+                let phase = std::f64::consts::TAU * x / p[2];
+                p[0] * phase.sin() + p[1] * phase.cos()
+            }
+            Law::Area => -p[0] * at.pressure,
+            Law::Gain | Law::DeadBand | Law::Saturation | Law::PositionGain | Law::Droop => 0.0,
+        }
+    }
+
+    /// The command that leaves the attachment for the one that enters.
+    pub fn command(self, p: &[f64], at: &Point, value: f64) -> f64 {
+        match self {
+            Law::Gain => (1.0 + p[0]) * value,
+            Law::DeadBand => value - value.clamp(-p[0].abs(), p[0].abs()),
+            Law::Saturation => value.clamp(-p[0].abs(), p[0].abs()),
+            Law::PositionGain => (1.0 + p[0] * at.position) * value,
+            Law::Droop => (1.0 - p[0] * (1.0 - (-at.time / p[1]).exp())) * value,
+            _ => value,
+        }
+    }
+}
+
+/// State of presliding after `step` \[s\] at velocity `v`: the exact solution of `z' = v - |v| z/disp`.
+pub fn preslide(z: f64, v: f64, disp: f64, step: f64) -> f64 {
+    let end = disp * v.signum();
+    if v == 0.0 { z } else { end + (z - end) * (-v.abs() * step / disp).exp() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn presliding_is_a_spring_first_and_coulomb_friction_in_the_end() {
+        // z follows the path at first (dz = dx) and saturates at disp.
+        assert!((preslide(0.0, 0.1, 1e-3, 1e-6) - 1e-7).abs() < 1e-10);
+        assert!((preslide(0.0, -0.1, 1e-3, 1.0) + 1e-3).abs() < 1e-12);
+        assert_eq!(preslide(5e-4, 0.0, 1e-3, 1.0), 5e-4);
+    }
+
+    #[test]
+    fn an_end_stop_only_pushes() {
+        let at = |x: f64, v: f64| Point { position: x, velocity: v, ..Point::default() };
+        let force = |x, v| Law::EndStop.force(&[100.0, 10.0, 0.2], &at(x, v), 0.0, 0.0, 0.0);
+        assert_eq!((force(0.1, 1.0), force(0.3, -5.0)), (0.0, 0.0));
+        assert!((force(0.3, 0.5) - 15.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_command_loses_what_lies_in_the_dead_band() {
+        let at = Point::default();
+        assert_eq!(Law::DeadBand.command(&[0.5], &at, 2.0), 1.5);
+        assert_eq!(Law::DeadBand.command(&[0.5], &at, -0.3), 0.0);
+        assert_eq!(Law::Saturation.command(&[0.5], &at, -2.0), -0.5);
+    }
+}

@@ -1,0 +1,269 @@
+//! Records of a study: columns of CSV files on a uniform grid, in the units of the system, cut into segments.
+
+use std::collections::BTreeMap;
+use std::ops::Range;
+
+use super::declaration::{File, ForceRule, Initial, InitialWord, Role, Signal};
+use super::{plant, signal};
+use crate::refine::Error;
+use crate::series::{Interpolation, TimeSeries, csv};
+use crate::system::SystemGraph;
+use crate::units::{Compatibility, compatible, lookup};
+
+/// A segment on a uniform grid.
+#[derive(Debug, Clone)]
+pub struct Record {
+    /// File and span, for messages and tables.
+    pub name: String,
+    /// What it is for.
+    pub role: Role,
+    /// Initial states.
+    pub initial: Initial,
+    /// Step \[s\].
+    pub step: f64,
+    /// Samples.
+    pub n: usize,
+    /// System inputs, `[inputs][n]`; none where the system's start value holds.
+    pub inputs: Vec<Option<Vec<f64>>>,
+    /// Further signals, `[extra][n]`.
+    pub extra: Vec<Vec<f64>>,
+    /// Measured outputs, `[outputs][n]`.
+    pub outputs: Vec<Vec<f64>>,
+    /// Measured states, `[nx][n]`, where there are columns for them.
+    pub states: Vec<Option<Vec<f64>>>,
+    /// Filtered signals for the force residual.
+    pub force: Option<ForceRecord>,
+}
+
+/// Filtered signals of a record.
+#[derive(Debug, Clone)]
+pub struct ForceRecord {
+    /// As in [`Record`].
+    pub inputs: Vec<Option<Vec<f64>>>,
+    /// As in [`Record`].
+    pub states: Vec<Option<Vec<f64>>>,
+    /// As in [`Record`].
+    pub extra: Vec<Vec<f64>>,
+    /// Derivative of the velocity state, `[n]`.
+    pub acceleration: Vec<f64>,
+}
+
+/// Names and columns of a system, in its order.
+#[derive(Debug, Clone)]
+pub struct Layout {
+    /// Signals of the system inputs.
+    pub inputs: Vec<Option<Signal>>,
+    /// Signals of the states and their names.
+    pub states: Vec<Option<Signal>>,
+    /// Further signals.
+    pub extra: Vec<Signal>,
+    /// Columns of the outputs.
+    pub outputs: Vec<Signal>,
+    /// Units of the system: inputs, states, outputs.
+    pub units: [Vec<Option<String>>; 3],
+    /// Force residual: rule, velocity state.
+    pub force: Option<(ForceRule, usize)>,
+}
+
+/// A file on its grid.
+struct Grid {
+    series: TimeSeries,
+    step: f64,
+    held: TimeSeries,
+    gaps: usize,
+}
+
+fn median_step(time: &[f64]) -> f64 {
+    let mut steps: Vec<f64> = time.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    steps.sort_by(f64::total_cmp);
+    steps.get(steps.len() / 2).copied().unwrap_or(0.0)
+}
+
+fn grid(series: TimeSeries, step: Option<f64>) -> Result<Grid, String> {
+    let time = series.time();
+    let own = median_step(time);
+    if time.len() < 8 {
+        return Err(format!("it has {} samples; a record needs more", time.len()));
+    }
+    let step = step.unwrap_or(own);
+    let span = time[time.len() - 1] - time[0];
+    if step > 0.1 * span {
+        return Err(format!("step_s = {step} s is too long for a file of {span} s"));
+    }
+    let gaps = time.windows(2).filter(|pair| pair[1] - pair[0] > 3.0 * own).count();
+    let longest = time.windows(2).map(|pair| pair[1] - pair[0]).fold(0.0, f64::max);
+    if longest > 0.2 * span {
+        return Err(format!("there is a gap of {longest} s; cut it into two segments with from_s and to_s"));
+    }
+    let regular = |pair: &[f64]| ((pair[1] - pair[0]) / step - 1.0).abs() < 0.01;
+    if time.windows(2).all(regular) {
+        return Ok(Grid { held: series.clone(), series, step, gaps: 0 });
+    }
+    let count = (span / step * (1.0 + 1e-12)) as usize + 1;
+    let axis: Vec<f64> = (0..count).map(|k| time[0] + k as f64 * step).collect();
+    let on = |interpolation| series.resample(axis.clone(), interpolation).map_err(|error| error.to_string());
+    Ok(Grid { held: on(Interpolation::Hold)?, series: on(Interpolation::Linear)?, step, gaps })
+}
+
+/// Values of a signal on the grid of its file, in the unit `wanted`.
+fn values(grid: &Grid, signal: &Signal, wanted: Option<&str>) -> Result<Vec<f64>, String> {
+    let name = match (&signal.column, &signal.derivative_of) {
+        (Some(column), None) | (None, Some(column)) => column,
+        _ => return Err("a signal needs either `column` or `derivative_of`".into()),
+    };
+    let source = if signal.hold { &grid.held } else { &grid.series };
+    let channel = source.channel(name).ok_or_else(|| {
+        let known: Vec<&str> = source.channels().iter().map(|c| c.name.as_str()).collect();
+        format!("there is no column `{name}`; the file has: {}", known.join(", "))
+    })?;
+    let (first, others) = channel.values.split_first().unwrap_or((&0.0, &[]));
+    if signal.derivative_of.is_some() && others.iter().all(|value| value == first) {
+        return Err(format!("column `{name}` never changes, so its derivative says nothing"));
+    }
+    let mut values = channel.values.clone();
+    let unit = signal.unit.as_deref().or(channel.unit.as_deref());
+    if signal.derivative_of.is_none()
+        && let (Some(unit), Some(wanted)) = (unit, wanted)
+    {
+        let known =
+            |unit: &str| lookup(unit).ok_or_else(|| format!("unit `{unit}` of column `{name}` is not known"));
+        match compatible(&known(unit)?, &known(wanted)?) {
+            Compatibility::Equal => {}
+            Compatibility::Convertible { factor, offset } => {
+                values.iter_mut().for_each(|value| *value = factor * *value + offset);
+            }
+            Compatibility::Incompatible => {
+                return Err(format!(
+                    "column `{name}` is in {unit}, the signal of the system in {wanted}; name another column or correct the unit"
+                ));
+            }
+        }
+    }
+    let mut values = signal::low_pass(&values, signal.low_pass_hz, grid.step);
+    if signal.derivative_of.is_some() {
+        values = match signal.savitzky_golay_points {
+            Some(points) => signal::savitzky_golay(&values, points, grid.step),
+            None => signal::central(&values, grid.step),
+        };
+    }
+    if let Some(scale) = signal.scale {
+        values.iter_mut().for_each(|value| *value *= scale);
+    }
+    Ok(values)
+}
+
+/// Reads the records of all segments; sentences on what was interpolated go to `notes`.
+///
+/// # Errors
+/// A file, column, unit or span that does not fit: place in the study, file and remedy.
+pub fn records(file: &File, layout: &Layout, notes: &mut Vec<String>) -> Result<Vec<Record>, Error> {
+    let declaration = &file.declaration;
+    let step = match &declaration.step_s {
+        Some(step) if !(*step.get_ref() > 0.0 && step.get_ref().is_finite()) => {
+            return Err(file.refuse(step, "step_s must be above zero"));
+        }
+        step => step.as_ref().map(|step| *step.get_ref()),
+    };
+    let mut grids: BTreeMap<&str, Grid> = BTreeMap::new();
+    let mut found = Vec::new();
+    for spanned in &declaration.segment {
+        let segment = spanned.get_ref();
+        let path = file.folder.join(&segment.file);
+        let refuse = |problem: String| file.refuse(spanned, format!("{}: {problem}", path.display()));
+        if !grids.contains_key(segment.file.as_str()) {
+            let grid = grid(csv::read(&path)?, step).map_err(&refuse)?;
+            if grid.gaps > 0 {
+                notes.push(format!(
+                    "{}: {} steps are longer than three times the usual one; linear interpolation bridges them.",
+                    segment.file, grid.gaps
+                ));
+            }
+            grids.insert(&segment.file, grid);
+        }
+        let grid = &grids[segment.file.as_str()];
+        let time = grid.series.time();
+        let (from, to) = (segment.from_s.unwrap_or(time[0]), segment.to_s.unwrap_or(time[time.len() - 1]));
+        let near = 0.01 * grid.step;
+        let first = time.partition_point(|&t| t < from - near);
+        let last = time.partition_point(|&t| t <= to + near);
+        if last < first + 16 {
+            return Err(refuse(format!(
+                "between {from} s and {to} s there are {} samples; the file goes from {} s to {} s",
+                last.saturating_sub(first),
+                time[0],
+                time[time.len() - 1]
+            )));
+        }
+        let make = |whole: bool, corner: Option<f64>| {
+            one(grid, layout, if whole { 0..time.len() } else { first..last }, corner)
+        };
+        let Signals { inputs, states, extra, outputs } = make(false, None).map_err(&refuse)?;
+        let force = match &layout.force {
+            None => None,
+            Some((rule, velocity)) => {
+                let Signals { inputs, states, extra, .. } =
+                    make(true, Some(rule.low_pass_hz)).map_err(&refuse)?;
+                let trim = (rule.trim_s / grid.step).round() as usize;
+                let range = if rule.whole_file { 0..time.len() } else { first..last };
+                let range = (range.start + trim)..range.end.saturating_sub(trim).max(range.start + trim);
+                let Some(v) = &states[*velocity] else {
+                    return Err(refuse(
+                        "the velocity of error.force is not measured; add it to [states]".into(),
+                    ));
+                };
+                let acceleration = signal::central(v, grid.step)[range.clone()].to_vec();
+                let cut = |list: Vec<Option<Vec<f64>>>| {
+                    list.into_iter().map(|v| v.map(|v| v[range.clone()].to_vec())).collect()
+                };
+                let extra = extra.into_iter().map(|v| v[range.clone()].to_vec()).collect();
+                Some(ForceRecord { inputs: cut(inputs), states: cut(states), extra, acceleration })
+            }
+        };
+        found.push(Record {
+            name: format!("{} {}-{} s", segment.file, time[first], time[last - 1]),
+            role: segment.role,
+            initial: segment.initial.clone().unwrap_or(Initial::Word(InitialWord::Measured)),
+            step: grid.step,
+            n: last - first,
+            inputs,
+            extra,
+            outputs,
+            states,
+            force,
+        });
+    }
+    Ok(found)
+}
+
+/// Signals of a span.
+struct Signals {
+    inputs: Vec<Option<Vec<f64>>>,
+    states: Vec<Option<Vec<f64>>>,
+    extra: Vec<Vec<f64>>,
+    outputs: Vec<Vec<f64>>,
+}
+
+/// Inputs, states and outputs of a span; with a corner, columns are filtered as well.
+fn one(grid: &Grid, layout: &Layout, range: Range<usize>, corner: Option<f64>) -> Result<Signals, String> {
+    let cut = |signal: &Signal, unit: &Option<String>| {
+        let mut signal = signal.clone();
+        signal.low_pass_hz = signal.low_pass_hz.or(corner);
+        Ok::<_, String>(values(grid, &signal, unit.as_deref())?[range.clone()].to_vec())
+    };
+    let optional = |signals: &[Option<Signal>], units: &[Option<String>]| {
+        let one = |(signal, unit): (&Option<Signal>, &Option<String>)| {
+            signal.as_ref().map(|signal| cut(signal, unit)).transpose()
+        };
+        signals.iter().zip(units).map(one).collect::<Result<Vec<_>, String>>()
+    };
+    let inputs = optional(&layout.inputs, &layout.units[0])?;
+    let states = optional(&layout.states, &layout.units[1])?;
+    let extra = layout.extra.iter().map(|signal| cut(signal, &None)).collect::<Result<_, _>>()?;
+    let outputs = layout.outputs.iter().zip(&layout.units[2]).map(|(signal, unit)| cut(signal, unit));
+    Ok(Signals { inputs, states, extra, outputs: outputs.collect::<Result<_, _>>()? })
+}
+
+/// Unit of a signal of the system, where it has one.
+pub fn unit(graph: &SystemGraph, name: &str) -> Option<String> {
+    plant::unit_of(graph, name).filter(|unit| lookup(unit).is_some())
+}

@@ -1,0 +1,234 @@
+//! Which candidates are missing: step by step with a look ahead to pairs, judged on what was kept back.
+
+use super::catalogue::Candidate;
+use super::fits::{Fits, Model};
+use super::law::Law;
+use super::model::{Action, Study};
+use crate::refine::engine::parallel;
+
+/// Share by which the error on what is kept back has to fall for an effect to be added.
+pub const WORTH: f64 = 0.05;
+/// Candidates whose errors differ by less than this share are equally good; the simplest is taken.
+pub const EQUAL: f64 = 0.03;
+/// Models of each step whose error on what is kept back is computed.
+const LOOKED_AT: usize = 4;
+/// Singles that pairs are made of.
+const PAIRED: usize = 6;
+
+/// Outcome.
+#[derive(Debug)]
+pub struct Selection {
+    /// The declared model.
+    pub declared: Model,
+    /// The model of the answer.
+    pub best: Model,
+    /// Models with one effect exchanged that are as good as the best: effect that is replaced, the model.
+    pub equals: Vec<(usize, Model)>,
+    /// Single candidates on top of the declared model, best first.
+    pub singles: Vec<Model>,
+    /// Errors on what was kept back after each step: effects so far, error.
+    pub path: Vec<(Vec<usize>, f64)>,
+}
+
+/// Sentences for a progress display.
+pub type Say<'a> = &'a (dyn Fn(&str) + Sync);
+
+/// Whether a fitted model takes energy out where friction should, over the whole range of the records.
+fn passive(study: &Study, model: &Model) -> bool {
+    let p = &model.fit.parameters;
+    (0..study.taps.len()).all(|tap| {
+        let strength = |law: Law| {
+            let own = model.added.iter().map(|&c| &study.candidates[c]);
+            let found = own.filter(|c| c.action == Action::Block { law, tap }).map(|c| c.entries.start);
+            found.map(|index| (p[index], index)).next()
+        };
+        let declared = study.taps[tap].coulomb.map_or(0.0, |level| level.of(p));
+        let coulomb = declared + strength(Law::Coulomb).map_or(0.0, |s| s.0);
+        let asymmetry = strength(Law::Asymmetry);
+        let forwards = asymmetry.map_or(0.0, |(force, _)| force);
+        // One direction may have less friction, not none; without Coulomb friction a force for one direction is a bias.
+        if asymmetry.is_some() && coulomb + forwards < 0.0 {
+            return false;
+        }
+        match strength(Law::PositionCoulomb) {
+            None => true,
+            Some((slope, _)) => study.ranges.get(tap).is_none_or(|range| {
+                [range.0, range.1].iter().all(|x| coulomb + slope * x >= -0.05 * coulomb.abs())
+            }),
+        }
+    })
+}
+
+fn complexity(candidates: &[Candidate], model: &Model) -> usize {
+    model.added.iter().map(|&c| candidates[c].complexity).sum()
+}
+
+/// The simplest of the models that are about as good as the best, then the best of those.
+fn choose(study: &Study, models: Vec<Model>) -> Option<Model> {
+    let least = models.iter().map(|model| model.held_back).fold(f64::INFINITY, f64::min);
+    let near = models.into_iter().filter(|model| model.held_back <= (1.0 + EQUAL) * least);
+    near.min_by(|a, b| {
+        let key = |model: &Model| complexity(&study.candidates, model);
+        key(a).cmp(&key(b)).then(a.held_back.total_cmp(&b.held_back))
+    })
+}
+
+struct Search<'a> {
+    fits: &'a Fits<'a>,
+    say: Say<'a>,
+}
+
+impl Search<'_> {
+    fn study(&self) -> &Study {
+        self.fits.study
+    }
+
+    /// `base` with each candidate that it lacks, best fit first.
+    fn extend(&self, base: &Model) -> Vec<Model> {
+        let fitting = |c: &usize| {
+            let own = &self.study().candidates[*c];
+            !base.added.contains(c) && own.needs.is_none_or(|needs| base.added.contains(&needs))
+        };
+        let open: Vec<usize> = (0..self.study().candidates.len()).filter(fitting).collect();
+        let found = parallel::map(open.len(), |i| self.fits.add(base, open[i]));
+        let mut found: Vec<Model> =
+            found.into_iter().flatten().filter(|model| passive(self.study(), model)).collect();
+        found.sort_by(|a, b| a.error.total_cmp(&b.error));
+        found
+    }
+
+    /// The best of some models on what is kept back.
+    fn judge(&self, models: &[Model]) -> Option<Model> {
+        let least = models.first().map_or(0.0, |model| model.error);
+        // What fits much worse will not be better on what is kept back.
+        let near = models.iter().take(LOOKED_AT).filter(|model| model.error <= 1.3 * least);
+        let mut near: Vec<Model> = near.cloned().collect();
+        near.iter_mut().for_each(|model| self.fits.hold_back(model));
+        choose(self.study(), near)
+    }
+
+    /// Pairs on top of `base`, of the best single ones, best fit first.
+    fn pairs(&self, base: &Model, singles: &[Model]) -> Vec<Model> {
+        let mut found: Vec<Model> = Vec::new();
+        let last = |model: &Model| model.added.last().copied();
+        let wanted: Vec<usize> = singles.iter().take(PAIRED).filter_map(last).collect();
+        let mut jobs = Vec::new();
+        for (i, single) in singles.iter().take(PAIRED).enumerate() {
+            let own = last(single);
+            jobs.extend(wanted[i + 1..].iter().map(|&c| (i, c)));
+            // What acts on the Coulomb level comes with it.
+            let needing = (0..self.study().candidates.len())
+                .filter(|&c| self.study().candidates[c].needs.is_some_and(|needs| Some(needs) == own));
+            jobs.extend(needing.map(|c| (i, c)));
+        }
+        let models = parallel::map(jobs.len(), |j| self.fits.add(&singles[jobs[j].0], jobs[j].1));
+        found.extend(models.into_iter().flatten().filter(|model| passive(self.study(), model)));
+        found.retain(|model| model.added.len() == base.added.len() + 2);
+        found.sort_by(|a, b| a.error.total_cmp(&b.error));
+        found
+    }
+
+    /// Adds effects to `from` one by one (two where only the pair is worth it) up to `most`.
+    fn climb(&self, from: Model, most: usize, path: &mut Vec<(Vec<usize>, f64)>) -> Model {
+        let mut best = from;
+        while best.added.len() < most {
+            (self.say)(&format!("searching effect {}", best.added.len() + 1));
+            let worth = (1.0 - WORTH) * best.held_back;
+            let singles = self.extend(&best);
+            let single = self.judge(&singles).filter(|model| model.held_back < worth);
+            let next = match single {
+                Some(model) => Some(model),
+                None if best.added.len() + 2 <= most => {
+                    let pairs = self.pairs(&best, &singles);
+                    self.judge(&pairs).filter(|model| model.held_back < (1.0 - 2.0 * WORTH) * best.held_back)
+                }
+                None => None,
+            };
+            let Some(next) = next else { break };
+            best = next;
+            path.push((best.added.clone(), best.held_back));
+        }
+        best
+    }
+
+    /// Leaves effects out again that the others have made superfluous.
+    fn prune(&self, mut best: Model) -> Model {
+        'again: while best.added.len() > 1 {
+            for &c in &best.added {
+                let rest: Vec<usize> = best.added.iter().copied().filter(|&other| other != c).collect();
+                let needs = |&other: &usize| self.study().candidates[other].needs == Some(c);
+                if rest.iter().any(needs) {
+                    continue;
+                }
+                let Some(mut without) = self.fits.fit_from(rest, &best.fit.parameters, &best.fit.locals)
+                else {
+                    continue;
+                };
+                self.fits.hold_back(&mut without);
+                if without.held_back <= (1.0 + 0.5 * WORTH) * best.held_back
+                    && passive(self.study(), &without)
+                {
+                    best = without;
+                    continue 'again;
+                }
+            }
+            break;
+        }
+        best
+    }
+
+    /// Models with the last effect exchanged that are as good; those that only contain it with more freedom are no
+    /// other explanation.
+    fn equals(&self, best: &Model, tried: &[Model]) -> Vec<(usize, Model)> {
+        let mut found = Vec::new();
+        for model in tried {
+            let lacks: Vec<usize> = best.added.iter().copied().filter(|c| !model.added.contains(c)).collect();
+            let (&[lacking], true) = (&lacks[..], model.added.len() == best.added.len()) else { continue };
+            let near = (model.error / best.error - 1.0).abs() < 0.2 * EQUAL;
+            if near
+                && complexity(&self.study().candidates, model) >= complexity(&self.study().candidates, best)
+            {
+                let mut model = model.clone();
+                self.fits.hold_back(&mut model);
+                if model.held_back < (1.0 + 0.2 * EQUAL) * best.held_back {
+                    found.push((lacking, model));
+                }
+            }
+        }
+        found
+    }
+}
+
+/// Searches from the fitted declared model, at most `most` effects.
+pub fn search(fits: &Fits, declared: Model, most: usize, say: Say) -> Selection {
+    let search = Search { fits, say };
+    let mut declared = declared;
+    fits.hold_back(&mut declared);
+    let mut path = vec![(Vec::new(), declared.held_back)];
+    let singles = search.extend(&declared);
+    let mut best = search.climb(declared.clone(), most, &mut path);
+    // A first step that was wrong shows when a pair beats it.
+    if most >= 2 && best.added.len() != 1 {
+        let pairs = search.pairs(&declared, &singles);
+        if let Some(pair) = search.judge(&pairs) {
+            let second = path.iter().find(|(added, _)| added.len() == 2).map_or(declared.held_back, |s| s.1);
+            let worth = (1.0 - if best.added.is_empty() { 2.0 * WORTH } else { EQUAL }) * second;
+            if pair.held_back < worth {
+                let mut other = vec![path[0].clone(), (pair.added.clone(), pair.held_back)];
+                let climbed = search.climb(pair, most, &mut other);
+                if climbed.held_back < (1.0 - EQUAL) * best.held_back {
+                    (best, path) = (climbed, other);
+                }
+            }
+        }
+    }
+    let best = search.prune(best);
+    let equals = if best.added.is_empty() {
+        Vec::new()
+    } else {
+        let base: Vec<usize> = best.added[..best.added.len() - 1].to_vec();
+        let base = fits.fit_from(base, &best.fit.parameters, &best.fit.locals);
+        base.map_or_else(Vec::new, |base| search.equals(&best, &search.extend(&base)))
+    };
+    Selection { declared, best, equals, singles, path }
+}

@@ -1,0 +1,80 @@
+//! Derivatives of measured signals on a uniform grid.
+
+use crate::ident::friction::LowPass;
+
+/// Derivative by a local parabola over `points` samples (Savitzky and Golay 1964); shorter spans at both ends are those
+/// of the parabola there.
+pub fn savitzky_golay(values: &[f64], points: usize, step: f64) -> Vec<f64> {
+    let (n, half) = (values.len(), (points / 2).max(1));
+    if n < 2 * half + 1 {
+        return central(values, step);
+    }
+    let m = half as f64;
+    let count = 2.0 * m + 1.0;
+    let s2 = m * (m + 1.0) * count / 3.0;
+    let s4 = s2 * (3.0 * m * m + 3.0 * m - 1.0) / 5.0;
+    (0..n)
+        .map(|i| {
+            let centre = i.clamp(half, n - 1 - half);
+            let (mut y0, mut y1, mut y2) = (0.0, 0.0, 0.0);
+            for (j, value) in values[centre - half..=centre + half].iter().enumerate() {
+                let k = j as f64 - m;
+                y0 += value;
+                y1 += k * value;
+                y2 += k * k * value;
+            }
+            let curvature = (count * y2 - s2 * y0) / (count * s4 - s2 * s2);
+            (y1 / s2 + 2.0 * curvature * (i as f64 - centre as f64)) / step
+        })
+        .collect()
+}
+
+/// Central differences, one-sided at the ends.
+pub fn central(values: &[f64], step: f64) -> Vec<f64> {
+    let n = values.len();
+    (0..n)
+        .map(|i| {
+            let (a, b) = (i.saturating_sub(1), (i + 1).min(n - 1));
+            if b > a { (values[b] - values[a]) / ((b - a) as f64 * step) } else { 0.0 }
+        })
+        .collect()
+}
+
+/// Zero-phase low-pass of order 4; as it is where the corner is not below half the sample rate.
+pub fn low_pass(values: &[f64], corner: Option<f64>, step: f64) -> Vec<f64> {
+    let mut filtered = values.to_vec();
+    if let Some(filter) = corner.and_then(|corner| LowPass::new(corner, step)) {
+        filter.both_ways(&mut filtered);
+    }
+    filtered
+}
+
+/// Rms of what changes from sample to sample: third differences, in which smooth motion all but vanishes.
+pub fn scatter(values: &[f64]) -> f64 {
+    let third = values.windows(4).map(|w| (w[3] - 3.0 * w[2] + 3.0 * w[1] - w[0]).powi(2));
+    let count = values.len().saturating_sub(3).max(1);
+    // The coefficients 1, 3, 3, 1 have the sum of squares 20.
+    (third.sum::<f64>() / (20.0 * count as f64)).sqrt()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_parabola_has_its_exact_derivative_up_to_the_ends() {
+        let values: Vec<f64> = (0..30).map(|k| 0.1 * f64::from(k)).map(|t| 2.0 - t + 3.0 * t * t).collect();
+        for (k, slope) in savitzky_golay(&values, 7, 0.1).iter().enumerate() {
+            assert!((slope - (-1.0 + 0.6 * k as f64)).abs() < 1e-10, "{k}: {slope}");
+        }
+    }
+
+    #[test]
+    fn scatter_of_noise_is_its_rms_and_smooth_motion_does_not_count() {
+        let mut noise = crate::refine::engine::noise::Noise::new(1, 0);
+        let values: Vec<f64> =
+            (0..20_000).map(|k| (0.01 * f64::from(k)).sin() + 0.02 * noise.normal()).collect();
+        // Standard error of a standard deviation of 20000 overlapping differences: about 1 %.
+        assert!((scatter(&values) / 0.02 - 1.0).abs() < 0.04, "{}", scatter(&values));
+    }
+}

@@ -1,0 +1,71 @@
+//! Effects, channels and signals in the words of a reader who does not know the vocabulary.
+
+/// What an effect is, without article; an unknown id is its own name.
+pub fn effect(id: &str) -> &str {
+    match id {
+        "act.gain" => "gain error of the command path",
+        "act.delay" => "extra delay of the command",
+        "act.deadband" => "dead band in the command path",
+        "act.saturation" => "limit of the force",
+        "act.hysteresis" => "play in the command path",
+        "act.posgain" => "gain that varies with the piston position",
+        "act.area" => "error of the effective piston area",
+        "act.backpressure" => "pressure force lost with the piston speed",
+        "act.droop" => "supply pressure that falls during the run",
+        "act.mode" => "second-order mode of the actuator",
+        "pf.viscous" => "other viscous friction of the piston",
+        "pf.coulomb" => "other Coulomb friction of the piston",
+        "pf.stribeck" => "friction peak of the piston at low speed",
+        "pf.presliding" => "presliding (hysteretic) friction of the piston",
+        "pf.pressure" => "piston friction that grows with the pressure force",
+        "pf.offset" => "constant friction bias of the piston",
+        "pf.asymmetry" => "direction-dependent friction of the piston",
+        "cf.viscous" => "viscous friction of the cart",
+        "cf.coulomb" => "other Coulomb friction of the cart",
+        "cf.stribeck" => "friction peak of the cart at low speed",
+        "cf.presliding" => "presliding (hysteretic) friction of the cart",
+        "cf.offset" => "constant friction bias of the cart",
+        "cf.asymmetry" => "direction-dependent friction of the cart",
+        "cf.poscoulomb" => "cart friction that varies along the guide",
+        "cart.mass" => "extra mass on the cart",
+        "cart.spring" => "spring (cable or hose) that pulls the cart",
+        "cart.endstop" => "end stop inside the stroke",
+        "cart.cogging" => "periodic force along the guide",
+        "cart.tilt" => "guide that is not level",
+        "pole.viscous" => "other viscous friction of the pole's bearing",
+        "pole.coulomb" => "dry friction of the pole's bearing",
+        "pole.quaddrag" => "quadratic air drag of the pole",
+        "pole.payload" => "extra mass at the tip of the pole",
+        "pole.length" => "other length of the pole",
+        "sensor.offset" => "offset of the sensor",
+        "sensor.delay" => "delay of the sensor",
+        "sensor.gain" => "gain error of the sensor",
+        other => other,
+    }
+}
+
+/// Where a channel is.
+pub fn channel(name: &str) -> &str {
+    match name {
+        "actuator" => "the actuator",
+        "piston_friction" => "the friction of the piston",
+        "cart_friction" => "the friction of the cart",
+        "cart" => "the forces on the cart",
+        "pole" => "the pole",
+        "sensor" => "the sensors",
+        other => other,
+    }
+}
+
+/// What a variable is.
+pub fn variable(name: &str) -> &str {
+    match name {
+        "u" => "command u",
+        "F" => "pressure force F",
+        "x" => "position x",
+        "xdot" => "speed xdot",
+        "theta" => "angle theta",
+        "thetadot" => "angular speed thetadot",
+        other => other,
+    }
+}

@@ -1,0 +1,146 @@
+//! A reset map whose values are outputs of dynamics at the states before, such as the velocities after an impact.
+
+use super::dynamics::{Dynamics, Point};
+use super::link::{Reset, ResetSize};
+use crate::optim::EvaluationError;
+
+/// What a state after the reset is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum After {
+    /// The state before with this index.
+    State(usize),
+    /// An output of the dynamics.
+    Output(usize),
+}
+
+/// `x+ = R(x-)` read from dynamics at the states before, with inputs that are held.
+pub struct OutputReset {
+    dynamics: Box<dyn Dynamics>,
+    after: Vec<After>,
+    outputs: Vec<usize>,
+    inputs: Vec<f64>,
+    values: Vec<f64>,
+    jacobian: Vec<f64>,
+    weights: Vec<f64>,
+    hessian: Vec<f64>,
+}
+
+impl OutputReset {
+    /// `after` says where each state after comes from, `outputs` which outputs of the dynamics the reset shows; the
+    /// inputs of the dynamics are held at `inputs` `[n_u]`.
+    ///
+    /// # Panics
+    /// When an index or the number of inputs does not fit the dynamics.
+    pub fn new(
+        dynamics: Box<dyn Dynamics>,
+        after: Vec<After>,
+        outputs: Vec<usize>,
+        inputs: Vec<f64>,
+    ) -> OutputReset {
+        let size = dynamics.size();
+        let fits = |after: &After| match after {
+            After::State(i) => *i < size.states,
+            After::Output(i) => *i < size.outputs,
+        };
+        assert!(
+            after.iter().all(fits) && outputs.iter().all(|i| *i < size.outputs),
+            "indices of the dynamics"
+        );
+        assert_eq!(inputs.len(), size.inputs, "one value per input");
+        OutputReset {
+            values: vec![0.0; size.values()],
+            jacobian: vec![0.0; size.values() * size.arguments()],
+            weights: vec![0.0; size.values()],
+            hessian: vec![0.0; size.arguments() * size.arguments()],
+            dynamics,
+            after,
+            outputs,
+            inputs,
+        }
+    }
+
+    /// Where value `i` of the reset comes from.
+    fn origin(&self, i: usize) -> After {
+        match i.checked_sub(self.after.len()) {
+            None => self.after[i],
+            Some(output) => After::Output(self.outputs[output]),
+        }
+    }
+
+    fn write(&self, before: &[f64], values: &mut [f64]) {
+        let first = self.dynamics.size().states;
+        for (i, value) in values.iter_mut().enumerate() {
+            *value = match self.origin(i) {
+                After::State(state) => before[state],
+                After::Output(output) => self.values[first + output],
+            };
+        }
+    }
+}
+
+impl Reset for OutputReset {
+    fn size(&self) -> ResetSize {
+        let before = self.dynamics.size().states;
+        ResetSize { before, after: self.after.len(), outputs: self.outputs.len() }
+    }
+
+    fn output_names(&self) -> Vec<String> {
+        let names = self.dynamics.names();
+        let first = self.dynamics.size().arguments();
+        self.outputs.iter().map(|output| names[first + output].clone()).collect()
+    }
+
+    fn evaluate(&mut self, before: &[f64], values: &mut [f64]) -> Result<(), EvaluationError> {
+        let at = Point { time: 0.0, states: before, inputs: &self.inputs };
+        self.dynamics.evaluate(at, &mut self.values)?;
+        self.write(before, values);
+        Ok(())
+    }
+
+    fn jacobian(
+        &mut self,
+        before: &[f64],
+        values: &mut [f64],
+        jacobian: &mut [f64],
+    ) -> Result<(), EvaluationError> {
+        let at = Point { time: 0.0, states: before, inputs: &self.inputs };
+        self.dynamics.jacobian(at, &mut self.values, &mut self.jacobian)?;
+        self.write(before, values);
+        let (size, width) = (self.dynamics.size(), before.len());
+        for (i, row) in jacobian.chunks_mut(width).enumerate() {
+            match self.origin(i) {
+                After::State(state) => {
+                    row.fill(0.0);
+                    row[state] = 1.0;
+                }
+                After::Output(output) => {
+                    let first = (size.states + output) * size.arguments();
+                    row.copy_from_slice(&self.jacobian[first..first + width]);
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn hessian(
+        &mut self,
+        before: &[f64],
+        weights: &[f64],
+        hessian: &mut [f64],
+    ) -> Result<(), EvaluationError> {
+        let size = self.dynamics.size();
+        self.weights.fill(0.0);
+        for (i, weight) in weights.iter().enumerate() {
+            if let After::Output(output) = self.origin(i) {
+                self.weights[size.states + output] += weight;
+            }
+        }
+        let at = Point { time: 0.0, states: before, inputs: &self.inputs };
+        self.dynamics.hessian(at, &self.weights, &mut self.hessian)?;
+        let width = before.len();
+        for (row, all) in hessian.chunks_mut(width).zip(self.hessian.chunks(size.arguments())) {
+            row.copy_from_slice(&all[..width]);
+        }
+        Ok(())
+    }
+}
