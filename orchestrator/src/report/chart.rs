@@ -9,7 +9,7 @@ use crate::plot::axes::{Axis, curve, range};
 use crate::plot::svg::escape;
 
 /// Margins of the plot \[px\]: left, right, top, bottom.
-const MARGINS: (f64, f64, f64, f64) = (66.0, 14.0, 34.0, 42.0);
+const MARGINS: (f64, f64, f64, f64) = (76.0, 14.0, 34.0, 42.0);
 
 /// What is drawn.
 #[derive(Debug, Clone, PartialEq)]
