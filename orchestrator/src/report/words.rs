@@ -35,7 +35,7 @@ fn told(effect: &Effect) -> String {
     format!("{}{of} ({})", names::effect(&effect.id), effect.id)
 }
 
-/// The main parameter of an effect with its interval, if it has any.
+/// Parameters of an effect with half of their 95 % intervals.
 fn size(effect: &Effect) -> String {
     let one = |p: &Parameter| {
         let unit = if p.unit == "1" { String::new() } else { format!(" {}", p.unit) };
