@@ -171,15 +171,20 @@ fn the_frictionless_cart_pole_is_one_fmu() {
     }
 }
 
-#[test]
-fn an_fmu_of_another_tool_without_derivatives_is_optimised() {
-    let folder = TempDir::new().unwrap();
+/// The foreign FMU of the example with lines of its source changed, and the problem beside it.
+fn foreign(folder: &TempDir, changes: &[(&str, &str)]) {
     let source = project().join("examples/03_swing_up/foreign");
-    let library = folder.path().join("van_der_pol.so");
+    let mut code = std::fs::read_to_string(source.join("van_der_pol.c")).unwrap();
+    for (from, to) in changes {
+        assert!(code.contains(from), "{from}");
+        code = code.replacen(from, to, 1);
+    }
+    let (changed, library) = (folder.path().join("van_der_pol.c"), folder.path().join("van_der_pol.so"));
+    std::fs::write(&changed, code).unwrap();
     let compiler = std::env::var("CC").unwrap_or_else(|_| "cc".to_owned());
     let built = Command::new(compiler)
         .args(["-shared", "-fPIC", "-O2", "-o"])
-        .args([&library, &source.join("van_der_pol.c")])
+        .args([&library, &changed])
         .status()
         .unwrap();
     assert!(built.success());
@@ -197,12 +202,45 @@ fn an_fmu_of_another_tool_without_derivatives_is_optimised() {
     let problem = std::fs::read_to_string(source.join("problem.toml")).unwrap();
     let problem = problem.replace("../../../out/foreign/", "");
     std::fs::write(folder.path().join("problem.toml"), problem).unwrap();
+}
+
+#[test]
+fn an_fmu_of_another_tool_without_derivatives_is_optimised() {
+    let folder = TempDir::new().unwrap();
+    foreign(&folder, &[]);
     let output = optimize(&folder, Path::new("problem.toml"), &["--intervals", "50"]);
     assert_eq!(output.status.code(), Some(0), "{}{}", text(&output.stdout), text(&output.stderr));
     let summary = summary(&folder);
     // tests/reference/van_der_pol_ipopt.py
     assert!(close(summary.objective.unwrap(), 3.614994456984, 1e-7), "{:?}", summary.objective);
     assert!(summary.notes.iter().any(|note| note.contains("difference")), "{:?}", summary.notes);
+}
+
+#[test]
+fn an_fmu_that_fails_beyond_a_point_is_stepped_back_from() {
+    // The oscillator swings through x2 = 1 in the plan; a failure beyond 1.2 only stands in the way of long steps.
+    let folder = TempDir::new().unwrap();
+    foreign(
+        &folder,
+        &[(
+            "    rates(model, dx);\n    return 0;",
+            "    rates(model, dx);\n    return model->x[1] > 1.2 ? 3 : 0;",
+        )],
+    );
+    let output = optimize(&folder, Path::new("problem.toml"), &["--no-verification"]);
+    assert_eq!(output.status.code(), Some(0), "{}{}", text(&output.stdout), text(&output.stderr));
+    assert!(close(summary(&folder).objective.unwrap(), 3.614994456984, 1e-7));
+}
+
+#[test]
+fn an_fmu_that_fails_where_the_search_begins_is_named() {
+    for failure in ["    rates(model, dx);\n    return 3;", "    dx[0] = dx[1] = 0.0 / 0.0;\n    return 0;"] {
+        let folder = TempDir::new().unwrap();
+        foreign(&folder, &[("    rates(model, dx);\n    return 0;", failure)]);
+        let output = optimize(&folder, Path::new("problem.toml"), &[]);
+        assert_eq!(output.status.code(), Some(22), "{}", text(&output.stderr));
+        assert!(text(&output.stderr).contains("van_der_pol"), "{}", text(&output.stderr));
+    }
 }
 
 #[test]

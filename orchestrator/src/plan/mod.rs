@@ -7,6 +7,7 @@
 pub mod assemble;
 pub mod catalogue;
 pub mod deliver;
+pub mod diagnose;
 mod error;
 pub mod feed_forward;
 pub mod file;

@@ -36,6 +36,8 @@ pub struct Statement {
     pub verification: Verification,
     /// What the page draws.
     pub animation: Option<Animation>,
+    /// Names of variants of the problem, and their files.
+    pub variants: Vec<(Text, Text)>,
     /// Actuators that are to deliver what is planned.
     pub feed_forward: Option<FeedForward>,
 }
@@ -69,6 +71,8 @@ pub struct Settings {
     pub method: Method,
     /// Stop test of the solver.
     pub tolerance: f64,
+    /// Whether variables are divided by their nominal values for the solver.
+    pub scaled: bool,
     /// Most iterations of one solve.
     pub max_iterations: usize,
     /// Components whose linear states are sampled; none: those with a parameter `sample_time`.
