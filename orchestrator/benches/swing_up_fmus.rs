@@ -1,10 +1,11 @@
-//! Swing-up over the coupled FMUs, single thread, from the files to the optimum:
-//! `cargo bench --bench swing_up_fmus [-- hs|trap|ms|sc ... INTERVALS ... by-hand]`.
+//! The swing-up over the coupled FMUs, single thread, from the files to the optimum:
+//! `cargo bench --bench swing_up_fmus [-- hs|trap|ms|sc ... INTERVALS ... by-hand calls solution=FILE]`.
 //!
 //! One row per transcription and number of intervals, from the pump guess: CPU time of opening the FMUs, of building the
-//! problem and of the solver, the least of several runs. With `by-hand`, also over the equations typed by hand, without
-//! FMUs. `tests/reference/swing_up_ipopt.py` gives the rows of CasADi with IPOPT; `make study-swing-up` sets them side by
-//! side. Whole numbers beyond 1000 are meshes too: the sample time of 1 ms then is an interval of its own at 2000.
+//! problem and of the solver, the least of several runs. `by-hand` adds the equations typed by hand, without FMUs;
+//! `solution=FILE` writes the variables of the last optimum, one per line. `calls` gives the CPU time of one evaluation
+//! instead: of values at a new point, of first derivatives there, and of second derivatives after that.
+//! `tests/study/swing_up.py` sets the rows beside those of CasADi with IPOPT.
 
 #![allow(missing_docs, reason = "a bench has no public items")]
 
@@ -24,7 +25,7 @@ use airloop::coupled::{Options, System};
 use airloop::fmu::InterfaceKind;
 use airloop::optim::{Settings, Solution, Start, solve};
 use airloop::system::SystemGraph;
-use airloop::transcription::{Discretisation, Dynamics, Program, Transcription};
+use airloop::transcription::{Discretisation, Dynamics, Point, Program, Transcription};
 
 const REPETITIONS: usize = 3;
 const STATES: [&str; 6] =
@@ -41,6 +42,10 @@ fn main() {
     let given: Vec<usize> = words.iter().filter_map(|word| word.parse().ok()).collect();
     let meshes = if given.is_empty() { vec![100, 200, 400] } else { given };
     let has = |word: &str| words.iter().any(|given| given == word);
+    if has("calls") {
+        return calls();
+    }
+    let file = words.iter().find_map(|word| word.strip_prefix("solution="));
     let all = KINDS.iter().all(|(name, ..)| !has(name));
     println!(
         "source   kind  count  iterations         objective  load, ms  build, ms  solve, ms  total, ms  (CPU)"
@@ -48,7 +53,11 @@ fn main() {
     for (name, transcription, typed) in KINDS.into_iter().filter(|(name, ..)| all || has(name)) {
         for &count in &meshes {
             let guess = problem::SwingUp::new(typed, count).pump();
-            fastest("FMUs", name, count, || run(from_fmus, transcription, count, &guess));
+            let solution = fastest("FMUs", name, count, || run(from_fmus, transcription, count, &guess));
+            if let Some(file) = file {
+                let lines: String = solution.x.iter().map(|value| format!("{value:e}\n")).collect();
+                std::fs::write(file, lines).expect("the file can be written");
+            }
             if has("by-hand") {
                 fastest("by-hand", name, count, || run(by_hand, transcription, count, &guess));
             }
@@ -93,7 +102,7 @@ fn run(dynamics: fn() -> Box<dyn Dynamics>, kind: Transcription, count: usize, g
     ([loaded - begin, built - loaded, cpu() - built], solution)
 }
 
-fn fastest(source: &str, name: &str, count: usize, run: impl Fn() -> Run) {
+fn fastest(source: &str, name: &str, count: usize, run: impl Fn() -> Run) -> Solution {
     let runs = (0..REPETITIONS).map(|_| run());
     let total = |(times, _): &Run| times.iter().sum::<f64>();
     let best = runs.min_by(|a, b| total(a).total_cmp(&total(b))).expect("there are repetitions");
@@ -105,4 +114,39 @@ fn fastest(source: &str, name: &str, count: usize, run: impl Fn() -> Run) {
         total(&best),
         solution.status
     );
+    best.1
+}
+
+/// Time of single evaluations.
+fn calls() {
+    let mut system = from_fmus();
+    let size = system.size();
+    let (mut values, mut jacobian) = (vec![0.0; size.values()], vec![0.0; size.values() * size.arguments()]);
+    let mut hessian = vec![0.0; size.arguments() * size.arguments()];
+    let weights = vec![0.7; size.values()];
+    let mut best = [f64::INFINITY; 3];
+    const COUNT: usize = 4000;
+    for repetition in 0..20 {
+        let point = |k: usize| {
+            let phase = 1e-3 * (repetition * COUNT + k) as f64;
+            let (s, c) = phase.sin_cos();
+            ([0.1 * s, 3.0 * c, 0.3 * s, 4.0 * c, 20.0 * s, 30.0 * c], [50.0 * s])
+        };
+        let points: Vec<_> = (0..COUNT).map(point).collect();
+        for (kind, best) in best.iter_mut().enumerate() {
+            let begin = cpu();
+            for (k, (states, inputs)) in points.iter().enumerate() {
+                let at = Point { time: 1e-3 * k as f64, states, inputs };
+                let outcome = match kind {
+                    0 => system.evaluate(at, &mut values),
+                    1 => system.jacobian(at, &mut values, &mut jacobian),
+                    _ => system.hessian(at, &weights, &mut hessian),
+                };
+                outcome.expect("the FMUs take these points");
+            }
+            *best = best.min((cpu() - begin) / COUNT as f64);
+        }
+    }
+    let [values, first, second] = best.map(|milliseconds| 1e6 * milliseconds);
+    println!("values {values:.0} ns, first derivatives {first:.0} ns more, second {second:.0} ns more (CPU)");
 }

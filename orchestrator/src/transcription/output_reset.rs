@@ -144,3 +144,74 @@ impl Reset for OutputReset {
         Ok(())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::dynamics::{Size, Structure};
+    use super::*;
+
+    /// Two states, outputs g1 = x y, g2 = x^2 u; the rates do not matter.
+    struct Products(Structure);
+
+    const SIZE: Size = Size { states: 2, inputs: 1, outputs: 2 };
+
+    impl Dynamics for Products {
+        fn size(&self) -> Size {
+            SIZE
+        }
+        fn structure(&self) -> &Structure {
+            &self.0
+        }
+        fn names(&self) -> Vec<String> {
+            ["x", "y", "u", "g1", "g2"].map(str::to_owned).to_vec()
+        }
+        fn evaluate(&mut self, at: Point<'_>, values: &mut [f64]) -> Result<(), EvaluationError> {
+            let (x, y, u) = (at.states[0], at.states[1], at.inputs[0]);
+            values.copy_from_slice(&[0.0, 0.0, x * y, x * x * u]);
+            Ok(())
+        }
+        fn jacobian(
+            &mut self,
+            at: Point<'_>,
+            values: &mut [f64],
+            jacobian: &mut [f64],
+        ) -> Result<(), EvaluationError> {
+            self.evaluate(at, values)?;
+            let (x, y, u) = (at.states[0], at.states[1], at.inputs[0]);
+            jacobian[..6].fill(0.0);
+            jacobian[6..].copy_from_slice(&[y, x, 0.0, 2.0 * x * u, 0.0, x * x]);
+            Ok(())
+        }
+        fn hessian(
+            &mut self,
+            at: Point<'_>,
+            weights: &[f64],
+            hessian: &mut [f64],
+        ) -> Result<(), EvaluationError> {
+            let (x, u) = (at.states[0], at.inputs[0]);
+            let (a, b) = (weights[2], weights[3]);
+            hessian.copy_from_slice(&[2.0 * u * b, a, 2.0 * x * b, a, 0.0, 0.0, 2.0 * x * b, 0.0, 0.0]);
+            Ok(())
+        }
+        fn duplicate(&self) -> Result<Box<dyn Dynamics>, EvaluationError> {
+            Ok(Box::new(Products(self.0.clone())))
+        }
+    }
+
+    #[test]
+    fn states_are_kept_exchanged_or_read_from_outputs() {
+        // After: (y, g1); shown: g2; at x = 2, y = 3 with u held at 5.
+        let dynamics = Box::new(Products(Structure::dense(SIZE)));
+        let mut reset =
+            OutputReset::new(dynamics, vec![After::State(1), After::Output(0)], vec![1], vec![5.0]);
+        assert_eq!(reset.size(), ResetSize { before: 2, after: 2, outputs: 1 });
+        assert_eq!(reset.output_names(), ["g2"]);
+        let (mut values, mut jacobian, mut hessian) = ([0.0; 3], [0.0; 6], [0.0; 4]);
+        reset.jacobian(&[2.0, 3.0], &mut values, &mut jacobian).unwrap();
+        assert_eq!(values, [3.0, 6.0, 20.0]);
+        assert_eq!(jacobian, [0.0, 1.0, 3.0, 2.0, 20.0, 0.0]);
+        // Weights of y, g1, g2: 7 (x y)'' + 0.5 (5 x^2)''.
+        reset.hessian(&[2.0, 3.0], &[100.0, 7.0, 0.5], &mut hessian).unwrap();
+        assert_eq!(hessian, [5.0, 7.0, 7.0, 0.0]);
+    }
+}

@@ -20,6 +20,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 use self::args::Args;
 use super::{folder, output, run};
 use crate::optim::Status;
+use crate::plan::deliver;
 use crate::plan::diagnose::Diagnosis;
 use crate::plan::file::{self, Statement};
 use crate::plan::guess::{self, Choice, Rough};
@@ -51,6 +52,11 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
     let began = Instant::now();
     let stop = run::stop_flag();
     let mut statement = file::read(problem)?;
+    let other = args.variant.as_ref().map(|name| file::variant(&statement, name)).transpose()?;
+    let problem = other.as_ref().unwrap_or(problem);
+    if other.is_some() {
+        statement = file::read(problem)?;
+    }
     let settings = settings(args, &mut statement)?;
     let choice = guess::choose(&statement, word(args).as_deref())?;
     let inputs: Vec<PathBuf> = match (&choice, &args.resume) {
@@ -77,10 +83,15 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
             .then(|| roll_out(prepared, solved, &stop))
             .transpose()?;
     let verified = verifying.elapsed();
+    let delivery = match finished(solved) && !stop.load(Ordering::Relaxed) {
+        true => deliver::deliver(prepared, solved.trajectory(), &stop)?,
+        false => None,
+    };
     let results = write::Results {
         prepared,
         solved,
         rollouts: rollouts.as_ref(),
+        delivery: delivery.as_ref(),
         guess: choice.name(&prepared.statement),
         notes: &rough.notes,
         problem_file: problem,

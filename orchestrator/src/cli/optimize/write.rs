@@ -9,6 +9,7 @@ use super::many::{MULTISTART, SWEEP, Table};
 use crate::Error;
 use crate::cli::folder;
 use crate::optim::{Note, Status};
+use crate::plan::deliver::Delivery;
 use crate::plan::diagnose::Diagnosis;
 use crate::plan::file::transcription_name;
 use crate::plan::prepare::Prepared;
@@ -26,6 +27,10 @@ use crate::transcription::IntervalErrors;
 
 /// The command, for `airloop run --input`.
 const COMMAND: &str = "command.csv";
+/// Planned forces, commands of the actuators and the forces that they deliver.
+const FORCES: &str = "feed_forward.csv";
+/// Motions of the plant under the delivered forces of each kind of command.
+const CHAINS: [&str; 2] = ["closed_chain_optimised.csv", "closed_chain_naive.csv"];
 /// The iteration table.
 const ITERATIONS: &str = "iterations.csv";
 
@@ -42,6 +47,9 @@ pub fn names() -> Vec<String> {
         SAMPLED,
         MULTISTART,
         SWEEP,
+        FORCES,
+        CHAINS[0],
+        CHAINS[1],
         "index.html",
         "summary.json",
     ];
@@ -56,6 +64,8 @@ pub struct Results<'a> {
     pub solved: &'a Solved,
     /// Its roll-outs.
     pub rollouts: Option<&'a Rollouts>,
+    /// Commands of actuators and what they bring about, where the problem asks for them.
+    pub delivery: Option<&'a Delivery>,
     /// Name of the guess.
     pub guess: String,
     /// Notes on the guess.
@@ -100,6 +110,12 @@ impl Results<'_> {
                     }
                 }
                 Err(error) => notes.push(format!("there is no {name} roll-out: {error}")),
+            }
+        }
+        if let Some(delivery) = self.delivery {
+            tables.push((FORCES, delivery.table.clone()));
+            for (file, motion) in CHAINS.iter().zip(delivery.motions.iter().flatten()) {
+                tables.push((file, motion.result.clone()));
             }
         }
         let files = tables.iter().map(|(name, _)| *name).chain([ITERATIONS]);
@@ -191,6 +207,8 @@ impl Results<'_> {
             portrait,
             animation,
             fmus: graph.order.iter().map(|&index| fmu(graph, index)).collect(),
+            stage2: self.delivery.map(record::stage2),
+            closed_chain: self.delivery.and_then(record::closed_chain),
             files: files.iter().map(|&name| name.to_owned()).collect(),
             figures,
             notes: prepared.notes.iter().chain(self.notes).cloned().chain(more).collect(),

@@ -11,7 +11,7 @@ pub mod statement;
 pub mod table;
 
 pub use quantity::Quantity;
-pub use read::{parse, read};
+pub use read::{parse, read, variant};
 pub use source::{Place, Source};
 pub use statement::{Statement, TRANSCRIPTIONS, transcription_name};
 pub use table::Text;

@@ -1,6 +1,6 @@
 //! From the text of a problem file to a [`Statement`].
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use toml::de::DeTable;
 
@@ -28,6 +28,21 @@ pub fn read(file: &Path) -> Result<Statement, Error> {
     parse(Source::read(file)?)
 }
 
+/// The file of a variant that a problem file names.
+///
+/// # Errors
+/// [`Error::Place`] with the names that there are.
+pub fn variant(statement: &Statement, name: &str) -> Result<PathBuf, Error> {
+    let folder = statement.source.file.parent().unwrap_or(Path::new(""));
+    let found = statement.variants.iter().find(|(own, _)| own.text == name);
+    found.map(|(_, file)| folder.join(&file.text)).ok_or_else(|| {
+        let known: Vec<&str> = statement.variants.iter().map(|(own, _)| own.text.as_str()).collect();
+        let known = if known.is_empty() { "none".to_owned() } else { known.join(", ") };
+        let problem = format!("{} has no variant `{name}`; it has: {known}", statement.source.file.display());
+        Error::Place { place: "--variant".into(), problem }
+    })
+}
+
 /// Reads the text of a problem file.
 ///
 /// # Errors
@@ -49,6 +64,7 @@ pub fn parse(source: Source) -> Result<Statement, Error> {
     let guesses = root.maybe("guess", guesses)?.unwrap_or_default();
     let verification = root.maybe("verification", verification)?.unwrap_or_default();
     let animation = root.maybe("animation", animation)?;
+    let variants = root.maybe("variants", |value| texts_of_pairs(value, "[variants]"))?.unwrap_or_default();
     let feed_forward = root.maybe("feed_forward", feed_forward::read)?;
     root.finish()?;
     let folder = source.file.parent().unwrap_or(Path::new(""));
@@ -65,6 +81,7 @@ pub fn parse(source: Source) -> Result<Statement, Error> {
         guesses,
         verification,
         animation,
+        variants,
         feed_forward,
         source: source.clone(),
     })

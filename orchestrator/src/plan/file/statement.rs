@@ -36,6 +36,8 @@ pub struct Statement {
     pub verification: Verification,
     /// What the page draws.
     pub animation: Option<Animation>,
+    /// Names of variants of the problem, and their files.
+    pub variants: Vec<(Text, Text)>,
     /// Actuators that are to deliver what is planned.
     pub feed_forward: Option<FeedForward>,
 }

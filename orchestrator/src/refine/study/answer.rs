@@ -362,6 +362,7 @@ fn assemble(fits: &Fits, selection: Selection) -> Answer {
         effects,
         unexplained,
         corrections: Vec::new(),
+        fitted: fitted(study, if chosen { &selection.best } else { &selection.declared }),
         limit: NOISE,
         parameters: [&selection.declared, &selection.best].map(|model| model.fit.parameters.clone()),
         left: [left(&selection.declared), left(&selection.best)],
@@ -371,6 +372,13 @@ fn assemble(fits: &Fits, selection: Selection) -> Answer {
         not_testable: study.not_testable.clone(),
         notes,
     }
+}
+
+/// Values of the free parameters of the declared system.
+fn fitted(study: &Study, model: &Model) -> Vec<(String, f64)> {
+    let own = study.entries.iter().zip(&model.fit.parameters);
+    let own = own.filter(|(entry, _)| matches!(entry.target, Target::Declared(_)));
+    own.map(|(entry, value)| (entry.name.clone(), *value)).collect()
 }
 
 /// Scatter of the driving force from sample to sample, as far as the low-pass lets it through.

@@ -21,7 +21,11 @@ const OWN: &str = "airloop:";
 /// A system of two of them: piston force and friction in series.
 const PISTON: &str = "piston-with-friction";
 
-fn system(file: &File) -> Result<SystemGraph, Error> {
+/// The declared system, opened for Model Exchange, with the start values of its files.
+///
+/// # Errors
+/// A system that is not there or does not hold together, with its place in the study.
+pub fn system(file: &File) -> Result<SystemGraph, Error> {
     let spanned = &file.declaration.system;
     if spanned.get_ref().strip_prefix(OWN) == Some(PISTON) {
         return piston(file);
