@@ -118,7 +118,7 @@ fn what_does_not_fit_the_system_is_named_with_its_place_and_what_was_meant() {
         ("duration = \"2 s\"", "duration = { min = 2, max = 1, guess = 2 }", "below the shortest"),
         ("../01_run/system.ssd", "../01_run/sytsem.ssd", "there is no file"),
         ("intervals = 100", "intervals = 100\nsampled = [\"actuatr\"]", "did you mean `actuator`"),
-        ("[settings]", "[parameters]\n\"cart_pole.mass\" = 1\n[settings]", "cart_pole.mass"),
+        ("[settings]", "[parameters]\n\"cart_pole.mass\" = 1\n[settings]", "there is no variable `mass`"),
         ("[settings]", "[rates]\nx = 1\n[settings]", "only inputs have rates"),
         ("[settings]", "[rates]\nu = \"500 N\"\n[settings]", "500 N/s"),
         ("name = \"swing-up", "inputs = [\"x\"]\nname = \"swing-up", "`x` is no input"),

@@ -108,7 +108,7 @@ fn narrow(
             break;
         }
         let middle = 0.5 * (low + high);
-        let begin = Begin::At(&found.0.outcome);
+        let begin = Begin::Along(found.0.trajectory());
         let Some(next) = trial(prepared, settings, place, Some(middle), begin, monitor)? else { break };
         let least = worst_of(path, place.0, &next);
         match least {

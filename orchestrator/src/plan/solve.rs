@@ -255,10 +255,11 @@ impl Session {
         let pass = Pass { transcription: discretisation.transcription, intervals };
         let guess = match begin {
             Begin::From(rough) => Some(knots(setup, rough, discretisation)?),
-            Begin::At(_) => None,
+            Begin::Along(_) | Begin::At(_) => None,
         };
         let (from, method) = match (&guess, begin) {
             (Some(guess), _) => (transcription::From::Guess(guess), settings.method),
+            (None, Begin::Along(trajectory)) => (transcription::From::Guess(trajectory), settings.method),
             (None, Begin::At(outcome)) => (transcription::From::Outcome(outcome), Method::InteriorPoint),
             (None, Begin::From(_)) => unreachable!("a rough guess has knots"),
         };
@@ -291,7 +292,9 @@ fn failed(solution: &Solution) -> bool {
 pub enum Begin<'a> {
     /// At a guess.
     From(&'a Rough),
-    /// At an earlier outcome with the same states and inputs, on any mesh and transcription.
+    /// Along a trajectory of the same states and inputs.
+    Along(&'a Trajectory),
+    /// At an earlier outcome of the same problem, on any mesh and transcription.
     At(&'a Outcome),
 }
 

@@ -5,9 +5,9 @@ use std::io::Write;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-use super::super::folder;
 use super::many::{MULTISTART, SWEEP, Table};
 use crate::Error;
+use crate::cli::folder;
 use crate::optim::{Note, Status};
 use crate::plan::deliver::Delivery;
 use crate::plan::diagnose::Diagnosis;
