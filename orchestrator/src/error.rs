@@ -30,6 +30,9 @@ pub enum Error {
     /// System descriptions.
     #[error(transparent)]
     System(#[from] crate::system::Error),
+    /// Systems as one dynamics.
+    #[error(transparent)]
+    Coupled(#[from] crate::coupled::Error),
     /// Fits.
     #[error(transparent)]
     Fit(#[from] crate::ident::fit::Error),
@@ -88,6 +91,12 @@ pub enum Error {
     /// Missing effects.
     #[error(transparent)]
     Refine(#[from] crate::refine::Error),
+    /// Plans.
+    #[error(transparent)]
+    Plan(#[from] crate::plan::Error),
+    /// Amended systems.
+    #[error(transparent)]
+    Amend(#[from] crate::refine::amend::Error),
     /// Reports.
     #[error(transparent)]
     Report(#[from] crate::report::Error),

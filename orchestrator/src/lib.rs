@@ -6,8 +6,8 @@
 //!  7  cli
 //!  6  error
 //!  5  plot        report
-//!  4  discrepancy refine      rig
-//!  3  master
+//!  4  discrepancy refine      rig         plan
+//!  3  master      coupled     control
 //!  2  system      ident       transcription
 //!  1  fmu         results     optim       excite
 //!  0  series      linalg      units       xml
@@ -16,6 +16,8 @@
 //! Start with [`system::SystemGraph::open`], [`master::simulate::run`] and [`series::csv::write`].
 
 pub mod cli;
+pub mod control;
+pub mod coupled;
 pub mod discrepancy;
 pub mod error;
 pub mod excite;
@@ -24,6 +26,7 @@ pub mod ident;
 pub mod linalg;
 pub mod master;
 pub mod optim;
+pub mod plan;
 pub mod plot;
 pub mod refine;
 pub mod report;

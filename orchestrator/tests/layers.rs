@@ -4,13 +4,14 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// The house plan, lowest line first; modules that do not exist yet have their place already.
-const LAYERS: [&[&str]; 8] = [
+const LAYERS: [&[&str]; 9] = [
     &["series", "linalg", "units", "xml"],
     &["fmu", "optim", "results", "excite"],
     &["system", "ident", "transcription"],
     &["master", "coupled", "control"],
     &["plan", "discrepancy", "refine", "rig"],
-    &["report", "plot"],
+    &["plot"],
+    &["report"],
     &["error"],
     &["cli"],
 ];

@@ -320,3 +320,16 @@ fn a_request_to_terminate_keeps_the_result_and_leaves_no_temporary_folder() {
         assert_eq!(std::fs::read_dir(temporary.path()).unwrap().count(), 0, "{signal}");
     }
 }
+
+#[test]
+fn a_file_of_the_user_is_not_replaced_by_results() {
+    let folder = folder();
+    system(&folder);
+    std::fs::create_dir(folder.path().join("mine")).unwrap();
+    write(&folder, "mine/result.csv", "time,u\n0,1\n");
+    let message = fails(&folder, &["run", "system.ssd", "--stop", "1", "-o", "mine", "--quiet"], 1);
+    assert!(message.contains("result.csv") && message.contains("choose another folder"), "{message}");
+    assert_eq!(files(&folder, "mine"), ["result.csv"]);
+    let kept = std::fs::read_to_string(folder.path().join("mine/result.csv")).unwrap();
+    assert_eq!(kept, "time,u\n0,1\n");
+}

@@ -37,11 +37,15 @@ def set_inputs(instance, time):
     instance.set(inputs, [input_value(v, time) for v in inputs])
 
 
+def set_parameters(instance, given):
+    """Sets {name: value}."""
+    instance.set([instance.fmu.variable(n) for n in given], list(given.values()))
+
+
 def start(instance, start=0.0, stop=None, parameters=(), tolerance=None):
     """Initialises with the inputs of time `start` and optional parameters {name: value}."""
-    given = dict(parameters)
     instance.setup(start, stop, tolerance)
-    instance.set([instance.fmu.variable(n) for n in given], list(given.values()))
+    set_parameters(instance, dict(parameters))
     set_inputs(instance, start)
     instance.must("EnterInitializationMode")
     instance.must("ExitInitializationMode")

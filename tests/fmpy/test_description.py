@@ -35,6 +35,8 @@ ALLOWED_INITIAL = {
 
 # SI base-unit exponents of the unit names in use: what each must declare, from a table of units and not from the code.
 BASE_UNITS = {
+    "Hz": {"s": -1},
+    "N.m.s2/rad2": {"kg": 1, "m": 2, "rad": -2},
     "1": {},
     "J": {"kg": 1, "m": 2, "s": -2},
     "N": {"kg": 1, "m": 1, "s": -2},
@@ -54,6 +56,8 @@ BASE_UNITS = {
     "1/s2": {"s": -2},
     "bar": {"kg": 1, "m": -1, "s": -2},
     "kg": {"kg": 1},
+    "kg.m2": {"kg": 1, "m": 2},
+    "N.s": {"kg": 1, "m": 1, "s": -1},
     "m": {"m": 1},
     "m/s": {"m": 1, "s": -1},
     "m/s2": {"m": 1, "s": -2},

@@ -64,7 +64,9 @@ impl<M: Model> Instance<M> {
             Err(Stop::Terminated(at)) => {
                 self.state.last_successful_time = at;
                 self.state.terminated = true;
-                self.discard(F, &format!("the model ended the simulation at t = {at} s"))
+                let reason = self.definition.model.explain_event(&self.state.values);
+                let reason = reason.map_or_else(String::new, |reason| format!(": {reason}"));
+                self.discard(F, &format!("the model ended the simulation at t = {at} s{reason}"))
             }
             // The last completed step ended at `t`; what was reached inside this one is not for use.
             Err(Stop::Refused(refusal)) => self.refuse(F, &refusal),
@@ -196,9 +198,7 @@ impl<M: Model> Instance<M> {
             self.update()?;
             let Event { iterate, terminate, .. } = self.definition.model.event(&mut self.state.values);
             self.state.dirty = true;
-            if self.logger.wants(Category::Events) {
-                self.logger.log(Category::Events, &format!("event at t = {t} s"));
-            }
+            self.log_event(t);
             if terminate {
                 return Err(Stop::Terminated(t));
             }
@@ -209,6 +209,15 @@ impl<M: Model> Instance<M> {
         Err(Stop::Refused(Refusal::Discard(format!(
             "the event at t = {t} s did not settle in {MAX_EVENT_ITERATIONS} iterations"
         ))))
+    }
+
+    /// Says what an event was, where the importer wants to know.
+    pub(crate) fn log_event(&self, t: f64) {
+        if self.logger.wants(Category::Events) {
+            let what = self.definition.model.explain_event(&self.state.values);
+            let what = what.map_or_else(String::new, |what| format!(": {what}"));
+            self.logger.log(Category::Events, &format!("event at t = {t} s{what}"));
+        }
     }
 
     pub(crate) fn set_real_input_derivatives(

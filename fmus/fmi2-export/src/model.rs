@@ -144,6 +144,12 @@ pub trait Model: Sized + Send + Sync + 'static {
         Event::default()
     }
 
+    /// What the last event was, in words: for the log, and for the message that ends a simulation.
+    fn explain_event(&self, values: &Values<f64>) -> Option<String> {
+        let _ = values;
+        None
+    }
+
     /// Time \[s\] of the next time event after the present time, besides samples.
     fn next_event_time(&self, values: &Values<f64>) -> Option<f64> {
         let _ = values;

@@ -2,7 +2,7 @@
 
 use crate::ctypes::{EventInfo, Status};
 use crate::instance::Instance;
-use crate::model::Model;
+use crate::model::{Event, Model};
 use crate::state_machine::Mode;
 use crate::table::Kind;
 
@@ -127,6 +127,9 @@ impl<M: Model> Instance<M> {
         }
         let event = self.definition.model.event(&mut self.state.values);
         self.state.dirty = true;
+        if event != Event::default() {
+            self.log_event(before);
+        }
         debug_assert_eq!(before, self.state.values.time, "an event must not move time");
         let next_sample = self.next_sample().map(
             |(next, period)| {

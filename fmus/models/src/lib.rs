@@ -23,6 +23,7 @@
 //! | l | `l` | m | pole length to its point mass | 4 |
 //! | g | `g` | m/s² | gravity | 4 |
 //! | b_p | `b_p` | N m s/rad | damping of the pole's joint | 4 |
+//! | θ₁, θ₂, l₁, l₂ | `th1`, `th2`, `l1`, `l2` | rad, m | legs of the walker: angles, lengths from hip to tip | 1, 3 |
 //!
 //! The paper's F_p is the load cell between rod and cart. With the rod fixed that is the actuator's output
 //! (`F_act`); with a moving rod it is the output of the piston's friction block.
@@ -31,7 +32,9 @@
 
 mod arx_actuator;
 mod cart_pole;
+mod compass_gait;
 mod continuous_form;
+mod effect;
 mod friction;
 mod linear_state_space;
 mod matrix;
@@ -41,15 +44,19 @@ mod pneumatic_cylinder;
 pub mod registry;
 mod rigid_mass;
 pub mod testing;
+mod tvlqr_controller;
 
 pub use arx_actuator::ArxActuator;
 pub use cart_pole::CartPole;
+pub use compass_gait::CompassGait;
+pub use effect::{ForceEffect, SensorEffect, SignalEffect, TorqueEffect};
 pub use friction::Friction;
 pub use linear_state_space::LinearStateSpace;
 pub use pendulum::Pendulum;
 pub use piston_force::PistonForce;
 pub use pneumatic_cylinder::PneumaticCylinder;
 pub use rigid_mass::RigidMass;
+pub use tvlqr_controller::TvlqrController;
 
 /// Attributes that every model has in common.
 const GENERATION_TOOL: &str = "airloop fmi2-export";

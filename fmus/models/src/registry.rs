@@ -2,6 +2,8 @@
 
 use crate::arx_actuator::{self, ArxActuator, FirstOrder};
 use crate::cart_pole::CartPole;
+use crate::compass_gait::CompassGait;
+use crate::effect::{ForceEffect, SensorEffect, SignalEffect, TorqueEffect};
 use crate::friction::{self, Friction};
 use crate::linear_state_space::LinearStateSpace;
 use crate::pendulum::Pendulum;
@@ -9,6 +11,7 @@ use crate::piston_force::PistonForce;
 use crate::pneumatic_cylinder::PneumaticCylinder;
 use crate::rigid_mass::RigidMass;
 use crate::testing::{AllTypes, BouncingBall, Copy};
+use crate::tvlqr_controller::TvlqrController;
 use fmi2_export::{Definition, Identity, Model, Table};
 
 /// One model and what its FMU holds besides the library.
@@ -70,9 +73,22 @@ pub fn all() -> Vec<Entry> {
             true,
             include_str!("../../pneumatic-cylinder/README.md"),
         ),
+        entry::<CompassGait>("fmu-compass-gait", true, include_str!("../../compass-gait/README.md")),
         entry::<RigidMass>("fmu-rigid-mass", true, include_str!("../../rigid-mass/README.md")),
         entry::<Pendulum>("fmu-pendulum", true, include_str!("../../pendulum/README.md")),
         entry::<PistonForce>("fmu-piston-force", true, include_str!("../../piston-force/README.md")),
+        entry::<ForceEffect>("fmu-force-effect", true, include_str!("../../force-effect/README.md")),
+        entry::<TorqueEffect>("fmu-torque-effect", true, include_str!("../../torque-effect/README.md")),
+        entry::<SignalEffect>("fmu-signal-effect", true, include_str!("../../signal-effect/README.md")),
+        entry::<SensorEffect>("fmu-sensor-effect", true, include_str!("../../sensor-effect/README.md")),
+        Entry {
+            resources: &[("controller.csv", include_str!("../../tvlqr-controller/example.csv"))],
+            ..entry::<TvlqrController>(
+                "fmu-tvlqr-controller",
+                true,
+                include_str!("../../tvlqr-controller/README.md"),
+            )
+        },
         entry::<Copy>("fmu-test-copy", false, include_str!("../../test-copy/README.md")),
         entry::<BouncingBall>(
             "fmu-test-bouncing-ball",

@@ -4,7 +4,9 @@
 //! both realisations, not from the models' own choice.
 
 use airloop_models::testing::{AllTypes, BouncingBall, Copy};
-use airloop_models::{ArxActuator, CartPole, Friction, LinearStateSpace, PneumaticCylinder};
+use airloop_models::{
+    ArxActuator, CartPole, CompassGait, Friction, LinearStateSpace, PneumaticCylinder, TvlqrController,
+};
 use fmi2_export::structure::Unknown;
 use fmi2_export::{Causality, Definition, Interface, Kind, Model, Values, Variable};
 
@@ -132,9 +134,11 @@ fn whatever_changes_lists_what_was_moved() {
     let all = |_: &Variable| true;
     assert!(check::<Friction>(all) > POINTS);
     assert!(check::<CartPole>(all) > POINTS);
+    assert!(check::<CompassGait>(all) > 100 * POINTS);
     assert!(check::<ArxActuator>(all) > 10 * POINTS);
     assert!(check::<LinearStateSpace>(all) > 10 * POINTS);
     assert!(check::<PneumaticCylinder>(all) > 10 * POINTS);
+    assert!(check::<TvlqrController>(all) > 10 * POINTS);
     assert!(check::<Copy>(all) > 0);
     assert!(check::<BouncingBall>(all) > POINTS);
     // A fault that panics on demand has no value to compare.

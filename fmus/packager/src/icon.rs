@@ -109,6 +109,33 @@ fn drawing(model_name: &str) -> Vec<(Shape, Colour)> {
             disc((33.0, 68.0), 10.0, GREEN),
             disc((67.0, 68.0), 10.0, PALE),
         ],
+        "force-effect" => vec![
+            line((10.0, 50.0), (90.0, 50.0), 5.0, GREY),
+            line((74.0, 38.0), (90.0, 50.0), 5.0, GREY),
+            line((74.0, 62.0), (90.0, 50.0), 5.0, GREY),
+            rectangle((34.0, 30.0), (62.0, 70.0), ORANGE),
+        ],
+        "torque-effect" => {
+            let turn = |s: f64| {
+                let angle = 5.0 * s - 1.0;
+                (50.0 + 32.0 * angle.cos(), 50.0 + 32.0 * angle.sin())
+            };
+            let mut shapes = curve(turn, 5.0, GREY);
+            shapes.push(disc((50.0, 50.0), 13.0, ORANGE));
+            shapes
+        }
+        "signal-effect" => vec![
+            line((10.0, 50.0), (90.0, 50.0), 2.5, GREY),
+            line((10.0, 82.0), (40.0, 50.0), 5.0, ORANGE),
+            line((40.0, 50.0), (60.0, 50.0), 5.0, ORANGE),
+            line((60.0, 50.0), (90.0, 18.0), 5.0, ORANGE),
+        ],
+        "sensor-effect" => vec![
+            disc((50.0, 50.0), 34.0, INK),
+            disc((50.0, 50.0), 28.0, PALE),
+            line((50.0, 56.0), (68.0, 32.0), 5.0, ORANGE),
+            disc((50.0, 56.0), 5.0, INK),
+        ],
         "pneumatic-cylinder" => vec![
             rectangle((8.0, 46.0), (68.0, 86.0), INK),
             rectangle((12.0, 50.0), (64.0, 82.0), PALE),
@@ -119,6 +146,15 @@ fn drawing(model_name: &str) -> Vec<(Shape, Colour)> {
             line((54.0, 46.0), (54.0, 30.0), 5.0, INK),
             rectangle((10.0, 10.0), (34.0, 30.0), ORANGE),
             rectangle((42.0, 10.0), (66.0, 30.0), ORANGE),
+        ],
+        "compass-gait" => vec![
+            line((6.0, 90.0), (94.0, 90.0), 3.0, GREY),
+            line((50.0, 42.0), (50.0, 14.0), 9.0, BLUE),
+            line((50.0, 42.0), (34.0, 66.0), 8.0, INK),
+            line((34.0, 66.0), (20.0, 87.0), 4.0, ORANGE),
+            line((50.0, 42.0), (66.0, 66.0), 8.0, INK),
+            line((66.0, 66.0), (80.0, 87.0), 4.0, ORANGE),
+            disc((50.0, 42.0), 7.0, PALE),
         ],
         "rigid-mass" => vec![
             line((6.0, 80.0), (94.0, 80.0), 3.0, GREY),
@@ -142,6 +178,17 @@ fn drawing(model_name: &str) -> Vec<(Shape, Colour)> {
             line((82.0, 40.0), (92.0, 50.0), 6.0, ORANGE),
             line((82.0, 60.0), (92.0, 50.0), 6.0, ORANGE),
         ],
+        "tvlqr-controller" => {
+            let wave = |s: f64| (8.0 + 84.0 * s, 50.0 - 30.0 * (6.0 * s).sin() * (1.0 - s));
+            let beside = |s: f64| {
+                let (x, y) = wave(s);
+                (x, y - 24.0 * (1.0 - s) * (1.0 - s))
+            };
+            let mut shapes = curve(wave, 4.0, GREY);
+            shapes.extend(curve(beside, 5.0, BLUE));
+            shapes.push(disc((92.0, 50.0), 7.0, ORANGE));
+            shapes
+        }
         "test-copy" => vec![
             disc((22.0, 50.0), 13.0, BLUE),
             disc((78.0, 50.0), 13.0, BLUE),

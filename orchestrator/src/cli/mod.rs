@@ -11,12 +11,16 @@ mod folder;
 pub mod identify;
 pub mod inspect;
 pub mod inspect_system;
+pub mod optimize;
 pub mod output;
 pub mod refine;
+mod refine_progress;
 mod report;
 pub mod rig;
 pub mod run;
+pub mod stabilize;
 mod table;
+pub mod trials;
 
 use std::process::ExitCode;
 
@@ -43,6 +47,9 @@ pub fn main() -> ExitCode {
         Command::Excite(args) => excite::run(&args),
         Command::Rig { command } => rig::run(&command),
         Command::Identify { command } => identify::run(&command),
+        Command::Stabilize(args) => stabilize::run(&args),
+        Command::Trials(args) => trials::run(&args),
+        Command::Optimize(args) => optimize::run(&args),
         Command::Refine(args) => refine::run(&args),
         Command::Completions { shell } => {
             let mut script = Vec::new();

@@ -106,6 +106,9 @@ pub fn run(args: &RunArgs) -> Result<ExitCode, Error> {
     note_texts(&graph, &mut notes);
     note_inputs(&graph, stimulus.as_ref(), &settings, &mut notes);
     let made = folder::make(&args.output)?;
+    let inputs = [&args.input, &args.measured, &args.signals].into_iter().flatten().chain([&args.system]);
+    let names = ["result.csv", "summary.json", "index.html"].map(str::to_owned);
+    folder::check(&args.output, &inputs.cloned().collect::<Vec<_>>(), &names)?;
 
     let run = simulate(&graph, &settings, stimulus.as_ref(), args.quiet, &stop).inspect_err(|_| {
         if made {
@@ -293,7 +296,7 @@ fn note_inputs(
 }
 
 /// Set by Ctrl-C, SIGTERM or SIGHUP; a second signal ends the program at once.
-fn stop_flag() -> Arc<AtomicBool> {
+pub(super) fn stop_flag() -> Arc<AtomicBool> {
     let stop = Arc::new(AtomicBool::new(false));
     let flag = Arc::clone(&stop);
     // Without a handler a signal ends the program as usual, so a failure here is no reason not to run.

@@ -8,7 +8,6 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::fold::{self, Fold};
 use super::model::Arx;
 use super::parameters::Parameters;
 use super::rational::columns::Column;
@@ -16,6 +15,7 @@ use super::rational::{
     Error, Experiment, Filtered, Mask, check_records, simulate, spectral_radius, stabilised,
 };
 use super::record::Record;
+use crate::linalg::{StreamedQr, qr, triangular};
 
 /// Poles of a prefilter stay within this radius, also when an iterate is unstable.
 pub const FILTER_RADIUS: f64 = 0.9999;
@@ -79,7 +79,7 @@ pub fn estimate(
         let filter = stabilised(&model, FILTER_RADIUS);
         let round = round(&filter, mask, &experiments, &root);
         if spectral_radius(&model) < 1.0 && round.criterion.is_finite() {
-            let covariance = fold::covariance(&round.instruments).0;
+            let covariance = triangular::covariance(&round.instruments).0;
             let names = mask.names();
             let found = InstrumentalVariables {
                 model,
@@ -95,7 +95,7 @@ pub fn estimate(
         if converged {
             break;
         }
-        let (next, _) = fold::solve(&round.regressors, &round.target, 1e-12);
+        let (next, _) = triangular::solve(&round.regressors, &round.target, 1e-12);
         if !next.iter().all(|value| value.is_finite()) {
             break;
         }
@@ -125,7 +125,7 @@ pub fn least_squares(template: &Arx, mask: &Mask, records: &[Record]) -> Result<
     let (n_y, n_u) = (template.output_offset.len(), template.input_offset.len());
     let p = mask.coefficients().len();
     check_records(records, n_u, n_y, mask.lags() + p.div_ceil(n_y.max(1)) + 1)?;
-    let mut fold = Fold::new(p + 1);
+    let mut fold = StreamedQr::new(p + 1);
     let identity = DMatrix::identity(n_y, n_y);
     // Nothing is filtered: A(z) = 1.
     let plain = Arx { a: Vec::new(), b: Vec::new(), ..template.clone() };
@@ -137,9 +137,9 @@ pub fn least_squares(template: &Arx, mask: &Mask, records: &[Record]) -> Result<
         columns.push(Column::of(&experiment.y));
         fold.push(&filtered.eliminate(&columns, mask.lags(), &identity));
     }
-    let r = fold.finish();
+    let r = fold.finish().into_r();
     let z = r.view((0, p), (p, 1)).column(0).into_owned();
-    Ok(mask.model(template, &fold::solve(&r.view((0, 0), (p, p)).into_owned(), &z, 1e-13).0))
+    Ok(mask.model(template, &triangular::solve(&r.view((0, 0), (p, p)).into_owned(), &z, 1e-13).0))
 }
 
 /// One round of the iteration.
@@ -159,7 +159,7 @@ struct Round {
 fn round(model: &Arx, mask: &Mask, experiments: &[Experiment], root: &DMatrix<f64>) -> Round {
     let p = mask.coefficients().len();
     let n_y = root.nrows();
-    let mut fold = Fold::new(2 * p + 1);
+    let mut fold = StreamedQr::new(2 * p + 1);
     let mut sum = DMatrix::<f64>::zeros(n_y, n_y);
     let mut samples = 0;
     let mut power = 0.0;
@@ -167,9 +167,9 @@ fn round(model: &Arx, mask: &Mask, experiments: &[Experiment], root: &DMatrix<f6
         let simulation = simulate(model, experiment, root);
         for i in 0..n_y {
             for l in 0..n_y {
-                sum[(i, l)] += fold::dot(&simulation.residual[i], &simulation.residual[l]);
+                sum[(i, l)] += qr::dot(&simulation.residual[i], &simulation.residual[l]);
             }
-            power += fold::dot(&experiment.y[i], &experiment.y[i]);
+            power += qr::dot(&experiment.y[i], &experiment.y[i]);
         }
         samples += experiment.len();
         let filtered = Filtered::new(model, experiment);
@@ -180,7 +180,7 @@ fn round(model: &Arx, mask: &Mask, experiments: &[Experiment], root: &DMatrix<f6
         columns.push(Column::of(&target));
         fold.push(&filtered.eliminate(&columns, mask.lags(), root));
     }
-    let r = fold.finish();
+    let r = fold.finish().into_r();
     let noise_covariance = sum / samples as f64;
     let floor = f64::max(1e-24 * power / samples as f64, f64::MIN_POSITIVE);
     let variances = noise_covariance.diagonal().map(|variance| f64::max(variance, floor));

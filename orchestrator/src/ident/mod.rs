@@ -30,7 +30,6 @@ pub mod compare;
 pub mod diagnostics;
 pub mod excitation;
 pub mod fit;
-pub mod fold;
 pub mod friction;
 pub mod impulse_response;
 pub mod instrumental_variables;

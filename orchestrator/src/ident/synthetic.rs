@@ -2,10 +2,11 @@
 
 use nalgebra::DMatrix;
 
-use super::fold::{Fold, solve};
 use super::model::{Arx, Model};
 use super::rational::{Coefficient, Mask};
 use super::record::Record;
+use crate::linalg::StreamedQr;
+use crate::linalg::triangular::solve;
 
 /// Normal random numbers, the same on every machine.
 pub struct Noise(u64);
@@ -74,7 +75,7 @@ pub fn measure(model: &dyn Model, inputs: Vec<Vec<f64>>, deviation: f64, noise: 
 /// Plain least squares, equation by equation.
 pub fn least_squares(template: &Arx, mask: &Mask, records: &[Record]) -> Arx {
     let coefficients = mask.coefficients();
-    let mut fold = Fold::new(coefficients.len() + 1);
+    let mut fold = StreamedQr::new(coefficients.len() + 1);
     for record in records {
         for k in mask.lags()..record.len() {
             for i in 0..record.outputs.len() {
@@ -91,7 +92,7 @@ pub fn least_squares(template: &Arx, mask: &Mask, records: &[Record]) -> Arx {
             }
         }
     }
-    let r = fold.finish();
+    let r = fold.finish().into_r();
     let p = coefficients.len();
     let z = r.view((0, p), (p, 1)).column(0).into_owned();
     mask.model(template, &solve(&r.view((0, 0), (p, p)).into_owned(), &z, 1e-14).0)

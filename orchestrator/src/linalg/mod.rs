@@ -6,6 +6,7 @@
 //! | [`spectral`] | singular values and eigenvalues that always come to an end |
 //! | [`sparse_ldl`], [`staged_ldl`] | factorisations of sparse symmetric matrices |
 //! | [`symmetric`] | symmetric matrices |
+//! | [`triangular`] | least squares from a triangle that may lack rank |
 //!
 //! Knows nothing of signals and models.
 
@@ -15,5 +16,6 @@ pub mod sparse_ldl;
 pub mod spectral;
 pub mod staged_ldl;
 pub mod symmetric;
+pub mod triangular;
 
 pub use qr::{StreamedQr, Triangle};

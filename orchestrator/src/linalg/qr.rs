@@ -6,8 +6,10 @@
 
 use nalgebra::{DMatrix, DVector};
 
-/// Rows of a block: short enough that some columns stay in the innermost cache.
-const BLOCK: usize = 512;
+use crate::linalg::spectral;
+
+/// Rows that one block takes at least: short enough that some columns stay in the innermost cache.
+pub const ROOM: usize = 512;
 /// Independent partial sums of a dot product; a fixed number, so that results do not depend on the machine.
 const LANES: usize = 8;
 /// Squared norm of a column that counts as zero. What cancels in one dependent column after the other (samples of a
@@ -39,7 +41,7 @@ impl StreamedQr {
     /// assert!((triangle.solve(1).unwrap()[(0, 0)] - 2.0).abs() < 1e-14);
     /// ```
     pub fn new(columns: usize) -> StreamedQr {
-        let capacity = BLOCK.max((2 * columns).next_multiple_of(LANES));
+        let capacity = ROOM.max((2 * columns).next_multiple_of(LANES));
         StreamedQr {
             columns,
             capacity,
@@ -55,9 +57,33 @@ impl StreamedQr {
     pub fn append(&mut self, rows: usize, mut fill: impl FnMut(usize, &mut [f64])) {
         assert!(rows <= self.space(), "more rows than there is space for; ask `space` first");
         for column in 0..self.columns {
-            let at = column * self.capacity + self.waiting;
-            fill(column, &mut self.block[at..at + rows]);
+            fill(column, self.column(column, rows));
         }
+        self.commit(rows);
+    }
+
+    /// Rows that the next [`StreamedQr::append`] may add; at least 1.
+    pub fn space(&self) -> usize {
+        self.capacity - self.waiting
+    }
+
+    /// As [`StreamedQr::space`], after making sure that there is space for `rows`, [`ROOM`] at most.
+    pub fn room(&mut self, rows: usize) -> usize {
+        if self.space() < rows {
+            self.fold();
+        }
+        self.space()
+    }
+
+    /// The next `rows` entries of a column, to be written before [`StreamedQr::commit`]; for rows whose entries are not
+    /// made column by column.
+    pub fn column(&mut self, column: usize, rows: usize) -> &mut [f64] {
+        let first = column * self.capacity + self.waiting;
+        &mut self.block[first..first + rows]
+    }
+
+    /// Adds the `rows` that were written into every [`StreamedQr::column`].
+    pub fn commit(&mut self, rows: usize) {
         self.waiting += rows;
         self.rows += rows as u64;
         if self.waiting == self.capacity {
@@ -65,9 +91,16 @@ impl StreamedQr {
         }
     }
 
-    /// Rows that the next [`StreamedQr::append`] may add; at least 1.
-    pub fn space(&self) -> usize {
-        self.capacity - self.waiting
+    /// Adds the rows of a matrix with as many columns.
+    pub fn push(&mut self, rows: &DMatrix<f64>) {
+        let mut first = 0;
+        while first < rows.nrows() {
+            let count = self.space().min(rows.nrows() - first);
+            self.append(count, |column, out| {
+                out.copy_from_slice(&rows.column(column).as_slice()[first..first + count]);
+            });
+            first += count;
+        }
     }
 
     /// Rows so far.
@@ -122,7 +155,7 @@ impl StreamedQr {
 }
 
 /// `x . y`, in a fixed order of summation.
-fn dot(x: &[f64], y: &[f64]) -> f64 {
+pub fn dot(x: &[f64], y: &[f64]) -> f64 {
     let mut sums = [0.0; LANES];
     let (x_lanes, x_rest) = x.as_chunks::<LANES>();
     let (y_lanes, y_rest) = y.as_chunks::<LANES>();
@@ -187,6 +220,11 @@ impl Triangle {
     /// R, upper triangular, shape \[columns, columns\].
     pub fn r(&self) -> &DMatrix<f64> {
         &self.r
+    }
+
+    /// R, upper triangular, shape \[columns, columns\].
+    pub fn into_r(self) -> DMatrix<f64> {
+        self.r
     }
 
     /// Rows of the matrix.
@@ -265,7 +303,7 @@ impl Triangle {
                 column /= norm;
             }
         }
-        let values: DVector<f64> = crate::linalg::spectral::singular_values(scaled);
+        let values: DVector<f64> = spectral::singular_values(scaled);
         values.max() / values.min()
     }
 }
@@ -273,6 +311,16 @@ impl Triangle {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_factor_has_the_scalar_products_of_the_columns() {
+        let rows = DMatrix::from_fn(1000, 5, |i, j| ((i * 5 + j) as f64 * 0.618_033_988_75).fract() - 0.5);
+        let mut qr = StreamedQr::new(5);
+        qr.push(&rows);
+        let r = qr.finish().into_r();
+        assert!((r.transpose() * &r - rows.transpose() * &rows).amax() < 1e-11);
+        assert_eq!(r.lower_triangle() - DMatrix::from_diagonal(&r.diagonal()), DMatrix::zeros(5, 5));
+    }
 
     #[test]
     fn forty_equal_columns_leave_a_finite_triangle_of_rank_one() {

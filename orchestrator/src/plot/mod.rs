@@ -10,8 +10,10 @@ pub mod fit_page;
 pub mod friction;
 pub mod identification;
 pub mod page;
+pub mod plan;
 pub mod run;
 pub mod singular_values;
+pub mod stabilise;
 pub mod svg;
 
 use std::path::PathBuf;
@@ -26,6 +28,9 @@ pub enum Error {
     /// The summary cannot be read.
     #[error(transparent)]
     Summary(#[from] crate::results::summary::Error),
+    /// The summary of a plan cannot be read.
+    #[error(transparent)]
+    Plan(#[from] crate::plan::record::Error),
     /// A column named in the summary is not in the file.
     #[error("{}: there is no column `{column}`, though the summary names it; run the simulation again", file.display())]
     Column { file: PathBuf, column: String },

@@ -2,14 +2,16 @@
 
 use std::collections::BTreeMap;
 
+use super::engine::candidate::Candidate;
 use super::engine::goodness::Null;
-use super::engine::search::{Model, Search};
-use super::engine::select::{Effort, Selection, Stage, select};
+use super::engine::search::{Model, Promise, Search};
+use super::engine::select::{Effort, NOTICEABLE, Selection, Stage, select};
 use super::engine::{System, parallel};
 use super::interval;
 use super::rig::localise::localise;
 use super::rig::open::Rig;
 use super::rig::physical::correction;
+use super::watch::{Listener, Watched};
 
 /// Settings of the search.
 #[derive(Debug, Clone, Copy)]
@@ -93,6 +95,8 @@ pub struct Answer {
     pub unexplained: Option<(String, Vec<String>)>,
     /// Corrections of declared parameters: name, relative change, standard deviation.
     pub corrections: Vec<(String, f64, f64)>,
+    /// Values of declared parameters that every fit was free to choose, in the corrected model.
+    pub fitted: Vec<(String, f64)>,
     /// Errors of the declared and of the corrected model: estimation, validation.
     pub before: [Errors; 2],
     /// See `before`.
@@ -101,20 +105,27 @@ pub struct Answer {
     pub noise: BTreeMap<String, f64>,
     /// How far the declared and the corrected model are from noise, by signal: normalised powers.
     pub left: [Vec<(String, f64)>; 2],
+    /// Largest of `left` that noise gives.
+    pub limit: f64,
+    /// Parameter vectors of the declared and of the corrected model.
+    pub parameters: [Vec<f64>; 2],
     /// Effects that cannot be looked for, and why.
     pub not_testable: Vec<(String, String)>,
     /// Remarks, one sentence each.
     pub notes: Vec<String>,
 }
 
-/// Finds what a rig's declared model lacks.
-pub fn answer(rig: &Rig, groups: &[String], settings: &Settings) -> Answer {
-    let system = rig.system.as_ref();
+/// Finds what a rig's declared model lacks; `listener` hears how far it is.
+pub fn answer(rig: &Rig, groups: &[String], settings: &Settings, listener: Listener) -> Answer {
+    let watched = Watched::new(rig.system.as_ref(), listener);
+    let system: &dyn System = &watched;
+    system.stage("declared model");
     let records: Vec<usize> = (0..system.records()).filter(|&record| system.estimation(record)).collect();
     let screened = (0..records.len())
         .filter(|&i| i == 0 || groups[records[i]].is_empty() || groups[records[i]] != groups[records[i - 1]]);
     let screened: Vec<usize> = screened.collect();
     let fit = fit_locals(system, &records, &super::rig::parameters::neutral());
+    system.stage("noise floor");
     let null = Null::simulate(system, &records, &fit.parameters, &fit.locals, settings.draws, settings.seed);
     let search = Search { system, candidates: &rig.candidates, records, screened, null };
     let declared = search.fit(&[], &[], &fit.parameters, &fit.locals, 5);
@@ -152,6 +163,7 @@ fn hold_back(found: &mut Answer) {
             .clone_into(&mut effect.reason);
     }
     found.after = found.before.clone();
+    found.parameters[1] = found.parameters[0].clone();
 }
 
 /// Names the channel of what no candidate explains; behind a wrong actuator, effects of the mechanics are still found.
@@ -162,6 +174,7 @@ fn trace(
     groups: &[String],
     found: &mut Answer,
 ) {
+    search.system.stage("place of what is left");
     let Some(coupled) = &rig.coupled else {
         let worst = selection.best.left.iter().max_by(|a, b| a.1.total_cmp(&b.1));
         let channel =
@@ -208,9 +221,15 @@ fn trace(
         (0..system.records()).filter(|&r| system.estimation(r) == estimation).collect::<Vec<_>>()
     });
     found.after = [0, 1].map(|i| errors(system, &sets[i], &model.fit.parameters));
+    found.parameters[1] = model.fit.parameters.clone();
 }
 
-fn fit_locals<S: System + ?Sized>(system: &S, records: &[usize], p: &[f64]) -> super::engine::fit::Fit {
+/// Fits the local parameters of records alone.
+pub(super) fn fit_locals<S: System + ?Sized>(
+    system: &S,
+    records: &[usize],
+    p: &[f64],
+) -> super::engine::fit::Fit {
     let locals: Vec<Vec<f64>> =
         records.iter().map(|&r| system.locals(r).iter().map(|l| l.0).collect()).collect();
     super::engine::fit::fit(system, records, p, &[], &locals, 10)
@@ -245,6 +264,30 @@ fn errors<S: System + ?Sized>(system: &S, records: &[usize], p: &[f64]) -> Error
         found.nrmse.insert(signal, (error / spread.max(f64::MIN_POSITIVE)).sqrt());
     }
     found
+}
+
+/// Candidates shown that were screened only.
+const SCREENED: usize = 8;
+
+/// A candidate that was not fitted: what its linear step promised.
+fn screened(own: &Candidate, promise: &Promise, (declared, best): (&Model, &Model), penalty: f64) -> Effect {
+    // A linear step may promise more than any model can hold.
+    let gain = declared.fit.chi2 - promise.chi2.max(best.fit.chi2);
+    let share = 100.0 * gain / declared.fit.chi2;
+    Effect {
+        id: own.id.into(),
+        channel: own.channel.into(),
+        signal: own.signal.map(str::to_owned),
+        selected: false,
+        group: None,
+        score: gain - penalty * own.free.len() as f64,
+        parameters: Vec::new(),
+        reason: if gain < NOTICEABLE {
+            "it promises no more than fitting noise gives".into()
+        } else {
+            format!("it promises to take {share:.0} % of the misfit away, less than others that were fitted")
+        },
+    }
 }
 
 fn assemble(rig: &Rig, search: &Search<dyn System + '_>, selection: &Selection) -> Answer {
@@ -304,6 +347,16 @@ fn assemble(rig: &Rig, search: &Search<dyn System + '_>, selection: &Selection) 
             format!("alone it leaves {signal} {z:.0} standard deviations above noise"),
         );
     }
+    let mut seen = Vec::new();
+    for promise in &selection.screened {
+        let own = &rig.candidates[promise.candidate];
+        let there = effects.iter().any(|e| e.id == own.id && e.signal.as_deref() == own.signal);
+        if there || seen.contains(&promise.candidate) || seen.len() >= SCREENED {
+            continue;
+        }
+        seen.push(promise.candidate);
+        effects.push(screened(own, promise, (declared, best), penalty));
+    }
     let corrections: Vec<(String, f64, f64)> = if selection.stage == Stage::Corrected {
         let deviations = |index: usize| {
             let a = best.fit.free.iter().position(|f| f.index == index)?;
@@ -319,11 +372,12 @@ fn assemble(rig: &Rig, search: &Search<dyn System + '_>, selection: &Selection) 
     } else {
         Vec::new()
     };
-    let after = if verdict == Verdict::Unexplained { &declared.fit.parameters } else { &best.fit.parameters };
+    let after_parameters =
+        if verdict == Verdict::Unexplained { &declared.fit.parameters } else { &best.fit.parameters };
     let validation: Vec<usize> = (0..system.records()).filter(|&r| !system.estimation(r)).collect();
     let sets = [search.records.clone(), validation];
     let before = [0, 1].map(|i| errors(system, &sets[i], &declared.fit.parameters));
-    let after = [0, 1].map(|i| errors(system, &sets[i], after));
+    let after = [0, 1].map(|i| errors(system, &sets[i], after_parameters));
     let noise = system
         .signals(search.records[0])
         .into_iter()
@@ -346,10 +400,13 @@ fn assemble(rig: &Rig, search: &Search<dyn System + '_>, selection: &Selection) 
         effects,
         unexplained: (verdict == Verdict::Unexplained).then(|| ("actuator".to_owned(), Vec::new())),
         corrections,
+        fitted: Vec::new(),
         before,
         after,
         noise,
         left: [declared.left.clone(), best.left.clone()],
+        limit: search.null.quantile + super::engine::select::MARGIN,
+        parameters: [declared.fit.parameters.clone(), after_parameters.clone()],
         not_testable: rig.not_testable.clone(),
         notes,
     }

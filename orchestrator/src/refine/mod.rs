@@ -3,12 +3,15 @@
 //! [`case`] reads what was declared and measured, [`rig`] simulates it with every candidate effect, [`engine`] searches
 //! (it knows no physics), [`answer`] says it in the words of the vocabulary. Files and pages are left to `report`.
 
+pub mod amend;
 pub mod answer;
 pub mod case;
 pub mod engine;
+pub mod evidence;
 pub mod interval;
 pub mod rig;
 pub mod study;
+pub mod watch;
 
 use std::path::PathBuf;
 

@@ -2,71 +2,180 @@
 
 use std::fmt::Write;
 
-use super::words;
-use crate::refine::answer::Answer;
+use super::chart::short;
+use super::{Report, figures, names, next, words};
 
-const STYLE: &str = "body{margin:0;background:#f4f4f2;color:#222;font:16px/1.5 Helvetica,Arial,sans-serif}\
-main{max-width:1000px;margin:0 auto;padding:24px}h1{font-size:24px;margin:0 0 4px}h2{font-size:18px;margin:28px 0 8px}\
-.answer{font-size:19px;background:#fff;border-left:4px solid #0b62a8;padding:12px 16px}\
-table{border-collapse:collapse;background:#fff;margin:0 0 20px}\
-th,td{padding:6px 12px;border-bottom:1px solid #e3e3e3;text-align:left;vertical-align:top}td.n{text-align:right;font-variant-numeric:tabular-nums}";
+/// Style sheet and script of the page.
+const STYLE: &str = include_str!("style.css");
+const SCRIPT: &str = include_str!("script.js");
 
 fn escape(text: &str) -> String {
-    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
+    crate::plot::svg::escape(text)
 }
 
-/// The answer as a page.
-pub fn text(answer: &Answer, case: &str) -> String {
-    let mut out = String::new();
-    let title = escape(case);
-    // Writing into a String cannot fail.
-    let _ = write!(
-        out,
-        "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><meta name=\"viewport\" content=\"width=device-width\">\n<title>{title}</title>\n<style>{STYLE}</style></head>\n<body><main>\n<h1>{title}</h1>\n<p class=\"answer\">{}</p>\n",
+/// A table; columns in `numbers` are aligned to the right. Rows with `true` stand out.
+fn table(out: &mut String, header: &[&str], numbers: &[usize], rows: &[(bool, Vec<String>)]) {
+    let class = |index: usize| if numbers.contains(&index) { " class=\"n\"" } else { "" };
+    out.push_str("<table><thead><tr>");
+    for (index, cell) in header.iter().enumerate() {
+        // Writing into a String cannot fail.
+        let _ = write!(out, "<th{}>{}</th>", class(index), escape(cell));
+    }
+    out.push_str("</tr></thead><tbody>\n");
+    for (marked, cells) in rows {
+        out.push_str(if *marked { "<tr class=\"yes\">" } else { "<tr>" });
+        for (index, cell) in cells.iter().enumerate() {
+            let _ = write!(out, "<td{}>{}</td>", class(index), escape(cell));
+        }
+        out.push_str("</tr>\n");
+    }
+    out.push_str("</tbody></table>\n");
+}
+
+fn plain(rows: impl IntoIterator<Item = Vec<String>>) -> Vec<(bool, Vec<String>)> {
+    rows.into_iter().map(|row| (false, row)).collect()
+}
+
+fn figure(out: &mut String, svg: &str) {
+    let _ = writeln!(out, "<figure>{svg}</figure>");
+}
+
+fn list(out: &mut String, items: &[String]) {
+    out.push_str("<ul>\n");
+    for item in items {
+        let _ = writeln!(out, "<li>{}</li>", escape(item));
+    }
+    out.push_str("</ul>\n");
+}
+
+/// The report as a page.
+pub fn text(report: &Report) -> String {
+    let (answer, evidence) = (report.answer, report.evidence);
+    let title = escape(report.case);
+    let mut out = format!(
+        "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><meta name=\"viewport\" content=\"width=device-width\">\n<title>{title}: what the model lacks</title>\n<style>\n{STYLE}</style></head>\n<body><main>\n<h1>{title}: what the declared model lacks</h1>\n<p class=\"answer\">{}</p>\n",
         escape(&words::sentence(answer))
     );
+    if let Some(sentence) = words::effect_on_error(answer) {
+        let _ = writeln!(out, "<p>{}</p>", escape(&sentence));
+    }
     let rivals = words::rivals(answer);
     if !rivals.is_empty() {
         let _ = writeln!(out, "<p>These records cannot tell it from: {}.</p>", escape(&rivals.join(", ")));
     }
-    out.push_str("<h2>Error on validation records</h2>\n<table><thead><tr><th>signal</th><th>noise rms</th><th>before</th><th>after</th><th>before, of the signal</th><th>in noise rms</th></tr></thead><tbody>\n");
-    for row in words::errors(answer) {
-        let cells: String = row.iter().map(|cell| format!("<td class=\"n\">{}</td>", escape(cell))).collect();
-        let _ = writeln!(out, "<tr>{cells}</tr>");
-    }
-    out.push_str("</tbody></table>\n");
-    if !answer.effects.is_empty() {
-        out.push_str("<h2>Candidates</h2>\n<table><thead><tr><th>effect</th><th>channel</th><th>selected</th><th>improvement (BIC)</th><th>parameters</th><th>why</th></tr></thead><tbody>\n");
-        for e in &answer.effects {
-            let selected = if e.selected { "yes" } else { "" };
-            let _ = writeln!(
-                out,
-                "<tr><td>{}</td><td>{}</td><td>{selected}</td><td class=\"n\">{:.0}</td><td>{}</td><td>{}</td></tr>",
-                escape(&words::name(e)),
-                escape(&e.channel),
-                e.score,
-                escape(&words::parameters(e)),
-                escape(&e.reason)
-            );
-        }
-        out.push_str("</tbody></table>\n");
-    }
-    out.push_str("<h2>Notes</h2>\n<ul>\n");
-    for (name, relative, deviation) in &answer.corrections {
+    errors(&mut out, report);
+    parameters(&mut out, report);
+    place(&mut out, report);
+    for record in &evidence.records {
         let _ = writeln!(
             out,
-            "<li>declared {}: {:+.2} % (&plusmn; {:.2} %)</li>",
-            escape(name),
-            100.0 * relative,
-            196.0 * deviation
+            "<h2>Residuals of {}</h2>\n<p class=\"how\">A validation record, simulated from its command over its whole length; only the initial state is fitted. Grey: two standard deviations of the sensor noise. Drag to zoom, double-click to see all, point for values.</p>",
+            escape(&record.name)
+        );
+        figures::residuals(record, evidence).iter().for_each(|svg| figure(&mut out, svg));
+    }
+    dependence(&mut out, report);
+    candidates(&mut out, report);
+    out.push_str("<h2>What to measure next</h2>\n");
+    list(&mut out, &next::advice(answer));
+    remarks(&mut out, report);
+    let _ = write!(out, "</main>\n<script>\n{SCRIPT}</script>\n</body></html>\n");
+    out
+}
+
+fn errors(out: &mut String, report: &Report) {
+    out.push_str("<h2>Error before and after, on validation records</h2>\n");
+    let rows = words::errors(report.answer, &report.evidence.signals).into_iter().map(Vec::from);
+    table(out, &words::ERROR_HEADER, &[1, 2, 3, 4, 5, 6], &plain(rows));
+    if let Some(svg) = figures::errors(report.answer) {
+        figure(out, &svg);
+    }
+    let _ = writeln!(out, "<p class=\"how\">{}</p>", escape(words::ERROR_NOTE));
+}
+
+fn parameters(out: &mut String, report: &Report) {
+    let rows = words::parameter_rows(report.answer);
+    if rows.is_empty() {
+        return;
+    }
+    out.push_str("<h2>Parameters</h2>\n");
+    table(out, &words::PARAMETER_HEADER, &[2, 3, 4], &plain(rows));
+    for curve in &report.evidence.curves {
+        figure(out, &figures::curve(curve));
+    }
+    if !report.evidence.curves.is_empty() {
+        out.push_str("<p class=\"how\">The curve spans what the validation records moved through. The band combines the 95 % intervals of the parameters as if they were independent.</p>\n");
+    }
+}
+
+fn place(out: &mut String, report: &Report) {
+    let Some(svg) = figures::ports(&report.evidence.ports, report.answer.limit) else { return };
+    out.push_str("<h2>Where it sits</h2>\n");
+    figure(out, &svg);
+    out.push_str("<p class=\"how\">Each part is driven by what was measured in front of it and compared with what was measured behind it, on the estimation records. Noise stays below the limit.</p>\n");
+}
+
+fn dependence(out: &mut String, report: &Report) {
+    let evidence = report.evidence;
+    if !evidence.dependence.is_empty() {
+        out.push_str("<h2>Residuals against the variables they depend on</h2>\n<p class=\"how\">All validation records, in bins of equal count; the two variables that told most of the residual before. Grey: two standard deviations of the mean of a bin under sensor noise.</p>\n<div class=\"pair\">\n");
+        evidence.dependence.iter().for_each(|d| figure(out, &figures::dependence(d)));
+        out.push_str("</div>\n");
+    }
+    if !evidence.correlation.is_empty() {
+        out.push_str("<h2>Autocorrelation of the residuals</h2>\n<p class=\"how\">White noise stays in the grey band with 99 %. A rounding sensor at rest repeats its error, which shows as correlation that is no missing effect.</p>\n<div class=\"pair\">\n");
+        evidence.correlation.iter().for_each(|c| figure(out, &figures::correlation(c)));
+        out.push_str("</div>\n");
+    }
+}
+
+fn candidates(out: &mut String, report: &Report) {
+    if report.answer.effects.is_empty() {
+        return;
+    }
+    out.push_str("<h2>Candidates</h2>\n<p class=\"how\">Improvement: decrease of the Bayesian information criterion against the declared model on the estimation records. Margin: how much less than the best. Some 12 cannot be told apart.</p>\n");
+    let rows: Vec<(bool, Vec<String>)> = words::candidate_rows(report.answer)
+        .into_iter()
+        .zip(&report.answer.effects)
+        .map(|(row, effect)| (effect.selected, row))
+        .collect();
+    table(out, &words::CANDIDATE_HEADER, &[2, 3], &rows);
+}
+
+fn remarks(out: &mut String, report: &Report) {
+    let answer = report.answer;
+    if let Some(system) = report.system {
+        let _ = writeln!(
+            out,
+            "<h2>The amended system</h2>\n<p>The declared system with what it lacks, as FMUs: <code>{0}/system.ssd</code>, <code>{0}/system.ssp</code>.</p>\n<pre>airloop run {0}/system.ssd --master monolithic --measured RECORD.csv -o out/amended</pre>",
+            escape(system)
         );
     }
-    for (id, why) in &answer.not_testable {
-        let _ = writeln!(out, "<li>not testable: {}: {}</li>", escape(id), escape(why));
+    if !answer.corrections.is_empty() {
+        out.push_str("<h2>Corrections of declared parameters</h2>\n");
+        let rows = answer.corrections.iter().map(|(name, relative, deviation)| {
+            vec![
+                name.clone(),
+                format!("{:+.2} %", 100.0 * relative),
+                format!("\u{b1} {:.2} %", 196.0 * deviation),
+            ]
+        });
+        table(out, &["parameter", "correction", "95 %"], &[1, 2], &plain(rows));
     }
-    for note in &answer.notes {
-        let _ = writeln!(out, "<li>{}</li>", escape(note));
+    let tested: Vec<String> =
+        answer.not_testable.iter().map(|(id, why)| format!("{} ({id}): {why}.", names::effect(id))).collect();
+    if !tested.is_empty() {
+        out.push_str("<h2>Not testable with these records</h2>\n");
+        list(out, &tested);
     }
-    out.push_str("</ul>\n</main></body></html>\n");
-    out
+    if !answer.notes.is_empty() {
+        out.push_str("<h2>Notes</h2>\n");
+        list(out, &answer.notes);
+    }
+    let _ = writeln!(
+        out,
+        "<p class=\"how\">airloop {}, limit of what counts as noise: {} standard deviations.</p>",
+        env!("CARGO_PKG_VERSION"),
+        short(answer.limit)
+    );
 }

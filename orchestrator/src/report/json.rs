@@ -4,15 +4,18 @@ use std::collections::BTreeMap;
 
 use serde::Serialize;
 
-use crate::refine::answer::{Answer, Errors, Verdict};
+use super::{Report, next};
+use crate::refine::answer::{Errors, Verdict};
 
 /// Version of the layout of `report.json`.
 pub const SCHEMA_VERSION: u32 = 1;
 
 #[derive(Serialize)]
-struct Report<'a> {
+struct Document<'a> {
     schema_version: u32,
+    airloop_version: &'static str,
     case: &'a str,
+    settings: Settings,
     verdict: &'static str,
     effects: Vec<Effect<'a>>,
     unexplained: Option<Unexplained<'a>>,
@@ -21,7 +24,26 @@ struct Report<'a> {
     score_kind: &'static str,
     declared_corrections: BTreeMap<&'a str, Correction>,
     not_testable: BTreeMap<&'a str, &'a str>,
+    localisation: Vec<Localised<'a>>,
+    measure_next: Vec<String>,
+    amended_system: Option<String>,
     notes: &'a [String],
+}
+
+#[derive(Serialize)]
+struct Settings {
+    seed: u64,
+    draws: usize,
+    max_effects: usize,
+}
+
+#[derive(Serialize)]
+struct Localised<'a> {
+    driven_by: &'a str,
+    compared_with: &'a str,
+    left_before: Option<f64>,
+    left_after: Option<f64>,
+    limit: f64,
 }
 
 #[derive(Serialize)]
@@ -32,6 +54,7 @@ struct Effect<'a> {
     selected: bool,
     group: Option<usize>,
     score: f64,
+    margin: f64,
     params: BTreeMap<&'a str, Parameter<'a>>,
     reason: &'a str,
 }
@@ -87,8 +110,10 @@ pub fn word(verdict: Verdict) -> &'static str {
     }
 }
 
-/// The answer as JSON text.
-pub fn text(answer: &Answer, case: &str) -> String {
+/// The report as JSON text.
+pub fn text(report: &Report) -> String {
+    let answer = report.answer;
+    let best = answer.effects.iter().map(|effect| effect.score).fold(f64::MIN, f64::max);
     let effects = answer.effects.iter().map(|e| Effect {
         id: &e.id,
         channel: &e.channel,
@@ -96,6 +121,7 @@ pub fn text(answer: &Answer, case: &str) -> String {
         selected: e.selected,
         group: e.group,
         score: e.score,
+        margin: best - e.score,
         params: e
             .parameters
             .iter()
@@ -108,9 +134,16 @@ pub fn text(answer: &Answer, case: &str) -> String {
             .collect(),
         reason: &e.reason,
     });
-    let report = Report {
+    let finite = |value: f64| value.is_finite().then_some(value);
+    let document = Document {
         schema_version: SCHEMA_VERSION,
-        case,
+        airloop_version: env!("CARGO_PKG_VERSION"),
+        case: report.case,
+        settings: Settings {
+            seed: report.settings.seed,
+            draws: report.settings.draws,
+            max_effects: report.settings.max_effects,
+        },
         verdict: word(answer.verdict),
         effects: effects.collect(),
         unexplained: answer
@@ -131,8 +164,22 @@ pub fn text(answer: &Answer, case: &str) -> String {
             })
             .collect(),
         not_testable: answer.not_testable.iter().map(|(id, why)| (id.as_str(), why.as_str())).collect(),
+        localisation: report
+            .evidence
+            .ports
+            .iter()
+            .map(|port| Localised {
+                driven_by: port.from,
+                compared_with: &port.to,
+                left_before: finite(port.left[0]),
+                left_after: finite(port.left[1]),
+                limit: answer.limit,
+            })
+            .collect(),
+        measure_next: next::advice(answer),
+        amended_system: report.system.map(|folder| format!("{folder}/system.ssd")),
         notes: &answer.notes,
     };
     // Every value of the report is text or number, so this cannot fail.
-    serde_json::to_string_pretty(&report).unwrap_or_default() + "\n"
+    serde_json::to_string_pretty(&document).unwrap_or_default() + "\n"
 }

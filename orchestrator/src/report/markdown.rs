@@ -1,58 +1,117 @@
-//! `report.md`.
+//! `report.md`: what the page says, as text.
 
 use std::fmt::Write;
 
-use super::words;
-use crate::refine::answer::Answer;
+use super::{Report, figures, names, next, words};
+use crate::report::chart::short;
 
-/// The answer as Markdown.
-pub fn text(answer: &Answer, case: &str) -> String {
-    let mut out = String::new();
+fn table(out: &mut String, header: &[&str], rows: impl IntoIterator<Item = Vec<String>>) {
     // Writing into a String cannot fail.
-    let _ = writeln!(out, "# {case}\n\n{}\n", words::sentence(answer));
+    let _ = writeln!(out, "| {} |\n|{}", header.join(" | "), "---|".repeat(header.len()));
+    for row in rows {
+        let _ = writeln!(
+            out,
+            "| {} |",
+            row.iter().map(|cell| cell.replace('|', "/")).collect::<Vec<_>>().join(" | ")
+        );
+    }
+    out.push('\n');
+}
+
+fn heading(out: &mut String, text: &str) {
+    let _ = writeln!(out, "## {text}\n");
+}
+
+fn list(out: &mut String, items: impl IntoIterator<Item = String>) {
+    for item in items {
+        let _ = writeln!(out, "- {item}");
+    }
+    out.push('\n');
+}
+
+/// The report as Markdown.
+pub fn text(report: &Report) -> String {
+    let (answer, evidence) = (report.answer, report.evidence);
+    let mut out =
+        format!("# {}: what the declared model lacks\n\n**{}**\n\n", report.case, words::sentence(answer));
+    if let Some(sentence) = words::effect_on_error(answer) {
+        let _ = writeln!(out, "{sentence}\n");
+    }
     let rivals = words::rivals(answer);
     if !rivals.is_empty() {
         let _ = writeln!(out, "These records cannot tell it from: {}.\n", rivals.join(", "));
     }
-    let _ = writeln!(
-        out,
-        "| signal | noise rms | error before | error after | before, of the signal | in noise rms |\n|---|---|---|---|---|---|"
+    heading(&mut out, "Error before and after, on validation records");
+    table(
+        &mut out,
+        &words::ERROR_HEADER,
+        words::errors(answer, &evidence.signals).into_iter().map(Vec::from),
     );
-    for row in words::errors(answer) {
-        let _ = writeln!(out, "| {} |", row.join(" | "));
+    let _ = writeln!(out, "{}\n", words::ERROR_NOTE);
+    let rows = words::parameter_rows(answer);
+    if !rows.is_empty() {
+        heading(&mut out, "Parameters");
+        table(&mut out, &words::PARAMETER_HEADER, rows);
     }
-    let _ = writeln!(
-        out,
-        "\nErrors are rms on validation records in the unit of the signal, simulated over the whole record.\n"
-    );
-    if !answer.effects.is_empty() {
+    if !evidence.ports.is_empty() {
+        heading(&mut out, "Where it sits");
+        let rows = evidence.ports.iter().map(|port| {
+            vec![port.from.to_owned(), port.to.clone(), short(port.left[0]), short(port.left[1])]
+        });
+        table(&mut out, &["driven by", "compared with", "left before", "left after"], rows);
         let _ = writeln!(
             out,
-            "| candidate | channel | selected | improvement (BIC) | parameters | why |\n|---|---|---|---|---|---|"
+            "In standard deviations above sensor noise, on estimation records; noise stays below {}.\n",
+            short(answer.limit)
         );
-        for e in &answer.effects {
-            let selected = if e.selected { "yes" } else { "no" };
-            let _ = writeln!(
-                out,
-                "| {} | {} | {selected} | {:.0} | {} | {} |",
-                words::name(e),
-                e.channel,
-                e.score,
-                words::parameters(e),
-                e.reason
-            );
-        }
-        out.push('\n');
     }
-    for (name, relative, deviation) in &answer.corrections {
-        let _ =
-            writeln!(out, "- declared {name}: {:+.2} % (+- {:.2} %)", 100.0 * relative, 196.0 * deviation);
+    if !evidence.dependence.is_empty() {
+        heading(&mut out, "Residuals against the variables they depend on");
+        let rows = evidence.dependence.iter().map(|d| figures::told(d).into());
+        table(
+            &mut out,
+            &["signal", "variable", "share told", "largest mean before", "largest mean after"],
+            rows,
+        );
     }
-    for (id, why) in &answer.not_testable {
-        let _ = writeln!(out, "- not testable: {id}: {why}");
+    if !evidence.correlation.is_empty() {
+        heading(&mut out, "Autocorrelation of the residuals");
+        let rows = evidence.correlation.iter().map(|c| {
+            let largest = |model: usize| c.values[model].iter().map(|r| r.abs()).fold(0.0, f64::max);
+            vec![c.signal.clone(), short(largest(0)), short(largest(1)), format!("{:.3}", c.limit)]
+        });
+        table(&mut out, &["signal", "largest before", "largest after", "white noise (99 %)"], rows);
     }
-    for note in &answer.notes {
-        let _ = writeln!(out, "- {note}");
+    if !answer.effects.is_empty() {
+        heading(&mut out, "Candidates");
+        table(&mut out, &words::CANDIDATE_HEADER, words::candidate_rows(answer));
+    }
+    heading(&mut out, "What to measure next");
+    list(&mut out, next::advice(answer));
+    if let Some(system) = report.system {
+        heading(&mut out, "The amended system");
+        let _ = writeln!(
+            out,
+            "`{system}/system.ssd` and `{system}/system.ssp`: the declared system with what it lacks, as FMUs.\n\n    airloop run {system}/system.ssd --master monolithic --measured RECORD.csv -o out/amended\n"
+        );
+    }
+    if !answer.corrections.is_empty() {
+        heading(&mut out, "Corrections of declared parameters");
+        let one = |(name, relative, deviation): &(String, f64, f64)| {
+            format!("{name}: {:+.2} % (\u{b1} {:.2} %)", 100.0 * relative, 196.0 * deviation)
+        };
+        list(&mut out, answer.corrections.iter().map(one));
+    }
+    if !answer.not_testable.is_empty() {
+        heading(&mut out, "Not testable with these records");
+        list(
+            &mut out,
+            answer.not_testable.iter().map(|(id, why)| format!("{} ({id}): {why}.", names::effect(id))),
+        );
+    }
+    if !answer.notes.is_empty() {
+        heading(&mut out, "Notes");
+        list(&mut out, answer.notes.iter().cloned());
     }
     out
 }

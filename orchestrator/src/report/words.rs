@@ -1,6 +1,8 @@
 //! The sentences of a report.
 
-use crate::refine::answer::{Answer, Effect, Verdict};
+use super::names;
+use crate::refine::answer::{Answer, Effect, Parameter, Verdict};
+use crate::refine::evidence::Signal;
 
 /// A number with enough digits to read.
 pub fn number(value: f64) -> String {
@@ -27,36 +29,59 @@ pub fn name(effect: &Effect) -> String {
     }
 }
 
-/// Parameters of an effect with their 95 % intervals.
-pub fn parameters(effect: &Effect) -> String {
-    let one = |p: &crate::refine::answer::Parameter| {
+/// An effect in the words of a reader, with its id.
+fn told(effect: &Effect) -> String {
+    let of = effect.signal.as_ref().map_or(String::new(), |signal| format!(" of {signal}"));
+    format!("{}{of} ({})", names::effect(&effect.id), effect.id)
+}
+
+/// Parameters of an effect with half of their 95 % intervals.
+fn size(effect: &Effect) -> String {
+    let one = |p: &Parameter| {
         let unit = if p.unit == "1" { String::new() } else { format!(" {}", p.unit) };
         let half = 0.5 * (p.interval.1 - p.interval.0);
-        format!("{} = {}{unit} (95 %: +-{half:.1e})", p.name, number(p.value))
+        format!("{} {}{unit} \u{b1} {}", p.name, rounded(p.value, half), rounded(half, half))
     };
-    effect.parameters.iter().map(one).collect::<Vec<_>>().join(", ")
+    let all: Vec<String> = effect.parameters.iter().map(one).collect();
+    all.join(", ")
+}
+
+/// A value with as many digits as its uncertainty `half` leaves it, one more to read on.
+pub fn rounded(value: f64, half: f64) -> String {
+    if !(half > 0.0 && half.is_finite()) {
+        return number(value);
+    }
+    let digits = 1 - half.log10().floor() as i32;
+    match digits {
+        _ if value.abs() >= 1e6 || (value != 0.0 && value.abs() < 1e-4) => {
+            let significant = (value.abs().log10().floor() as i32 + digits).max(0) as usize;
+            format!("{value:.significant$e}")
+        }
+        digits => format!("{value:.0$}", digits.max(0) as usize),
+    }
 }
 
 /// The answer in one sentence.
 pub fn sentence(answer: &Answer) -> String {
     let chosen: Vec<&Effect> = answer.effects.iter().filter(|effect| effect.selected).collect();
-    let list = chosen
-        .iter()
-        .map(|e| format!("{} ({}; {})", name(e), e.channel, parameters(e)))
-        .collect::<Vec<_>>()
-        .join(" and ");
+    let list = chosen.iter().map(|e| format!("{}: {}", told(e), size(e))).collect::<Vec<_>>().join("; and ");
     let rest = answer.unexplained.as_ref().map(|(channel, variables)| {
-        let on = if variables.is_empty() {
-            String::new()
-        } else {
-            format!(", depending on {}", variables.join(", "))
+        let on = match variables.is_empty() {
+            true => String::new(),
+            false => {
+                let all: Vec<&str> = variables.iter().map(|name| names::variable(name)).collect();
+                format!(", depending on {}", all.join(" and "))
+            }
         };
-        format!("something at the channel `{channel}`{on}, that is none of the known effects")
+        format!(
+            "something at {} (channel {channel}){on}, that is none of the known effects",
+            names::channel(channel)
+        )
     });
     match (answer.verdict, rest) {
         (Verdict::Nothing, _) => "Nothing is missing: what the declared model leaves is sensor noise.".into(),
         (Verdict::Effect, None) => format!("The declared model lacks {list}."),
-        (Verdict::Effect, Some(rest)) => format!("The declared model lacks {list}; it also lacks {rest}."),
+        (Verdict::Effect, Some(rest)) => format!("The declared model lacks {list}. It also lacks {rest}."),
         (Verdict::Unexplained, rest) => {
             format!(
                 "The declared model lacks {}.",
@@ -66,20 +91,88 @@ pub fn sentence(answer: &Answer) -> String {
     }
 }
 
-/// The other effects that the records cannot tell from a selected one, if any.
-pub fn rivals(answer: &Answer) -> Vec<String> {
-    answer.effects.iter().filter(|e| !e.selected && e.group.is_some()).map(name).collect()
+/// What the amended model does to the error, in one sentence: the signal that improves most.
+pub fn effect_on_error(answer: &Answer) -> Option<String> {
+    if answer.verdict != Verdict::Effect {
+        return None;
+    }
+    let (before, after) = (&answer.before[1].rms, &answer.after[1].rms);
+    let improved = before.iter().filter_map(|(signal, rms)| {
+        let noise = answer.noise.get(signal).copied().filter(|noise| *noise > 0.0)?;
+        let left = *after.get(signal)?;
+        Some((signal, rms / noise, left / noise))
+    });
+    let (signal, from, to) = improved.max_by(|a, b| (a.1 / a.2).total_cmp(&(b.1 / b.2)))?;
+    Some(format!(
+        "With it, the error of {signal} on records that the fit has not seen falls from {} to {} times the sensor noise.",
+        super::chart::short(from),
+        super::chart::short(to)
+    ))
 }
 
-/// Rows of the table of errors: signal, noise, then before and after on validation records.
-pub fn errors(answer: &Answer) -> Vec<[String; 6]> {
+/// The other effects that the records cannot tell from a selected one, if any.
+pub fn rivals(answer: &Answer) -> Vec<String> {
+    answer.effects.iter().filter(|e| !e.selected && e.group.is_some()).map(told).collect()
+}
+
+/// Header of [`errors`].
+pub const ERROR_HEADER: [&str; 7] =
+    ["signal", "noise rms", "rms before", "rms after", "NRMSE before", "NRMSE after", "times noise"];
+/// What the columns of [`errors`] mean.
+pub const ERROR_NOTE: &str = "Simulated from the command over whole records that the fit has not seen. NRMSE: rms error over the standard deviation of the measured signal. Times noise: rms error over the noise floor of the sensor; 1 is as good as the sensor can tell.";
+
+/// Rows of the table of errors on validation records.
+pub fn errors(answer: &Answer, signals: &[Signal]) -> Vec<[String; 7]> {
     let (before, after) = (&answer.before[1], &answer.after[1]);
     let row = |(signal, &rms): (&String, &f64)| {
         let left = after.rms.get(signal).copied().unwrap_or(f64::NAN);
         let noise = answer.noise.get(signal).copied().unwrap_or(f64::NAN);
-        let share = before.nrmse.get(signal).copied().unwrap_or(f64::NAN);
-        let times = format!("{:.1} -> {:.1}", rms / noise, left / noise);
-        [signal.clone(), number(noise), number(rms), number(left), format!("{:.2} %", 100.0 * share), times]
+        let share = |errors: &crate::refine::answer::Errors| {
+            format!("{:.2} %", 100.0 * errors.nrmse.get(signal).copied().unwrap_or(f64::NAN))
+        };
+        let unit = signals.iter().find(|own| own.name == *signal).map_or("", |own| own.unit.as_str());
+        let shown = if unit.is_empty() { signal.clone() } else { format!("{signal} [{unit}]") };
+        let times = format!("{:.2} \u{2192} {:.2}", rms / noise, left / noise);
+        [shown, number(noise), number(rms), number(left), share(before), share(after), times]
     };
     before.rms.iter().map(row).collect()
+}
+
+/// Header of [`parameter_rows`].
+pub const PARAMETER_HEADER: [&str; 6] = ["effect", "parameter", "value", "95 % from", "to", "unit"];
+
+/// Parameters of the selected effects.
+pub fn parameter_rows(answer: &Answer) -> Vec<Vec<String>> {
+    let rows = answer.effects.iter().filter(|effect| effect.selected).flat_map(|effect| {
+        effect.parameters.iter().map(|p| {
+            let half = 0.5 * (p.interval.1 - p.interval.0);
+            let [value, low, high] = [p.value, p.interval.0, p.interval.1].map(|v| rounded(v, half));
+            vec![name(effect), p.name.clone(), value, low, high, p.unit.clone()]
+        })
+    });
+    rows.collect()
+}
+
+/// A score as a whole number, in powers of ten where it is long.
+fn count(value: f64) -> String {
+    if value.abs() < 1e5 { format!("{value:.0}") } else { format!("{value:.2e}") }
+}
+
+/// Header of [`candidate_rows`].
+pub const CANDIDATE_HEADER: [&str; 6] = ["effect", "what", "improvement", "margin", "parameters", "why"];
+
+/// All candidates that were fitted, in the order of the report.
+pub fn candidate_rows(answer: &Answer) -> Vec<Vec<String>> {
+    let best = answer.effects.iter().map(|effect| effect.score).fold(f64::MIN, f64::max);
+    let row = |effect: &Effect| {
+        vec![
+            name(effect),
+            names::effect(&effect.id).to_owned(),
+            count(effect.score),
+            count(best - effect.score),
+            size(effect),
+            effect.reason.clone(),
+        ]
+    };
+    answer.effects.iter().map(row).collect()
 }

@@ -6,8 +6,8 @@
 use serde::Serialize;
 
 use super::chi_squared;
-use crate::ident::fold::dot;
 use crate::ident::record::Record;
+use crate::linalg::qr::dot;
 
 /// Autocorrelation of the residual of one output.
 #[derive(Debug, Clone, PartialEq, Serialize)]

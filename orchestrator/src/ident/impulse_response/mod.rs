@@ -12,10 +12,11 @@ use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
 
 use super::diagnostics::chi_squared::two_sided_normal;
-use super::fold::{Fold, dot};
 use super::rational::columns::{Column, fold_columns};
 use super::rational::{Error, Experiment, check_records};
 use super::record::Record;
+use crate::linalg::StreamedQr;
+use crate::linalg::qr::dot;
 
 pub use evidence::{Evidence, evidence};
 
@@ -110,7 +111,7 @@ pub fn estimate(records: &[Record], options: &Options) -> Result<Vec<ImpulseResp
     };
     let u_scales: Vec<f64> = (0..n_u).map(|j| scale(|e| &mut e.u, j, &mut experiments)).collect();
     let y_scales: Vec<f64> = (0..n_y).map(|i| scale(|e| &mut e.y, i, &mut experiments)).collect();
-    let mut fold = Fold::new(p + n_y);
+    let mut fold = StreamedQr::new(p + n_y);
     let mut rows = 0;
     for experiment in &experiments {
         let mut columns = Vec::with_capacity(p + n_y);
@@ -122,7 +123,7 @@ pub fn estimate(records: &[Record], options: &Options) -> Result<Vec<ImpulseResp
         fold_columns(&columns, options.length - 1..experiment.len(), &DMatrix::identity(1, 1), &mut fold);
         rows += experiment.len() + 1 - options.length;
     }
-    let r = fold.finish();
+    let r = fold.finish().into_r();
     let regressors = r.view((0, 0), (p, p)).into_owned();
     let found = (0..n_y).map(|i| {
         let explained = r.view((0, p + i), (p, 1)).column(0).into_owned();
@@ -211,7 +212,7 @@ impl Marginal<'_> {
             let block = Prior::new(variables, self.kernel).factor(self.length);
             factor.view_mut((j * self.length, j * self.length), (self.length, self.length)).copy_from(&block);
         }
-        let mut fold = Fold::new(p + 1);
+        let mut fold = StreamedQr::new(p + 1);
         let mut rows = DMatrix::zeros(p, p + 1);
         rows.view_mut((0, 0), (p, p)).copy_from(&(self.regressors * &factor));
         rows.view_mut((0, p), (p, 1)).copy_from(&self.explained);
@@ -219,7 +220,7 @@ impl Marginal<'_> {
         rows.fill(0.0);
         rows.view_mut((0, 0), (p, p)).fill_with_identity();
         fold.push(&rows);
-        let all = fold.finish();
+        let all = fold.finish().into_r();
         let r = all.view((0, 0), (p, p)).into_owned();
         let squares = all[(p, p)].powi(2) + self.rest;
         let noise_variance = squares / self.rows as f64;

@@ -1,6 +1,7 @@
 use super::*;
 use crate::ident::model::{Arx, Model};
 use crate::ident::synthetic::{Noise, measure};
+use crate::linalg::StreamedQr;
 
 /// `0.8 / (1 - 0.7 q)` after three samples, and a second input that arrives at once.
 fn delayed() -> Arx {
@@ -72,9 +73,9 @@ fn the_marginal_likelihood_is_that_of_the_normal_distribution() {
     let mut noise = Noise::new(3);
     let phi = DMatrix::from_fn(30, 4, |_, _| noise.normal());
     let y = DVector::from_fn(30, |_, _| noise.normal());
-    let mut fold = Fold::new(5);
+    let mut fold = StreamedQr::new(5);
     fold.push(&DMatrix::from_fn(30, 5, |i, j| if j < 4 { phi[(i, j)] } else { y[i] }));
-    let r = fold.finish();
+    let r = fold.finish().into_r();
     let regressors = r.view((0, 0), (4, 4)).into_owned();
     let marginal = Marginal {
         regressors: &regressors,

@@ -14,6 +14,7 @@ use crate::ident::rational::{
     Experiment, Filtered, Mask, check_records, simulate, spectral_radius, stabilised,
 };
 use crate::ident::record::Record;
+use crate::linalg::{StreamedQr, qr};
 
 /// Most starts that are tried.
 const TRIES: usize = 3;
@@ -188,7 +189,7 @@ impl Problem for ArxProblem<'_> {
 
     fn linearise(&self, point: &Arx, root: &DMatrix<f64>) -> Linear<()> {
         let p = self.mask.coefficients().len();
-        let mut fold = crate::ident::fold::Fold::new(p + 1);
+        let mut fold = StreamedQr::new(p + 1);
         for experiment in &self.experiments {
             let simulation = simulate(point, experiment, root);
             let filtered = Filtered::new(point, experiment);
@@ -197,7 +198,7 @@ impl Problem for ArxProblem<'_> {
             columns.push(Column::of(&simulation.residual));
             fold.push(&filtered.eliminate(&columns, self.mask.lags(), root));
         }
-        Linear::of_factor(&fold.finish(), ())
+        Linear::of_factor(&fold.finish().into_r(), ())
     }
 
     fn step(&self, point: &Arx, _: &(), delta: &DVector<f64>) -> Option<Arx> {
@@ -209,7 +210,7 @@ impl Problem for ArxProblem<'_> {
         let n_y = self.template.output_offset.len();
         let samples: usize = self.experiments.iter().map(Experiment::len).sum();
         DVector::from_fn(n_y, |i, _| {
-            let sum: f64 = self.experiments.iter().map(|e| crate::ident::fold::dot(&e.y[i], &e.y[i])).sum();
+            let sum: f64 = self.experiments.iter().map(|e| qr::dot(&e.y[i], &e.y[i])).sum();
             sum / samples.max(1) as f64
         })
     }

@@ -2,11 +2,12 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use crate::ident::fold::{Fold, solve};
 use crate::ident::model::Arx;
 use crate::ident::rational::columns::{Column, fold_columns};
 use crate::ident::rational::{Experiment, Mask, simulate, stabilised};
 use crate::ident::record::Record;
+use crate::linalg::StreamedQr;
+use crate::linalg::triangular::solve;
 
 /// The same inputs with the outputs of a model of high order in place of the noisy ones; `None` if the records are too
 /// short for one.
@@ -22,7 +23,7 @@ pub(super) fn denoised(template: &Arx, mask: &Mask, records: &[Record], radius: 
     let experiments: Vec<Experiment> = records.iter().map(of).collect();
     // Full matrices: all equations share their regressors.
     let p = n_y * order + n_u * (order + 1);
-    let mut fold = Fold::new(p + n_y);
+    let mut fold = StreamedQr::new(p + n_y);
     for experiment in &experiments {
         let (y, u) = (&experiment.y, &experiment.u);
         let column = |signal, shift, sign| Column { signal, shift, sign };
@@ -32,7 +33,7 @@ pub(super) fn denoised(template: &Arx, mask: &Mask, records: &[Record], radius: 
         columns.extend(y.chunks(1).map(|y| column(y, 0, 1.0)));
         fold_columns(&columns, order..experiment.len(), &DMatrix::identity(1, 1), &mut fold);
     }
-    let r = fold.finish();
+    let r = fold.finish().into_r();
     let regressors = r.view((0, 0), (p, p)).into_owned();
     let equations: Vec<DVector<f64>> = (0..n_y)
         .map(|i| solve(&regressors, &r.view((0, p + i), (p, 1)).column(0).into_owned(), 1e-12).0)

@@ -7,7 +7,7 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::{Options, Outcome, Weighting};
-use crate::ident::fold;
+use crate::linalg::{qr, triangular};
 
 /// Residuals of all records, summed up.
 #[derive(Debug, Clone)]
@@ -27,7 +27,7 @@ impl Moments {
     pub(super) fn add(&mut self, residual: &[Vec<f64>]) {
         for (i, e_i) in residual.iter().enumerate() {
             for (l, e_l) in residual.iter().enumerate().take(i + 1) {
-                let product = fold::dot(e_i, e_l);
+                let product = qr::dot(e_i, e_l);
                 self.sum[(i, l)] += product;
                 if l < i {
                     self.sum[(l, i)] += product;
@@ -159,7 +159,7 @@ pub(super) fn minimise<P: Problem>(
         };
         // The Gauss-Newton step does not depend on the scale of the parameters, which damping does: coefficients of a
         // quickly sampled model are nearly collinear. Damping is for where the step leads astray.
-        let newton = fold::solve(&linear.r, &linear.z, 1e-11).0;
+        let newton = triangular::solve(&linear.r, &linear.z, 1e-11).0;
         let mut better = SHARES.iter().find_map(|share| try_step(&(&newton * *share)));
         while better.is_none() {
             better = try_step(&damped_step(&linear.r, &linear.z, damping));
@@ -189,7 +189,7 @@ pub(super) fn minimise<P: Problem>(
 /// `min || R delta - z ||^2 + damping || D delta ||^2`, D the norms of the columns of R.
 fn damped_step(r: &DMatrix<f64>, z: &DVector<f64>, damping: f64) -> DVector<f64> {
     let p = z.len();
-    let scales = fold::column_scales(r);
+    let scales = triangular::column_scales(r);
     let mut stacked = DMatrix::zeros(2 * p, p);
     stacked.view_mut((0, 0), (p, p)).copy_from(r);
     for j in 0..p {

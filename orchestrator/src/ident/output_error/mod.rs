@@ -20,6 +20,7 @@ use serde::Serialize;
 
 use super::parameters::Parameters;
 pub use super::rational::Error;
+use crate::linalg::triangular;
 
 pub use arx::{OutputError, refine};
 pub use state_space::{Criterion, RefinedStateSpace, StateSpaceOptions, refine_state_space};
@@ -91,7 +92,7 @@ impl Outcome {
 
 /// Covariance from the factor of the weighted derivatives, with the condition number of the (column-scaled) derivatives.
 fn with_covariance(mut parameters: Parameters, r: &DMatrix<f64>) -> (Parameters, f64) {
-    let (covariance, condition) = super::fold::covariance(r);
+    let (covariance, condition) = triangular::covariance(r);
     parameters.covariance = covariance;
     (parameters, condition)
 }

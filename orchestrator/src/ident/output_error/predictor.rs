@@ -2,9 +2,9 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use crate::ident::fold::{self, Fold};
 use crate::ident::model::StateSpace;
 use crate::ident::rational::Experiment;
+use crate::linalg::{StreamedQr, qr, triangular};
 
 /// `x(k+1) = F x + G u + K y`, `y_hat = C x + D u` with `F = A - K C`, `G = B - K D`; rows of the matrices one after
 /// another.
@@ -53,12 +53,12 @@ impl Predictor {
                 let y = experiment.y[i][k];
                 now[n_x + n_u + i] = y;
                 let row = &self.output[i * (n_x + n_u)..(i + 1) * (n_x + n_u)];
-                e[i] = y - fold::dot(row, &now[..n_x + n_u]);
+                e[i] = y - qr::dot(row, &now[..n_x + n_u]);
                 residual[i].push(e[i]);
             }
             each(k, &now[..n_x], &now[n_x..n_x + n_u], &e);
             for (next, row) in next.iter_mut().zip(self.state.chunks_exact(n_x + n_u + n_y)) {
-                *next = fold::dot(row, &now);
+                *next = qr::dot(row, &now);
             }
             now[..n_x].copy_from_slice(&next);
         }
@@ -85,7 +85,7 @@ impl Predictor {
             u: experiment.u.iter().map(|u| u[..horizon].to_vec()).collect(),
             y: experiment.y.iter().map(|y| y[..horizon].to_vec()).collect(),
         };
-        let mut fold = Fold::new(n_x + 1);
+        let mut fold = StreamedQr::new(n_x + 1);
         let mut free = self.c.clone();
         self.run(&early, &DVector::zeros(n_x), |_, _, _, e| {
             let rows = root * &free;
@@ -97,9 +97,9 @@ impl Predictor {
             fold.commit(n_y);
             free = &free * &self.f;
         });
-        let r = fold.finish();
+        let r = fold.finish().into_r();
         let z = r.view((0, n_x), (n_x, 1)).column(0).into_owned();
-        fold::solve(&r.view((0, 0), (n_x, n_x)).into_owned(), &z, 1e-10).0
+        triangular::solve(&r.view((0, 0), (n_x, n_x)).into_owned(), &z, 1e-10).0
     }
 }
 

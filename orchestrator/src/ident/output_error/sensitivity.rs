@@ -4,9 +4,9 @@ use nalgebra::{DMatrix, DVector};
 
 use super::predictor::{Predictor, weighted};
 use super::tangent::Tangent;
-use crate::ident::fold::Fold;
 use crate::ident::model::StateSpace;
 use crate::ident::rational::Experiment;
+use crate::linalg::StreamedQr;
 
 /// `x_d(k+1) = F x_d + (dA - K dC) x + (dB - K dD) u + dK e`, `y_d = C x_d + dC x + dD u` for every direction d at once.
 ///
@@ -58,11 +58,11 @@ impl Sensitivity {
         experiment: &Experiment,
         x0: &DVector<f64>,
         root: &DMatrix<f64>,
-        all: &mut Fold,
+        all: &mut StreamedQr,
     ) {
         let (n_x, n_y, p) = (self.n_x, self.n_y, self.p);
         let horizon = predictor.horizon(experiment.len());
-        let mut early = Fold::new(n_x + p + 1);
+        let mut early = StreamedQr::new(n_x + p + 1);
         let mut free = self.c.clone();
         let mut x = vec![0.0; n_x * p];
         let mut next = vec![0.0; n_x * p];
@@ -70,7 +70,7 @@ impl Sensitivity {
         let mut folded = false;
         predictor.run(experiment, x0, |k, state, inputs, e| {
             if k == horizon {
-                self.close(std::mem::replace(&mut early, Fold::new(0)), all);
+                self.close(std::mem::replace(&mut early, StreamedQr::new(0)), all);
                 folded = true;
             }
             for (i, y) in y.chunks_exact_mut(p).enumerate() {
@@ -106,8 +106,8 @@ impl Sensitivity {
     }
 
     /// Hands on what the initial state cannot explain.
-    fn close(&self, early: Fold, all: &mut Fold) {
-        let factor = early.finish();
+    fn close(&self, early: StreamedQr, all: &mut StreamedQr) {
+        let factor = early.finish().into_r();
         all.push(&factor.view((self.n_x, self.n_x), (self.p + 1, self.p + 1)).into_owned());
     }
 }
@@ -118,7 +118,7 @@ fn add(sum: &mut [f64], factor: f64, row: &[f64]) {
 }
 
 /// Rows of one sample: derivatives from column `first` on, then the residual.
-fn write_rows(y: &[f64], p: usize, root: &DMatrix<f64>, e: &[f64], first: usize, fold: &mut Fold) {
+fn write_rows(y: &[f64], p: usize, root: &DMatrix<f64>, e: &[f64], first: usize, fold: &mut StreamedQr) {
     let n_y = e.len();
     fold.room(n_y);
     for d in 0..p {

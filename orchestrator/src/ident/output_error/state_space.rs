@@ -11,11 +11,12 @@ use super::predictor::Predictor;
 use super::sensitivity::Sensitivity;
 use super::tangent::Tangent;
 use super::{Error, Options, Outcome, with_covariance};
-use crate::ident::fold::{Fold, dot};
 use crate::ident::model::{Model, StateSpace};
 use crate::ident::parameters::Parameters;
 use crate::ident::rational::{Experiment, check_records};
 use crate::ident::record::Record;
+use crate::linalg::StreamedQr;
+use crate::linalg::qr::dot;
 use crate::linalg::spectral;
 
 /// What is minimised.
@@ -230,12 +231,12 @@ impl Problem for StateSpaceProblem {
         let tangent = Tangent::new(point, self.direct_term);
         let predictor = Predictor::new(point);
         let sensitivity = Sensitivity::new(point, &tangent, &predictor);
-        let mut all = Fold::new(sensitivity.p + 1);
+        let mut all = StreamedQr::new(sensitivity.p + 1);
         for experiment in &self.experiments {
             let x0 = predictor.initial_state(experiment, root);
             sensitivity.fold(&predictor, experiment, &x0, root, &mut all);
         }
-        Linear::of_factor(&all.finish(), tangent)
+        Linear::of_factor(&all.finish().into_r(), tangent)
     }
 
     fn step(&self, point: &StateSpace, tangent: &Tangent, delta: &DVector<f64>) -> Option<StateSpace> {

@@ -2,7 +2,7 @@
 
 use nalgebra::DMatrix;
 
-use crate::ident::fold::Fold;
+use crate::linalg::StreamedQr;
 
 /// A column: `sign * signal(k - shift)` for every output, zero before the first and after the last sample of the signal.
 #[derive(Debug, Clone, Copy)]
@@ -27,7 +27,7 @@ pub fn fold_columns(
     columns: &[Column],
     samples: std::ops::Range<usize>,
     root: &DMatrix<f64>,
-    fold: &mut Fold,
+    fold: &mut StreamedQr,
 ) {
     let n_y = root.nrows();
     let mut first = samples.start;
@@ -65,9 +65,9 @@ mod tests {
             ([vec![1.0, 2.0, 3.0], vec![0.5, 0.0, -1.0]], [vec![1.0, 1.0, 1.0], vec![2.0, 0.0, 1.0]]);
         let columns = [Column { signal: &s, shift: 2, sign: -1.0 }, Column::of(&t)];
         let root = DMatrix::from_row_slice(2, 2, &[2.0, 0.0, 1.0, 3.0]);
-        let mut fold = Fold::new(2);
+        let mut fold = StreamedQr::new(2);
         fold_columns(&columns, 1..3, &root, &mut fold);
-        let r = fold.finish();
+        let r = fold.finish().into_r();
         // Only sample 2 has an entry in the first column: -root [1, 0.5] = [-2, -2.5].
         let first = [0.0, 0.0, -2.0, -2.5];
         // root [1, 0] and root [1, 1]

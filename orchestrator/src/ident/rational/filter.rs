@@ -5,7 +5,7 @@
 
 use nalgebra::DMatrix;
 
-use crate::ident::fold::dot;
+use crate::linalg::qr::dot;
 
 /// `v(k) = f(k) - A1 v(k-1) - A2 v(k-2) ..`, at rest before the first sample.
 #[derive(Debug, Clone)]

@@ -13,10 +13,11 @@ use nalgebra::DMatrix;
 
 pub use mask::{Coefficient, Mask};
 
-use crate::ident::fold::{BLOCK, Fold, solve};
 use crate::ident::model::Arx;
 use crate::ident::record::Record;
+use crate::linalg::StreamedQr;
 use crate::linalg::spectral;
+use crate::linalg::triangular::solve;
 use columns::{Column, fold_columns};
 use filter::Inverse;
 
@@ -44,13 +45,16 @@ pub enum Error {
     TooShort { record: String, samples: usize, needed: usize },
     /// More outputs than one block of rows holds.
     #[error(
-        "{n_y} outputs are more than the {BLOCK} that can be estimated together; identify them in groups"
+        "{n_y} outputs are more than the {MOST_OUTPUTS} that can be estimated together; identify them in groups"
     )]
     TooManyOutputs { n_y: usize },
     /// Nothing to estimate.
     #[error("no coefficient of the structure is free; raise na or nb")]
     NothingFree,
 }
+
+/// Outputs that one model has at most; the rows of all outputs at one time fit into a block of the QR.
+const MOST_OUTPUTS: usize = 192;
 
 /// Checks that records fit a model with `n_u` inputs and `n_y` outputs and have at least `needed` samples each.
 ///
@@ -60,7 +64,7 @@ pub fn check_records(records: &[Record], n_u: usize, n_y: usize, needed: usize) 
     if records.is_empty() {
         return Err(Error::NoRecord);
     }
-    if n_y > BLOCK {
+    if n_y > MOST_OUTPUTS {
         return Err(Error::TooManyOutputs { n_y });
     }
     for record in records {
@@ -149,9 +153,9 @@ pub fn simulate(model: &Arx, experiment: &Experiment, root: &DMatrix<f64>) -> Si
     let mut columns = initial_columns(&responses, lags);
     let states = columns.len();
     columns.push(Column::of(&rest));
-    let mut fold = Fold::new(states + 1);
+    let mut fold = StreamedQr::new(states + 1);
     fold_columns(&columns, 0..horizon, root, &mut fold);
-    let r = fold.finish();
+    let r = fold.finish().into_r();
     let z = r.view((0, states), (states, 1)).column(0).into_owned();
     let (found, _) = solve(&r.view((0, 0), (states, states)).into_owned(), &z, 1e-10);
     let impulses: Vec<Vec<f64>> = (0..lags).map(|b| (0..n_y).map(|i| found[b * n_y + i]).collect()).collect();
@@ -227,13 +231,13 @@ impl Filtered {
         let states = all.len();
         all.extend_from_slice(columns);
         let horizon = (memory(&self.impulses) + lags).min(n);
-        let mut fold = Fold::new(all.len());
+        let mut fold = StreamedQr::new(all.len());
         fold_columns(&all, 0..horizon, root, &mut fold);
-        let early = fold.finish();
-        let mut fold = Fold::new(columns.len());
+        let early = fold.finish().into_r();
+        let mut fold = StreamedQr::new(columns.len());
         fold.push(&early.view((states, states), (columns.len(), columns.len())).into_owned());
         fold_columns(columns, horizon..n, root, &mut fold);
-        fold.finish()
+        fold.finish().into_r()
     }
 }
 

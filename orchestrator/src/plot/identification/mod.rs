@@ -5,7 +5,7 @@
 
 mod correlation;
 mod order;
-mod panel;
+pub(in crate::plot) mod panel;
 mod pole_zero;
 mod response;
 mod scatter;

@@ -3,7 +3,7 @@
 use crate::plot::axes::Axis;
 use crate::plot::svg::{Anchor, Shape, Svg};
 
-pub(super) const WIDTH: f64 = 960.0;
+pub(in crate::plot) const WIDTH: f64 = 960.0;
 const LEFT: f64 = 84.0;
 const RIGHT: f64 = 20.0;
 /// Room for the title above a panel.
@@ -18,7 +18,7 @@ const TITLE_LETTER: f64 = 8.6;
 const SWATCH: f64 = 46.0;
 
 /// An entry of a legend.
-pub(super) struct Entry<'a> {
+pub(in crate::plot) struct Entry<'a> {
     pub class: &'a str,
     pub shape: Option<Shape>,
     pub text: &'a str,
@@ -26,13 +26,13 @@ pub(super) struct Entry<'a> {
 
 /// How an axis counts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Scale {
+pub(in crate::plot) enum Scale {
     Linear,
     Logarithmic,
 }
 
 /// Panels under a heading.
-pub(super) struct Sheet {
+pub(in crate::plot) struct Sheet {
     pub svg: Svg,
     columns: usize,
     top: f64,
@@ -41,7 +41,7 @@ pub(super) struct Sheet {
 
 impl Sheet {
     /// Room for `count` panels whose plots are `height` pixels high, `columns` of them side by side.
-    pub(super) fn new(
+    pub(in crate::plot) fn new(
         title: &str,
         note: &str,
         legend: &[Entry],
@@ -76,7 +76,7 @@ impl Sheet {
     }
 
     /// Draws the frame of panel `index` for ranges of values; logarithmic ranges are given as values, too.
-    pub(super) fn panel(
+    pub(in crate::plot) fn panel(
         &mut self,
         index: usize,
         title: &str,
@@ -121,7 +121,7 @@ fn scaled((min, max): (f64, f64), scale: Scale) -> (f64, f64) {
 
 /// Values to pixels.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Panel {
+pub(in crate::plot) struct Panel {
     pub x: Axis,
     pub y: Axis,
     x_scale: Scale,
@@ -130,7 +130,7 @@ pub(super) struct Panel {
 
 impl Panel {
     /// Pixel of a point, drawn onto the edge if it lies outside.
-    pub(super) fn at(&self, x: f64, y: f64) -> (f64, f64) {
+    pub(in crate::plot) fn at(&self, x: f64, y: f64) -> (f64, f64) {
         let inside = |axis: &Axis, value: f64, scale: Scale| {
             let value = if scale == Scale::Logarithmic { value.log10() } else { value };
             let value = if value.is_nan() { axis.min } else { value.clamp(axis.min, axis.max) };
@@ -140,20 +140,20 @@ impl Panel {
     }
 
     /// A line through points.
-    pub(super) fn line(&self, svg: &mut Svg, x: &[f64], y: &[f64], class: &str) {
+    pub(in crate::plot) fn line(&self, svg: &mut Svg, x: &[f64], y: &[f64], class: &str) {
         let points: Vec<(f64, f64)> = x.iter().zip(y).map(|(x, y)| self.at(*x, *y)).collect();
         svg.polyline(&points, class);
     }
 
     /// The area between two lines.
-    pub(super) fn band(&self, svg: &mut Svg, x: &[f64], low: &[f64], high: &[f64]) {
+    pub(in crate::plot) fn band(&self, svg: &mut Svg, x: &[f64], low: &[f64], high: &[f64]) {
         let upper = x.iter().zip(high).map(|(x, y)| self.at(*x, *y));
         let lower = x.iter().zip(low).rev().map(|(x, y)| self.at(*x, *y));
         svg.area(&upper.chain(lower).collect::<Vec<_>>(), "band");
     }
 
     /// A horizontal line over the whole panel.
-    pub(super) fn level(&self, svg: &mut Svg, y: f64, class: &str) {
+    pub(in crate::plot) fn level(&self, svg: &mut Svg, y: f64, class: &str) {
         let at = self.at(f64::NAN, y).1;
         svg.line((self.x.from, at), (self.x.to, at), class);
     }
@@ -208,6 +208,6 @@ fn draw_legend(svg: &mut Svg, entries: &[Entry], baseline: f64) {
 }
 
 /// The class without its dashes.
-pub(super) fn solid(class: &str) -> &str {
+pub(in crate::plot) fn solid(class: &str) -> &str {
     class.split(' ').next().unwrap_or(class)
 }

@@ -45,6 +45,8 @@ pub struct Selection {
     pub tried: Vec<Model>,
     /// The declared model with the initial states fitted.
     pub declared: Model,
+    /// What every candidate promised beside the declared model, best first.
+    pub screened: Vec<Promise>,
 }
 
 /// Limits of the search.
@@ -75,6 +77,9 @@ pub fn select<S: System + ?Sized>(
     let penalty = search.penalty();
     let criterion = |model: &Model| model.fit.chi2 + penalty * model.size(search.candidates) as f64;
     let mut tried: Vec<Model> = Vec::new();
+    search.system.stage("screening");
+    let promises = search.screen(&declared);
+    let screened = promises.clone();
     let end = |stage, passing: Vec<Model>, tried: Vec<Model>| {
         let mut passing = passing;
         passing.sort_by(|a, b| criterion(a).total_cmp(&criterion(b)));
@@ -87,7 +92,8 @@ pub fn select<S: System + ?Sized>(
                     && !degenerate(search, &best, other)
             })
             .collect();
-        Selection { stage, best, equals, explained: true, tried, declared: declared.clone() }
+        let (declared, screened) = (declared.clone(), screened.clone());
+        Selection { stage, best, equals, explained: true, tried, declared, screened }
     };
     let unexplained = |tried: Vec<Model>, declared: Model| {
         let best = tried
@@ -95,9 +101,9 @@ pub fn select<S: System + ?Sized>(
             .min_by(|a, b| criterion(a).total_cmp(&criterion(b)))
             .cloned()
             .unwrap_or(declared.clone());
-        Selection { stage: Stage::Effects, best, equals: Vec::new(), explained: false, tried, declared }
+        let (stage, screened) = (Stage::Effects, screened.clone());
+        Selection { stage, best, equals: Vec::new(), explained: false, tried, declared, screened }
     };
-    let promises = search.screen(&declared);
     let clean = declared.worst() < limit;
     if clean {
         let noticed = promises
@@ -109,6 +115,7 @@ pub fn select<S: System + ?Sized>(
             return end(Stage::Declared, vec![declared.clone()], tried);
         }
     }
+    search.system.stage("single effects");
     let singles = attempt(search, &declared, &promises, &[], effort.singles, limit);
     tried.extend(singles.iter().cloned());
     let passing: Vec<Model> = singles.iter().filter(|m| m.worst() < limit).cloned().collect();
@@ -116,6 +123,7 @@ pub fn select<S: System + ?Sized>(
         return end(Stage::Effects, passing, tried);
     }
     if effort.max_effects >= 2 {
+        search.system.stage("pairs of effects");
         let pairs = extend(search, &singles, &[], effort.pairs, limit);
         tried.extend(pairs.iter().cloned());
         let passing: Vec<Model> = pairs.into_iter().filter(|m| m.worst() < limit).collect();
@@ -123,6 +131,7 @@ pub fn select<S: System + ?Sized>(
             return end(Stage::Effects, passing, tried);
         }
     }
+    search.system.stage("declared parameters");
     let corrected = search.fit(&[], corrections, &declared.fit.parameters, &declared.fit.locals, 12);
     tried.push(corrected.clone());
     if corrected.worst() < limit {
@@ -238,7 +247,7 @@ mod tests {
 
     fn candidate(id: &'static str, index: usize) -> Candidate {
         let free = vec![Free { index, bounds: (-1e3, 1e3), step: 1e-3, prior: None }];
-        let starts = vec![Start { values: Vec::new(), open: vec![0] }];
+        let starts = vec![Start { values: Vec::new(), open: vec![0], idle: true }];
         Candidate { id, channel: "c", signal: None, free, starts, contains: None }
     }
 

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use super::goodness::Noise;
+use super::noise::Noise;
 
 /// A declared system with candidate effects, and the records made with it.
 ///
@@ -25,10 +25,28 @@ pub trait System: Sync {
     fn whiten(&self, record: usize, predicted: &[f64]) -> Vec<f64>;
     /// The whitened residuals as they would be if `predicted` were true: sensor noise and rounding.
     fn redraw(&self, record: usize, predicted: &[f64], noise: &mut Noise) -> Vec<f64>;
+    /// A stage of the search begins: told to whoever watches.
+    fn stage(&self, _name: &str) {}
     /// Whitened residuals.
     fn residuals(&self, record: usize, parameters: &[f64], locals: &[f64]) -> Vec<f64> {
         self.whiten(record, &self.predict(record, parameters, locals))
     }
+    /// Whitened residuals of several simulations, which a system may run side by side; each is what
+    /// [`System::residuals`] gives, to the last bit.
+    fn residuals_of(&self, jobs: &[Job]) -> Vec<Vec<f64>> {
+        jobs.iter().map(|job| self.residuals(job.record, &job.parameters, &job.locals)).collect()
+    }
+}
+
+/// A simulation that is asked for.
+#[derive(Debug, Clone)]
+pub struct Job {
+    /// Record.
+    pub record: usize,
+    /// Parameter vector.
+    pub parameters: Vec<f64>,
+    /// Local parameters of the record.
+    pub locals: Vec<f64>,
 }
 
 /// Residuals of one signal within those of a record.
@@ -44,7 +62,7 @@ pub struct Span {
 
 /// A system for tests: straight lines and parabolas with an offset per record.
 #[cfg(test)]
-pub(in crate::refine::engine) mod testing {
+pub(in crate::refine) mod testing {
     use super::*;
 
     /// `y = offset + p0 t + p1 t^2` plus unit noise, t in [0, 1).

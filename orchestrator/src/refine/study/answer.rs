@@ -15,6 +15,7 @@ use crate::refine::Error;
 use crate::refine::answer::{Answer, Effect, Errors, Parameter, Verdict};
 use crate::refine::engine::System;
 use crate::refine::engine::fit::{Fit, Free, fit};
+use crate::refine::evidence::{Evidence, Signal};
 
 /// Error in noise rms up to which the declared model leaves nothing to find.
 const NOISE: f64 = 1.5;
@@ -23,7 +24,7 @@ const NOISE: f64 = 1.5;
 ///
 /// # Errors
 /// Whatever does not fit in the declaration, the records or the system, and a declared model that cannot be simulated.
-pub fn answer(file: &File, most: usize, say: Say) -> Result<Answer, Error> {
+pub fn answer(file: &File, most: usize, say: Say) -> Result<(Answer, Evidence), Error> {
     let (mut study, attachments) = open(file)?;
     say("fitting the declared model");
     let declared = declared(file, &study)?;
@@ -47,7 +48,15 @@ pub fn answer(file: &File, most: usize, say: Say) -> Result<Answer, Error> {
     let fits = Fits::new(&study, scale);
     let selection = search(&fits, model, most, say);
     say("errors on all records");
-    Ok(assemble(&fits, selection))
+    let found = assemble(&fits, selection);
+    let unit = |name: &str| study.outputs.iter().find(|o| o.name == name).map_or("N", |o| &o.unit).to_owned();
+    let signals = found.noise.iter().map(|(name, noise)| Signal {
+        name: name.clone(),
+        unit: unit(name),
+        noise: *noise,
+    });
+    let evidence = Evidence { signals: signals.collect(), ..Evidence::default() };
+    Ok((found, evidence))
 }
 
 fn declared(file: &File, study: &Study) -> Result<Fit, Error> {
@@ -250,10 +259,15 @@ fn effects(fits: &Fits, selection: &Selection, chosen: bool) -> Vec<Effect> {
             let held = if model.held_back.is_nan() {
                 String::new()
             } else {
-                format!(", by {} on what was kept back", percent(selection.declared.held_back, model.held_back))
+                format!(
+                    ", by {} on what was kept back",
+                    percent(selection.declared.held_back, model.held_back)
+                )
             };
-            let reason =
-                format!("alone it lowers the estimation error by {}{held}", percent(selection.declared.error, model.error));
+            let reason = format!(
+                "alone it lowers the estimation error by {}{held}",
+                percent(selection.declared.error, model.error)
+            );
             found.push(Effect { reason, ..effect(fits, selection, model, c, widen) });
         }
     }
@@ -268,7 +282,11 @@ fn force(fits: &Fits, added: &[usize], p: &[f64], roles: [Role; 2]) -> [Errors; 
     }
     let of = |pieces: Vec<Piece>| ForceView { view: fits.view(added, &pieces), scale: 1.0 };
     let estimation = of(pieces(study, Role::Estimation));
-    let free: Vec<Free> = fits.free(added).into_iter().filter(|free| !matches!(study.entries[free.index].target, Target::Offset)).collect();
+    let free: Vec<Free> = fits
+        .free(added)
+        .into_iter()
+        .filter(|free| !matches!(study.entries[free.index].target, Target::Offset))
+        .collect();
     let records: Vec<usize> = (0..estimation.records()).collect();
     let none = vec![Vec::new(); records.len()];
     let found = fit(&estimation, &records, p, &free, &none, 25);
@@ -306,7 +324,10 @@ fn assemble(fits: &Fits, selection: Selection) -> Answer {
     let mut after = all(&selection.best);
     let outputs = || study.outputs.iter();
     let total = |errors: &Errors| -> f64 {
-        outputs().zip(&fits.scale).map(|(o, scale)| (errors.rms.get(&o.name).unwrap_or(&0.0) / scale).powi(2)).sum()
+        outputs()
+            .zip(&fits.scale)
+            .map(|(o, scale)| (errors.rms.get(&o.name).unwrap_or(&0.0) / scale).powi(2))
+            .sum()
     };
     let found = !selection.best.added.is_empty();
     let helps = total(&after[1]) < total(&before[1]);
@@ -320,7 +341,8 @@ fn assemble(fits: &Fits, selection: Selection) -> Answer {
     let mut effects = effects(fits, &selection, chosen);
     if found && !helps {
         for effect in effects.iter_mut().take(selection.best.added.len()) {
-            "it lowers the error on estimation records but not on validation records".clone_into(&mut effect.reason);
+            "it lowers the error on estimation records but not on validation records"
+                .clone_into(&mut effect.reason);
         }
         after = before.clone();
     }
@@ -341,6 +363,9 @@ fn assemble(fits: &Fits, selection: Selection) -> Answer {
         effects,
         unexplained,
         corrections: Vec::new(),
+        fitted: fitted(study, if chosen { &selection.best } else { &selection.declared }),
+        limit: NOISE,
+        parameters: [&selection.declared, &selection.best].map(|model| model.fit.parameters.clone()),
         left: [left(&selection.declared), left(&selection.best)],
         before,
         after,
@@ -350,11 +375,22 @@ fn assemble(fits: &Fits, selection: Selection) -> Answer {
     }
 }
 
+/// Values of the free parameters of the declared system.
+fn fitted(study: &Study, model: &Model) -> Vec<(String, f64)> {
+    let own = study.entries.iter().zip(&model.fit.parameters);
+    let own = own.filter(|(entry, _)| matches!(entry.target, Target::Declared(_)));
+    own.map(|(entry, value)| (entry.name.clone(), *value)).collect()
+}
+
 /// Scatter of the driving force from sample to sample, as far as the low-pass lets it through.
 fn force_noise(study: &Study, corner: f64) -> f64 {
     let records = study.records.iter().filter(|record| record.role == Role::Estimation);
-    let first = records.flat_map(|record| record.inputs.iter().flatten().map(move |values| (values, record.step))).next();
-    first.map_or(1.0, |(values, step)| (super::signal::scatter(values) * (2.0 * corner * step).sqrt()).max(1e-12))
+    let first = records
+        .flat_map(|record| record.inputs.iter().flatten().map(move |values| (values, record.step)))
+        .next();
+    first.map_or(1.0, |(values, step)| {
+        (super::signal::scatter(values) * (2.0 * corner * step).sqrt()).max(1e-12)
+    })
 }
 
 /// Sentences on declared parameters, on other records and on what is left.
@@ -366,7 +402,10 @@ fn remarks(fits: &Fits, selection: &Selection, chosen: bool) -> Vec<String> {
         let (was, is) = (before.fit.parameters[index], after.fit.parameters[index]);
         let unit = if entry.unit == "1" { String::new() } else { format!(" {}", entry.unit) };
         found.push(if chosen {
-            format!("Declared model, fitted: {} = {was:.6e}{unit} before, {is:.6e}{unit} with the effects.", entry.name)
+            format!(
+                "Declared model, fitted: {} = {was:.6e}{unit} before, {is:.6e}{unit} with the effects.",
+                entry.name
+            )
         } else {
             format!("Declared model, fitted: {} = {was:.6e}{unit}.", entry.name)
         });
@@ -386,7 +425,11 @@ fn remarks(fits: &Fits, selection: &Selection, chosen: bool) -> Vec<String> {
         let (was, is) = (error(before), error(after));
         for (signal, rms) in &was.rms {
             let after = is.rms.get(signal).copied().unwrap_or(f64::NAN);
-            found.push(format!("{} ({}): {signal} rms {rms:.4e} before, {after:.4e} after.", own.name, own.role.word()));
+            found.push(format!(
+                "{} ({}): {signal} rms {rms:.4e} before, {after:.4e} after.",
+                own.name,
+                own.role.word()
+            ));
         }
     }
     for (signal, noise) in study.outputs.iter().map(|o| (&o.name, o.noise)) {

@@ -131,7 +131,8 @@ fn starts(law: Law, ranges: &[(f64, f64); 5]) -> Result<Vec<Vec<f64>>, &'static 
     let size = |range: (f64, f64)| range.0.abs().max(range.1.abs());
     let (v, x) = (size(velocity), width(position));
     let needs_motion = "nothing moves in the estimation records, or no velocity is known at the attachment";
-    let needs_position = "the position does not change in the estimation records, or none is known at the attachment";
+    let needs_position =
+        "the position does not change in the estimation records, or none is known at the attachment";
     match law {
         Law::Viscous | Law::Coulomb | Law::Drag | Law::Asymmetry | Law::Stribeck | Law::Presliding
             if v <= 0.0 =>
@@ -189,7 +190,12 @@ fn declared_twin(attachment: &Attachment, law: Law, free: &dyn Fn(&Option<String
 }
 
 /// Adds the candidates of a study after its declared model was simulated.
-pub fn fill(study: &mut Study, attachments: &[Attachment], survey: &Survey, fed: &dyn Fn(&str) -> Option<usize>) {
+pub fn fill(
+    study: &mut Study,
+    attachments: &[Attachment],
+    survey: &Survey,
+    fed: &dyn Fn(&str) -> Option<usize>,
+) {
     let empty = [(0.0, 0.0); 5];
     for (tap, attachment) in attachments.iter().enumerate() {
         let ranges = survey.ranges.get(tap).copied().unwrap_or(empty);
@@ -335,7 +341,13 @@ fn sensors(study: &mut Study) {
         let kinds = [
             ("sensor.offset", Sensor::Offset, ("value", unit.as_str()), vec![vec![0.0]], all),
             ("sensor.gain", Sensor::Gain, ("gain", "1"), vec![vec![0.0]], all),
-            ("sensor.delay", Sensor::Delay, ("delay", "s"), vec![vec![step], vec![6.0 * step]], (0.0, 100.0 * step)),
+            (
+                "sensor.delay",
+                Sensor::Delay,
+                ("delay", "s"),
+                vec![vec![step], vec![6.0 * step]],
+                (0.0, 100.0 * step),
+            ),
         ];
         for (id, kind, parameter, starts, bounds) in kinds {
             if kind == Sensor::Offset && study.outputs[output].offset.is_some() {
@@ -344,7 +356,16 @@ fn sensors(study: &mut Study) {
             let entries = entries(study, id, &[parameter], |_| bounds);
             let action = Action::Sensor { kind, output };
             let signal = Some(name.clone());
-            let own = Candidate { id, channel: "sensor", signal, action, entries, starts, complexity: 1, needs: None };
+            let own = Candidate {
+                id,
+                channel: "sensor",
+                signal,
+                action,
+                entries,
+                starts,
+                complexity: 1,
+                needs: None,
+            };
             study.candidates.push(own);
         }
     }

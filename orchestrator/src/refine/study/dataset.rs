@@ -54,7 +54,11 @@ impl Dataset {
     fn columns(&self, unit: &str) -> Vec<&String> {
         let wanted = lookup(unit).map(|unit| unit.exponents);
         let same = |entry: &Entry| lookup(&entry.unit).map(|unit| unit.exponents) == wanted;
-        self.units.iter().filter(|(name, entry)| *name != "time" && same(entry)).map(|(name, _)| name).collect()
+        self.units
+            .iter()
+            .filter(|(name, entry)| *name != "time" && same(entry))
+            .map(|(name, _)| name)
+            .collect()
     }
 
     fn parameter(&self, words: &[&str]) -> Option<f64> {

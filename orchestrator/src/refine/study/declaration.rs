@@ -274,7 +274,11 @@ impl File {
             .map_err(|error| Error::Case { path: path.into(), problem: error.to_string() })?;
         let declaration = toml::from_str(&text).map_err(|error: toml::de::Error| {
             let at = error.span().map(|span| place(&text, span.start));
-            Error::Study { path: path.into(), place: at.unwrap_or_default(), problem: error.message().to_owned() }
+            Error::Study {
+                path: path.into(),
+                place: at.unwrap_or_default(),
+                problem: error.message().to_owned(),
+            }
         })?;
         let folder = path.parent().map_or_else(PathBuf::new, Path::to_owned);
         Ok(File { path: path.into(), text, folder, declaration, notes: Vec::new() })

@@ -7,7 +7,8 @@ use super::law::Law;
 use super::model::{Action, Study};
 use super::simulate::{Piece, View};
 use crate::refine::engine::System;
-use crate::refine::engine::fit::{Columns, Fit, Free, columns, fit};
+use crate::refine::engine::fit::{Fit, Free, fit};
+use crate::refine::engine::normal::{Columns, columns};
 use crate::refine::engine::parallel;
 
 /// Records from which on whole records are kept back; with fewer, spans of every record are, so that what is kept back
@@ -101,7 +102,8 @@ impl<'a> Fits<'a> {
 
     /// Whether a simulation runs long enough from fitted states for a direct fit to get lost.
     fn long(&self) -> bool {
-        let fitted = |piece: &Piece| self.study.records[piece.record].initial == Initial::Word(InitialWord::Fit);
+        let fitted =
+            |piece: &Piece| self.study.records[piece.record].initial == Initial::Word(InitialWord::Fit);
         self.study.windows.is_none() && self.pieces.iter().any(fitted)
     }
 
@@ -144,7 +146,11 @@ impl<'a> Fits<'a> {
     /// Free parameters of the declared model and of candidates.
     pub fn free(&self, added: &[usize]) -> Vec<Free> {
         let own = added.iter().flat_map(|&c| self.study.candidates[c].entries.clone());
-        self.study.declared_free().into_iter().chain(own.map(|index| self.study.entries[index].free)).collect()
+        self.study
+            .declared_free()
+            .into_iter()
+            .chain(own.map(|index| self.study.entries[index].free))
+            .collect()
     }
 
     /// The declared model, fitted from the values of the declaration.
@@ -199,9 +205,9 @@ impl<'a> Fits<'a> {
             return Some((base.fit.parameters.clone(), base.fit.locals.clone()));
         }
         let before = self.view(&base.added, &self.pieces);
-        let shared: Vec<Columns> = parallel::map(self.pieces.len(), |r| {
-            columns(&before, r, &base.fit.parameters, &base.fit.free, &base.fit.locals[r])
-        });
+        let records: Vec<usize> = (0..self.pieces.len()).collect();
+        let locals: Vec<&[f64]> = base.fit.locals.iter().map(Vec::as_slice).collect();
+        let shared = columns(&before, &records, &base.fit.parameters, &base.fit.free, &locals, true, None);
         let view = self.view(&added, &self.pieces);
         let promises: Vec<Option<(f64, Vec<f64>)>> = parallel::map(own.starts.len(), |s| {
             let mut p = base.fit.parameters.clone();
@@ -318,8 +324,9 @@ fn linear_step(
         chi2 += residuals.iter().map(|r| r * r).sum::<f64>();
     }
     let scale: Vec<f64> = (0..size).map(|a| f64::sqrt(matrix[(a, a)]).max(1e-150)).collect();
-    let scaled =
-        DMatrix::from_fn(size, size, |a, b| matrix[(a, b)] / (scale[a] * scale[b]) + if a == b { 1e-9 } else { 0.0 });
+    let scaled = DMatrix::from_fn(size, size, |a, b| {
+        matrix[(a, b)] / (scale[a] * scale[b]) + if a == b { 1e-9 } else { 0.0 }
+    });
     let solved = Cholesky::new(scaled)?.solve(&DVector::from_fn(size, |a, _| right[a] / scale[a]));
     let step = DVector::from_fn(size, |a, _| solved[a] / scale[a]);
     let gain = 2.0 * step.dot(&right) - (&matrix * &step).dot(&step);

@@ -7,7 +7,7 @@ use super::model::Study;
 use super::plant::Plant;
 use super::read::ForceRecord;
 use super::simulate::View;
-use crate::refine::engine::goodness::Noise;
+use crate::refine::engine::noise::Noise;
 use crate::refine::engine::{Span, System};
 
 /// Records as the engine sees them, with the force residual in place of the outputs.
@@ -28,7 +28,13 @@ impl ForceView<'_> {
         self.study().records[self.view.pieces[index].record].force.as_ref()
     }
 
-    fn run(&self, plant: &mut Plant, record: &ForceRecord, step: f64, p: &[f64]) -> Result<Vec<f64>, super::Problem> {
+    fn run(
+        &self,
+        plant: &mut Plant,
+        record: &ForceRecord,
+        step: f64,
+        p: &[f64],
+    ) -> Result<Vec<f64>, super::Problem> {
         let Some((_, state, tap, _)) = &self.study().force else { return Ok(Vec::new()) };
         let n = record.acceleration.len();
         let (mut x, mut dx) = (vec![0.0; plant.nx], vec![0.0; plant.nx]);

@@ -20,7 +20,11 @@ const OWN: &str = "airloop:";
 /// A system of two of them: piston force and friction in series.
 const PISTON: &str = "piston-with-friction";
 
-fn system(file: &File) -> Result<SystemGraph, Error> {
+/// The declared system, opened for Model Exchange, with the start values of its files.
+///
+/// # Errors
+/// A system that is not there or does not hold together, with its place in the study.
+pub fn system(file: &File) -> Result<SystemGraph, Error> {
     let spanned = &file.declaration.system;
     if spanned.get_ref().strip_prefix(OWN) == Some(PISTON) {
         return piston(file);
@@ -125,7 +129,11 @@ fn check(file: &File) -> Result<(), Error> {
             if !known.contains(&id.as_str()) {
                 return Err(file.refuse(
                     spanned,
-                    format!("effect `{id}` is none of the channels {:?}; known are: {}", attachment.channels, known.join(", ")),
+                    format!(
+                        "effect `{id}` is none of the channels {:?}; known are: {}",
+                        attachment.channels,
+                        known.join(", ")
+                    ),
                 ));
             }
         }
@@ -134,10 +142,7 @@ fn check(file: &File) -> Result<(), Error> {
 }
 
 /// Declared parameters: fixed values and entries of the parameter vector.
-fn parameters(
-    file: &File,
-    graph: &SystemGraph,
-) -> Result<(Vec<(plant::Parameter, f64)>, Vec<Entry>), Error> {
+fn parameters(file: &File, graph: &SystemGraph) -> Result<(Vec<(plant::Parameter, f64)>, Vec<Entry>), Error> {
     let declaration = &file.declaration;
     let unknown = |name: &String| Problem::Name {
         what: "Real parameter",
@@ -152,7 +157,10 @@ fn parameters(
         if !(bounds.0..=bounds.1).contains(&number) {
             return Err(file.refuse(
                 value,
-                format!("`{name}` = {number} is outside of what the FMU allows, {} to {}", bounds.0, bounds.1),
+                format!(
+                    "`{name}` = {number} is outside of what the FMU allows, {} to {}",
+                    bounds.0, bounds.1
+                ),
             ));
         }
         fixed.push((parameter, number));
@@ -164,8 +172,10 @@ fn parameters(
             .ok_or_else(|| file.refuse(spanned, unknown(&free.parameter)))?;
         let start = fixed.iter().find(|(own, _)| *own == parameter).map_or(start, |(_, value)| *value);
         let start = free.start.unwrap_or(start);
-        let bounds =
-            (free.min.unwrap_or(f64::NEG_INFINITY).max(bounds.0), free.max.unwrap_or(f64::INFINITY).min(bounds.1));
+        let bounds = (
+            free.min.unwrap_or(f64::NEG_INFINITY).max(bounds.0),
+            free.max.unwrap_or(f64::INFINITY).min(bounds.1),
+        );
         if !(bounds.0..=bounds.1).contains(&start) {
             return Err(file.refuse(
                 spanned,
@@ -202,7 +212,8 @@ fn taps(
             })?;
             Ok(Some(slot))
         };
-        let signals = [&attachment.velocity, &attachment.position, &attachment.pressure_force, &attachment.pressure];
+        let signals =
+            [&attachment.velocity, &attachment.position, &attachment.pressure_force, &attachment.pressure];
         let mut slots = [None; 4];
         for (slot_of, name) in slots.iter_mut().zip(signals) {
             *slot_of = slot(name)?;
@@ -210,7 +221,9 @@ fn taps(
         for name in [&attachment.coulomb, &attachment.viscous, &attachment.bias].into_iter().flatten() {
             if Plant::parameter(graph, name).is_none() {
                 let known = plant::known(graph, &[Causality::Parameter]);
-                return Err(file.refuse(spanned, Problem::Name { what: "Real parameter", name: name.clone(), known }));
+                return Err(
+                    file.refuse(spanned, Problem::Name { what: "Real parameter", name: name.clone(), known })
+                );
             }
         }
         let coulomb = attachment.coulomb.as_ref().and_then(|name| {
@@ -246,7 +259,8 @@ pub fn open(file: &File) -> Result<(Study, Vec<Attachment>), Error> {
     }
     let names: Vec<String> = attachments.iter().map(|attachment| attachment.input.clone()).collect();
     let extra: Vec<String> = declaration.signals.keys().cloned().collect();
-    let plant = Plant::new(&graph, &names, &extra).map_err(|problem| file.refuse(&declaration.system, problem))?;
+    let plant =
+        Plant::new(&graph, &names, &extra).map_err(|problem| file.refuse(&declaration.system, problem))?;
     let layout = layout(file, &graph, &plant)?;
     let mut notes = file.notes.clone();
     let mut records = read::records(file, &layout, &mut notes)?;
@@ -254,10 +268,9 @@ pub fn open(file: &File) -> Result<(Study, Vec<Attachment>), Error> {
         for record in &mut records {
             let samples = ((window / record.step).round() as usize).max(2);
             if record.n < samples {
-                return Err(file.refuse_all(format!(
-                    "error.windows_s = {window} s, but {} is shorter",
-                    record.name
-                )));
+                return Err(
+                    file.refuse_all(format!("error.windows_s = {window} s, but {} is shorter", record.name))
+                );
             }
             record.n -= record.n % samples;
         }
@@ -307,7 +320,12 @@ pub fn open(file: &File) -> Result<(Study, Vec<Attachment>), Error> {
                 )));
             };
             let driven = declaration.inputs.iter().find_map(|(_, signal)| signal.get_ref().column.clone());
-            Some((rule.clone(), *state, tap, driven.unwrap_or_else(|| format!("force at {}", rule.attachment))))
+            Some((
+                rule.clone(),
+                *state,
+                tap,
+                driven.unwrap_or_else(|| format!("force at {}", rule.attachment)),
+            ))
         }
     };
     for record in &records {
@@ -351,7 +369,8 @@ fn declaration_holds(file: &File, graph: &SystemGraph) -> Vec<bool> {
 
 /// A sensor that stands at its largest or least value for long while it moves otherwise.
 fn saturated(values: &[f64]) -> Option<String> {
-    let (low, high) = values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), &v| (a.min(v), b.max(v)));
+    let (low, high) =
+        values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), &v| (a.min(v), b.max(v)));
     if !(high > low) {
         return Some("the column never changes; nothing can be learnt from it".into());
     }

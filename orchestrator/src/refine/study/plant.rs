@@ -204,9 +204,8 @@ impl Plant {
                             }
                         };
                         let place = || component.path_of(variable);
-                        slot.map(|slot| (slot, connection.conversion)).ok_or_else(|| {
-                            Problem::System(format!("`{}` is not driven by a Real", place()))
-                        })
+                        slot.map(|slot| (slot, connection.conversion))
+                            .ok_or_else(|| Problem::System(format!("`{}` is not driven by a Real", place())))
                     })
                     .transpose()?;
                 let start = match &declared.kind {

@@ -124,9 +124,8 @@ fn in_unit(source: &TimeSeries, name: &str, signal: &Signal, wanted: Option<&str
     if signal.derivative_of.is_none()
         && let (Some(unit), Some(wanted)) = (unit, wanted)
     {
-        let known = |unit: &str| {
-            lookup(unit).ok_or_else(|| format!("unit `{unit}` of column `{name}` is not known"))
-        };
+        let known =
+            |unit: &str| lookup(unit).ok_or_else(|| format!("unit `{unit}` of column `{name}` is not known"));
         match compatible(&known(unit)?, &known(wanted)?) {
             Compatibility::Equal => {}
             Compatibility::Convertible { factor, offset } => {
@@ -205,17 +204,22 @@ pub fn records(file: &File, layout: &Layout, notes: &mut Vec<String>) -> Result<
                 time[time.len() - 1]
             )));
         }
-        let make = |whole: bool, corner: Option<f64>| one(grid, layout, if whole { 0..time.len() } else { first..last }, corner);
+        let make = |whole: bool, corner: Option<f64>| {
+            one(grid, layout, if whole { 0..time.len() } else { first..last }, corner)
+        };
         let Signals { inputs, states, extra, outputs } = make(false, None).map_err(&refuse)?;
         let force = match &layout.force {
             None => None,
             Some((rule, velocity)) => {
-                let Signals { inputs, states, extra, .. } = make(true, Some(rule.low_pass_hz)).map_err(&refuse)?;
+                let Signals { inputs, states, extra, .. } =
+                    make(true, Some(rule.low_pass_hz)).map_err(&refuse)?;
                 let trim = (rule.trim_s / grid.step).round() as usize;
                 let range = if rule.whole_file { 0..time.len() } else { first..last };
                 let range = (range.start + trim)..range.end.saturating_sub(trim).max(range.start + trim);
                 let Some(v) = &states[*velocity] else {
-                    return Err(refuse("the velocity of error.force is not measured; add it to [states]".into()));
+                    return Err(refuse(
+                        "the velocity of error.force is not measured; add it to [states]".into(),
+                    ));
                 };
                 let acceleration = signal::central(v, grid.step)[range.clone()].to_vec();
                 let cut = |list: Vec<Option<Vec<f64>>>| {

@@ -2,8 +2,8 @@
 
 use super::catalogue::Candidate;
 use super::fits::{Fits, Model};
-use super::model::{Action, Study};
 use super::law::Law;
+use super::model::{Action, Study};
 use crate::refine::engine::parallel;
 
 /// Share by which the error on what is kept back has to fall for an effect to be added.
@@ -160,11 +160,14 @@ impl Search<'_> {
                 if rest.iter().any(needs) {
                     continue;
                 }
-                let Some(mut without) = self.fits.fit_from(rest, &best.fit.parameters, &best.fit.locals) else {
+                let Some(mut without) = self.fits.fit_from(rest, &best.fit.parameters, &best.fit.locals)
+                else {
                     continue;
                 };
                 self.fits.hold_back(&mut without);
-                if without.held_back <= (1.0 + 0.5 * WORTH) * best.held_back && passive(self.study(), &without) {
+                if without.held_back <= (1.0 + 0.5 * WORTH) * best.held_back
+                    && passive(self.study(), &without)
+                {
                     best = without;
                     continue 'again;
                 }
@@ -182,7 +185,9 @@ impl Search<'_> {
             let lacks: Vec<usize> = best.added.iter().copied().filter(|c| !model.added.contains(c)).collect();
             let (&[lacking], true) = (&lacks[..], model.added.len() == best.added.len()) else { continue };
             let near = (model.error / best.error - 1.0).abs() < 0.2 * EQUAL;
-            if near && complexity(&self.study().candidates, model) >= complexity(&self.study().candidates, best) {
+            if near
+                && complexity(&self.study().candidates, model) >= complexity(&self.study().candidates, best)
+            {
                 let mut model = model.clone();
                 self.fits.hold_back(&mut model);
                 if model.held_back < (1.0 + 0.2 * EQUAL) * best.held_back {

@@ -9,7 +9,7 @@ use super::law::{Law, Point, preslide};
 use super::model::{Action, Sensor, Study};
 use super::plant::Plant;
 use super::read::Record;
-use crate::refine::engine::goodness::Noise;
+use crate::refine::engine::noise::Noise;
 use crate::refine::engine::{Span, System};
 
 /// A span of a record.
@@ -298,10 +298,8 @@ impl<'a> View<'a> {
                     Sensor::Gain => own.iter_mut().for_each(|y| *y *= 1.0 + value),
                     Sensor::Delay => {
                         let first = own[0];
-                        let late: Vec<f64> = delayed(
-                            &own.iter().map(|y| y - first).collect::<Vec<_>>(),
-                            value / step,
-                        );
+                        let late: Vec<f64> =
+                            delayed(&own.iter().map(|y| y - first).collect::<Vec<_>>(), value / step);
                         own.iter_mut().zip(late).for_each(|(y, late)| *y = first + late);
                     }
                 }

@@ -1,0 +1,21 @@
+//! Effects that a declared model may lack, as blocks in series with it.
+//!
+//! | block | where | what |
+//! |---|---|---|
+//! | [`force`] | on the way of a force | friction, springs, end stops, cogging, tilt |
+//! | [`torque`] | on the way of a torque | bearing friction, air drag, tilt |
+//! | [`signal`] | on the way of a command, or behind a sampled force | delay, play, dead band, limits, gains |
+//! | [`sensor`] | behind any signal | offset, gain, delay |
+//!
+//! Every effect is off at its start values, so that a block with one effect is the template with a few parameters set.
+//! Which blocks go where is left to whoever amends a system.
+
+pub mod force;
+pub mod sensor;
+pub mod signal;
+pub mod torque;
+
+pub use force::ForceEffect;
+pub use sensor::SensorEffect;
+pub use signal::SignalEffect;
+pub use torque::TorqueEffect;

@@ -1,0 +1,29 @@
+//! Plans: a problem file and a system of FMUs become a trajectory, with a roll-out through the master as proof.
+//!
+//! [`file`] reads what the user states; the modules beside it look its names up in a system, hand the problem to the
+//! transcription and the solver, and roll the command out. Files of results, figures and words are left to the layers
+//! above.
+
+pub mod assemble;
+pub mod catalogue;
+pub mod deliver;
+pub mod diagnose;
+mod error;
+pub mod feed_forward;
+pub mod file;
+pub mod guess;
+pub mod multistart;
+mod names;
+pub mod prepare;
+pub mod record;
+mod reset;
+pub mod sampling;
+pub mod solve;
+pub mod stabilise;
+pub mod sweep;
+pub mod table;
+pub mod task;
+pub mod trials;
+pub mod verify;
+
+pub use error::Error;

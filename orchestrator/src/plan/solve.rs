@@ -1,0 +1,324 @@
+//! From a prepared problem and a guess to a trajectory: one solve, or a chain of them, each from the one before.
+
+use std::ops::ControlFlow;
+use std::time::{Duration, Instant};
+
+use super::Error;
+use super::assemble;
+use super::file::statement::{MeshRefinement, Statement};
+use super::guess::Rough;
+use super::prepare::{Prepared, Setup};
+use super::task::Task;
+use crate::optim::{self, Iteration, Method, Solution, Status};
+use crate::transcription::{
+    self, Complaint, Discretisation, Dynamics, Interpolation, IntervalErrors, Link, Mesh, Outcome,
+    PhaseTrajectory, Problem, Program, Refinement, Trajectory, Transcription, interval_errors, refined,
+    solve_on,
+};
+
+/// One solve of a chain.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Pass {
+    /// Transcription.
+    pub transcription: Transcription,
+    /// Intervals of every phase.
+    pub intervals: Vec<usize>,
+}
+
+/// How a problem is solved.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Settings {
+    /// The chain of solves, at least one.
+    pub passes: Vec<Pass>,
+    /// Method of the first solve; the later ones start near their solution.
+    pub method: Method,
+    /// Scaled KKT error at which a problem counts as solved.
+    pub tolerance: f64,
+    /// Iterations of one solve at most.
+    pub max_iterations: usize,
+    /// Threads that evaluate the dynamics.
+    pub threads: usize,
+    /// Splitting of intervals after the last solve.
+    pub mesh: Option<MeshRefinement>,
+}
+
+impl Settings {
+    /// The settings of a problem file.
+    pub fn of(statement: &Statement) -> Settings {
+        let settings = &statement.settings;
+        let of_phases = |count: usize| -> Vec<usize> {
+            statement.phases.iter().map(|phase| phase.intervals.unwrap_or(count)).collect()
+        };
+        let before = settings.before.iter().map(|pass| Pass {
+            transcription: pass.transcription,
+            intervals: vec![pass.intervals; statement.phases.len()],
+        });
+        let last = Pass { transcription: settings.transcription, intervals: of_phases(settings.intervals) };
+        Settings {
+            passes: before.chain([last]).collect(),
+            method: settings.method,
+            tolerance: settings.tolerance,
+            max_iterations: settings.max_iterations,
+            threads: 1,
+            mesh: settings.mesh,
+        }
+    }
+}
+
+/// What a solve of the chain came to.
+#[derive(Debug, Clone)]
+pub struct Done {
+    /// What was solved.
+    pub pass: Pass,
+    /// How.
+    pub solution: Solution,
+    /// Wall-clock time up to the first iteration.
+    pub build: Duration,
+    /// Wall-clock time from there on.
+    pub solve: Duration,
+}
+
+impl Done {
+    /// Iterations; the first row of the table is the start.
+    pub fn iterations(&self) -> usize {
+        self.solution.iterations.len().saturating_sub(1)
+    }
+}
+
+/// A plan.
+#[derive(Debug, Clone)]
+pub struct Solved {
+    /// The last solve; also one that was interrupted or failed.
+    pub outcome: Outcome,
+    /// All solves.
+    pub done: Vec<Done>,
+    /// Largest defect, unscaled.
+    pub max_defect: f64,
+    /// Largest violation of a bound or condition.
+    pub max_bound_violation: f64,
+    /// What is violated most, where it is by more than the tolerance.
+    pub worst: Option<Complaint>,
+    /// Errors between the knots, phase by phase.
+    pub errors: Vec<IntervalErrors>,
+    /// Where the solver could not do what was asked, one sentence each.
+    pub notes: Vec<String>,
+}
+
+impl Solved {
+    /// The last solve.
+    ///
+    /// # Panics
+    /// Never: there is at least one.
+    pub fn last(&self) -> &Done {
+        &self.done[self.done.len() - 1]
+    }
+
+    /// The trajectory of the last solve.
+    pub fn trajectory(&self) -> &Trajectory {
+        &self.outcome.trajectory
+    }
+
+    /// Iterations of all solves; the first row of each table is its start.
+    pub fn iterations(&self) -> usize {
+        self.done.iter().map(Done::iterations).sum()
+    }
+
+    /// How the last solve ended.
+    pub fn status(&self) -> &Status {
+        &self.last().solution.status
+    }
+}
+
+/// What the caller sees while it runs.
+pub struct Progress<'a> {
+    /// Number of the solve, from 0.
+    pub number: usize,
+    /// The solve.
+    pub pass: &'a Pass,
+    /// The last iteration.
+    pub iteration: &'a Iteration,
+}
+
+/// Called after every iteration; `Break` ends the run with the last point.
+pub type Monitor<'m> = dyn FnMut(&Progress) -> ControlFlow<()> + 'm;
+
+/// Violations of more than this, in their own units, are reported by name.
+const VIOLATION: f64 = 1e-8;
+
+/// A problem with instances of its dynamics, for one or several solves.
+pub struct Session {
+    problem: Problem,
+}
+
+impl Session {
+    /// Makes as many instances of the dynamics as there are threads.
+    ///
+    /// # Errors
+    /// [`Error::Evaluation`] when an FMU cannot be instantiated again.
+    pub fn new(prepared: &Prepared, threads: usize) -> Result<Session, Error> {
+        Session::with_task(prepared, &prepared.task, threads)
+    }
+
+    /// As [`Session::new`], for another task on the same states, inputs and outputs.
+    ///
+    /// # Errors
+    /// As [`Session::new`].
+    pub fn with_task(prepared: &Prepared, task: &Task, threads: usize) -> Result<Session, Error> {
+        let mut dynamics: Vec<Vec<Box<dyn Dynamics>>> = Vec::new();
+        for one in &prepared.dynamics {
+            dynamics.push((0..threads.max(1)).map(|_| one.duplicate()).collect::<Result<_, _>>()?);
+        }
+        let sampled = (&prepared.sampled_states[..], prepared.sampling.as_ref());
+        let links = prepared.resets.iter().map(|reset| match reset {
+            Some(jump) => jump.link(),
+            None => Ok(Link::continuous()),
+        });
+        let links = links.collect::<Result<_, _>>()?;
+        Ok(Session { problem: assemble::problem(task, &prepared.catalogue, dynamics, links, sampled) })
+    }
+
+    /// Solves from a guess.
+    ///
+    /// # Errors
+    /// What keeps the solver from beginning; how it ended is in [`Solved::status`].
+    pub fn solve(
+        &mut self,
+        setup: &Setup,
+        settings: &Settings,
+        begin: Begin,
+        monitor: &mut Monitor,
+    ) -> Result<Solved, Error> {
+        for pass in &settings.passes {
+            let sampling = setup.sampling.as_ref();
+            let (statement, task) = (&setup.statement, &setup.task);
+            assemble::check_samples(statement, task, sampling, pass.transcription, &pass.intervals)?;
+        }
+        let mut done = Vec::new();
+        let mut found: Option<Outcome> = None;
+        for (number, pass) in settings.passes.iter().enumerate() {
+            let meshes = pass.intervals.iter().map(|&n| Mesh::uniform(n)).collect();
+            let discretisation = Discretisation { transcription: pass.transcription, meshes };
+            let from = found.as_ref().map_or(begin, Begin::At);
+            let next = self.one(setup, settings, (number, &discretisation), from, monitor)?;
+            let ended = failed(&next.0.solution);
+            done.push(next.1);
+            found = Some(next.0);
+            if ended {
+                break;
+            }
+        }
+        let Some(mut outcome) = found else {
+            let problem = "there is no solve at all; give at least one".into();
+            return Err(Error::Place { place: "the chain of solves".into(), problem });
+        };
+        let mut errors = interval_errors(&mut self.problem, &outcome.trajectory)?;
+        let mut notes = Vec::new();
+        for _ in 0..settings.mesh.map_or(0, |mesh| mesh.rounds) {
+            let tolerance = settings.mesh.map_or(0.0, |mesh| mesh.tolerance);
+            let refinement = Refinement { tolerance, ..Refinement::default() };
+            let finer = refined(&outcome.discretisation, &errors, &refinement);
+            let Some(finer) = finer.filter(|_| !failed(&outcome.solution)) else { break };
+            match self.one(setup, settings, (done.len(), &finer), Begin::At(&outcome), monitor) {
+                Ok((next, one)) => {
+                    done.push(one);
+                    outcome = next;
+                }
+                Err(error) => {
+                    notes.push(format!("the mesh is not refined further: {error}"));
+                    break;
+                }
+            }
+            errors = interval_errors(&mut self.problem, &outcome.trajectory)?;
+        }
+        let mut program = Program::new(&mut self.problem, &outcome.discretisation)?;
+        let complaints = program.complaints(&outcome.solution.x, 0.0)?;
+        let (defects, others): (Vec<_>, Vec<_>) =
+            complaints.iter().partition(|complaint| complaint.name.starts_with("defect of "));
+        let largest = |list: &[&Complaint]| list.iter().map(|one| one.amount).fold(0.0, f64::max);
+        let (max_defect, max_bound_violation) = (largest(&defects), largest(&others));
+        // What the user asked for says more than an equation of the program.
+        let worst = others.first().or(defects.first()).filter(|worst| worst.amount > VIOLATION);
+        let worst = worst.map(|worst| (*worst).clone());
+        Ok(Solved { outcome, done, max_defect, max_bound_violation, worst, errors, notes })
+    }
+
+    fn one(
+        &mut self,
+        setup: &Setup,
+        settings: &Settings,
+        (number, discretisation): (usize, &Discretisation),
+        begin: Begin,
+        monitor: &mut Monitor,
+    ) -> Result<(Outcome, Done), Error> {
+        let began = Instant::now();
+        let intervals = discretisation.meshes.iter().map(Mesh::intervals).collect();
+        let pass = Pass { transcription: discretisation.transcription, intervals };
+        let guess = match begin {
+            Begin::From(rough) => Some(knots(setup, rough, discretisation)?),
+            Begin::At(_) => None,
+        };
+        let (from, method) = match (&guess, begin) {
+            (Some(guess), _) => (transcription::From::Guess(guess), settings.method),
+            (None, Begin::At(outcome)) => (transcription::From::Outcome(outcome), Method::InteriorPoint),
+            (None, Begin::From(_)) => unreachable!("a rough guess has knots"),
+        };
+        let options = optim::Settings {
+            method,
+            tolerance: settings.tolerance,
+            max_iterations: settings.max_iterations,
+            ..optim::Settings::default()
+        };
+        let mut build = None;
+        let mut watch = |iteration: &Iteration| {
+            build.get_or_insert_with(|| began.elapsed());
+            monitor(&Progress { number, pass: &pass, iteration })
+        };
+        let outcome = solve_on(&mut self.problem, discretisation, from, &options, &mut watch)?;
+        let total = began.elapsed();
+        let build = build.unwrap_or(total);
+        let solution = outcome.solution.clone();
+        Ok((outcome, Done { pass, solution, build, solve: total - build }))
+    }
+}
+
+/// Whether a solve gives no start for another.
+fn failed(solution: &Solution) -> bool {
+    !matches!(solution.status, Status::Solved | Status::Acceptable)
+}
+
+/// Where a search begins.
+#[derive(Debug, Clone, Copy)]
+pub enum Begin<'a> {
+    /// At a guess.
+    From(&'a Rough),
+    /// At an earlier outcome with the same states and inputs, on any mesh and transcription.
+    At(&'a Outcome),
+}
+
+/// A rough guess at the knots of meshes.
+fn knots(setup: &Setup, rough: &Rough, discretisation: &Discretisation) -> Result<Trajectory, Error> {
+    let Discretisation { transcription, meshes } = discretisation;
+    let total: f64 = rough.durations.iter().sum();
+    let interpolation = match transcription {
+        Transcription::Trapezoidal => Interpolation::Linear,
+        Transcription::HermiteSimpson | Transcription::HermiteSimpsonSeparated => Interpolation::Quadratic,
+        Transcription::MultipleShooting | Transcription::ShootingCollocation => Interpolation::Held,
+    };
+    let mut begin = 0.0;
+    let mut phases = Vec::new();
+    for ((mesh, &duration), phase) in meshes.iter().zip(&rough.durations).zip(&setup.task.phases) {
+        let part = |fraction: f64| (begin + fraction * duration) / total;
+        let fractions = mesh.fractions();
+        let times = fractions.iter().map(|fraction| begin + fraction * duration).collect();
+        let states = fractions.iter().map(|&fraction| rough.states(part(fraction))).collect();
+        let inputs = fractions.iter().map(|&fraction| rough.inputs(part(fraction))).collect();
+        let mut knots = PhaseTrajectory::from_knots(&phase.name, times, states, inputs, interpolation)?;
+        if interpolation == Interpolation::Quadratic {
+            let middles = fractions.windows(2).map(|ends| 0.5 * (ends[0] + ends[1]));
+            knots.middle_inputs = middles.map(|fraction| rough.inputs(part(fraction))).collect();
+        }
+        phases.push(knots);
+        begin += duration;
+    }
+    Ok(Trajectory::guess(phases))
+}

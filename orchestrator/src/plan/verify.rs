@@ -1,0 +1,242 @@
+//! The proof of a plan: its command, rolled out from its initial state through a master.
+
+use std::sync::atomic::AtomicBool;
+
+use super::Error;
+use super::catalogue::{Catalogue, Kind};
+use super::sampling;
+use crate::master::simulate::{self, End, Stimulus, Watch};
+use crate::master::{Algorithm, Settings};
+use crate::series::{Interpolation, TimeSeries};
+use crate::system::SystemGraph;
+
+/// A command over time, as the transcription understands it.
+pub struct Command<'a> {
+    /// Inputs by index into the catalogue.
+    pub inputs: &'a [usize],
+    /// Times \[s\] between which the inputs are smooth, increasing, from the start to the end.
+    pub knots: &'a [f64],
+    /// Inputs in the interval that begins at a knot: (interval, time) to values.
+    pub values: &'a dyn Fn(usize, f64) -> Vec<f64>,
+    /// Whether the inputs are constant between the knots.
+    pub held: bool,
+}
+
+/// Longest piece of the straight lines by which the continuous roll-out follows the command, as a part of an interval.
+const PIECES: usize = 16;
+
+impl Command<'_> {
+    /// The command at times that step from the start to the end, each value held until the next.
+    ///
+    /// # Errors
+    /// [`Error::Series`] when there are no such times.
+    pub fn sampled(&self, catalogue: &Catalogue, step: f64) -> Result<TimeSeries, Error> {
+        let (start, end) = (self.knots[0], self.knots[self.knots.len() - 1]);
+        let count = ((end - start) / step * (1.0 + 1e-12) + 1e-9).floor() as usize;
+        let mut time: Vec<f64> = (0..=count).map(|k| start + k as f64 * step).collect();
+        if end - time[count] > 1e-9 * step {
+            time.push(end);
+        }
+        let mut interval = 0;
+        let rows: Vec<Vec<f64>> = time
+            .iter()
+            .map(|&t| {
+                // A knot belongs to the interval that it begins.
+                while interval + 2 < self.knots.len() && t >= self.knots[interval + 1] - 1e-9 * step {
+                    interval += 1;
+                }
+                (self.values)(interval, t.clamp(self.knots[interval], self.knots[interval + 1]))
+            })
+            .collect();
+        self.series(catalogue, time, &rows)
+    }
+
+    /// Straight lines that follow the command: exact where it is linear or constant between knots, else with the
+    /// same mean over every piece.
+    fn followed(&self, catalogue: &Catalogue, step: f64) -> Result<TimeSeries, Error> {
+        let (mut time, mut rows) = (Vec::new(), Vec::<Vec<f64>>::new());
+        for (interval, ends) in self.knots.windows(2).enumerate() {
+            let length = ends[1] - ends[0];
+            let pieces =
+                if self.held { 1 } else { (length / step).ceil().clamp(1.0, PIECES as f64) as usize };
+            let at = |part: f64| (self.values)(interval, ends[0] + part / pieces as f64 * length);
+            for piece in 0..pieces {
+                let from = piece as f64;
+                let (a, m, b) = (at(from), at(from + 0.5), at(from + 1.0));
+                let lift: Vec<f64> =
+                    (0..a.len()).map(|i| (2.0 / 3.0) * (m[i] - 0.5 * (a[i] + b[i]))).collect();
+                let ends_of = |row: &[f64]| row.iter().zip(&lift).map(|(v, l)| v + l).collect::<Vec<f64>>();
+                let (first, last) = (ends_of(&a), ends_of(&b));
+                match rows.last_mut() {
+                    // A held value begins at its knot.
+                    Some(row) if self.held => *row = first,
+                    // Between pieces the mean of both.
+                    Some(row) => row.iter_mut().zip(&first).for_each(|(v, f)| *v = 0.5 * (*v + f)),
+                    None => {
+                        time.push(ends[0]);
+                        rows.push(first);
+                    }
+                }
+                time.push(ends[0] + (from + 1.0) / pieces as f64 * length);
+                rows.push(last);
+            }
+        }
+        self.series(catalogue, time, &rows)
+    }
+
+    fn series(&self, catalogue: &Catalogue, time: Vec<f64>, rows: &[Vec<f64>]) -> Result<TimeSeries, Error> {
+        let mut series = TimeSeries::new(time)?;
+        for (column, &input) in self.inputs.iter().enumerate() {
+            let variable = &catalogue.variables()[input];
+            let values = rows.iter().map(|row| row[column]).collect();
+            series.push(variable.name.clone(), variable.unit.clone(), values)?;
+        }
+        Ok(series)
+    }
+}
+
+/// How the plan is rolled out.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Options {
+    /// Master of the sampled roll-out; the continuous one is always monolithic.
+    pub master: Algorithm,
+    /// Communication step and, where nothing is sampled, hold of the command \[s\].
+    pub step: f64,
+    /// Relative tolerance of the integrators.
+    pub tolerance: Option<f64>,
+}
+
+/// A roll-out.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Rollout {
+    /// States that can be seen, by their names, at the communication points.
+    pub states: TimeSeries,
+    /// Why it ended before its time, if it did.
+    pub problem: Option<String>,
+}
+
+/// Both roll-outs of a plan.
+#[derive(Debug)]
+pub struct Rollouts {
+    /// All components in continuous time.
+    pub continuous: Result<Rollout, Error>,
+    /// The system as it is, the command held over each step.
+    pub sampled: Result<Rollout, Error>,
+}
+
+/// Rolls a command out from `initial` (value of each of `states`, by index into the catalogue), both ways at once.
+///
+/// # Errors
+/// [`Error::Series`] for a command without times.
+pub fn roll_out(
+    graph: &SystemGraph,
+    catalogue: &Catalogue,
+    (states, initial): (&[usize], &[f64]),
+    command: &Command,
+    options: Options,
+    stop: &AtomicBool,
+) -> Result<Rollouts, Error> {
+    let place = "the roll-out";
+    let mut started = graph.clone();
+    for (&state, &value) in states.iter().zip(initial) {
+        let variable = &catalogue.variables()[state];
+        if variable.start != Some(value) {
+            started.set_start(&variable.path, &value.to_string(), place)?;
+        }
+    }
+    let smooth = sampling::in_continuous_time(&started);
+    let (followed, sampled) =
+        (command.followed(catalogue, options.step)?, command.sampled(catalogue, options.step)?);
+    let between = if command.held { Interpolation::Hold } else { Interpolation::Linear };
+    let one = |graph: &SystemGraph, series: &TimeSeries, interpolation, algorithm| {
+        simulate(
+            graph,
+            catalogue,
+            states,
+            (series, interpolation),
+            Options { master: algorithm, ..options },
+            stop,
+        )
+    };
+    let (continuous, sampled) = std::thread::scope(|scope| {
+        let first = scope.spawn(|| one(&smooth, &followed, between, Algorithm::Monolithic));
+        let second = one(&started, &sampled, Interpolation::Hold, options.master);
+        (first.join(), second)
+    });
+    let failed = |_| {
+        let problem = "the thread of the continuous roll-out ended early".to_owned();
+        Err(Error::Place { place: place.into(), problem })
+    };
+    Ok(Rollouts { continuous: continuous.unwrap_or_else(failed), sampled })
+}
+
+fn simulate(
+    graph: &SystemGraph,
+    catalogue: &Catalogue,
+    states: &[usize],
+    (series, interpolation): (&TimeSeries, Interpolation),
+    options: Options,
+    stop: &AtomicBool,
+) -> Result<Rollout, Error> {
+    let time = series.time();
+    let settings = Settings {
+        start_time: time[0],
+        stop_time: time[time.len() - 1],
+        step_size: options.step,
+        algorithm: options.master,
+        tolerance: options.tolerance,
+        ..Settings::default()
+    };
+    let input = |name: &str| graph.inputs.iter().position(|input| input.name == name);
+    let links = series.channels().iter().enumerate();
+    let links = links.filter_map(|(channel, one)| Some((input(&one.name)?, channel, 1.0, 0.0))).collect();
+    let stimulus = Stimulus { series, links, interpolation };
+    let run = simulate::run(graph, &settings, Some(&stimulus), Watch { stop, progress: &mut |_, _| {} })?;
+    let mut seen = TimeSeries::new(run.result.time().to_vec())?;
+    for &state in states {
+        let variable = &catalogue.variables()[state];
+        if variable.kind != Kind::State {
+            continue;
+        }
+        // A connector may have a unit of its own; the output of the component has not.
+        let column = column_of(graph, &variable.path);
+        let channel = column.and_then(|column| run.result.channel(&column));
+        if let Some(channel) = channel {
+            seen.push(variable.name.clone(), variable.unit.clone(), channel.values.clone())?;
+        }
+    }
+    let problem = match run.end {
+        End::Completed => None,
+        End::Terminated { component, .. } => {
+            Some(format!("component `{component}` ended the roll-out early"))
+        }
+        End::Interrupted => Some("the roll-out was interrupted".into()),
+        End::Failed(error) => Some(format!("the roll-out failed: {error}")),
+    };
+    Ok(Rollout { states: seen, problem })
+}
+
+/// Column of the result that shows a state: an output of its component with the same value reference.
+fn column_of(graph: &SystemGraph, path: &str) -> Option<String> {
+    for component in &graph.components {
+        let description = &component.fmu.description;
+        let named = |index: usize| match graph.single {
+            true => description.variables[index].name.clone(),
+            false => component.path_of(index),
+        };
+        let Some(state) = description.continuous_states().find(|&index| named(index) == path) else {
+            continue;
+        };
+        let reference = description.variables[state].value_reference;
+        let output = description.outputs.iter().map(|unknown| unknown.variable).find(|&output| {
+            let variable = &description.variables[output];
+            variable.value_reference == reference
+                && matches!(variable.kind, crate::fmu::VariableKind::Real(_))
+        })?;
+        return Some(match graph.single {
+            true => description.variables[output].name.clone(),
+            false => component.path_of(output),
+        });
+    }
+    None
+}

@@ -1,0 +1,71 @@
+//! Effects, channels and signals in the words of a reader who does not know the vocabulary.
+
+/// What an effect is, after "the model lacks"; an unknown id is its own name.
+pub fn effect(id: &str) -> &str {
+    match id {
+        "act.gain" => "a gain error of the command path",
+        "act.delay" => "an extra delay of the command",
+        "act.deadband" => "a dead band in the command path",
+        "act.saturation" => "a limit of the force",
+        "act.hysteresis" => "play in the command path",
+        "act.posgain" => "a gain that varies with the piston position",
+        "act.area" => "an error of the effective piston area",
+        "act.backpressure" => "pressure force that is lost with the piston speed",
+        "act.droop" => "a supply pressure that falls during the run",
+        "act.mode" => "a second-order mode of the actuator",
+        "pf.viscous" => "another viscous friction of the piston",
+        "pf.coulomb" => "another Coulomb friction of the piston",
+        "pf.stribeck" => "a friction peak of the piston at low speed",
+        "pf.presliding" => "presliding (hysteretic) friction of the piston",
+        "pf.pressure" => "piston friction that grows with the pressure force",
+        "pf.offset" => "a constant friction bias of the piston",
+        "pf.asymmetry" => "direction-dependent friction of the piston",
+        "cf.viscous" => "viscous friction of the cart",
+        "cf.coulomb" => "another Coulomb friction of the cart",
+        "cf.stribeck" => "a friction peak of the cart at low speed",
+        "cf.presliding" => "presliding (hysteretic) friction of the cart",
+        "cf.offset" => "a constant friction bias of the cart",
+        "cf.asymmetry" => "direction-dependent friction of the cart",
+        "cf.poscoulomb" => "cart friction that varies along the guide",
+        "cart.mass" => "an extra mass on the cart",
+        "cart.spring" => "a spring (cable or hose) that pulls the cart",
+        "cart.endstop" => "an end stop inside the stroke",
+        "cart.cogging" => "a periodic force along the guide",
+        "cart.tilt" => "a slope of the guide, which is not level",
+        "pole.viscous" => "another viscous friction of the pole's bearing",
+        "pole.coulomb" => "dry friction of the pole's bearing",
+        "pole.quaddrag" => "quadratic air drag of the pole",
+        "pole.payload" => "an extra mass at the tip of the pole",
+        "pole.length" => "another length of the pole",
+        "sensor.offset" => "an offset of the sensor",
+        "sensor.delay" => "a delay of the sensor",
+        "sensor.gain" => "a gain error of the sensor",
+        other => other,
+    }
+}
+
+/// Where a channel is.
+pub fn channel(name: &str) -> &str {
+    match name {
+        "actuator" => "the actuator",
+        "piston_friction" => "the friction of the piston",
+        "cart_friction" => "the friction of the cart",
+        "cart" => "the forces on the cart",
+        "pole" => "the pole",
+        "sensor" => "the sensors",
+        other => other,
+    }
+}
+
+/// What a variable is.
+pub fn variable(name: &str) -> &str {
+    match name {
+        "u" => "command u",
+        "F" => "pressure force F",
+        "x" => "position x",
+        "xdot" => "speed xdot",
+        "theta" => "angle theta",
+        "thetadot" => "angular speed thetadot",
+        other => other,
+    }
+}
