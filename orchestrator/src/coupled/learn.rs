@@ -126,8 +126,8 @@ impl<'a> Student<'a> {
             }
         }
         student.local.coefficients = coefficients;
-        for row in 0..rows {
-            student.local.offsets[row] = values[row] - student.linear(row, &at).0;
+        for (row, value) in values.iter().enumerate() {
+            student.local.offsets[row] = value - student.linear(row, &at).0;
         }
         Ok(student)
     }

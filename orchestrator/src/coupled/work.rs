@@ -222,15 +222,20 @@ impl Work {
         }
     }
 
-    /// Brings the arguments of a component that matter for derivatives to the point.
-    fn stand(&mut self, slopes: &Slopes, model: &mut Model) -> Result<(), FmuError> {
+    /// Brings the arguments of a component that matter for derivatives to the point, but for one that is set next.
+    fn stand(&mut self, slopes: &Slopes, model: &mut Model, next: Option<usize>) -> Result<(), FmuError> {
         let at = &self.arguments[slopes.component];
-        let mut states_set = false;
+        // The states are set together.
+        let is_state = |argument: usize| argument < slopes.states;
+        let mut states_set = next.is_some_and(is_state);
         for column in &slopes.columns {
-            if column.argument < slopes.states && std::mem::replace(&mut states_set, true) {
-                continue;
+            let again = match is_state(column.argument) {
+                true => std::mem::replace(&mut states_set, true),
+                false => next == Some(column.argument),
+            };
+            if !again {
+                set_one(model, slopes.states, column.argument, column.reference, at)?;
             }
-            set_one(model, slopes.states, column.argument, column.reference, at)?;
         }
         Ok(())
     }
@@ -241,7 +246,8 @@ impl Work {
         for slopes in &program.slopes {
             let component = slopes.component;
             self.take_arguments(slopes);
-            self.stand(slopes, &mut models[component]).map_err(|error| Trouble::Fmu { component, error })?;
+            self.stand(slopes, &mut models[component], None)
+                .map_err(|error| Trouble::Fmu { component, error })?;
         }
         self.differentiate(program, models)
     }
@@ -249,7 +255,8 @@ impl Work {
     /// Second derivatives of a component at a point whose first derivatives are known, by differences of them.
     pub fn differentiate_twice(&mut self, slopes: &Slopes, model: &mut Model) -> Result<(), FmuError> {
         self.take_arguments(slopes);
-        self.stand(slopes, model)?;
+        let first = slopes.bends.first().map(|bend| bend.columns[0].argument);
+        self.stand(slopes, model, first)?;
         let last = slopes.bends.len().saturating_sub(1);
         let at = &mut self.arguments[slopes.component];
         for (number, bend) in slopes.bends.iter().enumerate() {

@@ -36,7 +36,13 @@ pub enum Error {
     /// The system cannot be evaluated where it has to be.
     #[error(transparent)]
     Evaluation(#[from] crate::optim::EvaluationError),
+    /// No commands for the actuators.
+    #[error(transparent)]
+    FeedForward(#[from] super::feed_forward::Error),
     /// The solver cannot begin.
     #[error(transparent)]
     Solver(#[from] crate::optim::Error),
+    /// The plan cannot be stabilised.
+    #[error(transparent)]
+    Control(#[from] crate::control::Error),
 }

@@ -2,15 +2,16 @@
 //!
 //! [`read()`] gives a [`Statement`]; what its names and units mean in a system is left to [`crate::plan::task`].
 
+pub mod feed_forward;
 pub mod quantity;
 mod read;
 mod read_phase;
 pub mod source;
 pub mod statement;
-mod table;
+pub mod table;
 
 pub use quantity::Quantity;
-pub use read::{parse, read};
+pub use read::{parse, read, variant};
 pub use source::{Place, Source};
 pub use statement::{Statement, TRANSCRIPTIONS, transcription_name};
 pub use table::Text;

@@ -247,7 +247,7 @@ mod tests {
 
     fn candidate(id: &'static str, index: usize) -> Candidate {
         let free = vec![Free { index, bounds: (-1e3, 1e3), step: 1e-3, prior: None }];
-        let starts = vec![Start { values: Vec::new(), open: vec![0] }];
+        let starts = vec![Start { values: Vec::new(), open: vec![0], idle: true }];
         Candidate { id, channel: "c", signal: None, free, starts, contains: None }
     }
 

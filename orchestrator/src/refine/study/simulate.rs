@@ -9,7 +9,7 @@ use super::law::{Law, Point, preslide};
 use super::model::{Action, Sensor, Study};
 use super::plant::Plant;
 use super::read::Record;
-use crate::refine::engine::goodness::Noise;
+use crate::refine::engine::noise::Noise;
 use crate::refine::engine::{Span, System};
 
 /// A span of a record.
