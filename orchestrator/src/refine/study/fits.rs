@@ -222,10 +222,9 @@ impl<'a> Fits<'a> {
                 .collect();
             // Presliding changes what a change of the Coulomb level does.
             let changed = matches!(own.action, Action::Block { law: Law::Presliding, .. });
-            let fresh = |r| columns(&view, r, &p, &base.fit.free, &base.fit.locals[r]);
-            let fresh: Vec<Columns> =
-                if changed { (0..self.pieces.len()).map(fresh).collect() } else { Vec::new() };
-            linear_step(&view, if changed { &fresh } else { &shared }, &base.fit, &open, p)
+            let fresh: Option<Vec<Columns>> =
+                changed.then(|| columns(&view, &records, &p, &base.fit.free, &locals, true, None));
+            linear_step(&view, fresh.as_ref().unwrap_or(&shared), &base.fit, &open, p)
         });
         let best = promises.into_iter().flatten().min_by(|a, b| a.0.total_cmp(&b.0))?;
         Some((best.1, base.fit.locals.clone()))
