@@ -45,13 +45,13 @@ pub(super) fn both_sides(
 ) -> Result<[f64; 2], FmuError> {
     let mut reached = [here + step, here - step];
     let mut refused = false;
-    for side in 0..2 {
-        if let Err(error) = visit(side, reached[side]) {
+    for (side, value) in reached.iter_mut().enumerate() {
+        if let Err(error) = visit(side, *value) {
             if !is_discarded(&error) || refused {
                 return Err(error);
             }
             refused = true;
-            reached[side] = here;
+            *value = here;
             visit(side, here)?;
         }
     }
