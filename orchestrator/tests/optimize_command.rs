@@ -172,7 +172,10 @@ fn the_frictionless_cart_pole_is_one_fmu() {
     for (file, transcription, bound, objective) in cases {
         let words = ["--transcription", transcription, "--intervals", "50", "--no-verification"];
         let (folder, summary) = solved(&example.join("generic").join(file), &words);
-        assert!(summary.max_defect <= 1e-8 && close(summary.objective.unwrap(), objective, 1e-7), "{summary:?}");
+        assert!(
+            summary.max_defect <= 1e-8 && close(summary.objective.unwrap(), objective, 1e-7),
+            "{summary:?}"
+        );
         let plan = series(&folder, "trajectory.csv");
         assert!(plan.channel("F").unwrap().values.iter().all(|force| force.abs() <= bound + 1e-8));
         assert_eq!(plan.channels().iter().filter(|channel| channel.name.starts_with("costate.")).count(), 4);
