@@ -23,7 +23,7 @@ study: fmu           ## error of every master against its FMU steps: out/study/m
 study-refine: fmu    ## cases with known missing effects, and what `airloop refine` makes of them: out/study-refine
 	scripts/setup.sh study
 	.venv/bin/python tests/study/refine/make_cases.py out/study-refine/cases
-	.venv/bin/python tests/study/refine/score.py target/release/airloop out/study-refine/cases out/study-refine/reports
+	.venv/bin/python tests/study/refine/score.py target/release/airloop out/study-refine/cases out/study-refine/reports --left
 
 study-swing-up: fmu  ## swing-up over the FMUs against CasADi with IPOPT, time and optimum: out/study/swing_up.csv
 	scripts/setup.sh study

@@ -26,10 +26,11 @@ mod work;
 
 use std::sync::Arc;
 
-use crate::fmu::{Error as FmuError, Model, Status};
+use crate::fmu::Model;
 use crate::optim::EvaluationError;
 use crate::system::SystemGraph;
 use crate::transcription::dynamics::{Dynamics, Point, Size, Structure};
+use calls::is_discarded;
 use memory::Known;
 use plan::Plan;
 use work::{Trouble, Work};
@@ -112,8 +113,7 @@ impl System {
     fn explain(&mut self, trouble: Trouble) -> EvaluationError {
         match trouble {
             Trouble::Fmu { component, error } => {
-                let discarded = matches!(&error, FmuError::Call(call) if call.status == Status::Discard);
-                self.broken = !discarded;
+                self.broken = !is_discarded(&error);
                 let function = format!("component `{}`", self.plan.graph.components[component].name);
                 EvaluationError { function, reason: error.to_string() }
             }

@@ -1,6 +1,6 @@
 //! The numbers at one point: values through the components, and derivatives of each component there.
 
-use super::calls::{Scratch, set_one};
+use super::calls::{Scratch, both_sides, set_one};
 use super::memory::{Known, Memory};
 use super::program::{Place, Program, Slopes, Step};
 use crate::fmu::{Error as FmuError, Model};
@@ -148,8 +148,12 @@ impl Work {
             match step {
                 Step::Affine(affine) => {
                     let terms = affine.terms.iter();
-                    self.values[affine.value] =
+                    let found =
                         terms.fold(affine.offset, |sum, &(factor, place)| sum + factor * self.at(place));
+                    if !found.is_finite() {
+                        return Err(Trouble::NotFinite { value: affine.value, found });
+                    }
+                    self.values[affine.value] = found;
                 }
                 Step::Call(call) => {
                     let component = call.component;
@@ -262,16 +266,15 @@ impl Work {
         for (number, bend) in slopes.bends.iter().enumerate() {
             let moved = &bend.columns[0];
             let here = at[moved.argument];
-            let step = FIRST * moved.scale(here);
-            let (up, down) = (here + step, here - step);
-            for (value, side) in [(up, 0), (down, 1)] {
+            let (scratch, curvatures) = (&mut self.scratch, &mut self.curvatures);
+            let [up, down] = both_sides(here, FIRST * moved.scale(here), |side, value| {
                 at[moved.argument] = value;
                 set_one(model, slopes.states, moved.argument, moved.reference, at)?;
-                for column in &bend.columns {
-                    let results = &mut self.curvatures[side][column.targets.clone()];
-                    column.differentiate(model, at, NESTED, &mut self.scratch, results)?;
-                }
-            }
+                bend.columns.iter().try_for_each(|column| {
+                    let results = &mut curvatures[side][column.targets.clone()];
+                    column.differentiate(model, at, NESTED, scratch, results)
+                })
+            })?;
             at[moved.argument] = here;
             // The states are set together: the next of them brings this one back.
             let next = slopes.bends.get(number + 1).map(|bend| bend.columns[0].argument);

@@ -87,19 +87,22 @@ pub fn draw(folder: &Path, summary: &Summary) -> Result<Vec<PathBuf>, Error> {
     finish(folder, &page, summary.figures.iter().zip(&figures))
 }
 
-/// Draws the figures of trials and the page that shows them; returns what was written.
+/// Draws the figures of trials and the page that shows them, for signals with their units; returns what was written.
 ///
 /// # Errors
 /// As [`draw`].
-pub fn draw_trials(folder: &Path, summary: &TrialsSummary, shown: &[String]) -> Result<Vec<PathBuf>, Error> {
+pub fn draw_trials(
+    folder: &Path,
+    summary: &TrialsSummary,
+    shown: &[(String, Option<String>)],
+) -> Result<Vec<PathBuf>, Error> {
     let courses = csv::read(&folder.join(COURSES))?;
     let mut figures = Vec::new();
-    for name in shown {
+    for (name, unit) in shown {
         for kind in ["closed", "open"] {
             let beginning = format!("{name}, {kind} loop, seed ");
             let of = courses.channels().iter().filter(|channel| channel.name.starts_with(&beginning));
             let channels: Vec<_> = of.collect();
-            let unit = channels.first().and_then(|channel| channel.unit.as_deref()).unwrap_or("");
             let curves: Vec<Curve> = channels
                 .iter()
                 .map(|channel| Curve {
@@ -109,7 +112,7 @@ pub fn draw_trials(folder: &Path, summary: &TrialsSummary, shown: &[String]) -> 
                     name: &channel.name,
                 })
                 .collect();
-            figures.push(signals(unit, &curves));
+            figures.push(signals(unit.as_deref().unwrap_or(""), &curves));
         }
     }
     let rows = summary.criteria.iter().map(|criterion| {
@@ -137,9 +140,11 @@ pub fn draw_trials(folder: &Path, summary: &TrialsSummary, shown: &[String]) -> 
 }
 
 /// The figures of trials that [`draw_trials`] writes.
-pub fn trial_figures(shown: &[String]) -> Vec<String> {
-    let names: Vec<String> =
-        shown.iter().flat_map(|name| ["closed", "open"].map(|kind| format!("{name}_{kind}_loop"))).collect();
+pub fn trial_figures(shown: &[(String, Option<String>)]) -> Vec<String> {
+    let names: Vec<String> = shown
+        .iter()
+        .flat_map(|(name, _)| ["closed", "open"].map(|kind| format!("{name}_{kind}_loop")))
+        .collect();
     unique_files(names.iter().map(String::as_str))
 }
 

@@ -274,16 +274,16 @@ fn scheme(phase: &mut Phase, transcription: Transcription, mesh: &Mesh) -> Resul
         Transcription::HermiteSimpson => Box::new(Collocation::compressed()),
         Transcription::HermiteSimpsonSeparated => Box::new(Collocation::separated()),
         Transcription::MultipleShooting => {
-            let states = phase.dynamics[0].size().states;
+            let (states, simplified) = (phase.dynamics[0].size().states, phase.simplified_curvature);
             match &phase.shooting {
                 Shooting::Steps(steps) => {
                     let steps = vec![*steps; mesh.intervals()];
-                    Box::new(MultipleShooting::new(states, Default::default(), steps))
+                    Box::new(MultipleShooting::new(states, Default::default(), steps, simplified))
                 }
                 Shooting::Sampled { sample_time, .. } => {
                     let steps = linear::samples(phase, mesh, *sample_time)?;
                     let sample = linear::flow(phase, &linear::sampled_states(phase)?, *sample_time)?;
-                    Box::new(MultipleShooting::new(states, sample, steps))
+                    Box::new(MultipleShooting::new(states, sample, steps, simplified))
                 }
             }
         }

@@ -152,6 +152,8 @@ pub fn refined(
             if finer.intervals() > refinement.most_intervals { mesh.clone() } else { finer }
         })
         .collect();
-    (meshes != discretisation.meshes)
-        .then(|| Discretisation { transcription: discretisation.transcription, meshes })
+    if meshes == discretisation.meshes {
+        return None;
+    }
+    Some(Discretisation { transcription: discretisation.transcription, meshes })
 }

@@ -61,9 +61,14 @@ impl Program<'_> {
                 multipliers[first..first + states].copy_from_slice(&costates);
             }
         }
-        let zeros = vec![0.0; self.variables];
-        let multipliers = Multipliers { constraints: multipliers, lower: zeros.clone(), upper: zeros };
-        Ok(Start { x, multipliers: Some(multipliers), barrier: Some(super::solve::WARM_BARRIER) })
+        // Those of the bounds as the barrier has them at x.
+        let barrier = super::solve::WARM_BARRIER;
+        let of = |gap: f64| if gap.is_finite() { barrier / gap.max(barrier) } else { 0.0 };
+        let bounds = &self.bounds.bounds;
+        let lower = x.iter().zip(&bounds.lower).map(|(x, bound)| of(x - bound)).collect();
+        let upper = x.iter().zip(&bounds.upper).map(|(x, bound)| of(bound - x)).collect();
+        let multipliers = Multipliers { constraints: multipliers, lower, upper };
+        Ok(Start { x, multipliers: Some(multipliers), barrier: Some(barrier) })
     }
 
     /// Typical magnitudes of the variables, `[n]`: nominal values of the dynamics, 1 for durations.

@@ -7,6 +7,7 @@ use airloop::transcription::{
 
 use crate::cart_pole::swing_up;
 use crate::derivatives;
+use crate::problem::SwingUp;
 
 fn refused(
     transcription: Transcription,
@@ -67,7 +68,7 @@ fn an_infeasible_stroke_is_found_and_named() {
     (phase.paths[0].limit.lower, phase.paths[0].limit.upper) = (-0.005, 0.005);
     let discretisation = Discretisation::uniform(Transcription::MultipleShooting, &[50]);
     let mut program = Program::new(&mut problem, &discretisation).unwrap();
-    let x = vec![0.0; program.variables()];
+    let x = SwingUp::new(crate::problem::Transcription::MultipleShooting, 50).pump();
     let solution = solve(&mut program, &Start::cold(x), &Settings::default()).unwrap();
     assert_eq!(solution.status, Status::Infeasible);
     let blocking = solution.blocking.unwrap().to_string();

@@ -44,6 +44,21 @@ fn the_optimum_is_the_reference() {
     }
 }
 
+#[test]
+fn simplified_curvature_leads_to_the_same_optimum() {
+    let guess = SwingUp::new(crate::problem::Transcription::MultipleShooting, 100).pump();
+    let mut problem = swing_up(1);
+    problem.phases[0].simplified_curvature = true;
+    let discretisation = Discretisation::uniform(Transcription::MultipleShooting, &[100]);
+    let mut program = Program::new(&mut problem, &discretisation).unwrap();
+    let solution = solve(&mut program, &Start::cold(guess), &Settings::default()).unwrap();
+    assert_eq!(solution.status, Status::Solved);
+    assert!((solution.objective - 1094.6922941665).abs() <= 1e-6 * 1094.7, "{}", solution.objective);
+    // The end of the run is not quadratic any more; each step costs a quarter of the second derivatives.
+    let exact = from_pump(Transcription::MultipleShooting, 100).iterations.len();
+    assert!(solution.iterations.len() <= 2 * exact, "{} {exact}", solution.iterations.len());
+}
+
 /// The outcome on `intervals` intervals from another outcome.
 fn from_outcome(transcription: Transcription, intervals: usize, from: &Outcome, method: Method) -> Outcome {
     let settings = Settings { method, ..Settings::default() };

@@ -111,7 +111,11 @@ fn one(
         algorithm: request.algorithm,
         ..MasterSettings::default()
     };
-    let run = simulate::run(&graph, &settings, Some(&stimulus), Watch { stop, progress: &mut |_, _| {} })?;
+    let watch = Watch { stop, progress: &mut |_, _| {} };
+    let run = simulate::run(&graph, &settings, Some(&stimulus), watch).map_err(|error| Error::Place {
+        place: format!("trial of seed {seed}"),
+        problem: format!("{error}; if a parameter is out of its range, perturb it less"),
+    })?;
     let problem = match run.end {
         End::Completed => None,
         End::Terminated { component, .. } => Some(format!("component `{component}` ended the trial")),

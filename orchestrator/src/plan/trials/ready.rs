@@ -13,7 +13,7 @@ use crate::plan::stabilise::wiring::{COMPONENT, find, noise_input};
 use crate::plan::task::seconds;
 use crate::series::TimeSeries;
 use crate::system::SystemGraph;
-use crate::system::graph::{Conversion, Start};
+use crate::system::graph::{Conversion, Source, Start, unit_of};
 use crate::units::{Compatibility, compatible, lookup};
 
 /// A variable that is perturbed.
@@ -243,25 +243,34 @@ impl Ready {
         names
     }
 
-    /// Columns that are judged, and the outputs of the system that come from the controller.
-    pub fn shown(&self) -> Vec<String> {
-        let commands = self.graph.outputs.iter().filter(|output| {
-            matches!(output.source, crate::system::graph::Source::Output { component, .. } if component == self.controller)
-        });
-        let mut names: Vec<String> = Vec::new();
+    /// Columns that are judged, and the outputs of the system that come from the controller, with their units.
+    pub fn shown(&self) -> Vec<(String, Option<String>)> {
+        let commands = self.graph.outputs.iter().filter(
+            |output| matches!(output.source, Source::Output { component, .. } if component == self.controller),
+        );
+        let mut shown: Vec<(String, Option<String>)> = Vec::new();
         for name in self.criteria.iter().map(|check| &check.column).chain(commands.map(|output| &output.name))
         {
-            if !names.contains(name) {
-                names.push(name.clone());
+            if shown.iter().all(|(other, _)| other != name) {
+                shown.push((name.clone(), self.unit(name)));
             }
         }
-        names
+        shown
+    }
+
+    /// Unit of a column of the result.
+    fn unit(&self, name: &str) -> Option<String> {
+        if let Some(output) = self.graph.outputs.iter().find(|output| output.name == name) {
+            return output.unit.clone();
+        }
+        let (component, variable) = find(&self.graph, name)?;
+        unit_of(&self.graph.components[component].fmu.description.variables[variable]).map(str::to_owned)
     }
 
     /// The columns of [`Ready::shown`].
     pub(super) fn course(&self, result: &TimeSeries) -> Result<TimeSeries, Error> {
         let mut course = TimeSeries::new(result.time().to_vec())?;
-        for channel in self.shown().iter().filter_map(|name| result.channel(name)) {
+        for channel in self.shown().iter().filter_map(|(name, _)| result.channel(name)) {
             course.push(channel.name.clone(), channel.unit.clone(), channel.values.clone())?;
         }
         Ok(course)

@@ -97,7 +97,9 @@ pub(in crate::refine) mod testing {
             vec![Span { signal: "y".into(), range: 0..512, noise: 1.0 }]
         }
         fn predict(&self, _: usize, p: &[f64], locals: &[f64]) -> Vec<f64> {
-            (0..512).map(|k| k as f64 / 512.0).map(|t| locals[0] + p[0] * t + p[1] * t * t).collect()
+            // A third parameter, if given, is a slope as well.
+            let slope = p[0] + p.get(2).copied().unwrap_or(0.0);
+            (0..512).map(|k| k as f64 / 512.0).map(|t| locals[0] + slope * t + p[1] * t * t).collect()
         }
         fn measured(&self, record: usize) -> Vec<f64> {
             self.values[record].clone()

@@ -85,8 +85,8 @@ fn one(index: usize, signal: &Signal, records: &[Record], name: &str, unit: &str
 
 #[cfg(test)]
 mod tests {
-    use super::super::{Residual, Variable};
     use super::*;
+    use crate::refine::evidence::{Residual, Variable};
 
     #[test]
     fn the_variable_that_makes_the_residual_comes_first() {
