@@ -138,6 +138,9 @@ fn search(
     let bar = bar(args.quiet);
     let mut monitor = |progress: &Progress| {
         show(&bar, progress);
+        if args.verbose {
+            bar.suspend(|| output::complain(&text::iteration(progress)));
+        }
         if stop.load(Ordering::Relaxed) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     };
     if let Some(sweep) = &args.sweep {
