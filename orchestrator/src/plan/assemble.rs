@@ -19,7 +19,7 @@ fn variable(signal: Signal) -> Variable {
     }
 }
 
-fn limit(limit: &Limit) -> transcription::Limit {
+pub(super) fn limit(limit: &Limit) -> transcription::Limit {
     let terms: Vec<(Variable, f64)> =
         limit.terms.iter().map(|(signal, factor)| (variable(*signal), *factor)).collect();
     let (lower, upper) = limit.limits;
@@ -48,11 +48,12 @@ fn conditions(
     found
 }
 
-/// The problem of a task; `dynamics` has the instances of every phase.
+/// The problem of a task; `dynamics` has the instances of every phase, `links` what happens between them.
 pub fn problem(
     task: &Task,
     catalogue: &Catalogue,
     dynamics: Vec<Vec<Box<dyn Dynamics>>>,
+    links: Vec<Link>,
     sampled: (&[usize], Option<&Sampling>),
 ) -> Problem {
     let phases: Vec<Phase> = task
@@ -61,7 +62,6 @@ pub fn problem(
         .zip(dynamics)
         .map(|(phase, dynamics)| one(task, phase, catalogue, dynamics, sampled))
         .collect();
-    let links = (1..phases.len()).map(|_| Link::continuous()).collect();
     Problem { phases, links }
 }
 

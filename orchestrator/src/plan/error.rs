@@ -36,6 +36,9 @@ pub enum Error {
     /// The system cannot be evaluated where it has to be.
     #[error(transparent)]
     Evaluation(#[from] crate::optim::EvaluationError),
+    /// No commands for the actuators.
+    #[error(transparent)]
+    FeedForward(#[from] super::feed_forward::Error),
     /// The solver cannot begin.
     #[error(transparent)]
     Solver(#[from] crate::optim::Error),

@@ -69,6 +69,9 @@ pub fn choose(statement: &Statement, word: Option<&str>) -> Result<Choice, Error
     }
 }
 
+/// Knots of a course, beyond which they are not moved one by one.
+const MOST_KNOTS: usize = 16;
+
 /// A motion to begin with, over the part 0..1 of all phases together.
 #[derive(Debug, Clone)]
 pub struct Rough {
@@ -124,7 +127,8 @@ impl Rough {
     pub fn perturb(&mut self, task: &Task, uniform: &mut dyn FnMut() -> f64) {
         for (state, line) in self.states.iter_mut().enumerate() {
             let inner = 1..line.at.len().saturating_sub(1);
-            if inner.is_empty() {
+            // A course with many knots is an earlier motion: it is bent as a whole.
+            if inner.is_empty() || inner.len() > MOST_KNOTS {
                 let room = room(task, state);
                 line.sines = (0..3).map(|_| 0.4 * room * uniform()).collect();
                 continue;

@@ -6,16 +6,21 @@
 
 pub mod assemble;
 pub mod catalogue;
+pub mod deliver;
+pub mod diagnose;
 mod error;
 pub mod feed_forward;
 pub mod file;
 pub mod guess;
+pub mod multistart;
 mod names;
 pub mod prepare;
 pub mod record;
+mod reset;
 pub mod sampling;
 pub mod solve;
 pub mod stabilise;
+pub mod sweep;
 pub mod table;
 pub mod task;
 pub mod trials;

@@ -5,6 +5,7 @@ use std::time::{Duration, Instant};
 
 use super::catalogue::{Catalogue, Kind};
 use super::file::{self, Statement, Text};
+use super::reset::{self, Jump};
 use super::sampling::{self, Sampling};
 use super::task::{self, Signals, Task};
 use super::{Error, names};
@@ -16,6 +17,24 @@ use crate::transcription::{Dynamics, Point, Size, Structure};
 
 /// A problem that is ready to be transcribed.
 pub struct Prepared {
+    /// All but the FMU instances; threads may share it.
+    pub setup: Setup,
+    /// One instance of the dynamics of every phase.
+    pub dynamics: Vec<Box<dyn Dynamics>>,
+    /// What happens between each phase and the next, one fewer than phases; none: all states are continuous.
+    pub resets: Vec<Option<Jump>>,
+}
+
+impl std::ops::Deref for Prepared {
+    type Target = Setup;
+
+    fn deref(&self) -> &Setup {
+        &self.setup
+    }
+}
+
+/// A problem with its system, names and numbers.
+pub struct Setup {
     /// What the file says.
     pub statement: Statement,
     /// The system with the parameters of the problem.
@@ -26,8 +45,6 @@ pub struct Prepared {
     pub task: Task,
     /// Sampled components, if there are any.
     pub sampling: Option<Sampling>,
-    /// One instance of the dynamics of every phase.
-    pub dynamics: Vec<Box<dyn Dynamics>>,
     /// States, by index, that belong to sampled components.
     pub sampled_states: Vec<usize>,
     /// What was assumed, one sentence each.
@@ -74,22 +91,19 @@ pub fn prepare_statement(statement: Statement, began: Instant) -> Result<Prepare
         signals.states = states;
         let shown = [&signals.states, &signals.inputs, &signals.outputs].into_iter().flatten();
         let names = shown.map(|&index| catalogue.variables()[index].name.clone()).collect();
-        dynamics.push(Box::new(Named { inner: Box::new(system), names }));
+        dynamics.push(Box::new(Named { inner: Box::new(system), names, scaled: statement.settings.scaled }));
     }
+    let resets = reset::resets(&statement, &catalogue, &signals, |parameters, signals| {
+        let mut own = graph.clone();
+        set(&statement, &mut own, parameters)?;
+        Ok(Box::new(open_dynamics(&statement, &own, &catalogue, signals)?))
+    })?;
     let task = task::task(&statement, &catalogue, signals)?;
     notes.extend(task.notes.iter().cloned());
     let sampled_states = sampled_states(&graph, &catalogue, &task.signals, sampling.as_ref());
-    Ok(Prepared {
-        statement,
-        graph,
-        catalogue,
-        task,
-        sampling,
-        dynamics,
-        sampled_states,
-        notes,
-        load: began.elapsed(),
-    })
+    let load = began.elapsed();
+    let setup = Setup { statement, graph, catalogue, task, sampling, sampled_states, notes, load };
+    Ok(Prepared { setup, dynamics, resets })
 }
 
 fn open(statement: &Statement) -> Result<SystemGraph, Error> {
@@ -167,6 +181,8 @@ fn sampled_states(
 struct Named {
     inner: Box<dyn Dynamics>,
     names: Vec<String>,
+    /// Whether nominal values are told; else the solver sees the variables as they are.
+    scaled: bool,
 }
 
 impl Dynamics for Named {
@@ -183,7 +199,10 @@ impl Dynamics for Named {
     }
 
     fn nominals(&self) -> Vec<f64> {
-        self.inner.nominals()
+        match self.scaled {
+            true => self.inner.nominals(),
+            false => vec![1.0; self.names.len()],
+        }
     }
 
     fn evaluate(&mut self, at: Point<'_>, values: &mut [f64]) -> Result<(), EvaluationError> {
@@ -209,6 +228,6 @@ impl Dynamics for Named {
     }
 
     fn duplicate(&self) -> Result<Box<dyn Dynamics>, EvaluationError> {
-        Ok(Box::new(Named { inner: self.inner.duplicate()?, names: self.names.clone() }))
+        Ok(Box::new(Named { inner: self.inner.duplicate()?, names: self.names.clone(), scaled: self.scaled }))
     }
 }

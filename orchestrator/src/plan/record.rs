@@ -6,6 +6,8 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
+use super::deliver::{COMMANDS, Delivery, Motion};
+use super::feed_forward::Command;
 use crate::results::summary::FmuRecord;
 
 /// Version of the layout; it grows when a field changes its meaning or goes.
@@ -59,7 +61,7 @@ pub struct Summary {
     pub open_loop_final_error: Option<FinalError<f64>>,
     /// The same difference state by state, in the unit of each.
     pub open_loop_final_state_error: Option<FinalError<BTreeMap<String, f64>>>,
-    /// Largest estimated error of a state over one interval, relative to the range of the state.
+    /// Largest estimated error of a state over one interval, relative to the size of the state.
     pub max_interval_error: Option<f64>,
     /// Wall-clock times \[s\].
     pub time: Times,
@@ -77,6 +79,10 @@ pub struct Summary {
     pub animation: Option<AnimationRecord>,
     /// FMU of every component.
     pub fmus: Vec<FmuRecord>,
+    /// How well actuators deliver the planned forces, where the problem asks for it.
+    pub stage2: Option<Stage2Record>,
+    /// Motion of the plant under the delivered forces, for each kind of command (`optimised`, `naive`).
+    pub closed_chain: Option<BTreeMap<String, ChainRecord>>,
     /// CSV files in the folder of the summary.
     pub files: Vec<String>,
     /// Figures in the folder of the summary.
@@ -92,6 +98,60 @@ pub struct FinalError<T> {
     pub continuous: Option<T>,
     /// Sampled components at their rate, the command held over each sample.
     pub sampled: Option<T>,
+}
+
+/// How well actuators deliver planned forces.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Stage2Record {
+    /// NRMSE fit \[%\] of each delivered force to its plan, for each kind of command (`optimised`, `naive`).
+    pub fit: BTreeMap<String, BTreeMap<String, Option<f64>>>,
+    /// Samples by which each delivered force is late.
+    pub late: BTreeMap<String, BTreeMap<String, i64>>,
+    /// Largest command of each kind.
+    pub max_command: BTreeMap<String, BTreeMap<String, f64>>,
+}
+
+/// A motion of the plant under delivered forces.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ChainRecord {
+    /// Whether it went on to the end of the plan.
+    pub completed: bool,
+    /// Why it did not.
+    pub problem: Option<String>,
+    /// Time at which it ended \[s\].
+    pub end: f64,
+    /// Largest error of a state at the end.
+    pub max_final_error: f64,
+    /// Reached minus planned, by state.
+    pub final_error: BTreeMap<String, f64>,
+}
+
+/// Fits of a delivery.
+pub fn stage2(delivery: &Delivery) -> Stage2Record {
+    fn each<T>(delivery: &Delivery, of: impl Fn(&Command) -> T) -> BTreeMap<String, BTreeMap<String, T>> {
+        let kinds = |commands: &[Command; 2]| {
+            COMMANDS.iter().zip(commands).map(|(kind, command)| ((*kind).to_owned(), of(command))).collect()
+        };
+        delivery.forces.iter().map(|(name, commands)| (name.clone(), kinds(commands))).collect()
+    }
+    Stage2Record {
+        fit: each(delivery, |command| command.fit.nrmse_percent),
+        late: each(delivery, |command| command.late),
+        max_command: each(delivery, |command| command.u.iter().fold(0.0, |most: f64, u| most.max(u.abs()))),
+    }
+}
+
+/// Motions of a delivery, where there is a plant.
+pub fn closed_chain(delivery: &Delivery) -> Option<BTreeMap<String, ChainRecord>> {
+    let record = |motion: &Motion| ChainRecord {
+        completed: motion.problem.is_none(),
+        problem: motion.problem.clone(),
+        end: motion.result.time().last().copied().unwrap_or(0.0),
+        max_final_error: motion.final_error.values().fold(0.0, |most, error| most.max(error.abs())),
+        final_error: motion.final_error.clone(),
+    };
+    let motions = delivery.motions.as_ref()?;
+    Some(COMMANDS.iter().zip(motions).map(|(kind, motion)| ((*kind).to_owned(), record(motion))).collect())
 }
 
 /// Wall-clock times \[s\].

@@ -211,10 +211,11 @@ pub fn task(statement: &Statement, catalogue: &Catalogue, signals: Signals) -> R
     Ok(Task { signals, phases, notes })
 }
 
-struct Reader<'a> {
-    source: &'a Source,
-    catalogue: &'a Catalogue,
-    signals: &'a Signals,
+/// Looks names up for the signals of a task.
+pub(super) struct Reader<'a> {
+    pub source: &'a Source,
+    pub catalogue: &'a Catalogue,
+    pub signals: &'a Signals,
 }
 
 impl Reader<'_> {
@@ -293,7 +294,7 @@ impl Reader<'_> {
     }
 
     /// A named variable of the task.
-    fn signal(&self, name: &Text) -> Result<(Signal, (usize, crate::system::graph::Conversion)), Error> {
+    pub fn signal(&self, name: &Text) -> Result<(Signal, (usize, crate::system::graph::Conversion)), Error> {
         let found = self.catalogue.want(self.source, name)?;
         match self.signals.of(found.0) {
             Some(signal) => Ok((signal, found)),
@@ -344,7 +345,7 @@ impl Reader<'_> {
         Ok(others)
     }
 
-    fn bound(&self, bound: &Bound) -> Result<PathLimit, Error> {
+    pub fn bound(&self, bound: &Bound) -> Result<PathLimit, Error> {
         let (first, _) = &bound.terms[0];
         let (signal, index, limits) = self.limits(first, &bound.range, bound.place)?;
         let mut terms = Vec::new();

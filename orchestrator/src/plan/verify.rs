@@ -68,6 +68,8 @@ impl Command<'_> {
                 let ends_of = |row: &[f64]| row.iter().zip(&lift).map(|(v, l)| v + l).collect::<Vec<f64>>();
                 let (first, last) = (ends_of(&a), ends_of(&b));
                 match rows.last_mut() {
+                    // A held value begins at its knot.
+                    Some(row) if self.held => *row = first,
                     // Between pieces the mean of both.
                     Some(row) => row.iter_mut().zip(&first).for_each(|(v, f)| *v = 0.5 * (*v + f)),
                     None => {

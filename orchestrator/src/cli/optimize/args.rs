@@ -21,6 +21,9 @@ pub struct Args {
     /// Problem file (TOML); its keys are those of --schema.
     #[arg(required_unless_present = "schema")]
     pub problem: Option<PathBuf>,
+    /// A variant of the problem that the problem file names under [variants].
+    #[arg(long, value_name = "NAME")]
+    pub variant: Option<String>,
     /// How time is made discrete; default: that of the problem file.
     #[arg(long, value_enum)]
     pub transcription: Option<TranscriptionChoice>,

@@ -3,6 +3,7 @@
 //! Exit codes: 0 solved, 20 infeasible, 21 not solved, 22 the system could not be evaluated; 1, 2 and 130 as everywhere.
 
 pub mod args;
+mod many;
 mod text;
 mod write;
 
@@ -12,19 +13,21 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
 
 use self::args::Args;
 use super::{folder, output, run};
 use crate::optim::Status;
+use crate::plan::deliver;
+use crate::plan::diagnose::Diagnosis;
 use crate::plan::file::{self, Statement};
-use crate::plan::guess::{self, Choice};
+use crate::plan::guess::{self, Choice, Rough};
 use crate::plan::prepare::{Prepared, prepare_statement};
-use crate::plan::solve::{Progress, Session, Settings, Solved};
-use crate::plan::{Error as PlanError, table, verify};
-use crate::{Error, plot};
+use crate::plan::solve::{Begin, Progress, Session, Settings, Solved};
+use crate::plan::{self, Error as PlanError, table, verify};
+use crate::{Error, plot, transcription};
 
 /// Exit code when no motion keeps the constraints near where the search ended.
 pub const INFEASIBLE: u8 = 20;
@@ -49,6 +52,11 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
     let began = Instant::now();
     let stop = run::stop_flag();
     let mut statement = file::read(problem)?;
+    let other = args.variant.as_ref().map(|name| file::variant(&statement, name)).transpose()?;
+    let problem = other.as_ref().unwrap_or(problem);
+    if other.is_some() {
+        statement = file::read(problem)?;
+    }
     let settings = settings(args, &mut statement)?;
     let choice = guess::choose(&statement, word(args).as_deref())?;
     let inputs: Vec<PathBuf> = match (&choice, &args.resume) {
@@ -56,27 +64,40 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
         _ => vec![problem.clone()],
     };
     folder::check(&args.output, &inputs, &write::names())?;
-    let prepared = prepare_statement(statement, began)?;
-    let rough = guess::guess(&prepared.statement, &prepared.catalogue, &prepared.task, &choice)?;
-    let loaded = began.elapsed();
-    let mut session = Session::new(&prepared, settings.threads)?;
-    let instances = began.elapsed() - loaded;
-    let solved = watched(args.quiet, &stop, |monitor| session.solve(&prepared, &settings, &rough, monitor))?;
+    let found = match search(args, statement, &settings, &choice, began, &stop) {
+        Err(Error::Plan(error)) if no_value(&error) => {
+            output::complain(&format!("error: {error}"));
+            return Ok(ExitCode::from(NO_VALUE));
+        }
+        found => found?,
+    };
+    let Found { prepared, rough, solved, table, loaded, instances } = &found;
+    let diagnosis = match doubtful(solved) && !stop.load(Ordering::Relaxed) {
+        true => diagnose(prepared, &settings, rough, solved, args.quiet, &stop)?,
+        false => None,
+    };
     let verifying = Instant::now();
     let verification = &prepared.statement.verification;
     let rollouts =
-        (verification.run && !args.no_verification && !stop.load(Ordering::Relaxed) && finished(&solved))
-            .then(|| roll_out(&prepared, &solved, &stop))
+        (verification.run && !args.no_verification && !stop.load(Ordering::Relaxed) && finished(solved))
+            .then(|| roll_out(prepared, solved, &stop))
             .transpose()?;
     let verified = verifying.elapsed();
+    let delivery = match finished(solved) && !stop.load(Ordering::Relaxed) {
+        true => deliver::deliver(prepared, solved.trajectory(), &stop)?,
+        false => None,
+    };
     let results = write::Results {
-        prepared: &prepared,
-        solved: &solved,
+        prepared,
+        solved,
         rollouts: rollouts.as_ref(),
+        delivery: delivery.as_ref(),
         guess: choice.name(&prepared.statement),
         notes: &rough.notes,
         problem_file: problem,
-        times: [loaded, instances, verified],
+        times: [*loaded, *instances, verified],
+        table: table.as_ref(),
+        diagnosis: diagnosis.as_ref(),
         began,
         plots: !args.no_plots,
     };
@@ -85,9 +106,78 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
         plot::plan::draw(&args.output)?;
     }
     if !args.quiet {
+        if let Some(table) = table {
+            output::print(&table.text)?;
+        }
         output::print(&text::report(&summary, &args.output, !args.no_plots))?;
     }
-    Ok(exit(&solved, &stop, &args.output))
+    Ok(exit(solved, diagnosis.as_ref(), &stop, &args.output))
+}
+
+/// What the search came to.
+struct Found {
+    prepared: Prepared,
+    rough: Rough,
+    solved: Solved,
+    /// Table of many solves.
+    table: Option<many::Table>,
+    /// Time of loading, and of making instances.
+    loaded: Duration,
+    instances: Duration,
+}
+
+/// One solve, or many.
+fn search(
+    args: &Args,
+    statement: Statement,
+    settings: &Settings,
+    choice: &Choice,
+    began: Instant,
+    stop: &AtomicBool,
+) -> Result<Found, Error> {
+    let bar = bar(args.quiet);
+    let mut monitor = |progress: &Progress| {
+        show(&bar, progress);
+        if stop.load(Ordering::Relaxed) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    };
+    if let Some(sweep) = &args.sweep {
+        let values = many::values(sweep);
+        let steps = plan::sweep::sweep(&statement, settings, choice, (&sweep.name, &values), &mut monitor)?;
+        bar.finish_and_clear();
+        let table = Some(many::sweep_table(sweep, &steps));
+        let (prepared, rough, solved) = many::last(steps)?;
+        let loaded = prepared.load;
+        return Ok(Found { prepared, rough, solved, table, loaded, instances: Duration::ZERO });
+    }
+    let prepared = prepare_statement(statement, began)?;
+    let rough = guess::guess(&prepared.statement, &prepared.catalogue, &prepared.task, choice)?;
+    let loaded = began.elapsed();
+    if let Some(count) = args.multistart {
+        let starts = (count as usize, args.seed);
+        let (solved, table) = many::starts(&prepared, settings, &rough, starts, stop, &bar)?;
+        bar.finish_and_clear();
+        let table = Some(table);
+        return Ok(Found { prepared, rough, solved, table, loaded, instances: Duration::ZERO });
+    }
+    let mut session = Session::new(&prepared, settings.threads)?;
+    let instances = began.elapsed() - loaded;
+    let solved = session.solve(&prepared.setup, settings, Begin::From(&rough), &mut monitor)?;
+    bar.finish_and_clear();
+    Ok(Found { prepared, rough, solved, table: None, loaded, instances })
+}
+
+/// Whether the system could not be evaluated where it has to be.
+fn no_value(error: &PlanError) -> bool {
+    matches!(
+        error,
+        PlanError::Evaluation(_)
+            | PlanError::Solver(crate::optim::Error::Start(_))
+            | PlanError::Coupled(crate::coupled::Error::Fmu(_))
+            | PlanError::Transcription(
+                transcription::Error::Evaluation(_)
+                    | transcription::Error::Solver(crate::optim::Error::Start(_))
+            )
+    )
 }
 
 /// The guess that the command line names.
@@ -140,39 +230,67 @@ fn settings(args: &Args, statement: &mut Statement) -> Result<Settings, Error> {
     Ok(settings)
 }
 
+/// Iterations after which a search that keeps to no feasible point is taken for infeasible, if a limit can be blamed.
+const MANY: usize = 100;
+
+/// Whether limits may be why there is no plan.
+fn doubtful(solved: &Solved) -> bool {
+    let violated = solved.worst.is_some();
+    match solved.status() {
+        Status::Infeasible => true,
+        Status::Stalled | Status::IterationLimit => violated && solved.iterations() >= MANY,
+        _ => false,
+    }
+}
+
+/// The limit that stands in the way.
+fn diagnose(
+    prepared: &Prepared,
+    settings: &Settings,
+    rough: &Rough,
+    solved: &Solved,
+    quiet: bool,
+    stop: &AtomicBool,
+) -> Result<Option<Diagnosis>, Error> {
+    let bar = bar(quiet);
+    bar.set_message("which limit stands in the way?");
+    let mut monitor = |_: &Progress| {
+        bar.tick();
+        if stop.load(Ordering::Relaxed) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    };
+    let suspect = solved.last().solution.blocking.as_ref().map(|blocking| blocking.name.as_str());
+    let found = plan::diagnose::diagnose(prepared, settings, Begin::From(rough), suspect, &mut monitor)?;
+    bar.finish_and_clear();
+    Ok(found)
+}
+
 /// Whether there is a plan to roll out.
 fn finished(solved: &Solved) -> bool {
     matches!(solved.status(), Status::Solved | Status::Acceptable)
 }
 
-/// Runs with a line of progress (on a terminal) until `stop` is set.
-fn watched<T>(
-    quiet: bool,
-    stop: &AtomicBool,
-    work: impl FnOnce(&mut crate::plan::solve::Monitor) -> Result<T, PlanError>,
-) -> Result<T, Error> {
+/// A line of progress, on a terminal.
+fn bar(quiet: bool) -> ProgressBar {
     let bar = match !quiet && std::io::stderr().is_terminal() {
         true => ProgressBar::new_spinner(),
         false => ProgressBar::hidden(),
     };
     bar.set_style(ProgressStyle::with_template("{spinner} {msg}").expect("the template is well formed"));
-    let mut monitor = |progress: &Progress| {
-        let iteration = progress.iteration;
-        bar.set_message(format!(
-            "{} with {} intervals: iteration {}, objective {:.6e}, violation {:.1e}, optimality {:.1e}",
-            file::transcription_name(progress.pass.transcription),
-            progress.pass.intervals.iter().sum::<usize>(),
-            iteration.number,
-            iteration.objective,
-            iteration.violation,
-            iteration.dual_infeasibility
-        ));
-        bar.tick();
-        if stop.load(Ordering::Relaxed) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
-    };
-    let done = work(&mut monitor);
-    bar.finish_and_clear();
-    Ok(done?)
+    bar
+}
+
+fn show(bar: &ProgressBar, progress: &Progress) {
+    let iteration = progress.iteration;
+    bar.set_message(format!(
+        "{} with {} intervals: iteration {}, objective {:.6e}, violation {:.1e}, optimality {:.1e}",
+        file::transcription_name(progress.pass.transcription),
+        progress.pass.intervals.iter().sum::<usize>(),
+        iteration.number,
+        iteration.objective,
+        iteration.violation,
+        iteration.dual_infeasibility
+    ));
+    bar.tick();
 }
 
 fn roll_out(prepared: &Prepared, solved: &Solved, stop: &Arc<AtomicBool>) -> Result<verify::Rollouts, Error> {
@@ -181,15 +299,15 @@ fn roll_out(prepared: &Prepared, solved: &Solved, stop: &Arc<AtomicBool>) -> Res
     let said = said.map(|step| crate::plan::task::seconds(&prepared.statement.source, step)).transpose()?;
     let step = said.or(prepared.sampling.as_ref().map(|sampling| sampling.sample_time)).unwrap_or(STEP);
     let options = verify::Options { master: verification.master, step, tolerance: verification.tolerance };
-    let first = &solved.trajectory.phases[0];
+    let first = &solved.trajectory().phases[0];
     let states = (&prepared.task.signals.states[..], &first.states[0][..]);
-    let rolled = table::with_command(prepared, &solved.trajectory, |command| {
+    let rolled = table::with_command(prepared, solved.trajectory(), |command| {
         verify::roll_out(&prepared.graph, &prepared.catalogue, states, command, options, stop)
     });
     Ok(rolled?)
 }
 
-fn exit(solved: &Solved, stop: &AtomicBool, folder: &Path) -> ExitCode {
+fn exit(solved: &Solved, diagnosis: Option<&Diagnosis>, stop: &AtomicBool, folder: &Path) -> ExitCode {
     let kept = || {
         output::complain(&format!(
             "interrupted; the best point so far is in {}; go on with --resume {}",
@@ -198,6 +316,10 @@ fn exit(solved: &Solved, stop: &AtomicBool, folder: &Path) -> ExitCode {
         ));
         ExitCode::from(super::INTERRUPTED)
     };
+    if let Some(diagnosis) = diagnosis {
+        output::complain(&format!("error: {}\n{diagnosis}", write::NO_MOTION));
+        return ExitCode::from(INFEASIBLE);
+    }
     match solved.status() {
         Status::Interrupted => kept(),
         Status::Solved | Status::Acceptable if stop.load(Ordering::Relaxed) => kept(),

@@ -21,6 +21,32 @@ fn gap(summary: &Summary, errors: &std::collections::BTreeMap<String, f64>) -> S
     states.filter_map(one).collect::<Vec<_>>().join(", ")
 }
 
+/// How well actuators deliver the forces, and the motion that follows, in words.
+fn delivered(summary: &Summary) -> String {
+    let mut text = String::new();
+    for (force, fits) in summary.stage2.iter().flat_map(|stage| &stage.fit) {
+        let one = |(kind, fit): (&String, &Option<f64>)| {
+            fit.map_or_else(|| format!("{kind} constant"), |fit| format!("{kind} {fit:.2} %"))
+        };
+        let fits: Vec<String> = fits.iter().map(one).collect();
+        text += &format!("fit of the delivered force {force}: {}\n", fits.join(", "));
+    }
+    for (kind, chain) in summary.closed_chain.iter().flatten() {
+        text += &match &chain.problem {
+            None => {
+                format!(
+                    "closed chain, {kind} command: completed, off by at most {}\n",
+                    short(chain.max_final_error)
+                )
+            }
+            Some(problem) => {
+                format!("closed chain, {kind} command: ended at {} s: {problem}\n", short(chain.end))
+            }
+        };
+    }
+    text
+}
+
 /// What is printed at the end.
 pub fn report(summary: &Summary, folder: &Path, plots: bool) -> String {
     let intervals: Vec<String> = summary.intervals.iter().map(usize::to_string).collect();
@@ -71,6 +97,7 @@ pub fn report(summary: &Summary, folder: &Path, plots: bool) -> String {
             }
         }
     }
+    text += &delivered(summary);
     let time = &summary.time;
     text += &format!(
         "time: {:.3} s: load {:.3}, build {:.3}, solve {:.3}, roll-outs {:.3}\n",

@@ -5,9 +5,12 @@ use std::io::Write;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-use super::super::folder;
+use super::many::{MULTISTART, SWEEP, Table};
 use crate::Error;
+use crate::cli::folder;
 use crate::optim::{Note, Status};
+use crate::plan::deliver::Delivery;
+use crate::plan::diagnose::Diagnosis;
 use crate::plan::file::transcription_name;
 use crate::plan::prepare::Prepared;
 use crate::plan::record::{
@@ -17,18 +20,39 @@ use crate::plan::solve::{Done, Solved};
 use crate::plan::verify::{Rollout, Rollouts};
 use crate::plan::{Error as PlanError, table};
 pub use crate::plot::plan::TRAJECTORY;
-use crate::plot::plan::{CONTINUOUS, SAMPLED, figure_files};
+use crate::plot::plan::{CONTINUOUS, DEFECTS, SAMPLED, figure_files};
 use crate::results::summary::FmuRecord;
 use crate::series::csv;
+use crate::transcription::IntervalErrors;
 
 /// The command, for `airloop run --input`.
 const COMMAND: &str = "command.csv";
+/// Planned forces, commands of the actuators and the forces that they deliver.
+const FORCES: &str = "feed_forward.csv";
+/// Motions of the plant under the delivered forces of each kind of command.
+const CHAINS: [&str; 2] = ["closed_chain_optimised.csv", "closed_chain_naive.csv"];
 /// The iteration table.
 const ITERATIONS: &str = "iterations.csv";
 
+/// What is said where a limit can be blamed.
+pub const NO_MOTION: &str = "infeasible: no motion was found that keeps all limits; relax the one that is named, or give it more time";
+
 /// Every file that may be written.
 pub fn names() -> Vec<String> {
-    let files = [TRAJECTORY, COMMAND, ITERATIONS, CONTINUOUS, SAMPLED, "index.html", "summary.json"];
+    let files = [
+        TRAJECTORY,
+        COMMAND,
+        ITERATIONS,
+        CONTINUOUS,
+        SAMPLED,
+        MULTISTART,
+        SWEEP,
+        FORCES,
+        CHAINS[0],
+        CHAINS[1],
+        "index.html",
+        "summary.json",
+    ];
     files.map(str::to_owned).into_iter().chain(figure_files(true, true)).collect()
 }
 
@@ -40,6 +64,8 @@ pub struct Results<'a> {
     pub solved: &'a Solved,
     /// Its roll-outs.
     pub rollouts: Option<&'a Rollouts>,
+    /// Commands of actuators and what they bring about, where the problem asks for them.
+    pub delivery: Option<&'a Delivery>,
     /// Name of the guess.
     pub guess: String,
     /// Notes on the guess.
@@ -50,6 +76,10 @@ pub struct Results<'a> {
     pub times: [Duration; 3],
     /// When the command began.
     pub began: Instant,
+    /// Table of many solves, where there were many.
+    pub table: Option<&'a Table>,
+    /// The limit that stands in the way, where one does.
+    pub diagnosis: Option<&'a Diagnosis>,
     /// Whether figures are drawn.
     pub plots: bool,
 }
@@ -60,13 +90,14 @@ impl Results<'_> {
     /// # Errors
     /// What cannot be made, removed or written.
     pub fn write(&self, folder: &Path) -> Result<Summary, Error> {
-        let plan = &self.solved.trajectory;
+        let plan = self.solved.trajectory();
         let trajectory = table::trajectory(self.prepared, plan)?;
         let step = self.step();
         let catalogue = &self.prepared.catalogue;
         let command = table::with_command(self.prepared, plan, |command| command.sampled(catalogue, step))?;
         let mut tables = vec![(TRAJECTORY, trajectory), (COMMAND, command)];
-        let mut notes = Vec::new();
+        tables.push((DEFECTS, table::defects(self.prepared, plan, &self.solved.errors)?));
+        let mut notes = self.solved.notes.clone();
         let rolled = self.rollouts.map(|rollouts| {
             [(CONTINUOUS, "continuous", &rollouts.continuous), (SAMPLED, "sampled", &rollouts.sampled)]
         });
@@ -81,7 +112,14 @@ impl Results<'_> {
                 Err(error) => notes.push(format!("there is no {name} roll-out: {error}")),
             }
         }
-        let files: Vec<&str> = tables.iter().map(|(name, _)| *name).chain([ITERATIONS]).collect();
+        if let Some(delivery) = self.delivery {
+            tables.push((FORCES, delivery.table.clone()));
+            for (file, motion) in CHAINS.iter().zip(delivery.motions.iter().flatten()) {
+                tables.push((file, motion.result.clone()));
+            }
+        }
+        let files = tables.iter().map(|(name, _)| *name).chain([ITERATIONS]);
+        let files: Vec<&str> = files.chain(self.table.map(|table| table.name)).collect();
         let summary = self.summary(&files, notes);
         folder::make(folder)?;
         folder::clear(folder)?;
@@ -89,6 +127,11 @@ impl Results<'_> {
         record::write(&summary, &folder.join("summary.json")).map_err(crate::plot::Error::from)?;
         for (name, series) in &tables {
             csv::write(series, &folder.join(name))?;
+        }
+        if let Some(table) = self.table {
+            let path = folder.join(table.name);
+            let written = crate::series::file::write_whole(&path, |out| out.write_all(table.csv.as_bytes()));
+            written.map_err(|source| csv::Error::Io { path, source })?;
         }
         iterations(&self.solved.done, &folder.join(ITERATIONS))?;
         Ok(summary)
@@ -108,9 +151,9 @@ impl Results<'_> {
         let [loaded, instances, verified] = self.times.map(|time| time.as_secs_f64());
         let errors = self.rollouts.map(|rollouts| self.final_errors(rollouts));
         let norm = |errors: &BTreeMap<String, f64>| errors.values().map(|e| e * e).sum::<f64>().sqrt();
-        let signals = table::records(prepared, &solved.trajectory);
+        let signals = table::records(prepared, solved.trajectory());
         let portrait = self.portrait(&signals);
-        let figures = if self.plots { figure_files(portrait.is_some(), false) } else { Vec::new() };
+        let figures = if self.plots { figure_files(portrait.is_some(), true) } else { Vec::new() };
         let animation = statement.animation.as_ref().map(|animation| AnimationRecord {
             cart: self.shown(&animation.cart.text),
             angle: self.shown(&animation.angle.text),
@@ -126,23 +169,30 @@ impl Results<'_> {
             system: graph.name.clone(),
             system_file: statement.system_file.clone(),
             transcription: transcription_name(last.pass.transcription).into(),
-            intervals: solved.trajectory.phases.iter().map(|phase| phase.intervals()).collect(),
+            intervals: solved.trajectory().phases.iter().map(|phase| phase.intervals()).collect(),
             guess: self.guess.clone(),
-            status: status(&last.solution.status).into(),
-            message: last.solution.status.to_string(),
+            status: if self.diagnosis.is_some() { "infeasible" } else { status_name(&last.solution.status) }
+                .into(),
+            message: match self.diagnosis {
+                Some(_) => NO_MOTION.into(),
+                None => last.solution.status.to_string(),
+            },
             objective: finite(last.solution.objective),
-            iterations: solved.done.iter().map(count).sum(),
+            iterations: solved.iterations(),
             max_defect: solved.max_defect,
             max_bound_violation: solved.max_bound_violation,
-            worst: solved.worst.as_ref().map(ToString::to_string),
+            worst: match self.diagnosis {
+                Some(diagnosis) => Some(diagnosis.to_string()),
+                None => solved.worst.as_ref().map(ToString::to_string),
+            },
             blocking: last.solution.blocking.as_ref().map(|one| format!("most in the way: {one}")),
-            durations: solved.trajectory.phases.iter().map(|phase| phase.end() - phase.begin()).collect(),
+            durations: solved.trajectory().phases.iter().map(|phase| phase.end() - phase.begin()).collect(),
             open_loop_final_error: errors.as_ref().map(|errors| FinalError {
                 continuous: errors.continuous.as_ref().map(norm),
                 sampled: errors.sampled.as_ref().map(norm),
             }),
             open_loop_final_state_error: errors,
-            max_interval_error: None,
+            max_interval_error: solved.errors.iter().map(IntervalErrors::largest).reduce(f64::max),
             time: Times {
                 load: loaded,
                 build: instances + sum(|done| done.build),
@@ -151,12 +201,14 @@ impl Results<'_> {
                 total: self.began.elapsed().as_secs_f64(),
             },
             passes: solved.done.iter().map(pass).collect(),
-            variables: last.size.0,
-            constraints: last.size.1,
+            variables: last.solution.x.len(),
+            constraints: last.solution.multipliers.constraints.len(),
             signals,
             portrait,
             animation,
             fmus: graph.order.iter().map(|&index| fmu(graph, index)).collect(),
+            stage2: self.delivery.map(record::stage2),
+            closed_chain: self.delivery.and_then(record::closed_chain),
             files: files.iter().map(|&name| name.to_owned()).collect(),
             figures,
             notes: prepared.notes.iter().chain(self.notes).cloned().chain(more).collect(),
@@ -182,7 +234,7 @@ impl Results<'_> {
     fn final_errors(&self, rollouts: &Rollouts) -> FinalError<BTreeMap<String, f64>> {
         let of = |rollout: &Result<Rollout, PlanError>| {
             let rollout = rollout.as_ref().ok().filter(|rollout| rollout.problem.is_none())?;
-            let last = self.solved.trajectory.phases.last()?;
+            let last = self.solved.trajectory().phases.last()?;
             let planned = last.states.last()?;
             let names = self.prepared.task.signals.states.iter();
             let names = names.map(|&index| &self.prepared.catalogue.variables()[index].name);
@@ -196,26 +248,22 @@ impl Results<'_> {
     }
 }
 
-/// Iterations of a solve: the first row of its table is the start.
-fn count(done: &Done) -> usize {
-    done.solution.iterations.len().saturating_sub(1)
-}
-
 fn pass(done: &Done) -> PassRecord {
     let solution = &done.solution;
     PassRecord {
         transcription: transcription_name(done.pass.transcription).into(),
         intervals: done.pass.intervals.clone(),
-        status: status(&solution.status).into(),
+        status: status_name(&solution.status).into(),
         objective: solution.objective.is_finite().then_some(solution.objective),
-        iterations: count(done),
+        iterations: done.iterations(),
         function_evaluations: solution.evaluations.functions,
         factorisations: solution.evaluations.factorisations,
         time: (done.build + done.solve).as_secs_f64(),
     }
 }
 
-fn status(status: &Status) -> &'static str {
+/// Word of a status in summaries and tables.
+pub fn status_name(status: &Status) -> &'static str {
     match status {
         Status::Solved => "solved",
         Status::Acceptable => "acceptable",

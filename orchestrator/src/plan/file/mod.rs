@@ -2,6 +2,7 @@
 //!
 //! [`read()`] gives a [`Statement`]; what its names and units mean in a system is left to [`crate::plan::task`].
 
+pub mod feed_forward;
 pub mod quantity;
 mod read;
 mod read_phase;
@@ -10,7 +11,7 @@ pub mod statement;
 pub mod table;
 
 pub use quantity::Quantity;
-pub use read::{parse, read};
+pub use read::{parse, read, variant};
 pub use source::{Place, Source};
 pub use statement::{Statement, TRANSCRIPTIONS, transcription_name};
 pub use table::Text;

@@ -1,9 +1,10 @@
 //! From the text of a problem file to a [`Statement`].
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use toml::de::DeTable;
 
+use super::feed_forward;
 use super::read_phase;
 use super::source::Source;
 use super::statement::{
@@ -27,6 +28,21 @@ pub fn read(file: &Path) -> Result<Statement, Error> {
     parse(Source::read(file)?)
 }
 
+/// The file of a variant that a problem file names.
+///
+/// # Errors
+/// [`Error::Place`] with the names that there are.
+pub fn variant(statement: &Statement, name: &str) -> Result<PathBuf, Error> {
+    let folder = statement.source.file.parent().unwrap_or(Path::new(""));
+    let found = statement.variants.iter().find(|(own, _)| own.text == name);
+    found.map(|(_, file)| folder.join(&file.text)).ok_or_else(|| {
+        let known: Vec<&str> = statement.variants.iter().map(|(own, _)| own.text.as_str()).collect();
+        let known = if known.is_empty() { "none".to_owned() } else { known.join(", ") };
+        let problem = format!("{} has no variant `{name}`; it has: {known}", statement.source.file.display());
+        Error::Place { place: "--variant".into(), problem }
+    })
+}
+
 /// Reads the text of a problem file.
 ///
 /// # Errors
@@ -48,6 +64,8 @@ pub fn parse(source: Source) -> Result<Statement, Error> {
     let guesses = root.maybe("guess", guesses)?.unwrap_or_default();
     let verification = root.maybe("verification", verification)?.unwrap_or_default();
     let animation = root.maybe("animation", animation)?;
+    let variants = root.maybe("variants", |value| texts_of_pairs(value, "[variants]"))?.unwrap_or_default();
+    let feed_forward = root.maybe("feed_forward", feed_forward::read)?;
     root.finish()?;
     let folder = source.file.parent().unwrap_or(Path::new(""));
     let stem = source.file.file_stem().map(|stem| stem.to_string_lossy().into_owned());
@@ -63,6 +81,8 @@ pub fn parse(source: Source) -> Result<Statement, Error> {
         guesses,
         verification,
         animation,
+        variants,
+        feed_forward,
         source: source.clone(),
     })
 }
@@ -87,6 +107,11 @@ fn texts(value: Value) -> Result<Vec<Text>, Error> {
     value.list()?.iter().map(Value::text).collect()
 }
 
+/// `name = "other name"`.
+pub fn texts_of_pairs(value: Value, name: &str) -> Result<Vec<(Text, Text)>, Error> {
+    value.table(name)?.entries().into_iter().map(|(name, value)| Ok((name, value.text()?))).collect()
+}
+
 /// `name = value` with plain values, as text.
 pub fn parameters(value: Value, name: &str) -> Result<Vec<(Text, String)>, Error> {
     let one = |(name, value): (Text, Value)| {
@@ -108,6 +133,7 @@ impl Default for Settings {
             guess: None,
             method: Method::InteriorPoint,
             tolerance: 1e-8,
+            scaled: false,
             max_iterations: 500,
             sampled: None,
             sample_time: None,
@@ -123,6 +149,7 @@ fn settings_of(value: Value) -> Result<Settings, Error> {
     let transcription = transcription.unwrap_or(default.transcription);
     let intervals = table.maybe("intervals", |value| value.whole(1))?.unwrap_or(default.intervals);
     let methods = [("interior-point", Method::InteriorPoint), ("sqp", Method::Sqp)];
+    let scalings = [("none", false), ("nominal", true)];
     let settings = Settings {
         transcription,
         intervals,
@@ -130,6 +157,7 @@ fn settings_of(value: Value) -> Result<Settings, Error> {
         guess: table.maybe("guess", |value| value.text())?,
         method: table.maybe("method", |value| value.choice(&methods))?.unwrap_or(default.method),
         tolerance: table.maybe("tolerance", tolerance)?.unwrap_or(default.tolerance),
+        scaled: table.maybe("scaling", |value| value.choice(&scalings))?.unwrap_or(default.scaled),
         max_iterations: table
             .maybe("max_iterations", |value| value.whole(1))?
             .unwrap_or(default.max_iterations),

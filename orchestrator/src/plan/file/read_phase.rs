@@ -1,8 +1,8 @@
 //! The part of a problem file that states one phase.
 
-use super::read::parameters;
+use super::read::{parameters, texts_of_pairs};
 use super::source::Place;
-use super::statement::{Bound, Condition, Cost, Duration, Of, Phase, Range, Rate, Where};
+use super::statement::{Bound, Condition, Cost, Duration, Of, Phase, Range, Rate, Reset, Where};
 use super::table::{Table, Text, Value};
 use crate::plan::Error;
 
@@ -22,6 +22,7 @@ pub fn read(table: &Table, name: &str, listed: bool) -> Result<Phase, Error> {
             .map(|value| parameters(value, "`parameters` of a phase"))
             .transpose()?
             .unwrap_or_default(),
+        reset: own("reset").map(reset).transpose()?,
         initial: table.maybe("initial", |value| conditions(value, "[initial]"))?.unwrap_or_default(),
         terminal: table.maybe("final", |value| conditions(value, "[final]"))?.unwrap_or_default(),
         bounds,
@@ -42,6 +43,23 @@ fn duration(value: Value) -> Result<Duration, Error> {
     };
     table.finish()?;
     Ok(duration)
+}
+
+fn reset(value: Value) -> Result<Reset, Error> {
+    let table = value.table("`reset` of a phase")?;
+    let states = texts_of_pairs(table.need("states")?, "`states` of a reset")?;
+    let mut limits = table.maybe("bounds", bounds)?.unwrap_or_default();
+    limits.extend(table.maybe("constraint", constraints)?.unwrap_or_default());
+    let reset = Reset {
+        parameters: table
+            .maybe("parameters", |value| parameters(value, "`parameters` of a reset"))?
+            .unwrap_or_default(),
+        states,
+        bounds: limits,
+        place: value.place(),
+    };
+    table.finish()?;
+    Ok(reset)
 }
 
 fn conditions(value: Value, name: &str) -> Result<Vec<Condition>, Error> {

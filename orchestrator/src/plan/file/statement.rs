@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use super::feed_forward::FeedForward;
 use super::quantity::Quantity;
 use super::source::{Place, Source};
 use super::table::Text;
@@ -35,6 +36,10 @@ pub struct Statement {
     pub verification: Verification,
     /// What the page draws.
     pub animation: Option<Animation>,
+    /// Names of variants of the problem, and their files.
+    pub variants: Vec<(Text, Text)>,
+    /// Actuators that are to deliver what is planned.
+    pub feed_forward: Option<FeedForward>,
 }
 
 /// Names of the transcriptions in problem files and on the command line.
@@ -66,6 +71,8 @@ pub struct Settings {
     pub method: Method,
     /// Stop test of the solver.
     pub tolerance: f64,
+    /// Whether variables are divided by their nominal values for the solver.
+    pub scaled: bool,
     /// Most iterations of one solve.
     pub max_iterations: usize,
     /// Components whose linear states are sampled; none: those with a parameter `sample_time`.
@@ -125,6 +132,8 @@ pub struct Phase {
     pub intervals: Option<usize>,
     /// Start values of parameters in this phase, such as a pinned mode.
     pub parameters: Vec<(Text, String)>,
+    /// How the states at the start follow from the end of the phase before; none: they are continuous.
+    pub reset: Option<Reset>,
     /// Conditions at the start; states that are not named keep the start values of the system.
     pub initial: Vec<Condition>,
     /// Conditions at the end; states that are not named are free.
@@ -135,6 +144,19 @@ pub struct Phase {
     pub rates: Vec<Rate>,
     /// Cost.
     pub costs: Vec<Cost>,
+}
+
+/// A jump of states from the end of a phase to the start of the next, read from outputs of the system.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Reset {
+    /// Start values of parameters of the system that shows the outputs.
+    pub parameters: Vec<(Text, String)>,
+    /// State after, and the variable that shows it before; other states are continuous.
+    pub states: Vec<(Text, Text)>,
+    /// Bounds of outputs, such as impulses.
+    pub bounds: Vec<Bound>,
+    /// Where it stands.
+    pub place: Place,
 }
 
 /// What holds for a variable at one end of a phase.

@@ -153,3 +153,39 @@ fn the_schema_has_the_keys_that_are_read() {
         .collect();
     assert_eq!(names, TRANSCRIPTIONS.map(|(name, _)| name));
 }
+
+#[test]
+fn a_phase_may_begin_with_a_reset() {
+    let text = "system = \"s.ssd\"\n[[phase]]\nduration = 1\n[[phase]]\nduration = 1\n[phase.reset]\nparameters = { map = 4 }\n\
+                states = { v = \"after.v\" }\n[phase.reset.bounds]\nL = { min = 0 }\n";
+    let found = statement(text).unwrap();
+    assert!(found.phases[0].reset.is_none());
+    let reset = found.phases[1].reset.as_ref().unwrap();
+    assert_eq!((reset.states[0].0.text.as_str(), reset.states[0].1.text.as_str()), ("v", "after.v"));
+    assert_eq!((reset.parameters[0].1.as_str(), reset.bounds.len()), ("4", 1));
+    let message =
+        wrong("system = \"s.ssd\"\n[[phase]]\nduration = 1\n[phase.reset]\nparameters = { map = 4 }\n");
+    assert!(message.contains("states"), "{message}");
+}
+
+#[test]
+fn forces_of_actuators_and_the_plant_behind_them_are_named() {
+    let text = format!(
+        "{SMALLEST}[variants]\nA = \"a.toml\"\n[feed_forward]\nactuator = \"toe.ssd\"\ncommand = \"u\"\noutput = \"F\"\n\
+         sample_time = \"1 ms\"\nlargest = \"500 N\"\n[feed_forward.forces]\ntoe = {{ variable = \"F1\", factor = 0.5 }}\n\
+         [feed_forward.plant]\nsystem = \"w.fmu\"\ninputs = {{ F1 = {{ force = \"toe\", factor = 2 }}, tau = {{ variable = \
+         \"tau\" }} }}\nstates = {{ x = \"x\" }}\n"
+    );
+    let found = statement(&text).unwrap();
+    assert_eq!(super::variant(&found, "A").unwrap(), std::path::Path::new("folder/a.toml"));
+    assert!(super::variant(&found, "C").unwrap_err().to_string().contains("it has: A"));
+    let section = found.feed_forward.as_ref().unwrap();
+    assert_eq!((section.smoothness, section.forces[0].1.factor), (1e-2, 0.5));
+    let inputs = &section.plant.as_ref().unwrap().inputs;
+    assert!(
+        matches!(&inputs[0].1, super::feed_forward::Drive::Force(name, factor) if name.text == "toe" && *factor == 2.0)
+    );
+    assert!(matches!(&inputs[1].1, super::feed_forward::Drive::Planned(planned) if planned.factor == 1.0));
+    let message = wrong(&text.replace("smoothness = 1", "").replace("largest", "largets"));
+    assert!(message.contains("largest"), "{message}");
+}

@@ -52,6 +52,7 @@ pub fn stabilise(prepared: &mut Prepared, plan: Plan<'_>, settings: &Settings) -
         let problem = format!("the plan has {} phases; one phase can be stabilised", prepared.dynamics.len());
         return Err(place(problem));
     }
+    let Prepared { setup: prepared, dynamics, .. } = prepared;
     let source = &settings.source;
     let signals = &prepared.task.signals;
     let catalogue = &prepared.catalogue;
@@ -85,8 +86,7 @@ pub fn stabilise(prepared: &mut Prepared, plan: Plan<'_>, settings: &Settings) -
     };
     let time = plan.trajectory.time();
     let at = Point { time: time[0], states: first, inputs: command };
-    let dynamics = prepared.dynamics[0].as_mut();
-    let mut plant = Sampled::new(dynamics, &prepared.sampled_states, sample_time, 1, at)?;
+    let mut plant = Sampled::new(dynamics[0].as_mut(), &prepared.sampled_states, sample_time, 1, at)?;
     let knots = Knots { time, states: &states, inputs: &inputs, interpolation: plan.interpolation };
     let nominal = Nominal::new(&mut plant, &knots)?;
     if !nominal.rests {

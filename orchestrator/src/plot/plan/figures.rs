@@ -180,20 +180,18 @@ fn ends(svg: &mut Svg, panel: &Panel, x: &[f64], y: &[f64]) {
     }
 }
 
-/// Estimated error of every interval, relative to the range of each state, the worst state in each.
+/// Estimated error of every interval, relative to the size of each state, the worst state in each.
 pub(super) fn interval_error(plan: &Plan) -> String {
     let note =
         plan.summary.max_interval_error.map_or(String::new(), |worst| format!("largest {}", short(worst)));
     let mut sheet = Sheet::new("Error between the knots", &note, &[], 1, 1, 220.0);
     if let Some(defects) = &plan.defects {
-        let worst: Vec<f64> = (0..defects.len())
-            .map(|row| defects.channels().iter().map(|channel| channel.values[row]).fold(0.0, f64::max))
-            .collect();
+        let worst = plan.values(defects, "relative").unwrap_or_default().to_vec();
         let (low, high) = range(worst.iter().copied().filter(|error| *error > 0.0));
         let (low, high) = if low.is_finite() { (low, high) } else { (1e-12, 1e-6) };
         let panel = sheet.panel(
             0,
-            "worst state of each interval, relative to its range",
+            "worst state of each interval, relative to its size",
             (span(&plan.trajectory), Scale::Linear, "time [s]"),
             ((f64::max(low / 2.0, high * 1e-6), high * 2.0), Scale::Logarithmic, "relative error"),
         );

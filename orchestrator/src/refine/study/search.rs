@@ -11,7 +11,7 @@ pub const WORTH: f64 = 0.05;
 /// Candidates whose errors differ by less than this share are equally good; the simplest is taken.
 pub const EQUAL: f64 = 0.03;
 /// Models of each step whose error on what is kept back is computed.
-const LOOKED_AT: usize = 4;
+const LOOKED_AT: usize = 3;
 /// Singles that pairs are made of.
 const PAIRED: usize = 6;
 
@@ -223,6 +223,8 @@ pub fn search(fits: &Fits, declared: Model, most: usize, say: Say) -> Selection 
         }
     }
     let best = search.prune(best);
+    say("fitting the answer");
+    let best = fits.polish(&best).unwrap_or(best);
     let equals = if best.added.is_empty() {
         Vec::new()
     } else {
