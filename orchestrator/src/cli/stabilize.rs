@@ -1,5 +1,10 @@
 //! `airloop stabilize`: a controller that keeps a system on its plan, as an FMU, and the closed loop with it.
 
+#![allow(
+    rustdoc::broken_intra_doc_links,
+    reason = "these texts are the help of the program, brackets are tables of the settings"
+)]
+
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -175,7 +180,7 @@ fn largest_errors(
 
 fn report(summary: &Summary, closed: &Path, folder: &Path) -> String {
     let mut text = format!(
-        "controller: {} states with disturbances, {} inputs, {} measured signals, every {} s, {} samples{}\n\n",
+        "controller: {} states with disturbances, inputs: {}, measured signals: {}, every {} s, {} samples{}\n\n",
         summary.signals.iter().filter(|signal| signal.kind == "state").count()
             + summary
                 .signals

@@ -1,5 +1,10 @@
 //! `airloop trials`: how many perturbed systems a controller keeps on the plan, beside the plan alone.
 
+#![allow(
+    rustdoc::broken_intra_doc_links,
+    reason = "these texts are the help of the program, brackets are tables of the settings"
+)]
+
 use std::io::{IsTerminal, Write};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;

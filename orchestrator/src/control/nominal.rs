@@ -9,6 +9,8 @@ use crate::transcription::Point;
 
 /// Rounds of Newton's method for the equilibrium.
 const ROUNDS: usize = 30;
+/// Most samples: each is a row of gains in memory and in the table.
+const MOST: f64 = 1e6;
 /// Rates that count as rest: change over one second relative to the size of the states.
 const REST: f64 = 1e-6;
 
@@ -67,6 +69,11 @@ impl Nominal {
             return Err(Error::Trajectory(format!(
                 "it lasts {} s, less than one sample of {sample_time} s; shorten the sample time or plan longer",
                 end - start
+            )));
+        }
+        if count > MOST {
+            return Err(Error::Trajectory(format!(
+                "{count} samples of {sample_time} s; at most {MOST} are possible, lengthen the sample time"
             )));
         }
         let (mut states, mut inputs): (Vec<Vec<f64>>, Vec<Vec<f64>>) = (Vec::new(), Vec::new());

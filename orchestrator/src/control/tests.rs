@@ -247,6 +247,9 @@ fn knots_beside_the_samples_are_met_by_a_shorter_step() {
     let expected = plant.advance(at, 0.02 - 0.013).unwrap();
     assert!(nominal.states[2].iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-14));
     assert_eq!(nominal.samples(), 5);
+    let long = [0.0, 1.0, 1e9];
+    let message = Nominal::new(&mut plant, &Knots { time: &long, ..knots }).unwrap_err().to_string();
+    assert!(message.contains("lengthen the sample time"), "{message}");
     let backwards = [0.0, 0.05, 0.02];
     let knots = Knots { time: &backwards, ..knots };
     let message = Nominal::new(&mut plant, &knots).unwrap_err().to_string();

@@ -1,6 +1,6 @@
 //! A plan with a controller that keeps the system on it: design over the FMUs, FMU of the controller, closed loop.
 //!
-//! [`settings`] reads what the user states; [`design`] looks its names up and hands trajectory, weights and noise to
+//! [`settings`] reads what the user states; `design` looks its names up and hands trajectory, weights and noise to
 //! [`crate::control`]; [`wiring`] puts the controller into the system. Folders, figures and words are left to the
 //! layers above.
 

@@ -88,7 +88,7 @@ fn closed_loop(
     };
     closed.connections.iter_mut().for_each(|connection| connection.source = moved(connection.source));
     closed.outputs.iter_mut().for_each(|output| output.source = moved(output.source));
-    for (&(position, source), _) in replaced.iter().zip(0..) {
+    for &(position, source) in &replaced {
         let input = &graph.inputs[position];
         if closed.outputs.iter().all(|output| output.name != input.name) {
             closed.outputs.push(SystemOutput {

@@ -13,7 +13,7 @@ use crate::plan::stabilise::wiring::{COMPONENT, find, noise_input};
 use crate::plan::task::seconds;
 use crate::series::TimeSeries;
 use crate::system::SystemGraph;
-use crate::system::graph::{Conversion, Source, Start, unit_of};
+use crate::system::graph::{Source, Start, unit_of};
 use crate::units::{Compatibility, compatible, lookup};
 
 /// A variable that is perturbed.
@@ -226,9 +226,7 @@ fn checks(
 impl Ready {
     /// Links of the noise to the inputs of the system.
     pub(super) fn noise_links(&self) -> Vec<(usize, usize, f64, f64)> {
-        let identity = Conversion::IDENTITY;
-        let link =
-            |(channel, noise): (usize, &Noise)| (noise.input, channel, identity.factor, identity.offset);
+        let link = |(channel, noise): (usize, &Noise)| (noise.input, channel, 1.0, 0.0);
         self.noise.iter().enumerate().map(link).collect()
     }
 
