@@ -127,7 +127,8 @@ impl Gains {
         let (line, header) = lines.next().ok_or_else(|| format!("{place}: the table is empty"))?;
         let names: Vec<&str> = header.split(',').map(str::trim).collect();
         let count = |letter: &str| {
-            let of_letter = |name: &&&str| name.strip_prefix(letter).is_some_and(|rest| rest.starts_with('['));
+            let of_letter =
+                |name: &&&str| name.strip_prefix(letter).is_some_and(|rest| rest.starts_with('['));
             names.iter().filter(of_letter).count()
         };
         let sizes = Sizes { n: count("x"), m: count("u"), p: count("y") };
@@ -153,7 +154,10 @@ impl Gains {
             for (field, name) in text.split(',').zip(&expected) {
                 let value = field.trim().parse::<f64>().ok().filter(|value| value.is_finite());
                 let value = value.ok_or_else(|| {
-                    format!("{place}, line {line}, column `{name}`: `{}` is not a finite number", field.trim())
+                    format!(
+                        "{place}, line {line}, column `{name}`: `{}` is not a finite number",
+                        field.trim()
+                    )
                 })?;
                 if name != "time" {
                     data.push(value);

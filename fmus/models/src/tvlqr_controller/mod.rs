@@ -79,7 +79,8 @@ impl TvlqrController {
         }
         let mut innovation = [S::zero(); MAX_NY];
         for (j, innovation) in innovation.iter_mut().enumerate().take(p) {
-            let expected = (0..n).fold(S::from(row.y[j]), |sum, i| sum + deviation[i] * row.output[j * n + i]);
+            let expected =
+                (0..n).fold(S::from(row.y[j]), |sum, i| sum + deviation[i] * row.output[j * n + i]);
             *innovation = q[self.y[j]] + q[self.noise[j]] - expected;
         }
         for (i, e) in deviation.iter_mut().enumerate().take(n) {
@@ -124,7 +125,8 @@ impl Model for TvlqrController {
             t.output(number("u", j)).about(about).discrete().computed()
         });
         let x_hat = from_fn(|i| {
-            let about = format!("estimate of state {}; disturbances of the inputs stand behind the states", i + 1);
+            let about =
+                format!("estimate of state {}; disturbances of the inputs stand behind the states", i + 1);
             t.output(number("x_hat", i)).about(about).discrete().computed()
         });
         let sample_time = t
@@ -229,7 +231,8 @@ impl Model for TvlqrController {
         }
         for i in 0..n {
             let of_states = (0..n).fold(row.c[i], |sum, j| sum + row.a[i * n + j] * sample.deviation[j]);
-            let of_inputs = (0..m).fold(of_states, |sum, l| sum + row.b[i * m + l] * (sample.u[l] - row.u[l]));
+            let of_inputs =
+                (0..m).fold(of_states, |sum, l| sum + row.b[i * m + l] * (sample.u[l] - row.u[l]));
             q[self.predicted.at(i)] = of_inputs;
         }
         q[self.sample] += 1.0;

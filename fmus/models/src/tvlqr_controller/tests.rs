@@ -14,9 +14,14 @@ fn table(n: usize, m: usize, p: usize, rows: usize) -> (String, Vec<Vec<f64>>) {
     let mut names = vec!["time".to_owned()];
     let vector = |letter: &str, n: usize| (1..=n).map(|i| format!("{letter}[{i}]")).collect::<Vec<_>>();
     let matrix = |letter: &str, n: usize, m: usize| -> Vec<String> {
-        (1..=n).flat_map(|i| (1..=m).map(move |j| (i, j))).map(|(i, j)| format!("{letter}[{i}][{j}]")).collect()
+        (1..=n)
+            .flat_map(|i| (1..=m).map(move |j| (i, j)))
+            .map(|(i, j)| format!("{letter}[{i}][{j}]"))
+            .collect()
     };
-    names.extend([vector("x", n), vector("u", m), vector("y", p), matrix("K", m, n), matrix("L", n, p)].concat());
+    names.extend(
+        [vector("x", n), vector("u", m), vector("y", p), matrix("K", m, n), matrix("L", n, p)].concat(),
+    );
     names.extend([matrix("A", n, n), matrix("B", n, m), vector("c", n), matrix("C", p, n)].concat());
     let rows: Vec<Vec<f64>> =
         (0..rows).map(|k| (0..names.len()).map(|i| 0.3 * number(i + 1000 * k)).collect()).collect();

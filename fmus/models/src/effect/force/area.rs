@@ -11,7 +11,8 @@ pub struct Area {
 
 impl Area {
     pub fn declare(t: &mut Table) -> Self {
-        let coef = t.parameter("area_coef").unit("m2").about("missing effective area").nominal(1e-4).real(0.0);
+        let coef =
+            t.parameter("area_coef").unit("m2").about("missing effective area").nominal(1e-4).real(0.0);
         Self { coef }
     }
 

@@ -15,7 +15,12 @@ impl Cogging {
     pub fn declare(t: &mut Table) -> Self {
         Self {
             amp: t.parameter("cogging_amp").unit("N").about("amplitude of the cogging").real(0.0),
-            period: t.parameter("cogging_period").unit("m").about("period of the cogging").min(1e-6).real(0.03),
+            period: t
+                .parameter("cogging_period")
+                .unit("m")
+                .about("period of the cogging")
+                .min(1e-6)
+                .real(0.03),
             phase: t.parameter("cogging_phase").unit("rad").about("phase of the cogging at x = 0").real(0.0),
         }
     }

@@ -28,8 +28,7 @@ impl Coulomb {
     }
 
     pub fn force<S: Scalar>(&self, q: &Values<S>, motion: &Motion<S>) -> S {
-        let level =
-            q[self.force] + q[self.pressure] * motion.pressure_force.abs() + q[self.slope] * motion.x;
+        let level = q[self.force] + q[self.pressure] * motion.pressure_force.abs() + q[self.slope] * motion.x;
         level * motion.s
     }
 }

@@ -93,9 +93,19 @@ impl Model for ForceEffect {
             F_in: t.input("F_in").unit("N").about("driving force").nominal(10.0).real(0.0),
             x: t.input("x").unit("m").about("position of the sliding part").nominal(0.1).real(0.0),
             v: t.input("v").unit("m/s").about("velocity of the sliding part").nominal(0.1).real(0.0),
-            F_hat: t.input("F_hat").unit("N").about("force of the pressure difference").nominal(10.0).real(0.0),
+            F_hat: t
+                .input("F_hat")
+                .unit("N")
+                .about("force of the pressure difference")
+                .nominal(10.0)
+                .real(0.0),
             p: t.input("p").unit("Pa").about("pressure of a chamber").nominal(1e5).real(0.0),
-            F_out: t.output("F_out").unit("N").about("driving force less that of the effects").nominal(10.0).computed(),
+            F_out: t
+                .output("F_out")
+                .unit("N")
+                .about("driving force less that of the effects")
+                .nominal(10.0)
+                .computed(),
             f: t.output("f").unit("N").about("force of the effects").nominal(10.0).computed(),
             c: [
                 t.parameter("c1").unit("N").about("declared Coulomb friction, for presliding").real(0.0),

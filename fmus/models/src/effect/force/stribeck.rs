@@ -14,7 +14,12 @@ impl Stribeck {
     pub fn declare(t: &mut Table) -> Self {
         Self {
             force: t.parameter("stribeck_force").unit("N").about("height of the Stribeck peak").real(0.0),
-            vs: t.parameter("stribeck_vs").unit("m/s").about("width of the Stribeck peak").min(1e-6).real(0.05),
+            vs: t
+                .parameter("stribeck_vs")
+                .unit("m/s")
+                .about("width of the Stribeck peak")
+                .min(1e-6)
+                .real(0.05),
         }
     }
 

@@ -121,7 +121,10 @@ impl Model for SignalEffect {
             limit: parameter(t, "saturation_limit", "largest signal, unit of u, 0: none"),
             gain: t.parameter("gain").about("gain error").real(0.0),
             slope: t.parameter("posgain_slope").about("growth of the gain with x \\[1/m\\]").real(0.0),
-            droop_depth: t.parameter("droop_depth").about("share of the signal that is lost in the end").real(0.0),
+            droop_depth: t
+                .parameter("droop_depth")
+                .about("share of the signal that is lost in the end")
+                .real(0.0),
             droop_tau: t
                 .parameter("droop_tau")
                 .unit("s")

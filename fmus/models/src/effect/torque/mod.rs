@@ -44,9 +44,17 @@ impl Model for TorqueEffect {
             tau_in: t.input("tau_in").unit("N.m").about("driving torque").real(0.0),
             theta: t.input("theta").unit("rad").about("angle of the joint, 0 hanging").real(0.0),
             omega: t.input("omega").unit("rad/s").about("angular velocity of the joint").real(0.0),
-            tau_out: t.output("tau_out").unit("N.m").about("driving torque less that of the effects").computed(),
+            tau_out: t
+                .output("tau_out")
+                .unit("N.m")
+                .about("driving torque less that of the effects")
+                .computed(),
             tau: t.output("tau").unit("N.m").about("torque of the effects").computed(),
-            viscous: t.parameter("viscous_coef").unit("N.m.s/rad").about("viscous bearing friction").real(0.0),
+            viscous: t
+                .parameter("viscous_coef")
+                .unit("N.m.s/rad")
+                .about("viscous bearing friction")
+                .real(0.0),
             coulomb: t.parameter("coulomb_torque").unit("N.m").about("dry bearing friction").real(0.0),
             rate: t
                 .parameter("coulomb_rate")
