@@ -107,6 +107,26 @@ fn cone_margin(k: &Variables, q: &Values<f64>, tangential: f64, normal: f64) -> 
     q[k.friction] * normal.max(0.0) + q[k.slide_tolerance] - tangential.abs()
 }
 
+/// True where an event is due now without a change of sign: at the start, and where an input jumped at a communication
+/// point so that a foot would be pulled or would slide.
+pub fn pending(k: &Variables, q: &Values<f64>) -> bool {
+    if k.pinned(q).is_some() {
+        return false;
+    }
+    if q[k.memory.fresh.at(0)] > 0.0 {
+        return true;
+    }
+    let down = k.feet_down(q);
+    let motion = Mechanics::new(k.body(q), k.pose(q)).and_then(|m| m.motion(k.inputs.map(|h| q[h]), down));
+    motion.is_ok_and(|(_, forces)| {
+        down.iter().any(|i| {
+            let [tangential, normal] = forces[i];
+            let slides = cone_margin(k, q, tangential, normal) <= 0.0 && q[k.memory.slides.at(i)] == 0.0;
+            normal < PULL || slides
+        })
+    })
+}
+
 /// Brings the mode up to date with position, velocity and forces; does nothing where no condition holds.
 pub fn handle(k: &Variables, q: &mut Values<f64>) -> Event {
     if k.pinned(q).is_some() {

@@ -241,3 +241,15 @@ fn a_foot_without_normal_force_leaves_the_ground_also_with_a_tangential_one() {
     m.equations(&mut q).expect("regular");
     assert_eq!(q[m.k.mode], Feet::only(1).number() + 1);
 }
+
+#[test]
+fn an_input_that_jumps_at_a_communication_point_makes_an_event_due() {
+    let (m, mut q) = start(|_, _| ());
+    assert_eq!(m.next_event_time(&q), Some(0.0)); // the look at the start
+    m.event(&mut q);
+    assert_eq!(m.next_event_time(&q), None);
+    q[m.k.inputs[1]] = -200.0;
+    assert_eq!(m.next_event_time(&q), Some(0.0));
+    m.event(&mut q);
+    assert_eq!(m.next_event_time(&q), None);
+}
