@@ -208,6 +208,17 @@ def test_lift_off_happens_when_the_force_is_gone(walker):
     assert w.get("foot1.y")[0] > 0 and w.get("foot1.vy")[0] > 0
 
 
+def test_a_foot_lifts_off_where_an_input_jumps(walker):
+    w = walker(raw.CO_SIMULATION)
+    w.start([0, 1.045, 0, 0, 1.045, 1.0] + [0] * 6)
+    w.instance.must("DoStep", 0.0, 1e-3, 0)
+    w.set(F1=-100.0)
+    w.instance.must("DoStep", 1e-3, 1e-3, 0)
+    # From the first instant of the step: the toe of 0.8 kg under 100 N and its weight.
+    assert w.get("mode")[0] == 1
+    assert w.get("foot1.vy")[0] == pytest.approx((100 / 0.8 - 9.81) * 1e-3, rel=1e-3)
+
+
 def test_a_foot_that_would_slide_ends_the_simulation_or_is_marked(walker):
     # The toe pushes along the leg, whose slope tan(0.7) = 0.84 is outside the cone of 0.6.
     lean = [math.sin(0.7), math.cos(0.7), -0.7, 0.0, 1.0, 0.6] + [0] * 6

@@ -258,7 +258,7 @@ impl Workshop<'_> {
         kind: usize,
     ) -> Result<Motion, Error> {
         let source = &self.prepared.statement.source;
-        let mut graph = self.open(&plant.system, InterfaceKind::CoSimulation)?;
+        let mut graph = self.open(&plant.system, InterfaceKind::ModelExchange)?;
         for (name, value) in &plant.parameters {
             graph.set_start(&name.text, value, &format!("line {}", name.place.line))?;
         }
@@ -294,7 +294,8 @@ impl Workshop<'_> {
             start_time: longer[0],
             stop_time: end,
             step_size: times[1.min(last)] - times[0],
-            algorithm: Algorithm::GaussSeidel,
+            // Only this one lets inputs follow lines within a step.
+            algorithm: Algorithm::Monolithic,
             tolerance: Some(TOLERANCE),
             ..Settings::default()
         };

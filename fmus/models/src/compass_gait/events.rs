@@ -2,8 +2,9 @@
 //!
 //! A foot in the air comes down where its height falls through 0. A foot that has just left the ground has height 0
 //! and is not told apart from one that lands by its height: until it has risen by [`RISE`], it comes back where its
-//! vertical velocity turns, without an impact worth the name. A foot on the ground leaves it where its normal force
-//! falls below [`PULL`].
+//! vertical velocity turns, without an impact worth the name, and at the latest where it has sunk by [`SINK`]. A foot on
+//! the ground leaves it where its normal force falls below [`PULL`], also with a tangential force left that lets it sink
+//! at first: sliding is not modelled.
 
 use super::contact::{Mechanics, OnFeet};
 use super::feet::Feet;
@@ -15,6 +16,8 @@ const PULL: f64 = -1e-7;
 const PULL_IMPULSE: f64 = -1e-9;
 /// Height \[m\] above which a foot that left the ground counts as in the air.
 const RISE: f64 = 1e-9;
+/// Depth \[m\] at which a foot that has not risen is caught.
+const SINK: f64 = 1e-6;
 /// How near to the ground \[m\] and to rest \[m/s\] a foot stands at the start.
 const NEAR: f64 = 1e-6;
 /// Three per foot, and the fall.
@@ -91,7 +94,7 @@ pub fn indicators(k: &Variables, q: &Values<f64>, z: &mut [f64]) {
             z[0] = height;
         } else {
             z[0] = q[foot.velocity[1]];
-            z[1] = RISE - height;
+            z[1] = (RISE - height) * (height + SINK);
         }
     }
     if q[k.memory.fallen.at(0)] == 0.0 {
@@ -102,6 +105,26 @@ pub fn indicators(k: &Variables, q: &Values<f64>, z: &mut [f64]) {
 /// How far a force is inside the friction cone \[N\], with the tolerance.
 fn cone_margin(k: &Variables, q: &Values<f64>, tangential: f64, normal: f64) -> f64 {
     q[k.friction] * normal.max(0.0) + q[k.slide_tolerance] - tangential.abs()
+}
+
+/// True where an event is due now without a change of sign: at the start, and where an input jumped at a communication
+/// point so that a foot would be pulled or would slide.
+pub fn pending(k: &Variables, q: &Values<f64>) -> bool {
+    if k.pinned(q).is_some() {
+        return false;
+    }
+    if q[k.memory.fresh.at(0)] > 0.0 {
+        return true;
+    }
+    let down = k.feet_down(q);
+    let motion = Mechanics::new(k.body(q), k.pose(q)).and_then(|m| m.motion(k.inputs.map(|h| q[h]), down));
+    motion.is_ok_and(|(_, forces)| {
+        down.iter().any(|i| {
+            let [tangential, normal] = forces[i];
+            let slides = cone_margin(k, q, tangential, normal) <= 0.0 && q[k.memory.slides.at(i)] == 0.0;
+            normal < PULL || slides
+        })
+    })
 }
 
 /// Brings the mode up to date with position, velocity and forces; does nothing where no condition holds.
@@ -130,10 +153,9 @@ fn land(k: &Variables, q: &mut Values<f64>, codes: &mut i32) -> bool {
     let mut landing = Feet::NONE;
     for i in (0..2).filter(|i| !down.contains(*i)) {
         let (height, falling) = (pose.foot(i)[1], pose.foot_rate(i, &pose.v)[1] < 0.0);
-        if q[k.memory.risen.at(i)] > 0.0 {
-            if height <= 0.0 && falling {
-                landing = landing.with(Feet::only(i));
-            }
+        let ground = if q[k.memory.risen.at(i)] > 0.0 { 0.0 } else { -SINK };
+        if height <= ground && falling {
+            landing = landing.with(Feet::only(i));
         } else if height > RISE {
             q[k.memory.risen.at(i)] = 1.0;
         }
@@ -193,7 +215,8 @@ fn impact(mechanics: &Mechanics<f64>, down: Feet, landing: Feet) -> Option<([f64
 /// Lets feet go that would pull, takes feet back that have not risen and would sink, and looks at the friction cones.
 fn settle(k: &Variables, q: &mut Values<f64>, codes: &mut i32) {
     let inputs = k.inputs.map(|h| q[h]);
-    // Each round changes one foot; more rounds than that have no answer that holds.
+    let mut lifted = Feet::NONE;
+    // Each round changes one foot; a foot that was let go is not taken back in the same event.
     for _ in 0..4 {
         let (pose, down) = (k.pose(q), k.feet_down(q));
         let motion = Mechanics::new(k.body(q), pose).and_then(|m| m.motion(inputs, down));
@@ -206,12 +229,16 @@ fn settle(k: &Variables, q: &mut Values<f64>, codes: &mut i32) {
             q[k.memory.feet.at(0)] = f64::from(down.without(Feet::only(i)).number());
             q[k.memory.risen.at(i)] = 0.0;
             *codes |= LIFTED << i;
+            lifted = lifted.with(Feet::only(i));
             continue;
         }
         let sinks = |i: &usize| {
             let acceleration = pose.foot_rate(*i, &accelerations)[1] + pose.foot_drift(*i)[1];
             let falling = pose.foot_rate(*i, &pose.v)[1] <= 0.0;
-            !down.contains(*i) && q[k.memory.risen.at(*i)] == 0.0 && falling && acceleration < 0.0
+            !down.with(lifted).contains(*i)
+                && q[k.memory.risen.at(*i)] == 0.0
+                && falling
+                && acceleration < 0.0
         };
         if let Some(i) = (0..2).find(sinks) {
             q[k.memory.feet.at(0)] = f64::from(down.with(Feet::only(i)).number());

@@ -93,9 +93,9 @@ impl Model for CompassGait {
         events::explain(&self.k, q)
     }
 
-    /// The first event looks at the start: a foot may come down at once, or be pulled up.
+    /// The first event looks at the start: a foot may come down at once, or be pulled up. So does one where an input jumped.
     fn next_event_time(&self, q: &Values<f64>) -> Option<f64> {
-        (self.k.pinned(q).is_none() && q[self.k.memory.fresh.at(0)] > 0.0).then_some(q.time)
+        events::pending(&self.k, q).then_some(q.time)
     }
 
     /// Draws in all modes, one of them with events and foot 1 at rest on the ground.

@@ -225,3 +225,31 @@ fn old_stance_foot_is_let_go_where_the_impact_would_pull_at_it() {
     }
     assert_eq!(kept, [true; 2], "both answers are met");
 }
+
+#[test]
+fn a_foot_without_normal_force_leaves_the_ground_also_with_a_tangential_one() {
+    // Both feet down, the hip torque pushes them apart, the toe of leg 1 pulls so that its normal force is negative.
+    let (q0, _) = before_impact();
+    let (m, mut q) = start(|k, q| {
+        (0..6).for_each(|i| q[k.q[i]] = q0[i]);
+        (q[k.inputs[0]], q[k.inputs[1]], q[k.inputs[2]]) = (-10.0, -20.0, 150.0);
+        q[k.on_slide] = 2;
+    });
+    assert_eq!(q[m.k.mode], Feet::BOTH.number() + 1);
+    assert!(q[m.k.feet[0].force[1]] < 0.0 && q[m.k.feet[0].force[0]].abs() > 0.1);
+    m.event(&mut q);
+    m.equations(&mut q).expect("regular");
+    assert_eq!(q[m.k.mode], Feet::only(1).number() + 1);
+}
+
+#[test]
+fn an_input_that_jumps_at_a_communication_point_makes_an_event_due() {
+    let (m, mut q) = start(|_, _| ());
+    assert_eq!(m.next_event_time(&q), Some(0.0)); // the look at the start
+    m.event(&mut q);
+    assert_eq!(m.next_event_time(&q), None);
+    q[m.k.inputs[1]] = -200.0;
+    assert_eq!(m.next_event_time(&q), Some(0.0));
+    m.event(&mut q);
+    assert_eq!(m.next_event_time(&q), None);
+}
