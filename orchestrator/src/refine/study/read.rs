@@ -110,7 +110,12 @@ fn grid(series: TimeSeries, step: Option<f64>) -> Result<Grid, String> {
 }
 
 /// Values of a column as they stand in a series, in the unit `wanted`.
-fn in_unit(source: &TimeSeries, name: &str, signal: &Signal, wanted: Option<&str>) -> Result<Vec<f64>, String> {
+fn in_unit(
+    source: &TimeSeries,
+    name: &str,
+    signal: &Signal,
+    wanted: Option<&str>,
+) -> Result<Vec<f64>, String> {
     let channel = source.channel(name).ok_or_else(|| {
         let known: Vec<&str> = source.channels().iter().map(|c| c.name.as_str()).collect();
         format!("there is no column `{name}`; the file has: {}", known.join(", "))
@@ -233,7 +238,8 @@ pub fn records(file: &File, layout: &Layout, notes: &mut Vec<String>) -> Result<
             let column = signal.column.as_deref().unwrap_or_default();
             in_unit(&grid.raw, column, signal, unit.as_deref()).map(|values| signal::scatter(&values))
         };
-        let scatter: Result<Vec<f64>, String> = layout.outputs.iter().zip(&layout.units[2]).map(noisy).collect();
+        let scatter: Result<Vec<f64>, String> =
+            layout.outputs.iter().zip(&layout.units[2]).map(noisy).collect();
         found.push(Record {
             scatter: scatter.map_err(&refuse)?,
             name: format!("{} {}-{} s", segment.file, round(time[first]), round(time[last - 1])),
