@@ -113,9 +113,7 @@ impl Model for TvlqrController {
     fn declare(t: &mut Table) -> Self {
         use std::array::from_fn;
         let number = |name: &str, i: usize| format!("{name}[{}]", i + 1);
-        let y = from_fn(|i| {
-            t.input(number("y", i)).about(format!("measured signal {}", i + 1)).real(0.0)
-        });
+        let y = from_fn(|i| t.input(number("y", i)).about(format!("measured signal {}", i + 1)).real(0.0));
         let noise = from_fn(|i| {
             let about = format!("added to y[{}]: sensor noise for trials", i + 1);
             t.input(number("noise", i)).about(about).real(0.0)

@@ -169,7 +169,7 @@ fn starts(law: Law, ranges: &[(f64, f64); 5]) -> Result<Vec<Vec<f64>>, &'static 
             // Neighbours differ by a third of a turn over the travel.
             let mut grid = Vec::new();
             let mut period = x;
-            while period > x / 40.0 {
+            while period > x / 25.0 {
                 grid.push(vec![0.0, 0.0, period]);
                 period = 1.0 / (1.0 / period + 0.35 / x);
             }

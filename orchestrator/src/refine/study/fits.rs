@@ -204,11 +204,12 @@ impl<'a> Fits<'a> {
         {
             return Some((base.fit.parameters.clone(), base.fit.locals.clone()));
         }
-        let before = self.view(&base.added, &self.pieces);
-        let records: Vec<usize> = (0..self.pieces.len()).collect();
-        let locals: Vec<&[f64]> = base.fit.locals.iter().map(Vec::as_slice).collect();
+        let (pieces, own_locals) = self.screened(&base.fit, own.starts.len());
+        let before = self.view(&base.added, &pieces);
+        let records: Vec<usize> = (0..pieces.len()).collect();
+        let locals: Vec<&[f64]> = own_locals.iter().map(Vec::as_slice).collect();
         let shared = columns(&before, &records, &base.fit.parameters, &base.fit.free, &locals, true, None);
-        let view = self.view(&added, &self.pieces);
+        let view = self.view(&added, &pieces);
         let promises: Vec<Option<(f64, Vec<f64>)>> = parallel::map(own.starts.len(), |s| {
             let mut p = base.fit.parameters.clone();
             let start = &own.starts[s];
@@ -222,12 +223,39 @@ impl<'a> Fits<'a> {
                 .collect();
             // Presliding changes what a change of the Coulomb level does.
             let changed = matches!(own.action, Action::Block { law: Law::Presliding, .. });
+<<<<<<< HEAD
             let fresh: Option<Vec<Columns>> =
                 changed.then(|| columns(&view, &records, &p, &base.fit.free, &locals, true, None));
             linear_step(&view, fresh.as_ref().unwrap_or(&shared), &base.fit, &open, p)
+=======
+            let fresh: Vec<Columns> = if changed {
+                columns(&view, &records, &p, &base.fit.free, &locals, true, None)
+            } else {
+                Vec::new()
+            };
+            linear_step(&view, if changed { &fresh } else { &shared }, (&base.fit, &own_locals), &open, p)
+>>>>>>> part/study
         });
         let best = promises.into_iter().flatten().min_by(|a, b| a.0.total_cmp(&b.0))?;
         Some((best.1, base.fit.locals.clone()))
+    }
+
+    /// What starts are compared on: all estimation records, or every fourth window where there are many starts.
+    fn screened(&self, fit: &Fit, starts: usize) -> (Vec<Piece>, Vec<Vec<f64>>) {
+        let Some(window) = self.study.windows.filter(|_| starts > 8) else {
+            return (self.pieces.clone(), fit.locals.clone());
+        };
+        let mut found = Vec::new();
+        for piece in &self.pieces {
+            let length = ((window / self.study.records[piece.record].step).round() as usize).max(2);
+            let begins = piece.range.clone().step_by(4 * length);
+            found.extend(begins.map(|begin| Piece {
+                record: piece.record,
+                range: begin..(begin + length).min(piece.range.end),
+            }));
+        }
+        let none = vec![Vec::new(); found.len()];
+        (found, none)
     }
 
     /// Error on what is kept back: everything fitted without it, then only its initial states on it.
@@ -286,22 +314,22 @@ impl<'a> Fits<'a> {
 fn linear_step(
     view: &View,
     shared: &[Columns],
-    fit: &Fit,
+    (fit, locals): (&Fit, &[Vec<f64>]),
     open: &[Free],
     mut p: Vec<f64>,
 ) -> Option<(f64, Vec<f64>)> {
     let (m, known) = (open.len(), fit.free.len());
-    let size = m + known + fit.locals.iter().map(Vec::len).sum::<usize>();
+    let size = m + known + locals.iter().map(Vec::len).sum::<usize>();
     let (mut matrix, mut right, mut chi2) = (DMatrix::zeros(size, size), DVector::zeros(size), 0.0);
     let mut offset = m + known;
     for (r, base) in shared.iter().enumerate() {
-        let residuals = view.residuals(r, &p, &fit.locals[r]);
+        let residuals = view.residuals(r, &p, &locals[r]);
         let mut q = p.clone();
         let own: Vec<Vec<f64>> = open
             .iter()
             .map(|f| {
                 q[f.index] = p[f.index] + f.step;
-                let moved = view.residuals(r, &q, &fit.locals[r]);
+                let moved = view.residuals(r, &q, &locals[r]);
                 q[f.index] = p[f.index];
                 moved.iter().zip(&residuals).map(|(a, b)| (a - b) / f.step).collect()
             })
