@@ -223,18 +223,9 @@ impl<'a> Fits<'a> {
                 .collect();
             // Presliding changes what a change of the Coulomb level does.
             let changed = matches!(own.action, Action::Block { law: Law::Presliding, .. });
-<<<<<<< HEAD
             let fresh: Option<Vec<Columns>> =
                 changed.then(|| columns(&view, &records, &p, &base.fit.free, &locals, true, None));
-            linear_step(&view, fresh.as_ref().unwrap_or(&shared), &base.fit, &open, p)
-=======
-            let fresh: Vec<Columns> = if changed {
-                columns(&view, &records, &p, &base.fit.free, &locals, true, None)
-            } else {
-                Vec::new()
-            };
-            linear_step(&view, if changed { &fresh } else { &shared }, (&base.fit, &own_locals), &open, p)
->>>>>>> part/study
+            linear_step(&view, fresh.as_ref().unwrap_or(&shared), (&base.fit, &own_locals), &open, p)
         });
         let best = promises.into_iter().flatten().min_by(|a, b| a.0.total_cmp(&b.0))?;
         Some((best.1, base.fit.locals.clone()))
