@@ -40,6 +40,8 @@ pub struct Fit {
 
 /// Mean square of the residuals above which a fit that moves too slowly is given up.
 const HOPELESS: f64 = 30.0;
+/// Share of the sum of squares that a step must gain to count as no slow one.
+const PACE: f64 = 0.03;
 /// Slow steps in a row after which it is.
 const SLOW: usize = 2;
 /// Steps that one set of derivatives serves at most.
@@ -127,7 +129,8 @@ pub fn fit<S: System + ?Sized>(
             // Far from noise, and at this pace still far from it after the rounds that are left: this model will not
             // explain the records. One slow step alone may be the damping.
             let pace = (new / chi2).powi((iterations - round) as i32);
-            slow = if new * pace > HOPELESS * samples { slow + 1 } else { 0 };
+            let short = gained < PACE * chi2 && new * pace > HOPELESS * samples;
+            slow = if short { slow + 1 } else { 0 };
             let hopeless = slow >= SLOW;
             settled = gained < 2e-3 + 1e-8 * chi2;
             served += 1;

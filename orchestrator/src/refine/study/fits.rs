@@ -6,7 +6,8 @@ use super::declaration::{Initial, InitialWord, Role};
 use super::model::Study;
 use super::simulate::{Piece, View};
 use crate::refine::engine::System;
-use crate::refine::engine::fit::{Columns, Fit, Free, columns, fit};
+use crate::refine::engine::fit::{Fit, Free, fit};
+use crate::refine::engine::normal::{Columns, columns};
 use crate::refine::engine::parallel;
 
 /// Records from which on whole records are kept back; with fewer, spans of every record are, so that what is kept back
@@ -177,9 +178,10 @@ impl<'a> Fits<'a> {
             return Some((base.fit.parameters.clone(), base.fit.locals.clone()));
         }
         let before = self.view(&base.added, &self.pieces);
-        let shared: Vec<Columns> = parallel::map(self.pieces.len(), |r| {
-            columns(&before, r, &base.fit.parameters, &base.fit.free, &base.fit.locals[r])
-        });
+        let records: Vec<usize> = (0..self.pieces.len()).collect();
+        let locals: Vec<&[f64]> = base.fit.locals.iter().map(Vec::as_slice).collect();
+        let shared: Vec<Columns> =
+            columns(&before, &records, &base.fit.parameters, &base.fit.free, &locals, true, None);
         let view = self.view(&added, &self.pieces);
         let promises: Vec<Option<(f64, Vec<f64>)>> = parallel::map(own.starts.len(), |s| {
             let mut p = base.fit.parameters.clone();
