@@ -191,6 +191,9 @@ fn as_declared(model: &Model, declared: &Model) -> (Model, bool) {
             some = true;
         }
     }
+    // Held there while candidates are screened: free, it would do as well as any of them.
+    let kept = |f: &Free| f.prior.is_none() || start.fit.parameters[f.index] == model.fit.parameters[f.index];
+    start.fit.free.retain(kept);
     (start, some)
 }
 
