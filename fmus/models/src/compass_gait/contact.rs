@@ -95,9 +95,9 @@ impl<S: Scalar> Mechanics<S> {
         constraint.factors.solve(&mut needed);
         for (k, i) in constraint.feet.iter().enumerate() {
             on_feet[i] = [needed[2 * k], needed[2 * k + 1]];
-            for row in 0..2 {
+            for (row, force) in on_feet[i].into_iter().enumerate() {
                 for (w, response) in w.iter_mut().zip(&constraint.responses[2 * k + row]) {
-                    *w += *response * on_feet[i][row];
+                    *w += *response * force;
                 }
             }
         }

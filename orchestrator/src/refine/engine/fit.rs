@@ -38,10 +38,8 @@ pub struct Fit {
     pub at_bound: Vec<bool>,
 }
 
-/// Mean square of the residuals above which a fit that moves too slowly is given up.
+/// Mean square of the residuals above which a fit that hardly moves is given up.
 const HOPELESS: f64 = 30.0;
-/// Slow steps in a row after which it is.
-const SLOW: usize = 2;
 /// Steps that one set of derivatives serves at most.
 const SERVED: usize = 4;
 /// Share of what a step promised that it must gain for the derivatives to serve the next.
@@ -87,7 +85,7 @@ pub fn fit<S: System + ?Sized>(
     let count = |&record: &usize| system.signals(record).last().map_or(0, |span| span.range.end);
     let samples = records.iter().map(count).sum::<usize>() as f64;
     let mut normal = Normal::new(system, records, &p, free, &locals);
-    let (mut round, mut refused, mut served, mut slow, mut settled) = (0, 0, 0, 0, false);
+    let (mut round, mut refused, mut served, mut settled) = (0, 0, 0, false);
     while round < iterations && refused < 6 {
         let (matrix, right, chi2) = (&normal.matrix, &normal.right, normal.chi2);
         let held: Vec<bool> = free
@@ -122,13 +120,11 @@ pub fn fit<S: System + ?Sized>(
         if new.is_finite() && new < chi2 {
             (p, locals, refused) = (q, moved, 0);
             damping = (damping * 0.1).max(1e-9);
-            round += 1;
             let gained = chi2 - new;
-            // Far from noise, and at this pace still far from it after the rounds that are left: this model will not
-            // explain the records. One slow step alone may be the damping.
-            let pace = (new / chi2).powi((iterations - round) as i32);
-            slow = if new * pace > HOPELESS * samples { slow + 1 } else { 0 };
-            let hopeless = slow >= SLOW;
+            // Far from noise and hardly moving: this model will not explain the records. With parameters that are
+            // known beforehand the way is long and narrow, and slow steps say nothing.
+            let narrow = free.iter().any(|f| f.prior.is_some());
+            let hopeless = !narrow && new > HOPELESS * samples && gained < 3e-3 * chi2;
             settled = gained < 2e-3 + 1e-8 * chi2;
             served += 1;
             if !settled && !hopeless && served < SERVED && gained > TRUSTED * hoped {
@@ -137,6 +133,7 @@ pub fn fit<S: System + ?Sized>(
                 // New ones at the end, too: for the covariance.
                 normal = Normal::new(system, records, &p, free, &locals);
                 served = 0;
+                round += 1;
             }
             if hopeless {
                 break;

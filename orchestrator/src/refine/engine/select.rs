@@ -135,7 +135,7 @@ pub fn select<S: System + ?Sized>(
         return end(Stage::Effects, passing, tried);
     }
     search.system.stage("declared parameters");
-    let rivals = with_corrections(search, &declared, corrections, limit, &mut tried);
+    let rivals = with_corrections(search, &declared, corrections, (effort.max_effects, limit), &mut tried);
     let least = rivals.iter().map(criterion).fold(f64::INFINITY, f64::min);
     match best {
         // An effect can imitate parameters that are slightly off, but not well.
@@ -145,50 +145,61 @@ pub fn select<S: System + ?Sized>(
     }
 }
 
-/// The declared model with its parameters corrected, alone or with a candidate: what leaves only noise.
+/// The declared model with its parameters corrected, alone or with candidates: what leaves only noise.
 fn with_corrections<S: System + ?Sized>(
     search: &Search<S>,
     declared: &Model,
     corrections: &[Free],
-    limit: f64,
+    (most, limit): (usize, f64),
     tried: &mut Vec<Model>,
 ) -> Vec<Model> {
     let penalty = search.penalty();
     let criterion = |model: &Model| model.fit.chi2 + penalty * model.size(search.candidates) as f64;
-    let corrected = search.fit(&[], corrections, &declared.fit.parameters, &declared.fit.locals, 12);
-    tried.push(corrected.clone());
-    let explained = corrected.worst() < limit;
-    // A parameter far outside of what is known of it is no small correction: an effect may say it better. It begins where
-    // the parameter is as declared, since the way along a pair that does the same is long.
-    let mut base = corrected.clone();
-    let mut far = false;
-    for f in &corrected.fit.free {
-        if f.prior.is_some_and(|prior| corrected.fit.parameters[f.index].abs() > FAR * prior) {
-            base.fit.parameters[f.index] = declared.fit.parameters[f.index];
-            far = true;
+    let mut base = search.fit(&[], corrections, &declared.fit.parameters, &declared.fit.locals, 12);
+    tried.push(base.clone());
+    let mut passing = Vec::new();
+    for added in 0..=most.min(2) {
+        let explained = base.worst() < limit;
+        let (start, far) = as_declared(&base, declared);
+        if explained && added == 0 {
+            passing.push(base.clone());
+        }
+        // The first signal of the chain, if neither candidates nor corrections bring it down, spoils all that follow.
+        let before = declared.left.first().map_or(0.0, |(_, z)| *z);
+        let lost =
+            |model: &Model| before > SERIOUS && model.left.first().is_some_and(|(_, z)| *z > 0.3 * before);
+        if added == most.min(2) || explained && !far || tried.iter().all(lost) {
+            break;
+        }
+        let promises = search.screen(&start);
+        let mut found = attempt(search, &start, &promises, corrections, 4, limit);
+        tried.extend(found.iter().cloned());
+        let better = if explained { criterion(&base) - NOTICEABLE } else { f64::INFINITY };
+        found.retain(|model| model.worst() < limit && criterion(model) < better);
+        let Some(best) = found.iter().min_by(|a, b| criterion(a).total_cmp(&criterion(b))) else { break };
+        base = best.clone();
+        passing = found;
+    }
+    passing
+}
+
+/// A model whose parameters are as declared where they are far outside of what is known of them, and whether some are.
+///
+/// Such a parameter is no small correction: an effect may say it better. Its search begins where the parameter is as
+/// declared, since the way along a pair that does the same is long.
+fn as_declared(model: &Model, declared: &Model) -> (Model, bool) {
+    let mut start = model.clone();
+    let mut some = false;
+    for f in &model.fit.free {
+        if f.prior.is_some_and(|prior| model.fit.parameters[f.index].abs() > FAR * prior) {
+            start.fit.parameters[f.index] = declared.fit.parameters[f.index];
+            some = true;
         }
     }
-    if explained && !far {
-        return vec![corrected];
-    }
-    // The first signal of the chain, if neither candidates nor corrections bring it down, spoils all that follow.
-    let before = declared.left.first().map_or(0.0, |(_, z)| *z);
-    let lost = |model: &Model| before > SERIOUS && model.left.first().is_some_and(|(_, z)| *z > 0.3 * before);
-    if tried.iter().all(lost) {
-        return Vec::new();
-    }
-    let promises = search.screen(&base);
-    let mut found = attempt(search, &base, &promises, corrections, 4, limit);
-    tried.extend(found.iter().cloned());
-    found.retain(|model| model.worst() < limit);
-    if explained {
-        let better = criterion(&corrected) - NOTICEABLE;
-        found.retain(|model| criterion(model) < better);
-        if found.is_empty() {
-            found.push(corrected);
-        }
-    }
-    found
+    // Held there while candidates are screened: free, it would do as well as any of them.
+    let kept = |f: &Free| f.prior.is_none() || start.fit.parameters[f.index] == model.fit.parameters[f.index];
+    start.fit.free.retain(kept);
+    (start, some)
 }
 
 /// Whether `other` only adds freedom to `best`: one of its candidates contains the one of the best.
