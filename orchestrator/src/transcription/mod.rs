@@ -12,7 +12,6 @@ pub mod dynamics;
 pub mod error;
 mod evaluate;
 mod functions;
-pub mod integrated;
 mod joint;
 mod layout;
 mod linear;
@@ -31,7 +30,6 @@ mod vector;
 
 pub use dynamics::{Dynamics, Entry, Point, Size, Structure};
 pub use error::Error;
-pub use integrated::Integrated;
 pub use link::{Link, Reset, ResetSize, StateLink};
 pub use mesh::Mesh;
 pub use names::Complaint;

@@ -202,7 +202,8 @@ mod tests {
     fn states_are_kept_exchanged_or_read_from_outputs() {
         // After: (y, g1); shown: g2; at x = 2, y = 3 with u held at 5.
         let dynamics = Box::new(Products(Structure::dense(SIZE)));
-        let mut reset = OutputReset::new(dynamics, vec![After::State(1), After::Output(0)], vec![1], vec![5.0]);
+        let mut reset =
+            OutputReset::new(dynamics, vec![After::State(1), After::Output(0)], vec![1], vec![5.0]);
         assert_eq!(reset.size(), ResetSize { before: 2, after: 2, outputs: 1 });
         assert_eq!(reset.output_names(), ["g2"]);
         let (mut values, mut jacobian, mut hessian) = ([0.0; 3], [0.0; 6], [0.0; 4]);

@@ -163,7 +163,8 @@ fn a_phase_may_begin_with_a_reset() {
     let reset = found.phases[1].reset.as_ref().unwrap();
     assert_eq!((reset.states[0].0.text.as_str(), reset.states[0].1.text.as_str()), ("v", "after.v"));
     assert_eq!((reset.parameters[0].1.as_str(), reset.bounds.len()), ("4", 1));
-    let message = wrong("system = \"s.ssd\"\n[[phase]]\nduration = 1\n[phase.reset]\nparameters = { map = 4 }\n");
+    let message =
+        wrong("system = \"s.ssd\"\n[[phase]]\nduration = 1\n[phase.reset]\nparameters = { map = 4 }\n");
     assert!(message.contains("states"), "{message}");
 }
 
@@ -181,7 +182,9 @@ fn forces_of_actuators_and_the_plant_behind_them_are_named() {
     let section = found.feed_forward.as_ref().unwrap();
     assert_eq!((section.smoothness, section.forces[0].1.factor), (1e-2, 0.5));
     let inputs = &section.plant.as_ref().unwrap().inputs;
-    assert!(matches!(&inputs[0].1, super::feed_forward::Drive::Force(name, factor) if name.text == "toe" && *factor == 2.0));
+    assert!(
+        matches!(&inputs[0].1, super::feed_forward::Drive::Force(name, factor) if name.text == "toe" && *factor == 2.0)
+    );
     assert!(matches!(&inputs[1].1, super::feed_forward::Drive::Planned(planned) if planned.factor == 1.0));
     let message = wrong(&text.replace("smoothness = 1", "").replace("largest", "largets"));
     assert!(message.contains("largest"), "{message}");
