@@ -1,10 +1,13 @@
 //! Time and iterations of the optimiser on the swing-up, single thread: `cargo bench --bench nlp [-- hs|trap|ms|sc|sc+ms... INTERVALS...]`.
 //!
-//! One row per transcription and number of intervals, from the pump guess: the shortest of several runs, building the
+//! Two rows per transcription and number of intervals, from the pump guess, equations typed by hand and through the
+//! trait `Dynamics`: the shortest of several runs, building the
 //! problem included. `tests/reference/swing_up_ipopt.py` gives the same rows for CasADi with IPOPT.
 
 #![allow(missing_docs, reason = "a bench has no public items")]
 
+#[path = "../tests/transcription/cart_pole.rs"]
+mod cart_pole;
 #[path = "../tests/swing_up/interval.rs"]
 mod interval;
 #[path = "../tests/swing_up/mechanics.rs"]
@@ -15,6 +18,7 @@ mod problem;
 use std::time::{Duration, Instant};
 
 use airloop::optim::{Method, Settings, Solution, Start, solve};
+use airloop::transcription;
 use problem::{SwingUp, Transcription};
 
 const REPETITIONS: usize = 5;
@@ -31,6 +35,8 @@ fn main() {
     for transcription in Transcription::ALL.into_iter().filter(|t| all || named(t.name())) {
         for &intervals in &meshes {
             fastest(transcription.name(), intervals, || pump(transcription, intervals));
+            let name = format!("{} (trait)", transcription.name());
+            fastest(&name, intervals, || over_dynamics(transcription, intervals));
         }
     }
     if all || named("sc+ms") {
@@ -48,6 +54,23 @@ fn pump(transcription: Transcription, intervals: usize) -> Run {
     let start = Start::cold(problem.pump());
     let solution = solve(&mut problem, &start, &Settings::default()).expect("the problem is well posed");
     (solution, problem.elapsed)
+}
+
+/// The same problem through the trait `Dynamics`; the time in the functions is not told apart.
+fn over_dynamics(transcription: Transcription, intervals: usize) -> Run {
+    let guess = SwingUp::new(transcription, intervals).pump();
+    let transcription = match transcription {
+        Transcription::HermiteSimpson => transcription::Transcription::HermiteSimpson,
+        Transcription::Trapezoidal => transcription::Transcription::Trapezoidal,
+        Transcription::MultipleShooting => transcription::Transcription::MultipleShooting,
+        Transcription::ShootingCollocation => transcription::Transcription::ShootingCollocation,
+    };
+    let mut problem = cart_pole::swing_up(1);
+    let discretisation = transcription::Discretisation::uniform(transcription, &[intervals]);
+    let mut program = transcription::Program::new(&mut problem, &discretisation).expect("it fits");
+    let start = Start::cold(guess);
+    let solution = solve(&mut program, &start, &Settings::default()).expect("the problem is well posed");
+    (solution, Duration::ZERO)
 }
 
 /// Shooting plus collocation from the pump guess, then multiple shooting from its solution by SQP.

@@ -7,9 +7,7 @@
 //!  6  error
 //!  5  plot        report
 //!  4  discrepancy refine      rig         plan
-//!  3  master
-//!  4  discrepancy refine      rig
-//!  3  master      coupled
+//!  3  master      coupled     control
 //!  2  system      ident       transcription
 //!  1  fmu         results     optim       excite
 //!  0  series      linalg      units       xml
@@ -18,6 +16,7 @@
 //! Start with [`system::SystemGraph::open`], [`master::simulate::run`] and [`series::csv::write`].
 
 pub mod cli;
+pub mod control;
 pub mod coupled;
 pub mod discrepancy;
 pub mod error;

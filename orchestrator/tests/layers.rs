@@ -123,7 +123,7 @@ fn an_upward_use_is_found() {
     assert_eq!(violations("fmu", "use crate::{units, system::graph};\n"), [upward]);
     assert_eq!(violations("fmu", "use crate::{series::{csv, Error}, system};\n"), [upward]);
     assert_eq!(violations("results", "use crate::fmu::Fmu;\n"), ["`results` (layer 1) uses `fmu` (layer 1)"]);
-    assert_eq!(violations("plot", "use crate::Error;\n"), ["`plot` (layer 5) uses `error` (layer 6)"]);
+    assert_eq!(violations("plot", "use crate::Error;\n"), ["`plot` (layer 5) uses `error` (layer 7)"]);
     assert!(violations("fmu", "use crate::units::Unit;\n// crate::system is above\n").is_empty());
     assert!(violations("fmu", "use super::archive;\nuse crate::fmu::Fmu;\n").is_empty());
     assert_eq!(violations("helpers", ""), ["`helpers` has no place in the layers"]);

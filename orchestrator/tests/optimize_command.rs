@@ -162,24 +162,40 @@ fn the_written_command_can_be_played_as_it_stands() {
 #[test]
 fn the_frictionless_cart_pole_is_one_fmu() {
     let Some(example) = example() else { return };
-    for (file, bound) in [("problem.toml", 20.0), ("demo.toml", 100.0)] {
-        let (folder, summary) = solved(&example.join("generic").join(file), &[]);
-        assert!(summary.max_defect <= 1e-8 && summary.objective.is_some_and(|objective| objective > 0.0));
+    // Objectives at 50 intervals by CasADi with IPOPT (tests/reference/kelly_cart_pole.py).
+    let cases = [
+        ("problem.toml", "hermite-simpson", 20.0, 58.807642165913),
+        ("problem.toml", "trapezoidal", 20.0, 59.147757323374),
+        ("demo.toml", "hermite-simpson", 100.0, 225.553915646653),
+        ("demo.toml", "trapezoidal", 100.0, 226.892001098172),
+    ];
+    for (file, transcription, bound, objective) in cases {
+        let words = ["--transcription", transcription, "--intervals", "50", "--no-verification"];
+        let (folder, summary) = solved(&example.join("generic").join(file), &words);
+        assert!(
+            summary.max_defect <= 1e-8 && close(summary.objective.unwrap(), objective, 1e-7),
+            "{summary:?}"
+        );
         let plan = series(&folder, "trajectory.csv");
         assert!(plan.channel("F").unwrap().values.iter().all(|force| force.abs() <= bound + 1e-8));
         assert_eq!(plan.channels().iter().filter(|channel| channel.name.starts_with("costate.")).count(), 4);
     }
 }
 
-#[test]
-fn an_fmu_of_another_tool_without_derivatives_is_optimised() {
-    let folder = TempDir::new().unwrap();
+/// The foreign FMU of the example with lines of its source changed, and the problem beside it.
+fn foreign(folder: &TempDir, changes: &[(&str, &str)]) {
     let source = project().join("examples/03_swing_up/foreign");
-    let library = folder.path().join("van_der_pol.so");
+    let mut code = std::fs::read_to_string(source.join("van_der_pol.c")).unwrap();
+    for (from, to) in changes {
+        assert!(code.contains(from), "{from}");
+        code = code.replacen(from, to, 1);
+    }
+    let (changed, library) = (folder.path().join("van_der_pol.c"), folder.path().join("van_der_pol.so"));
+    std::fs::write(&changed, code).unwrap();
     let compiler = std::env::var("CC").unwrap_or_else(|_| "cc".to_owned());
     let built = Command::new(compiler)
         .args(["-shared", "-fPIC", "-O2", "-o"])
-        .args([&library, &source.join("van_der_pol.c")])
+        .args([&library, &changed])
         .status()
         .unwrap();
     assert!(built.success());
@@ -197,12 +213,45 @@ fn an_fmu_of_another_tool_without_derivatives_is_optimised() {
     let problem = std::fs::read_to_string(source.join("problem.toml")).unwrap();
     let problem = problem.replace("../../../out/foreign/", "");
     std::fs::write(folder.path().join("problem.toml"), problem).unwrap();
+}
+
+#[test]
+fn an_fmu_of_another_tool_without_derivatives_is_optimised() {
+    let folder = TempDir::new().unwrap();
+    foreign(&folder, &[]);
     let output = optimize(&folder, Path::new("problem.toml"), &["--intervals", "50"]);
     assert_eq!(output.status.code(), Some(0), "{}{}", text(&output.stdout), text(&output.stderr));
     let summary = summary(&folder);
     // tests/reference/van_der_pol_ipopt.py
     assert!(close(summary.objective.unwrap(), 3.614994456984, 1e-7), "{:?}", summary.objective);
     assert!(summary.notes.iter().any(|note| note.contains("difference")), "{:?}", summary.notes);
+}
+
+#[test]
+fn an_fmu_that_fails_beyond_a_point_is_stepped_back_from() {
+    // The oscillator swings through x2 = 1 in the plan; a failure beyond 1.2 only stands in the way of long steps.
+    let folder = TempDir::new().unwrap();
+    foreign(
+        &folder,
+        &[(
+            "    rates(model, dx);\n    return 0;",
+            "    rates(model, dx);\n    return model->x[1] > 1.2 ? 3 : 0;",
+        )],
+    );
+    let output = optimize(&folder, Path::new("problem.toml"), &["--no-verification"]);
+    assert_eq!(output.status.code(), Some(0), "{}{}", text(&output.stdout), text(&output.stderr));
+    assert!(close(summary(&folder).objective.unwrap(), 3.614994456984, 1e-7));
+}
+
+#[test]
+fn an_fmu_that_fails_where_the_search_begins_is_named() {
+    for failure in ["    rates(model, dx);\n    return 3;", "    dx[0] = dx[1] = 0.0 / 0.0;\n    return 0;"] {
+        let folder = TempDir::new().unwrap();
+        foreign(&folder, &[("    rates(model, dx);\n    return 0;", failure)]);
+        let output = optimize(&folder, Path::new("problem.toml"), &[]);
+        assert_eq!(output.status.code(), Some(22), "{}", text(&output.stderr));
+        assert!(text(&output.stderr).contains("van_der_pol"), "{}", text(&output.stderr));
+    }
 }
 
 #[test]
@@ -276,6 +325,76 @@ fn a_search_that_was_cut_short_goes_on_from_where_it_was() {
     let output = optimize(&folder, &problem, &["--resume", "out", "--no-verification"]);
     assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
     assert_eq!(summary(&folder).status, "solved");
+}
+
+#[test]
+fn an_interrupted_search_keeps_its_point_and_can_be_resumed() {
+    if example().is_none() {
+        return;
+    }
+    let folder = TempDir::new().unwrap();
+    let problem = changed(&folder, &[]);
+    // The command listens to signals before it reads its problem: from a pipe it reads when we say so.
+    let pipe = folder.path().join("pipe.toml");
+    assert!(Command::new("mkfifo").arg(&pipe).status().unwrap().success());
+    let child = Command::new(env!("CARGO_BIN_EXE_airloop"))
+        .arg("optimize")
+        .arg(&pipe)
+        .args(["-o", "out", "--no-plots"])
+        .current_dir(folder.path())
+        .stderr(std::process::Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut writer = std::fs::OpenOptions::new().write(true).open(&pipe).unwrap();
+    let signal = Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
+    assert!(signal.success());
+    std::io::Write::write_all(&mut writer, &std::fs::read(&problem).unwrap()).unwrap();
+    drop(writer);
+    let output = child.wait_with_output().unwrap();
+    assert_eq!(output.status.code(), Some(130), "{}", text(&output.stderr));
+    assert!(text(&output.stderr).contains("--resume out"), "{}", text(&output.stderr));
+    assert_eq!(summary(&folder).status, "interrupted");
+    let output = optimize(&folder, &problem, &["--resume", "out", "--no-verification"]);
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+}
+
+#[test]
+fn a_mesh_is_refined_until_the_errors_between_its_knots_are_small() {
+    if example().is_none() {
+        return;
+    }
+    let folder = TempDir::new().unwrap();
+    let mesh = "intervals = 40\nmesh = { tolerance = 1e-5 }";
+    let problem = changed(&folder, &[("intervals = 100", mesh)]);
+    let output = optimize(&folder, &problem, &[]);
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+    let summary = summary(&folder);
+    assert!(summary.max_interval_error.unwrap() <= 1e-5 && summary.passes.len() > 1, "{summary:?}");
+    // Fewer knots than the even mesh that follows the dynamics as well (about 400).
+    assert!(summary.intervals[0] < 350, "{:?}", summary.intervals);
+    let theta = summary.open_loop_final_state_error.unwrap().continuous.unwrap()["theta"];
+    assert!(theta.abs() < 1e-3, "{theta}");
+}
+
+#[test]
+fn a_coarse_solve_leads_to_a_fine_one() {
+    if example().is_none() {
+        return;
+    }
+    let folder = TempDir::new().unwrap();
+    let chain =
+        "intervals = 200\nstart_with = [{ transcription = \"shooting-collocation\", intervals = 100 }]";
+    let problem =
+        changed(&folder, &[("intervals = 100", chain), ("\"hermite-simpson\"", "\"multiple-shooting\"")]);
+    let output = optimize(&folder, &problem, &["--no-verification"]);
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+    let chained = summary(&folder);
+    let [first, second] = &chained.passes[..] else { panic!("{:?}", chained.passes) };
+    assert_eq!(
+        (first.transcription.as_str(), second.transcription.as_str()),
+        ("shooting-collocation", "multiple-shooting")
+    );
+    assert!(second.iterations < first.iterations, "{first:?} {second:?}");
 }
 
 #[test]

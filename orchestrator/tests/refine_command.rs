@@ -104,6 +104,102 @@ fn a_time_gap_is_named_with_file_and_line() {
     );
 }
 
+/// Uniform numbers in -1..1 from a linear congruential generator.
+struct Random(u64);
+
+impl Random {
+    fn next(&mut self) -> f64 {
+        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (self.0 >> 11) as f64 / (1u64 << 52) as f64 - 1.0
+    }
+
+    /// About normal, of unit variance: twelve uniform numbers.
+    fn normal(&mut self) -> f64 {
+        (0..12).map(|_| self.next()).sum::<f64>() / 2.0
+    }
+}
+
+/// Records of a rod-fixed actuator whose command path is `path(time, command)`; a first-order lag, typed here anew.
+fn bench(folder: &Path, path: impl Fn(f64, f64) -> f64) {
+    let mut random = Random(7);
+    let mut files = String::new();
+    for (index, role) in ["estimation", "estimation", "validation"].into_iter().enumerate() {
+        let mut lines = String::from("time,u,F_hat,F_p\n");
+        let [mut hat, mut act, mut level] = [0.0f64; 3];
+        for k in 0..2000 {
+            let t = f64::from(k) * 1e-3;
+            if k % 150 == 0 {
+                level = 25.0 * random.next();
+            }
+            let u = ((level + 10.0 * (9.0 * t * (1.0 + index as f64)).sin()) * 1e3).round() / 1e3;
+            let sent = path(t, u);
+            hat = 0.9 * hat + 0.1 * sent;
+            act = 0.95 * act + 0.05 * sent;
+            let [a, b] = [hat, act].map(|force| force + 0.3 * random.normal());
+            lines += &format!("{t:.3},{u:.3},{a:.2},{b:.2}\n");
+        }
+        let name = format!("record_{index}.csv");
+        fs::write(folder.join(&name), lines).unwrap();
+        files += &file(&name, role);
+    }
+    let declared = ACTUATOR
+        .replace("A1 = [[-0.9, 0.0], [0.0, -0.9]]", "A1 = [[-0.9, 0.0], [0.0, -0.95]]")
+        .replace("B0 = [0.1, 0.1]", "B0 = [0.1, 0.05]");
+    fs::write(folder.join("case.toml"), declared + &files).unwrap();
+}
+
+fn answer_of(path: impl Fn(f64, f64) -> f64) -> (Option<i32>, Value) {
+    let folder = tempfile::tempdir().unwrap();
+    bench(folder.path(), path);
+    let output = refine(folder.path(), &folder.path().join("out"));
+    (output.status.code(), report(&folder.path().join("out")))
+}
+
+fn selected(report: &Value) -> Vec<&Value> {
+    report["effects"].as_array().unwrap().iter().filter(|effect| effect["selected"] == true).collect()
+}
+
+#[test]
+fn nothing_is_missing_where_the_records_follow_the_declared_model() {
+    let (code, report) = answer_of(|_, u| u);
+    assert_eq!((code, &report["verdict"]), (Some(10), &"none".into()));
+    assert!(selected(&report).is_empty());
+}
+
+#[test]
+fn what_the_command_path_does_is_named_with_an_interval_that_holds_the_truth() {
+    let play = std::cell::Cell::new(0.0f64);
+    let with_play = |t: f64, u: f64| {
+        let before = if t == 0.0 { 0.0 } else { play.get() };
+        play.set(before.max(u - 0.9).min(u + 0.9));
+        play.get()
+    };
+    let saturated = |_: f64, u: f64| u.clamp(-18.0, 18.0);
+    let paths: [(&str, &str, f64, &dyn Fn(f64, f64) -> f64); 3] = [
+        ("act.gain", "gain", -0.04, &|_, u| 0.96 * u),
+        ("act.hysteresis", "width", 0.9, &with_play),
+        ("act.saturation", "limit", 18.0, &saturated),
+    ];
+    for (id, name, truth, path) in paths {
+        let (code, report) = answer_of(path);
+        let [effect] = selected(&report)[..] else { panic!("{id}: {report}") };
+        assert_eq!((code, &effect["id"]), (Some(0), &id.into()));
+        let parameter = &effect["params"][name];
+        let [low, high] = [0, 1].map(|i| parameter["ci95"][i].as_f64().unwrap());
+        // Twice the 95 % interval: some four standard deviations.
+        let (middle, half) = (0.5 * (low + high), 0.5 * (high - low));
+        assert!((middle - truth).abs() < 2.0 * half && half < 0.1 * truth.abs(), "{id}: {parameter}");
+    }
+}
+
+#[test]
+fn what_no_candidate_explains_is_told_with_its_channel() {
+    let (code, report) = answer_of(|t, u| u + 3.0 * (5.0 * t).sin());
+    assert_eq!((code, &report["verdict"]), (Some(11), &"unexplained".into()));
+    assert_eq!(report["unexplained"]["channel"], "actuator");
+    assert!(selected(&report).is_empty());
+}
+
 #[test]
 #[cfg(unix)]
 fn an_interrupted_search_leaves_nothing_behind_and_says_so() {

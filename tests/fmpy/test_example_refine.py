@@ -116,12 +116,15 @@ def test_the_amended_system_is_valid_ssp_and_fmpy_runs_it(example, tmp_path):
     assert np.isfinite(found["x"]).all() and np.ptp(found["x"]) > 0.01
 
 
-def without(case, folder, dropped):
-    """A copy of a case in which some sensors are missing."""
+def changed(case, folder, dropped, changes):
+    """A copy of a case in which some sensors are missing and the declared model says something else."""
     shutil.copytree(case, folder, ignore=shutil.ignore_patterns("truth.toml"))
     for path in folder.iterdir():
         path.chmod(0o644)
     text = (folder / "case.toml").read_text()
+    for old, new in changes.items():
+        assert old in text
+        text = text.replace(old, new)
     for name in dropped:
         text = re.sub(rf"\[sensors\.{name}\]\n(?:(?!\[).*\n)*", "", text)
     (folder / "case.toml").write_text(text)
@@ -133,21 +136,22 @@ def without(case, folder, dropped):
 
 
 @pytest.mark.parametrize(
-    "case, dropped, code, verdict",
+    "case, dropped, changes, code, verdict",
     [
-        ("v05", (), 10, "none"),
-        ("v11", (), 11, "unexplained"),
-        ("v04", ("F_hat", "F_p"), 12, "effect"),
-        ("v02", (), 0, "effect"),
-        ("v07", (), 0, "effect"),
+        ("v05", (), {}, 10, "none"),
+        ("v11", (), {}, 11, "unexplained"),
+        # Viscous friction that the declared piston lacks: without forces it might be the cart's as well.
+        ("v05", ("F_hat", "F_p"), {"c4 = 49.2734": "c4 = 46.2734"}, 12, "effect"),
+        ("v02", (), {}, 0, "effect"),
+        ("v07", (), {}, 0, "effect"),
     ],
 )
-def test_exit_codes_say_the_verdict_and_every_report_follows_the_schema(schema, tmp_path, case, dropped, code, verdict):
+def test_exit_codes_say_the_verdict_and_every_report_follows_the_schema(schema, tmp_path, case, dropped, changes, code, verdict):
     source = ROOT / "data" / "rig" / case
     source = source if source.is_dir() else SHARED / case
     if not source.is_dir():
         pytest.skip(f"{source} is not there")
-    folder = without(source, tmp_path / "case", dropped) if dropped else source
+    folder = changed(source, tmp_path / "case", dropped, changes) if dropped else source
     result = airloop("refine", folder, "-o", tmp_path / "out")
     assert result.returncode == code, result.stdout + result.stderr
     report = report_of(tmp_path / "out")

@@ -72,6 +72,15 @@ pub enum Command {
     /// summary.json, iterations.csv, the roll-outs of the command through a master, figures as SVG, and index.html with an
     /// animation. The gap between plan and roll-outs is reported.
     Optimize(Box<super::optimize::args::Args>),
+    /// Keep a system on its plan: a regulator with state estimator, written as an FMU, and the closed loop with it.
+    ///
+    /// Writes controller.fmu (for any FMI 2.0 tool), closed_loop.ssd (for `airloop run`), gains.csv, closed_loop.csv (a
+    /// run of it), summary.json and figures.
+    Stabilize(super::stabilize::Args),
+    /// Try a stabilised plan, and the plan alone, on perturbed systems with sensor noise.
+    ///
+    /// Writes trials.csv, courses.csv (the first ten trials), summary.json and figures.
+    Trials(super::trials::Args),
     /// Find the physical effect that a declared model lacks, from measured records.
     ///
     /// Writes report.json, report.md and report.html. Candidates are fitted in simulation on the estimation records;

@@ -70,7 +70,7 @@ fn earlier(folder: &Path) -> BTreeSet<String> {
     let plain = |name: &&str| {
         let ending = Path::new(name).extension().and_then(|ending| ending.to_str());
         Path::new(name).file_name() == Some(name.as_ref())
-            && ending.is_some_and(|ending| ["svg", "csv", "toml", "fmu"].contains(&ending))
+            && ending.is_some_and(|ending| ["svg", "csv", "toml", "fmu", "ssd", "ssp"].contains(&ending))
     };
     let listed = listed.filter_map(|name| name.as_str()).filter(plain);
     listed.chain(["result.csv", "index.html", "summary.json"]).map(str::to_owned).collect()

@@ -18,7 +18,9 @@ mod refine_progress;
 mod report;
 pub mod rig;
 pub mod run;
+pub mod stabilize;
 mod table;
+pub mod trials;
 
 use std::process::ExitCode;
 
@@ -45,6 +47,8 @@ pub fn main() -> ExitCode {
         Command::Excite(args) => excite::run(&args),
         Command::Rig { command } => rig::run(&command),
         Command::Identify { command } => identify::run(&command),
+        Command::Stabilize(args) => stabilize::run(&args),
+        Command::Trials(args) => trials::run(&args),
         Command::Optimize(args) => optimize::run(&args),
         Command::Refine(args) => refine::run(&args),
         Command::Completions { shell } => {

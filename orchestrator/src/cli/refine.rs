@@ -11,6 +11,8 @@ use clap::Args as ClapArgs;
 
 use super::refine_progress::{Interrupt, Progress};
 use super::{folder, output};
+use crate::Error;
+use crate::fmu::template_folder::VARIABLE;
 use crate::refine::amend;
 use crate::refine::answer::{Answer, Settings, Verdict, answer};
 use crate::refine::case::{Case, Role};
@@ -19,7 +21,6 @@ use crate::refine::rig::open::{Rig, open};
 use crate::refine::study;
 use crate::refine::watch::Event;
 use crate::report::{self, Report, words};
-use crate::{Error, fmu};
 
 /// Exit code when nothing is missing.
 pub const NOTHING: u8 = 10;
@@ -72,11 +73,10 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
     if interrupt.begin_to_write() {
         return Ok(ExitCode::from(super::INTERRUPTED));
     }
-    let (name, system) = match &question {
-        Question::Rig { case, .. } => {
-            (case.declaration.id.clone(), write_system(case, &mut found, &args.output)?)
-        }
-        Question::Study(file) => (file.name(), false),
+    let system = write_system(&question, &mut found, &args.output)?;
+    let name = match &question {
+        Question::Rig { case, .. } => case.declaration.id.clone(),
+        Question::Study(file) => file.name(),
     };
     let written = Report {
         case: &name,
@@ -153,28 +153,29 @@ fn check_folder(case: &Path, folder: &Path) -> Result<(), Error> {
     folder::check_against(folder, &[case.into()], &names.into_iter().collect::<Vec<_>>(), &ours)
 }
 
-/// Writes the amended system if there is anything to amend; without the FMUs to derive from, a note says so.
-fn write_system(case: &Case, found: &mut Answer, folder: &Path) -> Result<bool, Error> {
+/// Writes the amended system if there is anything to amend; where it cannot be, a note says why.
+fn write_system(question: &Question, found: &mut Answer, folder: &Path) -> Result<bool, Error> {
     let amended = found.effects.iter().any(|effect| effect.selected) || !found.corrections.is_empty();
     if !amended {
         amend::remove(folder)?;
         return Ok(false);
     }
-    let network = amend::rig::network(&case.declaration, found);
-    match amend::write(&network, folder, None) {
-        Ok(()) => Ok(true),
-        Err(amend::Error::Template(missing)) => {
-            amend::remove(folder)?;
-            let name: &fmu::template_folder::TemplateNotFound = &missing;
-            found.notes.push(format!(
-                "The amended system was not written: the FMU {}.fmu was not found; run `make fmu`, or name the folder that holds it in the environment variable {}.",
-                name.name,
-                fmu::template_folder::VARIABLE
-            ));
-            Ok(false)
-        }
-        Err(error) => Err(error.into()),
-    }
+    let network = match question {
+        Question::Rig { case, .. } => Ok(amend::rig::network(&case.declaration, found)),
+        Question::Study(file) => amend::study::network(file, found, folder),
+    };
+    let problem = match network.and_then(|network| amend::write(&network, folder, None)) {
+        Ok(()) => return Ok(true),
+        Err(amend::Error::Template(missing)) => format!(
+            "the FMU {}.fmu was not found; run `make fmu`, or name the folder that holds it in the environment variable {}",
+            missing.name, VARIABLE
+        ),
+        Err(amend::Error::System(error)) => error.to_string(),
+        Err(error) => return Err(error.into()),
+    };
+    amend::remove(folder)?;
+    found.notes.push(format!("The amended system was not written: {problem}."));
+    Ok(false)
 }
 
 fn print(found: &Answer, evidence: &Evidence, folder: &Path, system: bool) -> Result<(), Error> {

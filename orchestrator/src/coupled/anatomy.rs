@@ -81,7 +81,7 @@ impl Anatomy {
         let mut anatomy = Anatomy::default();
         let shown = options.outputs.iter().map(|name| names::output(graph, name));
         let shown: Vec<Shown> = shown.collect::<Result<_, _>>()?;
-        anatomy.collect_values(graph, &shown);
+        anatomy.collect_values(graph, &shown)?;
         anatomy.collect_arguments(graph, inputs)?;
         for (shown, name) in shown.iter().zip(&options.outputs) {
             anatomy.place(shown, name, inputs)?;
@@ -89,9 +89,17 @@ impl Anatomy {
         Ok(anatomy)
     }
 
-    fn collect_values(&mut self, graph: &SystemGraph, shown: &[Shown]) {
+    fn collect_values(&mut self, graph: &SystemGraph, shown: &[Shown]) -> Result<(), Error> {
         for (index, component) in graph.components.iter().enumerate() {
             let description = &component.fmu.description;
+            let nameless = |unknown: &&Unknown| match &description.variables[unknown.variable].kind {
+                VariableKind::Real(real) => real.derivative.is_none(),
+                _ => true,
+            };
+            if let Some(unknown) = description.derivatives.iter().find(nameless) {
+                let variable = description.variables[unknown.variable].name.clone();
+                return Err(Error::Derivative { component: component.name.clone(), variable });
+            }
             let interface = description.model_exchange.as_ref();
             let derivatives = interface.is_some_and(|interface| interface.provides_directional_derivative);
             let value = |variable: usize, rate: Option<usize>, exact: bool| Value {
@@ -122,6 +130,7 @@ impl Anatomy {
             let states = description.derivatives.len();
             self.blocks.push(Block { states, arguments: Vec::new(), values: first..self.values.len() });
         }
+        Ok(())
     }
 
     fn collect_arguments(&mut self, graph: &SystemGraph, inputs: &[usize]) -> Result<(), Error> {

@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use super::anatomy::{Anatomy, Block};
-use crate::fmu::{Error as FmuError, Model};
+use crate::fmu::{Error as FmuError, Model, Status};
 
 /// Sets all arguments of a component: states, then inputs.
 pub(super) fn set_all(model: &mut Model, block: &Block, at: &[f64]) -> Result<(), FmuError> {
@@ -29,6 +29,33 @@ pub(super) fn set_one(
         true => model.set_continuous_states(&at[..states]),
         false => model.set_real(&[reference], &at[argument..=argument]),
     }
+}
+
+/// Whether a component refused a point but can go on elsewhere.
+pub(super) fn is_discarded(error: &FmuError) -> bool {
+    matches!(error, FmuError::Call(call) if call.status == Status::Discard)
+}
+
+/// Points at both sides of `here` at which `visit` succeeds: where a component refuses one, as beyond a limit of its
+/// argument, `here` takes its place.
+pub(super) fn both_sides(
+    here: f64,
+    step: f64,
+    mut visit: impl FnMut(usize, f64) -> Result<(), FmuError>,
+) -> Result<[f64; 2], FmuError> {
+    let mut reached = [here + step, here - step];
+    let mut refused = false;
+    for (side, value) in reached.iter_mut().enumerate() {
+        if let Err(error) = visit(side, *value) {
+            if !is_discarded(&error) || refused {
+                return Err(error);
+            }
+            refused = true;
+            *value = here;
+            visit(side, here)?;
+        }
+    }
+    Ok(reached)
 }
 
 /// Values of one component that are read together.
@@ -165,17 +192,16 @@ impl Column {
             return Ok(());
         }
         let here = at[self.argument];
-        let step = part * self.scale(here);
-        let (up, down) = (here + step, here - step);
-        for (value, values) in [(up, &mut scratch.up), (down, &mut scratch.down)] {
+        let Scratch { buffer, sides } = scratch;
+        let [up, down] = both_sides(here, part * self.scale(here), |side, value| {
             at[self.argument] = value;
             set_one(model, self.states, self.argument, self.reference, at)?;
-            self.differences.read(model, &mut scratch.buffer, values)?;
-        }
+            self.differences.read(model, buffer, &mut sides[side])
+        })?;
         at[self.argument] = here;
         set_one(model, self.states, self.argument, self.reference, at)?;
         for (slope, &place) in others.iter_mut().zip(&self.differenced) {
-            *slope = (scratch.up[place] - scratch.down[place]) / (up - down);
+            *slope = (sides[0][place] - sides[1][place]) / (up - down);
         }
         Ok(())
     }
@@ -184,14 +210,13 @@ impl Column {
 /// Buffers of difference quotients.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Scratch {
-    pub buffer: Vec<f64>,
-    up: Vec<f64>,
-    down: Vec<f64>,
+    buffer: Vec<f64>,
+    sides: [Vec<f64>; 2],
 }
 
 impl Scratch {
     /// For that many values, and calls of that width.
     pub fn new(values: usize, width: usize) -> Scratch {
-        Scratch { buffer: vec![0.0; width], up: vec![0.0; values], down: vec![0.0; values] }
+        Scratch { buffer: vec![0.0; width], sides: [vec![0.0; values], vec![0.0; values]] }
     }
 }

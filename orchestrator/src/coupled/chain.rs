@@ -1,6 +1,6 @@
 //! The chain rule: derivatives of all values by states and inputs, and weighted second derivatives.
 
-use super::program::{Factor, Place, Program, Row};
+use super::program::{Curvature, Factor, Place, Program, Row};
 use super::work::{Trouble, Work};
 use crate::fmu::Model;
 use crate::system::graph::Conversion;
@@ -110,19 +110,21 @@ impl Work {
             let component = slopes.component;
             self.differentiate_twice(slopes, &mut models[component])
                 .map_err(|error| Trouble::Fmu { component, error })?;
-            for (curvature, found) in slopes.curvatures.iter().zip(&self.curvatures[0]) {
-                let weight = self.adjoint[curvature.value] * found;
+            // Curvatures of one pair of arguments stand one after the other.
+            let mut position = 0;
+            for pair in slopes.curvatures.chunk_by(|a, b| (a.first, a.second) == (b.first, b.second)) {
+                let found = &self.curvatures[0][position..position + pair.len()];
+                position += pair.len();
+                let terms = pair.iter().zip(found);
+                let weight: f64 = terms.map(|(curvature, found)| self.adjoint[curvature.value] * found).sum();
+                let Curvature { value, first, second } = pair[0];
                 if !weight.is_finite() {
-                    return Err(Trouble::NotFinite { value: curvature.value, found: weight });
+                    return Err(Trouble::NotFinite { value, found: weight });
                 }
-                if weight == 0.0 {
-                    continue;
-                }
-                let (first, second) = (slopes.arguments[curvature.first], slopes.arguments[curvature.second]);
-                let twice = curvature.first == curvature.second;
-                self.add_product(width, weight, first, second, hessian);
-                if !twice {
-                    self.add_product(width, weight, second, first, hessian);
+                let (one, other) = (slopes.arguments[first], slopes.arguments[second]);
+                self.add_product(width, weight, one, other, hessian);
+                if first != second {
+                    self.add_product(width, weight, other, one, hessian);
                 }
             }
         }

@@ -25,6 +25,16 @@ pub enum Error {
         /// Its FMU.
         fmu: String,
     },
+    /// A derivative that names no state.
+    #[error(
+        "component `{component}`: `{variable}` is listed among the derivatives but does not say of which state; its attribute `derivative` is missing in modelDescription.xml"
+    )]
+    Derivative {
+        /// Component.
+        component: String,
+        /// The derivative.
+        variable: String,
+    },
     /// A component that changes at samples.
     #[error(
         "component `{component}` changes at time events, the next at t = {time} s: between them its rates are not those of the system; use a form with continuous states (for the actuators of this project `realisation` = continuous), or another FMU"

@@ -126,8 +126,15 @@ impl<'a> Student<'a> {
             }
         }
         student.local.coefficients = coefficients;
-        for row in 0..rows {
-            student.local.offsets[row] = values[row] - student.linear(row, &at).0;
+        // Where the start is no place for a value, nothing is learnt of it there.
+        for (row, value) in values.iter().enumerate() {
+            let finite = |entry: &Coefficient| !matches!(entry, Coefficient::Constant(c) if !c.is_finite());
+            if !(value.is_finite() && student.local.row(row).iter().all(finite)) {
+                (0..width).for_each(|j| student.local.coefficients[row * width + j] = Coefficient::Varying);
+            }
+        }
+        for (row, value) in values.iter().enumerate() {
+            student.local.offsets[row] = value - student.linear(row, &at).0;
         }
         Ok(student)
     }

@@ -9,7 +9,7 @@ const WAYS: usize = 4;
 /// Bytes that are kept at most.
 const BYTES: usize = 16 << 20;
 /// Points that are kept at most.
-const MOST: usize = 1 << 15;
+const MOST: usize = 1 << 14;
 
 /// How much is known of a point.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -30,6 +30,8 @@ pub(super) struct Memory {
     known: Vec<Known>,
     /// Record that is written next.
     head: usize,
+    /// Record of the last point: its neighbours are tried first.
+    last: usize,
     /// Part of the hash, and record.
     index: Vec<[(u32, u32); WAYS]>,
 }
@@ -47,6 +49,7 @@ impl Memory {
             numbers: vec![0.0; records * width],
             known: vec![Known::Nothing; records],
             head: 0,
+            last: 0,
             index: vec![[(0, u32::MAX); WAYS]; groups],
         }
     }
@@ -62,15 +65,20 @@ impl Memory {
         if records == 0 {
             return None;
         }
+        // Points are asked for in the order in which they were first seen, or backwards.
+        for record in [(self.last + 1) % records, (self.last + records - 1) % records] {
+            if self.known[record] > Known::Nothing && self.is_at(record, key) {
+                self.last = record;
+                return Some((record, self.known[record]));
+            }
+        }
         let hash = hash(key);
         let (group, tag) = ((hash >> 20) as usize & (self.index.len() - 1), hash as u32);
         for &(other, record) in &self.index[group] {
             let record = record as usize;
-            if other == tag && record < records {
-                let kept = &self.numbers[record * self.width..][..self.key];
-                if kept.iter().zip(key).all(|(a, b)| a.to_bits() == b.to_bits()) {
-                    return Some((record, self.known[record]));
-                }
+            if other == tag && record < records && self.is_at(record, key) {
+                self.last = record;
+                return Some((record, self.known[record]));
             }
         }
         let record = self.head;
@@ -85,7 +93,13 @@ impl Memory {
         }
         self.numbers[record * self.width..][..self.key].copy_from_slice(key);
         self.known[record] = Known::Nothing;
+        self.last = record;
         Some((record, Known::Nothing))
+    }
+
+    fn is_at(&self, record: usize, key: &[f64]) -> bool {
+        let kept = &self.numbers[record * self.width..][..self.key];
+        kept.iter().zip(key).all(|(a, b)| a.to_bits() == b.to_bits())
     }
 
     /// What is kept in a record.

@@ -232,13 +232,13 @@ impl Maker<'_> {
             inputs: Vec::new(),
             reader: Reader::new(self.anatomy, values.iter().copied()),
         };
-        for argument in 0..block.arguments.len() {
+        for (argument, set) in set.iter_mut().enumerate() {
             let (place, conversion) = self.source(component, argument);
             let known = !matches!(place, Place::Value(source) if !done[source]);
-            if set[argument] || !known {
+            if *set || !known {
                 continue;
             }
-            set[argument] = true;
+            *set = true;
             match argument < block.states {
                 true => call.states.push(place),
                 false => {

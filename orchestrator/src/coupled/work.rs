@@ -1,6 +1,6 @@
 //! The numbers at one point: values through the components, and derivatives of each component there.
 
-use super::calls::{Scratch, set_one};
+use super::calls::{Scratch, both_sides, set_one};
 use super::memory::{Known, Memory};
 use super::program::{Place, Program, Slopes, Step};
 use crate::fmu::{Error as FmuError, Model};
@@ -148,8 +148,12 @@ impl Work {
             match step {
                 Step::Affine(affine) => {
                     let terms = affine.terms.iter();
-                    self.values[affine.value] =
+                    let found =
                         terms.fold(affine.offset, |sum, &(factor, place)| sum + factor * self.at(place));
+                    if !found.is_finite() {
+                        return Err(Trouble::NotFinite { value: affine.value, found });
+                    }
+                    self.values[affine.value] = found;
                 }
                 Step::Call(call) => {
                     let component = call.component;
@@ -222,15 +226,20 @@ impl Work {
         }
     }
 
-    /// Brings the arguments of a component that matter for derivatives to the point.
-    fn stand(&mut self, slopes: &Slopes, model: &mut Model) -> Result<(), FmuError> {
+    /// Brings the arguments of a component that matter for derivatives to the point, but for one that is set next.
+    fn stand(&mut self, slopes: &Slopes, model: &mut Model, next: Option<usize>) -> Result<(), FmuError> {
         let at = &self.arguments[slopes.component];
-        let mut states_set = false;
+        // The states are set together.
+        let is_state = |argument: usize| argument < slopes.states;
+        let mut states_set = next.is_some_and(is_state);
         for column in &slopes.columns {
-            if column.argument < slopes.states && std::mem::replace(&mut states_set, true) {
-                continue;
+            let again = match is_state(column.argument) {
+                true => std::mem::replace(&mut states_set, true),
+                false => next == Some(column.argument),
+            };
+            if !again {
+                set_one(model, slopes.states, column.argument, column.reference, at)?;
             }
-            set_one(model, slopes.states, column.argument, column.reference, at)?;
         }
         Ok(())
     }
@@ -241,7 +250,8 @@ impl Work {
         for slopes in &program.slopes {
             let component = slopes.component;
             self.take_arguments(slopes);
-            self.stand(slopes, &mut models[component]).map_err(|error| Trouble::Fmu { component, error })?;
+            self.stand(slopes, &mut models[component], None)
+                .map_err(|error| Trouble::Fmu { component, error })?;
         }
         self.differentiate(program, models)
     }
@@ -249,22 +259,22 @@ impl Work {
     /// Second derivatives of a component at a point whose first derivatives are known, by differences of them.
     pub fn differentiate_twice(&mut self, slopes: &Slopes, model: &mut Model) -> Result<(), FmuError> {
         self.take_arguments(slopes);
-        self.stand(slopes, model)?;
+        let first = slopes.bends.first().map(|bend| bend.columns[0].argument);
+        self.stand(slopes, model, first)?;
         let last = slopes.bends.len().saturating_sub(1);
         let at = &mut self.arguments[slopes.component];
         for (number, bend) in slopes.bends.iter().enumerate() {
             let moved = &bend.columns[0];
             let here = at[moved.argument];
-            let step = FIRST * moved.scale(here);
-            let (up, down) = (here + step, here - step);
-            for (value, side) in [(up, 0), (down, 1)] {
+            let (scratch, curvatures) = (&mut self.scratch, &mut self.curvatures);
+            let [up, down] = both_sides(here, FIRST * moved.scale(here), |side, value| {
                 at[moved.argument] = value;
                 set_one(model, slopes.states, moved.argument, moved.reference, at)?;
-                for column in &bend.columns {
-                    let results = &mut self.curvatures[side][column.targets.clone()];
-                    column.differentiate(model, at, NESTED, &mut self.scratch, results)?;
-                }
-            }
+                bend.columns.iter().try_for_each(|column| {
+                    let results = &mut curvatures[side][column.targets.clone()];
+                    column.differentiate(model, at, NESTED, scratch, results)
+                })
+            })?;
             at[moved.argument] = here;
             // The states are set together: the next of them brings this one back.
             let next = slopes.bends.get(number + 1).map(|bend| bend.columns[0].argument);

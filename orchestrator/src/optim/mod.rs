@@ -49,6 +49,7 @@ mod log;
 pub mod nlp;
 pub mod outcome;
 pub mod qp;
+pub mod scaled;
 pub mod settings;
 mod sqp;
 

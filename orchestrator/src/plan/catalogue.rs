@@ -180,7 +180,8 @@ impl Catalogue {
     /// [`Error::File`] with the nearest names.
     pub fn want(&self, source: &Source, name: &Text) -> Result<(usize, Conversion), Error> {
         self.find(&name.text).ok_or_else(|| {
-            let known = self.variables.iter().map(|one| one.name.as_str());
+            let paths = self.variables.iter().filter(|one| one.path != one.name).map(|one| one.path.as_str());
+            let known = self.variables.iter().map(|one| one.name.as_str()).chain(paths);
             let meant = names::suggestion(&name.text, known);
             source.error_at(name.place, format!("the system has no variable `{}`; {meant}", name.text))
         })

@@ -42,4 +42,7 @@ pub enum Error {
     /// The solver cannot begin.
     #[error(transparent)]
     Solver(#[from] crate::optim::Error),
+    /// The plan cannot be stabilised.
+    #[error(transparent)]
+    Control(#[from] crate::control::Error),
 }

@@ -7,6 +7,7 @@
 pub mod assemble;
 pub mod catalogue;
 pub mod deliver;
+pub mod diagnose;
 mod error;
 pub mod feed_forward;
 pub mod file;
@@ -18,9 +19,11 @@ pub mod record;
 mod reset;
 pub mod sampling;
 pub mod solve;
+pub mod stabilise;
 pub mod sweep;
 pub mod table;
 pub mod task;
+pub mod trials;
 pub mod verify;
 
 pub use error::Error;

@@ -91,7 +91,7 @@ pub fn prepare_statement(statement: Statement, began: Instant) -> Result<Prepare
         signals.states = states;
         let shown = [&signals.states, &signals.inputs, &signals.outputs].into_iter().flatten();
         let names = shown.map(|&index| catalogue.variables()[index].name.clone()).collect();
-        dynamics.push(Box::new(Named { inner: Box::new(system), names }));
+        dynamics.push(Box::new(Named { inner: Box::new(system), names, scaled: statement.settings.scaled }));
     }
     let resets = reset::resets(&statement, &catalogue, &signals, |parameters, signals| {
         let mut own = graph.clone();
@@ -181,6 +181,8 @@ fn sampled_states(
 struct Named {
     inner: Box<dyn Dynamics>,
     names: Vec<String>,
+    /// Whether nominal values are told; else the solver sees the variables as they are.
+    scaled: bool,
 }
 
 impl Dynamics for Named {
@@ -197,7 +199,10 @@ impl Dynamics for Named {
     }
 
     fn nominals(&self) -> Vec<f64> {
-        self.inner.nominals()
+        match self.scaled {
+            true => self.inner.nominals(),
+            false => vec![1.0; self.names.len()],
+        }
     }
 
     fn evaluate(&mut self, at: Point<'_>, values: &mut [f64]) -> Result<(), EvaluationError> {
@@ -223,6 +228,6 @@ impl Dynamics for Named {
     }
 
     fn duplicate(&self) -> Result<Box<dyn Dynamics>, EvaluationError> {
-        Ok(Box::new(Named { inner: self.inner.duplicate()?, names: self.names.clone() }))
+        Ok(Box::new(Named { inner: self.inner.duplicate()?, names: self.names.clone(), scaled: self.scaled }))
     }
 }

@@ -63,7 +63,7 @@ pub struct Summary {
     pub open_loop_final_error: Option<FinalError<f64>>,
     /// The same difference state by state, in the unit of each.
     pub open_loop_final_state_error: Option<FinalError<BTreeMap<String, f64>>>,
-    /// Largest estimated error of a state over one interval, relative to the range of the state.
+    /// Largest estimated error of a state over one interval, relative to the size of the state.
     pub max_interval_error: Option<f64>,
     /// Wall-clock times \[s\].
     pub time: Times,

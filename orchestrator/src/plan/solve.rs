@@ -8,10 +8,12 @@ use super::assemble;
 use super::file::statement::{MeshRefinement, Statement};
 use super::guess::Rough;
 use super::prepare::{Prepared, Setup};
-use crate::optim::{self, Iteration, Method, Nlp, Solution, Start, Status, solve_with};
+use super::task::Task;
+use crate::optim::{self, Iteration, Method, Solution, Status};
 use crate::transcription::{
-    Complaint, Discretisation, Dynamics, Interpolation, Link, Mesh, PhaseTrajectory, Problem, Program,
-    Trajectory, Transcription,
+    self, Complaint, Discretisation, Dynamics, Interpolation, IntervalErrors, Link, Mesh, Outcome,
+    PhaseTrajectory, Problem, Program, Refinement, Trajectory, Transcription, interval_errors, refined,
+    solve_on,
 };
 
 /// One solve of a chain.
@@ -70,12 +72,10 @@ pub struct Done {
     pub pass: Pass,
     /// How.
     pub solution: Solution,
-    /// Wall-clock time of building the program.
+    /// Wall-clock time up to the first iteration.
     pub build: Duration,
-    /// Wall-clock time of solving it.
+    /// Wall-clock time from there on.
     pub solve: Duration,
-    /// Variables and constraints.
-    pub size: (usize, usize),
 }
 
 impl Done {
@@ -88,8 +88,8 @@ impl Done {
 /// A plan.
 #[derive(Debug, Clone)]
 pub struct Solved {
-    /// The trajectory of the last solve; also of one that was interrupted or failed.
-    pub trajectory: Trajectory,
+    /// The last solve; also one that was interrupted or failed.
+    pub outcome: Outcome,
     /// All solves.
     pub done: Vec<Done>,
     /// Largest defect, unscaled.
@@ -98,6 +98,10 @@ pub struct Solved {
     pub max_bound_violation: f64,
     /// What is violated most, where it is by more than the tolerance.
     pub worst: Option<Complaint>,
+    /// Errors between the knots, phase by phase.
+    pub errors: Vec<IntervalErrors>,
+    /// Where the solver could not do what was asked, one sentence each.
+    pub notes: Vec<String>,
 }
 
 impl Solved {
@@ -107,6 +111,11 @@ impl Solved {
     /// Never: there is at least one.
     pub fn last(&self) -> &Done {
         &self.done[self.done.len() - 1]
+    }
+
+    /// The trajectory of the last solve.
+    pub fn trajectory(&self) -> &Trajectory {
+        &self.outcome.trajectory
     }
 
     /// Iterations of all solves; the first row of each table is its start.
@@ -147,6 +156,14 @@ impl Session {
     /// # Errors
     /// [`Error::Evaluation`] when an FMU cannot be instantiated again.
     pub fn new(prepared: &Prepared, threads: usize) -> Result<Session, Error> {
+        Session::with_task(prepared, &prepared.task, threads)
+    }
+
+    /// As [`Session::new`], for another task on the same states, inputs and outputs.
+    ///
+    /// # Errors
+    /// As [`Session::new`].
+    pub fn with_task(prepared: &Prepared, task: &Task, threads: usize) -> Result<Session, Error> {
         let mut dynamics: Vec<Vec<Box<dyn Dynamics>>> = Vec::new();
         for one in &prepared.dynamics {
             dynamics.push((0..threads.max(1)).map(|_| one.duplicate()).collect::<Result<_, _>>()?);
@@ -157,9 +174,7 @@ impl Session {
             None => Ok(Link::continuous()),
         });
         let links = links.collect::<Result<_, _>>()?;
-        Ok(Session {
-            problem: assemble::problem(&prepared.task, &prepared.catalogue, dynamics, links, sampled),
-        })
+        Ok(Session { problem: assemble::problem(task, &prepared.catalogue, dynamics, links, sampled) })
     }
 
     /// Solves from a guess.
@@ -179,64 +194,44 @@ impl Session {
             assemble::check_samples(statement, task, sampling, pass.transcription, &pass.intervals)?;
         }
         let mut done = Vec::new();
-        let mut found: Option<Found> = None;
+        let mut found: Option<Outcome> = None;
         for (number, pass) in settings.passes.iter().enumerate() {
             let meshes = pass.intervals.iter().map(|&n| Mesh::uniform(n)).collect();
-            let from = match found.as_ref().map(|found| &found.trajectory) {
-                None => begin,
-                Some(trajectory) => Begin::At(trajectory),
-            };
-            let next = self.one(setup, settings, (number, pass), meshes, from, monitor)?;
-            let ended = !matches!(next.done.solution.status, Status::Solved | Status::Acceptable);
-            done.push(next.done.clone());
-            found = Some(next);
+            let discretisation = Discretisation { transcription: pass.transcription, meshes };
+            let from = found.as_ref().map_or(begin, Begin::At);
+            let next = self.one(setup, settings, (number, &discretisation), from, monitor)?;
+            let ended = failed(&next.0.solution);
+            done.push(next.1);
+            found = Some(next.0);
             if ended {
                 break;
             }
         }
-        let Some(last) = found else {
+        let Some(mut outcome) = found else {
             let problem = "there is no solve at all; give at least one".into();
             return Err(Error::Place { place: "the chain of solves".into(), problem });
         };
-        let Found { trajectory, max_defect, max_bound_violation, worst, .. } = last;
-        Ok(Solved { trajectory, done, max_defect, max_bound_violation, worst })
-    }
-
-    fn one(
-        &mut self,
-        setup: &Setup,
-        settings: &Settings,
-        (number, pass): (usize, &Pass),
-        meshes: Vec<Mesh>,
-        from: Begin,
-        monitor: &mut Monitor,
-    ) -> Result<Found, Error> {
-        let began = Instant::now();
-        let guess = match &from {
-            Begin::From(rough) => Some(knots(setup, rough, pass.transcription, &meshes)?),
-            Begin::At(_) => None,
-        };
-        let discretisation = Discretisation { transcription: pass.transcription, meshes };
-        let mut program = Program::new(&mut self.problem, &discretisation)?;
-        let (start, method) = match (guess, from) {
-            (Some(guess), _) => (Start::cold(program.vector(&guess)?), settings.method),
-            (None, Begin::At(trajectory)) => (program.start(trajectory)?, Method::InteriorPoint),
-            (None, Begin::From(_)) => unreachable!("a rough guess has knots"),
-        };
-        let size = (program.variables(), program.constraints());
-        let build = began.elapsed();
-        let began = Instant::now();
-        let options = optim::Settings {
-            method,
-            tolerance: settings.tolerance,
-            max_iterations: settings.max_iterations,
-            ..optim::Settings::default()
-        };
-        let mut watch = |iteration: &Iteration| monitor(&Progress { number, pass, iteration });
-        let solution = solve_with(&mut program, &start, &options, &mut watch)?;
-        let solve = began.elapsed();
-        let trajectory = program.trajectory(&solution.x, Some(&solution.multipliers))?;
-        let complaints = program.complaints(&solution.x, 0.0)?;
+        let mut errors = interval_errors(&mut self.problem, &outcome.trajectory)?;
+        let mut notes = Vec::new();
+        for _ in 0..settings.mesh.map_or(0, |mesh| mesh.rounds) {
+            let tolerance = settings.mesh.map_or(0.0, |mesh| mesh.tolerance);
+            let refinement = Refinement { tolerance, ..Refinement::default() };
+            let finer = refined(&outcome.discretisation, &errors, &refinement);
+            let Some(finer) = finer.filter(|_| !failed(&outcome.solution)) else { break };
+            match self.one(setup, settings, (done.len(), &finer), Begin::At(&outcome), monitor) {
+                Ok((next, one)) => {
+                    done.push(one);
+                    outcome = next;
+                }
+                Err(error) => {
+                    notes.push(format!("the mesh is not refined further: {error}"));
+                    break;
+                }
+            }
+            errors = interval_errors(&mut self.problem, &outcome.trajectory)?;
+        }
+        let mut program = Program::new(&mut self.problem, &outcome.discretisation)?;
+        let complaints = program.complaints(&outcome.solution.x, 0.0)?;
         let (defects, others): (Vec<_>, Vec<_>) =
             complaints.iter().partition(|complaint| complaint.name.starts_with("defect of "));
         let largest = |list: &[&Complaint]| list.iter().map(|one| one.amount).fold(0.0, f64::max);
@@ -244,9 +239,52 @@ impl Session {
         // What the user asked for says more than an equation of the program.
         let worst = others.first().or(defects.first()).filter(|worst| worst.amount > VIOLATION);
         let worst = worst.map(|worst| (*worst).clone());
-        let done = Done { pass: pass.clone(), solution, build, solve, size };
-        Ok(Found { trajectory, done, max_defect, max_bound_violation, worst })
+        Ok(Solved { outcome, done, max_defect, max_bound_violation, worst, errors, notes })
     }
+
+    fn one(
+        &mut self,
+        setup: &Setup,
+        settings: &Settings,
+        (number, discretisation): (usize, &Discretisation),
+        begin: Begin,
+        monitor: &mut Monitor,
+    ) -> Result<(Outcome, Done), Error> {
+        let began = Instant::now();
+        let intervals = discretisation.meshes.iter().map(Mesh::intervals).collect();
+        let pass = Pass { transcription: discretisation.transcription, intervals };
+        let guess = match begin {
+            Begin::From(rough) => Some(knots(setup, rough, discretisation)?),
+            Begin::Along(_) | Begin::At(_) => None,
+        };
+        let (from, method) = match (&guess, begin) {
+            (Some(guess), _) => (transcription::From::Guess(guess), settings.method),
+            (None, Begin::Along(trajectory)) => (transcription::From::Guess(trajectory), settings.method),
+            (None, Begin::At(outcome)) => (transcription::From::Outcome(outcome), Method::InteriorPoint),
+            (None, Begin::From(_)) => unreachable!("a rough guess has knots"),
+        };
+        let options = optim::Settings {
+            method,
+            tolerance: settings.tolerance,
+            max_iterations: settings.max_iterations,
+            ..optim::Settings::default()
+        };
+        let mut build = None;
+        let mut watch = |iteration: &Iteration| {
+            build.get_or_insert_with(|| began.elapsed());
+            monitor(&Progress { number, pass: &pass, iteration })
+        };
+        let outcome = solve_on(&mut self.problem, discretisation, from, &options, &mut watch)?;
+        let total = began.elapsed();
+        let build = build.unwrap_or(total);
+        let solution = outcome.solution.clone();
+        Ok((outcome, Done { pass, solution, build, solve: total - build }))
+    }
+}
+
+/// Whether a solve gives no start for another.
+fn failed(solution: &Solution) -> bool {
+    !matches!(solution.status, Status::Solved | Status::Acceptable)
 }
 
 /// Where a search begins.
@@ -254,25 +292,15 @@ impl Session {
 pub enum Begin<'a> {
     /// At a guess.
     From(&'a Rough),
-    /// At a trajectory of the same states and inputs, with its costates where it has them.
-    At(&'a Trajectory),
-}
-
-struct Found {
-    trajectory: Trajectory,
-    done: Done,
-    max_defect: f64,
-    max_bound_violation: f64,
-    worst: Option<Complaint>,
+    /// Along a trajectory of the same states and inputs.
+    Along(&'a Trajectory),
+    /// At an earlier outcome of the same problem, on any mesh and transcription.
+    At(&'a Outcome),
 }
 
 /// A rough guess at the knots of meshes.
-fn knots(
-    setup: &Setup,
-    rough: &Rough,
-    transcription: Transcription,
-    meshes: &[Mesh],
-) -> Result<Trajectory, Error> {
+fn knots(setup: &Setup, rough: &Rough, discretisation: &Discretisation) -> Result<Trajectory, Error> {
+    let Discretisation { transcription, meshes } = discretisation;
     let total: f64 = rough.durations.iter().sum();
     let interpolation = match transcription {
         Transcription::Trapezoidal => Interpolation::Linear,

@@ -9,7 +9,7 @@ use super::prepare::{Prepared, prepare_statement};
 use super::solve::{Begin, Monitor, Session, Settings, Solved};
 use super::{Error, guess};
 use crate::optim::Status;
-use crate::transcription::Trajectory;
+use crate::transcription::Outcome;
 
 /// Name under which the duration is swept.
 pub const DURATION: &str = "T";
@@ -42,14 +42,14 @@ pub fn sweep(
     monitor: &mut Monitor,
 ) -> Result<Vec<Step>, Error> {
     let mut steps: Vec<Step> = Vec::new();
-    let mut earlier: Option<Trajectory> = None;
+    let mut earlier: Option<Outcome> = None;
     for &value in values {
         let own = changed(statement, name, value)?;
         let solved = one(own, settings, choice, earlier.as_ref(), monitor);
         let mut interrupted = false;
         if let Ok((_, _, solved)) = &solved {
             match solved.status() {
-                Status::Solved | Status::Acceptable => earlier = Some(solved.trajectory.clone()),
+                Status::Solved | Status::Acceptable => earlier = Some(solved.outcome.clone()),
                 Status::Interrupted => interrupted = true,
                 _ => {}
             }
@@ -66,7 +66,7 @@ fn one(
     statement: Statement,
     settings: &Settings,
     choice: &guess::Choice,
-    earlier: Option<&Trajectory>,
+    earlier: Option<&Outcome>,
     monitor: &mut Monitor,
 ) -> Result<(Prepared, Rough, Solved), Error> {
     let prepared = prepare_statement(statement, Instant::now())?;
@@ -74,7 +74,7 @@ fn one(
     let mut session = Session::new(&prepared, settings.threads)?;
     let last = Settings { passes: settings.passes[settings.passes.len() - 1..].to_vec(), ..settings.clone() };
     let (begin, settings) = match earlier {
-        Some(trajectory) => (Begin::At(trajectory), &last),
+        Some(outcome) => (Begin::At(outcome), &last),
         None => (Begin::From(&rough), settings),
     };
     let solved = session.solve(&prepared.setup, settings, begin, monitor)?;

@@ -7,7 +7,7 @@ use super::task::Signal;
 use super::verify::Command;
 use crate::optim::EvaluationError;
 use crate::series::TimeSeries;
-use crate::transcription::{Interpolation, PhaseTrajectory, Point, Trajectory};
+use crate::transcription::{Interpolation, IntervalErrors, PhaseTrajectory, Point, Trajectory};
 
 /// Where a phase begins, its first row comes that much later \[s\]: a table has one row per time.
 const LATER: f64 = 1e-9;
@@ -146,6 +146,30 @@ pub fn knots(plan: &Trajectory) -> Knots {
         knots.intervals.extend((0..phase.intervals()).map(|k| (number, k)));
     }
     knots
+}
+
+/// Estimated error of every state over every interval, in units of the state, in the row of the time at which the interval
+/// begins; then, as `relative`, the largest of them relative to the size of its state.
+///
+/// # Errors
+/// [`Error::Series`] when times repeat.
+pub fn defects(
+    prepared: &Prepared,
+    plan: &Trajectory,
+    errors: &[IntervalErrors],
+) -> Result<TimeSeries, Error> {
+    let times = plan.phases.iter().flat_map(|phase| &phase.times[..phase.intervals()]).copied().collect();
+    let mut series = TimeSeries::new(times)?;
+    let of = |state: usize| {
+        errors.iter().flat_map(|phase| phase.absolute.iter().map(move |row| row[state])).collect::<Vec<f64>>()
+    };
+    for (state, &index) in prepared.task.signals.states.iter().enumerate() {
+        let variable = &prepared.catalogue.variables()[index];
+        series.push(variable.name.clone(), variable.unit.clone(), of(state))?;
+    }
+    let relative = errors.iter().flat_map(|phase| phase.relative.iter().copied()).collect();
+    series.push("relative", None, relative)?;
+    Ok(series)
 }
 
 /// Calls `then` with the command of a plan.

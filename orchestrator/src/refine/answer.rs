@@ -2,9 +2,10 @@
 
 use std::collections::BTreeMap;
 
+use super::engine::candidate::Candidate;
 use super::engine::goodness::Null;
-use super::engine::search::{Model, Search};
-use super::engine::select::{Effort, Selection, Stage, select};
+use super::engine::search::{Model, Promise, Search};
+use super::engine::select::{Effort, NOTICEABLE, Selection, Stage, select};
 use super::engine::{System, parallel};
 use super::interval;
 use super::rig::localise::localise;
@@ -94,6 +95,8 @@ pub struct Answer {
     pub unexplained: Option<(String, Vec<String>)>,
     /// Corrections of declared parameters: name, relative change, standard deviation.
     pub corrections: Vec<(String, f64, f64)>,
+    /// Values of declared parameters that every fit was free to choose, in the corrected model.
+    pub fitted: Vec<(String, f64)>,
     /// Errors of the declared and of the corrected model: estimation, validation.
     pub before: [Errors; 2],
     /// See `before`.
@@ -263,6 +266,30 @@ fn errors<S: System + ?Sized>(system: &S, records: &[usize], p: &[f64]) -> Error
     found
 }
 
+/// Candidates shown that were screened only.
+const SCREENED: usize = 8;
+
+/// A candidate that was not fitted: what its linear step promised.
+fn screened(own: &Candidate, promise: &Promise, (declared, best): (&Model, &Model), penalty: f64) -> Effect {
+    // A linear step may promise more than any model can hold.
+    let gain = declared.fit.chi2 - promise.chi2.max(best.fit.chi2);
+    let share = 100.0 * gain / declared.fit.chi2;
+    Effect {
+        id: own.id.into(),
+        channel: own.channel.into(),
+        signal: own.signal.map(str::to_owned),
+        selected: false,
+        group: None,
+        score: gain - penalty * own.free.len() as f64,
+        parameters: Vec::new(),
+        reason: if gain < NOTICEABLE {
+            "it promises no more than fitting noise gives".into()
+        } else {
+            format!("it promises to take {share:.0} % of the misfit away, less than others that were fitted")
+        },
+    }
+}
+
 fn assemble(rig: &Rig, search: &Search<dyn System + '_>, selection: &Selection) -> Answer {
     let system = rig.system.as_ref();
     let penalty = search.penalty();
@@ -320,6 +347,16 @@ fn assemble(rig: &Rig, search: &Search<dyn System + '_>, selection: &Selection) 
             format!("alone it leaves {signal} {z:.0} standard deviations above noise"),
         );
     }
+    let mut seen = Vec::new();
+    for promise in &selection.screened {
+        let own = &rig.candidates[promise.candidate];
+        let there = effects.iter().any(|e| e.id == own.id && e.signal.as_deref() == own.signal);
+        if there || seen.contains(&promise.candidate) || seen.len() >= SCREENED {
+            continue;
+        }
+        seen.push(promise.candidate);
+        effects.push(screened(own, promise, (declared, best), penalty));
+    }
     let corrections: Vec<(String, f64, f64)> = if selection.stage == Stage::Corrected {
         let deviations = |index: usize| {
             let a = best.fit.free.iter().position(|f| f.index == index)?;
@@ -363,6 +400,7 @@ fn assemble(rig: &Rig, search: &Search<dyn System + '_>, selection: &Selection) 
         effects,
         unexplained: (verdict == Verdict::Unexplained).then(|| ("actuator".to_owned(), Vec::new())),
         corrections,
+        fitted: Vec::new(),
         before,
         after,
         noise,

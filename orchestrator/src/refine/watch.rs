@@ -2,7 +2,8 @@
 
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use super::engine::goodness::Noise;
+use super::engine::noise::Noise;
+use super::engine::system::Job;
 use super::engine::{Span, System};
 
 /// What happened.
@@ -33,8 +34,9 @@ impl<'a> Watched<'a> {
         Watched { inner, listener, simulations: AtomicU64::new(0), draws: AtomicU64::new(0) }
     }
 
-    fn simulated(&self) {
-        (self.listener)(Event::Simulations(self.simulations.fetch_add(1, Ordering::Relaxed) + 1));
+    fn simulated(&self, count: u64) {
+        let before = self.simulations.fetch_add(count, Ordering::Relaxed);
+        (self.listener)(Event::Simulations(before + count));
     }
 }
 
@@ -52,7 +54,7 @@ impl System for Watched<'_> {
         self.inner.signals(record)
     }
     fn predict(&self, record: usize, parameters: &[f64], locals: &[f64]) -> Vec<f64> {
-        self.simulated();
+        self.simulated(1);
         self.inner.predict(record, parameters, locals)
     }
     fn measured(&self, record: usize) -> Vec<f64> {
@@ -66,8 +68,12 @@ impl System for Watched<'_> {
         self.inner.redraw(record, predicted, noise)
     }
     fn residuals(&self, record: usize, parameters: &[f64], locals: &[f64]) -> Vec<f64> {
-        self.simulated();
+        self.simulated(1);
         self.inner.residuals(record, parameters, locals)
+    }
+    fn residuals_of(&self, jobs: &[Job]) -> Vec<Vec<f64>> {
+        self.simulated(jobs.len() as u64);
+        self.inner.residuals_of(jobs)
     }
     fn stage(&self, name: &str) {
         (self.listener)(Event::Stage(name));

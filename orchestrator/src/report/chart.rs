@@ -9,7 +9,7 @@ use crate::plot::axes::{Axis, curve, range};
 use crate::plot::svg::escape;
 
 /// Margins of the plot \[px\]: left, right, top, bottom.
-const MARGINS: (f64, f64, f64, f64) = (66.0, 14.0, 34.0, 42.0);
+const MARGINS: (f64, f64, f64, f64) = (76.0, 14.0, 34.0, 42.0);
 
 /// What is drawn.
 #[derive(Debug, Clone, PartialEq)]
@@ -152,12 +152,13 @@ impl Chart {
                 entries.push(entry);
             }
         }
-        if self.noise.is_some() {
+        // A narrow chart has no room for it beside its title; the text around it says what is grey.
+        if self.noise.is_some() && self.size.0 > 600.0 {
             entries.push(("sensor noise", "noise"));
         }
         let mut x = end;
         for (name, class) in entries.into_iter().rev() {
-            x -= 6.6 * name.len() as f64;
+            x -= 7.2 * name.len() as f64;
             let shape = if class == "band" || class == "noise" {
                 format!("<rect class=\"{class}\" x=\"{:.1}\" y=\"9\" width=\"22\" height=\"10\"/>", x - 28.0)
             } else {

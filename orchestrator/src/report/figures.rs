@@ -63,8 +63,11 @@ pub fn residuals(record: &Record, evidence: &Evidence) -> Vec<String> {
 pub fn dependence(dependence: &Dependence) -> String {
     let (name, unit) = &dependence.variable;
     let chart = Chart {
-        title: format!("{} over {}", dependence.signal, names::variable(name)),
-        labels: (format!("{name} [{unit}]"), format!("mean residual [{}]", dependence.unit)),
+        title: format!("{} over {name}", dependence.signal),
+        labels: (
+            format!("{} [{unit}]", names::variable(name)),
+            format!("mean residual [{}]", dependence.unit),
+        ),
         size: HALF,
         marks: vec![
             Mark::Dots {

@@ -42,7 +42,8 @@ pub fn advice(answer: &Answer) -> Vec<String> {
     for effect in answer.effects.iter().filter(|effect| effect.selected) {
         for p in &effect.parameters {
             let half = 0.5 * (p.interval.1 - p.interval.0);
-            if half > WIDE * p.value.abs() && p.value != 0.0 {
+            let apart_from_zero = p.interval.0 * p.interval.1 > 0.0;
+            if half > WIDE * p.value.abs() && apart_from_zero {
                 found.push(format!(
                     "{} of {} is known to {:.0} % only: record a command that excites it more, or repeat the trials; four times the data halve the interval.",
                     p.name,

@@ -35,7 +35,7 @@ fn told(effect: &Effect) -> String {
     format!("{}{of} ({})", names::effect(&effect.id), effect.id)
 }
 
-/// The main parameter of an effect with its interval, if it has any.
+/// Parameters of an effect with half of their 95 % intervals.
 fn size(effect: &Effect) -> String {
     let one = |p: &Parameter| {
         let unit = if p.unit == "1" { String::new() } else { format!(" {}", p.unit) };
@@ -80,8 +80,8 @@ pub fn sentence(answer: &Answer) -> String {
     });
     match (answer.verdict, rest) {
         (Verdict::Nothing, _) => "Nothing is missing: what the declared model leaves is sensor noise.".into(),
-        (Verdict::Effect, None) => format!("The declared model lacks: {list}."),
-        (Verdict::Effect, Some(rest)) => format!("The declared model lacks: {list}. It also lacks {rest}."),
+        (Verdict::Effect, None) => format!("The declared model lacks {list}."),
+        (Verdict::Effect, Some(rest)) => format!("The declared model lacks {list}. It also lacks {rest}."),
         (Verdict::Unexplained, rest) => {
             format!(
                 "The declared model lacks {}.",
@@ -153,6 +153,11 @@ pub fn parameter_rows(answer: &Answer) -> Vec<Vec<String>> {
     rows.collect()
 }
 
+/// A score as a whole number, in powers of ten where it is long.
+fn count(value: f64) -> String {
+    if value.abs() < 1e5 { format!("{value:.0}") } else { format!("{value:.2e}") }
+}
+
 /// Header of [`candidate_rows`].
 pub const CANDIDATE_HEADER: [&str; 6] = ["effect", "what", "improvement", "margin", "parameters", "why"];
 
@@ -163,8 +168,8 @@ pub fn candidate_rows(answer: &Answer) -> Vec<Vec<String>> {
         vec![
             name(effect),
             names::effect(&effect.id).to_owned(),
-            format!("{:.0}", effect.score),
-            format!("{:.0}", best - effect.score),
+            count(effect.score),
+            count(best - effect.score),
             size(effect),
             effect.reason.clone(),
         ]

@@ -13,6 +13,8 @@ struct Map<'p> {
     reset: &'p mut dyn Reset,
     size: ResetSize,
     limits: &'p [Limit],
+    /// States before, and the values there.
+    at: Vec<f64>,
     values: Vec<f64>,
     jacobian: Vec<f64>,
     hessian: Vec<f64>,
@@ -75,6 +77,7 @@ impl<'p> Joint<'p> {
                     reset: reset.as_mut(),
                     size,
                     limits,
+                    at: vec![0.0; size.before],
                     values: vec![0.0; values],
                     jacobian: vec![0.0; values * size.before],
                     hessian: vec![0.0; size.before * size.before],
@@ -124,17 +127,14 @@ impl<'p> Joint<'p> {
         }
     }
 
-    fn gather(&self, x: &[f64]) -> Vec<f64> {
-        self.before.iter().map(|&i| x[i]).collect()
-    }
-
     /// The map at `x`.
     pub fn evaluate(&mut self, x: &[f64], derivatives: bool) -> Result<(), EvaluationError> {
-        let before = self.gather(x);
-        match &mut self.map {
-            Some(map) if derivatives => map.reset.jacobian(&before, &mut map.values, &mut map.jacobian),
-            Some(map) => map.reset.evaluate(&before, &mut map.values),
-            None => Ok(()),
+        let Some(map) = &mut self.map else { return Ok(()) };
+        map.at.iter_mut().zip(&self.before).for_each(|(value, &i)| *value = x[i]);
+        if derivatives {
+            map.reset.jacobian(&map.at, &mut map.values, &mut map.jacobian)
+        } else {
+            map.reset.evaluate(&map.at, &mut map.values)
         }
     }
 
@@ -209,14 +209,13 @@ impl<'p> Joint<'p> {
         }
     }
 
-    /// Entries of the Hessian, as many as returned; `multipliers` of the whole problem.
+    /// Entries of the Hessian at the point of the last evaluation, as many as returned; `multipliers` of the whole
+    /// problem.
     pub fn hessian_values(
         &mut self,
-        x: &[f64],
         multipliers: &[f64],
         values: &mut [f64],
     ) -> Result<usize, EvaluationError> {
-        let before = self.gather(x);
         let (own, pairs) = (&multipliers[self.first..], self.pairs.len());
         let Some(map) = &mut self.map else { return Ok(0) };
         map.weights.fill(0.0);
@@ -224,8 +223,8 @@ impl<'p> Joint<'p> {
         for (limit, m) in map.limits.iter().zip(&own[map.size.after + pairs..]) {
             outputs(limit).for_each(|(i, c)| map.weights[map.size.after + i] += m * c);
         }
-        map.reset.hessian(&before, &map.weights, &mut map.hessian)?;
-        let n = before.len();
+        map.reset.hessian(&map.at, &map.weights, &mut map.hessian)?;
+        let n = map.at.len();
         let lower = (0..n).flat_map(|a| (0..=a).map(move |b| a * n + b));
         let count = n * (n + 1) / 2;
         values.iter_mut().zip(lower).for_each(|(value, i)| *value = map.hessian[i]);

@@ -3,11 +3,14 @@
 //! It sees a system only through [`Dynamics`]; FMUs, files and solvers' settings are left to others.
 //!
 //! [`Problem`] says what is wanted, [`Discretisation`] how time is divided, [`Program`] is the nonlinear program for
-//! [`crate::optim::solve`]. Start there.
+//! [`crate::optim::solve`]; [`solve_on`] does all of it for one mesh, [`refine`] goes on to finer ones. Start with
+//! [`Phase`].
 
 mod block;
 mod bounds;
 mod check;
+pub mod defects;
+mod duals;
 pub mod dynamics;
 pub mod error;
 mod evaluate;
@@ -25,9 +28,12 @@ mod probe;
 pub mod problem;
 pub mod program;
 mod scheme;
+pub mod solve;
 pub mod trajectory;
 mod vector;
 
+pub use defects::{IntervalErrors, interval_errors};
+pub use duals::Duals;
 pub use dynamics::{Dynamics, Entry, Point, Size, Structure};
 pub use error::Error;
 pub use link::{Link, Reset, ResetSize, StateLink};
@@ -38,6 +44,7 @@ pub use problem::{
     Cost, Duration, Limit, Path, Phase, Place, Problem, Quantity, RateLimit, Shooting, Variable,
 };
 pub use program::{Discretisation, Program};
+pub use solve::{From, Outcome, Refinement, Round, refine, refined, solve_on};
 pub use trajectory::{Interpolation, PhaseTrajectory, Trajectory};
 
 /// How an interval of a mesh is made discrete.

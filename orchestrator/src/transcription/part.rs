@@ -31,8 +31,9 @@ pub(super) enum Label {
 
 pub(super) struct Part {
     pub name: String,
-    /// Names of states, inputs, outputs.
+    /// Names of states, inputs, outputs, and their typical magnitudes.
     pub names: Vec<String>,
+    pub nominals: Vec<f64>,
     pub layout: Layout,
     pub functions: Functions,
     pub scheme: Box<dyn Scheme>,
@@ -41,7 +42,8 @@ pub(super) struct Part {
     /// Duration where it is fixed.
     pub duration: Duration,
     pub duration_weight: f64,
-    /// Limits along the path, at the start and at the end, with their combinations.
+    /// Limits along the path (so many), at the start and at the end, with their combinations.
+    pub paths: usize,
     pub limits: Vec<Limit>,
     pub combinations: Vec<Combination>,
     /// Names and units of the rate limits.
@@ -73,7 +75,7 @@ impl Part {
         let dynamics: &mut dyn Dynamics = phase.dynamics[0].as_mut();
         let size = dynamics.size();
         let free = matches!(phase.duration, Duration::Free { .. });
-        let names = dynamics.names();
+        let (names, nominals) = (dynamics.names(), dynamics.nominals());
         let functions =
             Functions::new(dynamics.structure(), size, free, [&phase.integral, &phase.final_cost]);
         let scheme = scheme(phase, transcription, mesh)?;
@@ -93,6 +95,8 @@ impl Part {
         let mut part = Part {
             name: phase.name.clone(),
             names,
+            nominals,
+            paths: phase.paths.len(),
             layout,
             functions,
             scheme,
@@ -270,16 +274,16 @@ fn scheme(phase: &mut Phase, transcription: Transcription, mesh: &Mesh) -> Resul
         Transcription::HermiteSimpson => Box::new(Collocation::compressed()),
         Transcription::HermiteSimpsonSeparated => Box::new(Collocation::separated()),
         Transcription::MultipleShooting => {
-            let states = phase.dynamics[0].size().states;
+            let (states, simplified) = (phase.dynamics[0].size().states, phase.simplified_curvature);
             match &phase.shooting {
                 Shooting::Steps(steps) => {
                     let steps = vec![*steps; mesh.intervals()];
-                    Box::new(MultipleShooting::new(states, Default::default(), steps))
+                    Box::new(MultipleShooting::new(states, Default::default(), steps, simplified))
                 }
                 Shooting::Sampled { sample_time, .. } => {
                     let steps = linear::samples(phase, mesh, *sample_time)?;
                     let sample = linear::flow(phase, &linear::sampled_states(phase)?, *sample_time)?;
-                    Box::new(MultipleShooting::new(states, sample, steps))
+                    Box::new(MultipleShooting::new(states, sample, steps, simplified))
                 }
             }
         }

@@ -176,6 +176,10 @@ pub struct Phase {
     pub duration: Duration,
     /// What shooting needs to know.
     pub shooting: Shooting,
+    /// Multiple shooting takes the second derivatives of a Runge-Kutta step from its middle alone instead of all four
+    /// stages. They are then right to the second order of the step, at a quarter of the evaluations; values and first
+    /// derivatives stay exact, and so does the solution.
+    pub simplified_curvature: bool,
     /// Constraints along the path.
     pub paths: Vec<Path>,
     /// Conditions at the start.
@@ -200,6 +204,7 @@ impl Phase {
             dynamics,
             duration,
             shooting: Shooting::Steps(4),
+            simplified_curvature: false,
             paths: Vec::new(),
             start: Vec::new(),
             end: Vec::new(),

@@ -146,7 +146,7 @@ impl<'p> Program<'p> {
         Ok(())
     }
 
-    /// Time of variable or constraint messages: that of the last evaluation.
+    /// The point of the last evaluation, from which messages take their times.
     pub(super) fn last_point(&self) -> &[f64] {
         &self.at
     }
@@ -312,7 +312,7 @@ impl Nlp for Program<'_> {
             rest = after;
         }
         for joint in &mut self.joints {
-            let count = joint.hessian_values(x, multipliers, rest)?;
+            let count = joint.hessian_values(multipliers, rest)?;
             rest = &mut rest[count..];
         }
         Ok(())

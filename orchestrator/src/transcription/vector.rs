@@ -45,7 +45,8 @@ impl Program<'_> {
         Ok(Trajectory { phases, objective })
     }
 
-    /// A start along a trajectory: from its costates the multipliers of the defects, too, where they are known.
+    /// A start along a trajectory, with the multipliers of the defects from its costates where they are known. Of
+    /// another solution [`Program::warm_start`] takes over all multipliers.
     ///
     /// # Errors
     /// See [`Program::vector`].
@@ -60,9 +61,31 @@ impl Program<'_> {
                 multipliers[first..first + states].copy_from_slice(&costates);
             }
         }
-        let zeros = vec![0.0; self.variables];
-        let multipliers = Multipliers { constraints: multipliers, lower: zeros.clone(), upper: zeros };
-        Ok(Start { x, multipliers: Some(multipliers), barrier: None })
+        // Those of the bounds as the barrier has them at x.
+        let barrier = super::solve::WARM_BARRIER;
+        let of = |gap: f64| if gap.is_finite() { barrier / gap.max(barrier) } else { 0.0 };
+        let bounds = &self.bounds.bounds;
+        let lower = x.iter().zip(&bounds.lower).map(|(x, bound)| of(x - bound)).collect();
+        let upper = x.iter().zip(&bounds.upper).map(|(x, bound)| of(bound - x)).collect();
+        let multipliers = Multipliers { constraints: multipliers, lower, upper };
+        Ok(Start { x, multipliers: Some(multipliers), barrier: Some(barrier) })
+    }
+
+    /// Typical magnitudes of the variables, `[n]`: nominal values of the dynamics, 1 for durations.
+    pub fn scales(&self) -> Vec<f64> {
+        let mut scales = vec![1.0; self.variables];
+        for part in &self.parts {
+            let layout = &part.layout;
+            for a in layout.free..layout.node_width() {
+                let nominal = part.nominals[a - layout.free].abs();
+                let scale = if nominal > 0.0 && nominal.is_finite() { nominal } else { 1.0 };
+                (0..=layout.intervals).for_each(|k| scales[layout.point(k, a)] = scale);
+                for variable in (0..layout.intervals).filter_map(|k| layout.midpoint(k, a)) {
+                    scales[variable] = scale;
+                }
+            }
+        }
+        scales
     }
 }
 

@@ -161,6 +161,25 @@ fn a_failing_component_is_named_and_works_again_elsewhere() {
 }
 
 #[test]
+fn at_a_limit_derivatives_are_taken_from_the_side_that_the_component_allows() {
+    let folder = TempDir::new().unwrap();
+    for kind in [Kind::Honest, Kind::Plain] {
+        let mut graph = graph(&bent::fmu(&folder, "bent.fmu", kind));
+        graph.set_start("fault", "1", "test").unwrap();
+        graph.set_start("limit", "10", "test").unwrap();
+        let mut system = System::open(&graph, &Options::default()).unwrap();
+        let (mut values, mut jacobian, mut hessian) = ([0.0; 2], [0.0; 6], [0.0; 9]);
+        let x = [0.5, 0.1];
+        system.jacobian(at(&x, &[10.0]), &mut values, &mut jacobian).unwrap();
+        system.hessian(at(&x, &[10.0]), &[0.0, 1.0], &mut hessian).unwrap();
+        let expected = [10.0 - x[0].cos(), 0.0, 0.25];
+        jacobian[3..].iter().zip(expected).for_each(|(a, b)| assert!((a - b).abs() < 1e-4, "{jacobian:?}"));
+        let expected = [20.0 + x[0].sin(), 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0];
+        hessian.iter().zip(expected).for_each(|(a, b)| assert!((a - b).abs() < 1e-3, "{hessian:?}"));
+    }
+}
+
+#[test]
 fn numbers_that_are_none_are_refused_by_name() {
     let folder = TempDir::new().unwrap();
     let mut system = open(&bent::fmu(&folder, "bent.fmu", Kind::Honest), &[]);

@@ -5,6 +5,7 @@ mod guesses;
 mod interval;
 mod mechanics;
 mod problem;
+mod stabilise;
 
 use airloop::optim::{Method, Nlp, Settings, Solution, Start, Status, solve};
 use problem::{SwingUp, Transcription};

@@ -38,6 +38,14 @@ impl CartPole {
     fn at(x: &[f64], u: f64) -> Accelerations {
         accelerations([x[1], x[2], x[3], x[5] + FEED * u])
     }
+
+    fn rates(&self, x: &[f64], u: f64, accelerations: &Accelerations, values: &mut [f64]) {
+        values[..2].copy_from_slice(&x[2..4]);
+        values[2..4].copy_from_slice(&accelerations.value);
+        for i in 0..2 {
+            values[4 + i] = self.ac[i][0] * x[4] + self.ac[i][1] * x[5] + self.bc[i] * u;
+        }
+    }
 }
 
 impl Dynamics for CartPole {
@@ -55,12 +63,7 @@ impl Dynamics for CartPole {
 
     fn evaluate(&mut self, at: Point<'_>, values: &mut [f64]) -> Result<(), EvaluationError> {
         let (x, u) = (at.states, at.inputs[0]);
-        let accelerations = Self::at(x, u);
-        values[..2].copy_from_slice(&x[2..4]);
-        values[2..4].copy_from_slice(&accelerations.value);
-        for i in 0..2 {
-            values[4 + i] = self.ac[i][0] * x[4] + self.ac[i][1] * x[5] + self.bc[i] * u;
-        }
+        self.rates(x, u, &Self::at(x, u), values);
         Ok(())
     }
 
@@ -70,8 +73,8 @@ impl Dynamics for CartPole {
         values: &mut [f64],
         jacobian: &mut [f64],
     ) -> Result<(), EvaluationError> {
-        self.evaluate(at, values)?;
         let accelerations = Self::at(at.states, at.inputs[0]);
+        self.rates(at.states, at.inputs[0], &accelerations, values);
         jacobian.fill(0.0);
         jacobian[2] = 1.0;
         jacobian[7 + 3] = 1.0;

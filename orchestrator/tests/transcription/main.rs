@@ -3,11 +3,16 @@
 
 mod arm;
 mod cart_pole;
+mod counts;
 mod derivatives;
+#[path = "../swing_up/guesses.rs"]
+mod guesses;
 #[path = "../swing_up/interval.rs"]
 mod interval;
+mod kelly;
 #[path = "../swing_up/mechanics.rs"]
 mod mechanics;
+mod messages;
 mod phases;
 #[allow(dead_code, reason = "what only the hand-written runs use")]
 #[path = "../swing_up/problem.rs"]

@@ -1,6 +1,6 @@
 //! Several phases, free durations and resets, on problems with known answers.
 
-use airloop::optim::{EvaluationError, Settings, Solution, Status, solve};
+use airloop::optim::{EvaluationError, Settings, Solution, Start, Status, solve};
 use airloop::transcription::{
     Cost, Discretisation, Duration, Dynamics, Entry, Interpolation, Limit, Link, Path, Phase,
     PhaseTrajectory, Point, Problem, Program, Reset, ResetSize, Shooting, Size, Structure, Trajectory,
@@ -121,7 +121,7 @@ fn run(
     guess: &Trajectory,
 ) -> (Solution, Trajectory) {
     let mut program = Program::new(problem, &Discretisation::uniform(transcription, intervals)).unwrap();
-    let start = program.start(guess).unwrap();
+    let start = Start::cold(program.vector(guess).unwrap());
     let solution = solve(&mut program, &start, &Settings::default()).unwrap();
     assert_eq!(solution.status, Status::Solved, "{transcription:?}");
     let trajectory = program.trajectory(&solution.x, Some(&solution.multipliers)).unwrap();
@@ -182,8 +182,11 @@ fn the_switch_may_lie_between_two_phases() {
     ]);
     for transcription in ALL.into_iter().filter(|t| *t != Transcription::ShootingCollocation) {
         let (solution, trajectory) = run(&mut fastest(2), transcription, &[4, 7], &guess);
-        assert!((solution.objective - 2.0).abs() < 1e-6, "{transcription:?}: {}", solution.objective);
-        assert!((trajectory.phases[1].end() - 2.0).abs() < 1e-6);
+        // Parabolas of the input that keep their bounds at knots and midpoints leave them by an eighth in between.
+        let parabolas = trajectory.phases[0].interpolation == Interpolation::Quadratic;
+        let tolerance = if parabolas { 2e-3 } else { 1e-6 };
+        assert!((solution.objective - 2.0).abs() < tolerance, "{transcription:?}: {}", solution.objective);
+        assert!((trajectory.phases[1].end() - 2.0).abs() < tolerance);
         assert!((trajectory.phases[1].begin() - trajectory.phases[0].end()).abs() < 1e-12);
     }
 }

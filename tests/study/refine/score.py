@@ -1,16 +1,26 @@
 """Counts the right answers of `airloop refine` on the cases of make_cases.py.
 
-    python score.py AIRLOOP CASES OUT
+    python score.py AIRLOOP CASES OUT [--left]
 
-Runs the program on every case that has no report yet, writes OUT/confusion.csv and prints a table.
+Runs the program on every case that has no report yet, writes OUT/confusion.csv (a row per case), OUT/confusion.md
+(classes, and which effect was taken for which) and prints the table. With --left, the answers are simulated again by
+rig.py: error of windowed predictions on the validation records, after over before.
 """
+import argparse
 import collections
 import csv
 import json
+import os
 import pathlib
 import subprocess
-import sys
+import time
 import tomllib
+
+import numpy as np
+
+from rig import DECLARED, simulate
+
+UNITS = {"F_hat": 0.3, "F_p": 0.3, "x": 2e-3, "theta": 1e-2}
 
 
 def key(effect):
@@ -18,48 +28,93 @@ def key(effect):
 
 
 def judge(truth, report):
-    """Whether the answer is right: the true effects and nothing else, `none`, or `unexplained` at the right channel."""
+    """Right answer (the true effects and nothing else; `none`; `unexplained` at the right channel), first effect, channel."""
+    selected = [e for e in report["effects"] if e["selected"]]
+    found = {key(e) for e in selected}
+    true = {key(e) for e in truth.get("effects", [])}
     if truth["verdict"] != "effect":
         right = report["verdict"] == truth["verdict"]
-        if truth["verdict"] == "unexplained":
-            right = right and report["unexplained"]["channel"] == truth["unexplained"]["channel"]
-        return right
-    true = {key(e) for e in truth["effects"]}
-    selected = {key(e) for e in report["effects"] if e["selected"]}
-    if truth["class"] == "few sensors":
-        grouped = selected | {key(e) for e in report["effects"] if e["group"] is not None}
-        return true <= grouped and len(selected) == len(true)
-    return true == selected
+        where = truth["verdict"] == "none" or (report["unexplained"] or {}).get("channel") == truth["unexplained"]["channel"]
+        return right and where, right, where
+    named = found | ({key(e) for e in report["effects"] if e["group"] is not None} if truth["class"] == "few sensors" else set())
+    first = bool(selected) and (key(selected[0]) in true or truth["class"] == "few sensors" and true <= named)
+    channels = {e["channel"] for e in truth["effects"]}
+    where = bool(selected) and (selected[0]["channel"] in channels or first)
+    return true <= named and len(found) == len(true), first, where
+
+
+def left(folder, report):
+    """Error of windowed predictions with the answer over that of the declared model, on the validation records."""
+    if not (folder / "truth.npz").exists():
+        return None
+    data = np.load(folder / "truth.npz")
+    n = data["u"].shape[1]
+    plant = {k: np.full(n, v) for k, v in DECLARED.items()}
+    chosen = {e["id"]: {k: v["value"] for k, v in e["params"].items()} for e in report["effects"] if e["selected"] and not e["signal"]}
+    lanes = [{}] * n + [chosen] * n
+    both = lambda a: np.concatenate([a, a], axis=-1).astype(float)
+    out = simulate(lanes, both(data["u"]).T, np.zeros(2 * n), np.zeros(2 * n), {k: np.tile(v, 2) for k, v in plant.items()},
+                   np.zeros((len(data["u"]), 2 * n)), centring=0.0, restart=both(data["states"]))
+    error = lambda part: np.sqrt(sum(np.mean(((out[k][:, part] - data[k]) / UNITS[k]) ** 2) for k in UNITS))
+    return float(error(slice(n, None)) / error(slice(0, n)))
+
+
+def row_of(case, report, seconds, again):
+    truth = tomllib.loads((case / "truth.toml").read_text())
+    exact, first, where = judge(truth, report)
+    inside = parameters = 0
+    for effect in truth.get("effects", []):
+        for found in report["effects"]:
+            if found["selected"] and key(found) == key(effect):
+                for name, value in effect["params"].items():
+                    low, high = found["params"][name]["ci95"]
+                    inside += low <= value <= high
+                    parameters += 1
+    name = lambda e: e["id"] + (f"({e['signal']})" if e.get("signal") else "")
+    plain = truth["class"] not in ("parameters off", "first principles", "outside", "control")
+    share = left(case, report) if again and plain and not any(e.get("signal") for e in truth["effects"]) else None
+    return dict(case=case.name, cls=truth["class"], truth=" ".join(sorted(map(name, truth.get("effects", [])))) or truth["verdict"],
+                verdict=report["verdict"], selected=" ".join(sorted(name(e) for e in report["effects"] if e["selected"])) or report["verdict"],
+                channel=(report["unexplained"] or {}).get("channel", ""), exact=exact, first=first, where=where,
+                inside=inside, parameters=parameters, left=share, seconds=round(seconds, 2))
 
 
 def main():
-    program, cases, out = sys.argv[1], pathlib.Path(sys.argv[2]), pathlib.Path(sys.argv[3])
-    out.mkdir(parents=True, exist_ok=True)
-    counts, inside, rows = collections.defaultdict(lambda: [0, 0]), [0, 0], []
-    for case in sorted(p.parent for p in cases.glob("*/truth.toml")):
-        target = out / case.name
+    parser = argparse.ArgumentParser()
+    parser.add_argument("program")
+    parser.add_argument("cases", type=pathlib.Path)
+    parser.add_argument("out", type=pathlib.Path)
+    parser.add_argument("--left", action="store_true")
+    args = parser.parse_args()
+    args.out.mkdir(parents=True, exist_ok=True)
+    rows = []
+    for case in sorted(p.parent for p in args.cases.glob("*/truth.toml")):
+        target = args.out / case.name
         if not (target / "report.json").exists():
-            subprocess.run([program, "refine", case, "-o", target, "-q"], check=False)
-        truth = tomllib.loads((case / "truth.toml").read_text())
-        report = json.loads((target / "report.json").read_text())
-        right = judge(truth, report)
-        counts[truth["class"]][0] += right
-        counts[truth["class"]][1] += 1
-        for effect in truth.get("effects", []):
-            for found in report["effects"]:
-                if found["selected"] and key(found) == key(effect):
-                    for name, value in effect["params"].items():
-                        low, high = found["params"][name]["ci95"]
-                        inside[0] += low <= value <= high
-                        inside[1] += 1
-        named = " ".join(e["id"] for e in report["effects"] if e["selected"])
-        rows.append([case.name, truth["class"], report["verdict"], named, right])
-    with (out / "confusion.csv").open("w", newline="") as file:
-        csv.writer(file).writerows([["case", "class", "verdict", "selected", "right"], *rows])
-    for name, (right, all_) in counts.items():
-        print(f"{name:20} {right:3} of {all_}")
-    print(f"intervals hold the truth: {inside[0]} of {inside[1]}")
-    print("\n".join(f"wrong: {row}" for row in rows if not row[-1]))
+            begin = os.times().children_user, time.monotonic()
+            subprocess.run([args.program, "refine", case, "-o", target, "-q"], check=False)
+            (target / "seconds.txt").write_text(f"{os.times().children_user - begin[0]:.2f} {time.monotonic() - begin[1]:.2f}\n")
+        seconds = target / "seconds.txt"
+        rows.append(row_of(case, json.loads((target / "report.json").read_text()),
+                           float(seconds.read_text().split()[0]) if seconds.exists() else 0.0, args.left))
+    with (args.out / "confusion.csv").open("w", newline="") as file:
+        writer = csv.DictWriter(file, rows[0])
+        writer.writeheader()
+        writer.writerows(rows)
+    lines = ["| class | cases | exact | first effect | channel | parameters in 95 % intervals | left, median | CPU s, median | largest |",
+             "|---|---|---|---|---|---|---|---|---|"]
+    for cls in sorted({r["cls"] for r in rows}):
+        own = [r for r in rows if r["cls"] == cls]
+        count = lambda name: sum(r[name] for r in own)
+        shares = [r["left"] for r in own if r["left"] is not None]
+        times = [r["seconds"] for r in own]
+        lines.append(f"| {cls} | {len(own)} | {count('exact')} | {count('first')} | {count('where')} | {count('inside')} of {count('parameters')} | "
+                     f"{f'{np.median(shares):.4f}' if shares else ''} | {np.median(times):.1f} | {max(times):.1f} |")
+    confused = collections.Counter((r["truth"], r["selected"], r["channel"]) for r in rows if not r["exact"])
+    lines += ["", "| truth | answer | channel of what is unexplained | cases |", "|---|---|---|---|"]
+    lines += [f"| {truth} | {answer} | {where} | {n} |" for (truth, answer, where), n in sorted(confused.items())]
+    (args.out / "confusion.md").write_text("\n".join(lines) + "\n")
+    print("\n".join(lines))
 
 
 if __name__ == "__main__":

@@ -113,12 +113,10 @@ impl Model for TvlqrController {
     fn declare(t: &mut Table) -> Self {
         use std::array::from_fn;
         let number = |name: &str, i: usize| format!("{name}[{}]", i + 1);
-        let y = from_fn(|i| {
-            t.input(number("y", i)).about(format!("measured signal {}", i + 1)).discrete().real(0.0)
-        });
+        let y = from_fn(|i| t.input(number("y", i)).about(format!("measured signal {}", i + 1)).real(0.0));
         let noise = from_fn(|i| {
             let about = format!("added to y[{}]: sensor noise for trials", i + 1);
-            t.input(number("noise", i)).about(about).discrete().real(0.0)
+            t.input(number("noise", i)).about(about).real(0.0)
         });
         let u = from_fn(|j| {
             let about = format!("input {} of the plant; 0 beyond those of the table", j + 1);
@@ -138,7 +136,7 @@ impl Model for TvlqrController {
             .real(0.001);
         let limit = |t: &mut Table, name: &str, what: &str, j: usize, start: f64| {
             let about = format!("{what} value of u[{}]", j + 1);
-            t.parameter(number(name, j)).about(about).range(-UNLIMITED, UNLIMITED).real(start)
+            t.parameter(number(name, j)).about(about).real(start)
         };
         let u_min = from_fn(|j| limit(t, "u_min", "smallest", j, -UNLIMITED));
         let u_max = from_fn(|j| limit(t, "u_max", "largest", j, UNLIMITED));

@@ -70,6 +70,9 @@ pub struct Args {
     /// Print the JSON schema of problem files, for editors that check and complete TOML.
     #[arg(long)]
     pub schema: bool,
+    /// Print every iteration to the standard error; they are in iterations.csv in any case.
+    #[arg(short, long, conflicts_with = "quiet")]
+    pub verbose: bool,
     /// Print nothing but errors.
     #[arg(short, long)]
     pub quiet: bool,

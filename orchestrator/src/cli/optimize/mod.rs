@@ -21,12 +21,13 @@ use self::args::Args;
 use super::{folder, output, run};
 use crate::optim::Status;
 use crate::plan::deliver;
+use crate::plan::diagnose::Diagnosis;
 use crate::plan::file::{self, Statement};
 use crate::plan::guess::{self, Choice, Rough};
 use crate::plan::prepare::{Prepared, prepare_statement};
 use crate::plan::solve::{Begin, Progress, Session, Settings, Solved};
 use crate::plan::{self, Error as PlanError, table, verify};
-use crate::{Error, plot};
+use crate::{Error, plot, transcription};
 
 /// Exit code when no motion keeps the constraints near where the search ended.
 pub const INFEASIBLE: u8 = 20;
@@ -63,8 +64,18 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
         _ => vec![problem.clone()],
     };
     folder::check(&args.output, &inputs, &write::names())?;
-    let found = search(args, statement, &settings, &choice, began, &stop)?;
+    let found = match search(args, statement, &settings, &choice, began, &stop) {
+        Err(Error::Plan(error)) if no_value(&error) => {
+            output::complain(&format!("error: {error}"));
+            return Ok(ExitCode::from(NO_VALUE));
+        }
+        found => found?,
+    };
     let Found { prepared, rough, solved, table, loaded, instances } = &found;
+    let diagnosis = match doubtful(solved) && !stop.load(Ordering::Relaxed) {
+        true => diagnose(prepared, &settings, rough, solved, args.quiet, &stop)?,
+        false => None,
+    };
     let verifying = Instant::now();
     let verification = &prepared.statement.verification;
     let rollouts =
@@ -73,7 +84,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
             .transpose()?;
     let verified = verifying.elapsed();
     let delivery = match finished(solved) && !stop.load(Ordering::Relaxed) {
-        true => deliver::deliver(prepared, &solved.trajectory, &stop)?,
+        true => deliver::deliver(prepared, solved.trajectory(), &stop)?,
         false => None,
     };
     let results = write::Results {
@@ -86,6 +97,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
         problem_file: problem,
         times: [*loaded, *instances, verified],
         table: table.as_ref(),
+        diagnosis: diagnosis.as_ref(),
         began,
         plots: !args.no_plots,
     };
@@ -99,7 +111,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
         }
         output::print(&text::report(&summary, &args.output, !args.no_plots))?;
     }
-    Ok(exit(solved, &stop, &args.output))
+    Ok(exit(solved, diagnosis.as_ref(), &stop, &args.output))
 }
 
 /// What the search came to.
@@ -126,6 +138,9 @@ fn search(
     let bar = bar(args.quiet);
     let mut monitor = |progress: &Progress| {
         show(&bar, progress);
+        if args.verbose {
+            bar.suspend(|| output::complain(&text::iteration(progress)));
+        }
         if stop.load(Ordering::Relaxed) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     };
     if let Some(sweep) = &args.sweep {
@@ -152,6 +167,20 @@ fn search(
     let solved = session.solve(&prepared.setup, settings, Begin::From(&rough), &mut monitor)?;
     bar.finish_and_clear();
     Ok(Found { prepared, rough, solved, table: None, loaded, instances })
+}
+
+/// Whether the system could not be evaluated where it has to be.
+fn no_value(error: &PlanError) -> bool {
+    matches!(
+        error,
+        PlanError::Evaluation(_)
+            | PlanError::Solver(crate::optim::Error::Start(_))
+            | PlanError::Coupled(crate::coupled::Error::Fmu(_))
+            | PlanError::Transcription(
+                transcription::Error::Evaluation(_)
+                    | transcription::Error::Solver(crate::optim::Error::Start(_))
+            )
+    )
 }
 
 /// The guess that the command line names.
@@ -204,6 +233,40 @@ fn settings(args: &Args, statement: &mut Statement) -> Result<Settings, Error> {
     Ok(settings)
 }
 
+/// Iterations after which a search that keeps to no feasible point is taken for infeasible, if a limit can be blamed.
+const MANY: usize = 100;
+
+/// Whether limits may be why there is no plan.
+fn doubtful(solved: &Solved) -> bool {
+    let violated = solved.worst.is_some();
+    match solved.status() {
+        Status::Infeasible => true,
+        Status::Stalled | Status::IterationLimit => violated && solved.iterations() >= MANY,
+        _ => false,
+    }
+}
+
+/// The limit that stands in the way.
+fn diagnose(
+    prepared: &Prepared,
+    settings: &Settings,
+    rough: &Rough,
+    solved: &Solved,
+    quiet: bool,
+    stop: &AtomicBool,
+) -> Result<Option<Diagnosis>, Error> {
+    let bar = bar(quiet);
+    bar.set_message("which limit stands in the way?");
+    let mut monitor = |_: &Progress| {
+        bar.tick();
+        if stop.load(Ordering::Relaxed) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    };
+    let suspect = solved.last().solution.blocking.as_ref().map(|blocking| blocking.name.as_str());
+    let found = plan::diagnose::diagnose(prepared, settings, Begin::From(rough), suspect, &mut monitor)?;
+    bar.finish_and_clear();
+    Ok(found)
+}
+
 /// Whether there is a plan to roll out.
 fn finished(solved: &Solved) -> bool {
     matches!(solved.status(), Status::Solved | Status::Acceptable)
@@ -239,15 +302,15 @@ fn roll_out(prepared: &Prepared, solved: &Solved, stop: &Arc<AtomicBool>) -> Res
     let said = said.map(|step| crate::plan::task::seconds(&prepared.statement.source, step)).transpose()?;
     let step = said.or(prepared.sampling.as_ref().map(|sampling| sampling.sample_time)).unwrap_or(STEP);
     let options = verify::Options { master: verification.master, step, tolerance: verification.tolerance };
-    let first = &solved.trajectory.phases[0];
+    let first = &solved.trajectory().phases[0];
     let states = (&prepared.task.signals.states[..], &first.states[0][..]);
-    let rolled = table::with_command(prepared, &solved.trajectory, |command| {
+    let rolled = table::with_command(prepared, solved.trajectory(), |command| {
         verify::roll_out(&prepared.graph, &prepared.catalogue, states, command, options, stop)
     });
     Ok(rolled?)
 }
 
-fn exit(solved: &Solved, stop: &AtomicBool, folder: &Path) -> ExitCode {
+fn exit(solved: &Solved, diagnosis: Option<&Diagnosis>, stop: &AtomicBool, folder: &Path) -> ExitCode {
     let kept = || {
         output::complain(&format!(
             "interrupted; the best point so far is in {}; go on with --resume {}",
@@ -256,6 +319,10 @@ fn exit(solved: &Solved, stop: &AtomicBool, folder: &Path) -> ExitCode {
         ));
         ExitCode::from(super::INTERRUPTED)
     };
+    if let Some(diagnosis) = diagnosis {
+        output::complain(&format!("error: {}\n{diagnosis}", write::NO_MOTION));
+        return ExitCode::from(INFEASIBLE);
+    }
     match solved.status() {
         Status::Interrupted => kept(),
         Status::Solved | Status::Acceptable if stop.load(Ordering::Relaxed) => kept(),

@@ -3,7 +3,10 @@
 use std::path::Path;
 
 use crate::cli::table::table;
+use crate::optim::Note;
+use crate::plan::file::transcription_name;
 use crate::plan::record::Summary;
+use crate::plan::solve::Progress;
 use crate::plot::run::short;
 
 /// Error of the open-loop roll-out in words: every state with its unit.
@@ -45,6 +48,35 @@ fn delivered(summary: &Summary) -> String {
         };
     }
     text
+}
+
+/// A row of the iteration table; the first of every solve comes with the heading.
+pub fn iteration(progress: &Progress) -> String {
+    let row = progress.iteration;
+    let heading = match row.number {
+        0 => format!(
+            "{} with {} intervals\n  iter       objective  violation optimality    barrier       step  length\n",
+            transcription_name(progress.pass.transcription),
+            progress.pass.intervals.iter().sum::<usize>()
+        ),
+        _ => String::new(),
+    };
+    let note = match row.note {
+        Note::None => "",
+        Note::SecondOrderCorrection => "  corrected",
+        Note::Restoration => "  restoration",
+        Note::QuadraticProgram => "  quadratic program",
+    };
+    format!(
+        "{heading}{:6} {:15.8e} {:10.2e} {:10.2e} {:10.2e} {:10.2e} {:7.4}{note}",
+        row.number,
+        row.objective,
+        row.violation,
+        row.dual_infeasibility,
+        row.barrier,
+        row.step,
+        row.step_length
+    )
 }
 
 /// What is printed at the end.

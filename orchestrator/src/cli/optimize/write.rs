@@ -5,11 +5,12 @@ use std::io::Write;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-use super::super::folder;
 use super::many::{MULTISTART, SWEEP, Table};
 use crate::Error;
+use crate::cli::folder;
 use crate::optim::{Note, Status};
 use crate::plan::deliver::Delivery;
+use crate::plan::diagnose::Diagnosis;
 use crate::plan::file::transcription_name;
 use crate::plan::prepare::Prepared;
 use crate::plan::record::{
@@ -19,9 +20,10 @@ use crate::plan::solve::{Done, Solved};
 use crate::plan::verify::{Rollout, Rollouts};
 use crate::plan::{Error as PlanError, table};
 pub use crate::plot::plan::TRAJECTORY;
-use crate::plot::plan::{CONTINUOUS, SAMPLED, figure_files};
+use crate::plot::plan::{CONTINUOUS, DEFECTS, SAMPLED, figure_files};
 use crate::results::summary::FmuRecord;
 use crate::series::csv;
+use crate::transcription::IntervalErrors;
 
 /// The command, for `airloop run --input`.
 const COMMAND: &str = "command.csv";
@@ -31,6 +33,9 @@ const FORCES: &str = "feed_forward.csv";
 const CHAINS: [&str; 2] = ["closed_chain_optimised.csv", "closed_chain_naive.csv"];
 /// The iteration table.
 const ITERATIONS: &str = "iterations.csv";
+
+/// What is said where a limit can be blamed.
+pub const NO_MOTION: &str = "infeasible: no motion was found that keeps all limits; relax the one that is named, or give it more time";
 
 /// Every file that may be written.
 pub fn names() -> Vec<String> {
@@ -73,6 +78,8 @@ pub struct Results<'a> {
     pub began: Instant,
     /// Table of many solves, where there were many.
     pub table: Option<&'a Table>,
+    /// The limit that stands in the way, where one does.
+    pub diagnosis: Option<&'a Diagnosis>,
     /// Whether figures are drawn.
     pub plots: bool,
 }
@@ -83,13 +90,14 @@ impl Results<'_> {
     /// # Errors
     /// What cannot be made, removed or written.
     pub fn write(&self, folder: &Path) -> Result<Summary, Error> {
-        let plan = &self.solved.trajectory;
+        let plan = self.solved.trajectory();
         let trajectory = table::trajectory(self.prepared, plan)?;
         let step = self.step();
         let catalogue = &self.prepared.catalogue;
         let command = table::with_command(self.prepared, plan, |command| command.sampled(catalogue, step))?;
         let mut tables = vec![(TRAJECTORY, trajectory), (COMMAND, command)];
-        let mut notes = Vec::new();
+        tables.push((DEFECTS, table::defects(self.prepared, plan, &self.solved.errors)?));
+        let mut notes = self.solved.notes.clone();
         let rolled = self.rollouts.map(|rollouts| {
             [(CONTINUOUS, "continuous", &rollouts.continuous), (SAMPLED, "sampled", &rollouts.sampled)]
         });
@@ -143,9 +151,9 @@ impl Results<'_> {
         let [loaded, instances, verified] = self.times.map(|time| time.as_secs_f64());
         let errors = self.rollouts.map(|rollouts| self.final_errors(rollouts));
         let norm = |errors: &BTreeMap<String, f64>| errors.values().map(|e| e * e).sum::<f64>().sqrt();
-        let signals = table::records(prepared, &solved.trajectory);
+        let signals = table::records(prepared, solved.trajectory());
         let portrait = self.portrait(&signals);
-        let figures = if self.plots { figure_files(portrait.is_some(), false) } else { Vec::new() };
+        let figures = if self.plots { figure_files(portrait.is_some(), true) } else { Vec::new() };
         let animation = statement.animation.as_ref().map(|animation| AnimationRecord {
             cart: self.shown(&animation.cart.text),
             angle: self.shown(&animation.angle.text),
@@ -161,29 +169,36 @@ impl Results<'_> {
             system: graph.name.clone(),
             system_file: statement.system_file.clone(),
             transcription: transcription_name(last.pass.transcription).into(),
-            intervals: solved.trajectory.phases.iter().map(|phase| phase.intervals()).collect(),
+            intervals: solved.trajectory().phases.iter().map(|phase| phase.intervals()).collect(),
             guess: self.guess.clone(),
-            status: status_name(&last.solution.status).into(),
-            message: last.solution.status.to_string(),
+            status: if self.diagnosis.is_some() { "infeasible" } else { status_name(&last.solution.status) }
+                .into(),
+            message: match self.diagnosis {
+                Some(_) => NO_MOTION.into(),
+                None => last.solution.status.to_string(),
+            },
             objective: finite(last.solution.objective),
             iterations: solved.iterations(),
             max_defect: solved.max_defect,
             max_bound_violation: solved.max_bound_violation,
-            worst: solved.worst.as_ref().map(ToString::to_string),
+            worst: match self.diagnosis {
+                Some(diagnosis) => Some(diagnosis.to_string()),
+                None => solved.worst.as_ref().map(ToString::to_string),
+            },
             blocking: last.solution.blocking.as_ref().map(|one| format!("most in the way: {one}")),
             phase_durations: solved
-                .trajectory
+                .trajectory()
                 .phases
                 .iter()
                 .map(|phase| (phase.name.clone(), phase.end() - phase.begin()))
                 .collect(),
-            durations: solved.trajectory.phases.iter().map(|phase| phase.end() - phase.begin()).collect(),
+            durations: solved.trajectory().phases.iter().map(|phase| phase.end() - phase.begin()).collect(),
             open_loop_final_error: errors.as_ref().map(|errors| FinalError {
                 continuous: errors.continuous.as_ref().map(norm),
                 sampled: errors.sampled.as_ref().map(norm),
             }),
             open_loop_final_state_error: errors,
-            max_interval_error: None,
+            max_interval_error: solved.errors.iter().map(IntervalErrors::largest).reduce(f64::max),
             time: Times {
                 load: loaded,
                 build: instances + sum(|done| done.build),
@@ -192,8 +207,8 @@ impl Results<'_> {
                 total: self.began.elapsed().as_secs_f64(),
             },
             passes: solved.done.iter().map(pass).collect(),
-            variables: last.size.0,
-            constraints: last.size.1,
+            variables: last.solution.x.len(),
+            constraints: last.solution.multipliers.constraints.len(),
             signals,
             portrait,
             animation,
@@ -225,7 +240,7 @@ impl Results<'_> {
     fn final_errors(&self, rollouts: &Rollouts) -> FinalError<BTreeMap<String, f64>> {
         let of = |rollout: &Result<Rollout, PlanError>| {
             let rollout = rollout.as_ref().ok().filter(|rollout| rollout.problem.is_none())?;
-            let last = self.solved.trajectory.phases.last()?;
+            let last = self.solved.trajectory().phases.last()?;
             let planned = last.states.last()?;
             let names = self.prepared.task.signals.states.iter();
             let names = names.map(|&index| &self.prepared.catalogue.variables()[index].name);

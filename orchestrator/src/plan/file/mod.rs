@@ -8,7 +8,7 @@ mod read;
 mod read_phase;
 pub mod source;
 pub mod statement;
-mod table;
+pub mod table;
 
 pub use quantity::Quantity;
 pub use read::{parse, read, variant};

@@ -133,6 +133,7 @@ impl Default for Settings {
             guess: None,
             method: Method::InteriorPoint,
             tolerance: 1e-8,
+            scaled: false,
             max_iterations: 500,
             sampled: None,
             sample_time: None,
@@ -148,6 +149,7 @@ fn settings_of(value: Value) -> Result<Settings, Error> {
     let transcription = transcription.unwrap_or(default.transcription);
     let intervals = table.maybe("intervals", |value| value.whole(1))?.unwrap_or(default.intervals);
     let methods = [("interior-point", Method::InteriorPoint), ("sqp", Method::Sqp)];
+    let scalings = [("none", false), ("nominal", true)];
     let settings = Settings {
         transcription,
         intervals,
@@ -155,6 +157,7 @@ fn settings_of(value: Value) -> Result<Settings, Error> {
         guess: table.maybe("guess", |value| value.text())?,
         method: table.maybe("method", |value| value.choice(&methods))?.unwrap_or(default.method),
         tolerance: table.maybe("tolerance", tolerance)?.unwrap_or(default.tolerance),
+        scaled: table.maybe("scaling", |value| value.choice(&scalings))?.unwrap_or(default.scaled),
         max_iterations: table
             .maybe("max_iterations", |value| value.whole(1))?
             .unwrap_or(default.max_iterations),

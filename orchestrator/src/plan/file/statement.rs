@@ -71,6 +71,8 @@ pub struct Settings {
     pub method: Method,
     /// Stop test of the solver.
     pub tolerance: f64,
+    /// Whether variables are divided by their nominal values for the solver.
+    pub scaled: bool,
     /// Most iterations of one solve.
     pub max_iterations: usize,
     /// Components whose linear states are sampled; none: those with a parameter `sample_time`.

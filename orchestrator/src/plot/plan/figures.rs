@@ -2,7 +2,7 @@
 
 use super::Plan;
 use crate::plan::record::SignalRecord;
-use crate::plot::axes::range;
+use crate::plot::axes::{curve, range};
 use crate::plot::identification::panel::{Entry, Panel, Scale, Sheet};
 use crate::plot::run::short;
 use crate::plot::svg::{Shape, Svg};
@@ -88,12 +88,8 @@ fn signal(sheet: &mut Sheet, index: usize, plan: &Plan, record: &SignalRecord) {
         panel.level(&mut sheet.svg, bound, "limit");
     }
     for (series, values, class) in found {
-        if record.held {
-            let (t, v) = steps(series.time(), values);
-            panel.line(&mut sheet.svg, &t, &v, class);
-        } else {
-            panel.line(&mut sheet.svg, series.time(), values, class);
-        }
+        let points = curve(series.time(), values, &panel.x, &panel.y, record.held);
+        sheet.svg.polyline(&points, class);
     }
 }
 
@@ -156,20 +152,34 @@ pub(super) fn portrait(plan: &Plan) -> String {
                 Some((plan.values(series?, &x.name)?, plan.values(series?, &y.name)?, class))
             })
             .collect();
-        let of = |pick: fn(&(&[f64], &[f64], &str)) -> Vec<f64>| range(lines.iter().flat_map(pick));
+        let across = range(lines.iter().flat_map(|line| line.0.iter().copied()));
+        let upwards = range(lines.iter().flat_map(|line| line.1.iter().copied()));
         let panel = sheet.panel(
             0,
             "",
-            (padded(of(|line| line.0.to_vec())), Scale::Linear, &label(x)),
-            (padded(of(|line| line.1.to_vec())), Scale::Linear, &label(y)),
+            (padded(across), Scale::Linear, &label(x)),
+            (padded(upwards), Scale::Linear, &label(y)),
         );
         for (x, y, class) in &lines {
-            panel.line(&mut sheet.svg, x, y, class);
+            let points: Vec<(f64, f64)> = x.iter().zip(*y).map(|(x, y)| panel.at(*x, *y)).collect();
+            sheet.svg.polyline(&apart(&points), class);
         }
         let (x, y, _) = lines[0];
         ends(&mut sheet.svg, &panel, x, y);
     }
     sheet.svg.finish("Phase portrait: plan and roll-outs")
+}
+
+/// Points of a line that lie at least a pixel apart, and its last.
+fn apart(points: &[(f64, f64)]) -> Vec<(f64, f64)> {
+    let mut kept: Vec<(f64, f64)> = Vec::new();
+    for &(x, y) in points {
+        if kept.last().is_none_or(|(a, b)| (x - a).hypot(y - b) >= 1.0) {
+            kept.push((x, y));
+        }
+    }
+    kept.extend(points.last().filter(|last| kept.last() != Some(last)));
+    kept
 }
 
 /// Markers at the first and the last point.
@@ -180,20 +190,18 @@ fn ends(svg: &mut Svg, panel: &Panel, x: &[f64], y: &[f64]) {
     }
 }
 
-/// Estimated error of every interval, relative to the range of each state, the worst state in each.
+/// Estimated error of every interval, relative to the size of each state, the worst state in each.
 pub(super) fn interval_error(plan: &Plan) -> String {
     let note =
         plan.summary.max_interval_error.map_or(String::new(), |worst| format!("largest {}", short(worst)));
     let mut sheet = Sheet::new("Error between the knots", &note, &[], 1, 1, 220.0);
     if let Some(defects) = &plan.defects {
-        let worst: Vec<f64> = (0..defects.len())
-            .map(|row| defects.channels().iter().map(|channel| channel.values[row]).fold(0.0, f64::max))
-            .collect();
+        let worst = plan.values(defects, "relative").unwrap_or_default().to_vec();
         let (low, high) = range(worst.iter().copied().filter(|error| *error > 0.0));
         let (low, high) = if low.is_finite() { (low, high) } else { (1e-12, 1e-6) };
         let panel = sheet.panel(
             0,
-            "worst state of each interval, relative to its range",
+            "worst state of each interval, relative to its size",
             (span(&plan.trajectory), Scale::Linear, "time [s]"),
             ((f64::max(low / 2.0, high * 1e-6), high * 2.0), Scale::Logarithmic, "relative error"),
         );

@@ -7,7 +7,7 @@ use crate::refine::case::Friction;
 use crate::system::ssp::Endpoint;
 
 /// Where the further inputs of a block get their values: position, speed, angle, angular speed, pressure force.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub struct Sources {
     /// Position \[m\].
     pub x: Option<Endpoint>,
@@ -19,6 +19,8 @@ pub struct Sources {
     pub omega: Option<Endpoint>,
     /// Force of the pressure difference \[N\].
     pub f_hat: Option<Endpoint>,
+    /// Pressure of a chamber \[Pa\].
+    pub p: Option<Endpoint>,
 }
 
 impl Sources {
@@ -29,6 +31,7 @@ impl Sources {
             "theta" => ("rad", &self.theta),
             "omega" => ("rad/s", &self.omega),
             "F_hat" => ("N", &self.f_hat),
+            "p" => ("Pa", &self.p),
             _ => return None,
         };
         source.clone().map(|source| (Some(unit), source))
@@ -124,7 +127,8 @@ pub const COMMAND_ORDER: [&str; 8] = [
 pub fn friction(effect: &Effect, declared: &Friction, sources: &Sources) -> Option<Block> {
     let own = |name: &str| value(effect, name);
     let sign = [("c2", declared.c2), ("c3", declared.c3)];
-    let (start, inputs): (Vec<(&str, f64)>, &[&'static str]) = match effect.id.split_once('.')?.1 {
+    let (_, kind) = effect.id.split_once('.').filter(|(part, _)| ["pf", "cf"].contains(part))?;
+    let (start, inputs): (Vec<(&str, f64)>, &[&'static str]) = match kind {
         "viscous" => (vec![("viscous_coef", own("coef"))], &["v"]),
         "offset" => (vec![("offset_value", own("value"))], &[]),
         "coulomb" => (vec![("coulomb_force", own("force"))], &["v"]),
@@ -165,6 +169,12 @@ pub fn cart(effect: &Effect, weight: f64, sources: &Sources) -> Option<Block> {
     Some(force(effect, &start, inputs, sources))
 }
 
+/// The block of an error of the effective area of a chamber.
+pub fn area(effect: &Effect, sources: &Sources) -> Option<Block> {
+    let start = [("area_coef", value(effect, "coef"))];
+    (effect.id == "act.area").then(|| force(effect, &start, &["p"], sources))
+}
+
 /// The block of a torque on the pole; `moment` \[N m\]: its weight times its arm.
 pub fn pole(effect: &Effect, moment: f64, sources: &Sources) -> Option<Block> {
     let own = |name: &str| value(effect, name);
@@ -187,7 +197,7 @@ pub fn sensor(effect: &Effect, sample_time: f64, sampled: bool, starts_at_zero: 
         "sensor.delay" => ("delay", value(effect, "delay")),
         _ => return None,
     };
-    let none = Sources { x: None, v: None, theta: None, omega: None, f_hat: None };
+    let none = Sources::default();
     let start = [parameter, ("sample_time", sample_time)];
     if sampled {
         return Some(signal(effect, "", &start, &[], &none));

@@ -1,12 +1,13 @@
 //! The amended system: the declared one with what it lacks, as FMUs that any tool runs.
 //!
 //! [`network`] puts blocks in series into a system, [`blocks`] says which block an effect of the vocabulary becomes,
-//! [`rig`] has the declared rig and where its blocks go. [`write`] derives the FMUs and writes `.ssd` and `.ssp`. The
+//! [`rig`] has the declared rig and [`study`] the system of a study, and where blocks go in them. [`write`] derives the FMUs and writes `.ssd` and `.ssp`. The
 //! declared FMUs keep their equations: an effect is a block beside them, or other values of their parameters.
 
 pub mod blocks;
 pub mod network;
 pub mod rig;
+pub mod study;
 
 use std::path::{Path, PathBuf};
 
@@ -32,6 +33,9 @@ pub enum Error {
     /// The system does not hold together.
     #[error(transparent)]
     System(#[from] crate::system::Error),
+    /// The system of a study cannot be read.
+    #[error(transparent)]
+    Study(#[from] Box<crate::refine::Error>),
     /// The file system.
     #[error("{}: the amended system cannot be written: {source}; choose another folder with `-o`", path.display())]
     Io {
@@ -59,6 +63,9 @@ pub fn write(network: &Network, folder: &Path, templates: Option<&Path>) -> Resu
     structure.file = work.path().join("system.ssd");
     for component in &mut structure.components {
         component.source = work.path().join(&component.source);
+    }
+    for (source, name) in &network.copies {
+        std::fs::copy(source, work.path().join(name)).map_err(io(source))?;
     }
     for part in &network.parts {
         let template = template_folder::template(part.template, templates)?;

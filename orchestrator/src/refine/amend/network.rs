@@ -34,8 +34,10 @@ pub struct Block {
 pub struct Network {
     /// The system; sources of components are file names.
     pub structure: Structure,
-    /// FMUs to derive, one per component.
+    /// FMUs to derive.
     pub parts: Vec<Part>,
+    /// FMUs that are taken as they are: file, and name beside the description.
+    pub copies: Vec<(PathBuf, PathBuf)>,
 }
 
 /// A connector of a component, or (empty name) of the system.
@@ -59,6 +61,7 @@ impl Network {
                 stop_time: Some(stop_time),
             },
             parts: Vec::new(),
+            copies: Vec::new(),
         }
     }
 

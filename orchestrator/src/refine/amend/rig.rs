@@ -157,6 +157,7 @@ fn cart_pole(model: &Declared, selected: &[&Effect]) -> Network {
         theta: plant("theta"),
         omega: plant("omega"),
         f_hat: output("actuator", "F_hat"),
+        p: None,
     };
     commands(&mut network, selected, sample_time, &sources);
     let found = |id: &str| selected.iter().find(|effect| effect.id == id).copied();
@@ -223,7 +224,7 @@ fn rod_fixed(model: &Declared, selected: &[&Effect]) -> Network {
     for (from, to) in [("F_hat", "F_hat"), ("F_act", "F_p")] {
         network.connect(end("actuator", from), end("", to), Some("N"), 1.0);
     }
-    let none = Sources { x: None, v: None, theta: None, omega: None, f_hat: None };
+    let none = Sources::default();
     commands(&mut network, selected, own.sample_time, &none);
     sensors(&mut network, selected, own.sample_time, &["F_hat", "F_p"]);
     network
@@ -233,7 +234,7 @@ fn rod_fixed(model: &Declared, selected: &[&Effect]) -> Network {
 fn frictions(model: &Declared, selected: &[&Effect]) -> Network {
     let mut network = Network::new("amended_frictions", STOP_TIME);
     let input = |name: &str| Some(end("", name));
-    let sources = Sources { x: input("x"), v: input("v"), theta: None, omega: None, f_hat: None };
+    let sources = Sources { x: input("x"), v: input("v"), ..Sources::default() };
     for (name, channel, shown, declared) in [
         ("piston_friction", "piston_friction", "f_piston", &model.piston_friction),
         ("cart_friction", "cart_friction", "f_cart", &model.cart_friction),

@@ -26,6 +26,8 @@ pub struct Start {
     pub values: Vec<(usize, f64)>,
     /// Positions in [`Candidate::free`] of the parameters that the linear step from here finds.
     pub open: Vec<usize>,
+    /// Whether `values` change nothing as long as the open parameters are neutral.
+    pub idle: bool,
 }
 
 impl Candidate {

@@ -1,12 +1,12 @@
 //! Bounded Levenberg-Marquardt over all estimation records, each with local parameters of its own.
 //!
-//! Derivatives are forward differences: one simulation per parameter. The normal equations have the form of an arrow
-//! (local parameters of a record meet only those of the same record and the shared ones), but are small enough to be
-//! solved as a whole.
+//! Derivatives cost several times what residuals cost, so they serve for several steps as long as these gain what they
+//! promise.
 
 use nalgebra::{Cholesky, DMatrix, DVector};
 
-use super::{System, parallel};
+use super::System;
+use super::normal::{Normal, cost, gradients, residuals};
 
 /// A shared parameter that is fitted.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -38,118 +38,16 @@ pub struct Fit {
     pub at_bound: Vec<bool>,
 }
 
-/// Mean square of the residuals above which a fit that hardly moves is given up.
+/// Mean square of the residuals above which a fit that moves too slowly is given up.
 const HOPELESS: f64 = 30.0;
-
-/// Normal equations: matrix, right side, sum of squares.
-type Normal = (DMatrix<f64>, DVector<f64>, f64);
-
-/// Columns of one record: residuals, derivatives by the shared and by the local parameters.
-pub struct Columns {
-    /// Residuals.
-    pub residuals: Vec<f64>,
-    /// d residuals / d parameter, for shared then local parameters.
-    pub columns: Vec<Vec<f64>>,
-}
-
-/// Residuals and their derivatives of one record.
-pub fn columns<S: System + ?Sized>(
-    system: &S,
-    record: usize,
-    p: &[f64],
-    free: &[Free],
-    locals: &[f64],
-) -> Columns {
-    let residuals = system.residuals(record, p, locals);
-    let difference = |moved: Vec<f64>, step: f64| -> Vec<f64> {
-        moved.iter().zip(&residuals).map(|(a, b)| (a - b) / step).collect()
-    };
-    let mut columns = Vec::new();
-    let mut q = p.to_vec();
-    for f in free {
-        // A step inwards from the upper bound.
-        let step = if q[f.index] + f.step > f.bounds.1 { -f.step } else { f.step };
-        q[f.index] = p[f.index] + step;
-        columns.push(difference(system.residuals(record, &q, locals), step));
-        q[f.index] = p[f.index];
-    }
-    let mut moved = locals.to_vec();
-    for (i, (_, step)) in system.locals(record).into_iter().enumerate() {
-        moved[i] = locals[i] + step;
-        columns.push(difference(system.residuals(record, p, &moved), step));
-        moved[i] = locals[i];
-    }
-    Columns { residuals, columns }
-}
-
-fn squares(values: &[f64]) -> f64 {
-    values.iter().map(|value| value * value).sum()
-}
-
-fn dot(a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| a * b).sum()
-}
-
-fn normal_equations<S: System + ?Sized>(
-    system: &S,
-    records: &[usize],
-    p: &[f64],
-    free: &[Free],
-    locals: &[Vec<f64>],
-) -> Normal {
-    let parts = parallel::map(records.len(), |i| {
-        let found = columns(system, records[i], p, free, &locals[i]);
-        let m = found.columns.len();
-        let matrix =
-            DMatrix::from_fn(
-                m,
-                m,
-                |a, b| if a <= b { dot(&found.columns[a], &found.columns[b]) } else { 0.0 },
-            );
-        let right = DVector::from_fn(m, |a, _| -dot(&found.columns[a], &found.residuals));
-        (matrix, right, squares(&found.residuals))
-    });
-    let ng = free.len();
-    let size = ng + locals.iter().map(Vec::len).sum::<usize>();
-    let (mut matrix, mut right, mut sum) = (DMatrix::zeros(size, size), DVector::zeros(size), 0.0);
-    let mut offset = ng;
-    for (part, part_right, part_sum) in parts {
-        let place = |a: usize| if a < ng { a } else { offset + a - ng };
-        for a in 0..part.nrows() {
-            right[place(a)] += part_right[a];
-            for b in a..part.nrows() {
-                matrix[(place(a), place(b))] += part[(a, b)];
-                if a != b {
-                    matrix[(place(b), place(a))] += part[(a, b)];
-                }
-            }
-        }
-        offset += part.nrows() - ng;
-        sum += part_sum;
-    }
-    for (a, f) in free.iter().enumerate() {
-        if let Some(prior) = f.prior {
-            matrix[(a, a)] += prior.powi(-2);
-            right[a] -= p[f.index] * prior.powi(-2);
-            sum += (p[f.index] / prior).powi(2);
-        }
-    }
-    (matrix, right, sum)
-}
-
-/// Sum of squares of the records, priors included.
-pub fn cost<S: System + ?Sized>(
-    system: &S,
-    records: &[usize],
-    p: &[f64],
-    free: &[Free],
-    locals: &[Vec<f64>],
-) -> f64 {
-    let sum: f64 =
-        parallel::map(records.len(), |i| squares(&system.residuals(records[i], p, &locals[i]))).iter().sum();
-    let known = |f: &Free| f.prior.map_or(0.0, |prior| (p[f.index] / prior).powi(2));
-    sum + free.iter().map(known).sum::<f64>()
-}
+/// Slow steps in a row after which it is.
+const SLOW: usize = 2;
+/// Steps that one set of derivatives serves at most.
+const SERVED: usize = 4;
+/// Share of what a step promised that it must gain for the derivatives to serve the next.
+const TRUSTED: f64 = 0.8;
+/// Gain that new derivatives may still promise when the old ones gain nothing more.
+const SETTLED: f64 = 0.02;
 
 /// Solves the damped equations for the parameters that are not held at a bound; zero for those that are.
 fn damped_step(
@@ -188,11 +86,10 @@ pub fn fit<S: System + ?Sized>(
     let mut damping = 1e-4;
     let count = |&record: &usize| system.signals(record).last().map_or(0, |span| span.range.end);
     let samples = records.iter().map(count).sum::<usize>() as f64;
-    let mut normal = normal_equations(system, records, &p, free, &locals);
-    let mut round = 0;
-    let mut refused = 0;
+    let mut normal = Normal::new(system, records, &p, free, &locals);
+    let (mut round, mut refused, mut served, mut slow, mut settled) = (0, 0, 0, 0, false);
     while round < iterations && refused < 6 {
-        let (matrix, right, chi2) = (&normal.0, &normal.1, normal.2);
+        let (matrix, right, chi2) = (&normal.matrix, &normal.right, normal.chi2);
         let held: Vec<bool> = free
             .iter()
             .enumerate()
@@ -216,30 +113,48 @@ pub fn fit<S: System + ?Sized>(
                 offset += 1;
             }
         }
-        let new = cost(system, records, &q, free, &moved);
+        let hoped = predicted(matrix, right, &step);
+        if settled && hoped < SETTLED {
+            break;
+        }
+        let reached = residuals(system, records, &q, &moved);
+        let new = cost(&q, free, &reached);
         if new.is_finite() && new < chi2 {
             (p, locals, refused) = (q, moved, 0);
             damping = (damping * 0.1).max(1e-9);
             round += 1;
             let gained = chi2 - new;
-            // One more set of derivatives for the covariance, then done.
-            normal = normal_equations(system, records, &p, free, &locals);
-            // Far from noise and hardly moving: this model will not explain the records. With parameters that are
-            // known beforehand the way is long and narrow, and slow steps say nothing.
-            let narrow = free.iter().any(|f| f.prior.is_some());
-            let hopeless = !narrow && new > HOPELESS * samples && gained < 3e-3 * chi2;
-            if gained < 2e-3 + 1e-8 * chi2 || hopeless {
+            // Far from noise, and at this pace still far from it after the rounds that are left: this model will not
+            // explain the records. One slow step alone may be the damping.
+            let pace = (new / chi2).powi((iterations - round) as i32);
+            slow = if new * pace > HOPELESS * samples { slow + 1 } else { 0 };
+            let hopeless = slow >= SLOW;
+            settled = gained < 2e-3 + 1e-8 * chi2;
+            served += 1;
+            if !settled && !hopeless && served < SERVED && gained > TRUSTED * hoped {
+                normal.moved(&p, free, reached);
+            } else {
+                // New ones at the end, too: for the covariance.
+                normal = Normal::new(system, records, &p, free, &locals);
+                served = 0;
+            }
+            if hopeless {
                 break;
             }
         } else {
-            if chi2.is_finite() && predicted(matrix, right, &step) < 0.01 {
+            if chi2.is_finite() && hoped < 0.01 {
                 break;
+            }
+            if served > 0 {
+                normal = Normal::new(system, records, &p, free, &locals);
+                served = 0;
+                continue;
             }
             damping = (damping * 10.0).max(1e-3);
             refused += 1;
         }
     }
-    let (matrix, right, chi2) = normal;
+    let Normal { matrix, right, chi2, .. } = normal;
     let at_bound: Vec<bool> =
         free.iter().map(|f| p[f.index] <= f.bounds.0 || p[f.index] >= f.bounds.1).collect();
     let held: Vec<bool> = at_bound
@@ -249,6 +164,19 @@ pub fn fit<S: System + ?Sized>(
         .collect();
     let covariance = covariance(&matrix, ng, &held);
     Fit { parameters: p, free: free.to_vec(), locals, chi2, covariance, at_bound }
+}
+
+/// Covariance of the free parameters by the scatter of the records around the common optimum, for residuals that are not
+/// white: each record counts as one observation of the gradient.
+pub fn scatter<S: System + ?Sized>(system: &S, records: &[usize], fit: &Fit) -> DMatrix<f64> {
+    let gradients = gradients(system, records, &fit.parameters, &fit.free, &fit.locals);
+    let ng = fit.free.len();
+    let mut spread = DMatrix::zeros(ng, ng);
+    for own in &gradients {
+        spread += own * own.transpose();
+    }
+    let n = gradients.len() as f64;
+    &fit.covariance * spread * &fit.covariance * (n / (n - 1.0).max(1.0))
 }
 
 /// Gain of a step in the linear model.

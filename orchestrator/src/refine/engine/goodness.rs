@@ -3,38 +3,11 @@
 //! Blocks of one sample see the power of the residual, longer blocks its slow part, which a small power can hide in.
 //! The null is simulated: the predicted signals plus sensor noise, rounded as the records are.
 
+use super::noise::Noise;
 use super::{System, parallel};
 
 /// Block lengths \[samples\].
 pub const BLOCKS: [usize; 3] = [1, 8, 64];
-
-/// A deterministic source of normal numbers (xorshift64* and Box-Muller).
-#[derive(Debug, Clone)]
-pub struct Noise(u64);
-
-impl Noise {
-    /// The stream `stream` of a seed.
-    pub fn new(seed: u64, stream: u64) -> Noise {
-        // SplitMix64 separates neighbouring seeds.
-        let mut z = seed.wrapping_add(stream.wrapping_add(1).wrapping_mul(0x9E37_79B9_7F4A_7C15));
-        z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-        Noise((z ^ (z >> 31)) | 1)
-    }
-
-    /// Uniform in (0, 1).
-    pub fn uniform(&mut self) -> f64 {
-        self.0 ^= self.0 >> 12;
-        self.0 ^= self.0 << 25;
-        self.0 ^= self.0 >> 27;
-        ((self.0.wrapping_mul(0x2545_F491_4F6C_DD1D) >> 11) as f64 + 0.5) / (1u64 << 53) as f64
-    }
-
-    /// Standard normal.
-    pub fn normal(&mut self) -> f64 {
-        (-2.0 * self.uniform().ln()).sqrt() * (std::f64::consts::TAU * self.uniform()).cos()
-    }
-}
 
 /// Sum over blocks of (sum of the block)^2 / length, for each of [`BLOCKS`].
 pub fn powers(residuals: &[f64]) -> [f64; 3] {
@@ -168,17 +141,5 @@ mod tests {
         assert!(worst(&biased) > null.quantile + 8.0);
         let power_alone = (powers(&biased)[0] - 512.0) / 1024f64.sqrt();
         assert!(power_alone < 6.0);
-    }
-
-    #[test]
-    fn normal_numbers_have_the_moments_of_the_normal_law() {
-        let mut noise = Noise::new(1, 2);
-        let n = 200_000;
-        let values: Vec<f64> = (0..n).map(|_| noise.normal()).collect();
-        let moment = |power: i32| values.iter().map(|v| v.powi(power)).sum::<f64>() / n as f64;
-        // Standard errors are sqrt(1/n), sqrt(2/n) and sqrt(96/n); five of them.
-        assert!(
-            moment(1).abs() < 0.0112 && (moment(2) - 1.0).abs() < 0.0158 && (moment(4) - 3.0).abs() < 0.11
-        );
     }
 }

@@ -3,6 +3,8 @@
 pub mod candidate;
 pub mod fit;
 pub mod goodness;
+pub mod noise;
+pub mod normal;
 pub mod parallel;
 pub mod search;
 pub mod select;

@@ -1,11 +1,29 @@
 //! The same function for many indices on all processors; the results do not depend on their number.
 
+use std::cell::Cell;
 use std::sync::atomic::{AtomicUsize, Ordering};
+
+use super::System;
+use super::system::Job;
+
+/// Jobs that one thread takes at once: enough to run side by side, few enough to share.
+const BATCH: usize = 4;
+
+/// Whitened residuals of all jobs.
+pub fn residuals<S: System + ?Sized>(system: &S, jobs: &[Job]) -> Vec<Vec<f64>> {
+    let batches: Vec<&[Job]> = jobs.chunks(BATCH).collect();
+    map(batches.len(), |i| system.residuals_of(batches[i])).into_iter().flatten().collect()
+}
+
+thread_local! {
+    /// Whether this thread already works for a `map`: one inside another stays on its thread.
+    static INSIDE: Cell<bool> = const { Cell::new(false) };
+}
 
 /// `f(0), f(1) ... f(count - 1)`, in this order.
 pub fn map<T: Send>(count: usize, f: impl Fn(usize) -> T + Sync) -> Vec<T> {
     let threads = std::thread::available_parallelism().map_or(1, std::num::NonZero::get).min(count);
-    if threads <= 1 {
+    if threads <= 1 || INSIDE.get() {
         return (0..count).map(f).collect();
     }
     let next = AtomicUsize::new(0);
@@ -13,6 +31,7 @@ pub fn map<T: Send>(count: usize, f: impl Fn(usize) -> T + Sync) -> Vec<T> {
         let workers: Vec<_> = (0..threads)
             .map(|_| {
                 scope.spawn(|| {
+                    INSIDE.set(true);
                     let mut own = Vec::new();
                     loop {
                         let index = next.fetch_add(1, Ordering::Relaxed);

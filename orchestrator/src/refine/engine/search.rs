@@ -3,8 +3,9 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::candidate::Candidate;
-use super::fit::{Columns, Fit, Free, columns, fit};
+use super::fit::{Fit, Free, fit};
 use super::goodness::{Null, pooled};
+use super::normal::{Columns, columns, dot, residuals};
 use super::{System, parallel};
 
 /// A model: the declared one with some candidates added, fitted.
@@ -55,6 +56,18 @@ pub struct Promise {
     pub parameters: Vec<f64>,
 }
 
+/// Some records around a fitted model.
+struct Around {
+    /// Positions in [`Search::records`].
+    screened: Vec<usize>,
+    columns: Vec<Columns>,
+}
+
+/// Starts of a candidate up to which all of them are tried on all screened records.
+const MANY: usize = 10;
+/// Starts that are left of more than that.
+const FEW: usize = 5;
+
 impl<S: System + ?Sized> Search<'_, S> {
     /// Price of a parameter in the Bayesian information criterion: the logarithm of the number of samples.
     pub fn penalty(&self) -> f64 {
@@ -84,39 +97,49 @@ impl<S: System + ?Sized> Search<'_, S> {
 
     /// Normalised powers of the residuals of a fit.
     pub fn left(&self, fit: &Fit) -> Vec<(String, f64)> {
-        let residuals = parallel::map(self.records.len(), |i| {
-            self.system.residuals(self.records[i], &fit.parameters, &fit.locals[i])
-        });
+        let residuals = residuals(self.system, &self.records, &fit.parameters, &fit.locals);
         self.null.normalised(&pooled(self.system, &self.records, &residuals))
     }
 
     /// What every start of every candidate that `base` lacks promises, best start of each candidate, best first.
     pub fn screen(&self, base: &Model) -> Vec<Promise> {
         let fit = &base.fit;
-        let at_base = parallel::map(self.screened.len(), |j| {
-            let i = self.screened[j];
-            columns(self.system, self.records[i], &fit.parameters, &fit.free, &fit.locals[i])
-        });
-        let starts: Vec<(usize, usize)> = (0..self.candidates.len())
-            .filter(|c| !base.added.contains(c))
-            .flat_map(|c| (0..self.candidates[c].starts.len()).map(move |s| (c, s)))
+        let around = |screened: &[usize]| Around {
+            screened: screened.to_vec(),
+            columns: self.screened_columns(screened, &fit.parameters, &fit.free, fit, true, None),
+        };
+        let all = around(&self.screened);
+        let lacking = (0..self.candidates.len()).filter(|c| !base.added.contains(c));
+        let mut starts: Vec<(usize, usize)> = Vec::new();
+        for c in lacking {
+            let own: Vec<(usize, usize)> = (0..self.candidates[c].starts.len()).map(|s| (c, s)).collect();
+            if own.len() <= MANY {
+                starts.extend(own);
+                continue;
+            }
+            // The record with the largest misfit tells which of many starts are worth all records.
+            let misfit = |j: usize| dot(&all.columns[j].residuals, &all.columns[j].residuals);
+            let worst =
+                (0..self.screened.len()).max_by(|&a, &b| misfit(a).total_cmp(&misfit(b)).then(b.cmp(&a)));
+            let one = around(&[self.screened[worst.unwrap_or(0)]]);
+            let mut ranked: Vec<(f64, (usize, usize))> =
+                parallel::map(own.len(), |i| self.promise(base, &one, own[i]).map(|p| (p.chi2, own[i])))
+                    .into_iter()
+                    .flatten()
+                    .collect();
+            ranked.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+            starts.extend(ranked.into_iter().take(FEW).map(|(_, start)| start));
+        }
+        let mut promises: Vec<Promise> = parallel::map(starts.len(), |i| self.promise(base, &all, starts[i]))
+            .into_iter()
+            .flatten()
             .collect();
-        let mut promises: Vec<Promise> =
-            parallel::map(starts.len(), |i| self.promise(base, &at_base, starts[i]))
-                .into_iter()
-                .flatten()
-                .collect();
         promises.sort_by(|a, b| a.chi2.total_cmp(&b.chi2).then(a.candidate.cmp(&b.candidate)));
         promises
     }
 
     /// The linear step from one start.
-    fn promise(
-        &self,
-        base: &Model,
-        at_base: &[Columns],
-        (candidate, start): (usize, usize),
-    ) -> Option<Promise> {
+    fn promise(&self, base: &Model, around: &Around, (candidate, start): (usize, usize)) -> Option<Promise> {
         let fit = &base.fit;
         let (own, start) = (&self.candidates[candidate], &self.candidates[candidate].starts[start]);
         let open: Vec<Free> = start.open.iter().map(|&position| own.free[position]).collect();
@@ -125,13 +148,14 @@ impl<S: System + ?Sized> Search<'_, S> {
             p[index] = value;
         }
         let (m, known) = (open.len(), fit.free.len());
-        let locals: usize = self.screened.iter().map(|&i| fit.locals[i].len()).sum();
+        let locals: usize = around.screened.iter().map(|&i| fit.locals[i].len()).sum();
         let size = m + known + locals;
         let (mut matrix, mut right, mut chi2) = (DMatrix::zeros(size, size), DVector::zeros(size), 0.0);
         let mut offset = m + known;
-        for (j, &i) in self.screened.iter().enumerate() {
-            let found = self.start_columns(self.records[i], &p, &open, &fit.locals[i]);
-            let all: Vec<&Vec<f64>> = found.columns.iter().chain(&at_base[j].columns).collect();
+        let unmoved = start.idle.then(|| around.columns.iter().map(|own| &own.residuals[..]).collect());
+        let moved = self.screened_columns(&around.screened, &p, &open, fit, false, unmoved);
+        for (found, base) in moved.iter().zip(&around.columns) {
+            let all: Vec<&Vec<f64>> = found.columns.iter().chain(&base.columns).collect();
             let place = |a: usize| if a < m + known { a } else { offset + a - m - known };
             for (a, column) in all.iter().enumerate() {
                 right[place(a)] -= dot(column, &found.residuals);
@@ -144,7 +168,7 @@ impl<S: System + ?Sized> Search<'_, S> {
                 }
             }
             offset += all.len() - m - known;
-            chi2 += found.residuals.iter().map(|r| r * r).sum::<f64>();
+            chi2 += dot(&found.residuals, &found.residuals);
         }
         for (a, f) in fit.free.iter().enumerate() {
             if let Some(prior) = f.prior {
@@ -154,7 +178,7 @@ impl<S: System + ?Sized> Search<'_, S> {
             }
         }
         // As if all records had been screened.
-        let share = self.records.len() as f64 / self.screened.len() as f64;
+        let share = self.records.len() as f64 / around.screened.len() as f64;
         let mut held = vec![false; m];
         for _ in 0..=m {
             let step = solve(&matrix, &right, &held)?;
@@ -176,22 +200,20 @@ impl<S: System + ?Sized> Search<'_, S> {
         None
     }
 
-    fn start_columns(&self, record: usize, p: &[f64], open: &[Free], locals: &[f64]) -> Columns {
-        let residuals = self.system.residuals(record, p, locals);
-        let mut q = p.to_vec();
-        let columns = open.iter().map(|f| {
-            q[f.index] = p[f.index] + f.step;
-            let moved = self.system.residuals(record, &q, locals);
-            q[f.index] = p[f.index];
-            moved.iter().zip(&residuals).map(|(a, b)| (a - b) / f.step).collect()
-        });
-        let columns = columns.collect();
-        Columns { residuals, columns }
+    /// Derivatives of the records at the positions `screened`.
+    fn screened_columns(
+        &self,
+        screened: &[usize],
+        p: &[f64],
+        free: &[Free],
+        base: &Fit,
+        local_columns: bool,
+        known: Option<Vec<&[f64]>>,
+    ) -> Vec<Columns> {
+        let records: Vec<usize> = screened.iter().map(|&i| self.records[i]).collect();
+        let locals: Vec<&[f64]> = screened.iter().map(|&i| &base.locals[i][..]).collect();
+        columns(self.system, &records, p, free, &locals, local_columns, known)
     }
-}
-
-fn dot(a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
 /// Least-squares step with some of the first unknowns held at zero.

@@ -12,10 +12,15 @@ use super::search::{Model, Promise, Search};
 
 /// A model leaves only noise when no normalised power exceeds the largest of the null by more than this.
 pub const MARGIN: f64 = 8.0;
+/// A model that leaves more than the largest normalised power of the null plus this, if less than [`MARGIN`], is compared
+/// with the declared model corrected.
+pub const SUSPICIOUS: f64 = 1.0;
 /// Improvement of the sum of squares below which an effect is not looked at; noise gives up to some 25.
 pub const NOTICEABLE: f64 = 45.0;
 /// Normalised power from which a misfit is far beyond declared parameters that are a percent off.
 pub const SERIOUS: f64 = 5000.0;
+/// Standard deviations of what is known of a declared parameter beyond which its correction is no small one.
+pub const FAR: f64 = 3.5;
 /// Difference of the information criterion within which two models count as equal.
 pub const TIE: f64 = 12.0;
 
@@ -45,6 +50,8 @@ pub struct Selection {
     pub tried: Vec<Model>,
     /// The declared model with the initial states fitted.
     pub declared: Model,
+    /// What every candidate promised beside the declared model, best first.
+    pub screened: Vec<Promise>,
 }
 
 /// Limits of the search.
@@ -75,6 +82,9 @@ pub fn select<S: System + ?Sized>(
     let penalty = search.penalty();
     let criterion = |model: &Model| model.fit.chi2 + penalty * model.size(search.candidates) as f64;
     let mut tried: Vec<Model> = Vec::new();
+    search.system.stage("screening");
+    let promises = search.screen(&declared);
+    let screened = promises.clone();
     let end = |stage, passing: Vec<Model>, tried: Vec<Model>| {
         let mut passing = passing;
         passing.sort_by(|a, b| criterion(a).total_cmp(&criterion(b)));
@@ -87,7 +97,8 @@ pub fn select<S: System + ?Sized>(
                     && !degenerate(search, &best, other)
             })
             .collect();
-        Selection { stage, best, equals, explained: true, tried, declared: declared.clone() }
+        let (declared, screened) = (declared.clone(), screened.clone());
+        Selection { stage, best, equals, explained: true, tried, declared, screened }
     };
     let unexplained = |tried: Vec<Model>, declared: Model| {
         let best = tried
@@ -95,10 +106,9 @@ pub fn select<S: System + ?Sized>(
             .min_by(|a, b| criterion(a).total_cmp(&criterion(b)))
             .cloned()
             .unwrap_or(declared.clone());
-        Selection { stage: Stage::Effects, best, equals: Vec::new(), explained: false, tried, declared }
+        let (stage, screened) = (Stage::Effects, screened.clone());
+        Selection { stage, best, equals: Vec::new(), explained: false, tried, declared, screened }
     };
-    search.system.stage("screening");
-    let promises = search.screen(&declared);
     let clean = declared.worst() < limit;
     if clean {
         let noticed = promises
@@ -113,39 +123,72 @@ pub fn select<S: System + ?Sized>(
     search.system.stage("single effects");
     let singles = attempt(search, &declared, &promises, &[], effort.singles, limit);
     tried.extend(singles.iter().cloned());
-    let passing: Vec<Model> = singles.iter().filter(|m| m.worst() < limit).cloned().collect();
-    if !passing.is_empty() {
-        return end(Stage::Effects, passing, tried);
-    }
-    if effort.max_effects >= 2 {
+    let mut passing: Vec<Model> = singles.iter().filter(|m| m.worst() < limit).cloned().collect();
+    if passing.is_empty() && effort.max_effects >= 2 {
         search.system.stage("pairs of effects");
         let pairs = extend(search, &singles, &[], effort.pairs, limit);
         tried.extend(pairs.iter().cloned());
-        let passing: Vec<Model> = pairs.into_iter().filter(|m| m.worst() < limit).collect();
-        if !passing.is_empty() {
-            return end(Stage::Effects, passing, tried);
-        }
+        passing = pairs.into_iter().filter(|m| m.worst() < limit).collect();
+    }
+    let best = passing.iter().min_by(|a, b| criterion(a).total_cmp(&criterion(b))).cloned();
+    if best.as_ref().is_some_and(|best| best.worst() < search.null.quantile + SUSPICIOUS) {
+        return end(Stage::Effects, passing, tried);
     }
     search.system.stage("declared parameters");
+    let rivals = with_corrections(search, &declared, corrections, limit, &mut tried);
+    let least = rivals.iter().map(criterion).fold(f64::INFINITY, f64::min);
+    match best {
+        // An effect can imitate parameters that are slightly off, but not well.
+        Some(best) if least > best.fit.chi2 - NOTICEABLE => end(Stage::Effects, passing, tried),
+        _ if !rivals.is_empty() => end(Stage::Corrected, rivals, tried),
+        _ => unexplained(tried, declared),
+    }
+}
+
+/// The declared model with its parameters corrected, alone or with a candidate: what leaves only noise.
+fn with_corrections<S: System + ?Sized>(
+    search: &Search<S>,
+    declared: &Model,
+    corrections: &[Free],
+    limit: f64,
+    tried: &mut Vec<Model>,
+) -> Vec<Model> {
+    let penalty = search.penalty();
+    let criterion = |model: &Model| model.fit.chi2 + penalty * model.size(search.candidates) as f64;
     let corrected = search.fit(&[], corrections, &declared.fit.parameters, &declared.fit.locals, 12);
     tried.push(corrected.clone());
-    if corrected.worst() < limit {
-        return end(Stage::Corrected, vec![corrected], tried);
+    let explained = corrected.worst() < limit;
+    // A parameter far outside of what is known of it is no small correction: an effect may say it better. It begins where
+    // the parameter is as declared, since the way along a pair that does the same is long.
+    let mut base = corrected.clone();
+    let mut far = false;
+    for f in &corrected.fit.free {
+        if f.prior.is_some_and(|prior| corrected.fit.parameters[f.index].abs() > FAR * prior) {
+            base.fit.parameters[f.index] = declared.fit.parameters[f.index];
+            far = true;
+        }
+    }
+    if explained && !far {
+        return vec![corrected];
     }
     // The first signal of the chain, if neither candidates nor corrections bring it down, spoils all that follow.
     let before = declared.left.first().map_or(0.0, |(_, z)| *z);
     let lost = |model: &Model| before > SERIOUS && model.left.first().is_some_and(|(_, z)| *z > 0.3 * before);
     if tried.iter().all(lost) {
-        return unexplained(tried, declared);
+        return Vec::new();
     }
-    let promises = search.screen(&corrected);
-    let singles = attempt(search, &corrected, &promises, corrections, 4, limit);
-    tried.extend(singles.iter().cloned());
-    let passing: Vec<Model> = singles.iter().filter(|m| m.worst() < limit).cloned().collect();
-    if !passing.is_empty() {
-        return end(Stage::Corrected, passing, tried);
+    let promises = search.screen(&base);
+    let mut found = attempt(search, &base, &promises, corrections, 4, limit);
+    tried.extend(found.iter().cloned());
+    found.retain(|model| model.worst() < limit);
+    if explained {
+        let better = criterion(&corrected) - NOTICEABLE;
+        found.retain(|model| criterion(model) < better);
+        if found.is_empty() {
+            found.push(corrected);
+        }
     }
-    unexplained(tried, declared)
+    found
 }
 
 /// Whether `other` only adds freedom to `best`: one of its candidates contains the one of the best.
@@ -242,7 +285,7 @@ mod tests {
 
     fn candidate(id: &'static str, index: usize) -> Candidate {
         let free = vec![Free { index, bounds: (-1e3, 1e3), step: 1e-3, prior: None }];
-        let starts = vec![Start { values: Vec::new(), open: vec![0] }];
+        let starts = vec![Start { values: Vec::new(), open: vec![0], idle: true }];
         Candidate { id, channel: "c", signal: None, free, starts, contains: None }
     }
 
@@ -274,6 +317,29 @@ mod tests {
         let (mut both, explained, _) = chosen(&Lines::new(-60.0, 90.0), &candidates);
         both.sort_unstable();
         assert_eq!((both, explained), (vec!["slope", "square"], true));
+    }
+
+    #[test]
+    fn a_declared_parameter_far_from_what_is_known_of_it_is_an_effect() {
+        let candidates = [candidate("slope", 0)];
+        let system = Lines::new(60.0, 0.0);
+        // The same slope as a correction: known to `share`.
+        let with_share = |share: f64| {
+            let locals = vec![vec![0.0], vec![40.0]];
+            let null = Null::simulate(&system, &[0, 1], &[0.0; 3], &locals, 100, 1);
+            let search = Search {
+                system: &system,
+                candidates: &candidates,
+                records: vec![0, 1],
+                screened: vec![0, 1],
+                null,
+            };
+            let declared = search.fit(&[], &[], &[0.0; 3], &locals, 5);
+            let correction = Free { index: 2, bounds: (-1e3, 1e3), step: 1e-3, prior: Some(share) };
+            let effort = Effort { singles: 0, ..Effort::default() };
+            select(&search, declared, &[correction], effort).best.added.len()
+        };
+        assert_eq!((with_share(40.0), with_share(6.0)), (0, 1));
     }
 
     #[test]

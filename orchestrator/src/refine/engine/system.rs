@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use super::goodness::Noise;
+use super::noise::Noise;
 
 /// A declared system with candidate effects, and the records made with it.
 ///
@@ -31,6 +31,22 @@ pub trait System: Sync {
     fn residuals(&self, record: usize, parameters: &[f64], locals: &[f64]) -> Vec<f64> {
         self.whiten(record, &self.predict(record, parameters, locals))
     }
+    /// Whitened residuals of several simulations, which a system may run side by side; each is what
+    /// [`System::residuals`] gives, to the last bit.
+    fn residuals_of(&self, jobs: &[Job]) -> Vec<Vec<f64>> {
+        jobs.iter().map(|job| self.residuals(job.record, &job.parameters, &job.locals)).collect()
+    }
+}
+
+/// A simulation that is asked for.
+#[derive(Debug, Clone)]
+pub struct Job {
+    /// Record.
+    pub record: usize,
+    /// Parameter vector.
+    pub parameters: Vec<f64>,
+    /// Local parameters of the record.
+    pub locals: Vec<f64>,
 }
 
 /// Residuals of one signal within those of a record.
@@ -81,7 +97,9 @@ pub(in crate::refine) mod testing {
             vec![Span { signal: "y".into(), range: 0..512, noise: 1.0 }]
         }
         fn predict(&self, _: usize, p: &[f64], locals: &[f64]) -> Vec<f64> {
-            (0..512).map(|k| k as f64 / 512.0).map(|t| locals[0] + p[0] * t + p[1] * t * t).collect()
+            // A third parameter, if given, is a slope as well.
+            let slope = p[0] + p.get(2).copied().unwrap_or(0.0);
+            (0..512).map(|k| k as f64 / 512.0).map(|t| locals[0] + slope * t + p[1] * t * t).collect()
         }
         fn measured(&self, record: usize) -> Vec<f64> {
             self.values[record].clone()

@@ -3,7 +3,6 @@
 use super::Record;
 use crate::refine::answer::{Answer, Effect};
 use crate::refine::case::{Case, Friction};
-use crate::refine::rig::open::Rig;
 
 /// Points of a curve.
 const POINTS: usize = 121;
@@ -32,7 +31,7 @@ struct Drawn {
 }
 
 /// Curves of the selected effects that are a function of one variable.
-pub fn of(case: &Case, _rig: &Rig, answer: &Answer, records: &[Record]) -> Vec<Curve> {
+pub fn of(case: &Case, answer: &Answer, records: &[Record]) -> Vec<Curve> {
     let model = &case.declaration.model;
     let selected = answer.effects.iter().filter(|effect| effect.selected);
     selected

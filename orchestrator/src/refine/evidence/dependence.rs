@@ -4,8 +4,9 @@ use super::{Record, Signal};
 
 /// Bins of equal count.
 const BINS: usize = 24;
-/// Variables shown per signal.
+/// Variables shown per signal, and the share that a second one has to tell.
 const SHOWN: usize = 2;
+const NOTICEABLE: f64 = 0.02;
 
 /// Mean residual of a signal over a variable.
 #[derive(Debug, Clone, PartialEq)]
@@ -35,6 +36,8 @@ pub fn of(signals: &[Signal], records: &[Record]) -> Vec<Dependence> {
             .collect();
         own.sort_by(|a, b| b.share.total_cmp(&a.share));
         own.truncate(SHOWN);
+        let second = own.get(1).is_some_and(|dependence| dependence.share < NOTICEABLE);
+        own.truncate(if second { 1 } else { SHOWN });
         found.append(&mut own);
     }
     found
@@ -82,8 +85,8 @@ fn one(index: usize, signal: &Signal, records: &[Record], name: &str, unit: &str
 
 #[cfg(test)]
 mod tests {
-    use super::super::{Residual, Variable};
     use super::*;
+    use crate::refine::evidence::{Residual, Variable};
 
     #[test]
     fn the_variable_that_makes_the_residual_comes_first() {
@@ -102,8 +105,9 @@ mod tests {
         };
         let signal = Signal { name: "F_p".into(), unit: "N".into(), noise: 0.1 };
         let found = of(&[signal], &[record]);
-        assert_eq!((found.len(), found[0].variable.0.as_str()), (2, "x"));
-        assert!(found[0].share > 0.95 && found[1].share < 0.1, "{} {}", found[0].share, found[1].share);
+        // Speed and time tell nothing of it, so that they are not shown.
+        assert_eq!((found.len(), found[0].variable.0.as_str()), (1, "x"));
+        assert!(found[0].share > 0.95, "{}", found[0].share);
         // The outermost bin holds the largest of x^2, and nothing is left after.
         assert!(found[0].bins[0].1 > 2.9 && found[0].bins[0].2 == 0.0);
     }

@@ -119,8 +119,8 @@ pub fn gather(case: &Case, rig: &Rig, answer: &Answer) -> Evidence {
     });
     let dependence = dependence::of(&signals, &records);
     let correlation = correlation::of(&signals, &records);
-    let ports = ports::of(rig, answer);
-    let curves = curve::of(case, rig, answer, &records);
+    let ports = ports::of(declaration.kind, rig, answer);
+    let curves = curve::of(case, answer, &records);
     Evidence { signals, records: shown(records), dependence, correlation, ports, curves }
 }
 

@@ -4,6 +4,7 @@
 //! where there is one, so that an error of the actuator does not show as one of the cart.
 
 use crate::refine::answer::Answer;
+use crate::refine::case::Kind;
 use crate::refine::engine::System;
 use crate::refine::engine::goodness::{Null, pooled};
 use crate::refine::rig::observer::Observer;
@@ -26,16 +27,12 @@ pub struct Port {
 }
 
 /// The ports of a rig, in the order of the way of the force.
-pub fn of(rig: &Rig, answer: &Answer) -> Vec<Port> {
+pub fn of(kind: Kind, rig: &Rig, answer: &Answer) -> Vec<Port> {
+    let from = if kind == Kind::Friction { "motion" } else { "command" };
     let at = |model: usize, name: &str| answer.left[model].iter().find(|(own, _)| own == name).map(|l| l.1);
     let simulated = |name: &String| {
         let after = at(1, name).unwrap_or(f64::NAN);
         let left = [at(0, name).unwrap_or(f64::NAN), after];
-        let from = if rig.coupled.is_none() && rig.system.locals(0).is_empty() && name == "F_p" {
-            "motion or command"
-        } else {
-            "command"
-        };
         Port { from, to: name.clone(), left }
     };
     let names: Vec<&String> = answer.left[0].iter().map(|(name, _)| name).collect();

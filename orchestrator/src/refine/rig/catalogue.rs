@@ -29,7 +29,7 @@ pub fn free(index: usize) -> Free {
 }
 
 fn linear(id: &'static str, channel: &'static str, indices: &[usize]) -> Candidate {
-    let starts = vec![Start { values: Vec::new(), open: (0..indices.len()).collect() }];
+    let starts = vec![Start { values: Vec::new(), open: (0..indices.len()).collect(), idle: true }];
     Candidate {
         id,
         channel,
@@ -44,14 +44,19 @@ fn linear(id: &'static str, channel: &'static str, indices: &[usize]) -> Candida
 fn shaped(id: &'static str, channel: &'static str, indices: &[usize], grid: &[f64]) -> Candidate {
     let shape = indices[indices.len() - 1];
     let open: Vec<usize> = (0..indices.len() - 1).collect();
-    let starts =
-        grid.iter().map(|&value| Start { values: vec![(shape, value)], open: open.clone() }).collect();
+    let starts = grid
+        .iter()
+        .map(|&value| Start { values: vec![(shape, value)], open: open.clone(), idle: true })
+        .collect();
     Candidate { starts, ..linear(id, channel, indices) }
 }
 
 /// One parameter that has no small value to begin with.
 fn searched(id: &'static str, channel: &'static str, index: usize, grid: &[f64]) -> Candidate {
-    let starts = grid.iter().map(|&value| Start { values: vec![(index, value)], open: vec![0] }).collect();
+    let starts = grid
+        .iter()
+        .map(|&value| Start { values: vec![(index, value)], open: vec![0], idle: false })
+        .collect();
     Candidate { starts, ..linear(id, channel, &[index]) }
 }
 
@@ -68,7 +73,7 @@ fn actuator(scope: &Scope, found: &mut Vec<Candidate>) {
     found.push(droop);
     let mut mode = linear("act.mode", channel, &[MODE_FREQ, MODE_ZETA]);
     mode.starts = [(60.0, 0.7), (25.0, 0.7), (10.0, 0.7), (25.0, 0.2), (10.0, 0.2), (5.0, 0.3)]
-        .map(|(f, z)| Start { values: vec![(MODE_FREQ, f), (MODE_ZETA, z)], open: vec![0, 1] })
+        .map(|(f, z)| Start { values: vec![(MODE_FREQ, f), (MODE_ZETA, z)], open: vec![0, 1], idle: false })
         .into();
     found.push(mode);
     if scope.kind == Kind::Cartpole {
@@ -131,15 +136,16 @@ fn cart(scope: &Scope, found: &mut Vec<Candidate>) {
         .map(|part| Start {
             values: vec![(STOP_POS, low + part * (high - low)), (STOP_STIFFNESS, 1.0)],
             open: vec![0],
+            idle: false,
         })
         .into();
     found.push(stop);
     let mut period = 0.2;
     let mut grid = Vec::new();
-    // Neighbours differ by a third of a turn over the stroke.
+    // Neighbours differ by half a turn over the stroke; a fit finds its way over a whole one.
     while period > 0.006 {
         grid.push(period);
-        period = 1.0 / (1.0 / period + 0.35 / (high - low));
+        period = 1.0 / (1.0 / period + 0.5 / (high - low));
     }
     found.push(shaped("cart.cogging", channel, &[COG_SIN, COG_COS, COG_PERIOD], &grid));
     found.push(linear("cart.tilt", channel, &[TILT]));
@@ -170,7 +176,10 @@ fn sensors(scope: &Scope, found: &mut Vec<Candidate>) {
         }
         let mut push =
             |id, index| found.push(Candidate { signal: Some(signal), ..linear(id, channel, &[index]) });
-        push("sensor.offset", offset);
+        if signal != "x" {
+            // An offset of a position goes into its unknown initial value.
+            push("sensor.offset", offset);
+        }
         push("sensor.gain", gain);
         let delayed = searched("sensor.delay", channel, delay, &[0.001, 0.006]);
         found.push(Candidate { signal: Some(signal), ..delayed });

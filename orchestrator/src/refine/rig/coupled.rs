@@ -1,11 +1,14 @@
 //! Simulation of the coupled rig, and of the actuator with the rod fixed.
 
+use std::array::from_fn;
+
+use super::lanes::Lanes;
 use super::parameters::*;
 use super::plant::{ActuatorTerms, Mechanics, State, actuator, mechanics};
 use super::record::Measured;
 use crate::refine::case::{Actuator, Declared};
-use crate::refine::engine::goodness::Noise;
-use crate::refine::engine::system::Span;
+use crate::refine::engine::noise::Noise;
+use crate::refine::engine::system::{Job, Span};
 
 /// Runge-Kutta steps per sample. The stiffest mode (friction at standstill) has a time constant of 0.8 ms.
 const SUBSTEPS: usize = 2;
@@ -23,21 +26,17 @@ pub struct Trial {
     pub fixed: bool,
 }
 
-/// Predicted signals, each of shape \[n\].
+/// Predicted signals of a record, each of shape \[n\].
 #[derive(Debug, Clone, Default)]
-pub struct Prediction {
+struct Prediction {
     /// Pressure force \[N\].
-    pub f_hat: Vec<f64>,
+    f_hat: Vec<f64>,
     /// Load cell \[N\].
-    pub f_p: Vec<f64>,
+    f_p: Vec<f64>,
     /// Position \[m\].
-    pub x: Vec<f64>,
+    x: Vec<f64>,
     /// Pole angle \[rad\].
-    pub theta: Vec<f64>,
-    /// Speed \[m/s\].
-    pub v: Vec<f64>,
-    /// Angular speed \[rad/s\].
-    pub omega: Vec<f64>,
+    theta: Vec<f64>,
 }
 
 /// The sampled actuator during a simulation.
@@ -55,10 +54,11 @@ impl<'a> Running<'a> {
         Running { terms, command: terms.shaped_command(u), y: [0.0; 2], before: 0.0, mode: [0.0; 2] }
     }
 
-    /// Pressure force and force on the piston over sample `k` at time `t` \[s\].
+    /// Pressure force and force on the piston over sample `k` at time `t` \[s\]; behind the end of the record the command
+    /// is zero.
     pub fn sample(&mut self, k: usize, t: f64, x: f64, v: f64) -> [f64; 2] {
         let terms = self.terms;
-        let mut u = self.command[k] * (1.0 + terms.posgain * x);
+        let mut u = self.command.get(k).copied().unwrap_or(0.0) * (1.0 + terms.posgain * x);
         if terms.droop.0 != 0.0 {
             u *= 1.0 - terms.droop.0 * (1.0 - (-t / terms.droop.1).exp());
         }
@@ -78,43 +78,50 @@ impl<'a> Running<'a> {
     }
 }
 
-/// Simulates a record from position `x0` \[m\] and angle `theta0` \[rad\] at rest.
+/// Simulates records side by side from positions and angles `start` \[m, rad\] at rest.
 ///
 /// The first sample of the actuator has no past: y(-1) = u(-1) = 0.
-pub fn simulate(
-    terms: &ActuatorTerms,
-    plant: Option<&Mechanics>,
-    u: &[f64],
+fn simulate<const L: usize>(
+    terms: &[ActuatorTerms; L],
+    plant: &Mechanics<L>,
+    u: [&[f64]; L],
     dt: f64,
-    x0: f64,
-    theta0: f64,
-) -> Prediction {
-    let n = u.len();
-    let mut out = Prediction::default();
-    for signal in [&mut out.f_hat, &mut out.f_p, &mut out.x, &mut out.theta, &mut out.v, &mut out.omega] {
-        signal.reserve(n);
-    }
-    let mut running = Running::new(terms, u);
-    let mut s: State = [x0, 0.0, theta0, 0.0, 0.0, 0.0];
+    start: [Lanes<L>; 2],
+) -> [Prediction; L] {
+    let mut out: [Prediction; L] = from_fn(|i| {
+        let room = || Vec::with_capacity(u[i].len());
+        Prediction { f_hat: room(), f_p: room(), x: room(), theta: room() }
+    });
+    let mut running: [Running; L] = from_fn(|i| Running::new(&terms[i], u[i]));
+    let none = Lanes::default();
+    let mut s: State<L> = [start[0], none, start[1], none, none, none];
     let h = dt / SUBSTEPS as f64;
-    for k in 0..n {
-        let [f_hat, f_act] = running.sample(k, k as f64 * dt, s[0], s[1]);
-        out.f_hat.push(f_hat);
-        let Some(plant) = plant else {
-            out.f_p.push(f_act);
-            continue;
-        };
+    for k in 0..u.iter().map(|command| command.len()).max().unwrap_or(0) {
+        let (mut f_hat, mut f_act) = (none, none);
+        for i in 0..L {
+            [f_hat.0[i], f_act.0[i]] = running[i].sample(k, k as f64 * dt, s[0].0[i], s[1].0[i]);
+        }
         let p = f_hat.abs();
-        out.f_p.push(f_act - plant.piston.force(s[1], s[0], p, s[4]));
-        out.x.push(s[0]);
-        out.v.push(s[1]);
-        out.theta.push(s[2]);
-        out.omega.push(s[3]);
+        let f_p = f_act - plant.piston.force(s[1], s[0], p, s[4]);
+        for (i, own) in out.iter_mut().enumerate().filter(|(i, _)| k < u[*i].len()) {
+            own.f_hat.push(f_hat.0[i]);
+            own.f_p.push(f_p.0[i]);
+            own.x.push(s[0].0[i]);
+            own.theta.push(s[2].0[i]);
+        }
         for _ in 0..SUBSTEPS {
-            s = plant.step(&s, f_act, p, h);
+            s = plant.step(&s, f_act, p, none, h);
         }
     }
     out
+}
+
+/// The actuator alone, its rod fixed.
+fn simulate_fixed(terms: &ActuatorTerms, u: &[f64], dt: f64) -> Prediction {
+    let mut running = Running::new(terms, u);
+    let (f_hat, f_p) =
+        (0..u.len()).map(|k| running.sample(k, k as f64 * dt, 0.0, 0.0)).map(|[f, p]| (f, p)).unzip();
+    Prediction { f_hat, f_p, ..Prediction::default() }
 }
 
 /// The rig as a system of the engine: declared model and trials.
@@ -128,13 +135,47 @@ pub struct Coupled {
     pub trials: Vec<Trial>,
 }
 
+/// Simulations that run side by side: four keep the registers of any processor busy.
+pub const SIDE_BY_SIDE: usize = 4;
+
 impl Coupled {
-    /// Predicted signals of a trial, without sensor effects.
-    pub fn simulate(&self, record: usize, p: &[f64], locals: &[f64]) -> Prediction {
-        let terms = actuator(&self.actuator, p);
-        let plant = (!self.trials[record].fixed).then(|| mechanics(&self.declared, p));
-        let (x0, theta0) = (locals.first().copied().unwrap_or(0.0), locals.get(1).copied().unwrap_or(0.0));
-        simulate(&terms, plant.as_ref(), &self.trials[record].u, self.actuator.sample_time, x0, theta0)
+    /// Predicted signals of up to [`SIDE_BY_SIDE`] jobs, without sensor effects.
+    fn simulate(&self, jobs: &[Job]) -> Vec<Prediction> {
+        let dt = self.actuator.sample_time;
+        let fixed = |job: &Job| self.trials[job.record].fixed;
+        if jobs.iter().any(fixed) {
+            let one = |job: &Job| {
+                simulate_fixed(&actuator(&self.actuator, &job.parameters), &self.trials[job.record].u, dt)
+            };
+            return jobs.iter().map(one).collect();
+        }
+        // Idle lanes repeat the last job, over no samples.
+        let job = |i: usize| &jobs[i.min(jobs.len() - 1)];
+        let plant: Mechanics<SIDE_BY_SIDE> = mechanics(&self.declared, from_fn(|i| &job(i).parameters[..]));
+        let start = [0, 1].map(|j| Lanes(from_fn(|i| job(i).locals.get(j).copied().unwrap_or(0.0))));
+        let u = from_fn(|i| jobs.get(i).map_or(&[][..], |job| &self.trials[job.record].u[..]));
+        let terms = from_fn(|i| actuator(&self.actuator, &job(i).parameters));
+        let mut found = Vec::from(simulate(&terms, &plant, u, dt, start));
+        found.truncate(jobs.len());
+        found
+    }
+
+    /// What the sensors of a trial would show of a prediction.
+    fn shown(&self, record: usize, prediction: &Prediction, p: &[f64]) -> Vec<f64> {
+        let trial = &self.trials[record];
+        let mut seen = Vec::with_capacity(trial.u.len());
+        let mut out = Vec::with_capacity(trial.u.len() * trial.measured.len());
+        for m in &trial.measured {
+            let (truth, before) = match m.name.as_str() {
+                "F_hat" => (&prediction.f_hat, 0.0),
+                "F_p" => (&prediction.f_p, 0.0),
+                "x" => (&prediction.x, prediction.x.first().copied().unwrap_or(0.0)),
+                _ => (&prediction.theta, prediction.theta.first().copied().unwrap_or(0.0)),
+            };
+            sensed(&m.name, truth, p, self.actuator.sample_time, before, &mut seen);
+            out.extend_from_slice(&seen);
+        }
+        out
     }
 }
 
@@ -192,21 +233,17 @@ impl crate::refine::engine::System for Coupled {
     }
 
     fn predict(&self, record: usize, p: &[f64], locals: &[f64]) -> Vec<f64> {
-        let trial = &self.trials[record];
-        let prediction = self.simulate(record, p, locals);
-        let mut seen = Vec::with_capacity(trial.u.len());
-        let mut out = Vec::with_capacity(trial.u.len() * trial.measured.len());
-        for m in &trial.measured {
-            let (truth, before) = match m.name.as_str() {
-                "F_hat" => (&prediction.f_hat, 0.0),
-                "F_p" => (&prediction.f_p, 0.0),
-                "x" => (&prediction.x, prediction.x.first().copied().unwrap_or(0.0)),
-                _ => (&prediction.theta, prediction.theta.first().copied().unwrap_or(0.0)),
-            };
-            sensed(&m.name, truth, p, self.actuator.sample_time, before, &mut seen);
-            out.extend_from_slice(&seen);
-        }
-        out
+        let job = Job { record, parameters: p.to_vec(), locals: locals.to_vec() };
+        self.shown(record, &self.simulate(&[job])[0], p)
+    }
+
+    fn residuals_of(&self, jobs: &[Job]) -> Vec<Vec<f64>> {
+        let one = |(job, prediction): (&Job, &Prediction)| {
+            self.whiten(job.record, &self.shown(job.record, prediction, &job.parameters))
+        };
+        jobs.chunks(SIDE_BY_SIDE)
+            .flat_map(|some| some.iter().zip(&self.simulate(some)).map(one).collect::<Vec<_>>())
+            .collect()
     }
 
     fn measured(&self, record: usize) -> Vec<f64> {
@@ -229,5 +266,52 @@ impl crate::refine::engine::System for Coupled {
             m.redraw(own, noise, &mut out);
         }
         out
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::refine::case::{CartPole, Friction};
+    use crate::refine::engine::System;
+    use crate::refine::rig::parameters::neutral;
+
+    fn rig() -> Coupled {
+        let declared = Declared {
+            piston_friction: Some(Friction { c1: 1.5, c2: 40.0, c4: 50.0, ..Friction::default() }),
+            cart_friction: Some(Friction { c1: 6.0, c2: 60.0, ..Friction::default() }),
+            cart_pole: Some(CartPole { m_c: 0.4, m_p: 0.1, l: 0.2, g: 9.81, ..CartPole::default() }),
+            ..Declared::default()
+        };
+        let actuator =
+            Actuator { sample_time: 1e-3, A1: [[-0.9, 0.0], [0.0, -0.8]], B0: [0.1, 0.2], B1: [0.0; 2] };
+        let trial = |n: usize| {
+            let measured = ["F_hat", "F_p", "x", "theta"].map(|name| Measured::new(name, vec![0.0; n], 0.1));
+            let u = (0..n).map(|k| 30.0 * (0.02 * k as f64).sin()).collect();
+            Trial { u, measured: measured.into(), estimation: true, fixed: false }
+        };
+        Coupled { declared, actuator, trials: vec![trial(300), trial(200)] }
+    }
+
+    #[test]
+    fn simulations_side_by_side_are_those_one_by_one_to_the_last_bit() {
+        let rig = rig();
+        let with = |record, values: &[(usize, f64)]| {
+            let mut parameters = neutral();
+            values.iter().for_each(|&(index, value)| parameters[index] = value);
+            Job { record, parameters, locals: vec![0.01, -0.02] }
+        };
+        let jobs = [
+            with(0, &[]),
+            with(1, &[(CF_PRESLIDING, 1e-3), (POLE_COULOMB, 1e-3)]),
+            with(0, &[(COG_SIN, 0.5), (TILT, 0.02), (PF_ASYM_COEF, 2.0)]),
+            with(0, &[(STOP_POS, 0.005), (STOP_STIFFNESS, 300.0), (PF_STRIBECK, 1.0)]),
+            with(1, &[(BACKPRESSURE, 3.0), (DELAY, 1.5e-3)]),
+        ];
+        let one_by_one: Vec<Vec<f64>> =
+            jobs.iter().map(|job| rig.residuals(job.record, &job.parameters, &job.locals)).collect();
+        assert!(one_by_one.windows(2).all(|pair| pair[0] != pair[1]));
+        assert!(one_by_one.iter().flatten().all(|value| value.is_finite()));
+        assert_eq!(rig.residuals_of(&jobs), one_by_one);
     }
 }

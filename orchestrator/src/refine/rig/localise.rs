@@ -3,6 +3,7 @@
 use super::coupled::Coupled;
 use super::observer::{Observer, Walk};
 use crate::refine::engine::candidate::Candidate;
+use crate::refine::engine::fit::scatter;
 use crate::refine::engine::goodness::Null;
 use crate::refine::engine::search::{Model, Search};
 use crate::refine::engine::select::attempt;
@@ -15,6 +16,9 @@ const FORCE_WALKS: [f64; 3] = [0.03, 0.1, 0.3];
 const EXPLAINED: f64 = 30.0;
 /// The same as a share of what the declared model leaves: gains fixed beforehand fit a much changed model less well.
 const EXPLAINED_SHARE: f64 = 2e-4;
+
+/// Square of Student's 97.5 % quantile for six records over that of the normal law.
+const FEW_RECORDS: f64 = 1.72;
 
 /// What the measured force says about the rest of the rig.
 pub struct Findings {
@@ -70,7 +74,9 @@ pub fn localise(
             tried.extend(pairs);
         }
         effects = tried.iter().find(|model| explained(model)).cloned();
-        if let Some(model) = &effects {
+        if let Some(model) = &mut effects {
+            // What the actuator does otherwise is no white noise; few records make the quantile of their scatter wider.
+            model.fit.covariance += scatter(&upstream, &records, &model.fit) * FEW_RECORDS;
             let variables = variables(&upstream, &records, &model.fit.parameters, 4, "actuator");
             return Findings { effects, tried, declared, channel: Some("actuator".into()), variables };
         }

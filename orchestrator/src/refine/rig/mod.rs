@@ -6,6 +6,7 @@
 
 pub mod catalogue;
 pub mod coupled;
+pub mod lanes;
 pub mod localise;
 pub mod motion;
 pub mod observer;

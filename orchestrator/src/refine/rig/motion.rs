@@ -120,7 +120,7 @@ fn filter(x: Option<Record>, v: Option<Record>, dt: f64, intensity: f64) -> Filt
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::refine::engine::goodness::Noise;
+    use crate::refine::engine::noise::Noise;
 
     #[test]
     fn a_noisy_sine_is_recovered_ten_times_better_than_measured() {

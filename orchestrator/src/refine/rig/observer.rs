@@ -8,14 +8,17 @@
 //! Gains come from one pass over the record with the declared model and stay the same for all candidates, so that the
 //! innovations are smooth functions of the parameters.
 
+use std::array::from_fn;
+
 use nalgebra::{SMatrix, SVector};
 
-use super::coupled::{Coupled, Running, Trial, sensor};
-use super::parameters::neutral;
-use super::plant::{Mechanics, State, actuator, mechanics};
-use crate::refine::engine::System;
-use crate::refine::engine::goodness::Noise;
-use crate::refine::engine::system::Span;
+use super::coupled::{Coupled, Running, SIDE_BY_SIDE, Trial, sensor};
+use super::lanes::Lanes;
+use super::plant::{Mechanics, actuator, mechanics};
+use super::record::Measured;
+use crate::refine::engine::noise::Noise;
+use crate::refine::engine::system::{Job, Span};
+use crate::refine::engine::{System, parallel};
 
 /// x, v, theta, omega, then the disturbances: actuator force, cart force, pole torque.
 const STATES: usize = 7;
@@ -43,142 +46,183 @@ pub struct Observer<'a> {
 pub struct Pass {
     /// Innovations over their standard deviation: x, then theta.
     pub innovations: Vec<f64>,
-    /// State estimate before each sample, shape \[n\].
+    /// State estimate after each sample, shape \[n\].
     pub states: Vec<[f64; STATES]>,
     /// Force of the actuator, disturbance included \[N\].
     pub force: Vec<f64>,
-    corrections: Vec<Vec<Correction>>,
-    cost: f64,
 }
 
-fn predicted(name: &str, s: &Vector, plant: &Mechanics, f_act: f64, p: f64) -> f64 {
+/// States of several passes side by side.
+type States<const L: usize> = [Lanes<L>; STATES];
+
+/// Signals that correct the estimate: the pressure force says nothing about the mechanics.
+fn used(trial: &Trial) -> Vec<&Measured> {
+    trial.measured.iter().filter(|m| m.name != "F_hat").collect()
+}
+
+fn begin(trial: &Trial) -> [f64; STATES] {
+    let first = |name: &str| trial.measured.iter().find(|m| m.name == name).map_or(0.0, |m| m.values[0]);
+    [first("x"), 0.0, first("theta"), 0.0, 0.0, 0.0, 0.0]
+}
+
+/// What an ideal sensor would show; `f_act` is the force of the actuator model.
+#[inline(always)]
+fn ideal<const L: usize>(
+    name: &str,
+    s: &States<L>,
+    plant: &Mechanics<L>,
+    f_act: Lanes<L>,
+    p: Lanes<L>,
+) -> Lanes<L> {
     match name {
-        "F_p" => f_act + s[4] - plant.piston.force(s[1], s[0], p, 0.0),
+        "F_p" => f_act + s[4] - plant.piston.force(s[1], s[0], p, Lanes::default()),
         "x" => s[0],
         _ => s[2],
     }
 }
 
-fn step(plant: &Mechanics, s: &Vector, hidden: &mut [f64; 2], f_act: f64, p: f64, dt: f64) -> Vector {
-    let state: State = [s[0], s[1], s[2], s[3], hidden[0], hidden[1]];
-    let mut moved = state;
+/// One sample on; `hidden` are the presliding states.
+#[inline(always)]
+fn step<const L: usize>(
+    plant: &Mechanics<L>,
+    s: &mut States<L>,
+    hidden: &mut [Lanes<L>; 2],
+    f_act: Lanes<L>,
+    p: Lanes<L>,
+    dt: f64,
+) {
+    let mut moved = [s[0], s[1], s[2], s[3], hidden[0], hidden[1]];
     for _ in 0..2 {
-        moved = plant.step_with(&moved, f_act + s[4] + s[5], p, 0.5 * dt, s[6]);
+        moved = plant.step(&moved, f_act + s[4] + s[5], p, s[6], 0.5 * dt);
     }
-    *hidden = [moved[4], moved[5]];
-    Vector::from([moved[0], moved[1], moved[2], moved[3], s[4], s[5], s[6]])
+    s[..4].copy_from_slice(&moved[..4]);
+    hidden.copy_from_slice(&moved[4..]);
 }
 
-/// One pass over a record. With `known` gains it is a function of the parameters; without, gains are computed on the way.
-fn pass(rig: &Coupled, trial: &Trial, p: &[f64], walk: Walk, known: Option<&[Vec<Correction>]>) -> Pass {
-    let n = trial.u.len();
+fn sensing(name: &str, p: &[f64]) -> (f64, f64) {
+    sensor(name).map_or((0.0, 1.0), |[offset, _, gain]| (p[offset], 1.0 + p[gain]))
+}
+
+/// Gains of a record, and twice the negative logarithm of its likelihood. The filter is linearised by differences: lane
+/// 0 is the estimate, the others are moved in one state each.
+fn gains(rig: &Coupled, trial: &Trial, p: &[f64], walk: Walk) -> (Vec<Vec<Correction>>, f64) {
+    const MOVE: f64 = 1e-6;
     let dt = rig.actuator.sample_time;
     let terms = actuator(&rig.actuator, p);
     let mut running = Running::new(&terms, &trial.u);
-    let plant = mechanics(&rig.declared, p);
-    let used: Vec<_> = trial.measured.iter().filter(|m| m.name != "F_hat").collect();
-    let first = |name: &str| used.iter().find(|m| m.name == name).map_or(0.0, |m| m.values[0]);
-    let mut s = Vector::from([first("x"), 0.0, first("theta"), 0.0, 0.0, 0.0, 0.0]);
-    let mut hidden = [0.0; 2];
-    let initial = [1e-4, 0.0, 1e-4, 0.0, 1.0, 400.0 * walk[1].powi(2), 400.0 * walk[2].powi(2)];
-    let mut covariance = Matrix::from_diagonal(&Vector::from(initial));
-    if walk[0] == 0.0 {
-        covariance[(4, 4)] = 0.0;
-    }
-    let noise = Matrix::from_diagonal(&Vector::from([
-        0.0,
-        0.0,
-        0.0,
-        0.0,
-        walk[0].powi(2),
-        walk[1].powi(2),
-        walk[2].powi(2),
-    ]));
-    let mut out = Pass {
-        innovations: vec![0.0; 2 * n],
-        states: Vec::with_capacity(n),
-        force: Vec::with_capacity(n),
-        corrections: Vec::new(),
-        cost: 0.0,
+    let plant: Mechanics<{ STATES + 1 }> = mechanics(&rig.declared, [p; STATES + 1]);
+    let measured = used(trial);
+    let mut s = Vector::from(begin(trial));
+    let mut hidden = [Lanes::all(0.0); 2];
+    let spread = |walk: f64| 400.0 * walk * walk;
+    let force = if walk[0] == 0.0 { 0.0 } else { 1.0 };
+    let mut covariance =
+        Matrix::from_diagonal(&Vector::from([1e-4, 0.0, 1e-4, 0.0, force, spread(walk[1]), spread(walk[2])]));
+    let steps = walk.map(|walk| walk * walk);
+    let (mut found, mut cost) = (Vec::with_capacity(trial.u.len()), 0.0);
+    let around = |s: &Vector| -> States<{ STATES + 1 }> {
+        from_fn(|j| Lanes(from_fn(|lane| s[j] + if lane == j + 1 { MOVE } else { 0.0 })))
     };
-    for k in 0..n {
+    let slope = |value: &Lanes<{ STATES + 1 }>, j: usize| (value.0[j + 1] - value.0[0]) / MOVE;
+    for k in 0..trial.u.len() {
         let [f_hat, f_act] = running.sample(k, k as f64 * dt, s[0], s[1]);
-        let magnitude = f_hat.abs();
-        let mut own = Vec::new();
-        for (i, m) in used.iter().enumerate() {
-            let (offset, gain) =
-                sensor(&m.name).map_or((0.0, 1.0), |[offset, _, gain]| (p[offset], 1.0 + p[gain]));
-            let shown = |s: &Vector| gain * predicted(&m.name, s, &plant, f_act, magnitude) + offset;
-            let error = m.values[k] - shown(&s);
-            let (correction, deviation) = match known {
-                Some(known) => known[k][i],
-                None => {
-                    let mut row = Vector::zeros();
-                    for j in 0..STATES {
-                        let mut moved = s;
-                        let h = 1e-6;
-                        moved[j] += h;
-                        row[j] = (shown(&moved) - shown(&s)) / h;
-                    }
-                    let variance = (covariance * row).dot(&row) + m.weights[k].powi(-2);
-                    let gain = covariance * row / variance;
-                    covariance -= gain * (covariance * row).transpose();
-                    covariance = (covariance + covariance.transpose()) * 0.5;
-                    out.cost += error * error / variance + variance.ln();
-                    (gain, variance.sqrt())
-                }
-            };
-            s += correction * error;
-            match m.name.as_str() {
-                "x" => out.innovations[k] = error / deviation,
-                "theta" => out.innovations[n + k] = error / deviation,
-                _ => {}
-            }
-            if known.is_none() {
-                own.push((correction, deviation));
-            }
+        let (magnitude, f_act) = (Lanes::all(f_hat.abs()), Lanes::all(f_act));
+        let mut own = Vec::with_capacity(measured.len());
+        for m in &measured {
+            let (offset, gain) = sensing(&m.name, p);
+            let shown = ideal(&m.name, &around(&s), &plant, f_act, magnitude) * gain + offset;
+            let error = m.values[k] - shown.0[0];
+            let row = Vector::from_fn(|j, _| slope(&shown, j));
+            let seen = covariance * row;
+            let variance = seen.dot(&row) + m.weights[k].powi(-2);
+            let gain = seen / variance;
+            covariance -= gain * seen.transpose();
+            cost += error * error / variance + variance.ln();
+            s += gain * error;
+            own.push((gain, variance.sqrt()));
         }
-        out.states.push(s.into());
-        out.force.push(f_act + s[4]);
-        if known.is_none() {
-            out.corrections.push(own);
-            let mut transition = Matrix::zeros();
-            let mut ahead = hidden;
-            let next = step(&plant, &s, &mut ahead, f_act, magnitude, dt);
-            for j in 0..STATES {
-                let mut moved = s;
-                let h = 1e-6;
-                moved[j] += h;
-                let column = (step(&plant, &moved, &mut hidden.clone(), f_act, magnitude, dt) - next) / h;
-                transition.set_column(j, &column);
-            }
-            covariance = transition * covariance * transition.transpose() + noise;
-            (s, hidden) = (next, ahead);
-        } else {
-            s = step(&plant, &s, &mut hidden, f_act, magnitude, dt);
+        found.push(own);
+        let mut next = around(&s);
+        step(&plant, &mut next, &mut hidden, f_act, magnitude, dt);
+        hidden = hidden.map(|z| Lanes::all(z.0[0]));
+        let transition = Matrix::from_fn(|i, j| slope(&next[i], j));
+        s = Vector::from_fn(|i, _| next[i].0[0]);
+        covariance = transition * covariance * transition.transpose();
+        for (i, step) in steps.into_iter().enumerate() {
+            covariance[(4 + i, 4 + i)] += step;
         }
+        covariance = (covariance + covariance.transpose()) * 0.5;
     }
-    out
+    (found, cost)
 }
 
 impl<'a> Observer<'a> {
-    /// Computes the gains with the declared model.
-    pub fn new(rig: &'a Coupled, walk: Walk) -> Observer<'a> {
-        Observer::around(rig, walk, &neutral())
-    }
-
     /// Computes the gains with the parameters `p`.
     pub fn around(rig: &'a Coupled, walk: Walk, p: &[f64]) -> Observer<'a> {
-        let passes = crate::refine::engine::parallel::map(rig.trials.len(), |i| {
-            pass(rig, &rig.trials[i], p, walk, None)
+        let found = parallel::map(rig.trials.len(), |i| {
+            let trial = &rig.trials[i];
+            if trial.estimation { gains(rig, trial, p, walk) } else { (Vec::new(), 0.0) }
         });
-        let cost = passes.iter().zip(&rig.trials).filter(|(_, t)| t.estimation).map(|(p, _)| p.cost).sum();
-        Observer { rig, corrections: passes.into_iter().map(|p| p.corrections).collect(), walk, cost }
+        let cost = found.iter().map(|(_, cost)| cost).sum();
+        Observer { rig, corrections: found.into_iter().map(|(own, _)| own).collect(), walk, cost }
     }
 
-    /// One pass over a record with the parameters `p`.
+    /// Passes over estimation records with gains known: smooth functions of the parameters.
+    fn passes<const L: usize>(&self, jobs: &[Job]) -> Vec<Pass> {
+        // Idle lanes repeat the last job.
+        let job = |i: usize| &jobs[i.min(jobs.len() - 1)];
+        let trials: [&Trial; L] = from_fn(|i| &self.rig.trials[job(i).record]);
+        let dt = self.rig.actuator.sample_time;
+        let terms: [_; L] = from_fn(|i| actuator(&self.rig.actuator, &job(i).parameters));
+        let mut running: [_; L] = from_fn(|i| Running::new(&terms[i], &trials[i].u));
+        let plant: Mechanics<L> = mechanics(&self.rig.declared, from_fn(|i| &job(i).parameters[..]));
+        let measured: [_; L] = from_fn(|i| used(trials[i]));
+        let starts: [_; L] = from_fn(|i| begin(trials[i]));
+        let mut s: States<L> = from_fn(|j| Lanes(from_fn(|i| starts[i][j])));
+        let mut hidden = [Lanes::default(); 2];
+        let mut out: Vec<Pass> = trials[..jobs.len()]
+            .iter()
+            .map(|trial| {
+                let n = trial.u.len();
+                let (states, force) = (Vec::with_capacity(n), Vec::with_capacity(n));
+                Pass { innovations: vec![0.0; 2 * n], states, force }
+            })
+            .collect();
+        for k in 0..trials.iter().map(|trial| trial.u.len()).max().unwrap_or(0) {
+            let (mut f_hat, mut f_act) = (Lanes::default(), Lanes::default());
+            for i in 0..L {
+                [f_hat.0[i], f_act.0[i]] = running[i].sample(k, k as f64 * dt, s[0].0[i], s[1].0[i]);
+            }
+            let magnitude = f_hat.abs();
+            for sensor in 0..measured[0].len() {
+                let name = &measured[0][sensor].name;
+                let shown = ideal(name, &s, &plant, f_act, magnitude);
+                for (i, pass) in out.iter_mut().enumerate().filter(|(i, _)| k < trials[*i].u.len()) {
+                    let (offset, gain) = sensing(name, &job(i).parameters);
+                    let error = measured[i][sensor].values[k] - (gain * shown.0[i] + offset);
+                    let (correction, deviation) = &self.corrections[job(i).record][k][sensor];
+                    (0..STATES).for_each(|j| s[j].0[i] += correction[j] * error);
+                    match name.as_str() {
+                        "x" => pass.innovations[k] = error / deviation,
+                        "theta" => pass.innovations[trials[i].u.len() + k] = error / deviation,
+                        _ => {}
+                    }
+                }
+            }
+            for (i, pass) in out.iter_mut().enumerate().filter(|(i, _)| k < trials[*i].u.len()) {
+                pass.states.push(s.map(|value| value.0[i]));
+                pass.force.push(f_act.0[i] + s[4].0[i]);
+            }
+            step(&plant, &mut s, &mut hidden, f_act, magnitude, dt);
+        }
+        out
+    }
+
+    /// One pass over an estimation record with the parameters `p`.
     pub fn pass(&self, record: usize, p: &[f64]) -> Pass {
-        pass(self.rig, &self.rig.trials[record], p, self.walk, Some(&self.corrections[record]))
+        let job = Job { record, parameters: p.to_vec(), locals: Vec::new() };
+        let mut found = self.passes::<1>(&[job]);
+        found.remove(0)
     }
 }
 
@@ -211,6 +255,13 @@ impl System for Observer<'_> {
 
     fn whiten(&self, _: usize, predicted: &[f64]) -> Vec<f64> {
         predicted.iter().map(|value| -value).collect()
+    }
+
+    fn residuals_of(&self, jobs: &[Job]) -> Vec<Vec<f64>> {
+        jobs.chunks(SIDE_BY_SIDE)
+            .flat_map(|some| self.passes::<SIDE_BY_SIDE>(some))
+            .map(|pass| pass.innovations)
+            .collect()
     }
 
     fn redraw(&self, _: usize, predicted: &[f64], noise: &mut Noise) -> Vec<f64> {

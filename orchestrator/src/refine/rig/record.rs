@@ -1,6 +1,6 @@
 //! A measured signal with the weight of every sample, and what its sensor would show again.
 
-use crate::refine::engine::goodness::Noise;
+use crate::refine::engine::noise::Noise;
 
 /// A measured signal of a record.
 #[derive(Debug, Clone)]
@@ -43,8 +43,9 @@ impl Measured {
         // Rounding that is all of the noise: the null has no other, even if the declared number is a digit off.
         let white = if white < 0.15 * self.noise { 0.0 } else { white };
         let shift = noise.uniform() * self.step;
-        let round =
-            |value: f64| if self.step > 0.0 { (value / self.step).round() * self.step } else { value };
+        let round = |value: f64| {
+            if self.step > 0.0 { super::lanes::round(value / self.step) * self.step } else { value }
+        };
         let shown: Vec<f64> = predicted
             .iter()
             .map(|value| round(value + shift + white * if white > 0.0 { noise.normal() } else { 0.0 }))

@@ -1,11 +1,12 @@
 //! Friction sweeps: the piston alone or the cart alone, moved by a drive, with the load cell in between.
 
 use super::coupled::sensed;
+use super::lanes::Lanes;
 use super::motion::Motion;
-use super::plant::mechanics;
+use super::plant::{FrictionTerms, mechanics};
 use super::record::Measured;
 use crate::refine::case::Declared;
-use crate::refine::engine::goodness::Noise;
+use crate::refine::engine::noise::Noise;
 use crate::refine::engine::system::Span;
 
 /// One sweep.
@@ -32,16 +33,22 @@ pub struct Sweeps {
     pub sweeps: Vec<Sweep>,
 }
 
+/// Friction force \[N\] of a vented cylinder or of the cart.
+fn force(friction: &FrictionTerms<1>, v: f64, x: f64, z: f64) -> f64 {
+    friction.force(Lanes([v]), Lanes([x]), Lanes::default(), Lanes([z])).0[0]
+}
+
 impl Sweep {
     /// Counts the uncertainty of the motion as noise of the force, with the slope `force(v)` of the declared model.
     pub fn weigh(&mut self, declared: &Declared) {
-        let plant = mechanics(declared, &super::parameters::neutral());
-        let (friction, mass) = if self.cart { (&plant.cart, plant.cart_mass) } else { (&plant.piston, 0.0) };
+        let plant = mechanics(declared, [&super::parameters::neutral()[..]]);
+        let (friction, mass) =
+            if self.cart { (&plant.cart, plant.cart_mass.0[0]) } else { (&plant.piston, 0.0) };
         for k in 0..self.force.weights.len() {
             let (v, x) = (self.motion.v[k], self.motion.x[k]);
             let step = 1e-5;
-            let slope = (friction.force(v + step, x, 0.0, 0.0) - friction.force(v - step, x, 0.0, 0.0))
-                / (2.0 * step);
+            let slope =
+                (force(friction, v + step, x, 0.0) - force(friction, v - step, x, 0.0)) / (2.0 * step);
             let variance =
                 slope * slope * self.motion.variance_v[k] + mass * mass * self.motion.variance_a[k];
             self.force.weights[k] = (self.force.weights[k].powi(-2) + variance).powf(-0.5);
@@ -70,20 +77,20 @@ impl crate::refine::engine::System for Sweeps {
 
     fn predict(&self, record: usize, p: &[f64], _: &[f64]) -> Vec<f64> {
         let sweep = &self.sweeps[record];
-        let plant = mechanics(&self.declared, p);
-        let (friction, mass) = if sweep.cart { (&plant.cart, plant.cart_mass) } else { (&plant.piston, 0.0) };
+        let plant = mechanics(&self.declared, [p]);
+        let (friction, mass) =
+            if sweep.cart { (&plant.cart, plant.cart_mass.0[0]) } else { (&plant.piston, 0.0) };
         let Motion { x, v, a, .. } = &sweep.motion;
         let mut z = 0.0;
         let mut truth = Vec::with_capacity(x.len());
         for k in 0..x.len() {
-            truth.push(mass * a[k] + friction.force(v[k], x[k], 0.0, z));
-            if friction.disp > 0.0 && k + 1 < x.len() {
-                let middle = 0.5 * (v[k] + v[k + 1]);
-                let k1 = friction.presliding_rate(v[k], z);
-                let k2 = friction.presliding_rate(middle, z + 0.5 * self.dt * k1);
-                let k3 = friction.presliding_rate(middle, z + 0.5 * self.dt * k2);
-                let k4 = friction.presliding_rate(v[k + 1], z + self.dt * k3);
-                z += self.dt / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4);
+            truth.push(mass * a[k] + force(friction, v[k], x[k], z));
+            if friction.disp.is_some() && k + 1 < x.len() {
+                // Exact for a constant speed: sliding may set in within a fraction of a sample.
+                for part in [0.125, 0.375, 0.625, 0.875] {
+                    let w = Lanes([v[k] + part * (v[k + 1] - v[k])]);
+                    z = friction.presliding_after(w, Lanes([z]), 0.25 * self.dt).0[0];
+                }
             }
         }
         let mut seen = Vec::new();

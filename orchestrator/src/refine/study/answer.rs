@@ -140,7 +140,7 @@ fn errors(fits: &Fits, added: &[usize], pieces: &[Piece], p: &[f64], locals: Opt
     let view = fits.view(added, pieces);
     let own = match locals {
         Some(locals) => locals.to_vec(),
-        None => fits.grow(added, pieces, p, &[], &[0.1, 0.3, 1.0]).locals,
+        None => fits.grow(added, pieces, p, &[], &[0.1, 0.3, 1.0], 12).locals,
     };
     let mut sums: BTreeMap<String, (f64, f64, f64, f64)> = BTreeMap::new();
     for (r, local) in own.iter().enumerate() {
@@ -254,7 +254,8 @@ fn effects(fits: &Fits, selection: &Selection, chosen: bool) -> Vec<Effect> {
         let c = model.added[0];
         let own = &fits.study.candidates[c];
         let same = |e: &Effect| e.id == own.id && e.signal == own.signal;
-        if !found.iter().any(same) {
+        let gains = model.error < 0.999 * selection.declared.error;
+        if gains && !found.iter().any(same) {
             let held = if model.held_back.is_nan() {
                 String::new()
             } else {
@@ -362,6 +363,7 @@ fn assemble(fits: &Fits, selection: Selection) -> Answer {
         effects,
         unexplained,
         corrections: Vec::new(),
+        fitted: fitted(study, if chosen { &selection.best } else { &selection.declared }),
         limit: NOISE,
         parameters: [&selection.declared, &selection.best].map(|model| model.fit.parameters.clone()),
         left: [left(&selection.declared), left(&selection.best)],
@@ -371,6 +373,13 @@ fn assemble(fits: &Fits, selection: Selection) -> Answer {
         not_testable: study.not_testable.clone(),
         notes,
     }
+}
+
+/// Values of the free parameters of the declared system.
+fn fitted(study: &Study, model: &Model) -> Vec<(String, f64)> {
+    let own = study.entries.iter().zip(&model.fit.parameters);
+    let own = own.filter(|(entry, _)| matches!(entry.target, Target::Declared(_)));
+    own.map(|(entry, value)| (entry.name.clone(), *value)).collect()
 }
 
 /// Scatter of the driving force from sample to sample, as far as the low-pass lets it through.
@@ -400,6 +409,12 @@ fn remarks(fits: &Fits, selection: &Selection, chosen: bool) -> Vec<String> {
         } else {
             format!("Declared model, fitted: {} = {was:.6e}{unit}.", entry.name)
         });
+    }
+    let idle = |model: &&Model| model.error >= 0.999 * before.error;
+    let idle: Vec<String> =
+        selection.singles.iter().filter(idle).map(|model| study.candidates[model.added[0]].name()).collect();
+    if !idle.is_empty() {
+        found.push(format!("Fitted alone to the declared model, these gain nothing: {}.", idle.join(", ")));
     }
     for (record, own) in study.records.iter().enumerate() {
         if own.role == Role::Estimation {

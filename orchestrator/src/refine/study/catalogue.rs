@@ -26,7 +26,7 @@ pub struct Candidate {
     pub starts: Vec<Vec<f64>>,
     /// How much it assumes: memoryless and linear 0, with a shape or a memory more.
     pub complexity: usize,
-    /// It acts on the Coulomb level of its attachment: without one in the declared model it needs this other one.
+    /// It changes the Coulomb level of its attachment: without one in the declared model it needs this other one.
     pub needs: Option<usize>,
 }
 
@@ -169,7 +169,7 @@ fn starts(law: Law, ranges: &[(f64, f64); 5]) -> Result<Vec<Vec<f64>>, &'static 
             // Neighbours differ by a third of a turn over the travel.
             let mut grid = Vec::new();
             let mut period = x;
-            while period > x / 40.0 {
+            while period > x / 25.0 {
                 grid.push(vec![0.0, 0.0, period]);
                 period = 1.0 / (1.0 / period + 0.35 / x);
             }
@@ -236,10 +236,12 @@ pub fn fill(
     sensors(study);
 }
 
-/// The Coulomb candidate that presliding needs where the declared model has no Coulomb friction.
+/// The Coulomb candidate that laws need which change a Coulomb level, where the declared model has none: a friction peak
+/// without friction at higher speed is no friction.
 fn coulomb_beside(study: &Study, candidate: usize) -> Option<usize> {
-    let Action::Block { law: Law::Presliding, tap } = study.candidates[candidate].action else { return None };
-    if study.taps[tap].coulomb.is_some() {
+    let Action::Block { law, tap } = study.candidates[candidate].action else { return None };
+    let changes = [Law::Presliding, Law::Stribeck, Law::PositionCoulomb, Law::Asymmetry].contains(&law);
+    if !changes || study.taps[tap].coulomb.is_some() {
         return None;
     }
     study.candidates.iter().position(|c| c.action == Action::Block { law: Law::Coulomb, tap })

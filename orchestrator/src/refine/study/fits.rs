@@ -3,15 +3,19 @@
 use nalgebra::{Cholesky, DMatrix, DVector};
 
 use super::declaration::{Initial, InitialWord, Role};
-use super::model::Study;
+use super::law::Law;
+use super::model::{Action, Study};
 use super::simulate::{Piece, View};
 use crate::refine::engine::System;
-use crate::refine::engine::fit::{Columns, Fit, Free, columns, fit};
+use crate::refine::engine::fit::{Fit, Free, fit};
+use crate::refine::engine::normal::{Columns, columns};
 use crate::refine::engine::parallel;
 
 /// Records from which on whole records are kept back; with fewer, spans of every record are, so that what is kept back
 /// lies within the conditions of the fit.
 const WHOLE_RECORDS: usize = 6;
+/// Steps of fits that begin at the fit to all records.
+const WARM: usize = 5;
 /// Spans of a record otherwise.
 const SPANS: usize = 4;
 
@@ -109,7 +113,15 @@ impl<'a> Fits<'a> {
     }
 
     /// Fits `free` on a growing part of each piece: each fit starts within reach of the next.
-    pub fn grow(&self, added: &[usize], pieces: &[Piece], p: &[f64], free: &[Free], parts: &[f64]) -> Fit {
+    pub fn grow(
+        &self,
+        added: &[usize],
+        pieces: &[Piece],
+        p: &[f64],
+        free: &[Free],
+        parts: &[f64],
+        rounds: usize,
+    ) -> Fit {
         let mut p = p.to_vec();
         let mut locals = Self::locals(&self.view(added, pieces));
         for (i, part) in parts.iter().enumerate() {
@@ -120,7 +132,7 @@ impl<'a> Fits<'a> {
             let short: Vec<Piece> = pieces.iter().map(short).collect();
             let view = self.view(added, &short);
             let records: Vec<usize> = (0..short.len()).collect();
-            let rounds = if i + 1 == parts.len() { 20 } else { 8 };
+            let rounds = if i + 1 == parts.len() { rounds } else { rounds.min(8) };
             let found = fit(&view, &records, &p, free, &locals, rounds);
             if i + 1 == parts.len() {
                 return found;
@@ -128,7 +140,7 @@ impl<'a> Fits<'a> {
             (p, locals) = (found.parameters, found.locals);
         }
         let view = self.view(added, pieces);
-        fit(&view, &(0..pieces.len()).collect::<Vec<_>>(), &p, free, &locals, 20)
+        fit(&view, &(0..pieces.len()).collect::<Vec<_>>(), &p, free, &locals, rounds)
     }
 
     /// Free parameters of the declared model and of candidates.
@@ -144,7 +156,7 @@ impl<'a> Fits<'a> {
     /// The declared model, fitted from the values of the declaration.
     pub fn declared(&self) -> Model {
         let parts: &[f64] = if self.long() { &[0.03, 0.06, 0.12, 0.25, 0.5, 1.0] } else { &[1.0] };
-        let found = self.grow(&[], &self.pieces, &self.study.start(), &self.free(&[]), parts);
+        let found = self.grow(&[], &self.pieces, &self.study.start(), &self.free(&[]), parts, 20);
         let error = rms(found.chi2, self.count(&self.pieces));
         Model { added: Vec::new(), fit: found, error, held_back: f64::NAN }
     }
@@ -161,9 +173,25 @@ impl<'a> Fits<'a> {
     pub fn fit_from(&self, added: Vec<usize>, p: &[f64], locals: &[Vec<f64>]) -> Option<Model> {
         let records: Vec<usize> = (0..self.pieces.len()).collect();
         let view = self.view(&added, &self.pieces);
-        let found = fit(&view, &records, p, &self.free(&added), locals, 14);
+        let found = fit(&view, &records, p, &self.free(&added), locals, 12);
         let error = rms(found.chi2, self.count(&self.pieces));
         error.is_finite().then_some(Model { added, fit: found, error, held_back: f64::NAN })
+    }
+
+    /// The same model fitted until nothing moves: long free motions have narrow valleys.
+    pub fn polish(&self, model: &Model) -> Option<Model> {
+        let mut found = model.clone();
+        for _ in 0..4 {
+            let again = self.fit_from(found.added.clone(), &found.fit.parameters, &found.fit.locals)?;
+            let settled = again.error > (1.0 - 1e-4) * found.error;
+            if again.error <= found.error {
+                found = Model { held_back: found.held_back, ..again };
+            }
+            if settled {
+                break;
+            }
+        }
+        Some(found)
     }
 
     /// Start of a candidate beside `base` that promises the smallest sum of squares, after the linear step.
@@ -176,11 +204,12 @@ impl<'a> Fits<'a> {
         {
             return Some((base.fit.parameters.clone(), base.fit.locals.clone()));
         }
-        let before = self.view(&base.added, &self.pieces);
-        let shared: Vec<Columns> = parallel::map(self.pieces.len(), |r| {
-            columns(&before, r, &base.fit.parameters, &base.fit.free, &base.fit.locals[r])
-        });
-        let view = self.view(&added, &self.pieces);
+        let (pieces, own_locals) = self.screened(&base.fit, own.starts.len());
+        let before = self.view(&base.added, &pieces);
+        let records: Vec<usize> = (0..pieces.len()).collect();
+        let locals: Vec<&[f64]> = own_locals.iter().map(Vec::as_slice).collect();
+        let shared = columns(&before, &records, &base.fit.parameters, &base.fit.free, &locals, true, None);
+        let view = self.view(&added, &pieces);
         let promises: Vec<Option<(f64, Vec<f64>)>> = parallel::map(own.starts.len(), |s| {
             let mut p = base.fit.parameters.clone();
             let start = &own.starts[s];
@@ -192,10 +221,32 @@ impl<'a> Fits<'a> {
                 .filter(|(_, value)| **value == 0.0)
                 .map(|(index, _)| self.study.entries[index].free)
                 .collect();
-            linear_step(&view, &shared, &base.fit, &open, p)
+            // Presliding changes what a change of the Coulomb level does.
+            let changed = matches!(own.action, Action::Block { law: Law::Presliding, .. });
+            let fresh: Option<Vec<Columns>> =
+                changed.then(|| columns(&view, &records, &p, &base.fit.free, &locals, true, None));
+            linear_step(&view, fresh.as_ref().unwrap_or(&shared), (&base.fit, &own_locals), &open, p)
         });
         let best = promises.into_iter().flatten().min_by(|a, b| a.0.total_cmp(&b.0))?;
         Some((best.1, base.fit.locals.clone()))
+    }
+
+    /// What starts are compared on: all estimation records, or every fourth window where there are many starts.
+    fn screened(&self, fit: &Fit, starts: usize) -> (Vec<Piece>, Vec<Vec<f64>>) {
+        let Some(window) = self.study.windows.filter(|_| starts > 8) else {
+            return (self.pieces.clone(), fit.locals.clone());
+        };
+        let mut found = Vec::new();
+        for piece in &self.pieces {
+            let length = ((window / self.study.records[piece.record].step).round() as usize).max(2);
+            let begins = piece.range.clone().step_by(4 * length);
+            found.extend(begins.map(|begin| Piece {
+                record: piece.record,
+                range: begin..(begin + length).min(piece.range.end),
+            }));
+        }
+        let none = vec![Vec::new(); found.len()];
+        (found, none)
     }
 
     /// Error on what is kept back: everything fitted without it, then only its initial states on it.
@@ -207,12 +258,13 @@ impl<'a> Fits<'a> {
         let parts: &[f64] = if self.long() { &[0.3, 1.0] } else { &[1.0] };
         let sums = parallel::map(self.folds.len(), |f| {
             let (outside, inside) = &self.folds[f];
-            let found = self.grow(&model.added, outside, &model.fit.parameters, &free, parts);
-            let test = self.grow(&model.added, inside, &found.parameters, &[], parts);
+            let found = self.grow(&model.added, outside, &model.fit.parameters, &free, parts, WARM);
+            let test = self.grow(&model.added, inside, &found.parameters, &[], parts, 8);
             (test.chi2, self.count(inside))
         });
-        let (chi2, count) = sums.into_iter().fold((0.0, 0), |a, b| (a.0 + b.0, a.1 + b.1));
-        model.held_back = rms(chi2, count);
+        // The geometric mean: every fold counts by its own relative change.
+        let logarithms: f64 = sums.iter().map(|(chi2, count)| rms(*chi2, *count).max(1e-12).ln()).sum();
+        model.held_back = (logarithms / sums.len().max(1) as f64).exp();
     }
 
     /// Sets the difference step of a candidate's entries so that it moves the residuals by a thousandth; false if
@@ -253,22 +305,22 @@ impl<'a> Fits<'a> {
 fn linear_step(
     view: &View,
     shared: &[Columns],
-    fit: &Fit,
+    (fit, locals): (&Fit, &[Vec<f64>]),
     open: &[Free],
     mut p: Vec<f64>,
 ) -> Option<(f64, Vec<f64>)> {
     let (m, known) = (open.len(), fit.free.len());
-    let size = m + known + fit.locals.iter().map(Vec::len).sum::<usize>();
+    let size = m + known + locals.iter().map(Vec::len).sum::<usize>();
     let (mut matrix, mut right, mut chi2) = (DMatrix::zeros(size, size), DVector::zeros(size), 0.0);
     let mut offset = m + known;
     for (r, base) in shared.iter().enumerate() {
-        let residuals = view.residuals(r, &p, &fit.locals[r]);
+        let residuals = view.residuals(r, &p, &locals[r]);
         let mut q = p.clone();
         let own: Vec<Vec<f64>> = open
             .iter()
             .map(|f| {
                 q[f.index] = p[f.index] + f.step;
-                let moved = view.residuals(r, &q, &fit.locals[r]);
+                let moved = view.residuals(r, &q, &locals[r]);
                 q[f.index] = p[f.index];
                 moved.iter().zip(&residuals).map(|(a, b)| (a - b) / f.step).collect()
             })

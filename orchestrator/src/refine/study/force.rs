@@ -7,7 +7,7 @@ use super::model::Study;
 use super::plant::Plant;
 use super::read::ForceRecord;
 use super::simulate::View;
-use crate::refine::engine::goodness::Noise;
+use crate::refine::engine::noise::Noise;
 use crate::refine::engine::{Span, System};
 
 /// Records as the engine sees them, with the force residual in place of the outputs.

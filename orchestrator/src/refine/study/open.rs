@@ -9,7 +9,6 @@ use super::declaration::{Attachment, Declaration, File, Initial, Role};
 use super::model::{Entry, Level, Output, Study, Tap, Target};
 use super::plant::{self, Plant};
 use super::read::{self, Layout};
-use super::signal::scatter;
 use crate::fmu::{Causality, InterfaceKind, template_folder};
 use crate::refine::Error;
 use crate::refine::engine::fit::Free;
@@ -21,7 +20,11 @@ const OWN: &str = "airloop:";
 /// A system of two of them: piston force and friction in series.
 const PISTON: &str = "piston-with-friction";
 
-fn system(file: &File) -> Result<SystemGraph, Error> {
+/// The declared system, opened for Model Exchange, with the start values of its files.
+///
+/// # Errors
+/// A system that is not there or does not hold together, with its place in the study.
+pub fn system(file: &File) -> Result<SystemGraph, Error> {
     let spanned = &file.declaration.system;
     if spanned.get_ref().strip_prefix(OWN) == Some(PISTON) {
         return piston(file);
@@ -180,7 +183,7 @@ fn parameters(file: &File, graph: &SystemGraph) -> Result<(Vec<(plant::Parameter
             ));
         }
         let index = entries.len();
-        let free_entry = Free { index, bounds, step: 1e-4 * start.abs().max(1e-6), prior: None };
+        let free_entry = Free { index, bounds, step: 1e-5 * start.abs().max(1e-6), prior: None };
         let unit = plant::unit_of(graph, &free.parameter).unwrap_or_else(|| "1".into());
         let name = free.parameter.clone();
         entries.push(Entry { name, unit, target: Target::Declared(parameter), start, free: free_entry });
@@ -285,7 +288,7 @@ pub fn open(file: &File) -> Result<(Study, Vec<Attachment>), Error> {
         let (mut sum, mut count, mut size) = (0.0, 0.0, 0.0f64);
         for record in estimation {
             let values = &record.outputs[o];
-            sum += values.len() as f64 * scatter(values).powi(2);
+            sum += values.len() as f64 * record.scatter[o].powi(2);
             count += values.len() as f64;
             size = values.iter().fold(size, |a, b| a.max(b.abs()));
             if let Some(problem) = saturated(values) {

@@ -31,6 +31,8 @@ pub struct Record {
     pub outputs: Vec<Vec<f64>>,
     /// Measured states, `[nx][n]`, where there are columns for them.
     pub states: Vec<Option<Vec<f64>>>,
+    /// Scatter of the measured outputs from sample to sample, before any interpolation.
+    pub scatter: Vec<f64>,
     /// Filtered signals for the force residual.
     pub force: Option<ForceRecord>,
 }
@@ -70,6 +72,7 @@ struct Grid {
     series: TimeSeries,
     step: f64,
     held: TimeSeries,
+    raw: TimeSeries,
     gaps: usize,
 }
 
@@ -97,21 +100,22 @@ fn grid(series: TimeSeries, step: Option<f64>) -> Result<Grid, String> {
     }
     let regular = |pair: &[f64]| ((pair[1] - pair[0]) / step - 1.0).abs() < 0.01;
     if time.windows(2).all(regular) {
-        return Ok(Grid { held: series.clone(), series, step, gaps: 0 });
+        return Ok(Grid { held: series.clone(), raw: series.clone(), series, step, gaps: 0 });
     }
     let count = (span / step * (1.0 + 1e-12)) as usize + 1;
     let axis: Vec<f64> = (0..count).map(|k| time[0] + k as f64 * step).collect();
     let on = |interpolation| series.resample(axis.clone(), interpolation).map_err(|error| error.to_string());
-    Ok(Grid { held: on(Interpolation::Hold)?, series: on(Interpolation::Linear)?, step, gaps })
+    let (held, linear) = (on(Interpolation::Hold)?, on(Interpolation::Linear)?);
+    Ok(Grid { held, series: linear, raw: series, step, gaps })
 }
 
-/// Values of a signal on the grid of its file, in the unit `wanted`.
-fn values(grid: &Grid, signal: &Signal, wanted: Option<&str>) -> Result<Vec<f64>, String> {
-    let name = match (&signal.column, &signal.derivative_of) {
-        (Some(column), None) | (None, Some(column)) => column,
-        _ => return Err("a signal needs either `column` or `derivative_of`".into()),
-    };
-    let source = if signal.hold { &grid.held } else { &grid.series };
+/// Values of a column as they stand in a series, in the unit `wanted`.
+fn in_unit(
+    source: &TimeSeries,
+    name: &str,
+    signal: &Signal,
+    wanted: Option<&str>,
+) -> Result<Vec<f64>, String> {
     let channel = source.channel(name).ok_or_else(|| {
         let known: Vec<&str> = source.channels().iter().map(|c| c.name.as_str()).collect();
         format!("there is no column `{name}`; the file has: {}", known.join(", "))
@@ -139,7 +143,18 @@ fn values(grid: &Grid, signal: &Signal, wanted: Option<&str>) -> Result<Vec<f64>
             }
         }
     }
-    let mut values = signal::low_pass(&values, signal.low_pass_hz, grid.step);
+    Ok(values)
+}
+
+/// Values of a signal on the grid of its file, in the unit `wanted`.
+fn values(grid: &Grid, signal: &Signal, wanted: Option<&str>) -> Result<Vec<f64>, String> {
+    let name = match (&signal.column, &signal.derivative_of) {
+        (Some(column), None) | (None, Some(column)) => column,
+        _ => return Err("a signal needs either `column` or `derivative_of`".into()),
+    };
+    let source = if signal.hold { &grid.held } else { &grid.series };
+    let mut values = in_unit(source, name, signal, wanted)?;
+    values = signal::low_pass(&values, signal.low_pass_hz, grid.step);
     if signal.derivative_of.is_some() {
         values = match signal.savitzky_golay_points {
             Some(points) => signal::savitzky_golay(&values, points, grid.step),
@@ -174,7 +189,7 @@ pub fn records(file: &File, layout: &Layout, notes: &mut Vec<String>) -> Result<
             let grid = grid(csv::read(&path)?, step).map_err(&refuse)?;
             if grid.gaps > 0 {
                 notes.push(format!(
-                    "{}: {} steps are longer than three times the usual one; linear interpolation bridges them.",
+                    "{}: linear interpolation bridges {} of its steps, which are longer than three times the usual one.",
                     segment.file, grid.gaps
                 ));
             }
@@ -219,8 +234,15 @@ pub fn records(file: &File, layout: &Layout, notes: &mut Vec<String>) -> Result<
                 Some(ForceRecord { inputs: cut(inputs), states: cut(states), extra, acceleration })
             }
         };
+        let noisy = |(signal, unit): (&Signal, &Option<String>)| {
+            let column = signal.column.as_deref().unwrap_or_default();
+            in_unit(&grid.raw, column, signal, unit.as_deref()).map(|values| signal::scatter(&values))
+        };
+        let scatter: Result<Vec<f64>, String> =
+            layout.outputs.iter().zip(&layout.units[2]).map(noisy).collect();
         found.push(Record {
-            name: format!("{} {}-{} s", segment.file, time[first], time[last - 1]),
+            scatter: scatter.map_err(&refuse)?,
+            name: format!("{} {}-{} s", segment.file, round(time[first]), round(time[last - 1])),
             role: segment.role,
             initial: segment.initial.clone().unwrap_or(Initial::Word(InitialWord::Measured)),
             step: grid.step,
@@ -233,6 +255,11 @@ pub fn records(file: &File, layout: &Layout, notes: &mut Vec<String>) -> Result<
         });
     }
     Ok(found)
+}
+
+/// A time as people write it.
+fn round(time: f64) -> f64 {
+    (time * 1e6).round() / 1e6
 }
 
 /// Signals of a span.

@@ -8,10 +8,12 @@ use crate::refine::engine::parallel;
 
 /// Share by which the error on what is kept back has to fall for an effect to be added.
 pub const WORTH: f64 = 0.05;
+/// Share of the declared model's error that an effect has to take away.
+pub const NOTEWORTHY: f64 = 0.02;
 /// Candidates whose errors differ by less than this share are equally good; the simplest is taken.
 pub const EQUAL: f64 = 0.03;
 /// Models of each step whose error on what is kept back is computed.
-const LOOKED_AT: usize = 4;
+const LOOKED_AT: usize = 3;
 /// Singles that pairs are made of.
 const PAIRED: usize = 6;
 
@@ -101,7 +103,7 @@ impl Search<'_> {
     fn judge(&self, models: &[Model]) -> Option<Model> {
         let least = models.first().map_or(0.0, |model| model.error);
         // What fits much worse will not be better on what is kept back.
-        let near = models.iter().take(LOOKED_AT).filter(|model| model.error <= 1.3 * least);
+        let near = models.iter().take(LOOKED_AT).filter(|model| model.error <= 1.2 * least);
         let mut near: Vec<Model> = near.cloned().collect();
         near.iter_mut().for_each(|model| self.fits.hold_back(model));
         choose(self.study(), near)
@@ -130,12 +132,17 @@ impl Search<'_> {
 
     /// Adds effects to `from` one by one (two where only the pair is worth it) up to `most`.
     fn climb(&self, from: Model, most: usize, path: &mut Vec<(Vec<usize>, f64)>) -> Model {
+        // What takes away next to nothing of the declared model's error is no finding, however little is left.
+        let least = path.first().map_or(0.0, |(_, error)| NOTEWORTHY * error);
         let mut best = from;
         while best.added.len() < most {
             (self.say)(&format!("searching effect {}", best.added.len() + 1));
-            let worth = (1.0 - WORTH) * best.held_back;
+            let worth = ((1.0 - WORTH) * best.held_back).min(best.held_back - least);
             let singles = self.extend(&best);
-            let single = self.judge(&singles).filter(|model| model.held_back < worth);
+            // What gains too little where it was fitted gains no more on what is kept back.
+            let gains = |model: &&Model| best.error - model.error > least;
+            let promising: Vec<Model> = singles.iter().filter(gains).cloned().collect();
+            let single = self.judge(&promising).filter(|model| model.held_back < worth);
             let next = match single {
                 Some(model) => Some(model),
                 None if best.added.len() + 2 <= most => {
@@ -164,6 +171,9 @@ impl Search<'_> {
                 else {
                     continue;
                 };
+                if without.error > 1.3 * best.error {
+                    continue;
+                }
                 self.fits.hold_back(&mut without);
                 if without.held_back <= (1.0 + 0.5 * WORTH) * best.held_back
                     && passive(self.study(), &without)
@@ -223,6 +233,8 @@ pub fn search(fits: &Fits, declared: Model, most: usize, say: Say) -> Selection 
         }
     }
     let best = search.prune(best);
+    say("fitting the answer");
+    let best = fits.polish(&best).unwrap_or(best);
     let equals = if best.added.is_empty() {
         Vec::new()
     } else {

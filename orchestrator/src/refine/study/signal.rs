@@ -71,7 +71,7 @@ mod tests {
 
     #[test]
     fn scatter_of_noise_is_its_rms_and_smooth_motion_does_not_count() {
-        let mut noise = crate::refine::engine::goodness::Noise::new(1, 0);
+        let mut noise = crate::refine::engine::noise::Noise::new(1, 0);
         let values: Vec<f64> =
             (0..20_000).map(|k| (0.01 * f64::from(k)).sin() + 0.02 * noise.normal()).collect();
         // Standard error of a standard deviation of 20000 overlapping differences: about 1 %.

@@ -9,7 +9,7 @@ use super::law::{Law, Point, preslide};
 use super::model::{Action, Sensor, Study};
 use super::plant::Plant;
 use super::read::Record;
-use crate::refine::engine::goodness::Noise;
+use crate::refine::engine::noise::Noise;
 use crate::refine::engine::{Span, System};
 
 /// A span of a record.
@@ -331,10 +331,10 @@ impl System for View<'_> {
             return Vec::new();
         }
         let one = |values: &Option<Vec<f64>>| match values {
-            None => (0.0, 1e-4),
+            None => (0.0, 1e-5),
             Some(values) => {
                 let size = values.iter().fold(0.0f64, |a, b| a.max(b.abs()));
-                (values[piece.range.start], 1e-4 * size.max(1e-6))
+                (values[piece.range.start], 1e-5 * size.max(1e-6))
             }
         };
         record.states.iter().map(one).collect()

@@ -26,12 +26,14 @@ pub(in crate::transcription) struct MultipleShooting {
     integrated: Vec<usize>,
     /// Steps per interval, `[N]`.
     steps: Vec<usize>,
+    /// Second derivatives of a step from its middle only.
+    simplified: bool,
 }
 
 impl MultipleShooting {
-    pub fn new(states: usize, sample: Sample, steps: Vec<usize>) -> Self {
+    pub fn new(states: usize, sample: Sample, steps: Vec<usize>, simplified: bool) -> Self {
         let integrated = (0..states).filter(|i| !sample.states.contains(i)).collect();
-        MultipleShooting { sample, integrated, steps }
+        MultipleShooting { sample, integrated, steps, simplified }
     }
 
     fn step(&self, frame: &Frame<'_>) -> f64 {
@@ -85,33 +87,46 @@ impl MultipleShooting {
         }
     }
 
-    /// Derivatives of the above by the left node.
-    fn place_rows(
-        &self,
-        interval: &mut Interval,
-        p: usize,
-        start: &[f64],
-        reach: f64,
-        functions: &Functions,
-    ) {
+    /// Derivatives of the first stage point of a step by the left node.
+    fn place_rows(&self, rows: &mut [f64], start: &[f64], functions: &Functions) {
         let (f, nq, nx) = (functions.free, functions.arguments(), functions.size.states);
-        let (done, rest) = interval.rows.split_at_mut(p * nq * nq);
-        let rows = &mut rest[..nq * nq];
         rows.fill(0.0);
         rows[f * nq..(f + nx) * nq].copy_from_slice(start);
         (0..f).chain(f + nx..nq).for_each(|a| rows[a * nq + a] = 1.0);
-        if reach != 0.0 {
-            let before = &done[(p - 1) * nq * nq..];
-            for &i in &self.integrated {
-                let row = interval.points.row(p - 1, i);
-                for &a in &functions.columns[i] {
-                    add(
-                        &mut rows[(f + i) * nq..(f + i + 1) * nq],
-                        reach * row[a],
-                        &before[a * nq..(a + 1) * nq],
-                    );
-                }
+    }
+
+    /// Derivatives of the rates at stage point `p`: added to those of the end of the step with the weight `part`, and
+    /// with `reach` those of the next stage point, where there is one.
+    fn carry_rows(
+        &self,
+        interval: &mut Interval,
+        p: usize,
+        [part, reach]: [f64; 2],
+        (start, end): (&[f64], &mut [f64]),
+        functions: &Functions,
+        product: &mut [f64],
+    ) {
+        let (f, nq) = (functions.free, functions.arguments());
+        let (done, rest) = interval.rows.split_at_mut((p + 1) * nq * nq);
+        let rows = &done[p * nq * nq..];
+        let mut next = if reach == 0.0 { None } else { Some(&mut rest[..nq * nq]) };
+        if let Some(next) = &mut next {
+            next.copy_from_slice(rows);
+        }
+        for &i in &self.integrated {
+            combine(product, interval.points.row(p, i), &functions.columns[i], rows, nq);
+            add(&mut end[i * nq..(i + 1) * nq], part, product);
+            if let Some(next) = &mut next {
+                let row = &mut next[(f + i) * nq..(f + i + 1) * nq];
+                row.copy_from_slice(&start[i * nq..(i + 1) * nq]);
+                add(row, reach, product);
             }
+        }
+        let running = functions.running();
+        let columns = &functions.columns[running];
+        if !columns.is_empty() {
+            combine(product, interval.points.row(p, running), columns, rows, nq);
+            add(&mut interval.gradient[..nq], part, product);
         }
     }
 }
@@ -174,7 +189,7 @@ impl Scheme for MultipleShooting {
                 let p = 4 * number + stage;
                 self.place(interval, p, (left, &*start), step * reach, functions);
                 interval.points.times[p] = frame.time + (number as f64 + reach) * seconds;
-                let before = std::mem::replace(&mut reach, part);
+                reach = part;
                 outcome = interval.points.evaluate(p, worker, functions, derivatives);
                 if outcome.is_err() {
                     break 'steps;
@@ -184,16 +199,13 @@ impl Scheme for MultipleShooting {
                 interval.cost += part * values[running];
                 self.integrated.iter().for_each(|&i| end[i] += part * values[i]);
                 if derivatives {
-                    self.place_rows(interval, p, start_rows, step * before, functions);
-                    let rows = &interval.rows[p * nq * nq..(p + 1) * nq * nq];
-                    let product = &mut worker.product[..nq];
-                    for &i in &self.integrated {
-                        combine(product, interval.points.row(p, i), &functions.columns[i], rows, nq);
-                        add(&mut end_rows[i * nq..(i + 1) * nq], part, product);
+                    if stage == 0 {
+                        let rows = &mut interval.rows[p * nq * nq..(p + 1) * nq * nq];
+                        self.place_rows(rows, start_rows, functions);
                     }
-                    let row = interval.points.row(p, running);
-                    combine(product, row, &functions.columns[running], rows, nq);
-                    add(&mut interval.gradient[..nq], part, product);
+                    let ends = (&*start_rows, &mut *end_rows);
+                    let product = &mut worker.product[..nq];
+                    self.carry_rows(interval, p, [part, step * reach], ends, functions, product);
                 }
             }
             self.advance_block(start, &left[inputs..], end);
@@ -248,6 +260,30 @@ impl Scheme for MultipleShooting {
                     worker.weights[i] = step / 6.0 * weight * end[i] + step * part * later[i];
                 }
                 worker.weights[functions.running()] = step / 6.0 * weight * factor;
+                now[..nq].fill(0.0);
+                for (value, &weight) in worker.weights.iter().enumerate().filter(|(_, w)| **w != 0.0) {
+                    let row = interval.points.row(p, value);
+                    functions.columns[value].iter().for_each(|&a| now[a] += weight * row[a]);
+                }
+                (0..nx).for_each(|i| state[i] += now[f + i]);
+                self.integrated.iter().for_each(|&i| later[i] = now[f + i]);
+                let bent = match (self.simplified, stage) {
+                    (false, _) => Some(p),
+                    // All weights of the step, summed where those of a midpoint would be, at its second point, which lies
+                    // in its middle.
+                    (true, 0) => {
+                        add(&mut worker.weights, 1.0, &interval.on_values);
+                        Some(p + 1)
+                    }
+                    (true, stage) => {
+                        if stage + 1 == STAGES.len() {
+                            interval.on_values.fill(0.0);
+                        }
+                        add(&mut interval.on_values, 1.0, &worker.weights);
+                        None
+                    }
+                };
+                let Some(p) = bent else { continue };
                 outcome = worker.curvature(&interval.points, p, functions);
                 if outcome.is_err() {
                     break 'steps;
@@ -261,13 +297,6 @@ impl Scheme for MultipleShooting {
                     nq,
                     &mut worker.product,
                 );
-                now[..nq].fill(0.0);
-                for (value, &weight) in worker.weights.iter().enumerate().filter(|(_, w)| **w != 0.0) {
-                    let row = interval.points.row(p, value);
-                    functions.columns[value].iter().for_each(|&a| now[a] += weight * row[a]);
-                }
-                (0..nx).for_each(|i| state[i] += now[f + i]);
-                self.integrated.iter().for_each(|&i| later[i] = now[f + i]);
             }
             for (&z, flow) in self.sample.states.iter().zip(&self.sample.flow) {
                 for (&before, a) in self.sample.states.iter().zip(flow) {

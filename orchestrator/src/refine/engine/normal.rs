@@ -1,0 +1,199 @@
+//! A system around a point: residuals, derivatives, normal equations.
+//!
+//! Derivatives are forward differences: one simulation per parameter. The normal equations have the form of an arrow
+//! (local parameters of a record meet only those of the same record and the shared ones), but are small enough to be
+//! kept as a whole.
+
+use nalgebra::{DMatrix, DVector};
+
+use super::fit::Free;
+use super::system::Job;
+use super::{System, parallel};
+
+/// Columns of one record: residuals, derivatives by the shared and by the local parameters.
+pub struct Columns {
+    /// Residuals.
+    pub residuals: Vec<f64>,
+    /// d residuals / d parameter, for shared then local parameters.
+    pub columns: Vec<Vec<f64>>,
+}
+
+/// Residuals and their derivatives of several records; jobs of all of them run side by side.
+///
+/// Without `local_columns` the derivatives by local parameters are left out. `known`: residuals that need no simulation.
+pub fn columns<S: System + ?Sized>(
+    system: &S,
+    records: &[usize],
+    p: &[f64],
+    free: &[Free],
+    locals: &[&[f64]],
+    local_columns: bool,
+    known: Option<Vec<&[f64]>>,
+) -> Vec<Columns> {
+    let mut jobs = Vec::new();
+    // Record and length of the difference step of every job; 0: none.
+    let mut places = Vec::new();
+    for (i, (&record, own)) in records.iter().zip(locals).enumerate() {
+        let job = Job { record, parameters: p.to_vec(), locals: own.to_vec() };
+        if known.is_none() {
+            jobs.push(job.clone());
+            places.push((i, 0.0));
+        }
+        for f in free {
+            // A step inwards from the upper bound.
+            let step = if p[f.index] + f.step > f.bounds.1 { -f.step } else { f.step };
+            let mut moved = job.clone();
+            moved.parameters[f.index] += step;
+            jobs.push(moved);
+            places.push((i, step));
+        }
+        for (local, (_, step)) in system.locals(record).into_iter().enumerate().filter(|_| local_columns) {
+            let mut moved = job.clone();
+            moved.locals[local] += step;
+            jobs.push(moved);
+            places.push((i, step));
+        }
+    }
+    let start = |residuals: &[f64]| Columns { residuals: residuals.to_vec(), columns: Vec::new() };
+    let mut found: Vec<Columns> = known.unwrap_or_default().into_iter().map(start).collect();
+    for (residuals, (i, step)) in parallel::residuals(system, &jobs).into_iter().zip(places) {
+        if step == 0.0 {
+            found.push(Columns { residuals, columns: Vec::new() });
+        } else {
+            let own = &mut found[i];
+            let column = residuals.iter().zip(&own.residuals).map(|(a, b)| (a - b) / step).collect();
+            own.columns.push(column);
+        }
+    }
+    found
+}
+
+/// Residuals of the records.
+pub fn residuals<S: System + ?Sized>(
+    system: &S,
+    records: &[usize],
+    p: &[f64],
+    locals: &[Vec<f64>],
+) -> Vec<Vec<f64>> {
+    let job =
+        |(&record, own): (&usize, &Vec<f64>)| Job { record, parameters: p.to_vec(), locals: own.clone() };
+    let jobs: Vec<Job> = records.iter().zip(locals).map(job).collect();
+    parallel::residuals(system, &jobs)
+}
+
+/// Normal equations of a fit.
+pub struct Normal {
+    columns: Vec<Columns>,
+    /// Shape \[free + locals, free + locals\], priors included.
+    pub matrix: DMatrix<f64>,
+    /// Shape \[free + locals\].
+    pub right: DVector<f64>,
+    /// Sum of squares, priors included.
+    pub chi2: f64,
+}
+
+impl Normal {
+    /// At the point `p`, `locals`.
+    pub fn new<S: System + ?Sized>(
+        system: &S,
+        records: &[usize],
+        p: &[f64],
+        free: &[Free],
+        locals: &[Vec<f64>],
+    ) -> Normal {
+        let starts: Vec<&[f64]> = locals.iter().map(Vec::as_slice).collect();
+        let columns = columns(system, records, p, free, &starts, true, None);
+        let parts = parallel::map(records.len(), |i| {
+            let own = &columns[i].columns;
+            let product = |a: usize, b: usize| if a <= b { dot(&own[a], &own[b]) } else { 0.0 };
+            DMatrix::from_fn(own.len(), own.len(), product)
+        });
+        let ng = free.len();
+        let size = ng + locals.iter().map(Vec::len).sum::<usize>();
+        let mut matrix = DMatrix::zeros(size, size);
+        let mut offset = ng;
+        for part in parts {
+            let place = |a: usize| if a < ng { a } else { offset + a - ng };
+            for a in 0..part.nrows() {
+                for b in a..part.nrows() {
+                    matrix[(place(a), place(b))] += part[(a, b)];
+                    if a != b {
+                        matrix[(place(b), place(a))] += part[(a, b)];
+                    }
+                }
+            }
+            offset += part.nrows() - ng;
+        }
+        for (a, f) in free.iter().enumerate() {
+            matrix[(a, a)] += f.prior.map_or(0.0, |prior| prior.powi(-2));
+        }
+        let mut found = Normal { columns, matrix, right: DVector::zeros(size), chi2: 0.0 };
+        found.sums(p, free);
+        found
+    }
+
+    /// The same derivatives with the residuals of another point nearby.
+    pub fn moved(&mut self, p: &[f64], free: &[Free], residuals: Vec<Vec<f64>>) {
+        for (own, new) in self.columns.iter_mut().zip(residuals) {
+            own.residuals = new;
+        }
+        self.sums(p, free);
+    }
+
+    fn sums(&mut self, p: &[f64], free: &[Free]) {
+        let parts: Vec<Vec<f64>> = parallel::map(self.columns.len(), |i| {
+            let own = &self.columns[i];
+            own.columns.iter().map(|column| -dot(column, &own.residuals)).collect()
+        });
+        let ng = free.len();
+        let mut offset = ng;
+        self.right.fill(0.0);
+        for part in parts {
+            for (a, value) in part.iter().enumerate() {
+                self.right[if a < ng { a } else { offset + a - ng }] += value;
+            }
+            offset += part.len() - ng;
+        }
+        for (a, f) in free.iter().enumerate() {
+            self.right[a] -= f.prior.map_or(0.0, |prior| p[f.index] * prior.powi(-2));
+        }
+        self.chi2 = self.columns.iter().map(|own| dot(&own.residuals, &own.residuals)).sum::<f64>()
+            + surprise(p, free);
+    }
+}
+
+/// Half the gradient of the sum of squares by the shared parameters, of every record.
+pub fn gradients<S: System + ?Sized>(
+    system: &S,
+    records: &[usize],
+    p: &[f64],
+    free: &[Free],
+    locals: &[Vec<f64>],
+) -> Vec<DVector<f64>> {
+    let starts: Vec<&[f64]> = locals.iter().map(Vec::as_slice).collect();
+    let one = |own: Columns| DVector::from_fn(own.columns.len(), |a, _| dot(&own.columns[a], &own.residuals));
+    columns(system, records, p, free, &starts, false, None).into_iter().map(one).collect()
+}
+
+/// What known parameters add to the sum of squares.
+fn surprise(p: &[f64], free: &[Free]) -> f64 {
+    free.iter().map(|f| f.prior.map_or(0.0, |prior| (p[f.index] / prior).powi(2))).sum()
+}
+
+/// Sum of squares of residuals, priors included.
+pub fn cost(p: &[f64], free: &[Free], residuals: &[Vec<f64>]) -> f64 {
+    residuals.iter().map(|own| dot(own, own)).sum::<f64>() + surprise(p, free)
+}
+
+/// Scalar product, summed in eight strands.
+pub fn dot(a: &[f64], b: &[f64]) -> f64 {
+    let mut strands = [0.0; 8];
+    let (mut left, mut right) = (a.chunks_exact(8), b.chunks_exact(8));
+    for (x, y) in left.by_ref().zip(right.by_ref()) {
+        for i in 0..8 {
+            strands[i] += x[i] * y[i];
+        }
+    }
+    let rest: f64 = left.remainder().iter().zip(right.remainder()).map(|(a, b)| a * b).sum();
+    strands.iter().sum::<f64>() + rest
+}

@@ -1,0 +1,206 @@
+"""`airloop stabilize` and `airloop trials`: the controller FMU in FMPy against the master's closed loop and its own table."""
+
+import csv
+import json
+import os
+import subprocess
+from pathlib import Path
+
+import fmpy
+import numpy as np
+import pytest
+from fmpy.fmi2 import FMU2Slave
+from lxml import etree
+
+ROOT = Path(__file__).resolve().parents[2]
+EXAMPLE = ROOT / "examples" / "03_swing_up"
+FMUS = ROOT / "target" / "fmu"
+SCHEMAS = Path(fmpy.__file__).parent / "ssp" / "schema"
+STEP = 1e-3
+
+
+def start(*arguments):
+    binary = Path(os.environ.get("AIRLOOP", ROOT / "target" / "release" / "airloop"))
+    if not binary.exists():
+        pytest.fail(f"{binary} does not exist: run `make fmu` first")
+    return subprocess.run([binary, *map(str, arguments)], cwd=ROOT, capture_output=True, text=True)
+
+
+def airloop(*arguments):
+    result = start(*arguments)
+    assert result.returncode == 0, result.stdout + result.stderr
+    return result.stdout
+
+
+def table(path):
+    return np.genfromtxt(path, delimiter=",", names=True, deletechars="")
+
+
+@pytest.fixture(scope="module")
+def plan(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("plan")
+    ms = ["--transcription", "multiple-shooting", "--intervals", 100, "--no-verification", "--no-plots"]
+    airloop("optimize", EXAMPLE / "problem.toml", *ms, "-o", folder)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def stabilised(plan, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("stabilised")
+    airloop("stabilize", plan, EXAMPLE / "stabilise.toml", "-o", folder)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def closed_loop(stabilised, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("run")
+    airloop("run", stabilised / "closed_loop.ssd", "--step", "1ms", "--stop", 4, "-o", folder, "--no-plots")
+    return table(folder / "result.csv")
+
+
+class Slave:
+    """An FMU in FMPy with its variables by name."""
+
+    def __init__(self, path, folder, start=None):
+        self.description = fmpy.read_model_description(str(path))
+        fmpy.extract(str(path), str(folder))
+        self.references = {v.name: v.valueReference for v in self.description.modelVariables}
+        identifier = self.description.coSimulation.modelIdentifier
+        self.fmu = FMU2Slave(
+            guid=self.description.guid, unzipDirectory=str(folder), modelIdentifier=identifier, instanceName=folder.name
+        )
+        self.fmu.instantiate()
+        for name, value in (start or {}).items():
+            self.fmu.setReal([self.references[name]], [value])
+        self.fmu.setupExperiment(startTime=0.0)
+        self.fmu.enterInitializationMode()
+        self.fmu.exitInitializationMode()
+
+    def get(self, *names):
+        return self.fmu.getReal([self.references[name] for name in names])
+
+    def step(self, time, **inputs):
+        names = [name.replace("__", "[") + "]" if "__" in name else name for name in inputs]
+        self.fmu.setReal([self.references[name] for name in names], list(inputs.values()))
+        self.fmu.doStep(currentCommunicationPoint=time, communicationStepSize=STEP)
+
+
+def cart_friction():
+    document = etree.parse(str(ROOT / "examples" / "01_run" / "cart.ssv"))
+    parameters = document.iter("{*}Parameter")
+    return {p.get("name"): float(p[0].get("value")) for p in parameters}
+
+
+def test_the_controller_in_fmpy_gives_the_closed_loop_of_the_master(stabilised, closed_loop, tmp_path):
+    """All five FMUs stepped one after the other by hand, as the Gauss-Seidel master does."""
+    slaves = {
+        "controller": Slave(stabilised / "controller.fmu", tmp_path / "controller"),
+        "actuator": Slave(FMUS / "arx-actuator.fmu", tmp_path / "actuator"),
+        "piston": Slave(FMUS / "friction.fmu", tmp_path / "piston"),
+        "cart": Slave(FMUS / "friction.fmu", tmp_path / "cart", cart_friction()),
+        "cart_pole": Slave(FMUS / "cart-pole.fmu", tmp_path / "cart_pole"),
+    }
+    rows = [slaves["cart_pole"].get("x", "theta")]
+    commands = []
+    for k in range(4000):
+        time = k * STEP
+        x, theta, v = slaves["cart_pole"].get("x", "theta", "v")
+        slaves["controller"].step(time, y__1=x, y__2=theta)
+        commands.append(slaves["controller"].get("u[1]")[0])
+        slaves["actuator"].step(time, u=commands[-1])
+        slaves["piston"].step(time, F_in=slaves["actuator"].get("F_act")[0], v=v)
+        slaves["cart"].step(time, F_in=slaves["piston"].get("F_out")[0], v=v)
+        slaves["cart_pole"].step(time, F=slaves["cart"].get("F_out")[0])
+        rows.append(slaves["cart_pole"].get("x", "theta"))
+    ours = np.array(rows)
+    # Rounding alone, which the upright pole under feedback does not let grow.
+    assert ours[:, 0] == pytest.approx(closed_loop["x"], abs=1e-9)
+    assert ours[:, 1] == pytest.approx(closed_loop["theta"], abs=1e-9)
+    assert np.array(commands) == pytest.approx(closed_loop["u"][:-1], abs=1e-6)
+    assert abs(ours[-1, 1] - np.pi) < 1e-3 and abs(ours[-1, 0]) < 1e-3
+
+
+def test_the_controller_follows_its_table(stabilised, tmp_path):
+    """The equations of the README in NumPy, on measured signals with errors that also reach the limits."""
+    folder = tmp_path / "controller"
+    slave = Slave(stabilised / "controller.fmu", folder)
+    with open(folder / "resources" / "controller.csv") as file:
+        header, *rows = csv.reader(file)
+    rows = np.array(rows, float)
+    n, m, p = (sum(name.startswith(f"{letter}[") for name in header) for letter in "xuy")
+    sizes = [n, m, p, m * n, n * p, n * n, n * m, n, p * n]
+    limit = slave.get("u_max[1]")[0]
+    assert limit == pytest.approx(0.5e6 * np.pi * 0.02**2 / 4)
+    e, reached = np.zeros(n), 0
+    for k in range(len(rows) + 20):
+        x, u0, y0, gain, correction, a, b, c, output = np.split(rows[min(k, len(rows) - 1), 1:], np.cumsum(sizes)[:-1])
+        measured = y0 + np.array([1e-3 * np.sin(0.1 * k), 0.05 * np.cos(0.07 * k) * (1 + 4 * (k % 500 > 450))])
+        e = e + correction.reshape(n, p) @ (measured - y0 - output.reshape(p, n) @ e)
+        u = np.clip(u0 - gain.reshape(m, n) @ e, -limit, limit)
+        reached += abs(u[0]) == limit
+        slave.step(k * STEP, y__1=measured[0], y__2=measured[1])
+        assert slave.get("u[1]") == pytest.approx(u, rel=1e-12, abs=1e-9)
+        names = [f"x_hat[{i + 1}]" for i in range(n)]
+        assert slave.get(*names) == pytest.approx(x + e, rel=1e-12, abs=1e-9)
+        e = a.reshape(n, n) @ e + b.reshape(n, m) @ (u - u0) + c
+    assert reached > 10
+
+
+def test_the_closed_loop_is_valid_ssp(stabilised):
+    schema = etree.XMLSchema(etree.parse(str(SCHEMAS / "SystemStructureDescription.xsd")))
+    schema.assertValid(etree.parse(str(stabilised / "closed_loop.ssd")))
+
+
+def test_the_summary_says_what_was_designed(stabilised):
+    summary = json.loads((stabilised / "summary.json").read_text())
+    assert summary["rests"] and summary["samples"] == 2000 and summary["sample_time"] == STEP
+    measured = {s["name"]: s["noise"] for s in summary["signals"] if s["kind"] == "measured"}
+    assert measured == pytest.approx({"x": 2e-4, "theta": 2e-3})
+    assert summary["largest_error"]["theta"] < 0.05
+    for name in summary["files"] + summary["figures"]:
+        assert (stabilised / name).stat().st_size > 0
+
+
+@pytest.fixture(scope="module")
+def trials(stabilised, tmp_path_factory):
+    """{(scale, threads): folder} of few trials; the figures of 200 are in the README of the example."""
+    folders = {}
+    for scale, threads in [(1, 1), (1, 2), (2, 2)]:
+        folders[scale, threads] = tmp_path_factory.mktemp("trials")
+        few = ["--count", 8, "--scale", scale, "--threads", threads]
+        airloop("trials", stabilised, *few, "-o", folders[scale, threads])
+    return folders
+
+
+def test_perturbed_systems_reach_and_hold_the_upright_position_with_feedback_only(trials):
+    for scale in (1, 2):
+        summary = json.loads((trials[scale, 2] / "summary.json").read_text())
+        kept = {c["name"]: (c["closed_loop"], c["open_loop"]) for c in summary["criteria"]}
+        assert kept["reach"][0] == 8 and kept["held"][0] >= 7
+        assert kept["reach"][1] <= 1 and kept["held"][1] == 0
+
+
+def test_trials_do_not_depend_on_the_number_of_threads(trials):
+    for name in ("trials.csv", "courses.csv"):
+        assert (trials[1, 1] / name).read_bytes() == (trials[1, 2] / name).read_bytes()
+
+
+def test_what_is_wrong_is_named_with_its_place(plan, tmp_path):
+    cases = {
+        "[sensors]\nthetta = 1e-3\n": ["line 2", "thetta", "theta"],
+        '[sensors]\ntheta = "1 mm"\n': ["line 2, column 9", "`mm` is no unit for `theta`"],
+        "[sensors]\nu = 1\n": ["line 2", "neither a state nor an output"],
+        "[sensors]\ntheta = 0\n": ["noise of measured signal[1] = 0", "positive"],
+        "sensors = 3\n": ["line 1", "a table is wanted"],
+    }
+    for text, expected in cases.items():
+        (tmp_path / "s.toml").write_text(text)
+        result = start("stabilize", plan, tmp_path / "s.toml", "-o", tmp_path / "out")
+        assert result.returncode == 1
+        for part in expected:
+            assert part in result.stderr
+        assert not (tmp_path / "out").exists()
+    result = start("stabilize", plan / "trajectory.csv", EXAMPLE / "stabilise.toml")
+    assert result.returncode == 1 and "--problem" in result.stderr
+    result = start("trials", plan)
+    assert result.returncode == 1 and "no closed loop" in result.stderr

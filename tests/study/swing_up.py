@@ -1,0 +1,95 @@
+"""Swing-up over the coupled FMUs against CasADi with IPOPT: `make study-swing-up`.
+
+    .venv/bin/python tests/study/swing_up.py [folder, default out/study] [INTERVALS ..., default 200]
+
+Both from the pump guess, in turns, one thread, CPU time. Ours counts everything from the files on: opening the FMUs,
+building the problem, solving it. Of IPOPT only the solve counts, in the faster of two forms of the expressions; its
+set-up is a column of its own. Then IPOPT starts once more from our optimum and has to stay there.
+
+Writes swing_up.csv, one row per transcription and mesh; prints it as a table. Nothing fails here: read the ratios.
+"""
+
+import csv
+import json
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(ROOT / "tests" / "reference"))
+
+import numpy as np  # noqa: E402
+import swing_up_ipopt as peer  # noqa: E402  (needs the path above)
+
+KINDS = ("hs", "trap", "ms", "sc")
+ROUNDS = 3
+COLUMNS = [
+    "kind", "intervals", "iterations", "objective", "load_ms", "build_ms", "solve_ms", "total_ms", "status",
+    "ipopt_iterations", "ipopt_objective", "ipopt_solve_ms", "ipopt_setup_ms", "ratio", "ipopt_from_ours_relative_difference",
+]  # fmt: skip
+
+
+def build():
+    """Path of the built bench."""
+    command = ["cargo", "bench", "--quiet", "-p", "airloop", "--bench", "swing_up_fmus", "--no-run", "--message-format=json"]
+    output = subprocess.run(command, cwd=ROOT, check=True, stdout=subprocess.PIPE, text=True).stdout
+    messages = [json.loads(line) for line in output.splitlines() if line.startswith("{")]
+    return next(m["executable"] for m in messages if m.get("executable") and m["target"]["name"] == "swing_up_fmus")
+
+
+def ours(bench, kind, count, file):
+    output = subprocess.run(
+        [bench, kind, str(count), f"solution={file}"], check=True, stdout=subprocess.PIPE, text=True
+    ).stdout
+    words = output.splitlines()[1].split(maxsplit=9)
+    numbers = [float(word) for word in words[4:9]]
+    return {
+        "iterations": int(words[3]), "objective": numbers[0], "load_ms": numbers[1], "build_ms": numbers[2],
+        "solve_ms": numbers[3], "total_ms": numbers[4], "status": words[9],
+    }  # fmt: skip
+
+
+def row(bench, kind, count, file):
+    found, solved = None, None
+    for _ in range(ROUNDS):
+        now = ours(bench, kind, count, file)
+        found = now if found is None or now["total_ms"] < found["total_ms"] else found
+        # The graph of scalars of multiple shooting takes seconds to set up and is no faster.
+        for expand in (False,) if kind == "ms" else (True, False):
+            now = peer.solve(kind, count, expand, repetitions=1)
+            solved = now if solved is None or now[2] < solved[2] else solved
+    start = np.loadtxt(file)
+    _, again, *_ = peer.solve(kind, count, False, start, 1)
+    return {
+        "kind": kind, "intervals": count, **found, "ipopt_iterations": solved[0], "ipopt_objective": solved[1],
+        "ipopt_solve_ms": 1e3 * solved[2], "ipopt_setup_ms": 1e3 * solved[3],
+        "ratio": found["total_ms"] / (1e3 * solved[2]),
+        "ipopt_from_ours_relative_difference": abs(again - found["objective"]) / again,
+    }  # fmt: skip
+
+
+def main():
+    words = sys.argv[1:]
+    counts = [int(word) for word in words if word.isdigit()] or [200]
+    folder = Path(next((word for word in words if not word.isdigit()), ROOT / "out" / "study"))
+    folder.mkdir(parents=True, exist_ok=True)
+    bench = build()
+    with open(folder / "swing_up.csv", "w", newline="") as file, tempfile.TemporaryDirectory() as scratch:
+        writer = csv.DictWriter(file, COLUMNS)
+        writer.writeheader()
+        print("kind  count  iterations  objective          from files to optimum, ms   IPOPT's solve, ms  ratio  IPOPT from ours")
+        for kind in KINDS:
+            for count in counts:
+                now = row(bench, kind, count, Path(scratch) / "solution.txt")
+                writer.writerow(now)
+                print(
+                    f"{kind:5} {count:5} {now['iterations']:11} {now['objective']:17.9f} {now['total_ms']:17.1f} "
+                    f"{now['ipopt_solve_ms']:27.1f} {now['ratio']:6.2f}  {now['ipopt_from_ours_relative_difference']:.1e}",
+                    flush=True,
+                )
+    print(f"written: {folder / 'swing_up.csv'}")
+
+
+if __name__ == "__main__":
+    main()
