@@ -57,6 +57,8 @@ pub struct Summary {
     pub blocking: Option<String>,
     /// Durations of the phases \[s\].
     pub durations: Vec<f64>,
+    /// The same by the names of the phases.
+    pub phase_durations: BTreeMap<String, f64>,
     /// Norm of the difference between the states at the end of the roll-out and of the plan, SI units.
     pub open_loop_final_error: Option<FinalError<f64>>,
     /// The same difference state by state, in the unit of each.

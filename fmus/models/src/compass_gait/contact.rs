@@ -95,10 +95,8 @@ impl<S: Scalar> Mechanics<S> {
         constraint.factors.solve(&mut needed);
         for (k, i) in constraint.feet.iter().enumerate() {
             on_feet[i] = [needed[2 * k], needed[2 * k + 1]];
-            for (row, force) in on_feet[i].into_iter().enumerate() {
-                for (w, response) in w.iter_mut().zip(&constraint.responses[2 * k + row]) {
-                    *w += *response * force;
-                }
+            for (push, response) in on_feet[i].iter().zip(&constraint.responses[2 * k..]) {
+                w.iter_mut().zip(response).for_each(|(w, response)| *w += *response * *push);
             }
         }
         Ok(on_feet)

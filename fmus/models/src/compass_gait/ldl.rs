@@ -46,7 +46,7 @@ impl<S: Scalar, const N: usize> Ldl<S, N> {
             }
         }
         for i in (0..self.n).rev() {
-            b[i] = b[i] / self.d[i];
+            b[i] /= self.d[i];
             for k in i + 1..self.n {
                 let known = self.l[k][i] * b[k];
                 b[i] -= known;

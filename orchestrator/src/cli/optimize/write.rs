@@ -186,6 +186,12 @@ impl Results<'_> {
                 None => solved.worst.as_ref().map(ToString::to_string),
             },
             blocking: last.solution.blocking.as_ref().map(|one| format!("most in the way: {one}")),
+            phase_durations: solved
+                .trajectory()
+                .phases
+                .iter()
+                .map(|phase| (phase.name.clone(), phase.end() - phase.begin()))
+                .collect(),
             durations: solved.trajectory().phases.iter().map(|phase| phase.end() - phase.begin()).collect(),
             open_loop_final_error: errors.as_ref().map(|errors| FinalError {
                 continuous: errors.continuous.as_ref().map(norm),
