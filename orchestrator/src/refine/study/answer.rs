@@ -268,7 +268,12 @@ fn effects(fits: &Fits, selection: &Selection, chosen: bool) -> Vec<Effect> {
                 "alone it lowers the estimation error by {}{held}",
                 percent(selection.declared.error, model.error)
             );
-            found.push(Effect { reason, ..effect(fits, selection, model, c, widen) });
+            let one = Effect { reason, ..effect(fits, selection, model, c, widen) };
+            // A spring without stiffness has no rest position: it was fitted as something else.
+            let known = |p: &Parameter| [p.value, p.interval.0, p.interval.1].iter().all(|v| v.is_finite());
+            if one.parameters.iter().all(known) {
+                found.push(one);
+            }
         }
     }
     found

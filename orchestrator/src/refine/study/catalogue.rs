@@ -296,7 +296,7 @@ fn memory(
     range: (f64, f64),
 ) {
     let size = range.0.abs().max(range.1.abs());
-    if !(range.1 > range.0) {
+    if range.1 <= range.0 || range.1.is_nan() {
         study.not_testable.push((id.into(), "the command does not change".into()));
         return;
     }

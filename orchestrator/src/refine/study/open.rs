@@ -141,8 +141,11 @@ fn check(file: &File) -> Result<(), Error> {
     Ok(())
 }
 
+/// Fixed parameters with their values, and entries of the parameter vector.
+type Values = (Vec<(plant::Parameter, f64)>, Vec<Entry>);
+
 /// Declared parameters: fixed values and entries of the parameter vector.
-fn parameters(file: &File, graph: &SystemGraph) -> Result<(Vec<(plant::Parameter, f64)>, Vec<Entry>), Error> {
+fn parameters(file: &File, graph: &SystemGraph) -> Result<Values, Error> {
     let declaration = &file.declaration;
     let unknown = |name: &String| Problem::Name {
         what: "Real parameter",
@@ -371,7 +374,7 @@ fn declaration_holds(file: &File, graph: &SystemGraph) -> Vec<bool> {
 fn saturated(values: &[f64]) -> Option<String> {
     let (low, high) =
         values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), &v| (a.min(v), b.max(v)));
-    if !(high > low) {
+    if high <= low {
         return Some("the column never changes; nothing can be learnt from it".into());
     }
     for end in [low, high] {

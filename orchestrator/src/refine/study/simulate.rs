@@ -156,10 +156,10 @@ impl<'a> View<'a> {
     fn simulate(&self, piece: &Piece, p: &[f64], locals: &[f64], blocks: &mut Blocks) -> Vec<f64> {
         let n = piece.range.len();
         let mut out = vec![f64::NAN; n * self.study.outputs.len()];
-        if let Ok(mut plant) = self.study.take() {
-            if self.run(&mut plant, piece, p, locals, blocks, &mut out).is_ok() {
-                self.study.give(plant);
-            }
+        if let Ok(mut plant) = self.study.take()
+            && self.run(&mut plant, piece, p, locals, blocks, &mut out).is_ok()
+        {
+            self.study.give(plant);
         }
         self.sense(piece, p, &mut out);
         out
