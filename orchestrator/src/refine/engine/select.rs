@@ -136,9 +136,10 @@ pub fn select<S: System + ?Sized>(
     }
     search.system.stage("declared parameters");
     let rivals = with_corrections(search, &declared, corrections, (effort.max_effects, limit), &mut tried);
-    let least = rivals.iter().map(criterion).fold(f64::INFINITY, f64::min);
+    let plausible = rivals.iter().filter(|rival| !as_declared(rival, &declared).1);
+    let least = plausible.map(criterion).fold(f64::INFINITY, f64::min);
     match best {
-        // An effect can imitate parameters that are slightly off, but not well.
+        // An effect can imitate parameters that are slightly off, but not well. Parameters far off are no rival.
         Some(best) if least > best.fit.chi2 - NOTICEABLE => end(Stage::Effects, passing, tried),
         _ if !rivals.is_empty() => end(Stage::Corrected, rivals, tried),
         _ => unexplained(tried, declared),
