@@ -153,8 +153,8 @@ def test_plan_runs_through_the_events_of_the_fmu(plan, shipped):
     state, (touch_down, count, mode) = roll_out(shipped, table)
     end = columns(table, *(f"walker.{name}" for name in STATES))[-1]
     assert (count, mode) == (1, 3)
-    assert touch_down == pytest.approx(summary["durations"][0], abs=1e-5)
-    assert np.abs(state[:6] - end[:6]).max() <= 1e-3
+    assert touch_down == pytest.approx(summary["durations"][0], abs=1e-6)
+    assert np.abs(state[:6] - end[:6]).max() <= 1e-5
 
 
 def test_toes_deliver_the_planned_force_with_commands_that_know_them_only(plan):
@@ -162,7 +162,7 @@ def test_toes_deliver_the_planned_force_with_commands_that_know_them_only(plan):
     for toe in ("toe1", "toe2"):
         assert summary["stage2"]["fit"][toe]["optimised"] >= 99.9
         assert summary["stage2"]["fit"][toe]["naive"] == pytest.approx(92, abs=3)
-        assert summary["stage2"]["late"][toe]["naive"] == pytest.approx(20, abs=4)
+        assert summary["stage2"]["late"][toe]["naive"] == pytest.approx(18, abs=3)
         assert summary["stage2"]["max_command"][toe]["optimised"] <= 527.7876
     chain = summary["closed_chain"]
     assert chain["optimised"]["completed"] and chain["optimised"]["max_final_error"] <= 1e-3
