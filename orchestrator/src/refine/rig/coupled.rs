@@ -98,8 +98,8 @@ fn simulate<const L: usize>(
     let h = dt / SUBSTEPS as f64;
     for k in 0..u.iter().map(|command| command.len()).max().unwrap_or(0) {
         let (mut f_hat, mut f_act) = (none, none);
-        for i in 0..L {
-            [f_hat.0[i], f_act.0[i]] = running[i].sample(k, k as f64 * dt, s[0].0[i], s[1].0[i]);
+        for (i, running) in running.iter_mut().enumerate() {
+            [f_hat.0[i], f_act.0[i]] = running.sample(k, k as f64 * dt, s[0].0[i], s[1].0[i]);
         }
         let p = f_hat.abs();
         let f_p = f_act - plant.piston.force(s[1], s[0], p, s[4]);

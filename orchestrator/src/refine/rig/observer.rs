@@ -190,12 +190,12 @@ impl<'a> Observer<'a> {
             .collect();
         for k in 0..trials.iter().map(|trial| trial.u.len()).max().unwrap_or(0) {
             let (mut f_hat, mut f_act) = (Lanes::default(), Lanes::default());
-            for i in 0..L {
-                [f_hat.0[i], f_act.0[i]] = running[i].sample(k, k as f64 * dt, s[0].0[i], s[1].0[i]);
+            for (i, running) in running.iter_mut().enumerate() {
+                [f_hat.0[i], f_act.0[i]] = running.sample(k, k as f64 * dt, s[0].0[i], s[1].0[i]);
             }
             let magnitude = f_hat.abs();
-            for sensor in 0..measured[0].len() {
-                let name = &measured[0][sensor].name;
+            for (sensor, first) in measured[0].iter().enumerate() {
+                let name = &first.name;
                 let shown = ideal(name, &s, &plant, f_act, magnitude);
                 for (i, pass) in out.iter_mut().enumerate().filter(|(i, _)| k < trials[*i].u.len()) {
                     let (offset, gain) = sensing(name, &job(i).parameters);
