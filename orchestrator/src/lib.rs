@@ -3,9 +3,10 @@
 //! A module uses modules of lower lines only (`tests/layers.rs` checks it):
 //!
 //! ```text
-//!  7  cli
-//!  6  error
-//!  5  plot        report
+//!  8  cli
+//!  7  error
+//!  6  report
+//!  5  plot
 //!  4  discrepancy refine      rig         plan
 //!  3  master      coupled     control
 //!  2  system      ident       transcription

@@ -281,7 +281,8 @@ fn what_cannot_begin_says_why() {
     if example().is_none() {
         return;
     }
-    let cases: [(&[(&str, &str)], &[&str], &str); 6] = [
+    type Case<'a> = (&'a [(&'a str, &'a str)], &'a [&'a str], &'a str);
+    let cases: [Case; 6] = [
         (
             &[],
             &["--transcription", "multiple-shooting", "--intervals", "300"],

@@ -175,7 +175,8 @@ fn what_the_command_path_does_is_named_with_an_interval_that_holds_the_truth() {
         play.get()
     };
     let saturated = |_: f64, u: f64| u.clamp(-18.0, 18.0);
-    let paths: [(&str, &str, f64, &dyn Fn(f64, f64) -> f64); 3] = [
+    type Path<'a> = (&'a str, &'a str, f64, &'a dyn Fn(f64, f64) -> f64);
+    let paths: [Path; 3] = [
         ("act.gain", "gain", -0.04, &|_, u| 0.96 * u),
         ("act.hysteresis", "width", 0.9, &with_play),
         ("act.saturation", "limit", 18.0, &saturated),

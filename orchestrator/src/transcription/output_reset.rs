@@ -147,8 +147,8 @@ impl Reset for OutputReset {
 
 #[cfg(test)]
 mod tests {
-    use super::super::dynamics::{Size, Structure};
     use super::*;
+    use crate::transcription::dynamics::{Size, Structure};
 
     /// Two states, outputs g1 = x y, g2 = x^2 u; the rates do not matter.
     struct Products(Structure);
