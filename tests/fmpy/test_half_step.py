@@ -148,25 +148,33 @@ def roll_out(shipped, table):
         return w.state(), w.get("impact.time", "impact.count", "mode")
 
 
-def test_plan_runs_through_the_events_of_the_fmu(plan, shipped):
-    summary, table, _ = plan("--intervals", "60,20,60")
+def assert_runs_through(plan, shipped, time, position):
+    summary, table, _ = plan
     state, (touch_down, count, mode) = roll_out(shipped, table)
     end = columns(table, *(f"walker.{name}" for name in STATES))[-1]
     assert (count, mode) == (1, 3)
-    assert touch_down == pytest.approx(summary["durations"][0], abs=1e-6)
-    assert np.abs(state[:6] - end[:6]).max() <= 1e-5
+    assert touch_down == pytest.approx(summary["durations"][0], abs=time)
+    assert np.abs(state[:6] - end[:6]).max() <= position
+
+
+def test_plan_runs_through_the_events_of_the_fmu(plan, shipped):
+    coarse = plan()
+    assert_runs_through(coarse, shipped, time=1e-5, position=5e-5)
+    # Twice the intervals: the error of Hermite-Simpson falls by some 16.
+    fine = plan("--intervals", "60,20,60", "--guess", coarse[2] / "trajectory.csv")
+    assert_runs_through(fine, shipped, time=1e-6, position=1e-5)
 
 
 def test_toes_deliver_the_planned_force_with_commands_that_know_them_only(plan):
-    summary, _, folder = plan("--intervals", "60,20,60")
+    summary, _, _ = plan()
     for toe in ("toe1", "toe2"):
         assert summary["stage2"]["fit"][toe]["optimised"] >= 99.9
-        assert summary["stage2"]["fit"][toe]["naive"] == pytest.approx(92, abs=3)
+        assert summary["stage2"]["fit"][toe]["naive"] == pytest.approx(92, abs=1)
         assert summary["stage2"]["late"][toe]["naive"] == pytest.approx(18, abs=3)
         assert summary["stage2"]["max_command"][toe]["optimised"] <= 527.7876
     chain = summary["closed_chain"]
     assert chain["optimised"]["completed"] and chain["optimised"]["max_final_error"] <= 1e-3
-    assert not chain["naive"]["completed"] or chain["naive"]["max_final_error"] > 0.05
+    assert not chain["naive"]["completed"] and chain["naive"]["end"] < summary["durations"][0]
 
 
 def test_variant_a_needs_less_effort_than_b(plan):
