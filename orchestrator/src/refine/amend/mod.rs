@@ -1,7 +1,7 @@
 //! The amended system: the declared one with what it lacks, as FMUs that any tool runs.
 //!
 //! [`network`] puts blocks in series into a system, [`blocks`] says which block an effect of the vocabulary becomes,
-//! [`rig`] has the declared rig and [`study`] the system of a study, and where blocks go in them. [`write`] derives the FMUs and writes `.ssd` and `.ssp`. The
+//! [`rig`] has the declared rig and [`study`] the system of a study, and where blocks go in them. [`write()`] derives the FMUs and writes `.ssd` and `.ssp`. The
 //! declared FMUs keep their equations: an effect is a block beside them, or other values of their parameters.
 
 pub mod blocks;
