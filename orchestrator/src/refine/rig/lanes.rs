@@ -89,7 +89,7 @@ impl<const L: usize> Lanes<L> {
         each(|i| exp(self.0[i]))
     }
 
-    /// `1 - 2/(exp(2x) + 1)`, to 2e-16.
+    /// `1 - 2/(exp(2x) + 1)`, to 4.5e-16: sum and quotient near 2 are each rounded by up to 2.2e-16.
     #[inline(always)]
     pub fn tanh(self) -> Self {
         Self::all(1.0) - Self::all(2.0) / ((self * 2.0).exp() + 1.0)
@@ -175,10 +175,10 @@ mod tests {
             assert!((exp(x) / x.exp() - 1.0).abs() < 5e-16, "exp {x}");
             let ((sin, cos), exact) = (sin_cos(x), x.sin_cos());
             assert!((sin - exact.0).abs() < 3e-16 && (cos - exact.1).abs() < 3e-16, "sin, cos {x}");
-            assert!((Lanes([x]).tanh().0[0] - x.tanh()).abs() < 3e-16, "tanh {x}");
+            assert!((Lanes([x]).tanh().0[0] - x.tanh()).abs() < 4.5e-16, "tanh {x}");
         }
         for x in [-800.0, -1e-9, 0.0, 1e-12, 900.0f64] {
-            assert!((Lanes([x]).tanh().0[0] - x.tanh()).abs() < 3e-16, "{x}");
+            assert!((Lanes([x]).tanh().0[0] - x.tanh()).abs() < 4.5e-16, "{x}");
         }
     }
 
