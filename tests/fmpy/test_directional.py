@@ -71,6 +71,7 @@ MOST_GENERAL = {
         "tilt_angle": 0.1,
     },
     "sensor-effect": {"gain": 0.1},
+    "rigid-mass": {"b": 2.0},
     # Without a delay the port's pressure acts on the chamber at once.
     "pneumatic-cylinder": {"tdelay": 0.0},
     "compass-gait": {"contact_mode": 5, "impact_map": 4},

@@ -114,9 +114,6 @@ def test_the_amended_system_is_valid_ssp_and_fmpy_runs_it(example, tmp_path):
     held = {"u": lambda time: record["u"][round(time * 1000)]}
     found = simulate_ssp(str(system / "system.ssp"), stop_time=1.0, step_size=1e-3, input=held)
     assert np.isfinite(found["cart_pole.x"]).all() and np.ptp(found["cart_pole.x"]) > 0.01
-    # The spring takes its share of the force on the way to the cart.
-    taken = found["effect_cart_spring.F_in"] - found["effect_cart_spring.F_out"]
-    assert np.max(np.abs(taken - EXPECTED["truth"]["stiffness"] * found["effect_cart_spring.x"])) < 0.01
 
 
 def changed(case, folder, dropped, changes):
