@@ -1,36 +1,12 @@
 //! Setting, stepping and reading allocate nothing once an instance runs.
 #![cfg(target_os = "linux")]
 
+mod allocations;
 mod fmu_library;
-
-use std::alloc::{GlobalAlloc, Layout, System};
-use std::sync::atomic::{AtomicUsize, Ordering};
 
 use airloop::fmu::{Fmu, Slave};
 use fmu_library::{FIRST_ORDER, compiled};
 use tempfile::TempDir;
-
-struct Counting;
-
-static ALLOCATIONS: AtomicUsize = AtomicUsize::new(0);
-
-// SAFETY: every call is passed on to the system allocator unchanged.
-#[allow(unsafe_code, reason = "an allocator is unsafe by nature")]
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        ALLOCATIONS.fetch_add(1, Ordering::Relaxed);
-        // SAFETY: the caller keeps the contract of `alloc`.
-        unsafe { System.alloc(layout) }
-    }
-
-    unsafe fn dealloc(&self, memory: *mut u8, layout: Layout) {
-        // SAFETY: the caller keeps the contract of `dealloc`.
-        unsafe { System.dealloc(memory, layout) }
-    }
-}
-
-#[global_allocator]
-static ALLOCATOR: Counting = Counting;
 
 #[test]
 fn a_running_instance_allocates_nothing() {
@@ -51,9 +27,9 @@ fn a_running_instance_allocates_nothing() {
         slave.directional_derivative(&[3], &[0], &[1.0], &mut out).unwrap();
     };
     step(0);
-    let before = ALLOCATIONS.load(Ordering::Relaxed);
+    let before = allocations::count();
     (1..1000).for_each(&mut step);
-    assert_eq!(ALLOCATIONS.load(Ordering::Relaxed) - before, 0);
+    assert_eq!(allocations::count() - before, 0);
     // The loop did something: u of the last step is in the output.
     assert!(y[1] > 1e5, "{y:?}");
     assert_ne!(before, 0, "the counter counts");

@@ -1,57 +1,23 @@
 //! A macro step allocates nothing once the run is going.
 #![cfg(target_os = "linux")]
-#![allow(unsafe_code, reason = "a global allocator is an unsafe trait")]
 
+mod allocations;
 mod looped;
 mod slave;
 
-use std::alloc::{GlobalAlloc, Layout, System};
 use std::path::Path;
-use std::sync::atomic::{AtomicU64, Ordering};
 
 use airloop::master::{Algorithm, Master, Settings};
 use airloop::results::Recorder;
 use airloop::system::SystemGraph;
 use slave::{component, connection, folder, ssd, write};
 
-/// The system's allocator, counted.
-struct Counting;
-
-static ALLOCATIONS: AtomicU64 = AtomicU64::new(0);
-
-// SAFETY: every call is passed on unchanged.
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        ALLOCATIONS.fetch_add(1, Ordering::Relaxed);
-        // SAFETY: the caller keeps the contract of GlobalAlloc.
-        unsafe { System.alloc(layout) }
-    }
-
-    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
-        // SAFETY: as above.
-        unsafe { System.dealloc(pointer, layout) }
-    }
-
-    unsafe fn realloc(&self, pointer: *mut u8, layout: Layout, size: usize) -> *mut u8 {
-        ALLOCATIONS.fetch_add(1, Ordering::Relaxed);
-        // SAFETY: as above.
-        unsafe { System.realloc(pointer, layout, size) }
-    }
-}
-
-#[global_allocator]
-static ALLOCATOR: Counting = Counting;
-
-fn allocations() -> u64 {
-    ALLOCATIONS.load(Ordering::Relaxed)
-}
-
 /// One test only: other tests in this process would be counted too.
 #[test]
 fn a_macro_step_with_recording_allocates_nothing() {
-    let before = allocations();
+    let before = allocations::count();
     drop(std::hint::black_box(Box::new(1)));
-    assert!(allocations() > before, "the allocator does not count");
+    assert!(allocations::count() > before, "the allocator does not count");
 
     let folder = folder();
     let components: String = (0..10).map(|index| component(&format!("c{index}"), "")).collect();
@@ -108,12 +74,12 @@ fn steps_allocate_nothing(graph: &SystemGraph, algorithm: Algorithm, extrapolati
     for _ in 0..100 {
         master.step().unwrap();
     }
-    let before = allocations();
+    let before = allocations::count();
     for k in 0..1_000 {
         master.set_input(0, f64::from(k));
         master.step().unwrap();
         let values = master.values();
         recorder.record(master.time(), &values.reals, &values.integers, &values.booleans);
     }
-    assert_eq!(allocations() - before, 0, "{algorithm}");
+    assert_eq!(allocations::count() - before, 0, "{algorithm}");
 }

@@ -1,6 +1,6 @@
 //! Evaluations of a transcribed problem allocate nothing once they are going.
-#![allow(unsafe_code, reason = "a global allocator is an unsafe trait")]
 
+mod allocations;
 #[path = "transcription/cart_pole.rs"]
 mod cart_pole;
 #[allow(dead_code, reason = "what only the hand-written runs use")]
@@ -12,39 +12,8 @@ mod mechanics;
 #[path = "swing_up/problem.rs"]
 mod problem;
 
-use std::alloc::{GlobalAlloc, Layout, System};
-use std::sync::atomic::{AtomicU64, Ordering};
-
 use airloop::optim::Nlp;
 use airloop::transcription::{Discretisation, Program, Transcription};
-
-/// The system's allocator, counted.
-struct Counting;
-
-static ALLOCATIONS: AtomicU64 = AtomicU64::new(0);
-
-// SAFETY: every call is passed on unchanged.
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        ALLOCATIONS.fetch_add(1, Ordering::Relaxed);
-        // SAFETY: the caller keeps the contract of GlobalAlloc.
-        unsafe { System.alloc(layout) }
-    }
-
-    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
-        // SAFETY: as above.
-        unsafe { System.dealloc(pointer, layout) }
-    }
-
-    unsafe fn realloc(&self, pointer: *mut u8, layout: Layout, size: usize) -> *mut u8 {
-        ALLOCATIONS.fetch_add(1, Ordering::Relaxed);
-        // SAFETY: as above.
-        unsafe { System.realloc(pointer, layout, size) }
-    }
-}
-
-#[global_allocator]
-static ALLOCATOR: Counting = Counting;
 
 /// One test only: other tests in this process would be counted too.
 #[test]
@@ -72,8 +41,8 @@ fn evaluations_allocate_nothing() {
             program.hessian(x, 1.0, &y, &mut hessian).unwrap();
         };
         all(&points[0]);
-        let before = ALLOCATIONS.load(Ordering::Relaxed);
+        let before = allocations::count();
         all(&points[1]);
-        assert_eq!(ALLOCATIONS.load(Ordering::Relaxed) - before, 0, "{transcription:?}");
+        assert_eq!(allocations::count() - before, 0, "{transcription:?}");
     }
 }

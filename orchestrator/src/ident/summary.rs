@@ -1,6 +1,5 @@
 //! What an identification reports, for `summary.json`.
 
-use std::io::Write;
 use std::path::Path;
 
 use nalgebra::DMatrix;
@@ -110,8 +109,5 @@ pub fn numbered<'a>(
 /// # Errors
 /// Whatever the file system reports.
 pub fn write(summary: &Summary, path: &Path) -> std::io::Result<()> {
-    crate::series::file::write_whole(path, |out| {
-        serde_json::to_writer_pretty(&mut *out, summary)?;
-        out.write_all(b"\n")
-    })
+    crate::series::file::write_json(path, summary)
 }

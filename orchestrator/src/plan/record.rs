@@ -1,7 +1,6 @@
 //! `summary.json` of a plan: what was asked, how the solver ended, how good the plan is, and what it took.
 
 use std::collections::BTreeMap;
-use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
@@ -237,11 +236,7 @@ pub enum Error {
 /// # Errors
 /// [`Error::Io`].
 pub fn write(summary: &Summary, path: &Path) -> Result<(), Error> {
-    crate::series::file::write_whole(path, |out| {
-        serde_json::to_writer_pretty(&mut *out, summary)?;
-        out.write_all(b"\n")
-    })
-    .map_err(|source| Error::Io { path: path.into(), source })
+    crate::series::file::write_json(path, summary).map_err(|source| Error::Io { path: path.into(), source })
 }
 
 /// Reads a summary.

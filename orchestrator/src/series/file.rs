@@ -4,6 +4,7 @@ use std::fs::File;
 use std::io::{BufWriter, Write};
 use std::path::Path;
 
+use serde::Serialize;
 use tempfile::NamedTempFile;
 
 /// Writes a file in one piece: `fill` writes to a temporary file beside `path`, which then takes that name.
@@ -22,6 +23,17 @@ pub fn write_whole(
     fill(&mut writer)?;
     writer.flush()?;
     persist(writer.into_inner().map_err(|error| error.into_error())?, path)
+}
+
+/// Writes a value as JSON for people to read, in one piece.
+///
+/// # Errors
+/// As [`write_whole`].
+pub fn write_json<T: Serialize + ?Sized>(path: &Path, value: &T) -> std::io::Result<()> {
+    write_whole(path, |out| {
+        serde_json::to_writer_pretty(&mut *out, value)?;
+        out.write_all(b"\n")
+    })
 }
 
 /// A file in `folder` that goes away by itself, unless [`persist`] gives it a name.

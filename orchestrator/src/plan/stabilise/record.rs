@@ -1,7 +1,6 @@
 //! `summary.json` of a stabilised plan and of trials, and the tables beside it.
 
 use std::collections::BTreeMap;
-use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
@@ -123,11 +122,7 @@ pub struct TrialsSummary {
 /// # Errors
 /// [`Error::Io`].
 pub fn write<T: Serialize>(summary: &T, path: &Path) -> Result<(), Error> {
-    crate::series::file::write_whole(path, |out| {
-        serde_json::to_writer_pretty(&mut *out, summary)?;
-        out.write_all(b"\n")
-    })
-    .map_err(|source| Error::Io { file: path.into(), source })
+    crate::series::file::write_json(path, summary).map_err(|source| Error::Io { file: path.into(), source })
 }
 
 /// Signals of the design.
