@@ -130,8 +130,18 @@ impl<'a> Sampled<'a> {
     /// # Errors
     /// Functions without a value.
     pub fn linearise(&mut self, at: Point<'_>) -> Result<Linearisation, Error> {
+        let mut sample = self.flow(at, self.sample_time)?;
+        self.hold(at, &mut sample);
+        Ok(sample)
+    }
+
+    /// States `duration` \[s\] after `at` with their derivatives, sampled states left as they are.
+    ///
+    /// # Errors
+    /// Functions without a value.
+    pub fn flow(&mut self, at: Point<'_>, duration: f64) -> Result<Linearisation, Error> {
         let (n, arguments) = (self.size.states, self.size.arguments());
-        let h = self.sample_time / self.steps as f64;
+        let h = duration / self.steps as f64;
         let mut x = at.states.to_vec();
         let mut slopes = DMatrix::<f64>::identity(n, arguments);
         let mut values = vec![0.0; self.size.values()];
@@ -162,19 +172,23 @@ impl<'a> Sampled<'a> {
                 stage_slopes = &start_slopes + rate_slopes * (next * h);
             }
         }
-        self.held_states(&self.transition, at, &mut x);
-        for (i, &state) in self.held.iter().enumerate() {
-            slopes.row_mut(state).fill(0.0);
-            for (j, &other) in self.held.iter().enumerate() {
-                slopes[(state, other)] = self.transition[(i, j)];
-            }
-            for j in 0..self.size.inputs {
-                slopes[(state, n + j)] = self.transition[(i, self.held.len() + j)];
-            }
-        }
         let a = slopes.columns(0, n).into_owned();
         let b = slopes.columns(n, self.size.inputs).into_owned();
         Ok(Linearisation { next: x, a, b })
+    }
+
+    /// Advances the sampled states of a sample that began at `at`.
+    pub fn hold(&self, at: Point<'_>, sample: &mut Linearisation) {
+        self.held_states(&self.transition, at, &mut sample.next);
+        for (i, &state) in self.held.iter().enumerate() {
+            sample.a.row_mut(state).fill(0.0);
+            for (j, &other) in self.held.iter().enumerate() {
+                sample.a[(state, other)] = self.transition[(i, j)];
+            }
+            for j in 0..self.size.inputs {
+                sample.b[(state, j)] = self.transition[(i, self.held.len() + j)];
+            }
+        }
     }
 
     fn held_states(&self, transition: &DMatrix<f64>, at: Point<'_>, x: &mut [f64]) {
