@@ -118,8 +118,13 @@ impl<'a> Phases<'a> {
             let later = self.legs[leg].state(&self.rates[leg], time + 0.5 * h)?;
             held.iter().for_each(|&i| state[i] = later[i]);
         }
-        let mean = if held.is_empty() { 0.5 * h } else { h };
-        Ok((state, self.legs[leg].knots.input(time + mean)))
+        if held.is_empty() {
+            return Ok((state, self.legs[leg].knots.input(time + 0.5 * h)));
+        }
+        let after = self.legs[leg].state(&self.rates[leg], time + 1.5 * h)?;
+        let input = self.legs[leg].knots.input(time + h);
+        let input = self.legs[leg].plant.inputs_between(&state, &after, &input);
+        Ok((state, input))
     }
 
     /// Saltation matrix of the event that ends a leg; rows of sampled states are those of the identity.

@@ -4,9 +4,10 @@
 //! sample: the order of co-simulation at the actuator's rate. The other states are advanced by classical Runge-Kutta
 //! steps, whose derivatives are those of the same steps.
 
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, DVector};
 
 use super::Error;
+use crate::linalg::spectral;
 use crate::transcription::{Dynamics, Point, Size};
 
 /// A sample with its derivatives.
@@ -85,6 +86,20 @@ impl<'a> Sampled<'a> {
     /// Sampled states.
     pub fn held(&self) -> &[usize] {
         &self.held
+    }
+
+    /// The inputs next to `inputs` that take the sampled states from `from` as near as possible to `to` in one sample.
+    pub fn inputs_between(&self, from: &[f64], to: &[f64], inputs: &[f64]) -> Vec<f64> {
+        let n = self.held.len();
+        let at = Point { time: 0.0, states: from, inputs };
+        let mut reached = from.to_vec();
+        self.held_states(&self.transition, at, &mut reached);
+        let missing = DVector::from_iterator(n, self.held.iter().map(|&i| to[i] - reached[i]));
+        let by_inputs = self.transition.view((0, n), (n, inputs.len())).into_owned();
+        match spectral::svd(by_inputs, true, true).solve(&missing, 1e-12) {
+            Ok(step) if n > 0 => inputs.iter().zip(&step).map(|(u, step)| u + step).collect(),
+            _ => inputs.to_vec(),
+        }
     }
 
     /// The plant.
