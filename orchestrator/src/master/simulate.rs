@@ -48,6 +48,43 @@ impl Stimulus<'_> {
     }
 }
 
+/// Inputs of the system that are polynomials between knots and may jump there.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Curves {
+    /// Times \[s\], rising, `[k + 1]`.
+    pub knots: Vec<f64>,
+    /// Indices of the inputs, `[m]`; those that are held between events are to have constant pieces.
+    pub inputs: Vec<usize>,
+    /// Value, and factors of the time since the knot \[s\], its square and its cube, `[k, m]`; before the first knot and
+    /// after the last the value there is held.
+    pub pieces: Vec<Vec<[f64; 4]>>,
+}
+
+impl Curves {
+    /// The piece that holds from a time \[s\] on, and the knot at which it ends; none after the last.
+    pub(super) fn piece_at(&self, time: f64) -> (usize, Option<f64>) {
+        if time < self.knots[0] {
+            return (0, Some(self.knots[0]));
+        }
+        let after = self.knots.partition_point(|&knot| knot <= time);
+        ((after - 1).min(self.pieces.len() - 1), self.knots.get(after).copied())
+    }
+
+    /// Length of a piece \[s\].
+    pub(super) fn length(&self, piece: usize) -> f64 {
+        self.knots[piece + 1] - self.knots[piece]
+    }
+
+    fn check(&self) -> Result<(), Error> {
+        let rising = self.knots.windows(2).all(|pair| pair[0] < pair[1]);
+        let fits = self.pieces.len() + 1 == self.knots.len() && !self.pieces.is_empty();
+        match rising && fits && self.pieces.iter().all(|piece| piece.len() == self.inputs.len()) {
+            true => Ok(()),
+            false => Err(Error::Curves { knots: self.knots.len(), pieces: self.pieces.len() }),
+        }
+    }
+}
+
 /// How a run ended.
 #[derive(Debug)]
 pub enum End {
@@ -87,6 +124,8 @@ pub struct Run {
     pub integration: Option<Integration>,
     /// Adaptive steps, if they were wanted.
     pub adaptive: Option<AdaptiveRecord>,
+    /// Times \[s\] of the state events, each as it was handled; monolithic master only.
+    pub state_events: Vec<f64>,
 }
 
 /// A caller who watches a run.
@@ -101,6 +140,21 @@ pub struct Watch<'a> {
 const STEPS_PER_LOOK: u64 = 16;
 /// Time between two reports of progress.
 pub(super) const REPORT_EVERY: Duration = Duration::from_millis(50);
+
+/// Runs a system under inputs that are polynomials between knots, with the monolithic master whatever the settings say:
+/// no other follows a curve within a step.
+///
+/// # Errors
+/// As [`run`]; knots that do not rise or do not fit the pieces.
+pub fn run_along(
+    graph: &SystemGraph,
+    settings: &Settings,
+    curves: &Curves,
+    watch: Watch,
+) -> Result<Run, Error> {
+    curves.check()?;
+    monolithic::run_along(graph, settings, curves, watch)
+}
 
 /// Runs a system from start to stop and records all outputs at the communication points.
 ///
@@ -206,5 +260,6 @@ pub fn run(
         notes: master.notes().to_vec(),
         integration: None,
         adaptive: None,
+        state_events: Vec::new(),
     })
 }

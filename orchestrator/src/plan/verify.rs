@@ -5,7 +5,7 @@ use std::sync::atomic::AtomicBool;
 use super::Error;
 use super::catalogue::{Catalogue, Kind};
 use super::sampling;
-use crate::master::simulate::{self, End, Stimulus, Watch};
+use crate::master::simulate::{self, Curves, End, Stimulus, Watch};
 use crate::master::{Algorithm, Settings};
 use crate::series::{Interpolation, TimeSeries};
 use crate::system::SystemGraph;
@@ -21,9 +21,6 @@ pub struct Command<'a> {
     /// Whether the inputs are constant between the knots.
     pub held: bool,
 }
-
-/// Longest piece of the straight lines by which the continuous roll-out follows the command, as a part of an interval.
-const PIECES: usize = 16;
 
 impl Command<'_> {
     /// The command at times that step from the start to the end, each value held until the next.
@@ -51,37 +48,32 @@ impl Command<'_> {
         self.series(catalogue, time, &rows)
     }
 
-    /// Straight lines that follow the command: exact where it is linear or constant between knots, else with the
-    /// same mean over every piece.
-    fn followed(&self, catalogue: &Catalogue, step: f64) -> Result<TimeSeries, Error> {
-        let (mut time, mut rows) = (Vec::new(), Vec::<Vec<f64>>::new());
+    /// The command as it is meant: constant, or the parabola through the ends and the middle of each interval.
+    fn curves(&self, graph: &SystemGraph, catalogue: &Catalogue) -> Curves {
+        let place = |&input: &usize| {
+            let name = &catalogue.variables()[input].name;
+            graph.inputs.iter().position(|one| one.name == *name)
+        };
+        let places: Vec<Option<usize>> = self.inputs.iter().map(place).collect();
+        let mut pieces = Vec::with_capacity(self.knots.len());
         for (interval, ends) in self.knots.windows(2).enumerate() {
             let length = ends[1] - ends[0];
-            let pieces =
-                if self.held { 1 } else { (length / step).ceil().clamp(1.0, PIECES as f64) as usize };
-            let at = |part: f64| (self.values)(interval, ends[0] + part / pieces as f64 * length);
-            for piece in 0..pieces {
-                let from = piece as f64;
-                let (a, m, b) = (at(from), at(from + 0.5), at(from + 1.0));
-                let lift: Vec<f64> =
-                    (0..a.len()).map(|i| (2.0 / 3.0) * (m[i] - 0.5 * (a[i] + b[i]))).collect();
-                let ends_of = |row: &[f64]| row.iter().zip(&lift).map(|(v, l)| v + l).collect::<Vec<f64>>();
-                let (first, last) = (ends_of(&a), ends_of(&b));
-                match rows.last_mut() {
-                    // A held value begins at its knot.
-                    Some(row) if self.held => *row = first,
-                    // Between pieces the mean of both.
-                    Some(row) => row.iter_mut().zip(&first).for_each(|(v, f)| *v = 0.5 * (*v + f)),
-                    None => {
-                        time.push(ends[0]);
-                        rows.push(first);
+            let at = |part: f64| (self.values)(interval, ends[0] + part * length);
+            let (first, middle, last) = (at(0.0), at(0.5), at(1.0));
+            let piece = |(column, place): (usize, &Option<usize>)| {
+                let (a, m, b) = (first[column], middle[column], last[column]);
+                let held = self.held || graph.input_is_held((*place)?);
+                Some(match held {
+                    true => [a, 0.0, 0.0, 0.0],
+                    false => {
+                        let (slope, square) = (4.0 * m - 3.0 * a - b, 2.0 * (a + b) - 4.0 * m);
+                        [a, slope / length, square / (length * length), 0.0]
                     }
-                }
-                time.push(ends[0] + (from + 1.0) / pieces as f64 * length);
-                rows.push(last);
-            }
+                })
+            };
+            pieces.push(places.iter().enumerate().filter_map(piece).collect());
         }
-        self.series(catalogue, time, &rows)
+        Curves { knots: self.knots.to_vec(), inputs: places.into_iter().flatten().collect(), pieces }
     }
 
     fn series(&self, catalogue: &Catalogue, time: Vec<f64>, rows: &[Vec<f64>]) -> Result<TimeSeries, Error> {
@@ -111,6 +103,10 @@ pub struct Options {
 pub struct Rollout {
     /// States that can be seen, by their names, at the communication points.
     pub states: TimeSeries,
+    /// All outputs at the communication points, by the names of components.
+    pub outputs: TimeSeries,
+    /// Times \[s\] of the state events; only where all is continuous.
+    pub events: Vec<f64>,
     /// Why it ended before its time, if it did.
     pub problem: Option<String>,
 }
@@ -145,22 +141,15 @@ pub fn roll_out(
         }
     }
     let smooth = sampling::in_continuous_time(&started);
-    let (followed, sampled) =
-        (command.followed(catalogue, options.step)?, command.sampled(catalogue, options.step)?);
-    let between = if command.held { Interpolation::Hold } else { Interpolation::Linear };
-    let one = |graph: &SystemGraph, series: &TimeSeries, interpolation, algorithm| {
-        simulate(
-            graph,
-            catalogue,
-            states,
-            (series, interpolation),
-            Options { master: algorithm, ..options },
-            stop,
-        )
+    let (curves, sampled) = (command.curves(&smooth, catalogue), command.sampled(catalogue, options.step)?);
+    let along = Options { master: Algorithm::Monolithic, ..options };
+    let (along, held) = ((Inputs::Along(&curves), along), (Inputs::Held(&sampled), options));
+    let one = |graph: &SystemGraph, (inputs, options): &(Inputs, Options)| {
+        simulate(graph, catalogue, states, inputs, *options, stop)
     };
     let (continuous, sampled) = std::thread::scope(|scope| {
-        let first = scope.spawn(|| one(&smooth, &followed, between, Algorithm::Monolithic));
-        let second = one(&started, &sampled, Interpolation::Hold, options.master);
+        let first = scope.spawn(|| one(&smooth, &along));
+        let second = one(&started, &held);
         (first.join(), second)
     });
     let failed = |_| {
@@ -170,15 +159,24 @@ pub fn roll_out(
     Ok(Rollouts { continuous: continuous.unwrap_or_else(failed), sampled })
 }
 
+/// Inputs of a roll-out.
+enum Inputs<'a> {
+    Along(&'a Curves),
+    Held(&'a TimeSeries),
+}
+
 fn simulate(
     graph: &SystemGraph,
     catalogue: &Catalogue,
     states: &[usize],
-    (series, interpolation): (&TimeSeries, Interpolation),
+    inputs: &Inputs,
     options: Options,
     stop: &AtomicBool,
 ) -> Result<Rollout, Error> {
-    let time = series.time();
+    let time = match inputs {
+        Inputs::Along(curves) => &curves.knots[..],
+        Inputs::Held(series) => series.time(),
+    };
     let settings = Settings {
         start_time: time[0],
         stop_time: time[time.len() - 1],
@@ -187,11 +185,18 @@ fn simulate(
         tolerance: options.tolerance,
         ..Settings::default()
     };
-    let input = |name: &str| graph.inputs.iter().position(|input| input.name == name);
-    let links = series.channels().iter().enumerate();
-    let links = links.filter_map(|(channel, one)| Some((input(&one.name)?, channel, 1.0, 0.0))).collect();
-    let stimulus = Stimulus { series, links, interpolation };
-    let run = simulate::run(graph, &settings, Some(&stimulus), Watch { stop, progress: &mut |_, _| {} })?;
+    let watch = Watch { stop, progress: &mut |_, _| {} };
+    let run = match inputs {
+        Inputs::Along(curves) => simulate::run_along(graph, &settings, curves, watch)?,
+        Inputs::Held(series) => {
+            let input = |name: &str| graph.inputs.iter().position(|input| input.name == name);
+            let links = series.channels().iter().enumerate();
+            let links =
+                links.filter_map(|(channel, one)| Some((input(&one.name)?, channel, 1.0, 0.0))).collect();
+            let stimulus = Stimulus { series, links, interpolation: Interpolation::Hold };
+            simulate::run(graph, &settings, Some(&stimulus), watch)?
+        }
+    };
     let mut seen = TimeSeries::new(run.result.time().to_vec())?;
     for &state in states {
         let variable = &catalogue.variables()[state];
@@ -207,13 +212,14 @@ fn simulate(
     }
     let problem = match run.end {
         End::Completed => None,
-        End::Terminated { component, .. } => {
-            Some(format!("component `{component}` ended the roll-out early"))
-        }
+        End::Terminated { component, time } => Some(format!(
+            "component `{component}` ended the roll-out at t = {:.6} s",
+            time.or(run.result.time().last().copied()).unwrap_or_default()
+        )),
         End::Interrupted => Some("the roll-out was interrupted".into()),
         End::Failed(error) => Some(format!("the roll-out failed: {error}")),
     };
-    Ok(Rollout { states: seen, problem })
+    Ok(Rollout { states: seen, outputs: run.result, events: run.state_events, problem })
 }
 
 /// Column of the result that shows a state: an output of its component with the same value reference.

@@ -148,6 +148,7 @@ pub(super) fn run(
         notes,
         integration: None,
         adaptive: Some(stepper.work),
+        state_events: Vec::new(),
     })
 }
 

@@ -22,10 +22,16 @@ const MOST_ROUNDS: u32 = 100;
 pub(super) struct Ramp {
     /// Index of the system input.
     pub input: usize,
-    /// Value at the beginning.
-    pub value: f64,
-    /// Slope per s.
-    pub slope: f64,
+    /// Value at the beginning, then factors of the elapsed time \[s\], its square and its cube.
+    pub coefficients: [f64; 4],
+}
+
+impl Ramp {
+    /// Value when `elapsed` \[s\] have passed.
+    pub fn at(&self, elapsed: f64) -> f64 {
+        let [value, slope, square, cube] = self.coefficients;
+        value + ((cube * elapsed + square) * elapsed + slope) * elapsed
+    }
 }
 
 /// What an event came to.
@@ -71,7 +77,7 @@ impl Coupled {
     pub fn new(graph: &SystemGraph, settings: &Settings, ramps: Vec<Ramp>) -> Result<Coupled, Error> {
         let wiring = Wiring::new(graph, settings.read_all_outputs);
         let mut values = wiring.initial_values(graph);
-        ramps.iter().for_each(|ramp| values.set(wiring.inputs[ramp.input], ramp.value));
+        ramps.iter().for_each(|ramp| values.set(wiring.inputs[ramp.input], ramp.at(0.0)));
         let mut models = Vec::with_capacity(graph.components.len());
         for &index in &graph.order {
             let component = &graph.components[index];
@@ -132,8 +138,8 @@ impl Coupled {
         let elapsed = time - self.since;
         self.since = time;
         let jumps = |(old, new): (&Ramp, &Ramp)| {
-            let before = old.value + old.slope * elapsed;
-            (before - new.value).abs() > 1e-12 * before.abs().max(new.value.abs())
+            let (before, after) = (old.at(elapsed), new.at(0.0));
+            (before - after).abs() > 1e-12 * before.abs().max(after.abs())
         };
         let discrete = |ramp: &Ramp| self.for_events[ramp.input];
         old.iter().zip(&self.ramps).any(jumps) || self.ramps.iter().any(discrete)
@@ -142,7 +148,7 @@ impl Coupled {
     /// Values of the system inputs at `time` \[s\].
     pub fn apply_inputs(&mut self, time: f64) {
         for ramp in &self.ramps {
-            self.values.set(self.wiring.inputs[ramp.input], ramp.value + ramp.slope * (time - self.since));
+            self.values.set(self.wiring.inputs[ramp.input], ramp.at(time - self.since));
         }
     }
 

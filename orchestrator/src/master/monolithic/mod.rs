@@ -15,7 +15,7 @@ use std::sync::atomic::Ordering;
 use std::time::Instant;
 
 use super::propagation::LoopFailure;
-use super::simulate::{End, REPORT_EVERY, Run, Stimulus, Watch};
+use super::simulate::{Curves, End, REPORT_EVERY, Run, Stimulus, Watch};
 use super::{Effort, Error, Settings};
 use crate::results::Recorder;
 use crate::results::summary::Integration;
@@ -43,10 +43,35 @@ pub(super) fn run(
     stimulus: Option<&Stimulus>,
     watch: Watch,
 ) -> Result<Run, Error> {
+    let interpolations = stimulus.map_or_else(Vec::new, |stimulus| stimulus.interpolations(graph));
+    run_with(
+        graph,
+        settings,
+        Inputs { stimulus, curves: None, interpolations, next: None, guess: 0 },
+        watch,
+    )
+}
+
+/// Runs a system; see [`super::simulate::run_along`].
+pub(super) fn run_along(
+    graph: &SystemGraph,
+    settings: &Settings,
+    curves: &Curves,
+    watch: Watch,
+) -> Result<Run, Error> {
+    let inputs =
+        Inputs { stimulus: None, curves: Some(curves), interpolations: Vec::new(), next: None, guess: 0 };
+    run_with(graph, settings, inputs, watch)
+}
+
+/// A polynomial in the time that begins later.
+fn shifted([a, b, c, d]: &[f64; 4], late: f64) -> [f64; 4] {
+    [a + ((d * late + c) * late + b) * late, b + (3.0 * d * late + 2.0 * c) * late, c + 3.0 * d * late, *d]
+}
+
+fn run_with(graph: &SystemGraph, settings: &Settings, inputs: Inputs, watch: Watch) -> Result<Run, Error> {
     let began = Instant::now();
     let grid = settings.validate()?;
-    let interpolations = stimulus.map_or_else(Vec::new, |stimulus| stimulus.interpolations(graph));
-    let inputs = Inputs { stimulus, interpolations, next: None, guess: 0 };
     let mut monolith = Monolith::start(graph, settings, inputs)?;
     let total = grid.steps();
     let values = &monolith.coupled.values;
@@ -97,13 +122,15 @@ pub(super) fn run(
         notes: monolith.coupled.notes(),
         integration,
         adaptive: None,
+        state_events: monolith.state_events,
     })
 }
 
-/// System inputs from a series, as ramps between its samples.
+/// System inputs from a series or from curves, as ramps between samples or knots.
 #[derive(Debug)]
 struct Inputs<'a> {
     stimulus: Option<&'a Stimulus<'a>>,
+    curves: Option<&'a Curves>,
     /// Of each link of the stimulus.
     interpolations: Vec<Interpolation>,
     /// Time \[s\] of the next sample.
@@ -114,6 +141,18 @@ struct Inputs<'a> {
 impl Inputs<'_> {
     /// Values and slopes from `time` \[s\] on, up to the next sample.
     fn ramps(&mut self, time: f64) -> Vec<Ramp> {
+        if let Some(curves) = self.curves {
+            let (piece, next) = curves.piece_at(time);
+            self.next = next;
+            let of = |(&input, coefficients): (&usize, &[f64; 4])| {
+                let late = (time - curves.knots[piece]).clamp(0.0, curves.length(piece));
+                let ends = next.is_none() || time < curves.knots[0];
+                let coefficients = shifted(coefficients, late);
+                let held = [coefficients[0], 0.0, 0.0, 0.0];
+                Ramp { input, coefficients: if ends { held } else { coefficients } }
+            };
+            return curves.inputs.iter().zip(&curves.pieces[piece]).map(of).collect();
+        }
         let Some(stimulus) = self.stimulus else { return Vec::new() };
         let samples = stimulus.series.time();
         let position = locate(samples, time, self.guess);
@@ -134,7 +173,7 @@ impl Inputs<'_> {
                 true => factor * (values[index + 1] - values[index]) / (samples[index + 1] - samples[index]),
                 false => 0.0,
             };
-            Ramp { input, value, slope }
+            Ramp { input, coefficients: [value, slope, 0.0, 0.0] }
         };
         stimulus.links.iter().zip(&self.interpolations).map(ramp).collect()
     }
@@ -157,7 +196,8 @@ struct Monolith<'a> {
     /// The component that ended the simulation at an event: what it last gave is then not read again.
     ended: Option<String>,
     time_events: u64,
-    state_events: u64,
+    /// Times \[s\] of the state events.
+    state_events: Vec<f64>,
     input_events: u64,
 }
 
@@ -188,7 +228,7 @@ impl<'a> Monolith<'a> {
             pending: None,
             ended,
             time_events: 0,
-            state_events: 0,
+            state_events: Vec::new(),
             input_events: 0,
         };
         if monolith.ended.is_none() {
@@ -217,7 +257,7 @@ impl<'a> Monolith<'a> {
             let guess = self.inputs.guess;
             let next = self.inputs.next;
             for ramp in self.inputs.ramps(time) {
-                self.coupled.show_input(ramp.input, ramp.value);
+                self.coupled.show_input(ramp.input, ramp.at(0.0));
             }
             (self.inputs.guess, self.inputs.next) = (guess, next);
         }
@@ -252,7 +292,9 @@ impl<'a> Monolith<'a> {
                     return Err(self.chattering(due.map(|(_, model)| model), events));
                 }
                 self.time_events += u64::from(due.is_some());
-                self.state_events += u64::from(self.pending.is_some());
+                if self.pending.is_some() {
+                    self.state_events.push(self.time);
+                }
                 self.input_events += u64::from(jump);
                 last_event = self.time;
                 if let Event::Terminated { component } = self.event()? {
@@ -347,7 +389,7 @@ impl<'a> Monolith<'a> {
             rejected_steps: work.rejected,
             evaluations: work.evaluations,
             time_events: self.time_events,
-            state_events: self.state_events,
+            state_events: self.state_events.len() as u64,
             input_events: self.input_events,
         }
     }
