@@ -4,9 +4,9 @@
 
 use super::System;
 use super::fit::Free;
-use super::ladder::{Ladder, Reached, beginnings};
-use super::search::{Model, Promise, Search};
-use super::select::{MARGIN, TIE, insignificant};
+use super::ladder::{Ladder, Reached};
+use super::search::{Model, Promise};
+use super::select::{TIE, insignificant};
 
 /// Normalised power from which a misfit is far beyond declared parameters that are a percent off.
 const SERIOUS: f64 = 5000.0;
@@ -20,16 +20,13 @@ const ROUNDS: (usize, usize) = (12, 25);
 /// The models with corrected parameters that leave only noise; every model that got as far as whole records is added to
 /// `tried`.
 pub fn with_corrections<S: System + ?Sized>(
-    search: &Search<S>,
+    ladder: &Ladder<S>,
     declared: &Model,
     corrections: &[Free],
-    most: usize,
+    (most, penalty): (usize, f64),
     tried: &mut Vec<Model>,
 ) -> Vec<Model> {
-    let systems = beginnings(search.system);
-    let ladder = Ladder::new(search, &systems, declared, MARGIN);
-    let penalty = search.penalty();
-    let criterion = |model: &Model| model.fit.chi2 + penalty * model.size(search.candidates) as f64;
+    let criterion = |model: &Model| model.fit.chi2 + penalty * model.size(ladder.candidates()) as f64;
     let mut base = ladder.climb(0, &[], corrections, declared, ROUNDS.0);
     let whole = |model: &Model| Reached { model: model.clone(), rung: ladder.top() };
     let (mut passing, mut all) = (Vec::new(), tried.iter().map(whole).collect::<Vec<_>>());
@@ -41,13 +38,13 @@ pub fn with_corrections<S: System + ?Sized>(
         if explained && added == 0 {
             passing.push(base.model.clone());
         }
-        if added == most.min(2) || explained && !far || lost(&ladder, declared, &all) {
+        if added == most.min(2) || explained && !far || lost(ladder, declared, &all) {
             break;
         }
         let mut found = if explained {
-            instead(&ladder, &base.model, declared, corrections)
+            instead(ladder, &base.model, declared, corrections)
         } else {
-            beside(&ladder, &base, declared, corrections)
+            beside(ladder, &base, declared, corrections)
         };
         all.extend(found.iter().cloned());
         let better = if explained { criterion(&base.model) - TIE } else { f64::INFINITY };
@@ -87,33 +84,23 @@ fn beside<S: System + ?Sized>(
 ) -> Vec<Reached> {
     let held = as_declared(&base.model, declared).0;
     let promises = [&base.model, &held].map(|start| ladder.screen(base.rung, start));
-    let mut found: Vec<Reached> = Vec::new();
-    let mut enough = f64::INFINITY;
-    for (promise, start) in merged(&promises, [&base.model, &held]) {
-        if found.len() >= TRIED || promise.chi2 > enough {
-            break;
-        }
-        let mut added = base.model.added.clone();
-        added.push(promise.candidate);
-        let mut start = start.clone();
-        start.fit.parameters.clone_from(&promise.parameters);
-        let mut reached = ladder.climb(base.rung, &added, corrections, &start, ROUNDS.1);
-        if ladder.explains(&reached) {
-            enough = enough.min(2.0 * promise.chi2);
-            if insignificant(ladder.candidates(), &base.model, &reached.model) {
-                // The corrections alone do it, once they are led there.
-                let mut start = reached.model.clone();
-                for f in &ladder.candidates()[promise.candidate].free {
+    let promises = merged(&promises, [&base.model, &held]);
+    let mut found = ladder.attempt(base, &promises, corrections, (TRIED, ROUNDS.1));
+    for reached in found.iter_mut().filter(|reached| ladder.explains(reached)) {
+        if insignificant(ladder.candidates(), &base.model, &reached.model) {
+            // The corrections alone do it, once they are led there.
+            let mut start = reached.model.clone();
+            for &c in reached.model.added.iter().filter(|c| !base.model.added.contains(c)) {
+                for f in &ladder.candidates()[c].free {
                     start.fit.parameters[f.index] = declared.fit.parameters[f.index];
                 }
-                let model = ladder.fit(reached.rung, &base.model.added, corrections, &start, ROUNDS.0);
-                let alone = Reached { model, rung: reached.rung };
-                if ladder.explains(&alone) {
-                    reached = alone;
-                }
+            }
+            let model = ladder.fit(reached.rung, &base.model.added, corrections, &start, ROUNDS.0);
+            let alone = Reached { model, rung: reached.rung };
+            if ladder.explains(&alone) {
+                *reached = alone;
             }
         }
-        found.push(reached);
     }
     found
 }

@@ -91,6 +91,37 @@ impl<'a, S: System + ?Sized> Ladder<'a, S> {
         self.beginnings.get(rung).map_or_else(|| self.whole.screen(base), |search| search.screen(base))
     }
 
+    /// Fits what is promising beside `base`, best promise first, from the start that each promise was made around. Once
+    /// a model explains the records, only candidates that promised about as much are still fitted.
+    pub fn attempt(
+        &self,
+        base: &Reached,
+        promises: &[(&Promise, &Model)],
+        extra: &[Free],
+        (count, rounds): (usize, usize),
+    ) -> Vec<Reached> {
+        let mut found: Vec<Reached> = Vec::new();
+        let mut enough = f64::INFINITY;
+        for (promise, start) in promises {
+            let mut added = base.model.added.clone();
+            added.push(promise.candidate);
+            if found.iter().any(|other| other.model.added == added) {
+                continue;
+            }
+            if found.len() >= count || promise.chi2 > enough {
+                break;
+            }
+            let mut start = (*start).clone();
+            start.fit.parameters.clone_from(&promise.parameters);
+            let reached = self.climb(base.rung, &added, extra, &start, rounds);
+            if self.explains(&reached) {
+                enough = enough.min(2.0 * promise.chi2);
+            }
+            found.push(reached);
+        }
+        found
+    }
+
     /// A fit from rung to rung, up to the first where it is hopeless.
     pub fn climb(
         &self,

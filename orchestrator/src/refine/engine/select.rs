@@ -9,6 +9,7 @@ use super::System;
 use super::candidate::Candidate;
 use super::corrected::{as_declared, with_corrections};
 use super::fit::Free;
+use super::ladder::{Ladder, Reached, beginnings};
 use super::search::{Model, Promise, Search};
 
 /// A model leaves only noise when no normalised power exceeds the largest of the null by more than this.
@@ -20,6 +21,8 @@ pub const SUSPICIOUS: f64 = 1.0;
 pub const NOTICEABLE: f64 = 45.0;
 /// Difference of the information criterion within which two models count as equal.
 pub const TIE: f64 = 12.0;
+/// Rounds of a fit of candidates.
+const ROUNDS: usize = 14;
 
 /// How the declared model and the records were brought together.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -120,10 +123,12 @@ pub fn select<S: System + ?Sized>(
     search.system.stage("single effects");
     let singles = attempt(search, &declared, &promises, &[], effort.singles, limit);
     tried.extend(singles.iter().cloned());
+    let systems = beginnings(search.system);
+    let ladder = Ladder::new(search, &systems, &declared, MARGIN);
     let mut passing: Vec<Model> = singles.iter().filter(|m| m.worst() < limit).cloned().collect();
     if passing.is_empty() && effort.max_effects >= 2 {
         search.system.stage("pairs of effects");
-        let pairs = extend(search, &singles, &[], effort.pairs, limit);
+        let pairs = pairs(&ladder, &singles, effort.pairs);
         tried.extend(pairs.iter().cloned());
         passing = pairs.into_iter().filter(|m| m.worst() < limit).collect();
     }
@@ -132,7 +137,7 @@ pub fn select<S: System + ?Sized>(
         return end(Stage::Effects, passing, tried);
     }
     search.system.stage("declared parameters");
-    let rivals = with_corrections(search, &declared, corrections, effort.max_effects, &mut tried);
+    let rivals = with_corrections(&ladder, &declared, corrections, (effort.max_effects, penalty), &mut tried);
     let plausible = rivals.iter().filter(|rival| !as_declared(rival, &declared).1);
     let least = plausible.map(criterion).fold(f64::INFINITY, f64::min);
     match best {
@@ -193,7 +198,7 @@ pub fn attempt<S: System + ?Sized>(
             extra,
             &promise.parameters,
             &base.fit.locals,
-            if extra.is_empty() { 14 } else { 25 },
+            if extra.is_empty() { ROUNDS } else { 25 },
         );
         if model.worst() < limit {
             enough = enough.min(2.0 * promise.chi2);
@@ -204,24 +209,26 @@ pub fn attempt<S: System + ?Sized>(
     found
 }
 
-/// Pairs: the best singles, each with the candidates that promise most beside it.
-fn extend<S: System + ?Sized>(
-    search: &Search<S>,
+/// Pairs: the best singles, each with the candidates that promise most beside it, as far as it goes.
+fn pairs<S: System + ?Sized>(
+    ladder: &Ladder<S>,
     singles: &[Model],
-    extra: &[Free],
     (bases, each): (usize, usize),
-    limit: f64,
 ) -> Vec<Model> {
     let mut found: Vec<Model> = Vec::new();
-    for base in singles.iter().take(bases) {
-        let promises = search.screen(base);
-        for model in attempt(search, base, &promises, extra, each, limit) {
+    for single in singles.iter().take(bases) {
+        let base = ladder.climb(0, &single.added, &[], single, ROUNDS);
+        let promises = ladder.screen(base.rung, &base.model);
+        let promises: Vec<(&Promise, &Model)> = promises.iter().map(|p| (p, &base.model)).collect();
+        let reached = ladder.attempt(&base, &promises, &[], (each, ROUNDS));
+        let explained = reached.iter().any(|reached| ladder.explains(reached));
+        for Reached { model, .. } in reached.into_iter().filter(|reached| reached.rung == ladder.top()) {
             let same = |other: &Model| model.added.iter().all(|c| other.added.contains(c));
             if !found.iter().any(same) {
                 found.push(model);
             }
         }
-        if found.iter().any(|model| model.worst() < limit) {
+        if explained {
             break;
         }
     }
