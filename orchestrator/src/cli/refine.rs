@@ -117,7 +117,7 @@ impl Question {
         match self {
             Question::Study(file) => {
                 let progress = Progress::new(quiet, 0);
-                let found = study::answer::answer(file, settings.max_effects, &|stage| {
+                let found = study::answer::answer(file, settings, &|stage| {
                     progress.tell(Event::Stage(stage))
                 });
                 progress.finish();

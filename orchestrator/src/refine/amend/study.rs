@@ -24,10 +24,11 @@ const STEP: f64 = 1e-3;
 /// A system whose files cannot be read again, such as one inside an archive.
 pub fn network(file: &File, answer: &Answer, work: &Path) -> Result<Network, Error> {
     let mut graph = open::system(file).map_err(Box::new)?;
-    let declared = file.declaration.parameters.iter().map(|(name, value)| (name, *value.get_ref()));
-    let fitted = answer.fitted.iter().map(|(name, value)| (name, *value));
+    let declared =
+        file.declaration.parameters.iter().map(|(name, value)| (name, value.get_ref().to_string()));
+    let fitted = answer.fitted.iter().map(|(name, value)| (name, format!("{value:?}")));
     for (name, value) in declared.chain(fitted) {
-        graph.set_start(name, &format!("{value:?}"), &format!("{name} of {}", file.path.display()))?;
+        graph.set_start(name, &value, &format!("{name} of {}", file.path.display()))?;
     }
     let path = work.join(".declared.ssd");
     let written = write::write(&graph, &path, Version::V1_0).and_then(|()| ssp::read(&path));
