@@ -152,7 +152,7 @@ def axis(folder, rng, kind, strength):
         return f + stiffness * (x - 0.05) + wave * np.sin(2 * np.pi * x / period + phase) + drag * abs(v) * v + drift * np.sin(2 * np.pi * t / 7)
 
     step = rng.choice([0.001, 0.002])
-    noise, quantum = rng.choice([0.0, 5e-7, 3e-6]), rng.choice([1e-8, 1e-6])
+    noise, quantum = rng.choice([5e-7, 2e-6, 5e-6]), rng.choice([1e-7, 1e-6])
     bandwidth = rng.uniform(6, 12)
 
     def record(name, stop, pulses):
@@ -173,6 +173,8 @@ def axis(folder, rng, kind, strength):
                 k += 1
             place = reference[k - 1]
             goal = 0.0 if goal else rng.uniform(0.15, 0.24)
+        soft = np.ones(round(0.04 / step)) / round(0.04 / step)
+        reference = np.convolve(np.pad(reference, len(soft), mode="edge"), soft, mode="same")[len(soft) : len(soft) + n]
         kp, kd = mass * bandwidth**2 * 10, mass * bandwidth * 6
         y, u, x = np.zeros(2), np.zeros(n), np.zeros(n)
         for k in range(n):

@@ -32,6 +32,9 @@ use super::Error;
 /// Name of a study in a folder.
 pub const STUDY: &str = "study.toml";
 
+/// JSON schema of a study.
+pub const SCHEMA: &str = include_str!("study.schema.json");
+
 /// What is wrong with a study, without the place.
 #[derive(Debug, thiserror::Error)]
 pub enum Problem {

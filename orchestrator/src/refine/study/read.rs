@@ -219,6 +219,7 @@ pub fn records(file: &File, layout: &Layout, notes: &mut Vec<String>) -> Result<
         }
         step => step.as_ref().map(|step| *step.get_ref()),
     };
+    separate(file)?;
     let mut grids: BTreeMap<&str, Grid> = BTreeMap::new();
     let mut found = Vec::new();
     for spanned in &declaration.segment {
@@ -242,11 +243,16 @@ pub fn records(file: &File, layout: &Layout, notes: &mut Vec<String>) -> Result<
         let first = time.partition_point(|&t| t < from - near);
         let last = time.partition_point(|&t| t <= to + near);
         if last < first + 16 {
+            let (begin, end) = (time[0], time[time.len() - 1]);
+            // Long enough, but at other times: the clock of the file has another zero.
+            let clock = if (from > end || to < begin) && to - from <= end - begin && to > from {
+                "; is its clock offset against that of the segments? Times of from_s and to_s are those of the column `time`"
+            } else {
+                ""
+            };
             return Err(refuse(format!(
-                "between {from} s and {to} s there are {} samples; the file goes from {} s to {} s",
+                "between {from} s and {to} s there are {} samples, a segment needs at least 16; the file goes from {begin} s to {end} s{clock}",
                 last.saturating_sub(first),
-                time[0],
-                time[time.len() - 1]
             )));
         }
         let make = |whole: bool, corner: Option<f64>| {
@@ -296,6 +302,34 @@ pub fn records(file: &File, layout: &Layout, notes: &mut Vec<String>) -> Result<
         });
     }
     Ok(found)
+}
+
+/// Refuses validation segments that share samples with estimation segments.
+fn separate(file: &File) -> Result<(), Error> {
+    let segments = &file.declaration.segment;
+    let of = |role: Role| segments.iter().filter(move |segment| segment.get_ref().role == role);
+    for validation in of(Role::Validation) {
+        let own = validation.get_ref();
+        let ends = |segment: &super::declaration::Segment| {
+            (segment.from_s.unwrap_or(f64::NEG_INFINITY), segment.to_s.unwrap_or(f64::INFINITY))
+        };
+        let (from, to) = ends(own);
+        let shared = of(Role::Estimation).map(|other| other.get_ref()).find(|other| {
+            let (begin, end) = ends(other);
+            other.file == own.file && begin < to && from < end
+        });
+        if let Some(other) = shared {
+            let (begin, end) = ends(other);
+            return Err(file.refuse(
+                validation,
+                format!(
+                    "this validation segment of {} shares samples with an estimation segment ({begin} s to {end} s): an effect is judged on records that the fit has not seen; move from_s or to_s",
+                    own.file
+                ),
+            ));
+        }
+    }
+    Ok(())
 }
 
 /// A time as people write it.
