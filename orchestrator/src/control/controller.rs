@@ -27,6 +27,17 @@ pub struct Row {
     pub output: DMatrix<f64>,
 }
 
+/// Rows of one phase.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct PhaseRows {
+    /// Mode of the plant while it lasts.
+    pub mode: i32,
+    /// Sample of the first row.
+    pub first_sample: usize,
+    /// Number of rows.
+    pub rows: usize,
+}
+
 /// A regulator with its estimator, one row per sample; the last row holds from there on.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Controller {
@@ -36,6 +47,8 @@ pub struct Controller {
     pub sample_time: f64,
     /// Rows, at least one.
     pub rows: Vec<Row>,
+    /// Rows of every phase, where the mode of the plant tells the phase; they reach beyond its ends. Else none.
+    pub phases: Vec<PhaseRows>,
     /// Lower and upper limit of every input, `[m]`.
     pub limits: Vec<(f64, f64)>,
 }
@@ -44,20 +57,47 @@ pub struct Controller {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Estimate {
     sample: usize,
+    phase: usize,
     deviation: Vec<f64>,
 }
 
 impl Controller {
     /// The estimate before the first sample: on the trajectory.
     pub fn begin(&self) -> Estimate {
-        Estimate { sample: 0, deviation: vec![0.0; self.rows[0].states.len()] }
+        Estimate { sample: 0, phase: 0, deviation: vec![0.0; self.rows[0].states.len()] }
+    }
+
+    /// The row of a sample in a phase.
+    fn row(&self, phase: usize, sample: usize) -> &Row {
+        match self.phases.get(phase) {
+            None => &self.rows[sample.min(self.rows.len() - 1)],
+            Some(own) => {
+                let before: usize = self.phases[..phase].iter().map(|phase| phase.rows).sum();
+                &self.rows[before + sample.saturating_sub(own.first_sample).min(own.rows - 1)]
+            }
+        }
+    }
+
+    /// As [`Controller::step`], where the plant is in a mode: the next phase begins when its mode is seen, and
+    /// `x0 + e` goes on as it was.
+    pub fn step_in(&self, estimate: &mut Estimate, mode: i32, measured: &[f64]) -> (Vec<f64>, Vec<f64>) {
+        let phase = estimate.phase;
+        let own = self.phases.get(phase).map(|phase| phase.mode);
+        let next = self.phases.get(phase + 1).map(|phase| phase.mode);
+        if next == Some(mode) && own != Some(mode) {
+            estimate.phase += 1;
+            let rows = (self.row(phase, estimate.sample), self.row(phase + 1, estimate.sample));
+            let nominal = rows.0.states.iter().zip(&rows.1.states);
+            estimate.deviation.iter_mut().zip(nominal).for_each(|(e, (old, new))| *e += old - new);
+        }
+        self.step(estimate, measured)
     }
 
     /// Takes the measured signals `[p]` of a sample and gives the inputs `[m]` that are held until the next, and the
     /// estimated states `[n]`:
     /// `e = e + L (y - y0 - C e)`, `u = u0 - K e` within the limits, then `e = A e + B (u - u0) + c`.
     pub fn step(&self, estimate: &mut Estimate, measured: &[f64]) -> (Vec<f64>, Vec<f64>) {
-        let row = &self.rows[estimate.sample.min(self.rows.len() - 1)];
+        let row = self.row(estimate.phase, estimate.sample);
         let e = &mut estimate.deviation;
         let innovation: Vec<f64> = measured
             .iter()
@@ -95,7 +135,7 @@ impl Controller {
     /// The table that the FMU `tvlqr-controller` reads: a header, then a row per sample, with every digit.
     pub fn table(&self) -> String {
         let row = &self.rows[0];
-        let mut text = String::from("time");
+        let mut text = String::from(if self.phases.is_empty() { "time" } else { "time,sample,mode" });
         let blocks: [(&str, usize, usize); 9] = [
             ("x", row.states.len(), 0),
             ("u", row.inputs.len(), 0),
@@ -117,8 +157,15 @@ impl Controller {
             }
         }
         text.push('\n');
-        for (k, row) in self.rows.iter().enumerate() {
+        let of_phase = |phase: &PhaseRows| (phase.first_sample..).take(phase.rows);
+        let mut places: Vec<(usize, Option<i32>)> =
+            self.phases.iter().flat_map(|phase| of_phase(phase).map(|k| (k, Some(phase.mode)))).collect();
+        if self.phases.is_empty() {
+            places.extend((0..self.rows.len()).map(|k| (k, None)));
+        }
+        for (&(k, mode), row) in places.iter().zip(&self.rows) {
             let _ = write!(text, "{:?}", self.start + k as f64 * self.sample_time);
+            let _ = mode.map_or(Ok(()), |mode| write!(text, ",{k},{mode}"));
             let matrix = |matrix: &DMatrix<f64>| matrix.transpose().iter().copied().collect::<Vec<f64>>();
             let parts = [
                 row.states.clone(),

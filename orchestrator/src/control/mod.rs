@@ -5,6 +5,7 @@
 //! | [`sampled`] | one sample of a [`Dynamics`](crate::transcription::Dynamics) with its derivatives |
 //! | [`nominal`] | the trajectory on the samples, and the equilibrium that it is held at |
 //! | [`riccati`] | Riccati equations of regulator and estimator |
+//! | [`phases`] | trajectories with phases: samples beyond their ends, saltation at the events between them |
 //! | [`tvlqr`] | design: from trajectory, weights and noise to a controller |
 //! | [`controller`] | rows of gains, as a table, and the controller as equations |
 //!
@@ -14,14 +15,16 @@
 pub mod controller;
 mod error;
 pub mod nominal;
+pub mod phases;
 pub mod riccati;
 pub mod sampled;
 #[cfg(test)]
 mod tests;
 pub mod tvlqr;
 
-pub use controller::{Controller, Estimate};
+pub use controller::{Controller, Estimate, PhaseRows};
 pub use error::Error;
 pub use nominal::Nominal;
+pub use phases::{Event, Leg, Phases};
 pub use sampled::{Linearisation, Sampled};
 pub use tvlqr::{Design, Measured, design};

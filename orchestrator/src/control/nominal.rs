@@ -129,7 +129,7 @@ impl Nominal {
 
 impl Knots<'_> {
     /// Inputs at a time \[s\].
-    fn input(&self, time: f64) -> Vec<f64> {
+    pub(super) fn input(&self, time: f64) -> Vec<f64> {
         let slack = 1e-9 * (1.0 + time.abs());
         let after = self.time.partition_point(|&knot| knot <= time + slack);
         let before = after.saturating_sub(1);
@@ -141,7 +141,7 @@ impl Knots<'_> {
     }
 }
 
-fn size(rows: &[Vec<f64>]) -> Vec<f64> {
+pub(super) fn size(rows: &[Vec<f64>]) -> Vec<f64> {
     let width = rows.first().map_or(0, Vec::len);
     (0..width)
         .map(|i| {
@@ -162,7 +162,7 @@ fn size(rows: &[Vec<f64>]) -> Vec<f64> {
 
 /// The state with inputs and sampled states such that every rate is zero, by Newton's method in the least-squares
 /// sense; as it was given where there are none.
-fn rest(
+pub(super) fn rest(
     plant: &mut Sampled<'_>,
     time: f64,
     state: Vec<f64>,

@@ -40,6 +40,26 @@ pub fn steady(
     (radius < 1.0).then_some(p)
 }
 
+/// The cost that far \[samples\] before an end with the cost Q, at most; sooner where it no longer changes. `None` if it
+/// grows beyond all bounds.
+pub fn far(
+    a: &DMatrix<f64>,
+    b: &DMatrix<f64>,
+    (q, r): (&DMatrix<f64>, &DMatrix<f64>),
+    samples: usize,
+) -> Option<DMatrix<f64>> {
+    let mut p = symmetric(q.clone());
+    for _ in 0..samples {
+        let before = cost_before((a, b), &gain(a, b, &p, r)?, &p, (q, r));
+        let change = (&before - &p).norm();
+        p = before;
+        if change <= 1e-14 * p.norm() {
+            break;
+        }
+    }
+    p.iter().all(|value| value.is_finite()).then_some(p)
+}
+
 /// `K = (R + B' P B)^-1 B' P A`, `[m, n]`: feedback before the cost P. `None` if R + B' P B is not positive definite.
 pub fn gain(a: &DMatrix<f64>, b: &DMatrix<f64>, p: &DMatrix<f64>, r: &DMatrix<f64>) -> Option<DMatrix<f64>> {
     let weighted = b.transpose() * p;

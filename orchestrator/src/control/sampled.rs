@@ -4,9 +4,10 @@
 //! sample: the order of co-simulation at the actuator's rate. The other states are advanced by classical Runge-Kutta
 //! steps, whose derivatives are those of the same steps.
 
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, DVector};
 
 use super::Error;
+use crate::linalg::spectral;
 use crate::transcription::{Dynamics, Point, Size};
 
 /// A sample with its derivatives.
@@ -87,6 +88,20 @@ impl<'a> Sampled<'a> {
         &self.held
     }
 
+    /// The inputs next to `inputs` that take the sampled states from `from` as near as possible to `to` in one sample.
+    pub fn inputs_between(&self, from: &[f64], to: &[f64], inputs: &[f64]) -> Vec<f64> {
+        let n = self.held.len();
+        let at = Point { time: 0.0, states: from, inputs };
+        let mut reached = from.to_vec();
+        self.held_states(&self.transition, at, &mut reached);
+        let missing = DVector::from_iterator(n, self.held.iter().map(|&i| to[i] - reached[i]));
+        let by_inputs = self.transition.view((0, n), (n, inputs.len())).into_owned();
+        match spectral::svd(by_inputs, true, true).solve(&missing, 1e-12) {
+            Ok(step) if n > 0 => inputs.iter().zip(&step).map(|(u, step)| u + step).collect(),
+            _ => inputs.to_vec(),
+        }
+    }
+
     /// The plant.
     pub fn dynamics(&mut self) -> &mut dyn Dynamics {
         self.dynamics
@@ -130,8 +145,18 @@ impl<'a> Sampled<'a> {
     /// # Errors
     /// Functions without a value.
     pub fn linearise(&mut self, at: Point<'_>) -> Result<Linearisation, Error> {
+        let mut sample = self.flow(at, self.sample_time)?;
+        self.hold(at, &mut sample);
+        Ok(sample)
+    }
+
+    /// States `duration` \[s\] after `at` with their derivatives, sampled states left as they are.
+    ///
+    /// # Errors
+    /// Functions without a value.
+    pub fn flow(&mut self, at: Point<'_>, duration: f64) -> Result<Linearisation, Error> {
         let (n, arguments) = (self.size.states, self.size.arguments());
-        let h = self.sample_time / self.steps as f64;
+        let h = duration / self.steps as f64;
         let mut x = at.states.to_vec();
         let mut slopes = DMatrix::<f64>::identity(n, arguments);
         let mut values = vec![0.0; self.size.values()];
@@ -162,19 +187,23 @@ impl<'a> Sampled<'a> {
                 stage_slopes = &start_slopes + rate_slopes * (next * h);
             }
         }
-        self.held_states(&self.transition, at, &mut x);
-        for (i, &state) in self.held.iter().enumerate() {
-            slopes.row_mut(state).fill(0.0);
-            for (j, &other) in self.held.iter().enumerate() {
-                slopes[(state, other)] = self.transition[(i, j)];
-            }
-            for j in 0..self.size.inputs {
-                slopes[(state, n + j)] = self.transition[(i, self.held.len() + j)];
-            }
-        }
         let a = slopes.columns(0, n).into_owned();
         let b = slopes.columns(n, self.size.inputs).into_owned();
         Ok(Linearisation { next: x, a, b })
+    }
+
+    /// Advances the sampled states of a sample that began at `at`.
+    pub fn hold(&self, at: Point<'_>, sample: &mut Linearisation) {
+        self.held_states(&self.transition, at, &mut sample.next);
+        for (i, &state) in self.held.iter().enumerate() {
+            sample.a.row_mut(state).fill(0.0);
+            for (j, &other) in self.held.iter().enumerate() {
+                sample.a[(state, other)] = self.transition[(i, j)];
+            }
+            for j in 0..self.size.inputs {
+                sample.b[(state, j)] = self.transition[(i, self.held.len() + j)];
+            }
+        }
     }
 
     fn held_states(&self, transition: &DMatrix<f64>, at: Point<'_>, x: &mut [f64]) {

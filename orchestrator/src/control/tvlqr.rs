@@ -65,7 +65,12 @@ impl Design {
         }
     }
 
-    fn check(&self) -> Result<(), Error> {
+    /// Inputs with a disturbance.
+    pub(super) fn disturbed(&self) -> Vec<usize> {
+        (0..self.input_drift.len()).filter(|&j| self.input_drift[j] > 0.0).collect()
+    }
+
+    pub(super) fn check(&self) -> Result<(), Error> {
         let positive = |what: &str, values: &[f64], zero: bool| {
             let fits = |value: &f64| *value > 0.0 || (zero && *value == 0.0);
             match values.iter().position(|value| !fits(value)) {
@@ -93,8 +98,7 @@ impl Design {
 /// equations without a stabilising solution at the end of the trajectory.
 pub fn design(plant: &mut Sampled<'_>, nominal: &Nominal, design: &Design) -> Result<Controller, Error> {
     design.check()?;
-    let disturbed: Vec<usize> =
-        (0..design.input_drift.len()).filter(|&j| design.input_drift[j] > 0.0).collect();
+    let disturbed = design.disturbed();
     let mut rows = Vec::with_capacity(nominal.samples() + 1);
     let mut linear = Vec::with_capacity(nominal.samples() + 1);
     for k in 0..=nominal.samples() {
@@ -103,18 +107,33 @@ pub fn design(plant: &mut Sampled<'_>, nominal: &Nominal, design: &Design) -> Re
         rows.push(row(plant, at, &sample, nominal.states.get(k + 1), design, &disturbed)?);
         linear.push(sample);
     }
-    regulate(&mut rows, &linear, nominal, design, &disturbed)?;
-    estimate(&mut rows, nominal, design, &disturbed)?;
+    gains(&mut rows, &linear, nominal, design, None)?;
     Ok(Controller {
         start: nominal.start,
         sample_time: nominal.sample_time,
         rows,
+        phases: Vec::new(),
         limits: design.limits.clone(),
     })
 }
 
+/// Feedback and corrections of rows that follow each other. Without a horizon \[samples\] the steady solutions stand at
+/// the end; with one the regulator looks that far beyond it and the estimator has the covariance that it has reached:
+/// for plants with motions that no input reaches, such as that of a foot on the ground.
+pub(super) fn gains(
+    rows: &mut [Row],
+    linear: &[Linearisation],
+    nominal: &Nominal,
+    design: &Design,
+    horizon: Option<usize>,
+) -> Result<(), Error> {
+    let disturbed = design.disturbed();
+    regulate(rows, linear, nominal, (design, &disturbed), horizon)?;
+    estimate(rows, nominal, (design, &disturbed), horizon)
+}
+
 /// One row with all but the gains; the last row is followed by itself.
-fn row(
+pub(super) fn row(
     plant: &mut Sampled<'_>,
     at: Point<'_>,
     sample: &Linearisation,
@@ -192,8 +211,8 @@ fn regulate(
     rows: &mut [Row],
     linear: &[Linearisation],
     nominal: &Nominal,
-    design: &Design,
-    disturbed: &[usize],
+    (design, disturbed): (&Design, &[usize]),
+    horizon: Option<usize>,
 ) -> Result<(), Error> {
     let weights = |deviations: &[f64]| {
         DMatrix::from_diagonal(&DVector::from_iterator(
@@ -209,8 +228,12 @@ fn regulate(
         remedy: "weights",
     };
     let end = nominal.samples();
-    let mut p =
-        riccati::steady(&linear[end].a, &linear[end].b, &q, &r).ok_or_else(|| unstable(nominal.time(end)))?;
+    let (a, b) = (&linear[end].a, &linear[end].b);
+    let last = match horizon {
+        None => riccati::steady(a, b, &q, &r),
+        Some(samples) => riccati::far(a, b, (&q, &r), samples),
+    };
+    let mut p = last.ok_or_else(|| unstable(nominal.time(end)))?;
     for k in (0..=end).rev() {
         let (a, b) = (&linear[k].a, &linear[k].b);
         let gain = riccati::gain(a, b, &p, &r).ok_or_else(|| unstable(nominal.time(k)))?;
@@ -225,7 +248,12 @@ fn regulate(
 }
 
 /// Corrections of all rows.
-fn estimate(rows: &mut [Row], nominal: &Nominal, design: &Design, disturbed: &[usize]) -> Result<(), Error> {
+fn estimate(
+    rows: &mut [Row],
+    nominal: &Nominal,
+    (design, disturbed): (&Design, &[usize]),
+    horizon: Option<usize>,
+) -> Result<(), Error> {
     let squares = |values: &[f64], factor: f64| {
         DMatrix::from_diagonal(&DVector::from_iterator(values.len(), values.iter().map(|v| factor * v * v)))
     };
@@ -247,7 +275,10 @@ fn estimate(rows: &mut [Row], nominal: &Nominal, design: &Design, disturbed: &[u
         p = riccati::predicted(&p, &row.a, &q);
     }
     let last = &mut rows[end];
-    let steady = riccati::steady(&last.a.transpose(), &last.output.transpose(), &q, &r);
+    let steady = match horizon {
+        None => riccati::steady(&last.a.transpose(), &last.output.transpose(), &q, &r),
+        Some(_) => Some(p),
+    };
     let correction = steady.and_then(|p| riccati::correction(&p, &last.output, &r));
     last.correction = correction.ok_or_else(|| unseen(nominal.time(end)))?;
     Ok(())

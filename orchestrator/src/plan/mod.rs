@@ -15,6 +15,7 @@ pub mod guess;
 pub mod multistart;
 mod names;
 pub mod prepare;
+pub mod recheck;
 pub mod record;
 mod reset;
 pub mod sampling;

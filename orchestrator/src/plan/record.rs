@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use super::deliver::{COMMANDS, Delivery, Motion};
 use super::feed_forward::Command;
+use super::recheck::Recheck;
 use crate::results::summary::FmuRecord;
 
 /// Version of the layout; it grows when a field changes its meaning or goes.
@@ -62,6 +63,9 @@ pub struct Summary {
     pub open_loop_final_error: Option<FinalError<f64>>,
     /// The same difference state by state, in the unit of each.
     pub open_loop_final_state_error: Option<FinalError<BTreeMap<String, f64>>>,
+    /// Limits between the nodes and events that end phases, along the continuous roll-out.
+    #[serde(default)]
+    pub recheck: Option<Recheck>,
     /// Largest estimated error of a state over one interval, relative to the size of the state.
     pub max_interval_error: Option<f64>,
     /// Wall-clock times \[s\].

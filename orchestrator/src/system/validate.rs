@@ -451,6 +451,10 @@ impl Resolver<'_> {
             to_type,
         };
         match (start.data_type, end.data_type) {
+            // The number of an item.
+            (Some(DataType::Enumeration), Some(DataType::Integer)) if connection.transformation.is_none() => {
+                Ok(())
+            }
             (Some(a), Some(b)) if a != b => Err(mismatch(a.to_string(), b.to_string())),
             (Some(a), _) | (_, Some(a)) if a != DataType::Real && connection.transformation.is_some() => {
                 Err(mismatch(a.to_string(), "a linear transformation (Real only)".into()))

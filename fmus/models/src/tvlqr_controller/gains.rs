@@ -7,7 +7,9 @@ pub(super) const MAX_NX: usize = 16;
 /// Most inputs of the plant.
 pub(super) const MAX_NU: usize = 4;
 /// Most measured signals.
-pub(super) const MAX_NY: usize = 8;
+pub(super) const MAX_NY: usize = 16;
+/// Columns of a table with phases: number of the sample, from 0 on, and the mode in which the row holds.
+const PHASES: [&str; 2] = ["sample", "mode"];
 /// Name of the table in the resources folder.
 pub(super) const FILE: &str = "controller.csv";
 
@@ -36,9 +38,10 @@ impl Sizes {
         ]
     }
 
-    /// Names of the columns: `time`, then the blocks row by row.
-    fn header(self) -> Vec<String> {
+    /// Names of the columns: `time`, with phases the two of [`PHASES`], then the blocks row by row.
+    fn header(self, phases: bool) -> Vec<String> {
         let mut names = vec!["time".to_owned()];
+        names.extend(PHASES.iter().filter(|_| phases).map(|name| (*name).to_owned()));
         for (letter, rows, columns) in self.blocks() {
             for i in 1..=rows {
                 match columns {
@@ -77,27 +80,46 @@ pub(super) struct Row<'a> {
     pub output: &'a [f64],
 }
 
-/// Trajectory and gains, one row per sample; the last row holds from there on.
+/// Rows of one phase, from sample to sample without gaps.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Phase {
+    /// What `mode` is while it lasts.
+    pub mode: i32,
+    /// First row and sample, and number of rows.
+    row: usize,
+    sample: usize,
+    rows: usize,
+}
+
+/// Trajectory and gains, one row per sample of each phase; the first and the last row of a phase hold beyond it.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Gains {
     pub sizes: Sizes,
     width: usize,
     data: Vec<f64>,
+    phases: Vec<Phase>,
 }
 
 impl Gains {
     /// One row without zeros, of the largest sizes: for the search of dependencies.
     pub fn dense() -> Self {
         let sizes = Sizes { n: MAX_NX, m: MAX_NU, p: MAX_NY };
-        let width = sizes.header().len() - 1;
+        let width = sizes.header(false).len() - 1;
         let data = (0..width).map(|i| 0.01 + 0.02 * ((7 * i) as f64).sin().abs()).collect();
-        Self { sizes, width, data }
+        Self { sizes, width, data, phases: vec![Phase { mode: 0, row: 0, sample: 0, rows: 1 }] }
     }
 
-    /// The row of sample `k`.
-    pub fn row(&self, k: usize) -> Row<'_> {
-        let last = self.data.len() / self.width - 1;
-        let mut rest = &self.data[k.min(last) * self.width..];
+    /// The phase after this one, if its mode has been entered; else the same.
+    pub fn phase_in(&self, phase: usize, mode: i32) -> usize {
+        let entered = self.phases.get(phase + 1).is_some_and(|next| next.mode == mode);
+        if entered && self.phases[phase].mode != mode { phase + 1 } else { phase.min(self.phases.len() - 1) }
+    }
+
+    /// The row of sample `k` in a phase.
+    pub fn row(&self, phase: usize, k: usize) -> Row<'_> {
+        let Phase { row, sample, rows, .. } = self.phases[phase.min(self.phases.len() - 1)];
+        let row = row + k.saturating_sub(sample).min(rows - 1);
+        let mut rest = &self.data[row * self.width..];
         let mut take = |len: usize| {
             let (block, tail) = rest.split_at(len);
             rest = tail;
@@ -139,7 +161,8 @@ impl Gains {
                 sizes.n, sizes.m, sizes.p
             ));
         }
-        let expected = sizes.header();
+        let with_phases = names.get(1) == Some(&PHASES[0]);
+        let expected = sizes.header(with_phases);
         if names.len() != expected.len() {
             let (found, wanted) = (names.len(), expected.len());
             return Err(format!("{place}, line {line}: {found} columns; allowed for these sizes: {wanted}"));
@@ -147,10 +170,12 @@ impl Gains {
         if let Some((found, wanted)) = names.iter().zip(&expected).find(|(found, wanted)| found != wanted) {
             return Err(format!("{place}, line {line}: column `{found}` where `{wanted}` is expected"));
         }
-        let width = expected.len() - 1;
+        let width = expected.len() - if with_phases { 1 + PHASES.len() } else { 1 };
         let mut data = Vec::new();
+        let mut phases: Vec<Phase> = Vec::new();
         for (line, text) in lines {
             let before = data.len();
+            let mut place_in_phases = [0.0; 2];
             for (field, name) in text.split(',').zip(&expected) {
                 let value = field.trim().parse::<f64>().ok().filter(|value| value.is_finite());
                 let value = value.ok_or_else(|| {
@@ -159,18 +184,37 @@ impl Gains {
                         field.trim()
                     )
                 })?;
-                if name != "time" {
-                    data.push(value);
+                match PHASES.iter().position(|phase| with_phases && phase == name) {
+                    Some(column) => place_in_phases[column] = value,
+                    None if name != "time" => data.push(value),
+                    None => {}
                 }
             }
             let found = text.split(',').count();
-            if data.len() - before != width || found != width + 1 {
-                return Err(format!("{place}, line {line}: {found} fields; allowed: {}", width + 1));
+            if data.len() - before != width || found != expected.len() {
+                return Err(format!("{place}, line {line}: {found} fields; allowed: {}", expected.len()));
+            }
+            let row = before / width;
+            let [sample, mode] = if with_phases { place_in_phases } else { [row as f64, 0.0] };
+            let whole = |value: f64| value.fract() == 0.0 && (0.0..1e9).contains(&value);
+            if !whole(sample) || !whole(mode.abs()) {
+                return Err(format!(
+                    "{place}, line {line}: sample {sample}, mode {mode}; both are whole numbers, samples from 0 on"
+                ));
+            }
+            let (sample, mode) = (sample as usize, mode as i32);
+            match phases.last_mut().filter(|phase| phase.mode == mode) {
+                Some(phase) if sample == phase.sample + phase.rows => phase.rows += 1,
+                Some(phase) => {
+                    let next = phase.sample + phase.rows;
+                    return Err(format!("{place}, line {line}: sample {sample}; in this phase {next} is next"));
+                }
+                None => phases.push(Phase { mode, row, sample, rows: 1 }),
             }
         }
         if data.is_empty() {
             return Err(format!("{place}: the table has no row below its header"));
         }
-        Ok(Self { sizes, width, data })
+        Ok(Self { sizes, width, data, phases })
     }
 }

@@ -8,7 +8,7 @@ mod library;
 mod tests;
 
 use fmi2_export::{
-    Boolean, Identity, Memory, MemoryBlock, Model, Outcome, Real, Refusal, Scalar, Table, Values,
+    Boolean, Identity, Integer, Memory, MemoryBlock, Model, Outcome, Real, Refusal, Scalar, Table, Values,
 };
 use gains::{Gains, MAX_NU, MAX_NX, MAX_NY, Row};
 use library::Library;
@@ -30,11 +30,15 @@ const UNLIMITED: f64 = 1e15;
 ///
 /// | name | shape | meaning |
 /// |---|---|---|
-/// | `y[i]` | `p` ≤ 8 | measured signals, in the units of the plant's outputs |
+/// | `y[i]` | `p` ≤ 16 | measured signals, in the units of the plant's outputs |
 /// | `noise[i]` | `p` | added to `y[i]`: sensor noise for trials |
 /// | `u[j]` | `m` ≤ 4 | inputs of the plant |
 /// | `x_hat[i]` | `n` ≤ 16 | estimated states, then estimated disturbances of the inputs |
 /// | `sample_time` | 1 | \[s\] |
+/// | `mode` | 1 | mode of the plant, for tables with phases |
+///
+/// A table with phases has rows for each of them, beyond its ends as well: a phase begins at the first sample at which
+/// `mode` is that of the next one, whenever that is, and `x0 + e` goes on as it was.
 ///
 /// The estimate starts on the trajectory. Sampled in both interfaces; `u(k)` depends on `y(k)`.
 pub struct TvlqrController {
@@ -46,11 +50,14 @@ pub struct TvlqrController {
     u_min: [Real; MAX_NU],
     u_max: [Real; MAX_NU],
     feedback: Boolean,
+    mode: Integer,
     /// Fingerprint of the table.
     table: Memory,
     /// Number of the next sample.
     sample: Memory,
-    /// Predicted deviations of the next sample.
+    /// Phase of the last sample.
+    phase: Memory,
+    /// Predicted deviations of the next sample, from the trajectory of that phase.
     predicted: MemoryBlock,
     /// Outputs of the last sample: inputs of the plant, then the estimate.
     held: MemoryBlock,
@@ -70,12 +77,20 @@ impl TvlqrController {
         self.library.get(q[self.table].value())
     }
 
+    /// Phase and row of the present sample.
+    fn row<'g, S: Scalar>(&self, q: &Values<S>, gains: &'g Gains) -> (usize, Row<'g>) {
+        let phase = gains.phase_in(q[self.phase].value() as usize, q[self.mode]);
+        (phase, gains.row(phase, q[self.sample].value() as usize))
+    }
+
     /// Correction by the measurement, then feedback.
     fn correct<S: Scalar>(&self, q: &Values<S>, gains: &Gains, row: &Row<'_>) -> Sample<S> {
         let (n, m, p) = (gains.sizes.n, gains.sizes.m, gains.sizes.p);
+        let before = gains.row(q[self.phase].value() as usize, q[self.sample].value() as usize);
         let mut deviation = [S::zero(); MAX_NX];
         for (i, e) in deviation.iter_mut().enumerate().take(n) {
-            *e = q[self.predicted.at(i)];
+            // Zero within a phase.
+            *e = q[self.predicted.at(i)] + (before.x[i] - row.x[i]);
         }
         let mut innovation = [S::zero(); MAX_NY];
         for (j, innovation) in innovation.iter_mut().enumerate().take(p) {
@@ -142,6 +157,8 @@ impl Model for TvlqrController {
         let u_max = from_fn(|j| limit(t, "u_max", "largest", j, UNLIMITED));
         let about = "false: the nominal inputs alone, open loop; the estimate goes on";
         let feedback = t.parameter("feedback").about(about).boolean(true);
+        let about = "mode of the plant, which tells the phase of a table with phases";
+        let mode = t.input("mode").about(about).integer(0);
         Self {
             y,
             noise,
@@ -151,8 +168,10 @@ impl Model for TvlqrController {
             u_min,
             u_max,
             feedback,
+            mode,
             table: t.memory(1).at(0),
             sample: t.memory(1).at(0),
+            phase: t.memory(1).at(0),
             predicted: t.memory(MAX_NX),
             held: t.memory(MAX_NU + MAX_NX),
             library: Library::new(),
@@ -193,7 +212,7 @@ impl Model for TvlqrController {
             let text = "the FMU state comes from an FMU with another table; restore one of this FMU";
             return Err(Refusal::Error(text.into()));
         };
-        let row = gains.row(q[self.sample].value() as usize);
+        let (_, row) = self.row(q, &gains);
         let sample = self.correct(q, &gains, &row);
         if let Some(i) = sample.deviation.iter().position(|e| !e.value().is_finite()) {
             return Err(Refusal::Error(format!(
@@ -219,7 +238,7 @@ impl Model for TvlqrController {
         // Without the table the equations were refused before.
         let Some(gains) = self.gains(q) else { return };
         let (n, m) = (gains.sizes.n, gains.sizes.m);
-        let row = gains.row(q[self.sample] as usize);
+        let (phase, row) = self.row(q, &gains);
         let sample = self.correct(q, &gains, &row);
         for (j, u) in self.u.iter().enumerate() {
             q[self.held.at(j)] = q[*u];
@@ -234,6 +253,7 @@ impl Model for TvlqrController {
             q[self.predicted.at(i)] = of_inputs;
         }
         q[self.sample] += 1.0;
+        q[self.phase] = phase as f64;
     }
 
     /// Wide limits, so that every output shows what it depends on.

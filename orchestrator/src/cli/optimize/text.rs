@@ -5,6 +5,7 @@ use std::path::Path;
 use crate::cli::table::table;
 use crate::optim::Note;
 use crate::plan::file::transcription_name;
+use crate::plan::recheck::{Kept, Recheck};
 use crate::plan::record::Summary;
 use crate::plan::solve::Progress;
 use crate::plot::run::short;
@@ -49,6 +50,34 @@ fn delivered(summary: &Summary) -> String {
     }
     text
 }
+
+/// Limits that the roll-out violates, and when the events happen that end phases, in words.
+fn rechecked(recheck: &Recheck) -> String {
+    let mut text = String::new();
+    for end in &recheck.phase_ends {
+        if let Some(late) = end.late {
+            text += &format!("roll-out: phase `{}` ends {} s after its planned time\n", end.phase, short(late));
+        }
+    }
+    let violated: Vec<&Kept> = recheck.limits.iter().filter(|limit| limit.margin < -KEPT).collect();
+    for limit in &violated {
+        text += &format!(
+            "roll-out: phase `{}` violates `{}` by {} {} at t = {} s\n",
+            limit.phase,
+            limit.limit,
+            short(-limit.margin),
+            limit.unit.as_deref().unwrap_or(""),
+            short(limit.time)
+        );
+    }
+    if violated.is_empty() && !recheck.limits.is_empty() {
+        text += "roll-out: keeps all limits between the nodes as well\n";
+    }
+    text
+}
+
+/// Violations of less than this, in their own units, are those of the discretisation.
+const KEPT: f64 = 1e-6;
 
 /// A row of the iteration table; the first of every solve comes with the heading.
 pub fn iteration(progress: &Progress) -> String {
@@ -129,6 +158,7 @@ pub fn report(summary: &Summary, folder: &Path, plots: bool) -> String {
             }
         }
     }
+    text += &summary.recheck.as_ref().map_or_else(String::new, rechecked);
     text += &delivered(summary);
     let time = &summary.time;
     text += &format!(

@@ -16,6 +16,7 @@ use crate::plan::prepare::Prepared;
 use crate::plan::record::{
     self, AnimationRecord, FinalError, PassRecord, SCHEMA_VERSION, SignalRecord, Summary, Times,
 };
+use crate::plan::recheck::{Recheck, recheck};
 use crate::plan::solve::{Done, Solved};
 use crate::plan::verify::{Rollout, Rollouts};
 use crate::plan::{Error as PlanError, table};
@@ -198,6 +199,7 @@ impl Results<'_> {
                 sampled: errors.sampled.as_ref().map(norm),
             }),
             open_loop_final_state_error: errors,
+            recheck: self.recheck(),
             max_interval_error: solved.errors.iter().map(IntervalErrors::largest).reduce(f64::max),
             time: Times {
                 load: loaded,
@@ -235,6 +237,12 @@ impl Results<'_> {
         let rate = format!("{}/s", x.unit.as_deref()?);
         let y = states.iter().find(|state| state.unit.as_deref() == Some(&rate))?;
         Some((x.name.clone(), y.name.clone()))
+    }
+
+    /// The continuous roll-out against the plan.
+    fn recheck(&self) -> Option<Recheck> {
+        let rollout = self.rollouts?.continuous.as_ref().ok()?;
+        Some(recheck(self.prepared, self.solved.trajectory(), rollout))
     }
 
     fn final_errors(&self, rollouts: &Rollouts) -> FinalError<BTreeMap<String, f64>> {

@@ -3,8 +3,10 @@
 use std::path::PathBuf;
 
 use super::Settings;
+use super::following::{Following, Plant, sections};
+use crate::control::controller::Row;
 use crate::control::nominal::Knots;
-use crate::control::{Controller, Design, Measured, Nominal, Sampled, design};
+use crate::control::{Controller, Design, Leg, Measured, Nominal, Sampled, design};
 use crate::plan::Error;
 use crate::plan::file::{Quantity, Text};
 use crate::plan::prepare::Prepared;
@@ -28,6 +30,8 @@ pub struct Plan<'a> {
 pub struct Stabilised {
     /// The controller.
     pub controller: Controller,
+    /// Its rows at the samples of `nominal`.
+    pub rows: Vec<Row>,
     /// The trajectory on the samples.
     pub nominal: Nominal,
     /// What was asked of the design, with its defaults.
@@ -38,21 +42,20 @@ pub struct Stabilised {
     pub inputs: Vec<usize>,
     /// Measured signals, by index into the catalogue.
     pub measured: Vec<usize>,
+    /// Component and output that tell the phase.
+    pub mode: Option<(usize, usize)>,
     /// What was chosen for the user, one sentence each.
     pub notes: Vec<String>,
 }
 
-/// Designs a controller for a plan of one phase.
+/// Designs a controller for a plan.
 ///
 /// # Errors
-/// Unknown names and units with their place, columns that the trajectory lacks, or what [`crate::control`] says.
+/// Unknown names and units with their place, columns that the trajectory lacks, phases without [phases], or what
+/// [`crate::control`] says.
 pub fn stabilise(prepared: &mut Prepared, plan: Plan<'_>, settings: &Settings) -> Result<Stabilised, Error> {
     let place = |problem: String| Error::Place { place: plan.file.display().to_string(), problem };
-    if prepared.dynamics.len() != 1 {
-        let problem = format!("the plan has {} phases; one phase can be stabilised", prepared.dynamics.len());
-        return Err(place(problem));
-    }
-    let Prepared { setup: prepared, dynamics, .. } = prepared;
+    let Prepared { setup: prepared, dynamics, resets } = prepared;
     let source = &settings.source;
     let signals = &prepared.task.signals;
     let catalogue = &prepared.catalogue;
@@ -81,14 +84,20 @@ pub fn stabilise(prepared: &mut Prepared, plan: Plan<'_>, settings: &Settings) -
         (0..plan.trajectory.len()).map(|row| columns.iter().map(|column| column[row]).collect()).collect()
     };
     let (states, inputs) = (rows(columns(&signals.states)?), rows(columns(&signals.inputs)?));
-    let (Some(first), Some(command)) = (states.first(), inputs.first()) else {
+    if states.is_empty() {
         return Err(place("the trajectory has no rows".into()));
-    };
-    let time = plan.trajectory.time();
-    let at = Point { time: time[0], states: first, inputs: command };
-    let mut plant = Sampled::new(dynamics[0].as_mut(), &prepared.sampled_states, sample_time, 1, at)?;
-    let knots = Knots { time, states: &states, inputs: &inputs, interpolation: plan.interpolation };
-    let nominal = Nominal::new(&mut plant, &knots)?;
+    }
+    let (time, sampled) = (plan.trajectory.time(), &prepared.sampled_states[..]);
+    let sections = sections(plan, dynamics.len())?;
+    let mut legs = Vec::new();
+    for (own, (rows, phase)) in dynamics.iter_mut().zip(sections.into_iter().zip(&prepared.task.phases)) {
+        let (time, states, inputs) = (&time[rows.clone()], &states[rows.clone()], &inputs[rows]);
+        let at = Point { time: time[0], states: &states[0], inputs: &inputs[0] };
+        let plant = Sampled::new(own.as_mut(), sampled, sample_time, 1, at)?;
+        legs.push(Leg { plant, knots: Knots { time, states, inputs, interpolation: plan.interpolation }, name: &phase.name });
+    }
+    let mut plant = Plant::new(legs)?;
+    let nominal = plant.nominal().clone();
     if !nominal.rests {
         notes.push(
             "the plan does not end at rest: after its end the last state is aimed at, which no input holds"
@@ -159,18 +168,31 @@ pub fn stabilise(prepared: &mut Prepared, plan: Plan<'_>, settings: &Settings) -
     put(&settings.deviation, &mut wanted.state_deviation, Some(&mut wanted.input_deviation))?;
     put(&settings.drift, &mut wanted.state_drift, Some(&mut wanted.input_drift))?;
     put(&settings.initial, &mut wanted.initial, None)?;
-    let controller = design(&mut plant, &nominal, &wanted)?;
+    let (controller, rows, mode) = match &mut plant {
+        Plant::One(leg, nominal) => {
+            let controller = design(&mut leg.plant, nominal, &wanted)?;
+            let rows = controller.rows.clone();
+            (controller, rows, None)
+        }
+        Plant::Several(phases) => {
+            let following = Following::of(prepared, settings, resets)?;
+            let (controller, rows) = phases.design(following.events, &following.how, &wanted)?;
+            (controller, rows, following.mode)
+        }
+    };
     let name = |&index: &usize| catalogue.variables()[index].name.clone();
     let disturbed = signals.inputs.iter().zip(&wanted.input_drift).filter(|(_, drift)| **drift > 0.0);
     let disturbances = disturbed.map(|(index, _)| format!("disturbance of {}", name(index)));
     let states = signals.states.iter().map(name).chain(disturbances).collect();
     Ok(Stabilised {
         controller,
+        rows,
         nominal,
         design: wanted,
         states,
         inputs: signals.inputs.clone(),
         measured: indices,
+        mode,
         notes,
     })
 }

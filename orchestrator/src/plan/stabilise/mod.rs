@@ -5,6 +5,7 @@
 //! layers above.
 
 mod design;
+mod following;
 pub mod record;
 pub mod settings;
 pub mod wiring;
@@ -24,7 +25,7 @@ const TEMPLATE: &str = "tvlqr-controller";
 /// Its table.
 const TABLE: &str = "controller.csv";
 /// Most states with disturbances, inputs and measured signals of the template.
-const MOST: [(&str, usize); 3] = [("states and disturbances", 16), ("inputs", 4), ("measured signals", 8)];
+const MOST: [(&str, usize); 3] = [("states and disturbances", 16), ("inputs", 4), ("measured signals", 16)];
 
 /// Writes the controller as an FMU.
 ///

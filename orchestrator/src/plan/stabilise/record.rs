@@ -169,7 +169,7 @@ pub fn gain_column(input: &str, state: &str) -> String {
 /// # Errors
 /// Names that stand twice.
 pub fn gains(stabilised: &Stabilised, catalogue: &Catalogue) -> Result<TimeSeries, Error> {
-    let rows = &stabilised.controller.rows;
+    let rows = &stabilised.rows;
     let mut series = TimeSeries::new((0..rows.len()).map(|k| stabilised.nominal.time(k)).collect())?;
     let input = |j: usize| &catalogue.variables()[stabilised.inputs[j]];
     let unit =

@@ -25,8 +25,23 @@ pub struct Settings {
     pub initial: Vec<(Text, Quantity)>,
     /// Limits of inputs.
     pub limits: Vec<(Text, [Quantity; 2])>,
+    /// How a plan with several phases is followed.
+    pub phases: Option<PhaseSettings>,
     /// Trials.
     pub trials: Option<Trials>,
+}
+
+/// `[phases]`
+#[derive(Debug, Clone, PartialEq)]
+pub struct PhaseSettings {
+    /// Outputs that pass through zero at the ends of all phases but the last.
+    pub guards: Vec<Text>,
+    /// Integer output that tells the phase, with its values; without it phases begin by time.
+    pub mode: Option<(Text, Vec<i32>)>,
+    /// How far the trajectory of a phase goes on beyond its ends.
+    pub overlap: Option<Quantity>,
+    /// How far the regulator looks beyond the end of the plan.
+    pub horizon: Option<Quantity>,
 }
 
 /// `[trials]`
@@ -56,6 +71,8 @@ pub enum Spread {
     Relative(f64),
     /// In the unit of the variable.
     Absolute(Quantity),
+    /// One for each variable, in its unit.
+    Each(Vec<Quantity>),
 }
 
 /// `[[trials.criterion]]`: a signal within limits in a span of time. Criteria of one name hold together.
@@ -108,9 +125,34 @@ pub fn parse(source: Source) -> Result<Settings, Error> {
     let (deviation, drift, initial) =
         (quantities("deviation")?, quantities("drift")?, quantities("initial")?);
     let limits = root.maybe("limits", limits)?.unwrap_or_default();
+    let phases = root.maybe("phases", phases)?;
     let trials = root.maybe("trials", trials)?;
     root.finish()?;
-    Ok(Settings { sample_time, sensors, deviation, drift, initial, limits, trials, source: source.clone() })
+    let source = source.clone();
+    Ok(Settings { sample_time, sensors, deviation, drift, initial, limits, phases, trials, source })
+}
+
+fn phases(value: Value) -> Result<PhaseSettings, Error> {
+    let table = value.table("[phases]")?;
+    let guards = table.need("guards")?.list()?.iter().map(Value::text).collect::<Result<_, _>>()?;
+    let mode = table.maybe("mode", |value| value.text())?;
+    let whole = |value: &Value| -> Result<i32, Error> {
+        let number = value.number()?;
+        match number.fract() == 0.0 && number.abs() < 1e9 {
+            true => Ok(number as i32),
+            false => Err(value.error("a mode is a whole number")),
+        }
+    };
+    let modes = table.maybe("modes", |value| value.list()?.iter().map(whole).collect::<Result<Vec<_>, _>>())?;
+    let mode = match (mode, modes) {
+        (Some(mode), Some(modes)) => Some((mode, modes)),
+        (None, None) => None,
+        _ => return Err(table.error("`mode` and `modes` belong together: an output and its value in every phase")),
+    };
+    let overlap = table.maybe("overlap", |value| value.quantity())?;
+    let horizon = table.maybe("horizon", |value| value.quantity())?;
+    table.finish()?;
+    Ok(PhaseSettings { guards, mode, overlap, horizon })
 }
 
 fn limits(value: Value) -> Result<Vec<(Text, [Quantity; 2])>, Error> {
@@ -141,6 +183,13 @@ fn trials(value: Value) -> Result<Trials, Error> {
 }
 
 fn perturb(table: &Table) -> Result<Perturb, Error> {
+    if let Some(widths) = table.get("widths") {
+        let widths = widths.table("`widths`")?.entries();
+        let widths = widths.into_iter().map(|(name, value)| Ok((name, value.quantity()?)));
+        let (variables, widths) = widths.collect::<Result<Vec<_>, Error>>()?.into_iter().unzip();
+        table.finish()?;
+        return Ok(Perturb { variables, spread: Spread::Each(widths) });
+    }
     let variables = table.need("variables")?.list()?.iter().map(Value::text).collect::<Result<_, _>>()?;
     let relative = table.maybe("relative", |value| value.number())?;
     let absolute = table.maybe("absolute", |value| value.quantity())?;
@@ -148,7 +197,7 @@ fn perturb(table: &Table) -> Result<Perturb, Error> {
     let spread = match (relative, absolute) {
         (Some(part), None) => Spread::Relative(part),
         (None, Some(width)) => Spread::Absolute(width),
-        _ => return Err(table.error("a perturbation has either `relative` or `absolute`")),
+        _ => return Err(table.error("a perturbation has either `relative` or `absolute`, or `widths` in place of `variables`")),
     };
     Ok(Perturb { variables, spread })
 }

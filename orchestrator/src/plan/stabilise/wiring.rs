@@ -118,6 +118,14 @@ fn closed_loop(
         let (name, unit) = (noise_input(&signal.name), signal.unit.clone());
         closed.inputs.push(SystemInput { name, unit, data_type: DataType::Real });
     }
+    if let Some((component, output)) = stabilised.mode {
+        closed.connections.push(Connection {
+            source: Source::Output { component, variable: output },
+            component: controller,
+            variable: variable("mode".into())?,
+            conversion: Conversion::IDENTITY,
+        });
+    }
     closed.components.push(Component { name, fmu: fmu.clone(), start_values: Vec::new() });
     for (&state, &value) in states.iter().zip(&stabilised.nominal.states[0]) {
         let variable = &catalogue.variables()[state];

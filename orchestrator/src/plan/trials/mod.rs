@@ -132,9 +132,8 @@ fn perturb(ready: &Ready, graph: &mut SystemGraph, scale: f64, random: &mut Rand
     for perturbation in &ready.perturbations {
         let part = scale * random.symmetric();
         for place in &perturbation.places {
-            let width = perturbation.absolute.unwrap_or(perturbation.relative * place.value);
-            graph.components[place.component]
-                .set_start(place.variable, Start::Real(place.value + part * width));
+            let value = place.value + part * place.width;
+            graph.components[place.component].set_start(place.variable, Start::Real(value));
         }
     }
 }

@@ -25,6 +25,8 @@ pub struct Place {
     pub variable: usize,
     /// Value of the model.
     pub value: f64,
+    /// How far it goes to either side.
+    pub width: f64,
 }
 
 /// Variables that are perturbed by one number.
@@ -32,10 +34,6 @@ pub struct Place {
 pub struct Perturbation {
     /// The variables.
     pub places: Vec<Place>,
-    /// Width as a part of the value, where `absolute` is none.
-    pub relative: f64,
-    /// Width in the unit of the variables.
-    pub absolute: Option<f64>,
 }
 
 /// Noise of a sensor.
@@ -134,7 +132,9 @@ fn perturbation(settings: &Settings, graph: &SystemGraph, one: &Perturb) -> Resu
         let found = find(graph, &name.text);
         let value = found.and_then(|(component, variable)| value_of(graph, component, variable));
         match (found, value) {
-            (Some((component, variable)), Some(value)) => Ok(Place { component, variable, value }),
+            (Some((component, variable)), Some(value)) => {
+                Ok(Place { component, variable, value, width: 0.0 })
+            },
             _ => {
                 let problem = format!(
                     "the system has no Real `{}` with a start value; write component.variable",
@@ -144,12 +144,15 @@ fn perturbation(settings: &Settings, graph: &SystemGraph, one: &Perturb) -> Resu
             }
         }
     };
-    let places = one.variables.iter().map(place).collect::<Result<Vec<_>, _>>()?;
-    let (relative, absolute) = match &one.spread {
-        Spread::Relative(part) => (*part, None),
-        Spread::Absolute(width) => (0.0, Some(in_unit_of(settings, graph, width, places.first())?)),
-    };
-    Ok(Perturbation { places, relative, absolute })
+    let mut places = one.variables.iter().map(place).collect::<Result<Vec<_>, _>>()?;
+    for (i, place) in places.iter_mut().enumerate() {
+        place.width = match &one.spread {
+            Spread::Relative(part) => part * place.value,
+            Spread::Absolute(width) => in_unit_of(settings, graph, width, place)?,
+            Spread::Each(widths) => in_unit_of(settings, graph, &widths[i], place)?,
+        };
+    }
+    Ok(Perturbation { places })
 }
 
 /// A width in the unit of the variable that it belongs to.
@@ -157,9 +160,9 @@ fn in_unit_of(
     settings: &Settings,
     graph: &SystemGraph,
     width: &Quantity,
-    place: Option<&Place>,
+    place: &Place,
 ) -> Result<f64, Error> {
-    let (Some(unit), Some(place)) = (&width.unit, place) else { return Ok(width.value) };
+    let Some(unit) = &width.unit else { return Ok(width.value) };
     let variable = &graph.components[place.component].fmu.description.variables[place.variable];
     let own = match &variable.kind {
         VariableKind::Real(real) => real.unit.as_deref().unwrap_or("1"),
