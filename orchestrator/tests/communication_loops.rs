@@ -1,6 +1,7 @@
 //! Algebraic loops at the communication points of the masters that step, through the library and the binary.
 #![cfg(target_os = "linux")]
 
+mod c_fmu;
 mod looped;
 
 use std::path::Path;

@@ -3,6 +3,7 @@
 
 mod allocations;
 mod bent;
+mod c_fmu;
 
 use std::path::Path;
 

@@ -2,6 +2,7 @@
 #![cfg(target_os = "linux")]
 
 mod allocations;
+mod c_fmu;
 mod fmu_library;
 
 use airloop::fmu::{Fmu, Slave};

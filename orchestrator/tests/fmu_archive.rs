@@ -1,5 +1,6 @@
 //! Archives that must be refused, with a message that says why, and without a file left behind.
 
+mod c_fmu;
 mod fmu_library;
 
 use std::io::{Cursor, Write};

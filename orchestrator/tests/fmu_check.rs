@@ -1,6 +1,7 @@
 //! The FMU checker: a sound FMU has no findings, and each planted fault is found by its rule.
 #![cfg(target_os = "linux")]
 
+mod c_fmu;
 mod fmu_library;
 
 use airloop::fmu::Fmu;

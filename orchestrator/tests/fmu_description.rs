@@ -1,5 +1,6 @@
 //! Model descriptions that must be refused with line and element, and odd ones that must be accepted.
 
+mod c_fmu;
 mod fmu_library;
 
 use airloop::fmu::{Causality, Initial, ModelDescription, VariableKind};

@@ -1,6 +1,7 @@
 //! Memory of instances over many lives. Alone in its binary: other tests would change the memory of the process.
 #![cfg(target_os = "linux")]
 
+mod c_fmu;
 mod fmu_library;
 
 use airloop::fmu::{Fmu, Slave};

@@ -1,10 +1,12 @@
 //! Libraries that cannot be loaded or misbehave: what the user is told, and what is still called.
 #![cfg(target_os = "linux")]
 
+mod c_fmu;
 mod fmu_library;
 
 use airloop::fmu::{Error, Fmu, Model, Slave, Status};
-use fmu_library::{FIRST_ORDER, INPUT, PLATFORM, archive, compiled, description, save};
+use c_fmu::PLATFORM;
+use fmu_library::{FIRST_ORDER, INPUT, archive, compiled, description, save};
 use tempfile::TempDir;
 
 fn with_trace() -> String {

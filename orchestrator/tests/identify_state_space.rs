@@ -63,16 +63,6 @@ fn identify(folder: &TempDir, words: &[&str]) -> Output {
     airloop(folder, &[&["identify"], words, &["--inputs", "u", "--outputs", "y1,y2"]].concat())
 }
 
-fn markov(model: &StateSpace, n: usize) -> Vec<DMatrix<f64>> {
-    let mut found = vec![model.d.clone()];
-    let mut power = model.b.clone();
-    for _ in 1..n {
-        found.push(&model.c * &power);
-        power = &model.a * power;
-    }
-    found
-}
-
 #[test]
 fn a_system_comes_back_with_its_order_and_files() {
     let folder = tempfile::tempdir().unwrap();
@@ -95,7 +85,7 @@ fn a_system_comes_back_with_its_order_and_files() {
     let Linear::StateSpace(model) = file::load(&folder.path().join("m/model.toml")).unwrap().model else {
         panic!("no state space")
     };
-    for (found, expected) in markov(&model, 20).iter().zip(markov(&truth(), 20)) {
+    for (found, expected) in model.markov_parameters(20).iter().zip(truth().markov_parameters(20)) {
         assert!((found - expected).amax() < 1e-6);
     }
     let listed = summary["files"].as_array().unwrap().iter().chain(summary["figures"].as_array().unwrap());

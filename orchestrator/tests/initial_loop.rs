@@ -1,6 +1,7 @@
 //! An algebraic loop that exists in initialisation only, between slaves.
 #![cfg(target_os = "linux")]
 
+mod c_fmu;
 mod slave;
 
 use std::sync::atomic::AtomicBool;

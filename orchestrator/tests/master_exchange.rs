@@ -1,6 +1,7 @@
 //! What the masters exchange, when, and how a run ends; on systems of small slaves (`slave/slave.c`).
 #![cfg(target_os = "linux")]
 
+mod c_fmu;
 mod slave;
 
 use std::sync::atomic::{AtomicBool, Ordering};

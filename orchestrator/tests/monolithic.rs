@@ -1,6 +1,7 @@
 //! `airloop run --master monolithic` against closed forms and an independent reference, through the binary.
 #![cfg(target_os = "linux")]
 
+mod c_fmu;
 mod model;
 
 use std::path::{Path, PathBuf};

@@ -2,6 +2,7 @@
 #![cfg(target_os = "linux")]
 
 mod allocations;
+mod c_fmu;
 mod looped;
 mod slave;
 

@@ -1,6 +1,8 @@
 //! `airloop optimize` through the binary: objectives of the benchmark, files, exit codes, messages.
 #![cfg(target_os = "linux")]
 
+mod c_fmu;
+
 use std::f64::consts::PI;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
@@ -192,24 +194,9 @@ fn foreign(folder: &TempDir, changes: &[(&str, &str)]) {
     }
     let (changed, library) = (folder.path().join("van_der_pol.c"), folder.path().join("van_der_pol.so"));
     std::fs::write(&changed, code).unwrap();
-    let compiler = std::env::var("CC").unwrap_or_else(|_| "cc".to_owned());
-    let built = Command::new(compiler)
-        .args(["-shared", "-fPIC", "-O2", "-o"])
-        .args([&library, &changed])
-        .status()
-        .unwrap();
-    assert!(built.success());
-    let mut archive =
-        zip::ZipWriter::new(std::fs::File::create(folder.path().join("van_der_pol.fmu")).unwrap());
-    let options = zip::write::SimpleFileOptions::default();
-    for (name, file) in [
-        ("modelDescription.xml", source.join("modelDescription.xml")),
-        ("binaries/linux64/van_der_pol.so", library),
-    ] {
-        archive.start_file(name, options).unwrap();
-        std::io::Write::write_all(&mut archive, &std::fs::read(file).unwrap()).unwrap();
-    }
-    archive.finish().unwrap();
+    c_fmu::compile(&changed, &library, &[]);
+    let description = std::fs::read_to_string(source.join("modelDescription.xml")).unwrap();
+    c_fmu::pack(&folder.path().join("van_der_pol.fmu"), &description, Some(("van_der_pol", &library)));
     let problem = std::fs::read_to_string(source.join("problem.toml")).unwrap();
     let problem = problem.replace("../../../out/foreign/", "");
     std::fs::write(folder.path().join("problem.toml"), problem).unwrap();

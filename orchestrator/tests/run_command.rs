@@ -1,6 +1,7 @@
 //! `airloop run` and its kin through the binary: files, exit codes, messages.
 #![cfg(target_os = "linux")]
 
+mod c_fmu;
 mod slave;
 
 use std::path::Path;

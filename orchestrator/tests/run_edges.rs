@@ -1,6 +1,7 @@
 //! `airloop run` at its edges: data of other kinds than expected, folders used twice, readers who leave.
 #![cfg(target_os = "linux")]
 
+mod c_fmu;
 mod slave;
 
 use std::process::{Command, Output, Stdio};

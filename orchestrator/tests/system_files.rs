@@ -1,5 +1,6 @@
 //! Reading of systems: what a description means, and what is refused with which words.
 
+mod c_fmu;
 mod slave;
 
 use airloop::system::graph::{Conversion, Source, Start};

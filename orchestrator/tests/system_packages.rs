@@ -1,6 +1,7 @@
 //! `.ssp` packages: what they may refer to, and how messages name what is inside.
 #![cfg(target_os = "linux")]
 
+mod c_fmu;
 mod slave;
 
 use std::io::Write;

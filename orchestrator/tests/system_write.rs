@@ -1,6 +1,7 @@
 //! Writing of systems: what is written reads back to the same graph, runs to the same bits, and is the same file.
 #![cfg(target_os = "linux")]
 
+mod c_fmu;
 mod slave;
 
 use std::path::Path;

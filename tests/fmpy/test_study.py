@@ -4,8 +4,10 @@ import json
 import os
 import shutil
 import subprocess
+import tomllib
 from pathlib import Path
 
+import jsonschema
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -78,6 +80,102 @@ def measured(name, tmp_path):
     if not folder.exists():
         pytest.skip(f"{folder} is not there")
     return report(folder, tmp_path / "out")
+
+
+SYSTEM = 'system = "airloop:pendulum"             # or a path: system.ssd, foreign.fmu'
+
+
+def records(tmp_path, change):
+    """The example with the rows of swing.csv as `change` makes them: a list of [time, angle]."""
+    folder = tmp_path / "study"
+    shutil.copytree(EXAMPLE, folder)
+    head, *rows = (folder / "swing.csv").read_text().split()
+    rows = change([[float(cell) for cell in row.split(",")] for row in rows])
+    (folder / "swing.csv").write_text(head + "\n" + "".join(f"{t:.4f},{angle:.4f}\n" for t, angle in rows))
+    return folder
+
+
+@pytest.mark.parametrize(
+    "change, words",
+    [
+        (lambda rows: [r for r in rows if not 3.0 < r[0] < 9.0], ["gap", "from_s", "swing.csv"]),
+        (lambda rows: [[t, max(min(a, 1.0), -1.0)] for t, a in rows], ["saturated", "from_s"]),
+        (lambda rows: [[t, 0.3] for t, _ in rows], ["never changes"]),
+        (lambda rows: [[t + 5000.0, a] for t, a in rows], ["clock", "5000", "swing.csv"]),
+        (lambda rows: rows[:6], ["samples", "swing.csv"]),
+        (lambda rows: rows[:200] + rows[150:], ["time", "swing.csv"]),
+        (lambda rows: [[t, float("nan") if 100 < i < 110 else a] for i, (t, a) in enumerate(rows)], ["swing.csv", "line"]),
+    ],
+)
+def test_records_that_do_not_fit_are_told_with_the_remedy(tmp_path, change, words):
+    result = refine(records(tmp_path, change), tmp_path / "out")
+    assert result.returncode == 1
+    for word in words:
+        assert word in result.stderr, result.stderr
+    assert not (tmp_path / "out" / "report.json").exists()
+
+
+@pytest.mark.parametrize(
+    "old, new, words",
+    [
+        ("from_s = 14.0", "from_s = 9.0", ["shares samples", "14", "line"]),
+        ("m = 0.15", "m = 0.15\nd = 1.0", ["`d`", "line"]),
+        ("m = 0.15", "m = -1.0", ["`m`", "line"]),
+        (SYSTEM, 'system = "nowhere.ssd"', ["nowhere.ssd", "line"]),
+        (SYSTEM, 'system = "airloop:pendulums"', ["pendulums", "line"]),
+        (SYSTEM, SYSTEM + "\nstep_s = -0.01", ["step_s", "line"]),
+        (SYSTEM, SYSTEM + "\nstep_s = 5.0", ["too long"]),
+        ("start = 0.0034", "start = 1e-9", ["diverges", "step_s"]),
+        ('velocity = "omega"', 'velocity = "speed"', ["speed", "omega", "line"]),
+        ('role = "estimation"', 'role = "estimate"', ["estimate", "estimation", "line"]),
+        ('channels = ["pole"]', 'channels = ["pole"]\neffects = ["pole.drag"]', ["pole.drag", "pole.quaddrag", "line"]),
+        ('channels = ["pole"]', 'channels = ["pole"]\nvt = 0.0', ["vt", "line"]),
+        ('offset = "fit" }', 'offset = "fit", noise = -1.0 }', ["noise", "line"]),
+        ('derivative_of = "angle"', 'column = "angle", derivative_of = "angle"', ["column", "derivative_of", "line"]),
+        ("savitzky_golay_points", "points", ["points", "savitzky_golay_points", "line"]),
+    ],
+)
+def test_studies_that_do_not_fit_are_told_with_their_place(tmp_path, old, new, words):
+    result = refine(changed(tmp_path, old, new), tmp_path / "out")
+    assert result.returncode == 1
+    for word in ["study.toml", *words]:
+        assert word in result.stderr, result.stderr
+    assert not (tmp_path / "out" / "report.json").exists()
+
+
+def test_candidates_that_the_records_do_not_excite_are_listed_with_the_reason(tmp_path):
+    folder = changed(tmp_path, 'channels = ["pole"]', 'channels = ["pole", "actuator"]')
+    found = report(folder, tmp_path / "out")
+    assert "pressure" in found["not_testable"]["act.area"]
+    assert set(named(found)) == {"pole.coulomb", "pole.quaddrag"}
+
+
+def test_the_schema_of_studies_takes_the_example_and_refuses_what_the_program_refuses():
+    binary = Path(os.environ.get("AIRLOOP", ROOT / "target" / "release" / "airloop"))
+    schema = json.loads(subprocess.run([binary, "refine", "--schema", "study"], capture_output=True, text=True).stdout)
+    jsonschema.Draft202012Validator.check_schema(schema)
+    validator = jsonschema.Draft202012Validator(schema)
+    example = (EXAMPLE / "study.toml").read_text()
+    validator.validate(tomllib.loads(example))
+    for old, new in [("savitzky_golay_points", "points"), ('role = "estimation"', 'role = "estimate"'), ('channels = ["pole"]', 'channels = ["poles"]')]:
+        assert not validator.is_valid(tomllib.loads(example.replace(old, new)))
+
+
+def test_one_seed_gives_one_report_on_any_number_of_processors(tmp_path):
+    refine(EXAMPLE, tmp_path / "all")
+    binary = Path(os.environ.get("AIRLOOP", ROOT / "target" / "release" / "airloop"))
+    one = ["taskset", "-c", "0", str(binary), "refine", str(EXAMPLE), "-o", str(tmp_path / "one")]
+    subprocess.run(one, cwd=ROOT, capture_output=True, text=True)
+    assert (tmp_path / "all" / "report.json").read_bytes() == (tmp_path / "one" / "report.json").read_bytes()
+
+
+def test_the_page_of_a_study_has_its_charts(tmp_path):
+    found = report(EXAMPLE, tmp_path / "out")
+    page = (tmp_path / "out" / "report.html").read_text()
+    assert page.count("<svg") >= 6 and len(page) < 1_000_000 and "http" not in page.replace("http://www.w3.org", "")
+    for words in ["measured less predicted", "over thetadot", "autocorrelation", "pole.quaddrag"]:
+        assert words in page, words
+    assert found["localisation"][0]["compared_with"] == "angle"
 
 
 def test_free_pendulum(tmp_path):

@@ -1,7 +1,18 @@
 //! The continuous form of a sampled linear system: the same states at the samples, for inputs held between them.
 
 use crate::matrix::{Complex, Matrix, NoLogarithm};
-use fmi2_export::Scalar;
+use fmi2_export::{Enumeration, Scalar, Table};
+
+/// The choice between the sampled and the continuous form.
+pub fn declare_realisation(t: &mut Table) -> Enumeration {
+    t.enumeration(
+        "Realisation",
+        &[
+            ("sampled", "samples at multiples of sample_time, held between"),
+            ("continuous", "differential equation with the same values at the samples"),
+        ],
+    )
+}
 
 /// `[[Ac, Bc], [0, 0]]` with `exp` of it times `sample_time` \[s\] equal to the transition `[[Ad, Bd], [0, I]]` over one
 /// sample; `Ad` has `states` rows.

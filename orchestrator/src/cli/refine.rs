@@ -7,7 +7,7 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-use clap::Args as ClapArgs;
+use clap::{Args as ClapArgs, ValueEnum};
 
 use super::refine_progress::{Interrupt, Progress};
 use super::{folder, output};
@@ -35,7 +35,8 @@ pub const GROUP: u8 = 12;
     after_help = "Exit codes: 0 effect found, 10 nothing missing, 11 unexplained, 12 effect found that these records cannot tell from others (see its group in report.json), 1 failure, 2 wrong usage, 130 interrupted.\n\nExample: airloop refine data/rig/v01 -o out/refine"
 )]
 pub struct Args {
-    /// Folder with case.toml (declared parameters, sensors, files with their role) and the records as CSV.
+    /// Folder with case.toml (declared parameters, sensors, files with their role), study.toml (any system) or
+    /// dataset.toml (columns with units) and the records as CSV; or a study file.
     #[arg(required_unless_present = "schema")]
     pub case: Option<PathBuf>,
     /// Folder for report.json, report.md, report.html and system/ (the amended system); it is made if it is not there.
@@ -47,12 +48,21 @@ pub struct Args {
     /// Most effects that are added to the declared model.
     #[arg(long, value_name = "NUMBER", default_value_t = 3, value_parser = clap::value_parser!(u8).range(1..=3))]
     pub max_effects: u8,
-    /// Print the JSON schema of report.json and do nothing else.
-    #[arg(long)]
-    pub schema: bool,
+    /// Print the JSON schema of report.json, or that of study.toml, and do nothing else.
+    #[arg(long, value_enum, value_name = "FILE", num_args = 0..=1, default_missing_value = "report")]
+    pub schema: Option<Schema>,
     /// Print nothing but errors.
     #[arg(short, long)]
     pub quiet: bool,
+}
+
+/// A file whose schema is printed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum Schema {
+    /// report.json
+    Report,
+    /// study.toml
+    Study,
 }
 
 /// Runs the command; the exit code is the verdict.
@@ -60,8 +70,8 @@ pub struct Args {
 /// # Errors
 /// A case that cannot be read or searched, a report that cannot be written.
 pub fn run(args: &Args) -> Result<ExitCode, Error> {
-    let Some(path) = args.case.as_deref().filter(|_| !args.schema) else {
-        output::print(report::SCHEMA)?;
+    let (Some(path), None) = (args.case.as_deref(), args.schema) else {
+        output::print(if args.schema == Some(Schema::Study) { study::SCHEMA } else { report::SCHEMA })?;
         return Ok(ExitCode::SUCCESS);
     };
     check_folder(path, &args.output)?;
@@ -117,7 +127,7 @@ impl Question {
         match self {
             Question::Study(file) => {
                 let progress = Progress::new(quiet, 0);
-                let found = study::answer::answer(file, settings.max_effects, &|stage| {
+                let found = study::answer::answer(file, settings, &|stage| {
                     progress.tell(Event::Stage(stage))
                 });
                 progress.finish();

@@ -262,6 +262,7 @@ mod tests {
     use super::*;
     use crate::ident::model::Model;
     use crate::ident::record::Record;
+    use crate::ident::synthetic::eq8;
 
     fn names(n: usize, stem: &str) -> Vec<String> {
         (1..=n).map(|k| format!("{stem}{k}")).collect()
@@ -273,20 +274,6 @@ mod tests {
         move || {
             state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
             (state >> 11) as f64 / (1u64 << 52) as f64 - 1.0
-        }
-    }
-
-    /// Eq. 8 of the paper.
-    fn eq8() -> Arx {
-        Arx {
-            sample_time: 1e-3,
-            a: vec![DMatrix::from_row_slice(2, 2, &[-1.0144, 0.0216, -0.0527, -0.9537])],
-            b: vec![
-                DMatrix::from_row_slice(2, 1, &[0.6619, 0.0764]),
-                DMatrix::from_row_slice(2, 1, &[-0.6557, -0.0847]),
-            ],
-            input_offset: vec![0.0],
-            output_offset: vec![0.0, 0.0],
         }
     }
 

@@ -78,6 +78,47 @@ impl System for Watched<'_> {
     fn stage(&self, name: &str) {
         (self.listener)(Event::Stage(name));
     }
+    fn beginning(&self, share: f64) -> Option<Box<dyn System + '_>> {
+        let inner = self.inner.beginning(share)?;
+        Some(Box::new(Beginning { inner, whole: self }))
+    }
+}
+
+/// The beginning of the records of a watched system: its simulations count as well.
+struct Beginning<'a> {
+    inner: Box<dyn System + 'a>,
+    whole: &'a Watched<'a>,
+}
+
+impl System for Beginning<'_> {
+    fn records(&self) -> usize {
+        self.inner.records()
+    }
+    fn estimation(&self, record: usize) -> bool {
+        self.inner.estimation(record)
+    }
+    fn locals(&self, record: usize) -> Vec<(f64, f64)> {
+        self.inner.locals(record)
+    }
+    fn signals(&self, record: usize) -> Vec<Span> {
+        self.inner.signals(record)
+    }
+    fn predict(&self, record: usize, parameters: &[f64], locals: &[f64]) -> Vec<f64> {
+        self.inner.predict(record, parameters, locals)
+    }
+    fn measured(&self, record: usize) -> Vec<f64> {
+        self.inner.measured(record)
+    }
+    fn whiten(&self, record: usize, predicted: &[f64]) -> Vec<f64> {
+        self.inner.whiten(record, predicted)
+    }
+    fn redraw(&self, record: usize, predicted: &[f64], noise: &mut Noise) -> Vec<f64> {
+        self.inner.redraw(record, predicted, noise)
+    }
+    fn residuals_of(&self, jobs: &[Job]) -> Vec<Vec<f64>> {
+        self.whole.simulated(jobs.len() as u64);
+        self.inner.residuals_of(jobs)
+    }
 }
 
 #[cfg(test)]

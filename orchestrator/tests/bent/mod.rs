@@ -2,12 +2,10 @@
 
 #![allow(dead_code, reason = "each test binary uses a part")]
 
-use std::io::Write;
-use std::path::{Path, PathBuf};
-use std::process::Command;
+use crate::c_fmu;
+use std::path::PathBuf;
 
 use tempfile::TempDir;
-use zip::write::SimpleFileOptions;
 
 /// What the description of an FMU says.
 #[derive(Clone, Copy, PartialEq)]
@@ -68,23 +66,10 @@ fn description(kind: Kind) -> String {
 pub fn fmu(folder: &TempDir, name: &str, kind: Kind) -> PathBuf {
     let library = folder.path().join("bent.so");
     if !library.exists() {
-        let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/bent/bent.c");
-        let compiler = std::env::var("CC").unwrap_or_else(|_| "cc".to_owned());
-        let status = Command::new(&compiler)
-            .args(["-shared", "-fPIC", "-O2", "-o"])
-            .args([&library, &source])
-            .arg("-lm")
-            .status()
-            .unwrap_or_else(|error| panic!("{compiler}: {error}; set CC to a C compiler"));
-        assert!(status.success());
+        c_fmu::compile("bent/bent.c", &library, &[]);
     }
     let path = folder.path().join(name);
-    let mut writer = zip::ZipWriter::new(std::fs::File::create(&path).unwrap());
-    writer.start_file("modelDescription.xml", SimpleFileOptions::default()).unwrap();
-    writer.write_all(description(kind).as_bytes()).unwrap();
-    writer.start_file("binaries/linux64/bent.so", SimpleFileOptions::default()).unwrap();
-    writer.write_all(&std::fs::read(&library).unwrap()).unwrap();
-    writer.finish().unwrap();
+    c_fmu::pack(&path, &description(kind), Some(("bent", &library)));
     path
 }
 

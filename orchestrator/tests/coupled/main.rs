@@ -4,6 +4,8 @@
 mod behaviour;
 #[path = "../bent/mod.rs"]
 mod bent;
+#[path = "../c_fmu/mod.rs"]
+mod c_fmu;
 #[path = "../looped/mod.rs"]
 mod looped;
 #[allow(dead_code, reason = "the test of the optimiser uses more of it")]

@@ -2,9 +2,9 @@
 
 #![allow(dead_code, reason = "each test binary uses a part")]
 
+use crate::c_fmu;
 use std::io::{Cursor, Write};
 use std::path::{Path, PathBuf};
-use std::process::Command;
 
 use tempfile::TempDir;
 use zip::ZipWriter;
@@ -42,25 +42,13 @@ pub fn save(folder: &TempDir, name: &str, bytes: &[u8]) -> PathBuf {
     path
 }
 
-/// Folder of the binaries of this machine.
-pub const PLATFORM: &str = "linux64";
-
 /// Compiles the C file `source` of this folder with the given macros and packs it with `xml`.
 pub fn compiled(folder: &TempDir, source: &str, xml: &str, macros: &[&str]) -> PathBuf {
     let library = folder.path().join("m.so");
-    let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/fmu_library").join(source);
-    let compiler = std::env::var("CC").unwrap_or_else(|_| "cc".to_owned());
-    let status = Command::new(&compiler)
-        .args(["-shared", "-fPIC", "-o"])
-        .arg(&library)
-        .args(macros)
-        .arg(source)
-        .status()
-        .unwrap_or_else(|error| panic!("{compiler}: {error}; set CC to a C compiler"));
-    assert!(status.success());
-    let bytes = std::fs::read(&library).unwrap();
-    let inner = format!("binaries/{PLATFORM}/m.so");
-    save(folder, "m.fmu", &archive(&[("modelDescription.xml", xml.as_bytes()), (&inner, &bytes)]))
+    c_fmu::compile(Path::new("fmu_library").join(source), &library, macros);
+    let path = folder.path().join("m.fmu");
+    c_fmu::pack(&path, xml, Some(("m", &library)));
+    path
 }
 
 /// der(x) = p x + u, y = x + u^2, as `first_order.c` computes it; without fault.

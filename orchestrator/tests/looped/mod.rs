@@ -1,11 +1,9 @@
 //! FMUs for the tests of algebraic loops: see `looped.c` for what they do.
 
-use std::io::Write;
-use std::path::{Path, PathBuf};
-use std::process::Command;
+use crate::c_fmu;
+use std::path::PathBuf;
 
 use tempfile::TempDir;
-use zip::write::SimpleFileOptions;
 
 /// What an FMU can do.
 #[derive(Clone, Copy)]
@@ -71,26 +69,12 @@ fn description(able: Abilities) -> String {
 /// Writes `name` with these abilities into the folder.
 pub fn fmu(folder: &TempDir, name: &str, able: Abilities) {
     let library = folder.path().join(format!("looped{}.so", able.flag));
-    let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/looped/looped.c");
     if !library.exists() {
-        let compiler = std::env::var("CC").unwrap_or_else(|_| "cc".to_owned());
-        let flag = Some(format!("-D{}", able.flag)).filter(|_| !able.flag.is_empty());
-        let status = Command::new(&compiler)
-            .args(["-shared", "-fPIC", "-O2", "-o"])
-            .args([&library, &source])
-            .args(flag)
-            .arg("-lm")
-            .status()
-            .unwrap_or_else(|error| panic!("{compiler}: {error}; set CC to a C compiler"));
-        assert!(status.success());
+        let flag = format!("-D{}", able.flag);
+        let macros = Some(flag.as_str()).filter(|_| !able.flag.is_empty());
+        c_fmu::compile("looped/looped.c", &library, macros.as_slice());
     }
-    let file = std::fs::File::create(folder.path().join(name)).unwrap();
-    let mut writer = zip::ZipWriter::new(file);
-    writer.start_file("modelDescription.xml", SimpleFileOptions::default()).unwrap();
-    writer.write_all(description(able).as_bytes()).unwrap();
-    writer.start_file("binaries/linux64/looped.so", SimpleFileOptions::default()).unwrap();
-    writer.write_all(&std::fs::read(&library).unwrap()).unwrap();
-    writer.finish().unwrap();
+    c_fmu::pack(&folder.path().join(name), &description(able), Some(("looped", &library)));
 }
 
 /// Writes a system of components `name fmu` with connections `from to factor offset`; `in` is the system input.

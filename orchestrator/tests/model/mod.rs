@@ -1,11 +1,9 @@
 //! FMUs of a small Model Exchange library (`model.c`), made where a test needs them.
 
-use std::io::Write;
-use std::path::{Path, PathBuf};
-use std::process::Command;
+use crate::c_fmu;
+use std::path::PathBuf;
 
 use tempfile::TempDir;
-use zip::write::SimpleFileOptions;
 
 fn description(derivatives: bool) -> String {
     let real = |name: &str, reference: u32, attributes: &str, inside: &str| {
@@ -41,30 +39,14 @@ fn description(derivatives: bool) -> String {
     )
 }
 
-fn pack(path: &Path, derivatives: bool, library: &Path) {
-    let mut writer = zip::ZipWriter::new(std::fs::File::create(path).unwrap());
-    writer.start_file("modelDescription.xml", SimpleFileOptions::default()).unwrap();
-    writer.write_all(description(derivatives).as_bytes()).unwrap();
-    writer.start_file("binaries/linux64/model.so", SimpleFileOptions::default()).unwrap();
-    writer.write_all(&std::fs::read(library).unwrap()).unwrap();
-    writer.finish().unwrap();
-}
-
 /// A folder with `model.fmu`, and `plain.fmu` which declares no directional derivatives.
 pub fn folder() -> TempDir {
     let folder = TempDir::new().unwrap();
     let library = folder.path().join("model.so");
-    let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/model/model.c");
-    let compiler = std::env::var("CC").unwrap_or_else(|_| "cc".to_owned());
-    let status = Command::new(&compiler)
-        .args(["-shared", "-fPIC", "-O2", "-o"])
-        .args([&library, &source])
-        .arg("-lm")
-        .status()
-        .unwrap_or_else(|error| panic!("{compiler}: {error}; set CC to a C compiler"));
-    assert!(status.success());
-    pack(&folder.path().join("model.fmu"), true, &library);
-    pack(&folder.path().join("plain.fmu"), false, &library);
+    c_fmu::compile("model/model.c", &library, &[]);
+    for (name, derivatives) in [("model.fmu", true), ("plain.fmu", false)] {
+        c_fmu::pack(&folder.path().join(name), &description(derivatives), Some(("model", &library)));
+    }
     folder
 }
 

@@ -2,12 +2,10 @@
 
 #![allow(dead_code, reason = "each test binary uses a part")]
 
-use std::io::Write;
+use crate::c_fmu;
 use std::path::{Path, PathBuf};
-use std::process::Command;
 
 use tempfile::TempDir;
-use zip::write::SimpleFileOptions;
 
 /// Description of the FMU of `slave.c`; `change` may alter the text.
 pub fn description() -> String {
@@ -64,14 +62,7 @@ pub fn description() -> String {
 
 /// Writes an FMU with this description and, if given, a library.
 pub fn pack(path: &Path, description: &str, library: Option<&Path>) {
-    let mut writer = zip::ZipWriter::new(std::fs::File::create(path).unwrap());
-    writer.start_file("modelDescription.xml", SimpleFileOptions::default()).unwrap();
-    writer.write_all(description.as_bytes()).unwrap();
-    if let Some(library) = library {
-        writer.start_file("binaries/linux64/slave.so", SimpleFileOptions::default()).unwrap();
-        writer.write_all(&std::fs::read(library).unwrap()).unwrap();
-    }
-    writer.finish().unwrap();
+    c_fmu::pack(path, description, library.map(|library| ("slave", library)));
 }
 
 /// A folder with `slave.fmu`, which can only be inspected.
@@ -85,15 +76,7 @@ pub fn folder_without_library() -> TempDir {
 pub fn folder() -> TempDir {
     let folder = TempDir::new().unwrap();
     let library = folder.path().join("slave.so");
-    let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/slave/slave.c");
-    let compiler = std::env::var("CC").unwrap_or_else(|_| "cc".to_owned());
-    let status = Command::new(&compiler)
-        .args(["-shared", "-fPIC", "-O2", "-o"])
-        .args([&library, &source])
-        .arg("-lm")
-        .status()
-        .unwrap_or_else(|error| panic!("{compiler}: {error}; set CC to a C compiler"));
-    assert!(status.success());
+    c_fmu::compile("slave/slave.c", &library, &[]);
     pack(&folder.path().join("slave.fmu"), &description(), Some(&library));
     folder
 }

@@ -79,6 +79,6 @@ INVERSE = ("act.saturation", "act.mode")
 def scaled(effect, params, factor):
     """The parameters of an effect made stronger by about `factor`."""
     names = SCALED.get(effect, (next(iter(params)),))
-    limits = {"delay": 0.03, "disp": 0.02, "depth": 0.6, "limit": 60.0, "freq": 150.0}
+    limits = {"delay": 0.03, "disp": 0.02, "depth": 0.6, "limit": 28.0, "freq": 150.0}
     grown = {n: params[n] / factor if effect in INVERSE else params[n] * factor for n in names}
     return {**params, **{n: min(v, limits.get(n, v)) for n, v in grown.items()}}

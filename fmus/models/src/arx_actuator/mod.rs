@@ -7,6 +7,7 @@ mod realisation;
 #[cfg(test)]
 mod tests;
 
+use crate::continuous_form;
 use fmi2_export::{
     Identity, Integer, Interface, MemoryBlock, Model, Outcome, Real, Refusal, Scalar, Table, Values,
 };
@@ -126,13 +127,7 @@ impl Model for ArxActuator {
 
     #[allow(non_snake_case)]
     fn declare(t: &mut Table) -> Self {
-        let realisation = t.enumeration(
-            "Realisation",
-            &[
-                ("sampled", "samples at multiples of sample_time, held between"),
-                ("continuous", "differential equation with the same values at the samples"),
-            ],
-        );
+        let realisation = continuous_form::declare_realisation(t);
         let u = t.input("u").unit("N").about("force command").nominal(100.0).real(0.0);
         let measured = pressure::declare_inputs(t);
         let mut force = |name: &'static str, about: &'static str| {

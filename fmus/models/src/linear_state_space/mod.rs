@@ -139,13 +139,7 @@ impl Model for LinearStateSpace {
     #[allow(non_snake_case)]
     fn declare(t: &mut Table) -> Self {
         use std::array::from_fn;
-        let realisation = t.enumeration(
-            "Realisation",
-            &[
-                ("sampled", "samples at multiples of sample_time, held between"),
-                ("continuous", "differential equation with the same values at the samples"),
-            ],
-        );
+        let realisation = continuous_form::declare_realisation(t);
         let start = Start::of_cart_pole();
         let u = from_fn(|i| t.input(format!("u[{}]", i + 1)).about(format!("input {}", i + 1)).real(0.0));
         let y = from_fn(|j| {

@@ -122,20 +122,7 @@ impl Model for Arx {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    /// Eq. 8 of the paper.
-    fn eq8() -> Arx {
-        Arx {
-            sample_time: 1e-3,
-            a: vec![DMatrix::from_row_slice(2, 2, &[-1.0144, 0.0216, -0.0527, -0.9537])],
-            b: vec![
-                DMatrix::from_row_slice(2, 1, &[0.6619, 0.0764]),
-                DMatrix::from_row_slice(2, 1, &[-0.6557, -0.0847]),
-            ],
-            input_offset: vec![0.0],
-            output_offset: vec![0.0, 0.0],
-        }
-    }
+    use crate::ident::synthetic::eq8;
 
     fn step(n: usize) -> Record {
         Record {

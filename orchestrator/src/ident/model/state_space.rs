@@ -33,6 +33,18 @@ impl StateSpace {
         self.a.nrows()
     }
 
+    /// The first `n` Markov parameters D, C B, C A B, ..: the response to an impulse, each of shape \[n_y, n_u\].
+    pub fn markov_parameters(&self, n: usize) -> Vec<DMatrix<f64>> {
+        let mut power = self.b.clone();
+        let mut found = vec![self.d.clone()];
+        while found.len() < n {
+            found.push(&self.c * &power);
+            power = &self.a * power;
+        }
+        found.truncate(n);
+        found
+    }
+
     /// Outputs, shape \[n_y\]\[n\], from the initial state `x0` and the inputs, shape \[n_u\]\[n\].
     pub fn simulate_from(&self, x0: &DVector<f64>, inputs: &[Vec<f64>]) -> Vec<Vec<f64>> {
         self.outputs(x0, inputs, None)

@@ -132,16 +132,6 @@ fn resonant() -> StateSpace {
     }
 }
 
-fn markov(model: &StateSpace) -> Vec<DMatrix<f64>> {
-    let mut power = model.b.clone();
-    let mut found = vec![model.d.clone()];
-    for _ in 0..12 {
-        found.push(&model.c * &power);
-        power = &model.a * power;
-    }
-    found
-}
-
 fn perturbed(model: &StateSpace, size: f64, noise: &mut Noise) -> StateSpace {
     let mut shake = |m: &DMatrix<f64>| m.map(|value| value + size * noise.normal());
     StateSpace {
@@ -160,7 +150,7 @@ fn a_state_space_model_without_noise_comes_back_in_its_markov_parameters() {
     let records = [measure(&resonant(), inputs, 0.0, &mut noise)];
     let start = perturbed(&resonant(), 0.05, &mut noise);
     let refined = refine_state_space(&start, &records, &StateSpaceOptions::default()).unwrap();
-    for (found, truth) in markov(&refined.model).iter().zip(markov(&resonant())) {
+    for (found, truth) in refined.model.markov_parameters(13).iter().zip(resonant().markov_parameters(13)) {
         assert!((found - truth).amax() < 1e-8, "{found}");
     }
 }
@@ -229,7 +219,9 @@ fn prediction_error_finds_the_innovation_gain() {
     }
     // C A^i K does not depend on the basis.
     let gains = |model: &StateSpace| StateSpace { b: model.gain.clone().unwrap(), ..model.clone() };
-    for (found, truth) in markov(&gains(&refined.model)).iter().zip(markov(&gains(&truth))).skip(1) {
+    for (found, truth) in
+        gains(&refined.model).markov_parameters(13).iter().zip(gains(&truth).markov_parameters(13)).skip(1)
+    {
         assert!((found - truth).amax() < 0.06, "{found}");
     }
 }

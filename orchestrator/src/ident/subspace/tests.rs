@@ -52,24 +52,15 @@ fn options(order: Order) -> Options {
     Options::new(order, &truth().input_offset, &truth().output_offset)
 }
 
-/// D, CB, CAB, ..
-fn markov(model: &StateSpace, n: usize) -> Vec<DMatrix<f64>> {
-    let mut found = vec![model.d.clone()];
-    let mut power = model.b.clone();
-    for _ in 1..n {
-        found.push(&model.c * &power);
-        power = &model.a * power;
-    }
-    found
-}
-
 #[test]
 fn a_system_with_direct_term_comes_back_from_several_records_without_noise() {
     let records = records(&truth(), &[400, 300, 250]);
     for weighting in Weighting::ALL {
         let options = Options { weightings: vec![weighting], ..options(Order::Fixed(4)) };
         let found = estimate(&records, &options).unwrap();
-        for (k, (found, expected)) in markov(&found.model, 30).iter().zip(markov(&truth(), 30)).enumerate() {
+        for (k, (found, expected)) in
+            found.model.markov_parameters(30).iter().zip(truth().markov_parameters(30)).enumerate()
+        {
             assert!(
                 (found - &expected).amax() < 1e-8,
                 "{weighting:?}, Markov parameter {k}: {found} {expected}"
@@ -143,7 +134,7 @@ fn an_unstable_model_is_said_to_be_one_and_mirrored_on_demand() {
     let found = estimate(&records, &options(Order::Fixed(4))).unwrap();
     assert!(!found.model.is_stable());
     assert!(found.warnings.iter().any(|warning| warning.contains("stable")), "{:?}", found.warnings);
-    for (found, expected) in markov(&found.model, 10).iter().zip(markov(&unstable, 10)) {
+    for (found, expected) in found.model.markov_parameters(10).iter().zip(unstable.markov_parameters(10)) {
         assert!((found - expected).amax() < 1e-5);
     }
     let options = Options { mirror_unstable: true, ..options(Order::Fixed(4)) };

@@ -1,6 +1,9 @@
 //! A system under construction: components with the FMUs they are derived from, and blocks put in series.
 
 use std::path::PathBuf;
+use std::sync::Arc;
+
+use tempfile::TempDir;
 
 use crate::fmu::derive::Value;
 use crate::system::ssp::{ComponentElement, ConnectionElement, Connector, Endpoint, Structure};
@@ -38,6 +41,8 @@ pub struct Network {
     pub parts: Vec<Part>,
     /// FMUs that are taken as they are: file, and name beside the description.
     pub copies: Vec<(PathBuf, PathBuf)>,
+    /// Unpacked archive that holds them.
+    pub package: Option<Arc<TempDir>>,
 }
 
 /// A connector of a component, or (empty name) of the system.
@@ -62,6 +67,7 @@ impl Network {
             },
             parts: Vec::new(),
             copies: Vec::new(),
+            package: None,
         }
     }
 

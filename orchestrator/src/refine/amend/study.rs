@@ -5,12 +5,14 @@ use std::path::{Path, PathBuf};
 use super::Error;
 use super::blocks::{self, COMMAND_ORDER, Sources};
 use super::network::{Block, Network, end};
+use crate::fmu::Variability;
 use crate::fmu::derive::Value;
 use crate::refine::answer::{Answer, Effect};
 use crate::refine::case::Friction;
 use crate::refine::study::declaration::{Attachment, File};
 use crate::refine::study::open;
 use crate::system::SystemGraph;
+use crate::system::graph::{Source, SystemOutput};
 use crate::system::ssp::{self, Endpoint};
 use crate::system::write::{self, Version};
 
@@ -21,18 +23,20 @@ const STEP: f64 = 1e-3;
 /// them. `work`: a folder for a passing file.
 ///
 /// # Errors
-/// A system whose files cannot be read again, such as one inside an archive.
+/// A system whose files cannot be read again.
 pub fn network(file: &File, answer: &Answer, work: &Path) -> Result<Network, Error> {
     let mut graph = open::system(file).map_err(Box::new)?;
-    let declared = file.declaration.parameters.iter().map(|(name, value)| (name, *value.get_ref()));
-    let fitted = answer.fitted.iter().map(|(name, value)| (name, *value));
+    let declared =
+        file.declaration.parameters.iter().map(|(name, value)| (name, value.get_ref().to_string()));
+    let fitted = answer.fitted.iter().map(|(name, value)| (name, format!("{value:?}")));
     for (name, value) in declared.chain(fitted) {
-        graph.set_start(name, &format!("{value:?}"), &format!("{name} of {}", file.path.display()))?;
+        graph.set_start(name, &value, &format!("{name} of {}", file.path.display()))?;
     }
     let path = work.join(".declared.ssd");
     let written = write::write(&graph, &path, Version::V1_0).and_then(|()| ssp::read(&path));
     let _ = std::fs::remove_file(&path);
-    let mut network = Network { structure: written?, parts: Vec::new(), copies: Vec::new() };
+    let package = graph.package.clone();
+    let mut network = Network { structure: written?, parts: Vec::new(), copies: Vec::new(), package };
     take_files(&mut network);
     let attachments: Vec<&Attachment> = file.declaration.attachment.iter().map(|a| a.get_ref()).collect();
     let mut selected: Vec<&Effect> = answer.effects.iter().filter(|effect| effect.selected).collect();
@@ -40,6 +44,10 @@ pub fn network(file: &File, answer: &Answer, work: &Path) -> Result<Network, Err
     selected.sort_by_key(|effect| COMMAND_ORDER.iter().position(|id| *id == effect.id));
     let step = file.declaration.step_s.as_ref().map_or(STEP, |step| *step.get_ref());
     for effect in selected {
+        if let Some(column) = &effect.signal {
+            sense(&mut network, (file, &graph), column, effect, step);
+            continue;
+        }
         let own = attachments.iter().find(|attachment| {
             let named = attachment.effects.as_ref().is_none_or(|list| list.contains(&effect.id));
             named && attachment.channels.contains(&effect.channel)
@@ -49,6 +57,34 @@ pub fn network(file: &File, answer: &Answer, work: &Path) -> Result<Network, Err
         }
     }
     Ok(network)
+}
+
+/// Puts the block of a sensor effect in front of the outputs of the system that are compared with its column.
+fn sense(
+    network: &mut Network,
+    (file, graph): (&File, &SystemGraph),
+    column: &str,
+    effect: &Effect,
+    step: f64,
+) {
+    let named = file.declaration.outputs.iter().filter(|(_, output)| output.get_ref().column == column);
+    for (index, (name, _)) in named.enumerate() {
+        let to = end("", name);
+        let shown = network.structure.connections.iter().any(|connection| connection.end == to);
+        let sampled = graph.outputs.iter().any(|output| output.name == *name && is_sampled(graph, output));
+        let Some(mut block) = blocks::sensor(effect, step, sampled, false).filter(|_| shown) else { continue };
+        if index > 0 {
+            block.part.name += &format!("_{}", index + 1);
+        }
+        network.insert(&to, block, false);
+    }
+}
+
+/// Whether an output changes at samples only.
+fn is_sampled(graph: &SystemGraph, output: &SystemOutput) -> bool {
+    let Source::Output { component, variable } = output.source else { return false };
+    let description = &graph.components[component].fmu.description;
+    description.variables[variable].variability == Variability::Discrete
 }
 
 /// Names the FMUs of the system as files beside the description.

@@ -108,6 +108,11 @@ impl Null {
         null
     }
 
+    /// Mean powers of every signal for each of [`BLOCKS`].
+    pub fn means(&self) -> &[[f64; 3]] {
+        &self.mean
+    }
+
     /// Largest normalised power of every signal: about normal under the null.
     pub fn normalised(&self, powers: &[(String, [f64; 3])]) -> Vec<(String, f64)> {
         powers

@@ -1,8 +1,10 @@
 //! Search for missing effects in any [`System`]: fits, goodness of fit, selection. Knows no physics.
 
 pub mod candidate;
+pub mod corrected;
 pub mod fit;
 pub mod goodness;
+pub mod ladder;
 pub mod noise;
 pub mod normal;
 pub mod parallel;

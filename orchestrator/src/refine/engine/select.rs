@@ -7,7 +7,9 @@
 
 use super::System;
 use super::candidate::Candidate;
+use super::corrected::{as_declared, with_corrections};
 use super::fit::Free;
+use super::ladder::{Ladder, Reached, beginnings};
 use super::search::{Model, Promise, Search};
 
 /// A model leaves only noise when no normalised power exceeds the largest of the null by more than this.
@@ -17,12 +19,10 @@ pub const MARGIN: f64 = 8.0;
 pub const SUSPICIOUS: f64 = 1.0;
 /// Improvement of the sum of squares below which an effect is not looked at; noise gives up to some 25.
 pub const NOTICEABLE: f64 = 45.0;
-/// Normalised power from which a misfit is far beyond declared parameters that are a percent off.
-pub const SERIOUS: f64 = 5000.0;
-/// Standard deviations of what is known of a declared parameter beyond which its correction is no small one.
-pub const FAR: f64 = 3.5;
 /// Difference of the information criterion within which two models count as equal.
 pub const TIE: f64 = 12.0;
+/// Rounds of a fit of candidates.
+const ROUNDS: usize = 14;
 
 /// How the declared model and the records were brought together.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -94,7 +94,7 @@ pub fn select<S: System + ?Sized>(
             .filter(|other| {
                 criterion(other) - criterion(&best) < TIE
                     && !nested(search.candidates, &best, other)
-                    && !degenerate(search, &best, other)
+                    && !insignificant(search.candidates, &best, other)
             })
             .collect();
         let (declared, screened) = (declared.clone(), screened.clone());
@@ -123,10 +123,12 @@ pub fn select<S: System + ?Sized>(
     search.system.stage("single effects");
     let singles = attempt(search, &declared, &promises, &[], effort.singles, limit);
     tried.extend(singles.iter().cloned());
+    let systems = beginnings(search.system);
+    let ladder = Ladder::new(search, &systems, &declared, MARGIN);
     let mut passing: Vec<Model> = singles.iter().filter(|m| m.worst() < limit).cloned().collect();
     if passing.is_empty() && effort.max_effects >= 2 {
         search.system.stage("pairs of effects");
-        let pairs = extend(search, &singles, &[], effort.pairs, limit);
+        let pairs = pairs(&ladder, &singles, effort.pairs);
         tried.extend(pairs.iter().cloned());
         passing = pairs.into_iter().filter(|m| m.worst() < limit).collect();
     }
@@ -135,7 +137,7 @@ pub fn select<S: System + ?Sized>(
         return end(Stage::Effects, passing, tried);
     }
     search.system.stage("declared parameters");
-    let rivals = with_corrections(search, &declared, corrections, (effort.max_effects, limit), &mut tried);
+    let rivals = with_corrections(&ladder, &declared, corrections, (effort.max_effects, penalty), &mut tried);
     let plausible = rivals.iter().filter(|rival| !as_declared(rival, &declared).1);
     let least = plausible.map(criterion).fold(f64::INFINITY, f64::min);
     match best {
@@ -144,63 +146,6 @@ pub fn select<S: System + ?Sized>(
         _ if !rivals.is_empty() => end(Stage::Corrected, rivals, tried),
         _ => unexplained(tried, declared),
     }
-}
-
-/// The declared model with its parameters corrected, alone or with candidates: what leaves only noise.
-fn with_corrections<S: System + ?Sized>(
-    search: &Search<S>,
-    declared: &Model,
-    corrections: &[Free],
-    (most, limit): (usize, f64),
-    tried: &mut Vec<Model>,
-) -> Vec<Model> {
-    let penalty = search.penalty();
-    let criterion = |model: &Model| model.fit.chi2 + penalty * model.size(search.candidates) as f64;
-    let mut base = search.fit(&[], corrections, &declared.fit.parameters, &declared.fit.locals, 12);
-    tried.push(base.clone());
-    let mut passing = Vec::new();
-    for added in 0..=most.min(2) {
-        let explained = base.worst() < limit;
-        let (start, far) = as_declared(&base, declared);
-        if explained && added == 0 {
-            passing.push(base.clone());
-        }
-        // The first signal of the chain, if neither candidates nor corrections bring it down, spoils all that follow.
-        let before = declared.left.first().map_or(0.0, |(_, z)| *z);
-        let lost =
-            |model: &Model| before > SERIOUS && model.left.first().is_some_and(|(_, z)| *z > 0.3 * before);
-        if added == most.min(2) || explained && !far || tried.iter().all(lost) {
-            break;
-        }
-        let promises = search.screen(&start);
-        let mut found = attempt(search, &start, &promises, corrections, 4, limit);
-        tried.extend(found.iter().cloned());
-        let better = if explained { criterion(&base) - NOTICEABLE } else { f64::INFINITY };
-        found.retain(|model| model.worst() < limit && criterion(model) < better);
-        let Some(best) = found.iter().min_by(|a, b| criterion(a).total_cmp(&criterion(b))) else { break };
-        base = best.clone();
-        passing = found;
-    }
-    passing
-}
-
-/// A model whose parameters are as declared where they are far outside of what is known of them, and whether some are.
-///
-/// Such a parameter is no small correction: an effect may say it better. Its search begins where the parameter is as
-/// declared, since the way along a pair that does the same is long.
-fn as_declared(model: &Model, declared: &Model) -> (Model, bool) {
-    let mut start = model.clone();
-    let mut some = false;
-    for f in &model.fit.free {
-        if f.prior.is_some_and(|prior| model.fit.parameters[f.index].abs() > FAR * prior) {
-            start.fit.parameters[f.index] = declared.fit.parameters[f.index];
-            some = true;
-        }
-    }
-    // Held there while candidates are screened: free, it would do as well as any of them.
-    let kept = |f: &Free| f.prior.is_none() || start.fit.parameters[f.index] == model.fit.parameters[f.index];
-    start.fit.free.retain(kept);
-    (start, some)
 }
 
 /// Whether `other` only adds freedom to `best`: one of its candidates contains the one of the best.
@@ -216,8 +161,8 @@ fn nested(candidates: &[Candidate], best: &Model, other: &Model) -> bool {
 
 /// Whether a candidate of `other` imitates the best one at the edge of what it can be: with a parameter at a bound, or
 /// with one that might as well be neutral. That is no second explanation.
-fn degenerate<S: System + ?Sized>(search: &Search<S>, best: &Model, other: &Model) -> bool {
-    let own = |c: &usize| search.candidates[*c].free.iter().map(|f| f.index);
+pub fn insignificant(candidates: &[Candidate], best: &Model, other: &Model) -> bool {
+    let own = |c: &usize| candidates[*c].free.iter().map(|f| f.index);
     let new: Vec<usize> = other.added.iter().filter(|c| !best.added.contains(c)).flat_map(own).collect();
     other.fit.free.iter().enumerate().any(|(a, f)| {
         let uncertain = 3.0 * other.fit.covariance[(a, a)].max(0.0).sqrt();
@@ -253,7 +198,7 @@ pub fn attempt<S: System + ?Sized>(
             extra,
             &promise.parameters,
             &base.fit.locals,
-            if extra.is_empty() { 14 } else { 25 },
+            if extra.is_empty() { ROUNDS } else { 25 },
         );
         if model.worst() < limit {
             enough = enough.min(2.0 * promise.chi2);
@@ -264,24 +209,26 @@ pub fn attempt<S: System + ?Sized>(
     found
 }
 
-/// Pairs: the best singles, each with the candidates that promise most beside it.
-fn extend<S: System + ?Sized>(
-    search: &Search<S>,
+/// Pairs: the best singles, each with the candidates that promise most beside it, as far as it goes.
+fn pairs<S: System + ?Sized>(
+    ladder: &Ladder<S>,
     singles: &[Model],
-    extra: &[Free],
     (bases, each): (usize, usize),
-    limit: f64,
 ) -> Vec<Model> {
     let mut found: Vec<Model> = Vec::new();
-    for base in singles.iter().take(bases) {
-        let promises = search.screen(base);
-        for model in attempt(search, base, &promises, extra, each, limit) {
+    for single in singles.iter().take(bases) {
+        let base = ladder.climb(0, &single.added, &[], single, ROUNDS);
+        let promises = ladder.screen(base.rung, &base.model);
+        let promises: Vec<(&Promise, &Model)> = promises.iter().map(|p| (p, &base.model)).collect();
+        let reached = ladder.attempt(&base, &promises, &[], (each, ROUNDS));
+        let explained = reached.iter().any(|reached| ladder.explains(reached));
+        for Reached { model, .. } in reached.into_iter().filter(|reached| reached.rung == ladder.top()) {
             let same = |other: &Model| model.added.iter().all(|c| other.added.contains(c));
             if !found.iter().any(same) {
                 found.push(model);
             }
         }
-        if found.iter().any(|model| model.worst() < limit) {
+        if explained {
             break;
         }
     }

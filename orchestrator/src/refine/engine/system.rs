@@ -25,6 +25,10 @@ pub trait System: Sync {
     fn whiten(&self, record: usize, predicted: &[f64]) -> Vec<f64>;
     /// The whitened residuals as they would be if `predicted` were true: sensor noise and rounding.
     fn redraw(&self, record: usize, predicted: &[f64], noise: &mut Noise) -> Vec<f64>;
+    /// The same records, only this share of them from their beginning; `None` where they cannot be cut.
+    fn beginning(&self, _share: f64) -> Option<Box<dyn System + '_>> {
+        None
+    }
     /// A stage of the search begins: told to whoever watches.
     fn stage(&self, _name: &str) {}
     /// Whitened residuals.

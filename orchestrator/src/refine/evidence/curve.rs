@@ -33,14 +33,22 @@ struct Drawn {
 /// Curves of the selected effects that are a function of one variable.
 pub fn of(case: &Case, answer: &Answer, records: &[Record]) -> Vec<Curve> {
     let model = &case.declaration.model;
+    let friction = |effect: &Effect| {
+        let own = match effect.channel.as_str() {
+            "piston_friction" => model.piston_friction.clone(),
+            _ => model.cart_friction.clone(),
+        };
+        own.unwrap_or_default()
+    };
+    with(&friction, answer, records)
+}
+
+/// The same, with the declared friction that an effect belongs to.
+pub fn with(friction: &dyn Fn(&Effect) -> Friction, answer: &Answer, records: &[Record]) -> Vec<Curve> {
     let selected = answer.effects.iter().filter(|effect| effect.selected);
     selected
         .filter_map(|effect| {
-            let friction = match effect.channel.as_str() {
-                "piston_friction" => model.piston_friction.clone(),
-                _ => model.cart_friction.clone(),
-            };
-            let drawn = drawn(effect, &friction.unwrap_or_default())?;
+            let drawn = drawn(effect, &friction(effect))?;
             let (low, high) = range(records, drawn.over.0)?;
             Some(sampled(effect, &drawn, low, high))
         })

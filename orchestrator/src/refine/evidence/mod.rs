@@ -7,6 +7,7 @@ pub mod correlation;
 pub mod curve;
 pub mod dependence;
 pub mod ports;
+pub mod study;
 pub mod variables;
 
 use super::answer::{Answer, fit_locals};
@@ -21,7 +22,7 @@ pub use ports::Port;
 pub use variables::Variable;
 
 /// Most records whose residuals are shown over time.
-const SHOWN: usize = 2;
+pub const SHOWN: usize = 2;
 
 /// A measured signal.
 #[derive(Debug, Clone, PartialEq)]

@@ -7,6 +7,7 @@ use super::parameters::*;
 use super::plant::{ActuatorTerms, Mechanics, State, actuator, mechanics};
 use super::record::Measured;
 use crate::refine::case::{Actuator, Declared};
+use crate::refine::engine::System;
 use crate::refine::engine::noise::Noise;
 use crate::refine::engine::system::{Job, Span};
 
@@ -206,7 +207,7 @@ pub fn sensed(name: &str, truth: &[f64], p: &[f64], dt: f64, before: f64, out: &
     }
 }
 
-impl crate::refine::engine::System for Coupled {
+impl System for Coupled {
     fn records(&self) -> usize {
         self.trials.len()
     }
@@ -219,6 +220,19 @@ impl crate::refine::engine::System for Coupled {
         let trial = &self.trials[record];
         let first = |name: &str| trial.measured.iter().find(|m| m.name == name).map_or(0.0, |m| m.values[0]);
         if trial.fixed { Vec::new() } else { vec![(first("x"), 2e-5), (first("theta"), 1e-4)] }
+    }
+
+    fn beginning(&self, share: f64) -> Option<Box<dyn System + '_>> {
+        let cut = |trial: &Trial| {
+            let n = (share * trial.u.len() as f64) as usize;
+            let measured = trial.measured.iter().map(|m| m.beginning(n)).collect();
+            Trial { u: trial.u[..n].to_vec(), measured, ..*trial }
+        };
+        if self.trials.iter().any(|trial| trial.fixed) {
+            return None;
+        }
+        let (declared, actuator) = (self.declared.clone(), self.actuator.clone());
+        Some(Box::new(Coupled { declared, actuator, trials: self.trials.iter().map(cut).collect() }))
     }
 
     fn signals(&self, record: usize) -> Vec<Span> {
@@ -273,7 +287,6 @@ impl crate::refine::engine::System for Coupled {
 mod tests {
     use super::*;
     use crate::refine::case::{CartPole, Friction};
-    use crate::refine::engine::System;
     use crate::refine::rig::parameters::neutral;
 
     fn rig() -> Coupled {

@@ -31,6 +31,12 @@ impl Measured {
         Measured { name: name.into(), values, noise, step, weights }
     }
 
+    /// The first `n` samples.
+    pub fn beginning(&self, n: usize) -> Measured {
+        let (values, weights) = (self.values[..n].to_vec(), self.weights[..n].to_vec());
+        Measured { name: self.name.clone(), values, weights, ..*self }
+    }
+
     /// (measured - predicted) weighted, appended to `out`.
     pub fn whiten(&self, predicted: &[f64], out: &mut Vec<f64>) {
         out.extend((0..self.values.len()).map(|k| (self.values[k] - predicted[k]) * self.weights[k]));

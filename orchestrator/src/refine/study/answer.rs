@@ -4,27 +4,29 @@ use std::collections::BTreeMap;
 
 use super::catalogue;
 use super::declaration::{File, Role};
+use super::effects::effects;
+use super::errors::{errors, force, force_noise};
+use super::explain::{Judge, Rest};
 use super::fits::{Fits, Model, pieces};
-use super::force::ForceView;
-use super::law::Law;
-use super::model::{Action, Study, Target};
+use super::model::{Study, Target};
 use super::open::open;
 use super::search::{Say, Selection, search};
 use super::simulate::Piece;
 use crate::refine::Error;
-use crate::refine::answer::{Answer, Effect, Errors, Parameter, Verdict};
+use crate::refine::answer::{Answer, Errors, Settings, Verdict};
 use crate::refine::engine::System;
-use crate::refine::engine::fit::{Fit, Free, fit};
-use crate::refine::evidence::{Evidence, Signal};
+use crate::refine::engine::fit::{Fit, fit};
+use crate::refine::evidence::{Evidence, study as evidence};
 
-/// Error in noise rms up to which the declared model leaves nothing to find.
-const NOISE: f64 = 1.5;
+/// Error in rms of the noise from which on something is missing even if what is left depends on nothing that is known:
+/// the noise may be coloured, which its scatter from sample to sample does not show.
+const FAR: f64 = 3.0;
 
 /// Reads, searches and answers.
 ///
 /// # Errors
 /// Whatever does not fit in the declaration, the records or the system, and a declared model that cannot be simulated.
-pub fn answer(file: &File, most: usize, say: Say) -> Result<(Answer, Evidence), Error> {
+pub fn answer(file: &File, settings: &Settings, say: Say) -> Result<(Answer, Evidence), Error> {
     let (mut study, attachments) = open(file)?;
     say("fitting the declared model");
     let declared = declared(file, &study)?;
@@ -32,7 +34,7 @@ pub fn answer(file: &File, most: usize, say: Say) -> Result<(Answer, Evidence), 
         let fits = Fits::new(&study, vec![1.0; study.outputs.len()]);
         fits.view(&[], &fits.pieces).survey(&declared.parameters, &declared.locals)
     };
-    study.ranges = survey.ranges.iter().map(|range| range[1]).collect();
+    study.ranges.clone_from(&survey.ranges);
     let inputs: Vec<String> = study.graph.inputs.iter().map(|input| input.name.clone()).collect();
     let fed: Vec<bool> =
         (0..inputs.len()).map(|i| study.records.iter().all(|record| record.inputs[i].is_some())).collect();
@@ -46,16 +48,14 @@ pub fn answer(file: &File, most: usize, say: Say) -> Result<(Answer, Evidence), 
     let scale = scales(&study, &declared);
     let model = steps(&mut study, &scale, &declared);
     let fits = Fits::new(&study, scale);
-    let selection = search(&fits, model, most, say);
+    say("noise floor");
+    let judge = Judge::new(&fits, &model, settings.draws, settings.seed);
+    let selection = search(&fits, &judge, model, settings.max_effects, say);
     say("errors on all records");
-    let found = assemble(&fits, selection);
-    let unit = |name: &str| study.outputs.iter().find(|o| o.name == name).map_or("N", |o| &o.unit).to_owned();
-    let signals = found.noise.iter().map(|(name, noise)| Signal {
-        name: name.clone(),
-        unit: unit(name),
-        noise: *noise,
-    });
-    let evidence = Evidence { signals: signals.collect(), ..Evidence::default() };
+    let found = assemble(&fits, &judge, &selection);
+    say("figures");
+    let shown = if found.verdict == Verdict::Effect { &selection.best } else { &selection.declared };
+    let evidence = evidence::gather(&fits, [&selection.declared, shown], &found);
     Ok((found, evidence))
 }
 
@@ -98,7 +98,13 @@ fn steps(study: &mut Study, scale: &[f64], declared: &Fit) -> Model {
         let fits = Fits::new(study, scale.to_vec());
         let base = model(&fits, &p, &declared.locals);
         (0..study.candidates.len())
-            .map(|c| study.candidates[c].entries.clone().map(|index| fits.step(&base, c, index)).collect())
+            .map(|c| {
+                let own = &study.candidates[c];
+                if own.probe {
+                    return vec![fits.probe_step(&base, c); own.entries.len()];
+                }
+                own.entries.clone().map(|index| fits.step(&base, c, index)).collect()
+            })
             .collect()
     };
     let mut kept = Vec::new();
@@ -106,7 +112,9 @@ fn steps(study: &mut Study, scale: &[f64], declared: &Fit) -> Model {
         let candidate = study.candidates[c].clone();
         if steps.iter().any(Option::is_none) {
             let why = "it changes nothing in the estimation records";
-            study.not_testable.push((candidate.name(), why.into()));
+            if !candidate.probe {
+                study.not_testable.push((candidate.name(), why.into()));
+            }
             continue;
         }
         for (index, step) in candidate.entries.clone().zip(steps.into_iter().flatten()) {
@@ -131,186 +139,7 @@ fn model(fits: &Fits, p: &[f64], locals: &[Vec<f64>]) -> Model {
     Model { added: Vec::new(), fit: found, error, held_back: f64::NAN }
 }
 
-/// Errors of pieces in the units of the outputs; initial states are fitted where the study says so.
-fn errors(fits: &Fits, added: &[usize], pieces: &[Piece], p: &[f64], locals: Option<&[Vec<f64>]>) -> Errors {
-    let mut found = Errors::default();
-    if pieces.is_empty() {
-        return found;
-    }
-    let view = fits.view(added, pieces);
-    let own = match locals {
-        Some(locals) => locals.to_vec(),
-        None => fits.grow(added, pieces, p, &[], &[0.1, 0.3, 1.0], 12).locals,
-    };
-    let mut sums: BTreeMap<String, (f64, f64, f64, f64)> = BTreeMap::new();
-    for (r, local) in own.iter().enumerate() {
-        let (predicted, measured) = (view.predict(r, p, local), view.measured(r));
-        for span in view.signals(r) {
-            let sum = sums.entry(span.signal).or_default();
-            for (a, b) in measured[span.range.clone()].iter().zip(&predicted[span.range.clone()]) {
-                *sum = (sum.0 + 1.0, sum.1 + (a - b).powi(2), sum.2 + a, sum.3 + a * a);
-            }
-        }
-    }
-    for (signal, (n, error, sum, square)) in sums {
-        let spread = (square / n - (sum / n).powi(2)).max(f64::MIN_POSITIVE);
-        found.rms.insert(signal.clone(), (error / n).sqrt());
-        found.nrmse.insert(signal, (error / n / spread).sqrt());
-    }
-    found
-}
-
-/// Factor by which residuals that hang together widen intervals: power of sums over blocks against that of samples.
-fn widening(residuals: &[Vec<f64>]) -> f64 {
-    let all: f64 = residuals.iter().flatten().map(|r| r * r).sum();
-    let power = |length: usize| {
-        let blocks = residuals.iter().flat_map(|own| own.chunks_exact(length));
-        blocks.map(|block| block.iter().sum::<f64>().powi(2) / length as f64).sum::<f64>() / all
-    };
-    [1, 8, 64, 256].into_iter().map(power).fold(1.0, f64::max).sqrt()
-}
-
-/// Parameters in the terms of the vocabulary.
-fn physical(study: &Study, c: usize, p: &[f64]) -> Vec<f64> {
-    let own = &study.candidates[c];
-    let p = &p[own.entries.clone()];
-    match own.action {
-        Action::Block { law: Law::Spring, .. } => vec![p[0], -p[1] / p[0]],
-        Action::Block { law: Law::Cogging, .. } => vec![p[0].hypot(p[1]), p[1].atan2(p[0]), p[2]],
-        _ => p.to_vec(),
-    }
-}
-
-fn effect(fits: &Fits, selection: &Selection, model: &Model, c: usize, widen: f64) -> Effect {
-    let study = fits.study;
-    let own = &study.candidates[c];
-    let values = physical(study, c, &model.fit.parameters);
-    let names = study.entries[own.entries.clone()].iter();
-    let parameters = names.zip(&values).enumerate().map(|(k, (entry, value))| {
-        let mut slopes = vec![0.0; model.fit.free.len()];
-        for (a, free) in model.fit.free.iter().enumerate() {
-            let mut moved = model.fit.parameters.clone();
-            moved[free.index] += free.step;
-            slopes[a] = (physical(study, c, &moved)[k] - value) / free.step;
-        }
-        let mut variance = 0.0;
-        for a in 0..slopes.len() {
-            for b in 0..slopes.len() {
-                variance += slopes[a] * model.fit.covariance[(a, b)] * slopes[b];
-            }
-        }
-        let half = 1.96 * widen * model.error * variance.max(0.0).sqrt();
-        let name = entry.name.rsplit(' ').next().unwrap_or(&entry.name).to_owned();
-        Parameter { name, unit: entry.unit.clone(), value: *value, interval: (value - half, value + half) }
-    });
-    let samples: usize = fits.pieces.iter().map(|piece| piece.range.len()).sum();
-    let score = samples as f64 * (selection.declared.error / model.error).powi(2).ln();
-    Effect {
-        id: own.id.to_owned(),
-        channel: own.channel.to_owned(),
-        signal: own.signal.clone(),
-        selected: false,
-        group: None,
-        score,
-        parameters: parameters.collect(),
-        reason: String::new(),
-    }
-}
-
-fn effects(fits: &Fits, selection: &Selection, chosen: bool) -> Vec<Effect> {
-    let best = &selection.best;
-    let view = fits.view(&best.added, &fits.pieces);
-    let residuals: Vec<Vec<f64>> = (0..fits.pieces.len())
-        .map(|r| view.residuals(r, &best.fit.parameters, &best.fit.locals[r]))
-        .collect();
-    let widen = widening(&residuals);
-    let percent = |from: f64, to: f64| format!("{:.1} %", 100.0 * (1.0 - to / from));
-    let mut found = Vec::new();
-    for &c in &best.added {
-        let step = selection.path.iter().position(|(added, _)| added.contains(&c));
-        let reason = match step {
-            Some(k) if k > 0 => {
-                let with = selection.path[k].0.len() - selection.path[k - 1].0.len() > 1;
-                format!(
-                    "{}lowers the error on what was kept back by {}",
-                    if with { "together with its partner it " } else { "" },
-                    percent(selection.path[k - 1].1, selection.path[k].1)
-                )
-            }
-            _ => "part of the best model on what was kept back".to_owned(),
-        };
-        let rivals = selection.equals.iter().any(|(lacking, _)| *lacking == c);
-        let group = (chosen && rivals).then_some(c);
-        found.push(Effect { selected: chosen, group, reason, ..effect(fits, selection, best, c, widen) });
-    }
-    for (lacking, model) in &selection.equals {
-        for &c in model.added.iter().filter(|c| !best.added.contains(c)) {
-            let reason = "these records cannot tell it from the selected effect".to_owned();
-            let group = chosen.then_some(*lacking);
-            found.push(Effect { group, reason, ..effect(fits, selection, model, c, widen) });
-        }
-    }
-    for model in &selection.singles {
-        let c = model.added[0];
-        let own = &fits.study.candidates[c];
-        let same = |e: &Effect| e.id == own.id && e.signal == own.signal;
-        let gains = model.error < 0.999 * selection.declared.error;
-        if gains && !found.iter().any(same) {
-            let held = if model.held_back.is_nan() {
-                String::new()
-            } else {
-                format!(
-                    ", by {} on what was kept back",
-                    percent(selection.declared.held_back, model.held_back)
-                )
-            };
-            let reason = format!(
-                "alone it lowers the estimation error by {}{held}",
-                percent(selection.declared.error, model.error)
-            );
-            let one = Effect { reason, ..effect(fits, selection, model, c, widen) };
-            // A spring without stiffness has no rest position: it was fitted as something else.
-            let known = |p: &Parameter| [p.value, p.interval.0, p.interval.1].iter().all(|v| v.is_finite());
-            if one.parameters.iter().all(known) {
-                found.push(one);
-            }
-        }
-    }
-    found
-}
-
-/// Force residual before and after on the records of a role, refitted on the force; empty without a rule.
-fn force(fits: &Fits, added: &[usize], p: &[f64], roles: [Role; 2]) -> [Errors; 2] {
-    let study = fits.study;
-    if study.force.is_none() {
-        return [Errors::default(), Errors::default()];
-    }
-    let of = |pieces: Vec<Piece>| ForceView { view: fits.view(added, &pieces), scale: 1.0 };
-    let estimation = of(pieces(study, Role::Estimation));
-    let free: Vec<Free> = fits
-        .free(added)
-        .into_iter()
-        .filter(|free| !matches!(study.entries[free.index].target, Target::Offset))
-        .collect();
-    let records: Vec<usize> = (0..estimation.records()).collect();
-    let none = vec![Vec::new(); records.len()];
-    let found = fit(&estimation, &records, p, &free, &none, 25);
-    roles.map(|role| {
-        let view = of(pieces(study, role));
-        let residuals: Vec<f64> =
-            (0..view.records()).flat_map(|r| view.predict(r, &found.parameters, &[])).collect();
-        let rms = (residuals.iter().map(|r| r * r).sum::<f64>() / residuals.len().max(1) as f64).sqrt();
-        let mut errors = Errors::default();
-        if let Some((.., name)) = &study.force {
-            errors.rms.insert(name.clone(), rms);
-            let spread = view.spread();
-            errors.nrmse.insert(name.clone(), if spread > 0.0 { rms / spread } else { 0.0 });
-        }
-        errors
-    })
-}
-
-fn assemble(fits: &Fits, selection: Selection) -> Answer {
+fn assemble(fits: &Fits, judge: &Judge, selection: &Selection) -> Answer {
     let study = fits.study;
     let roles = [Role::Estimation, Role::Validation];
     let all = |model: &Model| {
@@ -327,57 +156,102 @@ fn assemble(fits: &Fits, selection: Selection) -> Answer {
     };
     let before = all(&selection.declared);
     let mut after = all(&selection.best);
-    let outputs = || study.outputs.iter();
-    let total = |errors: &Errors| -> f64 {
-        outputs()
-            .zip(&fits.scale)
-            .map(|(o, scale)| (errors.rms.get(&o.name).unwrap_or(&0.0) / scale).powi(2))
-            .sum()
-    };
-    let found = !selection.best.added.is_empty();
-    let helps = total(&after[1]) < total(&before[1]);
-    let clean = outputs().all(|o| before[1].rms.get(&o.name).is_some_and(|rms| *rms < NOISE * o.noise));
-    let verdict = match (found && helps, clean) {
-        (true, _) => Verdict::Effect,
-        (false, true) => Verdict::Nothing,
-        (false, false) => Verdict::Unexplained,
-    };
+    let Ruling { verdict, rest, helps } = rule(fits, judge, selection, [&before[1], &after[1]]);
     let chosen = verdict == Verdict::Effect;
-    let mut effects = effects(fits, &selection, chosen);
-    if found && !helps {
-        for effect in effects.iter_mut().take(selection.best.added.len()) {
+    let mut effects = effects(fits, selection, chosen);
+    if !chosen {
+        let why = if helps {
+            "it takes away less than what is left depends on: something else is missing"
+        } else {
             "it lowers the error on estimation records but not on validation records"
-                .clone_into(&mut effect.reason);
+        };
+        for effect in effects.iter_mut().take(selection.best.added.len()) {
+            why.clone_into(&mut effect.reason);
         }
         after = before.clone();
     }
+    let outputs = || study.outputs.iter();
     let mut noise: BTreeMap<String, f64> = outputs().map(|o| (o.name.clone(), o.noise)).collect();
     if let Some((rule, ..)) = &study.force {
         let name = study.force.as_ref().map(|force| force.3.clone()).unwrap_or_default();
         noise.insert(name, force_noise(study, rule.low_pass_hz));
     }
+    let shown = if chosen { &selection.best } else { &selection.declared };
     let mut notes = study.notes.clone();
-    notes.extend(remarks(fits, &selection, chosen));
+    notes.extend(remarks(fits, selection, shown));
+    notes.extend(leftover(fits, judge, shown, &rest));
     let unexplained = (verdict == Verdict::Unexplained).then(|| {
         let channel = study.candidates.first().map_or("actuator", |c| c.channel);
-        (channel.to_owned(), Vec::new())
+        rest.place.unwrap_or_else(|| (channel.to_owned(), Vec::new()))
     });
-    let left = |model: &Model| outputs().map(|o| (o.name.clone(), model.error)).collect();
     Answer {
         verdict,
         effects,
         unexplained,
         corrections: Vec::new(),
-        fitted: fitted(study, if chosen { &selection.best } else { &selection.declared }),
-        limit: NOISE,
-        parameters: [&selection.declared, &selection.best].map(|model| model.fit.parameters.clone()),
-        left: [left(&selection.declared), left(&selection.best)],
+        fitted: fitted(study, shown),
+        limit: judge.limit(),
+        parameters: [&selection.declared, shown].map(|model| model.fit.parameters.clone()),
+        left: [judge.left(fits, &selection.declared), judge.left(fits, shown)],
         before,
         after,
         noise,
         not_testable: study.not_testable.clone(),
         notes,
     }
+}
+
+/// A verdict, what is left beside it, and whether the effects lower the error on validation records.
+struct Ruling {
+    verdict: Verdict,
+    rest: Rest,
+    helps: bool,
+}
+
+fn rule(fits: &Fits, judge: &Judge, selection: &Selection, validation: [&Errors; 2]) -> Ruling {
+    let (declared, best) = (&selection.declared, &selection.best);
+    let total = |errors: &Errors| -> f64 {
+        let share = |(o, scale): (&super::model::Output, &f64)| {
+            (errors.rms.get(&o.name).unwrap_or(&0.0) / scale).powi(2)
+        };
+        fits.study.outputs.iter().zip(&fits.scale).map(share).sum()
+    };
+    let nothing = Rest { place: None, gain: 0.0 };
+    let helps = !best.added.is_empty() && total(validation[1]) < total(validation[0]);
+    if judge.explained(fits, declared) {
+        return Ruling { verdict: Verdict::Nothing, rest: nothing, helps };
+    }
+    if helps {
+        let rest = if judge.explained(fits, best) { nothing } else { judge.rest(fits, best) };
+        // A free form that takes away more than the effects did is what is missing; they only imitate it.
+        let gained = declared.error.powi(2) - best.error.powi(2);
+        if rest.place.is_none() || rest.gain < gained {
+            return Ruling { verdict: Verdict::Effect, rest, helps };
+        }
+    }
+    let rest = judge.rest(fits, declared);
+    let far = declared.error > FAR * judge.power.sqrt();
+    let verdict = if rest.place.is_some() || far { Verdict::Unexplained } else { Verdict::Nothing };
+    Ruling { verdict, rest, helps }
+}
+
+/// Sentences on what is left on the estimation records.
+fn leftover(fits: &Fits, judge: &Judge, model: &Model, rest: &Rest) -> Vec<String> {
+    let times = model.error / judge.power.sqrt();
+    let mut found = vec![format!(
+        "Noise and rounding of the sensors, carried through filters, initial states and inputs, give 1/{times:.3} of the error on estimation records (simulated {} times).",
+        judge.draws()
+    )];
+    if let Some((channel, variables)) = &rest.place {
+        let share = 100.0 * (rest.gain / model.error.powi(2)).min(1.0);
+        found.push(format!(
+            "A free form over {} at channel {channel} would take away {share:.0} % of the power that is left on estimation records.",
+            variables.join(" and ")
+        ));
+    } else if !judge.explained(fits, model) {
+        found.push("What is left on estimation records depends on none of the variables known at the attachments: memory, other places, or noise that is not white.".into());
+    }
+    found
 }
 
 /// Values of the free parameters of the declared system.
@@ -387,21 +261,11 @@ fn fitted(study: &Study, model: &Model) -> Vec<(String, f64)> {
     own.map(|(entry, value)| (entry.name.clone(), *value)).collect()
 }
 
-/// Scatter of the driving force from sample to sample, as far as the low-pass lets it through.
-fn force_noise(study: &Study, corner: f64) -> f64 {
-    let records = study.records.iter().filter(|record| record.role == Role::Estimation);
-    let first = records
-        .flat_map(|record| record.inputs.iter().flatten().map(move |values| (values, record.step)))
-        .next();
-    first.map_or(1.0, |(values, step)| {
-        (super::signal::scatter(values) * (2.0 * corner * step).sqrt()).max(1e-12)
-    })
-}
-
 /// Sentences on declared parameters, on other records and on what is left.
-fn remarks(fits: &Fits, selection: &Selection, chosen: bool) -> Vec<String> {
+fn remarks(fits: &Fits, selection: &Selection, after: &Model) -> Vec<String> {
     let study = fits.study;
-    let (before, after) = (&selection.declared, if chosen { &selection.best } else { &selection.declared });
+    let before = &selection.declared;
+    let chosen = !after.added.is_empty();
     let mut found = Vec::new();
     for (index, entry) in study.entries[..study.declared].iter().enumerate() {
         let (was, is) = (before.fit.parameters[index], after.fit.parameters[index]);

@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use super::command::Command;
 use super::declaration::Attachment;
-use super::law::Law;
+use super::law::{KNOTS, Law, Variable};
 use super::model::{Action, Entry, Sensor, Study, Target};
 use super::simulate::Survey;
 use crate::refine::engine::fit::Free;
@@ -26,6 +26,8 @@ pub struct Candidate {
     pub starts: Vec<Vec<f64>>,
     /// How much it assumes: memoryless and linear 0, with a shape or a memory more.
     pub complexity: usize,
+    /// A free form that shows on what depends what is left; never part of an answer.
+    pub probe: bool,
     /// It changes the Coulomb level of its attachment: without one in the declared model it needs this other one.
     pub needs: Option<usize>,
 }
@@ -234,6 +236,12 @@ pub fn fill(
         study.candidates[candidate].needs = needs;
     }
     sensors(study);
+    // Without candidates there is nothing to search, and nothing to explain.
+    if !study.candidates.is_empty() {
+        for (tap, attachment) in attachments.iter().enumerate() {
+            probes(study, tap, attachment, fed(&attachment.input).is_some());
+        }
+    }
 }
 
 /// The Coulomb candidate that laws need which change a Coulomb level, where the declared model has none: a friction peak
@@ -283,8 +291,46 @@ fn push(study: &mut Study, kind: &Kind, channel: &'static str, tap: usize, start
         entries: range,
         complexity: kind.parameters.len() - 1 + 2 * memory,
         starts,
+        probe: false,
         needs: None,
     });
+}
+
+/// Free forms over the variables of an attachment, each at the channel where such a force would belong.
+fn probes(study: &mut Study, tap: usize, attachment: &Attachment, command: bool) {
+    let channel = |order: &[&str]| {
+        let own = order.iter().find(|channel| attachment.channels.iter().any(|c| c == *channel));
+        CHANNELS.into_iter().find(|channel| Some(channel) == own)
+    };
+    let friction = ["piston_friction", "cart_friction", "pole", "cart", "actuator"];
+    let place = ["cart", "pole", "piston_friction", "cart_friction", "actuator"];
+    let drive = ["actuator", "piston_friction", "pole", "cart_friction", "cart"];
+    let known = study.taps[tap].signals;
+    let variables = [
+        (Variable::Velocity, known[0].is_some(), friction),
+        (Variable::Position, known[1].is_some(), place),
+        (Variable::PressureForce, known[2].is_some(), drive),
+        (Variable::Value, command, drive),
+        (Variable::Time, true, place),
+    ];
+    for (variable, there, order) in variables {
+        let (low, high) = study.range(tap, variable);
+        let Some(channel) = channel(&order).filter(|_| there && low < high) else { continue };
+        let all = (f64::NEG_INFINITY, f64::INFINITY);
+        let names = [("height", "1"); KNOTS];
+        let range = entries(study, "free form", &names, |_| all);
+        study.candidates.push(Candidate {
+            id: "free form",
+            channel,
+            signal: None,
+            action: Action::Block { law: Law::Shape(variable), tap },
+            entries: range,
+            starts: vec![vec![0.0; KNOTS]],
+            complexity: KNOTS,
+            probe: true,
+            needs: None,
+        });
+    }
 }
 
 fn memory(
@@ -318,6 +364,7 @@ fn memory(
         entries: range,
         complexity: 1 + command.parameters(),
         starts,
+        probe: false,
         needs: None,
     });
 }
@@ -364,6 +411,7 @@ fn sensors(study: &mut Study) {
                 entries,
                 starts,
                 complexity: 1,
+                probe: false,
                 needs: None,
             };
             study.candidates.push(own);

@@ -22,7 +22,7 @@ pub struct Declaration {
     pub step_s: Option<Spanned<f64>>,
     /// Values of parameters of the system, in their units.
     #[serde(default)]
-    pub parameters: BTreeMap<String, Spanned<f64>>,
+    pub parameters: BTreeMap<String, Spanned<Value>>,
     /// Inputs of the system and the columns they are fed with.
     #[serde(default)]
     pub inputs: BTreeMap<String, Spanned<Signal>>,
@@ -45,6 +45,28 @@ pub struct Declaration {
     /// The error that is reported.
     #[serde(default)]
     pub error: ErrorRule,
+}
+
+/// Value of a parameter: a number, a Boolean, or text (an item of an Enumeration).
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(untagged)]
+pub enum Value {
+    /// Real, Integer, or value of an Enumeration.
+    Number(f64),
+    /// Boolean.
+    Boolean(bool),
+    /// String, or item of an Enumeration.
+    Text(String),
+}
+
+impl std::fmt::Display for Value {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Value::Number(value) => write!(f, "{value}"),
+            Value::Boolean(value) => write!(f, "{value}"),
+            Value::Text(value) => f.write_str(value),
+        }
+    }
 }
 
 /// A signal made of a column.
@@ -72,6 +94,16 @@ pub struct Signal {
     /// Points of a Savitzky-Golay derivative of order 2.
     #[serde(default)]
     pub savitzky_golay_points: Option<usize>,
+}
+
+impl Signal {
+    /// Column that it is made of; none where that is not clear.
+    pub fn source(&self) -> Option<&String> {
+        match (&self.column, &self.derivative_of) {
+            (Some(column), None) | (None, Some(column)) => Some(column),
+            _ => None,
+        }
+    }
 }
 
 /// A measured output.

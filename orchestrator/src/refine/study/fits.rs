@@ -169,6 +169,27 @@ impl<'a> Fits<'a> {
         self.fit_from(added, &p, &locals)
     }
 
+    /// Error that the linear step over the entries of some candidates beside `base` promises.
+    pub fn promised(&self, base: &Model, own: &[usize]) -> Option<f64> {
+        let mut added = base.added.clone();
+        added.extend(own);
+        let view = self.view(&added, &self.pieces);
+        let records: Vec<usize> = (0..self.pieces.len()).collect();
+        let locals: Vec<&[f64]> = base.fit.locals.iter().map(Vec::as_slice).collect();
+        let shared = columns(&view, &records, &base.fit.parameters, &base.fit.free, &locals, true, None);
+        let entries = own.iter().flat_map(|&c| self.study.candidates[c].entries.clone());
+        let open: Vec<Free> = entries.map(|index| self.study.entries[index].free).collect();
+        let start = base.fit.parameters.clone();
+        let (chi2, _) = linear_step(&view, &shared, (&base.fit, &base.fit.locals), &open, start)?;
+        Some(rms(chi2, self.count(&self.pieces)))
+    }
+
+    /// Difference step of all heights of a free form.
+    pub fn probe_step(&self, base: &Model, c: usize) -> Option<f64> {
+        let entries = self.study.candidates[c].entries.clone();
+        self.scaled_step(base, &[c], |p, step| p[entries.clone()].fill(step))
+    }
+
     /// Fits everything from a start.
     pub fn fit_from(&self, added: Vec<usize>, p: &[f64], locals: &[Vec<f64>]) -> Option<Model> {
         let records: Vec<usize> = (0..self.pieces.len()).collect();
@@ -274,24 +295,35 @@ impl<'a> Fits<'a> {
         let mut added = base.added.clone();
         added.extend(own.needs.filter(|needs| !added.contains(needs)));
         added.push(c);
-        let view = self.view(&added, &self.pieces[..1]);
         let start = &own.starts[own.starts.len() / 2];
         let mut p = base.fit.parameters.clone();
         own.entries.clone().zip(start).for_each(|(index, value)| p[index] = *value);
         if p[index] != 0.0 {
             return Some(1e-3 * p[index].abs());
         }
+        self.scaled_step(base, &added[base.added.len()..], |q, step| {
+            q.copy_from_slice(&p);
+            q[index] = step;
+        })
+    }
+
+    /// Step of a change that moves the residuals by a thousandth; none if nothing moves them.
+    fn scaled_step(&self, base: &Model, own: &[usize], change: impl Fn(&mut [f64], f64)) -> Option<f64> {
+        let added: Vec<usize> = base.added.iter().chain(own).copied().collect();
+        let view = self.view(&added, &self.pieces[..1]);
+        let mut p = base.fit.parameters.clone();
+        change(&mut p, 0.0);
         let before = view.residuals(0, &p, &base.fit.locals[0]);
         let mut step = 1e-3;
         for _ in 0..12 {
-            p[index] = step;
+            change(&mut p, step);
             let moved = view.residuals(0, &p, &base.fit.locals[0]);
-            let change = moved.iter().zip(&before).map(|(a, b)| (a - b).powi(2)).sum::<f64>();
-            let change = rms(change, before.len()) / 1e-3;
-            if (0.2..5.0).contains(&change) {
+            let square = moved.iter().zip(&before).map(|(a, b)| (a - b).powi(2)).sum::<f64>();
+            let size = rms(square, before.len()) / 1e-3;
+            if (0.2..5.0).contains(&size) {
                 return Some(step);
             }
-            step *= if change.is_finite() { (1.0 / change).clamp(1e-5, 1e5) } else { 1e-3 };
+            step *= if size.is_finite() { (1.0 / size).clamp(1e-5, 1e5) } else { 1e-3 };
             if !(1e-30..1e30).contains(&step) {
                 return None;
             }

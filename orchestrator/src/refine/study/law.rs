@@ -13,6 +13,56 @@ pub struct Point {
     pub pressure: f64,
     /// Time since the beginning of the record \[s\].
     pub time: f64,
+    /// The value that passes the attachment.
+    pub value: f64,
+}
+
+impl Point {
+    /// Value of a variable.
+    pub fn of(&self, variable: Variable) -> f64 {
+        match variable {
+            Variable::Velocity => self.velocity,
+            Variable::Position => self.position,
+            Variable::PressureForce => self.pressure_force,
+            Variable::Value => self.value,
+            Variable::Time => self.time,
+        }
+    }
+}
+
+/// A variable that a free form is over.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Variable {
+    /// Velocity at the attachment.
+    Velocity,
+    /// Position at the attachment.
+    Position,
+    /// Pressure force.
+    PressureForce,
+    /// The value that passes.
+    Value,
+    /// Time since the beginning of the record.
+    Time,
+}
+
+/// Knots of a free form.
+pub const KNOTS: usize = 8;
+
+/// Piecewise linear through `heights`, `[KNOTS]`, over `range`; over a velocity that changes its sign it may jump at zero.
+pub fn shape(variable: Variable, heights: &[f64], range: (f64, f64), at: f64) -> f64 {
+    let line = |heights: &[f64], low: f64, high: f64| {
+        let last = heights.len() - 1;
+        let place = ((at - low) / (high - low) * last as f64).clamp(0.0, last as f64);
+        let below = (place as usize).min(last - 1);
+        heights[below] + (place - below as f64) * (heights[below + 1] - heights[below])
+    };
+    let (low, high) = range;
+    if variable == Variable::Velocity && low < 0.0 && high > 0.0 {
+        let half = heights.len() / 2;
+        if at < 0.0 { line(&heights[..half], low, 0.0) } else { line(&heights[half..], 0.0, high) }
+    } else {
+        line(heights, low, high)
+    }
 }
 
 /// A law; its parameters stand in the order of [`Law::parameters`].
@@ -54,6 +104,8 @@ pub enum Law {
     PositionGain,
     /// gain that falls with time
     Droop,
+    /// Free form over a variable: heights at knots over its range; see [`shape`]
+    Shape(Variable),
 }
 
 impl Law {
@@ -62,6 +114,7 @@ impl Law {
         match self {
             Law::Stribeck | Law::Asymmetry | Law::Spring | Law::Droop => 2,
             Law::EndStop | Law::Cogging => 3,
+            Law::Shape(_) => KNOTS,
             _ => 1,
         }
     }
@@ -104,7 +157,12 @@ impl Law {
                 p[0] * phase.sin() + p[1] * phase.cos()
             }
             Law::Area => -p[0] * at.pressure,
-            Law::Gain | Law::DeadBand | Law::Saturation | Law::PositionGain | Law::Droop => 0.0,
+            Law::Gain
+            | Law::DeadBand
+            | Law::Saturation
+            | Law::PositionGain
+            | Law::Droop
+            | Law::Shape(_) => 0.0,
         }
     }
 
@@ -145,6 +203,16 @@ mod tests {
         let force = |x, v| Law::EndStop.force(&[100.0, 10.0, 0.2], &at(x, v), 0.0, 0.0, 0.0);
         assert_eq!((force(0.1, 1.0), force(0.3, -5.0)), (0.0, 0.0));
         assert!((force(0.3, 0.5) - 15.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_free_form_goes_through_its_heights_and_may_jump_where_a_velocity_changes_its_sign() {
+        let heights = [3.0, 2.0, 1.0, 0.5, -0.5, -1.0, -2.0, -3.0];
+        let velocity = |v| shape(Variable::Velocity, &heights, (-0.3, 0.6), v);
+        assert_eq!((velocity(-0.3), velocity(0.0), velocity(0.6)), (3.0, -0.5, -3.0));
+        assert!((velocity(-0.05) - 0.75).abs() < 1e-12);
+        let place = |x| shape(Variable::Position, &heights, (0.0, 7.0), x);
+        assert_eq!((place(-1.0), place(2.5), place(9.0)), (3.0, 0.75, -3.0));
     }
 
     #[test]

@@ -10,10 +10,14 @@ pub mod catalogue;
 pub mod command;
 pub mod dataset;
 pub mod declaration;
+pub mod effects;
+pub mod errors;
+pub mod explain;
 pub mod fits;
 pub mod force;
 pub mod law;
 pub mod model;
+pub mod noise;
 pub mod open;
 pub mod plant;
 pub mod read;
@@ -27,6 +31,9 @@ use super::Error;
 
 /// Name of a study in a folder.
 pub const STUDY: &str = "study.toml";
+
+/// JSON schema of a study.
+pub const SCHEMA: &str = include_str!("study.schema.json");
 
 /// What is wrong with a study, without the place.
 #[derive(Debug, thiserror::Error)]

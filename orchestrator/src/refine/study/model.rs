@@ -4,8 +4,9 @@ use std::sync::{Mutex, PoisonError};
 
 use super::Problem;
 use super::catalogue::Candidate;
-use super::declaration::ForceRule;
-use super::law::Law;
+use super::declaration::{ForceRule, Initial, InitialWord};
+use super::law::{Law, Variable};
+use super::noise::SensorNoise;
 use super::plant::{Parameter, Plant};
 use super::read::Record;
 use crate::refine::engine::fit::Free;
@@ -61,6 +62,8 @@ pub struct Tap {
     pub signals: [Option<usize>; 4],
     /// Velocity over which friction changes its sign.
     pub vt: f64,
+    /// Its motion is a rotation.
+    pub angular: bool,
     /// Coulomb friction of the declared model: entry of the parameter vector, or its value.
     pub coulomb: Option<Level>,
 }
@@ -146,12 +149,16 @@ pub struct Study {
     pub taps: Vec<Tap>,
     /// Candidates.
     pub candidates: Vec<Candidate>,
-    /// Range of positions at each attachment.
-    pub ranges: Vec<(f64, f64)>,
+    /// Ranges at each attachment: velocity, position, pressure force, pressure, the value that passes.
+    pub ranges: Vec<[(f64, f64); 5]>,
     /// Restart of the simulation \[s\].
     pub windows: Option<f64>,
     /// Force residual: rule, velocity state, tap, output column of the driving force.
     pub force: Option<(ForceRule, usize, usize, String)>,
+    /// Whether components have time events, so states of their own that no sensor shows.
+    pub sampled: bool,
+    /// Noise of the sensors.
+    pub sensors: SensorNoise,
     /// Remarks.
     pub notes: Vec<String>,
     /// Candidates that cannot be tested and why.
@@ -176,6 +183,33 @@ impl Study {
     /// Gives an instance back.
     pub fn give(&self, plant: Plant) {
         self.pool.lock().unwrap_or_else(PoisonError::into_inner).push(plant);
+    }
+
+    /// Range of a variable at an attachment.
+    pub fn range(&self, tap: usize, variable: Variable) -> (f64, f64) {
+        let Some(own) = self.ranges.get(tap) else { return (0.0, 0.0) };
+        match variable {
+            Variable::Velocity => own[0],
+            Variable::Position => own[1],
+            Variable::PressureForce => own[2],
+            Variable::Value => own[4],
+            Variable::Time => {
+                let end = |record: &Record| record.n as f64 * record.step;
+                (0.0, self.records.iter().map(end).fold(0.0, f64::max))
+            }
+        }
+    }
+
+    /// Whether spans of a record are simulated from its beginning: the states at other times are neither measured nor
+    /// fitted.
+    pub fn from_start(&self, record: &Record) -> bool {
+        let unknown = || record.states.iter().any(Option::is_none);
+        self.windows.is_none()
+            && match &record.initial {
+                Initial::Given(_) => true,
+                Initial::Word(InitialWord::Fit) => false,
+                Initial::Word(InitialWord::Measured) => self.sampled || unknown(),
+            }
     }
 
     /// Parameter vector of the declared model; candidates at zero.

@@ -1,12 +1,14 @@
 //! From the declaration to a study that can be simulated: names resolved, records read, everything checked first.
 
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::Mutex;
 
 use super::Problem;
 use super::catalogue;
-use super::declaration::{Attachment, Declaration, File, Initial, Role};
+use super::declaration::{Attachment, Declaration, File, Initial, Role, Value};
 use super::model::{Entry, Level, Output, Study, Tap, Target};
+use super::noise::SensorNoise;
 use super::plant::{self, Plant};
 use super::read::{self, Layout};
 use crate::fmu::{Causality, InterfaceKind, template_folder};
@@ -154,9 +156,12 @@ fn parameters(file: &File, graph: &SystemGraph) -> Result<Values, Error> {
     };
     let mut fixed = Vec::new();
     for (name, value) in &declaration.parameters {
-        let (parameter, _, bounds) =
-            Plant::parameter(graph, name).ok_or_else(|| file.refuse(value, unknown(name)))?;
-        let number = *value.get_ref();
+        // Those of other types are start values of the system.
+        let Some((parameter, _, bounds)) = Plant::parameter(graph, name) else { continue };
+        let Value::Number(number) = *value.get_ref() else {
+            let given = value.get_ref();
+            return Err(file.refuse(value, format!("`{name}` is a Real; `{given}` is no number")));
+        };
         if !(bounds.0..=bounds.1).contains(&number) {
             return Err(file.refuse(
                 value,
@@ -240,7 +245,7 @@ fn taps(
         if !(vt > 0.0 && vt.is_finite()) {
             return Err(file.refuse(spanned, "vt must be above zero"));
         }
-        found.push(Tap { name: attachment.input.clone(), signals: slots, vt, coulomb });
+        found.push(Tap { name: attachment.input.clone(), signals: slots, vt, angular: pole, coulomb });
     }
     Ok(found)
 }
@@ -252,7 +257,13 @@ fn taps(
 pub fn open(file: &File) -> Result<(Study, Vec<Attachment>), Error> {
     check(file)?;
     let declaration: &Declaration = &file.declaration;
-    let graph = system(file)?;
+    let mut graph = system(file)?;
+    for (name, value) in &declaration.parameters {
+        if Plant::parameter(&graph, name).is_none() {
+            let text = value.get_ref().to_string();
+            graph.set_start(name, &text, "[parameters]").map_err(|error| file.refuse(value, error))?;
+        }
+    }
     let attachments: Vec<Attachment> =
         declaration.attachment.iter().map(|spanned| spanned.get_ref().clone()).collect();
     // One attachment after the other, so that an unknown input is told with its place.
@@ -262,8 +273,13 @@ pub fn open(file: &File) -> Result<(Study, Vec<Attachment>), Error> {
     }
     let names: Vec<String> = attachments.iter().map(|attachment| attachment.input.clone()).collect();
     let extra: Vec<String> = declaration.signals.keys().cloned().collect();
-    let plant =
+    let mut plant =
         Plant::new(&graph, &names, &extra).map_err(|problem| file.refuse(&declaration.system, problem))?;
+    let mut states = vec![0.0; plant.nx];
+    plant
+        .initialise(&[], 0.0, &mut states, &|_, value, _| value)
+        .map_err(|problem| file.refuse(&declaration.system, problem))?;
+    let sampled = plant.next_event().is_some();
     let layout = layout(file, &graph, &plant)?;
     let mut notes = file.notes.clone();
     let mut records = read::records(file, &layout, &mut notes)?;
@@ -279,6 +295,18 @@ pub fn open(file: &File) -> Result<(Study, Vec<Attachment>), Error> {
         }
     }
     let (fixed, mut entries) = parameters(file, &graph)?;
+    let mut known = BTreeMap::new();
+    for spanned in declaration.outputs.values() {
+        let output = spanned.get_ref();
+        match output.noise {
+            Some(noise) if !(noise > 0.0 && noise.is_finite()) => {
+                return Err(file.refuse(spanned, format!("noise = {noise} must be above zero")));
+            }
+            Some(noise) => drop(known.insert(output.column.clone(), noise)),
+            None => {}
+        }
+    }
+    let sensors = SensorNoise::new(&records, &layout, &known);
     let mut outputs = Vec::new();
     for (o, (name, spanned)) in declaration.outputs.iter().enumerate() {
         let Some(slot) = plant.slot(name) else {
@@ -286,22 +314,17 @@ pub fn open(file: &File) -> Result<(Study, Vec<Attachment>), Error> {
             return Err(file.refuse(spanned, Problem::Name { what: "output", name: name.clone(), known }));
         };
         let output = spanned.get_ref();
-        let estimation = records.iter().filter(|record| record.role == Role::Estimation);
         let unit = layout.units[2][o].clone().or(output.unit.clone()).unwrap_or_else(|| "1".into());
-        let (mut sum, mut count, mut size) = (0.0, 0.0, 0.0f64);
-        for record in estimation {
+        let mut size = 0.0f64;
+        for record in records.iter().filter(|record| record.role == Role::Estimation) {
             let values = &record.outputs[o];
-            sum += values.len() as f64 * record.scatter[o].powi(2);
-            count += values.len() as f64;
             size = values.iter().fold(size, |a, b| a.max(b.abs()));
             if let Some(problem) = saturated(values) {
                 return Err(file.refuse(spanned, format!("{}: {problem}", record.name)));
             }
         }
-        if let Some(noise) = output.noise.filter(|noise| !(*noise > 0.0 && noise.is_finite())) {
-            return Err(file.refuse(spanned, format!("noise = {noise} must be above zero")));
-        }
-        let noise = output.noise.unwrap_or_else(|| f64::sqrt(sum / f64::max(count, 1.0)).max(1e-12));
+        let factor = records.first().map_or(1.0, |record| record.factors[3][o].abs());
+        let noise = (factor * sensors.of(&output.column).rms()).max(1e-12);
         let offset = output.offset.map(|_| {
             let index = entries.len();
             let bounds = (f64::NEG_INFINITY, f64::INFINITY);
@@ -354,6 +377,8 @@ pub fn open(file: &File) -> Result<(Study, Vec<Attachment>), Error> {
         ranges: Vec::new(),
         windows: declaration.error.windows_s,
         force,
+        sampled,
+        sensors,
         notes,
         not_testable: Vec::new(),
         pool: Mutex::new(vec![plant]),

@@ -8,7 +8,7 @@ use std::collections::BTreeMap;
 use std::ops::Range;
 
 use super::Problem;
-use crate::fmu::{Causality, Instance, Model, VariableKind};
+use crate::fmu::{Causality, Instance, InterfaceKind, Model, VariableKind};
 use crate::system::SystemGraph;
 use crate::system::graph::{Component, Conversion, DataType, Source, Start};
 use crate::system::order::feed_through;
@@ -35,6 +35,10 @@ struct Part {
     /// Outputs that follow the states alone, and those that follow inputs: value references and first slot.
     early: (Vec<u32>, Range<usize>),
     late: (Vec<u32>, Range<usize>),
+    /// Time of its next event \[s\].
+    next_event: Option<f64>,
+    /// It wants to hear of every accepted step.
+    told_of_steps: bool,
 }
 
 /// A parameter of the system: component in evaluation order and value reference.
@@ -117,7 +121,7 @@ impl Plant {
     /// `extra` further signals, which have the last slots.
     ///
     /// # Errors
-    /// Algebraic loops, FMUs with events, names that are no inputs, FMUs that fail.
+    /// Algebraic loops, FMUs with state events, names that are no inputs, FMUs that fail.
     pub fn new(graph: &SystemGraph, attachments: &[String], extra: &[String]) -> Result<Plant, Problem> {
         if let Some(one) = graph.loops.first() {
             return Err(Problem::System(format!(
@@ -230,7 +234,18 @@ impl Plant {
             nx = own.end;
             let feed_references = feeds.iter().map(|feed| feed.reference).collect();
             let feed_values = vec![0.0; feeds.len()];
-            parts.push(Part { model, states: own, feeds, feed_references, feed_values, early, late });
+            let interface = component.fmu.interface(InterfaceKind::ModelExchange);
+            parts.push(Part {
+                model,
+                states: own,
+                feeds,
+                feed_references,
+                feed_values,
+                early,
+                late,
+                next_event: None,
+                told_of_steps: interface.is_some_and(|own| !own.completed_integrator_step_not_needed),
+            });
         }
         // A system output that is the same variable as a state names that state as well.
         for output in &graph.outputs {
@@ -289,11 +304,18 @@ impl Plant {
         Some(((place, declared.value_reference), value, bounds))
     }
 
-    /// (Re)initialises all components with these values of parameters; the states are those of the start values.
+    /// (Re)initialises all components at `time` \[s\] with these values of parameters and the system inputs that stand in
+    /// the first slots; `x`, `[nx]`, gets the states of the start values.
     ///
     /// # Errors
-    /// An FMU that fails, or that has time events.
-    pub fn initialise(&mut self, parameters: &[(Parameter, f64)], x: &mut [f64]) -> Result<(), Problem> {
+    /// An FMU that fails.
+    pub fn initialise(
+        &mut self,
+        parameters: &[(Parameter, f64)],
+        time: f64,
+        x: &mut [f64],
+        block: &impl Fn(usize, f64, &[f64]) -> f64,
+    ) -> Result<(), Problem> {
         for place in 0..self.parts.len() {
             let (part, component) = (&mut self.parts[place], &self.starts[place]);
             if self.initialised {
@@ -304,27 +326,88 @@ impl Plant {
                 part.model.set_real(&[*reference], &[*value]).map_err(Problem::fmu)?;
             }
             let model = &mut part.model;
-            model.setup_experiment(None, 0.0, None).map_err(Problem::fmu)?;
+            model.setup_experiment(None, time, None).map_err(Problem::fmu)?;
             model.enter_initialization_mode().map_err(Problem::fmu)?;
             model.exit_initialization_mode().map_err(Problem::fmu)?;
-            loop {
-                let event = model.new_discrete_states().map_err(Problem::fmu)?;
-                if let Some(time) = event.next_event_time {
-                    return Err(Problem::System(format!(
-                        "component `{}` has time events (the first at {time} s); studies simulate continuous systems: where the model has a continuous realisation, choose it with a start value",
-                        component.name
-                    )));
-                }
-                if !event.new_discrete_states_needed {
-                    break;
-                }
-            }
-            model.enter_continuous_time_mode().map_err(Problem::fmu)?;
             if !part.states.is_empty() {
                 model.get_continuous_states(&mut x[part.states.clone()]).map_err(Problem::fmu)?;
             }
+            part.next_event = Some(time);
         }
         self.initialised = true;
+        self.settle(time, x, block).map_err(Problem::fmu)
+    }
+
+    /// Time of the next event \[s\].
+    pub fn next_event(&self) -> Option<f64> {
+        self.parts.iter().filter_map(|part| part.next_event).min_by(f64::total_cmp)
+    }
+
+    /// The time events of `time` \[s\], one component after the other; they may change the states `x`, `[nx]`.
+    ///
+    /// # Errors
+    /// An FMU that fails.
+    pub fn event(
+        &mut self,
+        time: f64,
+        x: &mut [f64],
+        block: &impl Fn(usize, f64, &[f64]) -> f64,
+    ) -> Result<(), crate::fmu::Error> {
+        for part in &mut self.parts {
+            part.model.set_time(time)?;
+            if !part.states.is_empty() {
+                part.model.set_continuous_states(&x[part.states.clone()])?;
+            }
+            if part.next_event.is_some_and(|next| next <= time) {
+                part.model.enter_event_mode()?;
+            }
+        }
+        self.settle(time, x, block)
+    }
+
+    /// Event iterations of the components whose event is due, which are in event mode.
+    fn settle(
+        &mut self,
+        time: f64,
+        x: &mut [f64],
+        block: &impl Fn(usize, f64, &[f64]) -> f64,
+    ) -> Result<(), crate::fmu::Error> {
+        let slots = &mut self.slots;
+        for part in self.parts.iter_mut().filter(|part| !part.early.0.is_empty()) {
+            part.model.get_real(&part.early.0, &mut slots[part.early.1.clone()])?;
+        }
+        for part in &mut self.parts {
+            part.feed(slots, block)?;
+            if part.next_event.is_some_and(|next| next <= time) {
+                let mut event = part.model.new_discrete_states()?;
+                while event.new_discrete_states_needed {
+                    event = part.model.new_discrete_states()?;
+                }
+                // An event that stays where it is would never end.
+                part.next_event = event.next_event_time.filter(|next| *next > time);
+                part.model.enter_continuous_time_mode()?;
+                if !part.states.is_empty() {
+                    part.model.get_continuous_states(&mut x[part.states.clone()])?;
+                }
+                if !part.early.0.is_empty() {
+                    part.model.get_real(&part.early.0, &mut slots[part.early.1.clone()])?;
+                }
+            }
+            if !part.late.0.is_empty() {
+                part.model.get_real(&part.late.0, &mut slots[part.late.1.clone()])?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Tells the components that want to know of an accepted step.
+    ///
+    /// # Errors
+    /// An FMU that fails.
+    pub fn step_done(&mut self) -> Result<(), crate::fmu::Error> {
+        for part in self.parts.iter_mut().filter(|part| part.told_of_steps) {
+            part.model.completed_integrator_step(true)?;
+        }
         Ok(())
     }
 
@@ -351,15 +434,7 @@ impl Plant {
             }
         }
         for part in &mut self.parts {
-            for (feed, value) in part.feeds.iter().zip(&mut part.feed_values) {
-                *value = feed.source.map_or(feed.start, |(slot, conversion)| conversion.apply(slots[slot]));
-                for &attachment in &feed.blocks {
-                    *value = block(attachment, *value, slots);
-                }
-            }
-            if !part.feeds.is_empty() {
-                part.model.set_real(&part.feed_references, &part.feed_values)?;
-            }
+            part.feed(slots, block)?;
             if !part.late.0.is_empty() {
                 part.model.get_real(&part.late.0, &mut slots[part.late.1.clone()])?;
             }
@@ -368,6 +443,26 @@ impl Plant {
             }
         }
         Ok(())
+    }
+}
+
+impl Part {
+    /// Sets the inputs.
+    fn feed(
+        &mut self,
+        slots: &[f64],
+        block: &impl Fn(usize, f64, &[f64]) -> f64,
+    ) -> Result<(), crate::fmu::Error> {
+        if self.feeds.is_empty() {
+            return Ok(());
+        }
+        for (feed, value) in self.feeds.iter().zip(&mut self.feed_values) {
+            *value = feed.source.map_or(feed.start, |(slot, conversion)| conversion.apply(slots[slot]));
+            for &attachment in &feed.blocks {
+                *value = block(attachment, *value, slots);
+            }
+        }
+        self.model.set_real(&self.feed_references, &self.feed_values)
     }
 }
 

@@ -31,10 +31,21 @@ pub struct Record {
     pub outputs: Vec<Vec<f64>>,
     /// Measured states, `[nx][n]`, where there are columns for them.
     pub states: Vec<Option<Vec<f64>>>,
-    /// Scatter of the measured outputs from sample to sample, before any interpolation.
-    pub scatter: Vec<f64>,
+    /// What the columns in use show of their sensors, before any interpolation.
+    pub sensors: BTreeMap<String, Sensor>,
+    /// Factors from the units of columns to those of signals: inputs, states, further signals, outputs.
+    pub factors: [Vec<f64>; 4],
     /// Filtered signals for the force residual.
     pub force: Option<ForceRecord>,
+}
+
+/// What a column shows of its sensor, in the unit of the column.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Sensor {
+    /// Scatter from sample to sample.
+    pub scatter: f64,
+    /// Step of the sensor; 0: none that is seen.
+    pub quantum: f64,
 }
 
 /// Filtered signals of a record.
@@ -65,6 +76,23 @@ pub struct Layout {
     pub units: [Vec<Option<String>>; 3],
     /// Force residual: rule, velocity state.
     pub force: Option<(ForceRule, usize)>,
+}
+
+impl Layout {
+    /// Signals in use: inputs, states, further signals, outputs.
+    pub fn signals(&self) -> [Vec<Option<&Signal>>; 4] {
+        [
+            self.inputs.iter().map(Option::as_ref).collect(),
+            self.states.iter().map(Option::as_ref).collect(),
+            self.extra.iter().map(Some).collect(),
+            self.outputs.iter().map(Some).collect(),
+        ]
+    }
+
+    /// Columns in use.
+    fn columns(&self) -> impl Iterator<Item = &String> {
+        self.signals().into_iter().flatten().flatten().filter_map(Signal::source)
+    }
 }
 
 /// A file on its grid.
@@ -109,6 +137,29 @@ fn grid(series: TimeSeries, step: Option<f64>) -> Result<Grid, String> {
     Ok(Grid { held, series: linear, raw: series, step, gaps })
 }
 
+/// Factor and offset from the unit of a column to that of the signal `wanted`.
+fn conversion(
+    source: &TimeSeries,
+    name: &str,
+    signal: &Signal,
+    wanted: Option<&str>,
+) -> Result<(f64, f64), String> {
+    let own = source.channel(name).and_then(|channel| channel.unit.as_deref());
+    let unit = signal.unit.as_deref().or(own);
+    let (Some(unit), Some(wanted)) = (unit, wanted.filter(|_| signal.derivative_of.is_none())) else {
+        return Ok((1.0, 0.0));
+    };
+    let known =
+        |unit: &str| lookup(unit).ok_or_else(|| format!("unit `{unit}` of column `{name}` is not known"));
+    match compatible(&known(unit)?, &known(wanted)?) {
+        Compatibility::Equal => Ok((1.0, 0.0)),
+        Compatibility::Convertible { factor, offset } => Ok((factor, offset)),
+        Compatibility::Incompatible => Err(format!(
+            "column `{name}` is in {unit}, the signal of the system in {wanted}; name another column or correct the unit"
+        )),
+    }
+}
+
 /// Values of a column as they stand in a series, in the unit `wanted`.
 fn in_unit(
     source: &TimeSeries,
@@ -124,47 +175,36 @@ fn in_unit(
     if signal.derivative_of.is_some() && others.iter().all(|value| value == first) {
         return Err(format!("column `{name}` never changes, so its derivative says nothing"));
     }
+    let (factor, offset) = conversion(source, name, signal, wanted)?;
     let mut values = channel.values.clone();
-    let unit = signal.unit.as_deref().or(channel.unit.as_deref());
-    if signal.derivative_of.is_none()
-        && let (Some(unit), Some(wanted)) = (unit, wanted)
-    {
-        let known =
-            |unit: &str| lookup(unit).ok_or_else(|| format!("unit `{unit}` of column `{name}` is not known"));
-        match compatible(&known(unit)?, &known(wanted)?) {
-            Compatibility::Equal => {}
-            Compatibility::Convertible { factor, offset } => {
-                values.iter_mut().for_each(|value| *value = factor * *value + offset);
-            }
-            Compatibility::Incompatible => {
-                return Err(format!(
-                    "column `{name}` is in {unit}, the signal of the system in {wanted}; name another column or correct the unit"
-                ));
-            }
-        }
+    if (factor, offset) != (1.0, 0.0) {
+        values.iter_mut().for_each(|value| *value = factor * *value + offset);
     }
     Ok(values)
 }
 
 /// Values of a signal on the grid of its file, in the unit `wanted`.
 fn values(grid: &Grid, signal: &Signal, wanted: Option<&str>) -> Result<Vec<f64>, String> {
-    let name = match (&signal.column, &signal.derivative_of) {
-        (Some(column), None) | (None, Some(column)) => column,
-        _ => return Err("a signal needs either `column` or `derivative_of`".into()),
+    let Some(name) = signal.source() else {
+        return Err("a signal needs either `column` or `derivative_of`".into());
     };
     let source = if signal.hold { &grid.held } else { &grid.series };
-    let mut values = in_unit(source, name, signal, wanted)?;
-    values = signal::low_pass(&values, signal.low_pass_hz, grid.step);
+    Ok(processed(in_unit(source, name, signal, wanted)?, signal, grid.step))
+}
+
+/// What a signal makes of the values of its column: a linear operation.
+pub fn processed(values: Vec<f64>, signal: &Signal, step: f64) -> Vec<f64> {
+    let mut values = signal::low_pass(&values, signal.low_pass_hz, step);
     if signal.derivative_of.is_some() {
         values = match signal.savitzky_golay_points {
-            Some(points) => signal::savitzky_golay(&values, points, grid.step),
-            None => signal::central(&values, grid.step),
+            Some(points) => signal::savitzky_golay(&values, points, step),
+            None => signal::central(&values, step),
         };
     }
     if let Some(scale) = signal.scale {
         values.iter_mut().for_each(|value| *value *= scale);
     }
-    Ok(values)
+    values
 }
 
 /// Reads the records of all segments; sentences on what was interpolated go to `notes`.
@@ -179,6 +219,7 @@ pub fn records(file: &File, layout: &Layout, notes: &mut Vec<String>) -> Result<
         }
         step => step.as_ref().map(|step| *step.get_ref()),
     };
+    separate(file)?;
     let mut grids: BTreeMap<&str, Grid> = BTreeMap::new();
     let mut found = Vec::new();
     for spanned in &declaration.segment {
@@ -202,11 +243,16 @@ pub fn records(file: &File, layout: &Layout, notes: &mut Vec<String>) -> Result<
         let first = time.partition_point(|&t| t < from - near);
         let last = time.partition_point(|&t| t <= to + near);
         if last < first + 16 {
+            let (begin, end) = (time[0], time[time.len() - 1]);
+            // Long enough, but at other times: the clock of the file has another zero.
+            let clock = if (from > end || to < begin) && to - from <= end - begin && to > from {
+                "; is its clock offset against that of the segments? Times of from_s and to_s are those of the column `time`"
+            } else {
+                ""
+            };
             return Err(refuse(format!(
-                "between {from} s and {to} s there are {} samples; the file goes from {} s to {} s",
+                "between {from} s and {to} s there are {} samples, a segment needs at least 16; the file goes from {begin} s to {end} s{clock}",
                 last.saturating_sub(first),
-                time[0],
-                time[time.len() - 1]
             )));
         }
         let make = |whole: bool, corner: Option<f64>| {
@@ -234,14 +280,15 @@ pub fn records(file: &File, layout: &Layout, notes: &mut Vec<String>) -> Result<
                 Some(ForceRecord { inputs: cut(inputs), states: cut(states), extra, acceleration })
             }
         };
-        let noisy = |(signal, unit): (&Signal, &Option<String>)| {
-            let column = signal.column.as_deref().unwrap_or_default();
-            in_unit(&grid.raw, column, signal, unit.as_deref()).map(|values| signal::scatter(&values))
-        };
-        let scatter: Result<Vec<f64>, String> =
-            layout.outputs.iter().zip(&layout.units[2]).map(noisy).collect();
+        let sensors = layout.columns().filter_map(|name| {
+            let values = &grid.raw.channel(name)?.values;
+            let sensor = Sensor { scatter: signal::scatter(values), quantum: signal::quantum(values) };
+            Some((name.clone(), sensor))
+        });
+        let sensors = sensors.collect();
         found.push(Record {
-            scatter: scatter.map_err(&refuse)?,
+            sensors,
+            factors: factors(grid, layout).map_err(&refuse)?,
             name: format!("{} {}-{} s", segment.file, round(time[first]), round(time[last - 1])),
             role: segment.role,
             initial: segment.initial.clone().unwrap_or(Initial::Word(InitialWord::Measured)),
@@ -255,6 +302,34 @@ pub fn records(file: &File, layout: &Layout, notes: &mut Vec<String>) -> Result<
         });
     }
     Ok(found)
+}
+
+/// Refuses validation segments that share samples with estimation segments.
+fn separate(file: &File) -> Result<(), Error> {
+    let segments = &file.declaration.segment;
+    let of = |role: Role| segments.iter().filter(move |segment| segment.get_ref().role == role);
+    for validation in of(Role::Validation) {
+        let own = validation.get_ref();
+        let ends = |segment: &super::declaration::Segment| {
+            (segment.from_s.unwrap_or(f64::NEG_INFINITY), segment.to_s.unwrap_or(f64::INFINITY))
+        };
+        let (from, to) = ends(own);
+        let shared = of(Role::Estimation).map(|other| other.get_ref()).find(|other| {
+            let (begin, end) = ends(other);
+            other.file == own.file && begin < to && from < end
+        });
+        if let Some(other) = shared {
+            let (begin, end) = ends(other);
+            return Err(file.refuse(
+                validation,
+                format!(
+                    "this validation segment of {} shares samples with an estimation segment ({begin} s to {end} s): an effect is judged on records that the fit has not seen; move from_s or to_s",
+                    own.file
+                ),
+            ));
+        }
+    }
+    Ok(())
 }
 
 /// A time as people write it.
@@ -288,6 +363,24 @@ fn one(grid: &Grid, layout: &Layout, range: Range<usize>, corner: Option<f64>) -
     let extra = layout.extra.iter().map(|signal| cut(signal, &None)).collect::<Result<_, _>>()?;
     let outputs = layout.outputs.iter().zip(&layout.units[2]).map(|(signal, unit)| cut(signal, unit));
     Ok(Signals { inputs, states, extra, outputs: outputs.collect::<Result<_, _>>()? })
+}
+
+/// Factors of all signals.
+fn factors(grid: &Grid, layout: &Layout) -> Result<[Vec<f64>; 4], String> {
+    let none = vec![None; layout.extra.len()];
+    let [inputs, states, outputs] = &layout.units;
+    let units = [inputs, states, &none, outputs];
+    let mut found = [const { Vec::new() }; 4];
+    for ((list, signals), units) in found.iter_mut().zip(layout.signals()).zip(units) {
+        for (signal, unit) in signals.into_iter().zip(units) {
+            let column = signal.and_then(|signal| Some((signal, signal.source()?)));
+            list.push(match column {
+                Some((signal, name)) => conversion(&grid.raw, name, signal, unit.as_deref())?.0,
+                None => 1.0,
+            });
+        }
+    }
+    Ok(found)
 }
 
 /// Unit of a signal of the system, where it has one.

@@ -1,6 +1,7 @@
 //! Which candidates are missing: step by step with a look ahead to pairs, judged on what was kept back.
 
 use super::catalogue::Candidate;
+use super::explain::Judge;
 use super::fits::{Fits, Model};
 use super::law::Law;
 use super::model::{Action, Study};
@@ -55,7 +56,7 @@ fn passive(study: &Study, model: &Model) -> bool {
         match strength(Law::PositionCoulomb) {
             None => true,
             Some((slope, _)) => study.ranges.get(tap).is_none_or(|range| {
-                [range.0, range.1].iter().all(|x| coulomb + slope * x >= -0.05 * coulomb.abs())
+                [range[1].0, range[1].1].iter().all(|x| coulomb + slope * x >= -0.05 * coulomb.abs())
             }),
         }
     })
@@ -77,6 +78,7 @@ fn choose(study: &Study, models: Vec<Model>) -> Option<Model> {
 
 struct Search<'a> {
     fits: &'a Fits<'a>,
+    judge: &'a Judge,
     say: Say<'a>,
 }
 
@@ -89,7 +91,7 @@ impl Search<'_> {
     fn extend(&self, base: &Model) -> Vec<Model> {
         let fitting = |c: &usize| {
             let own = &self.study().candidates[*c];
-            !base.added.contains(c) && own.needs.is_none_or(|needs| base.added.contains(&needs))
+            !own.probe && !base.added.contains(c) && own.needs.is_none_or(|needs| base.added.contains(&needs))
         };
         let open: Vec<usize> = (0..self.study().candidates.len()).filter(fitting).collect();
         let found = parallel::map(open.len(), |i| self.fits.add(base, open[i]));
@@ -135,7 +137,7 @@ impl Search<'_> {
         // What takes away next to nothing of the declared model's error is no finding, however little is left.
         let least = path.first().map_or(0.0, |(_, error)| NOTEWORTHY * error);
         let mut best = from;
-        while best.added.len() < most {
+        while best.added.len() < most && !self.judge.explained(self.fits, &best) {
             (self.say)(&format!("searching effect {}", best.added.len() + 1));
             let worth = ((1.0 - WORTH) * best.held_back).min(best.held_back - least);
             let singles = self.extend(&best);
@@ -210,10 +212,15 @@ impl Search<'_> {
 }
 
 /// Searches from the fitted declared model, at most `most` effects.
-pub fn search(fits: &Fits, declared: Model, most: usize, say: Say) -> Selection {
-    let search = Search { fits, say };
+pub fn search(fits: &Fits, judge: &Judge, declared: Model, most: usize, say: Say) -> Selection {
+    let search = Search { fits, judge, say };
     let mut declared = declared;
     fits.hold_back(&mut declared);
+    if judge.explained(fits, &declared) {
+        let path = vec![(Vec::new(), declared.held_back)];
+        let best = declared.clone();
+        return Selection { declared, best, equals: Vec::new(), singles: Vec::new(), path };
+    }
     let mut path = vec![(Vec::new(), declared.held_back)];
     let singles = search.extend(&declared);
     let mut best = search.climb(declared.clone(), most, &mut path);

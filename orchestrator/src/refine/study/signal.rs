@@ -57,6 +57,24 @@ pub fn scatter(values: &[f64]) -> f64 {
     (third.sum::<f64>() / (20.0 * count as f64)).sqrt()
 }
 
+/// Smallest step of a column: that of which all its changes are multiples; 0 where there is none.
+pub fn quantum(values: &[f64]) -> f64 {
+    let mut levels = values.to_vec();
+    levels.sort_by(f64::total_cmp);
+    let size = values.iter().fold(0.0f64, |a, b| a.max(b.abs()));
+    let steps = levels.windows(2).map(|pair| pair[1] - pair[0]).filter(|step| *step > 1e-12 * size);
+    let mut steps: Vec<f64> = steps.collect();
+    steps.sort_by(f64::total_cmp);
+    let Some(&step) = steps.first() else { return 0.0 };
+    // Means of neighbours sharpen what rounding of the text has left of the step.
+    let near: Vec<f64> = steps.iter().copied().take_while(|other| *other < 1.2 * step).collect();
+    let step = near.iter().sum::<f64>() / near.len() as f64;
+    let whole = |change: &&f64| (*change / step - (*change / step).round()).abs() < 0.05;
+    let short: Vec<f64> = steps.into_iter().filter(|change| *change < 6.0 * step).collect();
+    let fits = short.iter().filter(whole).count();
+    if 10 * fits >= 9 * short.len() { step } else { 0.0 }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -67,6 +85,14 @@ mod tests {
         for (k, slope) in savitzky_golay(&values, 7, 0.1).iter().enumerate() {
             assert!((slope - (-1.0 + 0.6 * k as f64)).abs() < 1e-10, "{k}: {slope}");
         }
+    }
+
+    #[test]
+    fn the_step_of_an_encoder_is_found_and_a_smooth_column_has_none() {
+        let smooth: Vec<f64> = (0..3000).map(|k| (0.01 * f64::from(k)).sin()).collect();
+        let rounded: Vec<f64> = smooth.iter().map(|y| (y / 1.57e-4).round() * 1.57e-4).collect();
+        assert!((quantum(&rounded) / 1.57e-4 - 1.0).abs() < 1e-6);
+        assert_eq!(quantum(&smooth), 0.0);
     }
 
     #[test]

@@ -5,7 +5,7 @@ use std::ops::Range;
 
 use super::command::delayed;
 use super::declaration::{Initial, InitialWord};
-use super::law::{Law, Point, preslide};
+use super::law::{Law, Point, preslide, shape};
 use super::model::{Action, Sensor, Study};
 use super::plant::Plant;
 use super::read::Record;
@@ -34,6 +34,24 @@ pub struct View<'a> {
     pub scale: Vec<f64>,
 }
 
+/// What is added to measured signals.
+#[derive(Debug, Clone, Default)]
+pub struct Shift {
+    /// To initial states where they are measured; empty: nothing.
+    pub states: Vec<f64>,
+    /// To system inputs, `[inputs][n]`; empty: nothing.
+    pub inputs: Vec<Option<Vec<f64>>>,
+    /// To further signals, `[extra][n]`; empty: nothing.
+    pub extra: Vec<Option<Vec<f64>>>,
+}
+
+/// Adds where there is something to add.
+fn add(values: &mut [f64], own: Option<&Option<Vec<f64>>>) {
+    if let Some(Some(own)) = own {
+        values.iter_mut().zip(own).for_each(|(value, shift)| *value += shift);
+    }
+}
+
 /// Largest values seen at the attachments.
 #[derive(Debug, Clone, Default)]
 pub struct Survey {
@@ -58,6 +76,8 @@ pub(super) struct Blocks<'a> {
     z: Vec<f64>,
     time: f64,
     survey: Option<RefCell<Survey>>,
+    /// What the laws depend on at every sample, `[taps][n]`; empty: not asked for.
+    trace: Vec<Vec<Point>>,
 }
 
 impl Blocks<'_> {
@@ -65,7 +85,7 @@ impl Blocks<'_> {
     pub(super) fn point(&self, tap: usize, slots: &[f64]) -> Point {
         let at = |slot: Option<usize>| slot.map_or(0.0, |slot| slots[slot]);
         let [velocity, position, pressure_force, pressure] = self.study.taps[tap].signals.map(at);
-        Point { velocity, position, pressure_force, pressure, time: self.time }
+        Point { velocity, position, pressure_force, pressure, time: self.time, value: 0.0 }
     }
 
     /// Coulomb level that presliding acts on: declared and added.
@@ -77,7 +97,7 @@ impl Blocks<'_> {
 
     /// The value behind an attachment.
     pub(super) fn pass(&self, tap: usize, value: f64, slots: &[f64]) -> f64 {
-        let point = self.point(tap, slots);
+        let point = Point { value, ..self.point(tap, slots) };
         if let Some(survey) = &self.survey {
             let Point { velocity, position, pressure_force, pressure, .. } = point;
             survey.borrow_mut().see(tap, [velocity, position, pressure_force, pressure, value]);
@@ -91,6 +111,8 @@ impl Blocks<'_> {
             let p = &self.p[range.clone()];
             if law.changes_command() {
                 value = law.command(p, &point, value);
+            } else if let Law::Shape(variable) = *law {
+                value -= shape(variable, p, self.study.range(tap, variable), point.of(variable));
             } else {
                 let level = if *law == Law::Presliding { self.level(tap) } else { 0.0 };
                 value -= law.force(p, &point, s, self.z[*state], level);
@@ -129,7 +151,7 @@ impl<'a> View<'a> {
         }
         let seen = [(f64::INFINITY, f64::NEG_INFINITY); 5];
         let survey = survey.then(|| RefCell::new(Survey { ranges: vec![seen; study.taps.len()] }));
-        Blocks { study, p, laws, z: vec![0.0; count], time: 0.0, survey }
+        Blocks { study, p, laws, z: vec![0.0; count], time: 0.0, survey, trace: Vec::new() }
     }
 
     /// Ranges of what passes the attachments in a simulation of all pieces.
@@ -137,7 +159,7 @@ impl<'a> View<'a> {
         let mut found = Survey::default();
         for (piece, locals) in self.pieces.iter().zip(locals) {
             let mut blocks = self.blocks(p, true);
-            self.simulate(piece, p, locals, &mut blocks);
+            self.simulate(piece, p, locals, &mut blocks, &Shift::default());
             let Some(one) = blocks.survey.map(RefCell::into_inner) else { continue };
             if found.ranges.is_empty() {
                 found = one;
@@ -153,11 +175,18 @@ impl<'a> View<'a> {
     }
 
     /// Outputs of a piece, one after the other; NaN from where the simulation cannot go on.
-    fn simulate(&self, piece: &Piece, p: &[f64], locals: &[f64], blocks: &mut Blocks) -> Vec<f64> {
+    fn simulate(
+        &self,
+        piece: &Piece,
+        p: &[f64],
+        locals: &[f64],
+        blocks: &mut Blocks,
+        shift: &Shift,
+    ) -> Vec<f64> {
         let n = piece.range.len();
         let mut out = vec![f64::NAN; n * self.study.outputs.len()];
         if let Ok(mut plant) = self.study.take()
-            && self.run(&mut plant, piece, p, locals, blocks, &mut out).is_ok()
+            && self.run(&mut plant, piece, p, locals, (&mut *blocks, shift), &mut out).is_ok()
         {
             self.study.give(plant);
         }
@@ -166,8 +195,11 @@ impl<'a> View<'a> {
     }
 
     /// Commands of a piece with the effects that have a memory.
-    fn inputs(&self, record: &Record, p: &[f64]) -> Vec<Option<Vec<f64>>> {
+    fn inputs(&self, record: &Record, p: &[f64], shift: &Shift) -> Vec<Option<Vec<f64>>> {
         let mut inputs = record.inputs.clone();
+        for (index, values) in inputs.iter_mut().enumerate() {
+            values.iter_mut().for_each(|values| add(values, shift.inputs.get(index)));
+        }
         for &c in &self.active {
             let own = &self.study.candidates[c];
             if let Action::Command { kind, input } = own.action
@@ -185,20 +217,40 @@ impl<'a> View<'a> {
         piece: &Piece,
         p: &[f64],
         locals: &[f64],
-        blocks: &mut Blocks,
+        (blocks, shift): (&mut Blocks, &Shift),
         out: &mut [f64],
     ) -> Result<(), super::Problem> {
         let study = self.study;
         let record = &study.records[piece.record];
-        let inputs = self.inputs(record, p);
+        let inputs = self.inputs(record, p, shift);
+        let mut extra = record.extra.clone();
+        extra.iter_mut().enumerate().for_each(|(index, values)| add(values, shift.extra.get(index)));
         let nx = plant.nx;
         let (mut x, mut dx) = (vec![0.0; nx], [vec![0.0; nx], vec![0.0; nx], vec![0.0; nx], vec![0.0; nx]]);
         let mut trial = vec![0.0; nx];
         let mut velocities = vec![0.0; study.taps.len()];
-        plant.initialise(&self.parameters(p), &mut x)?;
-        let start = x.clone();
         let (n, step) = (piece.range.len(), record.step);
         let window = study.windows.map(|window| ((window / step).round() as usize).max(2));
+        let set = |plant: &mut Plant, k: usize, part: f64| {
+            for (slot, values) in inputs.iter().enumerate() {
+                let Some(values) = values else { continue };
+                let here = values[k];
+                let next = values[(k + 1).min(record.n - 1)];
+                plant.slots[slot] = if study.held[slot] { here } else { here + part * (next - here) };
+            }
+            let first = plant.extra_first;
+            for (slot, values) in extra.iter().enumerate() {
+                plant.slots[first + slot] = values[k];
+            }
+        };
+        let begin = if study.from_start(record) { 0 } else { piece.range.start };
+        set(plant, begin, 0.0);
+        blocks.time = begin as f64 * step;
+        let fixed = self.parameters(p);
+        plant.initialise(&fixed, begin as f64 * step, &mut x, &|tap, value, slots| {
+            blocks.pass(tap, value, slots)
+        })?;
+        let start = x.clone();
         match &record.initial {
             _ if window.is_some() => {}
             Initial::Word(InitialWord::Fit) if nx > 0 => x.copy_from_slice(locals),
@@ -209,55 +261,74 @@ impl<'a> View<'a> {
                     }
                 }
             }
-            Initial::Word(_) => self.measured_states(record, piece.range.start, &start, &mut x),
+            Initial::Word(_) => self.measured_states((record, begin), &start, shift, &mut x),
         }
-        let set = |plant: &mut Plant, k: usize, part: f64| {
-            for (slot, values) in inputs.iter().enumerate() {
-                let Some(values) = values else { continue };
-                let here = values[k];
-                let next = values[(k + 1).min(record.n - 1)];
-                plant.slots[slot] = if study.held[slot] { here } else { here + part * (next - here) };
-            }
-            let first = plant.extra_first;
-            for (slot, values) in record.extra.iter().enumerate() {
-                plant.slots[first + slot] = values[k];
-            }
-        };
-        for j in 0..n {
-            let k = piece.range.start + j;
-            if window.is_some_and(|window| j % window == 0) {
-                self.measured_states(record, k, &start, &mut x);
+        // Events within this time of each other are one.
+        let near = 1e-6 * step;
+        let due = |plant: &Plant, until: f64| plant.next_event().filter(|next| *next <= until);
+        for k in begin..piece.range.end {
+            let j = k.checked_sub(piece.range.start);
+            if window.is_some_and(|window| (k - piece.range.start) % window == 0) {
+                self.measured_states((record, k), &start, shift, &mut x);
                 blocks.z.fill(0.0);
             }
             let t = k as f64 * step;
-            let at = |plant: &mut Plant, part: f64, x: &[f64], dx: &mut [f64], blocks: &Blocks| {
-                set(plant, k, part);
-                plant.evaluate(t + part * step, x, dx, &|tap, value, slots| blocks.pass(tap, value, slots))
+            let at = |plant: &mut Plant, time: f64, x: &[f64], dx: &mut [f64], blocks: &Blocks| {
+                set(plant, k, (time - t) / step);
+                plant.evaluate(time, x, dx, &|tap, value, slots| blocks.pass(tap, value, slots))
             };
-            at(plant, 0.0, &x, &mut dx[0], blocks).map_err(super::Problem::fmu)?;
-            for (o, output) in study.outputs.iter().enumerate() {
-                out[o * n + j] = plant.slots[output.slot];
+            let event = |plant: &mut Plant, time: f64, x: &mut [f64], blocks: &Blocks| {
+                set(plant, k, (time - t) / step);
+                plant.event(time, x, &|tap, value, slots| blocks.pass(tap, value, slots))
+            };
+            if let Some(time) = due(plant, t + near) {
+                event(plant, time.max(t), &mut x, blocks).map_err(super::Problem::fmu)?;
+            }
+            at(plant, t, &x, &mut dx[0], blocks).map_err(super::Problem::fmu)?;
+            if let Some(j) = j {
+                for (o, output) in study.outputs.iter().enumerate() {
+                    out[o * n + j] = plant.slots[output.slot];
+                }
             }
             for (tap, velocity) in velocities.iter_mut().enumerate() {
-                *velocity = blocks.point(tap, &plant.slots).velocity;
+                let point = blocks.point(tap, &plant.slots);
+                *velocity = point.velocity;
+                if let Some(trace) = blocks.trace.get_mut(tap).filter(|_| j.is_some()) {
+                    trace.push(point);
+                }
             }
-            if nx > 0 && j + 1 < n {
-                let [d1, d2, d3, d4] = &mut dx;
-                let mut stage = |part: f64, from: &[f64], to: &mut [f64], x: &[f64]| {
-                    for (i, value) in trial.iter_mut().enumerate() {
-                        *value = x[i] + part * step * from[i];
+            if k + 1 < piece.range.end {
+                let (mut from, end) = (t, t + step);
+                loop {
+                    let between = due(plant, end - near).filter(|time| *time > from);
+                    let to = between.unwrap_or(end);
+                    if nx > 0 {
+                        let [d1, d2, d3, d4] = &mut dx;
+                        let length = to - from;
+                        let mut stage = |part: f64, slope: &[f64], found: &mut [f64], x: &[f64]| {
+                            for (i, value) in trial.iter_mut().enumerate() {
+                                *value = x[i] + part * length * slope[i];
+                            }
+                            at(plant, from + part * length, &trial, found, blocks)
+                        };
+                        stage(0.5, d1, d2, &x).map_err(super::Problem::fmu)?;
+                        stage(0.5, d2, d3, &x).map_err(super::Problem::fmu)?;
+                        stage(1.0, d3, d4, &x).map_err(super::Problem::fmu)?;
+                        for i in 0..nx {
+                            x[i] += length / 6.0 * (d1[i] + 2.0 * (d2[i] + d3[i]) + d4[i]);
+                        }
+                        if x.iter().any(|value| !value.is_finite()) {
+                            return Ok(());
+                        }
                     }
-                    at(plant, part, &trial, to, blocks)
-                };
-                stage(0.5, d1, d2, &x).map_err(super::Problem::fmu)?;
-                stage(0.5, d2, d3, &x).map_err(super::Problem::fmu)?;
-                stage(1.0, d3, d4, &x).map_err(super::Problem::fmu)?;
-                for i in 0..nx {
-                    x[i] += step / 6.0 * (d1[i] + 2.0 * (d2[i] + d3[i]) + d4[i]);
+                    if between.is_none() {
+                        break;
+                    }
+                    event(plant, to, &mut x, blocks).map_err(super::Problem::fmu)?;
+                    at(plant, to, &x, &mut dx[0], blocks).map_err(super::Problem::fmu)?;
+                    from = to;
                 }
-                if x.iter().any(|value| !value.is_finite()) {
-                    return Ok(());
-                }
+                plant.step_done().map_err(super::Problem::fmu)?;
             }
             blocks.advance(step, &velocities);
         }
@@ -265,10 +336,23 @@ impl<'a> View<'a> {
     }
 
     /// Measured states at sample `k`; start values where there are none.
-    fn measured_states(&self, record: &Record, k: usize, start: &[f64], x: &mut [f64]) {
+    fn measured_states(&self, (record, k): (&Record, usize), start: &[f64], shift: &Shift, x: &mut [f64]) {
         for (i, values) in record.states.iter().enumerate() {
-            x[i] = values.as_ref().map_or(start[i], |values| values[k]);
+            x[i] = values.as_ref().map_or(start[i], |values| values[k] + shift.states.get(i).unwrap_or(&0.0));
         }
+    }
+
+    /// What the laws at each attachment depend on, `[taps][n]`; shorter where the simulation cannot go on.
+    pub fn trace(&self, record: usize, p: &[f64], locals: &[f64]) -> Vec<Vec<Point>> {
+        let mut blocks = self.blocks(p, false);
+        blocks.trace = vec![Vec::new(); self.study.taps.len()];
+        self.simulate(&self.pieces[record], p, locals, &mut blocks, &Shift::default());
+        blocks.trace
+    }
+
+    /// As [`System::predict`], with something added to measured signals.
+    pub fn shifted(&self, record: usize, p: &[f64], locals: &[f64], shift: &Shift) -> Vec<f64> {
+        self.simulate(&self.pieces[record], p, locals, &mut self.blocks(p, false), shift)
     }
 
     /// Values of the parameters of the system.
@@ -351,8 +435,7 @@ impl System for View<'_> {
     }
 
     fn predict(&self, record: usize, parameters: &[f64], locals: &[f64]) -> Vec<f64> {
-        let mut blocks = self.blocks(parameters, false);
-        self.simulate(&self.pieces[record], parameters, locals, &mut blocks)
+        self.shifted(record, parameters, locals, &Shift::default())
     }
 
     fn measured(&self, record: usize) -> Vec<f64> {

@@ -1,0 +1,142 @@
+//! Fits that begin with the beginnings of the records: a second of them is followed where four seconds are lost.
+//!
+//! A simulation over a whole record depends on parameters the less linearly the longer it is: a pole that turns over
+//! once too often has no useful derivative. What does not follow the beginning does not follow the whole either, and is
+//! given up at a fraction of the cost.
+
+use super::System;
+use super::candidate::Candidate;
+use super::fit::Free;
+use super::goodness::Null;
+use super::search::{Model, Promise, Search};
+
+/// Shares of the records that are fitted before the whole.
+const SHARES: [f64; 2] = [0.25, 0.5];
+/// Draws of the null of a beginning, which only tells what is hopeless.
+const DRAWS: usize = 60;
+/// Times the limit of what counts as noise up to which a fit of a beginning goes on with more.
+const HOPEFUL: f64 = 4.0;
+
+/// The records from their beginning, each share with its own search, and the whole on top.
+pub struct Ladder<'a, S: System + ?Sized> {
+    whole: &'a Search<'a, S>,
+    beginnings: Vec<Search<'a, dyn System + 'a>>,
+    margin: f64,
+}
+
+/// A fit and the rung of the ladder it came to.
+#[derive(Debug, Clone)]
+pub struct Reached {
+    /// The fit, over the records as far as `rung` goes.
+    pub model: Model,
+    /// Rung; that of the whole is [`Ladder::top`].
+    pub rung: usize,
+}
+
+/// The systems of the rungs below the whole.
+pub fn beginnings<S: System + ?Sized>(system: &S) -> Vec<Box<dyn System + '_>> {
+    SHARES.iter().filter_map(|&share| system.beginning(share)).collect()
+}
+
+impl<'a, S: System + ?Sized> Ladder<'a, S> {
+    /// Over the `systems` of [`beginnings`]; a power within `margin` of the largest of the null is noise.
+    pub fn new(
+        whole: &'a Search<'a, S>,
+        systems: &'a [Box<dyn System + 'a>],
+        declared: &Model,
+        margin: f64,
+    ) -> Ladder<'a, S> {
+        let (p, locals) = (&declared.fit.parameters, &declared.fit.locals);
+        let one = |system: &'a Box<dyn System + 'a>| {
+            let system: &'a (dyn System + 'a) = system.as_ref();
+            let (records, screened) = (whole.records.clone(), whole.screened.clone());
+            let null = Null::simulate(system, &records, p, locals, DRAWS, 1);
+            Search { system, candidates: whole.candidates, records, screened, null }
+        };
+        Ladder { whole, beginnings: systems.iter().map(one).collect(), margin }
+    }
+
+    /// Candidates.
+    pub fn candidates(&self) -> &'a [Candidate] {
+        self.whole.candidates
+    }
+
+    /// Rung of the whole records.
+    pub fn top(&self) -> usize {
+        self.beginnings.len()
+    }
+
+    /// Largest normalised power that counts as noise on a rung.
+    pub fn limit(&self, rung: usize) -> f64 {
+        self.beginnings.get(rung).map_or(self.whole.null.quantile, |search| search.null.quantile)
+            + self.margin
+    }
+
+    /// Whether a fit leaves only noise on the whole records.
+    pub fn explains(&self, reached: &Reached) -> bool {
+        reached.rung == self.top() && reached.model.worst() < self.limit(reached.rung)
+    }
+
+    /// A fit on one rung.
+    pub fn fit(&self, rung: usize, added: &[usize], extra: &[Free], start: &Model, rounds: usize) -> Model {
+        let (p, locals) = (&start.fit.parameters, &start.fit.locals);
+        match self.beginnings.get(rung) {
+            Some(search) => search.fit(added, extra, p, locals, rounds),
+            None => self.whole.fit(added, extra, p, locals, rounds),
+        }
+    }
+
+    /// What every candidate that `base` lacks promises on a rung, best first.
+    pub fn screen(&self, rung: usize, base: &Model) -> Vec<Promise> {
+        self.beginnings.get(rung).map_or_else(|| self.whole.screen(base), |search| search.screen(base))
+    }
+
+    /// Fits what is promising beside `base`, best promise first, from the start that each promise was made around. Once
+    /// a model explains the records, only candidates that promised about as much are still fitted.
+    pub fn attempt(
+        &self,
+        base: &Reached,
+        promises: &[(&Promise, &Model)],
+        extra: &[Free],
+        (count, rounds): (usize, usize),
+    ) -> Vec<Reached> {
+        let mut found: Vec<Reached> = Vec::new();
+        let mut enough = f64::INFINITY;
+        for (promise, start) in promises {
+            let mut added = base.model.added.clone();
+            added.push(promise.candidate);
+            if found.iter().any(|other| other.model.added == added) {
+                continue;
+            }
+            if found.len() >= count || promise.chi2 > enough {
+                break;
+            }
+            let mut start = (*start).clone();
+            start.fit.parameters.clone_from(&promise.parameters);
+            let reached = self.climb(base.rung, &added, extra, &start, rounds);
+            if self.explains(&reached) {
+                enough = enough.min(2.0 * promise.chi2);
+            }
+            found.push(reached);
+        }
+        found
+    }
+
+    /// A fit from rung to rung, up to the first where it is hopeless.
+    pub fn climb(
+        &self,
+        from: usize,
+        added: &[usize],
+        extra: &[Free],
+        start: &Model,
+        rounds: usize,
+    ) -> Reached {
+        let mut model = self.fit(from, added, extra, start, rounds);
+        let mut rung = from;
+        while rung < self.top() && model.worst() < HOPEFUL * self.limit(rung) {
+            rung += 1;
+            model = self.fit(rung, added, extra, &model, rounds);
+        }
+        Reached { model, rung }
+    }
+}

@@ -1,0 +1,132 @@
+//! What is left and on what it depends: a force of free form over one variable, fitted beside a model by the linear step.
+//!
+//! A variable on which what is left depends takes much of it away as a free form, whatever the law may be; what the
+//! sensors give depends on nothing. [`Judge`] also says when a model leaves no more than sensors give.
+
+use super::fits::{Fits, Model};
+use super::law::{Law, Variable};
+use super::model::{Action, Study};
+use super::noise::Noisy;
+use crate::refine::engine::System;
+use crate::refine::engine::goodness::{Null, pooled};
+
+/// Powers within this factor of those of the noise are noise: its level is estimated.
+const TOLERANCE: f64 = 1.3;
+/// Standard deviations beside the quantile of the null.
+const MARGIN: f64 = 1.0;
+/// Share of what is left that a free form has to take away.
+const SHARE: f64 = 0.2;
+/// Share of the noise power that a free form has to take away.
+const OF_NOISE: f64 = 0.1;
+/// A second variable has to add this share of what the first takes away.
+const SECOND: f64 = 0.3;
+
+/// What is left of a model.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Rest {
+    /// Channel and variables that it depends on; none: on nothing that is known.
+    pub place: Option<(String, Vec<String>)>,
+    /// Power that the free form takes away, in whitened units per sample.
+    pub gain: f64,
+}
+
+/// The null of the estimation records.
+#[derive(Debug)]
+pub struct Judge {
+    null: Null,
+    /// Mean power of a whitened sample under the null.
+    pub power: f64,
+}
+
+impl Judge {
+    /// Draws the null around a model.
+    pub fn new(fits: &Fits, model: &Model, draws: usize, seed: u64) -> Judge {
+        let view = fits.view(&model.added, &fits.pieces);
+        let (p, locals) = (&model.fit.parameters, &model.fit.locals);
+        let noisy = Noisy::new(&view, p, locals, seed);
+        let records: Vec<usize> = (0..fits.pieces.len()).collect();
+        let null = Null::simulate(&noisy, &records, p, locals, draws, seed);
+        let samples: usize = fits.pieces.iter().map(|piece| piece.range.len()).sum();
+        let count = (samples * fits.study.outputs.len()).max(1) as f64;
+        let power = null.means().iter().map(|means| means[0]).sum::<f64>() / count;
+        Judge { null, power }
+    }
+
+    /// Draws made.
+    pub fn draws(&self) -> usize {
+        self.null.draws
+    }
+
+    /// Largest normalised power that noise gives.
+    pub fn limit(&self) -> f64 {
+        self.null.quantile + MARGIN
+    }
+
+    fn powers(fits: &Fits, model: &Model) -> Vec<(String, [f64; 3])> {
+        let view = fits.view(&model.added, &fits.pieces);
+        let records: Vec<usize> = (0..fits.pieces.len()).collect();
+        let residual = |&r: &usize| view.residuals(r, &model.fit.parameters, &model.fit.locals[r]);
+        pooled(&view, &records, &records.iter().map(residual).collect::<Vec<_>>())
+    }
+
+    /// Normalised powers of what a model leaves, by output.
+    pub fn left(&self, fits: &Fits, model: &Model) -> Vec<(String, f64)> {
+        self.null.normalised(&Self::powers(fits, model))
+    }
+
+    /// Whether a model leaves no more than the sensors give.
+    pub fn explained(&self, fits: &Fits, model: &Model) -> bool {
+        let powers = Self::powers(fits, model);
+        let left = self.null.normalised(&powers);
+        let near = powers.iter().zip(self.null.means()).map(|((_, own), mean)| {
+            own.iter().zip(mean).all(|(own, mean)| *own < TOLERANCE * mean)
+        });
+        left.iter().zip(near).all(|((_, z), near)| near || *z < self.limit())
+    }
+
+    /// Power of a model above that of the noise.
+    pub fn excess(&self, model: &Model) -> f64 {
+        (model.error.powi(2) - self.power).max(0.0)
+    }
+
+    /// On what depends what a model leaves.
+    pub fn rest(&self, fits: &Fits, model: &Model) -> Rest {
+        let study = fits.study;
+        let probes: Vec<usize> = (0..study.candidates.len()).filter(|&c| study.candidates[c].probe).collect();
+        let power = model.error.powi(2);
+        let gain = |own: &[usize]| fits.promised(model, own).map_or(0.0, |error| power - error.powi(2));
+        let mut singles: Vec<(usize, f64)> = probes.iter().map(|&c| (c, gain(&[c]))).collect();
+        singles.sort_by(|a, b| b.1.total_cmp(&a.1));
+        let Some(&(first, alone)) = singles.first() else { return Rest { place: None, gain: 0.0 } };
+        if alone < (SHARE * self.excess(model)).max(OF_NOISE * self.power) {
+            return Rest { place: None, gain: alone.max(0.0) };
+        }
+        let mut best = (vec![first], alone);
+        for &(second, _) in singles.iter().skip(1).take(3) {
+            let both = gain(&[first, second]);
+            if both > (1.0 + SECOND) * best.1.max(alone) {
+                best = (vec![first, second], both);
+            }
+        }
+        let channel = study.candidates[first].channel.to_owned();
+        let variables = best.0.iter().map(|&c| name(study, c).to_owned()).collect();
+        Rest { place: Some((channel, variables)), gain: best.1 }
+    }
+}
+
+/// Name of the variable of a probe in the vocabulary.
+fn name(study: &Study, c: usize) -> &'static str {
+    let angular = |tap: usize| study.taps[tap].angular;
+    match study.candidates[c].action {
+        Action::Block { law: Law::Shape(variable), tap } => match (variable, angular(tap)) {
+            (Variable::Velocity, false) => "xdot",
+            (Variable::Velocity, true) => "thetadot",
+            (Variable::Position, false) => "x",
+            (Variable::Position, true) => "theta",
+            (Variable::PressureForce, _) => "F",
+            (Variable::Value, _) => "u",
+            (Variable::Time, _) => "time",
+        },
+        _ => "time",
+    }
+}
