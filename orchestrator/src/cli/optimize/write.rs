@@ -13,11 +13,11 @@ use crate::plan::deliver::Delivery;
 use crate::plan::diagnose::Diagnosis;
 use crate::plan::file::{Length, Rod, transcription_name};
 use crate::plan::prepare::Prepared;
-use crate::plan::record::{
-    self, AnimationRecord, FinalError, PassRecord, RodRecord, SCHEMA_VERSION, SignalRecord, StickRecord, Summary,
-    Times,
-};
 use crate::plan::recheck::{Recheck, recheck};
+use crate::plan::record::{
+    self, AnimationRecord, FinalError, PassRecord, RodRecord, SCHEMA_VERSION, SignalRecord, StickRecord,
+    Summary, Times,
+};
 use crate::plan::solve::{Done, Solved};
 use crate::plan::verify::{Rollout, Rollouts};
 use crate::plan::{Error as PlanError, table};

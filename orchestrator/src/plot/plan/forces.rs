@@ -26,7 +26,8 @@ pub(super) fn forces(plan: &Plan) -> String {
         let Some(series) = series else { break };
         let delivered = DELIVERED.map(|(suffix, class, _)| (format!("{name}{suffix}"), class));
         let commands = COMMANDS.map(|(suffix, class)| (format!("{name}{suffix}"), class));
-        let rows = [(&delivered[..], format!("{name}: force [N]")), (&commands[..], format!("{name}: command [N]"))];
+        let rows =
+            [(&delivered[..], format!("{name}: force [N]")), (&commands[..], format!("{name}: command [N]"))];
         for (row, (lines, text)) in rows.iter().enumerate() {
             let found: Vec<(&[f64], &str)> = lines
                 .iter()

@@ -38,7 +38,11 @@ impl<'a> Figure<'a> {
             };
             Some((angles, length))
         });
-        Some(Figure { series, point: [column(&record.x)?, column(&record.y)?], rods: rods.collect::<Option<_>>()? })
+        Some(Figure {
+            series,
+            point: [column(&record.x)?, column(&record.y)?],
+            rods: rods.collect::<Option<_>>()?,
+        })
     }
 
     /// First and last time \[s\].
@@ -68,7 +72,8 @@ pub(super) fn stick_figure(plan: &Plan) -> String {
         record.iter().flat_map(|record| &record.rods).map(|rod| rod.angles.join(" and ")).collect();
     let entry = |(name, class)| Entry { class, shape: None, text: name };
     let entries: Vec<Entry> = names.iter().map(String::as_str).zip(classes).map(entry).collect();
-    let mut sheet = Sheet::new("Motion", "equal times between poses, circles: begin and end", &entries, 1, 1, HEIGHT);
+    let mut sheet =
+        Sheet::new("Motion", "equal times between poses, circles: begin and end", &entries, 1, 1, HEIGHT);
     let figure = record.and_then(|record| Figure::new(plan, &plan.trajectory, record));
     if let Some(figure) = figure {
         let (first, last) = figure.span();
@@ -81,7 +86,8 @@ pub(super) fn stick_figure(plan: &Plan) -> String {
         let (low, high) = range(ends.map(|end| end.1).chain([0.0]));
         // One scale for both axes.
         let scale = (1.1 * (right - left) / WIDTH).max(1.1 * (high - low) / HEIGHT);
-        let around = |middle: f64, pixels: f64| (middle - 0.5 * scale * pixels, middle + 0.5 * scale * pixels);
+        let around =
+            |middle: f64, pixels: f64| (middle - 0.5 * scale * pixels, middle + 0.5 * scale * pixels);
         let panel = sheet.panel(
             0,
             "",
