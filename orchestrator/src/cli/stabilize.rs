@@ -42,7 +42,8 @@ pub struct Args {
     /// Folder of `airloop optimize`, or the CSV file of a trajectory (states and inputs by their names; give --problem).
     pub plan: PathBuf,
     /// Settings (TOML): [sensors] with the noise of what is measured, and if wanted sample_time, [deviation], [drift],
-    /// [initial], [limits] and [trials].
+    /// [initial], [limits], [trials], and for a plan with
+    /// phases [phases].
     pub settings: PathBuf,
     /// Problem file of the plan. Default: that of the folder's summary.
     #[arg(long, value_name = "FILE")]
@@ -86,8 +87,14 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
     let description = format!("Regulator with state estimator for a plan of {}", graph.name);
     write_fmu(&stabilised.controller, "controller", &description, &fmu)?;
     let states = &prepared.task.signals.states;
-    let closed =
-        wiring::write_closed_loop(graph, &prepared.catalogue, &stabilised, states, &fmu, &args.output)?;
+    let closed = wiring::write_closed_loop(
+        graph,
+        &prepared.catalogue,
+        &stabilised,
+        (states, &settings.parameters),
+        &fmu,
+        &args.output,
+    )?;
     let copied = std::fs::copy(&args.settings, args.output.join(SETTINGS));
     copied.map_err(|source| PlanError::Io { file: args.settings.clone(), source })?;
     csv::write(&record::gains(&stabilised, &prepared.catalogue)?, &args.output.join(GAINS))?;

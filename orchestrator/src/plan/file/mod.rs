@@ -12,7 +12,7 @@ mod stick_figure;
 pub mod table;
 
 pub use quantity::Quantity;
-pub use read::{parse, read, variant};
+pub use read::{parameters, parse, read, variant};
 pub use source::{Place, Source};
 pub use statement::{Statement, TRANSCRIPTIONS, transcription_name};
 pub use stick_figure::{Length, Rod, StickFigure};

@@ -6,7 +6,7 @@ use toml::de::DeTable;
 
 use crate::plan::Error;
 use crate::plan::file::table::{Table, Value};
-use crate::plan::file::{Quantity, Source, Text};
+use crate::plan::file::{Quantity, Source, Text, parameters};
 
 /// What the file says.
 #[derive(Debug, Clone, PartialEq)]
@@ -25,6 +25,8 @@ pub struct Settings {
     pub initial: Vec<(Text, Quantity)>,
     /// Limits of inputs.
     pub limits: Vec<(Text, [Quantity; 2])>,
+    /// Start values of parameters of the closed loop, `component.variable`.
+    pub parameters: Vec<(Text, String)>,
     /// How a plan with several phases is followed.
     pub phases: Option<PhaseSettings>,
     /// Trials.
@@ -126,10 +128,22 @@ pub fn parse(source: Source) -> Result<Settings, Error> {
         (quantities("deviation")?, quantities("drift")?, quantities("initial")?);
     let limits = root.maybe("limits", limits)?.unwrap_or_default();
     let phases = root.maybe("phases", phases)?;
+    let parameters = root.maybe("parameters", |value| parameters(value, "[parameters]"))?.unwrap_or_default();
     let trials = root.maybe("trials", trials)?;
     root.finish()?;
     let source = source.clone();
-    Ok(Settings { sample_time, sensors, deviation, drift, initial, limits, phases, trials, source })
+    Ok(Settings {
+        sample_time,
+        sensors,
+        deviation,
+        drift,
+        initial,
+        limits,
+        parameters,
+        phases,
+        trials,
+        source,
+    })
 }
 
 fn phases(value: Value) -> Result<PhaseSettings, Error> {

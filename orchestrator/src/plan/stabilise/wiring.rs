@@ -6,6 +6,7 @@ use super::design::Stabilised;
 use crate::fmu::{Fmu, InterfaceKind};
 use crate::plan::Error;
 use crate::plan::catalogue::Catalogue;
+use crate::plan::file::Text;
 use crate::system::graph::{
     Component, Connection, Conversion, DataType, Source, Start, SystemInput, SystemOutput,
 };
@@ -30,13 +31,16 @@ pub fn write_closed_loop(
     graph: &SystemGraph,
     catalogue: &Catalogue,
     stabilised: &Stabilised,
-    states: &[usize],
+    (states, parameters): (&[usize], &[(Text, String)]),
     fmu: &Path,
     folder: &Path,
 ) -> Result<PathBuf, Error> {
     let ending = if graph.package.is_some() { "ssp" } else { "ssd" };
     let file = folder.join(format!("closed_loop.{ending}"));
-    let closed = closed_loop(graph, catalogue, stabilised, states, fmu)?;
+    let mut closed = closed_loop(graph, catalogue, stabilised, states, fmu)?;
+    for (name, value) in parameters {
+        closed.set_start(&name.text, value, &format!("[parameters], line {}", name.place.line))?;
+    }
     write::write(&closed, &file, Version::V1_0)?;
     // It is read back once, so that whatever is wrong with it is said now.
     SystemGraph::open_for(&file, InterfaceKind::CoSimulation)?;
