@@ -316,3 +316,54 @@ def test_directional_derivatives_in_every_mode_agree_with_differences(walker):
             h = 1e-3
             difference = (8 * (at(h) - at(-h)) - (at(2 * h) - at(-2 * h))) / (12 * h)
             np.testing.assert_allclose(exact, difference, rtol=1e-7, atol=1e-6)
+
+
+def equation_of_motion(s):
+    """H, C q' + G and the Jacobians of both feet, typed from the specification and not from the model."""
+    x, y, th1, th2, l1, l2, vx, vy, w1, w2, r1, r2 = s
+    m3, d, i3, mu, a, iu, mt, c, it, ir, g = 6.0, 0.10, 0.10, 3.7, 0.35, 0.20, 0.8, 0.10, 0.005, 0.05, 9.81
+    th3, w3, k3 = (th1 + th2) / 2, (w1 + w2) / 2, (m3 * d**2 + i3) / 4
+    H, bias = np.zeros((6, 6)), np.zeros(6)
+    H[0, 0] = H[1, 1] = m3 + 2 * (mu + mt)
+    H[2, 3] = H[3, 2] = k3 - ir
+    bias[0], bias[1] = m3 * d * math.sin(th3) * w3**2, -m3 * d * math.cos(th3) * w3**2 + 15.0 * g
+    feet = []
+    for i, (th, length, w, rate) in enumerate(((th1, l1, w1, r1), (th2, l2, w2, r2))):
+        sine, cosine, moment = math.sin(th), math.cos(th), mu * a + mt * (length - c)
+        row, toe = 2 + i, 4 + i
+        H[0, row] = H[row, 0] = moment * cosine - m3 * d / 2 * math.cos(th3)
+        H[1, row] = H[row, 1] = moment * sine - m3 * d / 2 * math.sin(th3)
+        H[0, toe] = H[toe, 0] = mt * sine
+        H[1, toe] = H[toe, 1] = -mt * cosine
+        H[row, row] = mu * a**2 + mt * (length - c) ** 2 + iu + it + k3 + ir
+        H[toe, toe] = mt
+        bias[0] += -moment * sine * w**2 + 2 * mt * cosine * w * rate
+        bias[1] += moment * cosine * w**2 + 2 * mt * sine * w * rate
+        bias[row] = 2 * mt * (length - c) * rate * w + moment * g * sine - m3 * d * g / 2 * math.sin(th3)
+        bias[toe] = -mt * (length - c) * w**2 - mt * g * cosine
+        jacobian = np.zeros((2, 6))
+        jacobian[0, [0, row, toe]] = 1, length * cosine, sine
+        jacobian[1, [1, row, toe]] = 1, length * sine, -cosine
+        feet.append(jacobian)
+    return H, bias, feet
+
+
+@pytest.mark.parametrize("mode, standing", [("flight", []), ("foot1", [0]), ("foot2", [1]), ("both", [0, 1])])
+def test_contact_forces_follow_from_the_floating_base_equations(walker, mode, standing):
+    rng = np.random.default_rng(7)
+    for _ in range(20):
+        state = np.array(Q + V) + rng.uniform(-0.2, 0.2, 12)
+        tau, f1, f2 = inputs = rng.uniform([-20, -50, -50], [20, 200, 200])
+        w = walker()
+        w.start(state, dict(zip(("tau", "F1", "F2"), map(float, inputs))), contact_mode=PINNED[mode])
+        H, bias, feet = equation_of_motion(state)
+        needed = H @ w.get(*ACCELERATIONS) + bias - np.array([0, 0, -tau, tau, f1, f2])
+        found = w.get("foot1.ft", "foot1.fn", "foot2.ft", "foot2.fn").reshape(2, 2)
+        # Six equations for no, two or four forces: what is left over has to vanish as well.
+        left = needed - sum((jacobian.T @ force for jacobian, force in zip(feet, found)), np.zeros(6))
+        np.testing.assert_allclose(left, 0.0, atol=1e-8)
+        if standing:
+            columns = np.hstack([feet[i].T for i in standing])
+            forces = np.linalg.lstsq(columns, needed, rcond=None)[0].reshape(-1, 2)
+            np.testing.assert_allclose(found[standing], forces, atol=1e-8)
+        np.testing.assert_array_equal(np.delete(found, standing, axis=0), 0.0)
