@@ -83,13 +83,13 @@ impl<'a> Phases<'a> {
             let end = leg.knots.time.last().copied().unwrap_or(start);
             let to = (((end - start) / h - 1e-6).ceil().max(0.0) as usize).min(count);
             if to <= from {
-                let problem = format!("phase `{}` is shorter than a sample of {h} s; shorten the samples", leg.name);
+                let problem =
+                    format!("phase `{}` is shorter than a sample of {h} s; shorten the samples", leg.name);
                 return Err(Error::Trajectory(problem));
             }
             own.push(from..to);
         }
-        let nominal =
-            Nominal { start, sample_time: h, states: Vec::new(), inputs: Vec::new(), rests: false };
+        let nominal = Nominal { start, sample_time: h, states: Vec::new(), inputs: Vec::new(), rests: false };
         let mut phases = Phases { legs, rates, own, nominal };
         for leg in 0..phases.legs.len() {
             for k in phases.own[leg].clone() {
@@ -181,11 +181,8 @@ impl<'a> Phases<'a> {
         next.held().iter().for_each(|&i| state[i] = before.next[i]);
         let after = next.flow(Point { time: end, states: &state, inputs: at.inputs }, time + h - end)?;
         let carried = &after.a * saltation;
-        let mut sample = Linearisation {
-            next: after.next,
-            a: &carried * before.a,
-            b: carried * before.b + after.b,
-        };
+        let mut sample =
+            Linearisation { next: after.next, a: &carried * before.a, b: carried * before.b + after.b };
         next.hold(at, &mut sample);
         Ok(sample)
     }
@@ -256,7 +253,11 @@ impl<'a> Phases<'a> {
                 now = next;
             }
             let hold = (leg == last_leg).then(|| chain[chain.len() - 1].clone());
-            phases.push(PhaseRows { mode, first_sample: from, rows: to - from + usize::from(hold.is_some()) });
+            phases.push(PhaseRows {
+                mode,
+                first_sample: from,
+                rows: to - from + usize::from(hold.is_some()),
+            });
             rows.extend(hold);
         }
         Ok((rows, phases))
@@ -299,11 +300,7 @@ impl Leg<'_> {
     }
 
     /// The plant from a time on, or back, to another, by classical Runge-Kutta steps of at most a sample.
-    fn beyond(
-        &mut self,
-        (from, state, inputs): (f64, &[f64], &[f64]),
-        to: f64,
-    ) -> Result<Vec<f64>, Error> {
+    fn beyond(&mut self, (from, state, inputs): (f64, &[f64], &[f64]), to: f64) -> Result<Vec<f64>, Error> {
         let steps = ((to - from).abs() / self.plant.sample_time()).ceil().max(1.0);
         let h = (to - from) / steps;
         let mut x = state.to_vec();

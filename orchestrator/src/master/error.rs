@@ -81,7 +81,9 @@ pub enum Error {
     #[error("the event iteration at t = {time} s does not end in {rounds} rounds: {cause}")]
     EventIteration { time: f64, rounds: u32, cause: String },
     /// Curves for inputs that do not fit.
-    #[error("{knots} knots of the inputs for {pieces} pieces; knots rise, and there is one more of them than pieces")]
+    #[error(
+        "{knots} knots of the inputs for {pieces} pieces; knots rise, and there is one more of them than pieces"
+    )]
     Curves { knots: usize, pieces: usize },
     /// Two columns of the result have one name.
     #[error("the result cannot be written: {0}")]

@@ -207,7 +207,9 @@ impl Gains {
                 Some(phase) if sample == phase.sample + phase.rows => phase.rows += 1,
                 Some(phase) => {
                     let next = phase.sample + phase.rows;
-                    return Err(format!("{place}, line {line}: sample {sample}; in this phase {next} is next"));
+                    return Err(format!(
+                        "{place}, line {line}: sample {sample}; in this phase {next} is next"
+                    ));
                 }
                 None => phases.push(Phase { mode, row, sample, rows: 1 }),
             }

@@ -56,7 +56,8 @@ fn rechecked(recheck: &Recheck) -> String {
     let mut text = String::new();
     for end in &recheck.phase_ends {
         if let Some(late) = end.late {
-            text += &format!("roll-out: phase `{}` ends {} s after its planned time\n", end.phase, short(late));
+            text +=
+                &format!("roll-out: phase `{}` ends {} s after its planned time\n", end.phase, short(late));
         }
     }
     let violated: Vec<&Kept> = recheck.limits.iter().filter(|limit| limit.margin < -KEPT).collect();

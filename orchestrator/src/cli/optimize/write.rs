@@ -13,10 +13,10 @@ use crate::plan::deliver::Delivery;
 use crate::plan::diagnose::Diagnosis;
 use crate::plan::file::transcription_name;
 use crate::plan::prepare::Prepared;
+use crate::plan::recheck::{Recheck, recheck};
 use crate::plan::record::{
     self, AnimationRecord, FinalError, PassRecord, SCHEMA_VERSION, SignalRecord, Summary, Times,
 };
-use crate::plan::recheck::{Recheck, recheck};
 use crate::plan::solve::{Done, Solved};
 use crate::plan::verify::{Rollout, Rollouts};
 use crate::plan::{Error as PlanError, table};

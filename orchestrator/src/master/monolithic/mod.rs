@@ -44,12 +44,7 @@ pub(super) fn run(
     watch: Watch,
 ) -> Result<Run, Error> {
     let interpolations = stimulus.map_or_else(Vec::new, |stimulus| stimulus.interpolations(graph));
-    run_with(
-        graph,
-        settings,
-        Inputs { stimulus, curves: None, interpolations, next: None, guess: 0 },
-        watch,
-    )
+    run_with(graph, settings, Inputs { stimulus, curves: None, interpolations, next: None, guess: 0 }, watch)
 }
 
 /// Runs a system; see [`super::simulate::run_along`].

@@ -94,7 +94,11 @@ pub fn stabilise(prepared: &mut Prepared, plan: Plan<'_>, settings: &Settings) -
         let (time, states, inputs) = (&time[rows.clone()], &states[rows.clone()], &inputs[rows]);
         let at = Point { time: time[0], states: &states[0], inputs: &inputs[0] };
         let plant = Sampled::new(own.as_mut(), sampled, sample_time, 1, at)?;
-        legs.push(Leg { plant, knots: Knots { time, states, inputs, interpolation: plan.interpolation }, name: &phase.name });
+        legs.push(Leg {
+            plant,
+            knots: Knots { time, states, inputs, interpolation: plan.interpolation },
+            name: &phase.name,
+        });
     }
     let mut plant = Plant::new(legs)?;
     let nominal = plant.nominal().clone();

@@ -54,16 +54,22 @@ pub(super) fn sections(plan: Plan<'_>, phases: usize) -> Result<Vec<Range<usize>
     }
     let place = |problem: String| Error::Place { place: plan.file.display().to_string(), problem };
     let column = plan.trajectory.channel("phase").ok_or_else(|| {
-        place(format!("there is no column `phase`, and the problem has {phases} phases; give its own trajectory"))
+        place(format!(
+            "there is no column `phase`, and the problem has {phases} phases; give its own trajectory"
+        ))
     })?;
     (1..=phases)
         .map(|number| {
             let own = |value: &&f64| **value == number as f64;
             let rows = column.values.iter().filter(own).count();
             let first = column.values.iter().position(|value| *value == number as f64);
-            match first.filter(|&first| rows >= 2 && column.values[first..first + rows].iter().all(|v| own(&v))) {
+            match first
+                .filter(|&first| rows >= 2 && column.values[first..first + rows].iter().all(|v| own(&v)))
+            {
                 Some(first) => Ok(first..first + rows),
-                None => Err(place(format!("column `phase`: the rows of phase {number} are not two or more in a row"))),
+                None => Err(place(format!(
+                    "column `phase`: the rows of phase {number} are not two or more in a row"
+                ))),
             }
         })
         .collect()
@@ -95,7 +101,8 @@ impl Following {
         })?;
         let start = own.guards.first().map_or(Place { line: 1, column: 1 }, |guard| guard.place);
         if own.guards.len() + 1 != count {
-            let problem = format!("{} guards for {count} phases; give one fewer than phases", own.guards.len());
+            let problem =
+                format!("{} guards for {count} phases; give one fewer than phases", own.guards.len());
             return Err(source.error_at(start, problem));
         }
         let mut events = Vec::new();
@@ -134,7 +141,8 @@ impl Following {
             }
             mode = found;
         }
-        let time = |quantity: &Option<_>, none: f64| quantity.as_ref().map_or(Ok(none), |one| seconds(source, one));
+        let time =
+            |quantity: &Option<_>, none: f64| quantity.as_ref().map_or(Ok(none), |one| seconds(source, one));
         let how = phases::Following {
             modes: own.mode.as_ref().map(|(_, modes)| modes.clone()),
             overlap: time(&own.overlap, OVERLAP)?,

@@ -143,11 +143,16 @@ fn phases(value: Value) -> Result<PhaseSettings, Error> {
             false => Err(value.error("a mode is a whole number")),
         }
     };
-    let modes = table.maybe("modes", |value| value.list()?.iter().map(whole).collect::<Result<Vec<_>, _>>())?;
+    let modes =
+        table.maybe("modes", |value| value.list()?.iter().map(whole).collect::<Result<Vec<_>, _>>())?;
     let mode = match (mode, modes) {
         (Some(mode), Some(modes)) => Some((mode, modes)),
         (None, None) => None,
-        _ => return Err(table.error("`mode` and `modes` belong together: an output and its value in every phase")),
+        _ => {
+            return Err(
+                table.error("`mode` and `modes` belong together: an output and its value in every phase")
+            );
+        }
     };
     let overlap = table.maybe("overlap", |value| value.quantity())?;
     let horizon = table.maybe("horizon", |value| value.quantity())?;
@@ -197,7 +202,11 @@ fn perturb(table: &Table) -> Result<Perturb, Error> {
     let spread = match (relative, absolute) {
         (Some(part), None) => Spread::Relative(part),
         (None, Some(width)) => Spread::Absolute(width),
-        _ => return Err(table.error("a perturbation has either `relative` or `absolute`, or `widths` in place of `variables`")),
+        _ => {
+            return Err(table.error(
+                "a perturbation has either `relative` or `absolute`, or `widths` in place of `variables`",
+            ));
+        }
     };
     Ok(Perturb { variables, spread })
 }

@@ -134,7 +134,7 @@ fn perturbation(settings: &Settings, graph: &SystemGraph, one: &Perturb) -> Resu
         match (found, value) {
             (Some((component, variable)), Some(value)) => {
                 Ok(Place { component, variable, value, width: 0.0 })
-            },
+            }
             _ => {
                 let problem = format!(
                     "the system has no Real `{}` with a start value; write component.variable",
