@@ -57,3 +57,71 @@ fn wrong_resets_are_named_with_their_place() {
     let first = message("[phase.initial]", "[phase.reset]\nstates = { vx = \"after.vx\" }\n[phase.initial]");
     assert!(first.contains("first phase"), "{first}");
 }
+
+#[test]
+fn a_start_in_the_ground_is_refused_with_phase_foot_and_depth() {
+    let Some(folder) = example() else { return };
+    let right = text(&folder, "problem.toml");
+    airloop::plan::start::check(&prepared(&folder, &right).unwrap().setup).unwrap();
+    let wrong = right.replacen("\"walker.y\" = 1.045", "\"walker.y\" = 1.0", 1);
+    let refused = airloop::plan::start::check(&prepared(&folder, &wrong).unwrap().setup);
+    let message = refused.unwrap_err().to_string();
+    for part in ["swing of leg 2", "foot 1", "below the ground", "-0.045"] {
+        assert!(message.contains(part), "{part}: {message}");
+    }
+}
+
+#[test]
+fn a_leg_without_length_makes_a_singular_contact_that_is_named() {
+    let Some(folder) = example() else { return };
+    let mut found = prepared(&folder, &text(&folder, "problem.toml")).unwrap();
+    let size = found.dynamics[1].size();
+    let (states, inputs) = (vec![0.0; size.states], vec![0.0; size.inputs]);
+    let at = airloop::transcription::Point { time: 0.0, states: &states, inputs: &inputs };
+    let message = found.dynamics[1].evaluate(at, &mut vec![0.0; size.values()]).unwrap_err().to_string();
+    assert!(message.contains("both feet") && message.contains("singular"), "{message}");
+}
+
+#[test]
+fn phases_cannot_be_stabilised_without_their_guards_and_modes() {
+    let Some(folder) = example() else { return };
+    let settings = text(&folder, "stabilise.toml");
+    let message = |from: &str, to: &str| {
+        assert!(settings.contains(from), "{from}");
+        let source = Source { file: "stabilise.toml".into(), text: settings.replacen(from, to, 1) };
+        let settings = match airloop::plan::stabilise::settings::parse(source) {
+            Ok(settings) => settings,
+            Err(error) => return error.to_string(),
+        };
+        let mut prepared = prepared(&folder, &text(&folder, "problem.toml")).unwrap();
+        let trajectory = plan(&prepared);
+        let file = PathBuf::from("trajectory.csv");
+        let interpolation = airloop::series::Interpolation::Linear;
+        let plan = airloop::plan::stabilise::Plan { trajectory: &trajectory, file: &file, interpolation };
+        airloop::plan::stabilise::stabilise(&mut prepared, plan, &settings).unwrap_err().to_string()
+    };
+    assert!(message("[phases]", "[phase]").contains("phase"));
+    let one = message("guards = [\"walker.foot2.y\", \"walker.foot1.fn\"]", "guards = [\"walker.foot2.y\"]");
+    assert!(one.contains("1 guards for 3 phases"), "{one}");
+    let unknown = message("guards = [\"walker.foot2.y\"", "guards = [\"walker.energy\"");
+    assert!(unknown.contains("no output that the problem names"), "{unknown}");
+    let modes = message("modes = [2, 4, 3]", "modes = [2, 4]");
+    assert!(modes.contains("2 modes for 3 phases"), "{modes}");
+    let real = message("mode = \"walker.mode\"", "mode = \"walker.energy\"");
+    assert!(real.contains("no Integer or enumeration"), "{real}");
+}
+
+/// Six rows at the initial pose, two per phase: enough for everything that is looked up before the design.
+fn plan(prepared: &Prepared) -> airloop::series::TimeSeries {
+    let time = (0..6).map(|row| 0.01 * f64::from(row)).collect();
+    let mut series = airloop::series::TimeSeries::new(time).unwrap();
+    let (signals, variables) = (&prepared.task.signals, prepared.catalogue.variables());
+    for (&index, (start, _)) in signals.states.iter().zip(&prepared.task.phases[0].initial) {
+        series.push(variables[index].name.clone(), None, vec![*start; 6]).unwrap();
+    }
+    for &index in &signals.inputs {
+        series.push(variables[index].name.clone(), None, vec![0.0; 6]).unwrap();
+    }
+    series.push("phase", None, vec![1.0, 1.0, 2.0, 2.0, 3.0, 3.0]).unwrap();
+    series
+}

@@ -6,9 +6,14 @@ mod model;
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
+use std::sync::atomic::AtomicBool;
 
+use airloop::fmu::InterfaceKind;
+use airloop::master::Settings;
+use airloop::master::simulate::{Curves, Watch, run_along};
 use airloop::results::summary::{self, Summary};
 use airloop::series::{TimeSeries, csv};
+use airloop::system::SystemGraph;
 use model::{folder, system};
 use tempfile::TempDir;
 
@@ -146,6 +151,39 @@ fn inputs_are_held_or_follow_a_line_between_samples() {
     // Held from the start of its interval on; the input itself is shown with its sample.
     assert_eq!(values(&result, "a.held"), [0.0, 0.0, 0.0, 0.0, 1.0, 1.0, 1.0, 1.0, 1.0]);
     assert_eq!(values(&result, "u"), [0.0, 0.0, 0.0, 0.0, 1.0, 1.0, 1.0, 1.0, 0.0]);
+}
+
+#[test]
+fn curves_are_followed_exactly_through_jumps_and_held_beyond_their_ends() {
+    let folder = folder();
+    let mut graph = SystemGraph::open_for(
+        &system(&folder, &[("a", "model.fmu")], &[("u", "a.u")]),
+        InterfaceKind::ModelExchange,
+    )
+    .unwrap();
+    graph.set_start("a.rate", "1", "test").unwrap();
+    // t^3 up to 1, then from 2 down as 2 - (t - 1)^2 up to 2.
+    let pieces = vec![vec![[0.0, 0.0, 0.0, 1.0]], vec![[2.0, 0.0, -1.0, 0.0]]];
+    let curves = Curves { knots: vec![0.0, 1.0, 2.0], inputs: vec![0], pieces };
+    let settings = Settings { stop_time: 3.0, step_size: 0.3, ..Settings::default() };
+    let stop = AtomicBool::new(false);
+    let watch = Watch { stop: &stop, progress: &mut |_, _| {} };
+    let run = run_along(&graph, &settings, &curves, watch).unwrap();
+    // x' = u - x: a polynomial p is followed by p - p' + p'' - ..., and the rest dies out.
+    let first = |t: f64| t.powi(3) - 3.0 * t * t + 6.0 * t - 6.0 + 6.0 * (-t).exp();
+    let answer = |s: f64| 2.0 - s * s + 2.0 * s - 2.0;
+    let second = |s: f64| answer(s) + (first(1.0) - answer(0.0)) * (-s).exp();
+    let expected = |t: f64| match t {
+        t if t <= 1.0 => first(t),
+        t if t <= 2.0 => second(t - 1.0),
+        t => 1.0 + (second(1.0) - 1.0) * (2.0 - t).exp(),
+    };
+    assert!(error(&run.result, "a.x", expected) < 1e-9);
+    assert_eq!(run.integration.unwrap().input_events, 1, "the jump at 1 alone");
+    let wrong = Curves { knots: vec![0.0, 1.0, 1.0], ..curves };
+    let watch = Watch { stop: &stop, progress: &mut |_, _| {} };
+    let message = run_along(&graph, &settings, &wrong, watch).unwrap_err().to_string();
+    assert!(message.contains("knots rise"), "{message}");
 }
 
 #[test]

@@ -320,3 +320,6 @@ impl Leg<'_> {
         Ok(x)
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -21,6 +21,7 @@ mod reset;
 pub mod sampling;
 pub mod solve;
 pub mod stabilise;
+pub mod start;
 pub mod sweep;
 pub mod table;
 pub mod task;

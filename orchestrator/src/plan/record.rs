@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use super::deliver::{COMMANDS, Delivery, Motion};
 use super::feed_forward::Command;
+use super::file::Length;
 use super::recheck::Recheck;
 use crate::results::summary::FmuRecord;
 
@@ -82,6 +83,9 @@ pub struct Summary {
     pub portrait: Option<(String, String)>,
     /// Cart-pole that the page shows.
     pub animation: Option<AnimationRecord>,
+    /// Rods that the page shows.
+    #[serde(default)]
+    pub stick_figure: Option<StickRecord>,
     /// FMU of every component.
     pub fmus: Vec<FmuRecord>,
     /// How well actuators deliver the planned forces, where the problem asks for it.
@@ -221,6 +225,26 @@ pub struct AnimationRecord {
     pub angle: String,
     /// Length of the pole \[m\].
     pub length: f64,
+}
+
+/// Rods from a point that moves, each to `(x + length sin(angle), y - length cos(angle))`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct StickRecord {
+    /// Columns of the point \[m\].
+    pub x: String,
+    /// See `x`.
+    pub y: String,
+    /// The rods.
+    pub rods: Vec<RodRecord>,
+}
+
+/// A rod.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct RodRecord {
+    /// Columns of the angles \[rad\] whose mean is that of the rod.
+    pub angles: Vec<String>,
+    /// Its length \[m\]: a number, or a column.
+    pub length: Length,
 }
 
 /// Why a summary cannot be read or written.

@@ -51,7 +51,7 @@ fn step(m: &TvlqrController, q: &mut Values<f64>) {
 
 #[test]
 fn every_size_agrees_with_a_loop_over_the_equations() {
-    for (case, (n, m, p)) in [(1, 1, 1), (7, 1, 2), (16, 4, 8), (5, 2, 3)].into_iter().enumerate() {
+    for (case, (n, m, p)) in [(1, 1, 1), (7, 1, 2), (16, 4, 16), (5, 2, 3)].into_iter().enumerate() {
         let (text, rows) = table(n, m, p, 5);
         let (model, variables) = Table::of::<TvlqrController>();
         let mut q = variables.start_values(Interface::CoSimulation);
@@ -169,4 +169,43 @@ fn a_signal_that_is_not_finite_and_crossed_limits_are_refused() {
     q[model.u_min[1]] = 2.0;
     q[model.u_max[1]] = 1.0;
     assert!(matches!(model.prepare(&mut q), Err(Refusal::Error(text)) if text.contains("u_min[2] = 2")));
+}
+
+/// One state that stays where it is and is not corrected; feedback of 1 in the second phase.
+const TWO_PHASES: &str = "time,sample,mode,x[1],u[1],y[1],K[1][1],L[1][1],A[1][1],B[1][1],c[1],C[1][1]\n\
+    0,0,5,10,1,0,0,0,1,0,0,1\n1,1,5,11,1,0,0,0,1,0,0,1\n2,2,5,12,1,0,0,0,1,0,0,1\n\
+    1,1,7,20,2,0,1,0,1,0,0,1\n2,2,7,21,3,0,1,0,1,0,0,1\n";
+
+#[test]
+fn a_phase_begins_when_its_mode_is_seen_and_the_estimate_goes_on() {
+    let (model, variables) = Table::of::<TvlqrController>();
+    let mut q = variables.start_values(Interface::CoSimulation);
+    let place = folder("phases", TWO_PHASES);
+    model.load_resources(Some(&place), &mut q).unwrap();
+    let mut at = |mode: i32| {
+        q[model.mode] = mode;
+        step(&model, &mut q);
+        (q[model.x_hat[0]], q[model.u[0]])
+    };
+    assert_eq!(at(5), (10.0, 1.0));
+    // A mode of no phase changes nothing.
+    assert_eq!(at(3), (11.0, 1.0));
+    // x_hat was 12 by the first phase; the second plans 21 here, and its feedback answers the difference.
+    assert_eq!(at(7), (12.0, 3.0 - (12.0 - 21.0)));
+    // A phase that is over does not come back, and its last row holds.
+    assert_eq!(at(5), (12.0, 12.0));
+    std::fs::remove_dir_all(place).unwrap();
+}
+
+#[test]
+fn gaps_and_fractions_in_the_samples_of_a_phase_are_named() {
+    let cases = [
+        (TWO_PHASES.replace("2,2,5", "2,4,5"), "line 4: sample 4; in this phase 2 is next"),
+        (TWO_PHASES.replace("1,1,7", "1,1,7.5"), "line 5: sample 1, mode 7.5"),
+        (TWO_PHASES.replace("0,0,5", "0,-1,5"), "line 2: sample -1"),
+    ];
+    for (text, expected) in cases {
+        let message = Gains::parse(&text, Path::new("controller.csv")).unwrap_err();
+        assert!(message.contains(expected), "{message}");
+    }
 }

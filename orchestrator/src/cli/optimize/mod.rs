@@ -153,6 +153,7 @@ fn search(
         return Ok(Found { prepared, rough, solved, table, loaded, instances: Duration::ZERO });
     }
     let prepared = prepare_statement(statement, began)?;
+    plan::start::check(&prepared.setup)?;
     let rough = guess::guess(&prepared.statement, &prepared.catalogue, &prepared.task, choice)?;
     let loaded = began.elapsed();
     if let Some(count) = args.multistart {

@@ -11,25 +11,24 @@ use crate::cli::folder;
 use crate::optim::{Note, Status};
 use crate::plan::deliver::Delivery;
 use crate::plan::diagnose::Diagnosis;
-use crate::plan::file::transcription_name;
+use crate::plan::file::{Length, Rod, transcription_name};
 use crate::plan::prepare::Prepared;
 use crate::plan::recheck::{Recheck, recheck};
 use crate::plan::record::{
-    self, AnimationRecord, FinalError, PassRecord, SCHEMA_VERSION, SignalRecord, Summary, Times,
+    self, AnimationRecord, FinalError, PassRecord, RodRecord, SCHEMA_VERSION, SignalRecord, StickRecord,
+    Summary, Times,
 };
 use crate::plan::solve::{Done, Solved};
 use crate::plan::verify::{Rollout, Rollouts};
 use crate::plan::{Error as PlanError, table};
 pub use crate::plot::plan::TRAJECTORY;
-use crate::plot::plan::{CONTINUOUS, DEFECTS, SAMPLED, figure_files};
+use crate::plot::plan::{CONTINUOUS, DEFECTS, FORCES, MORE_FIGURES, SAMPLED, figure_files};
 use crate::results::summary::FmuRecord;
 use crate::series::csv;
 use crate::transcription::IntervalErrors;
 
 /// The command, for `airloop run --input`.
 const COMMAND: &str = "command.csv";
-/// Planned forces, commands of the actuators and the forces that they deliver.
-const FORCES: &str = "feed_forward.csv";
 /// Motions of the plant under the delivered forces of each kind of command.
 const CHAINS: [&str; 2] = ["closed_chain_optimised.csv", "closed_chain_naive.csv"];
 /// The iteration table.
@@ -54,7 +53,8 @@ pub fn names() -> Vec<String> {
         "index.html",
         "summary.json",
     ];
-    files.map(str::to_owned).into_iter().chain(figure_files(true, true)).collect()
+    let more = MORE_FIGURES.map(str::to_owned);
+    files.map(str::to_owned).into_iter().chain(figure_files(true, true)).chain(more).collect()
 }
 
 /// What a run leaves behind.
@@ -154,7 +154,15 @@ impl Results<'_> {
         let norm = |errors: &BTreeMap<String, f64>| errors.values().map(|e| e * e).sum::<f64>().sqrt();
         let signals = table::records(prepared, solved.trajectory());
         let portrait = self.portrait(&signals);
-        let figures = if self.plots { figure_files(portrait.is_some(), true) } else { Vec::new() };
+        let mut figures = if self.plots { figure_files(portrait.is_some(), true) } else { Vec::new() };
+        let drawn = [statement.stick_figure.is_some(), self.delivery.is_some()];
+        let drawn = MORE_FIGURES.iter().zip(drawn).filter(|(_, wanted)| *wanted && self.plots);
+        figures.splice(0..0, drawn.map(|(name, _)| (*name).to_owned()));
+        let stick_figure = statement.stick_figure.as_ref().map(|figure| StickRecord {
+            x: self.shown(&figure.x.text),
+            y: self.shown(&figure.y.text),
+            rods: figure.rods.iter().map(|rod| self.rod(rod)).collect(),
+        });
         let animation = statement.animation.as_ref().map(|animation| AnimationRecord {
             cart: self.shown(&animation.cart.text),
             angle: self.shown(&animation.angle.text),
@@ -214,12 +222,23 @@ impl Results<'_> {
             signals,
             portrait,
             animation,
+            stick_figure,
             fmus: graph.order.iter().map(|&index| fmu(graph, index)).collect(),
             stage2: self.delivery.map(record::stage2),
             closed_chain: self.delivery.and_then(record::closed_chain),
             files: files.iter().map(|&name| name.to_owned()).collect(),
             figures,
             notes: prepared.notes.iter().chain(self.notes).cloned().chain(more).collect(),
+        }
+    }
+
+    fn rod(&self, rod: &Rod) -> RodRecord {
+        RodRecord {
+            angles: rod.angles.iter().map(|angle| self.shown(&angle.text)).collect(),
+            length: match &rod.length {
+                Length::Variable(name) => Length::Variable(self.shown(name)),
+                Length::Number(length) => Length::Number(*length),
+            },
         }
     }
 

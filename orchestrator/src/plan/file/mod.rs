@@ -8,12 +8,14 @@ mod read;
 mod read_phase;
 pub mod source;
 pub mod statement;
+mod stick_figure;
 pub mod table;
 
 pub use quantity::Quantity;
 pub use read::{parse, read, variant};
 pub use source::{Place, Source};
 pub use statement::{Statement, TRANSCRIPTIONS, transcription_name};
+pub use stick_figure::{Length, Rod, StickFigure};
 pub use table::Text;
 
 /// JSON schema of the problem file, for editors that complete and check TOML.

@@ -64,6 +64,7 @@ pub fn parse(source: Source) -> Result<Statement, Error> {
     let guesses = root.maybe("guess", guesses)?.unwrap_or_default();
     let verification = root.maybe("verification", verification)?.unwrap_or_default();
     let animation = root.maybe("animation", animation)?;
+    let stick_figure = root.maybe("stick_figure", super::stick_figure::read)?;
     let variants = root.maybe("variants", |value| texts_of_pairs(value, "[variants]"))?.unwrap_or_default();
     let feed_forward = root.maybe("feed_forward", feed_forward::read)?;
     root.finish()?;
@@ -81,6 +82,7 @@ pub fn parse(source: Source) -> Result<Statement, Error> {
         guesses,
         verification,
         animation,
+        stick_figure,
         variants,
         feed_forward,
         source: source.clone(),

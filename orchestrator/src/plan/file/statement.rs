@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use super::feed_forward::FeedForward;
 use super::quantity::Quantity;
 use super::source::{Place, Source};
+use super::stick_figure::StickFigure;
 use super::table::Text;
 use crate::optim::Method;
 use crate::transcription::Transcription;
@@ -36,6 +37,8 @@ pub struct Statement {
     pub verification: Verification,
     /// What the page draws.
     pub animation: Option<Animation>,
+    /// Rods that the page draws.
+    pub stick_figure: Option<StickFigure>,
     /// Names of variants of the problem, and their files.
     pub variants: Vec<(Text, Text)>,
     /// Actuators that are to deliver what is planned.

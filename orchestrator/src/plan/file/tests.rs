@@ -130,7 +130,8 @@ fn properties<'a>(schema: &'a serde_json::Value, path: &[&str]) -> Vec<&'a str> 
 fn the_schema_has_the_keys_that_are_read() {
     let schema: serde_json::Value = serde_json::from_str(SCHEMA).unwrap();
     // A key of the schema that the reader does not know would be refused with these words.
-    let probes: [(&[&str], &str); 4] = [
+    let probes: [(&[&str], &str); 5] = [
+        (&["properties", "stick_figure", "properties"], "[stick_figure]\n{KEY}"),
         (&["properties"], "{KEY}"),
         (&["properties", "settings", "properties"], "[settings]\n{KEY}"),
         (&["properties", "verification", "properties"], "[verification]\n{KEY}"),

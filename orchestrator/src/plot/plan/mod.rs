@@ -2,7 +2,9 @@
 
 mod animation;
 mod figures;
+mod forces;
 mod page;
+mod stick;
 
 use std::path::{Path, PathBuf};
 
@@ -20,6 +22,11 @@ pub const SAMPLED: &str = "rollout_sampled.csv";
 /// Estimated error of every state over every interval.
 pub const DEFECTS: &str = "defects.csv";
 
+/// Planned forces, commands of the actuators and the forces that they deliver.
+pub const FORCES: &str = "feed_forward.csv";
+/// Figures that a plan may have beside those of [`figure_files`]: its stick figure, and the forces of actuators.
+pub const MORE_FIGURES: [&str; 2] = ["stick_figure.svg", "forces.svg"];
+
 /// What is drawn.
 struct Plan {
     summary: Summary,
@@ -27,6 +34,7 @@ struct Plan {
     continuous: Option<TimeSeries>,
     sampled: Option<TimeSeries>,
     defects: Option<TimeSeries>,
+    forces: Option<TimeSeries>,
 }
 
 impl Plan {
@@ -40,7 +48,8 @@ impl Plan {
         };
         let (continuous, sampled, defects) = (listed(CONTINUOUS)?, listed(SAMPLED)?, listed(DEFECTS)?);
         let trajectory = csv::read(&folder.join(TRAJECTORY))?;
-        Ok(Plan { summary, trajectory, continuous, sampled, defects })
+        let forces = listed(FORCES)?;
+        Ok(Plan { summary, trajectory, continuous, sampled, defects, forces })
     }
 
     /// Values of a signal in a series.
@@ -74,6 +83,8 @@ pub fn draw(folder: &Path) -> Result<Vec<PathBuf>, Error> {
             "states.svg" => figures::states(&plan),
             "input.svg" => figures::inputs(&plan),
             "phase_portrait.svg" => figures::portrait(&plan),
+            "stick_figure.svg" => stick::stick_figure(&plan),
+            "forces.svg" => forces::forces(&plan),
             _ => figures::interval_error(&plan),
         };
         let path = folder.join(name);

@@ -4,6 +4,7 @@ use std::fmt::Write;
 
 use super::Plan;
 use super::animation::animation;
+use super::stick::moving;
 use crate::plot::page::STYLE;
 use crate::plot::run::short;
 use crate::plot::svg::escape;
@@ -34,6 +35,7 @@ pub(super) fn page(plan: &Plan, figures: &[String]) -> String {
         let _ = writeln!(html, "<p class=\"problem\">{}</p>", escape(problem));
     }
     html += &animation(plan);
+    html += &moving(plan);
     numbers(&mut html, plan);
     for figure in figures {
         let _ = writeln!(html, "<figure>{figure}</figure>");
