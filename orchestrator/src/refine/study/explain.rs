@@ -19,6 +19,8 @@ const SMOOTHED: f64 = 2.0;
 const SHARE: f64 = 0.2;
 /// Share of the noise power that a free form has to take away.
 const OF_NOISE: f64 = 0.1;
+/// Share of what is left that one variable has to tell to be enough.
+const ENOUGH: f64 = 0.6;
 /// A second variable has to add this share of what the first takes away.
 const SECOND: f64 = 0.3;
 
@@ -131,7 +133,9 @@ impl Judge {
             return Rest { place: None, gain: alone.max(0.0) };
         }
         let mut best = (vec![first], alone);
-        for &(second, _) in singles.iter().skip(1).take(3) {
+        // One variable that tells most of it needs no second.
+        let few = if alone < ENOUGH * self.excess(model) { 2 } else { 0 };
+        for &(second, _) in singles.iter().skip(1).take(few) {
             let both = gain(&[first, second]);
             if both > (1.0 + SECOND) * best.1.max(alone) {
                 best = (vec![first, second], both);

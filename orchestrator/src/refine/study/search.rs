@@ -3,7 +3,7 @@
 use super::catalogue::Candidate;
 use super::explain::Judge;
 use super::fits::{Fits, Model};
-use super::law::Law;
+use super::law::{Law, Variable};
 use super::model::{Action, Study};
 use crate::refine::engine::parallel;
 
@@ -36,15 +36,26 @@ pub struct Selection {
 /// Sentences for a progress display.
 pub type Say<'a> = &'a (dyn Fn(&str) + Sync);
 
-/// Whether the springs of a model are springs: one at rest far from where the records were is a constant force.
-fn sprung(study: &Study, model: &Model) -> bool {
+/// Whether the shapes of a fitted model show in the records. Far from where the records were, a spring is a constant
+/// force, so is an end stop, a long wave is a spring, a wide friction peak is Coulomb friction.
+fn shown(study: &Study, model: &Model) -> bool {
     let p = &model.fit.parameters;
     model.added.iter().map(|&c| &study.candidates[c]).all(|own| {
-        let Action::Block { law: Law::Spring, tap } = own.action else { return true };
-        let (stiffness, force) = (p[own.entries.start], p[own.entries.start + 1]);
-        let (low, high) = study.range(tap, super::law::Variable::Position);
-        let rest = -force / stiffness;
-        stiffness > 0.0 && (2.0 * low - high..=2.0 * high - low).contains(&rest)
+        let Action::Block { law, tap } = own.action else { return true };
+        let (low, high) = study.range(tap, Variable::Position);
+        let (travel, first) = (high - low, own.entries.start);
+        let (slowest, fastest) = study.range(tap, Variable::Velocity);
+        match law {
+            Law::Spring => {
+                let rest = -p[first + 1] / p[first];
+                p[first] > 0.0 && (low - travel..=high + travel).contains(&rest)
+            }
+            Law::EndStop => (low + 0.25 * travel..=high).contains(&p[first + 2]),
+            Law::Cogging => p[first + 2] <= travel,
+            Law::Stribeck => p[first + 1] <= 0.5 * fastest.abs().max(slowest.abs()),
+            Law::Presliding => travel <= 0.0 || p[first] <= 0.25 * travel,
+            _ => true,
+        }
     })
 }
 
@@ -100,7 +111,7 @@ impl Search<'_> {
     }
 
     fn physical(&self, model: &Model) -> bool {
-        passive(self.study(), model) && sprung(self.study(), model)
+        passive(self.study(), model) && shown(self.study(), model)
     }
 
     /// Exchanges effects for simpler ones that do as well.
