@@ -127,9 +127,8 @@ impl Question {
         match self {
             Question::Study(file) => {
                 let progress = Progress::new(quiet, 0);
-                let found = study::answer::answer(file, settings, &|stage| {
-                    progress.tell(Event::Stage(stage))
-                });
+                let found =
+                    study::answer::answer(file, settings, &|stage| progress.tell(Event::Stage(stage)));
                 progress.finish();
                 Ok(found?)
             }

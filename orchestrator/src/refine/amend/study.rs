@@ -72,7 +72,9 @@ fn sense(
         let to = end("", name);
         let shown = network.structure.connections.iter().any(|connection| connection.end == to);
         let sampled = graph.outputs.iter().any(|output| output.name == *name && is_sampled(graph, output));
-        let Some(mut block) = blocks::sensor(effect, step, sampled, false).filter(|_| shown) else { continue };
+        let Some(mut block) = blocks::sensor(effect, step, sampled, false).filter(|_| shown) else {
+            continue;
+        };
         if index > 0 {
             block.part.name += &format!("_{}", index + 1);
         }

@@ -1,6 +1,8 @@
 //! The material of the figures of a study.
 
-use super::{Curve, Evidence, Port, Record, Residual, SHOWN, Signal, Variable, correlation, curve, dependence};
+use super::{
+    Curve, Evidence, Port, Record, Residual, SHOWN, Signal, Variable, correlation, curve, dependence,
+};
 use crate::refine::answer::{Answer, Effect};
 use crate::refine::case::Friction;
 use crate::refine::engine::{System, parallel};
@@ -91,12 +93,7 @@ fn ports(study: &Study, answer: &Answer) -> Vec<Port> {
 }
 
 /// What residuals may depend on: commands, and what is known at the attachments under the corrected model.
-fn variables(
-    study: &Study,
-    n: usize,
-    traces: &[Vec<Point>],
-    inputs: &[Option<Vec<f64>>],
-) -> Vec<Variable> {
+fn variables(study: &Study, n: usize, traces: &[Vec<Point>], inputs: &[Option<Vec<f64>>]) -> Vec<Variable> {
     let mut found: Vec<Variable> = Vec::new();
     let mut add = |name: &'static str, unit: &'static str, values: Vec<f64>| {
         let (low, high) =

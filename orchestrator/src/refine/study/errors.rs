@@ -12,7 +12,13 @@ use crate::refine::engine::System;
 use crate::refine::engine::fit::{Free, fit};
 
 /// Errors of pieces in the units of the outputs; initial states are fitted where the study says so.
-pub fn errors(fits: &Fits, added: &[usize], pieces: &[Piece], p: &[f64], locals: Option<&[Vec<f64>]>) -> Errors {
+pub fn errors(
+    fits: &Fits,
+    added: &[usize],
+    pieces: &[Piece],
+    p: &[f64],
+    locals: Option<&[Vec<f64>]>,
+) -> Errors {
     let mut found = Errors::default();
     if pieces.is_empty() {
         return found;

@@ -100,9 +100,10 @@ impl Judge {
     pub fn explained(&self, fits: &Fits, model: &Model) -> bool {
         let powers = Self::powers(fits, model);
         let left = self.null.normalised(&powers);
-        let near = powers.iter().zip(self.null.means()).map(|((_, own), mean)| {
-            own.iter().zip(mean).all(|(own, mean)| *own < TOLERANCE * mean)
-        });
+        let near = powers
+            .iter()
+            .zip(self.null.means())
+            .map(|((_, own), mean)| own.iter().zip(mean).all(|(own, mean)| *own < TOLERANCE * mean));
         left.iter().zip(near).all(|((_, z), near)| near || *z < self.limit())
     }
 

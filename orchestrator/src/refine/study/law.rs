@@ -157,12 +157,9 @@ impl Law {
                 p[0] * phase.sin() + p[1] * phase.cos()
             }
             Law::Area => -p[0] * at.pressure,
-            Law::Gain
-            | Law::DeadBand
-            | Law::Saturation
-            | Law::PositionGain
-            | Law::Droop
-            | Law::Shape(_) => 0.0,
+            Law::Gain | Law::DeadBand | Law::Saturation | Law::PositionGain | Law::Droop | Law::Shape(_) => {
+                0.0
+            }
         }
     }
 

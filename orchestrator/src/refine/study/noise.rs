@@ -61,10 +61,7 @@ impl SensorNoise {
             (name, Column { white, quantum })
         };
         let own = |list: Vec<Option<&Signal>>| list.into_iter().map(|s| s.cloned()).collect();
-        SensorNoise {
-            columns: sums.into_iter().map(column).collect(),
-            signals: layout.signals().map(own),
-        }
+        SensorNoise { columns: sums.into_iter().map(column).collect(), signals: layout.signals().map(own) }
     }
 
     /// Noise of a column.
@@ -73,12 +70,7 @@ impl SensorNoise {
     }
 
     /// Noise of one list of signals, made of the noise of their columns `[n]`; none for those without a column.
-    fn made(
-        &self,
-        list: usize,
-        record: &Record,
-        drawn: &BTreeMap<&str, Vec<f64>>,
-    ) -> Vec<Option<Vec<f64>>> {
+    fn made(&self, list: usize, record: &Record, drawn: &BTreeMap<&str, Vec<f64>>) -> Vec<Option<Vec<f64>>> {
         let one = |(signal, factor): (&Option<Signal>, &f64)| {
             let signal = signal.as_ref()?;
             let values = drawn.get(signal.source()?.as_str())?;
@@ -282,7 +274,10 @@ impl System for Noisy<'_> {
             if let Some(name) = signal.as_ref().and_then(Signal::source) {
                 let mut whole = vec![0.0; record.n];
                 let own = predicted[o * n..(o + 1) * n].iter();
-                whole[piece.range.clone()].iter_mut().zip(own).for_each(|(a, b)| *a = b / record.factors[3][o]);
+                whole[piece.range.clone()]
+                    .iter_mut()
+                    .zip(own)
+                    .for_each(|(a, b)| *a = b / record.factors[3][o]);
                 clean.insert(name.as_str(), whole);
             }
         }
@@ -307,7 +302,8 @@ impl System for Noisy<'_> {
             }
         }
         for (list, slopes) in [(0, &slopes.inputs), (2, &slopes.extra)] {
-            let shifts = if slopes.is_empty() { Vec::new() } else { study.sensors.made(list, record, &columns) };
+            let shifts =
+                if slopes.is_empty() { Vec::new() } else { study.sensors.made(list, record, &columns) };
             for (slope, shift) in slopes.iter().zip(&shifts) {
                 let (Some(slope), Some(shift)) = (slope, shift) else { continue };
                 for (i, (value, slope)) in found.iter_mut().zip(slope).enumerate() {

@@ -288,7 +288,11 @@ pub fn records(file: &File, layout: &Layout, notes: &mut Vec<String>) -> Result<
             // What a low-pass of the study takes away is noise by its own word; neighbours may hide it, as
             // interpolating encoders do.
             let removed = corners.fold(0.0f64, |most, corner| {
-                most.max(grid.series.channel(name).map_or(0.0, |own| signal::above(&own.values, corner, grid.step)))
+                most.max(
+                    grid.series
+                        .channel(name)
+                        .map_or(0.0, |own| signal::above(&own.values, corner, grid.step)),
+                )
             });
             let scatter = signal::scatter(values).max(removed);
             let sensor = Sensor { scatter, quantum: signal::quantum(values) };

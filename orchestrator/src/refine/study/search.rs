@@ -243,9 +243,7 @@ impl Search<'_> {
                     continue;
                 }
                 self.fits.hold_back(&mut without);
-                if without.held_back <= (1.0 + 0.5 * WORTH) * best.held_back
-                    && self.physical(&without)
-                {
+                if without.held_back <= (1.0 + 0.5 * WORTH) * best.held_back && self.physical(&without) {
                     best = without;
                     continue 'again;
                 }
