@@ -1,5 +1,5 @@
 # `make demo` and `make test` work on a fresh machine with Rust, a C compiler and Python 3: each sets up what is missing first.
-.PHONY: demo test check bench study study-refine study-swing-up study-walker fmu setup setup-build clean
+.PHONY: demo test check bench study study-refine study-systems study-swing-up study-walker fmu setup setup-build clean
 export CARGO_NET_RETRY ?= 10
 
 demo: fmu            ## replay a measured record through the coupled FMUs, then find what a declared model lacks
@@ -24,6 +24,11 @@ study-refine: fmu    ## cases with known missing effects, and what `airloop refi
 	scripts/setup.sh study
 	.venv/bin/python tests/study/refine/make_cases.py out/study-refine/cases
 	.venv/bin/python tests/study/refine/score.py target/release/airloop out/study-refine/cases out/study-refine/reports --left
+
+study-systems: fmu   ## pendulums, axes, seals and actuators with known truth, and what `airloop refine` makes of them: out/study-systems
+	scripts/setup.sh study
+	.venv/bin/python tests/study/systems/make_systems.py out/study-systems/sets
+	.venv/bin/python tests/study/systems/score_systems.py target/release/airloop out/study-systems/sets out/study-systems/reports
 
 study-swing-up: fmu  ## swing-up over the FMUs against CasADi with IPOPT, time and optimum: out/study/swing_up.csv
 	scripts/setup.sh study

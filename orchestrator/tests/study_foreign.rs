@@ -1,5 +1,6 @@
 //! Studies of systems that are not of this project: an FMU with a force input, alone and behind a connection.
 
+mod c_fmu;
 mod carriage;
 
 use std::path::Path;

@@ -173,7 +173,7 @@ def test_the_page_of_a_study_has_its_charts(tmp_path):
     found = report(EXAMPLE, tmp_path / "out")
     page = (tmp_path / "out" / "report.html").read_text()
     assert page.count("<svg") >= 6 and len(page) < 1_000_000 and "http" not in page.replace("http://www.w3.org", "")
-    for words in ["measured less predicted", "over thetadot", "autocorrelation", "pole.quaddrag"]:
+    for words in ["measured less predicted", "over theta", "autocorrelation", "pole.quaddrag"]:
         assert words in page, words
     assert found["localisation"][0]["compared_with"] == "angle"
 

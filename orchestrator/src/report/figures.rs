@@ -8,6 +8,8 @@ use crate::refine::evidence::{Correlation, Curve, Dependence, Evidence, Port, Re
 /// Size of a chart over the whole width, and of one of a pair \[px\].
 const WIDE: (f64, f64) = (920.0, 230.0);
 const HALF: (f64, f64) = (470.0, 250.0);
+/// Most points of a curve over time.
+const DRAWN: usize = 6000;
 
 /// Errors on validation records in multiples of the noise floor.
 pub fn errors(answer: &Answer) -> Option<String> {
@@ -35,14 +37,32 @@ pub fn ports(ports: &[Port], limit: f64) -> Option<String> {
         .then(|| bars("Where in the rig something is left", &rows, (limit.max(1.0), "limit"), label))
 }
 
+/// Points of a curve over time: all of them, or the least and the largest of spans of equal length where there are more
+/// than a chart can show.
+fn thinned(values: &[f64], step: f64) -> Vec<(f64, f64)> {
+    let at = |k: usize| (k as f64 * step, values[k]);
+    if values.len() <= DRAWN {
+        return (0..values.len()).map(at).collect();
+    }
+    let length = values.len().div_ceil(DRAWN / 2);
+    let mut found = Vec::with_capacity(DRAWN);
+    for begin in (0..values.len()).step_by(length) {
+        let span = begin..(begin + length).min(values.len());
+        let least = span.clone().min_by(|&a, &b| values[a].total_cmp(&values[b])).unwrap_or(begin);
+        let largest = span.max_by(|&a, &b| values[a].total_cmp(&values[b])).unwrap_or(begin);
+        found.push(at(least.min(largest)));
+        if least != largest {
+            found.push(at(least.max(largest)));
+        }
+    }
+    found
+}
+
 /// Residuals of one record over time.
 pub fn residuals(record: &Record, evidence: &Evidence) -> Vec<String> {
     let one = |residual: &crate::refine::evidence::Residual| {
         let signal = evidence.signals.get(residual.signal)?;
-        let points = |model: usize| {
-            let values = residual.values[model].iter().enumerate();
-            values.map(|(k, value)| (k as f64 * record.sample_time, *value)).collect::<Vec<_>>()
-        };
+        let points = |model: usize| thinned(&residual.values[model], record.sample_time);
         let chart = Chart {
             title: format!("{}: measured less predicted", signal.name),
             labels: ("time [s]".into(), format!("residual [{}]", signal.unit)),
@@ -144,4 +164,19 @@ pub fn told(dependence: &Dependence) -> [String; 5] {
         words::number(largest(&|bin| bin.1)),
         words::number(largest(&|bin| bin.2)),
     ]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_long_record_keeps_its_extremes_and_its_order() {
+        let mut values: Vec<f64> = (0..100_000).map(|k| f64::from(k % 7)).collect();
+        (values[54_321], values[77_777]) = (50.0, -50.0);
+        let points = thinned(&values, 0.5);
+        assert!(points.len() <= DRAWN && points.windows(2).all(|pair| pair[0].0 < pair[1].0));
+        assert!(points.contains(&(27_160.5, 50.0)) && points.contains(&(38_888.5, -50.0)));
+        assert_eq!(thinned(&values[..5], 1.0).len(), 5);
+    }
 }

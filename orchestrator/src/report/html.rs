@@ -69,7 +69,7 @@ pub fn text(report: &Report) -> String {
     for record in &evidence.records {
         let _ = writeln!(
             out,
-            "<h2>Residuals of {}</h2>\n<p class=\"how\">A validation record, simulated from its command over its whole length; only the initial state is fitted. Grey: two standard deviations of the sensor noise. Drag to zoom, double-click to see all, point for values.</p>",
+            "<h2>Residuals of {}</h2>\n<p class=\"how\">A validation record, simulated as for its error: over its whole length with a fitted initial state, or as the study says. Grey: two standard deviations of the sensor noise. Drag to zoom, double-click to see all, point for values.</p>",
             escape(&record.name)
         );
         figures::residuals(record, evidence).iter().for_each(|svg| figure(&mut out, svg));

@@ -1,11 +1,9 @@
 //! The FMU of a carriage (`carriage.c`), made where a test needs it, and records of one with dry friction.
 
 use std::fmt::Write as _;
-use std::io::Write as _;
 use std::path::Path;
-use std::process::Command;
 
-use zip::write::SimpleFileOptions;
+use crate::c_fmu;
 
 const DESCRIPTION: &str = r#"<?xml version="1.0" encoding="UTF-8"?>
 <fmiModelDescription fmiVersion="2.0" modelName="carriage" guid="carriage" numberOfEventIndicators="0">
@@ -29,20 +27,8 @@ const DESCRIPTION: &str = r#"<?xml version="1.0" encoding="UTF-8"?>
 /// Writes `carriage.fmu` into a folder.
 pub fn fmu(folder: &Path) {
     let library = folder.join("carriage.so");
-    let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/carriage/carriage.c");
-    let compiler = std::env::var("CC").unwrap_or_else(|_| "cc".to_owned());
-    let status = Command::new(&compiler)
-        .args(["-shared", "-fPIC", "-O2", "-o"])
-        .args([&library, &source])
-        .status()
-        .unwrap_or_else(|error| panic!("{compiler}: {error}; set CC to a C compiler"));
-    assert!(status.success());
-    let mut writer = zip::ZipWriter::new(std::fs::File::create(folder.join("carriage.fmu")).unwrap());
-    writer.start_file("modelDescription.xml", SimpleFileOptions::default()).unwrap();
-    writer.write_all(DESCRIPTION.as_bytes()).unwrap();
-    writer.start_file("binaries/linux64/carriage.so", SimpleFileOptions::default()).unwrap();
-    writer.write_all(&std::fs::read(&library).unwrap()).unwrap();
-    writer.finish().unwrap();
+    c_fmu::compile("carriage/carriage.c", &library, &[]);
+    c_fmu::pack(&folder.join("carriage.fmu"), DESCRIPTION, Some(("carriage", &library)));
 }
 
 /// Mass \[kg\], viscous friction \[N s/m\] and dry friction \[N\] of the carriage in the records.

@@ -229,11 +229,11 @@ def seal(folder, rng, kind, strength):
         fine = 1e-3
         speed, stop = rng.uniform(0.006, 0.015), rng.uniform(35, 60)
         t = np.arange(0, stop, fine)
-        travel, rest = 0.04, 0.35
+        travel, rest = 0.04, 0.2
         cycle = 2 * (travel / speed + rest)
         s = t % cycle
         v = np.where(s < travel / speed, speed, np.where((s >= cycle / 2) & (s < cycle / 2 + travel / speed), -speed, 0.0))
-        ramp = np.ones(40) / 40
+        ramp = np.ones(400) / 400
         v = np.convolve(v, ramp, mode="same")
         x = 0.004 + np.cumsum(v) * fine
         p = pressure * (1 + 0.01 * np.sin(2 * np.pi * t / 9) + 0.01 * np.sign(v)) + 300 * np.interp(t, np.arange(0, stop + 1, 0.5), rng.standard_normal(len(np.arange(0, stop + 1, 0.5))))

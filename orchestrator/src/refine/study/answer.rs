@@ -222,15 +222,19 @@ fn rule(fits: &Fits, judge: &Judge, selection: &Selection, validation: [&Errors;
         return Ruling { verdict: Verdict::Nothing, rest: nothing, helps };
     }
     if helps {
-        let rest = if judge.explained(fits, best) { nothing } else { judge.rest(fits, best) };
+        let known = judge.explained(fits, best) || judge.tolerable(fits, best);
+        let rest = if known { nothing } else { judge.rest(fits, best) };
         // A free form that takes away more than the effects did is what is missing; they only imitate it.
         let gained = declared.error.powi(2) - best.error.powi(2);
         if rest.place.is_none() || rest.gain < gained {
             return Ruling { verdict: Verdict::Effect, rest, helps };
         }
     }
+    if judge.tolerable(fits, declared) {
+        return Ruling { verdict: Verdict::Nothing, rest: Rest { place: None, gain: 0.0 }, helps };
+    }
     let rest = judge.rest(fits, declared);
-    let far = declared.error > FAR * judge.power.sqrt();
+    let far = declared.error > FAR * judge.tolerated.sqrt();
     let verdict = if rest.place.is_some() || far { Verdict::Unexplained } else { Verdict::Nothing };
     Ruling { verdict, rest, helps }
 }
@@ -242,6 +246,12 @@ fn leftover(fits: &Fits, judge: &Judge, model: &Model, rest: &Rest) -> Vec<Strin
         "Noise and rounding of the sensors, carried through filters, initial states and inputs, give 1/{times:.3} of the error on estimation records (simulated {} times).",
         judge.draws()
     )];
+    if judge.tolerated > 1.5 * judge.power {
+        let share = (judge.tolerated - judge.power).sqrt() / model.error;
+        found.push(format!(
+            "Smoothing of measured derivatives gives up to {share:.2} of the error on estimation records: where the motion is sharper than the filter, the model is not to blame."
+        ));
+    }
     if let Some((channel, variables)) = &rest.place {
         let share = 100.0 * (rest.gain / model.error.powi(2)).min(1.0);
         found.push(format!(

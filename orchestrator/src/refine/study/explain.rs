@@ -7,17 +7,20 @@ use super::fits::{Fits, Model};
 use super::law::{Law, Variable};
 use super::model::{Action, Study};
 use super::noise::Noisy;
+use super::simulate::View;
 use crate::refine::engine::System;
 use crate::refine::engine::goodness::{Null, pooled};
 
 /// Powers within this factor of those of the noise are noise: its level is estimated.
 const TOLERANCE: f64 = 1.3;
-/// Standard deviations beside the quantile of the null.
-const MARGIN: f64 = 1.0;
+/// Factor on the power that smoothed derivatives give: it is estimated from smoothing them once more.
+const SMOOTHED: f64 = 2.0;
 /// Share of what is left that a free form has to take away.
 const SHARE: f64 = 0.2;
 /// Share of the noise power that a free form has to take away.
 const OF_NOISE: f64 = 0.1;
+/// Share of what is left that one variable has to tell to be enough.
+const ENOUGH: f64 = 0.6;
 /// A second variable has to add this share of what the first takes away.
 const SECOND: f64 = 0.3;
 
@@ -34,22 +37,36 @@ pub struct Rest {
 #[derive(Debug)]
 pub struct Judge {
     null: Null,
+    /// Powers that smoothed derivatives give, by output.
+    bias: Vec<[f64; 3]>,
     /// Mean power of a whitened sample under the null.
     pub power: f64,
+    /// The same with what smoothed derivatives give.
+    pub tolerated: f64,
 }
 
 impl Judge {
     /// Draws the null around a model.
     pub fn new(fits: &Fits, model: &Model, draws: usize, seed: u64) -> Judge {
-        let view = fits.view(&model.added, &fits.pieces);
+        let view = in_noise(fits, model);
         let (p, locals) = (&model.fit.parameters, &model.fit.locals);
         let noisy = Noisy::new(&view, p, locals, seed);
         let records: Vec<usize> = (0..fits.pieces.len()).collect();
         let null = Null::simulate(&noisy, &records, p, locals, draws, seed);
         let samples: usize = fits.pieces.iter().map(|piece| piece.range.len()).sum();
         let count = (samples * fits.study.outputs.len()).max(1) as f64;
-        let power = null.means().iter().map(|means| means[0]).sum::<f64>() / count;
-        Judge { null, power }
+        let bias: Vec<Vec<f64>> = records.iter().map(|&r| noisy.bias(r)).collect();
+        let bias = if bias.iter().any(Vec::is_empty) {
+            vec![[0.0; 3]; fits.study.outputs.len()]
+        } else {
+            pooled(&noisy, &records, &bias).into_iter().map(|(_, powers)| powers).collect()
+        };
+        let scales = fits.study.outputs.iter().map(|output| output.noise).zip(&fits.scale);
+        let factors: Vec<f64> = scales.map(|(noise, scale)| (noise / scale).powi(2) / count).collect();
+        let sum = |powers: &[[f64; 3]]| powers.iter().zip(&factors).map(|(own, f)| own[0] * f).sum::<f64>();
+        let power = sum(null.means());
+        let tolerated = power + SMOOTHED * sum(&bias);
+        Judge { null, bias, power, tolerated }
     }
 
     /// Draws made.
@@ -59,11 +76,11 @@ impl Judge {
 
     /// Largest normalised power that noise gives.
     pub fn limit(&self) -> f64 {
-        self.null.quantile + MARGIN
+        self.null.quantile
     }
 
     fn powers(fits: &Fits, model: &Model) -> Vec<(String, [f64; 3])> {
-        let view = fits.view(&model.added, &fits.pieces);
+        let view = in_noise(fits, model);
         let records: Vec<usize> = (0..fits.pieces.len()).collect();
         let residual = |&r: &usize| view.residuals(r, &model.fit.parameters, &model.fit.locals[r]);
         pooled(&view, &records, &records.iter().map(residual).collect::<Vec<_>>())
@@ -74,7 +91,12 @@ impl Judge {
         self.null.normalised(&Self::powers(fits, model))
     }
 
-    /// Whether a model leaves no more than the sensors give.
+    /// Whether what a model leaves is that of the sensors.
+    pub fn settled(&self, fits: &Fits, model: &Model) -> bool {
+        self.left(fits, model).iter().all(|(_, z)| *z < self.limit())
+    }
+
+    /// Whether a model leaves no more than the sensors may give, whose noise is known roughly.
     pub fn explained(&self, fits: &Fits, model: &Model) -> bool {
         let powers = Self::powers(fits, model);
         let left = self.null.normalised(&powers);
@@ -85,9 +107,18 @@ impl Judge {
         left.iter().zip(near).all(|((_, z), near)| near || *z < self.limit())
     }
 
-    /// Power of a model above that of the noise.
+    /// Whether a model leaves no more than sensors and smoothed derivatives may give.
+    pub fn tolerable(&self, fits: &Fits, model: &Model) -> bool {
+        let powers = Self::powers(fits, model);
+        let limits = self.null.means().iter().zip(&self.bias);
+        powers.iter().zip(limits).all(|((_, own), (mean, bias))| {
+            (0..3).all(|i| own[i] < TOLERANCE * (mean[i] + SMOOTHED * bias[i]))
+        })
+    }
+
+    /// Power of a model above that of noise and smoothed derivatives.
     pub fn excess(&self, model: &Model) -> f64 {
-        (model.error.powi(2) - self.power).max(0.0)
+        (model.error.powi(2) - self.tolerated).max(0.0)
     }
 
     /// On what depends what a model leaves.
@@ -99,11 +130,13 @@ impl Judge {
         let mut singles: Vec<(usize, f64)> = probes.iter().map(|&c| (c, gain(&[c]))).collect();
         singles.sort_by(|a, b| b.1.total_cmp(&a.1));
         let Some(&(first, alone)) = singles.first() else { return Rest { place: None, gain: 0.0 } };
-        if alone < (SHARE * self.excess(model)).max(OF_NOISE * self.power) {
+        if alone < (SHARE * self.excess(model)).max(OF_NOISE * self.tolerated) {
             return Rest { place: None, gain: alone.max(0.0) };
         }
         let mut best = (vec![first], alone);
-        for &(second, _) in singles.iter().skip(1).take(3) {
+        // One variable that tells most of it needs no second.
+        let few = if alone < ENOUGH * self.excess(model) { 2 } else { 0 };
+        for &(second, _) in singles.iter().skip(1).take(few) {
             let both = gain(&[first, second]);
             if both > (1.0 + SECOND) * best.1.max(alone) {
                 best = (vec![first, second], both);
@@ -113,6 +146,12 @@ impl Judge {
         let variables = best.0.iter().map(|&c| name(study, c).to_owned()).collect();
         Rest { place: Some((channel, variables)), gain: best.1 }
     }
+}
+
+/// The estimation records with residuals in units of the sensor noise.
+fn in_noise<'a>(fits: &Fits<'a>, model: &Model) -> View<'a> {
+    let scale = fits.study.outputs.iter().map(|output| output.noise).collect();
+    View { scale, ..fits.view(&model.added, &fits.pieces) }
 }
 
 /// Name of the variable of a probe in the vocabulary.

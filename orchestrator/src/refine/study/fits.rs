@@ -252,7 +252,7 @@ impl<'a> Fits<'a> {
         Some((best.1, base.fit.locals.clone()))
     }
 
-    /// What starts are compared on: all estimation records, or every fourth window where there are many starts.
+    /// What starts are compared on: all estimation records, or every sixth window where there are many starts.
     fn screened(&self, fit: &Fit, starts: usize) -> (Vec<Piece>, Vec<Vec<f64>>) {
         let Some(window) = self.study.windows.filter(|_| starts > 8) else {
             return (self.pieces.clone(), fit.locals.clone());
@@ -260,7 +260,7 @@ impl<'a> Fits<'a> {
         let mut found = Vec::new();
         for piece in &self.pieces {
             let length = ((window / self.study.records[piece.record].step).round() as usize).max(2);
-            let begins = piece.range.clone().step_by(4 * length);
+            let begins = piece.range.clone().step_by(6 * length);
             found.extend(begins.map(|begin| Piece {
                 record: piece.record,
                 range: begin..(begin + length).min(piece.range.end),

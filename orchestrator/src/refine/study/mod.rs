@@ -2,8 +2,9 @@
 //!
 //! [`declaration`] is the file, [`dataset`] reads folders of measured data that come without one, [`read`] makes records,
 //! [`plant`] evaluates the FMUs, [`simulate`] integrates them for the engine, [`fits`] fits, [`catalogue`] lists the candidates,
-//! [`search`] chooses among them by the error on records that are kept back, [`answer`] says it. The rig of the
-//! vocabulary, whose sensors are known, has a search of its own in `rig`.
+//! [`search`] chooses among them by the error on records that are kept back, [`noise`] carries the noise of the sensors to
+//! that error, [`explain`] finds on what depends what is left, [`answer`] says it. The rig of the vocabulary, whose
+//! sensors are known, has a search of its own in `rig`.
 
 pub mod answer;
 pub mod catalogue;

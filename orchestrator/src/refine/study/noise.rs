@@ -91,6 +91,8 @@ struct Slopes {
     extra: Vec<Option<Vec<f64>>>,
     /// Answers to drawn noise of inputs and further signals.
     simulated: Vec<Vec<f64>>,
+    /// Residuals that smoothed derivatives give where the motion is not smooth; empty: none.
+    bias: Vec<f64>,
 }
 
 /// A view whose null has the noise of all sensors.
@@ -109,6 +111,13 @@ impl<'a> Noisy<'a> {
 
     fn study(&self) -> &Study {
         self.view.study
+    }
+
+    /// Residuals that smoothed derivatives give, in units of the scale of the view.
+    pub fn bias(&self, r: usize) -> Vec<f64> {
+        let n = self.view.pieces[r].range.len();
+        let own = &self.slopes[r].bias;
+        own.iter().enumerate().map(|(i, value)| value / self.view.scale[i / n]).collect()
     }
 }
 
@@ -135,6 +144,30 @@ fn drawn<'s>(
     study.sensors.columns.iter().map(one).collect()
 }
 
+/// What smoothing takes from derivatives, `[signals][n]`: as much as smoothing them once more does, by which the true
+/// derivatives differ from those in use. None for signals that are no derivatives.
+fn smoothing(
+    study: &Study,
+    record: &Record,
+    list: usize,
+    values: &[Option<Vec<f64>>],
+) -> Vec<Option<Vec<f64>>> {
+    let one = |(signal, values): (&Option<Signal>, &Option<Vec<f64>>)| {
+        let signal = signal.as_ref().filter(|signal| signal.derivative_of.is_some())?;
+        let values = values.as_ref()?;
+        let mut sum = 0.0;
+        let mut last = values.first().copied()?;
+        let integral = values.iter().map(|value| {
+            sum += 0.5 * record.step * (value + last);
+            last = *value;
+            sum
+        });
+        let again = processed(integral.collect(), &Signal { scale: None, ..signal.clone() }, record.step);
+        Some(again.iter().zip(values).map(|(again, once)| again - once).collect())
+    };
+    study.sensors.signals[list].iter().zip(values).map(one).collect()
+}
+
 fn slopes(view: &View, r: usize, p: &[f64], locals: &[f64], seed: u64) -> Slopes {
     let study = view.study;
     let piece = &view.pieces[r];
@@ -150,11 +183,20 @@ fn slopes(view: &View, r: usize, p: &[f64], locals: &[f64], seed: u64) -> Slopes
     let state = |i: usize| {
         let values = record.states[i].as_ref().filter(|_| measured)?;
         let size = width(values);
-        let mut states = vec![0.0; nx];
-        states[i] = size;
+        let mut states = vec![None; nx];
+        states[i] = Some(vec![size; record.n]);
         Some(slope(Shift { states, ..Shift::default() }, size))
     };
     let mut found = Slopes { states: (0..nx).map(state).collect(), ..Slopes::default() };
+    let smoothed = Shift {
+        states: if measured { smoothing(study, record, 1, &record.states) } else { Vec::new() },
+        inputs: smoothing(study, record, 0, &record.inputs),
+        extra: smoothing(study, record, 2, &record.extra.iter().cloned().map(Some).collect::<Vec<_>>()),
+    };
+    let lists = [&smoothed.states, &smoothed.inputs, &smoothed.extra];
+    if lists.iter().any(|list| list.iter().any(Option::is_some)) {
+        found.bias = slope(smoothed, -1.0);
+    }
     let lists = [record.inputs.len(), record.extra.len()];
     let noisy = |list: usize, i: usize| {
         let column = study.sensors.signals[list][i].as_ref().and_then(Signal::source);
@@ -186,7 +228,7 @@ fn slopes(view: &View, r: usize, p: &[f64], locals: &[f64], seed: u64) -> Slopes
             let mut inputs = study.sensors.made(0, record, &own);
             inputs.iter_mut().enumerate().filter(|(i, _)| !noisy(0, *i)).for_each(|(_, v)| *v = None);
             let extra = study.sensors.made(2, record, &own);
-            slope(Shift { states: Vec::new(), inputs, extra }, 1.0)
+            slope(Shift { inputs, extra, ..Shift::default() }, 1.0)
         };
         found.simulated = (0..SIMULATED).map(one).collect();
     }

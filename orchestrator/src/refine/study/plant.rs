@@ -35,6 +35,8 @@ struct Part {
     /// Outputs that follow the states alone, and those that follow inputs: value references and first slot.
     early: (Vec<u32>, Range<usize>),
     late: (Vec<u32>, Range<usize>),
+    /// Outputs that are states: slot and place among all states.
+    shown: Vec<(usize, usize)>,
     /// Time of its next event \[s\].
     next_event: Option<f64>,
     /// It wants to hear of every accepted step.
@@ -155,8 +157,10 @@ impl Plant {
             let variables = &component.fmu.description.variables;
             let outputs = (0..variables.len())
                 .filter(|&v| variables[v].causality == Causality::Output && real(component, v));
+            let own: Vec<usize> = component.fmu.description.continuous_states().collect();
+            let (states, outputs): (Vec<usize>, Vec<usize>) = outputs.partition(|v| own.contains(v));
             let (early, late): (Vec<usize>, Vec<usize>) =
-                outputs.partition(|&v| feed_through(component, v).is_empty());
+                outputs.into_iter().partition(|&v| feed_through(component, v).is_empty());
             let mut range = |list: &[usize]| {
                 let first = count;
                 for &variable in list {
@@ -172,7 +176,9 @@ impl Plant {
                 let references: Vec<u32> = list.iter().map(|&v| variables[v].value_reference).collect();
                 (references, first..count)
             };
-            ranges.push((range(&early), range(&late)));
+            let place = |v: &usize| own.iter().position(|state| state == v).unwrap_or(0);
+            let shown = states.iter().map(place).zip(range(&states).1).collect::<Vec<_>>();
+            ranges.push((range(&early), range(&late), shown));
         }
         for output in &graph.outputs {
             if let Source::Output { component, variable } = output.source
@@ -183,7 +189,7 @@ impl Plant {
             }
         }
         let (mut parts, mut nx, mut states) = (Vec::new(), 0, BTreeMap::new());
-        for (&index, (early, late)) in graph.order.iter().zip(ranges) {
+        for (&index, (early, late, shown)) in graph.order.iter().zip(ranges) {
             let component = &graph.components[index];
             let description = &component.fmu.description;
             if description.number_of_event_indicators > 0 {
@@ -231,6 +237,7 @@ impl Plant {
                 states.insert(full, nx + place);
             }
             let own = nx..nx + model.state_count();
+            let shown = shown.into_iter().map(|(place, slot)| (slot, nx + place)).collect();
             nx = own.end;
             let feed_references = feeds.iter().map(|feed| feed.reference).collect();
             let feed_values = vec![0.0; feeds.len()];
@@ -243,6 +250,7 @@ impl Plant {
                 feed_values,
                 early,
                 late,
+                shown,
                 next_event: None,
                 told_of_steps: interface.is_some_and(|own| !own.completed_integrator_step_not_needed),
             });
@@ -373,8 +381,8 @@ impl Plant {
         block: &impl Fn(usize, f64, &[f64]) -> f64,
     ) -> Result<(), crate::fmu::Error> {
         let slots = &mut self.slots;
-        for part in self.parts.iter_mut().filter(|part| !part.early.0.is_empty()) {
-            part.model.get_real(&part.early.0, &mut slots[part.early.1.clone()])?;
+        for part in &mut self.parts {
+            part.show(x, slots)?;
         }
         for part in &mut self.parts {
             part.feed(slots, block)?;
@@ -389,9 +397,7 @@ impl Plant {
                 if !part.states.is_empty() {
                     part.model.get_continuous_states(&mut x[part.states.clone()])?;
                 }
-                if !part.early.0.is_empty() {
-                    part.model.get_real(&part.early.0, &mut slots[part.early.1.clone()])?;
-                }
+                part.show(x, slots)?;
             }
             if !part.late.0.is_empty() {
                 part.model.get_real(&part.late.0, &mut slots[part.late.1.clone()])?;
@@ -429,9 +435,7 @@ impl Plant {
             if !part.states.is_empty() {
                 part.model.set_continuous_states(&x[part.states.clone()])?;
             }
-            if !part.early.0.is_empty() {
-                part.model.get_real(&part.early.0, &mut slots[part.early.1.clone()])?;
-            }
+            part.show(x, slots)?;
         }
         for part in &mut self.parts {
             part.feed(slots, block)?;
@@ -447,6 +451,17 @@ impl Plant {
 }
 
 impl Part {
+    /// Takes the outputs that follow the states alone.
+    fn show(&mut self, x: &[f64], slots: &mut [f64]) -> Result<(), crate::fmu::Error> {
+        for &(slot, state) in &self.shown {
+            slots[slot] = x[state];
+        }
+        if self.early.0.is_empty() {
+            return Ok(());
+        }
+        self.model.get_real(&self.early.0, &mut slots[self.early.1.clone()])
+    }
+
     /// Sets the inputs.
     fn feed(
         &mut self,

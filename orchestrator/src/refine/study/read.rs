@@ -244,8 +244,9 @@ pub fn records(file: &File, layout: &Layout, notes: &mut Vec<String>) -> Result<
         let last = time.partition_point(|&t| t <= to + near);
         if last < first + 16 {
             let (begin, end) = (time[0], time[time.len() - 1]);
-            // Long enough, but at other times: the clock of the file has another zero.
-            let clock = if (from > end || to < begin) && to - from <= end - begin && to > from {
+            // Samples, but at other times: the clock of the file has another zero.
+            let before = segment.to_s.is_some_and(|to| to >= 0.0 && to < begin);
+            let clock = if before || segment.from_s.is_some_and(|from| from > end) {
                 "; is its clock offset against that of the segments? Times of from_s and to_s are those of the column `time`"
             } else {
                 ""
@@ -282,7 +283,19 @@ pub fn records(file: &File, layout: &Layout, notes: &mut Vec<String>) -> Result<
         };
         let sensors = layout.columns().filter_map(|name| {
             let values = &grid.raw.channel(name)?.values;
-            let sensor = Sensor { scatter: signal::scatter(values), quantum: signal::quantum(values) };
+            let corners = layout.signals().into_iter().flatten().flatten();
+            let corners = corners.filter(|own| own.source() == Some(name)).filter_map(|own| own.low_pass_hz);
+            // What a low-pass of the study takes away is noise by its own word; neighbours may hide it, as
+            // interpolating encoders do.
+            let removed = corners.fold(0.0f64, |most, corner| {
+                most.max(
+                    grid.series
+                        .channel(name)
+                        .map_or(0.0, |own| signal::above(&own.values, corner, grid.step)),
+                )
+            });
+            let scatter = signal::scatter(values).max(removed);
+            let sensor = Sensor { scatter, quantum: signal::quantum(values) };
             Some((name.clone(), sensor))
         });
         let sensors = sensors.collect();

@@ -3,14 +3,14 @@
 use super::catalogue::Candidate;
 use super::explain::Judge;
 use super::fits::{Fits, Model};
-use super::law::Law;
+use super::law::{Law, Variable};
 use super::model::{Action, Study};
 use crate::refine::engine::parallel;
 
 /// Share by which the error on what is kept back has to fall for an effect to be added.
 pub const WORTH: f64 = 0.05;
 /// Share of the declared model's error that an effect has to take away.
-pub const NOTEWORTHY: f64 = 0.02;
+pub const NOTEWORTHY: f64 = 0.004;
 /// Candidates whose errors differ by less than this share are equally good; the simplest is taken.
 pub const EQUAL: f64 = 0.03;
 /// Models of each step whose error on what is kept back is computed.
@@ -35,6 +35,29 @@ pub struct Selection {
 
 /// Sentences for a progress display.
 pub type Say<'a> = &'a (dyn Fn(&str) + Sync);
+
+/// Whether the shapes of a fitted model show in the records. Far from where the records were, a spring is a constant
+/// force, so is an end stop, a long wave is a spring, a wide friction peak is Coulomb friction.
+fn shown(study: &Study, model: &Model) -> bool {
+    let p = &model.fit.parameters;
+    model.added.iter().map(|&c| &study.candidates[c]).all(|own| {
+        let Action::Block { law, tap } = own.action else { return true };
+        let (low, high) = study.range(tap, Variable::Position);
+        let (travel, first) = (high - low, own.entries.start);
+        let (slowest, fastest) = study.range(tap, Variable::Velocity);
+        match law {
+            Law::Spring => {
+                let rest = -p[first + 1] / p[first];
+                p[first] > 0.0 && (low - travel..=high + travel).contains(&rest)
+            }
+            Law::EndStop => (low + 0.25 * travel..=high).contains(&p[first + 2]),
+            Law::Cogging => p[first + 2] <= travel,
+            Law::Stribeck => p[first + 1] <= 0.5 * fastest.abs().max(slowest.abs()),
+            Law::Presliding => travel <= 0.0 || p[first] <= 0.25 * travel,
+            _ => true,
+        }
+    })
+}
 
 /// Whether a fitted model takes energy out where friction should, over the whole range of the records.
 fn passive(study: &Study, model: &Model) -> bool {
@@ -87,6 +110,49 @@ impl Search<'_> {
         self.fits.study
     }
 
+    fn physical(&self, model: &Model) -> bool {
+        passive(self.study(), model) && shown(self.study(), model)
+    }
+
+    /// Exchanges effects for simpler ones that do as well.
+    fn simplify(&self, mut best: Model) -> Model {
+        'again: loop {
+            for &c in &best.added {
+                let candidates = &self.study().candidates;
+                let rest: Vec<usize> = best.added.iter().copied().filter(|&other| other != c).collect();
+                if rest.iter().any(|&other| candidates[other].needs == Some(c)) {
+                    continue;
+                }
+                let simpler = (0..candidates.len()).filter(|&other| {
+                    let own = &candidates[other];
+                    !own.probe
+                        && own.complexity < candidates[c].complexity
+                        && !best.added.contains(&other)
+                        && own.needs.is_none_or(|needs| rest.contains(&needs))
+                });
+                let simpler: Vec<usize> = simpler.collect();
+                if simpler.is_empty() {
+                    continue;
+                }
+                let Some(base) = self.fits.fit_from(rest, &best.fit.parameters, &best.fit.locals) else {
+                    continue;
+                };
+                let found = parallel::map(simpler.len(), |i| self.fits.add(&base, simpler[i]));
+                let near = |model: &Model| model.error <= (1.0 + EQUAL) * best.error && self.physical(model);
+                let mut found: Vec<Model> = found.into_iter().flatten().filter(near).collect();
+                found.sort_by(|a, b| a.error.total_cmp(&b.error));
+                if let Some(mut model) = found.into_iter().next() {
+                    self.fits.hold_back(&mut model);
+                    if model.held_back <= (1.0 + EQUAL) * best.held_back {
+                        best = model;
+                        continue 'again;
+                    }
+                }
+            }
+            return best;
+        }
+    }
+
     /// `base` with each candidate that it lacks, best fit first.
     fn extend(&self, base: &Model) -> Vec<Model> {
         let fitting = |c: &usize| {
@@ -96,7 +162,7 @@ impl Search<'_> {
         let open: Vec<usize> = (0..self.study().candidates.len()).filter(fitting).collect();
         let found = parallel::map(open.len(), |i| self.fits.add(base, open[i]));
         let mut found: Vec<Model> =
-            found.into_iter().flatten().filter(|model| passive(self.study(), model)).collect();
+            found.into_iter().flatten().filter(|model| self.physical(model)).collect();
         found.sort_by(|a, b| a.error.total_cmp(&b.error));
         found
     }
@@ -126,7 +192,7 @@ impl Search<'_> {
             jobs.extend(needing.map(|c| (i, c)));
         }
         let models = parallel::map(jobs.len(), |j| self.fits.add(&singles[jobs[j].0], jobs[j].1));
-        found.extend(models.into_iter().flatten().filter(|model| passive(self.study(), model)));
+        found.extend(models.into_iter().flatten().filter(|model| self.physical(model)));
         found.retain(|model| model.added.len() == base.added.len() + 2);
         found.sort_by(|a, b| a.error.total_cmp(&b.error));
         found
@@ -137,7 +203,7 @@ impl Search<'_> {
         // What takes away next to nothing of the declared model's error is no finding, however little is left.
         let least = path.first().map_or(0.0, |(_, error)| NOTEWORTHY * error);
         let mut best = from;
-        while best.added.len() < most && !self.judge.explained(self.fits, &best) {
+        while best.added.len() < most && !self.judge.settled(self.fits, &best) {
             (self.say)(&format!("searching effect {}", best.added.len() + 1));
             let worth = ((1.0 - WORTH) * best.held_back).min(best.held_back - least);
             let singles = self.extend(&best);
@@ -177,9 +243,7 @@ impl Search<'_> {
                     continue;
                 }
                 self.fits.hold_back(&mut without);
-                if without.held_back <= (1.0 + 0.5 * WORTH) * best.held_back
-                    && passive(self.study(), &without)
-                {
+                if without.held_back <= (1.0 + 0.5 * WORTH) * best.held_back && self.physical(&without) {
                     best = without;
                     continue 'again;
                 }
@@ -239,7 +303,7 @@ pub fn search(fits: &Fits, judge: &Judge, declared: Model, most: usize, say: Say
             }
         }
     }
-    let best = search.prune(best);
+    let best = search.simplify(search.prune(best));
     say("fitting the answer");
     let best = fits.polish(&best).unwrap_or(best);
     let equals = if best.added.is_empty() {

@@ -57,6 +57,15 @@ pub fn scatter(values: &[f64]) -> f64 {
     (third.sum::<f64>() / (20.0 * count as f64)).sqrt()
 }
 
+/// Typical size of what a zero-phase low-pass takes away, as the rms of noise; few large values do not count.
+pub fn above(values: &[f64], corner: f64, step: f64) -> f64 {
+    let smooth = low_pass(values, Some(corner), step);
+    let mut rest: Vec<f64> = values.iter().zip(&smooth).map(|(a, b)| (a - b).abs()).collect();
+    rest.sort_by(f64::total_cmp);
+    // Half of the normal distribution lies within 0.6745 standard deviations.
+    rest.get(rest.len() / 2).copied().unwrap_or(0.0) / 0.6745
+}
+
 /// Smallest step of a column: that of which all its changes are multiples; 0 where there is none.
 pub fn quantum(values: &[f64]) -> f64 {
     let mut levels = values.to_vec();
@@ -85,6 +94,15 @@ mod tests {
         for (k, slope) in savitzky_golay(&values, 7, 0.1).iter().enumerate() {
             assert!((slope - (-1.0 + 0.6 * k as f64)).abs() < 1e-10, "{k}: {slope}");
         }
+    }
+
+    #[test]
+    fn what_lies_above_a_corner_is_its_share_of_white_noise() {
+        let mut noise = crate::refine::engine::noise::Noise::new(2, 0);
+        let values: Vec<f64> =
+            (0..20_000).map(|k| (0.003 * f64::from(k)).sin() + 0.02 * noise.normal()).collect();
+        // 92 % of the band of 500 Hz lies above 40 Hz.
+        assert!((above(&values, 40.0, 1e-3) / (0.02 * 0.92f64.sqrt()) - 1.0).abs() < 0.03);
     }
 
     #[test]

@@ -37,8 +37,8 @@ pub struct View<'a> {
 /// What is added to measured signals.
 #[derive(Debug, Clone, Default)]
 pub struct Shift {
-    /// To initial states where they are measured; empty: nothing.
-    pub states: Vec<f64>,
+    /// To initial states where they are measured, `[nx][n]`; empty: nothing.
+    pub states: Vec<Option<Vec<f64>>>,
     /// To system inputs, `[inputs][n]`; empty: nothing.
     pub inputs: Vec<Option<Vec<f64>>>,
     /// To further signals, `[extra][n]`; empty: nothing.
@@ -338,7 +338,8 @@ impl<'a> View<'a> {
     /// Measured states at sample `k`; start values where there are none.
     fn measured_states(&self, (record, k): (&Record, usize), start: &[f64], shift: &Shift, x: &mut [f64]) {
         for (i, values) in record.states.iter().enumerate() {
-            x[i] = values.as_ref().map_or(start[i], |values| values[k] + shift.states.get(i).unwrap_or(&0.0));
+            let added = shift.states.get(i).and_then(|own| own.as_ref()).map_or(0.0, |own| own[k]);
+            x[i] = values.as_ref().map_or(start[i], |values| values[k] + added);
         }
     }
 
