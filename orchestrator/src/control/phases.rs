@@ -121,7 +121,10 @@ impl<'a> Phases<'a> {
         if held.is_empty() {
             return Ok((state, self.legs[leg].knots.input(time + 0.5 * h)));
         }
-        let after = self.legs[leg].state(&self.rates[leg], time + 1.5 * h)?;
+        // The sample with the event leads to where the next leg begins.
+        let ends = k + 1 == self.own[leg].end && leg + 1 < self.legs.len();
+        let next = if ends { leg + 1 } else { leg };
+        let after = self.legs[next].state(&self.rates[next], time + 1.5 * h)?;
         let input = self.legs[leg].knots.input(time + h);
         let input = self.legs[leg].plant.inputs_between(&state, &after, &input);
         Ok((state, input))

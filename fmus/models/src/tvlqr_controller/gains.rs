@@ -115,6 +115,12 @@ impl Gains {
         if entered && self.phases[phase].mode != mode { phase + 1 } else { phase.min(self.phases.len() - 1) }
     }
 
+    /// The phase of sample `k` by plan: where two overlap, the second one from the middle on.
+    pub fn phase_at(&self, k: usize) -> usize {
+        let begun = |pair: &&[Phase]| 2 * k >= pair[0].sample + pair[0].rows + pair[1].sample;
+        self.phases.windows(2).take_while(begun).count()
+    }
+
     /// The row of sample `k` in a phase.
     pub fn row(&self, phase: usize, k: usize) -> Row<'_> {
         let Phase { row, sample, rows, .. } = self.phases[phase.min(self.phases.len() - 1)];

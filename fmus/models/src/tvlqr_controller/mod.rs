@@ -79,8 +79,13 @@ impl TvlqrController {
 
     /// Phase and row of the present sample.
     fn row<'g, S: Scalar>(&self, q: &Values<S>, gains: &'g Gains) -> (usize, Row<'g>) {
-        let phase = gains.phase_in(q[self.phase].value() as usize, q[self.mode]);
-        (phase, gains.row(phase, q[self.sample].value() as usize))
+        let sample = q[self.sample].value() as usize;
+        let phase = match q[self.feedback] {
+            true => gains.phase_in(q[self.phase].value() as usize, q[self.mode]),
+            // Open loop: whatever the plant does.
+            false => gains.phase_at(sample),
+        };
+        (phase, gains.row(phase, sample))
     }
 
     /// Correction by the measurement, then feedback.

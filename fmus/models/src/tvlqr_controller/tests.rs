@@ -198,6 +198,23 @@ fn a_phase_begins_when_its_mode_is_seen_and_the_estimate_goes_on() {
 }
 
 #[test]
+fn without_feedback_phases_begin_by_plan() {
+    let (model, variables) = Table::of::<TvlqrController>();
+    let mut q = variables.start_values(Interface::CoSimulation);
+    let place = folder("by-plan", TWO_PHASES);
+    model.load_resources(Some(&place), &mut q).unwrap();
+    q[model.feedback] = false;
+    let mut at = |mode: i32| {
+        q[model.mode] = mode;
+        step(&model, &mut q);
+        q[model.u[0]]
+    };
+    // Samples 1 and 2 belong to both phases; the second begins in the middle, at 2, whatever the mode.
+    assert_eq!([at(5), at(7), at(5), at(5)], [1.0, 1.0, 3.0, 3.0]);
+    std::fs::remove_dir_all(place).unwrap();
+}
+
+#[test]
 fn gaps_and_fractions_in_the_samples_of_a_phase_are_named() {
     let cases = [
         (TWO_PHASES.replace("2,2,5", "2,4,5"), "line 4: sample 4; in this phase 2 is next"),

@@ -50,7 +50,7 @@ impl<'a> Plant<'a> {
 /// Rows of every phase, by the column `phase` of a trajectory that has several.
 pub(super) fn sections(plan: Plan<'_>, phases: usize) -> Result<Vec<Range<usize>>, Error> {
     if phases == 1 {
-        return Ok(vec![0..plan.trajectory.len()]);
+        return Ok(std::iter::once(0..plan.trajectory.len()).collect());
     }
     let place = |problem: String| Error::Place { place: plan.file.display().to_string(), problem };
     let column = plan.trajectory.channel("phase").ok_or_else(|| {

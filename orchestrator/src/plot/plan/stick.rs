@@ -20,8 +20,11 @@ const WIDTH: f64 = 856.0;
 pub(super) struct Figure<'a> {
     series: &'a TimeSeries,
     point: [&'a [f64]; 2],
-    rods: Vec<(Vec<&'a [f64]>, Result<&'a [f64], f64>)>,
+    rods: Vec<Rod<'a>>,
 }
+
+/// Columns of the angles of a rod, and that of its length or its constant length \[m\].
+type Rod<'a> = (Vec<&'a [f64]>, Result<&'a [f64], f64>);
 
 /// A pose: the point, then the other end of each rod, `[m]`.
 pub(super) type Pose = Vec<(f64, f64)>;
