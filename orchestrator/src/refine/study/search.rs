@@ -210,7 +210,8 @@ impl Search<'_> {
             // What gains too little where it was fitted gains no more on what is kept back.
             let gains = |model: &&Model| best.error - model.error > least;
             let promising: Vec<Model> = singles.iter().filter(gains).cloned().collect();
-            let single = self.judge(&promising).filter(|model| model.held_back < worth);
+            let halves = |model: &Model| self.judge.halves(best.held_back, model.held_back);
+            let single = self.judge(&promising).filter(|model| model.held_back < worth || halves(model));
             let next = match single {
                 Some(model) => Some(model),
                 None if best.added.len() + 2 <= most => {
