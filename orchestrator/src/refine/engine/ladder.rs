@@ -140,3 +140,46 @@ impl<'a, S: System + ?Sized> Ladder<'a, S> {
         Reached { model, rung }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::refine::engine::candidate::Start;
+    use crate::refine::engine::system::testing::Lines;
+
+    /// Rung that a fit of the parameter `index` comes to, and whether it explains lines of the given slope and square.
+    fn reached(slope: f64, square: f64, index: usize) -> (usize, bool) {
+        let system = Lines::new(slope, square);
+        let locals = vec![vec![0.0], vec![40.0]];
+        let free = vec![Free { index, bounds: (-1e3, 1e3), step: 1e-3, prior: None }];
+        let starts = vec![Start { values: Vec::new(), open: vec![0], idle: true }];
+        let candidates = [Candidate { id: "a", channel: "c", signal: None, free, starts, contains: None }];
+        let null = Null::simulate(&system, &[0, 1], &[0.0, 0.0], &locals, 100, 1);
+        let search = Search {
+            system: &system,
+            candidates: &candidates,
+            records: vec![0, 1],
+            screened: vec![0, 1],
+            null,
+        };
+        let declared = search.fit(&[], &[], &[0.0, 0.0], &locals, 5);
+        let systems = beginnings(&system);
+        let ladder = Ladder::new(&search, &systems, &declared, 8.0);
+        assert_eq!(ladder.top(), 2);
+        let found = ladder.climb(0, &[0], &[], &declared, 10);
+        (found.rung, ladder.explains(&found))
+    }
+
+    #[test]
+    fn what_explains_the_records_climbs_to_the_whole() {
+        assert_eq!(reached(60.0, 0.0, 0), (2, true));
+    }
+
+    #[test]
+    fn what_does_not_follow_the_beginning_is_given_up_there() {
+        // A straight line through a parabola of 2000 t^2: over a quarter they differ by up to 2000/16/8 = 16.
+        assert_eq!(reached(0.0, 2000.0, 0), (0, false));
+        // 100 t^2: by less than the noise of 1 over a quarter, by 3 over a half.
+        assert_eq!(reached(0.0, 100.0, 0), (1, false));
+    }
+}

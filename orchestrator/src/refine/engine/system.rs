@@ -97,13 +97,18 @@ pub(in crate::refine) mod testing {
         fn locals(&self, record: usize) -> Vec<(f64, f64)> {
             vec![(self.values[record][0], 0.01)]
         }
-        fn signals(&self, _: usize) -> Vec<Span> {
-            vec![Span { signal: "y".into(), range: 0..512, noise: 1.0 }]
+        fn beginning(&self, share: f64) -> Option<Box<dyn System + '_>> {
+            let cut = |own: &Vec<f64>| own[..(share * own.len() as f64) as usize].to_vec();
+            Some(Box::new(Lines { values: self.values.iter().map(cut).collect() }))
         }
-        fn predict(&self, _: usize, p: &[f64], locals: &[f64]) -> Vec<f64> {
+        fn signals(&self, record: usize) -> Vec<Span> {
+            vec![Span { signal: "y".into(), range: 0..self.values[record].len(), noise: 1.0 }]
+        }
+        fn predict(&self, record: usize, p: &[f64], locals: &[f64]) -> Vec<f64> {
             // A third parameter, if given, is a slope as well.
             let slope = p[0] + p.get(2).copied().unwrap_or(0.0);
-            (0..512).map(|k| k as f64 / 512.0).map(|t| locals[0] + slope * t + p[1] * t * t).collect()
+            let times = (0..self.values[record].len()).map(|k| k as f64 / 512.0);
+            times.map(|t| locals[0] + slope * t + p[1] * t * t).collect()
         }
         fn measured(&self, record: usize) -> Vec<f64> {
             self.values[record].clone()

@@ -327,4 +327,19 @@ mod tests {
         assert!(one_by_one.iter().flatten().all(|value| value.is_finite()));
         assert_eq!(rig.residuals_of(&jobs), one_by_one);
     }
+
+    #[test]
+    fn the_beginning_of_the_records_shows_what_the_whole_shows_there() {
+        let rig = rig();
+        let half = rig.beginning(0.5).unwrap();
+        for record in 0..2 {
+            let n = rig.trials[record].u.len();
+            let [whole, cut] = [&rig as &dyn System, half.as_ref()]
+                .map(|system| system.residuals(record, &neutral(), &[0.01, -0.02]));
+            assert_eq!(cut.len(), 4 * (n / 2));
+            for (own, part) in whole.chunks(n).zip(cut.chunks(n / 2)) {
+                assert_eq!(&own[..n / 2], part);
+            }
+        }
+    }
 }

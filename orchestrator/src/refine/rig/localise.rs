@@ -9,14 +9,29 @@ use crate::refine::engine::search::{Model, Search};
 use crate::refine::engine::select::attempt;
 use crate::refine::engine::{System, parallel};
 
-/// Walks of the actuator force that are tried \[N per sample\].
-const FORCE_WALKS: [f64; 3] = [0.03, 0.1, 0.3];
+/// Walks of the actuator force that are tried: of the force itself, and of its rate, which is smoother.
+const FORCE_WALKS: [Walk; 7] = [
+    [0.03, 0.0, 0.0, 0.0],
+    [0.1, 0.0, 0.0, 0.0],
+    [0.3, 0.0, 0.0, 0.0],
+    [0.0, 0.0, 0.0, 0.03],
+    [0.0, 0.0, 0.0, 0.003],
+    [0.0, 0.0, 0.0, 0.01],
+    [0.03, 0.0, 0.0, 0.003],
+];
 /// Normalised power of the innovations up to which the mechanics count as explained. The disturbance of a wrong actuator
 /// is not quite a random walk, so that it need not come down to that of noise.
 const EXPLAINED: f64 = 30.0;
 /// The same as a share of what the declared model leaves: gains fixed beforehand fit a much changed model less well.
 const EXPLAINED_SHARE: f64 = 2e-4;
-
+/// Candidates that are fitted with the gains of the declared model, and those of them that get gains of their own.
+const SINGLES: usize = 6;
+/// See [`SINGLES`].
+const TUNED: usize = 3;
+/// Effects that are looked for behind a wrong actuator.
+const MOST: usize = 2;
+/// Twice the gain of the logarithm of the likelihood that an effect behind a wrong actuator must bring.
+const DECISIVE: f64 = 150.0;
 /// Square of Student's 97.5 % quantile for six records over that of the normal law.
 const FEW_RECORDS: f64 = 1.72;
 
@@ -47,44 +62,43 @@ pub fn localise(
     let records: Vec<usize> = (0..rig.records()).filter(|&r| rig.estimation(r)).collect();
     let locals = vec![Vec::new(); records.len()];
     let force_measured = rig.trials.iter().all(|t| t.measured.iter().any(|m| m.name == "F_p"));
-    let upstream = best_walk(rig, FORCE_WALKS.map(|q| [q, 0.0, 0.0]), p);
+    let upstream = best_walk(rig, &FORCE_WALKS, p);
+    let walk = upstream.walk;
     let null = Null::simulate(&upstream, &records, p, &locals, 40, 1);
     let screened: Vec<usize> =
         (0..records.len()).filter(|&i| i == 0 || groups[records[i]] != groups[records[i - 1]]).collect();
-    let search = Search { system: &upstream, candidates, records: records.clone(), screened, null };
-    let declared = search.fit(&[], &[], p, &locals, 1);
+    let around = Around { rig, candidates, records: records.clone(), screened, null };
+    let declared = around.search(&upstream).fit(&[], &[], p, &locals, 1);
+    let mut tried = Vec::new();
+    let mut best = Tuned { observer: upstream, model: declared.clone() };
+    if force_measured && pressure_fits == Some(false) {
+        for _ in 0..MOST {
+            let search = around.search(&best.observer);
+            let found = attempt(&search, &best.model, &search.screen(&best.model), &[], SINGLES, f64::MIN);
+            let mut tuned: Vec<Tuned> = found.iter().take(TUNED).map(|model| around.tuned(model)).collect();
+            tried.extend(found);
+            tuned.sort_by(|a, b| a.observer.cost.total_cmp(&b.observer.cost));
+            match tuned.into_iter().next() {
+                Some(better) if better.observer.cost < best.observer.cost - DECISIVE => best = better,
+                _ => break,
+            }
+        }
+    }
     let limit = EXPLAINED.max(EXPLAINED_SHARE * declared.worst());
-    let explained = |model: &Model| model.worst() < limit;
-    let (mut effects, mut tried) = (None, Vec::new());
-    if force_measured && explained(&declared) {
+    if force_measured && best.model.worst() < limit {
         let channel = if pressure_fits == Some(true) { "piston_friction" } else { "actuator" };
-        let variables = variables(&upstream, &records, p, 4, channel);
+        let Tuned { observer, mut model } = best;
+        let variables = variables(&observer, &records, &model.fit.parameters, 4, channel);
+        let effects = (!model.added.is_empty()).then(|| {
+            // What the actuator does otherwise is no white noise; few records make the quantile of their scatter wider.
+            model.fit.covariance += scatter(&observer, &records, &model.fit) * FEW_RECORDS;
+            model
+        });
         return Findings { effects, tried, declared, channel: Some(channel.into()), variables };
     }
-    if force_measured && pressure_fits == Some(false) {
-        let promises = search.screen(&declared);
-        tried = attempt(&search, &declared, &promises, &[], 6, f64::MIN);
-        if !tried.first().is_some_and(explained) {
-            let pairs = tried
-                .iter()
-                .take(2)
-                .flat_map(|base| attempt(&search, base, &search.screen(base), &[], 3, f64::MIN));
-            let mut pairs: Vec<Model> = pairs.collect();
-            pairs.sort_by(|a, b| a.fit.chi2.total_cmp(&b.fit.chi2));
-            tried.extend(pairs);
-        }
-        effects = tried.iter().find(|model| explained(model)).cloned();
-        if let Some(model) = &mut effects {
-            // What the actuator does otherwise is no white noise; few records make the quantile of their scatter wider.
-            model.fit.covariance += scatter(&upstream, &records, &model.fit) * FEW_RECORDS;
-            let variables = variables(&upstream, &records, &model.fit.parameters, 4, "actuator");
-            return Findings { effects, tried, declared, channel: Some("actuator".into()), variables };
-        }
-    }
-    let q = upstream.walk[0];
-    let upstream_walk = if force_measured { q } else { 0.0 };
-    let cart = best_walk(rig, [0.03, 0.1, 0.3].map(|c| [upstream_walk, c, 0.0]), p);
-    let pole = best_walk(rig, [3e-4, 1e-3, 3e-3].map(|t| [upstream_walk, 0.0, t]), p);
+    let [force, .., rate] = if force_measured { walk } else { [0.0; 4] };
+    let cart = best_walk(rig, &[0.03, 0.1, 0.3].map(|c| [force, c, 0.0, rate]), p);
+    let pole = best_walk(rig, &[3e-4, 1e-3, 3e-3].map(|t| [force, 0.0, t, rate]), p);
     let (channel, variables) = if pole.cost < cart.cost {
         ("pole".to_owned(), variables(&pole, &records, p, 6, "pole"))
     } else {
@@ -92,18 +106,52 @@ pub fn localise(
         let friction = names.iter().any(|name| name == "xdot");
         (if friction { "cart_friction" } else { "cart" }.to_owned(), names)
     };
-    Findings { effects, tried, declared, channel: Some(channel), variables }
+    Findings { effects: None, tried, declared, channel: Some(channel), variables }
+}
+
+/// A model with the observer that suits it best.
+struct Tuned<'a> {
+    observer: Observer<'a>,
+    model: Model,
+}
+
+/// What all searches around observers share.
+struct Around<'a> {
+    rig: &'a Coupled,
+    candidates: &'a [Candidate],
+    records: Vec<usize>,
+    screened: Vec<usize>,
+    null: Null,
+}
+
+impl<'a> Around<'a> {
+    fn search<'s>(&'s self, observer: &'s Observer<'a>) -> Search<'s, Observer<'a>> {
+        let (records, screened, null) = (self.records.clone(), self.screened.clone(), self.null.clone());
+        Search { system: observer, candidates: self.candidates, records, screened, null }
+    }
+
+    /// The walk that suits a model, and the model fitted again with its gains.
+    fn tuned(&self, model: &Model) -> Tuned<'a> {
+        let refit = |observer: &Observer<'a>, model: &Model, rounds: usize| {
+            self.search(observer).fit(&model.added, &[], &model.fit.parameters, &model.fit.locals, rounds)
+        };
+        let first = best_walk(self.rig, &FORCE_WALKS, &model.fit.parameters);
+        let model = refit(&first, model, 8);
+        let observer = Observer::around(self.rig, first.walk, &model.fit.parameters);
+        let model = refit(&observer, &model, 3);
+        Tuned { observer, model }
+    }
 }
 
 /// The walk that makes the records most likely.
-fn best_walk<'a, const N: usize>(rig: &'a Coupled, walks: [Walk; N], p: &[f64]) -> Observer<'a> {
-    let mut all = walks.map(|walk| Observer::around(rig, walk, p)).into_iter();
+fn best_walk<'a>(rig: &'a Coupled, walks: &[Walk], p: &[f64]) -> Observer<'a> {
+    let mut all = walks.iter().map(|&walk| Observer::around(rig, walk, p));
     let first = all.next();
     let best = all.fold(first, |best, other| match best {
         Some(best) if best.cost <= other.cost => Some(best),
         _ => Some(other),
     });
-    best.unwrap_or_else(|| Observer::around(rig, [0.1, 0.0, 0.0], p))
+    best.unwrap_or_else(|| Observer::around(rig, [0.1, 0.0, 0.0, 0.0], p))
 }
 
 /// Variables that the estimated disturbance depends on: those whose bins tell most of its variance.

@@ -20,13 +20,14 @@ use crate::refine::engine::noise::Noise;
 use crate::refine::engine::system::{Job, Span};
 use crate::refine::engine::{System, parallel};
 
-/// x, v, theta, omega, then the disturbances: actuator force, cart force, pole torque.
-const STATES: usize = 7;
+/// x, v, theta, omega, then the disturbances: actuator force, cart force, pole torque, rate of the actuator force.
+const STATES: usize = 8;
 type Vector = SVector<f64, STATES>;
 type Matrix = SMatrix<f64, STATES, STATES>;
 
-/// Steps of the random walks per sample: actuator force \[N\], cart force \[N\], pole torque \[N m\]; 0: none.
-pub type Walk = [f64; 3];
+/// Steps of the random walks per sample: actuator force \[N\], cart force \[N\], pole torque \[N m\], change of the
+/// actuator force per sample \[N\]; 0: none.
+pub type Walk = [f64; 4];
 
 /// Gain and standard deviation of the innovation of one measured signal at one sample.
 type Correction = (Vector, f64);
@@ -62,7 +63,7 @@ fn used(trial: &Trial) -> Vec<&Measured> {
 
 fn begin(trial: &Trial) -> [f64; STATES] {
     let first = |name: &str| trial.measured.iter().find(|m| m.name == name).map_or(0.0, |m| m.values[0]);
-    [first("x"), 0.0, first("theta"), 0.0, 0.0, 0.0, 0.0]
+    [first("x"), 0.0, first("theta"), 0.0, 0.0, 0.0, 0.0, 0.0]
 }
 
 /// What an ideal sensor would show; `f_act` is the force of the actuator model.
@@ -73,12 +74,19 @@ fn ideal<const L: usize>(
     plant: &Mechanics<L>,
     f_act: Lanes<L>,
     p: Lanes<L>,
+    z: Lanes<L>,
 ) -> Lanes<L> {
     match name {
-        "F_p" => f_act + s[4] - plant.piston.force(s[1], s[0], p, Lanes::default()),
+        "F_p" => f_act + s[4] - plant.piston.force(s[1], s[0], p, z),
         "x" => s[0],
         _ => s[2],
     }
+}
+
+/// Share of its change over a sample that the force of the actuator model leads by: a force that changes smoothly is in
+/// the mean half a sample ahead of one that is held.
+fn lead(walk: Walk) -> f64 {
+    if walk[3] > 0.0 { 0.5 } else { 0.0 }
 }
 
 /// One sample on; `hidden` are the presliding states.
@@ -87,15 +95,17 @@ fn step<const L: usize>(
     plant: &Mechanics<L>,
     s: &mut States<L>,
     hidden: &mut [Lanes<L>; 2],
-    f_act: Lanes<L>,
+    (f_act, lead): (Lanes<L>, Lanes<L>),
     p: Lanes<L>,
     dt: f64,
 ) {
+    let force = f_act + lead + s[4] + s[7] * 0.5 + s[5];
     let mut moved = [s[0], s[1], s[2], s[3], hidden[0], hidden[1]];
     for _ in 0..2 {
-        moved = plant.step(&moved, f_act + s[4] + s[5], p, s[6], 0.5 * dt);
+        moved = plant.step(&moved, force, p, s[6], 0.5 * dt);
     }
     s[..4].copy_from_slice(&moved[..4]);
+    s[4] = s[4] + s[7];
     hidden.copy_from_slice(&moved[4..]);
 }
 
@@ -115,14 +125,23 @@ fn gains(rig: &Coupled, trial: &Trial, p: &[f64], walk: Walk) -> (Vec<Vec<Correc
     let mut s = Vector::from(begin(trial));
     let mut hidden = [Lanes::all(0.0); 2];
     let spread = |walk: f64| 400.0 * walk * walk;
-    let force = if walk[0] == 0.0 { 0.0 } else { 1.0 };
-    let mut covariance =
-        Matrix::from_diagonal(&Vector::from([1e-4, 0.0, 1e-4, 0.0, force, spread(walk[1]), spread(walk[2])]));
+    let force = if walk[0] == 0.0 && walk[3] == 0.0 { 0.0 } else { 1.0 };
+    let mut covariance = Matrix::from_diagonal(&Vector::from([
+        1e-4,
+        0.0,
+        1e-4,
+        0.0,
+        force,
+        spread(walk[1]),
+        spread(walk[2]),
+        spread(walk[3]),
+    ]));
     let steps = walk.map(|walk| walk * walk);
     let (mut found, mut cost) = (Vec::with_capacity(trial.u.len()), 0.0);
     let around = |s: &Vector| -> States<{ STATES + 1 }> {
         from_fn(|j| Lanes(from_fn(|lane| s[j] + if lane == j + 1 { MOVE } else { 0.0 })))
     };
+    let (mut before, lead) = (Lanes::default(), lead(walk));
     let slope = |value: &Lanes<{ STATES + 1 }>, j: usize| (value.0[j + 1] - value.0[0]) / MOVE;
     for k in 0..trial.u.len() {
         let [f_hat, f_act] = running.sample(k, k as f64 * dt, s[0], s[1]);
@@ -130,7 +149,7 @@ fn gains(rig: &Coupled, trial: &Trial, p: &[f64], walk: Walk) -> (Vec<Vec<Correc
         let mut own = Vec::with_capacity(measured.len());
         for m in &measured {
             let (offset, gain) = sensing(&m.name, p);
-            let shown = ideal(&m.name, &around(&s), &plant, f_act, magnitude) * gain + offset;
+            let shown = ideal(&m.name, &around(&s), &plant, f_act, magnitude, hidden[0]) * gain + offset;
             let error = m.values[k] - shown.0[0];
             let row = Vector::from_fn(|j, _| slope(&shown, j));
             let seen = covariance * row;
@@ -143,7 +162,8 @@ fn gains(rig: &Coupled, trial: &Trial, p: &[f64], walk: Walk) -> (Vec<Vec<Correc
         }
         found.push(own);
         let mut next = around(&s);
-        step(&plant, &mut next, &mut hidden, f_act, magnitude, dt);
+        step(&plant, &mut next, &mut hidden, (f_act, (f_act - before) * lead), magnitude, dt);
+        before = f_act;
         hidden = hidden.map(|z| Lanes::all(z.0[0]));
         let transition = Matrix::from_fn(|i, j| slope(&next[i], j));
         s = Vector::from_fn(|i, _| next[i].0[0]);
@@ -180,6 +200,7 @@ impl<'a> Observer<'a> {
         let starts: [_; L] = from_fn(|i| begin(trials[i]));
         let mut s: States<L> = from_fn(|j| Lanes(from_fn(|i| starts[i][j])));
         let mut hidden = [Lanes::default(); 2];
+        let (mut before, lead) = (Lanes::default(), lead(self.walk));
         let mut out: Vec<Pass> = trials[..jobs.len()]
             .iter()
             .map(|trial| {
@@ -196,7 +217,7 @@ impl<'a> Observer<'a> {
             let magnitude = f_hat.abs();
             for (sensor, first) in measured[0].iter().enumerate() {
                 let name = &first.name;
-                let shown = ideal(name, &s, &plant, f_act, magnitude);
+                let shown = ideal(name, &s, &plant, f_act, magnitude, hidden[0]);
                 for (i, pass) in out.iter_mut().enumerate().filter(|(i, _)| k < trials[*i].u.len()) {
                     let (offset, gain) = sensing(name, &job(i).parameters);
                     let error = measured[i][sensor].values[k] - (gain * shown.0[i] + offset);
@@ -213,7 +234,8 @@ impl<'a> Observer<'a> {
                 pass.states.push(s.map(|value| value.0[i]));
                 pass.force.push(f_act.0[i] + s[4].0[i]);
             }
-            step(&plant, &mut s, &mut hidden, f_act, magnitude, dt);
+            step(&plant, &mut s, &mut hidden, (f_act, (f_act - before) * lead), magnitude, dt);
+            before = f_act;
         }
         out
     }

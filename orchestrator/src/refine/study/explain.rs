@@ -121,6 +121,13 @@ impl Judge {
         (model.error.powi(2) - self.tolerated).max(0.0)
     }
 
+    /// Whether an error takes away half of what another has above noise and smoothed derivatives, and no less than a
+    /// hundredth of it.
+    pub fn halves(&self, from: f64, to: f64) -> bool {
+        let excess = |error: f64| error.powi(2) - self.tolerated;
+        excess(from) > 0.0 && excess(to) < 0.5 * excess(from) && to < 0.99 * from
+    }
+
     /// On what depends what a model leaves.
     pub fn rest(&self, fits: &Fits, model: &Model) -> Rest {
         let study = fits.study;

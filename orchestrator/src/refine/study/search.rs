@@ -10,7 +10,7 @@ use crate::refine::engine::parallel;
 /// Share by which the error on what is kept back has to fall for an effect to be added.
 pub const WORTH: f64 = 0.05;
 /// Share of the declared model's error that an effect has to take away.
-pub const NOTEWORTHY: f64 = 0.004;
+pub const NOTEWORTHY: f64 = 0.02;
 /// Candidates whose errors differ by less than this share are equally good; the simplest is taken.
 pub const EQUAL: f64 = 0.03;
 /// Models of each step whose error on what is kept back is computed.
@@ -208,9 +208,12 @@ impl Search<'_> {
             let worth = ((1.0 - WORTH) * best.held_back).min(best.held_back - least);
             let singles = self.extend(&best);
             // What gains too little where it was fitted gains no more on what is kept back.
-            let gains = |model: &&Model| best.error - model.error > least;
+            let gains = |model: &&Model| {
+                best.error - model.error > least || self.judge.halves(best.error, model.error)
+            };
             let promising: Vec<Model> = singles.iter().filter(gains).cloned().collect();
-            let single = self.judge(&promising).filter(|model| model.held_back < worth);
+            let halves = |model: &Model| self.judge.halves(best.held_back, model.held_back);
+            let single = self.judge(&promising).filter(|model| model.held_back < worth || halves(model));
             let next = match single {
                 Some(model) => Some(model),
                 None if best.added.len() + 2 <= most => {

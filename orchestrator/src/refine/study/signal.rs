@@ -49,12 +49,15 @@ pub fn low_pass(values: &[f64], corner: Option<f64>, step: f64) -> Vec<f64> {
     filtered
 }
 
-/// Rms of what changes from sample to sample: third differences, in which smooth motion all but vanishes.
+/// Rms of what changes from sample to sample: third differences, in which smooth motion all but vanishes; jumps, as at
+/// reversals, do not count.
 pub fn scatter(values: &[f64]) -> f64 {
-    let third = values.windows(4).map(|w| (w[3] - 3.0 * w[2] + 3.0 * w[1] - w[0]).powi(2));
-    let count = values.len().saturating_sub(3).max(1);
-    // The coefficients 1, 3, 3, 1 have the sum of squares 20.
-    (third.sum::<f64>() / (20.0 * count as f64)).sqrt()
+    let third = values.windows(4).map(|w| (w[3] - 3.0 * w[2] + 3.0 * w[1] - w[0]).abs());
+    let mut third: Vec<f64> = third.collect();
+    third.sort_by(f64::total_cmp);
+    // 68.27 % of the normal distribution lie within its standard deviation; the coefficients 1, 3, 3, 1 have the sum of
+    // squares 20.
+    third.get((0.6827 * third.len() as f64) as usize).copied().unwrap_or(0.0) / 20f64.sqrt()
 }
 
 /// Typical size of what a zero-phase low-pass takes away, as the rms of noise; few large values do not count.
@@ -120,5 +123,8 @@ mod tests {
             (0..20_000).map(|k| (0.01 * f64::from(k)).sin() + 0.02 * noise.normal()).collect();
         // Standard error of a standard deviation of 20000 overlapping differences: about 1 %.
         assert!((scatter(&values) / 0.02 - 1.0).abs() < 0.04, "{}", scatter(&values));
+        let jumps: Vec<f64> =
+            values.iter().enumerate().map(|(k, y)| y + 3.0 * ((k / 500) % 2) as f64).collect();
+        assert!((scatter(&jumps) / 0.02 - 1.0).abs() < 0.06, "{}", scatter(&jumps));
     }
 }

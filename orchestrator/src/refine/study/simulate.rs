@@ -268,7 +268,7 @@ impl<'a> View<'a> {
         let due = |plant: &Plant, until: f64| plant.next_event().filter(|next| *next <= until);
         for k in begin..piece.range.end {
             let j = k.checked_sub(piece.range.start);
-            if window.is_some_and(|window| (k - piece.range.start) % window == 0) {
+            if window.is_some_and(|window| (k - piece.range.start).is_multiple_of(window)) {
                 self.measured_states((record, k), &start, shift, &mut x);
                 blocks.z.fill(0.0);
             }
