@@ -173,7 +173,7 @@ fn closed_loop(modes: Option<Vec<i32>>) -> (f64, f64) {
         let design = Design {
             state_deviation: vec![0.05, 0.5],
             input_deviation: vec![10.0],
-            measured: vec![super::super::Measured::State(0), super::super::Measured::State(1)],
+            measured: vec![crate::control::Measured::State(0), crate::control::Measured::State(1)],
             noise: vec![1e-6; 2],
             state_drift: vec![0.01; 2],
             input_drift: vec![0.0],
@@ -225,7 +225,7 @@ fn the_table_of_a_controller_with_phases_names_sample_and_mode() {
     with_phases(|phases| {
         let following = Following { modes: Some(vec![4, 9]), overlap: 0.02, horizon: 0.1 };
         let nominal = phases.nominal.clone();
-        let measured = vec![super::super::Measured::State(0), super::super::Measured::State(1)];
+        let measured = vec![crate::control::Measured::State(0), crate::control::Measured::State(1)];
         let mut design = Design::of(&nominal, measured, vec![1e-6; 2], vec![(-1e3, 1e3)]);
         design.input_deviation = vec![1.0];
         let (controller, rows) = phases.design(vec![event()], &following, &design).unwrap();
