@@ -201,7 +201,7 @@ impl Session {
             if number == 0
                 && is_lost(&next.1, settings)
                 && let Some(passes) = coarser(pass)
-                && let Some(mut others) = self.from_coarser(setup, settings, passes, begin, monitor)?
+                && let Some(mut others) = self.by_way_of(setup, settings, passes, begin, monitor)?
             {
                 notes.push(format!(
                     "from the guess nothing was found on the mesh asked for ({} iterations); the plan comes from \
@@ -254,7 +254,7 @@ impl Session {
     }
 
     /// Solves meshes one from the other; none where one of them fails or cannot be begun.
-    fn from_coarser(
+    fn by_way_of(
         &mut self,
         setup: &Setup,
         settings: &Settings,
