@@ -34,10 +34,11 @@ study-swing-up: fmu  ## swing-up over the FMUs against CasADi with IPOPT, time a
 	scripts/setup.sh study
 	.venv/bin/python tests/study/swing_up.py out/study
 
-study-walker: fmu    ## accelerations and contact forces of compass-gait against MuJoCo
+study-walker: fmu    ## compass-gait against MuJoCo; half a step against CasADi with IPOPT: out/study/walker.csv
 	scripts/setup.sh study
 	.venv/bin/python -m pip install --quiet --disable-pip-version-check mujoco==4.0.0
 	.venv/bin/python tests/study/walker_mujoco.py
+	.venv/bin/python tests/study/walker_casadi.py out/study
 
 fmu: setup-build     ## target/fmu/*.fmu, modelDescriptions/*.xml and the airloop binary
 	cargo run --release -p packager

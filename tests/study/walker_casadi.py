@@ -295,7 +295,8 @@ class Plan:
     def __call__(self, number, s):
         rows = self.phases[number]
         row = rows[round(s * (len(rows) - 1))]
-        read = lambda names: np.array([float(row[name]) for name in names])  # noqa: E731
+        # Variant A is a single FMU, whose variables have no prefix.
+        read = lambda names: np.array([float(row.get(n) or row[n.removeprefix("walker.")]) for n in names])  # noqa: E731
         p = read(["walker.th1", "walker.th2", "walker.l1", "walker.l2"])
         v = read(["walker.omega1", "walker.omega2", "walker.dl1", "walker.dl2"])
         if self.variant == "B":

@@ -58,6 +58,20 @@ pub(super) fn both_sides(
     Ok(reached)
 }
 
+/// A point on one side of `here` at which `visit` succeeds: on the other where a component refuses the first.
+pub(super) fn one_side(
+    here: f64,
+    step: f64,
+    mut visit: impl FnMut(f64) -> Result<(), FmuError>,
+) -> Result<f64, FmuError> {
+    let other = match visit(here + step) {
+        Ok(()) => return Ok(here + step),
+        Err(error) if is_discarded(&error) => here - step,
+        Err(error) => return Err(error),
+    };
+    visit(other).map(|()| other)
+}
+
 /// Values of one component that are read together.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Reader {

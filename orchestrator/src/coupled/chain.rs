@@ -117,7 +117,7 @@ impl Work {
                 position += pair.len();
                 let terms = pair.iter().zip(found);
                 let weight: f64 = terms.map(|(curvature, found)| self.adjoint[curvature.value] * found).sum();
-                let Curvature { value, first, second } = pair[0];
+                let Curvature { value, first, second, .. } = pair[0];
                 if !weight.is_finite() {
                     return Err(Trouble::NotFinite { value, found: weight });
                 }

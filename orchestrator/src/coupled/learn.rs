@@ -28,12 +28,23 @@ pub(super) struct Local {
     pub anchor: Vec<f64>,
     /// Value less its linear part, where it has no other part.
     pub offsets: Vec<f64>,
+    /// Whether all first derivatives run on straight lines where only this argument moves: inputs, and velocities in
+    /// mechanics. Their difference quotients are exact over any distance, from one side.
+    pub straight: Vec<bool>,
+    /// Whether the first derivatives by the second argument stay as they are where the first, a straight one, moves;
+    /// `[arguments, arguments]`, row by row.
+    flat: Vec<bool>,
 }
 
 impl Local {
     /// Derivative of the value at position `row` of the block by an argument.
     pub fn coefficient(&self, row: usize, argument: usize) -> Coefficient {
         self.coefficients[row * self.anchor.len() + argument]
+    }
+
+    /// Whether nothing has a second derivative by two arguments, of which the first is straight.
+    pub fn is_flat(&self, first: usize, second: usize) -> bool {
+        self.straight[first] && self.flat[first * self.anchor.len() + second]
     }
 
     /// Derivatives of a value.
@@ -56,6 +67,8 @@ const SAME: f64 = 1e-6;
 const LINEAR: f64 = 1e-9;
 /// Distance of difference quotients for constants, in nominal magnitudes.
 const LONG: f64 = 1e-2;
+/// A first derivative whose changes over two neighbouring distances differ by more than this part of it is not straight.
+const STRAIGHT: f64 = 1e-10;
 
 /// All components, one sentence for everything that was found different, and whether the instances can still be used.
 pub(super) fn learn(
@@ -68,6 +81,9 @@ pub(super) fn learn(
     for (index, model) in models.iter_mut().enumerate() {
         let mut student = Student::new(graph, anatomy, index, model, time)?;
         let tried = (0..TRIALS).try_for_each(|trial| student.compare(model, time, trial));
+        let tried = tried
+            .and_then(|()| (0..=TRIALS).try_for_each(|trial| student.straighten(model, time, trial)))
+            .inspect_err(|_| student.local.straight.fill(false));
         // A component may refuse a point that is far away: what was tried before counts.
         intact &= tried.is_ok() && student.restore(model, time).is_ok();
         notes.extend(student.notes(graph, index));
@@ -108,7 +124,9 @@ impl<'a> Student<'a> {
         let nominals = block.values.clone().map(|value| anatomy.values[value].nominal).collect();
         let reader = Reader::new(anatomy, block.values.clone());
         let (rows, width) = (block.values.len(), anchor.len());
-        let local = Local { coefficients: Vec::new(), anchor, offsets: vec![0.0; rows] };
+        let exact = block.values.clone().all(|value| anatomy.values[value].exact);
+        let (straight, flat) = (vec![exact; width], vec![exact; width * width]);
+        let local = Local { coefficients: Vec::new(), anchor, offsets: vec![0.0; rows], straight, flat };
         let mut student = Student { anatomy, block, local, reader, nominals, wrong: Vec::new() };
         model.set_time(time)?;
         let at = student.local.anchor.clone();
@@ -191,13 +209,17 @@ impl<'a> Student<'a> {
         Ok(columns)
     }
 
-    /// Tries one point.
-    fn compare(&mut self, model: &mut Model, time: f64, trial: usize) -> Result<(), Error> {
+    /// A point that is tried.
+    fn trial(&self, model: &mut Model, time: f64, trial: usize) -> Result<Vec<f64>, Error> {
         let shift = |j: usize| 2.0 * (1.7 * (j + 1) as f64 + 2.3 * (trial + 1) as f64).sin();
         let arguments = self.local.anchor.iter().zip(&self.block.arguments).enumerate();
-        let at: Vec<f64> =
-            arguments.map(|(j, (anchor, argument))| anchor + shift(j) * argument.nominal).collect();
         model.set_time(time + 0.37 * trial as f64)?;
+        Ok(arguments.map(|(j, (anchor, argument))| anchor + shift(j) * argument.nominal).collect())
+    }
+
+    /// Tries one point.
+    fn compare(&mut self, model: &mut Model, time: f64, trial: usize) -> Result<(), Error> {
+        let at = self.trial(model, time, trial)?;
         let values = self.values(model, &at)?;
         let columns = self.columns(model, &at)?;
         for row in 0..self.nominals.len() {
@@ -224,6 +246,62 @@ impl<'a> Student<'a> {
             }
         }
         Ok(())
+    }
+
+    /// Tries at one point, the last time at the start, along which arguments the first derivatives run straight.
+    fn straighten(&mut self, model: &mut Model, time: f64, trial: usize) -> Result<(), Error> {
+        let at = match trial == TRIALS {
+            true => self.local.anchor.clone(),
+            false => self.trial(model, time, trial)?,
+        };
+        calls::set_all(model, self.block, &at)?;
+        let here = self.columns(model, &at)?;
+        let varies = |local: &Local, argument: usize| {
+            (0..local.offsets.len()).any(|row| local.coefficient(row, argument) == Coefficient::Varying)
+        };
+        for moved in 0..at.len() {
+            // What bends within a short distance only, as a friction, may look straight over a long one.
+            for part in [1.0, LONG] {
+                if self.local.straight[moved] && varies(&self.local, moved) {
+                    self.local.straight[moved] = self.is_straight(model, &at, (moved, part), &here)?;
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Whether first derivatives, which are `here` at a point, run straight where one argument moves; those that do not
+    /// move at all are noted.
+    fn is_straight(
+        &mut self,
+        model: &mut Model,
+        at: &[f64],
+        (moved, part): (usize, f64),
+        here: &[Vec<f64>],
+    ) -> Result<bool, Error> {
+        let mut beside = at.to_vec();
+        let mut sides = [Vec::new(), Vec::new()];
+        for (side, sign) in sides.iter_mut().zip([1.0, -1.0]) {
+            beside[moved] = at[moved] + sign * part * self.block.arguments[moved].nominal;
+            calls::set_all(model, self.block, &beside)?;
+            *side = self.columns(model, &beside)?;
+        }
+        let [up, down] = sides;
+        let mut straight = true;
+        for (second, ((up, down), here)) in up.iter().zip(&down).zip(here).enumerate() {
+            let mut flat = true;
+            for (((up, down), here), nominal) in up.iter().zip(down).zip(here).zip(&self.nominals) {
+                // What is far below its typical size is rounding.
+                let typical = 1e-3 * nominal / self.block.arguments[second].nominal;
+                let limit = STRAIGHT * up.abs().max(down.abs()).max(here.abs()).max(typical);
+                let (above, below) = (up - here, here - down);
+                // What is no number shows nothing.
+                straight &= (above - below).abs() <= limit;
+                flat &= above.abs() <= limit && below.abs() <= limit;
+            }
+            self.local.flat[moved * at.len() + second] &= flat;
+        }
+        Ok(straight)
     }
 
     fn vary(&mut self, row: usize, argument: usize) {

@@ -2,8 +2,8 @@
 //!
 //! [`System::open`] makes Model Exchange instances of all components; values pass along the connections within one
 //! evaluation, so that there is no coupling error. Derivatives follow by the chain rule over those of the components;
-//! second derivatives are central differences of the components' first ones. Parts that are linear with constant
-//! factors are learnt once and need no calls.
+//! second derivatives are differences of the components' first ones: central, but for arguments along which these run
+//! straight. That is learnt once, as are the parts that are linear with constant factors, which need no calls.
 //!
 //! `anatomy` takes the components as functions, `learn` finds what is constant, `program` orders the work, `plan` holds all
 //! that instances share, `work` computes.

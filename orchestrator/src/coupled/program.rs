@@ -63,7 +63,10 @@ pub(super) struct Row {
 /// Second derivatives with a first argument in common: it is moved, and the columns are differentiated again.
 #[derive(Debug, Clone)]
 pub(super) struct Bend {
+    /// The first is that of the argument that is moved.
     pub columns: Vec<Column>,
+    /// The first derivatives run straight along the argument: one side is enough.
+    pub straight: bool,
 }
 
 /// What is differentiated in one component.
@@ -81,12 +84,14 @@ pub(super) struct Slopes {
     pub arguments: Vec<(Conversion, Place)>,
 }
 
-/// A second derivative of a value by two arguments, `first <= second`.
+/// A second derivative of a value by two arguments, of which the first is moved.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Curvature {
     pub value: usize,
     pub first: usize,
     pub second: usize,
+    /// Entry of the first derivative by the second argument.
+    pub entry: usize,
 }
 
 /// See the module.
@@ -334,9 +339,14 @@ impl Maker<'_> {
             program.width = program.width.max(column.width());
             slopes.columns.push(column);
         }
-        for first in 0..block.arguments.len() {
-            let mut bend = Bend { columns: Vec::new() };
-            for second in first..block.arguments.len() {
+        // Straight arguments are moved first, with all others as partners: what is left for both sides is little.
+        let mut order: Vec<usize> = (0..block.arguments.len()).collect();
+        order.sort_by_key(|&argument| !local.straight[argument]);
+        for (place, &first) in order.iter().enumerate() {
+            let mut bend = Bend { columns: Vec::new(), straight: local.straight[first] };
+            // The moved argument itself stays the first of the columns.
+            let partners = order[place..].iter().filter(|&&at| at == first || !local.is_flat(first, at));
+            for &second in partners {
                 let both = |&value: &usize| varying(value, first) && varying(value, second);
                 let values: Vec<usize> = block.values.clone().filter(both).collect();
                 if values.is_empty() {
@@ -344,8 +354,11 @@ impl Maker<'_> {
                 }
                 let begin = slopes.curvatures.len();
                 bend.columns.push(Column::new(self.anatomy, component, second, &values, begin));
-                let ordered = Column::values(self.anatomy, &values);
-                slopes.curvatures.extend(ordered.into_iter().map(|value| Curvature { value, first, second }));
+                for value in Column::values(self.anatomy, &values) {
+                    let numbered = entry_of[value].iter().find(|(own, _)| *own == second);
+                    let entry = numbered.expect("varying entries are numbered").1;
+                    slopes.curvatures.push(Curvature { value, first, second, entry });
+                }
             }
             if !bend.columns.is_empty() {
                 slopes.bends.push(bend);

@@ -1,6 +1,6 @@
 //! The numbers at one point: values through the components, and derivatives of each component there.
 
-use super::calls::{Scratch, both_sides, set_one};
+use super::calls::{Scratch, both_sides, one_side, set_one};
 use super::memory::{Known, Memory};
 use super::program::{Place, Program, Slopes, Step};
 use crate::fmu::{Error as FmuError, Model};
@@ -12,6 +12,8 @@ use crate::transcription::dynamics::{Point, Size};
 const FIRST: f64 = 6e-6;
 /// For first derivatives that are differenced again: the fourth root.
 const NESTED: f64 = 1.2e-4;
+/// For derivatives that run straight any length is right; a long one leaves little rounding.
+const STRAIGHT: f64 = 1e-2;
 /// Why there are no numbers at a point.
 #[derive(Debug)]
 pub(super) enum Trouble {
@@ -267,14 +269,19 @@ impl Work {
             let moved = &bend.columns[0];
             let here = at[moved.argument];
             let (scratch, curvatures) = (&mut self.scratch, &mut self.curvatures);
-            let [up, down] = both_sides(here, FIRST * moved.scale(here), |side, value| {
+            let mut visit = |side: usize, value: f64| {
                 at[moved.argument] = value;
                 set_one(model, slopes.states, moved.argument, moved.reference, at)?;
                 bend.columns.iter().try_for_each(|column| {
                     let results = &mut curvatures[side][column.targets.clone()];
                     column.differentiate(model, at, NESTED, scratch, results)
                 })
-            })?;
+            };
+            let scale = moved.scale(here);
+            let [up, down] = match bend.straight {
+                true => [one_side(here, STRAIGHT * scale, |value| visit(0, value))?, here],
+                false => both_sides(here, FIRST * scale, visit)?,
+            };
             at[moved.argument] = here;
             // The states are set together: the next of them brings this one back.
             let next = slopes.bends.get(number + 1).map(|bend| bend.columns[0].argument);
@@ -284,7 +291,11 @@ impl Work {
             }
             let [above, below] = &mut self.curvatures;
             for target in bend.columns.iter().flat_map(|column| column.targets.clone()) {
-                above[target] = (above[target] - below[target]) / (up - down);
+                let other = match bend.straight {
+                    true => self.entries[slopes.curvatures[target].entry],
+                    false => below[target],
+                };
+                above[target] = (above[target] - other) / (up - down);
             }
         }
         Ok(())

@@ -8,6 +8,11 @@ use super::outcome::{Blocking, Evaluations, Side, Violation};
 /// Weight of the relaxations in the feasibility restoration.
 pub(super) const RELAXATION_COST: f64 = 1e3;
 
+/// Least gradient of the scaled objective at the start as a part of the largest, and the largest factor to get there:
+/// a start may be stationary by chance.
+const LEAST_GRADIENT: f64 = 0.1;
+const LARGEST_SCALE: f64 = 1e4;
+
 /// A variable that enters one row only, linearly: the slack of an inequality or the relaxation of a row.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Slack {
@@ -135,7 +140,8 @@ impl<'a> Form<'a> {
         Ok(Some(stages.variables.iter().copied().chain(rows).collect()))
     }
 
-    /// Scales objective and rows so that no entry of their gradients at `x` is larger than `limit`.
+    /// Scales objective and rows so that no entry of their gradients at `x` is larger than `limit`. An objective whose
+    /// gradient is small is scaled up: beside the barrier terms it would be lost until the barrier has all but gone.
     pub fn scale(&mut self, x: &[f64], limit: f64) -> Result<(), EvaluationError> {
         let (mut gradient, mut jacobian) = (vec![0.0; self.total()], vec![0.0; self.jacobian_entries.len()]);
         self.objective_scale = 1.0;
@@ -147,7 +153,12 @@ impl<'a> Form<'a> {
             largest[row] = largest[row].max(value.abs());
         }
         self.row_scale = largest.into_iter().map(factor).collect();
-        self.objective_scale = factor(gradient[..self.n].iter().fold(0.0, |m, g| m.max(g.abs())));
+        let steepest = gradient[..self.n].iter().fold(0.0f64, |m, g| m.max(g.abs()));
+        let least = LEAST_GRADIENT * limit;
+        self.objective_scale = match steepest > 0.0 && steepest < least && limit.is_finite() {
+            true => (least / steepest).min(LARGEST_SCALE),
+            false => factor(steepest),
+        };
         for (j, slack) in self.slacks.iter().enumerate() {
             self.lower[self.n + j] =
                 self.constraint_bounds.lower[self.rows[slack.row]] * self.row_scale[slack.row];

@@ -27,7 +27,8 @@ pub struct Settings {
     pub max_iterations: usize,
     /// Barrier parameter of the first iteration of the interior point method; 0.1.
     pub initial_barrier: f64,
-    /// Gradients at the start are scaled down to this largest entry; 100. Infinite: no scaling.
+    /// Gradients at the start are scaled down to this largest entry; 100. That of the objective is scaled up to a tenth
+    /// of it where it is smaller, by 10000 at most. Infinite: no scaling.
     pub scaling_gradient: f64,
     /// A variable beyond this magnitude counts as diverging; 1e20.
     pub diverging: f64,

@@ -193,13 +193,25 @@ impl Session {
             let (statement, task) = (&setup.statement, &setup.task);
             assemble::check_samples(statement, task, sampling, pass.transcription, &pass.intervals)?;
         }
-        let mut done = Vec::new();
+        let (mut done, mut notes) = (Vec::new(), Vec::new());
         let mut found: Option<Outcome> = None;
         for (number, pass) in settings.passes.iter().enumerate() {
-            let meshes = pass.intervals.iter().map(|&n| Mesh::uniform(n)).collect();
-            let discretisation = Discretisation { transcription: pass.transcription, meshes };
             let from = found.as_ref().map_or(begin, Begin::At);
-            let next = self.one(setup, settings, (number, &discretisation), from, monitor)?;
+            let mut next = self.one(setup, settings, (number, &uniform(pass)), from, monitor)?;
+            if number == 0
+                && is_lost(&next.1, settings)
+                && let Some(passes) = coarser(pass)
+                && let Some(mut others) = self.by_way_of(setup, settings, passes, begin, monitor)?
+            {
+                notes.push(format!(
+                    "from the guess nothing was found on the mesh asked for ({} iterations); the plan comes from \
+                     coarser meshes",
+                    next.1.iterations()
+                ));
+                let last = others.pop().unwrap_or(next);
+                done.extend(others.into_iter().map(|other| other.1));
+                next = last;
+            }
             let ended = failed(&next.0.solution);
             done.push(next.1);
             found = Some(next.0);
@@ -212,7 +224,6 @@ impl Session {
             return Err(Error::Place { place: "the chain of solves".into(), problem });
         };
         let mut errors = interval_errors(&mut self.problem, &outcome.trajectory)?;
-        let mut notes = Vec::new();
         for _ in 0..settings.mesh.map_or(0, |mesh| mesh.rounds) {
             let tolerance = settings.mesh.map_or(0.0, |mesh| mesh.tolerance);
             let refinement = Refinement { tolerance, ..Refinement::default() };
@@ -240,6 +251,34 @@ impl Session {
         let worst = others.first().or(defects.first()).filter(|worst| worst.amount > VIOLATION);
         let worst = worst.map(|worst| (*worst).clone());
         Ok(Solved { outcome, done, max_defect, max_bound_violation, worst, errors, notes })
+    }
+
+    /// Solves meshes one from the other; none where one of them fails or cannot be begun.
+    fn by_way_of(
+        &mut self,
+        setup: &Setup,
+        settings: &Settings,
+        passes: Vec<Pass>,
+        begin: Begin,
+        monitor: &mut Monitor,
+    ) -> Result<Option<Vec<(Outcome, Done)>>, Error> {
+        let (statement, task, sampling) = (&setup.statement, &setup.task, setup.sampling.as_ref());
+        let mut all: Vec<(Outcome, Done)> = Vec::new();
+        for (number, pass) in passes.iter().enumerate() {
+            // A longer interval may be no whole number of samples.
+            if assemble::check_samples(statement, task, sampling, pass.transcription, &pass.intervals)
+                .is_err()
+            {
+                return Ok(None);
+            }
+            let from = all.last().map_or(begin, |before| Begin::At(&before.0));
+            let next = self.one(setup, settings, (number, &uniform(pass)), from, monitor)?;
+            if failed(&next.0.solution) {
+                return Ok(None);
+            }
+            all.push(next);
+        }
+        Ok(Some(all))
     }
 
     fn one(
@@ -280,6 +319,31 @@ impl Session {
         let solution = outcome.solution.clone();
         Ok((outcome, Done { pass, solution, build, solve: total - build }))
     }
+}
+
+fn uniform(pass: &Pass) -> Discretisation {
+    Discretisation::uniform(pass.transcription, &pass.intervals)
+}
+
+/// Iterations that a solve has to be allowed before coarser meshes are tried: fewer are the caller's wish.
+const LONG: usize = 400;
+/// Fewest intervals of a phase of a coarser mesh.
+const FEWEST: usize = 5;
+
+/// Whether a solve lost its way from a rough guess.
+fn is_lost(done: &Done, settings: &Settings) -> bool {
+    settings.max_iterations >= LONG
+        && matches!(done.solution.status, Status::Stalled | Status::IterationLimit)
+}
+
+/// A quarter and a half of the intervals, then all; none where there are too few.
+fn coarser(pass: &Pass) -> Option<Vec<Pass>> {
+    let divides = |&count: &usize| count % 4 == 0 && count >= 4 * FEWEST;
+    let part = |by: usize| Pass {
+        transcription: pass.transcription,
+        intervals: pass.intervals.iter().map(|count| count / by).collect(),
+    };
+    pass.intervals.iter().all(divides).then(|| [4, 2, 1].map(part).to_vec())
 }
 
 /// Whether a solve gives no start for another.
