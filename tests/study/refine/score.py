@@ -95,6 +95,9 @@ def main():
             subprocess.run([args.program, "refine", case, "-o", target, "-q"], check=False)
             (target / "seconds.txt").write_text(f"{os.times().children_user - begin[0]:.2f} {time.monotonic() - begin[1]:.2f}\n")
         seconds = target / "seconds.txt"
+        if not (target / "report.json").exists():
+            print(f"{case.name}: no report")
+            continue
         rows.append(row_of(case, json.loads((target / "report.json").read_text()),
                            float(seconds.read_text().split()[0]) if seconds.exists() else 0.0, args.left))
     with (args.out / "confusion.csv").open("w", newline="") as file:

@@ -8,8 +8,6 @@ use super::ladder::{Ladder, Reached};
 use super::search::{Model, Promise};
 use super::select::{TIE, insignificant};
 
-/// Normalised power from which a misfit is far beyond declared parameters that are a percent off.
-const SERIOUS: f64 = 5000.0;
 /// Standard deviations of what is known of a declared parameter beyond which its correction is no small one.
 const FAR: f64 = 3.5;
 /// Candidates that are fitted beside corrections.
@@ -28,17 +26,14 @@ pub fn with_corrections<S: System + ?Sized>(
 ) -> Vec<Model> {
     let criterion = |model: &Model| model.fit.chi2 + penalty * model.size(ladder.candidates()) as f64;
     let mut base = ladder.climb(0, &[], corrections, declared, ROUNDS.0);
-    let whole = |model: &Model| Reached { model: model.clone(), rung: ladder.top() };
-    let (mut passing, mut all) = (Vec::new(), tried.iter().map(whole).collect::<Vec<_>>());
-    let before = all.len();
-    all.push(base.clone());
+    let (mut passing, mut all) = (Vec::new(), vec![base.clone()]);
     for added in 0..=most.min(2) {
         let explained = ladder.explains(&base);
         let far = as_declared(&base.model, declared).1;
         if explained && added == 0 {
             passing.push(base.model.clone());
         }
-        if added == most.min(2) || explained && !far || lost(ladder, declared, &all) {
+        if added == most.min(2) || explained && !far {
             break;
         }
         let mut found = if explained {
@@ -56,23 +51,8 @@ pub fn with_corrections<S: System + ?Sized>(
         base = best.clone();
         passing.extend(found.into_iter().map(|reached| reached.model));
     }
-    tried.extend(
-        all.into_iter()
-            .skip(before)
-            .filter(|reached| reached.rung == ladder.top())
-            .map(|reached| reached.model),
-    );
+    tried.extend(all.into_iter().filter(|reached| reached.rung == ladder.top()).map(|reached| reached.model));
     passing
-}
-
-/// Whether the first signal of the chain is far off and neither candidates nor corrections bring it down: it spoils all
-/// that follow.
-fn lost<S: System + ?Sized>(ladder: &Ladder<S>, declared: &Model, all: &[Reached]) -> bool {
-    let first = |model: &Model| model.left.first().map_or(0.0, |(_, z)| *z);
-    let before: Vec<f64> =
-        (0..=ladder.top()).map(|rung| first(&ladder.fit(rung, &[], &[], declared, 1))).collect();
-    before[ladder.top()] > SERIOUS
-        && all.iter().all(|reached| first(&reached.model) > 0.3 * before[reached.rung])
 }
 
 /// Candidates beside corrections that do not explain the records.

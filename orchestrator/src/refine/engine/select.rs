@@ -121,7 +121,7 @@ pub fn select<S: System + ?Sized>(
         }
     }
     search.system.stage("single effects");
-    let singles = attempt(search, &declared, &promises, &[], effort.singles, limit);
+    let singles = attempt(search, &declared, &promises, effort.singles, limit);
     tried.extend(singles.iter().cloned());
     let systems = beginnings(search.system);
     let ladder = Ladder::new(search, &systems, &declared, MARGIN);
@@ -176,7 +176,6 @@ pub fn attempt<S: System + ?Sized>(
     search: &Search<S>,
     base: &Model,
     promises: &[Promise],
-    extra: &[Free],
     count: usize,
     limit: f64,
 ) -> Vec<Model> {
@@ -193,13 +192,7 @@ pub fn attempt<S: System + ?Sized>(
         seen.push(promise.candidate);
         let mut added = base.added.clone();
         added.push(promise.candidate);
-        let model = search.fit(
-            &added,
-            extra,
-            &promise.parameters,
-            &base.fit.locals,
-            if extra.is_empty() { ROUNDS } else { 25 },
-        );
+        let model = search.fit(&added, &[], &promise.parameters, &base.fit.locals, ROUNDS);
         if model.worst() < limit {
             enough = enough.min(2.0 * promise.chi2);
         }

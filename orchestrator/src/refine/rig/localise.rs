@@ -74,7 +74,7 @@ pub fn localise(
     if force_measured && pressure_fits == Some(false) {
         for _ in 0..MOST {
             let search = around.search(&best.observer);
-            let found = attempt(&search, &best.model, &search.screen(&best.model), &[], SINGLES, f64::MIN);
+            let found = attempt(&search, &best.model, &search.screen(&best.model), SINGLES, f64::MIN);
             let mut tuned: Vec<Tuned> = found.iter().take(TUNED).map(|model| around.tuned(model)).collect();
             tried.extend(found);
             tuned.sort_by(|a, b| a.observer.cost.total_cmp(&b.observer.cost));
