@@ -36,11 +36,11 @@ pub struct Selection {
 /// Sentences for a progress display.
 pub type Say<'a> = &'a (dyn Fn(&str) + Sync);
 
-/// Whether the shapes of a fitted model show in the records. Far from where the records were, a spring is a constant
+/// Whether the shape of the candidate added last shows in the records; those before it are exchanged in the end. Far from where the records were, a spring is a constant
 /// force, so is an end stop, a long wave is a spring, a wide friction peak is Coulomb friction.
 fn shown(study: &Study, model: &Model) -> bool {
     let p = &model.fit.parameters;
-    model.added.iter().map(|&c| &study.candidates[c]).all(|own| {
+    model.added.last().map(|&c| &study.candidates[c]).is_none_or(|own| {
         let Action::Block { law, tap } = own.action else { return true };
         let (low, high) = study.range(tap, Variable::Position);
         let (travel, first) = (high - low, own.entries.start);
