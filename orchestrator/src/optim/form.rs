@@ -10,7 +10,7 @@ pub(super) const RELAXATION_COST: f64 = 1e3;
 
 /// Least gradient of the scaled objective at the start as a part of the largest, and the largest factor to get there:
 /// a start may be stationary by chance.
-const LEAST_GRADIENT: f64 = 1e-3;
+const LEAST_GRADIENT: f64 = 0.1;
 const LARGEST_SCALE: f64 = 1e4;
 
 /// A variable that enters one row only, linearly: the slack of an inequality or the relaxation of a row.
