@@ -51,7 +51,7 @@ pub struct Stabilised {
 /// Designs a controller for a plan.
 ///
 /// # Errors
-/// Unknown names and units with their place, columns that the trajectory lacks, phases without [phases], or what
+/// Unknown names and units with their place, columns that the trajectory lacks, phases without a table `[phases]`, or what
 /// [`crate::control`] says.
 pub fn stabilise(prepared: &mut Prepared, plan: Plan<'_>, settings: &Settings) -> Result<Stabilised, Error> {
     let place = |problem: String| Error::Place { place: plan.file.display().to_string(), problem };

@@ -47,13 +47,12 @@ impl<'a, S: System + ?Sized> Ladder<'a, S> {
         margin: f64,
     ) -> Ladder<'a, S> {
         let (p, locals) = (&declared.fit.parameters, &declared.fit.locals);
-        let one = |system: &'a Box<dyn System + 'a>| {
-            let system: &'a (dyn System + 'a) = system.as_ref();
+        let one = |system: &'a (dyn System + 'a)| {
             let (records, screened) = (whole.records.clone(), whole.screened.clone());
             let null = Null::simulate(system, &records, p, locals, DRAWS, 1);
             Search { system, candidates: whole.candidates, records, screened, null }
         };
-        Ladder { whole, beginnings: systems.iter().map(one).collect(), margin }
+        Ladder { whole, beginnings: systems.iter().map(AsRef::as_ref).map(one).collect(), margin }
     }
 
     /// Candidates.
