@@ -89,7 +89,8 @@ def test_time_events_are_taken_at_their_time_and_nowhere_else(fmu):
         if not info.nextEventTimeDefined:
             pytest.skip("no time events")
         held = [v for v in fmu.of("output") if v.variability == "discrete"]
-        scenario.set_inputs(instance, 0.3)
+        continuous = [v for v in fmu.of("input") if v.variability == "continuous"]
+        instance.set(continuous, [scenario.input_value(v, 0.3) for v in continuous])
         for k in range(1, 6):
             expected = info.nextEventTime
             before = raw.bits(instance.get(held))
