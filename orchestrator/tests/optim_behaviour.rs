@@ -266,3 +266,19 @@ fn the_limit_of_iterations_is_kept() {
         assert_eq!(solution.iterations.len(), 4);
     }
 }
+
+#[test]
+fn an_objective_in_larger_units_is_solved_in_the_same_steps() {
+    let f: (Value, Gradient, Hessian) = (|x| 1e-3 * (x[0] + x[1]), |_| [1e-3, 1e-3], |_| [0.0; 3]);
+    for method in METHODS {
+        let solved = |mut plane: Plane| {
+            let solution = solve(&mut plane, &Start::cold(vec![-0.5, -1.5]), &with(method)).unwrap();
+            assert_eq!(solution.status, Status::Solved, "{method:?}");
+            (solution.iterations.len(), solution.x)
+        };
+        let small = solved(Plane { f, ..Plane::circle(2.0, -INF) });
+        let (steps, x) = solved(Plane::circle(2.0, -INF));
+        assert_eq!(small.0, steps, "{method:?}");
+        assert!(small.1.iter().zip(&x).all(|(a, b)| (a - b).abs() < 1e-12), "{method:?}: {small:?} {x:?}");
+    }
+}

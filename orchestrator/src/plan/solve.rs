@@ -389,3 +389,21 @@ fn knots(setup: &Setup, rough: &Rough, discretisation: &Discretisation) -> Resul
     }
     Ok(Trajectory::guess(phases))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn coarser_meshes_lead_to_the_one_asked_for() {
+        let meshes = |intervals: &[usize]| {
+            let pass = Pass { transcription: Transcription::Trapezoidal, intervals: intervals.to_vec() };
+            coarser(&pass).map(|passes| passes.into_iter().map(|pass| pass.intervals).collect::<Vec<_>>())
+        };
+        assert_eq!(meshes(&[400]), Some(vec![vec![100], vec![200], vec![400]]));
+        assert_eq!(meshes(&[60, 20, 60]), Some(vec![vec![15, 5, 15], vec![30, 10, 30], vec![60, 20, 60]]));
+        // Too few, or no whole quarter.
+        assert_eq!(meshes(&[16]), None);
+        assert_eq!(meshes(&[30, 20, 30]), None);
+    }
+}

@@ -1,5 +1,7 @@
 //! Telling how far a search is: a system that counts what is asked of it.
 
+use std::ops::Deref;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use super::engine::noise::Noise;
@@ -22,16 +24,39 @@ pub type Listener<'a> = &'a (dyn Fn(Event) + Sync);
 
 /// A system that tells a listener what is asked of it and is the same otherwise.
 pub struct Watched<'a> {
-    inner: &'a dyn System,
+    inner: Inner<'a>,
     listener: Listener<'a>,
-    simulations: AtomicU64,
+    /// Counted together for the whole and the beginnings of its records.
+    simulations: Arc<AtomicU64>,
     draws: AtomicU64,
+}
+
+/// What is watched.
+enum Inner<'a> {
+    Whole(&'a dyn System),
+    Beginning(Box<dyn System + 'a>),
+}
+
+impl<'a> Deref for Inner<'a> {
+    type Target = dyn System + 'a;
+
+    fn deref(&self) -> &Self::Target {
+        match self {
+            Inner::Whole(system) => *system,
+            Inner::Beginning(system) => system.as_ref(),
+        }
+    }
 }
 
 impl<'a> Watched<'a> {
     /// Watches `inner`.
     pub fn new(inner: &'a dyn System, listener: Listener<'a>) -> Watched<'a> {
-        Watched { inner, listener, simulations: AtomicU64::new(0), draws: AtomicU64::new(0) }
+        Watched {
+            inner: Inner::Whole(inner),
+            listener,
+            simulations: Arc::default(),
+            draws: AtomicU64::new(0),
+        }
     }
 
     fn simulated(&self, count: u64) {
@@ -64,7 +89,10 @@ impl System for Watched<'_> {
         self.inner.whiten(record, predicted)
     }
     fn redraw(&self, record: usize, predicted: &[f64], noise: &mut Noise) -> Vec<f64> {
-        (self.listener)(Event::Draws(self.draws.fetch_add(1, Ordering::Relaxed) + 1));
+        // The null of a beginning is small and not the one that is waited for.
+        if let Inner::Whole(_) = self.inner {
+            (self.listener)(Event::Draws(self.draws.fetch_add(1, Ordering::Relaxed) + 1));
+        }
         self.inner.redraw(record, predicted, noise)
     }
     fn residuals(&self, record: usize, parameters: &[f64], locals: &[f64]) -> Vec<f64> {
@@ -79,45 +107,9 @@ impl System for Watched<'_> {
         (self.listener)(Event::Stage(name));
     }
     fn beginning(&self, share: f64) -> Option<Box<dyn System + '_>> {
-        let inner = self.inner.beginning(share)?;
-        Some(Box::new(Beginning { inner, whole: self }))
-    }
-}
-
-/// The beginning of the records of a watched system: its simulations count as well.
-struct Beginning<'a> {
-    inner: Box<dyn System + 'a>,
-    whole: &'a Watched<'a>,
-}
-
-impl System for Beginning<'_> {
-    fn records(&self) -> usize {
-        self.inner.records()
-    }
-    fn estimation(&self, record: usize) -> bool {
-        self.inner.estimation(record)
-    }
-    fn locals(&self, record: usize) -> Vec<(f64, f64)> {
-        self.inner.locals(record)
-    }
-    fn signals(&self, record: usize) -> Vec<Span> {
-        self.inner.signals(record)
-    }
-    fn predict(&self, record: usize, parameters: &[f64], locals: &[f64]) -> Vec<f64> {
-        self.inner.predict(record, parameters, locals)
-    }
-    fn measured(&self, record: usize) -> Vec<f64> {
-        self.inner.measured(record)
-    }
-    fn whiten(&self, record: usize, predicted: &[f64]) -> Vec<f64> {
-        self.inner.whiten(record, predicted)
-    }
-    fn redraw(&self, record: usize, predicted: &[f64], noise: &mut Noise) -> Vec<f64> {
-        self.inner.redraw(record, predicted, noise)
-    }
-    fn residuals_of(&self, jobs: &[Job]) -> Vec<Vec<f64>> {
-        self.whole.simulated(jobs.len() as u64);
-        self.inner.residuals_of(jobs)
+        let inner = Inner::Beginning(self.inner.beginning(share)?);
+        let simulations = Arc::clone(&self.simulations);
+        Some(Box::new(Watched { inner, listener: self.listener, simulations, draws: AtomicU64::new(0) }))
     }
 }
 

@@ -7,7 +7,7 @@ use crate::series::Interpolation;
 use crate::series::resample::{locate, value_at};
 
 /// Pictures per second of the embedded data.
-const RATE: f64 = 60.0;
+pub(super) const RATE: f64 = 60.0;
 
 /// The element with its script; empty where the plan is none of a cart-pole.
 pub(super) fn animation(plan: &Plan) -> String {
@@ -48,12 +48,11 @@ pub(super) fn animation(plan: &Plan) -> String {
         "<section class=\"animation\"><canvas id=\"scene\" width=\"952\" height=\"420\" aria-label=\"cart and pole in motion\"></canvas>\n\
          <p><button id=\"play\" type=\"button\">Pause</button> <input id=\"time\" type=\"range\" min=\"0\" value=\"0\" aria-label=\"time\"> \
          <output id=\"clock\"></output></p></section>\n\
-         <script>\nconst data=[{data}],rate={RATE},stroke={stroke},length={length};\n{SCRIPT}</script>\n"
+         <script>\n(() => {{\nconst data=[{data}],rate={RATE},stroke={stroke},length={length};\n{SCRIPT}{PLAYER}}})();\n</script>\n"
     )
 }
 
-const SCRIPT: &str = r##"(() => {
-  const scene = document.getElementById("scene"), pen = scene.getContext("2d");
+const SCRIPT: &str = r##"  const scene = document.getElementById("scene"), pen = scene.getContext("2d");
   const play = document.getElementById("play"), slider = document.getElementById("time");
   const clock = document.getElementById("clock");
   const last = data[0].x.length - 1, colours = ["#0072b2", "#d55e00"];
@@ -86,7 +85,10 @@ const SCRIPT: &str = r##"(() => {
     });
     slider.value = k; clock.textContent = (k / rate).toFixed(2) + " s";
   };
-  let running = !matchMedia("(prefers-reduced-motion: reduce)").matches, at = 0, before = null;
+"##;
+
+/// Plays `draw(k)` for pictures 0 .. `last` at `rate` per second, with the button `play` and the slider `slider`.
+pub(super) const PLAYER: &str = r##"  let running = !matchMedia("(prefers-reduced-motion: reduce)").matches, at = 0, before = null;
   const label = () => { play.textContent = running ? "Pause" : "Play"; };
   const tick = now => {
     if (running) {
@@ -100,5 +102,4 @@ const SCRIPT: &str = r##"(() => {
   play.onclick = () => { running = !running; if (at >= last) at = 0; label(); };
   slider.oninput = () => { running = false; at = Number(slider.value); draw(at); label(); };
   label(); draw(0); requestAnimationFrame(tick);
-})();
 "##;

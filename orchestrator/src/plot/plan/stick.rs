@@ -1,6 +1,7 @@
 //! Rods from a point that moves: positions over time, and a figure with poses side by side as in Fig. 13 of the paper.
 
 use super::Plan;
+use super::animation::{PLAYER, RATE};
 use crate::plan::file::Length;
 use crate::plan::record::StickRecord;
 use crate::plot::axes::range;
@@ -115,9 +116,6 @@ pub(super) fn stick_figure(plan: &Plan) -> String {
     sheet.svg.finish("Stick figure of the motion")
 }
 
-/// Pictures per second of the animation.
-const RATE: f64 = 60.0;
-
 /// The figure in motion: the element with its script; empty where the plan has none.
 pub(super) fn moving(plan: &Plan) -> String {
     let Some(record) = &plan.summary.stick_figure else { return String::new() };
@@ -139,7 +137,7 @@ pub(super) fn moving(plan: &Plan) -> String {
         "<section class=\"animation\"><canvas id=\"sticks\" width=\"952\" height=\"520\" aria-label=\"stick figure in motion\"></canvas>\n\
          <p><button id=\"stick-play\" type=\"button\">Pause</button> <input id=\"stick-time\" type=\"range\" min=\"0\" value=\"0\" aria-label=\"time\"> \
          <output id=\"stick-clock\"></output></p></section>\n\
-         <script>\n(() => {{\nconst data=[{}],rate={RATE};\n{SCRIPT}}})();\n</script>\n",
+         <script>\n(() => {{\nconst data=[{}],rate={RATE};\n{SCRIPT}{PLAYER}}})();\n</script>\n",
         data.join(",")
     )
 }
@@ -173,18 +171,4 @@ const SCRIPT: &str = r##"  const scene = document.getElementById("sticks"), pen 
     });
     slider.value = k; clock.textContent = (k / rate).toFixed(2) + " s";
   };
-  let running = !matchMedia("(prefers-reduced-motion: reduce)").matches, at = 0, before = null;
-  const label = () => { play.textContent = running ? "Pause" : "Play"; };
-  const tick = now => {
-    if (running) {
-      if (before !== null) at += (now - before) / 1000 * rate;
-      if (at > last + rate) at = 0;
-      draw(Math.min(last, Math.floor(at)));
-    }
-    before = now;
-    requestAnimationFrame(tick);
-  };
-  play.onclick = () => { running = !running; if (at >= last) at = 0; label(); };
-  slider.oninput = () => { running = false; at = Number(slider.value); draw(at); label(); };
-  label(); draw(0); requestAnimationFrame(tick);
 "##;
