@@ -61,13 +61,15 @@ pub struct Effort {
     pub max_effects: usize,
     /// Single candidates that are fitted.
     pub singles: usize,
+    /// Single candidates that are fitted from the beginnings of the records on, where none leaves only noise otherwise.
+    pub climbed: usize,
     /// Singles that pairs are built on, and candidates fitted on each.
     pub pairs: (usize, usize),
 }
 
 impl Default for Effort {
     fn default() -> Effort {
-        Effort { max_effects: 3, singles: 14, pairs: (4, 4) }
+        Effort { max_effects: 3, singles: 14, climbed: 5, pairs: (4, 4) }
     }
 }
 
@@ -125,12 +127,23 @@ pub fn select<S: System + ?Sized>(
     tried.extend(singles.iter().cloned());
     let systems = beginnings(search.system);
     let ladder = Ladder::new(search, &systems, &declared, MARGIN);
-    let mut passing: Vec<Model> = singles.iter().filter(|m| m.worst() < limit).cloned().collect();
+    let passes = |m: &Model| m.worst() < limit;
+    let mut passing: Vec<Model> = singles.iter().filter(|m| passes(m)).cloned().collect();
+    if passing.is_empty() {
+        let climbed = climbed(&ladder, &declared, effort.climbed);
+        passing = climbed.iter().filter(|m| passes(m)).cloned().collect();
+        tried.extend(climbed);
+    }
     if passing.is_empty() && effort.max_effects >= 2 {
         search.system.stage("pairs of effects");
         let pairs = pairs(&ladder, &singles, effort.pairs);
         tried.extend(pairs.iter().cloned());
-        passing = pairs.into_iter().filter(|m| m.worst() < limit).collect();
+        passing = pairs.into_iter().filter(passes).collect();
+        let fewer = fewer(search, &declared, &passing);
+        tried.extend(fewer.iter().cloned());
+        if fewer.iter().any(passes) {
+            passing = fewer.into_iter().filter(passes).collect();
+        }
     }
     let best = passing.iter().min_by(|a, b| criterion(a).total_cmp(&criterion(b))).cloned();
     if best.as_ref().is_some_and(|best| best.worst() < search.null.quantile + SUSPICIOUS) {
@@ -199,6 +212,32 @@ pub fn attempt<S: System + ?Sized>(
         found.push(model);
     }
     found.sort_by(|a, b| a.fit.chi2.total_cmp(&b.fit.chi2));
+    found
+}
+
+/// Single candidates, fitted from the beginnings of the records on: over whole records a fit of an effect that is
+/// nonlinear in its parameters loses its way more easily.
+fn climbed<S: System + ?Sized>(ladder: &Ladder<S>, declared: &Model, count: usize) -> Vec<Model> {
+    let base = Reached { model: ladder.fit(0, &[], &[], declared, 5), rung: 0 };
+    let promises = ladder.screen(0, &base.model);
+    let promises: Vec<(&Promise, &Model)> = promises.iter().map(|p| (p, &base.model)).collect();
+    let reached = ladder.attempt(&base, &promises, &[], (count, ROUNDS));
+    reached.into_iter().filter(|reached| reached.rung == ladder.top()).map(|reached| reached.model).collect()
+}
+
+/// The effects of models of several with one of them left out: a second one may only have led the first to its place.
+fn fewer<S: System + ?Sized>(search: &Search<S>, declared: &Model, models: &[Model]) -> Vec<Model> {
+    let mut found: Vec<Model> = Vec::new();
+    for model in models {
+        for &left_out in &model.added {
+            let added: Vec<usize> = model.added.iter().copied().filter(|&c| c != left_out).collect();
+            let mut start = model.fit.parameters.clone();
+            for f in &search.candidates[left_out].free {
+                start[f.index] = declared.fit.parameters[f.index];
+            }
+            found.push(search.fit(&added, &[], &start, &model.fit.locals, ROUNDS));
+        }
+    }
     found
 }
 
