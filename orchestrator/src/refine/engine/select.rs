@@ -54,6 +54,15 @@ pub struct Selection {
     pub screened: Vec<Promise>,
 }
 
+/// Candidates that a part of the system has been explained with, to be tried together.
+#[derive(Debug, Clone)]
+pub struct Proposal {
+    /// Candidates.
+    pub added: Vec<usize>,
+    /// Parameter vector.
+    pub parameters: Vec<f64>,
+}
+
 /// Limits of the search.
 #[derive(Debug, Clone, Copy)]
 pub struct Effort {
@@ -73,12 +82,13 @@ impl Default for Effort {
     }
 }
 
-/// Runs the search from the fitted declared model.
+/// Runs the search from the fitted declared model; `proposals` is asked when no single effect explains the records.
 pub fn select<S: System + ?Sized>(
     search: &Search<S>,
     declared: Model,
     corrections: &[Free],
     effort: Effort,
+    proposals: &dyn Fn() -> Vec<Proposal>,
 ) -> Selection {
     let limit = search.null.quantile + MARGIN;
     let penalty = search.penalty();
@@ -136,7 +146,14 @@ pub fn select<S: System + ?Sized>(
     }
     if passing.is_empty() && effort.max_effects >= 2 {
         search.system.stage("pairs of effects");
-        let pairs = pairs(&ladder, &singles, effort.pairs);
+        let proposed = proposed(&ladder, &declared, &proposals());
+        let whole = proposed.iter().filter(|r| r.rung == ladder.top() && r.model.added.len() > 1);
+        let mut pairs: Vec<Model> = whole.map(|reached| reached.model.clone()).collect();
+        if !pairs.iter().any(passes) {
+            let first = proposed.into_iter().map(|reached| reached.model).filter(|m| m.added.len() == 1);
+            let bases: Vec<Model> = first.chain(singles.iter().cloned()).collect();
+            pairs.extend(self::pairs(&ladder, &bases, effort.pairs));
+        }
         tried.extend(pairs.iter().cloned());
         passing = pairs.into_iter().filter(passes).collect();
         let fewer = fewer(search, &declared, &passing);
@@ -215,6 +232,20 @@ pub fn attempt<S: System + ?Sized>(
     found
 }
 
+/// Fits of what is proposed, from the beginnings of the records on as far as they go.
+fn proposed<S: System + ?Sized>(
+    ladder: &Ladder<S>,
+    declared: &Model,
+    proposals: &[Proposal],
+) -> Vec<Reached> {
+    let fit = |proposal: &Proposal| {
+        let mut start = declared.clone();
+        start.fit.parameters.clone_from(&proposal.parameters);
+        ladder.climb(0, &proposal.added, &[], &start, ROUNDS)
+    };
+    proposals.iter().map(fit).collect()
+}
+
 /// Single candidates, fitted from the beginnings of the records on: over whole records a fit of an effect that is
 /// nonlinear in its parameters loses its way more easily.
 fn climbed<S: System + ?Sized>(ladder: &Ladder<S>, declared: &Model, count: usize) -> Vec<Model> {
@@ -285,7 +316,7 @@ mod tests {
         let null = Null::simulate(system, &[0, 1], &[0.0, 0.0], &locals, 100, 1);
         let search = Search { system, candidates, records: vec![0, 1], screened: vec![0, 1], null };
         let declared = search.fit(&[], &[], &[0.0, 0.0], &locals, 5);
-        let found = select(&search, declared, &[], Effort::default());
+        let found = select(&search, declared, &[], Effort::default(), &Vec::new);
         (found.best.added.iter().map(|&c| candidates[c].id).collect(), found.explained, found.equals.len())
     }
 
@@ -328,7 +359,7 @@ mod tests {
             let declared = search.fit(&[], &[], &[0.0; 3], &locals, 5);
             let correction = Free { index: 2, bounds: (-1e3, 1e3), step: 1e-3, prior: Some(share) };
             let effort = Effort { singles: 0, ..Effort::default() };
-            select(&search, declared, &[correction], effort).best.added.len()
+            select(&search, declared, &[correction], effort, &Vec::new).best.added.len()
         };
         assert_eq!((with_share(40.0), with_share(6.0)), (0, 1));
     }
