@@ -11,7 +11,7 @@ use super::interval;
 use super::rig::localise::localise;
 use super::rig::open::Rig;
 use super::rig::physical::correction;
-use super::rig::replay::proposals;
+use super::rig::replay::{BLUNTED, left, proposals};
 use super::watch::{Listener, Watched};
 
 /// Settings of the search.
@@ -194,15 +194,22 @@ fn trace(
         found.unexplained = Some((channel.into(), Vec::new()));
         return;
     };
-    let limit = search.null.quantile + MARGIN;
-    let fits = selection.declared.left.iter().find(|(signal, _)| signal == "F_hat").map(|(_, z)| *z < limit);
+    let left = left(coupled, &super::rig::parameters::neutral());
+    let beyond = |signal: &str, limit: f64| left.iter().any(|(name, z)| name == signal && *z > limit);
+    let front = if beyond("F_hat", search.null.quantile + MARGIN) {
+        Some("actuator")
+    } else if left.iter().any(|(name, _)| name == "F_hat") && beyond("F_p", BLUNTED) {
+        Some("piston_friction")
+    } else {
+        None
+    };
     let groups = numbered(groups);
     let mechanical = |c: &&super::engine::candidate::Candidate| {
         ["cart", "cart_friction", "pole"].contains(&c.channel)
             || c.id != "sensor.delay" && matches!(c.signal, Some("x" | "theta"))
     };
     let candidates: Vec<_> = rig.candidates.iter().filter(mechanical).cloned().collect();
-    let findings = localise(coupled, &candidates, fits, &groups, &super::rig::parameters::neutral());
+    let findings = localise(coupled, &candidates, front, &groups, &super::rig::parameters::neutral());
     found.unexplained = findings.channel.map(|channel| (channel, findings.variables));
     let Some(model) = findings.effects else { return };
     found.verdict = Verdict::Effect;

@@ -45,7 +45,7 @@ pub fn of(kind: Kind, rig: &Rig, answer: &Answer) -> Vec<Port> {
     let locals = vec![Vec::new(); records.len()];
     let left = [0, 1].map(|model| {
         let p = &answer.parameters[model];
-        let observer = Observer::around(coupled, [WALK, 0.0, 0.0, 0.0], p);
+        let observer = Observer::around(coupled, [WALK, 0.0, 0.0, 0.0], 0.0, p);
         let null = Null::simulate(&observer, &records, p, &locals, DRAWS, 1);
         let residuals: Vec<Vec<f64>> =
             records.iter().map(|&record| observer.residuals(record, p, &[])).collect();

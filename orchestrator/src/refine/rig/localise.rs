@@ -19,6 +19,9 @@ const FORCE_WALKS: [Walk; 7] = [
     [0.0, 0.0, 0.0, 0.01],
     [0.03, 0.0, 0.0, 0.003],
 ];
+/// Shares of a sample by which the force of an actuator may lead: what it does between samples is not measured, and looks
+/// like a mass where friction grows with the speed.
+const LEADS: [f64; 4] = [0.5, 0.0, 0.25, 0.75];
 /// Normalised power of the innovations up to which the mechanics count as explained. The disturbance of a wrong actuator
 /// is not quite a random walk, so that it need not come down to that of noise.
 const EXPLAINED: f64 = 30.0;
@@ -51,11 +54,11 @@ pub struct Findings {
 
 /// Traces what the candidates cannot explain.
 ///
-/// `pressure_fits`: whether the pressure force follows the command as declared (`None`: it is not measured).
+/// `front`: channel in front of the cart where the forces do not follow from command and motion, if there is one.
 pub fn localise(
     rig: &Coupled,
     candidates: &[Candidate],
-    pressure_fits: Option<bool>,
+    front: Option<&str>,
     groups: &[usize],
     p: &[f64],
 ) -> Findings {
@@ -71,7 +74,7 @@ pub fn localise(
     let declared = around.search(&upstream).fit(&[], &[], p, &locals, 1);
     let mut tried = Vec::new();
     let mut best = Tuned { observer: upstream, model: declared.clone() };
-    if force_measured && pressure_fits == Some(false) {
+    if force_measured && front == Some("actuator") {
         for _ in 0..MOST {
             let search = around.search(&best.observer);
             let found = attempt(&search, &best.model, &search.screen(&best.model), SINGLES, f64::MIN);
@@ -85,11 +88,11 @@ pub fn localise(
         }
     }
     let limit = EXPLAINED.max(EXPLAINED_SHARE * declared.worst());
-    if force_measured && best.model.worst() < limit {
-        let channel = if pressure_fits == Some(true) { "piston_friction" } else { "actuator" };
+    let explained = best.model.worst() < limit;
+    if let Some(channel) = front.or((force_measured && explained).then_some("actuator")) {
         let Tuned { observer, mut model } = best;
         let variables = variables(&observer, &records, &model.fit.parameters, 4, channel);
-        let effects = (!model.added.is_empty()).then(|| {
+        let effects = (explained && !model.added.is_empty()).then(|| {
             // What the actuator does otherwise is no white noise; few records make the quantile of their scatter wider.
             model.fit.covariance += scatter(&observer, &records, &model.fit) * FEW_RECORDS;
             model
@@ -137,21 +140,20 @@ impl<'a> Around<'a> {
         };
         let first = best_walk(self.rig, &FORCE_WALKS, &model.fit.parameters);
         let model = refit(&first, model, 8);
-        let observer = Observer::around(self.rig, first.walk, &model.fit.parameters);
+        let observer = Observer::around(self.rig, first.walk, first.lead, &model.fit.parameters);
         let model = refit(&observer, &model, 3);
         Tuned { observer, model }
     }
 }
 
-/// The walk that makes the records most likely.
+/// The walk that makes the records most likely, and then the lead.
 fn best_walk<'a>(rig: &'a Coupled, walks: &[Walk], p: &[f64]) -> Observer<'a> {
-    let mut all = walks.iter().map(|&walk| Observer::around(rig, walk, p));
-    let first = all.next();
-    let best = all.fold(first, |best, other| match best {
-        Some(best) if best.cost <= other.cost => Some(best),
-        _ => Some(other),
-    });
-    best.unwrap_or_else(|| Observer::around(rig, [0.1, 0.0, 0.0, 0.0], p))
+    let likelier = |best: Observer<'a>, other: Observer<'a>| if best.cost <= other.cost { best } else { other };
+    let around = |walk: Walk, lead: f64| Observer::around(rig, walk, lead, p);
+    let first = walks.first().copied().unwrap_or([0.1, 0.0, 0.0, 0.0]);
+    let best = walks.iter().skip(1).fold(around(first, LEADS[0]), |best, &walk| likelier(best, around(walk, LEADS[0])));
+    let walk = best.walk;
+    LEADS[1..].iter().fold(best, |best, &lead| likelier(best, around(walk, lead)))
 }
 
 /// Variables that the estimated disturbance depends on: those whose bins tell most of its variance.

@@ -39,6 +39,9 @@ pub struct Observer<'a> {
     corrections: Vec<Vec<Vec<Correction>>>,
     /// Disturbance that is allowed.
     pub walk: Walk,
+    /// Share of its change over a sample that the force of the actuator leads by: 0 for one that is held over samples,
+    /// 0.5 for one that changes smoothly.
+    pub lead: f64,
     /// Twice the negative logarithm of the likelihood of all estimation records.
     pub cost: f64,
 }
@@ -83,23 +86,18 @@ fn ideal<const L: usize>(
     }
 }
 
-/// Share of its change over a sample that the force of the actuator model leads by: a force that changes smoothly is in
-/// the mean half a sample ahead of one that is held.
-fn lead(walk: Walk) -> f64 {
-    if walk[3] > 0.0 { 0.5 } else { 0.0 }
-}
-
-/// One sample on; `hidden` are the presliding states.
+/// One sample on; `hidden` are the presliding states, `change` is that of the force of the actuator model since the sample
+/// before.
 #[inline(always)]
 fn step<const L: usize>(
     plant: &Mechanics<L>,
     s: &mut States<L>,
     hidden: &mut [Lanes<L>; 2],
-    (f_act, lead): (Lanes<L>, Lanes<L>),
+    (f_act, change, lead): (Lanes<L>, Lanes<L>, f64),
     p: Lanes<L>,
     dt: f64,
 ) {
-    let force = f_act + lead + s[4] + s[7] * 0.5 + s[5];
+    let force = f_act + s[4] + (change + s[7]) * lead + s[5];
     let mut moved = [s[0], s[1], s[2], s[3], hidden[0], hidden[1]];
     for _ in 0..2 {
         moved = plant.step(&moved, force, p, s[6], 0.5 * dt);
@@ -115,7 +113,12 @@ fn sensing(name: &str, p: &[f64]) -> (f64, f64) {
 
 /// Gains of a record, and twice the negative logarithm of its likelihood. The filter is linearised by differences: lane
 /// 0 is the estimate, the others are moved in one state each.
-fn gains(rig: &Coupled, trial: &Trial, p: &[f64], walk: Walk) -> (Vec<Vec<Correction>>, f64) {
+fn gains(
+    rig: &Coupled,
+    trial: &Trial,
+    p: &[f64],
+    (walk, lead): (Walk, f64),
+) -> (Vec<Vec<Correction>>, f64) {
     const MOVE: f64 = 1e-6;
     let dt = rig.actuator.sample_time;
     let terms = actuator(&rig.actuator, p);
@@ -141,7 +144,7 @@ fn gains(rig: &Coupled, trial: &Trial, p: &[f64], walk: Walk) -> (Vec<Vec<Correc
     let around = |s: &Vector| -> States<{ STATES + 1 }> {
         from_fn(|j| Lanes(from_fn(|lane| s[j] + if lane == j + 1 { MOVE } else { 0.0 })))
     };
-    let (mut before, lead) = (Lanes::default(), lead(walk));
+    let mut before = Lanes::default();
     let slope = |value: &Lanes<{ STATES + 1 }>, j: usize| (value.0[j + 1] - value.0[0]) / MOVE;
     for k in 0..trial.u.len() {
         let [f_hat, f_act] = running.sample(k, k as f64 * dt, s[0], s[1]);
@@ -162,7 +165,7 @@ fn gains(rig: &Coupled, trial: &Trial, p: &[f64], walk: Walk) -> (Vec<Vec<Correc
         }
         found.push(own);
         let mut next = around(&s);
-        step(&plant, &mut next, &mut hidden, (f_act, (f_act - before) * lead), magnitude, dt);
+        step(&plant, &mut next, &mut hidden, (f_act, f_act - before, lead), magnitude, dt);
         before = f_act;
         hidden = hidden.map(|z| Lanes::all(z.0[0]));
         let transition = Matrix::from_fn(|i, j| slope(&next[i], j));
@@ -177,14 +180,14 @@ fn gains(rig: &Coupled, trial: &Trial, p: &[f64], walk: Walk) -> (Vec<Vec<Correc
 }
 
 impl<'a> Observer<'a> {
-    /// Computes the gains with the parameters `p`.
-    pub fn around(rig: &'a Coupled, walk: Walk, p: &[f64]) -> Observer<'a> {
+    /// Computes the gains with the parameters `p`; for `lead` see [`Observer::lead`].
+    pub fn around(rig: &'a Coupled, walk: Walk, lead: f64, p: &[f64]) -> Observer<'a> {
         let found = parallel::map(rig.trials.len(), |i| {
             let trial = &rig.trials[i];
-            if trial.estimation { gains(rig, trial, p, walk) } else { (Vec::new(), 0.0) }
+            if trial.estimation { gains(rig, trial, p, (walk, lead)) } else { (Vec::new(), 0.0) }
         });
         let cost = found.iter().map(|(_, cost)| cost).sum();
-        Observer { rig, corrections: found.into_iter().map(|(own, _)| own).collect(), walk, cost }
+        Observer { rig, corrections: found.into_iter().map(|(own, _)| own).collect(), walk, lead, cost }
     }
 
     /// Passes over estimation records with gains known: smooth functions of the parameters.
@@ -200,7 +203,7 @@ impl<'a> Observer<'a> {
         let starts: [_; L] = from_fn(|i| begin(trials[i]));
         let mut s: States<L> = from_fn(|j| Lanes(from_fn(|i| starts[i][j])));
         let mut hidden = [Lanes::default(); 2];
-        let (mut before, lead) = (Lanes::default(), lead(self.walk));
+        let mut before = Lanes::default();
         let mut out: Vec<Pass> = trials[..jobs.len()]
             .iter()
             .map(|trial| {
@@ -234,7 +237,7 @@ impl<'a> Observer<'a> {
                 pass.states.push(s.map(|value| value.0[i]));
                 pass.force.push(f_act.0[i] + s[4].0[i]);
             }
-            step(&plant, &mut s, &mut hidden, (f_act, (f_act - before) * lead), magnitude, dt);
+            step(&plant, &mut s, &mut hidden, (f_act, f_act - before, self.lead), magnitude, dt);
             before = f_act;
         }
         out

@@ -11,13 +11,17 @@ use super::parameters::neutral;
 use super::plant::{actuator, mechanics};
 use super::record::Measured;
 use crate::refine::engine::candidate::Candidate;
-use crate::refine::engine::goodness::Null;
+use crate::refine::engine::goodness::{Null, pooled};
 use crate::refine::engine::noise::Noise;
+use crate::refine::engine::normal::residuals;
 use crate::refine::engine::search::{Model, Search};
 use crate::refine::engine::select::{Proposal, attempt};
 use crate::refine::engine::system::Span;
 use crate::refine::engine::{System, parallel};
 
+/// Normalised power of the load cell up to which the friction of the piston may be as declared: smoothing blunts
+/// reversals, which leaves some hundred, while a force of three times the noise of the load cell leaves some thousands.
+pub const BLUNTED: f64 = 400.0;
 /// Draws of the null, which only ranks.
 const DRAWS: usize = 40;
 /// Candidates that are fitted alone, those of them that get a second one, and how many each of these gets.
@@ -131,6 +135,17 @@ impl System for Replay<'_> {
     fn redraw(&self, _: usize, predicted: &[f64], noise: &mut Noise) -> Vec<f64> {
         predicted.iter().map(|_| noise.normal()).collect()
     }
+}
+
+/// How far the measured forces are from noise, given the motion, with the parameters `p`: normalised powers by signal.
+/// Nothing where no force is measured.
+pub fn left(rig: &Coupled, p: &[f64]) -> Vec<(String, f64)> {
+    let replay = Replay::new(rig);
+    let records: Vec<usize> = (0..rig.records()).filter(|&r| rig.estimation(r)).collect();
+    let locals = vec![Vec::new(); records.len()];
+    let null = Null::simulate(&replay, &records, p, &locals, DRAWS, 1);
+    let residuals = residuals(&replay, &records, p, &locals);
+    null.normalised(&pooled(&replay, &records, &residuals))
 }
 
 /// What explains the forces best, given the motion: the best single candidate, and the best pair if it is much better.
