@@ -48,7 +48,7 @@ parameters! {
     PF_COULOMB "pf.coulomb.force" "N" 0.0, -INF, 50.0, 0.2;
     PF_STRIBECK "pf.stribeck.force" "N" 0.0, 0.0, 50.0, 0.3;
     PF_STRIBECK_VS "pf.stribeck.vs" "m/s" 0.05, 0.003, 0.4, 0.02;
-    PF_PRESLIDING "pf.presliding.disp" "m" 0.0, 1.5e-4, 0.05, 2e-4;
+    PF_PRESLIDING "pf.presliding.disp" "m" 0.0, 3e-5, 0.05, 2e-4;
     PF_PRESSURE "pf.pressure.coef" "1" 0.0, 0.0, 1.0, 0.01;
     PF_OFFSET "pf.offset.value" "N" 0.0, -20.0, 20.0, 0.1;
     PF_ASYM_FORCE "pf.asymmetry.force" "N" 0.0, -INF, 50.0, 0.2;
@@ -57,7 +57,7 @@ parameters! {
     CF_COULOMB "cf.coulomb.force" "N" 0.0, -INF, 50.0, 0.2;
     CF_STRIBECK "cf.stribeck.force" "N" 0.0, 0.0, 50.0, 0.3;
     CF_STRIBECK_VS "cf.stribeck.vs" "m/s" 0.05, 0.003, 0.4, 0.02;
-    CF_PRESLIDING "cf.presliding.disp" "m" 0.0, 1.5e-4, 0.05, 2e-4;
+    CF_PRESLIDING "cf.presliding.disp" "m" 0.0, 3e-5, 0.05, 2e-4;
     CF_OFFSET "cf.offset.value" "N" 0.0, -20.0, 20.0, 0.1;
     CF_ASYM_FORCE "cf.asymmetry.force" "N" 0.0, -INF, 50.0, 0.2;
     CF_ASYM_COEF "cf.asymmetry.coef" "N s/m" 0.0, -100.0, 200.0, 1.0;

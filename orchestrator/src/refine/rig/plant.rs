@@ -4,6 +4,9 @@ use super::lanes::{Lanes, each};
 use super::parameters::*;
 use crate::refine::case::{Actuator, CartPole, Declared, Friction};
 
+/// Fastest rate of presliding \[1/s\] that Runge-Kutta steps of half a millisecond are to follow.
+const FASTEST: f64 = 4000.0;
+
 /// One friction law with the terms that may be missing from it.
 #[derive(Debug, Clone, Default)]
 pub struct FrictionTerms<const L: usize> {
@@ -65,7 +68,11 @@ impl<const L: usize> FrictionTerms<L> {
     pub fn presliding_rate(&self, v: Lanes<L>, z: Lanes<L>) -> Lanes<L> {
         let Some(disp) = self.disp else { return Lanes::default() };
         let w = v - self.c3;
-        each(|i| if disp.0[i] > 0.0 { w.0[i] - w.0[i].abs() * z.0[i] / disp.0[i] } else { 0.0 })
+        // w - |w| z/disp, where it is not too fast for the steps: there z has reached its end long before.
+        each(|i| {
+            let pace = (w.0[i].abs() / disp.0[i]).min(FASTEST);
+            if disp.0[i] > 0.0 { pace * (disp.0[i].copysign(w.0[i]) - z.0[i]) } else { 0.0 }
+        })
     }
 }
 
