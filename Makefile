@@ -20,10 +20,12 @@ study: fmu           ## error of every master against its FMU steps: out/study/m
 	scripts/setup.sh study
 	.venv/bin/python tests/study/masters.py out/study
 
+ONLY ?= .            # regular expression on the names of the cases: `make study-refine ONLY='^[rw]_'` takes minutes
+SEED ?= 1
 study-refine: fmu    ## cases with known missing effects, and what `airloop refine` makes of them: out/study-refine
 	scripts/setup.sh study
-	.venv/bin/python tests/study/refine/make_cases.py out/study-refine/cases
-	.venv/bin/python tests/study/refine/score.py target/release/airloop out/study-refine/cases out/study-refine/reports --left
+	.venv/bin/python tests/study/refine/make_cases.py out/study-refine/cases --seed $(strip $(SEED)) --only '$(strip $(ONLY))'
+	.venv/bin/python tests/study/refine/score.py target/release/airloop out/study-refine/cases out/study-refine/reports --left --bound
 
 study-systems: fmu   ## pendulums, axes, seals and actuators with known truth, and what `airloop refine` makes of them: out/study-systems
 	scripts/setup.sh study

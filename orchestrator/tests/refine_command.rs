@@ -70,6 +70,37 @@ fn the_same_seed_gives_the_same_bytes() {
     assert_eq!(report(&one)["effects"][0]["id"], "cf.stribeck");
 }
 
+/// The first `rows` of the records of a case of this project, in a folder of their own.
+fn beginning(name: &str, rows: usize, folder: &Path) {
+    let case = Path::new(env!("CARGO_MANIFEST_DIR")).join("../data/rig").join(name);
+    for entry in fs::read_dir(&case).unwrap() {
+        let path = entry.unwrap().path();
+        let text = fs::read_to_string(&path).unwrap();
+        let whole = path.extension().is_none_or(|extension| extension != "csv");
+        let lines: Vec<&str> = text.lines().take(if whole { usize::MAX } else { rows + 1 }).collect();
+        fs::write(folder.join(path.file_name().unwrap()), lines.join("\n") + "\n").unwrap();
+    }
+}
+
+#[test]
+fn the_report_is_the_same_to_the_byte_for_any_number_of_threads() {
+    let folder = tempfile::tempdir().unwrap();
+    let case = folder.path().join("case");
+    fs::create_dir(&case).unwrap();
+    beginning("v01", 400, &case);
+    let reports = ["1", "2", "3"].map(|threads| {
+        let out = folder.path().join(threads);
+        let program = env!("CARGO_BIN_EXE_airloop");
+        let args = [Path::new("refine"), &case, Path::new("-o"), &out, "--threads".as_ref(), threads.as_ref()];
+        let output = Command::new(program).args(args).output().unwrap();
+        assert!(matches!(output.status.code(), Some(0 | 10 | 11 | 12)), "{output:?}");
+        fs::read(out.join("report.json")).unwrap()
+    });
+    assert!(reports[0] == reports[1] && reports[0] == reports[2]);
+    let report: Value = serde_json::from_slice(&reports[0]).unwrap();
+    assert_eq!(selected(&report)[0]["id"], "cart.spring", "{report}");
+}
+
 const ACTUATOR: &str = "id = \"t\"\nkind = \"actuator\"\nsample_rate_hz = 1000\n[model.actuator]\nsample_time = 0.001\nA1 = [[-0.9, 0.0], [0.0, -0.9]]\nB0 = [0.1, 0.1]\nB1 = [0.0, 0.0]\n[sensors.u]\nunit = \"N\"\nnoise_rms = 0.0\n[sensors.F_hat]\nunit = \"N\"\nnoise_rms = 0.3\n[sensors.F_p]\nunit = \"N\"\nnoise_rms = 0.3\n";
 
 fn file(name: &str, role: &str) -> String {

@@ -16,6 +16,7 @@ use crate::fmu::template_folder::VARIABLE;
 use crate::refine::amend;
 use crate::refine::answer::{Answer, Settings, Verdict, answer};
 use crate::refine::case::{Case, Role};
+use crate::refine::engine::parallel;
 use crate::refine::evidence::{self, Evidence};
 use crate::refine::rig::open::{Rig, open};
 use crate::refine::study;
@@ -48,6 +49,9 @@ pub struct Args {
     /// Most effects that are added to the declared model.
     #[arg(long, value_name = "NUMBER", default_value_t = 3, value_parser = clap::value_parser!(u8).range(1..=3))]
     pub max_effects: u8,
+    /// Threads of the search [default: one per processor]; the report does not depend on it.
+    #[arg(long, value_name = "NUMBER", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    pub threads: Option<u16>,
     /// Print the JSON schema of report.json, or that of study.toml, and do nothing else.
     #[arg(long, value_enum, value_name = "FILE", num_args = 0..=1, default_missing_value = "report")]
     pub schema: Option<Schema>,
@@ -75,6 +79,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
         return Ok(ExitCode::SUCCESS);
     };
     check_folder(path, &args.output)?;
+    parallel::use_threads(args.threads.map_or(0, usize::from));
     let settings = Settings { seed: args.seed, max_effects: args.max_effects.into(), ..Settings::default() };
     let question = Question::read(path)?;
     let made = folder::make(&args.output)?;

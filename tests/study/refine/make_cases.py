@@ -238,6 +238,7 @@ def make_sweep(folder, c):
     data = {k: v + own.normal(0, c["noise"][k], v.shape) for k, v in data.items()}
     files = [(name, estimation, f"sweep_{name.split('_')[0]}", name) for name, estimation in SWEEP_FILES]
     write(folder, c, files, data)
+    np.savez_compressed(folder / c["name"] / "truth.npz", motion=c["motion"])
 
 
 def make_runs(folder, cases):

@@ -1,10 +1,12 @@
 """Counts the right answers of `airloop refine` on the cases of make_cases.py.
 
-    python score.py AIRLOOP CASES OUT [--left]
+    python score.py AIRLOOP CASES OUT [--left] [--bound]
 
 Runs the program on every case that has no report yet, writes OUT/confusion.csv (a row per case), OUT/confusion.md
 (classes, and which effect was taken for which) and prints the table. With --left, the answers are simulated again by
-rig.py: error of windowed predictions on the validation records, after over before.
+rig.py: error of windowed predictions on the validation records, after over before. With --bound, the widths of the 95 %
+intervals are compared with the Cramer-Rao bound (bound.py). An answer that says that the records cannot tell the true
+effect from the selected one counts as `in a group`.
 """
 import argparse
 import collections
@@ -18,6 +20,7 @@ import tomllib
 
 import numpy as np
 
+from bound import bounds
 from rig import DECLARED, simulate
 
 UNITS = {"F_hat": 0.3, "F_p": 0.3, "x": 2e-3, "theta": 1e-2}
@@ -45,9 +48,9 @@ def judge(truth, report):
 
 def left(folder, report):
     """Error of windowed predictions with the answer over that of the declared model, on the validation records."""
-    if not (folder / "truth.npz").exists():
+    data = np.load(folder / "truth.npz") if (folder / "truth.npz").exists() else {}
+    if "states" not in data:
         return None
-    data = np.load(folder / "truth.npz")
     n = data["u"].shape[1]
     plant = {k: np.full(n, v) for k, v in DECLARED.items()}
     chosen = {e["id"]: {k: v["value"] for k, v in e["params"].items()} for e in report["effects"] if e["selected"] and not e["signal"]}
@@ -59,10 +62,13 @@ def left(folder, report):
     return float(error(slice(n, None)) / error(slice(0, n)))
 
 
-def row_of(case, report, seconds, again):
+def row_of(case, report, seconds, again, bound=None):
     truth = tomllib.loads((case / "truth.toml").read_text())
     exact, first, where = judge(truth, report)
     inside = parameters = 0
+    widths = []
+    grouped = {key(e) for e in report["effects"] if e["selected"] or e["group"] is not None}
+    alike = truth["verdict"] == "effect" and not exact and {key(e) for e in truth["effects"]} <= grouped
     for effect in truth.get("effects", []):
         for found in report["effects"]:
             if found["selected"] and key(found) == key(effect):
@@ -70,13 +76,15 @@ def row_of(case, report, seconds, again):
                     low, high = found["params"][name]["ci95"]
                     inside += low <= value <= high
                     parameters += 1
+                    if bound and bound.get((effect["id"], name), 0.0) > 0.0:
+                        widths.append((high - low) / (2 * 1.96 * bound[effect["id"], name]))
     name = lambda e: e["id"] + (f"({e['signal']})" if e.get("signal") else "")
     plain = truth["class"] not in ("parameters off", "first principles", "outside", "control")
     share = left(case, report) if again and plain and not any(e.get("signal") for e in truth["effects"]) else None
     return dict(case=case.name, cls=truth["class"], truth=" ".join(sorted(map(name, truth.get("effects", [])))) or truth["verdict"],
                 verdict=report["verdict"], selected=" ".join(sorted(name(e) for e in report["effects"] if e["selected"])) or report["verdict"],
                 channel=(report["unexplained"] or {}).get("channel", ""), exact=exact, first=first, where=where,
-                inside=inside, parameters=parameters, left=share, seconds=round(seconds, 2))
+                alike=alike, inside=inside, parameters=parameters, widths=" ".join(f"{w:.2f}" for w in widths), left=share, seconds=round(seconds, 2))
 
 
 def main():
@@ -85,9 +93,11 @@ def main():
     parser.add_argument("cases", type=pathlib.Path)
     parser.add_argument("out", type=pathlib.Path)
     parser.add_argument("--left", action="store_true")
+    parser.add_argument("--bound", action="store_true")
     args = parser.parse_args()
     args.out.mkdir(parents=True, exist_ok=True)
     rows = []
+    known = bounds(sorted(p.parent for p in args.cases.glob("*/truth.toml"))) if args.bound else {}
     for case in sorted(p.parent for p in args.cases.glob("*/truth.toml")):
         target = args.out / case.name
         if not (target / "report.json").exists():
@@ -99,19 +109,22 @@ def main():
             print(f"{case.name}: no report")
             continue
         rows.append(row_of(case, json.loads((target / "report.json").read_text()),
-                           float(seconds.read_text().split()[0]) if seconds.exists() else 0.0, args.left))
+                           float(seconds.read_text().split()[0]) if seconds.exists() else 0.0,
+                           args.left, known.get(case.name)))
     with (args.out / "confusion.csv").open("w", newline="") as file:
         writer = csv.DictWriter(file, rows[0])
         writer.writeheader()
         writer.writerows(rows)
-    lines = ["| class | cases | exact | first effect | channel | parameters in 95 % intervals | left, median | CPU s, median | largest |",
-             "|---|---|---|---|---|---|---|---|---|"]
+    lines = ["| class | cases | exact | first effect | channel | in a group | parameters in 95 % intervals | width over bound, median | left, median | CPU s, median | largest |",
+             "|---|---|---|---|---|---|---|---|---|---|---|"]
     for cls in sorted({r["cls"] for r in rows}):
         own = [r for r in rows if r["cls"] == cls]
         count = lambda name: sum(r[name] for r in own)
         shares = [r["left"] for r in own if r["left"] is not None]
         times = [r["seconds"] for r in own]
-        lines.append(f"| {cls} | {len(own)} | {count('exact')} | {count('first')} | {count('where')} | {count('inside')} of {count('parameters')} | "
+        widths = [float(w) for r in own for w in r["widths"].split()]
+        lines.append(f"| {cls} | {len(own)} | {count('exact')} | {count('first')} | {count('where')} | {count('alike')} | {count('inside')} of {count('parameters')} | "
+                     f"{f'{np.median(widths):.2f}' if widths else ''} | "
                      f"{f'{np.median(shares):.4f}' if shares else ''} | {np.median(times):.1f} | {max(times):.1f} |")
     confused = collections.Counter((r["truth"], r["selected"], r["channel"]) for r in rows if not r["exact"])
     lines += ["", "| truth | answer | channel of what is unexplained | cases |", "|---|---|---|---|"]

@@ -6,6 +6,21 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use super::System;
 use super::system::Job;
 
+/// Threads that are used; 0: one per processor.
+static THREADS: AtomicUsize = AtomicUsize::new(0);
+
+/// Limits the threads of all searches of this process; 0: one per processor. No result depends on it.
+pub fn use_threads(count: usize) {
+    THREADS.store(count, Ordering::Relaxed);
+}
+
+/// Threads for `count` pieces of work.
+fn threads(count: usize) -> usize {
+    let wanted = THREADS.load(Ordering::Relaxed);
+    let processors = || std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
+    if wanted == 0 { processors().min(count) } else { wanted.min(count) }
+}
+
 /// Jobs that one thread takes at once: enough to run side by side, few enough to share.
 const BATCH: usize = 4;
 
@@ -22,7 +37,7 @@ thread_local! {
 
 /// `f(0), f(1) ... f(count - 1)`, in this order.
 pub fn map<T: Send>(count: usize, f: impl Fn(usize) -> T + Sync) -> Vec<T> {
-    let threads = std::thread::available_parallelism().map_or(1, std::num::NonZero::get).min(count);
+    let threads = threads(count);
     if threads <= 1 || INSIDE.get() {
         return (0..count).map(f).collect();
     }
