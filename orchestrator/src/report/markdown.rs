@@ -98,7 +98,8 @@ pub fn text(report: &Report) -> String {
         heading(&mut out, "The amended system");
         let _ = writeln!(
             out,
-            "`{system}/system.ssd` and `{system}/system.ssp`: the declared system with what it lacks, as FMUs.\n\n    airloop run {system}/system.ssd --master monolithic --measured RECORD.csv -o out/amended\n"
+            "`{system}/system.ssd` and `{system}/system.ssp`: the declared system with what it lacks, as FMUs.\n\n    {}\n",
+            super::command(report, system)
         );
     }
     if !answer.corrections.is_empty() {

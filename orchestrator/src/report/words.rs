@@ -162,7 +162,8 @@ pub fn parameter_rows(answer: &Answer) -> Vec<Vec<String>> {
 }
 
 /// Header of [`stability_rows`].
-pub const STABILITY_HEADER: [&str; 4] = ["effect", "parts it helps on", "parameter", "values without one part"];
+pub const STABILITY_HEADER: [&str; 4] =
+    ["effect", "parts it helps on", "parameter", "values without one part"];
 /// What stability means.
 pub const STABILITY_NOTE: &str = "The estimation records in parts, each kept back in turn: on how many of them the model with the effect, fitted on the others, is better than the one without it, and between which values its parameters then move. Company that helps on no more than half of the parts is left out.";
 

@@ -6,7 +6,7 @@ use super::catalogue;
 use super::declaration::{File, Role};
 use super::effects::effects;
 use super::errors::{errors, floor, force, force_noise};
-use super::explain::{Judge, Rest};
+use super::explain::{Judge, Rest, depends};
 use super::fits::{Fits, Model, pieces};
 use super::model::{Study, Target};
 use super::open::open;
@@ -49,7 +49,7 @@ pub fn answer(file: &File, settings: &Settings, say: Say) -> Result<(Answer, Evi
     let scale = scales(&study, &declared);
     correct(&mut study, &scale, &[], &declared.parameters);
     let model = steps(&mut study, &scale, &declared);
-    let fits = Fits::new(&study, scale.clone());
+    let fits = Fits::new(&study, scale.clone()).quickened(&model);
     say("noise floor");
     let judge = Judge::new(&fits, &model, settings.draws, settings.seed);
     let mut selection = search(&fits, &judge, model, settings.max_effects, say);
@@ -167,7 +167,7 @@ fn assemble(fits: &Fits, judge: &Judge, selection: &Selection, seed: u64) -> Ans
         let own = fits.as_declared(model);
         let p = &own.parameters;
         let mut found = [
-            errors(fits, added, &fits.pieces, p, Some(&own.locals)),
+            errors(fits, added, &pieces(study, Role::Estimation), p, Some(&own.locals)),
             errors(fits, added, &pieces(study, Role::Validation), p, None),
         ];
         for (errors, force) in found.iter_mut().zip(force(fits, added, p, roles)) {
@@ -257,7 +257,16 @@ fn rule(fits: &Fits, judge: &Judge, selection: &Selection, validation: [&Errors;
         let rest = if known { nothing } else { judge.rest(fits, best) };
         // A free form that takes away more than the effects did is what is missing; they only imitate it.
         let gained = declared.error.powi(2) - best.error.powi(2);
-        if rest.place.is_none() || rest.gain < gained {
+        let imitates = || {
+            let whole = judge.rest(fits, declared);
+            let other = |(_, variables): &(String, Vec<String>)| {
+                variables.first().is_some_and(|first| {
+                    best.added.iter().all(|&c| depends(fits.study, c).iter().all(|own| own != first))
+                })
+            };
+            whole.gain > gained && whole.place.as_ref().is_some_and(other)
+        };
+        if rest.place.is_none() || rest.gain < gained && !imitates() {
             return Ruling { verdict: Verdict::Effect, rest, helps };
         }
     }

@@ -108,7 +108,11 @@ pub fn effects(fits: &Fits, selection: &Selection, chosen: bool) -> Vec<Effect> 
             own.better, own.parts
         );
         let alone = selection.singles.iter().find(|model| model.added == [*c]);
-        found.extend(alone.map(|model| Effect { stability, reason, ..effect(fits, selection, model, *c, widen) }));
+        found.extend(alone.map(|model| Effect {
+            stability,
+            reason,
+            ..effect(fits, selection, model, *c, widen)
+        }));
     }
     for model in &selection.singles {
         let c = model.added[0];

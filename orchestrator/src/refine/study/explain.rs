@@ -109,9 +109,10 @@ impl Judge {
     pub fn tolerable(&self, fits: &Fits, model: &Model) -> bool {
         let powers = Self::powers(fits, model);
         let limits = self.null.means().iter().zip(&self.bias);
-        powers.iter().zip(limits).all(|((_, own), (mean, bias))| {
-            (0..3).all(|i| own[i] < TOLERANCE * (mean[i] + bias[i]))
-        })
+        powers
+            .iter()
+            .zip(limits)
+            .all(|((_, own), (mean, bias))| (0..3).all(|i| own[i] < TOLERANCE * (mean[i] + bias[i])))
     }
 
     /// Power of a model above that of noise and smoothed derivatives.
@@ -159,19 +160,32 @@ fn in_noise<'a>(fits: &Fits<'a>, model: &Model) -> View<'a> {
     View { scale, ..fits.view(&model.added, &fits.pieces) }
 }
 
-/// Name of the variable of a probe in the vocabulary.
+/// Name of a variable at an attachment in the vocabulary.
+fn word(study: &Study, tap: usize, variable: Variable) -> &'static str {
+    match (variable, study.taps[tap].angular) {
+        (Variable::Velocity, false) => "xdot",
+        (Variable::Velocity, true) => "thetadot",
+        (Variable::Position, false) => "x",
+        (Variable::Position, true) => "theta",
+        (Variable::PressureForce, _) => "F",
+        (Variable::Value, _) => "u",
+        (Variable::Time, _) => "time",
+    }
+}
+
+/// Name of the variable of a probe.
 fn name(study: &Study, c: usize) -> &'static str {
-    let angular = |tap: usize| study.taps[tap].angular;
     match study.candidates[c].action {
-        Action::Block { law: Law::Shape(variable), tap } => match (variable, angular(tap)) {
-            (Variable::Velocity, false) => "xdot",
-            (Variable::Velocity, true) => "thetadot",
-            (Variable::Position, false) => "x",
-            (Variable::Position, true) => "theta",
-            (Variable::PressureForce, _) => "F",
-            (Variable::Value, _) => "u",
-            (Variable::Time, _) => "time",
-        },
+        Action::Block { law: Law::Shape(variable), tap } => word(study, tap, variable),
         _ => "time",
     }
+}
+
+/// Variables that a candidate depends on; commands and sensors count as depending on all that moves.
+pub fn depends(study: &Study, c: usize) -> Vec<&'static str> {
+    let all = [Variable::Velocity, Variable::Position, Variable::PressureForce, Variable::Value];
+    let Action::Block { law, tap } = study.candidates[c].action else {
+        return all.iter().map(|&own| word(study, 0, own)).collect();
+    };
+    law.variables().iter().map(|&own| word(study, tap, own)).collect()
 }

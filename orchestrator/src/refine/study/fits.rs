@@ -16,6 +16,8 @@ use crate::refine::engine::parallel;
 const WHOLE_RECORDS: usize = 6;
 /// Steps of fits that begin at the fit to all records.
 const WARM: usize = 5;
+/// Share of the error by which steps of second order may differ.
+const QUICK: f64 = 1e-3;
 /// Spans of a record otherwise.
 const SPANS: usize = 4;
 
@@ -52,12 +54,24 @@ pub struct Fits<'a> {
     pub pieces: Vec<Piece>,
     /// What is fitted and what is kept back.
     pub folds: Vec<(Vec<Piece>, Vec<Piece>)>,
+    /// Simulations with steps of second order.
+    pub quick: bool,
 }
 
 /// Pieces of all records of a role.
 pub fn pieces(study: &Study, role: Role) -> Vec<Piece> {
     let of_role = study.records.iter().enumerate().filter(|(_, record)| record.role == role);
     of_role.map(|(record, own)| Piece { record, range: 0..own.n }).collect()
+}
+
+/// Where windows begin that start from a well known state: at the beginning of a file a derivative is far worse known than
+/// elsewhere, and one window would hide what the others show.
+fn settled(study: &Study, piece: &Piece) -> usize {
+    let record = &study.records[piece.record];
+    let length = study.windows.map_or(0, |window| ((window / record.step).round() as usize).max(2));
+    let derived = study.sensors.signals[1].iter().flatten().any(|signal| signal.derivative_of.is_some());
+    let begin = piece.range.start;
+    if record.ends[0] && derived && record.n >= 4 * length { begin + length } else { begin }
 }
 
 fn folds(study: &Study, pieces: &[Piece]) -> Vec<(Vec<Piece>, Vec<Piece>)> {
@@ -95,15 +109,32 @@ fn rms(chi2: f64, count: usize) -> f64 {
 impl<'a> Fits<'a> {
     /// For residuals divided by `scale`.
     pub fn new(study: &'a Study, scale: Vec<f64>) -> Fits<'a> {
-        let pieces = pieces(study, Role::Estimation);
+        let mut pieces = pieces(study, Role::Estimation);
+        pieces.iter_mut().for_each(|piece| piece.range.start = settled(study, piece));
         let folds = folds(study, &pieces);
-        Fits { study, scale, pieces, folds }
+        Fits { study, scale, pieces, folds, quick: false }
+    }
+
+    /// With steps of second order where they change the error of a model by next to nothing.
+    pub fn quickened(mut self, model: &Model) -> Fits<'a> {
+        let error = |quick: bool| {
+            let view = View { quick, ..self.view(&model.added, &self.pieces) };
+            let own = |r: usize| view.residuals(r, &model.fit.parameters, &model.fit.locals[r]);
+            parallel::map(self.pieces.len(), own).concat()
+        };
+        let (slow, quick) = (error(false), error(true));
+        let square = |a: &f64, b: &f64| (a - b).powi(2);
+        let apart = slow.iter().zip(&quick).map(|(a, b)| square(a, b)).sum::<f64>();
+        let whole = slow.iter().map(|a| a * a).sum::<f64>();
+        self.quick = apart.is_finite() && apart < QUICK.powi(2) * whole;
+        self
     }
 
     /// The engine's view of pieces with the blocks of `added`.
     pub fn view(&self, added: &[usize], pieces: &[Piece]) -> View<'a> {
         let (active, pieces) = (added.to_vec(), pieces.to_vec());
-        View { study: self.study, active, pieces, scale: self.scale.clone(), corrected: true }
+        let (scale, quick) = (self.scale.clone(), self.quick);
+        View { study: self.study, active, pieces, scale, quick, corrected: true }
     }
 
     fn count(&self, pieces: &[Piece]) -> usize {
@@ -211,11 +242,12 @@ impl<'a> Fits<'a> {
 
     /// The fit of a model with initial states as the study declares them.
     pub fn as_declared(&self, model: &Model) -> Fit {
-        if self.pieces.iter().all(|piece| self.study.records[piece.record].smoothed.is_empty()) {
+        let pieces = pieces(self.study, Role::Estimation);
+        if pieces == self.pieces && pieces.iter().all(|p| self.study.records[p.record].smoothed.is_empty()) {
             return model.fit.clone();
         }
-        let records: Vec<usize> = (0..self.pieces.len()).collect();
-        let view = View { corrected: false, ..self.view(&model.added, &self.pieces) };
+        let records: Vec<usize> = (0..pieces.len()).collect();
+        let view = View { corrected: false, ..self.view(&model.added, &pieces) };
         fit(&view, &records, &model.fit.parameters, &self.free(&model.added), &model.fit.locals, 6)
     }
 

@@ -4,32 +4,39 @@ use super::fits::Model;
 use super::law::{Law, Variable};
 use super::model::{Action, Study};
 
-/// Whether the shape of the candidate added last shows in the records; those before it are exchanged in the end. Far from
-/// where the records were, a spring is a constant force, so is an end stop, a long wave is a spring, a wide friction peak
-/// is Coulomb friction.
-pub fn shown(study: &Study, model: &Model) -> bool {
-    let p = &model.fit.parameters;
-    model.added.last().map(|&c| &study.candidates[c]).is_none_or(|own| {
-        let Action::Block { law, tap } = own.action else { return true };
-        let (low, high) = study.range(tap, Variable::Position);
-        let (travel, first) = (high - low, own.entries.start);
-        let (slowest, fastest) = study.range(tap, Variable::Velocity);
-        match law {
-            Law::Spring => {
-                let rest = -p[first + 1] / p[first];
-                p[first] > 0.0 && (low - travel..=high + travel).contains(&rest)
-            }
-            Law::EndStop => (low + 0.25 * travel..=high).contains(&p[first + 2]),
-            Law::Cogging => p[first + 2] <= travel,
-            Law::Stribeck => p[first + 1] <= 0.5 * fastest.abs().max(slowest.abs()),
-            Law::Presliding => travel <= 0.0 || p[first] <= 0.25 * travel,
-            _ => true,
+/// Whether a model may stand while it grows: those before the candidate added last are exchanged in the end.
+pub fn fitting(study: &Study, model: &Model) -> bool {
+    passive(study, model) && model.added.last().is_none_or(|&c| shown(study, model, c))
+}
+
+/// Whether a model may be an answer.
+pub fn physical(study: &Study, model: &Model) -> bool {
+    passive(study, model) && model.added.iter().all(|&c| shown(study, model, c))
+}
+
+/// Whether the shape of a candidate shows in the records. Far from where the records were, a spring is a constant force,
+/// so is an end stop, a long wave is a spring, a wide friction peak is Coulomb friction.
+fn shown(study: &Study, model: &Model, c: usize) -> bool {
+    let (p, own) = (&model.fit.parameters, &study.candidates[c]);
+    let Action::Block { law, tap } = own.action else { return true };
+    let (low, high) = study.range(tap, Variable::Position);
+    let (travel, first) = (high - low, own.entries.start);
+    let (slowest, fastest) = study.range(tap, Variable::Velocity);
+    match law {
+        Law::Spring => {
+            let rest = -p[first + 1] / p[first];
+            p[first] > 0.0 && (low - travel..=high + travel).contains(&rest)
         }
-    })
+        Law::EndStop => (low + 0.25 * travel..=high).contains(&p[first + 2]),
+        Law::Cogging => p[first + 2] <= travel,
+        Law::Stribeck => p[first + 1] <= 0.5 * fastest.abs().max(slowest.abs()),
+        Law::Presliding => travel <= 0.0 || p[first] <= 0.25 * travel,
+        _ => true,
+    }
 }
 
 /// Whether a fitted model takes energy out where friction should, over the whole range of the records.
-pub fn passive(study: &Study, model: &Model) -> bool {
+fn passive(study: &Study, model: &Model) -> bool {
     let p = &model.fit.parameters;
     (0..study.taps.len()).all(|tap| {
         let strength = |law: Law| {

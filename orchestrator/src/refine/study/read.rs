@@ -290,7 +290,8 @@ pub fn records(file: &File, layout: &Layout, notes: &mut Vec<String>) -> Result<
             let corners = layout.signals().into_iter().flatten().flatten();
             let corners = corners.filter(|own| own.source() == Some(name)).filter_map(|own| own.low_pass_hz);
             let driven = layout.inputs.iter().flatten().any(|own| own.source() == Some(name));
-            let corners = corners.chain(layout.force.iter().filter(|_| driven).map(|force| force.0.low_pass_hz));
+            let corners =
+                corners.chain(layout.force.iter().filter(|_| driven).map(|force| force.0.low_pass_hz));
             // What a low-pass of the study takes away is noise by its own word; neighbours may hide it, as
             // interpolating encoders do.
             let removed = corners.fold(0.0f64, |most, corner| {

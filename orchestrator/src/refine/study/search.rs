@@ -1,11 +1,11 @@
 //! Which candidates are missing: step by step with a look ahead to pairs, judged on what was kept back.
 
 use super::catalogue::Candidate;
-use super::effects::physical;
+use super::effects;
 use super::explain::Judge;
 use super::fits::{Fits, Model};
 use super::model::Study;
-use super::physical::{passive, shown};
+use super::physical::{fitting, physical};
 use crate::refine::answer::Stability;
 use crate::refine::engine::parallel;
 
@@ -71,10 +71,6 @@ impl Search<'_> {
         self.fits.study
     }
 
-    fn physical(&self, model: &Model) -> bool {
-        passive(self.study(), model) && shown(self.study(), model)
-    }
-
     /// Exchanges effects for others that do better, or as well and are simpler; then the models with one effect exchanged
     /// that are as good. Those that only contain it with more freedom are no other explanation.
     fn exchange(&self, mut best: Model) -> (Model, Vec<(usize, Model)>) {
@@ -91,7 +87,9 @@ impl Search<'_> {
                     continue;
                 };
                 let size = complexity(candidates, &best);
-                let simpler = |model: &Model| complexity(candidates, model) < size;
+                // A shape that does not show in the records is no finding, so anything that does as well replaces it.
+                let unreal = !physical(self.study(), &best);
+                let simpler = |model: &Model| unreal || complexity(candidates, model) < size;
                 let near = |model: &Model| {
                     let most = if simpler(model) { 1.0 + EQUAL } else { 1.0 + 0.2 * EQUAL };
                     !model.added.contains(&c) && model.error <= most * best.error
@@ -100,8 +98,13 @@ impl Search<'_> {
                 let mut found: Vec<Model> = found.collect();
                 found.iter_mut().for_each(|model| self.fits.hold_back(model));
                 let better = |model: &Model| {
-                    let most = if simpler(model) { 1.0 + EQUAL } else { 1.0 - EQUAL };
-                    model.held_back <= most * best.held_back
+                    let as_simple = complexity(candidates, model) <= size && model.error < best.error;
+                    let most = match (simpler(model), as_simple) {
+                        (true, _) => 1.0 + EQUAL,
+                        (false, true) => 1.0,
+                        (false, false) => 1.0 - EQUAL,
+                    };
+                    model.held_back < most * best.held_back
                 };
                 if exchanged < EXCHANGED
                     && let Some(at) = found.iter().position(better)
@@ -111,7 +114,7 @@ impl Search<'_> {
                     continue 'again;
                 }
                 let equal = |model: &Model| {
-                    (model.error / best.error - 1.0).abs() < 0.2 * EQUAL
+                    model.error < (1.0 + 0.2 * EQUAL) * best.error
                         && model.held_back < (1.0 + 0.2 * EQUAL) * best.held_back
                 };
                 equals.extend(found.into_iter().filter(equal).map(|model| (c, model)));
@@ -122,14 +125,14 @@ impl Search<'_> {
 
     /// `base` with each candidate that it lacks, best fit first.
     fn extend(&self, base: &Model) -> Vec<Model> {
-        let fitting = |c: &usize| {
+        let may = |c: &usize| {
             let own = &self.study().candidates[*c];
             !own.probe && !base.added.contains(c) && own.needs.is_none_or(|needs| base.added.contains(&needs))
         };
-        let open: Vec<usize> = (0..self.study().candidates.len()).filter(fitting).collect();
+        let open: Vec<usize> = (0..self.study().candidates.len()).filter(may).collect();
         let found = parallel::map(open.len(), |i| self.fits.add(base, open[i]));
         let mut found: Vec<Model> =
-            found.into_iter().flatten().filter(|model| self.physical(model)).collect();
+            found.into_iter().flatten().filter(|model| fitting(self.study(), model)).collect();
         found.sort_by(|a, b| a.error.total_cmp(&b.error));
         found
     }
@@ -159,7 +162,7 @@ impl Search<'_> {
             jobs.extend(needing.map(|c| (i, c)));
         }
         let models = parallel::map(jobs.len(), |j| self.fits.add(&singles[jobs[j].0], jobs[j].1));
-        found.extend(models.into_iter().flatten().filter(|model| self.physical(model)));
+        found.extend(models.into_iter().flatten().filter(|model| fitting(self.study(), model)));
         found.retain(|model| model.added.len() == base.added.len() + 2);
         found.sort_by(|a, b| a.error.total_cmp(&b.error));
         found
@@ -213,7 +216,9 @@ impl Search<'_> {
                     continue;
                 }
                 self.fits.hold_back(&mut without);
-                if without.held_back <= (1.0 + 0.5 * WORTH) * best.held_back && self.physical(&without) {
+                if without.held_back <= (1.0 + 0.5 * WORTH) * best.held_back
+                    && fitting(self.study(), &without)
+                {
                     best = without;
                     continue 'again;
                 }
@@ -238,7 +243,7 @@ impl Search<'_> {
             });
             let better = parts.iter().zip(&best.parts).filter(|(without, with)| with.0 < BETTER * without.0);
             let range = |k: usize| {
-                let values = best.parts.iter().map(|(_, p)| physical(self.study(), c, p)[k]);
+                let values = best.parts.iter().map(|(_, p)| effects::physical(self.study(), c, p)[k]);
                 values.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), v| (a.min(v), b.max(v)))
             };
             let ranges = (0..candidates[c].entries.len()).map(range).collect();
@@ -256,7 +261,8 @@ impl Search<'_> {
             let company = best.added.len() > 1;
             let unsteady = |(k, own): (usize, &Stability)| {
                 let turns = own.ranges.first().is_some_and(|range| range.0 < 0.0 && range.1 > 0.0);
-                let needed = best.added.iter().any(|&c| self.study().candidates[c].needs == Some(best.added[k]));
+                let needed =
+                    best.added.iter().any(|&c| self.study().candidates[c].needs == Some(best.added[k]));
                 company && !needed && (2 * own.better <= own.parts || turns && own.better < own.parts)
             };
             let worst = stability.iter().enumerate().filter(|&(k, own)| unsteady((k, own)));

@@ -4,7 +4,7 @@
 //! The model's derivatives at the measured states and inputs are integrated (sharp as the inputs are, slowly drifting,
 //! which a filter lets pass); what the filter of the signal makes of that motion, less the motion, is the error.
 
-use super::declaration::Signal;
+use super::declaration::{Initial, InitialWord, Signal};
 use super::model::Study;
 use super::read::{Record, processed};
 use super::simulate::View;
@@ -28,8 +28,9 @@ fn derivative(study: &Study, state: usize) -> Option<&Signal> {
 fn of(view: &View, record: &Record, p: &[f64]) -> Option<Errors> {
     let study = view.study;
     let states: Vec<usize> = (0..record.states.len()).filter(|&i| derivative(study, i).is_some()).collect();
+    let measured = study.windows.is_some() || record.initial == Initial::Word(InitialWord::Measured);
     // States of sampled components, and those without a column, are not known at every sample.
-    if states.is_empty() || study.sampled || record.states.iter().any(Option::is_none) {
+    if !measured || states.is_empty() || study.sampled || record.states.iter().any(Option::is_none) {
         return None;
     }
     let rates = rates(view, record, &states, p)?;
