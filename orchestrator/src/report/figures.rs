@@ -34,7 +34,7 @@ pub fn ports(ports: &[Port], limit: f64) -> Option<String> {
         .collect();
     let label = "what is left, in standard deviations above sensor noise";
     (!rows.is_empty())
-        .then(|| bars("Where in the rig something is left", &rows, (limit.max(1.0), "limit"), label))
+        .then(|| bars("Where something is left", &rows, (limit.max(1.0), "limit"), label))
 }
 
 /// Points of a curve over time: all of them, or the least and the largest of spans of equal length where there are more

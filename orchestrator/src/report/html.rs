@@ -147,7 +147,7 @@ fn candidates(out: &mut String, report: &Report) {
     if report.answer.effects.is_empty() {
         return;
     }
-    out.push_str("<h2>Candidates</h2>\n<p class=\"how\">Improvement: decrease of the Bayesian information criterion against the declared model on the estimation records. Margin: how much less than the best. Some 12 cannot be told apart.</p>\n");
+    out.push_str("<h2>Candidates</h2>\n<p class=\"how\">Improvement: decrease of the Bayesian information criterion against the declared model on the estimation records. Margin: how much less than the best; candidates within some 12 of each other cannot be told apart.</p>\n");
     let rows: Vec<(bool, Vec<String>)> = words::candidate_rows(report.answer)
         .into_iter()
         .zip(&report.answer.effects)
