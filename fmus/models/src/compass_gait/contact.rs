@@ -15,7 +15,8 @@ pub type OnFeet<S> = [[S; 2]; 2];
 pub struct Mechanics<S> {
     body: Body<S>,
     pose: Pose<S>,
-    mass: [Vector<S>; N],
+    /// Kinetic and potential energy \[J\].
+    pub energy: S,
     factors: Ldl<S, N>,
 }
 
@@ -27,20 +28,16 @@ impl<S: Scalar> Mechanics<S> {
     #[inline]
     pub fn new(body: Body<S>, pose: Pose<S>) -> Result<Self, Refusal> {
         let mass = body.mass_matrix(&pose);
-        let factors = Ldl::of(&mass).map_err(|row| {
-            Refusal::Discard(format!(
+        let energy = body.energy(&pose, &mass);
+        match Ldl::of(mass) {
+            Ok(factors) => Ok(Self { body, pose, energy, factors }),
+            Err(row) => Err(Refusal::Discard(format!(
                 "the mass matrix is not positive definite at {} with l1 = {} m, l2 = {} m; check masses and inertias",
                 ["x", "y", "th1", "th2", "l1", "l2"][row],
                 pose.q[4].value(),
                 pose.q[5].value()
-            ))
-        })?;
-        Ok(Self { body, pose, mass, factors })
-    }
-
-    /// Kinetic and potential energy \[J\].
-    pub fn energy(&self) -> S {
-        self.body.energy(&self.pose, &self.mass)
+            ))),
+        }
     }
 
     /// Accelerations and ground forces under the generalised forces of `tau`, `F1`, `F2`:
@@ -108,7 +105,7 @@ impl<S: Scalar> Mechanics<S> {
                 inverse_inertia[2 * k + 1][column] = y;
             }
         }
-        let factors = Ldl::of(&inverse_inertia).map_err(|_| {
+        let factors = Ldl::of(inverse_inertia).map_err(|_| {
             Refusal::Discard(format!(
                 "the contact of {} is singular at l1 = {} m, l2 = {} m: a leg without length cannot hold its foot",
                 if feet == Feet::BOTH { "both feet" } else { "one foot" },

@@ -9,25 +9,24 @@ pub struct Ldl<S, const N: usize> {
 }
 
 impl<S: Scalar, const N: usize> Ldl<S, N> {
-    /// Reads the lower triangle of `a`; gives the row of the first pivot that is not positive, where there is one.
+    /// Of the lower triangle of a matrix; gives the row of the first pivot that is not positive, where there is one.
     // Inlined: the copies of the matrices cost more than a call saves.
     #[inline(always)]
-    pub fn of(a: &[[S; N]; N]) -> Result<Self, usize> {
-        let mut f = *a;
+    pub fn of(mut f: [[S; N]; N]) -> Result<Self, usize> {
         for j in 0..N {
             // Below the diagonal stands L D, so that each product needs one factor of both.
-            let mut pivot = a[j][j];
+            let (mut pivot, diagonal) = (f[j][j], f[j][j].value());
             for k in 0..j {
                 pivot -= f[j][k] * f[k][j];
             }
             // Relative to the diagonal: what is left of a dependent row is rounding.
-            if pivot.value().is_nan() || pivot.value() <= 1e-14 * a[j][j].value().abs() {
+            if pivot.value().is_nan() || pivot.value() <= 1e-14 * diagonal.abs() {
                 return Err(j);
             }
             let inverse = S::from(1.0) / pivot;
             f[j][j] = inverse;
             for i in j + 1..N {
-                let mut entry = a[i][j];
+                let mut entry = f[i][j];
                 for k in 0..j {
                     entry -= f[i][k] * f[k][j];
                 }
@@ -65,7 +64,7 @@ mod tests {
     fn solution_satisfies_the_system() {
         let a = [[4.0, 1.0, -0.5], [1.0, 3.0, 0.2], [-0.5, 0.2, 0.7]];
         let mut b = [1.0, -2.0, 0.3];
-        Ldl::of(&a).expect("positive definite").solve(&mut b);
+        Ldl::of(a).expect("positive definite").solve(&mut b);
         for (row, right) in a.iter().zip([1.0, -2.0, 0.3]) {
             let left: f64 = row.iter().zip(b).map(|(a, x)| a * x).sum();
             assert!((left - right).abs() < 1e-14);
@@ -75,6 +74,6 @@ mod tests {
     #[test]
     fn a_dependent_row_is_named() {
         let a = [[2.0, 2.0], [2.0, 2.0]];
-        assert_eq!(Ldl::of(&a).err(), Some(1));
+        assert_eq!(Ldl::of(a).err(), Some(1));
     }
 }
