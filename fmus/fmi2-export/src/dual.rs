@@ -69,6 +69,8 @@ impl<const L: usize> Sub for Dual<L> {
 }
 impl<const L: usize> Mul for Dual<L> {
     type Output = Self;
+    // The product rule.
+    #[allow(clippy::suspicious_arithmetic_impl)]
     #[inline]
     fn mul(self, o: Self) -> Self {
         Self::of(self.re * o.re, |l| self.eps[l] * o.re + self.re * o.eps[l])
@@ -76,6 +78,8 @@ impl<const L: usize> Mul for Dual<L> {
 }
 impl<const L: usize> Div for Dual<L> {
     type Output = Self;
+    // The quotient rule.
+    #[allow(clippy::suspicious_arithmetic_impl)]
     #[inline]
     fn div(self, o: Self) -> Self {
         let q = self.re / o.re;
