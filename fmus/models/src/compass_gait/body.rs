@@ -178,8 +178,8 @@ impl<S: Scalar> Body<S> {
         let mut twice_kinetic = S::zero();
         for (i, row) in h.iter().enumerate() {
             let mut momentum = row[i] * p.v[i];
-            for j in 0..i {
-                momentum += row[j] * p.v[j] * 2.0;
+            for (entry, v) in row.iter().zip(&p.v).take(i) {
+                momentum += *entry * *v * 2.0;
             }
             twice_kinetic += momentum * p.v[i];
         }

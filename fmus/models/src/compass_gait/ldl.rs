@@ -12,6 +12,8 @@ impl<S: Scalar, const N: usize> Ldl<S, N> {
     /// Of the lower triangle of a matrix; gives the row of the first pivot that is not positive, where there is one.
     // Inlined: the copies of the matrices cost more than a call saves.
     #[inline(always)]
+    // An element stands beside its mirror image.
+    #[allow(clippy::needless_range_loop)]
     pub fn of(mut f: [[S; N]; N]) -> Result<Self, usize> {
         for j in 0..N {
             // Below the diagonal stands L D, so that each product needs one factor of both.
