@@ -47,11 +47,17 @@ pub fn text(report: &Report) -> String {
         &words::ERROR_HEADER,
         words::errors(answer, &evidence.signals).into_iter().map(Vec::from),
     );
-    let _ = writeln!(out, "{}\n", words::ERROR_NOTE);
+    let _ = writeln!(out, "{}\n", words::error_note(answer));
     let rows = words::parameter_rows(answer);
     if !rows.is_empty() {
         heading(&mut out, "Parameters");
         table(&mut out, &words::PARAMETER_HEADER, rows);
+    }
+    let rows = words::stability_rows(answer);
+    if !rows.is_empty() {
+        heading(&mut out, "How it holds on parts of the records");
+        let _ = writeln!(out, "{}\n", words::STABILITY_NOTE);
+        table(&mut out, &words::STABILITY_HEADER, rows);
     }
     if !evidence.ports.is_empty() {
         heading(&mut out, "Where it sits");

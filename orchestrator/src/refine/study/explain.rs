@@ -13,8 +13,6 @@ use crate::refine::engine::goodness::{Null, pooled};
 
 /// Powers within this factor of those of the noise are noise: its level is estimated.
 const TOLERANCE: f64 = 1.3;
-/// Factor on the power that smoothed derivatives give: it is estimated from smoothing them once more.
-const SMOOTHED: f64 = 2.0;
 /// Share of what is left that a free form has to take away.
 const SHARE: f64 = 0.2;
 /// Share of the noise power that a free form has to take away.
@@ -65,7 +63,7 @@ impl Judge {
         let factors: Vec<f64> = scales.map(|(noise, scale)| (noise / scale).powi(2) / count).collect();
         let sum = |powers: &[[f64; 3]]| powers.iter().zip(&factors).map(|(own, f)| own[0] * f).sum::<f64>();
         let power = sum(null.means());
-        let tolerated = power + SMOOTHED * sum(&bias);
+        let tolerated = power + sum(&bias);
         Judge { null, bias, power, tolerated }
     }
 
@@ -112,7 +110,7 @@ impl Judge {
         let powers = Self::powers(fits, model);
         let limits = self.null.means().iter().zip(&self.bias);
         powers.iter().zip(limits).all(|((_, own), (mean, bias))| {
-            (0..3).all(|i| own[i] < TOLERANCE * (mean[i] + SMOOTHED * bias[i]))
+            (0..3).all(|i| own[i] < TOLERANCE * (mean[i] + bias[i]))
         })
     }
 

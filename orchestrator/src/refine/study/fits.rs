@@ -30,6 +30,15 @@ pub struct Model {
     pub error: f64,
     /// Rms of the whitened residuals on what was kept back; NaN where it was not asked for.
     pub held_back: f64,
+    /// For each part that was kept back: rms on it, and the parameters fitted without it.
+    pub parts: Vec<(f64, Vec<f64>)>,
+}
+
+impl Model {
+    /// A fit with its error, not yet tried on what is kept back.
+    pub fn new(added: Vec<usize>, fit: Fit, error: f64) -> Model {
+        Model { added, fit, error, held_back: f64::NAN, parts: Vec::new() }
+    }
 }
 
 /// Estimation records, what is kept back of them, and the scale of residuals.
@@ -93,7 +102,8 @@ impl<'a> Fits<'a> {
 
     /// The engine's view of pieces with the blocks of `added`.
     pub fn view(&self, added: &[usize], pieces: &[Piece]) -> View<'a> {
-        View { study: self.study, active: added.to_vec(), pieces: pieces.to_vec(), scale: self.scale.clone() }
+        let (active, pieces) = (added.to_vec(), pieces.to_vec());
+        View { study: self.study, active, pieces, scale: self.scale.clone(), corrected: true }
     }
 
     fn count(&self, pieces: &[Piece]) -> usize {
@@ -158,7 +168,7 @@ impl<'a> Fits<'a> {
         let parts: &[f64] = if self.long() { &[0.03, 0.06, 0.12, 0.25, 0.5, 1.0] } else { &[1.0] };
         let found = self.grow(&[], &self.pieces, &self.study.start(), &self.free(&[]), parts, 20);
         let error = rms(found.chi2, self.count(&self.pieces));
-        Model { added: Vec::new(), fit: found, error, held_back: f64::NAN }
+        Model::new(Vec::new(), found, error)
     }
 
     /// Candidate `c` on top of `base`: best start by the linear step, then the fit of everything.
@@ -196,7 +206,17 @@ impl<'a> Fits<'a> {
         let view = self.view(&added, &self.pieces);
         let found = fit(&view, &records, p, &self.free(&added), locals, 12);
         let error = rms(found.chi2, self.count(&self.pieces));
-        error.is_finite().then_some(Model { added, fit: found, error, held_back: f64::NAN })
+        error.is_finite().then_some(Model::new(added, found, error))
+    }
+
+    /// The fit of a model with initial states as the study declares them.
+    pub fn as_declared(&self, model: &Model) -> Fit {
+        if self.pieces.iter().all(|piece| self.study.records[piece.record].smoothed.is_empty()) {
+            return model.fit.clone();
+        }
+        let records: Vec<usize> = (0..self.pieces.len()).collect();
+        let view = View { corrected: false, ..self.view(&model.added, &self.pieces) };
+        fit(&view, &records, &model.fit.parameters, &self.free(&model.added), &model.fit.locals, 6)
     }
 
     /// The same model fitted until nothing moves: long free motions have narrow valleys.
@@ -206,7 +226,7 @@ impl<'a> Fits<'a> {
             let again = self.fit_from(found.added.clone(), &found.fit.parameters, &found.fit.locals)?;
             let settled = again.error > (1.0 - 1e-4) * found.error;
             if again.error <= found.error {
-                found = Model { held_back: found.held_back, ..again };
+                found = Model { held_back: found.held_back, parts: found.parts, ..again };
             }
             if settled {
                 break;
@@ -277,15 +297,15 @@ impl<'a> Fits<'a> {
         }
         let free = self.free(&model.added);
         let parts: &[f64] = if self.long() { &[0.3, 1.0] } else { &[1.0] };
-        let sums = parallel::map(self.folds.len(), |f| {
+        model.parts = parallel::map(self.folds.len(), |f| {
             let (outside, inside) = &self.folds[f];
             let found = self.grow(&model.added, outside, &model.fit.parameters, &free, parts, WARM);
             let test = self.grow(&model.added, inside, &found.parameters, &[], parts, 8);
-            (test.chi2, self.count(inside))
+            (rms(test.chi2, self.count(inside)), found.parameters)
         });
         // The geometric mean: every fold counts by its own relative change.
-        let logarithms: f64 = sums.iter().map(|(chi2, count)| rms(*chi2, *count).max(1e-12).ln()).sum();
-        model.held_back = (logarithms / sums.len().max(1) as f64).exp();
+        let logarithms: f64 = model.parts.iter().map(|(error, _)| error.max(1e-12).ln()).sum();
+        model.held_back = (logarithms / model.parts.len().max(1) as f64).exp();
     }
 
     /// Sets the difference step of a candidate's entries so that it moves the residuals by a thousandth; false if

@@ -32,6 +32,8 @@ pub struct View<'a> {
     pub pieces: Vec<Piece>,
     /// What residuals are divided by, one number for each output.
     pub scale: Vec<f64>,
+    /// Measured initial states without what smoothing adds to them; otherwise as the study says.
+    pub corrected: bool,
 }
 
 /// What is added to measured signals.
@@ -339,7 +341,9 @@ impl<'a> View<'a> {
     fn measured_states(&self, (record, k): (&Record, usize), start: &[f64], shift: &Shift, x: &mut [f64]) {
         for (i, values) in record.states.iter().enumerate() {
             let added = shift.states.get(i).and_then(|own| own.as_ref()).map_or(0.0, |own| own[k]);
-            x[i] = values.as_ref().map_or(start[i], |values| values[k] + added);
+            let smoothed = record.smoothed.get(i).filter(|_| self.corrected);
+            let smoothed = smoothed.and_then(Option::as_ref).map_or(0.0, |own| own[k]);
+            x[i] = values.as_ref().map_or(start[i], |values| values[k] + added - smoothed);
         }
     }
 

@@ -1,0 +1,55 @@
+//! What a fitted model must not be: friction that drives, and shapes that lie outside of what the records show.
+
+use super::fits::Model;
+use super::law::{Law, Variable};
+use super::model::{Action, Study};
+
+/// Whether the shape of the candidate added last shows in the records; those before it are exchanged in the end. Far from
+/// where the records were, a spring is a constant force, so is an end stop, a long wave is a spring, a wide friction peak
+/// is Coulomb friction.
+pub fn shown(study: &Study, model: &Model) -> bool {
+    let p = &model.fit.parameters;
+    model.added.last().map(|&c| &study.candidates[c]).is_none_or(|own| {
+        let Action::Block { law, tap } = own.action else { return true };
+        let (low, high) = study.range(tap, Variable::Position);
+        let (travel, first) = (high - low, own.entries.start);
+        let (slowest, fastest) = study.range(tap, Variable::Velocity);
+        match law {
+            Law::Spring => {
+                let rest = -p[first + 1] / p[first];
+                p[first] > 0.0 && (low - travel..=high + travel).contains(&rest)
+            }
+            Law::EndStop => (low + 0.25 * travel..=high).contains(&p[first + 2]),
+            Law::Cogging => p[first + 2] <= travel,
+            Law::Stribeck => p[first + 1] <= 0.5 * fastest.abs().max(slowest.abs()),
+            Law::Presliding => travel <= 0.0 || p[first] <= 0.25 * travel,
+            _ => true,
+        }
+    })
+}
+
+/// Whether a fitted model takes energy out where friction should, over the whole range of the records.
+pub fn passive(study: &Study, model: &Model) -> bool {
+    let p = &model.fit.parameters;
+    (0..study.taps.len()).all(|tap| {
+        let strength = |law: Law| {
+            let own = model.added.iter().map(|&c| &study.candidates[c]);
+            let found = own.filter(|c| c.action == Action::Block { law, tap }).map(|c| c.entries.start);
+            found.map(|index| (p[index], index)).next()
+        };
+        let declared = study.taps[tap].coulomb.map_or(0.0, |level| level.of(p));
+        let coulomb = declared + strength(Law::Coulomb).map_or(0.0, |s| s.0);
+        let asymmetry = strength(Law::Asymmetry);
+        let forwards = asymmetry.map_or(0.0, |(force, _)| force);
+        // One direction may have less friction, not none; without Coulomb friction a force for one direction is a bias.
+        if asymmetry.is_some() && coulomb + forwards < 0.0 {
+            return false;
+        }
+        match strength(Law::PositionCoulomb) {
+            None => true,
+            Some((slope, _)) => study.ranges.get(tap).is_none_or(|range| {
+                [range[1].0, range[1].1].iter().all(|x| coulomb + slope * x >= -0.05 * coulomb.abs())
+            }),
+        }
+    })
+}
