@@ -5,12 +5,13 @@ use std::collections::BTreeMap;
 use super::engine::candidate::Candidate;
 use super::engine::goodness::Null;
 use super::engine::search::{Model, Promise, Search};
-use super::engine::select::{Effort, NOTICEABLE, Selection, Stage, select};
+use super::engine::select::{Effort, MARGIN, NOTICEABLE, Selection, Stage, select};
 use super::engine::{System, parallel};
 use super::interval;
 use super::rig::localise::localise;
 use super::rig::open::Rig;
 use super::rig::physical::correction;
+use super::rig::replay::proposals;
 use super::watch::{Listener, Watched};
 
 /// Settings of the search.
@@ -154,13 +155,22 @@ pub fn answer(rig: &Rig, groups: &[String], settings: &Settings, listener: Liste
     let search = Search { system, candidates: &rig.candidates, records, screened, null };
     let declared = search.fit(&[], &[], &fit.parameters, &fit.locals, 5);
     let effort = Effort { max_effects: settings.max_effects, ..Effort::default() };
-    let selection = select(&search, declared, &rig.corrections, effort);
+    let proposed = || {
+        let Some(coupled) = &rig.coupled else { return Vec::new() };
+        proposals(coupled, &rig.candidates, &numbered(groups), search.null.quantile + MARGIN)
+    };
+    let selection = select(&search, declared, &rig.corrections, effort, &proposed);
     let mut found = assemble(rig, &search, &selection);
     if !selection.explained {
         trace(rig, &search, &selection, groups, &mut found);
     }
     hold_back(&mut found);
     found
+}
+
+/// A number for every name: that of its first place.
+fn numbered(names: &[String]) -> Vec<usize> {
+    names.iter().map(|name| names.iter().position(|other| other == name).unwrap_or(0)).collect()
 }
 
 /// Takes an effect back that makes the validation records worse: it was fitted to something else.
@@ -208,10 +218,9 @@ fn trace(
         found.unexplained = Some((channel.into(), Vec::new()));
         return;
     };
-    let limit = search.null.quantile + super::engine::select::MARGIN;
+    let limit = search.null.quantile + MARGIN;
     let fits = selection.declared.left.iter().find(|(signal, _)| signal == "F_hat").map(|(_, z)| *z < limit);
-    let groups: Vec<usize> =
-        groups.iter().map(|name| groups.iter().position(|g| g == name).unwrap_or(0)).collect();
+    let groups = numbered(groups);
     let mechanical = |c: &&super::engine::candidate::Candidate| {
         ["cart", "cart_friction", "pole"].contains(&c.channel)
             || c.id != "sensor.delay" && matches!(c.signal, Some("x" | "theta"))
@@ -433,7 +442,7 @@ fn assemble(rig: &Rig, search: &Search<dyn System + '_>, selection: &Selection) 
         noise,
         floor: Default::default(),
         left: [declared.left.clone(), best.left.clone()],
-        limit: search.null.quantile + super::engine::select::MARGIN,
+        limit: search.null.quantile + MARGIN,
         parameters: [declared.fit.parameters.clone(), after_parameters.clone()],
         not_testable: rig.not_testable.clone(),
         notes,

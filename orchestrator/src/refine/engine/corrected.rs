@@ -6,10 +6,12 @@ use super::System;
 use super::fit::Free;
 use super::ladder::{Ladder, Reached};
 use super::search::{Model, Promise};
-use super::select::{TIE, insignificant};
+use super::select::insignificant;
 
 /// Standard deviations of what is known of a declared parameter beyond which its correction is no small one.
 const FAR: f64 = 3.5;
+/// Gain that a candidate must bring in place of a correction beyond that: most of what the correction costs.
+const DISPLACED: f64 = 0.85 * FAR * FAR;
 /// Candidates that are fitted beside corrections.
 const TRIED: usize = 7;
 /// Rounds of a fit of corrections alone, and with candidates.
@@ -42,13 +44,17 @@ pub fn with_corrections<S: System + ?Sized>(
             beside(ladder, &base, declared, corrections)
         };
         all.extend(found.iter().cloned());
-        let better = if explained { criterion(&base.model) - TIE } else { f64::INFINITY };
-        found.retain(|reached| ladder.explains(reached) && criterion(&reached.model) < better);
+        let better = if explained { base.model.fit.chi2 - DISPLACED } else { f64::INFINITY };
+        found.retain(|reached| ladder.explains(reached) && reached.model.fit.chi2 < better);
         let Some(best) = found.iter().min_by(|a, b| criterion(&a.model).total_cmp(&criterion(&b.model)))
         else {
             break;
         };
         base = best.clone();
+        if explained {
+            // What takes the place of a correction is about as simple, so the criterion has no say.
+            passing.clear();
+        }
         passing.extend(found.into_iter().map(|reached| reached.model));
     }
     tried.extend(all.into_iter().filter(|reached| reached.rung == ladder.top()).map(|reached| reached.model));
@@ -107,12 +113,10 @@ fn instead<S: System + ?Sized>(
         for f in &ladder.candidates()[promise.candidate].free {
             start.fit.parameters[f.index] = promise.parameters[f.index];
         }
-        // First without the corrections in question, since the way along a pair that does the same is long.
-        let mut reached = ladder.climb(0, &added, &near, &start, ROUNDS.1);
-        if ladder.explains(&reached) {
-            reached.model = ladder.fit(reached.rung, &added, corrections, &reached.model, ROUNDS.0);
-        }
-        found.push(reached);
+        // First without the corrections in question, since the way along a pair that does the same is long; and only as
+        // far as it goes without them.
+        let reached = ladder.climb(0, &added, &near, &start, ROUNDS.1);
+        found.push(ladder.climb(reached.rung, &added, corrections, &reached.model, ROUNDS.1));
     }
     found
 }

@@ -54,6 +54,15 @@ pub struct Selection {
     pub screened: Vec<Promise>,
 }
 
+/// Candidates that a part of the system has been explained with, to be tried together.
+#[derive(Debug, Clone)]
+pub struct Proposal {
+    /// Candidates.
+    pub added: Vec<usize>,
+    /// Parameter vector.
+    pub parameters: Vec<f64>,
+}
+
 /// Limits of the search.
 #[derive(Debug, Clone, Copy)]
 pub struct Effort {
@@ -61,22 +70,25 @@ pub struct Effort {
     pub max_effects: usize,
     /// Single candidates that are fitted.
     pub singles: usize,
+    /// Single candidates that are fitted from the beginnings of the records on, where none leaves only noise otherwise.
+    pub climbed: usize,
     /// Singles that pairs are built on, and candidates fitted on each.
     pub pairs: (usize, usize),
 }
 
 impl Default for Effort {
     fn default() -> Effort {
-        Effort { max_effects: 3, singles: 14, pairs: (4, 4) }
+        Effort { max_effects: 3, singles: 14, climbed: 5, pairs: (4, 4) }
     }
 }
 
-/// Runs the search from the fitted declared model.
+/// Runs the search from the fitted declared model; `proposals` is asked when no single effect explains the records.
 pub fn select<S: System + ?Sized>(
     search: &Search<S>,
     declared: Model,
     corrections: &[Free],
     effort: Effort,
+    proposals: &dyn Fn() -> Vec<Proposal>,
 ) -> Selection {
     let limit = search.null.quantile + MARGIN;
     let penalty = search.penalty();
@@ -125,12 +137,30 @@ pub fn select<S: System + ?Sized>(
     tried.extend(singles.iter().cloned());
     let systems = beginnings(search.system);
     let ladder = Ladder::new(search, &systems, &declared, MARGIN);
-    let mut passing: Vec<Model> = singles.iter().filter(|m| m.worst() < limit).cloned().collect();
+    let passes = |m: &Model| m.worst() < limit;
+    let mut passing: Vec<Model> = singles.iter().filter(|m| passes(m)).cloned().collect();
+    if passing.is_empty() {
+        let climbed = climbed(&ladder, &declared, effort.climbed);
+        passing = climbed.iter().filter(|m| passes(m)).cloned().collect();
+        tried.extend(climbed);
+    }
     if passing.is_empty() && effort.max_effects >= 2 {
         search.system.stage("pairs of effects");
-        let pairs = pairs(&ladder, &singles, effort.pairs);
+        let proposed = proposed(&ladder, &declared, &proposals());
+        let whole = proposed.iter().filter(|r| r.rung == ladder.top() && r.model.added.len() > 1);
+        let mut pairs: Vec<Model> = whole.map(|reached| reached.model.clone()).collect();
+        if !pairs.iter().any(passes) {
+            let first = proposed.into_iter().map(|reached| reached.model).filter(|m| m.added.len() == 1);
+            let bases: Vec<Model> = first.chain(singles.iter().cloned()).collect();
+            pairs.extend(self::pairs(&ladder, &bases, effort.pairs));
+        }
         tried.extend(pairs.iter().cloned());
-        passing = pairs.into_iter().filter(|m| m.worst() < limit).collect();
+        passing = pairs.into_iter().filter(passes).collect();
+        let fewer = fewer(search, &declared, &passing);
+        tried.extend(fewer.iter().cloned());
+        if fewer.iter().any(passes) {
+            passing = fewer.into_iter().filter(passes).collect();
+        }
     }
     let best = passing.iter().min_by(|a, b| criterion(a).total_cmp(&criterion(b))).cloned();
     if best.as_ref().is_some_and(|best| best.worst() < search.null.quantile + SUSPICIOUS) {
@@ -202,6 +232,46 @@ pub fn attempt<S: System + ?Sized>(
     found
 }
 
+/// Fits of what is proposed, from the beginnings of the records on as far as they go.
+fn proposed<S: System + ?Sized>(
+    ladder: &Ladder<S>,
+    declared: &Model,
+    proposals: &[Proposal],
+) -> Vec<Reached> {
+    let fit = |proposal: &Proposal| {
+        let mut start = declared.clone();
+        start.fit.parameters.clone_from(&proposal.parameters);
+        ladder.climb(0, &proposal.added, &[], &start, ROUNDS)
+    };
+    proposals.iter().map(fit).collect()
+}
+
+/// Single candidates, fitted from the beginnings of the records on: over whole records a fit of an effect that is
+/// nonlinear in its parameters loses its way more easily.
+fn climbed<S: System + ?Sized>(ladder: &Ladder<S>, declared: &Model, count: usize) -> Vec<Model> {
+    let base = Reached { model: ladder.fit(0, &[], &[], declared, 5), rung: 0 };
+    let promises = ladder.screen(0, &base.model);
+    let promises: Vec<(&Promise, &Model)> = promises.iter().map(|p| (p, &base.model)).collect();
+    let reached = ladder.attempt(&base, &promises, &[], (count, ROUNDS));
+    reached.into_iter().filter(|reached| reached.rung == ladder.top()).map(|reached| reached.model).collect()
+}
+
+/// The effects of models of several with one of them left out: a second one may only have led the first to its place.
+fn fewer<S: System + ?Sized>(search: &Search<S>, declared: &Model, models: &[Model]) -> Vec<Model> {
+    let mut found: Vec<Model> = Vec::new();
+    for model in models {
+        for &left_out in &model.added {
+            let added: Vec<usize> = model.added.iter().copied().filter(|&c| c != left_out).collect();
+            let mut start = model.fit.parameters.clone();
+            for f in &search.candidates[left_out].free {
+                start[f.index] = declared.fit.parameters[f.index];
+            }
+            found.push(search.fit(&added, &[], &start, &model.fit.locals, ROUNDS));
+        }
+    }
+    found
+}
+
 /// Pairs: the best singles, each with the candidates that promise most beside it, as far as it goes.
 fn pairs<S: System + ?Sized>(
     ladder: &Ladder<S>,
@@ -246,7 +316,7 @@ mod tests {
         let null = Null::simulate(system, &[0, 1], &[0.0, 0.0], &locals, 100, 1);
         let search = Search { system, candidates, records: vec![0, 1], screened: vec![0, 1], null };
         let declared = search.fit(&[], &[], &[0.0, 0.0], &locals, 5);
-        let found = select(&search, declared, &[], Effort::default());
+        let found = select(&search, declared, &[], Effort::default(), &Vec::new);
         (found.best.added.iter().map(|&c| candidates[c].id).collect(), found.explained, found.equals.len())
     }
 
@@ -289,7 +359,7 @@ mod tests {
             let declared = search.fit(&[], &[], &[0.0; 3], &locals, 5);
             let correction = Free { index: 2, bounds: (-1e3, 1e3), step: 1e-3, prior: Some(share) };
             let effort = Effort { singles: 0, ..Effort::default() };
-            select(&search, declared, &[correction], effort).best.added.len()
+            select(&search, declared, &[correction], effort, &Vec::new).best.added.len()
         };
         assert_eq!((with_share(40.0), with_share(6.0)), (0, 1));
     }

@@ -60,6 +60,17 @@ fn searched(id: &'static str, channel: &'static str, index: usize, grid: &[f64])
     Candidate { starts, ..linear(id, channel, &[index]) }
 }
 
+/// Sweeps are so slow, and so exact a simulation of them, that shorter displacements show.
+fn presliding(scope: &Scope, id: &'static str, channel: &'static str, index: usize) -> Candidate {
+    if scope.kind != Kind::Friction {
+        return searched(id, channel, index, &[2e-4, 1e-3, 4e-3]);
+    }
+    let mut found = searched(id, channel, index, &[3e-5, 1e-4, 3e-4, 1e-3, 4e-3]);
+    found.free[0].bounds.0 = 1e-5;
+    found.free[0].step = 1e-6;
+    found
+}
+
 fn actuator(scope: &Scope, found: &mut Vec<Candidate>) {
     let channel = "actuator";
     found.push(linear("act.gain", channel, &[GAIN]));
@@ -97,7 +108,7 @@ fn piston(scope: &Scope, found: &mut Vec<Candidate>) {
     stribeck.contains = Some("pf.coulomb");
     found.push(stribeck);
     if c.c1 > 0.0 {
-        found.push(searched("pf.presliding", channel, PF_PRESLIDING, &[2e-4, 1e-3, 4e-3]));
+        found.push(presliding(scope, "pf.presliding", channel, PF_PRESLIDING));
     }
     if scope.kind == Kind::Cartpole {
         found.push(linear("pf.pressure", channel, &[PF_PRESSURE]));
@@ -116,7 +127,7 @@ fn cart_friction(scope: &Scope, found: &mut Vec<Candidate>) {
     stribeck.contains = Some("cf.coulomb");
     found.push(stribeck);
     if c.c1 > 0.0 {
-        found.push(searched("cf.presliding", channel, CF_PRESLIDING, &[2e-4, 1e-3, 4e-3]));
+        found.push(presliding(scope, "cf.presliding", channel, CF_PRESLIDING));
     }
     found.push(linear("cf.offset", channel, &[CF_OFFSET]));
     found.push(passive(linear("cf.asymmetry", channel, &[CF_ASYM_FORCE, CF_ASYM_COEF]), 0, c.c1));
@@ -171,9 +182,6 @@ fn sensors(scope: &Scope, found: &mut Vec<Candidate>) {
         ("v", OFFSET_V, SENSOR_DELAY_V, SENSOR_GAIN_V),
     ];
     for (signal, offset, delay, gain) in all.into_iter().filter(|entry| scope.signals.contains(entry.0)) {
-        if scope.kind == Kind::Friction && signal != "F_p" {
-            continue;
-        }
         let mut push =
             |id, index| found.push(Candidate { signal: Some(signal), ..linear(id, channel, &[index]) });
         if signal != "x" {

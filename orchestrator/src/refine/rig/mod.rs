@@ -15,4 +15,5 @@ pub mod parameters;
 pub mod physical;
 pub mod plant;
 pub mod record;
+pub mod replay;
 pub mod sweep;

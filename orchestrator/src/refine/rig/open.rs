@@ -2,7 +2,7 @@
 
 use super::catalogue::{Scope, candidates, corrections};
 use super::coupled::{Coupled, Trial};
-use super::motion::smooth;
+use super::motion::skew;
 use super::record::Measured;
 use super::sweep::{Sweep, Sweeps};
 use crate::refine::Error;
@@ -77,6 +77,12 @@ pub fn coupled(case: &Case, actuator: Actuator) -> Result<Coupled, Error> {
 fn sweeps(case: &Case) -> Result<Sweeps, Error> {
     let declaration = &case.declaration;
     let dt = 1.0 / declaration.sample_rate_hz;
+    let values = |series: &'_ TimeSeries, name: &str| series.channel(name).map(|c| c.values.clone());
+    let fitted = case.records.iter().zip(&declaration.files).filter(|(_, f)| f.role == Role::Estimation);
+    let both = fitted.filter_map(|(series, _)| Some([values(series, "x")?, values(series, "v")?]));
+    let both: Vec<[Vec<f64>; 2]> = both.collect();
+    let both: Vec<[&[f64]; 2]> = both.iter().map(|[x, v]| [&x[..], &v[..]]).collect();
+    let skew = skew(&both, dt);
     let mut sweeps = Vec::new();
     for (series, file) in case.records.iter().zip(&declaration.files) {
         let record =
@@ -103,7 +109,7 @@ fn sweeps(case: &Case) -> Result<Sweeps, Error> {
         }
         let force = Measured::new("F_p", values.to_vec(), noise);
         let estimation = file.role == Role::Estimation;
-        let mut sweep = Sweep { motion: smooth(x, v, dt), force, cart, estimation };
+        let mut sweep = Sweep::new([x, v], force, (cart, estimation), (dt, skew));
         sweep.weigh(&declaration.model);
         sweeps.push(sweep);
     }
@@ -173,8 +179,7 @@ pub fn open(case: &Case) -> Result<Rig, Error> {
             .push(("sensor.offset(x)".into(), "the initial position is unknown and takes it up".into()));
     }
     if declaration.kind == Kind::Friction {
-        let why = "the motion is taken from position and speed together";
-        not_testable.extend(["x", "v"].map(|signal| (format!("sensor.*({signal})"), why.to_owned())));
+        not_testable.push(("sensor.offset(x)".into(), "only its changes tell of friction".into()));
         not_testable.push(("pf.pressure".into(), "the cylinder is vented".into()));
     }
     Ok(Rig { system, coupled, candidates, corrections, not_testable })
