@@ -26,9 +26,9 @@ fn text(folder: &Path, file: &str) -> String {
 }
 
 #[test]
-fn both_variants_have_three_phases_with_an_impact_between_the_first_two() {
+fn all_variants_have_three_phases_with_an_impact_between_the_first_two() {
     let Some(folder) = example() else { return };
-    for (file, states, inputs) in [("problem.toml", 15, 3), ("variant_a.toml", 12, 3)] {
+    for (file, states, inputs) in [("problem.toml", 15, 3), ("variant_a.toml", 12, 3), ("joint.toml", 19, 3)] {
         let found = prepared(&folder, &text(&folder, file)).unwrap();
         assert_eq!(found.dynamics.len(), 3);
         assert!(found.resets[0].is_some() && found.resets[1].is_none());

@@ -60,13 +60,16 @@ pub fn scatter(values: &[f64]) -> f64 {
     third.get((0.6827 * third.len() as f64) as usize).copied().unwrap_or(0.0) / 20f64.sqrt()
 }
 
-/// Typical size of what a zero-phase low-pass takes away, as the rms of noise; few large values do not count.
+/// Typical size of what a zero-phase low-pass takes away, as the rms of noise: the lower quartile over spans of a fortieth
+/// of the record, so that jumps do not count, and the ends of a record neither.
 pub fn above(values: &[f64], corner: f64, step: f64) -> f64 {
     let smooth = low_pass(values, Some(corner), step);
-    let mut rest: Vec<f64> = values.iter().zip(&smooth).map(|(a, b)| (a - b).abs()).collect();
-    rest.sort_by(f64::total_cmp);
-    // Half of the normal distribution lies within 0.6745 standard deviations.
-    rest.get(rest.len() / 2).copied().unwrap_or(0.0) / 0.6745
+    let rest: Vec<f64> = values.iter().zip(&smooth).map(|(a, b)| (a - b).powi(2)).collect();
+    let length = (values.len() / 40).max(16);
+    let mean = |span: &[f64]| span.iter().sum::<f64>() / span.len() as f64;
+    let mut powers: Vec<f64> = rest.chunks_exact(length).map(mean).collect();
+    powers.sort_by(f64::total_cmp);
+    powers.get(powers.len() / 4).copied().unwrap_or(0.0).sqrt()
 }
 
 /// Smallest step of a column: that of which all its changes are multiples; 0 where there is none.
