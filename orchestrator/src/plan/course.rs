@@ -12,7 +12,7 @@ use crate::transcription::{Dynamics, PhaseTrajectory, Point, Trajectory};
 
 /// How far from the plan, in parts of the span of a state, a roll-out is still judged.
 const NEAR: f64 = 0.02;
-/// How far from it a roll-out is after a jump that is another one.
+/// How much farther it is after a jump that is another one.
 const FAR: f64 = 0.1;
 /// Error of the rates, in parts of the largest one, above which they are others.
 const OTHER: f64 = 0.1;
@@ -35,8 +35,8 @@ pub struct Departure {
 /// What a system does otherwise.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Difference {
-    /// It begins the phase elsewhere: state, its planned and its own value.
-    Start(String, f64, f64),
+    /// It jumps elsewhere: state, its planned and its own value.
+    Jump(String, f64, f64),
     /// It moves otherwise: state, its planned and its own rate.
     Rate(String, f64, f64),
     /// It ends, and why.
@@ -51,10 +51,10 @@ impl std::fmt::Display for Departure {
             self.phase, self.time
         )?;
         match &self.what {
-            Difference::Start(state, planned, found) => write!(
+            Difference::Jump(state, planned, found) => write!(
                 f,
-                "`{state}` is {found:.4}, planned {planned:.4}; what leads to this phase is another event, or its `reset` \
-                 another map"
+                "`{state}` is {found:.4}, planned {planned:.4}, after an event that the plan does not have, or whose `reset` \
+                 is another map"
             ),
             Difference::Rate(state, planned, found) => write!(
                 f,
@@ -156,6 +156,7 @@ impl<'a> Course<'a> {
         let rows = self.rows(phase.begin(), phase.end());
         let Some(rates) = self.rates(phase, dynamics, rows.clone()) else { return Verdict::Unknown };
         let (mut other, mut far): (Option<Departure>, Option<Departure>) = (None, None);
+        let (mut before, mut jumped) = (*near, false);
         for row in rows.start..rows.end.saturating_sub(2) {
             let time = self.times[row];
             let allowed = LATE + *near * (phase.end() - phase.begin());
@@ -165,18 +166,17 @@ impl<'a> Course<'a> {
             if let Some(other) = other.take_if(|other| time - other.time > allowed) {
                 return Verdict::Departs(other);
             }
+            jumped |= distance > before + FAR;
+            before = distance;
             if distance <= NEAR {
-                far = None;
+                (far, jumped) = (None, false);
                 *near = if other.is_none() { distance } else { *near };
                 continue;
             }
             let (planned, own) = (phase.states_at(time)[state], self.states(phase, row)[state]);
-            let what = Difference::Start(self.names[state].clone(), planned, own);
-            let at_start = Departure { phase: phase.name.clone(), time, what };
-            let since = far.get_or_insert(at_start);
+            let what = Difference::Jump(self.names[state].clone(), planned, own);
+            let since = far.get_or_insert(Departure { phase: phase.name.clone(), time, what });
             if time - since.time > allowed && other.is_none() {
-                let jumped =
-                    since.time < phase.begin() + allowed && distance > FAR && phase.begin() > self.times[0];
                 return if jumped { Verdict::Departs(since.clone()) } else { Verdict::Unknown };
             }
         }
