@@ -85,6 +85,8 @@ pub struct Stability {
     pub parts: usize,
     /// Parts on which the model with the effect is better than the one without it, fitted on the others.
     pub better: usize,
+    /// Share of the error on the parts that it takes away, their geometric mean.
+    pub gain: f64,
     /// Least and largest value of each parameter, fitted without one part.
     pub ranges: Vec<(f64, f64)>,
 }

@@ -33,8 +33,7 @@ pub fn ports(ports: &[Port], limit: f64) -> Option<String> {
         .map(|port| (format!("{} \u{2192} {}", port.from, port.to), port.left[0], port.left[1]))
         .collect();
     let label = "what is left, in standard deviations above sensor noise";
-    (!rows.is_empty())
-        .then(|| bars("Where something is left", &rows, (limit.max(1.0), "limit"), label))
+    (!rows.is_empty()).then(|| bars("Where something is left", &rows, (limit.max(1.0), "limit"), label))
 }
 
 /// Points of a curve over time: all of them, or the least and the largest of spans of equal length where there are more

@@ -23,6 +23,8 @@ const PAIRED: usize = 6;
 const EXCHANGED: usize = 4;
 /// Ratio of errors on a part of the records from which on an effect helps there.
 const BETTER: f64 = 0.99;
+/// Share of the error on what is kept back from which on an effect helps clearly, on however few parts.
+const CLEAR: f64 = 0.15;
 
 /// Outcome.
 #[derive(Debug)]
@@ -247,12 +249,14 @@ impl Search<'_> {
                 values.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), v| (a.min(v), b.max(v)))
             };
             let ranges = (0..candidates[c].entries.len()).map(range).collect();
-            Stability { parts: best.parts.len(), better: better.count(), ranges }
+            let ratios = parts.iter().zip(&best.parts).map(|(without, with)| (with.0 / without.0).ln());
+            let gain = 1.0 - (ratios.sum::<f64>() / best.parts.len().max(1) as f64).exp();
+            Stability { parts: best.parts.len(), better: better.count(), gain, ranges }
         };
         best.added.iter().map(one).collect()
     }
 
-    /// Leaves effects out that help on no more than half of the parts that were kept back, or whose strength changes its
+    /// Leaves effects out that help on no more than half of the parts that were kept back and not clearly, or whose strength changes its
     /// sign between them.
     fn steady(&self, mut best: Model) -> (Model, Vec<Stability>, Vec<(usize, Stability)>) {
         let mut refused = Vec::new();
@@ -263,7 +267,8 @@ impl Search<'_> {
                 let turns = own.ranges.first().is_some_and(|range| range.0 < 0.0 && range.1 > 0.0);
                 let needed =
                     best.added.iter().any(|&c| self.study().candidates[c].needs == Some(best.added[k]));
-                company && !needed && (2 * own.better <= own.parts || turns && own.better < own.parts)
+                let rarely = 2 * own.better <= own.parts && own.gain < CLEAR;
+                company && !needed && (rarely || turns && own.better < own.parts)
             };
             let worst = stability.iter().enumerate().filter(|&(k, own)| unsteady((k, own)));
             let Some((k, own)) = worst.min_by_key(|(_, own)| own.better) else {

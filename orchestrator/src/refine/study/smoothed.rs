@@ -37,7 +37,7 @@ fn of(view: &View, record: &Record, p: &[f64]) -> Option<Errors> {
     let mut found: Errors = vec![None; record.states.len()];
     for (rates, &i) in rates.iter().zip(&states) {
         let signal = derivative(study, i)?;
-        found[i] = Some(error(rates, signal, record));
+        found[i] = Some(error(rates, signal, record.step, record.ends));
     }
     Some(found)
 }
@@ -81,16 +81,16 @@ fn rates(view: &View, record: &Record, states: &[usize], p: &[f64]) -> Option<Ve
     found.iter().flatten().all(|rate| rate.is_finite()).then_some(found)
 }
 
-/// What the filter of `signal` adds to the motion of these rates.
-fn error(rates: &[f64], signal: &Signal, record: &Record) -> Vec<f64> {
-    let step = record.step;
+/// What the filter of `signal` adds to the motion of these rates, one more value than those; `ends`: whether its file
+/// begins and ends there.
+fn error(rates: &[f64], signal: &Signal, step: f64, ends: [bool; 2]) -> Vec<f64> {
     let reach = match (signal.low_pass_hz, signal.savitzky_golay_points) {
         (Some(corner), _) => (4.0 / (corner * step)).ceil() as usize,
         (None, Some(points)) => points,
         (None, None) => 2,
     };
     // Where a segment ends inside its file, the filter saw more motion: it goes on as it was.
-    let [before, after] = record.ends.map(|end| if end { 0 } else { reach });
+    let [before, after] = ends.map(|end| if end { 0 } else { reach });
     let (first, last) = (rates.first().copied().unwrap_or(0.0), rates.last().copied().unwrap_or(0.0));
     let more = |rate: f64, count: usize| std::iter::repeat_n(rate, count);
     let all = more(first, before).chain(rates.iter().copied()).chain(more(last, after));
@@ -108,5 +108,47 @@ fn error(rates: &[f64], signal: &Signal, record: &Record) -> Vec<f64> {
     }));
     let smooth = processed(path, &Signal { scale: None, ..signal.clone() }, step);
     let found = smooth.iter().zip(&motion).map(|(smooth, sharp)| smooth - sharp);
-    found.skip(before).take(record.n).collect()
+    found.skip(before).take(rates.len() + 1).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A body that a constant force seizes at 0.5 s: velocity rate `[n - 1]`, velocity and position `[n]` in closed form.
+    fn seized(n: usize, step: f64) -> (Vec<f64>, Vec<f64>, Vec<f64>) {
+        let since = |k: usize| (k as f64 * step - 0.5).max(0.0);
+        let rates = (0..n - 1).map(|k| 2.0 * (since(k + 1) - since(k)) / step).collect();
+        let velocity = (0..n).map(|k| 2.0 * since(k)).collect();
+        let position = (0..n).map(|k| since(k).powi(2)).collect();
+        (rates, velocity, position)
+    }
+
+    #[test]
+    fn the_error_is_what_the_filter_makes_of_the_measured_motion() {
+        let (n, step) = (1200, 1e-3);
+        let (rates, velocity, position) = seized(n, step);
+        let derivative_of = Some("x".to_owned());
+        let filters = [(Some(40.0), None), (None, Some(21))];
+        for (low_pass_hz, savitzky_golay_points) in filters {
+            let signal = Signal {
+                low_pass_hz,
+                savitzky_golay_points,
+                derivative_of: derivative_of.clone(),
+                ..Default::default()
+            };
+            let measured = processed(position.clone(), &signal, step);
+            let found = error(&rates, &signal, step, [true, true]);
+            let largest = found.iter().fold(0.0f64, |a, b| a.max(b.abs()));
+            assert!(largest > 1e-3, "{largest}");
+            for (k, own) in found.iter().enumerate() {
+                assert!((own - (measured[k] - velocity[k])).abs() < 1e-4 * largest, "{k}: {own}");
+            }
+            // A segment inside the file has the same errors.
+            let inside = error(&rates[400..799], &signal, step, [false, false]);
+            for (own, whole) in inside.iter().zip(&found[400..800]) {
+                assert!((own - whole).abs() < 1e-3 * largest, "{own} {whole}");
+            }
+        }
+    }
 }
