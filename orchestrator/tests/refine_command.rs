@@ -91,7 +91,8 @@ fn the_report_is_the_same_to_the_byte_for_any_number_of_threads() {
     let reports = ["1", "2", "3"].map(|threads| {
         let out = folder.path().join(threads);
         let program = env!("CARGO_BIN_EXE_airloop");
-        let args = [Path::new("refine"), &case, Path::new("-o"), &out, "--threads".as_ref(), threads.as_ref()];
+        let args =
+            [Path::new("refine"), &case, Path::new("-o"), &out, "--threads".as_ref(), threads.as_ref()];
         let output = Command::new(program).args(args).output().unwrap();
         assert!(matches!(output.status.code(), Some(0 | 10 | 11 | 12)), "{output:?}");
         fs::read(out.join("report.json")).unwrap()

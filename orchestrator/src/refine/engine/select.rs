@@ -342,6 +342,28 @@ mod tests {
     }
 
     #[test]
+    fn an_effect_that_only_came_along_is_left_out() {
+        let candidates = [candidate("slope", 0), candidate("square", 1)];
+        let system = Lines::new(0.0, 60.0);
+        let locals = vec![vec![0.0], vec![40.0]];
+        let null = Null::simulate(&system, &[0, 1], &[0.0, 0.0], &locals, 100, 1);
+        let limit = null.quantile + MARGIN;
+        let search = Search {
+            system: &system,
+            candidates: &candidates,
+            records: vec![0, 1],
+            screened: vec![0, 1],
+            null,
+        };
+        let declared = search.fit(&[], &[], &[0.0, 0.0], &locals, 5);
+        let pair = search.fit(&[0, 1], &[], &[0.0, 0.0], &locals, 10);
+        let single = fewer(&search, &declared, &[pair]);
+        let enough: Vec<&[usize]> =
+            single.iter().filter(|m| m.worst() < limit).map(|m| &m.added[..]).collect();
+        assert_eq!(enough, [[1]]);
+    }
+
+    #[test]
     fn a_declared_parameter_far_from_what_is_known_of_it_is_an_effect() {
         let candidates = [candidate("slope", 0)];
         let system = Lines::new(60.0, 0.0);
@@ -358,7 +380,7 @@ mod tests {
             };
             let declared = search.fit(&[], &[], &[0.0; 3], &locals, 5);
             let correction = Free { index: 2, bounds: (-1e3, 1e3), step: 1e-3, prior: Some(share) };
-            let effort = Effort { singles: 0, ..Effort::default() };
+            let effort = Effort { singles: 0, climbed: 0, ..Effort::default() };
             select(&search, declared, &[correction], effort, &Vec::new).best.added.len()
         };
         assert_eq!((with_share(40.0), with_share(6.0)), (0, 1));

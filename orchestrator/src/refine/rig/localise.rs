@@ -148,10 +148,14 @@ impl<'a> Around<'a> {
 
 /// The walk that makes the records most likely, and then the lead.
 fn best_walk<'a>(rig: &'a Coupled, walks: &[Walk], p: &[f64]) -> Observer<'a> {
-    let likelier = |best: Observer<'a>, other: Observer<'a>| if best.cost <= other.cost { best } else { other };
+    let likelier =
+        |best: Observer<'a>, other: Observer<'a>| if best.cost <= other.cost { best } else { other };
     let around = |walk: Walk, lead: f64| Observer::around(rig, walk, lead, p);
     let first = walks.first().copied().unwrap_or([0.1, 0.0, 0.0, 0.0]);
-    let best = walks.iter().skip(1).fold(around(first, LEADS[0]), |best, &walk| likelier(best, around(walk, LEADS[0])));
+    let best = walks
+        .iter()
+        .skip(1)
+        .fold(around(first, LEADS[0]), |best, &walk| likelier(best, around(walk, LEADS[0])));
     let walk = best.walk;
     LEADS[1..].iter().fold(best, |best, &lead| likelier(best, around(walk, lead)))
 }

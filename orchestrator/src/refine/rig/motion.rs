@@ -1,8 +1,7 @@
 //! The motion behind noisy records of position and speed: Kalman filter and Rauch-Tung-Striebel smoother.
 //!
 //! Position, speed, acceleration and jerk are a chain of integrators driven by white noise; its intensity is the one
-//! that makes one of the records most likely. The smoothed motion is linear in the records, so that of a record with
-//! another gain is a sum of parts.
+//! that makes one of the records most likely.
 
 use nalgebra::{DMatrix, DVector, Matrix4, Vector4};
 
@@ -41,8 +40,9 @@ pub type Record<'a> = (&'a [f64], f64);
 /// two may contradict each other.
 pub fn intensity(x: Option<Record>, v: Option<Record>, dt: f64) -> f64 {
     let (x, v) = if v.is_some() { (None, v) } else { (x, None) };
-    let filter = |x, v, dt, intensity| filter(x, v, Course { dt, intensity, skew: 0.0 });
-    let runs = (8..56).map(|power| 10f64.powf(0.25 * f64::from(power))).map(|q| (q, filter(x, v, dt, q).cost));
+    let filter = |x, v, dt, intensity| filter(x, v, Course { dt, intensity, late: [0.0; 2] });
+    let runs =
+        (8..56).map(|power| 10f64.powf(0.25 * f64::from(power))).map(|q| (q, filter(x, v, dt, q).cost));
     runs.min_by(|a, b| a.1.total_cmp(&b.1)).map_or(1.0, |(q, _)| q)
 }
 
@@ -53,12 +53,12 @@ pub struct Course {
     pub dt: f64,
     /// See [`intensity`].
     pub intensity: f64,
-    /// Time by which the position is sampled before the speed \[s\].
-    pub skew: f64,
+    /// How late the sensors of position and speed are \[s\].
+    pub late: [f64; 2],
 }
 
-/// Time \[s\] by which positions are sampled before the speeds of the same rows, if less than a sample: two sensors that
-/// are read one after the other. Anything more is an effect of a sensor.
+/// Time \[s\] by which positions are sampled before the speeds of the same rows, so that they are late, if less than a
+/// sample: two sensors that are read one after the other. Anything more is an effect of a sensor.
 ///
 /// Found by least squares over all records (positions, speeds): the position is the integral of the speed, up to an
 /// initial value, an offset and a gain of the speed, and the distance covered within the skew.
@@ -140,7 +140,7 @@ fn transition(dt: f64) -> Matrix4<f64> {
 }
 
 fn filter(x: Option<Record>, v: Option<Record>, course: Course) -> Filtered {
-    let Course { dt, intensity, skew } = course;
+    let Course { dt, intensity, late: [dx, dv] } = course;
     let n = x.or(v).map_or(0, |(values, _)| values.len());
     let f = transition(dt);
     let noise = Matrix4::from_fn(|i, j| {
@@ -163,7 +163,11 @@ fn filter(x: Option<Record>, v: Option<Record>, course: Course) -> Filtered {
             covariance = f * covariance * f.transpose() + noise;
         }
         found.prior.push((mean, covariance));
-        let rows = [Vector4::new(1.0, -skew, 0.5 * skew * skew, 0.0), Vector4::y()];
+        // What a sensor shows that is late: the series of Taylor.
+        let rows = [
+            Vector4::new(1.0, -dx, dx * dx / 2.0, -dx.powi(3) / 6.0),
+            Vector4::new(0.0, 1.0, -dv, dv * dv / 2.0),
+        ];
         for (i, (row, record)) in rows.iter().zip([x, v]).enumerate() {
             let Some((values, rms)) = record else { continue };
             let seen = covariance * row;
@@ -198,7 +202,7 @@ mod tests {
         let v: Vec<f64> =
             (0..n).map(|k| 0.02 * w * (w * k as f64 * dt).cos() + 1e-3 * noise.normal()).collect();
         let (x, v) = (Some((&x[..], 1e-4)), Some((&v[..], 1e-3)));
-        let motion = smooth(x, v, Course { dt, intensity: intensity(x, v, dt), skew: 0.0 });
+        let motion = smooth(x, v, Course { dt, intensity: intensity(x, v, dt), late: [0.0; 2] });
         let rms = |f: &dyn Fn(usize) -> f64| {
             ((100..n - 100).map(|k| f(k).powi(2)).sum::<f64>() / (n - 200) as f64).sqrt()
         };

@@ -113,12 +113,7 @@ fn sensing(name: &str, p: &[f64]) -> (f64, f64) {
 
 /// Gains of a record, and twice the negative logarithm of its likelihood. The filter is linearised by differences: lane
 /// 0 is the estimate, the others are moved in one state each.
-fn gains(
-    rig: &Coupled,
-    trial: &Trial,
-    p: &[f64],
-    (walk, lead): (Walk, f64),
-) -> (Vec<Vec<Correction>>, f64) {
+fn gains(rig: &Coupled, trial: &Trial, p: &[f64], (walk, lead): (Walk, f64)) -> (Vec<Vec<Correction>>, f64) {
     const MOVE: f64 = 1e-6;
     let dt = rig.actuator.sample_time;
     let terms = actuator(&rig.actuator, p);

@@ -55,9 +55,13 @@ impl<'a> Replay<'a> {
             let position = trial.measured.iter().find(|m| m.name == "x");
             let record = position.map(|m| (&m.values[..], m.noise));
             let motion =
-                smooth(record, None, Course { dt, intensity: intensity(record, None, dt), skew: 0.0 });
-            let mut forces: Vec<Measured> =
-                trial.measured.iter().filter(|m| matches!(m.name.as_str(), "F_hat" | "F_p")).cloned().collect();
+                smooth(record, None, Course { dt, intensity: intensity(record, None, dt), late: [0.0; 2] });
+            let mut forces: Vec<Measured> = trial
+                .measured
+                .iter()
+                .filter(|m| matches!(m.name.as_str(), "F_hat" | "F_p"))
+                .cloned()
+                .collect();
             for m in forces.iter_mut().filter(|m| m.name == "F_p") {
                 for (k, weight) in m.weights.iter_mut().enumerate() {
                     let step = 1e-5;
@@ -190,4 +194,80 @@ pub fn proposals(rig: &Coupled, candidates: &[Candidate], groups: &[usize], limi
         found.push(proposal(pair));
     }
     found
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::refine::case::{Actuator, CartPole, Declared, Friction, Kind};
+    use crate::refine::rig::catalogue::{Scope, candidates};
+    use crate::refine::rig::coupled;
+    use crate::refine::rig::parameters::{CF_COULOMB, GAIN, PF_COULOMB};
+
+    /// A rig whose records show the effects of `values`, with the sensors of the cases.
+    fn rig(values: &[(usize, f64)]) -> Coupled {
+        let declared = Declared {
+            piston_friction: Some(Friction { c1: 1.5, c2: 40.0, c4: 50.0, ..Friction::default() }),
+            cart_friction: Some(Friction { c1: 6.0, c2: 60.0, ..Friction::default() }),
+            cart_pole: Some(CartPole { m_c: 0.4, m_p: 0.1, l: 0.2, g: 9.81, ..CartPole::default() }),
+            ..Declared::default()
+        };
+        let actuator =
+            Actuator { sample_time: 1e-3, A1: [[-0.9, 0.0], [0.0, -0.95]], B0: [0.1, 0.05], B1: [0.0; 2] };
+        let n = 1500;
+        let trial = |r: usize| {
+            let w = 0.008 + 0.003 * r as f64;
+            let u = (0..n).map(|k| 30.0 * (w * k as f64).sin() + 10.0 * (2.7 * w * k as f64).sin()).collect();
+            let noises = [("F_hat", 0.3), ("F_p", 0.3), ("x", 1e-4), ("theta", 5e-4)];
+            let measured = noises.map(|(name, noise)| Measured::new(name, vec![0.0; n], noise));
+            coupled::Trial { u, measured: measured.into(), estimation: true, fixed: false }
+        };
+        let mut rig = Coupled { declared, actuator, trials: (0..2).map(trial).collect() };
+        let mut p = neutral();
+        values.iter().for_each(|&(index, value)| p[index] = value);
+        for r in 0..2 {
+            let shown = rig.predict(r, &p, &[0.0, 0.0]);
+            let mut noise = Noise::new(11, r as u64);
+            for (m, own) in rig.trials[r].measured.iter_mut().zip(shown.chunks(n)) {
+                let values = own.iter().map(|value| value + m.noise * noise.normal()).collect();
+                *m = Measured::new(&m.name, values, m.noise);
+            }
+        }
+        rig
+    }
+
+    fn named(rig: &Coupled) -> Vec<Vec<&'static str>> {
+        let signals = ["F_hat", "F_p", "x", "theta"].into();
+        let scope = Scope {
+            declared: &rig.declared,
+            kind: Kind::Cartpole,
+            signals,
+            command: 40.0,
+            positions: (-0.05, 0.05),
+        };
+        let all = candidates(&scope);
+        let found = proposals(rig, &all, &[0, 1], 12.0);
+        found.iter().map(|proposal| proposal.added.iter().map(|&c| all[c].id).collect()).collect()
+    }
+
+    #[test]
+    fn two_effects_in_front_of_the_cart_are_proposed_together() {
+        let mut found = named(&rig(&[(GAIN, 0.06), (PF_COULOMB, 1.0), (CF_COULOMB, 1.0)]));
+        let mut pair = found.pop().unwrap();
+        pair.sort_unstable();
+        assert_eq!(pair, ["act.gain", "pf.coulomb"]);
+    }
+
+    #[test]
+    fn the_forces_tell_the_actuator_the_piston_and_the_cart_apart() {
+        let of = |values: &[(usize, f64)]| -> [f64; 2] {
+            let left = left(&rig(values), &neutral());
+            ["F_hat", "F_p"].map(|name| left.iter().find(|(own, _)| own == name).unwrap().1)
+        };
+        let [hat, cell] = of(&[(CF_COULOMB, 1.0)]);
+        assert!(hat < 12.0 && cell < BLUNTED, "{hat} {cell}");
+        let [hat, cell] = of(&[(PF_COULOMB, 1.0)]);
+        assert!(hat < 12.0 && cell > BLUNTED, "{hat} {cell}");
+        assert!(of(&[(GAIN, 0.06)])[0] > 12.0);
+    }
 }

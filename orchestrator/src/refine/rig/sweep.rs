@@ -21,8 +21,10 @@ use crate::refine::engine::system::Span;
 pub struct Sweep {
     /// The motion, smoothed from the records.
     pub motion: Motion,
-    /// What it consists of.
-    parts: Vec<Part>,
+    /// Records of position and speed, as far as they are measured: values and noise rms.
+    records: [Option<(Vec<f64>, f64)>; 2],
+    /// What is known of the motion and its records.
+    course: Course,
     /// Position, where both are measured.
     position: Option<Measured>,
     /// Load cell \[N\].
@@ -33,65 +35,41 @@ pub struct Sweep {
     pub estimation: bool,
 }
 
-/// The motion that follows from what one sensor shows if the other shows nothing: smoothing is linear.
-#[derive(Debug, Clone)]
-struct Part {
-    /// Sensor.
-    name: &'static str,
-    motion: Motion,
-    /// The part of a constant 1 on this sensor.
-    constant: Motion,
-}
-
 impl Sweep {
     /// A sweep from its records of position \[m\] and speed \[m/s\], of which one may be missing, sampled every `dt` \[s\];
-    /// for `skew` see [`Course`]. `roles`: whether the cart was moved, and whether it may be fitted.
+    /// for `skew` see [`super::motion::skew`]. `roles`: whether the cart was moved, and whether it may be fitted.
     pub fn new(
         records: [Option<Record>; 2],
         force: Measured,
         roles: (bool, bool),
         (dt, skew): (f64, f64),
     ) -> Sweep {
-        let n = force.values.len();
         let [x, v] = records;
-        let course = Course { dt, intensity: intensity(x, v, dt), skew };
-        let (none, ones) = (vec![0.0; n], vec![1.0; n]);
-        let alone = |sensor: usize, values: &[f64]| {
-            let of = |i: usize| records[i].map(|(_, rms)| (if i == sensor { values } else { &none }, rms));
-            smooth(of(0), of(1), course)
-        };
-        let parts = ["x", "v"].into_iter().zip(records).enumerate().filter_map(|(i, (name, record))| {
-            let (values, _) = record?;
-            Some(Part { name, motion: alone(i, values), constant: alone(i, &ones) })
-        });
-        let parts: Vec<Part> = parts.collect();
-        let position = x.filter(|_| v.is_some()).map(|(values, rms)| Measured::new("x", values.to_vec(), rms));
+        let course = Course { dt, intensity: intensity(x, v, dt), late: [skew, 0.0] };
+        let position =
+            x.filter(|_| v.is_some()).map(|(values, rms)| Measured::new("x", values.to_vec(), rms));
         let (cart, estimation) = roles;
-        Sweep { motion: smooth(x, v, course), parts, position, force, cart, estimation }
+        let motion = smooth(x, v, course);
+        let records = records.map(|record| record.map(|(values, rms)| (values.to_vec(), rms)));
+        Sweep { motion, records, course, position, force, cart, estimation }
     }
 
     /// The motion if the sensors have the effects of the parameters `p`.
-    fn moved(&self, p: &[f64], dt: f64) -> Cow<'_, Motion> {
-        let effect = |part: &Part| {
-            sensor(part.name).map_or((0.0, 0.0, 1.0), |[o, d, g]| (p[o], p[d] / dt, (1.0 + p[g]).recip()))
-        };
-        if self.parts.iter().all(|part| effect(part) == (0.0, 0.0, 1.0)) {
+    fn moved(&self, p: &[f64]) -> Cow<'_, Motion> {
+        let [of_x, of_v] = ["x", "v"].map(|name| {
+            sensor(name).map_or((0.0, 0.0, 1.0), |[offset, delay, gain]| (p[offset], p[delay], 1.0 + p[gain]))
+        });
+        if (of_x, of_v) == ((0.0, 0.0, 1.0), (0.0, 0.0, 1.0)) {
             return Cow::Borrowed(&self.motion);
         }
-        let mut found = self.motion.clone();
-        let Motion { x, v, a, innovations, .. } = &mut found;
-        for (column, own) in [(x, 0), (v, 1), (a, 2), (innovations, 3)] {
-            column.fill(0.0);
-            for part in &self.parts {
-                let (offset, delay, share) = effect(part);
-                let of = |motion: &Motion| column_of(motion, own).to_vec();
-                let (values, constant) = (of(&part.motion), of(&part.constant));
-                for (k, sum) in column.iter_mut().enumerate() {
-                    *sum += share * (ahead(&values, k, delay) - offset * constant[k]);
-                }
-            }
-        }
-        Cow::Owned(found)
+        let true_values = |i: usize, (offset, _, gain): (f64, f64, f64)| {
+            let (values, rms) = self.records[i].as_ref()?;
+            Some((values.iter().map(|value| (value - offset) / gain).collect::<Vec<f64>>(), *rms))
+        };
+        let (x, v) = (true_values(0, of_x), true_values(1, of_v));
+        let [late_x, late_v] = self.course.late;
+        let course = Course { late: [late_x + of_x.1, late_v + of_v.1], ..self.course };
+        Cow::Owned(smooth(borrowed(&x), borrowed(&v), course))
     }
 
     /// Counts the uncertainty of the motion as noise of the force, with the slope `force(v)` of the declared model.
@@ -116,23 +94,8 @@ impl Sweep {
     }
 }
 
-fn column_of(motion: &Motion, column: usize) -> &[f64] {
-    match column {
-        0 => &motion.x,
-        1 => &motion.v,
-        2 => &motion.a,
-        _ => &motion.innovations,
-    }
-}
-
-/// `values` at sample `k + delay`, straight between samples and beyond the last.
-fn ahead(values: &[f64], k: usize, delay: f64) -> f64 {
-    if delay == 0.0 || values.len() < 2 {
-        return values[k];
-    }
-    let at = k as f64 + delay;
-    let below = (at.floor() as usize).min(values.len() - 2);
-    values[below] + (at - below as f64) * (values[below + 1] - values[below])
+fn borrowed(record: &Option<(Vec<f64>, f64)>) -> Option<Record<'_>> {
+    record.as_ref().map(|(values, rms)| (&values[..], *rms))
 }
 
 /// All sweeps of a case.
@@ -179,7 +142,7 @@ impl crate::refine::engine::System for Sweeps {
         let plant = mechanics(&self.declared, [p]);
         let (friction, mass) =
             if sweep.cart { (&plant.cart, plant.cart_mass.0[0]) } else { (&plant.piston, 0.0) };
-        let motion = sweep.moved(p, self.dt);
+        let motion = sweep.moved(p);
         let Motion { x, v, a, innovations, .. } = motion.as_ref();
         let mut z = 0.0;
         let mut truth = Vec::with_capacity(x.len());
@@ -225,5 +188,75 @@ impl crate::refine::engine::System for Sweeps {
         force.redraw(&predicted[..n], noise, &mut out);
         out.extend((n..predicted.len()).map(|_| noise.normal()));
         out
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::refine::case::Friction;
+    use crate::refine::engine::System;
+    use crate::refine::rig::parameters::{OFFSET_V, SENSOR_DELAY_X, SENSOR_GAIN_V};
+
+    const DT: f64 = 1e-3;
+    const N: usize = 3000;
+
+    /// One sweep of the piston; its sensors show `shown(t)`: position and speed.
+    fn sweeps(shown: impl Fn(f64) -> [f64; 2]) -> Sweeps {
+        let piston = Friction { c1: 1.5, c2: 40.0, c4: 50.0, ..Friction::default() };
+        let declared = Declared { piston_friction: Some(piston), ..Declared::default() };
+        let mut noise = Noise::new(3, 0);
+        let column = |i: usize, rms: f64, noise: &mut Noise| -> Vec<f64> {
+            (0..N).map(|k| shown(k as f64 * DT)[i] + rms * noise.normal()).collect()
+        };
+        let [x, v] = [column(0, 1e-4, &mut noise), column(1, 1e-3, &mut noise)];
+        let f = (0..N).map(|k| {
+            let v = speed(k as f64 * DT);
+            1.5 * (40.0 * v).tanh() + 50.0 * v + 0.3 * noise.normal()
+        });
+        let force = Measured::new("F_p", f.collect(), 0.3);
+        let mut sweep = Sweep::new([Some((&x, 1e-4)), Some((&v, 1e-3))], force, (false, true), (DT, 0.0));
+        sweep.weigh(&declared);
+        Sweeps { declared, dt: DT, sweeps: vec![sweep] }
+    }
+
+    fn position(t: f64) -> f64 {
+        0.03 * (8.0 * t).sin() + 0.01 * (19.0 * t).sin()
+    }
+
+    fn speed(t: f64) -> f64 {
+        0.24 * (8.0 * t).cos() + 0.19 * (19.0 * t).cos()
+    }
+
+    /// Mean squares of the whitened residuals of force and position.
+    fn misfit(sweeps: &Sweeps, values: &[(usize, f64)]) -> [f64; 2] {
+        let mut p = neutral();
+        values.iter().for_each(|&(index, value)| p[index] = value);
+        let residuals = sweeps.residuals(0, &p, &[]);
+        [0, 1].map(|i| residuals[i * N..(i + 1) * N].iter().map(|r| r * r).sum::<f64>() / N as f64)
+    }
+
+    /// A mean square of one within four standard deviations.
+    fn is_noise(misfit: [f64; 2]) -> bool {
+        misfit.iter().all(|square| (square - 1.0).abs() < 4.0 * (2.0 / N as f64).sqrt())
+    }
+
+    #[test]
+    fn true_sensors_leave_noise() {
+        assert!(is_noise(misfit(&sweeps(|t| [position(t), speed(t)]), &[])));
+    }
+
+    #[test]
+    fn the_effects_of_the_sensors_of_the_motion_explain_what_they_did() {
+        let gain = sweeps(|t| [position(t), 1.05 * speed(t)]);
+        let offset = sweeps(|t| [position(t), speed(t) + 0.01]);
+        let delay = sweeps(|t| [position(t - 0.004), speed(t)]);
+        for (sweeps, effect) in
+            [(gain, (SENSOR_GAIN_V, 0.05)), (offset, (OFFSET_V, 0.01)), (delay, (SENSOR_DELAY_X, 0.004))]
+        {
+            assert!(!is_noise(misfit(&sweeps, &[])), "{effect:?}");
+            let left = misfit(&sweeps, &[effect]);
+            assert!(is_noise(left), "{effect:?} {left:?}");
+        }
     }
 }
