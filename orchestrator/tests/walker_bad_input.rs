@@ -116,5 +116,5 @@ fn an_event_that_the_plan_does_not_have_is_named() {
     let text = std::fs::read_to_string(example).unwrap();
     let from = text.find("[phase.reset]").unwrap();
     let reset = &text[from..from + text[from..].find("[phase.final]").unwrap()];
-    says(reset, "", 20, &["does not go through the phases", "phase `swing of leg 2`", "after an event"]);
+    says(reset, "", 20, &["does not go through the phases", "phase `double support`", "after an event"]);
 }

@@ -7,7 +7,7 @@
 
 use super::catalogue::Kind;
 use super::prepare::Prepared;
-use super::verify::Rollout;
+use super::verify::{self, Rollout};
 use crate::transcription::{Dynamics, PhaseTrajectory, Point, Trajectory};
 
 /// How far from the plan, in parts of the span of a state, a roll-out is still judged.
@@ -73,7 +73,10 @@ pub fn departure(prepared: &Prepared, plan: &Trajectory, rollout: &Rollout) -> O
     }
     let course = Course::new(prepared, plan, rollout);
     let mut near = 0.0;
-    for (phase, dynamics) in plan.phases.iter().zip(&prepared.dynamics) {
+    for (number, (phase, dynamics)) in plan.phases.iter().zip(&prepared.dynamics).enumerate() {
+        if let Some(departure) = (number > 0).then(|| course.start(prepared, phase)).flatten() {
+            return Some(departure);
+        }
         let mut dynamics = dynamics.duplicate().ok()?;
         match course.along(phase, dynamics.as_mut(), &mut near) {
             Verdict::Kept => {}
@@ -149,6 +152,19 @@ impl<'a> Course<'a> {
         let (planned, found) = (phase.states_at(self.times[row]), self.states(phase, row));
         let off = (0..planned.len()).map(|i| ((found[i] - planned[i]).abs() / self.spans[i], i));
         off.max_by(|a, b| a.0.total_cmp(&b.0)).unwrap_or((0.0, 0))
+    }
+
+    /// What happens at once to a system that is put where a phase begins: nothing, if that is one of its modes.
+    fn start(&self, prepared: &Prepared, phase: &PhaseTrajectory) -> Option<Departure> {
+        let planned = &phase.states[0];
+        let later = verify::moment_later(&prepared.setup, planned, &phase.inputs_in(0, 0.0))?;
+        let jumps = self.names.iter().enumerate().filter_map(|(i, name)| {
+            let own = *later.channel(name)?.values.last()?;
+            Some(((own - planned[i]).abs() / self.spans[i], i, own))
+        });
+        let (_, state, own) = jumps.max_by(|a, b| a.0.total_cmp(&b.0)).filter(|jump| jump.0 > FAR)?;
+        let what = Difference::Jump(self.names[state].clone(), planned[state], own);
+        Some(Departure { phase: phase.name.clone(), time: phase.begin(), what })
     }
 
     /// Goes along a phase; `near` is the last distance from the plan that is no matter of events.

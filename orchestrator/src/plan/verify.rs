@@ -4,6 +4,7 @@ use std::sync::atomic::AtomicBool;
 
 use super::Error;
 use super::catalogue::{Catalogue, Kind};
+use super::prepare::Setup;
 use super::sampling;
 use crate::master::simulate::{self, Curves, End, Stimulus, Watch};
 use crate::master::{Algorithm, Settings};
@@ -158,6 +159,29 @@ pub fn roll_out(
     };
     Ok(Rollouts { continuous: continuous.unwrap_or_else(failed), sampled })
 }
+
+/// The states that can be seen of a system that has been put somewhere, with its events, a moment later; none where it
+/// cannot be there.
+pub(super) fn moment_later(setup: &Setup, states: &[f64], inputs: &[f64]) -> Option<TimeSeries> {
+    let signals = &setup.task.signals;
+    let mut graph = setup.graph.clone();
+    for (&state, value) in signals.states.iter().zip(states) {
+        graph.set_start(&setup.catalogue.variables()[state].path, &value.to_string(), "a state").ok()?;
+    }
+    let graph = sampling::in_continuous_time(&graph);
+    let mut series = TimeSeries::new(vec![0.0, MOMENT]).ok()?;
+    for (&input, &value) in signals.inputs.iter().zip(inputs) {
+        let variable = &setup.catalogue.variables()[input];
+        series.push(variable.name.clone(), variable.unit.clone(), vec![value; 2]).ok()?;
+    }
+    let options = Options { master: Algorithm::Monolithic, step: MOMENT, tolerance: None };
+    let stop = AtomicBool::new(false);
+    let later = simulate(&graph, &setup.catalogue, &signals.states, &Inputs::Held(&series), options, &stop);
+    Some(later.ok()?.states)
+}
+
+/// Length of a moment \[s\].
+const MOMENT: f64 = 1e-6;
 
 /// Inputs of a roll-out.
 enum Inputs<'a> {
