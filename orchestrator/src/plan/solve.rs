@@ -298,9 +298,14 @@ impl Session {
             ..optim::Settings::default()
         };
         let (statement, task, sampling) = (&setup.statement, &setup.task, setup.sampling.as_ref());
+        // With states in the middle of their own a motion comes nearer to what cannot be done.
+        let transcription = match pass.transcription {
+            Transcription::HermiteSimpson => Transcription::HermiteSimpsonSeparated,
+            other => other,
+        };
         for most in [COARSE, usize::MAX] {
             let intervals: Vec<usize> = pass.intervals.iter().map(|&count| count.min(most)).collect();
-            let pass = Pass { transcription: pass.transcription, intervals };
+            let pass = Pass { transcription, intervals };
             if assemble::check_samples(statement, task, sampling, pass.transcription, &pass.intervals)
                 .is_err()
             {
