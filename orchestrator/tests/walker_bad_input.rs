@@ -108,3 +108,13 @@ fn legs_without_length_on_the_ground_are_a_singular_contact_set() {
     let parts = ["phase `swing of leg 2`, initial states", "both feet is singular at l1 = 0 m, l2 = 0 m"];
     all_say(&changes, 1, &parts);
 }
+
+#[test]
+fn an_event_that_the_plan_does_not_have_is_named() {
+    // Without an impact foot 2 goes on at its velocity, into the ground.
+    let example = project().join("examples/04_half_step/problem.toml");
+    let text = std::fs::read_to_string(example).unwrap();
+    let from = text.find("[phase.reset]").unwrap();
+    let reset = &text[from..from + text[from..].find("[phase.final]").unwrap()];
+    says(reset, "", 20, &["does not go through the phases", "phase `double support`", "after an event"]);
+}

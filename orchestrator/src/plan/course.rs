@@ -73,10 +73,11 @@ pub fn departure(prepared: &Prepared, plan: &Trajectory, rollout: &Rollout) -> O
     }
     let course = Course::new(prepared, plan, rollout);
     let mut near = 0.0;
-    for (number, (phase, dynamics)) in plan.phases.iter().zip(&prepared.dynamics).enumerate() {
-        if let Some(departure) = (number > 0).then(|| course.start(prepared, phase)).flatten() {
-            return Some(departure);
-        }
+    let departure = plan.phases[1..].iter().find_map(|phase| course.start(prepared, phase));
+    if departure.is_some() {
+        return departure;
+    }
+    for (phase, dynamics) in plan.phases.iter().zip(&prepared.dynamics) {
         let mut dynamics = dynamics.duplicate().ok()?;
         match course.along(phase, dynamics.as_mut(), &mut near) {
             Verdict::Kept => {}
