@@ -369,10 +369,9 @@ mod tests {
         };
         let declared = search.fit(&[], &[], &[0.0, 0.0], &locals, 5);
         let pair = search.fit(&[0, 1], &[], &[0.0, 0.0], &locals, 10);
-        let single = fewer(&search, &declared, &[pair]);
-        let enough: Vec<&[usize]> =
-            single.iter().filter(|m| m.worst() < limit).map(|m| &m.added[..]).collect();
-        assert_eq!(enough, [[1]]);
+        assert!(pair.worst() < limit);
+        let enough = without_company(&search, &declared, [pair].into_iter(), limit);
+        assert_eq!(enough.iter().map(|m| &m.added[..]).collect::<Vec<_>>(), [[1]]);
     }
 
     #[test]
