@@ -36,10 +36,11 @@ study-swing-up: fmu  ## swing-up over the FMUs against CasADi with IPOPT, time a
 	scripts/setup.sh study
 	.venv/bin/python tests/study/swing_up.py out/study
 
-study-walker: fmu    ## compass-gait against MuJoCo; half a step against CasADi with IPOPT: out/study/walker.csv
+study-walker: fmu    ## compass-gait against MuJoCo and Drake; half a step against CasADi with IPOPT: out/study/walker.csv
 	scripts/setup.sh study
-	.venv/bin/python -m pip install --quiet --disable-pip-version-check mujoco==4.0.0
+	.venv/bin/python -m pip install --quiet --disable-pip-version-check mujoco==4.0.0 drake==1.51.1
 	.venv/bin/python tests/study/walker_mujoco.py
+	.venv/bin/python tests/study/walker_drake.py
 	.venv/bin/python tests/study/walker_casadi.py out/study
 
 fmu: setup-build     ## target/fmu/*.fmu, modelDescriptions/*.xml and the airloop binary

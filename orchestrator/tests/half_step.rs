@@ -26,9 +26,10 @@ fn text(folder: &Path, file: &str) -> String {
 }
 
 #[test]
-fn both_variants_have_three_phases_with_an_impact_between_the_first_two() {
+fn all_variants_have_three_phases_with_an_impact_between_the_first_two() {
     let Some(folder) = example() else { return };
-    for (file, states, inputs) in [("problem.toml", 15, 3), ("variant_a.toml", 12, 3)] {
+    for (file, states, inputs) in [("problem.toml", 15, 3), ("variant_a.toml", 12, 3), ("joint.toml", 19, 3)]
+    {
         let found = prepared(&folder, &text(&folder, file)).unwrap();
         assert_eq!(found.dynamics.len(), 3);
         assert!(found.resets[0].is_some() && found.resets[1].is_none());
@@ -105,6 +106,8 @@ fn phases_cannot_be_stabilised_without_their_guards_and_modes() {
     assert!(one.contains("1 guards for 3 phases"), "{one}");
     let unknown = message("guards = [\"walker.foot2.y\"", "guards = [\"walker.energy\"");
     assert!(unknown.contains("no output that the problem names"), "{unknown}");
+    let nowhere = message("guards = [\"walker.foot2.y\"", "guards = [\"walker.foot3.y\"");
+    assert!(nowhere.contains("walker.foot3.y") && nowhere.contains("walker.foot2.y"), "{nowhere}");
     let modes = message("modes = [2, 4, 3]", "modes = [2, 4]");
     assert!(modes.contains("2 modes for 3 phases"), "{modes}");
     let real = message("mode = \"walker.mode\"", "mode = \"walker.energy\"");

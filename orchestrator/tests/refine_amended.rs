@@ -57,6 +57,7 @@ fn answer(effects: Vec<Effect>, corrections: Vec<(String, f64, f64)>) -> Answer 
         before: Default::default(),
         after: Default::default(),
         noise: BTreeMap::new(),
+        floor: Default::default(),
         left: Default::default(),
         limit: 1.0,
         parameters: Default::default(),
@@ -76,6 +77,7 @@ fn effect(candidate: &Candidate, p: &[f64]) -> Effect {
         score: 1.0,
         parameters: quantities(candidate, p).into_iter().map(parameter).collect(),
         reason: String::new(),
+        stability: None,
     }
 }
 
@@ -234,6 +236,7 @@ fn chosen(id: &str, channel: &str, parameters: &[(&str, f64)]) -> Effect {
         score: 1.0,
         parameters: parameters.iter().map(parameter).collect(),
         reason: String::new(),
+        stability: None,
     }
 }
 

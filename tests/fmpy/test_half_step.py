@@ -98,6 +98,15 @@ def test_forces_of_the_ground_are_those_of_the_equations(plan):
             assert (np.abs(force[down, 0]) <= 0.6 * force[down, 1] + 1e-6).all()
 
 
+@pytest.mark.parametrize("words", [(), ("--variant", "A"), ("--variant", "J")], ids=["B", "A", "joint"])
+def test_forces_follow_from_the_energy_by_lagranges_equations(plan, words):
+    summary, _, _ = plan(*words)
+    forces = summary["recheck"]["forces"]
+    assert forces["largest_difference"] <= 1e-8
+    # That they were looked at: the weight is 147 N.
+    assert forces["largest_force"] == pytest.approx(155, abs=2)
+
+
 def test_every_limit_of_the_task_holds_at_the_nodes(plan):
     _, table, _ = plan()
     slack = 1e-7
@@ -174,6 +183,8 @@ def test_the_roll_out_of_the_tool_is_that_through_co_simulation(plan, shipped):
 
 
 def test_every_limit_is_kept_between_the_nodes_of_the_plan(plan):
+    jumping, _, _ = plan("--variant", "A")
+    assert min(limit["margin"] for limit in jumping["recheck"]["limits"]) > -1e-6
     summary, _, folder = plan()
     limits = summary["recheck"]["limits"]
     assert {limit["limit"] for limit in limits} >= {"clearance", "angle between the legs"}

@@ -1,13 +1,15 @@
 """Half step of the compass gait over its FMU against CasADi with IPOPT: `make study-walker`.
 
-    .venv/bin/python tests/study/walker_casadi.py [folder, default out/study] [AIRLOOP] [A|B ...] [INTERVALS, default 30,10,30 60,20,60]
+    .venv/bin/python tests/study/walker_casadi.py [folder, default out/study] [AIRLOOP] [A|B|J ...] [INTERVALS, default 30,10,30 60,20,60]
 
 The problem is written out by hand, another way than ours: four coordinates of the robot pinned on its standing foot,
 accelerations and the force of the second foot as variables, the equation of motion imposed at every knot and midpoint
 (Hermite-Simpson, separated). Nothing of the project's own code is used. Both start from a hip that glides on a line.
+Variant J is the joint problem: the toes (eq. 12 in continuous time) stand between the commands and the walker.
 
 CPU time: ours is that of the whole command (opening the FMUs, building, solving, writing), IPOPT's that of its solve
-alone. Then IPOPT starts once more from our plan and has to stay there. Writes walker.csv; prints it as a table.
+alone. The command for B plans the motion, then finds the commands of the toes and runs both closed chains: two stages,
+to which J is compared. Then IPOPT starts once more from our plan and has to stay there. Writes walker.csv; prints it as a table.
 Nothing fails here: read the ratios.
 """
 
@@ -24,12 +26,13 @@ os.environ["OMP_NUM_THREADS"] = "1"
 
 import casadi as ca  # noqa: E402  (the number of threads comes first)
 import numpy as np  # noqa: E402
+from scipy.linalg import logm  # noqa: E402
 
 ROOT = Path(__file__).resolve().parents[2]
 PROBLEM = ROOT / "examples" / "04_half_step" / "problem.toml"
 COLUMNS = [
     "variant", "intervals", "objective", "durations", "iterations", "command_cpu_s", "status", "ipopt_objective", "ipopt_durations",
-    "ipopt_iterations", "ipopt_solve_cpu_s", "ipopt_status", "ratio", "ipopt_from_ours_objective", "ipopt_from_ours_iterations",
+    "ipopt_iterations", "ipopt_solve_cpu_s", "ipopt_status", "ratio", "ipopt_from_ours_objective", "ipopt_from_ours_iterations", "joint_over_two_stages",
 ]  # fmt: skip
 
 # Parameters of the walker (README of the FMU).
@@ -43,6 +46,11 @@ STEP = 0.25
 K3 = (M3 * D**2 + I3) / 4
 STATIC = [np.array([0, 139.302, -7.848]) / LARGEST, np.array([0, -7.848, 139.302]) / LARGEST]
 RATE_COST, POSTURE = 4e-4, 1e-3
+# Eq. 12, one cylinder in parts of its largest force: s(k+1) = Ad s + Bd c, force = s_2 + 0.0503 c; then in continuous time.
+AD, B0 = np.array([[1.0081, -0.024], [0.0447, 0.9502]]), np.array([0.6297, 0.0503])
+BD = np.array([-0.6141, -0.046]) + AD @ B0
+TOE = logm(np.block([[AD, BD[:, None]], [np.zeros((1, 2)), np.eye(1)]])).real[:2] / 1e-3
+COMMAND_COST = 1e-9
 # The objective is some 0.04.
 SCALE = 100.0
 
@@ -123,6 +131,25 @@ def impact():
     return ca.Function("impact", [p, before, after, impulse], [ca.vertcat(slopes.T @ jump, second @ slopes @ after, across)])
 
 
+def steady(force):
+    """States and command of a cylinder that delivers a constant force."""
+    state = np.linalg.solve(np.eye(2) - AD, BD)
+    command = force / (state[1] + B0[1])
+    return np.append(state * command, command)
+
+
+def toes(z, rates):
+    """d z/dt, forces and their rates of both cylinders; z = [s, c, s, c], rates those of the commands."""
+    slopes, forces, changes = [], [], []
+    for i in range(2):
+        own, rate = z[3 * i : 3 * i + 3], rates[i]
+        slope = ca.DM(TOE) @ own
+        slopes.append(ca.vertcat(slope, rate))
+        forces.append(own[1] + B0[1] * own[2])
+        changes.append(slope[1] + B0[1] * rate)
+    return ca.vertcat(*slopes), ca.vertcat(*forces), ca.vertcat(*changes)
+
+
 class Builder:
     """Variables and constraints of a nonlinear program, with scales."""
 
@@ -164,14 +191,24 @@ class Phase:
         self.nodes = []
         for k in range(2 * count + 1):
             start = guess(number, k / (2 * count))
+            torque = b.variable(start["u"] if variant != "J" else start["u"][:1], -1, 1, 0.1)
+            rate = b.variable(start["r"] if variant != "J" else start["r"][:1], -500, 500) if variant != "A" else None
             node = {
                 "p": b.variable(start["p"], [-0.6, -0.6, 0.9, 0.9], [0.6, 0.6, 1.05, 1.05], [0.3, 0.3, 0.1, 0.1]),
                 "v": b.variable(start["v"], [-8, -8, -1, -1], [8, 8, 1, 1]),
                 "a": b.variable(start["a"], -np.inf, np.inf, 10.0),
-                "u": b.variable(start["u"], -1, 1, 0.1),
+                "u": torque,
                 "f": b.variable(start["f"], -np.inf, np.inf, FORCE) if number == 1 else ca.DM.zeros(2),
-                "r": b.variable(start["r"], -500, 500) if variant == "B" else None,
+                "r": rate,
+                "drive": torque,
+                "drive_rate": rate,
             }
+            if variant == "J":
+                limits_of_toe = np.array([np.inf, np.inf, 1] * 2)
+                node["z"] = b.variable(start["z"], -limits_of_toe, limits_of_toe, 0.1)
+                node["dc"] = b.variable(start["dc"], -np.inf, np.inf)
+                slopes, forces, changes = toes(node["z"], node["dc"])
+                node.update({"dz": slopes, "u": ca.vertcat(torque, forces), "r": ca.vertcat(rate, changes)})
             node["out"] = self.f(node["p"], node["v"], node["a"], node["u"], node["f"])
             self.nodes.append(node)
         for k, node in enumerate(self.nodes):
@@ -190,7 +227,7 @@ class Phase:
         if self.number == 1:
             b.constrain(foot_a, 0, 0, 10.0)
             self.cone(node["f"])
-        if not (self.number == 1 and k == last and self.variant == "B"):
+        if not (self.number == 1 and k == last and self.variant != "A"):
             self.cone(stance)
         if self.number != 1 and 0 < k < last:
             # In the first fifth of its swing foot 1 rises with the third power of time: 0.1 mm of room, as in ours.
@@ -203,7 +240,8 @@ class Phase:
 
     def interval(self, left, middle, right):
         b, h = self.b, self.duration / self.count
-        pairs = [("p", "v"), ("v", "a")] + ([("u", "r")] if self.variant == "B" else [])
+        pairs = [("p", "v"), ("v", "a")] + ([("drive", "drive_rate")] if self.variant != "A" else [])
+        pairs += [("z", "dz")] if self.variant == "J" else []
         for x, rate in pairs:
             x0, x1, xm = left[x], right[x], middle[x]
             f0, f1, fm = left[rate], right[rate], middle[rate]
@@ -212,7 +250,8 @@ class Phase:
 
         def density(node):
             running = ca.sumsqr(node["u"]) + POSTURE * ca.sumsqr((node["p"][2:4] - 1.02) / 0.05)
-            return running + (RATE_COST * ca.sumsqr(node["r"]) if self.variant == "B" else 0)
+            running += RATE_COST * ca.sumsqr(node["r"]) if self.variant != "A" else 0
+            return running + (COMMAND_COST * ca.sumsqr(node["dc"]) if self.variant == "J" else 0)
 
         b.objective += h / 6 * (density(left) + 4 * density(middle) + density(right))
 
@@ -238,11 +277,16 @@ def problem(variant, counts, guess):
     release, free = phases[1].nodes[-1], phases[2].nodes[0]
     b.constrain(free["p"] - release["p"], 0, 0)
     b.constrain(free["v"] - release["v"], 0, 0)
-    if variant == "B":
-        fix(first["u"], STATIC[0])
+    if variant != "A":
+        for name in ("drive", "z") if variant == "J" else ("drive",):
+            b.constrain(after[name] - landing[name], 0, 0)
+            b.constrain(free[name] - release[name], 0, 0)
+        if variant == "J":
+            fix(first["drive"], [0.0])
+            fix(first["z"], np.concatenate([steady(force) for force in STATIC[0][1:]]))
+        else:
+            fix(first["u"], STATIC[0])
         fix(last["u"], STATIC[1])
-        b.constrain(after["u"] - landing["u"], 0, 0)
-        b.constrain(free["u"] - release["u"], 0, 0)
         b.constrain(release["out"][1], 0, 0, FORCE)
     else:
         b.constrain(free["out"][4][1], 0, np.inf, 10.0)
@@ -277,7 +321,8 @@ class Glide:
         share = [1.0, 0.5, 0.0][number] if number != 1 else 1 - s
         u = share * STATIC[0] + (1 - share) * STATIC[1]
         force = [0.0, MASS * G * s] if number == 1 else [0, 0]
-        return {"p": self.place(t), "v": v, "a": np.zeros(4), "u": u, "f": force, "r": np.zeros(3)}
+        return {"p": self.place(t), "v": v, "a": np.zeros(4), "u": u, "f": force, "r": np.zeros(3),
+                "z": np.concatenate([steady(share) for share in u[1:]]), "dc": np.zeros(2)}  # fmt: skip
 
 
 class Plan:
@@ -301,6 +346,8 @@ class Plan:
         v = read(["walker.omega1", "walker.omega2", "walker.dl1", "walker.dl2"])
         if self.variant == "B":
             u, r = read(["forces.x[1]", "forces.x[2]", "forces.x[3]"]), read(["tau_rate", "F1_rate", "F2_rate"])
+        elif self.variant == "J":
+            u, r = read(["torque.x[1]", "toe1.y[1]", "toe2.y[1]"]), read(["tau_rate", "toe1.y[2]", "toe2.y[2]"])
         else:
             u, r = read(["walker.tau", "walker.F1", "walker.F2"]) / LARGEST, np.zeros(3)
         force = read(["walker.foot2.ft", "walker.foot2.fn"]) if number == 1 else np.zeros(2)
@@ -308,7 +355,11 @@ class Plan:
         zero = np.array(self.f[number](p, v, np.zeros(4), u, force)[0])[:, 0]
         columns = [np.array(self.f[number](p, v, e, u, force)[0])[:, 0] - zero for e in np.eye(4)]
         a = np.linalg.solve(np.column_stack(columns), -zero)
-        return {"p": p, "v": v, "a": a, "u": u, "f": force, "r": r}
+        node = {"p": p, "v": v, "a": a, "u": u, "f": force, "r": r}
+        if self.variant == "J":
+            node["z"] = read([f"toe{i}.x[{j}]" for i in (1, 2) for j in (1, 2, 3)])
+            node["dc"] = read(["c1_rate", "c2_rate"])
+        return node
 
 
 def solve(variant, counts, guess, warm=False):
@@ -345,30 +396,35 @@ def text(durations):
 def main():
     words = sys.argv[1:]
     meshes = [[int(n) for n in word.split(",")] for word in words if "," in word] or [[30, 10, 30], [60, 20, 60]]
-    variants = [word for word in words if word in ("A", "B")] or ["A", "B"]
-    places = [Path(word) for word in words if "," not in word and word not in ("A", "B")]
+    variants = [word for word in words if word in ("A", "B", "J")] or ["A", "B", "J"]
+    places = [Path(word) for word in words if "," not in word and word not in ("A", "B", "J")]
     folder = next((place for place in places if not place.is_file()), ROOT / "out" / "study")
     airloop = next((place for place in places if place.is_file()), ROOT / "target" / "release" / "airloop")
     folder.mkdir(parents=True, exist_ok=True)
     with open(folder / "walker.csv", "w", newline="") as file, tempfile.TemporaryDirectory() as scratch:
         writer = csv.DictWriter(file, COLUMNS)
         writer.writeheader()
+        two_stages = {}
         print("variant intervals  iterations  objective     durations              CPU s   IPOPT: iterations  objective     durations              CPU s  ratio  from ours: objective, iterations")
         for variant in variants:
             for counts in meshes:
                 summary, cpu = ours(airloop, variant, counts, Path(scratch) / "plan")
                 peer = solve(variant, counts, Glide())
                 again = solve(variant, counts, Plan(Path(scratch) / "plan", variant), warm=True)
+                if variant == "B":
+                    two_stages[tuple(counts)] = cpu
+                share = cpu / two_stages[tuple(counts)] if variant == "J" and tuple(counts) in two_stages else None
                 row = dict(zip(COLUMNS, [
                     variant, " ".join(map(str, counts)), summary["objective"], text(summary["durations"]), summary["iterations"], cpu,
                     summary["status"], peer["objective"], text(peer["durations"]), peer["iterations"], peer["cpu"], peer["status"],
-                    cpu / peer["cpu"], again["objective"], again["iterations"],
+                    cpu / peer["cpu"], again["objective"], again["iterations"], share,
                 ], strict=True))  # fmt: skip
                 writer.writerow(row)
                 print(
                     f"{variant:7} {row['intervals']:10} {row['iterations']:10}  {row['objective']:.9f}   {row['durations']}  {cpu:6.2f}"
                     f"   {row['ipopt_iterations']:17}  {row['ipopt_objective']:.9f}   {row['ipopt_durations']}  {peer['cpu']:6.2f}"
-                    f"  {row['ratio']:5.2f}  {again['objective']:.9f} {again['iterations']}  [{row['status']}; {row['ipopt_status']}]",
+                    f"  {row['ratio']:5.2f}  {again['objective']:.9f} {again['iterations']}  [{row['status']}; {row['ipopt_status']}]"
+                    + (f"  {share:.2f} times the two stages" if share else ""),
                     flush=True,
                 )
     print(f"written: {folder / 'walker.csv'}")

@@ -273,7 +273,7 @@ impl<M: Model> Instance<M> {
             return self.refuse(F, &refusal);
         }
         for (reference, value) in references.iter().zip(values) {
-            *value = self.duals[Real(*reference)].eps;
+            [*value] = self.duals[Real(*reference)].eps;
         }
         Status::OK
     }

@@ -1,5 +1,6 @@
 //! One FMU instance: its state, its life cycle, and the evaluation of its equations when they are needed.
 
+use crate::columns::Columns;
 use crate::ctypes::Status;
 use crate::definition::Definition;
 use crate::dual::Dual;
@@ -103,6 +104,7 @@ pub struct Instance<M: Model> {
     pub(crate) access: Access,
     pub(crate) work: Workspace,
     pub(crate) duals: Values<Dual>,
+    pub(crate) columns: Columns,
     /// Strings handed to the importer; valid until its next call.
     pub(crate) returned_strings: Vec<CString>,
 }
@@ -155,6 +157,7 @@ impl<M: Model> Instance<M> {
             guid: derived.map_or_else(|| definition.guid.clone(), |derived| derived.guid),
             start,
             duals: state.values.convert(),
+            columns: Columns::new(&state.values),
             work: Workspace::new(table.states().len(), table.number_of_event_indicators(), inputs.len()),
             access: Access::of(table),
             returned_strings: Vec::with_capacity(
@@ -197,6 +200,7 @@ impl<M: Model> Instance<M> {
     #[inline]
     pub(crate) fn update(&mut self) -> Outcome {
         if self.state.dirty {
+            self.columns.forget();
             self.prepare()?;
             if self.is_before_start() {
                 self.definition.model.initialize(&mut self.state.values)?;

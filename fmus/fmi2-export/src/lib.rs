@@ -9,6 +9,7 @@
 
 pub mod abi;
 mod co_simulation;
+mod columns;
 pub mod ctypes;
 mod declaration;
 mod definition;

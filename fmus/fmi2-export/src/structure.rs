@@ -147,7 +147,7 @@ impl<M: Model> Search<'_, M> {
                 for (&unknown, slopes) in unknowns.iter().zip(&mut slopes) {
                     let slope = match self.table.variables()[unknown].real() {
                         Some(y) if seeded => {
-                            let slope = dual[y].eps;
+                            let [slope] = dual[y].eps;
                             let straight =
                                 step.is_none_or(|s| is_straight(point.value[y], moved[y], slope, s));
                             if straight { slope } else { f64::NAN }
@@ -228,7 +228,7 @@ impl<M: Model> Search<'_, M> {
     fn seed(&self, known: &Variable, point: &Point, dual: &mut Values<Dual>, phase: Phase) -> bool {
         let Some(x) = known.real() else { return false };
         dual.copy_from_f64(&point.base);
-        dual[x].eps = 1.0;
+        dual[x].eps = [1.0];
         self.evaluate(known, dual, phase)
     }
 

@@ -99,6 +99,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
         evidence: &evidence,
         settings: &settings,
         system: system.then_some(amend::FOLDER),
+        signals: args.output.join(amend::FOLDER).join(amend::SIGNALS).is_file(),
     };
     report::write(&written, &args.output)?;
     if !args.quiet {

@@ -20,7 +20,7 @@ pub(super) enum Known {
 }
 
 /// See the module.
-#[derive(Debug, Clone)]
+#[derive(Debug)]
 pub(super) struct Memory {
     /// Numbers of a point, and of a whole record.
     key: usize,

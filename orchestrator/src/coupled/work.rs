@@ -28,7 +28,7 @@ pub(super) enum Trouble {
 }
 
 /// Numbers at a point.
-#[derive(Debug, Clone)]
+#[derive(Debug)]
 pub(super) struct Work {
     pub size: Size,
     /// States and inputs.
@@ -79,9 +79,24 @@ impl Work {
         }
     }
 
-    /// For other instances of the same components.
+    /// For other instances of the same components. What is in the memory stays behind: it is large.
     pub fn fresh(&self) -> Work {
-        Work { time: None, memory: self.memory.fresh(), place: None, ..self.clone() }
+        Work {
+            size: self.size,
+            point: self.point.clone(),
+            values: self.values.clone(),
+            arguments: self.arguments.clone(),
+            entries: self.entries.clone(),
+            rows: self.rows.clone(),
+            adjoint: self.adjoint.clone(),
+            curvatures: self.curvatures.clone(),
+            scratch: self.scratch.clone(),
+            buffer: self.buffer.clone(),
+            key: self.key.clone(),
+            memory: self.memory.fresh(),
+            place: None,
+            time: None,
+        }
     }
 
     /// The instances were made anew.

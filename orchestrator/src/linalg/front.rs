@@ -4,6 +4,7 @@
 //! The caller places the entries and reads what is left; who needs the remainder is not known here.
 
 use super::symmetric::Inertia;
+use multiversion::multiversion;
 
 /// Growth allowed in the first search for a pivot, and in the last resort before a row is left to the caller.
 const THRESHOLDS: [f64; 2] = [1e-2, 1e-7];
@@ -286,12 +287,7 @@ impl Front {
         unscaled.clear();
         unscaled.extend_from_slice(column);
         column.iter_mut().for_each(|value| *value *= inverse);
-        for (j, &factor) in unscaled.iter().enumerate() {
-            if factor != 0.0 {
-                let target = &mut tail[j * n + k + 1 + j..(j + 1) * n];
-                target.iter_mut().zip(&column[j..]).for_each(|(t, l)| *t -= l * factor);
-            }
-        }
+        subtract_one(tail, n, column, unscaled);
     }
 
     fn update_two(&mut self, k: usize, inverse: [f64; 3]) {
@@ -308,13 +304,29 @@ impl Front {
             *l = inverse[0] * a + inverse[1] * b;
             *m = inverse[1] * a + inverse[2] * b;
         }
-        for (j, (&a, &b)) in p.iter().zip(q.iter()).enumerate() {
-            if a != 0.0 || b != 0.0 {
-                let target = &mut tail[j * n + k + 2 + j..(j + 1) * n];
-                for (t, (l, m)) in target.iter_mut().zip(first[j..].iter().zip(&second[j..])) {
-                    *t -= l * a + m * b;
-                }
-            }
+        subtract_two(tail, n, [first, second], [p, q]);
+    }
+}
+
+/// `target -= column factors^T` on the lower triangle of the last rows of `target`, whose columns have `rows` entries.
+#[multiversion(targets("x86_64+avx2"))]
+fn subtract_one(target: &mut [f64], rows: usize, column: &[f64], factors: &[f64]) {
+    for (j, &factor) in factors.iter().enumerate() {
+        if factor != 0.0 {
+            let target = &mut target[(j + 1) * rows - (column.len() - j)..(j + 1) * rows];
+            target.iter_mut().zip(&column[j..]).for_each(|(t, l)| *t -= l * factor);
+        }
+    }
+}
+
+/// As above with two columns.
+#[multiversion(targets("x86_64+avx2"))]
+fn subtract_two(target: &mut [f64], rows: usize, columns: [&[f64]; 2], factors: [&[f64]; 2]) {
+    for (j, (&a, &b)) in factors[0].iter().zip(factors[1]).enumerate() {
+        if a != 0.0 || b != 0.0 {
+            let target = &mut target[(j + 1) * rows - (columns[0].len() - j)..(j + 1) * rows];
+            let both = columns[0][j..].iter().zip(&columns[1][j..]);
+            target.iter_mut().zip(both).for_each(|(t, (l, m))| *t -= l * a + m * b);
         }
     }
 }

@@ -89,7 +89,7 @@ fn one(
         Where::Everywhere => Place::Everywhere,
     };
     let path = |one: &super::task::PathLimit| Path {
-        limit: limit(&one.limit),
+        limit: limit(&one.with_margin()),
         place: place(one.at),
         window: [one.during.0, one.during.1],
     };

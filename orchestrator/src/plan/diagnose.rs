@@ -118,7 +118,9 @@ fn narrow(
     }
     let (solved, worst) = found;
     let (lower, upper) = path.limit.limits;
+    let phases = &prepared.task.phases;
     let complaint = Complaint {
+        phase: (phases.len() > 1).then(|| phases[place.0].name.clone()),
         name: path.limit.name.clone(),
         expression: path.limit.terms.first().map(|(signal, _)| name(prepared, *signal)).unwrap_or_default(),
         unit: path.limit.unit.clone().unwrap_or_default(),

@@ -5,7 +5,9 @@
 //! above.
 
 pub mod assemble;
+pub mod balance;
 pub mod catalogue;
+pub mod course;
 pub mod deliver;
 pub mod diagnose;
 mod error;
@@ -26,6 +28,7 @@ pub mod sweep;
 pub mod table;
 pub mod task;
 pub mod trials;
+pub mod vacuous;
 pub mod verify;
 
 pub use error::Error;

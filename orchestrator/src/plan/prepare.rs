@@ -161,6 +161,13 @@ fn open_dynamics(
     Ok(System::open(graph, &options)?)
 }
 
+/// The dynamics of a phase with other outputs than those of the task.
+pub(super) fn phase_dynamics(setup: &Setup, phase: usize, signals: &Signals) -> Result<System, Error> {
+    let mut graph = setup.graph.clone();
+    set(&setup.statement, &mut graph, &setup.statement.phases[phase].parameters)?;
+    open_dynamics(&setup.statement, &graph, &setup.catalogue, signals)
+}
+
 /// States of the task that belong to sampled components.
 fn sampled_states(
     graph: &SystemGraph,

@@ -3,6 +3,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::balance::Recomputed;
 use super::catalogue::Kind;
 use super::prepare::Setup;
 use super::task::Signal;
@@ -16,6 +17,9 @@ pub struct Recheck {
     pub phase_ends: Vec<PhaseEnd>,
     /// Every limit along the way, in the order of the problem.
     pub limits: Vec<Kept>,
+    /// Forces of constraints recomputed from the energy, where the problem says how.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub forces: Option<Recomputed>,
 }
 
 /// When a phase ends.
@@ -95,5 +99,5 @@ pub fn recheck(setup: &Setup, plan: &Trajectory, rollout: &Rollout) -> Recheck {
             }));
         }
     }
-    Recheck { phase_ends: phase_ends.collect(), limits }
+    Recheck { phase_ends: phase_ends.collect(), limits, forces: None }
 }

@@ -241,6 +241,9 @@ pub struct StickRecord {
 /// A rod.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct RodRecord {
+    /// Name in the figure; none: its angles.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub name: Option<String>,
     /// Columns of the angles \[rad\] whose mean is that of the rod.
     pub angles: Vec<String>,
     /// Its length \[m\]: a number, or a column.

@@ -5,7 +5,7 @@ use super::assemble;
 use super::catalogue::{Catalogue, Kind};
 use super::file::Text;
 use super::file::statement::{Reset, Statement};
-use super::task::{Reader, Signal, Signals};
+use super::task::{self, Reader, Signal, Signals};
 use crate::coupled::System;
 use crate::optim::EvaluationError;
 use crate::transcription::{After, Dynamics, Limit, Link, OutputReset};
@@ -16,9 +16,21 @@ pub struct Jump {
     dynamics: Box<dyn Dynamics>,
     after: Vec<After>,
     limits: Vec<Limit>,
+    /// The limits as stated.
+    stated: Vec<task::Limit>,
 }
 
 impl Jump {
+    /// The system, with the outputs that the limits refer to.
+    pub(super) fn dynamics(&mut self) -> &mut dyn Dynamics {
+        self.dynamics.as_mut()
+    }
+
+    /// Bounds of outputs, in the order of the problem file.
+    pub(super) fn stated(&self) -> Vec<task::Limit> {
+        self.stated.clone()
+    }
+
     /// The link, with an instance of its own.
     ///
     /// # Errors
@@ -71,17 +83,18 @@ pub fn resets(
                 }
             };
         }
-        let mut limits = Vec::new();
+        let (mut limits, mut stated) = (Vec::new(), Vec::new());
         for bound in &reset.bounds {
-            let limit = reader.bound(bound)?.limit;
+            let limit = reader.bound(bound)?.with_margin();
             if limit.terms.iter().any(|(signal, _)| !matches!(signal, Signal::Output(_))) {
                 let problem =
                     format!("`{}`: a bound of a reset is about outputs, such as impulses", limit.name);
                 return Err(statement.source.error_at(bound.place, problem));
             }
             limits.push(assemble::limit(&limit));
+            stated.push(limit);
         }
-        Ok(Jump { dynamics, after, limits })
+        Ok(Jump { dynamics, after, limits, stated })
     };
     statement.phases.iter().skip(1).map(|phase| phase.reset.as_ref().map(one).transpose()).collect()
 }

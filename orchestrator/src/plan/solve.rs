@@ -102,6 +102,8 @@ pub struct Solved {
     pub errors: Vec<IntervalErrors>,
     /// Where the solver could not do what was asked, one sentence each.
     pub notes: Vec<String>,
+    /// What the motion that breaks limits least has to break, where no motion was found; the worst first.
+    pub conflict: Vec<Complaint>,
 }
 
 impl Solved {
@@ -144,6 +146,12 @@ pub type Monitor<'m> = dyn FnMut(&Progress) -> ControlFlow<()> + 'm;
 
 /// Violations of more than this, in their own units, are reported by name.
 const VIOLATION: f64 = 1e-8;
+
+/// Iterations after which phases that may not fit together are looked at, and of that look.
+const PATIENCE: usize = 150;
+/// Most intervals of a phase there, and the stop test of the solver.
+const COARSE: usize = 10;
+const TOLERANCE_OF_CONFLICT: f64 = 1e-6;
 
 /// A problem with instances of its dynamics, for one or several solves.
 pub struct Session {
@@ -193,11 +201,29 @@ impl Session {
             let (statement, task) = (&setup.statement, &setup.task);
             assemble::check_samples(statement, task, sampling, pass.transcription, &pass.intervals)?;
         }
-        let (mut done, mut notes) = (Vec::new(), Vec::new());
+        let (mut done, mut notes, mut conflict) = (Vec::new(), Vec::new(), Vec::new());
         let mut found: Option<Outcome> = None;
         for (number, pass) in settings.passes.iter().enumerate() {
             let from = found.as_ref().map_or(begin, Begin::At);
-            let mut next = self.one(setup, settings, (number, &uniform(pass)), from, monitor)?;
+            let patient =
+                Settings { max_iterations: settings.max_iterations.min(PATIENCE), ..settings.clone() };
+            // Where phases do not fit together a search goes on for long and says little.
+            let rough = match from {
+                Begin::From(rough) if setup.task.phases.len() > 1 => Some(rough),
+                _ => None,
+            };
+            let first = if rough.is_some() { &patient } else { settings };
+            let mut next = self.one(setup, first, (number, &uniform(pass)), from, monitor)?;
+            if let Some(rough) = rough.filter(|_| failed(&next.1.solution)) {
+                conflict = self.conflict(setup, settings, pass, rough, monitor)?;
+                if !conflict.is_empty() {
+                    next.1.solution.status = Status::Infeasible;
+                } else if next.1.solution.status == Status::IterationLimit
+                    && patient.max_iterations < settings.max_iterations
+                {
+                    next = self.one(setup, settings, (number, &uniform(pass)), from, monitor)?;
+                }
+            }
             if number == 0
                 && is_lost(&next.1, settings)
                 && let Some(passes) = coarser(pass)
@@ -249,8 +275,46 @@ impl Session {
         let (max_defect, max_bound_violation) = (largest(&defects), largest(&others));
         // What the user asked for says more than an equation of the program.
         let worst = others.first().or(defects.first()).filter(|worst| worst.amount > VIOLATION);
-        let worst = worst.map(|worst| (*worst).clone());
-        Ok(Solved { outcome, done, max_defect, max_bound_violation, worst, errors, notes })
+        let worst = conflict.first().or(worst.copied()).cloned();
+        notes.extend(
+            conflict.iter().skip(1).map(|one| format!("the motion that breaks least also breaks {one}")),
+        );
+        Ok(Solved { outcome, done, max_defect, max_bound_violation, worst, errors, notes, conflict })
+    }
+
+    /// What has to be broken, by a motion on a coarse mesh, or on the own one where that is too coarse to tell; nothing where all
+    /// limits can be kept or it cannot be told.
+    fn conflict(
+        &mut self,
+        setup: &Setup,
+        settings: &Settings,
+        pass: &Pass,
+        rough: &Rough,
+        monitor: &mut Monitor,
+    ) -> Result<Vec<Complaint>, Error> {
+        let options = optim::Settings {
+            tolerance: TOLERANCE_OF_CONFLICT,
+            max_iterations: settings.max_iterations.min(PATIENCE),
+            ..optim::Settings::default()
+        };
+        let (statement, task, sampling) = (&setup.statement, &setup.task, setup.sampling.as_ref());
+        for most in [COARSE, usize::MAX] {
+            let intervals: Vec<usize> = pass.intervals.iter().map(|&count| count.min(most)).collect();
+            let pass = Pass { transcription: pass.transcription, intervals };
+            if assemble::check_samples(statement, task, sampling, pass.transcription, &pass.intervals)
+                .is_err()
+            {
+                continue;
+            }
+            let on = uniform(&pass);
+            let guess = knots(setup, rough, &on)?;
+            let mut watch = |iteration: &Iteration| monitor(&Progress { number: 0, pass: &pass, iteration });
+            let found = transcription::conflict(&mut self.problem, &on, &guess, &options, &mut watch)?;
+            if let Some(found) = found {
+                return Ok(found.complaints);
+            }
+        }
+        Ok(Vec::new())
     }
 
     /// Solves meshes one from the other; none where one of them fails or cannot be begun.

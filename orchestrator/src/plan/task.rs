@@ -63,6 +63,16 @@ pub struct PathLimit {
     pub at: Where,
     /// Part of the phase, 0 to 1.
     pub during: (f64, f64),
+    /// By how much stricter it is at the points of the mesh.
+    pub margin: f64,
+}
+
+impl PathLimit {
+    /// What holds at the points of the mesh.
+    pub fn with_margin(&self) -> Limit {
+        let (lower, upper) = self.limit.limits;
+        Limit { limits: (lower + self.margin, upper - self.margin), ..self.limit.clone() }
+    }
 }
 
 /// A term of the cost.
@@ -357,6 +367,16 @@ impl Reader<'_> {
             _ => Where::Nodes,
         };
         let own = &self.catalogue.variables()[index];
+        if limits.0 + bound.margin > limits.1 - bound.margin {
+            let problem = format!(
+                "`{}`: the margin {} leaves nothing between {} and {}",
+                bound.name.as_ref().unwrap_or(&own.name),
+                bound.margin,
+                limits.0,
+                limits.1
+            );
+            return Err(self.source.error_at(bound.place, problem));
+        }
         Ok(PathLimit {
             limit: Limit {
                 name: bound.name.clone().unwrap_or_else(|| own.name.clone()),
@@ -366,6 +386,7 @@ impl Reader<'_> {
             },
             at: bound.at.unwrap_or(by_kind),
             during: bound.during,
+            margin: bound.margin,
         })
     }
 

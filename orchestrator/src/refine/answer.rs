@@ -74,6 +74,21 @@ pub struct Effect {
     pub parameters: Vec<Parameter>,
     /// Why it was chosen or not, one sentence.
     pub reason: String,
+    /// How it holds on parts of the estimation records; none: not asked.
+    pub stability: Option<Stability>,
+}
+
+/// An effect on parts of the estimation records, each kept back in turn.
+#[derive(Debug, Clone, Default)]
+pub struct Stability {
+    /// Parts.
+    pub parts: usize,
+    /// Parts on which the model with the effect is better than the one without it, fitted on the others.
+    pub better: usize,
+    /// Share of the error on the parts that it takes away, their geometric mean.
+    pub gain: f64,
+    /// Least and largest value of each parameter, fitted without one part.
+    pub ranges: Vec<(f64, f64)>,
 }
 
 /// Errors of a set of records, by signal.
@@ -104,6 +119,9 @@ pub struct Answer {
     pub after: [Errors; 2],
     /// Noise by signal.
     pub noise: BTreeMap<String, f64>,
+    /// Error by signal that a true model shows, noise of inputs and initial states included: estimation, validation; empty
+    /// where it is the noise.
+    pub floor: [BTreeMap<String, f64>; 2],
     /// How far the declared and the corrected model are from noise, by signal: normalised powers.
     pub left: [Vec<(String, f64)>; 2],
     /// Largest of `left` that noise gives.
@@ -114,6 +132,14 @@ pub struct Answer {
     pub not_testable: Vec<(String, String)>,
     /// Remarks, one sentence each.
     pub notes: Vec<String>,
+}
+
+impl Answer {
+    /// Error of a signal on validation records that a true model shows; none where it is not known.
+    pub fn floor_of(&self, signal: &str) -> Option<f64> {
+        let floor = self.floor[1].get(signal).or(self.noise.get(signal));
+        floor.copied().filter(|floor| *floor > 0.0)
+    }
 }
 
 /// Finds what a rig's declared model lacks; `listener` hears how far it is.
@@ -227,6 +253,7 @@ fn trace(
             score: gain,
             parameters: interval::parameters(own, &model.fit, 1.0),
             reason: "with it, position and angle follow the measured force".into(),
+            stability: None,
         });
     }
     found.effects.retain(|e| !chosen.iter().any(|c| c.id == e.id && c.signal == e.signal));
@@ -298,6 +325,7 @@ fn screened(own: &Candidate, promise: &Promise, (declared, best): (&Model, &Mode
         group: None,
         score: gain - penalty * own.free.len() as f64,
         parameters: Vec::new(),
+        stability: None,
         reason: if gain < NOTICEABLE {
             "it promises no more than fitting noise gives".into()
         } else {
@@ -328,6 +356,7 @@ fn assemble(rig: &Rig, search: &Search<dyn System + '_>, selection: &Selection) 
             score: score(model),
             parameters: interval::parameters(own, &model.fit, penalty.exp()),
             reason,
+            stability: None,
         });
     };
     let verdict = match (selection.explained, best.added.is_empty()) {
@@ -420,6 +449,7 @@ fn assemble(rig: &Rig, search: &Search<dyn System + '_>, selection: &Selection) 
         before,
         after,
         noise,
+        floor: Default::default(),
         left: [declared.left.clone(), best.left.clone()],
         limit: search.null.quantile + MARGIN,
         parameters: [declared.fit.parameters.clone(), after_parameters.clone()],

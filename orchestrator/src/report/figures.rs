@@ -18,11 +18,11 @@ pub fn errors(answer: &Answer) -> Option<String> {
         .rms
         .iter()
         .filter_map(|(signal, rms)| {
-            let noise = answer.noise.get(signal).copied().filter(|noise| *noise > 0.0)?;
-            Some((signal.clone(), rms / noise, after.rms.get(signal)? / noise))
+            let floor = answer.floor_of(signal)?;
+            Some((signal.clone(), rms / floor, after.rms.get(signal)? / floor))
         })
         .collect();
-    let label = "rms error on validation records / noise floor of the sensor";
+    let label = "rms error on validation records / error that sensor noise alone gives";
     (!rows.is_empty()).then(|| bars("Error in multiples of the noise floor", &rows, (1.0, "noise"), label))
 }
 
@@ -33,8 +33,7 @@ pub fn ports(ports: &[Port], limit: f64) -> Option<String> {
         .map(|port| (format!("{} \u{2192} {}", port.from, port.to), port.left[0], port.left[1]))
         .collect();
     let label = "what is left, in standard deviations above sensor noise";
-    (!rows.is_empty())
-        .then(|| bars("Where in the rig something is left", &rows, (limit.max(1.0), "limit"), label))
+    (!rows.is_empty()).then(|| bars("Where something is left", &rows, (limit.max(1.0), "limit"), label))
 }
 
 /// Points of a curve over time: all of them, or the least and the largest of spans of equal length where there are more

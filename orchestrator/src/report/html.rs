@@ -65,6 +65,7 @@ pub fn text(report: &Report) -> String {
     }
     errors(&mut out, report);
     parameters(&mut out, report);
+    stability(&mut out, report);
     place(&mut out, report);
     for record in &evidence.records {
         let _ = writeln!(
@@ -90,7 +91,7 @@ fn errors(out: &mut String, report: &Report) {
     if let Some(svg) = figures::errors(report.answer) {
         figure(out, &svg);
     }
-    let _ = writeln!(out, "<p class=\"how\">{}</p>", escape(words::ERROR_NOTE));
+    let _ = writeln!(out, "<p class=\"how\">{}</p>", escape(words::error_note(report.answer)));
 }
 
 fn parameters(out: &mut String, report: &Report) {
@@ -106,6 +107,19 @@ fn parameters(out: &mut String, report: &Report) {
     if !report.evidence.curves.is_empty() {
         out.push_str("<p class=\"how\">The curve spans what the validation records moved through. The band combines the 95 % intervals of the parameters as if they were independent.</p>\n");
     }
+}
+
+fn stability(out: &mut String, report: &Report) {
+    let rows = words::stability_rows(report.answer);
+    if rows.is_empty() {
+        return;
+    }
+    let _ = writeln!(
+        out,
+        "<h2>How it holds on parts of the records</h2>\n<p class=\"how\">{}</p>",
+        escape(words::STABILITY_NOTE)
+    );
+    table(out, &words::STABILITY_HEADER, &[1], &plain(rows));
 }
 
 fn place(out: &mut String, report: &Report) {
@@ -133,7 +147,7 @@ fn candidates(out: &mut String, report: &Report) {
     if report.answer.effects.is_empty() {
         return;
     }
-    out.push_str("<h2>Candidates</h2>\n<p class=\"how\">Improvement: decrease of the Bayesian information criterion against the declared model on the estimation records. Margin: how much less than the best. Some 12 cannot be told apart.</p>\n");
+    out.push_str("<h2>Candidates</h2>\n<p class=\"how\">Improvement: decrease of the Bayesian information criterion against the declared model on the estimation records. Margin: how much less than the best; candidates within some 12 of each other cannot be told apart.</p>\n");
     let rows: Vec<(bool, Vec<String>)> = words::candidate_rows(report.answer)
         .into_iter()
         .zip(&report.answer.effects)
@@ -147,8 +161,9 @@ fn remarks(out: &mut String, report: &Report) {
     if let Some(system) = report.system {
         let _ = writeln!(
             out,
-            "<h2>The amended system</h2>\n<p>The declared system with what it lacks, as FMUs: <code>{0}/system.ssd</code>, <code>{0}/system.ssp</code>.</p>\n<pre>airloop run {0}/system.ssd --master monolithic --measured RECORD.csv -o out/amended</pre>",
-            escape(system)
+            "<h2>The amended system</h2>\n<p>The declared system with what it lacks, as FMUs: <code>{0}/system.ssd</code>, <code>{0}/system.ssp</code>.</p>\n<pre>{1}</pre>",
+            escape(system),
+            escape(&super::command(report, system))
         );
     }
     if !answer.corrections.is_empty() {

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use serde::Serialize;
 
 use super::{Report, next};
-use crate::refine::answer::{Errors, Verdict};
+use crate::refine::answer::{self, Answer, Errors, Verdict};
 
 /// Version of the layout of `report.json`.
 pub const SCHEMA_VERSION: u32 = 1;
@@ -21,6 +21,7 @@ struct Document<'a> {
     unexplained: Option<Unexplained<'a>>,
     residual: Residual<'a>,
     noise_floor: &'a BTreeMap<String, f64>,
+    error_floor: Floor<'a>,
     score_kind: &'static str,
     declared_corrections: BTreeMap<&'a str, Correction>,
     not_testable: BTreeMap<&'a str, &'a str>,
@@ -35,6 +36,12 @@ struct Settings {
     seed: u64,
     draws: usize,
     max_effects: usize,
+}
+
+#[derive(Serialize)]
+struct Floor<'a> {
+    estimation: &'a BTreeMap<String, f64>,
+    validation: &'a BTreeMap<String, f64>,
 }
 
 #[derive(Serialize)]
@@ -56,7 +63,15 @@ struct Effect<'a> {
     score: f64,
     margin: f64,
     params: BTreeMap<&'a str, Parameter<'a>>,
+    stability: Option<Stability<'a>>,
     reason: &'a str,
+}
+
+#[derive(Serialize)]
+struct Stability<'a> {
+    parts: usize,
+    better: usize,
+    ranges: BTreeMap<&'a str, [f64; 2]>,
 }
 
 #[derive(Serialize)]
@@ -101,6 +116,16 @@ fn set<'a>(before: &'a Errors, after: &'a Errors) -> Set<'a> {
     }
 }
 
+/// What noise alone gives; where it is carried nowhere, the noise.
+fn floor(answer: &Answer, set: usize) -> &BTreeMap<String, f64> {
+    if answer.floor[set].is_empty() { &answer.noise } else { &answer.floor[set] }
+}
+
+/// Names of the parameters of an effect.
+fn names(effect: &answer::Effect) -> impl Iterator<Item = &str> {
+    effect.parameters.iter().map(|p| p.name.as_str())
+}
+
 /// The word of a verdict.
 pub fn word(verdict: Verdict) -> &'static str {
     match verdict {
@@ -132,6 +157,11 @@ pub fn text(report: &Report) -> String {
                 )
             })
             .collect(),
+        stability: e.stability.as_ref().map(|own| Stability {
+            parts: own.parts,
+            better: own.better,
+            ranges: names(e).zip(own.ranges.iter().map(|range| [range.0, range.1])).collect(),
+        }),
         reason: &e.reason,
     });
     let finite = |value: f64| value.is_finite().then_some(value);
@@ -155,6 +185,7 @@ pub fn text(report: &Report) -> String {
             validation: set(&answer.before[1], &answer.after[1]),
         },
         noise_floor: &answer.noise,
+        error_floor: Floor { estimation: floor(answer, 0), validation: floor(answer, 1) },
         score_kind: "delta BIC",
         declared_corrections: answer
             .corrections

@@ -47,11 +47,17 @@ pub fn text(report: &Report) -> String {
         &words::ERROR_HEADER,
         words::errors(answer, &evidence.signals).into_iter().map(Vec::from),
     );
-    let _ = writeln!(out, "{}\n", words::ERROR_NOTE);
+    let _ = writeln!(out, "{}\n", words::error_note(answer));
     let rows = words::parameter_rows(answer);
     if !rows.is_empty() {
         heading(&mut out, "Parameters");
         table(&mut out, &words::PARAMETER_HEADER, rows);
+    }
+    let rows = words::stability_rows(answer);
+    if !rows.is_empty() {
+        heading(&mut out, "How it holds on parts of the records");
+        let _ = writeln!(out, "{}\n", words::STABILITY_NOTE);
+        table(&mut out, &words::STABILITY_HEADER, rows);
     }
     if !evidence.ports.is_empty() {
         heading(&mut out, "Where it sits");
@@ -92,7 +98,8 @@ pub fn text(report: &Report) -> String {
         heading(&mut out, "The amended system");
         let _ = writeln!(
             out,
-            "`{system}/system.ssd` and `{system}/system.ssp`: the declared system with what it lacks, as FMUs.\n\n    airloop run {system}/system.ssd --master monolithic --measured RECORD.csv -o out/amended\n"
+            "`{system}/system.ssd` and `{system}/system.ssp`: the declared system with what it lacks, as FMUs.\n\n    {}\n",
+            super::command(report, system)
         );
     }
     if !answer.corrections.is_empty() {

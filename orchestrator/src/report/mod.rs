@@ -15,6 +15,7 @@ pub mod words;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
+use crate::refine::amend;
 use crate::refine::answer::{Answer, Settings};
 use crate::refine::evidence::Evidence;
 use crate::series::file::write_whole;
@@ -47,6 +48,15 @@ pub struct Report<'a> {
     pub settings: &'a Settings,
     /// Folder of the amended system beside the report, if one was written.
     pub system: Option<&'a str>,
+    /// Whether a table of the columns of the records stands in that folder.
+    pub signals: bool,
+}
+
+/// The command that runs the amended system in `folder` beside a record.
+fn command(report: &Report, folder: &str) -> String {
+    let table =
+        if report.signals { format!(" --signals {folder}/{}", amend::SIGNALS) } else { String::new() };
+    format!("airloop run {folder}/system.ssd --master monolithic --measured RECORD.csv{table} -o out/amended")
 }
 
 /// Writes all forms of the report into a folder.

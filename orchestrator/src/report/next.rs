@@ -7,6 +7,8 @@ use crate::refine::answer::{Answer, Effect, Verdict};
 
 /// Share of a value above which its 95 % interval counts as wide.
 const WIDE: f64 = 0.3;
+/// Error as a multiple of its floor up to which nothing worth measuring is left.
+const COMPLETE: f64 = 3.0;
 
 /// Pieces of advice, most useful first, one sentence each.
 pub fn advice(answer: &Answer) -> Vec<String> {
@@ -63,6 +65,13 @@ pub fn advice(answer: &Answer) -> Vec<String> {
             "A chamber pressure sensor would make an error of the effective piston area (act.area) testable."
                 .into(),
         );
+    }
+    let times = |(signal, rms): (&String, &f64)| Some(rms / answer.floor[1].get(signal)?);
+    let left = answer.after[1].rms.iter().filter_map(times).fold(0.0, f64::max);
+    if answer.verdict == Verdict::Effect && left > COMPLETE {
+        found.push(format!(
+            "The same motion as a validation record once more: what both runs leave alike (up to {left:.1} times what the sensors give) the model still lacks, the rest changes from run to run."
+        ));
     }
     if found.is_empty() {
         found.push(match answer.verdict {

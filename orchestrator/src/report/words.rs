@@ -98,13 +98,13 @@ pub fn effect_on_error(answer: &Answer) -> Option<String> {
     }
     let (before, after) = (&answer.before[1].rms, &answer.after[1].rms);
     let improved = before.iter().filter_map(|(signal, rms)| {
-        let noise = answer.noise.get(signal).copied().filter(|noise| *noise > 0.0)?;
+        let floor = answer.floor_of(signal)?;
         let left = *after.get(signal)?;
-        Some((signal, rms / noise, left / noise))
+        Some((signal, rms / floor, left / floor))
     });
     let (signal, from, to) = improved.max_by(|a, b| (a.1 / a.2).total_cmp(&(b.1 / b.2)))?;
     Some(format!(
-        "With it, the error of {signal} on records that the fit has not seen falls from {} to {} times the sensor noise.",
+        "With it, the error of {signal} on records that the fit has not seen falls from {} to {} times what sensor noise alone gives.",
         super::chart::short(from),
         super::chart::short(to)
     ))
@@ -117,9 +117,16 @@ pub fn rivals(answer: &Answer) -> Vec<String> {
 
 /// Header of [`errors`].
 pub const ERROR_HEADER: [&str; 7] =
-    ["signal", "noise rms", "rms before", "rms after", "NRMSE before", "NRMSE after", "times noise"];
+    ["signal", "noise rms", "rms before", "rms after", "NRMSE before", "NRMSE after", "times floor"];
+
 /// What the columns of [`errors`] mean.
-pub const ERROR_NOTE: &str = "Simulated from the command over whole records that the fit has not seen. NRMSE: rms error over the standard deviation of the measured signal. Times noise: rms error over the noise floor of the sensor; 1 is as good as the sensor can tell.";
+pub fn error_note(answer: &Answer) -> &'static str {
+    if answer.floor[1].is_empty() {
+        "Simulated from the command over whole records that the fit has not seen. NRMSE: rms error over the standard deviation of the measured signal. Times floor: rms error over the noise of the sensor; 1 is as good as the sensor can tell."
+    } else {
+        "Simulated as the study says, on records that the fit has not seen. NRMSE: rms error over the standard deviation of the measured signal. Times floor: rms error over that of a true model, which is the noise of the sensors carried through measured inputs, initial states, filters and derivatives; 1 is as good as these sensors can tell."
+    }
+}
 
 /// Rows of the table of errors on validation records.
 pub fn errors(answer: &Answer, signals: &[Signal]) -> Vec<[String; 7]> {
@@ -127,12 +134,13 @@ pub fn errors(answer: &Answer, signals: &[Signal]) -> Vec<[String; 7]> {
     let row = |(signal, &rms): (&String, &f64)| {
         let left = after.rms.get(signal).copied().unwrap_or(f64::NAN);
         let noise = answer.noise.get(signal).copied().unwrap_or(f64::NAN);
+        let floor = answer.floor_of(signal).unwrap_or(f64::NAN);
         let share = |errors: &crate::refine::answer::Errors| {
             format!("{:.2} %", 100.0 * errors.nrmse.get(signal).copied().unwrap_or(f64::NAN))
         };
         let unit = signals.iter().find(|own| own.name == *signal).map_or("", |own| own.unit.as_str());
         let shown = if unit.is_empty() { signal.clone() } else { format!("{signal} [{unit}]") };
-        let times = format!("{:.2} \u{2192} {:.2}", rms / noise, left / noise);
+        let times = format!("{:.2} \u{2192} {:.2}", rms / floor, left / floor);
         [shown, number(noise), number(rms), number(left), share(before), share(after), times]
     };
     before.rms.iter().map(row).collect()
@@ -148,6 +156,30 @@ pub fn parameter_rows(answer: &Answer) -> Vec<Vec<String>> {
             let half = 0.5 * (p.interval.1 - p.interval.0);
             let [value, low, high] = [p.value, p.interval.0, p.interval.1].map(|v| rounded(v, half));
             vec![name(effect), p.name.clone(), value, low, high, p.unit.clone()]
+        })
+    });
+    rows.collect()
+}
+
+/// Header of [`stability_rows`].
+pub const STABILITY_HEADER: [&str; 4] =
+    ["effect", "parts it helps on", "parameter", "values without one part"];
+/// What stability means.
+pub const STABILITY_NOTE: &str = "The estimation records in parts, each kept back in turn: on how many of them the model with the effect, fitted on the others, is better than the one without it, and between which values its parameters then move. Company that helps on no more than half of the parts, and little, is left out.";
+
+/// How effects hold on parts of the estimation records.
+pub fn stability_rows(answer: &Answer) -> Vec<Vec<String>> {
+    let known = answer.effects.iter().filter_map(|effect| Some((effect, effect.stability.as_ref()?)));
+    let rows = known.flat_map(|(effect, own)| {
+        effect.parameters.iter().zip(&own.ranges).map(move |(p, (low, high))| {
+            let unit = if p.unit == "1" { String::new() } else { format!(" {}", p.unit) };
+            let (low, high) = (rounded(*low, high - low), rounded(*high, high - low));
+            vec![
+                name(effect),
+                format!("{} of {}", own.better, own.parts),
+                p.name.clone(),
+                format!("{low} to {high}{unit}"),
+            ]
         })
     });
     rows.collect()

@@ -27,6 +27,7 @@ mod pattern;
 mod probe;
 pub mod problem;
 pub mod program;
+pub mod relaxed;
 mod scheme;
 pub mod solve;
 pub mod trajectory;
@@ -44,6 +45,7 @@ pub use problem::{
     Cost, Duration, Limit, Path, Phase, Place, Problem, Quantity, RateLimit, Shooting, Variable,
 };
 pub use program::{Discretisation, Program};
+pub use relaxed::{Conflict, conflict};
 pub use solve::{From, Outcome, Refinement, Round, refine, refined, solve_on};
 pub use trajectory::{Interpolation, PhaseTrajectory, Trajectory};
 

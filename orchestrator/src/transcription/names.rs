@@ -3,7 +3,7 @@
 use std::fmt;
 
 use super::part::{Label, Part};
-use super::problem::{Limit, Quantity, Variable};
+use super::problem::{Quantity, Variable};
 use super::program::{Position, Program};
 use crate::optim::Nlp;
 
@@ -51,7 +51,7 @@ pub(super) fn constraint(program: &Program<'_>, constraint: usize) -> String {
             };
             format!("{}{name} at t = {time:.4} s", prefix(program, part))
         }
-        Some(Position::Joint(name, _, time)) => format!("{name} at t = {time:.4} s"),
+        Some(Position::Joint(_, name, _, time)) => format!("{name} at t = {time:.4} s"),
     }
 }
 
@@ -79,9 +79,12 @@ fn expression(quantity: &Quantity, names: &[String], states: usize, inputs: usiz
     text
 }
 
-/// A violated limit. [`fmt::Display`] gives e.g. `stroke: |x| <= 0.15 m at t = 1.28 s violated by 3 mm`.
+/// A violated limit. [`fmt::Display`] gives e.g. `stroke: |x| <= 0.15 m at t = 1.28 s violated by 3 mm`,
+/// after the phase where there are several.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Complaint {
+    /// Phase, where there are several; that of a link is the phase it leads to.
+    pub phase: Option<String>,
     /// Name of the limit or of the equation.
     pub name: String,
     /// What is bounded, in words; empty for equations of the program itself.
@@ -100,7 +103,10 @@ pub struct Complaint {
 
 impl fmt::Display for Complaint {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Complaint { name, expression, unit, lower, upper, time, amount } = self;
+        let Complaint { phase, name, expression, unit, lower, upper, time, amount } = self;
+        if let Some(phase) = phase {
+            write!(f, "phase `{phase}`, ")?;
+        }
         write!(f, "{name}")?;
         let unit = if unit.is_empty() { String::new() } else { format!(" {unit}") };
         if !expression.is_empty() {
@@ -180,7 +186,9 @@ impl Program<'_> {
     }
 
     fn complaint(&self, constraint: usize, amount: f64) -> Option<Complaint> {
-        let plain = |name: String, time: f64| Complaint {
+        let several = self.parts.len() > 1;
+        let plain = |phase: &str, name: String, time: f64| Complaint {
+            phase: several.then(|| phase.to_owned()),
             name,
             expression: String::new(),
             unit: String::new(),
@@ -190,22 +198,22 @@ impl Program<'_> {
             amount,
         };
         Some(match self.position(constraint)? {
-            Position::Limit(part, limit, time) => of_limit(part, &part.limits[limit], time, amount),
+            Position::Limit(part, limit, time) => of_limit((part, several), limit, time, amount),
             Position::Defect(part, row, time) => {
-                plain(format!("defect of {}", part.names[row % part.layout.states]), time)
+                plain(&part.name, format!("defect of {}", part.names[row % part.layout.states]), time)
             }
             Position::Linear(part, Label::Rate(rate), time) => {
                 let (name, unit) = part.rates[rate].clone();
-                Complaint { unit, ..plain(name, time) }
+                Complaint { unit, ..plain(&part.name, name, time) }
             }
-            Position::Linear(_, _, time) => plain("duration".to_owned(), time),
-            Position::Joint(name, None, time) => plain(name, time),
-            Position::Joint(name, Some(limit), time) => Complaint {
+            Position::Linear(part, _, time) => plain(&part.name, "duration".to_owned(), time),
+            Position::Joint(part, name, None, time) => plain(&part.name, name, time),
+            Position::Joint(part, name, Some(limit), time) => Complaint {
                 expression: "reset".to_owned(),
                 unit: limit.unit.clone(),
                 lower: limit.lower,
                 upper: limit.upper,
-                ..plain(name, time)
+                ..plain(&part.name, name, time)
             },
         })
     }
@@ -221,7 +229,7 @@ impl Program<'_> {
         let s = if inside { 0.5 * (part.fractions[k] + next) } else { part.fractions[k] };
         let time = begin + s * part.duration_at(self.last_point());
         let limit = self.bounds.origin[variable][side]?;
-        Some(of_limit(part, &part.limits[limit], time, amount))
+        Some(of_limit((part, self.parts.len() > 1), limit, time, amount))
     }
 }
 
@@ -230,8 +238,10 @@ struct Bound {
     upper: f64,
 }
 
-fn of_limit(part: &Part, limit: &Limit, time: f64, amount: f64) -> Complaint {
+fn of_limit((part, several): (&Part, bool), limit: usize, time: f64, amount: f64) -> Complaint {
+    let limit = &part.limits[limit];
     Complaint {
+        phase: several.then(|| part.name.clone()),
         name: limit.name.clone(),
         expression: expression(&limit.quantity, &part.names, part.layout.states, part.layout.inputs),
         unit: limit.unit.clone(),

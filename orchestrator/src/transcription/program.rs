@@ -356,8 +356,8 @@ pub(super) enum Position<'a> {
     Defect(&'a Part, usize, f64),
     /// A linear constraint of a part.
     Linear(&'a Part, Label, f64),
-    /// Constraint of a joint, its name and the limit where it is one, at a time.
-    Joint(String, Option<&'a Limit>, f64),
+    /// Constraint of a joint, the part it leads to, its name and the limit where it is one, at a time.
+    Joint(&'a Part, String, Option<&'a Limit>, f64),
 }
 
 impl Program<'_> {
@@ -388,6 +388,6 @@ impl Program<'_> {
         }
         let (i, joint) = self.joints.iter().enumerate().rfind(|(_, joint)| joint.first <= constraint)?;
         let (name, limit) = joint.name(constraint - joint.first);
-        Some(Position::Joint(name, limit, begins[i + 1]))
+        Some(Position::Joint(&self.parts[i + 1], name, limit, begins[i + 1]))
     }
 }

@@ -29,6 +29,7 @@ pub unsafe fn set_fmu_state<M: Model>(c: Component, state: FmuState) -> Status {
     call::<M>(c, Function::fmi2SetFMUstate, |i| match snapshot(state) {
         Some(snapshot) => {
             i.state.copy_from(&snapshot.state);
+            i.columns.forget();
             Status::OK
         }
         None => i.error("fmi2SetFMUstate", "the FMU state is a null pointer"),

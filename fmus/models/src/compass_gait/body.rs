@@ -176,10 +176,12 @@ impl<S: Scalar> Body<S> {
     /// Kinetic energy, and potential energy with all masses at height 0 as its zero \[J\].
     pub fn energy(&self, p: &Pose<S>, h: &[Vector<S>; N]) -> S {
         let mut twice_kinetic = S::zero();
-        for (row, v) in h.iter().zip(&p.v) {
-            for (entry, w) in row.iter().zip(&p.v) {
-                twice_kinetic += *entry * *v * *w;
+        for (i, row) in h.iter().enumerate() {
+            let mut momentum = row[i] * p.v[i];
+            for (entry, v) in row.iter().zip(&p.v).take(i) {
+                momentum += *entry * *v * 2.0;
             }
+            twice_kinetic += momentum * p.v[i];
         }
         let mut moment = self.mass() * p.q[1] + self.half_trunk() * p.cos3 * 2.0;
         for i in 0..2 {

@@ -15,15 +15,9 @@ pub type OnFeet<S> = [[S; 2]; 2];
 pub struct Mechanics<S> {
     body: Body<S>,
     pose: Pose<S>,
-    mass: [Vector<S>; N],
+    /// Kinetic and potential energy \[J\].
+    pub energy: S,
     factors: Ldl<S, N>,
-}
-
-/// `H^-1 J^T` by columns, the rows of J, and the factors of `J H^-1 J^T`.
-struct Constraint<S> {
-    feet: Feet,
-    responses: [Vector<S>; 4],
-    factors: Ldl<S, 4>,
 }
 
 impl<S: Scalar> Mechanics<S> {
@@ -31,22 +25,19 @@ impl<S: Scalar> Mechanics<S> {
     ///
     /// # Errors
     /// When it is not positive definite.
+    #[inline]
     pub fn new(body: Body<S>, pose: Pose<S>) -> Result<Self, Refusal> {
         let mass = body.mass_matrix(&pose);
-        let factors = Ldl::of(&mass, N).map_err(|row| {
-            Refusal::Discard(format!(
+        let energy = body.energy(&pose, &mass);
+        match Ldl::of(mass) {
+            Ok(factors) => Ok(Self { body, pose, energy, factors }),
+            Err(row) => Err(Refusal::Discard(format!(
                 "the mass matrix is not positive definite at {} with l1 = {} m, l2 = {} m; check masses and inertias",
                 ["x", "y", "th1", "th2", "l1", "l2"][row],
                 pose.q[4].value(),
                 pose.q[5].value()
-            ))
-        })?;
-        Ok(Self { body, pose, mass, factors })
-    }
-
-    /// Kinetic and potential energy \[J\].
-    pub fn energy(&self) -> S {
-        self.body.energy(&self.pose, &self.mass)
+            ))),
+        }
     }
 
     /// Accelerations and ground forces under the generalised forces of `tau`, `F1`, `F2`:
@@ -80,48 +71,41 @@ impl<S: Scalar> Mechanics<S> {
         w: &mut Vector<S>,
         offset: impl Fn(&Pose<S>, usize) -> [S; 2],
     ) -> Result<OnFeet<S>, Refusal> {
-        let mut on_feet = [[S::zero(); 2]; 2];
-        if feet.is_empty() {
-            return Ok(on_feet);
+        match feet {
+            Feet::NONE => Ok([[S::zero(); 2]; 2]),
+            Feet::BOTH => self.hold_rows::<4>(feet, w, offset),
+            _ => self.hold_rows::<2>(feet, w, offset),
         }
-        let constraint = self.constraint(feet)?;
-        let mut needed = [S::zero(); 4];
-        for (k, i) in constraint.feet.iter().enumerate() {
-            let (rate, offset) = (self.pose.foot_rate(i, w), offset(&self.pose, i));
-            for row in 0..2 {
-                needed[2 * k + row] = -(rate[row] + offset[row]);
-            }
-        }
-        constraint.factors.solve(&mut needed);
-        for (k, i) in constraint.feet.iter().enumerate() {
-            on_feet[i] = [needed[2 * k], needed[2 * k + 1]];
-            for (push, response) in on_feet[i].iter().zip(&constraint.responses[2 * k..]) {
-                w.iter_mut().zip(response).for_each(|(w, response)| *w += *response * *push);
-            }
-        }
-        Ok(on_feet)
     }
 
-    fn constraint(&self, feet: Feet) -> Result<Constraint<S>, Refusal> {
-        let mut responses = [[S::zero(); N]; 4];
-        let mut rows = 0;
-        for i in feet.iter() {
-            for row in self.pose.foot_jacobian(i) {
-                responses[rows] = row;
-                self.factors.solve(&mut responses[rows]);
-                rows += 1;
+    /// As above with the number of rows of J: two per foot.
+    fn hold_rows<const R: usize>(
+        &self,
+        feet: Feet,
+        w: &mut Vector<S>,
+        offset: impl Fn(&Pose<S>, usize) -> [S; 2],
+    ) -> Result<OnFeet<S>, Refusal> {
+        // H^-1 J^T by columns.
+        let mut responses = [[S::zero(); N]; R];
+        let mut needed = [S::zero(); R];
+        for (k, i) in feet.iter().enumerate() {
+            let (rate, offset) = (self.pose.foot_rate(i, w), offset(&self.pose, i));
+            for (row, jacobian) in self.pose.foot_jacobian(i).into_iter().enumerate() {
+                needed[2 * k + row] = -(rate[row] + offset[row]);
+                responses[2 * k + row] = jacobian;
+                self.factors.solve(&mut responses[2 * k + row]);
             }
         }
         // J H^-1 J^T, symmetric: the velocity that each response gives each foot.
-        let mut inverse_inertia = [[S::zero(); 4]; 4];
-        for (column, response) in responses[..rows].iter().enumerate() {
+        let mut inverse_inertia = [[S::zero(); R]; R];
+        for (column, response) in responses.iter().enumerate() {
             for (k, i) in feet.iter().enumerate() {
                 let [x, y] = self.pose.foot_rate(i, response);
                 inverse_inertia[2 * k][column] = x;
                 inverse_inertia[2 * k + 1][column] = y;
             }
         }
-        let factors = Ldl::of(&inverse_inertia, rows).map_err(|_| {
+        let factors = Ldl::of(inverse_inertia).map_err(|_| {
             Refusal::Discard(format!(
                 "the contact of {} is singular at l1 = {} m, l2 = {} m: a leg without length cannot hold its foot",
                 if feet == Feet::BOTH { "both feet" } else { "one foot" },
@@ -129,6 +113,14 @@ impl<S: Scalar> Mechanics<S> {
                 self.pose.q[5].value()
             ))
         })?;
-        Ok(Constraint { feet, responses, factors })
+        factors.solve(&mut needed);
+        let mut on_feet = [[S::zero(); 2]; 2];
+        for (k, i) in feet.iter().enumerate() {
+            on_feet[i] = [needed[2 * k], needed[2 * k + 1]];
+            for (push, response) in on_feet[i].iter().zip(&responses[2 * k..]) {
+                w.iter_mut().zip(response).for_each(|(w, response)| *w += *response * *push);
+            }
+        }
+        Ok(on_feet)
     }
 }

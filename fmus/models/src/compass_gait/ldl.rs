@@ -2,55 +2,58 @@
 
 use fmi2_export::Scalar;
 
-/// `A = L D L^T` of the leading `n` rows of a matrix, without pivoting.
+/// `A = L D L^T` without pivoting.
 pub struct Ldl<S, const N: usize> {
-    n: usize,
-    /// Below the diagonal.
-    l: [[S; N]; N],
-    d: [S; N],
+    /// `L^T` above the diagonal, the inverse of D on it; below it what the factorisation left.
+    factors: [[S; N]; N],
 }
 
 impl<S: Scalar, const N: usize> Ldl<S, N> {
-    /// Reads the lower triangle of the leading `n` rows of `a`; gives the row of the first pivot that is not
-    /// positive, where there is one.
-    pub fn of(a: &[[S; N]; N], n: usize) -> Result<Self, usize> {
-        let mut l = [[S::zero(); N]; N];
-        let mut d = [S::zero(); N];
-        for j in 0..n {
-            let mut pivot = a[j][j];
+    /// Of the lower triangle of a matrix; gives the row of the first pivot that is not positive, where there is one.
+    // Inlined: the copies of the matrices cost more than a call saves.
+    #[inline(always)]
+    // An element stands beside its mirror image.
+    #[allow(clippy::needless_range_loop)]
+    pub fn of(mut f: [[S; N]; N]) -> Result<Self, usize> {
+        for j in 0..N {
+            // Below the diagonal stands L D, so that each product needs one factor of both.
+            let (mut pivot, diagonal) = (f[j][j], f[j][j].value());
             for k in 0..j {
-                pivot -= l[j][k] * l[j][k] * d[k];
+                pivot -= f[j][k] * f[k][j];
             }
             // Relative to the diagonal: what is left of a dependent row is rounding.
-            if pivot.value().is_nan() || pivot.value() <= 1e-14 * a[j][j].value().abs() {
+            if pivot.value().is_nan() || pivot.value() <= 1e-14 * diagonal.abs() {
                 return Err(j);
             }
-            d[j] = pivot;
-            for i in j + 1..n {
-                let mut entry = a[i][j];
+            let inverse = S::from(1.0) / pivot;
+            f[j][j] = inverse;
+            for i in j + 1..N {
+                let mut entry = f[i][j];
                 for k in 0..j {
-                    entry -= l[i][k] * l[j][k] * d[k];
+                    entry -= f[i][k] * f[k][j];
                 }
-                l[i][j] = entry / pivot;
+                f[i][j] = entry;
+                f[j][i] = entry * inverse;
             }
         }
-        Ok(Self { n, l, d })
+        Ok(Self { factors: f })
     }
 
-    /// Replaces the leading `n` entries of `b` by those of `A^-1 b`.
+    /// `b <- A^-1 b`.
     pub fn solve(&self, b: &mut [S; N]) {
-        for i in 0..self.n {
-            for k in 0..i {
-                let known = self.l[i][k] * b[k];
-                b[i] -= known;
+        let f = &self.factors;
+        for k in 0..N {
+            let known = b[k];
+            for i in k + 1..N {
+                b[i] -= f[k][i] * known;
             }
         }
-        for i in (0..self.n).rev() {
-            b[i] /= self.d[i];
-            for k in i + 1..self.n {
-                let known = self.l[k][i] * b[k];
-                b[i] -= known;
+        for i in (0..N).rev() {
+            let mut value = b[i] * f[i][i];
+            for k in i + 1..N {
+                value -= f[i][k] * b[k];
             }
+            b[i] = value;
         }
     }
 }
@@ -63,7 +66,7 @@ mod tests {
     fn solution_satisfies_the_system() {
         let a = [[4.0, 1.0, -0.5], [1.0, 3.0, 0.2], [-0.5, 0.2, 0.7]];
         let mut b = [1.0, -2.0, 0.3];
-        Ldl::of(&a, 3).expect("positive definite").solve(&mut b);
+        Ldl::of(a).expect("positive definite").solve(&mut b);
         for (row, right) in a.iter().zip([1.0, -2.0, 0.3]) {
             let left: f64 = row.iter().zip(b).map(|(a, x)| a * x).sum();
             assert!((left - right).abs() < 1e-14);
@@ -73,6 +76,6 @@ mod tests {
     #[test]
     fn a_dependent_row_is_named() {
         let a = [[2.0, 2.0], [2.0, 2.0]];
-        assert_eq!(Ldl::of(&a, 2).err(), Some(1));
+        assert_eq!(Ldl::of(a).err(), Some(1));
     }
 }

@@ -75,7 +75,7 @@ impl Model for CompassGait {
         }
         q[k.mode] = down.number() + 1;
         q[k.fallen] = q[k.memory.fallen.at(0)].value() > 0.0;
-        q[k.energy] = mechanics.energy();
+        q[k.energy] = mechanics.energy;
         q[k.last_impact_time] = q[k.memory.impacts.at(0)];
         q[k.impacts] = q[k.memory.impacts.at(1)].value() as i32;
         Ok(())

@@ -27,6 +27,7 @@ use crate::plan::guess::{self, Choice, Rough};
 use crate::plan::prepare::{Prepared, prepare_statement};
 use crate::plan::solve::{Begin, Progress, Session, Settings, Solved};
 use crate::plan::{self, Error as PlanError, table, verify};
+use crate::plan::{balance, course};
 use crate::{Error, plot, transcription};
 
 /// Exit code when no motion keeps the constraints near where the search ended.
@@ -82,8 +83,14 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
         (verification.run && !args.no_verification && !stop.load(Ordering::Relaxed) && finished(solved))
             .then(|| roll_out(prepared, solved, &stop))
             .transpose()?;
+    let along = rollouts.as_ref().and_then(|rollouts| rollouts.continuous.as_ref().ok());
+    let departure = along.and_then(|rollout| course::departure(prepared, solved.trajectory(), rollout));
+    let forces = match &rollouts {
+        Some(_) => balance::recomputed(prepared, solved.trajectory())?,
+        None => None,
+    };
     let verified = verifying.elapsed();
-    let delivery = match finished(solved) && !stop.load(Ordering::Relaxed) {
+    let delivery = match finished(solved) && departure.is_none() && !stop.load(Ordering::Relaxed) {
         true => deliver::deliver(prepared, solved.trajectory(), &stop)?,
         false => None,
     };
@@ -98,6 +105,8 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
         times: [*loaded, *instances, verified],
         table: table.as_ref(),
         diagnosis: diagnosis.as_ref(),
+        departure: departure.as_ref(),
+        forces: forces.as_ref(),
         began,
         plots: !args.no_plots,
     };
@@ -110,6 +119,10 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
             output::print(&table.text)?;
         }
         output::print(&text::report(&summary, &args.output, !args.no_plots))?;
+    }
+    if let Some(departure) = departure {
+        output::complain(&format!("error: {}\n{departure}", write::NO_SEQUENCE));
+        return Ok(ExitCode::from(INFEASIBLE));
     }
     Ok(exit(solved, diagnosis.as_ref(), &stop, &args.output))
 }
@@ -152,9 +165,10 @@ fn search(
         let loaded = prepared.load;
         return Ok(Found { prepared, rough, solved, table, loaded, instances: Duration::ZERO });
     }
-    let prepared = prepare_statement(statement, began)?;
+    let mut prepared = prepare_statement(statement, began)?;
     plan::start::check(&prepared.setup)?;
     let rough = guess::guess(&prepared.statement, &prepared.catalogue, &prepared.task, choice)?;
+    plan::vacuous::check(&mut prepared, &rough)?;
     let loaded = began.elapsed();
     if let Some(count) = args.multistart {
         let starts = (count as usize, args.seed);
@@ -237,9 +251,12 @@ fn settings(args: &Args, statement: &mut Statement) -> Result<Settings, Error> {
 /// Iterations after which a search that keeps to no feasible point is taken for infeasible, if a limit can be blamed.
 const MANY: usize = 100;
 
-/// Whether limits may be why there is no plan.
+/// Whether limits may be why there is no plan. Of several phases [`Solved::conflict`] says which ones are.
 fn doubtful(solved: &Solved) -> bool {
     let violated = solved.worst.is_some();
+    if solved.trajectory().phases.len() > 1 {
+        return false;
+    }
     match solved.status() {
         Status::Infeasible => true,
         Status::Stalled | Status::IterationLimit => violated && solved.iterations() >= MANY,

@@ -74,6 +74,14 @@ fn rechecked(recheck: &Recheck) -> String {
     if violated.is_empty() && !recheck.limits.is_empty() {
         text += "roll-out: keeps all limits between the nodes as well\n";
     }
+    if let Some(forces) = &recheck.forces {
+        text += &format!(
+            "forces from the energy by Lagrange's equations: differ by at most {} of {} ({})\n",
+            short(forces.largest_difference),
+            short(forces.largest_force),
+            forces.force
+        );
+    }
     text
 }
 

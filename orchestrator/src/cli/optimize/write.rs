@@ -9,6 +9,8 @@ use super::many::{MULTISTART, SWEEP, Table};
 use crate::Error;
 use crate::cli::folder;
 use crate::optim::{Note, Status};
+use crate::plan::balance::Recomputed;
+use crate::plan::course::Departure;
 use crate::plan::deliver::Delivery;
 use crate::plan::diagnose::Diagnosis;
 use crate::plan::file::{Length, Rod, transcription_name};
@@ -36,6 +38,9 @@ const ITERATIONS: &str = "iterations.csv";
 
 /// What is said where a limit can be blamed.
 pub const NO_MOTION: &str = "infeasible: no motion was found that keeps all limits; relax the one that is named, or give it more time";
+
+/// What is said where the events of the system do not lead through the phases.
+pub const NO_SEQUENCE: &str = "infeasible: the system does not go through the phases as planned";
 
 /// Every file that may be written.
 pub fn names() -> Vec<String> {
@@ -81,6 +86,10 @@ pub struct Results<'a> {
     pub table: Option<&'a Table>,
     /// The limit that stands in the way, where one does.
     pub diagnosis: Option<&'a Diagnosis>,
+    /// The phase that the system does not enter or keep as planned, where there is one.
+    pub departure: Option<&'a Departure>,
+    /// Forces of constraints recomputed from the energy.
+    pub forces: Option<&'a Recomputed>,
     /// Whether figures are drawn.
     pub plots: bool,
 }
@@ -180,19 +189,24 @@ impl Results<'_> {
             transcription: transcription_name(last.pass.transcription).into(),
             intervals: solved.trajectory().phases.iter().map(|phase| phase.intervals()).collect(),
             guess: self.guess.clone(),
-            status: if self.diagnosis.is_some() { "infeasible" } else { status_name(&last.solution.status) }
-                .into(),
-            message: match self.diagnosis {
-                Some(_) => NO_MOTION.into(),
-                None => last.solution.status.to_string(),
+            status: match (self.diagnosis, self.departure) {
+                (None, None) => status_name(&last.solution.status),
+                _ => "infeasible",
+            }
+            .into(),
+            message: match (self.diagnosis, self.departure) {
+                (Some(_), _) => NO_MOTION.into(),
+                (None, Some(_)) => NO_SEQUENCE.into(),
+                (None, None) => last.solution.status.to_string(),
             },
             objective: finite(last.solution.objective),
             iterations: solved.iterations(),
             max_defect: solved.max_defect,
             max_bound_violation: solved.max_bound_violation,
-            worst: match self.diagnosis {
-                Some(diagnosis) => Some(diagnosis.to_string()),
-                None => solved.worst.as_ref().map(ToString::to_string),
+            worst: match (self.diagnosis, self.departure) {
+                (Some(diagnosis), _) => Some(diagnosis.to_string()),
+                (None, Some(departure)) => Some(departure.to_string()),
+                (None, None) => solved.worst.as_ref().map(ToString::to_string),
             },
             blocking: last.solution.blocking.as_ref().map(|one| format!("most in the way: {one}")),
             phase_durations: solved
@@ -234,6 +248,7 @@ impl Results<'_> {
 
     fn rod(&self, rod: &Rod) -> RodRecord {
         RodRecord {
+            name: rod.name.clone(),
             angles: rod.angles.iter().map(|angle| self.shown(&angle.text)).collect(),
             length: match &rod.length {
                 Length::Variable(name) => Length::Variable(self.shown(name)),
@@ -261,7 +276,8 @@ impl Results<'_> {
     /// The continuous roll-out against the plan.
     fn recheck(&self) -> Option<Recheck> {
         let rollout = self.rollouts?.continuous.as_ref().ok()?;
-        Some(recheck(self.prepared, self.solved.trajectory(), rollout))
+        let checked = recheck(self.prepared, self.solved.trajectory(), rollout);
+        Some(Recheck { forces: self.forces.cloned(), ..checked })
     }
 
     fn final_errors(&self, rollouts: &Rollouts) -> FinalError<BTreeMap<String, f64>> {

@@ -2,6 +2,7 @@
 //!
 //! [`read()`] gives a [`Statement`]; what its names and units mean in a system is left to [`crate::plan::task`].
 
+pub mod balance;
 pub mod feed_forward;
 pub mod quantity;
 mod read;

@@ -250,7 +250,7 @@ fn course(variable: Text, value: Value) -> Result<Course, Error> {
 
 impl Default for Verification {
     fn default() -> Verification {
-        Verification { run: true, master: Algorithm::Monolithic, step: None, tolerance: None }
+        Verification { run: true, master: Algorithm::Monolithic, step: None, tolerance: None, balance: None }
     }
 }
 
@@ -266,6 +266,7 @@ fn verification(value: Value) -> Result<Verification, Error> {
         master: table.maybe("master", |value| value.choice(&masters))?.unwrap_or(default.master),
         step: table.maybe("step", |value| value.quantity())?,
         tolerance: table.maybe("tolerance", tolerance)?,
+        balance: table.maybe("balance", super::balance::read)?,
     };
     table.finish()?;
     Ok(verification)

@@ -107,12 +107,23 @@ fn bound(table: &Table, terms: Vec<(Text, f64)>, place: Place) -> Result<Bound, 
         range: range(table)?,
         at: table.maybe("at", |value| value.choice(&places))?,
         during: table.maybe("during", during)?.unwrap_or((0.0, 1.0)),
+        margin: table.maybe("margin", margin)?.unwrap_or(0.0),
         place,
     };
     if bound.range.min.is_none() && bound.range.max.is_none() {
         return Err(table.error("a bound needs `min`, `max` or both"));
     }
     Ok(bound)
+}
+
+fn margin(value: Value) -> Result<f64, Error> {
+    let margin = value.number()?;
+    let good = margin >= 0.0 && margin.is_finite();
+    if good {
+        Ok(margin)
+    } else {
+        Err(value.error("`margin` is a number, 0 or more, in the unit of the variable"))
+    }
 }
 
 fn during(value: Value) -> Result<(f64, f64), Error> {

@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use super::balance::Balance;
 use super::feed_forward::FeedForward;
 use super::quantity::Quantity;
 use super::source::{Place, Source};
@@ -204,6 +205,8 @@ pub struct Bound {
     pub at: Option<Where>,
     /// Part of the phase in which it holds, 0 to 1.
     pub during: (f64, f64),
+    /// By how much stricter it is at the points of the mesh, so that it holds between them, in the unit of the plan.
+    pub margin: f64,
     /// Where it stands.
     pub place: Place,
 }
@@ -283,6 +286,8 @@ pub struct Verification {
     pub step: Option<Quantity>,
     /// Relative tolerance of the integrators.
     pub tolerance: Option<f64>,
+    /// Forces that are recomputed from the energy.
+    pub balance: Option<Balance>,
 }
 
 /// `[animation]`: what the page draws.

@@ -19,6 +19,8 @@ pub struct StickFigure {
 /// A rod: to `(x + length sin(angle), y - length cos(angle))`.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Rod {
+    /// Name in the figure; none: its angles.
+    pub name: Option<String>,
     /// Angles whose mean is that of the rod, 0 hanging, counter-clockwise.
     pub angles: Vec<Text>,
     /// Its length; below 0 it stands up.
@@ -59,6 +61,7 @@ fn rod(value: Value) -> Result<Rod, Error> {
         Ok(name) => Length::Variable(name.text),
         Err(_) => Length::Number(length.number()?),
     };
+    let name = table.maybe("name", |value| value.text())?.map(|text| text.text);
     table.finish()?;
-    Ok(Rod { angles, length })
+    Ok(Rod { name, angles, length })
 }

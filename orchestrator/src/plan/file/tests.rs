@@ -190,3 +190,25 @@ fn forces_of_actuators_and_the_plant_behind_them_are_named() {
     let message = wrong(&text.replace("smoothness = 1", "").replace("largest", "largets"));
     assert!(message.contains("largest"), "{message}");
 }
+
+#[test]
+fn bounds_have_margins_between_the_points_of_the_mesh() {
+    let text = format!("{SMALLEST}[bounds]\nx = {{ min = 0, margin = 0.01 }}\ny = {{ max = 1 }}\n");
+    let found = statement(&text).unwrap();
+    assert_eq!(found.phases[0].bounds.iter().map(|bound| bound.margin).collect::<Vec<_>>(), [0.01, 0.0]);
+    let message = wrong(&text.replace("0.01", "-0.01"));
+    assert!(message.contains("margin"), "{message}");
+}
+
+#[test]
+fn forces_to_be_recomputed_come_with_coordinates_and_drives() {
+    let text = format!(
+        "{SMALLEST}[verification.balance]\nenergy = \"E\"\ncoordinates = {{ x = \"v\" }}\ndrives = {{ u = {{ x = 2 }} \
+         }}\nforces = {{ f = \"p\" }}\n"
+    );
+    let found = statement(&text).unwrap().verification.balance.unwrap();
+    assert_eq!((found.coordinates[0].1.text.as_str(), found.drives[0].1[0].1), ("v", 2.0));
+    assert_eq!(found.forces[0].1.text, "p");
+    let message = wrong(&text.replace("energy = \"E\"\n", ""));
+    assert!(message.contains("energy"), "{message}");
+}

@@ -61,7 +61,7 @@ fn numbers(html: &mut String, plan: &Plan) {
     let summary = &plan.summary;
     html.push_str("<table><tbody>\n");
     if let Some(objective) = summary.objective {
-        row(html, "objective", &format!("{objective}"));
+        row(html, "objective", &format!("{objective:.8}"));
     }
     let durations: Vec<String> = summary.durations.iter().map(|time| format!("{} s", short(*time))).collect();
     row(html, "duration", &durations.join(" + "));

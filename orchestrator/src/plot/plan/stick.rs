@@ -72,8 +72,9 @@ impl<'a> Figure<'a> {
 pub(super) fn stick_figure(plan: &Plan) -> String {
     let classes = ["s0", "s1", "s2", "s3"];
     let record = plan.summary.stick_figure.as_ref();
+    let rods = record.iter().flat_map(|record| &record.rods);
     let names: Vec<String> =
-        record.iter().flat_map(|record| &record.rods).map(|rod| rod.angles.join(" and ")).collect();
+        rods.map(|rod| rod.name.clone().unwrap_or_else(|| rod.angles.join(" and "))).collect();
     let entry = |(name, class)| Entry { class, shape: None, text: name };
     let entries: Vec<Entry> = names.iter().map(String::as_str).zip(classes).map(entry).collect();
     let mut sheet =

@@ -1,8 +1,8 @@
 //! The amended system: the declared one with what it lacks, as FMUs that any tool runs.
 //!
 //! [`network`] puts blocks in series into a system, [`blocks`] says which block an effect of the vocabulary becomes,
-//! [`rig`] has the declared rig and [`study`] the system of a study, and where blocks go in them. [`write()`] derives the FMUs and writes `.ssd` and `.ssp`. The
-//! declared FMUs keep their equations: an effect is a block beside them, or other values of their parameters.
+//! [`rig`] has the declared rig and [`study`] the system of a study, and where blocks go in them. [`write()`] derives the
+//! FMUs and writes `.ssd`, `.ssp` and the table of the columns of a study's records. The declared FMUs keep their equations: an effect is a block beside them, or other values of their parameters.
 
 pub mod blocks;
 pub mod network;
@@ -20,6 +20,8 @@ pub use network::Network;
 
 /// Folder of the amended system inside that of the report.
 pub const FOLDER: &str = "system";
+/// Table of the columns of the records inside that folder, where they are not named as the connectors.
+pub const SIGNALS: &str = "signals.toml";
 
 /// Why the amended system cannot be written.
 #[derive(Debug, thiserror::Error)]
@@ -80,6 +82,12 @@ pub fn write(network: &Network, folder: &Path, templates: Option<&Path>) -> Resu
     let graph = SystemGraph::from_structure(structure, None)?;
     for name in ["system.ssd", "system.ssp"] {
         crate::system::write::write(&graph, &work.path().join(name), Version::V1_0)?;
+    }
+    if !network.columns.is_empty() {
+        let row = |(connector, column): &(String, String)| format!("{connector:?} = {column:?}\n");
+        let rows: String = network.columns.iter().map(row).collect();
+        let path = work.path().join(SIGNALS);
+        std::fs::write(&path, format!("[signals]\n{rows}")).map_err(io(&path))?;
     }
     drop(graph);
     let place = folder.join(FOLDER);

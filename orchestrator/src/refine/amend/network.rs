@@ -43,6 +43,8 @@ pub struct Network {
     pub copies: Vec<(PathBuf, PathBuf)>,
     /// Unpacked archive that holds them.
     pub package: Option<Arc<TempDir>>,
+    /// Connectors of the system whose columns in the records have another name: connector, column.
+    pub columns: Vec<(String, String)>,
 }
 
 /// A connector of a component, or (empty name) of the system.
@@ -68,6 +70,7 @@ impl Network {
             parts: Vec::new(),
             copies: Vec::new(),
             package: None,
+            columns: Vec::new(),
         }
     }
 

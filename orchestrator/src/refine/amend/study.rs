@@ -9,7 +9,7 @@ use crate::fmu::Variability;
 use crate::fmu::derive::Value;
 use crate::refine::answer::{Answer, Effect};
 use crate::refine::case::Friction;
-use crate::refine::study::declaration::{Attachment, File};
+use crate::refine::study::declaration::{Attachment, File, Signal};
 use crate::refine::study::open;
 use crate::system::SystemGraph;
 use crate::system::graph::{Source, SystemOutput};
@@ -36,7 +36,9 @@ pub fn network(file: &File, answer: &Answer, work: &Path) -> Result<Network, Err
     let written = write::write(&graph, &path, Version::V1_0).and_then(|()| ssp::read(&path));
     let _ = std::fs::remove_file(&path);
     let package = graph.package.clone();
-    let mut network = Network { structure: written?, parts: Vec::new(), copies: Vec::new(), package };
+    let columns = columns(file, &graph);
+    let mut network =
+        Network { structure: written?, parts: Vec::new(), copies: Vec::new(), package, columns };
     take_files(&mut network);
     let attachments: Vec<&Attachment> = file.declaration.attachment.iter().map(|a| a.get_ref()).collect();
     let mut selected: Vec<&Effect> = answer.effects.iter().filter(|effect| effect.selected).collect();
@@ -57,6 +59,19 @@ pub fn network(file: &File, answer: &Answer, work: &Path) -> Result<Network, Err
         }
     }
     Ok(network)
+}
+
+/// Inputs and outputs of the system with the columns that they are in the records as they stand.
+fn columns(file: &File, graph: &SystemGraph) -> Vec<(String, String)> {
+    let declaration = &file.declaration;
+    let plain = |signal: &Signal| signal.scale.is_none() && signal.low_pass_hz.is_none();
+    let inputs = declaration.inputs.iter().map(|(name, signal)| (name, signal.get_ref()));
+    let inputs =
+        inputs.filter(|(_, signal)| plain(signal)).filter_map(|(n, s)| Some((n, s.column.as_ref()?)));
+    let shown = |name: &String| graph.outputs.iter().any(|output| output.name == *name);
+    let outputs = declaration.outputs.iter().map(|(name, output)| (name, &output.get_ref().column));
+    let all = inputs.chain(outputs.filter(|(name, _)| shown(name)));
+    all.map(|(name, column)| (name.clone(), column.clone())).collect()
 }
 
 /// Puts the block of a sensor effect in front of the outputs of the system that are compared with its column.

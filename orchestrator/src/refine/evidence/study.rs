@@ -10,6 +10,7 @@ use crate::refine::study::declaration::Role;
 use crate::refine::study::fits::{Fits, Model, pieces};
 use crate::refine::study::law::Point;
 use crate::refine::study::model::Study;
+use crate::refine::study::simulate::View;
 
 /// Gathers the material for the report of an answer; `models`: the declared and the corrected one.
 pub fn gather(fits: &Fits, models: [&Model; 2], answer: &Answer) -> Evidence {
@@ -20,7 +21,7 @@ pub fn gather(fits: &Fits, models: [&Model; 2], answer: &Answer) -> Evidence {
         .map(|output| Signal { name: output.name.clone(), unit: output.unit.clone(), noise: output.noise })
         .collect();
     let chosen = pieces(study, Role::Validation);
-    let views = models.map(|model| fits.view(&model.added, &chosen));
+    let views = models.map(|model| View { corrected: false, ..fits.view(&model.added, &chosen) });
     let locals = models.map(|model| {
         let p = &model.fit.parameters;
         fits.grow(&model.added, &chosen, p, &[], &[0.1, 0.3, 1.0], 12).locals

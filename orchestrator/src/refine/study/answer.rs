@@ -5,13 +5,14 @@ use std::collections::BTreeMap;
 use super::catalogue;
 use super::declaration::{File, Role};
 use super::effects::effects;
-use super::errors::{errors, force, force_noise};
-use super::explain::{Judge, Rest};
+use super::errors::{errors, floor, force, force_noise};
+use super::explain::{Judge, Rest, depends};
 use super::fits::{Fits, Model, pieces};
 use super::model::{Study, Target};
 use super::open::open;
 use super::search::{Say, Selection, search};
 use super::simulate::Piece;
+use super::smoothed;
 use crate::refine::Error;
 use crate::refine::answer::{Answer, Errors, Settings, Verdict};
 use crate::refine::engine::System;
@@ -46,17 +47,35 @@ pub fn answer(file: &File, settings: &Settings, say: Say) -> Result<(Answer, Evi
         ));
     }
     let scale = scales(&study, &declared);
+    correct(&mut study, &scale, &[], &declared.parameters);
     let model = steps(&mut study, &scale, &declared);
-    let fits = Fits::new(&study, scale);
+    let fits = Fits::new(&study, scale.clone()).quickened(&model);
     say("noise floor");
     let judge = Judge::new(&fits, &model, settings.draws, settings.seed);
-    let selection = search(&fits, &judge, model, settings.max_effects, say);
+    let mut selection = search(&fits, &judge, model, settings.max_effects, say);
     say("errors on all records");
-    let found = assemble(&fits, &judge, &selection);
+    let best = &selection.best;
+    if !best.added.is_empty() {
+        correct(&mut study, &scale, &best.added, &best.fit.parameters);
+    }
+    let fits = Fits::new(&study, scale);
+    let best = &selection.best;
+    let again = fits.fit_from(best.added.clone(), &best.fit.parameters, &best.fit.locals);
+    if let Some(again) = again.filter(|again| !again.added.is_empty()) {
+        let Model { held_back, parts, .. } = selection.best;
+        selection.best = Model { held_back, parts, ..again };
+    }
+    let found = assemble(&fits, &judge, &selection, settings.seed);
     say("figures");
     let shown = if found.verdict == Verdict::Effect { &selection.best } else { &selection.declared };
     let evidence = evidence::gather(&fits, [&selection.declared, shown], &found);
     Ok((found, evidence))
+}
+
+/// Takes what smoothing adds to measured states from the model with the candidates `added`.
+fn correct(study: &mut Study, scale: &[f64], added: &[usize], p: &[f64]) {
+    let found = smoothed::errors(&Fits::new(study, scale.to_vec()).view(added, &[]), p);
+    study.records.iter_mut().zip(found).for_each(|(record, own)| record.smoothed = own);
 }
 
 fn declared(file: &File, study: &Study) -> Result<Fit, Error> {
@@ -136,16 +155,19 @@ fn model(fits: &Fits, p: &[f64], locals: &[Vec<f64>]) -> Model {
     let found = fit(&fits.view(&[], &fits.pieces), &records, p, &fits.free(&[]), locals, 10);
     let count: usize = fits.pieces.iter().map(|piece| piece.range.len()).sum();
     let error = (found.chi2 / (count * fits.study.outputs.len()).max(1) as f64).sqrt();
-    Model { added: Vec::new(), fit: found, error, held_back: f64::NAN }
+    Model::new(Vec::new(), found, error)
 }
 
-fn assemble(fits: &Fits, judge: &Judge, selection: &Selection) -> Answer {
+fn assemble(fits: &Fits, judge: &Judge, selection: &Selection, seed: u64) -> Answer {
     let study = fits.study;
     let roles = [Role::Estimation, Role::Validation];
     let all = |model: &Model| {
-        let (p, added) = (&model.fit.parameters, &model.added);
+        let added = &model.added;
+        // Parameters are fitted for each error: for that of the study, which starts from smoothed derivatives as they are.
+        let own = fits.as_declared(model);
+        let p = &own.parameters;
         let mut found = [
-            errors(fits, added, &fits.pieces, p, Some(&model.fit.locals)),
+            errors(fits, added, &pieces(study, Role::Estimation), p, Some(&own.locals)),
             errors(fits, added, &pieces(study, Role::Validation), p, None),
         ];
         for (errors, force) in found.iter_mut().zip(force(fits, added, p, roles)) {
@@ -172,13 +194,21 @@ fn assemble(fits: &Fits, judge: &Judge, selection: &Selection) -> Answer {
     }
     let outputs = || study.outputs.iter();
     let mut noise: BTreeMap<String, f64> = outputs().map(|o| (o.name.clone(), o.noise)).collect();
-    if let Some((rule, ..)) = &study.force {
-        let name = study.force.as_ref().map(|force| force.3.clone()).unwrap_or_default();
-        noise.insert(name, force_noise(study, rule.low_pass_hz));
+    if let Some((.., name)) = &study.force {
+        noise.insert(name.clone(), force_noise(study));
     }
     let shown = if chosen { &selection.best } else { &selection.declared };
+    let floor = roles.map(|role| floor(fits, shown, role, seed));
+    let shown_errors = if chosen { &after[1] } else { &before[1] };
     let mut notes = study.notes.clone();
     notes.extend(remarks(fits, selection, shown));
+    for output in &study.outputs {
+        let left = shown_errors.rms.get(&output.name).copied().unwrap_or(0.0);
+        let times = left / floor[1].get(&output.name).copied().unwrap_or(output.noise);
+        if times > 2.0 {
+            notes.push(format!("What is left of {} on validation records is {times:.1} times what noise of the sensors gives a true model: something is still missing.", output.name));
+        }
+    }
     notes.extend(leftover(fits, judge, shown, &rest));
     let unexplained = (verdict == Verdict::Unexplained).then(|| {
         let channel = study.candidates.first().map_or("actuator", |c| c.channel);
@@ -196,6 +226,7 @@ fn assemble(fits: &Fits, judge: &Judge, selection: &Selection) -> Answer {
         before,
         after,
         noise,
+        floor,
         not_testable: study.not_testable.clone(),
         notes,
     }
@@ -226,7 +257,16 @@ fn rule(fits: &Fits, judge: &Judge, selection: &Selection, validation: [&Errors;
         let rest = if known { nothing } else { judge.rest(fits, best) };
         // A free form that takes away more than the effects did is what is missing; they only imitate it.
         let gained = declared.error.powi(2) - best.error.powi(2);
-        if rest.place.is_none() || rest.gain < gained {
+        let imitates = || {
+            let whole = judge.rest(fits, declared);
+            let other = |(_, variables): &(String, Vec<String>)| {
+                variables.first().is_some_and(|first| {
+                    best.added.iter().all(|&c| depends(fits.study, c).iter().all(|own| own != first))
+                })
+            };
+            whole.gain > gained && whole.place.as_ref().is_some_and(other)
+        };
+        if rest.place.is_none() || rest.gain < gained && !imitates() {
             return Ruling { verdict: Verdict::Effect, rest, helps };
         }
     }
@@ -309,14 +349,6 @@ fn remarks(fits: &Fits, selection: &Selection, after: &Model) -> Vec<String> {
                 own.name,
                 own.role.word()
             ));
-        }
-    }
-    for (signal, noise) in study.outputs.iter().map(|o| (&o.name, o.noise)) {
-        let piece = pieces(study, Role::Validation);
-        let error = errors(fits, &after.added, &piece, &after.fit.parameters, None);
-        let times = error.rms.get(signal).copied().unwrap_or(0.0) / noise;
-        if times > 2.0 {
-            found.push(format!("What is left of {signal} on validation records is {times:.1} times its noise: the model is better, not complete."));
         }
     }
     found

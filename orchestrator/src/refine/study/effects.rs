@@ -18,7 +18,7 @@ fn widening(residuals: &[Vec<f64>]) -> f64 {
 }
 
 /// Parameters in the terms of the vocabulary.
-fn physical(study: &Study, c: usize, p: &[f64]) -> Vec<f64> {
+pub fn physical(study: &Study, c: usize, p: &[f64]) -> Vec<f64> {
     let own = &study.candidates[c];
     let p = &p[own.entries.clone()];
     match own.action {
@@ -61,6 +61,7 @@ fn effect(fits: &Fits, selection: &Selection, model: &Model, c: usize, widen: f6
         score,
         parameters: parameters.collect(),
         reason: String::new(),
+        stability: None,
     }
 }
 
@@ -74,7 +75,7 @@ pub fn effects(fits: &Fits, selection: &Selection, chosen: bool) -> Vec<Effect> 
     let widen = widening(&residuals);
     let percent = |from: f64, to: f64| format!("{:.1} %", 100.0 * (1.0 - to / from));
     let mut found = Vec::new();
-    for &c in &best.added {
+    for (k, &c) in best.added.iter().enumerate() {
         let step = selection.path.iter().position(|(added, _)| added.contains(&c));
         let reason = match step {
             Some(k) if k > 0 => {
@@ -89,7 +90,9 @@ pub fn effects(fits: &Fits, selection: &Selection, chosen: bool) -> Vec<Effect> 
         };
         let rivals = selection.equals.iter().any(|(lacking, _)| *lacking == c);
         let group = (chosen && rivals).then_some(c);
-        found.push(Effect { selected: chosen, group, reason, ..effect(fits, selection, best, c, widen) });
+        let stability = selection.stability.get(k).cloned();
+        let own = effect(fits, selection, best, c, widen);
+        found.push(Effect { selected: chosen, group, reason, stability, ..own });
     }
     for (lacking, model) in &selection.equals {
         for &c in model.added.iter().filter(|c| !best.added.contains(c)) {
@@ -97,6 +100,19 @@ pub fn effects(fits: &Fits, selection: &Selection, chosen: bool) -> Vec<Effect> 
             let group = chosen.then_some(*lacking);
             found.push(Effect { group, reason, ..effect(fits, selection, model, c, widen) });
         }
+    }
+    for (c, own) in &selection.refused {
+        let stability = Some(own.clone());
+        let reason = format!(
+            "left out: it lowers the error on {} of {} parts of the estimation records only, or its sign changes between them",
+            own.better, own.parts
+        );
+        let alone = selection.singles.iter().find(|model| model.added == [*c]);
+        found.extend(alone.map(|model| Effect {
+            stability,
+            reason,
+            ..effect(fits, selection, model, *c, widen)
+        }));
     }
     for model in &selection.singles {
         let c = model.added[0];

@@ -13,8 +13,6 @@ use crate::refine::engine::goodness::{Null, pooled};
 
 /// Powers within this factor of those of the noise are noise: its level is estimated.
 const TOLERANCE: f64 = 1.3;
-/// Factor on the power that smoothed derivatives give: it is estimated from smoothing them once more.
-const SMOOTHED: f64 = 2.0;
 /// Share of what is left that a free form has to take away.
 const SHARE: f64 = 0.2;
 /// Share of the noise power that a free form has to take away.
@@ -65,7 +63,7 @@ impl Judge {
         let factors: Vec<f64> = scales.map(|(noise, scale)| (noise / scale).powi(2) / count).collect();
         let sum = |powers: &[[f64; 3]]| powers.iter().zip(&factors).map(|(own, f)| own[0] * f).sum::<f64>();
         let power = sum(null.means());
-        let tolerated = power + SMOOTHED * sum(&bias);
+        let tolerated = power + sum(&bias);
         Judge { null, bias, power, tolerated }
     }
 
@@ -111,9 +109,10 @@ impl Judge {
     pub fn tolerable(&self, fits: &Fits, model: &Model) -> bool {
         let powers = Self::powers(fits, model);
         let limits = self.null.means().iter().zip(&self.bias);
-        powers.iter().zip(limits).all(|((_, own), (mean, bias))| {
-            (0..3).all(|i| own[i] < TOLERANCE * (mean[i] + SMOOTHED * bias[i]))
-        })
+        powers
+            .iter()
+            .zip(limits)
+            .all(|((_, own), (mean, bias))| (0..3).all(|i| own[i] < TOLERANCE * (mean[i] + bias[i])))
     }
 
     /// Power of a model above that of noise and smoothed derivatives.
@@ -161,19 +160,32 @@ fn in_noise<'a>(fits: &Fits<'a>, model: &Model) -> View<'a> {
     View { scale, ..fits.view(&model.added, &fits.pieces) }
 }
 
-/// Name of the variable of a probe in the vocabulary.
+/// Name of a variable at an attachment in the vocabulary.
+fn word(study: &Study, tap: usize, variable: Variable) -> &'static str {
+    match (variable, study.taps[tap].angular) {
+        (Variable::Velocity, false) => "xdot",
+        (Variable::Velocity, true) => "thetadot",
+        (Variable::Position, false) => "x",
+        (Variable::Position, true) => "theta",
+        (Variable::PressureForce, _) => "F",
+        (Variable::Value, _) => "u",
+        (Variable::Time, _) => "time",
+    }
+}
+
+/// Name of the variable of a probe.
 fn name(study: &Study, c: usize) -> &'static str {
-    let angular = |tap: usize| study.taps[tap].angular;
     match study.candidates[c].action {
-        Action::Block { law: Law::Shape(variable), tap } => match (variable, angular(tap)) {
-            (Variable::Velocity, false) => "xdot",
-            (Variable::Velocity, true) => "thetadot",
-            (Variable::Position, false) => "x",
-            (Variable::Position, true) => "theta",
-            (Variable::PressureForce, _) => "F",
-            (Variable::Value, _) => "u",
-            (Variable::Time, _) => "time",
-        },
+        Action::Block { law: Law::Shape(variable), tap } => word(study, tap, variable),
         _ => "time",
     }
+}
+
+/// Variables that a candidate depends on; commands and sensors count as depending on all that moves.
+pub fn depends(study: &Study, c: usize) -> Vec<&'static str> {
+    let all = [Variable::Velocity, Variable::Position, Variable::PressureForce, Variable::Value];
+    let Action::Block { law, tap } = study.candidates[c].action else {
+        return all.iter().map(|&own| word(study, 0, own)).collect();
+    };
+    law.variables().iter().map(|&own| word(study, tap, own)).collect()
 }

@@ -16,6 +16,8 @@ use crate::refine::engine::parallel;
 const WHOLE_RECORDS: usize = 6;
 /// Steps of fits that begin at the fit to all records.
 const WARM: usize = 5;
+/// Share of the error by which steps of second order may differ.
+const QUICK: f64 = 1e-3;
 /// Spans of a record otherwise.
 const SPANS: usize = 4;
 
@@ -30,6 +32,15 @@ pub struct Model {
     pub error: f64,
     /// Rms of the whitened residuals on what was kept back; NaN where it was not asked for.
     pub held_back: f64,
+    /// For each part that was kept back: rms on it, and the parameters fitted without it.
+    pub parts: Vec<(f64, Vec<f64>)>,
+}
+
+impl Model {
+    /// A fit with its error, not yet tried on what is kept back.
+    pub fn new(added: Vec<usize>, fit: Fit, error: f64) -> Model {
+        Model { added, fit, error, held_back: f64::NAN, parts: Vec::new() }
+    }
 }
 
 /// Estimation records, what is kept back of them, and the scale of residuals.
@@ -43,12 +54,24 @@ pub struct Fits<'a> {
     pub pieces: Vec<Piece>,
     /// What is fitted and what is kept back.
     pub folds: Vec<(Vec<Piece>, Vec<Piece>)>,
+    /// Simulations with steps of second order.
+    pub quick: bool,
 }
 
 /// Pieces of all records of a role.
 pub fn pieces(study: &Study, role: Role) -> Vec<Piece> {
     let of_role = study.records.iter().enumerate().filter(|(_, record)| record.role == role);
     of_role.map(|(record, own)| Piece { record, range: 0..own.n }).collect()
+}
+
+/// Where windows begin that start from a well known state: at the beginning of a file a derivative is far worse known than
+/// elsewhere, and one window would hide what the others show.
+fn settled(study: &Study, piece: &Piece) -> usize {
+    let record = &study.records[piece.record];
+    let length = study.windows.map_or(0, |window| ((window / record.step).round() as usize).max(2));
+    let derived = study.sensors.signals[1].iter().flatten().any(|signal| signal.derivative_of.is_some());
+    let begin = piece.range.start;
+    if record.ends[0] && derived && record.n >= 4 * length { begin + length } else { begin }
 }
 
 fn folds(study: &Study, pieces: &[Piece]) -> Vec<(Vec<Piece>, Vec<Piece>)> {
@@ -86,14 +109,32 @@ fn rms(chi2: f64, count: usize) -> f64 {
 impl<'a> Fits<'a> {
     /// For residuals divided by `scale`.
     pub fn new(study: &'a Study, scale: Vec<f64>) -> Fits<'a> {
-        let pieces = pieces(study, Role::Estimation);
+        let mut pieces = pieces(study, Role::Estimation);
+        pieces.iter_mut().for_each(|piece| piece.range.start = settled(study, piece));
         let folds = folds(study, &pieces);
-        Fits { study, scale, pieces, folds }
+        Fits { study, scale, pieces, folds, quick: false }
+    }
+
+    /// With steps of second order where they change the error of a model by next to nothing.
+    pub fn quickened(mut self, model: &Model) -> Fits<'a> {
+        let error = |quick: bool| {
+            let view = View { quick, ..self.view(&model.added, &self.pieces) };
+            let own = |r: usize| view.residuals(r, &model.fit.parameters, &model.fit.locals[r]);
+            parallel::map(self.pieces.len(), own).concat()
+        };
+        let (slow, quick) = (error(false), error(true));
+        let square = |a: &f64, b: &f64| (a - b).powi(2);
+        let apart = slow.iter().zip(&quick).map(|(a, b)| square(a, b)).sum::<f64>();
+        let whole = slow.iter().map(|a| a * a).sum::<f64>();
+        self.quick = apart.is_finite() && apart < QUICK.powi(2) * whole;
+        self
     }
 
     /// The engine's view of pieces with the blocks of `added`.
     pub fn view(&self, added: &[usize], pieces: &[Piece]) -> View<'a> {
-        View { study: self.study, active: added.to_vec(), pieces: pieces.to_vec(), scale: self.scale.clone() }
+        let (active, pieces) = (added.to_vec(), pieces.to_vec());
+        let (scale, quick) = (self.scale.clone(), self.quick);
+        View { study: self.study, active, pieces, scale, quick, corrected: true }
     }
 
     fn count(&self, pieces: &[Piece]) -> usize {
@@ -158,7 +199,7 @@ impl<'a> Fits<'a> {
         let parts: &[f64] = if self.long() { &[0.03, 0.06, 0.12, 0.25, 0.5, 1.0] } else { &[1.0] };
         let found = self.grow(&[], &self.pieces, &self.study.start(), &self.free(&[]), parts, 20);
         let error = rms(found.chi2, self.count(&self.pieces));
-        Model { added: Vec::new(), fit: found, error, held_back: f64::NAN }
+        Model::new(Vec::new(), found, error)
     }
 
     /// Candidate `c` on top of `base`: best start by the linear step, then the fit of everything.
@@ -196,7 +237,18 @@ impl<'a> Fits<'a> {
         let view = self.view(&added, &self.pieces);
         let found = fit(&view, &records, p, &self.free(&added), locals, 12);
         let error = rms(found.chi2, self.count(&self.pieces));
-        error.is_finite().then_some(Model { added, fit: found, error, held_back: f64::NAN })
+        error.is_finite().then_some(Model::new(added, found, error))
+    }
+
+    /// The fit of a model with initial states as the study declares them.
+    pub fn as_declared(&self, model: &Model) -> Fit {
+        let pieces = pieces(self.study, Role::Estimation);
+        if pieces == self.pieces && pieces.iter().all(|p| self.study.records[p.record].smoothed.is_empty()) {
+            return model.fit.clone();
+        }
+        let records: Vec<usize> = (0..pieces.len()).collect();
+        let view = View { corrected: false, ..self.view(&model.added, &pieces) };
+        fit(&view, &records, &model.fit.parameters, &self.free(&model.added), &model.fit.locals, 6)
     }
 
     /// The same model fitted until nothing moves: long free motions have narrow valleys.
@@ -206,7 +258,7 @@ impl<'a> Fits<'a> {
             let again = self.fit_from(found.added.clone(), &found.fit.parameters, &found.fit.locals)?;
             let settled = again.error > (1.0 - 1e-4) * found.error;
             if again.error <= found.error {
-                found = Model { held_back: found.held_back, ..again };
+                found = Model { held_back: found.held_back, parts: found.parts, ..again };
             }
             if settled {
                 break;
@@ -277,15 +329,15 @@ impl<'a> Fits<'a> {
         }
         let free = self.free(&model.added);
         let parts: &[f64] = if self.long() { &[0.3, 1.0] } else { &[1.0] };
-        let sums = parallel::map(self.folds.len(), |f| {
+        model.parts = parallel::map(self.folds.len(), |f| {
             let (outside, inside) = &self.folds[f];
             let found = self.grow(&model.added, outside, &model.fit.parameters, &free, parts, WARM);
             let test = self.grow(&model.added, inside, &found.parameters, &[], parts, 8);
-            (test.chi2, self.count(inside))
+            (rms(test.chi2, self.count(inside)), found.parameters)
         });
         // The geometric mean: every fold counts by its own relative change.
-        let logarithms: f64 = sums.iter().map(|(chi2, count)| rms(*chi2, *count).max(1e-12).ln()).sum();
-        model.held_back = (logarithms / sums.len().max(1) as f64).exp();
+        let logarithms: f64 = model.parts.iter().map(|(error, _)| error.max(1e-12).ln()).sum();
+        model.held_back = (logarithms / model.parts.len().max(1) as f64).exp();
     }
 
     /// Sets the difference step of a candidate's entries so that it moves the residuals by a thousandth; false if

@@ -8,7 +8,7 @@ use super::plant::Plant;
 use super::read::ForceRecord;
 use super::simulate::View;
 use crate::refine::engine::noise::Noise;
-use crate::refine::engine::{Span, System};
+use crate::refine::engine::{Span, System, parallel};
 
 /// Records as the engine sees them, with the force residual in place of the outputs.
 #[derive(Debug)]
@@ -79,6 +79,34 @@ impl ForceView<'_> {
         Ok(found)
     }
 
+    /// Rms that the noise of the sensors gives the residual, carried through filters and derivatives.
+    pub fn noise(&self, p: &[f64], seed: u64) -> f64 {
+        let found = parallel::map(self.records(), |index| {
+            let Some(own) = self.record(index) else { return (0.0, 0) };
+            let record = &self.study().records[self.view.pieces[index].record];
+            let base = self.predict(index, p, &[]);
+            let mut noise = Noise::new(seed, index as u64);
+            let noisy = own.noisy(self.study(), record, &mut noise);
+            let moved = self.residual(&noisy, record.step, p);
+            let square = moved.iter().zip(&base).map(|(a, b)| (a - b).powi(2)).sum::<f64>();
+            (square, base.len())
+        });
+        let (square, count) = found.iter().fold((0.0, 0), |sum, own| (sum.0 + own.0, sum.1 + own.1));
+        (square / count.max(1) as f64).sqrt()
+    }
+
+    fn residual(&self, own: &ForceRecord, step: f64, p: &[f64]) -> Vec<f64> {
+        let bad = || vec![f64::NAN; own.acceleration.len()];
+        let Ok(mut plant) = self.study().take() else { return bad() };
+        match self.run(&mut plant, own, step, p) {
+            Ok(found) => {
+                self.study().give(plant);
+                found
+            }
+            Err(_) => bad(),
+        }
+    }
+
     /// Standard deviation of the driving force over all records, for relative errors; 0 where none is measured.
     pub fn spread(&self) -> f64 {
         let (mut sum, mut square, mut count) = (0.0, 0.0, 0.0);
@@ -114,15 +142,7 @@ impl System for ForceView<'_> {
     fn predict(&self, record: usize, parameters: &[f64], _: &[f64]) -> Vec<f64> {
         let Some(own) = self.record(record) else { return Vec::new() };
         let step = self.study().records[self.view.pieces[record].record].step;
-        let bad = || vec![f64::NAN; own.acceleration.len()];
-        let Ok(mut plant) = self.study().take() else { return bad() };
-        match self.run(&mut plant, own, step, parameters) {
-            Ok(found) => {
-                self.study().give(plant);
-                found
-            }
-            Err(_) => bad(),
-        }
+        self.residual(own, step, parameters)
     }
 
     fn measured(&self, record: usize) -> Vec<f64> {

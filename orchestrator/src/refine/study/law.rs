@@ -119,6 +119,24 @@ impl Law {
         }
     }
 
+    /// What it depends on; a bias is part of any free form over velocity or position.
+    pub fn variables(self) -> Vec<Variable> {
+        use Variable::{Position, PressureForce, Time, Value, Velocity};
+        match self {
+            Law::Viscous | Law::Coulomb | Law::Stribeck | Law::Presliding => vec![Velocity],
+            Law::Asymmetry | Law::Drag => vec![Velocity],
+            Law::Pressure => vec![Velocity, PressureForce],
+            Law::Offset => vec![Velocity, Position],
+            Law::PositionCoulomb => vec![Velocity, Position],
+            Law::Spring | Law::EndStop | Law::Cogging => vec![Position],
+            Law::Area => vec![PressureForce],
+            Law::Gain | Law::DeadBand | Law::Saturation => vec![Value],
+            Law::PositionGain => vec![Value, Position],
+            Law::Droop => vec![Value, Time],
+            Law::Shape(variable) => vec![variable],
+        }
+    }
+
     /// Whether the law changes a command instead of taking a force from it.
     pub fn changes_command(self) -> bool {
         matches!(self, Law::Gain | Law::DeadBand | Law::Saturation | Law::PositionGain | Law::Droop)

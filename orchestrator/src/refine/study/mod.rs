@@ -2,8 +2,8 @@
 //!
 //! [`declaration`] is the file, [`dataset`] reads folders of measured data that come without one, [`read`] makes records,
 //! [`plant`] evaluates the FMUs, [`simulate`] integrates them for the engine, [`fits`] fits, [`catalogue`] lists the candidates,
-//! [`search`] chooses among them by the error on records that are kept back, [`noise`] carries the noise of the sensors to
-//! that error, [`explain`] finds on what depends what is left, [`answer`] says it. The rig of the vocabulary, whose
+//! [`search`] chooses among them by the error on records that are kept back, [`physical`] what no model may be, [`noise`] carries the noise of the sensors to
+//! that error, [`smoothed`] what filters take from measured derivatives, [`explain`] finds on what depends what is left, [`answer`] says it. The rig of the vocabulary, whose
 //! sensors are known, has a search of its own in `rig`.
 
 pub mod answer;
@@ -20,11 +20,13 @@ pub mod law;
 pub mod model;
 pub mod noise;
 pub mod open;
+pub mod physical;
 pub mod plant;
 pub mod read;
 pub mod search;
 pub mod signal;
 pub mod simulate;
+pub mod smoothed;
 
 use std::path::Path;
 

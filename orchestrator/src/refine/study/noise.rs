@@ -9,13 +9,18 @@ use std::collections::BTreeMap;
 
 use super::declaration::{Initial, InitialWord, Role, Signal};
 use super::model::Study;
-use super::read::{Layout, Record, processed};
+use super::read::{ForceRecord, Layout, Record, processed};
+use super::signal::central;
 use super::simulate::{Shift, View};
 use crate::refine::engine::noise::Noise;
 use crate::refine::engine::{Span, System, parallel};
 
 /// Simulations with noisy inputs that stand for all draws, each with either sign.
 const SIMULATED: usize = 24;
+/// Errors of smoothed derivatives as multiples of what smoothing once more does: smooth motion has lost some already.
+const TWICE: f64 = std::f64::consts::SQRT_2;
+/// Share of the errors of smoothed derivatives that is left where they are corrected by a model.
+const UNSURE: f64 = 0.2;
 
 /// Sensor of a column, in its unit: white noise before rounding, step.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -81,6 +86,29 @@ impl SensorNoise {
     }
 }
 
+impl ForceRecord {
+    /// With noise of the sensors on the measured states and the acceleration made of them.
+    pub fn noisy(&self, study: &Study, record: &Record, noise: &mut Noise) -> ForceRecord {
+        let (n, corner) = (self.acceleration.len(), study.force.as_ref().map(|rule| rule.0.low_pass_hz));
+        let columns = drawn(study, n, &BTreeMap::new(), noise);
+        let mut found = self.clone();
+        for (i, values) in found.states.iter_mut().enumerate() {
+            let signal = study.sensors.signals[1].get(i).and_then(Option::as_ref);
+            let (Some(values), Some(signal)) = (values, signal) else { continue };
+            let Some(own) = signal.source().and_then(|name| columns.get(name.as_str())) else { continue };
+            let own = own.iter().map(|value| record.factors[1][i] * value).collect();
+            let filtered = Signal { low_pass_hz: signal.low_pass_hz.or(corner), ..signal.clone() };
+            let own = processed(own, &filtered, record.step);
+            values.iter_mut().zip(&own).for_each(|(value, own)| *value += own);
+            if study.force.as_ref().is_some_and(|(_, velocity, ..)| *velocity == i) {
+                let rates = central(&own, record.step);
+                found.acceleration.iter_mut().zip(rates).for_each(|(value, own)| *value += own);
+            }
+        }
+        found
+    }
+}
+
 /// How a piece answers noise of inputs and initial states.
 #[derive(Debug, Clone, Default)]
 struct Slopes {
@@ -131,12 +159,13 @@ fn drawn<'s>(
     let one = |(name, column): (&'s String, &Column)| {
         let known = clean.get(name.as_str());
         let value = |k: usize| {
-            let white = column.white * noise.normal();
+            let normal = noise.normal();
             match known {
                 Some(clean) if column.quantum > 0.0 => {
-                    ((clean[k] + white) / column.quantum).round() * column.quantum - clean[k]
+                    let value = clean[k] + column.white * normal;
+                    (value / column.quantum).round() * column.quantum - clean[k]
                 }
-                _ => white,
+                _ => column.rms() * normal,
             }
         };
         (name.as_str(), (0..n).map(value).collect())
@@ -144,8 +173,8 @@ fn drawn<'s>(
     study.sensors.columns.iter().map(one).collect()
 }
 
-/// What smoothing takes from derivatives, `[signals][n]`: as much as smoothing them once more does, by which the true
-/// derivatives differ from those in use. None for signals that are no derivatives.
+/// What smoothing takes from derivatives, `[signals][n]`: known by a model, or estimated from what smoothing them once more
+/// does. None for signals that are no derivatives.
 fn smoothing(
     study: &Study,
     record: &Record,
@@ -163,9 +192,15 @@ fn smoothing(
             sum
         });
         let again = processed(integral.collect(), &Signal { scale: None, ..signal.clone() }, record.step);
-        Some(again.iter().zip(values).map(|(again, once)| again - once).collect())
+        Some(again.iter().zip(values).map(|(again, once)| TWICE * (again - once)).collect())
     };
     study.sensors.signals[list].iter().zip(values).map(one).collect()
+}
+
+/// What is known of the smoothing of measured states, or a share of it.
+fn known(record: &Record, share: f64) -> Vec<Option<Vec<f64>>> {
+    let one = |own: &Option<Vec<f64>>| own.as_ref().map(|own| own.iter().map(|e| share * e).collect());
+    record.smoothed.iter().map(one).collect()
 }
 
 fn slopes(view: &View, r: usize, p: &[f64], locals: &[f64], seed: u64) -> Slopes {
@@ -188,8 +223,13 @@ fn slopes(view: &View, r: usize, p: &[f64], locals: &[f64], seed: u64) -> Slopes
         Some(slope(Shift { states, ..Shift::default() }, size))
     };
     let mut found = Slopes { states: (0..nx).map(state).collect(), ..Slopes::default() };
+    let states = match (measured, record.smoothed.is_empty()) {
+        (false, _) => Vec::new(),
+        (true, true) => smoothing(study, record, 1, &record.states),
+        (true, false) => known(record, if view.corrected { UNSURE } else { 1.0 }),
+    };
     let smoothed = Shift {
-        states: if measured { smoothing(study, record, 1, &record.states) } else { Vec::new() },
+        states,
         inputs: smoothing(study, record, 0, &record.inputs),
         extra: smoothing(study, record, 2, &record.extra.iter().cloned().map(Some).collect::<Vec<_>>()),
     };

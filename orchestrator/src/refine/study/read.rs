@@ -35,6 +35,10 @@ pub struct Record {
     pub sensors: BTreeMap<String, Sensor>,
     /// Factors from the units of columns to those of signals: inputs, states, further signals, outputs.
     pub factors: [Vec<f64>; 4],
+    /// Whether the file begins and ends with it.
+    pub ends: [bool; 2],
+    /// What smoothing adds to measured states, `[nx][n]`; empty: not known.
+    pub smoothed: Vec<Option<Vec<f64>>>,
     /// Filtered signals for the force residual.
     pub force: Option<ForceRecord>,
 }
@@ -285,6 +289,9 @@ pub fn records(file: &File, layout: &Layout, notes: &mut Vec<String>) -> Result<
             let values = &grid.raw.channel(name)?.values;
             let corners = layout.signals().into_iter().flatten().flatten();
             let corners = corners.filter(|own| own.source() == Some(name)).filter_map(|own| own.low_pass_hz);
+            let driven = layout.inputs.iter().flatten().any(|own| own.source() == Some(name));
+            let corners =
+                corners.chain(layout.force.iter().filter(|_| driven).map(|force| force.0.low_pass_hz));
             // What a low-pass of the study takes away is noise by its own word; neighbours may hide it, as
             // interpolating encoders do.
             let removed = corners.fold(0.0f64, |most, corner| {
@@ -311,6 +318,8 @@ pub fn records(file: &File, layout: &Layout, notes: &mut Vec<String>) -> Result<
             extra,
             outputs,
             states,
+            ends: [first == 0, last == time.len()],
+            smoothed: Vec::new(),
             force,
         });
     }

@@ -1,10 +1,12 @@
 //! Which candidates are missing: step by step with a look ahead to pairs, judged on what was kept back.
 
 use super::catalogue::Candidate;
+use super::effects;
 use super::explain::Judge;
 use super::fits::{Fits, Model};
-use super::law::{Law, Variable};
-use super::model::{Action, Study};
+use super::model::Study;
+use super::physical::{fitting, physical};
+use crate::refine::answer::Stability;
 use crate::refine::engine::parallel;
 
 /// Share by which the error on what is kept back has to fall for an effect to be added.
@@ -17,6 +19,12 @@ pub const EQUAL: f64 = 0.03;
 const LOOKED_AT: usize = 3;
 /// Singles that pairs are made of.
 const PAIRED: usize = 6;
+/// Effects that are exchanged at most.
+const EXCHANGED: usize = 4;
+/// Ratio of errors on a part of the records from which on an effect helps there.
+const BETTER: f64 = 0.99;
+/// Share of the error on what is kept back from which on an effect helps clearly, on however few parts.
+const CLEAR: f64 = 0.15;
 
 /// Outcome.
 #[derive(Debug)]
@@ -31,59 +39,14 @@ pub struct Selection {
     pub singles: Vec<Model>,
     /// Errors on what was kept back after each step: effects so far, error.
     pub path: Vec<(Vec<usize>, f64)>,
+    /// How each effect of the answer holds on parts of the records.
+    pub stability: Vec<Stability>,
+    /// Effects that were left out because they do not hold on most parts.
+    pub refused: Vec<(usize, Stability)>,
 }
 
 /// Sentences for a progress display.
 pub type Say<'a> = &'a (dyn Fn(&str) + Sync);
-
-/// Whether the shape of the candidate added last shows in the records; those before it are exchanged in the end. Far from where the records were, a spring is a constant
-/// force, so is an end stop, a long wave is a spring, a wide friction peak is Coulomb friction.
-fn shown(study: &Study, model: &Model) -> bool {
-    let p = &model.fit.parameters;
-    model.added.last().map(|&c| &study.candidates[c]).is_none_or(|own| {
-        let Action::Block { law, tap } = own.action else { return true };
-        let (low, high) = study.range(tap, Variable::Position);
-        let (travel, first) = (high - low, own.entries.start);
-        let (slowest, fastest) = study.range(tap, Variable::Velocity);
-        match law {
-            Law::Spring => {
-                let rest = -p[first + 1] / p[first];
-                p[first] > 0.0 && (low - travel..=high + travel).contains(&rest)
-            }
-            Law::EndStop => (low + 0.25 * travel..=high).contains(&p[first + 2]),
-            Law::Cogging => p[first + 2] <= travel,
-            Law::Stribeck => p[first + 1] <= 0.5 * fastest.abs().max(slowest.abs()),
-            Law::Presliding => travel <= 0.0 || p[first] <= 0.25 * travel,
-            _ => true,
-        }
-    })
-}
-
-/// Whether a fitted model takes energy out where friction should, over the whole range of the records.
-fn passive(study: &Study, model: &Model) -> bool {
-    let p = &model.fit.parameters;
-    (0..study.taps.len()).all(|tap| {
-        let strength = |law: Law| {
-            let own = model.added.iter().map(|&c| &study.candidates[c]);
-            let found = own.filter(|c| c.action == Action::Block { law, tap }).map(|c| c.entries.start);
-            found.map(|index| (p[index], index)).next()
-        };
-        let declared = study.taps[tap].coulomb.map_or(0.0, |level| level.of(p));
-        let coulomb = declared + strength(Law::Coulomb).map_or(0.0, |s| s.0);
-        let asymmetry = strength(Law::Asymmetry);
-        let forwards = asymmetry.map_or(0.0, |(force, _)| force);
-        // One direction may have less friction, not none; without Coulomb friction a force for one direction is a bias.
-        if asymmetry.is_some() && coulomb + forwards < 0.0 {
-            return false;
-        }
-        match strength(Law::PositionCoulomb) {
-            None => true,
-            Some((slope, _)) => study.ranges.get(tap).is_none_or(|range| {
-                [range[1].0, range[1].1].iter().all(|x| coulomb + slope * x >= -0.05 * coulomb.abs())
-            }),
-        }
-    })
-}
 
 fn complexity(candidates: &[Candidate], model: &Model) -> usize {
     model.added.iter().map(|&c| candidates[c].complexity).sum()
@@ -110,59 +73,68 @@ impl Search<'_> {
         self.fits.study
     }
 
-    fn physical(&self, model: &Model) -> bool {
-        passive(self.study(), model) && shown(self.study(), model)
-    }
-
-    /// Exchanges effects for simpler ones that do as well.
-    fn simplify(&self, mut best: Model) -> Model {
+    /// Exchanges effects for others that do better, or as well and are simpler; then the models with one effect exchanged
+    /// that are as good. Those that only contain it with more freedom are no other explanation.
+    fn exchange(&self, mut best: Model) -> (Model, Vec<(usize, Model)>) {
+        let mut exchanged = 0;
         'again: loop {
+            let mut equals = Vec::new();
             for &c in &best.added {
                 let candidates = &self.study().candidates;
                 let rest: Vec<usize> = best.added.iter().copied().filter(|&other| other != c).collect();
                 if rest.iter().any(|&other| candidates[other].needs == Some(c)) {
                     continue;
                 }
-                let simpler = (0..candidates.len()).filter(|&other| {
-                    let own = &candidates[other];
-                    !own.probe
-                        && own.complexity < candidates[c].complexity
-                        && !best.added.contains(&other)
-                        && own.needs.is_none_or(|needs| rest.contains(&needs))
-                });
-                let simpler: Vec<usize> = simpler.collect();
-                if simpler.is_empty() {
-                    continue;
-                }
                 let Some(base) = self.fits.fit_from(rest, &best.fit.parameters, &best.fit.locals) else {
                     continue;
                 };
-                let found = parallel::map(simpler.len(), |i| self.fits.add(&base, simpler[i]));
-                let near = |model: &Model| model.error <= (1.0 + EQUAL) * best.error && self.physical(model);
-                let mut found: Vec<Model> = found.into_iter().flatten().filter(near).collect();
-                found.sort_by(|a, b| a.error.total_cmp(&b.error));
-                if let Some(mut model) = found.into_iter().next() {
-                    self.fits.hold_back(&mut model);
-                    if model.held_back <= (1.0 + EQUAL) * best.held_back {
-                        best = model;
-                        continue 'again;
-                    }
+                let size = complexity(candidates, &best);
+                // A shape that does not show in the records is no finding, so anything that does as well replaces it.
+                let unreal = !physical(self.study(), &best);
+                let simpler = |model: &Model| unreal || complexity(candidates, model) < size;
+                let near = |model: &Model| {
+                    let most = if simpler(model) { 1.0 + EQUAL } else { 1.0 + 0.2 * EQUAL };
+                    !model.added.contains(&c) && model.error <= most * best.error
+                };
+                let found = self.extend(&base).into_iter().filter(near).take(LOOKED_AT);
+                let mut found: Vec<Model> = found.collect();
+                found.iter_mut().for_each(|model| self.fits.hold_back(model));
+                let better = |model: &Model| {
+                    let as_simple = complexity(candidates, model) <= size && model.error < best.error;
+                    let most = match (simpler(model), as_simple) {
+                        (true, _) => 1.0 + EQUAL,
+                        (false, true) => 1.0,
+                        (false, false) => 1.0 - EQUAL,
+                    };
+                    model.held_back < most * best.held_back
+                };
+                if exchanged < EXCHANGED
+                    && let Some(at) = found.iter().position(better)
+                {
+                    best = found.swap_remove(at);
+                    exchanged += 1;
+                    continue 'again;
                 }
+                let equal = |model: &Model| {
+                    model.error < (1.0 + 0.2 * EQUAL) * best.error
+                        && model.held_back < (1.0 + 0.2 * EQUAL) * best.held_back
+                };
+                equals.extend(found.into_iter().filter(equal).map(|model| (c, model)));
             }
-            return best;
+            return (best, equals);
         }
     }
 
     /// `base` with each candidate that it lacks, best fit first.
     fn extend(&self, base: &Model) -> Vec<Model> {
-        let fitting = |c: &usize| {
+        let may = |c: &usize| {
             let own = &self.study().candidates[*c];
             !own.probe && !base.added.contains(c) && own.needs.is_none_or(|needs| base.added.contains(&needs))
         };
-        let open: Vec<usize> = (0..self.study().candidates.len()).filter(fitting).collect();
+        let open: Vec<usize> = (0..self.study().candidates.len()).filter(may).collect();
         let found = parallel::map(open.len(), |i| self.fits.add(base, open[i]));
         let mut found: Vec<Model> =
-            found.into_iter().flatten().filter(|model| self.physical(model)).collect();
+            found.into_iter().flatten().filter(|model| fitting(self.study(), model)).collect();
         found.sort_by(|a, b| a.error.total_cmp(&b.error));
         found
     }
@@ -192,7 +164,7 @@ impl Search<'_> {
             jobs.extend(needing.map(|c| (i, c)));
         }
         let models = parallel::map(jobs.len(), |j| self.fits.add(&singles[jobs[j].0], jobs[j].1));
-        found.extend(models.into_iter().flatten().filter(|model| self.physical(model)));
+        found.extend(models.into_iter().flatten().filter(|model| fitting(self.study(), model)));
         found.retain(|model| model.added.len() == base.added.len() + 2);
         found.sort_by(|a, b| a.error.total_cmp(&b.error));
         found
@@ -246,7 +218,9 @@ impl Search<'_> {
                     continue;
                 }
                 self.fits.hold_back(&mut without);
-                if without.held_back <= (1.0 + 0.5 * WORTH) * best.held_back && self.physical(&without) {
+                if without.held_back <= (1.0 + 0.5 * WORTH) * best.held_back
+                    && fitting(self.study(), &without)
+                {
                     best = without;
                     continue 'again;
                 }
@@ -256,25 +230,57 @@ impl Search<'_> {
         best
     }
 
-    /// Models with the last effect exchanged that are as good; those that only contain it with more freedom are no
-    /// other explanation.
-    fn equals(&self, best: &Model, tried: &[Model]) -> Vec<(usize, Model)> {
-        let mut found = Vec::new();
-        for model in tried {
-            let lacks: Vec<usize> = best.added.iter().copied().filter(|c| !model.added.contains(c)).collect();
-            let (&[lacking], true) = (&lacks[..], model.added.len() == best.added.len()) else { continue };
-            let near = (model.error / best.error - 1.0).abs() < 0.2 * EQUAL;
-            if near
-                && complexity(&self.study().candidates, model) >= complexity(&self.study().candidates, best)
-            {
-                let mut model = model.clone();
+    /// How the effects of a model hold on the parts that were kept back.
+    fn stability(&self, best: &mut Model) -> Vec<Stability> {
+        self.fits.hold_back(best);
+        let best = &*best;
+        let candidates = &self.study().candidates;
+        let one = |&c: &usize| {
+            let own = |other: usize| other == c || candidates[other].needs == Some(c);
+            let rest: Vec<usize> = best.added.iter().copied().filter(|&other| !own(other)).collect();
+            let without = self.fits.fit_from(rest, &best.fit.parameters, &best.fit.locals);
+            let parts = without.map_or_else(Vec::new, |mut model| {
                 self.fits.hold_back(&mut model);
-                if model.held_back < (1.0 + 0.2 * EQUAL) * best.held_back {
-                    found.push((lacking, model));
-                }
+                model.parts
+            });
+            let better = parts.iter().zip(&best.parts).filter(|(without, with)| with.0 < BETTER * without.0);
+            let range = |k: usize| {
+                let values = best.parts.iter().map(|(_, p)| effects::physical(self.study(), c, p)[k]);
+                values.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), v| (a.min(v), b.max(v)))
+            };
+            let ranges = (0..candidates[c].entries.len()).map(range).collect();
+            let ratios = parts.iter().zip(&best.parts).map(|(without, with)| (with.0 / without.0).ln());
+            let gain = 1.0 - (ratios.sum::<f64>() / best.parts.len().max(1) as f64).exp();
+            Stability { parts: best.parts.len(), better: better.count(), gain, ranges }
+        };
+        best.added.iter().map(one).collect()
+    }
+
+    /// Leaves effects out that help on no more than half of the parts that were kept back and not clearly, or whose strength changes its
+    /// sign between them.
+    fn steady(&self, mut best: Model) -> (Model, Vec<Stability>, Vec<(usize, Stability)>) {
+        let mut refused = Vec::new();
+        loop {
+            let stability = self.stability(&mut best);
+            let company = best.added.len() > 1;
+            let unsteady = |(k, own): (usize, &Stability)| {
+                let turns = own.ranges.first().is_some_and(|range| range.0 < 0.0 && range.1 > 0.0);
+                let needed =
+                    best.added.iter().any(|&c| self.study().candidates[c].needs == Some(best.added[k]));
+                let rarely = 2 * own.better <= own.parts && own.gain < CLEAR;
+                company && !needed && (rarely || turns && own.better < own.parts)
+            };
+            let worst = stability.iter().enumerate().filter(|&(k, own)| unsteady((k, own)));
+            let Some((k, own)) = worst.min_by_key(|(_, own)| own.better) else {
+                return (best, stability, refused);
+            };
+            let mut rest = best.added.clone();
+            refused.push((rest.remove(k), own.clone()));
+            match self.fits.fit_from(rest, &best.fit.parameters, &best.fit.locals) {
+                Some(model) => best = model,
+                None => return (best, stability, Vec::new()),
             }
         }
-        found
     }
 }
 
@@ -286,7 +292,16 @@ pub fn search(fits: &Fits, judge: &Judge, declared: Model, most: usize, say: Say
     if judge.explained(fits, &declared) {
         let path = vec![(Vec::new(), declared.held_back)];
         let best = declared.clone();
-        return Selection { declared, best, equals: Vec::new(), singles: Vec::new(), path };
+        let (equals, singles) = (Vec::new(), Vec::new());
+        return Selection {
+            declared,
+            best,
+            equals,
+            singles,
+            path,
+            stability: Vec::new(),
+            refused: Vec::new(),
+        };
     }
     let mut path = vec![(Vec::new(), declared.held_back)];
     let singles = search.extend(&declared);
@@ -306,15 +321,11 @@ pub fn search(fits: &Fits, judge: &Judge, declared: Model, most: usize, say: Say
             }
         }
     }
-    let best = search.simplify(search.prune(best));
-    say("fitting the answer");
+    let best = search.prune(best);
+    say("trying other effects in their place");
+    let (best, equals) = search.exchange(best);
+    say("stability over parts of the records");
+    let (best, stability, refused) = search.steady(best);
     let best = fits.polish(&best).unwrap_or(best);
-    let equals = if best.added.is_empty() {
-        Vec::new()
-    } else {
-        let base: Vec<usize> = best.added[..best.added.len() - 1].to_vec();
-        let base = fits.fit_from(base, &best.fit.parameters, &best.fit.locals);
-        base.map_or_else(Vec::new, |base| search.equals(&best, &search.extend(&base)))
-    };
-    Selection { declared, best, equals, singles, path }
+    Selection { declared, best, equals, singles, path, stability, refused }
 }

@@ -49,24 +49,38 @@ pub fn low_pass(values: &[f64], corner: Option<f64>, step: f64) -> Vec<f64> {
     filtered
 }
 
-/// Rms of what changes from sample to sample: third differences, in which smooth motion all but vanishes; jumps, as at
-/// reversals, do not count.
+/// Rms of what changes from sample to sample: the least of third, fifth and seventh differences, in which smooth motion all
+/// but vanishes, the faster the motion against the sampling the higher the order it takes; jumps, as at reversals, do not
+/// count.
 pub fn scatter(values: &[f64]) -> f64 {
-    let third = values.windows(4).map(|w| (w[3] - 3.0 * w[2] + 3.0 * w[1] - w[0]).abs());
-    let mut third: Vec<f64> = third.collect();
-    third.sort_by(f64::total_cmp);
-    // 68.27 % of the normal distribution lie within its standard deviation; the coefficients 1, 3, 3, 1 have the sum of
-    // squares 20.
-    third.get((0.6827 * third.len() as f64) as usize).copied().unwrap_or(0.0) / 20f64.sqrt()
+    let mut differences = values.to_vec();
+    let mut least = f64::INFINITY;
+    for order in 1..=7u32 {
+        differences = differences.windows(2).map(|pair| pair[1] - pair[0]).collect();
+        if order < 3 || order.is_multiple_of(2) {
+            continue;
+        }
+        let mut sizes: Vec<f64> = differences.iter().map(|difference| difference.abs()).collect();
+        sizes.sort_by(f64::total_cmp);
+        // 68.27 % of the normal distribution lie within its standard deviation; the squares of the coefficients, those
+        // of binomials, have the sum (2 n)! / n!^2.
+        let sum = (1..=order).map(|k| f64::from(order + k) / f64::from(k)).product::<f64>();
+        let size = sizes.get((0.6827 * sizes.len() as f64) as usize).copied();
+        least = least.min(size.unwrap_or(0.0) / sum.sqrt());
+    }
+    least
 }
 
-/// Typical size of what a zero-phase low-pass takes away, as the rms of noise; few large values do not count.
+/// Typical size of what a zero-phase low-pass takes away, as the rms of noise: the lower quartile over spans of a fortieth
+/// of the record, so that jumps do not count, and the ends of a record neither.
 pub fn above(values: &[f64], corner: f64, step: f64) -> f64 {
     let smooth = low_pass(values, Some(corner), step);
-    let mut rest: Vec<f64> = values.iter().zip(&smooth).map(|(a, b)| (a - b).abs()).collect();
-    rest.sort_by(f64::total_cmp);
-    // Half of the normal distribution lies within 0.6745 standard deviations.
-    rest.get(rest.len() / 2).copied().unwrap_or(0.0) / 0.6745
+    let rest: Vec<f64> = values.iter().zip(&smooth).map(|(a, b)| (a - b).powi(2)).collect();
+    let length = (values.len() / 40).max(16);
+    let mean = |span: &[f64]| span.iter().sum::<f64>() / span.len() as f64;
+    let mut powers: Vec<f64> = rest.chunks_exact(length).map(mean).collect();
+    powers.sort_by(f64::total_cmp);
+    powers.get(powers.len() / 4).copied().unwrap_or(0.0).sqrt()
 }
 
 /// Smallest step of a column: that of which all its changes are multiples; 0 where there is none.
@@ -126,5 +140,9 @@ mod tests {
         let jumps: Vec<f64> =
             values.iter().enumerate().map(|(k, y)| y + 3.0 * ((k / 500) % 2) as f64).collect();
         assert!((scatter(&jumps) / 0.02 - 1.0).abs() < 0.06, "{}", scatter(&jumps));
+        // A swing of forty samples a period.
+        let fast: Vec<f64> =
+            (0..20_000).map(|k| (0.157 * f64::from(k)).sin() + 1e-4 * noise.normal()).collect();
+        assert!((scatter(&fast) / 1e-4 - 1.0).abs() < 0.06, "{}", scatter(&fast));
     }
 }

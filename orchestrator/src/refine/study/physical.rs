@@ -1,0 +1,62 @@
+//! What a fitted model must not be: friction that drives, and shapes that lie outside of what the records show.
+
+use super::fits::Model;
+use super::law::{Law, Variable};
+use super::model::{Action, Study};
+
+/// Whether a model may stand while it grows: those before the candidate added last are exchanged in the end.
+pub fn fitting(study: &Study, model: &Model) -> bool {
+    passive(study, model) && model.added.last().is_none_or(|&c| shown(study, model, c))
+}
+
+/// Whether a model may be an answer.
+pub fn physical(study: &Study, model: &Model) -> bool {
+    passive(study, model) && model.added.iter().all(|&c| shown(study, model, c))
+}
+
+/// Whether the shape of a candidate shows in the records. Far from where the records were, a spring is a constant force,
+/// so is an end stop, a long wave is a spring, a wide friction peak is Coulomb friction.
+fn shown(study: &Study, model: &Model, c: usize) -> bool {
+    let (p, own) = (&model.fit.parameters, &study.candidates[c]);
+    let Action::Block { law, tap } = own.action else { return true };
+    let (low, high) = study.range(tap, Variable::Position);
+    let (travel, first) = (high - low, own.entries.start);
+    let (slowest, fastest) = study.range(tap, Variable::Velocity);
+    match law {
+        Law::Spring => {
+            let rest = -p[first + 1] / p[first];
+            p[first] > 0.0 && (low - travel..=high + travel).contains(&rest)
+        }
+        Law::EndStop => (low + 0.25 * travel..=high).contains(&p[first + 2]),
+        Law::Cogging => p[first + 2] <= travel,
+        Law::Stribeck => p[first + 1] <= 0.5 * fastest.abs().max(slowest.abs()),
+        Law::Presliding => travel <= 0.0 || p[first] <= 0.25 * travel,
+        _ => true,
+    }
+}
+
+/// Whether a fitted model takes energy out where friction should, over the whole range of the records.
+fn passive(study: &Study, model: &Model) -> bool {
+    let p = &model.fit.parameters;
+    (0..study.taps.len()).all(|tap| {
+        let strength = |law: Law| {
+            let own = model.added.iter().map(|&c| &study.candidates[c]);
+            let found = own.filter(|c| c.action == Action::Block { law, tap }).map(|c| c.entries.start);
+            found.map(|index| (p[index], index)).next()
+        };
+        let declared = study.taps[tap].coulomb.map_or(0.0, |level| level.of(p));
+        let coulomb = declared + strength(Law::Coulomb).map_or(0.0, |s| s.0);
+        let asymmetry = strength(Law::Asymmetry);
+        let forwards = asymmetry.map_or(0.0, |(force, _)| force);
+        // One direction may have less friction, not none; without Coulomb friction a force for one direction is a bias.
+        if asymmetry.is_some() && coulomb + forwards < 0.0 {
+            return false;
+        }
+        match strength(Law::PositionCoulomb) {
+            None => true,
+            Some((slope, _)) => study.ranges.get(tap).is_none_or(|range| {
+                [range[1].0, range[1].1].iter().all(|x| coulomb + slope * x >= -0.05 * coulomb.abs())
+            }),
+        }
+    })
+}
