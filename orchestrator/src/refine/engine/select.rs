@@ -144,23 +144,25 @@ pub fn select<S: System + ?Sized>(
         passing = climbed.iter().filter(|m| passes(m)).cloned().collect();
         tried.extend(climbed);
     }
+    let mut bases = Vec::new();
+    if passing.is_empty() {
+        let proposed = proposed(&ladder, &declared, &proposals());
+        let whole = proposed.iter().filter(|reached| reached.rung == ladder.top());
+        let mut whole: Vec<Model> = whole.map(|reached| reached.model.clone()).collect();
+        whole.retain(|m| m.added.len() <= effort.max_effects);
+        passing = whole.iter().filter(|m| passes(m) && m.added.len() == 1).cloned().collect();
+        if passing.is_empty() {
+            passing = without_company(search, &declared, whole.iter().filter(|m| passes(m)).cloned(), limit);
+        }
+        tried.extend(whole);
+        bases.extend(proposed.into_iter().map(|reached| reached.model).filter(|m| m.added.len() == 1));
+    }
     if passing.is_empty() && effort.max_effects >= 2 {
         search.system.stage("pairs of effects");
-        let proposed = proposed(&ladder, &declared, &proposals());
-        let whole = proposed.iter().filter(|r| r.rung == ladder.top() && r.model.added.len() > 1);
-        let mut pairs: Vec<Model> = whole.map(|reached| reached.model.clone()).collect();
-        if !pairs.iter().any(passes) {
-            let first = proposed.into_iter().map(|reached| reached.model).filter(|m| m.added.len() == 1);
-            let bases: Vec<Model> = first.chain(singles.iter().cloned()).collect();
-            pairs.extend(self::pairs(&ladder, &bases, effort.pairs));
-        }
+        bases.extend(singles.iter().cloned());
+        let pairs = pairs(&ladder, &bases, effort.pairs);
         tried.extend(pairs.iter().cloned());
-        passing = pairs.into_iter().filter(passes).collect();
-        let fewer = fewer(search, &declared, &passing);
-        tried.extend(fewer.iter().cloned());
-        if fewer.iter().any(passes) {
-            passing = fewer.into_iter().filter(passes).collect();
-        }
+        passing = without_company(search, &declared, pairs.into_iter().filter(|m| passes(m)), limit);
     }
     let best = passing.iter().min_by(|a, b| criterion(a).total_cmp(&criterion(b))).cloned();
     if best.as_ref().is_some_and(|best| best.worst() < search.null.quantile + SUSPICIOUS) {
@@ -256,18 +258,28 @@ fn climbed<S: System + ?Sized>(ladder: &Ladder<S>, declared: &Model, count: usiz
     reached.into_iter().filter(|reached| reached.rung == ladder.top()).map(|reached| reached.model).collect()
 }
 
-/// The effects of models of several with one of them left out: a second one may only have led the first to its place.
-fn fewer<S: System + ?Sized>(search: &Search<S>, declared: &Model, models: &[Model]) -> Vec<Model> {
-    let mut found: Vec<Model> = Vec::new();
-    for model in models {
-        for &left_out in &model.added {
+/// Models that leave only noise; where they still do with one of their effects left out, without it: a second one may
+/// only have led the first to its place.
+fn without_company<S: System + ?Sized>(
+    search: &Search<S>,
+    declared: &Model,
+    models: impl Iterator<Item = Model>,
+    limit: f64,
+) -> Vec<Model> {
+    let (mut found, mut fewer): (Vec<Model>, Vec<Model>) = (models.collect(), Vec::new());
+    for model in &found {
+        for &left_out in model.added.iter().filter(|_| model.added.len() > 1) {
             let added: Vec<usize> = model.added.iter().copied().filter(|&c| c != left_out).collect();
             let mut start = model.fit.parameters.clone();
             for f in &search.candidates[left_out].free {
                 start[f.index] = declared.fit.parameters[f.index];
             }
-            found.push(search.fit(&added, &[], &start, &model.fit.locals, ROUNDS));
+            fewer.push(search.fit(&added, &[], &start, &model.fit.locals, ROUNDS));
         }
+    }
+    fewer.retain(|m| m.worst() < limit);
+    if !fewer.is_empty() {
+        found = fewer;
     }
     found
 }
@@ -357,10 +369,9 @@ mod tests {
         };
         let declared = search.fit(&[], &[], &[0.0, 0.0], &locals, 5);
         let pair = search.fit(&[0, 1], &[], &[0.0, 0.0], &locals, 10);
-        let single = fewer(&search, &declared, &[pair]);
-        let enough: Vec<&[usize]> =
-            single.iter().filter(|m| m.worst() < limit).map(|m| &m.added[..]).collect();
-        assert_eq!(enough, [[1]]);
+        assert!(pair.worst() < limit);
+        let enough = without_company(&search, &declared, [pair].into_iter(), limit);
+        assert_eq!(enough.iter().map(|m| &m.added[..]).collect::<Vec<_>>(), [[1]]);
     }
 
     #[test]

@@ -10,7 +10,7 @@ use super::explain::{Judge, Rest, depends};
 use super::fits::{Fits, Model, pieces};
 use super::model::{Study, Target};
 use super::open::open;
-use super::search::{Say, Selection, search};
+use super::search::{Say, Selection, confirm, search};
 use super::simulate::Piece;
 use super::smoothed;
 use crate::refine::Error;
@@ -52,19 +52,14 @@ pub fn answer(file: &File, settings: &Settings, say: Say) -> Result<(Answer, Evi
     let fits = Fits::new(&study, scale.clone()).quickened(&model);
     say("noise floor");
     let judge = Judge::new(&fits, &model, settings.draws, settings.seed);
-    let mut selection = search(&fits, &judge, model, settings.max_effects, say);
-    say("errors on all records");
+    let selection = search(&fits, &judge, model, settings.max_effects, say);
     let best = &selection.best;
     if !best.added.is_empty() {
         correct(&mut study, &scale, &best.added, &best.fit.parameters);
     }
     let fits = Fits::new(&study, scale);
-    let best = &selection.best;
-    let again = fits.fit_from(best.added.clone(), &best.fit.parameters, &best.fit.locals);
-    if let Some(again) = again.filter(|again| !again.added.is_empty()) {
-        let Model { held_back, parts, .. } = selection.best;
-        selection.best = Model { held_back, parts, ..again };
-    }
+    let selection = confirm(&fits, &judge, selection, say);
+    say("errors on all records");
     let found = assemble(&fits, &judge, &selection, settings.seed);
     say("figures");
     let shown = if found.verdict == Verdict::Effect { &selection.best } else { &selection.declared };

@@ -175,7 +175,7 @@ impl Search<'_> {
         // What takes away next to nothing of the declared model's error is no finding, however little is left.
         let least = path.first().map_or(0.0, |(_, error)| NOTEWORTHY * error);
         let mut best = from;
-        while best.added.len() < most && !self.judge.settled(self.fits, &best) {
+        while best.added.len() < most && !self.enough(&best) {
             (self.say)(&format!("searching effect {}", best.added.len() + 1));
             let worth = ((1.0 - WORTH) * best.held_back).min(best.held_back - least);
             let singles = self.extend(&best);
@@ -201,6 +201,12 @@ impl Search<'_> {
         best
     }
 
+    /// Whether nothing more is to be looked for: beside effects, tolerances of the noise count.
+    fn enough(&self, model: &Model) -> bool {
+        self.judge.settled(self.fits, model)
+            || !model.added.is_empty() && self.judge.tolerable(self.fits, model)
+    }
+
     /// Leaves effects out again that the others have made superfluous.
     fn prune(&self, mut best: Model) -> Model {
         'again: while best.added.len() > 1 {
@@ -218,9 +224,8 @@ impl Search<'_> {
                     continue;
                 }
                 self.fits.hold_back(&mut without);
-                if without.held_back <= (1.0 + 0.5 * WORTH) * best.held_back
-                    && fitting(self.study(), &without)
-                {
+                let as_good = without.held_back <= (1.0 + 0.5 * WORTH) * best.held_back;
+                if (as_good || self.enough(&without)) && fitting(self.study(), &without) {
                     best = without;
                     continue 'again;
                 }
@@ -282,6 +287,24 @@ impl Search<'_> {
             }
         }
     }
+}
+
+/// A selection once more under initial states that the model of its answer corrects: what the corrections of the declared
+/// model had left may have looked like an effect.
+pub fn confirm(fits: &Fits, judge: &Judge, mut selection: Selection, say: Say) -> Selection {
+    let search = Search { fits, judge, say };
+    let best = &selection.best;
+    let again = fits.fit_from(best.added.clone(), &best.fit.parameters, &best.fit.locals);
+    let Some(mut best) = again.filter(|model| !model.added.is_empty()) else { return selection };
+    fits.hold_back(&mut best);
+    let before = best.added.len();
+    let mut best = search.prune(best);
+    if best.added.len() < before {
+        (best, selection.equals) = search.exchange(best);
+        (best, selection.stability, selection.refused) = search.steady(best);
+    }
+    selection.best = best;
+    selection
 }
 
 /// Searches from the fitted declared model, at most `most` effects.
