@@ -5,10 +5,10 @@ use std::collections::BTreeMap;
 use super::engine::candidate::Candidate;
 use super::engine::goodness::Null;
 use super::engine::search::{Model, Promise, Search};
-use super::engine::select::{Effort, MARGIN, NOTICEABLE, Selection, Stage, select};
+use super::engine::select::{Effort, MARGIN, NOTICEABLE, Proposal, Selection, Stage, select};
 use super::engine::{System, parallel};
 use super::interval;
-use super::rig::localise::localise;
+use super::rig::localise::{localise, pair_behind};
 use super::rig::open::Rig;
 use super::rig::physical::correction;
 use super::rig::replay::{BLUNTED, left, proposals};
@@ -159,7 +159,15 @@ pub fn answer(rig: &Rig, groups: &[String], settings: &Settings, listener: Liste
     let effort = Effort { max_effects: settings.max_effects, ..Effort::default() };
     let proposed = || {
         let Some(coupled) = &rig.coupled else { return Vec::new() };
-        proposals(coupled, &rig.candidates, &numbered(groups), search.null.quantile + MARGIN)
+        let (groups, neutral) = (numbered(groups), super::rig::parameters::neutral());
+        let places: Vec<usize> = (0..rig.candidates.len()).filter(|&c| behind(&rig.candidates[c])).collect();
+        let own: Vec<Candidate> = places.iter().map(|&c| rig.candidates[c].clone()).collect();
+        let mut found = proposals(coupled, &rig.candidates, &groups, search.null.quantile + MARGIN);
+        found.extend(
+            pair_behind(coupled, &own, &groups, &neutral)
+                .map(|pair| Proposal { added: pair.added.iter().map(|&c| places[c]).collect(), ..pair }),
+        );
+        found
     };
     let selection = select(&search, declared, &rig.corrections, effort, &proposed);
     let mut found = assemble(rig, &search, &selection);
@@ -168,6 +176,12 @@ pub fn answer(rig: &Rig, groups: &[String], settings: &Settings, listener: Liste
     }
     hold_back(&mut found);
     found
+}
+
+/// Whether a candidate acts behind the load cell.
+fn behind(c: &Candidate) -> bool {
+    ["cart", "cart_friction", "pole"].contains(&c.channel)
+        || c.id != "sensor.delay" && matches!(c.signal, Some("x" | "theta"))
 }
 
 /// A number for every name: that of its first place.
@@ -230,11 +244,7 @@ fn trace(
         None
     };
     let groups = numbered(groups);
-    let mechanical = |c: &&super::engine::candidate::Candidate| {
-        ["cart", "cart_friction", "pole"].contains(&c.channel)
-            || c.id != "sensor.delay" && matches!(c.signal, Some("x" | "theta"))
-    };
-    let candidates: Vec<_> = rig.candidates.iter().filter(mechanical).cloned().collect();
+    let candidates: Vec<_> = rig.candidates.iter().filter(|c| behind(c)).cloned().collect();
     let findings = localise(coupled, &candidates, front, &groups, &super::rig::parameters::neutral());
     found.unexplained = findings.channel.map(|channel| (channel, findings.variables));
     let Some(model) = findings.effects else { return };

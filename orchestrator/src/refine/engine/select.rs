@@ -165,6 +165,14 @@ pub fn select<S: System + ?Sized>(
         passing = without_company(search, &declared, pairs.into_iter().filter(|m| passes(m)), limit);
     }
     let best = passing.iter().min_by(|a, b| criterion(a).total_cmp(&criterion(b))).cloned();
+    if let Some(best) = best.filter(|best| best.added.len() > 1) {
+        let others = exchanged(&ladder, &declared, &best, effort.pairs.1);
+        tried.extend(others.iter().cloned());
+        let new = |m: &Model| passes(m) && !passing.iter().any(|old| same(old, m));
+        let others: Vec<Model> = others.into_iter().filter(new).collect();
+        passing.extend(others);
+    }
+    let best = passing.iter().min_by(|a, b| criterion(a).total_cmp(&criterion(b))).cloned();
     if best.as_ref().is_some_and(|best| best.worst() < search.null.quantile + SUSPICIOUS) {
         return end(Stage::Effects, passing, tried);
     }
@@ -284,6 +292,31 @@ fn without_company<S: System + ?Sized>(
     found
 }
 
+/// A model with each of its effects exchanged for others: what a second effect was found beside need not have been the
+/// right one.
+fn exchanged<S: System + ?Sized>(
+    ladder: &Ladder<S>,
+    declared: &Model,
+    model: &Model,
+    count: usize,
+) -> Vec<Model> {
+    let kept = |&kept: &usize| {
+        let mut base = Model { added: vec![kept], ..model.clone() };
+        for &c in model.added.iter().filter(|&&c| c != kept) {
+            for f in &ladder.candidates()[c].free {
+                base.fit.parameters[f.index] = declared.fit.parameters[f.index];
+            }
+        }
+        pairs(ladder, &[base], (1, count))
+    };
+    model.added.iter().flat_map(kept).collect()
+}
+
+/// Whether two models have the same effects.
+fn same(a: &Model, b: &Model) -> bool {
+    a.added.len() == b.added.len() && a.added.iter().all(|c| b.added.contains(c))
+}
+
 /// Pairs: the best singles, each with the candidates that promise most beside it, as far as it goes.
 fn pairs<S: System + ?Sized>(
     ladder: &Ladder<S>,
@@ -298,8 +331,7 @@ fn pairs<S: System + ?Sized>(
         let reached = ladder.attempt(&base, &promises, &[], (each, ROUNDS));
         let explained = reached.iter().any(|reached| ladder.explains(reached));
         for Reached { model, .. } in reached.into_iter().filter(|reached| reached.rung == ladder.top()) {
-            let same = |other: &Model| model.added.iter().all(|c| other.added.contains(c));
-            if !found.iter().any(same) {
+            if !found.iter().any(|other| same(other, &model)) {
                 found.push(model);
             }
         }

@@ -6,7 +6,7 @@ use crate::refine::engine::candidate::Candidate;
 use crate::refine::engine::fit::scatter;
 use crate::refine::engine::goodness::Null;
 use crate::refine::engine::search::{Model, Search};
-use crate::refine::engine::select::attempt;
+use crate::refine::engine::select::{Proposal, attempt};
 use crate::refine::engine::{System, parallel};
 
 /// Walks of the actuator force that are tried: of the force itself, and of its rate, which is smoother.
@@ -29,6 +29,8 @@ const EXPLAINED: f64 = 30.0;
 const EXPLAINED_SHARE: f64 = 2e-4;
 /// Candidates that are fitted with the gains of the declared model, and those of them that get gains of their own.
 const SINGLES: usize = 6;
+/// Single candidates that a pair is built on, and candidates that each of them gets.
+const BASES: usize = 3;
 /// See [`SINGLES`].
 const TUNED: usize = 3;
 /// Effects that are looked for behind a wrong actuator.
@@ -110,6 +112,30 @@ pub fn localise(
         (if friction { "cart_friction" } else { "cart" }.to_owned(), names)
     };
     Findings { effects: None, tried, declared, channel: Some(channel), variables }
+}
+
+/// The pair that explains position and angle best, given the measured force: for a search over the whole rig.
+///
+/// `candidates`: those behind the load cell. Nothing where the force is not measured.
+pub fn pair_behind(rig: &Coupled, candidates: &[Candidate], groups: &[usize], p: &[f64]) -> Option<Proposal> {
+    if !rig.trials.iter().all(|t| t.measured.iter().any(|m| m.name == "F_p")) {
+        return None;
+    }
+    let records: Vec<usize> = (0..rig.records()).filter(|&r| rig.estimation(r)).collect();
+    let locals = vec![Vec::new(); records.len()];
+    let observer = Observer::around(rig, FORCE_WALKS[1], 0.0, p);
+    let null = Null::simulate(&observer, &records, p, &locals, 40, 1);
+    let screened: Vec<usize> =
+        (0..records.len()).filter(|&i| i == 0 || groups[records[i]] != groups[records[i - 1]]).collect();
+    let search = Search { system: &observer, candidates, records, screened, null };
+    let declared = search.fit(&[], &[], p, &locals, 1);
+    let singles = attempt(&search, &declared, &search.screen(&declared), SINGLES, f64::MIN);
+    singles
+        .iter()
+        .take(BASES)
+        .flat_map(|single| attempt(&search, single, &search.screen(single), BASES, f64::MIN))
+        .min_by(|a, b| a.fit.chi2.total_cmp(&b.fit.chi2))
+        .map(|pair| Proposal { added: pair.added, parameters: pair.fit.parameters })
 }
 
 /// A model with the observer that suits it best.
