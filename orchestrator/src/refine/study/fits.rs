@@ -14,10 +14,6 @@ use crate::refine::engine::parallel;
 /// Records from which on whole records are kept back; with fewer, spans of every record are, so that what is kept back
 /// lies within the conditions of the fit.
 const WHOLE_RECORDS: usize = 6;
-/// Starts from which on they are many.
-const MANY: usize = 8;
-/// Starts of many that are fitted.
-const TRIED: usize = 4;
 /// Steps of fits that begin at the fit to all records.
 const WARM: usize = 5;
 /// Share of the error by which steps of second order may differ.
@@ -206,14 +202,12 @@ impl<'a> Fits<'a> {
         Model::new(Vec::new(), found, error)
     }
 
-    /// Candidate `c` on top of `base`: best starts by the linear step, then the fit of everything.
+    /// Candidate `c` on top of `base`: best start by the linear step, then the fit of everything.
     pub fn add(&self, base: &Model, c: usize) -> Option<Model> {
+        let (p, locals) = self.promise(base, c)?;
         let mut added = base.added.clone();
         added.push(c);
-        let locals = &base.fit.locals;
-        let fitted =
-            self.promises(base, c).into_iter().filter_map(|p| self.fit_from(added.clone(), &p, locals));
-        fitted.min_by(|a, b| a.error.total_cmp(&b.error))
+        self.fit_from(added, &p, &locals)
     }
 
     /// Error that the linear step over the entries of some candidates beside `base` promises.
@@ -273,16 +267,15 @@ impl<'a> Fits<'a> {
         Some(found)
     }
 
-    /// Starts of a candidate beside `base` that promise the smallest sums of squares, after the linear step: one, or some
-    /// where there are many, as far from the fit the linear step says little.
-    fn promises(&self, base: &Model, c: usize) -> Vec<Vec<f64>> {
+    /// Start of a candidate beside `base` that promises the smallest sum of squares, after the linear step.
+    fn promise(&self, base: &Model, c: usize) -> Option<(Vec<f64>, Vec<Vec<f64>>)> {
         let own = &self.study.candidates[c];
         let mut added = base.added.clone();
         added.push(c);
         if let [only] = &own.starts[..]
             && only.iter().all(|value| *value == 0.0)
         {
-            return vec![base.fit.parameters.clone()];
+            return Some((base.fit.parameters.clone(), base.fit.locals.clone()));
         }
         let (pieces, own_locals) = self.screened(&base.fit, own.starts.len());
         let before = self.view(&base.added, &pieces);
@@ -307,15 +300,13 @@ impl<'a> Fits<'a> {
                 changed.then(|| columns(&view, &records, &p, &base.fit.free, &locals, true, None));
             linear_step(&view, fresh.as_ref().unwrap_or(&shared), (&base.fit, &own_locals), &open, p)
         });
-        let count = if own.starts.len() > MANY { TRIED } else { 1 };
-        let mut promises: Vec<(f64, Vec<f64>)> = promises.into_iter().flatten().collect();
-        promises.sort_by(|a, b| a.0.total_cmp(&b.0));
-        promises.into_iter().take(count).map(|(_, p)| p).collect()
+        let best = promises.into_iter().flatten().min_by(|a, b| a.0.total_cmp(&b.0))?;
+        Some((best.1, base.fit.locals.clone()))
     }
 
     /// What starts are compared on: all estimation records, or every sixth window where there are many starts.
     fn screened(&self, fit: &Fit, starts: usize) -> (Vec<Piece>, Vec<Vec<f64>>) {
-        let Some(window) = self.study.windows.filter(|_| starts > MANY) else {
+        let Some(window) = self.study.windows.filter(|_| starts > 8) else {
             return (self.pieces.clone(), fit.locals.clone());
         };
         let mut found = Vec::new();
