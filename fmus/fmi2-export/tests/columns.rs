@@ -30,7 +30,7 @@ impl Model for Ring {
         let u = t.input("u").real(0.7);
         let x = std::array::from_fn(|i| t.state(STATES[i]).output().real(0.3 * (i + 1) as f64));
         let der =
-            std::array::from_fn(|i| t.derivative(&format!("der(x{})", i + 1), x[i]).unit("1/s").computed());
+            std::array::from_fn(|i| t.derivative(format!("der(x{})", i + 1), x[i]).unit("1/s").computed());
         Self { u, x, der }
     }
     fn equations<S: Scalar>(&self, q: &mut Values<S>) -> Outcome {
