@@ -113,10 +113,15 @@ fn instead<S: System + ?Sized>(
         for f in &ladder.candidates()[promise.candidate].free {
             start.fit.parameters[f.index] = promise.parameters[f.index];
         }
-        // First without the corrections in question, since the way along a pair that does the same is long; and only as
-        // far as it goes without them.
+        // First without the corrections in question, since the way along a pair that does the same is long; with them
+        // where that comes as far as the whole records.
         let reached = ladder.climb(0, &added, &near, &start, ROUNDS.1);
-        found.push(ladder.climb(reached.rung, &added, corrections, &reached.model, ROUNDS.1));
+        let whole = reached.rung == ladder.top();
+        found.push(if whole {
+            ladder.climb(reached.rung, &added, corrections, &reached.model, ROUNDS.1)
+        } else {
+            reached
+        });
     }
     found
 }
