@@ -2,7 +2,7 @@
 //! so says which ones stand in the way.
 //!
 //! Dynamics, links, durations and initial states hold as they are. Every limit in a row of its own, and every state that
-//! is fixed at the end of a phase, gets a variable `p >= 0` for each of its sides, which costs [`PRICE`] times its value
+//! is fixed at the end of a phase, gets a variable `p >= 0` for each of its sides, which costs `PRICE` times its value
 //! on top of the objective. Costs of this form leave most limits kept exactly.
 
 use super::Problem;
