@@ -8,6 +8,7 @@ import os
 import sys
 from pathlib import Path
 
+import fmpy.simulation
 import pytest
 
 sys.path.insert(0, str(Path(__file__).parent))
@@ -15,6 +16,19 @@ sys.path.insert(0, str(Path(__file__).parent))
 from fmu import Fmu  # noqa: E402  (needs the path above)
 
 ROOT = Path(__file__).resolve().parents[2]
+
+# FMPy has one logger proxy for the process. It calls the logger that was given last, also in later simulations without one, when
+# Python has freed it; so all of them are kept.
+_LOGGERS = []
+_new_logger = fmpy.simulation.fmi2CallbackLoggerTYPE
+
+
+def _kept_logger(function):
+    _LOGGERS.append(_new_logger(function))
+    return _LOGGERS[-1]
+
+
+fmpy.simulation.fmi2CallbackLoggerTYPE = _kept_logger
 
 
 def pytest_addoption(parser):
