@@ -89,6 +89,11 @@ pub(crate) struct Column<'a> {
 }
 
 impl Column<'_> {
+    /// Values of the equations at this point.
+    pub fn values(&self) -> &Values<Dual<LANES>> {
+        self.duals
+    }
+
     /// Derivative of one variable.
     #[inline]
     pub fn of(&self, unknown: Real) -> f64 {

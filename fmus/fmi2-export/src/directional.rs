@@ -39,17 +39,21 @@ impl<M: Model> Instance<M> {
                 return self.unknown_reference(F, "Real", *reference);
             }
         }
-        if let Err(refusal) = self.update() {
+        let whole = parameters || self.is_before_start();
+        if let Err(refusal) = if whole { self.update() } else { self.approach() } {
             return self.refuse(F, &refusal);
         }
         if let ([known], [1.0]) = (known, seed)
-            && !parameters
-            && !self.is_before_start()
+            && !whole
         {
             match self.columns.along(&self.definition.model, &self.state.values, *known) {
                 Ok(None) => {}
                 Ok(Some(column)) => {
                     unknown.iter().zip(out).for_each(|(unknown, out)| *out = column.of(Real(*unknown)));
+                    if self.state.dirty {
+                        self.state.values.take_values_of(column.values());
+                        self.state.dirty = false;
+                    }
                     return Status::OK;
                 }
                 Err(refusal) => return self.refuse(F, &refusal),
@@ -61,7 +65,20 @@ impl<M: Model> Instance<M> {
         for (reference, out) in unknown.iter().zip(out) {
             [*out] = self.duals[Real(*reference)].eps;
         }
+        if self.state.dirty {
+            self.state.values.take_values_of(&self.duals);
+            self.state.dirty = false;
+        }
         Status::OK
+    }
+
+    /// What the equations need, without their values: a pass with derivatives brings them along.
+    fn approach(&mut self) -> Outcome {
+        if self.state.dirty {
+            self.columns.forget();
+            self.prepare()?;
+        }
+        Ok(())
     }
 
     fn seeded(&mut self, known: &[u32], seed: &[f64], parameters: bool) -> Outcome {

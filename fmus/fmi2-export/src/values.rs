@@ -1,5 +1,6 @@
 //! The numbers of one instance, indexed by the handles that the variable table gives out.
 
+use crate::dual::Dual;
 use crate::scalar::Scalar;
 use std::ops::{Index, IndexMut};
 
@@ -108,6 +109,21 @@ impl<S: Scalar> Values<S> {
 }
 
 impl Values<f64> {
+    /// Takes the values that the equations gave with derivatives: they are the same to the last bit.
+    pub(crate) fn take_values_of<const L: usize>(&mut self, duals: &Values<Dual<L>>) {
+        for (to, from) in self.real.iter_mut().zip(&duals.real) {
+            *to = from.re;
+        }
+        for (to, from) in self.memory.iter_mut().zip(&duals.memory) {
+            *to = from.re;
+        }
+        self.integer.copy_from_slice(&duals.integer);
+        self.boolean.copy_from_slice(&duals.boolean);
+        for (to, from) in self.text.iter_mut().zip(&duals.text) {
+            to.clone_from(from);
+        }
+    }
+
     /// The same numbers in another scalar type.
     pub(crate) fn convert<S: Scalar>(&self) -> Values<S> {
         Values {
