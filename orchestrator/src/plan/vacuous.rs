@@ -10,6 +10,8 @@ use crate::transcription::{Dynamics, Point};
 
 /// Parts of a phase at which outputs are differentiated.
 const AT: [f64; 4] = [0.1, 0.4, 0.7, 0.95];
+/// How far from the guess, in nominal magnitudes: a saturated actuator or a dead band is flat in places only.
+const SIDES: [f64; 5] = [0.0, 1.0, -1.0, 10.0, -10.0];
 
 /// Looks at the conditions at the ends of phases, and at the bounds of resets, along a guess.
 ///
@@ -56,11 +58,20 @@ pub fn check(prepared: &mut Prepared, rough: &Rough) -> Result<(), Error> {
 fn unmoved(dynamics: &mut dyn Dynamics, limit: &Limit, rough: &Rough, parts: &[f64]) -> Option<f64> {
     let size = dynamics.size();
     let (mut values, mut jacobian) = (vec![0.0; size.values()], vec![0.0; size.values() * size.arguments()]);
+    let nominals = dynamics.nominals();
     let mut found = None;
-    for &part in parts {
-        let (states, inputs) = (rough.states(part), rough.inputs(part));
-        let point = Point { time: 0.0, states: &states, inputs: &inputs[..size.inputs] };
-        dynamics.jacobian(point, &mut values, &mut jacobian).ok()?;
+    for (part, side) in parts.iter().flat_map(|part| SIDES.map(|side| (*part, side))) {
+        let (mut states, mut inputs) = (rough.states(part), rough.inputs(part));
+        inputs.truncate(size.inputs);
+        let all = states.iter_mut().chain(&mut inputs).zip(&nominals);
+        all.enumerate().for_each(|(i, (value, nominal))| *value += side * nominal * (1.0 + i as f64).sin());
+        let point = Point { time: 0.0, states: &states, inputs: &inputs };
+        match dynamics.jacobian(point, &mut values, &mut jacobian) {
+            Ok(()) => {}
+            // What is refused away from the guess shows nothing.
+            Err(_) if side != 0.0 => continue,
+            Err(_) => return None,
+        }
         let mut value = 0.0;
         for &(signal, factor) in &limit.terms {
             let Signal::Output(output) = signal else { return None };
