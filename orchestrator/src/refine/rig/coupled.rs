@@ -5,7 +5,7 @@ use std::array::from_fn;
 use super::lanes::Lanes;
 use super::parameters::*;
 use super::plant::{ActuatorTerms, Mechanics, State, actuator, mechanics};
-use super::record::Measured;
+use super::record::{Measured, spans, values, whitened};
 use crate::refine::case::{Actuator, Declared};
 use crate::refine::engine::System;
 use crate::refine::engine::noise::Noise;
@@ -236,14 +236,7 @@ impl System for Coupled {
     }
 
     fn signals(&self, record: usize) -> Vec<Span> {
-        let trial = &self.trials[record];
-        let n = trial.u.len();
-        let span = |(i, m): (usize, &Measured)| Span {
-            signal: m.name.clone(),
-            range: i * n..(i + 1) * n,
-            noise: m.noise,
-        };
-        trial.measured.iter().enumerate().map(span).collect()
+        spans(&self.trials[record].measured)
     }
 
     fn predict(&self, record: usize, p: &[f64], locals: &[f64]) -> Vec<f64> {
@@ -261,16 +254,11 @@ impl System for Coupled {
     }
 
     fn measured(&self, record: usize) -> Vec<f64> {
-        self.trials[record].measured.iter().flat_map(|m| m.values.iter().copied()).collect()
+        values(&self.trials[record].measured)
     }
 
     fn whiten(&self, record: usize, predicted: &[f64]) -> Vec<f64> {
-        let trial = &self.trials[record];
-        let mut out = Vec::with_capacity(predicted.len());
-        for (m, own) in trial.measured.iter().zip(predicted.chunks(trial.u.len())) {
-            m.whiten(own, &mut out);
-        }
-        out
+        whitened(&self.trials[record].measured, predicted)
     }
 
     fn redraw(&self, record: usize, predicted: &[f64], noise: &mut Noise) -> Vec<f64> {

@@ -1,6 +1,7 @@
 //! A measured signal with the weight of every sample, and what its sensor would show again.
 
 use crate::refine::engine::noise::Noise;
+use crate::refine::engine::system::Span;
 
 /// A measured signal of a record.
 #[derive(Debug, Clone)]
@@ -59,6 +60,33 @@ impl Measured {
         let weights = weights(&shown, self.noise);
         out.extend((0..shown.len()).map(|k| (shown[k] - predicted[k] - shift) * weights[k]));
     }
+}
+
+/// Where the signals of a record stand if their samples follow one another, signal by signal.
+pub fn spans<'a>(signals: impl IntoIterator<Item = &'a Measured>) -> Vec<Span> {
+    let mut end = 0;
+    let span = |m: &Measured| {
+        let begin = end;
+        end += m.values.len();
+        Span { signal: m.name.clone(), range: begin..end, noise: m.noise }
+    };
+    signals.into_iter().map(span).collect()
+}
+
+/// The values of all signals, one after the other.
+pub fn values<'a>(signals: impl IntoIterator<Item = &'a Measured>) -> Vec<f64> {
+    signals.into_iter().flat_map(|m| m.values.iter().copied()).collect()
+}
+
+/// (measured - predicted) weighted, of all signals, one after the other.
+pub fn whitened(signals: &[Measured], predicted: &[f64]) -> Vec<f64> {
+    let (mut out, mut rest) = (Vec::with_capacity(predicted.len()), predicted);
+    for m in signals {
+        let (own, others) = rest.split_at(m.values.len());
+        m.whiten(own, &mut out);
+        rest = others;
+    }
+    out
 }
 
 /// A value that an encoder repeats carries one rounding error, not many independent ones: a run of r equal values counts

@@ -9,7 +9,7 @@ use super::lanes::Lanes;
 use super::motion::{Course, Motion, intensity, smooth};
 use super::parameters::neutral;
 use super::plant::{actuator, mechanics};
-use super::record::Measured;
+use super::record::{Measured, spans, values, whitened};
 use crate::refine::engine::candidate::Candidate;
 use crate::refine::engine::goodness::{Null, pooled};
 use crate::refine::engine::noise::Noise;
@@ -89,14 +89,7 @@ impl System for Replay<'_> {
     }
 
     fn signals(&self, record: usize) -> Vec<Span> {
-        let trial = &self.trials[record];
-        let n = trial.u.len();
-        let span = |(i, m): (usize, &Measured)| Span {
-            signal: m.name.clone(),
-            range: i * n..(i + 1) * n,
-            noise: m.noise,
-        };
-        trial.forces.iter().enumerate().map(span).collect()
+        spans(&self.trials[record].forces)
     }
 
     fn predict(&self, record: usize, p: &[f64], _: &[f64]) -> Vec<f64> {
@@ -124,16 +117,11 @@ impl System for Replay<'_> {
     }
 
     fn measured(&self, record: usize) -> Vec<f64> {
-        self.trials[record].forces.iter().flat_map(|m| m.values.iter().copied()).collect()
+        values(&self.trials[record].forces)
     }
 
     fn whiten(&self, record: usize, predicted: &[f64]) -> Vec<f64> {
-        let trial = &self.trials[record];
-        let mut out = Vec::with_capacity(predicted.len());
-        for (m, own) in trial.forces.iter().zip(predicted.chunks(trial.u.len())) {
-            m.whiten(own, &mut out);
-        }
-        out
+        whitened(&self.trials[record].forces, predicted)
     }
 
     fn redraw(&self, _: usize, predicted: &[f64], noise: &mut Noise) -> Vec<f64> {

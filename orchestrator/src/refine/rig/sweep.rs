@@ -11,7 +11,7 @@ use super::lanes::Lanes;
 use super::motion::{Course, Motion, Record, intensity, smooth};
 use super::parameters::{SENSOR_GAIN_X, neutral};
 use super::plant::{FrictionTerms, mechanics};
-use super::record::Measured;
+use super::record::{Measured, spans, values};
 use crate::refine::case::Declared;
 use crate::refine::engine::noise::Noise;
 use crate::refine::engine::system::Span;
@@ -128,13 +128,7 @@ impl crate::refine::engine::System for Sweeps {
     }
 
     fn signals(&self, record: usize) -> Vec<Span> {
-        let n = self.sweeps[record].force.values.len();
-        let span = |(i, m): (usize, &Measured)| Span {
-            signal: m.name.clone(),
-            range: i * n..(i + 1) * n,
-            noise: m.noise,
-        };
-        self.sweeps[record].measured().enumerate().map(span).collect()
+        spans(self.sweeps[record].measured())
     }
 
     fn predict(&self, record: usize, p: &[f64], _: &[f64]) -> Vec<f64> {
@@ -166,7 +160,7 @@ impl crate::refine::engine::System for Sweeps {
     }
 
     fn measured(&self, record: usize) -> Vec<f64> {
-        self.sweeps[record].measured().flat_map(|m| m.values.iter().copied()).collect()
+        values(self.sweeps[record].measured())
     }
 
     fn whiten(&self, record: usize, predicted: &[f64]) -> Vec<f64> {
