@@ -11,6 +11,7 @@ use airloop::refine::case::Case;
 use airloop::refine::engine::System;
 use airloop::refine::engine::candidate::Candidate;
 use airloop::refine::rig::coupled::Coupled;
+use airloop::refine::rig::cylinder::{Chambers, Cylinder};
 use airloop::refine::rig::open::open;
 use airloop::refine::rig::parameters::{self, TABLE};
 use airloop::refine::rig::physical::{correction, quantities};
@@ -53,6 +54,7 @@ fn answer(effects: Vec<Effect>, corrections: Vec<(String, f64, f64)>) -> Answer 
         effects,
         unexplained: None,
         corrections,
+        cylinder: false,
         fitted: Vec::new(),
         before: Default::default(),
         after: Default::default(),
@@ -82,21 +84,41 @@ fn effect(candidate: &Candidate, p: &[f64]) -> Effect {
 }
 
 /// Runs the amended system of an answer under the command of the first record; outputs by name.
-fn run(case: &Case, answer: &Answer, x0: f64, theta0: f64, master: &str) -> BTreeMap<String, Vec<f64>> {
+fn run(
+    case: &Case,
+    answer: &Answer,
+    start: [f64; 2],
+    samples: usize,
+    master: &str,
+) -> BTreeMap<String, Vec<f64>> {
     let folder = tempfile::tempdir().unwrap();
     let network = rig::network(&case.declaration, answer);
     amend::write(&network, folder.path(), Some(&root().join("target/fmu"))).unwrap();
     let u = &case.records[0].channel("u").unwrap().values;
-    let rows: String = (0..=SAMPLES).map(|k| format!("{},{}\n", k as f64 * 1e-3, u[k])).collect();
+    let rows: String = (0..=samples).map(|k| format!("{},{}\n", k as f64 * 1e-3, u[k])).collect();
     let input = folder.path().join("u.csv");
     std::fs::write(&input, "time,u\n".to_owned() + &rows).unwrap();
     let out = folder.path().join("run");
     let output = Command::new(env!("CARGO_BIN_EXE_airloop"))
         .arg("run")
         .arg(folder.path().join("system/system.ssp"))
-        .args(["--master", master, "--no-plots", "--quiet", "--input"])
+        .args([
+            "--master",
+            master,
+            "--no-plots",
+            "--quiet",
+            "--stop",
+            &format!("{}", samples as f64 * 1e-3),
+            "--input",
+        ])
         .arg(&input)
-        .args(["--set", &format!("cart_pole.x={x0}"), "--set", &format!("cart_pole.theta={theta0}"), "-o"])
+        .args([
+            "--set",
+            &format!("cart_pole.x={}", start[0]),
+            "--set",
+            &format!("cart_pole.theta={}", start[1]),
+            "-o",
+        ])
         .arg(&out)
         .output()
         .unwrap();
@@ -123,7 +145,7 @@ fn differences(rig: &Coupled, p: &[f64], run: &BTreeMap<String, Vec<f64>>, start
 
 fn check(case: &Case, rig: &Coupled, p: &[f64], answer: &Answer, name: &str) {
     let start = [0.012, 0.03];
-    let found = run(case, answer, start[0], start[1], "monolithic");
+    let found = run(case, answer, start, SAMPLES, "monolithic");
     let errors = differences(rig, p, &found, start);
     // Two Runge-Kutta steps of 0.5 ms per sample against an integrator of 1e-9: after the release from rest, speeds differ
     // by some 1e-5 m/s, which the slope of the piston's friction (111 N s/m and more) turns into some 1e-3 N.
@@ -201,6 +223,32 @@ fn corrections_of_declared_parameters_move_as_in_the_search() {
 }
 
 #[test]
+fn a_cylinder_in_place_of_the_actuator_moves_as_in_the_search() {
+    let case = case();
+    let opened = open(&case).unwrap();
+    let mut rig = opened.coupled.clone().unwrap();
+    let mut p = parameters::neutral();
+    p[parameters::CYLINDER] = 1.0;
+    let own = opened.candidates.iter().find(|c| c.id == "pf.viscous").unwrap();
+    switched_on(own, &mut p);
+    let mut answer = answer(vec![effect(own, &p)], Vec::new());
+    answer.cylinder = true;
+    // The monolithic master couples all the time. The FMU holds what leaves a tube over its substeps of 0.1 ms.
+    rig.cylinder = Chambers::new(&Cylinder { tdelay: 0.003_05, ..Cylinder::default() });
+    rig.cylinder.exchange = 0.0;
+    let start = [0.012, 0.03];
+    let found = run(&case, &answer, start, 200, "monolithic");
+    let predicted = rig.predict(0, &p, &start);
+    let samples = rig.trials[0].u.len();
+    for (expected, (name, limit)) in
+        predicted.chunks(samples).zip([("F_hat", 1e-2), ("F_p", 1e-2), ("x", 1e-6), ("theta", 5e-6)])
+    {
+        let error = (0..200).map(|k| (found[name][k] - expected[k]).abs()).fold(0.0, f64::max);
+        assert!(error < limit, "{name}: {error}");
+    }
+}
+
+#[test]
 fn co_simulation_shows_a_delayed_position_late_by_the_delay() {
     let case = case();
     let opened = open(&case).unwrap();
@@ -210,7 +258,7 @@ fn co_simulation_shows_a_delayed_position_late_by_the_delay() {
     own.iter().for_each(|candidate| switched_on(candidate, &mut p));
     let [spring, delay] = own.map(|candidate| effect(candidate, &p));
     let x = |effects: Vec<Effect>| {
-        run(&case, &answer(effects, Vec::new()), 0.012, 0.03, "gauss-seidel").remove("x").unwrap()
+        run(&case, &answer(effects, Vec::new()), [0.012, 0.03], SAMPLES, "gauss-seidel").remove("x").unwrap()
     };
     let (prompt, late) = (x(vec![spring.clone()]), x(vec![spring, delay]));
     // 2.4 samples, linear between them.

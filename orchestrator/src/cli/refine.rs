@@ -170,7 +170,8 @@ fn check_folder(case: &Path, folder: &Path) -> Result<(), Error> {
 
 /// Writes the amended system if there is anything to amend; where it cannot be, a note says why.
 fn write_system(question: &Question, found: &mut Answer, folder: &Path) -> Result<bool, Error> {
-    let amended = found.effects.iter().any(|effect| effect.selected) || !found.corrections.is_empty();
+    let selected = found.effects.iter().any(|effect| effect.selected);
+    let amended = selected || found.cylinder || !found.corrections.is_empty();
     if !amended {
         amend::remove(folder)?;
         return Ok(false);

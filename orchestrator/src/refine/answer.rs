@@ -8,6 +8,7 @@ use super::engine::search::{Model, Promise, Search};
 use super::engine::select::{Effort, MARGIN, NOTICEABLE, Proposal, Selection, Stage, select};
 use super::engine::{System, parallel};
 use super::interval;
+use super::moving::{self, with_cylinder, without_actuator};
 use super::rig::localise::{localise, pair_behind};
 use super::rig::open::Rig;
 use super::rig::physical::correction;
@@ -111,6 +112,8 @@ pub struct Answer {
     pub unexplained: Option<(String, Vec<String>)>,
     /// Corrections of declared parameters: name, relative change, standard deviation.
     pub corrections: Vec<(String, f64, f64)>,
+    /// Whether the declared actuator gave way to a pneumatic cylinder from first principles.
+    pub cylinder: bool,
     /// Values of declared parameters that every fit was free to choose, in the corrected model.
     pub fitted: Vec<(String, f64)>,
     /// Errors of the declared and of the corrected model: estimation, validation.
@@ -157,20 +160,32 @@ pub fn answer(rig: &Rig, groups: &[String], settings: &Settings, listener: Liste
     let search = Search { system, candidates: &rig.candidates, records, screened, null };
     let declared = search.fit(&[], &[], &fit.parameters, &fit.locals, 5);
     let effort = Effort { max_effects: settings.max_effects, ..Effort::default() };
+    let cylinder = rig.coupled.as_ref().and_then(|_| with_cylinder(&search, &declared));
     let proposed = || {
         let Some(coupled) = &rig.coupled else { return Vec::new() };
         let (groups, neutral) = (numbered(groups), super::rig::parameters::neutral());
         let places: Vec<usize> = (0..rig.candidates.len()).filter(|&c| behind(&rig.candidates[c])).collect();
         let own: Vec<Candidate> = places.iter().map(|&c| rig.candidates[c].clone()).collect();
-        let mut found = proposals(coupled, &rig.candidates, &groups, search.null.quantile + MARGIN);
+        let mut found = match cylinder {
+            Some(_) => Vec::new(),
+            None => proposals(coupled, &rig.candidates, &groups, search.null.quantile + MARGIN),
+        };
         found.extend(
             pair_behind(coupled, &own, &groups, &neutral)
                 .map(|pair| Proposal { added: pair.added.iter().map(|&c| places[c]).collect(), ..pair }),
         );
         found
     };
-    let selection = select(&search, declared, &rig.corrections, effort, &proposed);
-    let mut found = assemble(rig, &search, &selection);
+    let selection = match &cylinder {
+        Some(moving) => {
+            select(&search, moving.clone(), &without_actuator(&rig.corrections), effort, &proposed)
+        }
+        None => select(&search, declared.clone(), &rig.corrections, effort, &proposed),
+    };
+    let mut found = assemble(rig, &search, &declared, &selection);
+    if cylinder.is_some() && selection.explained {
+        moving::tell(&mut found);
+    }
     if !selection.explained {
         trace(rig, &search, &selection, groups, &mut found);
     }
@@ -344,7 +359,8 @@ fn screened(own: &Candidate, promise: &Promise, (declared, best): (&Model, &Mode
     }
 }
 
-fn assemble(rig: &Rig, search: &Search<dyn System + '_>, selection: &Selection) -> Answer {
+/// `stated`: the declared model with the declared actuator, which errors are compared with.
+fn assemble(rig: &Rig, search: &Search<dyn System + '_>, stated: &Model, selection: &Selection) -> Answer {
     let system = rig.system.as_ref();
     let penalty = search.penalty();
     let criterion = |model: &Model| model.fit.chi2 + penalty * model.size(search.candidates) as f64;
@@ -428,10 +444,10 @@ fn assemble(rig: &Rig, search: &Search<dyn System + '_>, selection: &Selection) 
         Vec::new()
     };
     let after_parameters =
-        if verdict == Verdict::Unexplained { &declared.fit.parameters } else { &best.fit.parameters };
+        if verdict == Verdict::Unexplained { &stated.fit.parameters } else { &best.fit.parameters };
     let validation: Vec<usize> = (0..system.records()).filter(|&r| !system.estimation(r)).collect();
     let sets = [search.records.clone(), validation];
-    let before = [0, 1].map(|i| errors(system, &sets[i], &declared.fit.parameters));
+    let before = [0, 1].map(|i| errors(system, &sets[i], &stated.fit.parameters));
     let after = [0, 1].map(|i| errors(system, &sets[i], after_parameters));
     let noise = system
         .signals(search.records[0])
@@ -455,14 +471,15 @@ fn assemble(rig: &Rig, search: &Search<dyn System + '_>, selection: &Selection) 
         effects,
         unexplained: (verdict == Verdict::Unexplained).then(|| ("actuator".to_owned(), Vec::new())),
         corrections,
+        cylinder: false,
         fitted: Vec::new(),
         before,
         after,
         noise,
         floor: Default::default(),
-        left: [declared.left.clone(), best.left.clone()],
+        left: [stated.left.clone(), best.left.clone()],
         limit: search.null.quantile + MARGIN,
-        parameters: [declared.fit.parameters.clone(), after_parameters.clone()],
+        parameters: [stated.fit.parameters.clone(), after_parameters.clone()],
         not_testable: rig.not_testable.clone(),
         notes,
     }

@@ -6,6 +6,7 @@ use std::path::Path;
 use serde::Deserialize;
 
 use super::Error;
+use super::rig::cylinder::Cylinder;
 use crate::series::{TimeSeries, csv};
 
 /// What `case.toml` says.
@@ -44,6 +45,9 @@ pub enum Kind {
 pub struct Declared {
     /// Sampled actuator model.
     pub actuator: Option<Actuator>,
+    /// Cylinder from first principles, for where a moving piston contradicts `actuator`; none: that of the FMU
+    /// `pneumatic-cylinder`.
+    pub cylinder: Option<Cylinder>,
     /// Friction between piston and cylinder.
     pub piston_friction: Option<Friction>,
     /// Friction between cart and guide.
@@ -164,13 +168,18 @@ impl Case {
         let path = folder.join("case.toml");
         let refused = |problem: String| Error::Case { path: path.clone(), problem };
         if folder.is_file() {
-            let problem = "a single file cannot be searched: give the folder of a case with case.toml (declared model, sensors, files) and its records; studies of other systems (study.toml, .ssd) are not supported yet";
+            let problem = "a single file cannot be searched: give the folder of a case with case.toml (declared model, sensors, files) and its records, or a study.toml for another system";
             return Err(Error::Case { path: folder.into(), problem: problem.into() });
         }
         let text = std::fs::read_to_string(&path).map_err(|error| refused(error.to_string()))?;
         let declaration: Declaration = toml::from_str(&text).map_err(|error| refused(error.to_string()))?;
         if !(declaration.sample_rate_hz > 0.0 && declaration.sample_rate_hz.is_finite()) {
             return Err(refused("sample_rate_hz must be positive".into()));
+        }
+        if let Some(Err(problem)) = declaration.model.cylinder.as_ref().map(Cylinder::check) {
+            return Err(refused(format!(
+                "[model.cylinder]: {problem}; SI units, and what is left out is as in the FMU pneumatic-cylinder"
+            )));
         }
         for role in [Role::Estimation, Role::Validation] {
             if !declaration.files.iter().any(|file| file.role == role) {

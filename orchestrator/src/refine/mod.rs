@@ -9,6 +9,7 @@ pub mod case;
 pub mod engine;
 pub mod evidence;
 pub mod interval;
+pub mod moving;
 pub mod rig;
 pub mod study;
 pub mod watch;

@@ -24,7 +24,7 @@ pub fn advice(answer: &Answer) -> Vec<String> {
             ));
         }
     }
-    if let Some((channel, variables)) = &answer.unexplained {
+    if let Some((channel, variables)) = answer.unexplained.as_ref().filter(|_| !answer.cylinder) {
         let on = match &variables[..] {
             [] => "over the whole range of the motion, slowly and fast".to_owned(),
             [one] => format!(

@@ -61,7 +61,10 @@ pub fn rounded(value: f64, half: f64) -> String {
     }
 }
 
-/// The answer in one sentence.
+/// What is said of an actuator whose place a pneumatic cylinder takes.
+const MOVING: &str = "Its actuator does not follow the declared model where the piston moves (channel actuator, depending on position x and speed xdot): a pneumatic cylinder from first principles takes its place.";
+
+/// The answer in one sentence, or two.
 pub fn sentence(answer: &Answer) -> String {
     let chosen: Vec<&Effect> = answer.effects.iter().filter(|effect| effect.selected).collect();
     let list = chosen.iter().map(|e| format!("{}: {}", told(e), size(e))).collect::<Vec<_>>().join("; and ");
@@ -79,6 +82,8 @@ pub fn sentence(answer: &Answer) -> String {
         )
     });
     match (answer.verdict, rest) {
+        (Verdict::Effect, _) if answer.cylinder => format!("The declared model lacks {list}. {MOVING}"),
+        (Verdict::Unexplained, _) if answer.cylinder => format!("{MOVING} Nothing else is missing."),
         (Verdict::Nothing, _) => "Nothing is missing: what the declared model leaves is sensor noise.".into(),
         (Verdict::Effect, None) => format!("The declared model lacks {list}."),
         (Verdict::Effect, Some(rest)) => format!("The declared model lacks {list}. It also lacks {rest}."),

@@ -193,8 +193,7 @@ def specification(rng):
         add(f"f_{effect}", "few sensors", [(effect, None)], few=True)
     for effect in rng.choice(own, 12, replace=False):
         add(f"p_{effect}", "parameters off", [(effect, None)], off=True)
-    mechanical = [e for e in own if not e.startswith("act.")]
-    for effect in rng.choice(mechanical, 10, replace=False):
+    for effect in rng.choice(own, 10, replace=False):
         add(f"b_{effect}", "first principles", [(effect, None)], fp=True)
     return cases
 

@@ -144,8 +144,8 @@ def simulate(effects, ff, x0, th0, plant, noise_x, firstprinciples=False, centri
         else:
             fp.command(ue)
             steps, h = 10, TS / 10
-            fh = fp.f_hat()
-            fa = fp.force()
+            fh = fp.f_hat() - back * s[1]
+            fa = fp.force() - back * s[1]
             out["F_hat"][i], out["F_p"][i] = fh, fa - piston(s[0], s[1], s[4], fh, i * TS)
         out["u"][i], out["x"][i], out["theta"][i] = u, s[0], s[2]
         out["states"][i] = s
@@ -154,8 +154,9 @@ def simulate(effects, ff, x0, th0, plant, noise_x, firstprinciples=False, centri
             continue
         for _ in range(steps):
             if fp is not None:
-                fa = fp.force()
+                # The cylinder steps first, then the mechanics under its new force.
                 fp.advance(s[0], s[1], h)
+                fa = fp.force() - back * s[1]
             k1 = rates(*s, fa, fh, i * TS)
             k2 = rates(*[a + h / 2 * b for a, b in zip(s, k1)], fa, fh, i * TS)
             k3_ = rates(*[a + h / 2 * b for a, b in zip(s, k2)], fa, fh, i * TS)
@@ -170,12 +171,11 @@ class Pneumatic:
     def __init__(self, n):
         self.S = np.pi / 4 * np.array([0.02**2, 0.02**2 - 0.008**2])[:, None] * np.ones((2, n))
         self.pa, self.ps = 101325.0, 0.5e6 + 101325.0
-        self.p = 72.3 / self.S + self.pa
         self.feq = 0.25e6 * self.S.sum(0) / 2
         self.p = self.feq / self.S + self.pa
         self.pv, self.c, self.play = self.p.copy(), self.p.copy(), self.p.copy()
         self.q, self.s, self.w = np.zeros((2, n)), np.zeros((2, n)), np.zeros((2, n))
-        self.line = [np.zeros((2, n)) for _ in range(30)]
+        self.line = [np.zeros((2, n)) for _ in range(29)]  # what enters in this step leaves after 30
 
     @staticmethod
     def psi(a, b):
@@ -191,33 +191,36 @@ class Pneumatic:
         target = np.clip((self.feq + half) / self.S + self.pa, self.pa, self.ps)
         self.play = np.minimum(np.maximum(self.play, target - 1500.0), target + 1500.0)
 
-    def advance(self, x, v, h):
-        """One explicit Euler step in four parts for the fast valve states."""
+    def rates(self, y, delayed, x, v):
+        """Time derivatives of filtered command, integrator, spool, its rate, port and chamber pressure; flow into the tubes."""
+        c, q, s, w, pv, p = y
         V = np.array([2e-6 + self.S[0] * (0.15 + x), 2e-6 + self.S[1] * (0.15 - x)])
         dV = np.array([self.S[0] * v, -self.S[1] * v])
-        sub = 2
-        hh = h / sub
-        RT = 287.0 * 293.0
+        RT, ws = 287.0 * 293.0, 2 * np.pi * 70
+        e = c - pv
+        o = np.where(s > 0.02, np.minimum(1, s - 0.02), np.where(s < -0.02, np.maximum(-1, s + 0.02), 0.0))
+        mv = np.where(o >= 0, 0.8 * 3e-6 * o * self.psi(self.ps, pv), -0.8 * 3e-6 * np.abs(o) * self.psi(pv, self.pa))
+        mt = 0.8 * 1.4e-6 * self.psi(pv, p)
+        a = np.where(delayed > 0, 1.4, 1.0)
+        leak = 0.010e-6 * self.psi(p, p[::-1])
+        return np.array([
+            (self.play - c) / 0.0015,
+            np.where(np.abs(q + 1e-4 * e * 1e-3) >= 0.3, 0.0, 1e-4 * e),
+            w,
+            ws**2 * (np.clip(8e-6 * e + q, -1, 1) - s) - 2 * 0.7 * ws * w,
+            1.2 * RT * (mv - mt) / 9e-6,
+            (RT * (a * delayed - leak) - 1.2 * p * dV) / V,
+        ]), mt
+
+    def advance(self, x, v, h):
+        """One Runge-Kutta step of order 4; motion and the flow out of the tubes are held over it."""
         delayed = self.line.pop(0)
-        first = None
-        for _ in range(sub):
-            e = self.c - self.pv
-            w = np.clip(8e-6 * e + self.q, -1, 1)
-            s = self.s
-            o = np.where(s > 0.02, np.minimum(1, s - 0.02), np.where(s < -0.02, np.maximum(-1, s + 0.02), 0.0))
-            mv = np.where(o >= 0, 0.8 * 3e-6 * o * self.psi(self.ps, self.pv), -0.8 * 3e-6 * np.abs(o) * self.psi(self.pv, self.pa))
-            mt = 0.8 * 1.4e-6 * self.psi(self.pv, self.p)
-            first = mt if first is None else first
-            a = np.where(delayed > 0, 1.4, 1.0)
-            leak = 0.010e-6 * self.psi(self.p, self.p[::-1])
-            dq = np.where(np.abs(self.q + 1e-4 * e * 1e-3) >= 0.3, 0.0, 1e-4 * e)
-            self.c = self.c + hh * (self.play - self.c) / 0.0015
-            self.q = self.q + hh * dq
-            ws = 2 * np.pi * 70
-            self.w = self.w + hh * (ws**2 * (w - self.s) - 2 * 0.7 * ws * self.w)
-            self.s = self.s + hh * self.w
-            self.pv = self.pv + hh * 1.2 * RT * (mv - mt) / 9e-6
-            self.p = self.p + hh * (RT * (a * delayed - leak) - 1.2 * self.p * dV) / V
+        y = np.array([self.c, self.q, self.s, self.w, self.pv, self.p])
+        k1, first = self.rates(y, delayed, x, v)
+        k2, _ = self.rates(y + h / 2 * k1, delayed, x, v)
+        k3, _ = self.rates(y + h / 2 * k2, delayed, x, v)
+        k4, _ = self.rates(y + h * k3, delayed, x, v)
+        self.c, self.q, self.s, self.w, self.pv, self.p = y + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
         self.line.append(first)
 
     def f_hat(self):

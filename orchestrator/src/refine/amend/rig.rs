@@ -5,6 +5,7 @@ use super::network::{Network, Part, end};
 use crate::fmu::derive::Value;
 use crate::refine::answer::{Answer, Effect};
 use crate::refine::case::{Actuator, CartPole, Declaration, Declared, Friction, Kind};
+use crate::refine::rig::cylinder::Cylinder;
 
 /// Stop time of the system \[s\]: the length of a usual record.
 const STOP_TIME: f64 = 4.0;
@@ -14,7 +15,7 @@ pub fn network(declaration: &Declaration, answer: &Answer) -> Network {
     let corrected = corrected(&declaration.model, answer);
     let selected: Vec<&Effect> = answer.effects.iter().filter(|effect| effect.selected).collect();
     match declaration.kind {
-        Kind::Cartpole => cart_pole(&corrected, &selected),
+        Kind::Cartpole => cart_pole(&corrected, &selected, answer.cylinder),
         Kind::Actuator => rod_fixed(&corrected, &selected),
         Kind::Friction => frictions(&corrected, &selected),
     }
@@ -104,6 +105,18 @@ fn actuator(model: &Actuator) -> Part {
     }
 }
 
+/// The cylinder under the name of the actuator whose place it takes.
+fn moving(k: &Cylinder, sample_time: f64) -> Part {
+    let mut values = k.named().map(|(name, value)| (name.to_owned(), value)).to_vec();
+    values.push(("sample_time".into(), sample_time));
+    Part {
+        name: "actuator".into(),
+        template: "pneumatic-cylinder",
+        description: "Pneumatic cylinder in place of the declared actuator".into(),
+        start: reals(&values),
+    }
+}
+
 fn friction(name: &str, c: &Friction) -> Part {
     let values = [("c1", c.c1), ("c2", c.c2), ("c3", c.c3), ("c4", c.c4), ("c5", c.c5)];
     Part {
@@ -114,14 +127,17 @@ fn friction(name: &str, c: &Friction) -> Part {
     }
 }
 
-fn cart_pole(model: &Declared, selected: &[&Effect]) -> Network {
+/// `cylinder`: a pneumatic cylinder from first principles stands in for the declared actuator.
+fn cart_pole(model: &Declared, selected: &[&Effect], cylinder: bool) -> Network {
     let mut network = Network::new("amended_cart_pole", STOP_TIME);
     let (piston, cart) =
         (model.piston_friction.clone().unwrap_or_default(), model.cart_friction.clone().unwrap_or_default());
     let body = model.cart_pole.clone().unwrap_or_default();
     let sample_time = model.actuator.as_ref().map_or(1e-3, |actuator| actuator.sample_time);
-    if let Some(own) = &model.actuator {
-        network.add(actuator(own));
+    match &model.actuator {
+        _ if cylinder => network.add(moving(&model.cylinder.unwrap_or_default(), sample_time)),
+        Some(own) => network.add(actuator(own)),
+        None => {}
     }
     network.add(friction("piston_friction", &piston));
     network.add(friction("cart_friction", &cart));
@@ -143,6 +159,9 @@ fn cart_pole(model: &Declared, selected: &[&Effect]) -> Network {
         (end("piston_friction", "F_out"), end("", "F_p")),
     ] {
         network.connect(from, to, force, 1.0);
+    }
+    for (name, unit) in [("x", "m"), ("v", "m/s")].into_iter().filter(|_| cylinder) {
+        network.connect(end("cart_pole", name), end("actuator", name), Some(unit), 1.0);
     }
     for friction in ["piston_friction", "cart_friction"] {
         network.connect(end("cart_pole", "v"), end(friction, "v"), Some("m/s"), 1.0);

@@ -2,6 +2,8 @@
 
 use std::array::from_fn;
 
+use super::cylinder::Chambers;
+use super::driven::Driven;
 use super::lanes::Lanes;
 use super::parameters::*;
 use super::plant::{ActuatorTerms, Mechanics, State, actuator, mechanics};
@@ -13,6 +15,8 @@ use crate::refine::engine::system::{Job, Span};
 
 /// Runge-Kutta steps per sample. The stiffest mode (friction at standstill) has a time constant of 0.8 ms.
 const SUBSTEPS: usize = 2;
+/// The same with a cylinder, whose valves open and close within a sample.
+const SUBSTEPS_WITH_CYLINDER: usize = 4;
 
 /// One record: command and measured signals.
 #[derive(Debug, Clone)]
@@ -55,9 +59,9 @@ impl<'a> Running<'a> {
         Running { terms, command: terms.shaped_command(u), y: [0.0; 2], before: 0.0, mode: [0.0; 2] }
     }
 
-    /// Pressure force and force on the piston over sample `k` at time `t` \[s\]; behind the end of the record the command
-    /// is zero.
-    pub fn sample(&mut self, k: usize, t: f64, x: f64, v: f64) -> [f64; 2] {
+    /// Force command \[N\] that arrives at the actuator in sample `k` at time `t` \[s\]; behind the end of the record it is
+    /// zero.
+    pub fn command(&mut self, k: usize, t: f64, x: f64) -> f64 {
         let terms = self.terms;
         let mut u = self.command.get(k).copied().unwrap_or(0.0) * (1.0 + terms.posgain * x);
         if terms.droop.0 != 0.0 {
@@ -69,7 +73,13 @@ impl<'a> Running<'a> {
                 std::array::from_fn(|i| transition[i][0] * q[0] + transition[i][1] * q[1] + input[i] * u);
             u = q[0];
         }
-        let y = self.y;
+        u
+    }
+
+    /// Pressure force and force on the piston \[N\] over sample `k` at time `t` \[s\].
+    pub fn sample(&mut self, k: usize, t: f64, x: f64, v: f64) -> [f64; 2] {
+        let u = self.command(k, t, x);
+        let (terms, y) = (self.terms, self.y);
         self.y = std::array::from_fn(|i| {
             -(terms.a[i][0] * y[0] + terms.a[i][1] * y[1]) + terms.b0[i] * u + terms.b1[i] * self.before // eq. 6
         });
@@ -84,6 +94,7 @@ impl<'a> Running<'a> {
 /// The first sample of the actuator has no past: y(-1) = u(-1) = 0.
 fn simulate<const L: usize>(
     terms: &[ActuatorTerms; L],
+    chambers: Option<&Chambers>,
     plant: &Mechanics<L>,
     u: [&[f64]; L],
     dt: f64,
@@ -96,11 +107,23 @@ fn simulate<const L: usize>(
     let mut running: [Running; L] = from_fn(|i| Running::new(&terms[i], u[i]));
     let none = Lanes::default();
     let mut s: State<L> = [start[0], none, start[1], none, none, none];
-    let h = dt / SUBSTEPS as f64;
-    for k in 0..u.iter().map(|command| command.len()).max().unwrap_or(0) {
+    let substeps = if chambers.is_some() { SUBSTEPS_WITH_CYLINDER } else { SUBSTEPS };
+    let h = dt / substeps as f64;
+    let lost = Lanes(from_fn(|i| terms[i].backpressure));
+    let samples = u.iter().map(|command| command.len()).max().unwrap_or(0);
+    let mut cylinder = chambers.map(|chambers| Driven::new(chambers, substeps * samples, h));
+    for k in 0..samples {
         let (mut f_hat, mut f_act) = (none, none);
-        for (i, running) in running.iter_mut().enumerate() {
-            [f_hat.0[i], f_act.0[i]] = running.sample(k, k as f64 * dt, s[0].0[i], s[1].0[i]);
+        match &mut cylinder {
+            Some(cylinder) => {
+                let command = from_fn(|i| running[i].command(k, k as f64 * dt, s[0].0[i]));
+                [f_hat, f_act] = cylinder.sample(Lanes(command)).map(|force| force - lost * s[1]);
+            }
+            None => {
+                for (i, running) in running.iter_mut().enumerate() {
+                    [f_hat.0[i], f_act.0[i]] = running.sample(k, k as f64 * dt, s[0].0[i], s[1].0[i]);
+                }
+            }
         }
         let p = f_hat.abs();
         let f_p = f_act - plant.piston.force(s[1], s[0], p, s[4]);
@@ -110,8 +133,11 @@ fn simulate<const L: usize>(
             own.x.push(s[0].0[i]);
             own.theta.push(s[2].0[i]);
         }
-        for _ in 0..SUBSTEPS {
-            s = plant.step(&s, f_act, p, none, h);
+        for _ in 0..substeps {
+            s = match &mut cylinder {
+                Some(cylinder) => cylinder.step(plant, &s, p, lost),
+                None => plant.step(&s, f_act, p, none, h),
+            };
         }
     }
     out
@@ -132,6 +158,8 @@ pub struct Coupled {
     pub declared: Declared,
     /// Declared actuator.
     pub actuator: Actuator,
+    /// Cylinder that takes its place where the parameter vector says so.
+    pub cylinder: Chambers,
     /// Records.
     pub trials: Vec<Trial>,
 }
@@ -150,13 +178,19 @@ impl Coupled {
             };
             return jobs.iter().map(one).collect();
         }
+        let moving = |job: &Job| job.parameters[CYLINDER] != 0.0;
+        let cylinder = jobs.first().is_some_and(moving);
+        if jobs.iter().any(|job| moving(job) != cylinder) {
+            return jobs.iter().flat_map(|job| self.simulate(std::slice::from_ref(job))).collect();
+        }
+        let cylinder = cylinder.then_some(&self.cylinder);
         // Idle lanes repeat the last job, over no samples.
         let job = |i: usize| &jobs[i.min(jobs.len() - 1)];
         let plant: Mechanics<SIDE_BY_SIDE> = mechanics(&self.declared, from_fn(|i| &job(i).parameters[..]));
         let start = [0, 1].map(|j| Lanes(from_fn(|i| job(i).locals.get(j).copied().unwrap_or(0.0))));
         let u = from_fn(|i| jobs.get(i).map_or(&[][..], |job| &self.trials[job.record].u[..]));
         let terms = from_fn(|i| actuator(&self.actuator, &job(i).parameters));
-        let mut found = Vec::from(simulate(&terms, &plant, u, dt, start));
+        let mut found = Vec::from(simulate(&terms, cylinder, &plant, u, dt, start));
         found.truncate(jobs.len());
         found
     }
@@ -231,8 +265,12 @@ impl System for Coupled {
         if self.trials.iter().any(|trial| trial.fixed) {
             return None;
         }
-        let (declared, actuator) = (self.declared.clone(), self.actuator.clone());
-        Some(Box::new(Coupled { declared, actuator, trials: self.trials.iter().map(cut).collect() }))
+        Some(Box::new(Coupled {
+            declared: self.declared.clone(),
+            actuator: self.actuator.clone(),
+            cylinder: self.cylinder.clone(),
+            trials: self.trials.iter().map(cut).collect(),
+        }))
     }
 
     fn signals(&self, record: usize) -> Vec<Span> {
@@ -275,6 +313,7 @@ impl System for Coupled {
 mod tests {
     use super::*;
     use crate::refine::case::{CartPole, Friction};
+    use crate::refine::rig::cylinder::Cylinder;
     use crate::refine::rig::parameters::neutral;
 
     fn rig() -> Coupled {
@@ -291,7 +330,8 @@ mod tests {
             let u = (0..n).map(|k| 30.0 * (0.02 * k as f64).sin()).collect();
             Trial { u, measured: measured.into(), estimation: true, fixed: false }
         };
-        Coupled { declared, actuator, trials: vec![trial(300), trial(200)] }
+        let cylinder = Chambers::new(&Cylinder::default());
+        Coupled { declared, actuator, cylinder, trials: vec![trial(300), trial(200)] }
     }
 
     #[test]

@@ -6,6 +6,8 @@
 
 pub mod catalogue;
 pub mod coupled;
+pub mod cylinder;
+pub mod driven;
 pub mod lanes;
 pub mod localise;
 pub mod motion;

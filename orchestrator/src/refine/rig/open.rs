@@ -2,6 +2,7 @@
 
 use super::catalogue::{Scope, candidates, corrections};
 use super::coupled::{Coupled, Trial};
+use super::cylinder::Chambers;
 use super::motion::skew;
 use super::record::Measured;
 use super::sweep::{Sweep, Sweeps};
@@ -70,7 +71,8 @@ pub fn coupled(case: &Case, actuator: Actuator) -> Result<Coupled, Error> {
         let (estimation, fixed) = (file.role == Role::Estimation, declaration.kind == Kind::Actuator);
         trials.push(Trial { u: u.values.clone(), measured, estimation, fixed });
     }
-    Ok(Coupled { declared: declaration.model.clone(), actuator, trials })
+    let cylinder = Chambers::new(&declaration.model.cylinder.unwrap_or_default());
+    Ok(Coupled { declared: declaration.model.clone(), actuator, cylinder, trials })
 }
 
 /// Friction sweeps.

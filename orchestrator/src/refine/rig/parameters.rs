@@ -1,7 +1,8 @@
 //! All numbers a simulation of the rig depends on besides the declared model: parameters of the candidate effects and
 //! relative corrections of the declared parameters. One flat vector, so that the engine can fit any of them.
 //!
-//! A neutral value switches an effect off exactly.
+//! A neutral value switches an effect off exactly. `CYLINDER` is no number to fit: 1 puts the pneumatic cylinder in place
+//! of the declared actuator.
 
 /// One entry of the parameter vector.
 #[derive(Debug, Clone, Copy)]
@@ -92,6 +93,7 @@ parameters! {
     SENSOR_GAIN_X "sensor.gain.x" "1" 0.0, -0.5, 1.0, 0.01;
     SENSOR_GAIN_THETA "sensor.gain.theta" "1" 0.0, -0.5, 1.0, 0.01;
     SENSOR_GAIN_V "sensor.gain.v" "1" 0.0, -0.5, 1.0, 0.01;
+    CYLINDER "actuator.cylinder" "1" 0.0, 0.0, 1.0, 1.0;
     D_ACT_GAIN "declared.actuator.gain" "1" 0.0, -0.5, 1.0, 0.01;
     D_ACT_RATE "declared.actuator.rate" "1" 0.0, -0.5, 1.0, 0.01;
     D_PF_C1 "declared.piston_friction.c1" "1" 0.0, -0.5, 1.0, 0.01;

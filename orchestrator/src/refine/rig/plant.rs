@@ -145,7 +145,7 @@ impl<const L: usize> Mechanics<L> {
     /// Time derivative of the state under the held force `f_act` \[N\]; `p` is the magnitude of the pressure force \[N\],
     /// `extra` a torque on the pole \[N m\].
     #[inline(never)]
-    fn derivative(&self, s: &State<L>, f_act: Lanes<L>, p: Lanes<L>, extra: Lanes<L>) -> State<L> {
+    pub fn derivative(&self, s: &State<L>, f_act: Lanes<L>, p: Lanes<L>, extra: Lanes<L>) -> State<L> {
         let [x, v, th, om, zp, zc] = *s;
         let mut f = f_act - self.piston.force(v, x, p, zp) - self.cart.force(v, x, p, zc);
         f = f - (self.spring.0 * x - self.spring.1);

@@ -190,6 +190,7 @@ mod tests {
     use crate::refine::case::{Actuator, CartPole, Declared, Friction, Kind};
     use crate::refine::rig::catalogue::{Scope, candidates};
     use crate::refine::rig::coupled;
+    use crate::refine::rig::cylinder::{Chambers, Cylinder};
     use crate::refine::rig::parameters::{CF_COULOMB, GAIN, PF_COULOMB};
 
     /// A rig whose records show the effects of `values`, with the sensors of the cases.
@@ -210,7 +211,8 @@ mod tests {
             let measured = noises.map(|(name, noise)| Measured::new(name, vec![0.0; n], noise));
             coupled::Trial { u, measured: measured.into(), estimation: true, fixed: false }
         };
-        let mut rig = Coupled { declared, actuator, trials: (0..2).map(trial).collect() };
+        let cylinder = Chambers::new(&Cylinder::default());
+        let mut rig = Coupled { declared, actuator, cylinder, trials: (0..2).map(trial).collect() };
         let mut p = neutral();
         values.iter().for_each(|&(index, value)| p[index] = value);
         for r in 0..2 {

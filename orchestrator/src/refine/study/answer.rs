@@ -214,6 +214,7 @@ fn assemble(fits: &Fits, judge: &Judge, selection: &Selection, seed: u64) -> Ans
         effects,
         unexplained,
         corrections: Vec::new(),
+        cylinder: false,
         fitted: fitted(study, shown),
         limit: judge.limit(),
         parameters: [&selection.declared, shown].map(|model| model.fit.parameters.clone()),
