@@ -24,6 +24,7 @@ CASES = [  # family, kind, strength, exit code, effects
     ("pendulum", "cable", 1.0, 11, set()),
     ("axis", "none", 1.0, 10, set()),
     ("axis", "spring", 1.0, 0, {"cart.spring"}),
+    ("axis", "cogging", 1.0, 0, {"cart.cogging"}),
     ("seal", "area", 2.5, 0, {"act.area"}),
     ("actuator", "none", 1.0, 10, set()),
     ("actuator", "deadband", 1.0, 0, {"act.deadband"}),
