@@ -229,6 +229,16 @@ impl<'a> Fits<'a> {
         Some(rms(chi2, self.count(&self.pieces)))
     }
 
+    /// Error with some candidates beside `base`, fitted for some rounds.
+    pub fn fitted(&self, base: &Model, own: &[usize]) -> Option<f64> {
+        let added: Vec<usize> = base.added.iter().chain(own).copied().collect();
+        let records: Vec<usize> = (0..self.pieces.len()).collect();
+        let view = self.view(&added, &self.pieces);
+        let free = self.free(&added);
+        let found = fit(&view, &records, &base.fit.parameters, &free, &base.fit.locals, WARM);
+        Some(rms(found.chi2, self.count(&self.pieces))).filter(|error| error.is_finite())
+    }
+
     /// Difference step of all heights of a free form.
     pub fn probe_step(&self, base: &Model, c: usize) -> Option<f64> {
         let entries = self.study.candidates[c].entries.clone();
