@@ -184,6 +184,8 @@ def test_free_pendulum(tmp_path):
     assert all(p["value"] >= 0 for e in found["effects"] if e["selected"] for p in e["params"].values())
     # 15 mrad over 33-55 s and 4 mrad over the tail, pooled by their samples (22 s, 5.5 s).
     assert found["residual"]["validation"]["rms_after"]["angle"] <= 0.0135
+    # The encoder's step of 0.000157 rad shows in the tail only; the swing was averaged.
+    assert found["noise_floor"]["angle"] >= 0.000157 / 12**0.5
 
 
 def test_seal(tmp_path):

@@ -1,6 +1,7 @@
 """`airloop refine` of systems other than the rig, on sets with known truth made by tests/study/systems: one of each kind."""
 
 import json
+import re
 import subprocess
 import sys
 import tomllib
@@ -50,6 +51,50 @@ def test_what_is_missing_is_named_and_nothing_else(tmp_path, family, kind, stren
             [ROOT / "target/release/airloop", "run", system, "--measured", folder / "trial_5.csv", "-o", tmp_path / "run"], capture_output=True, text=True
         )
         assert run.returncode == 0, run.stderr
+
+
+def test_a_periodic_force_is_found_where_it_throws_the_declared_model_far_off(tmp_path):
+    # In windows of 1 s the declared model ends millimetres away, a good part of the period.
+    make_systems.axis(tmp_path, np.random.default_rng(2), "cogging", 1.0)
+    result = refine(tmp_path, tmp_path / "out")
+    assert result.returncode == 0, result.stdout + result.stderr
+    assert named(json.loads((tmp_path / "out" / "report.json").read_text())) == ["cart.cogging"]
+
+
+def rewritten(folder, target, units, factors):
+    """The set of a folder with columns in other units: unit and factor by column."""
+    target.mkdir()
+    text = (folder / "dataset.toml").read_text()
+    for column, unit in units.items():
+        text = re.sub(rf'(?m)^{column} = {{ unit = "[^"]*" }}', f'{column} = {{ unit = "{unit}" }}', text)
+    (target / "dataset.toml").write_text(text)
+    for path in folder.glob("*.csv"):
+        names = path.read_text().split("\n", 1)[0].split(",")
+        values = np.loadtxt(path, delimiter=",", skiprows=1) * [factors.get(name, 1.0) for name in names]
+        np.savetxt(target / path.name, values, "%.12g", delimiter=",", header=",".join(names), comments="")
+
+
+@pytest.mark.parametrize(
+    "family, kind, strength, signal, units, factors",
+    [
+        ("pendulum", "drag", 1.0, "angle", {"angle": "deg"}, {"angle": 180 / np.pi}),
+        ("axis", "spring", 1.0, "position", {"position": "mm"}, {"position": -1e3}),
+        ("seal", "area", 2.5, "force", {"position": "mm", "pressure": "bar"}, {"position": -1e3, "pressure": 1e-5}),
+    ],
+)
+def test_units_and_directions_of_the_columns_change_nothing(tmp_path, family, kind, strength, signal, units, factors):
+    (tmp_path / "set").mkdir()
+    make_systems.FAMILIES[family][0](tmp_path / "set", np.random.default_rng(7), kind, strength)
+    rewritten(tmp_path / "set", tmp_path / "other", units, factors)
+    found = []
+    for name in ("set", "other"):
+        result = refine(tmp_path / name, tmp_path / f"{name}_out")
+        assert result.returncode in (0, 12), result.stdout + result.stderr
+        found.append(json.loads((tmp_path / f"{name}_out" / "report.json").read_text()))
+    assert named(found[0]) == named(found[1])
+    one, other = (report["residual"]["validation"]["rms_after"][signal] for report in found)
+    # Rms in the unit of the system; the simulation of the search is the same up to rounding of the columns.
+    assert other == pytest.approx(one, rel=0.02)
 
 
 @pytest.fixture(scope="module")

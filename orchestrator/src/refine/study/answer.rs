@@ -23,6 +23,9 @@ use crate::refine::evidence::{Evidence, study as evidence};
 /// the noise may be coloured, which its scatter from sample to sample does not show.
 const FAR: f64 = 3.0;
 
+/// Ratio of the errors on validation records below which effects are no imitation of something else.
+const HALF: f64 = 0.5;
+
 /// Reads, searches and answers.
 ///
 /// # Errors
@@ -254,6 +257,10 @@ fn rule(fits: &Fits, judge: &Judge, selection: &Selection, validation: [&Errors;
         // A free form that takes away more than the effects did is what is missing; they only imitate it.
         let gained = declared.error.powi(2) - best.error.powi(2);
         let imitates = || {
+            // What halves the error on records that it has not seen is more than an imitation.
+            if total(validation[1]) < HALF.powi(2) * total(validation[0]) {
+                return false;
+            }
             let whole = judge.rest(fits, declared);
             let other = |(_, variables): &(String, Vec<String>)| {
                 variables.first().is_some_and(|first| {

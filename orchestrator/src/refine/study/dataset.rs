@@ -18,6 +18,12 @@ use crate::refine::Error;
 use crate::series::csv;
 use crate::units::lookup;
 
+/// Roles of the records that are fitted.
+const ESTIMATION: [&str; 2] = ["train", "estimation"];
+
+/// Samples over which a way is measured.
+const APART: usize = 11;
+
 /// Name of the file.
 pub const NAME: &str = "dataset.toml";
 
@@ -72,9 +78,48 @@ impl Dataset {
         plain.or(columns.first()).copied()
     }
 
+    fn unit(&self, column: &str) -> &str {
+        self.units.get(column).map_or("1", |entry| &entry.unit)
+    }
+
+    /// Factor of a column to SI units.
+    fn factor(&self, column: &str) -> f64 {
+        lookup(self.unit(column)).map_or(1.0, |unit| unit.factor)
+    }
+
     fn signal(&self, column: &str) -> String {
-        let unit = self.units.get(column).map_or("1", |entry| &entry.unit);
-        format!("column = {column:?}, unit = {unit:?}")
+        format!("column = {column:?}, unit = {:?}", self.unit(column))
+    }
+
+    fn derivative(&self, column: &str) -> String {
+        format!("derivative_of = {column:?}, unit = {:?}", self.unit(column))
+    }
+
+    /// Work \[J\] of a force along a position in the estimation records, without that of a pressure on `area` \[m2\]:
+    /// friction takes it up, so that it is negative where both are counted in opposite directions.
+    fn work(
+        &self,
+        folder: &Path,
+        force: &str,
+        position: &str,
+        pressure: Option<(&str, f64)>,
+    ) -> Result<f64, Error> {
+        let mut sum = 0.0;
+        for span in self.segment.iter().filter(|span| ESTIMATION.contains(&span.role.as_str())) {
+            let series = csv::read(&folder.join(&span.file))?;
+            let of = |name: &str| {
+                let factor = self.factor(name);
+                series.channel(name).map(|own| own.values.iter().map(|v| factor * v).collect::<Vec<f64>>())
+            };
+            let (Some(forces), Some(path)) = (of(force), of(position)) else { continue };
+            let pressures = pressure.and_then(|(name, area)| Some((of(name)?, area)));
+            for (k, pair) in path.windows(APART).enumerate() {
+                let middle = k + APART / 2;
+                let other = pressures.as_ref().map_or(0.0, |(values, area)| area * values[middle]);
+                sum += (forces[middle] - other) * (pair[APART - 1] - pair[0]) / (APART - 1) as f64;
+            }
+        }
+        Ok(sum)
     }
 }
 
@@ -94,8 +139,8 @@ pub fn read(folder: &Path) -> Result<File, Error> {
     let position = Dataset::one(&positions, &others);
     let force = Dataset::one(&forces, &[]);
     let (body, note) = match (angle, force, position, pressures.first()) {
-        (_, Some(force), Some(position), Some(pressure)) => seal(&set, force, position, pressure),
-        (_, Some(force), Some(position), None) => axis(&set, force, position),
+        (_, Some(force), Some(position), Some(pressure)) => seal(&set, folder, [force, position, pressure])?,
+        (_, Some(force), Some(position), None) => axis(&set, folder, force, position)?,
         (Some(angle), None, None, None) => pendulum(&set, folder, angle)?,
         _ => {
             let problem = "its columns suggest no rig that is known: one angle (a pendulum), a force and a position (a linear axis), or force, pressure and position (a piston); write a study.toml that names the system";
@@ -128,7 +173,7 @@ fn pendulum(set: &Dataset, folder: &Path, angle: &str) -> Result<(String, String
         Some(own) => own + m * l * l,
         None => m * g * l / angular_frequency(set, folder, angle)?.powi(2),
     };
-    let column = set.signal(angle);
+    let (column, rate) = (set.signal(angle), set.derivative(angle));
     let body = format!(
         r#"system = "airloop:pendulum"
 [parameters]
@@ -139,7 +184,7 @@ g = {g:?}
 theta = {{ {column}, offset = "fit" }}
 [states]
 theta = {{ {column} }}
-omega = {{ derivative_of = {angle:?}, savitzky_golay_points = 9 }}
+omega = {{ {rate}, savitzky_golay_points = 9 }}
 [[free]]
 parameter = "I"
 start = {inertia:?}
@@ -161,7 +206,7 @@ viscous = "b"
 
 /// Angular frequency \[rad/s\] of a free swing, from its zero crossings; large amplitudes make it up to a tenth too low.
 fn angular_frequency(set: &Dataset, folder: &Path, angle: &str) -> Result<f64, Error> {
-    let name = set.segment.iter().find(|span| span.role == "train" || span.role == "estimation");
+    let name = set.segment.iter().find(|span| ESTIMATION.contains(&span.role.as_str()));
     let Some(span) = name.or(set.segment.first()) else { return Ok(1.0) };
     let series = csv::read(&folder.join(&span.file))?;
     let Some(channel) = series.channel(angle) else { return Ok(1.0) };
@@ -177,19 +222,26 @@ fn angular_frequency(set: &Dataset, folder: &Path, angle: &str) -> Result<f64, E
     })
 }
 
-fn axis(set: &Dataset, force: &str, position: &str) -> (String, String) {
+fn axis(set: &Dataset, folder: &Path, force: &str, position: &str) -> Result<(String, String), Error> {
     let m = set.parameter(&["mass"]).unwrap_or(1.0);
     let b = set.parameter(&["viscous", "damping"]).unwrap_or(0.0).max(0.0);
-    let (drive, column) = (set.signal(force), set.signal(position));
+    let opposed = set.work(folder, force, position, None)? < 0.0;
+    let (scale, turned) = match opposed {
+        true => {
+            (", scale = -1.0", " Force and position are counted in opposite directions: the force is turned.")
+        }
+        false => ("", ""),
+    };
+    let (drive, column, rate) = (set.signal(force), set.signal(position), set.derivative(position));
     let body = format!(
         r#"system = "airloop:rigid-mass"
 [inputs]
-F = {{ {drive}, hold = true }}
+F = {{ {drive}{scale}, hold = true }}
 [outputs]
 x = {{ {column} }}
 [states]
 x = {{ {column} }}
-v = {{ derivative_of = {position:?}, low_pass_hz = 40.0 }}
+v = {{ {rate}, low_pass_hz = 40.0 }}
 [[free]]
 parameter = "m"
 start = {m:?}
@@ -209,14 +261,22 @@ force = {{ attachment = "F_ext", velocity = "v", low_pass_hz = 40.0, trim_s = 0.
 "#
     );
     let note = "Declared model by its columns: mass with viscous friction, both fitted; simulated in windows of 1 s from the measured position and its derivative (zero-phase low-pass of order 4 at 40 Hz), and as force residual with all signals through that low-pass.";
-    (body, note.into())
+    Ok((body, format!("{note}{turned}")))
 }
 
-fn seal(set: &Dataset, force: &str, position: &str, pressure: &str) -> (String, String) {
+fn seal(
+    set: &Dataset,
+    folder: &Path,
+    [force, position, pressure]: [&String; 3],
+) -> Result<(String, String), Error> {
     let bore = set.parameter(&["bore_diameter", "diameter", "bore"]);
     let area = set.parameter(&["piston_area", "area"]);
     let area = area.or(bore.map(|d| std::f64::consts::FRAC_PI_4 * d * d)).unwrap_or(5e-4);
-    let (measured, p) = (set.signal(force), set.signal(pressure));
+    // Friction takes up work on the way in and out, which shows in what direction the position counts.
+    let inwards = set.work(folder, force, position, Some((pressure, area)))? >= 0.0;
+    let scale = if inwards { -1.0 } else { 1.0 };
+    let place = scale * set.factor(position);
+    let (measured, p, rate) = (set.signal(force), set.signal(pressure), set.derivative(position));
     let body = format!(
         r#"system = "airloop:piston-with-friction"
 step_s = 0.01
@@ -226,9 +286,9 @@ step_s = 0.01
 "friction.c3" = 0.0
 [inputs]
 p1 = {{ {p} }}
-v = {{ derivative_of = {position:?}, savitzky_golay_points = 21, scale = -1.0 }}
+v = {{ {rate}, savitzky_golay_points = 21, scale = {scale:?} }}
 [signals]
-x = {{ column = {position:?}, scale = -1.0 }}
+x = {{ column = {position:?}, scale = {place:?} }}
 [outputs]
 F_out = {{ {measured} }}
 [[free]]
@@ -255,5 +315,6 @@ bias = "friction.c5"
 "#
     );
     let note = "Declared model by its columns: piston force S1 p less friction c1 tanh(1000 v) + c4 v + c5 with c1, c4, c5 fitted (c1 and c4 not negative); signals on a grid of 10 ms, velocity by a Savitzky-Golay derivative of the position (21 points, order 2), positive in the direction of the pressure force.";
-    (body, note.into())
+    let counted = if inwards { "against" } else { "in" };
+    Ok((body, format!("{note} The position grows {counted} that direction, by the sign of the friction.")))
 }

@@ -65,6 +65,24 @@ fn effect(fits: &Fits, selection: &Selection, model: &Model, c: usize, widen: f6
     }
 }
 
+/// Places of effects, first what costs most if it is left out: `gains`; `needs`: the place of the Coulomb friction that an
+/// effect acts on, which stands before it.
+fn ranked(gains: &[f64], needs: &[Option<usize>]) -> Vec<usize> {
+    let mut order: Vec<usize> = (0..gains.len()).collect();
+    order.sort_by(|&a, &b| gains[b].total_cmp(&gains[a]));
+    for (own, needed) in needs.iter().enumerate() {
+        let place = |of: usize, order: &[usize]| order.iter().position(|&k| k == of);
+        let Some(needed) = *needed else { continue };
+        if let (Some(late), Some(early)) = (place(needed, &order), place(own, &order))
+            && late > early
+        {
+            order.remove(late);
+            order.insert(early, needed);
+        }
+    }
+    order
+}
+
 /// Effects, chosen ones first.
 pub fn effects(fits: &Fits, selection: &Selection, chosen: bool) -> Vec<Effect> {
     let best = &selection.best;
@@ -75,7 +93,12 @@ pub fn effects(fits: &Fits, selection: &Selection, chosen: bool) -> Vec<Effect> 
     let widen = widening(&residuals);
     let percent = |from: f64, to: f64| format!("{:.1} %", 100.0 * (1.0 - to / from));
     let mut found = Vec::new();
-    for (k, &c) in best.added.iter().enumerate() {
+    let gains: Vec<f64> =
+        (0..best.added.len()).map(|k| selection.stability.get(k).map_or(0.0, |own| own.gain)).collect();
+    let needed = |&c: &usize| best.added.iter().position(|&own| fits.study.candidates[c].needs == Some(own));
+    let needs: Vec<Option<usize>> = best.added.iter().map(needed).collect();
+    for k in ranked(&gains, &needs) {
+        let c = best.added[k];
         let step = selection.path.iter().position(|(added, _)| added.contains(&c));
         let reason = match step {
             Some(k) if k > 0 => {
@@ -141,4 +164,18 @@ pub fn effects(fits: &Fits, selection: &Selection, chosen: bool) -> Vec<Effect> 
         }
     }
     found
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn effects_stand_in_the_order_of_what_they_are_worth_behind_the_friction_that_they_act_on() {
+        assert_eq!(ranked(&[0.2, 0.5, 0.1], &[None; 3]), [1, 0, 2]);
+        assert_eq!(ranked(&[0.2, 0.5, 0.3], &[None, Some(0), None]), [0, 1, 2]);
+        // Equal ones stay in the order in which they were found.
+        assert_eq!(ranked(&[0.3, 0.3], &[None; 2]), [0, 1]);
+        assert_eq!(ranked(&[], &[]), Vec::<usize>::new());
+    }
 }

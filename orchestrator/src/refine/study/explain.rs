@@ -10,6 +10,7 @@ use super::noise::Noisy;
 use super::simulate::View;
 use crate::refine::engine::System;
 use crate::refine::engine::goodness::{Null, pooled};
+use crate::refine::engine::parallel;
 
 /// Powers within this factor of those of the noise are noise: its level is estimated.
 const TOLERANCE: f64 = 1.3;
@@ -127,16 +128,28 @@ impl Judge {
         excess(from) > 0.0 && excess(to) < 0.5 * excess(from) && to < 0.99 * from
     }
 
+    /// Whether an error has lost a quarter of what it had above noise and smoothed derivatives.
+    pub fn falls(&self, from: f64, to: f64) -> bool {
+        let excess = |error: f64| error.powi(2) - self.tolerated;
+        excess(from) > 0.0 && excess(to) < 0.75 * excess(from)
+    }
+
     /// On what depends what a model leaves.
     pub fn rest(&self, fits: &Fits, model: &Model) -> Rest {
         let study = fits.study;
         let probes: Vec<usize> = (0..study.candidates.len()).filter(|&c| study.candidates[c].probe).collect();
         let power = model.error.powi(2);
-        let gain = |own: &[usize]| fits.promised(model, own).map_or(0.0, |error| power - error.powi(2));
-        let mut singles: Vec<(usize, f64)> = probes.iter().map(|&c| (c, gain(&[c]))).collect();
+        let enough = (SHARE * self.excess(model)).max(OF_NOISE * self.tolerated);
+        // The linear step promises too much where forces change the motion that they depend on: what it lets hope is fitted.
+        let gain = |own: &[usize]| {
+            let promised = fits.promised(model, own).map_or(0.0, |error| power - error.powi(2));
+            let fitted = || fits.fitted(model, own).map_or(0.0, |error| power - error.powi(2));
+            if promised < enough { promised } else { promised.min(fitted()) }
+        };
+        let mut singles: Vec<(usize, f64)> = parallel::map(probes.len(), |i| (probes[i], gain(&[probes[i]])));
         singles.sort_by(|a, b| b.1.total_cmp(&a.1));
         let Some(&(first, alone)) = singles.first() else { return Rest { place: None, gain: 0.0 } };
-        if alone < (SHARE * self.excess(model)).max(OF_NOISE * self.tolerated) {
+        if alone < enough {
             return Rest { place: None, gain: alone.max(0.0) };
         }
         let mut best = (vec![first], alone);

@@ -18,6 +18,10 @@ const WHOLE_RECORDS: usize = 6;
 const WARM: usize = 5;
 /// Share of the error by which steps of second order may differ.
 const QUICK: f64 = 1e-3;
+/// Starts of a candidate from which on they are many.
+const MANY: usize = 8;
+/// Short windows in a window.
+const SHORT: f64 = 8.0;
 /// Spans of a record otherwise.
 const SPANS: usize = 4;
 
@@ -225,6 +229,16 @@ impl<'a> Fits<'a> {
         Some(rms(chi2, self.count(&self.pieces)))
     }
 
+    /// Error with some candidates beside `base`, fitted for some rounds.
+    pub fn fitted(&self, base: &Model, own: &[usize]) -> Option<f64> {
+        let added: Vec<usize> = base.added.iter().chain(own).copied().collect();
+        let records: Vec<usize> = (0..self.pieces.len()).collect();
+        let view = self.view(&added, &self.pieces);
+        let free = self.free(&added);
+        let found = fit(&view, &records, &base.fit.parameters, &free, &base.fit.locals, WARM);
+        Some(rms(found.chi2, self.count(&self.pieces))).filter(|error| error.is_finite())
+    }
+
     /// Difference step of all heights of a free form.
     pub fn probe_step(&self, base: &Model, c: usize) -> Option<f64> {
         let entries = self.study.candidates[c].entries.clone();
@@ -277,7 +291,13 @@ impl<'a> Fits<'a> {
         {
             return Some((base.fit.parameters.clone(), base.fit.locals.clone()));
         }
-        let (pieces, own_locals) = self.screened(&base.fit, own.starts.len());
+        // Presliding starts from rest in every window, and changes what a change of the Coulomb level does.
+        let changed = matches!(own.action, Action::Block { law: Law::Presliding, .. });
+        let (pieces, own_locals) = if changed {
+            (self.pieces.clone(), base.fit.locals.clone())
+        } else {
+            self.screened(&base.fit, own.starts.len())
+        };
         let before = self.view(&base.added, &pieces);
         let records: Vec<usize> = (0..pieces.len()).collect();
         let locals: Vec<&[f64]> = own_locals.iter().map(Vec::as_slice).collect();
@@ -294,8 +314,6 @@ impl<'a> Fits<'a> {
                 .filter(|(_, value)| **value == 0.0)
                 .map(|(index, _)| self.study.entries[index].free)
                 .collect();
-            // Presliding changes what a change of the Coulomb level does.
-            let changed = matches!(own.action, Action::Block { law: Law::Presliding, .. });
             let fresh: Option<Vec<Columns>> =
                 changed.then(|| columns(&view, &records, &p, &base.fit.free, &locals, true, None));
             linear_step(&view, fresh.as_ref().unwrap_or(&shared), (&base.fit, &own_locals), &open, p)
@@ -304,15 +322,18 @@ impl<'a> Fits<'a> {
         Some((best.1, base.fit.locals.clone()))
     }
 
-    /// What starts are compared on: all estimation records, or every sixth window where there are many starts.
+    /// What starts are compared on: all estimation records; where the study has windows, short ones, in which the motion stays
+    /// so near the measured one that the linear step holds. Every third of them where there are many starts.
     fn screened(&self, fit: &Fit, starts: usize) -> (Vec<Piece>, Vec<Vec<f64>>) {
-        let Some(window) = self.study.windows.filter(|_| starts > 8) else {
+        let Some(window) = self.study.windows else {
             return (self.pieces.clone(), fit.locals.clone());
         };
+        let every = if starts > MANY { 3 } else { 1 };
         let mut found = Vec::new();
         for piece in &self.pieces {
-            let length = ((window / self.study.records[piece.record].step).round() as usize).max(2);
-            let begins = piece.range.clone().step_by(6 * length);
+            let length = (window / SHORT / self.study.records[piece.record].step).round() as usize;
+            let length = length.max(8);
+            let begins = piece.range.clone().step_by(every * length);
             found.extend(begins.map(|begin| Piece {
                 record: piece.record,
                 range: begin..(begin + length).min(piece.range.end),

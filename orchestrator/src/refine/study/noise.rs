@@ -48,14 +48,16 @@ pub struct SensorNoise {
 }
 
 impl SensorNoise {
-    /// Estimated on the estimation records; `declared`: noise rms of columns, in their unit, that is known.
+    /// White noise is estimated on the estimation records, the step is the coarsest of all; `declared`: noise rms of
+    /// columns, in their unit, that is known.
     pub fn new(records: &[Record], layout: &Layout, declared: &BTreeMap<String, f64>) -> SensorNoise {
         let mut sums: BTreeMap<String, (f64, f64, f64)> = BTreeMap::new();
-        for record in records.iter().filter(|record| record.role == Role::Estimation) {
+        for record in records {
+            let weight = if record.role == Role::Estimation { record.n as f64 } else { 0.0 };
             for (name, sensor) in &record.sensors {
-                let sum = sums.entry(name.clone()).or_insert((0.0, 0.0, f64::INFINITY));
-                let weight = record.n as f64;
-                *sum = (sum.0 + weight * sensor.scatter.powi(2), sum.1 + weight, sum.2.min(sensor.quantum));
+                let sum = sums.entry(name.clone()).or_insert((0.0, 0.0, 0.0));
+                // Records that were resampled hide the step that others of the same sensor show.
+                *sum = (sum.0 + weight * sensor.scatter.powi(2), sum.1 + weight, sum.2.max(sensor.quantum));
             }
         }
         let column = |(name, (square, weight, quantum)): (String, (f64, f64, f64))| {

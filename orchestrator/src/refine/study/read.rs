@@ -149,17 +149,25 @@ fn conversion(
     wanted: Option<&str>,
 ) -> Result<(f64, f64), String> {
     let own = source.channel(name).and_then(|channel| channel.unit.as_deref());
-    let unit = signal.unit.as_deref().or(own);
-    let (Some(unit), Some(wanted)) = (unit, wanted.filter(|_| signal.derivative_of.is_none())) else {
+    let (Some(unit), Some(wanted)) = (signal.unit.as_deref().or(own), wanted) else {
         return Ok((1.0, 0.0));
     };
     let known =
         |unit: &str| lookup(unit).ok_or_else(|| format!("unit `{unit}` of column `{name}` is not known"));
-    match compatible(&known(unit)?, &known(wanted)?) {
+    let mut column = known(unit)?;
+    let derived = signal.derivative_of.is_some();
+    if derived {
+        // An offset does not show in a derivative, and time is in seconds.
+        column.exponents.s -= 1;
+        column.offset = 0.0;
+    }
+    match compatible(&column, &known(wanted)?) {
         Compatibility::Equal => Ok((1.0, 0.0)),
         Compatibility::Convertible { factor, offset } => Ok((factor, offset)),
         Compatibility::Incompatible => Err(format!(
-            "column `{name}` is in {unit}, the signal of the system in {wanted}; name another column or correct the unit"
+            "{}column `{name}` is in {unit}{}, the signal of the system in {wanted}; name another column or correct the unit",
+            if derived { "the derivative of " } else { "" },
+            if derived { "/s" } else { "" },
         )),
     }
 }

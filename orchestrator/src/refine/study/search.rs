@@ -184,7 +184,12 @@ impl Search<'_> {
                 best.error - model.error > least || self.judge.halves(best.error, model.error)
             };
             let promising: Vec<Model> = singles.iter().filter(gains).cloned().collect();
-            let halves = |model: &Model| self.judge.halves(best.held_back, model.held_back);
+            // Near the noise, spans that are kept back show little, as their own initial states take much up.
+            let near = |model: &Model| {
+                self.judge.halves(best.error, model.error)
+                    && self.judge.falls(best.held_back, model.held_back)
+            };
+            let halves = |model: &Model| self.judge.halves(best.held_back, model.held_back) || near(model);
             let single = self.judge(&promising).filter(|model| model.held_back < worth || halves(model));
             let next = match single {
                 Some(model) => Some(model),
