@@ -59,6 +59,52 @@ fn names_the_dead_band_of_the_rod_fixed_case_and_writes_all_fields() {
 }
 
 #[test]
+fn finds_what_the_pole_lacks_behind_an_actuator_that_does_not_hold_in_motion() {
+    let Some(whole) = case("v09") else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let [case, out] = ["case", "out"].map(|name| folder.path().join(name));
+    fs::create_dir(&case).unwrap();
+    beginning_of(&whole, 1200, &case);
+    let output = refine(&case, &out);
+    assert_eq!(output.status.code(), Some(0), "{output:?}");
+    let report = report(&out);
+    let selected: Vec<&Value> =
+        report["effects"].as_array().unwrap().iter().filter(|e| e["selected"] == true).collect();
+    assert_eq!(selected.iter().map(|e| &e["id"]).collect::<Vec<_>>(), ["pole.coulomb"]);
+    let [low, high] = [0, 1].map(|i| selected[0]["params"]["torque"]["ci95"][i].as_f64().unwrap());
+    // truth.toml: 0.003895016
+    assert!(low < 0.003895016 && 0.003895016 < high && high - low < 1e-4, "{low} {high}");
+    assert_eq!(report["unexplained"]["channel"], "actuator");
+    assert!(
+        report["notes"].as_array().unwrap().iter().any(|note| note.as_str().unwrap().contains("cylinder"))
+    );
+    let rms = |when: &str, signal: &str| report["residual"]["validation"][when][signal].as_f64().unwrap();
+    // Noise: 0.3 N and 0.44 mrad.
+    assert!(rms("rms_before", "F_hat") > 3.0 && rms("rms_after", "F_hat") < 0.31);
+    assert!(rms("rms_before", "theta") > 5e-3 && rms("rms_after", "theta") < 5e-4);
+}
+
+#[test]
+fn a_cylinder_that_makes_no_sense_is_refused_with_its_parameter() {
+    let folder = tempfile::tempdir().unwrap();
+    let case = folder.path().join("case");
+    fs::create_dir(&case).unwrap();
+    beginning("v05", 500, &case);
+    let file = case.join("case.toml");
+    let text = fs::read_to_string(&file).unwrap();
+    fs::write(
+        &file,
+        text.replace("[model.actuator]", "[model.cylinder]\nbore = 0.02\nrod = 0.025\n[model.actuator]"),
+    )
+    .unwrap();
+    let output = refine(&case, &folder.path().join("out"));
+    assert_eq!(output.status.code(), Some(1));
+    let message = String::from_utf8_lossy(&output.stderr);
+    assert!(message.contains("case.toml") && message.contains("rod = 0.025 m is not thinner"), "{message}");
+    assert!(!folder.path().join("out").exists());
+}
+
+#[test]
 fn the_same_seed_gives_the_same_bytes() {
     let Some(case) = case("v07") else { return };
     let folder = tempfile::tempdir().unwrap();
@@ -72,8 +118,12 @@ fn the_same_seed_gives_the_same_bytes() {
 
 /// The first `rows` of the records of a case of this project, in a folder of their own.
 fn beginning(name: &str, rows: usize, folder: &Path) {
-    let case = Path::new(env!("CARGO_MANIFEST_DIR")).join("../data/rig").join(name);
-    for entry in fs::read_dir(&case).unwrap() {
+    beginning_of(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../data/rig").join(name), rows, folder);
+}
+
+/// The same of any case.
+fn beginning_of(case: &Path, rows: usize, folder: &Path) {
+    for entry in fs::read_dir(case).unwrap() {
         let path = entry.unwrap().path();
         let text = fs::read_to_string(&path).unwrap();
         let whole = path.extension().is_none_or(|extension| extension != "csv");

@@ -337,3 +337,59 @@ impl Chambers {
         (rates.states[0][5] * self.area[0] - rates.states[1][5] * self.area[1]) * self.k.eta
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_flow_follows_its_law_in_all_three_ranges_both_ways() {
+        let air = Chambers::new(&Cylinder::default());
+        let (p, root) = (3e5, 293f64.sqrt());
+        for ratio in [0.3, 0.52, 0.53, 0.6, 0.75, 0.9, 0.98, 0.994, 0.996, 0.9995] {
+            let flow = match ratio {
+                r if r <= 0.528 => 0.040418,
+                r if r < 0.995 => curve(r),
+                r => curve(0.995) * (1.0 - r) / 0.005,
+            };
+            let expected = p / root * flow;
+            let found = air.flow(Lanes([p, ratio * p]), Lanes([ratio * p, p]));
+            assert!((found.0[0] / expected - 1.0).abs() < 1e-9, "{ratio}: {} {expected}", found.0[0]);
+            assert_eq!(found.0[1], -found.0[0]);
+        }
+    }
+
+    #[test]
+    fn a_cylinder_at_rest_only_leaks() {
+        let k = Cylinder { leak: 0.0, ..Cylinder::default() };
+        let chambers = Chambers::new(&k);
+        let sides = chambers.rest::<1>();
+        let play = [sides[0][0], sides[1][0]];
+        let motion = (Lanes([0.02]), Lanes([0.0]));
+        let rates = chambers.rates(&sides, &play, &[Lanes::default(); 2], motion);
+        assert!(rates.states.iter().flatten().all(|rate| rate.0[0] == 0.0));
+        assert!(chambers.port_force(&sides).0[0].abs() < 1e-9);
+    }
+
+    #[test]
+    fn a_closed_chamber_follows_its_polytrope() {
+        // No flow at all: p V^kv stays, so p' = -kv p V'/V.
+        let chambers = Chambers::new(&Cylinder { leak: 0.0, At: 0.0, ..Cylinder::default() });
+        let sides = chambers.rest::<1>();
+        let play = [sides[0][0], sides[1][0]];
+        let (x, v) = (0.03, 0.4);
+        let rates = chambers.rates(&sides, &play, &[Lanes::default(); 2], (Lanes([x]), Lanes([v])));
+        let area = std::f64::consts::FRAC_PI_4 * 0.02 * 0.02;
+        let expected = -1.2 * sides[0][5].0[0] * area * v / (2e-6 + area * (0.15 + x));
+        assert!((rates.states[0][5].0[0] / expected - 1.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn parameters_that_make_no_sense_are_named() {
+        let bore = Cylinder { bore: -0.02, ..Cylinder::default() };
+        assert!(bore.check().unwrap_err().contains("bore = -0.02"));
+        let rod = Cylinder { rod: 0.03, ..Cylinder::default() };
+        assert!(rod.check().unwrap_err().contains("rod = 0.03"));
+        assert_eq!(Cylinder::default().check(), Ok(()));
+    }
+}
