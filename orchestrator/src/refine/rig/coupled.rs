@@ -92,6 +92,7 @@ impl<'a> Running<'a> {
 /// Simulates records side by side from positions and angles `start` \[m, rad\] at rest.
 ///
 /// The first sample of the actuator has no past: y(-1) = u(-1) = 0.
+#[multiversion::multiversion(targets("x86_64+avx2"))]
 fn simulate<const L: usize>(
     terms: &[ActuatorTerms; L],
     chambers: Option<&Chambers>,

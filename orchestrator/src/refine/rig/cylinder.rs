@@ -198,6 +198,7 @@ pub struct Rates<const L: usize> {
     pub tubes: [Lanes<L>; 2],
 }
 
+#[inline(always)]
 fn clamp<const L: usize>(value: Lanes<L>, low: f64, high: f64) -> Lanes<L> {
     each(|i| {
         let value = if value.0[i] < low { low } else { value.0[i] };
@@ -244,6 +245,7 @@ impl Chambers {
     }
 
     /// Pressure commands \[Pa\] behind their play, from the force command `u` \[N\], paper eq. 3.
+    #[inline(always)]
     pub fn command<const L: usize>(&self, u: Lanes<L>, play: &mut [Lanes<L>; 2]) {
         for (i, own) in play.iter_mut().enumerate() {
             let half = u * [0.5, -0.5][i];
@@ -322,17 +324,20 @@ impl Chambers {
     }
 
     /// Force of the pressures at the valve ports \[N\], eq. 5.
+    #[inline(always)]
     pub fn port_force<const L: usize>(&self, sides: &[Side<L>; 2]) -> Lanes<L> {
         (sides[0][4] - self.k.patm) * self.area[0] - (sides[1][4] - self.k.patm) * self.area[1]
     }
 
     /// Force on the piston \[N\].
+    #[inline(always)]
     pub fn piston_force<const L: usize>(&self, sides: &[Side<L>; 2]) -> Lanes<L> {
         let force = (sides[0][5] - self.k.patm) * self.area[0] - (sides[1][5] - self.k.patm) * self.area[1];
         force * self.k.eta
     }
 
     /// Rate of the force on the piston \[N/s\].
+    #[inline(always)]
     pub fn piston_force_rate<const L: usize>(&self, rates: &Rates<L>) -> Lanes<L> {
         (rates.states[0][5] * self.area[0] - rates.states[1][5] * self.area[1]) * self.k.eta
     }

@@ -38,6 +38,7 @@ impl<'a, const L: usize> Driven<'a, L> {
     }
 
     /// Begins a sample with the force command `u` \[N\]; returns pressure force and force on the piston \[N\].
+    #[inline(always)]
     pub fn sample(&mut self, u: Lanes<L>) -> [Lanes<L>; 2] {
         self.chambers.command(u, &mut self.play);
         [self.chambers.port_force(&self.sides), self.chambers.piston_force(&self.sides)]
@@ -59,6 +60,7 @@ impl<'a, const L: usize> Driven<'a, L> {
 
     /// One step of order 4; `p` is the magnitude of the pressure force \[N\], `lost` what speed takes from the force on the
     /// piston \[N s/m\].
+    #[inline(always)]
     pub fn step(&mut self, plant: &Mechanics<L>, s: &State<L>, p: Lanes<L>, lost: Lanes<L>) -> State<L> {
         let (h, told) = (self.h, 0.5 * self.chambers.exchange);
         let mut acceleration = self.acceleration;

@@ -144,7 +144,7 @@ pub type State<const L: usize> = [Lanes<L>; 6];
 impl<const L: usize> Mechanics<L> {
     /// Time derivative of the state under the held force `f_act` \[N\]; `p` is the magnitude of the pressure force \[N\],
     /// `extra` a torque on the pole \[N m\].
-    #[inline(never)]
+    #[inline(always)]
     pub fn derivative(&self, s: &State<L>, f_act: Lanes<L>, p: Lanes<L>, extra: Lanes<L>) -> State<L> {
         let [x, v, th, om, zp, zc] = *s;
         let mut f = f_act - self.piston.force(v, x, p, zp) - self.cart.force(v, x, p, zc);
@@ -177,7 +177,7 @@ impl<const L: usize> Mechanics<L> {
     }
 
     /// One Runge-Kutta step of order 4, with a torque `extra` \[N m\] on the pole.
-    #[inline(never)]
+    #[inline(always)]
     pub fn step(&self, s: &State<L>, f_act: Lanes<L>, p: Lanes<L>, extra: Lanes<L>, h: f64) -> State<L> {
         let add = |k: &State<L>, h: f64| {
             let mut moved = *s;
