@@ -62,7 +62,7 @@ pub fn rounded(value: f64, half: f64) -> String {
 }
 
 /// What is said of an actuator whose place a pneumatic cylinder takes.
-const MOVING: &str = "Its actuator does not follow the declared model where the piston moves (channel actuator, depending on position x and speed xdot): a pneumatic cylinder from first principles takes its place.";
+const MOVING: &str = "The actuator does not follow its declared model where the piston moves (channel actuator, depending on position x and speed xdot): a pneumatic cylinder from first principles takes its place.";
 
 /// The answer in one sentence, or two.
 pub fn sentence(answer: &Answer) -> String {

@@ -2,7 +2,7 @@
 
 Fisher information of the records by central differences of rig.py at the true parameters, with the declared noise of the
 sensors taken as white; the initial position and angle of every trial are unknown, too. Neither cases with declared
-parameters that are off (they have priors) nor those on the first-principles actuator (no model) have a bound here.
+parameters that are off (they have priors) nor those on the first-principles actuator have a bound here.
 """
 import tomllib
 
