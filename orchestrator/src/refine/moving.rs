@@ -51,55 +51,23 @@ pub fn tell(answer: &mut Answer) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::refine::case::{Actuator, CartPole, Declared, Friction};
+    use crate::refine::case::Actuator;
     use crate::refine::engine::goodness::Null;
-    use crate::refine::engine::noise::Noise;
-    use crate::refine::rig::coupled::{Coupled, Trial};
-    use crate::refine::rig::cylinder::{Chambers, Cylinder};
     use crate::refine::rig::parameters::{GAIN, POLE_COULOMB, neutral};
-    use crate::refine::rig::record::Measured;
+    use crate::refine::rig::testing::rig;
 
-    /// Records of a rig with the effects of `values`; its declared actuator is what a fixed rod shows of the cylinder.
-    fn rig(values: &[(usize, f64)], signals: &[&str]) -> Coupled {
-        let declared = Declared {
-            piston_friction: Some(Friction { c1: 1.5, c2: 40.0, c4: 50.0, ..Friction::default() }),
-            cart_friction: Some(Friction { c1: 6.0, c2: 60.0, ..Friction::default() }),
-            cart_pole: Some(CartPole { m_c: 0.4, m_p: 0.1, l: 0.2, g: 9.81, ..CartPole::default() }),
-            ..Declared::default()
-        };
+    const ALL: [(&str, f64); 4] = [("F_hat", 0.3), ("F_p", 0.3), ("x", 3e-4), ("theta", 3e-4)];
+
+    /// Whether records with the effects of `values` call for the cylinder; the declared actuator is what a fixed rod shows
+    /// of it.
+    fn chosen(values: &[(usize, f64)], noises: &[(&str, f64)]) -> bool {
         let actuator = Actuator {
             sample_time: 1e-3,
             A1: [[-1.0136, 0.027052], [-0.032284, -0.95853]],
             B0: [0.225645, -0.162456],
             B1: [-0.213883, 0.168954],
         };
-        let n = 1200;
-        let trial = |r: usize| {
-            let w = 0.008 + 0.003 * r as f64;
-            let u = (0..n).map(|k| 30.0 * (w * k as f64).sin() + 10.0 * (2.7 * w * k as f64).sin()).collect();
-            let measured = signals.iter().map(|&name| {
-                let noise = if name.starts_with('F') { 0.3 } else { 3e-4 };
-                Measured::new(name, vec![0.0; n], noise)
-            });
-            Trial { u, measured: measured.collect(), estimation: true, fixed: false }
-        };
-        let cylinder = Chambers::new(&Cylinder::default());
-        let mut rig = Coupled { declared, actuator, cylinder, trials: (0..2).map(trial).collect() };
-        let mut p = neutral();
-        values.iter().for_each(|&(index, value)| p[index] = value);
-        for r in 0..2 {
-            let shown = rig.predict(r, &p, &[0.0, 0.0]);
-            let mut noise = Noise::new(11, r as u64);
-            for (m, own) in rig.trials[r].measured.iter_mut().zip(shown.chunks(n)) {
-                let values = own.iter().map(|value| value + m.noise * noise.normal()).collect();
-                *m = Measured::new(&m.name, values, m.noise);
-            }
-        }
-        rig
-    }
-
-    fn chosen(values: &[(usize, f64)], signals: &[&str]) -> bool {
-        let rig = rig(values, signals);
+        let rig = rig(actuator, 1200, noises, values);
         let locals = vec![vec![0.0, 0.0]; 2];
         let null = Null::simulate(&rig, &[0, 1], &neutral(), &locals, 40, 1);
         let search =
@@ -107,8 +75,6 @@ mod tests {
         let declared = search.fit(&[], &[], &neutral(), &locals, 5);
         with_cylinder(&search, &declared).is_some()
     }
-
-    const ALL: [&str; 4] = ["F_hat", "F_p", "x", "theta"];
 
     #[test]
     fn the_cylinder_takes_the_place_of_an_actuator_that_moving_records_contradict() {
@@ -125,6 +91,6 @@ mod tests {
 
     #[test]
     fn nothing_is_said_of_the_actuator_without_a_pressure_sensor() {
-        assert!(!chosen(&[(CYLINDER, 1.0)], &["x", "theta"]));
+        assert!(!chosen(&[(CYLINDER, 1.0)], &ALL[2..]));
     }
 }

@@ -61,9 +61,6 @@ pub fn rounded(value: f64, half: f64) -> String {
     }
 }
 
-/// What is said of an actuator whose place a pneumatic cylinder takes.
-const MOVING: &str = "The actuator does not follow its declared model where the piston moves (channel actuator, depending on position x and speed xdot): a pneumatic cylinder from first principles takes its place.";
-
 /// The answer in one sentence, or two.
 pub fn sentence(answer: &Answer) -> String {
     let chosen: Vec<&Effect> = answer.effects.iter().filter(|effect| effect.selected).collect();
@@ -76,14 +73,23 @@ pub fn sentence(answer: &Answer) -> String {
                 format!(", depending on {}", all.join(" and "))
             }
         };
+        if answer.cylinder {
+            return format!(
+                "The actuator does not follow its declared model where the piston moves (channel {channel}{on}): a pneumatic cylinder from first principles takes its place."
+            );
+        }
         format!(
             "something at {} (channel {channel}){on}, that is none of the known effects",
             names::channel(channel)
         )
     });
     match (answer.verdict, rest) {
-        (Verdict::Effect, _) if answer.cylinder => format!("The declared model lacks {list}. {MOVING}"),
-        (Verdict::Unexplained, _) if answer.cylinder => format!("{MOVING} Nothing else is missing."),
+        (Verdict::Effect, Some(moving)) if answer.cylinder => {
+            format!("The declared model lacks {list}. {moving}")
+        }
+        (Verdict::Unexplained, Some(moving)) if answer.cylinder => {
+            format!("{moving} Nothing else is missing.")
+        }
         (Verdict::Nothing, _) => "Nothing is missing: what the declared model leaves is sensor noise.".into(),
         (Verdict::Effect, None) => format!("The declared model lacks {list}."),
         (Verdict::Effect, Some(rest)) => format!("The declared model lacks {list}. It also lacks {rest}."),

@@ -12,7 +12,7 @@ use super::plant::{Mechanics, State};
 pub struct Driven<'a, const L: usize> {
     chambers: &'a Chambers,
     /// States of the cylinder.
-    pub sides: [Side<L>; 2],
+    sides: [Side<L>; 2],
     play: [Lanes<L>; 2],
     /// Flows that entered the tubes, two entries per step.
     line: Vec<[Lanes<L>; 2]>,

@@ -19,3 +19,5 @@ pub mod plant;
 pub mod record;
 pub mod replay;
 pub mod sweep;
+#[cfg(test)]
+pub mod testing;

@@ -187,43 +187,17 @@ pub fn proposals(rig: &Coupled, candidates: &[Candidate], groups: &[usize], limi
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::refine::case::{Actuator, CartPole, Declared, Friction, Kind};
+    use crate::refine::case::{Actuator, Kind};
     use crate::refine::rig::catalogue::{Scope, candidates};
-    use crate::refine::rig::coupled;
-    use crate::refine::rig::cylinder::{Chambers, Cylinder};
     use crate::refine::rig::parameters::{CF_COULOMB, GAIN, PF_COULOMB};
+    use crate::refine::rig::testing;
 
     /// A rig whose records show the effects of `values`, with the sensors of the cases.
     fn rig(values: &[(usize, f64)]) -> Coupled {
-        let declared = Declared {
-            piston_friction: Some(Friction { c1: 1.5, c2: 40.0, c4: 50.0, ..Friction::default() }),
-            cart_friction: Some(Friction { c1: 6.0, c2: 60.0, ..Friction::default() }),
-            cart_pole: Some(CartPole { m_c: 0.4, m_p: 0.1, l: 0.2, g: 9.81, ..CartPole::default() }),
-            ..Declared::default()
-        };
         let actuator =
             Actuator { sample_time: 1e-3, A1: [[-0.9, 0.0], [0.0, -0.95]], B0: [0.1, 0.05], B1: [0.0; 2] };
-        let n = 1500;
-        let trial = |r: usize| {
-            let w = 0.008 + 0.003 * r as f64;
-            let u = (0..n).map(|k| 30.0 * (w * k as f64).sin() + 10.0 * (2.7 * w * k as f64).sin()).collect();
-            let noises = [("F_hat", 0.3), ("F_p", 0.3), ("x", 1e-4), ("theta", 5e-4)];
-            let measured = noises.map(|(name, noise)| Measured::new(name, vec![0.0; n], noise));
-            coupled::Trial { u, measured: measured.into(), estimation: true, fixed: false }
-        };
-        let cylinder = Chambers::new(&Cylinder::default());
-        let mut rig = Coupled { declared, actuator, cylinder, trials: (0..2).map(trial).collect() };
-        let mut p = neutral();
-        values.iter().for_each(|&(index, value)| p[index] = value);
-        for r in 0..2 {
-            let shown = rig.predict(r, &p, &[0.0, 0.0]);
-            let mut noise = Noise::new(11, r as u64);
-            for (m, own) in rig.trials[r].measured.iter_mut().zip(shown.chunks(n)) {
-                let values = own.iter().map(|value| value + m.noise * noise.normal()).collect();
-                *m = Measured::new(&m.name, values, m.noise);
-            }
-        }
-        rig
+        let noises = [("F_hat", 0.3), ("F_p", 0.3), ("x", 1e-4), ("theta", 5e-4)];
+        testing::rig(actuator, 1500, &noises, values)
     }
 
     fn named(rig: &Coupled) -> Vec<Vec<&'static str>> {
