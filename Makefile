@@ -3,8 +3,8 @@
 export CARGO_NET_RETRY ?= 10
 
 demo: fmu            ## replay a measured record through the coupled FMUs, then find what a declared model lacks
-	cargo run --release --quiet -p airloop -- run examples/01_run/system.ssd --measured data/rig/v05/trial_07.csv -o out/demo
-	cargo run --release --quiet -p airloop -- refine data/rig/v01 -o out/demo-refine
+	cargo run --release --quiet -p airloop-cli -- run examples/01_run/system.ssd --measured data/rig/v05/trial_07.csv -o out/demo
+	cargo run --release --quiet -p airloop-cli -- refine data/rig/v01 -o out/demo-refine
 
 test: check fmu      ## everything CI runs: checks, FMUs, Rust tests, FMI tests
 	cargo test --workspace
@@ -14,7 +14,7 @@ check: setup         ## formatting, lints, documentation, generated files, licen
 	./check.sh
 
 bench: fmu           ## cost of the master per FMU step
-	cargo bench -p airloop --bench '*'
+	cargo bench --workspace --bench "*"
 
 study: fmu           ## error of every master against its FMU steps: out/study/masters.csv, .svg
 	scripts/setup.sh study
@@ -45,7 +45,7 @@ study-walker: fmu    ## compass-gait against MuJoCo and Drake; half a step again
 
 fmu: setup-build     ## target/fmu/*.fmu, modelDescriptions/*.xml and the airloop binary
 	cargo run --release -p packager
-	cargo build --release -p airloop
+	cargo build --release -p airloop-cli
 
 setup:               ## .venv with all Python packages, .cargo/config.toml
 	scripts/setup.sh test

@@ -32,7 +32,7 @@ COLUMNS = [
 
 def build():
     """Path of the built bench."""
-    command = ["cargo", "bench", "--quiet", "-p", "airloop", "--bench", "swing_up_fmus", "--no-run", "--message-format=json"]
+    command = ["cargo", "bench", "--quiet", "-p", "airloop-plan", "--bench", "swing_up_fmus", "--no-run", "--message-format=json"]
     output = subprocess.run(command, cwd=ROOT, check=True, stdout=subprocess.PIPE, text=True).stdout
     messages = [json.loads(line) for line in output.splitlines() if line.startswith("{")]
     return next(m["executable"] for m in messages if m.get("executable") and m["target"]["name"] == "swing_up_fmus")

@@ -1,0 +1,21 @@
+//! The airloop library: all its crates under one roof, and what needs several of them.
+//!
+//! [`cosim`] couples FMUs and runs them, [`ident`] makes models from records, [`plan`] optimizes trajectories over the
+//! coupled system, [`refine`] finds what a declared model lacks. Here live the virtual test bench ([`rig`]), the
+//! comparison of a run with a measurement ([`discrepancy`]) and the sum of all errors ([`Error`]).
+
+pub mod discrepancy;
+pub mod error;
+pub mod rig;
+
+pub use airloop_cosim as cosim;
+pub use airloop_dynamics as dynamics;
+pub use airloop_fmi as fmi;
+pub use airloop_ident as ident;
+pub use airloop_ocp as ocp;
+pub use airloop_optim as optim;
+pub use airloop_plan as plan;
+pub use airloop_refine as refine;
+pub use airloop_report as report;
+pub use airloop_series as series;
+pub use error::Error;

@@ -1,6 +1,0 @@
-//! Compiles the variadic logger callback, which stable Rust cannot define.
-
-fn main() {
-    println!("cargo::rerun-if-changed=src/fmu/logger.c");
-    cc::Build::new().file("src/fmu/logger.c").warnings(true).compile("airloop_fmi2_logger");
-}

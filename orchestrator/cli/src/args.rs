@@ -1,0 +1,346 @@
+//! Definition of the command line.
+
+#![allow(
+    rustdoc::broken_intra_doc_links,
+    reason = "these texts are the help of the program, brackets are units"
+)]
+
+use std::path::PathBuf;
+
+use clap::{Args, Parser, Subcommand, ValueEnum};
+
+use airloop_cosim::master::{Adaptive, Algorithm, Coupling, Error};
+use airloop_fmi::InterfaceKind;
+use airloop_series::Interpolation;
+use airloop_series::units::{parse_duration, parse_time};
+
+/// Co-simulation of FMI 2.0 units, and comparison with measurements.
+#[derive(Debug, Parser)]
+#[command(
+    name = "airloop",
+    version,
+    propagate_version = true,
+    after_help = "Exit codes: 0 success, 1 failure, 2 wrong usage, 130 interrupted (Ctrl-C, SIGTERM, SIGHUP; the result so far is kept)."
+)]
+pub struct Cli {
+    /// What to do.
+    #[command(subcommand)]
+    pub command: Command,
+}
+
+/// The subcommands.
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// Simulate a system and compare it with a measurement.
+    ///
+    /// Writes result.csv (first column time [s], then the connectors of the system by their plain name, then all
+    /// outputs as component.variable), summary.json (settings, FMUs, timings, fits), figures as SVG, and index.html
+    /// with all of them. What an earlier run left in the folder is removed.
+    ///
+    /// Inputs are set at the start of each step and held within it, unless the master lets them follow a line
+    /// (--extrapolation, --master interface-jacobian or monolithic). Outputs are read after the step and stand at its
+    /// end; those with direct feed-through then still belong to the inputs of the step. A discrete output that depends
+    /// directly on an input stands at the start of the step over which it is held: a sampled output y(k) is in the row
+    /// of k Ts. A discrete output that only changes by events or time stands where it is read.
+    Run(Box<RunArgs>),
+    /// Show what an FMU or a system consists of.
+    Inspect(super::inspect::Args),
+    /// Write a system, with changed start values if wanted, as an SSP file for other tools.
+    ///
+    /// The written system simulates to the same bits. Geometry, annotations, connectors that are not connected, and
+    /// the step size and tolerance of a single FMU are not kept.
+    Export(super::export::Args),
+    /// Write one of our FMUs with start values, name and GUID of its own, for any FMI tool.
+    Derive(super::derive::Args),
+    /// Write a command for an experiment: chirp, random stairs, multisine or pseudo-random binary sequence.
+    Excite(super::excite::Args),
+    /// A virtual rig: records as an experimenter would take them.
+    Rig {
+        /// What to do.
+        #[command(subcommand)]
+        command: super::rig::Command,
+    },
+    /// Identify a model from measured inputs and outputs.
+    Identify {
+        /// Kind of model.
+        #[command(subcommand)]
+        command: super::identify::Command,
+    },
+    /// Find a motion for a system of FMUs: the least cost within bounds, from a problem file.
+    ///
+    /// Writes trajectory.csv (time [s], states, inputs, costates), command.csv (to be played with `airloop run --input`),
+    /// summary.json, iterations.csv, the roll-outs of the command through a master, figures as SVG, and index.html with an
+    /// animation. The gap between plan and roll-outs is reported.
+    Optimize(Box<super::optimize::args::Args>),
+    /// Keep a system on its plan: a regulator with state estimator, written as an FMU, and the closed loop with it.
+    ///
+    /// Writes controller.fmu (for any FMI 2.0 tool), closed_loop.ssd (for `airloop run`), gains.csv, closed_loop.csv (a
+    /// run of it), summary.json and figures.
+    Stabilize(super::stabilize::Args),
+    /// Try a stabilised plan, and the plan alone, on perturbed systems with sensor noise.
+    ///
+    /// Writes trials.csv, courses.csv (the first ten trials), summary.json and figures.
+    Trials(super::trials::Args),
+    /// Find the physical effect that a declared model lacks, from measured records.
+    ///
+    /// Writes report.json, report.md and report.html. Candidates are fitted in simulation on the estimation records;
+    /// errors are reported on the validation records.
+    Refine(super::refine::Args),
+    /// Print a completion script for a shell, e.g. `airloop completions bash > ~/.local/share/bash-completion/completions/airloop`.
+    Completions {
+        /// Shell.
+        shell: clap_complete::Shell,
+    },
+}
+
+/// `airloop run`
+#[derive(Debug, Args)]
+#[command(
+    group = clap::ArgGroup::new("data").multiple(true),
+    after_help = "Exit codes: 0 success (also if a component ends the simulation), 1 failure (the result so far is kept), 2 wrong usage (also a time, step or tolerance out of range), 130 interrupted (Ctrl-C, SIGTERM, SIGHUP; the result so far is kept).\n\nExample: airloop run examples/01_run/system.ssd --measured record.csv --step 1ms -o out/run"
+)]
+pub struct RunArgs {
+    /// System: .ssd or .ssp (SSP 1.0 or 2.0), or a single .fmu.
+    pub system: PathBuf,
+    /// Stop time [s], e.g. 4 or 500ms. Default: end of the measured or input data, else the default experiment of
+    /// the system.
+    #[arg(long, value_parser = parse_time, value_name = "TIME", allow_hyphen_values = true)]
+    pub stop: Option<f64>,
+    /// Communication step size [s], e.g. 1ms or 0.001; the last step is shortened to meet the stop time. Default:
+    /// that of the default experiment of a single FMU, else 1ms.
+    #[arg(long, value_parser = parse_duration, value_name = "TIME", allow_hyphen_values = true)]
+    pub step: Option<f64>,
+    /// Start time [s]. Default: first time of the measured or input data, else the default experiment, else 0.
+    #[arg(long, value_parser = parse_time, value_name = "TIME", allow_hyphen_values = true)]
+    pub start: Option<f64>,
+    /// How components are coupled.
+    #[arg(long, value_enum, default_value_t = MasterChoice::GaussSeidel)]
+    pub master: MasterChoice,
+    /// Order of the polynomials that inputs follow inside a step of Gauss-Seidel or Jacobi, through the last values of
+    /// what feeds them; 0 (default) holds them. Higher orders are more exact at short steps and unstable sooner.
+    #[arg(long, value_name = "ORDER", value_parser = clap::value_parser!(u32).range(0..=2))]
+    pub extrapolation: Option<u32>,
+    /// Options of one master.
+    #[command(flatten)]
+    pub coupling: CouplingArgs,
+    /// Options of adaptive steps.
+    #[command(flatten)]
+    pub adaptive: AdaptiveArgs,
+    /// Estimate of the coupling error.
+    #[command(flatten)]
+    pub coupling_error: super::coupling::CouplingErrorArgs,
+    /// CSV file with inputs of the system: first column time [s] (or for example `time [ms]`), then one column per
+    /// input. Truth values are 0 and 1, or true and false.
+    #[arg(long, value_name = "FILE", group = "data")]
+    pub input: Option<PathBuf>,
+    /// Continuous inputs between their samples; inputs that are discrete, or no Reals, are always held. The inputs of a
+    /// step are those at its start. At a communication point both choices give the sample, so that for a command
+    /// sampled on the communication grid they agree; choose hold for a sampled command and steps that divide its
+    /// sample time.
+    #[arg(long, value_enum, default_value_t = InterpolationChoice::Linear)]
+    pub interpolation: InterpolationChoice,
+    /// Start value of a parameter, input or state, in the unit of the variable: component.variable=value (or
+    /// variable=value for a single FMU). May be repeated.
+    #[arg(long, value_name = "NAME=VALUE", value_parser = parse_assignment)]
+    pub set: Vec<(String, String)>,
+    /// CSV file with a measurement: outputs of the system to compare with, and its inputs unless --input is given.
+    /// Columns belong to the connectors of the same name, else see --signals.
+    #[arg(long, value_name = "FILE", group = "data")]
+    pub measured: Option<PathBuf>,
+    /// Start of the states that are measured: at the first measured value, or at the start values of the model
+    /// (usually zero). A zero start can cost several points of fit.
+    #[arg(long, value_enum, default_value_t = InitialChoice::Measured, requires = "measured")]
+    pub initial: InitialChoice,
+    /// TOML file with a [signals] table: connector = "column", for columns of another name.
+    #[arg(long, value_name = "FILE", requires = "data")]
+    pub signals: Option<PathBuf>,
+    /// Folder for the results; it is made if it is not there.
+    #[arg(short, long, value_name = "DIR", default_value = "out/run")]
+    pub output: PathBuf,
+    /// Relative tolerance for solvers inside FMUs, between 0 and 1. Default: each FMU uses its own. Also that of
+    /// --master monolithic, there by default 1e-10.
+    #[arg(long, value_name = "NUMBER", allow_hyphen_values = true)]
+    pub tolerance: Option<f64>,
+    /// Draw no figures.
+    #[arg(long)]
+    pub no_plots: bool,
+    /// Print nothing but errors.
+    #[arg(short, long)]
+    pub quiet: bool,
+}
+
+const COUPLING: &str = "Options of --master interface-jacobian";
+
+/// Options of `--master interface-jacobian`.
+#[derive(Debug, Clone, Args)]
+pub struct CouplingArgs {
+    /// How often the slaves of a coupled component repeat a step from their saved state. 0: the prediction is kept,
+    /// and no state is saved. Default: 1.
+    #[arg(long, value_name = "NUMBER", conflicts_with = "iterate", value_parser = clap::value_parser!(u32).range(0..=20), help_heading = COUPLING)]
+    pub corrections: Option<u32>,
+    /// Repeat until the outputs change by less than this part of the larger of value and nominal value, e.g. 1e-6.
+    #[arg(long, value_name = "TOL", help_heading = COUPLING)]
+    pub iterate: Option<f64>,
+    /// Course of the inputs inside a communication step. Default: ramped.
+    #[arg(long, value_enum, help_heading = COUPLING)]
+    pub inputs: Option<InputsChoice>,
+}
+
+impl CouplingArgs {
+    /// The option that was given, if any.
+    pub fn given(&self) -> Option<&'static str> {
+        let corrections = self.corrections.map(|_| "corrections");
+        corrections.or(self.iterate.map(|_| "iterate")).or(self.inputs.map(|_| "inputs"))
+    }
+}
+
+impl From<&CouplingArgs> for Coupling {
+    fn from(args: &CouplingArgs) -> Coupling {
+        let default = Coupling::default();
+        Coupling {
+            corrections: args.corrections.unwrap_or(default.corrections),
+            tolerance: args.iterate,
+            ramped: args.inputs.map_or(default.ramped, |inputs| inputs == InputsChoice::Ramped),
+        }
+    }
+}
+
+const ADAPTIVE: &str = "Adaptive communication steps";
+
+/// Options of adaptive communication steps.
+#[derive(Debug, Clone, Args)]
+pub struct AdaptiveArgs {
+    /// Choose every communication step by its error, from --step on. gauss-seidel and jacobi repeat each step from the
+    /// saved states with inputs that run towards the result of the pass before; interface-jacobian makes it whole and in
+    /// two halves, which are kept. For gauss-seidel, jacobi and interface-jacobian; all FMUs must save and restore their
+    /// state. Steps end at samples of components and inputs; interface-jacobian may span whole samples of components.
+    #[arg(long, help_heading = ADAPTIVE)]
+    pub adaptive: bool,
+    /// Error of one step that is allowed, relative to the largest value of the signal so far (at least a hundredth of
+    /// its nominal value). Default: 1e-4.
+    #[arg(long, value_name = "TOL", requires = "adaptive", help_heading = ADAPTIVE)]
+    pub step_tolerance: Option<f64>,
+    /// Shortest communication step [s]; a run that needs a shorter one fails. Default: --step / 1000000.
+    #[arg(long, value_parser = parse_duration, value_name = "TIME", requires = "adaptive", help_heading = ADAPTIVE)]
+    pub min_step: Option<f64>,
+    /// Longest communication step [s]. Default: 10 * --step.
+    #[arg(long, value_parser = parse_duration, value_name = "TIME", requires = "adaptive", help_heading = ADAPTIVE)]
+    pub max_step: Option<f64>,
+}
+
+impl AdaptiveArgs {
+    /// Settings of the master, if steps are to adapt.
+    ///
+    /// # Errors
+    /// The monolithic master has an error control of its own.
+    pub fn settings(&self, master: MasterChoice) -> Result<Option<Adaptive>, Error> {
+        if !self.adaptive {
+            return Ok(None);
+        }
+        if master == MasterChoice::Monolithic {
+            let (option, master) = ("adaptive", "gauss-seidel`, `jacobi` or `interface-jacobian");
+            return Err(Error::OptionOfOther { option, master });
+        }
+        let tolerance = self.step_tolerance.unwrap_or(Adaptive::default().tolerance);
+        Ok(Some(Adaptive { tolerance, min_step: self.min_step, max_step: self.max_step }))
+    }
+}
+
+/// `--inputs`
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum InputsChoice {
+    /// Straight lines (for FMUs that take input derivatives) with the mean and the first moment of the input.
+    Ramped,
+    /// Held at their mean.
+    Held,
+}
+
+/// `--master`
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum MasterChoice {
+    /// Serial: in evaluation order, each slave gets the newest outputs of those before it. Algebraic loops are solved
+    /// at every communication point.
+    GaussSeidel,
+    /// Parallel: outputs are exchanged, then all slaves step; every connection is one step late, but for those of
+    /// algebraic loops, which are solved at every communication point.
+    Jacobi,
+    /// Linearly implicit: strongly coupled components are solved in the master, then their slaves step, with
+    /// rollback. For stiff coupling; accurate at long steps.
+    InterfaceJacobian,
+    /// All components as one differential equation through Model Exchange: explicit Runge-Kutta of order 8 with error
+    /// control (--tolerance), state and time events, algebraic loops; no coupling error. --step sets the rows of
+    /// the result, and no integrator step is longer.
+    Monolithic,
+}
+
+impl MasterChoice {
+    /// Interface of the FMUs that the master uses.
+    pub fn interface(self) -> InterfaceKind {
+        match self {
+            MasterChoice::Monolithic => InterfaceKind::ModelExchange,
+            _ => InterfaceKind::CoSimulation,
+        }
+    }
+}
+
+impl From<MasterChoice> for Algorithm {
+    fn from(choice: MasterChoice) -> Algorithm {
+        match choice {
+            MasterChoice::GaussSeidel => Algorithm::GaussSeidel,
+            MasterChoice::Jacobi => Algorithm::Jacobi,
+            MasterChoice::InterfaceJacobian => Algorithm::InterfaceJacobian,
+            MasterChoice::Monolithic => Algorithm::Monolithic,
+        }
+    }
+}
+
+/// `--interpolation`
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum InterpolationChoice {
+    /// Straight line between samples.
+    Linear,
+    /// Each sample is held until the next.
+    Hold,
+}
+
+impl From<InterpolationChoice> for Interpolation {
+    fn from(choice: InterpolationChoice) -> Interpolation {
+        match choice {
+            InterpolationChoice::Linear => Interpolation::Linear,
+            InterpolationChoice::Hold => Interpolation::Hold,
+        }
+    }
+}
+
+/// `--initial`
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum InitialChoice {
+    /// At the first measured value.
+    Measured,
+    /// At the start values of the model.
+    Zero,
+}
+
+pub(super) fn parse_assignment(text: &str) -> Result<(String, String), String> {
+    match text.split_once('=') {
+        Some((name, value)) if !name.trim().is_empty() => Ok((name.trim().into(), value.trim().into())),
+        _ => Err("write component.variable=value".into()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::CommandFactory;
+
+    #[test]
+    fn the_definition_is_consistent() {
+        Cli::command().debug_assert();
+    }
+
+    #[test]
+    fn assignments_need_a_name_and_keep_later_equal_signs() {
+        assert_eq!(parse_assignment("a.b = x=y"), Ok(("a.b".into(), "x=y".into())));
+        assert!(parse_assignment("=1").is_err() && parse_assignment("a.b").is_err());
+    }
+}

@@ -1,0 +1,323 @@
+//! `airloop inspect`: what an FMU or a system is made of, as text or JSON, and what the checker finds.
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::sync::Arc;
+
+use super::inspect_system;
+use super::output::print;
+use super::table::table;
+use airloop::Error;
+use airloop_cosim::system::SystemGraph;
+use airloop_fmi::check::{self, Finding, Severity};
+use airloop_fmi::{
+    Causality, DependencyKind, Fmu, Initial, Interface, InterfaceKind, ModelDescription, Unknown,
+    Variability, Variable, VariableKind,
+};
+
+/// `airloop inspect`
+#[derive(Debug, clap::Args)]
+#[command(
+    after_help = "Exit codes: 0 success, 1 the file cannot be read or --check finds errors, 2 wrong usage.\n\nExample: airloop inspect --check target/fmu/cart-pole.fmu"
+)]
+pub struct Args {
+    /// .fmu, .ssd or .ssp file.
+    pub file: PathBuf,
+    /// Print JSON instead of tables. There, `variable` and `derivative` are positions in `variables`, counted from 0.
+    #[arg(long)]
+    pub json: bool,
+    /// Check the FMU, or each FMU of the system, against the standard: archive and description, then by running its library in this process.
+    /// Errors make the exit code 1.
+    #[arg(long)]
+    pub check: bool,
+    /// With --check: only archive and description; runs no foreign code.
+    #[arg(long, requires = "check")]
+    pub no_run: bool,
+}
+
+/// Prints what the file consists of, or what the checker finds in it.
+///
+/// # Errors
+/// The file cannot be opened or is refused.
+pub fn run(args: &Args) -> Result<ExitCode, Error> {
+    let is_fmu = args.file.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("fmu"));
+    let (fmus, text, mut value) = if is_fmu {
+        let fmu = Fmu::open(&args.file)?;
+        let (text, value) = (describe(&fmu), json(&fmu));
+        (vec![fmu], text, value)
+    } else {
+        let graph = SystemGraph::open_to_read(&args.file)?;
+        let (text, value) = (inspect_system::describe(&graph), inspect_system::json(&graph));
+        let mut fmus: Vec<Arc<Fmu>> = Vec::new();
+        for component in &graph.components {
+            if !fmus.iter().any(|fmu| Arc::ptr_eq(fmu, &component.fmu)) {
+                fmus.push(Arc::clone(&component.fmu));
+            }
+        }
+        (fmus, text, value)
+    };
+    if !args.check {
+        print(&if args.json { format!("{value:#}\n") } else { text })?;
+        return Ok(ExitCode::SUCCESS);
+    }
+    let mut failed = false;
+    let mut all = Vec::new();
+    for fmu in &fmus {
+        let findings = check(fmu, args)?;
+        failed |= findings.iter().any(|finding| finding.severity == Severity::Error);
+        all.push(serde_json::json!({ "fmu": fmu.shown, "findings": findings }));
+    }
+    if args.json {
+        value["checks"] = all.into();
+        print(&format!("{value:#}\n"))?;
+    }
+    Ok(if failed { ExitCode::FAILURE } else { ExitCode::SUCCESS })
+}
+
+/// What the checker finds in one FMU, worst first; printed unless JSON is wanted.
+fn check(fmu: &Arc<Fmu>, args: &Args) -> Result<Vec<Finding>, Error> {
+    let show = |text: &str| if args.json { Ok(()) } else { print(text) };
+    show(&format!("{}\n", fmu.shown.display()))?;
+    let mut findings = check::static_findings(fmu);
+    show(&text(&findings))?;
+    // What follows runs foreign code and may end the process: what is known is printed before.
+    if !args.no_run {
+        let dynamic = check::dynamic_findings(fmu);
+        show(&text(&dynamic))?;
+        findings.extend(dynamic);
+    }
+    findings.sort_by_key(|finding| std::cmp::Reverse(finding.severity));
+    show(&summary(&findings, args.no_run))?;
+    Ok(findings)
+}
+
+/// Findings as a table, worst first.
+fn text(findings: &[Finding]) -> String {
+    let mut sorted: Vec<&Finding> = findings.iter().collect();
+    sorted.sort_by_key(|finding| std::cmp::Reverse(finding.severity));
+    let line = |finding: &&Finding| {
+        format!("{:<7} [{}] {}: {}\n", finding.severity, finding.rule, finding.element, finding.message)
+    };
+    sorted.iter().map(line).collect()
+}
+
+fn summary(findings: &[Finding], no_run: bool) -> String {
+    let count = |severity| findings.iter().filter(|finding| finding.severity == severity).count();
+    format!(
+        "{} errors, {} warnings, {} notes{}\n",
+        count(Severity::Error),
+        count(Severity::Warning),
+        count(Severity::Note),
+        if no_run { " (the library was not run)" } else { "" }
+    )
+}
+
+fn json(fmu: &Fmu) -> serde_json::Value {
+    serde_json::json!({
+        "file": fmu.shown,
+        "platforms": fmu.platforms(),
+        "model_description": fmu.description,
+    })
+}
+
+/// The text that `airloop inspect` prints for an FMU.
+pub fn describe(fmu: &Fmu) -> String {
+    let description = &fmu.description;
+    let mut text =
+        format!("{} (FMI {}, {})\n", description.model_name, description.fmi_version, fmu.shown.display());
+    if !description.description.is_empty() {
+        text += &format!("{}\n", description.description);
+    }
+    let facts = [
+        ("version", description.version.as_str()),
+        ("author", &description.author),
+        ("tool", &description.generation_tool),
+        ("guid", &description.guid),
+    ];
+    for (name, value) in facts.into_iter().filter(|(_, value)| !value.is_empty()) {
+        text += &format!("  {name:<20}{value}\n");
+    }
+    let platforms = fmu.platforms();
+    let platforms = if platforms.is_empty() { "none".to_owned() } else { platforms.join(", ") };
+    text += &format!("  {:<20}{platforms}\n", "platforms");
+    text += &format!("  {:<20}{}\n", "default experiment", experiment(description));
+    text += &format!("  {:<20}{}\n", "continuous states", description.derivatives.len());
+    text += &format!("  {:<20}{}\n", "event indicators", description.number_of_event_indicators);
+    for kind in [InterfaceKind::CoSimulation, InterfaceKind::ModelExchange] {
+        if let Some(interface) = fmu.interface(kind) {
+            text += &format!("\n{kind} (modelIdentifier {})\n", interface.model_identifier);
+            let capabilities = capabilities(kind, interface);
+            text += &capabilities.iter().map(|line| format!("  {line}\n")).collect::<String>();
+        }
+    }
+    text += "\nVariables\n";
+    let rows: Vec<Vec<String>> = description.variables.iter().map(variable).collect();
+    let header =
+        ["name", "causality", "variability", "initial", "type", "unit", "start", "range", "description"];
+    text += &indented(&table(&header, &rows, &[]));
+    text += &unknowns(description, "Derivatives (<- what they depend on)", &description.derivatives, false);
+    text += &unknowns(description, "Direct feed-through (output <- inputs)", &description.outputs, true);
+    text
+}
+
+fn experiment(description: &ModelDescription) -> String {
+    let experiment = &description.default_experiment;
+    let parts = [
+        ("start", experiment.start, " s"),
+        ("stop", experiment.stop, " s"),
+        ("step", experiment.step_size, " s"),
+        ("tolerance", experiment.tolerance, ""),
+    ];
+    let parts: Vec<_> = parts
+        .into_iter()
+        .filter_map(|(name, value, unit)| value.map(|value| format!("{name} {}{unit}", number(value))))
+        .collect();
+    if parts.is_empty() { "none".to_owned() } else { parts.join(", ") }
+}
+
+/// A number with an exponent where it would be long without.
+fn number(value: f64) -> String {
+    let (plain, scientific) = (value.to_string(), format!("{value:e}"));
+    if plain.len() > 7 && scientific.len() < plain.len() { scientific } else { plain }
+}
+
+/// What an interface can do, and what it needs.
+fn capabilities(kind: InterfaceKind, interface: &Interface) -> Vec<String> {
+    let common = [
+        (interface.can_get_and_set_fmu_state, "saves and restores its state"),
+        (interface.can_serialize_fmu_state, "serialises its state"),
+        (interface.provides_directional_derivative, "provides directional derivatives"),
+        (interface.needs_execution_tool, "needs an execution tool"),
+        (interface.can_be_instantiated_only_once_per_process, "allows one instance per process"),
+        (interface.can_not_use_memory_management_functions, "does not use the memory callbacks"),
+    ];
+    let own = match kind {
+        InterfaceKind::CoSimulation => [
+            (interface.can_handle_variable_communication_step_size, "accepts steps of different length"),
+            (interface.can_interpolate_inputs, "interpolates inputs"),
+            (interface.can_run_asynchronuously, "can run asynchronously"),
+        ],
+        InterfaceKind::ModelExchange => [
+            (interface.completed_integrator_step_not_needed, "needs no fmi2CompletedIntegratorStep"),
+            (false, ""),
+            (false, ""),
+        ],
+    };
+    let flags = own.into_iter().chain(common).filter(|(flag, _)| *flag).map(|(_, text)| text.to_owned());
+    let order = interface.max_output_derivative_order;
+    let order = (order > 0).then(|| format!("gives output derivatives up to order {order}"));
+    flags.chain(order).collect()
+}
+
+fn variable(variable: &Variable) -> Vec<String> {
+    let text = |value: &Option<String>| value.clone().unwrap_or_default();
+    let range = |min: Option<String>, max: Option<String>| match (min, max) {
+        (None, None) => String::new(),
+        (min, max) => format!("{}..{}", min.unwrap_or_default(), max.unwrap_or_default()),
+    };
+    let integer = |value: &Option<i32>| value.map(|value| value.to_string());
+    let real = |value: &Option<f64>| value.map(number);
+    let (kind, unit, start, range) = match &variable.kind {
+        VariableKind::Real(attributes) => (
+            "Real".to_owned(),
+            text(&attributes.unit),
+            real(&attributes.start),
+            range(real(&attributes.min), real(&attributes.max)),
+        ),
+        VariableKind::Integer { start, min, max, .. } => {
+            ("Integer".to_owned(), String::new(), integer(start), range(integer(min), integer(max)))
+        }
+        VariableKind::Boolean { start } => {
+            ("Boolean".to_owned(), String::new(), start.map(|start| start.to_string()), String::new())
+        }
+        VariableKind::String { start } => {
+            let start = start.as_ref().map(|start| format!("{start:?}"));
+            ("String".to_owned(), String::new(), start, String::new())
+        }
+        VariableKind::Enumeration { declared_type, start, min, max } => {
+            (declared_type.clone(), String::new(), integer(start), range(integer(min), integer(max)))
+        }
+    };
+    vec![
+        variable.name.clone(),
+        causality(variable.causality).to_owned(),
+        variability(variable.variability).to_owned(),
+        variable.initial.map_or("", initial).to_owned(),
+        kind,
+        unit,
+        start.unwrap_or_default(),
+        range,
+        variable.description.clone(),
+    ]
+}
+
+fn causality(causality: Causality) -> &'static str {
+    match causality {
+        Causality::Parameter => "parameter",
+        Causality::CalculatedParameter => "calculatedParameter",
+        Causality::Input => "input",
+        Causality::Output => "output",
+        Causality::Local => "local",
+        Causality::Independent => "independent",
+    }
+}
+
+fn variability(variability: Variability) -> &'static str {
+    match variability {
+        Variability::Constant => "constant",
+        Variability::Fixed => "fixed",
+        Variability::Tunable => "tunable",
+        Variability::Discrete => "discrete",
+        Variability::Continuous => "continuous",
+    }
+}
+
+fn initial(initial: Initial) -> &'static str {
+    match initial {
+        Initial::Exact => "exact",
+        Initial::Approx => "approx",
+        Initial::Calculated => "calculated",
+    }
+}
+
+/// A list of the model structure; `inputs_only` leaves out states and time.
+fn unknowns(description: &ModelDescription, title: &str, list: &[Unknown], inputs_only: bool) -> String {
+    if list.is_empty() {
+        return String::new();
+    }
+    let rows: Vec<Vec<String>> = list
+        .iter()
+        .map(|unknown| {
+            let dependencies = match &unknown.dependencies {
+                None => "anything (not declared)".to_owned(),
+                Some(dependencies) => {
+                    let named = dependencies.iter().filter_map(|dependency| {
+                        let known = &description.variables[dependency.variable];
+                        let shown = !inputs_only || known.causality == Causality::Input;
+                        shown.then(|| format!("{}{}", known.name, dependency_kind(dependency.kind)))
+                    });
+                    let named = named.collect::<Vec<_>>().join(", ");
+                    if named.is_empty() { "nothing".to_owned() } else { named }
+                }
+            };
+            vec![description.variables[unknown.variable].name.clone(), format!("<- {dependencies}")]
+        })
+        .collect();
+    // The header line of the table stays empty: the title says it.
+    let text = table(&["", ""], &rows, &[]);
+    format!("\n{title}\n{}", indented(text.trim_start_matches('\n')))
+}
+
+fn dependency_kind(kind: DependencyKind) -> &'static str {
+    match kind {
+        DependencyKind::Dependent => "",
+        DependencyKind::Constant => " (constant factor)",
+        DependencyKind::Fixed => " (fixed factor)",
+        DependencyKind::Tunable => " (tunable factor)",
+        DependencyKind::Discrete => " (discrete factor)",
+    }
+}
+
+fn indented(text: &str) -> String {
+    text.lines().map(|line| format!("  {line}\n")).collect()
+}

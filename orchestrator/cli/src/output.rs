@@ -1,0 +1,30 @@
+//! Text for the user: a reader who leaves early is no error, a device that takes nothing is one.
+
+use std::io::{ErrorKind, Write};
+
+use airloop::Error;
+
+/// Prints to the standard output. A closed pipe (as with `| head`) is no error.
+///
+/// # Errors
+/// [`Error::Output`] if the text cannot be written, as on a full device.
+pub fn print(text: &str) -> Result<(), Error> {
+    let mut out = std::io::stdout().lock();
+    allow_closed(out.write_all(text.as_bytes()).and_then(|()| out.flush()))
+}
+
+/// Prints a line to the standard error; if even that is closed, there is nobody to tell.
+pub fn complain(text: &str) {
+    let _ = writeln!(std::io::stderr(), "{text}");
+}
+
+/// What writing to the standard output came to, a closed pipe forgiven.
+///
+/// # Errors
+/// As [`print()`].
+pub fn allow_closed(outcome: std::io::Result<()>) -> Result<(), Error> {
+    match outcome {
+        Err(error) if error.kind() != ErrorKind::BrokenPipe => Err(Error::Output(error)),
+        _ => Ok(()),
+    }
+}

@@ -1,0 +1,225 @@
+//! `airloop refine`: what a declared model lacks, from measured records.
+//!
+//! Exit codes: 0 effect found, 10 nothing missing, 11 unexplained, 12 effect found that the records cannot tell from
+//! others; 1, 2 and 130 as everywhere.
+
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+use clap::{Args as ClapArgs, ValueEnum};
+
+use super::refine_progress::{Interrupt, Progress};
+use super::{folder, output};
+use airloop::Error;
+use airloop_fmi::template_folder::VARIABLE;
+use airloop_refine::amend;
+use airloop_refine::answer::{Answer, Settings, Verdict, answer};
+use airloop_refine::case::{Case, Role};
+use airloop_refine::engine::parallel;
+use airloop_refine::evidence::{self, Evidence};
+use airloop_refine::rig::open::{Rig, open};
+use airloop_refine::study;
+use airloop_refine::watch::Event;
+use airloop_report::{Report, words};
+
+/// Exit code when nothing is missing.
+pub const NOTHING: u8 = 10;
+/// Exit code when something is missing that no candidate explains.
+pub const UNEXPLAINED: u8 = 11;
+/// Exit code when effects cannot be told apart.
+pub const GROUP: u8 = 12;
+
+/// `airloop refine`
+#[derive(Debug, ClapArgs)]
+#[command(
+    after_help = "Exit codes: 0 effect found, 10 nothing missing, 11 unexplained, 12 effect found that these records cannot tell from others (see its group in report.json), 1 failure, 2 wrong usage, 130 interrupted.\n\nExample: airloop refine data/rig/v01 -o out/refine"
+)]
+pub struct Args {
+    /// Folder with case.toml (declared parameters, sensors, files with their role), study.toml (any system) or
+    /// dataset.toml (columns with units) and the records as CSV; or a study file.
+    #[arg(required_unless_present = "schema")]
+    pub case: Option<PathBuf>,
+    /// Folder for report.json, report.md, report.html and system/ (the amended system); it is made if it is not there.
+    #[arg(short, long, value_name = "DIR", default_value = "out/refine")]
+    pub output: PathBuf,
+    /// Seed of the simulated noise; one seed gives one report, on any number of processors.
+    #[arg(long, value_name = "NUMBER", default_value_t = 1)]
+    pub seed: u64,
+    /// Most effects that are added to the declared model.
+    #[arg(long, value_name = "NUMBER", default_value_t = 3, value_parser = clap::value_parser!(u8).range(1..=3))]
+    pub max_effects: u8,
+    /// Threads of the search [default: one per processor]; the report does not depend on it.
+    #[arg(long, value_name = "NUMBER", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    pub threads: Option<u16>,
+    /// Print the JSON schema of report.json, or that of study.toml, and do nothing else.
+    #[arg(long, value_enum, value_name = "FILE", num_args = 0..=1, default_missing_value = "report")]
+    pub schema: Option<Schema>,
+    /// Print nothing but errors.
+    #[arg(short, long)]
+    pub quiet: bool,
+}
+
+/// A file whose schema is printed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum Schema {
+    /// report.json
+    Report,
+    /// study.toml
+    Study,
+}
+
+/// Runs the command; the exit code is the verdict.
+///
+/// # Errors
+/// A case that cannot be read or searched, a report that cannot be written.
+pub fn run(args: &Args) -> Result<ExitCode, Error> {
+    let (Some(path), None) = (args.case.as_deref(), args.schema) else {
+        output::print(if args.schema == Some(Schema::Study) {
+            study::SCHEMA
+        } else {
+            airloop_report::SCHEMA
+        })?;
+        return Ok(ExitCode::SUCCESS);
+    };
+    check_folder(path, &args.output)?;
+    parallel::use_threads(args.threads.map_or(0, usize::from));
+    let settings = Settings { seed: args.seed, max_effects: args.max_effects.into(), ..Settings::default() };
+    let question = Question::read(path)?;
+    let made = folder::make(&args.output)?;
+    let interrupt = Interrupt::new(&args.output, made);
+    let (mut found, evidence) = question.answer(&settings, args.quiet)?;
+    if interrupt.begin_to_write() {
+        return Ok(ExitCode::from(super::INTERRUPTED));
+    }
+    let system = write_system(&question, &mut found, &args.output)?;
+    let name = match &question {
+        Question::Rig { case, .. } => case.declaration.id.clone(),
+        Question::Study(file) => file.name(),
+    };
+    let written = Report {
+        case: &name,
+        answer: &found,
+        evidence: &evidence,
+        settings: &settings,
+        system: system.then_some(amend::FOLDER),
+        signals: args.output.join(amend::FOLDER).join(amend::SIGNALS).is_file(),
+    };
+    airloop_report::write(&written, &args.output)?;
+    if !args.quiet {
+        print(&found, &evidence, &args.output, system)?;
+    }
+    if interrupt.came() {
+        let kept = args.output.join("report.json");
+        output::complain(&format!("interrupted after the search; its report is in {}", kept.display()));
+        return Ok(ExitCode::from(super::INTERRUPTED));
+    }
+    Ok(exit(&found))
+}
+
+/// What is asked: a rig of the vocabulary, or a study of any system.
+enum Question {
+    Rig { case: Box<Case>, rig: Box<Rig> },
+    Study(Box<study::declaration::File>),
+}
+
+impl Question {
+    fn read(path: &Path) -> Result<Question, Error> {
+        if let Some(file) = study::find(path)? {
+            return Ok(Question::Study(Box::new(file)));
+        }
+        let case = Case::read(path)?;
+        let rig = open(&case)?;
+        Ok(Question::Rig { case: Box::new(case), rig: Box::new(rig) })
+    }
+
+    fn answer(&self, settings: &Settings, quiet: bool) -> Result<(Answer, Evidence), Error> {
+        match self {
+            Question::Study(file) => {
+                let progress = Progress::new(quiet, 0);
+                let found =
+                    study::answer::answer(file, settings, &|stage| progress.tell(Event::Stage(stage)));
+                progress.finish();
+                Ok(found?)
+            }
+            Question::Rig { case, rig } => {
+                let files = &case.declaration.files;
+                let groups: Vec<String> = files.iter().map(|file| file.group.clone()).collect();
+                let records = files.iter().filter(|file| file.role == Role::Estimation);
+                let progress = Progress::new(quiet, (settings.draws * records.count()) as u64);
+                let found = answer(rig, &groups, settings, &|event| progress.tell(event));
+                let evidence = evidence::gather(case, rig, &found);
+                progress.finish();
+                Ok((found, evidence))
+            }
+        }
+    }
+}
+
+/// Only an earlier report may be replaced.
+fn check_folder(case: &Path, folder: &Path) -> Result<(), Error> {
+    let mut names: BTreeSet<String> = airloop_report::FILES.map(str::to_owned).into();
+    names.insert(amend::FOLDER.into());
+    let earlier = std::fs::read(folder.join("report.json")).unwrap_or_default();
+    let earlier: serde_json::Value = serde_json::from_slice(&earlier).unwrap_or_default();
+    let mut ours = BTreeSet::new();
+    if earlier["score_kind"].is_string() {
+        ours.extend(airloop_report::FILES.map(str::to_owned));
+    }
+    if earlier["amended_system"].is_string() {
+        ours.insert(amend::FOLDER.to_owned());
+    }
+    folder::check_against(folder, &[case.into()], &names.into_iter().collect::<Vec<_>>(), &ours)
+}
+
+/// Writes the amended system if there is anything to amend; where it cannot be, a note says why.
+fn write_system(question: &Question, found: &mut Answer, folder: &Path) -> Result<bool, Error> {
+    let selected = found.effects.iter().any(|effect| effect.selected);
+    let amended = selected || found.cylinder || !found.corrections.is_empty();
+    if !amended {
+        amend::remove(folder)?;
+        return Ok(false);
+    }
+    let network = match question {
+        Question::Rig { case, .. } => Ok(amend::rig::network(&case.declaration, found)),
+        Question::Study(file) => amend::study::network(file, found, folder),
+    };
+    let problem = match network.and_then(|network| amend::write(&network, folder, None)) {
+        Ok(()) => return Ok(true),
+        Err(amend::Error::Template(missing)) => format!(
+            "the FMU {}.fmu was not found; run `make fmu`, or name the folder that holds it in the environment variable {}",
+            missing.name, VARIABLE
+        ),
+        Err(amend::Error::System(error)) => error.to_string(),
+        Err(error) => return Err(error.into()),
+    };
+    amend::remove(folder)?;
+    found.notes.push(format!("The amended system was not written: {problem}."));
+    Ok(false)
+}
+
+fn print(found: &Answer, evidence: &Evidence, folder: &Path, system: bool) -> Result<(), Error> {
+    let rows: Vec<Vec<String>> = words::errors(found, &evidence.signals).into_iter().map(Vec::from).collect();
+    let rows = super::table::table(&words::ERROR_HEADER, &rows, &[1, 2, 3, 4, 5, 6]);
+    let rivals = words::rivals(found);
+    let mut text = format!("{}\n", words::sentence(found));
+    if !rivals.is_empty() {
+        text += &format!("These records cannot tell it from: {}.\n", rivals.join(", "));
+    }
+    text += &format!("\nError on validation records\n{rows}\n");
+    text += &format!("report  {}\n", folder.join("report.html").display());
+    if system {
+        text += &format!("system  {}\n", folder.join(amend::FOLDER).join("system.ssd").display());
+    }
+    output::print(&text)
+}
+
+fn exit(found: &Answer) -> ExitCode {
+    let group = found.effects.iter().any(|effect| effect.selected && effect.group.is_some());
+    match found.verdict {
+        Verdict::Nothing => ExitCode::from(NOTHING),
+        Verdict::Unexplained => ExitCode::from(UNEXPLAINED),
+        Verdict::Effect if group => ExitCode::from(GROUP),
+        Verdict::Effect => ExitCode::SUCCESS,
+    }
+}

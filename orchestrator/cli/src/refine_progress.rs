@@ -1,0 +1,114 @@
+//! How far a search is, on a terminal, and what Ctrl-C does to it.
+
+use std::io::IsTerminal;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicU8, Ordering};
+use std::sync::{Arc, Mutex};
+use std::time::Duration;
+
+use indicatif::{ProgressBar, ProgressStyle};
+
+use super::output;
+use airloop_refine::watch::Event;
+
+/// A line that names the stage of the search, with draws or simulations counted.
+pub struct Progress {
+    bar: ProgressBar,
+    stage: Mutex<String>,
+    draws: u64,
+}
+
+impl Progress {
+    /// Shown on a terminal only; `draws` of the simulated noise are expected.
+    pub fn new(quiet: bool, draws: u64) -> Progress {
+        let shown = !quiet && std::io::stderr().is_terminal();
+        let bar = if shown { ProgressBar::new_spinner() } else { ProgressBar::hidden() };
+        let style = "{spinner} {msg}  {elapsed}";
+        bar.set_style(ProgressStyle::with_template(style).expect("the template is well formed"));
+        if shown {
+            bar.enable_steady_tick(Duration::from_millis(100));
+        }
+        Progress { bar, stage: Mutex::new(String::new()), draws }
+    }
+
+    /// Shows an event.
+    pub fn tell(&self, event: Event) {
+        if self.bar.is_hidden() {
+            return;
+        }
+        let Ok(mut stage) = self.stage.lock() else { return };
+        match event {
+            Event::Stage(name) => {
+                name.clone_into(&mut stage);
+                self.bar.set_message(name.to_owned());
+            }
+            Event::Draws(count) => self.bar.set_message(format!("{stage}: {count} of {} draws", self.draws)),
+            // Often enough to see that it moves.
+            Event::Simulations(count) if count.is_multiple_of(10) => {
+                self.bar.set_message(format!("{stage}: {count} simulations"));
+            }
+            Event::Simulations(_) => {}
+        }
+    }
+
+    /// Takes the line away.
+    pub fn finish(&self) {
+        self.bar.finish_and_clear();
+    }
+}
+
+/// States of a command that may be interrupted.
+const SEARCHING: u8 = 0;
+const WRITING: u8 = 1;
+const ASKED: u8 = 2;
+
+/// Ctrl-C, SIGTERM and SIGHUP: during the search the program ends at once, since nothing is written yet; once it writes,
+/// it finishes. A second signal always ends it.
+pub struct Interrupt {
+    state: Arc<AtomicU8>,
+}
+
+impl Interrupt {
+    /// From here on. `made`: the folder is new and goes away with the interrupted search.
+    pub fn new(folder: &Path, made: bool) -> Interrupt {
+        let state = Arc::new(AtomicU8::new(SEARCHING));
+        let (own, folder) = (Arc::clone(&state), folder.to_owned());
+        // Without a handler a signal ends the program as usual, so a failure here is no reason not to search.
+        let _ = ctrlc::set_handler(move || {
+            match own.compare_exchange(WRITING, ASKED, Ordering::SeqCst, Ordering::SeqCst) {
+                Ok(_) => {}
+                Err(state) => {
+                    if state == SEARCHING {
+                        leave(&folder, made);
+                    }
+                    std::process::exit(i32::from(super::INTERRUPTED));
+                }
+            }
+        });
+        Interrupt { state }
+    }
+
+    /// Nothing ends the program any more until the report is complete. Whether it was asked to end before.
+    pub fn begin_to_write(&self) -> bool {
+        self.state.compare_exchange(SEARCHING, WRITING, Ordering::SeqCst, Ordering::SeqCst).is_err()
+    }
+
+    /// Whether a signal came since.
+    pub fn came(&self) -> bool {
+        self.state.load(Ordering::SeqCst) == ASKED
+    }
+}
+
+/// Says what is left of an interrupted search.
+fn leave(folder: &Path, made: bool) {
+    let report: PathBuf = folder.join("report.json");
+    if made {
+        // Only an empty folder can be removed this way.
+        let _ = std::fs::remove_dir(folder);
+    }
+    let kept = match report.is_file() {
+        true => format!("the earlier report in {} is as it was", folder.display()),
+        false => "nothing was written".into(),
+    };
+    output::complain(&format!("interrupted during the search; {kept}"));
+}

@@ -1,0 +1,467 @@
+//! `airloop run`: simulate, write, compare, draw.
+
+use std::io::IsTerminal;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use indicatif::{ProgressBar, ProgressStyle};
+
+use super::args::{InitialChoice, MasterChoice, RunArgs};
+use super::{coupling, folder, output, report};
+use airloop::Error;
+use airloop::discrepancy::signals::{self, Links, SignalTable};
+use airloop::discrepancy::{self, residual};
+use airloop_cosim::master;
+use airloop_cosim::master::simulate::{self, End, Run, Stimulus, Watch};
+use airloop_cosim::master::{Algorithm, Effort};
+use airloop_cosim::results::summary::{
+    self, ConnectorRecord, CouplingRecord, EffortRecord, FmuRecord, Outcome, SCHEMA_VERSION, SignalRecord,
+    Summary, Timings,
+};
+use airloop_cosim::system;
+use airloop_cosim::system::SystemGraph;
+use airloop_cosim::system::graph::{DataType, Source};
+use airloop_report::plot;
+use airloop_series::{Interpolation, TimeSeries, csv};
+
+/// Step size \[s\] where nothing else is said.
+const DEFAULT_STEP: f64 = 1e-3;
+
+/// A file of signals and what it holds for the system.
+struct Record {
+    file: PathBuf,
+    series: TimeSeries,
+    links: Links,
+}
+
+impl Record {
+    /// Whether the file has a column for this input of the system.
+    fn drives(&self, graph: &SystemGraph, name: &str) -> bool {
+        self.links.inputs.iter().any(|link| graph.inputs[link.connector].name == name)
+    }
+}
+
+/// Runs the command; the exit code says how the simulation ended.
+///
+/// # Errors
+/// What keeps the run from starting, or its results from being written.
+pub fn run(args: &RunArgs) -> Result<ExitCode, Error> {
+    // From here on: unpacked FMUs are to be removed, also if the program is asked to end.
+    let stop = stop_flag();
+    let mut graph = SystemGraph::open_for(&args.system, args.master.interface())?;
+    let mut notes = graph.notes.clone();
+    let signals = match &args.signals {
+        Some(file) => SignalTable::read(file)?,
+        None => SignalTable::default(),
+    };
+    let table = signals.without_outputs(&graph);
+    let input = args.input.as_ref().map(|file| read(&graph, file, &table)).transpose()?;
+    if let Some(input) = &input {
+        signals::only_inputs(&graph, &input.links, &input.series, &input.file)?;
+    }
+    let table = if input.is_some() { signals.without_inputs(&graph) } else { signals };
+    let measured = args.measured.as_ref().map(|file| read(&graph, file, &table)).transpose()?;
+    if let Some(measured) = &measured {
+        check_measured(&graph, measured, &mut notes)?;
+    }
+    let settings = settings(args, &graph, input.as_ref().or(measured.as_ref()))?;
+    if let Some(measured) = &measured {
+        check_overlap(measured, &settings)?;
+    }
+    let grid = settings.validate()?;
+    if grid.steps() == 0 {
+        notes.push("start and stop time are the same: there is no step; give `--stop`".into());
+    }
+    if settings.step_size > settings.stop_time - settings.start_time && grid.steps() > 0 {
+        notes.push(format!(
+            "the step of {} s is longer than the time span: there is one step of {} s",
+            settings.step_size,
+            grid.last_step()
+        ));
+    }
+    let goal = args.coupling_error.goal(&graph, settings.algorithm)?;
+    if let Some(measured) = measured.as_ref().filter(|_| args.initial == InitialChoice::Measured) {
+        let (series, links) = (&measured.series, &measured.links);
+        let set = signals::start_at_measured(&mut graph, series, links, settings.start_time);
+        if !set.is_empty() {
+            notes.push(format!("start values from the measurement: {}", set.join(", ")));
+        }
+    }
+    let data = input.as_ref().or(measured.as_ref());
+    for (index, (name, value)) in args.set.iter().enumerate() {
+        if args.set[..index].iter().any(|(earlier, _)| earlier == name) {
+            notes.push(format!("`--set {name}` is given more than once: the last value holds"));
+        }
+        let place = format!("--set {name}={value}");
+        let data = data.filter(|data| data.drives(&graph, name));
+        let by = data.map(|data| format!("the data of {}", data.file.display()));
+        if let Some(by) = by.or_else(|| graph.driver_of(name)) {
+            return Err(system::Error::Driven { place, name: name.clone(), by }.into());
+        }
+        graph.set_start(name, value, &place)?;
+    }
+    if let Some(measured) = &measured {
+        note_states(&graph, measured, &settings, &mut notes);
+    }
+    let stimulus = data.map(|record| stimulus(record, args));
+    note_texts(&graph, &mut notes);
+    note_inputs(&graph, stimulus.as_ref(), &settings, &mut notes);
+    let made = folder::make(&args.output)?;
+    let inputs = [&args.input, &args.measured, &args.signals].into_iter().flatten().chain([&args.system]);
+    let names = ["result.csv", "summary.json", "index.html"].map(str::to_owned);
+    folder::check(&args.output, &inputs.cloned().collect::<Vec<_>>(), &names)?;
+
+    let run = simulate(&graph, &settings, stimulus.as_ref(), args.quiet, &stop).inspect_err(|_| {
+        if made {
+            // Only an empty folder can be removed this way.
+            let _ = std::fs::remove_dir(&args.output);
+        }
+    })?;
+    notes.extend_from_slice(&run.notes);
+    folder::clear(&args.output)?;
+    csv::write(&run.result, &args.output.join("result.csv"))?;
+    let connectors = connectors(&graph, &run);
+    let fits = match &measured {
+        Some(measured) if run.result.len() > 1 => {
+            let fits = residual::compare(
+                (&graph, settings.algorithm),
+                &run.result,
+                &measured.series,
+                &measured.links,
+                &measured.file,
+            );
+            match (fits, &run.end) {
+                (Ok(fits), _) => fits,
+                (Err(error), End::Completed) => return Err(error.into()),
+                // It ended before the first sample: what there is of the result is still worth a summary.
+                (Err(error), _) => {
+                    notes.push(format!("nothing is compared: {error}"));
+                    Vec::new()
+                }
+            }
+        }
+        _ => Vec::new(),
+    };
+    let coupling_error =
+        goal.and_then(|goal| coupling::estimate(&graph, &settings, &run, &goal, &stop, &mut notes));
+    let mut summary = summarize(args, &graph, &settings, &run, connectors, fits, notes);
+    summary.coupling_error = coupling_error;
+    if !args.no_plots {
+        summary.figures = plot::run::figure_files(&summary);
+    }
+    summary::write(&summary, &args.output.join("summary.json"))?;
+    if !args.no_plots {
+        plot::run::draw(&args.output)?;
+    }
+    if !args.quiet {
+        output::print(&report::report(&summary, args))?;
+    }
+    if matches!(run.end, End::Completed) && stop.load(Ordering::Relaxed) {
+        eprintln!("interrupted after the run; its result is in {}", args.output.join("result.csv").display());
+        return Ok(ExitCode::from(super::INTERRUPTED));
+    }
+    Ok(exit(&run, args))
+}
+
+fn read(graph: &SystemGraph, file: &Path, table: &SignalTable) -> Result<Record, Error> {
+    let series = csv::read(file)?;
+    let links = signals::link(graph, &series, table, file)?;
+    Ok(Record { file: file.into(), series, links })
+}
+
+fn check_measured(graph: &SystemGraph, measured: &Record, notes: &mut Vec<String>) -> Result<(), Error> {
+    if measured.links.outputs.is_empty() {
+        let outputs: Vec<&str> = graph.outputs.iter().map(|output| output.name.as_str()).collect();
+        return Err(discrepancy::Error::NothingMeasured {
+            file: measured.file.clone(),
+            columns: signals::column_names(&measured.series),
+            known: outputs.join(", "),
+        }
+        .into());
+    }
+    if !measured.links.unused.is_empty() {
+        notes.push(format!("measured columns without a connector: {}", measured.links.unused.join(", ")));
+    }
+    Ok(())
+}
+
+/// There must be something to compare, which is known before anything is simulated.
+fn check_overlap(measured: &Record, settings: &master::Settings) -> Result<(), Error> {
+    let (time, span) = (measured.series.time(), settings.start_time..=settings.stop_time);
+    let inside = time.iter().any(|t| span.contains(t));
+    match (time.first(), time.last()) {
+        (Some(&first), Some(&last)) if !inside => Err(discrepancy::Error::NoOverlap {
+            file: measured.file.clone(),
+            first,
+            last,
+            start: settings.start_time,
+            stop: settings.stop_time,
+        }
+        .into()),
+        _ => Ok(()),
+    }
+}
+
+fn settings(args: &RunArgs, graph: &SystemGraph, data: Option<&Record>) -> Result<master::Settings, Error> {
+    let experiment = &graph.experiment;
+    let first = data.and_then(|data| data.series.time().first().copied());
+    let last = data.and_then(|data| data.series.time().last().copied());
+    let missing = master::Error::Setting {
+        name: "stop time",
+        value: f64::NAN,
+        allowed: "given with --stop, as the system has no default experiment and there are no data",
+    };
+    if let Some(option) = args.coupling.given()
+        && args.master != MasterChoice::InterfaceJacobian
+    {
+        return Err(master::Error::OptionOfOther { option, master: "interface-jacobian" }.into());
+    }
+    if args.extrapolation.is_some()
+        && !matches!(args.master, MasterChoice::GaussSeidel | MasterChoice::Jacobi)
+    {
+        let (option, master) = ("extrapolation", "gauss-seidel` or `--master jacobi");
+        return Err(master::Error::OptionOfOther { option, master }.into());
+    }
+    Ok(master::Settings {
+        start_time: args.start.or(first).or(experiment.start).unwrap_or(0.0),
+        stop_time: args.stop.or(last).or(experiment.stop).ok_or(missing)?,
+        step_size: args.step.or(experiment.step_size).unwrap_or(DEFAULT_STEP),
+        algorithm: args.master.into(),
+        coupling: (&args.coupling).into(),
+        extrapolation: args.extrapolation.unwrap_or(0),
+        tolerance: args.tolerance,
+        adaptive: args.adaptive.settings(args.master)?,
+        read_all_outputs: true,
+    })
+}
+
+fn stimulus<'a>(record: &'a Record, args: &RunArgs) -> Stimulus<'a> {
+    let link =
+        |link: &signals::Link| (link.connector, link.channel, link.conversion.factor, link.conversion.offset);
+    Stimulus {
+        series: &record.series,
+        links: record.links.inputs.iter().map(link).collect(),
+        interpolation: args.interpolation.into(),
+    }
+}
+
+/// A run that begins inside of the record begins with states that nobody measured.
+fn note_states(graph: &SystemGraph, measured: &Record, settings: &master::Settings, notes: &mut Vec<String>) {
+    const SHOWN: usize = 8;
+    let inside = measured.series.time().first().is_some_and(|first| settings.start_time > *first);
+    let states = signals::states_at_default(graph);
+    if inside && !states.is_empty() {
+        let more = match states.len() {
+            0..=SHOWN => String::new(),
+            all => format!(" and {} more", all - SHOWN),
+        };
+        let some = states[..states.len().min(SHOWN)].join(", ");
+        notes.push(format!(
+            "the run begins inside of the record, but these states begin at the start values of their models: {some}{more}"
+        ));
+    }
+}
+
+fn note_texts(graph: &SystemGraph, notes: &mut Vec<String>) {
+    let texts = graph.outputs.iter().filter(|output| output.data_type == DataType::String);
+    let names: Vec<&str> = texts.map(|output| output.name.as_str()).collect();
+    if !names.is_empty() {
+        notes.push(format!("texts are not in result.csv: {}", names.join(", ")));
+    }
+}
+
+fn note_inputs(
+    graph: &SystemGraph,
+    stimulus: Option<&Stimulus>,
+    settings: &master::Settings,
+    notes: &mut Vec<String>,
+) {
+    let given = |index: usize| {
+        stimulus.is_some_and(|stimulus| stimulus.links.iter().any(|(connector, ..)| *connector == index))
+    };
+    for (index, input) in graph.inputs.iter().enumerate() {
+        if !given(index) {
+            notes.push(format!("no data for the system input `{}`: it keeps its start value", input.name));
+        }
+    }
+    if let Some(stimulus) = stimulus.filter(|stimulus| !stimulus.links.is_empty()) {
+        let time = stimulus.series.time();
+        if let Some(end) = time.last().filter(|end| **end < settings.stop_time) {
+            notes
+                .push(format!("the input data end at {end} s: the last values are held until the stop time"));
+        }
+        if let Some(begin) = time.first().filter(|begin| **begin > settings.start_time) {
+            notes.push(format!("the input data begin at {begin} s: the first values hold before"));
+        }
+    }
+}
+
+/// Set by Ctrl-C, SIGTERM or SIGHUP; a second signal ends the program at once.
+pub(super) fn stop_flag() -> Arc<AtomicBool> {
+    let stop = Arc::new(AtomicBool::new(false));
+    let flag = Arc::clone(&stop);
+    // Without a handler a signal ends the program as usual, so a failure here is no reason not to run.
+    let _ = ctrlc::set_handler(move || {
+        if flag.swap(true, Ordering::Relaxed) {
+            std::process::exit(i32::from(super::INTERRUPTED));
+        }
+    });
+    stop
+}
+
+/// Runs with a progress bar (on a terminal) until `stop` is set.
+fn simulate(
+    graph: &SystemGraph,
+    settings: &master::Settings,
+    stimulus: Option<&Stimulus>,
+    quiet: bool,
+    stop: &AtomicBool,
+) -> Result<Run, Error> {
+    let bar = match !quiet && std::io::stderr().is_terminal() {
+        true => ProgressBar::new(0),
+        false => ProgressBar::hidden(),
+    };
+    let style = "{bar:40} {percent:>3} %  {pos}/{len} steps  {eta} left";
+    bar.set_style(ProgressStyle::with_template(style).expect("the template is well formed"));
+    let mut progress = |done: u64, all: u64| {
+        bar.set_length(all);
+        bar.set_position(done);
+    };
+    let run = simulate::run(graph, settings, stimulus, Watch { stop, progress: &mut progress });
+    bar.finish_and_clear();
+    Ok(run?)
+}
+
+fn connectors(graph: &SystemGraph, run: &Run) -> Vec<ConnectorRecord> {
+    let record = |name: &str, kind: &str, unit: &Option<String>, held: bool| ConnectorRecord {
+        name: name.into(),
+        kind: kind.into(),
+        unit: unit.clone(),
+        held,
+    };
+    let inputs = graph
+        .inputs
+        .iter()
+        .enumerate()
+        .map(|(index, input)| record(&input.name, "input", &input.unit, graph.input_is_held(index)));
+    let outputs = graph.outputs.iter().map(|output| {
+        let held = match output.source {
+            Source::Input(input) => graph.input_is_held(input),
+            Source::Output { component, variable } => graph.is_held(component, variable),
+        };
+        record(&output.name, "output", &output.unit, held)
+    });
+    inputs.chain(outputs).filter(|connector| run.result.channel(&connector.name).is_some()).collect()
+}
+
+fn summarize(
+    args: &RunArgs,
+    graph: &SystemGraph,
+    settings: &master::Settings,
+    run: &Run,
+    connectors: Vec<ConnectorRecord>,
+    signals: Vec<SignalRecord>,
+    fallbacks: Vec<String>,
+) -> Summary {
+    let end_time = run.result.time().last().copied().unwrap_or(settings.start_time);
+    let (status, message) = match &run.end {
+        End::Completed => ("completed", None),
+        End::Terminated { component, time } => {
+            let own = time.unwrap_or(end_time);
+            let rest = match own > end_time {
+                true => {
+                    format!("; the result ends at {end_time} s, the last point that all components reached")
+                }
+                false => String::new(),
+            };
+            ("terminated", Some(format!("component {component} ended the simulation at t = {own} s{rest}")))
+        }
+        End::Interrupted => ("interrupted", Some(format!("interrupted at t = {end_time} s"))),
+        End::Failed(error) => ("failed", Some(error.to_string())),
+    };
+    let fmu = |index: &usize| {
+        let component = &graph.components[*index];
+        let description = &component.fmu.description;
+        FmuRecord {
+            component: component.name.clone(),
+            model_name: description.model_name.clone(),
+            guid: description.guid.clone(),
+            path: component.fmu.shown.clone(),
+            version: text(&description.version),
+            generation_tool: text(&description.generation_tool),
+        }
+    };
+    Summary {
+        schema_version: SCHEMA_VERSION,
+        airloop_version: env!("CARGO_PKG_VERSION").into(),
+        system: graph.name.clone(),
+        system_file: args.system.clone(),
+        settings: summary::Settings {
+            start_time: settings.start_time,
+            stop_time: settings.stop_time,
+            step_size: settings.step_size,
+            master: settings.algorithm.to_string(),
+            interpolation: match args.interpolation.into() {
+                Interpolation::Linear => "linear".into(),
+                Interpolation::Hold => "hold".into(),
+            },
+            extrapolation: settings.extrapolation,
+            coupling: (settings.algorithm == Algorithm::InterfaceJacobian).then_some(CouplingRecord {
+                corrections: settings.coupling.corrections,
+                iterate: settings.coupling.tolerance,
+                inputs: if settings.coupling.ramped { "ramped".into() } else { "held".into() },
+            }),
+            tolerance: settings.tolerance,
+            input: args.input.clone(),
+            measured: args.measured.clone(),
+            initial: args.measured.as_ref().map(|_| match args.initial {
+                InitialChoice::Measured => "measured".into(),
+                InitialChoice::Zero => "zero".into(),
+            }),
+            set: args.set.iter().map(|(name, value)| format!("{name}={value}")).collect(),
+        },
+        outcome: Outcome { status: status.into(), message, end_time, steps: run.steps },
+        integration: run.integration.clone(),
+        adaptive: run.adaptive.clone(),
+        timings: Timings::new(run.initialization, run.stepping, run.steps, settings.start_time, end_time),
+        effort: effort(graph, &run.effort),
+        fmus: graph.order.iter().map(fmu).collect(),
+        connectors,
+        signals,
+        figures: Vec::new(),
+        coupling_error: None,
+        fallbacks,
+    }
+}
+
+fn effort(graph: &SystemGraph, effort: &Effort) -> EffortRecord {
+    let names = graph.order.iter().map(|&index| graph.components[index].name.clone());
+    EffortRecord {
+        fmu_steps: effort.fmu_steps.iter().sum(),
+        steps_of: names.zip(effort.fmu_steps.iter().copied()).collect(),
+        static_evaluations: effort.static_evaluations,
+        newton_rounds: effort.newton_rounds,
+        coupled_passes: effort.coupled_passes,
+    }
+}
+
+fn text(text: &str) -> Option<String> {
+    Some(text.to_owned()).filter(|text| !text.is_empty())
+}
+
+fn exit(run: &Run, args: &RunArgs) -> ExitCode {
+    let kept = args.output.join("result.csv");
+    match &run.end {
+        End::Completed | End::Terminated { .. } => ExitCode::SUCCESS,
+        End::Interrupted => {
+            output::complain(&format!("interrupted; the result so far is in {}", kept.display()));
+            ExitCode::from(super::INTERRUPTED)
+        }
+        End::Failed(error) => {
+            output::complain(&format!("error: {error}\nthe result so far is in {}", kept.display()));
+            ExitCode::FAILURE
+        }
+    }
+}

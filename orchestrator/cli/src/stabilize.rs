@@ -1,0 +1,224 @@
+//! `airloop stabilize`: a controller that keeps a system on its plan, as an FMU, and the closed loop with it.
+
+#![allow(
+    rustdoc::broken_intra_doc_links,
+    reason = "these texts are the help of the program, brackets are tables of the settings"
+)]
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::sync::atomic::AtomicBool;
+use std::time::Instant;
+
+use super::table::table;
+use super::{folder, output};
+use airloop::Error;
+use airloop_cosim::master::Settings as MasterSettings;
+use airloop_cosim::master::simulate::{self, End, Watch};
+use airloop_cosim::system::SystemGraph;
+use airloop_plan::prepare::{Prepared, prepare};
+use airloop_plan::stabilise::record::{self, SCHEMA_VERSION, Summary};
+use airloop_plan::stabilise::{Plan, Stabilised, settings, stabilise, wiring, write_fmu};
+use airloop_plan::{Error as PlanError, record as plan_record};
+use airloop_report::plot;
+use airloop_report::plot::plan::TRAJECTORY;
+use airloop_report::plot::run::short;
+use airloop_report::plot::stabilise::{CLOSED_LOOP, GAINS};
+use airloop_series::{Interpolation, TimeSeries, csv};
+
+/// The FMU of the controller.
+const CONTROLLER: &str = "controller.fmu";
+/// The settings, for trials.
+pub const SETTINGS: &str = "settings.toml";
+/// The closed loop.
+pub const SYSTEMS: [&str; 2] = ["closed_loop.ssd", "closed_loop.ssp"];
+
+/// `airloop stabilize`
+#[derive(Debug, clap::Args)]
+#[command(
+    after_help = "Example: airloop stabilize out/swing_up examples/03_swing_up/stabilise.toml -o out/stabilised\n         airloop run out/stabilised/closed_loop.ssd -o out/run\n         airloop trials out/stabilised --count 200"
+)]
+pub struct Args {
+    /// Folder of `airloop optimize`, or the CSV file of a trajectory (states and inputs by their names; give --problem).
+    pub plan: PathBuf,
+    /// Settings (TOML): [sensors] with the noise of what is measured, and if wanted sample_time, [deviation], [drift],
+    /// [initial], [limits], [trials], and for a plan with
+    /// phases [phases].
+    pub settings: PathBuf,
+    /// Problem file of the plan. Default: that of the folder's summary.
+    #[arg(long, value_name = "FILE")]
+    pub problem: Option<PathBuf>,
+    /// Hold the inputs of the trajectory between its rows. Default: what the folder's summary says, else straight lines.
+    #[arg(long)]
+    pub hold: bool,
+    /// Folder for the results; it is made if it is not there.
+    #[arg(short, long, value_name = "DIR", default_value = "out/stabilize")]
+    pub output: PathBuf,
+    /// Draw no figures.
+    #[arg(long)]
+    pub no_plots: bool,
+    /// Print nothing but errors.
+    #[arg(short, long)]
+    pub quiet: bool,
+}
+
+/// Runs the command.
+///
+/// # Errors
+/// What keeps the plan from being read or stabilised, or the results from being written.
+pub fn run(args: &Args) -> Result<ExitCode, Error> {
+    let (file, problem, held) = sources(args)?;
+    let settings = settings::read(&args.settings)?;
+    let trajectory = csv::read(&file)?;
+    let inputs = [file.clone(), problem.clone(), args.settings.clone()];
+    let fixed = [CONTROLLER, SETTINGS, GAINS, CLOSED_LOOP, "index.html", "summary.json"];
+    let names: Vec<String> = fixed.iter().chain(&SYSTEMS).map(|name| (*name).to_owned()).collect();
+    folder::check(&args.output, &inputs, &names)?;
+    let began = Instant::now();
+    let mut prepared = prepare(&problem)?;
+    let interpolation = if held { Interpolation::Hold } else { Interpolation::Linear };
+    let plan = Plan { trajectory: &trajectory, file: &file, interpolation };
+    let stabilised = stabilise(&mut prepared, plan, &settings)?;
+    let design_time = began.elapsed().as_secs_f64();
+
+    folder::make(&args.output)?;
+    folder::clear(&args.output)?;
+    let (fmu, graph) = (args.output.join(CONTROLLER), &prepared.graph);
+    let description = format!("Regulator with state estimator for a plan of {}", graph.name);
+    write_fmu(&stabilised.controller, "controller", &description, &fmu)?;
+    let states = &prepared.task.signals.states;
+    let closed = wiring::write_closed_loop(
+        graph,
+        &prepared.catalogue,
+        &stabilised,
+        (states, &settings.parameters),
+        &fmu,
+        &args.output,
+    )?;
+    let copied = std::fs::copy(&args.settings, args.output.join(SETTINGS));
+    copied.map_err(|source| PlanError::Io { file: args.settings.clone(), source })?;
+    csv::write(&record::gains(&stabilised, &prepared.catalogue)?, &args.output.join(GAINS))?;
+    let result = run_closed_loop(&closed, &stabilised)?;
+    csv::write(&result, &args.output.join(CLOSED_LOOP))?;
+
+    let closed_name = closed.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    let files = [CONTROLLER, SETTINGS, GAINS, CLOSED_LOOP].map(String::from).into_iter().chain([closed_name]);
+    let mut notes = prepared.notes.clone();
+    notes.extend(stabilised.notes.iter().cloned());
+    let mut summary = Summary {
+        schema_version: SCHEMA_VERSION,
+        airloop_version: env!("CARGO_PKG_VERSION").into(),
+        command: "stabilize".into(),
+        trajectory_file: file,
+        problem_file: problem,
+        settings_file: args.settings.clone(),
+        sample_time: stabilised.controller.sample_time,
+        samples: stabilised.nominal.samples(),
+        rests: stabilised.nominal.rests,
+        signals: record::signals(&stabilised, states, &prepared.catalogue),
+        largest_error: largest_errors(&prepared, &stabilised, &result),
+        design_time,
+        files: files.collect(),
+        figures: Vec::new(),
+        notes,
+    };
+    if !args.no_plots {
+        summary.figures = plot::stabilise::figure_files(&summary);
+    }
+    record::write(&summary, &args.output.join("summary.json"))?;
+    if !args.no_plots {
+        plot::stabilise::draw(&args.output, &summary)?;
+    }
+    if !args.quiet {
+        output::print(&report(&summary, &closed, &args.output))?;
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Trajectory, problem file, and whether inputs are held.
+fn sources(args: &Args) -> Result<(PathBuf, PathBuf, bool), Error> {
+    if !args.plan.is_dir() {
+        let missing = || {
+            let problem =
+                "a trajectory alone does not say what it belongs to; give --problem FILE".to_owned();
+            PlanError::Place { place: args.plan.display().to_string(), problem }
+        };
+        return Ok((args.plan.clone(), args.problem.clone().ok_or_else(missing)?, args.hold));
+    }
+    let summary = plan_record::read(&args.plan.join("summary.json")).map_err(plot::Error::from)?;
+    let held = summary.signals.iter().any(|signal| signal.kind == "input" && signal.held);
+    let problem = args.problem.clone().unwrap_or(summary.problem_file);
+    Ok((args.plan.join(TRAJECTORY), problem, args.hold || held))
+}
+
+/// The closed loop without noise, from the start of the plan over twice its length.
+fn run_closed_loop(file: &Path, stabilised: &Stabilised) -> Result<TimeSeries, Error> {
+    let graph = SystemGraph::open(file)?;
+    let settings = MasterSettings {
+        start_time: stabilised.nominal.start,
+        stop_time: graph.experiment.stop.unwrap_or_default(),
+        step_size: stabilised.controller.sample_time,
+        ..MasterSettings::default()
+    };
+    let watch = Watch { stop: &AtomicBool::new(false), progress: &mut |_, _| {} };
+    let run = simulate::run(&graph, &settings, None, watch)?;
+    match run.end {
+        End::Failed(error) => Err(error.into()),
+        _ => Ok(run.result),
+    }
+}
+
+/// Largest distance from the plan of every state that can be seen.
+fn largest_errors(
+    prepared: &Prepared,
+    stabilised: &Stabilised,
+    result: &TimeSeries,
+) -> BTreeMap<String, f64> {
+    let nominal = &stabilised.nominal;
+    let error = |(i, &index): (usize, &usize)| {
+        let variable = &prepared.catalogue.variables()[index];
+        let channel = result.channel(&variable.name).or_else(|| result.channel(&variable.path))?;
+        let pairs = channel.values.iter().zip(&nominal.states[..nominal.samples()]);
+        let largest = pairs.map(|(value, planned)| (value - planned[i]).abs()).fold(0.0, f64::max);
+        Some((variable.name.clone(), largest))
+    };
+    prepared.task.signals.states.iter().enumerate().filter_map(error).collect()
+}
+
+fn report(summary: &Summary, closed: &Path, folder: &Path) -> String {
+    let mut text = format!(
+        "controller: {} states with disturbances, inputs: {}, measured signals: {}, every {} s, {} samples{}\n\n",
+        summary.signals.iter().filter(|signal| signal.kind == "state").count()
+            + summary
+                .signals
+                .iter()
+                .filter(|signal| signal.kind == "input" && signal.drift > Some(0.0))
+                .count(),
+        summary.signals.iter().filter(|signal| signal.kind == "input").count(),
+        summary.signals.iter().filter(|signal| signal.kind == "measured").count(),
+        summary.sample_time,
+        summary.samples,
+        if summary.rests { ", then hold" } else { "" }
+    );
+    let unit = |name: &String| {
+        let signal = summary.signals.iter().find(|signal| signal.name == *name);
+        signal.and_then(|signal| signal.unit.clone()).unwrap_or_default()
+    };
+    let rows: Vec<Vec<String>> = summary
+        .largest_error
+        .iter()
+        .map(|(name, error)| vec![name.clone(), short(*error), unit(name)])
+        .collect();
+    text += &table(&["state", "largest distance from the plan", "unit"], &rows, &[1]);
+    text.push('\n');
+    for note in &summary.notes {
+        text += &format!("note: {note}\n");
+    }
+    text += &format!("controller:  {}\n", folder.join(CONTROLLER).display());
+    text += &format!("closed loop: {}\n", closed.display());
+    if !summary.figures.is_empty() {
+        text += &format!("figures:     {}\n", folder.join("index.html").display());
+    }
+    text
+}

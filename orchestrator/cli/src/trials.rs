@@ -1,0 +1,239 @@
+//! `airloop trials`: how many perturbed systems a controller keeps on the plan, beside the plan alone.
+
+#![allow(
+    rustdoc::broken_intra_doc_links,
+    reason = "these texts are the help of the program, brackets are tables of the settings"
+)]
+
+use std::io::{IsTerminal, Write};
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::sync::atomic::Ordering;
+use std::time::Instant;
+
+use indicatif::{ProgressBar, ProgressStyle};
+
+use super::args::MasterChoice;
+use super::stabilize::{SETTINGS, SYSTEMS};
+use super::table::table;
+use super::{folder, output, run};
+use airloop::Error;
+use airloop_plan::Error as PlanError;
+use airloop_plan::stabilise::record::{self, CriterionRecord, SCHEMA_VERSION, TrialsSummary};
+use airloop_plan::stabilise::settings;
+use airloop_plan::trials::{self, Ready, Request, Trial};
+use airloop_report::plot;
+use airloop_report::plot::stabilise::{COURSES, share};
+use airloop_series::{TimeSeries, csv};
+
+/// A row per trial.
+const TRIALS: &str = "trials.csv";
+/// Trials whose courses are drawn, as in Fig. 10 of the paper.
+const DRAWN: usize = 10;
+
+/// `airloop trials`
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Example: airloop trials out/stabilised --count 200 --scale 2 -o out/trials")]
+pub struct Args {
+    /// Folder of `airloop stabilize`, or a closed loop that it wrote (.ssd, .ssp; give --settings).
+    pub system: PathBuf,
+    /// Settings (TOML) with [sensors] and [trials]. Default: those in the folder.
+    #[arg(long, value_name = "FILE")]
+    pub settings: Option<PathBuf>,
+    /// Number of trials, of the closed loop and of the plan alone each.
+    #[arg(long, value_name = "NUMBER", default_value_t = 200, value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
+    pub count: u32,
+    /// Seed of the first trial; each next one has the next seed. A seed gives the same trial on any number of threads.
+    #[arg(long, value_name = "NUMBER", default_value_t = 0)]
+    pub seed: u64,
+    /// Factor of all perturbations; the sensor noise stays as it is.
+    #[arg(long, value_name = "NUMBER", default_value_t = 1.0)]
+    pub scale: f64,
+    /// How components are coupled. monolithic has no coupling error.
+    #[arg(long, value_enum, default_value_t = MasterChoice::GaussSeidel)]
+    pub master: MasterChoice,
+    /// Threads; default: one per processor, at most 8. Results do not depend on it.
+    #[arg(long, value_name = "NUMBER", value_parser = clap::value_parser!(u32).range(1..=256))]
+    pub threads: Option<u32>,
+    /// Folder for the results; it is made if it is not there.
+    #[arg(short, long, value_name = "DIR", default_value = "out/trials")]
+    pub output: PathBuf,
+    /// Draw no figures.
+    #[arg(long)]
+    pub no_plots: bool,
+    /// Print nothing but errors.
+    #[arg(short, long)]
+    pub quiet: bool,
+}
+
+/// Runs the command.
+///
+/// # Errors
+/// What keeps the trials from being prepared or begun, or the results from being written.
+pub fn run(args: &Args) -> Result<ExitCode, Error> {
+    let stop = run::stop_flag();
+    if !(args.scale.is_finite() && args.scale >= 0.0) {
+        let problem = format!("{}; allowed: a finite number of at least 0", args.scale);
+        return Err(PlanError::Place { place: "--scale".into(), problem }.into());
+    }
+    let (system, file) = sources(args)?;
+    let settings = settings::read(&file)?;
+    let names = [TRIALS, COURSES, "index.html", "summary.json"].map(String::from);
+    folder::check(&args.output, &[system.clone(), file.clone()], &names)?;
+    let began = Instant::now();
+    let ready = trials::prepare(&system, &settings, args.master.into())?;
+    let processors = std::thread::available_parallelism().map_or(1, usize::from).min(8);
+    let request = Request {
+        count: args.count as usize,
+        seed: args.seed,
+        scale: args.scale,
+        algorithm: args.master.into(),
+        threads: args.threads.map_or(processors, |threads| threads as usize),
+        keep: DRAWN,
+    };
+    let bar = (!args.quiet && std::io::stderr().is_terminal()).then(|| {
+        let style = ProgressStyle::with_template("trials {bar:40} {pos}/{len} {eta}");
+        let bar = ProgressBar::new(2 * u64::from(args.count));
+        style.map_or(bar.clone(), |style| bar.with_style(style))
+    });
+    let done = trials::run(&ready, &request, &stop, &|done, _| {
+        if let Some(bar) = &bar {
+            bar.set_position(done as u64);
+        }
+    })?;
+    if let Some(bar) = &bar {
+        bar.finish_and_clear();
+    }
+    let interrupted = stop.load(Ordering::Relaxed);
+
+    folder::make(&args.output)?;
+    folder::clear(&args.output)?;
+    write_trials(&ready, &done, &args.output.join(TRIALS))?;
+    csv::write(&courses(&done)?, &args.output.join(COURSES))?;
+    let shown = ready.shown();
+    let number = |closed: bool| done.iter().filter(|trial| trial.closed == closed).count();
+    let kept = |name: &String, closed: bool| {
+        let good = |trial: &&Trial| {
+            trial.closed == closed && trial.judgement.iter().any(|(own, kept)| own == name && *kept)
+        };
+        done.iter().filter(good).count()
+    };
+    let early = done.iter().filter_map(|trial| {
+        let kind = if trial.closed { "closed" } else { "open" };
+        trial.problem.as_ref().map(|problem| format!("seed {}, {kind} loop: {problem}", trial.seed))
+    });
+    let criteria = ready.criteria_names().into_iter().map(|name| {
+        let (closed_loop, open_loop) = (kept(&name, true), kept(&name, false));
+        CriterionRecord { name, closed_loop, open_loop }
+    });
+    let summary = TrialsSummary {
+        schema_version: SCHEMA_VERSION,
+        airloop_version: env!("CARGO_PKG_VERSION").into(),
+        command: "trials".into(),
+        system_file: system,
+        settings_file: file,
+        status: if interrupted { "interrupted".into() } else { "completed".into() },
+        count: request.count,
+        closed_loop: number(true),
+        open_loop: number(false),
+        seed: args.seed,
+        scale: args.scale,
+        master: request.algorithm.to_string(),
+        criteria: criteria.collect(),
+        ended_early: early.collect(),
+        time: began.elapsed().as_secs_f64(),
+        files: vec![TRIALS.into(), COURSES.into()],
+        figures: if args.no_plots { Vec::new() } else { plot::stabilise::trial_figures(&shown) },
+    };
+    record::write(&summary, &args.output.join("summary.json"))?;
+    if !args.no_plots {
+        plot::stabilise::draw_trials(&args.output, &summary, &shown)?;
+    }
+    if !args.quiet {
+        output::print(&report(&summary, &args.output))?;
+    }
+    if interrupted {
+        output::complain(&format!("interrupted; the trials so far are in {}", args.output.display()));
+        return Ok(ExitCode::from(super::INTERRUPTED));
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+/// The closed loop and the settings.
+fn sources(args: &Args) -> Result<(PathBuf, PathBuf), Error> {
+    let refused = |problem: &str| {
+        let place = args.system.display().to_string();
+        Error::from(PlanError::Place { place, problem: problem.to_owned() })
+    };
+    if !args.system.is_dir() {
+        let missing = "a system alone does not say what is perturbed; give --settings FILE";
+        return Ok((args.system.clone(), args.settings.clone().ok_or_else(|| refused(missing))?));
+    }
+    let system = SYSTEMS.iter().map(|name| args.system.join(name)).find(|file| file.exists());
+    let system = system
+        .ok_or_else(|| refused("there is no closed loop in it; give a folder of `airloop stabilize`"))?;
+    Ok((system, args.settings.clone().unwrap_or_else(|| args.system.join(SETTINGS))))
+}
+
+/// One row per trial: seed, loop, every criterion as 0 or 1, and whether it ended early.
+fn write_trials(ready: &Ready, trials: &[Trial], file: &Path) -> Result<(), Error> {
+    let mut text = format!("seed,loop,{},ended_early\n", ready.criteria_names().join(","));
+    for trial in trials {
+        let kept: Vec<&str> = trial.judgement.iter().map(|(_, kept)| if *kept { "1" } else { "0" }).collect();
+        let kind = if trial.closed { "closed" } else { "open" };
+        let early = u8::from(trial.problem.is_some());
+        text += &format!("{},{kind},{},{early}\n", trial.seed, kept.join(","));
+    }
+    airloop_series::file::write_whole(file, |out| out.write_all(text.as_bytes()))
+        .map_err(|source| PlanError::Io { file: file.into(), source }.into())
+}
+
+/// Courses that were kept, side by side; one that ended early is left out.
+fn courses(trials: &[Trial]) -> Result<TimeSeries, Error> {
+    let kept: Vec<(&Trial, &TimeSeries)> =
+        trials.iter().filter_map(|trial| Some((trial, trial.course.as_ref()?))).collect();
+    let longest = kept.iter().map(|(_, course)| course).max_by_key(|course| course.len());
+    let mut all = TimeSeries::new(longest.map_or_else(Vec::new, |course| course.time().to_vec()))?;
+    for (trial, course) in
+        kept.into_iter().filter(|(_, course)| course.len() == all.len()).collect::<Vec<_>>()
+    {
+        for channel in course.channels() {
+            let kind = if trial.closed { "closed" } else { "open" };
+            let name = format!("{}, {kind} loop, seed {}", channel.name, trial.seed);
+            all.push(name, channel.unit.clone(), channel.values.clone())?;
+        }
+    }
+    Ok(all)
+}
+
+fn report(summary: &TrialsSummary, folder: &Path) -> String {
+    let rows: Vec<Vec<String>> = summary
+        .criteria
+        .iter()
+        .map(|criterion| {
+            vec![
+                criterion.name.clone(),
+                share(criterion.closed_loop, summary.closed_loop),
+                share(criterion.open_loop, summary.open_loop),
+            ]
+        })
+        .collect();
+    let mut text = format!(
+        "trials: seeds {} to {}, perturbation times {}, {} master, {:.1} s\n\n",
+        summary.seed,
+        summary.seed + summary.count as u64 - 1,
+        summary.scale,
+        summary.master,
+        summary.time
+    );
+    text += &table(&["criterion", "closed loop", "open loop"], &rows, &[1, 2]);
+    text.push('\n');
+    if !summary.ended_early.is_empty() {
+        text += &format!("note: {} trials ended early and keep no criterion\n", summary.ended_early.len());
+    }
+    text += &format!("table:   {}\n", folder.join(TRIALS).display());
+    if !summary.figures.is_empty() {
+        text += &format!("figures: {}\n", folder.join("index.html").display());
+    }
+    text
+}

@@ -1,0 +1,91 @@
+//! Why a simulation cannot start or go on.
+
+/// Why a simulation cannot start or go on.
+#[derive(Debug, thiserror::Error)]
+#[allow(missing_docs, reason = "component, variable, time and step, as in each message")]
+pub enum Error {
+    /// A setting is out of range.
+    #[error("{name} = {value} is not possible: it must be {allowed}")]
+    Setting { name: &'static str, value: f64, allowed: &'static str },
+    /// The last step is shorter and a slave cannot do that.
+    #[error(
+        "component `{component}` cannot handle steps of different length, but {stop} s is no multiple of the step {step} s; choose another stop time or step"
+    )]
+    FixedStepOnly { component: String, stop: f64, step: f64 },
+    /// A call into an FMU failed; its message names component, time and what to try.
+    #[error(transparent)]
+    Fmu(#[from] airloop_fmi::Error),
+    /// A slave stopped inside a step.
+    #[error(
+        "component `{component}`: fmi2DoStep returned fmi2Discard at t = {time} s with step {step} s{reached}; try a smaller `--step`{log}"
+    )]
+    Discarded { component: String, time: f64, step: f64, reached: String, log: String },
+    /// NaN or infinity at an output.
+    #[error(
+        "component `{component}`: output `{variable}` is {value} at t = {time} s; look at its inputs just before (result file), try a smaller `--step`, and check parameters and start values"
+    )]
+    NotFinite { component: String, variable: String, value: f64, time: f64 },
+    /// Initial values do not settle.
+    #[error(
+        "the outputs still change after {passes} rounds of initialisation (`{variable}` is one); an FMU probably depends on an input that its `dependencies` do not list"
+    )]
+    Unsettled { passes: usize, variable: String },
+    /// An option of another master.
+    #[error("--{option} is an option of `--master {master}`; give that master or leave the option out")]
+    OptionOfOther { option: &'static str, master: &'static str },
+    /// The interface-Jacobian master cannot work with an FMU.
+    #[error(
+        "component `{component}` {reason} which the interface-Jacobian master cannot handle; use `--master gauss-seidel`"
+    )]
+    Unsuitable { component: String, reason: String },
+    /// A coupled component cannot be solved.
+    #[error(
+        "the coupling of {components} {reason} at t = {time} s with step {step} s; try a smaller `--step`, or `--master gauss-seidel`"
+    )]
+    Coupling { components: String, reason: String, time: f64, step: f64 },
+    /// Adaptive steps need more of an FMU.
+    #[error("component `{component}` {reason}: leave --adaptive out and choose a --step for all steps")]
+    NotAdaptive { component: String, reason: &'static str },
+    /// The shortest step is still too long.
+    #[error(
+        "component `{component}`: the error of `{variable}` at t = {time} s is {error:.1e} of its size even with the shortest communication step, {step} s; look for a jump or a growing oscillation there (result file), and try a larger `--step-tolerance`, a smaller `--min-step` or another `--master`"
+    )]
+    StepTooShort { component: String, variable: String, time: f64, step: f64, error: f64 },
+    /// [`super::Master`] cannot be monolithic.
+    #[error("the monolithic master does not step slaves; run it with master::simulate::run")]
+    NoSteps,
+    /// An algebraic loop has no solution that was found.
+    #[error(
+        "algebraic loop at t = {time} s: after {iterations} iterations {problem}; residuals: {residuals}; check parameters and start values of these inputs' components, or break the loop with a delay or a filter"
+    )]
+    AlgebraicLoop { time: f64, iterations: usize, problem: &'static str, residuals: String },
+    /// A slave does not let an algebraic loop be solved.
+    #[error("component `{component}` {reason} the algebraic loop {path}; {remedy}")]
+    LoopMember { component: String, reason: String, path: String, remedy: String },
+    /// The integrator cannot keep the tolerance.
+    #[error(
+        "component `{component}`: the error of `{variable}` stays too large at t = {time} s, even with a step of {step} s; it may grow without bound or jump without an event indicator; look at its inputs just before (result file), or try a larger `--tolerance`"
+    )]
+    StepUnderflow { component: String, variable: String, time: f64, step: f64 },
+    /// The explicit integrator is not made for this.
+    #[error(
+        "component `{component}`: at t = {time} s the integrator needed {steps} steps within one interval, because of `{variable}`; the system is too stiff for the monolithic master: try `--master gauss-seidel` with a small `--step`"
+    )]
+    Stiff { component: String, variable: String, time: f64, steps: u64 },
+    /// Events without end.
+    #[error(
+        "{events} events within one communication step up to t = {time} s, the last by {cause}: this looks like chattering; give the model a hysteresis, or choose a smaller `--step` if the events are real"
+    )]
+    Chattering { cause: String, time: f64, events: u64 },
+    /// An event iteration without end.
+    #[error("the event iteration at t = {time} s does not end in {rounds} rounds: {cause}")]
+    EventIteration { time: f64, rounds: u32, cause: String },
+    /// Curves for inputs that do not fit.
+    #[error(
+        "{knots} knots of the inputs for {pieces} pieces; knots rise, and there is one more of them than pieces"
+    )]
+    Curves { knots: usize, pieces: usize },
+    /// Two columns of the result have one name.
+    #[error("the result cannot be written: {0}")]
+    Result(#[from] airloop_series::Error),
+}

@@ -1,0 +1,27 @@
+//! The serial master: one slave after the other, each with the newest outputs.
+//!
+//! In evaluation order, an output with direct feed-through has its new value before its consumers step; slaves
+//! later in the order are seen with their values at the beginning of the step.
+
+use super::Stop;
+use super::Values;
+use super::exchange::Node;
+use airloop_fmi::StepStatus;
+
+/// One macro step from `t` to `t + h` \[s\].
+#[inline]
+pub(super) fn step(nodes: &mut [Node], values: &mut Values, t: f64, h: f64) -> Result<(), Stop> {
+    let mut ended = None;
+    for (index, node) in nodes.iter_mut().enumerate() {
+        node.set_inputs(values)?;
+        let status = node.do_step(t, h)?;
+        if status != StepStatus::Complete {
+            ended = Some(super::ended(node, index, status, values, t + h)?);
+        }
+        node.get_outputs(values)?;
+        if !node.outputs_are_finite(values) {
+            return Err(Stop::NotFinite { node: index });
+        }
+    }
+    ended.map_or(Ok(()), |node| Err(Stop::Ended { node }))
+}

@@ -1,0 +1,32 @@
+//! A second instance of a static FMU, for Model Exchange: there its outputs may be read at any inputs without a step.
+
+use super::unit::Unit;
+use crate::master::initialize::set_start_values;
+use crate::master::{Error, Grid, Settings};
+use crate::system::graph::Component;
+use airloop_fmi::Model;
+
+/// Event iterations before an FMU without states is given up; it has nothing to iterate on.
+const MAX_ROUNDS: usize = 100;
+
+/// Instantiates and initialises with the start values of the component and the present inputs of the unit.
+pub(super) fn instantiate(
+    component: &Component,
+    unit: &Unit,
+    settings: &Settings,
+    grid: &Grid,
+) -> Result<Model, Error> {
+    let mut model = Model::instantiate(&component.fmu, &component.name, false)?;
+    set_start_values(&mut model, component)?;
+    model.setup_experiment(settings.tolerance, grid.start(), Some(grid.stop()))?;
+    model.enter_initialization_mode()?;
+    model.set_real(&unit.input_references, &unit.u)?;
+    model.exit_initialization_mode()?;
+    for _ in 0..MAX_ROUNDS {
+        if !model.new_discrete_states()?.new_discrete_states_needed {
+            break;
+        }
+    }
+    model.enter_continuous_time_mode()?;
+    Ok(model)
+}

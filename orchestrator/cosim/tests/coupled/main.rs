@@ -1,0 +1,5 @@
+//! A system of FMUs as one right-hand side: values, first and second derivatives, structure, refusals.
+#![cfg(target_os = "linux")]
+
+mod behaviour;
+mod swing_up;

@@ -1,0 +1,120 @@
+//! Instantiation, initialisation, stepping and reset of one interface.
+
+use std::sync::Arc;
+
+use super::probe::{Advance, Probe, Value, difference};
+use super::{Findings, element};
+use crate::description::{Initial, Variability, VariableKind};
+use crate::{Error, Fmu, Instance, InterfaceKind};
+
+/// Steps of a trial run.
+const STEPS: usize = 20;
+
+/// Whether the interface works well enough to look closer.
+pub(super) fn check(fmu: &Arc<Fmu>, kind: InterfaceKind, findings: &mut Findings) -> bool {
+    let place = format!("interface {kind}");
+    match Instance::with_guid(fmu, kind, "check", false, "not the guid of this FMU") {
+        Ok(_) => findings.error("guid", &place, "fmi2Instantiate accepts a wrong guid, which must give NULL"),
+        Err(Error::Instantiate { log, .. }) if log.is_empty() => {
+            findings.note("guid", &place, "a wrong guid is refused without a message to the log");
+        }
+        Err(Error::Instantiate { .. }) => {}
+        Err(error) => {
+            findings.error("library", &place, error.to_string());
+            return false;
+        }
+    }
+    match run(fmu, kind, findings) {
+        Ok(works) => works,
+        Err(error) => {
+            findings.error("life-cycle", place, error.to_string());
+            false
+        }
+    }
+}
+
+fn run(fmu: &Arc<Fmu>, kind: InterfaceKind, findings: &mut Findings) -> Result<bool, Error> {
+    let place = format!("interface {kind}");
+    let description = &fmu.description;
+    let mut probe = Probe::new(fmu, kind)?;
+    probe.begin()?;
+    let values = probe.values()?;
+    check_starts(fmu, kind, &values, findings);
+    if probe.finish()? == Advance::EndlessEvents {
+        findings.error(
+            "event-iteration",
+            place,
+            "fmi2NewDiscreteStates does not come to rest after initialisation",
+        );
+        return Ok(false);
+    }
+    let initial = probe.values()?;
+    check_finite(fmu, kind, &initial, findings);
+
+    let alone = fmu.interface(kind).is_some_and(|i| i.can_be_instantiated_only_once_per_process);
+    let mut neighbour = if alone { None } else { Some(Probe::new(fmu, kind)?) };
+    if let Some(neighbour) = &mut neighbour {
+        neighbour.initialise()?;
+    }
+    let outcome = probe.advance(STEPS)?;
+    if outcome == Advance::EndlessEvents {
+        findings.error("event-iteration", place, "fmi2NewDiscreteStates does not come to rest");
+        return Ok(false);
+    }
+    let stepped = probe.values()?;
+    check_finite(fmu, kind, &stepped, findings);
+    if let Some(neighbour) = &mut neighbour
+        && let Some(what) = difference(description, &initial, &neighbour.values()?)
+    {
+        let message = format!("stepping one instance changes another: {what}");
+        findings.error("instances", &place, message);
+    }
+
+    probe.instance().reset()?;
+    probe.initialise()?;
+    let again = probe.values()?;
+    if let Some(what) = difference(description, &initial, &again) {
+        findings.error("reset", &place, format!("after fmi2Reset and initialisation {what}"));
+    } else if probe.advance(STEPS)? != outcome {
+        findings.error("reset", &place, "a run after fmi2Reset ends differently");
+    } else if let Some(what) = difference(description, &stepped, &probe.values()?) {
+        findings.error("reset", &place, format!("after {STEPS} steps before and after fmi2Reset {what}"));
+    }
+    probe.instance().terminate()?;
+    Ok(true)
+}
+
+/// Constants, parameters and other exact variables have their start value in initialisation mode.
+fn check_starts(fmu: &Fmu, kind: InterfaceKind, values: &[Value], findings: &mut Findings) {
+    for (variable, value) in fmu.description.variables.iter().zip(values) {
+        let exact = variable.initial == Some(Initial::Exact) || variable.variability == Variability::Constant;
+        let start = match &variable.kind {
+            VariableKind::Real(real) => real.start.map(|start| Value::Real(start.to_bits())),
+            VariableKind::Integer { start, .. } | VariableKind::Enumeration { start, .. } => {
+                start.map(Value::Integer)
+            }
+            VariableKind::Boolean { start } => start.map(Value::Boolean),
+            VariableKind::String { start } => start.clone().map(Value::String),
+        };
+        // Zero has two representations.
+        let same = |start: &Value| match (start, value) {
+            (Value::Real(a), Value::Real(b)) => f64::from_bits(*a) == f64::from_bits(*b),
+            (a, b) => a == b,
+        };
+        if let Some(start) = start.filter(|start| exact && !same(start)) {
+            let message =
+                format!("{kind}: its value in initialisation mode is {value}, its start value {start}");
+            findings.error("start-value", element(variable), message);
+        }
+    }
+}
+
+fn check_finite(fmu: &Fmu, kind: InterfaceKind, values: &[Value], findings: &mut Findings) {
+    for (variable, value) in fmu.description.variables.iter().zip(values) {
+        if let Value::Real(bits) = value
+            && !f64::from_bits(*bits).is_finite()
+        {
+            findings.error("non-finite", element(variable), format!("{kind}: its value is {value}"));
+        }
+    }
+}

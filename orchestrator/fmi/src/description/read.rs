@@ -1,0 +1,152 @@
+//! Reading `modelDescription.xml`: root, interfaces, units, types, experiment. Variables and structure have their own
+//! files.
+
+use super::attributes::Range;
+use super::{
+    DefaultExperiment, DescriptionError, DisplayUnit, Interface, LogCategory, ModelDescription,
+    NamingConvention, UnitDefinition, structure, variables,
+};
+use crate::xml::{self, Element};
+use airloop_series::units::{Exponents, Unit};
+
+impl ModelDescription {
+    /// Reads the bytes of a `modelDescription.xml`.
+    ///
+    /// # Errors
+    /// The first defect that makes the FMU unusable, with line and element. Defects that leave it usable are findings
+    /// of `airloop inspect --check`.
+    pub fn parse(xml: &[u8]) -> Result<ModelDescription, DescriptionError> {
+        let root = xml::parse(xml).map_err(|error| DescriptionError {
+            line: error.line,
+            element: "the XML".to_owned(),
+            message: error.message,
+        })?;
+        if root.name != "fmiModelDescription" {
+            return Err(root.error("the root element must be fmiModelDescription"));
+        }
+        check_version(&root)?;
+        let types = variables::types(&root)?;
+        let (variables, index) = variables::read(&root, &types)?;
+        let structure = |name| structure::read(&root, name, variables.len());
+        let (outputs, derivatives) = (structure("Outputs")?, structure("Derivatives")?);
+        let initial_unknowns = structure("InitialUnknowns")?;
+        let event_indicators = root.integer("numberOfEventIndicators")?;
+        let description = ModelDescription {
+            fmi_version: "2.0".to_owned(),
+            model_name: root.text("modelName"),
+            guid: root.required("guid")?.to_owned(),
+            description: root.text("description"),
+            author: root.text("author"),
+            version: root.text("version"),
+            generation_tool: root.text("generationTool"),
+            variable_naming_convention: root
+                .word(
+                    "variableNamingConvention",
+                    &[("flat", NamingConvention::Flat), ("structured", NamingConvention::Structured)],
+                )?
+                .unwrap_or_default(),
+            number_of_event_indicators: event_indicators.unwrap_or(0),
+            states_number_of_event_indicators: event_indicators.is_some(),
+            co_simulation: root.child("CoSimulation").map(interface).transpose()?,
+            model_exchange: root.child("ModelExchange").map(interface).transpose()?,
+            units: units(&root)?,
+            types,
+            log_categories: log_categories(&root)?,
+            default_experiment: default_experiment(&root)?,
+            variables,
+            outputs,
+            derivatives,
+            initial_unknowns,
+            index,
+        };
+        if description.co_simulation.is_none() && description.model_exchange.is_none() {
+            return Err(root.error("there is neither a CoSimulation nor a ModelExchange element"));
+        }
+        Ok(description)
+    }
+}
+
+fn check_version(root: &Element) -> Result<(), DescriptionError> {
+    match root.required("fmiVersion")? {
+        "2.0" => Ok(()),
+        other => Err(root
+            .error(format!("this is an FMU of FMI {other}; only FMI 2.0 can be imported: export it as 2.0"))),
+    }
+}
+
+fn interface(element: &Element) -> Result<Interface, DescriptionError> {
+    let flag = |name| Ok::<_, DescriptionError>(element.boolean(name)?.unwrap_or(false));
+    Ok(Interface {
+        model_identifier: element.required("modelIdentifier")?.to_owned(),
+        needs_execution_tool: flag("needsExecutionTool")?,
+        can_handle_variable_communication_step_size: flag("canHandleVariableCommunicationStepSize")?,
+        can_interpolate_inputs: flag("canInterpolateInputs")?,
+        max_output_derivative_order: element.integer("maxOutputDerivativeOrder")?.unwrap_or(0),
+        can_run_asynchronuously: flag("canRunAsynchronuously")?,
+        can_be_instantiated_only_once_per_process: flag("canBeInstantiatedOnlyOncePerProcess")?,
+        can_not_use_memory_management_functions: flag("canNotUseMemoryManagementFunctions")?,
+        can_get_and_set_fmu_state: flag("canGetAndSetFMUstate")?,
+        can_serialize_fmu_state: flag("canSerializeFMUstate")?,
+        provides_directional_derivative: flag("providesDirectionalDerivative")?,
+        completed_integrator_step_not_needed: flag("completedIntegratorStepNotNeeded")?,
+    })
+}
+
+fn units(root: &Element) -> Result<Vec<UnitDefinition>, DescriptionError> {
+    let Some(definitions) = root.child("UnitDefinitions") else { return Ok(Vec::new()) };
+    definitions.children("Unit").map(unit).collect()
+}
+
+fn unit(element: &Element) -> Result<UnitDefinition, DescriptionError> {
+    let exponent = |base: &Element, name| Ok::<_, DescriptionError>(base.integer(name)?.unwrap_or(0));
+    let factor = |element: &Element| match element.real("factor", Range::Finite)? {
+        Some(0.0) => Err(element.bad("factor", "0", "a number other than zero")),
+        factor => Ok(factor.unwrap_or(1.0)),
+    };
+    let offset =
+        |element: &Element| Ok::<_, DescriptionError>(element.real("offset", Range::Finite)?.unwrap_or(0.0));
+    let base = element.child("BaseUnit").map(|base| {
+        let exponents = Exponents {
+            kg: exponent(base, "kg")?,
+            m: exponent(base, "m")?,
+            s: exponent(base, "s")?,
+            A: exponent(base, "A")?,
+            K: exponent(base, "K")?,
+            mol: exponent(base, "mol")?,
+            cd: exponent(base, "cd")?,
+            rad: exponent(base, "rad")?,
+        };
+        Ok(Unit { exponents, factor: factor(base)?, offset: offset(base)? })
+    });
+    let display_unit = |element: &Element| {
+        let name = element.required("name")?.to_owned();
+        Ok(DisplayUnit { name, factor: factor(element)?, offset: offset(element)? })
+    };
+    Ok(UnitDefinition {
+        name: element.required("name")?.to_owned(),
+        base: base.transpose()?,
+        display_units: element.children("DisplayUnit").map(display_unit).collect::<Result<_, _>>()?,
+    })
+}
+
+fn log_categories(root: &Element) -> Result<Vec<LogCategory>, DescriptionError> {
+    let Some(categories) = root.child("LogCategories") else { return Ok(Vec::new()) };
+    let read = |element: &Element| {
+        Ok(LogCategory {
+            name: element.required("name")?.to_owned(),
+            description: element.text("description"),
+        })
+    };
+    categories.children("Category").map(read).collect()
+}
+
+fn default_experiment(root: &Element) -> Result<DefaultExperiment, DescriptionError> {
+    let Some(element) = root.child("DefaultExperiment") else { return Ok(DefaultExperiment::default()) };
+    let time = |name| element.real(name, Range::Finite);
+    Ok(DefaultExperiment {
+        start: time("startTime")?,
+        stop: time("stopTime")?,
+        tolerance: time("tolerance")?,
+        step_size: time("stepSize")?,
+    })
+}

@@ -1,0 +1,171 @@
+//! What a status means: from the answer of a C function to an error that names instance, function and variables.
+
+use super::{Instance, Phase};
+use crate::description::VariableKind;
+use crate::error::{CallError, Error, Status};
+use crate::log::{self, LogMessage};
+use crate::open::Fmu;
+
+pub(crate) const WARNING: u32 = 1;
+pub(crate) const DISCARD: u32 = 2;
+
+/// An error shows this many of the last messages.
+pub(super) const SHOWN_MESSAGES: usize = 5;
+
+/// Which variables share one space of value references.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Base {
+    Real,
+    Integer,
+    Boolean,
+    String,
+}
+
+impl Base {
+    pub(super) fn of(kind: &VariableKind) -> Base {
+        match kind {
+            VariableKind::Real(_) => Base::Real,
+            VariableKind::Integer { .. } | VariableKind::Enumeration { .. } => Base::Integer,
+            VariableKind::Boolean { .. } => Base::Boolean,
+            VariableKind::String { .. } => Base::String,
+        }
+    }
+}
+
+impl Instance {
+    #[cold]
+    pub(crate) fn missing(&self, function: &'static str) -> Error {
+        Error::MissingFunction { path: self.fmu.shown.clone(), function, interface: self.kind.name() }
+    }
+
+    #[inline]
+    pub(crate) fn same_length(
+        &self,
+        function: &'static str,
+        given: usize,
+        expected: usize,
+    ) -> Result<(), Error> {
+        if given == expected { Ok(()) } else { Err(self.wrong_length(function, given, expected)) }
+    }
+
+    #[cold]
+    #[inline(never)]
+    fn wrong_length(&self, function: &'static str, given: usize, expected: usize) -> Error {
+        Error::Length { component: self.name.clone(), function, given, expected }
+    }
+
+    #[inline]
+    pub(crate) fn check(&mut self, function: &'static str, status: u32) -> Result<(), Error> {
+        if status <= WARNING { Ok(()) } else { Err(self.failure(function, status, None, Vec::new())) }
+    }
+
+    #[inline]
+    pub(crate) fn check_reals(
+        &mut self,
+        function: &'static str,
+        status: u32,
+        references: &[u32],
+        values: Option<&[f64]>,
+    ) -> Result<(), Error> {
+        if status <= WARNING { Ok(()) } else { self.reals_refused(function, status, references, values) }
+    }
+
+    #[cold]
+    #[inline(never)]
+    fn reals_refused(
+        &mut self,
+        function: &'static str,
+        status: u32,
+        references: &[u32],
+        values: Option<&[f64]>,
+    ) -> Result<(), Error> {
+        self.check_values(function, status, Base::Real, references, |index| {
+            values.map(|values| values[index].to_string())
+        })
+    }
+
+    #[inline]
+    pub(super) fn check_values(
+        &mut self,
+        function: &'static str,
+        status: u32,
+        base: Base,
+        references: &[u32],
+        value: impl Fn(usize) -> Option<String>,
+    ) -> Result<(), Error> {
+        if status <= WARNING {
+            return Ok(());
+        }
+        let variables = references
+            .iter()
+            .enumerate()
+            .map(|(i, &reference)| (self.variable_name(base, reference), value(i)));
+        let variables = variables.collect();
+        Err(self.failure(function, status, None, variables))
+    }
+
+    #[cold]
+    fn variable_name(&self, base: Base, reference: u32) -> String {
+        variable_name(&self.fmu, base, reference).unwrap_or_else(|| format!("value reference {reference}"))
+    }
+
+    #[cold]
+    pub(crate) fn step_failure(&mut self, status: u32, step: f64) -> Error {
+        self.failure("fmi2DoStep", status, Some(step), Vec::new())
+    }
+
+    #[cold]
+    fn failure(
+        &mut self,
+        function: &'static str,
+        status: u32,
+        step: Option<f64>,
+        variables: Vec<(String, Option<String>)>,
+    ) -> Error {
+        let status = match status {
+            DISCARD => Status::Discard,
+            3 => Status::Error,
+            4 => Status::Fatal,
+            5 => Status::Pending,
+            other => Status::Unknown(other),
+        };
+        match status {
+            Status::Discard => {}
+            // After fmi2Error only fmi2Reset and fmi2FreeInstance may follow.
+            Status::Error => self.phase = Phase::Passive,
+            Status::Fatal | Status::Pending | Status::Unknown(_) => self.phase = Phase::Abandoned(function),
+        }
+        Error::Call(Box::new(CallError {
+            component: self.name.clone(),
+            function,
+            status,
+            time: self.time,
+            step,
+            variables,
+            log: named(&self.fmu, self.log.tail(SHOWN_MESSAGES)),
+        }))
+    }
+}
+
+fn variable_name(fmu: &Fmu, base: Base, reference: u32) -> Option<String> {
+    let mut variables = fmu.description.variables.iter();
+    variables
+        .find(|variable| variable.value_reference == reference && Base::of(&variable.kind) == base)
+        .map(|variable| variable.name.clone())
+}
+
+/// Messages with names of variables in place of their references.
+pub(super) fn named(fmu: &Fmu, mut messages: Vec<LogMessage>) -> Vec<LogMessage> {
+    let name = |base, reference| {
+        let base = match base {
+            'r' => Base::Real,
+            'i' => Base::Integer,
+            'b' => Base::Boolean,
+            's' => Base::String,
+            _ => return None,
+        };
+        variable_name(fmu, base, reference)
+    };
+    messages.iter_mut().for_each(|message| message.text = log::resolve(&message.text, name));
+    messages
+}

@@ -1,0 +1,35 @@
+//! Import of FMI 2.0 units: archive, model description, library, instances.
+//!
+//! [`Fmu::open`] checks and unpacks an archive and reads its model description; [`Slave`] is a Co-Simulation
+//! instance, [`Model`] a Model Exchange instance. Connections between instances, stepping order and results are left
+//! to the modules above. Start reading at [`Fmu`], then [`Instance`], which holds what both interfaces share.
+
+mod archive;
+pub mod check;
+pub mod derive;
+pub mod description;
+mod error;
+mod functions;
+mod instance;
+mod library;
+mod log;
+mod model;
+mod open;
+mod package;
+mod slave;
+pub mod template_folder;
+pub mod xml;
+
+pub use archive::{ArchiveError, Limits};
+pub use description::{
+    Causality, DefaultExperiment, Dependency, DependencyKind, DescriptionError, Initial, Interface,
+    LogCategory, ModelDescription, NamingConvention, RealAttributes, TypeDefinition, UnitDefinition, Unknown,
+    Variability, Variable, VariableKind,
+};
+pub use error::{CallError, Error, Status};
+pub use instance::{Instance, StateHandle};
+pub use log::LogMessage;
+pub use model::{EventInfo, Model, StepEvent};
+pub use open::{Fmu, InterfaceKind};
+pub use package::unpack_package;
+pub use slave::{Slave, StepStatus};

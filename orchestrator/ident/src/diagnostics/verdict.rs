@@ -1,0 +1,277 @@
+//! What the diagnostics say, in words.
+
+use serde::Serialize;
+
+use super::{Diagnostics, Kind};
+
+/// Share of the variance of a residual below which a finding of the tests has no practical weight.
+pub const NEGLIGIBLE: f64 = 0.02;
+/// Residual relative to the spread of its output below which it is rounding, of which no test says anything.
+pub const ROUNDING: f64 = 1e-6;
+/// Share of the variance of an input that past residuals must explain to be called feedback.
+pub const FEEDBACK: f64 = 0.01;
+/// Probability below which residuals are not taken for white.
+pub const LEVEL: f64 = 0.01;
+
+/// How a residual looks.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Whiteness {
+    /// The test finds nothing.
+    White,
+    /// The test finds something, but it explains next to nothing.
+    PracticallyWhite,
+    /// The residual can be predicted from its own past.
+    Coloured,
+}
+
+/// The verdict: sentences, and the facts behind them.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Verdict {
+    /// What the data say, one sentence each.
+    pub sentences: Vec<String>,
+    /// Whether nothing speaks against the model: every residual at least practically white, no channel with missing
+    /// dynamics, all poles inside the unit circle.
+    pub explains_the_data: bool,
+    /// Whiteness of every residual, by output.
+    pub whiteness: Vec<(String, Whiteness)>,
+    /// Channels (input, output) whose residual still follows the input.
+    pub missing_dynamics: Vec<(String, String)>,
+    /// Channels (input, output) where the input seems to depend on past outputs; only told where no dynamics are missing.
+    pub feedback: Vec<(String, String)>,
+    /// Parameters whose 95 % interval holds 0, the highest lags first.
+    pub insignificant: Vec<String>,
+}
+
+/// The verdict on a model called `name`, such as `order 1`.
+pub fn verdict(name: &str, diagnostics: &Diagnostics) -> Verdict {
+    let mut sentences = Vec::new();
+    let exact: Vec<&str> = diagnostics
+        .autocorrelation
+        .iter()
+        .zip(&diagnostics.relative_residual)
+        .filter(|(_, share)| share.is_some_and(|share| share < ROUNDING))
+        .map(|(of, _)| of.output.as_str())
+        .collect();
+    let rounding = |output: &str| exact.contains(&output);
+    let all_exact = !exact.is_empty() && exact.len() == diagnostics.autocorrelation.len();
+    let whiteness: Vec<(String, Whiteness)> = diagnostics
+        .autocorrelation
+        .iter()
+        .map(|of| {
+            let kind = if of.p_value >= LEVEL || rounding(&of.output) {
+                Whiteness::White
+            } else if of.explained_by_past < NEGLIGIBLE {
+                Whiteness::PracticallyWhite
+            } else {
+                Whiteness::Coloured
+            };
+            (of.output.clone(), kind)
+        })
+        .collect();
+    let missing: Vec<_> = diagnostics
+        .cross_correlation
+        .iter()
+        .filter(|of| !rounding(&of.output))
+        .filter(|of| of.missing_dynamics > 1.0 && of.explained_by_input >= NEGLIGIBLE / 4.0)
+        .collect();
+    // What a model leaves of a predictable input (a chirp) looks like feedback, too, also by way of other outputs: only
+    // a complete model can tell.
+    let complete = missing.is_empty();
+    let feedback: Vec<_> = diagnostics
+        .cross_correlation
+        .iter()
+        .filter(|of| complete && !rounding(&of.output))
+        .filter(|of| of.feedback > 1.0 && of.explained_by_residual > FEEDBACK)
+        .collect();
+    let unstable: Vec<_> = diagnostics.poles.iter().filter(|pole| pole.modulus >= 1.0).collect();
+    let white = whiteness.iter().all(|(_, kind)| *kind != Whiteness::Coloured);
+    let explains_the_data = white && missing.is_empty() && unstable.is_empty();
+    if let Some(pole) = unstable.first() {
+        sentences.push(format!(
+            "the model is unstable (pole of modulus {:.4}): it cannot be simulated; use output error, or another order",
+            pole.modulus
+        ));
+    }
+    if explains_the_data && all_exact {
+        sentences.push(format!(
+            "{name} explains the data to rounding: no residual is larger than {ROUNDING:e} of the spread of its output"
+        ));
+    } else if explains_the_data {
+        let tested = || diagnostics.autocorrelation.iter().filter(|of| !rounding(&of.output));
+        let smallest = tested().map(|of| of.p_value).fold(1.0, f64::min);
+        let evidence = if smallest >= LEVEL {
+            format!("residuals white (Ljung-Box p = {smallest:.2})")
+        } else {
+            let most = tested().map(|of| of.explained_by_past).fold(0.0, f64::max);
+            format!(
+                "residuals practically white (their past explains {:.1} % of their variance; with {} samples the test sees that)",
+                100.0 * most,
+                diagnostics.samples
+            )
+        };
+        sentences.push(format!("{name} explains the data: {evidence}, none follows an input"));
+    }
+    if !exact.is_empty() && !all_exact {
+        sentences.push(format!("{} is explained to rounding", exact.join(", ")));
+    }
+    for of in &diagnostics.autocorrelation {
+        if rounding(&of.output) || of.p_value >= LEVEL || of.explained_by_past < NEGLIGIBLE {
+            continue;
+        }
+        let share = format!("their past explains {:.0} % of their variance", 100.0 * of.explained_by_past);
+        let followed = missing.iter().any(|pair| pair.output == of.output);
+        let remedy = match (diagnostics.residuals, followed) {
+            (Kind::OneStep, _) => "raise the order or use output error",
+            (Kind::Simulated, true) => "raise the order",
+            (Kind::Simulated, false) => {
+                "no input explains them, so it is coloured noise or a nonlinear effect; the simulation is not improved by a noise model"
+            }
+        };
+        sentences.push(format!("residuals of {} are coloured ({share}): {remedy}", of.output));
+    }
+    for pair in &missing {
+        let at = pair.lags.iter().zip(&pair.values).filter(|(lag, _)| **lag >= 0);
+        let largest = at.max_by(|a, b| a.1.abs().total_cmp(&b.1.abs())).map_or(0, |(lag, _)| *lag);
+        sentences.push(format!(
+            "the residual of {} still follows {} (most {largest} samples later, {:.1} % of its variance): dynamics or delay of this channel are missing",
+            pair.output, pair.input, 100.0 * pair.explained_by_input
+        ));
+    }
+    for pair in &feedback {
+        sentences.push(format!(
+            "{} depends on past residuals of {} ({:.0} % of its variance): there seems to be feedback, and output error or instruments are then biased; record with the loop open, or use a prediction-error model",
+            pair.input,
+            pair.output,
+            100.0 * pair.explained_by_residual
+        ));
+    }
+    let insignificant: Vec<String> = diagnostics
+        .parameters
+        .iter()
+        .rev()
+        .filter(|p| p.interval_95.is_some_and(|[low, high]| low <= 0.0 && 0.0 <= high))
+        .filter(|p| !p.name.starts_with("direction"))
+        .map(|p| p.name.clone())
+        .collect();
+    let bands = diagnostics.frequency.iter().all(|response| !response.relative_deviation.is_empty())
+        && diagnostics.step.iter().all(|response| !response.standard_deviation.is_empty());
+    let determined = |p: &super::Interval| p.standard_deviation.is_some();
+    if !bands && !diagnostics.parameters.is_empty() && diagnostics.parameters.iter().all(determined) {
+        sentences.push(format!(
+            "responses of this size ({} parameters, {} poles) are given without all of their uncertainty bands, which would take too long: lower the orders for them",
+            diagnostics.parameters.len(),
+            diagnostics.poles.len()
+        ));
+    }
+    let undetermined = diagnostics.parameters.iter().any(|p| p.standard_deviation.is_none());
+    if undetermined {
+        sentences.push(
+            "the data do not determine all parameters (no covariance): lower the order, or excite more frequencies"
+                .into(),
+        );
+    } else if !insignificant.is_empty() {
+        let shown: Vec<&str> = insignificant.iter().take(6).map(String::as_str).collect();
+        let more = if insignificant.len() > shown.len() { ", ..." } else { "" };
+        sentences.push(format!("the 95 % intervals of {}{more} hold 0", shown.join(", ")));
+    }
+    let channel = |pair: &&super::CrossCorrelation| (pair.input.clone(), pair.output.clone());
+    Verdict {
+        sentences,
+        explains_the_data,
+        whiteness,
+        missing_dynamics: missing.iter().map(channel).collect(),
+        feedback: feedback.iter().map(channel).collect(),
+        insignificant,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::DVector;
+
+    use super::*;
+    use crate::diagnostics::response::Family;
+    use crate::diagnostics::{Options, diagnose};
+    use crate::model::{Arx, Model};
+    use crate::output_error::refine;
+    use crate::rational::Mask;
+    use crate::record::Record;
+    use crate::synthetic::{Noise, eq8, measure, stairs};
+
+    fn names() -> (Vec<String>, Vec<String>) {
+        (vec!["u".into()], vec!["F_hat".into(), "F_p".into()])
+    }
+
+    fn judged(mask: &Mask, records: &[Record]) -> (Verdict, Diagnostics) {
+        let found = refine(&eq8(), mask, records, &Default::default()).unwrap();
+        let at = |p: &DVector<f64>| mask.model(&found.model, p).to_state_space();
+        let family = Family { parameters: &found.parameters, at: &at };
+        let (u, y) = names();
+        let diagnostics = diagnose(&found.model, Some(family), records, &u, &y, &Options::default());
+        (verdict("order 1", &diagnostics), diagnostics)
+    }
+
+    #[test]
+    fn the_right_order_explains_the_data_and_one_too_low_does_not() {
+        let mut noise = Noise::new(11);
+        let records = [measure(&eq8(), vec![stairs(3000, 40.0, &mut noise)], 0.5, &mut noise)];
+        let (good, diagnostics) = judged(&Mask::of(&eq8()), &records);
+        assert!(good.explains_the_data, "{:?}", good.sentences);
+        assert!(good.sentences[0].starts_with("order 1 explains the data: residuals white"), "{good:?}");
+        assert!(serde_json::to_string(&diagnostics).unwrap().contains("\"dc_gain\""));
+        // No direct term where the plant has a large one.
+        let (poor, _) = judged(&Mask::full(2, 1, 1, 1, 1), &records);
+        assert!(!poor.explains_the_data);
+        assert!(poor.missing_dynamics.contains(&("u".into(), "F_hat".into())), "{:?}", poor.sentences);
+    }
+
+    #[test]
+    fn data_without_noise_are_explained_to_rounding_and_nothing_else_is_said_of_their_residuals() {
+        let mut noise = Noise::new(13);
+        let records = [measure(&eq8(), vec![stairs(600, 40.0, &mut noise)], 0.0, &mut noise)];
+        let (u, y) = names();
+        let found = verdict("order 1", &diagnose(&eq8(), None, &records, &u, &y, &Options::default()));
+        assert_eq!(found.sentences.len(), 1, "{:?}", found.sentences);
+        assert!(found.sentences[0].contains("to rounding") && found.explains_the_data, "{found:?}");
+    }
+
+    #[test]
+    fn feedback_is_told_only_where_it_moves_the_input() {
+        let feedback = |gain: f64| {
+            let mut noise = Noise::new(14);
+            let n = 30_000;
+            let e: Vec<f64> = (0..n).map(|_| noise.normal()).collect();
+            let mut u: Vec<f64> = (0..n).map(|_| noise.normal()).collect();
+            (1..n).for_each(|k| u[k] += gain * e[k - 1]);
+            let static_gain = Arx {
+                a: vec![nalgebra::DMatrix::zeros(1, 1)],
+                b: vec![nalgebra::DMatrix::from_element(1, 1, 2.0)],
+                sample_time: 0.01,
+                input_offset: vec![0.0],
+                output_offset: vec![0.0],
+            };
+            let y = u.iter().zip(&e).map(|(u, e)| 2.0 * u + e).collect();
+            let records =
+                [Record { sample_time: 0.01, inputs: vec![u], outputs: vec![y], ..Record::default() }];
+            let found =
+                diagnose(&static_gain, None, &records, &["u".into()], &["y".into()], &Options::default());
+            (found.cross_correlation[0].feedback > 1.0, verdict("order 0", &found).feedback.len())
+        };
+        // 0.05^2 of the variance is significant with 30 000 samples, but nothing; 0.3^2 is much.
+        assert_eq!(feedback(0.05), (true, 0));
+        assert_eq!(feedback(0.3), (true, 1));
+    }
+
+    #[test]
+    fn an_unstable_model_is_called_unstable() {
+        let mut noise = Noise::new(12);
+        let records = [measure(&eq8(), vec![stairs(300, 40.0, &mut noise)], 0.5, &mut noise)];
+        let unstable = Arx { a: vec![eq8().a[0].clone() * 1.05], ..eq8() };
+        let (u, y) = names();
+        let options = Options { kind: Kind::OneStep, ..Options::default() };
+        let found = verdict("order 1", &diagnose(&unstable, None, &records, &u, &y, &options));
+        assert!(found.sentences[0].starts_with("the model is unstable"), "{:?}", found.sentences);
+        assert!(!found.explains_the_data);
+    }
+}

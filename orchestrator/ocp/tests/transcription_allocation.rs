@@ -1,0 +1,48 @@
+//! Evaluations of a transcribed problem allocate nothing once they are going.
+
+#[path = "transcription/cart_pole.rs"]
+mod cart_pole;
+#[allow(dead_code, reason = "what only the hand-written runs use")]
+#[path = "swing_up/interval.rs"]
+mod interval;
+#[allow(dead_code, reason = "what only the hand-written runs use")]
+#[path = "swing_up/problem.rs"]
+mod problem;
+
+use airloop_testing::allocations;
+
+airloop_testing::count_allocations!();
+use airloop_ocp::transcription::{Discretisation, Program, Transcription};
+use airloop_optim::Nlp;
+
+/// One test only: other tests in this process would be counted too.
+#[test]
+fn evaluations_allocate_nothing() {
+    for transcription in [
+        Transcription::Trapezoidal,
+        Transcription::HermiteSimpson,
+        Transcription::HermiteSimpsonSeparated,
+        Transcription::MultipleShooting,
+        Transcription::ShootingCollocation,
+    ] {
+        let mut problem = cart_pole::swing_up(1);
+        let mut program = Program::new(&mut problem, &Discretisation::uniform(transcription, &[10])).unwrap();
+        let (n, m) = (program.variables(), program.constraints());
+        let points = [0.1, 0.2].map(|size| (0..n).map(|i| size * (i as f64).sin()).collect::<Vec<f64>>());
+        let y: Vec<f64> = (0..m).map(|i| (0.9 * i as f64).cos()).collect();
+        let (mut gradient, mut values) = (vec![0.0; n], vec![0.0; m]);
+        let mut jacobian = vec![0.0; program.jacobian_pattern().len()];
+        let mut hessian = vec![0.0; program.hessian_pattern().len()];
+        let mut all = |x: &[f64]| {
+            program.objective(x).unwrap();
+            program.constraint_values(x, &mut values).unwrap();
+            program.gradient(x, &mut gradient).unwrap();
+            program.jacobian(x, &mut jacobian).unwrap();
+            program.hessian(x, 1.0, &y, &mut hessian).unwrap();
+        };
+        all(&points[0]);
+        let before = allocations::count();
+        all(&points[1]);
+        assert_eq!(allocations::count() - before, 0, "{transcription:?}");
+    }
+}

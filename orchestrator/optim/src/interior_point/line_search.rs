@@ -1,0 +1,189 @@
+//! Backtracking along a Newton step until the filter accepts, with second-order corrections of the first trial.
+
+use super::Run;
+use crate::filter::{Acceptance, Current, Measure};
+use crate::outcome::{Iteration, Note};
+
+const CORRECTIONS: usize = 4;
+/// Decrease of the violation that a correction has to bring for another one.
+const CORRECTION_DECREASE: f64 = 0.99;
+/// Part of a step below which the next Hessian is shifted, and how the shift grows and decays. On the swing-up these
+/// save a third of the iterations.
+const SHORT_STEP: f64 = 0.1;
+const SMALLEST_SHIFT: f64 = 1e-4;
+const LARGEST_SHIFT: f64 = 1e4;
+const SHIFT_GROWTH: f64 = 4.0;
+const SHIFT_DECAY: f64 = 10.0;
+
+pub(super) enum Search {
+    Accepted,
+    /// No acceptable point along the step; what the functions said where they had no value at the last trial.
+    Failed(Option<String>),
+}
+
+/// Functions at the end of a trial step.
+struct Trial {
+    measure: Measure,
+    objective: f64,
+    rows: Vec<f64>,
+    x: Vec<f64>,
+}
+
+impl Run<'_, '_, '_> {
+    /// Goes along the step to an acceptable point and evaluates the derivatives there.
+    pub(super) fn search(&mut self) -> Search {
+        let current = self.current();
+        let largest = self.largest_step();
+        self.last = Iteration { step: largest, regularisation: self.kkt.shift, ..Iteration::default() };
+        if self.is_tiny() {
+            return self.take_tiny(current);
+        }
+        let shortest = self.filter.shortest(current);
+        let mut length = self.step.longest;
+        let mut failure = None;
+        let mut first = true;
+        while length >= shortest || first {
+            match self.try_length(length) {
+                Ok(trial) => {
+                    failure = None;
+                    if let Some(acceptance) = self.filter.accepts(current, length, trial.measure) {
+                        match self.take(&trial, current, acceptance, length, Note::None) {
+                            Ok(()) => return Search::Accepted,
+                            Err(reason) => failure = Some(reason),
+                        }
+                    } else if first
+                        && trial.measure.theta >= current.at.theta
+                        && let Some(found) = self.correct(current, trial, length)
+                    {
+                        return found;
+                    }
+                }
+                Err(reason) => failure = Some(reason),
+            }
+            first = false;
+            length *= 0.5;
+        }
+        Search::Failed(failure)
+    }
+
+    fn try_length(&mut self, length: f64) -> Result<Trial, String> {
+        let x: Vec<f64> = self.at.x.iter().zip(&self.step.x).map(|(x, d)| x + length * d).collect();
+        let mut rows = vec![0.0; self.form.m];
+        let objective = self.form.functions(&x, &mut rows).map_err(|error| error.to_string())?;
+        // The barrier terms read the trial through the iterate.
+        let kept = std::mem::replace(&mut self.at.x, x);
+        let terms = self.at.barrier_terms(self.form, self.form.total());
+        let x = std::mem::replace(&mut self.at.x, kept);
+        let theta = rows.iter().map(|c| c.abs()).sum();
+        let measure = Measure { theta, phi: objective + self.barrier * terms };
+        Ok(Trial { measure, objective, rows, x })
+    }
+
+    /// Second-order corrections: the step is solved again with the rows it led to. None: none was accepted, and the
+    /// step is the one before.
+    fn correct(&mut self, current: Current, trial: Trial, length: f64) -> Option<Search> {
+        let kept = std::mem::take(&mut self.step);
+        self.step.x = vec![0.0; kept.x.len()];
+        self.step.y = vec![0.0; kept.y.len()];
+        let mut rows: Vec<f64> = self.point.rows.clone();
+        let (mut trial, mut length, mut before) = (trial, length, current.at.theta);
+        let mut found = None;
+        for attempt in 0..CORRECTIONS {
+            if attempt > 0 && trial.measure.theta > CORRECTION_DECREASE * before {
+                break;
+            }
+            before = if attempt > 0 { trial.measure.theta } else { before };
+            rows.iter_mut().zip(&trial.rows).for_each(|(sum, c)| *sum = length * *sum + c);
+            if !self.solve(Some(&rows)) {
+                break;
+            }
+            length = self.step.longest;
+            let Ok(next) = self.try_length(length) else { break };
+            if let Some(acceptance) = self.filter.accepts(current, kept.longest, next.measure) {
+                // The multipliers go with the corrected step.
+                if self.take(&next, current, acceptance, length, Note::SecondOrderCorrection).is_ok() {
+                    found = Some(Search::Accepted);
+                }
+                break;
+            }
+            trial = next;
+        }
+        if found.is_none() {
+            self.step = kept;
+        }
+        found
+    }
+
+    /// Moves to the trial point, with derivatives there; the reason when those have no value.
+    fn take(
+        &mut self,
+        trial: &Trial,
+        current: Current,
+        acceptance: Acceptance,
+        length: f64,
+        note: Note,
+    ) -> Result<(), String> {
+        self.form
+            .derivatives(&trial.x, &mut self.point.gradient, &mut self.point.jacobian)
+            .map_err(|error| error.to_string())?;
+        if acceptance == Acceptance::Filter {
+            self.filter.add(current.at);
+        }
+        self.at.x.copy_from_slice(&trial.x);
+        self.point.objective = trial.objective;
+        self.point.rows.copy_from_slice(&trial.rows);
+        self.at.y.iter_mut().zip(&self.step.y).for_each(|(y, d)| *y += length * d);
+        let part = self.step.longest_multipliers;
+        let [lower, upper] = &self.step.bounds;
+        self.at.lower.iter_mut().zip(lower).for_each(|(z, d)| *z += part * d);
+        self.at.upper.iter_mut().zip(upper).for_each(|(z, d)| *z += part * d);
+        self.at.bound_multipliers(self.form, self.barrier);
+        self.adapt_shift(length / self.step.longest);
+        self.last.step_length = length;
+        self.last.note = note;
+        Ok(())
+    }
+
+    /// A short part of a step says that the quadratic model reaches less far than the step: the next Hessian is
+    /// shifted at least a little, the more the oftener, as a trust region would do; full steps undo it.
+    fn adapt_shift(&mut self, part: f64) {
+        let shift = &mut self.kkt.least_shift;
+        if part < SHORT_STEP {
+            *shift = (SHIFT_GROWTH * *shift).clamp(SMALLEST_SHIFT, LARGEST_SHIFT);
+        } else {
+            *shift /= SHIFT_DECAY;
+            if *shift < 0.05 * SMALLEST_SHIFT {
+                *shift = 0.0;
+            }
+        }
+    }
+
+    fn largest_step(&self) -> f64 {
+        self.step.x[..self.form.n].iter().fold(0.0, |m, d| m.max(d.abs()))
+    }
+
+    /// The step is lost in the rounding of the point.
+    fn is_tiny(&self) -> bool {
+        let relative = self.step.x.iter().zip(&self.at.x).map(|(d, x)| d.abs() / (1.0 + x.abs()));
+        relative.fold(0.0, f64::max) < 10.0 * f64::EPSILON
+    }
+
+    /// A tiny step is taken without question, so that the barrier parameter can fall; two in a row at its end end
+    /// the run.
+    fn take_tiny(&mut self, current: Current) -> Search {
+        self.tiny += 1;
+        if self.tiny > 1 && self.barrier <= self.smallest_barrier() {
+            return Search::Failed(None);
+        }
+        match self.try_length(self.step.longest) {
+            Ok(trial) => {
+                let length = self.step.longest;
+                match self.take(&trial, current, Acceptance::Objective, length, Note::None) {
+                    Ok(()) => Search::Accepted,
+                    Err(reason) => Search::Failed(Some(reason)),
+                }
+            }
+            Err(reason) => Search::Failed(Some(reason)),
+        }
+    }
+}

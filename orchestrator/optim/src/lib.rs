@@ -1,0 +1,176 @@
+//! Nonlinear programming: minimise f(x) subject to `c_l <= c(x) <= c_u` and `x_l <= x <= x_u`.
+//!
+//! A problem implements [`Nlp`] (functions, exact first and second derivatives with fixed patterns, names, and the
+//! chain of stages where it has one); [`solve`] takes it from a [`Start`] to a [`Solution`]. Nothing here knows of
+//! time, FMUs or files, and nothing prints.
+//!
+//! # Two methods
+//!
+//! - **Interior point** ([`Method::InteriorPoint`]), for starts from afar: barrier for the bounds, Newton steps on the
+//!   KKT conditions with the Hessian shifted until the inertia is that of a minimum, filter line search with
+//!   second-order correction, and restoration of feasibility by the same method on relaxed constraints. After a step
+//!   with a strongly shifted Hessian the multipliers are estimated anew by least squares: those of the step belong to
+//!   another problem, and the next Hessian would inherit their size.
+//! - **SQP** ([`Method::Sqp`]), for starts near the solution (a coarser mesh, an earlier run): the KKT system with the
+//!   bounds of the working set held, and Clarabel's quadratic program with all bounds only where that step leaves
+//!   other bounds or a multiplier has the wrong sign. The same KKT system then gives the step of the new working set
+//!   to the last digits, so convergence is quadratic. Where the linearised constraints have no solution within the
+//!   bounds, or no step is acceptable, the interior point method goes on.
+//!
+//! Both work on one form of the problem (`form`): scaled equations with one slack per inequality and bounds on
+//! everything. Both share the filter, the KKT matrix, scaling, iteration table and stop test: scaled KKT error and
+//! unscaled violation below their tolerances.
+//!
+//! # Linear algebra
+//!
+//! Slacks, also the relaxations of the restoration, are eliminated: the KKT matrix always has one row per variable and
+//! constraint, so one symbolic analysis serves the whole run. With stages it is factorised by dense fronts along the
+//! chain ([`crate::linalg::staged_ldl`]), pivots exchanged within a stage, inertia exact, cost linear in the number
+//! of stages. Without stages small problems are one such front, others go to a sparse LDL^T
+//! ([`crate::linalg::sparse_ldl`]) with refinement. Solutions are refined on the system before elimination.
+//!
+//! # Trouble
+//!
+//! What is wrong before the first step is an [`Error`]; every end of a run that could begin is a [`Status`], with the
+//! last point, the worst violation by name, and for infeasible problems the bound that stands most in the way. Values
+//! that are NaN, or functions that fail, shorten the step. A monitor may stop the run; [`Solution::restart`] goes on
+//! from its end. The result depends on the input alone: everything runs in one thread.
+//! Optimisation: numbers in, numbers out. Nothing here knows of time, models or files.
+//!
+//! [`least_squares`] fits parameters within bounds. The rest is nonlinear programming: minimise f(x) subject to `c_l <= c(x) <= c_u` and `x_l <= x <= x_u`.
+
+pub mod error;
+mod filter;
+mod form;
+mod interior_point;
+mod kkt;
+pub mod least_squares;
+pub mod linalg;
+mod log;
+pub mod nlp;
+pub mod outcome;
+pub mod qp;
+pub mod scaled;
+pub mod settings;
+mod sqp;
+
+use std::ops::ControlFlow;
+
+pub use error::Error;
+use form::Form;
+use interior_point::{End, Iterate, Run};
+use kkt::Kkt;
+use log::Log;
+pub use log::Monitor;
+pub use nlp::{Bounds, EvaluationError, Nlp, Stages};
+pub use outcome::{
+    Blocking, Evaluations, Iteration, Multipliers, Note, Side, Solution, Start, Status, Violation,
+};
+pub use qp::{Quadratic, QuadraticSolution, QuadraticStatus, solve_quadratic};
+pub use settings::{Method, Settings};
+use sqp::Sqp;
+
+/// Solves a problem from a start.
+///
+/// # Errors
+/// See [`Error`]; how a run ends that could begin is the [`Status`] of the solution.
+pub fn solve(nlp: &mut dyn Nlp, start: &Start, settings: &Settings) -> Result<Solution, Error> {
+    solve_with(nlp, start, settings, &mut |_| ControlFlow::Continue(()))
+}
+
+/// As [`solve`]; `monitor` sees every iteration and may stop the run, which then hands back its last point.
+///
+/// # Errors
+/// As [`solve`].
+pub fn solve_with(
+    nlp: &mut dyn Nlp,
+    start: &Start,
+    settings: &Settings,
+    monitor: &mut Monitor<'_>,
+) -> Result<Solution, Error> {
+    settings.validate()?;
+    let mut form = Form::new(nlp)?;
+    let mut kkt = Kkt::new(&form)?;
+    let mut log = Log::new(monitor);
+    let end = run(&mut form, &mut kkt, settings, &mut log, start)?;
+    let at = end.at;
+    let n = form.n;
+    let scale = form.objective_scale;
+    let plain = |z: &[f64]| z[..n].iter().map(|z| z / scale).collect();
+    let multipliers = Multipliers {
+        constraints: form.constraint_multipliers(&at.y),
+        lower: plain(&at.lower),
+        upper: plain(&at.upper),
+    };
+    let evaluations = Evaluations {
+        factorisations: kkt.factorisations,
+        quadratic_programs: end.quadratic_programs,
+        ..form.evaluations
+    };
+    let infeasible = end.status == Status::Infeasible;
+    Ok(Solution {
+        status: end.status,
+        objective: form.plain_objective(&at.x),
+        worst: form.worst(&at.x),
+        blocking: infeasible.then(|| form.blocking(&at.lower, &at.upper)).flatten(),
+        x: at.x[..n].to_vec(),
+        multipliers,
+        barrier: end.barrier,
+        error: end.error,
+        iterations: log.table,
+        evaluations,
+    })
+}
+
+/// The last iterate of a method, and how it came to an end.
+struct Finish {
+    status: Status,
+    at: Iterate,
+    barrier: f64,
+    error: f64,
+    quadratic_programs: usize,
+}
+
+fn run(
+    form: &mut Form,
+    kkt: &mut Kkt,
+    settings: &Settings,
+    log: &mut Log,
+    start: &Start,
+) -> Result<Finish, Error> {
+    match settings.method {
+        Method::InteriorPoint => interior_point(form, kkt, settings, log, start),
+        Method::Sqp => {
+            let mut run = Sqp::begin(form, kkt, settings, log, start)?;
+            let end = run.run();
+            let (error, quadratic_programs) = (run.error(), run.quadratic_programs);
+            let at = std::mem::take(&mut run.at);
+            match end {
+                sqp::End::Status(status) => {
+                    Ok(Finish { status, at, barrier: 0.0, error, quadratic_programs })
+                }
+                sqp::End::NoStep => {
+                    let from = Start::cold(at.x[..form.n].to_vec());
+                    let finish = interior_point(form, kkt, settings, log, &from)?;
+                    Ok(Finish { quadratic_programs, ..finish })
+                }
+            }
+        }
+    }
+}
+
+fn interior_point(
+    form: &mut Form,
+    kkt: &mut Kkt,
+    settings: &Settings,
+    log: &mut Log,
+    start: &Start,
+) -> Result<Finish, Error> {
+    let mut run = Run::begin(form, kkt, settings, log, start)?;
+    let status = match run.run() {
+        End::Status(status) => status,
+        End::Restored => Status::Stalled,
+    };
+    let error = run.error();
+    Ok(Finish { status, at: std::mem::take(&mut run.at), barrier: run.barrier, error, quadratic_programs: 0 })
+}

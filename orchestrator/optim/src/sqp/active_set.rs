@@ -1,0 +1,75 @@
+//! The working set: bounds of X that the next step holds.
+
+use crate::error::Error;
+use crate::form::Form;
+use crate::interior_point::Iterate;
+
+/// A step that leaves a bound by less than this, relative to the bound, ends on it.
+const ON_BOUND: f64 = 1e-9;
+
+/// Which bound of a variable or slack is held.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) enum Held {
+    #[default]
+    Free,
+    Lower,
+    Upper,
+}
+
+#[derive(Clone, Debug)]
+pub(super) struct ActiveSet {
+    pub held: Vec<Held>,
+}
+
+impl ActiveSet {
+    /// Bounds whose multiplier is larger than the distance to them; X is put on these.
+    pub fn new(form: &Form, at: &mut Iterate) -> Result<Self, Error> {
+        let mut active = Self { held: vec![Held::Free; form.total()] };
+        for j in 0..form.total() {
+            if form.fixed(j) {
+                continue;
+            }
+            if at.lower[j] > at.x[j] - form.lower[j] {
+                active.held[j] = Held::Lower;
+                at.x[j] = form.lower[j];
+            } else if at.upper[j] > form.upper[j] - at.x[j] {
+                active.held[j] = Held::Upper;
+                at.x[j] = form.upper[j];
+            } else {
+                (at.lower[j], at.upper[j]) = (0.0, 0.0);
+            }
+        }
+        Ok(active)
+    }
+
+    /// The working set of a quadratic program's solution: multiplier larger than the gap, and X can be put there.
+    pub fn of_solution(form: &Form, x: &[f64], step: &[f64], lower: &[f64], upper: &[f64]) -> Self {
+        let held = (0..form.total())
+            .map(|j| match (x[j] + step[j] - form.lower[j], form.upper[j] - x[j] - step[j]) {
+                _ if form.fixed(j) => Held::Free,
+                (gap, _) if lower[j] > gap => Held::Lower,
+                (_, gap) if upper[j] > gap => Held::Upper,
+                _ => Held::Free,
+            })
+            .collect();
+        Self { held }
+    }
+
+    /// Distance from X to the bound that is held, 0 for those that are free.
+    pub fn to_bound(&self, form: &Form, x: &[f64], j: usize) -> f64 {
+        match self.held[j] {
+            Held::Free => 0.0,
+            Held::Lower => form.lower[j] - x[j],
+            Held::Upper => form.upper[j] - x[j],
+        }
+    }
+
+    /// The step ends within all bounds.
+    pub fn inside(&self, form: &Form, x: &[f64], step: &[f64]) -> bool {
+        (0..form.total()).all(|j| {
+            let end = x[j] + step[j];
+            let slack = |bound: f64| ON_BOUND * bound.abs().max(1.0);
+            end >= form.lower[j] - slack(form.lower[j]) && end <= form.upper[j] + slack(form.upper[j])
+        })
+    }
+}

@@ -1,0 +1,240 @@
+//! From a problem file to a system of loaded FMUs and a task with all names looked up.
+
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+use super::catalogue::{Catalogue, Kind};
+use super::file::{self, Statement, Text};
+use super::reset::{self, Jump};
+use super::sampling::{self, Sampling};
+use super::task::{self, Signals, Task};
+use super::{Error, names};
+use airloop_cosim::coupled::{Options, System};
+use airloop_cosim::system::SystemGraph;
+use airloop_fmi::InterfaceKind;
+use airloop_ocp::transcription::{Dynamics, Point, Size, Structure};
+use airloop_optim::EvaluationError;
+
+/// A problem that is ready to be transcribed.
+pub struct Prepared {
+    /// All but the FMU instances; threads may share it.
+    pub setup: Setup,
+    /// One instance of the dynamics of every phase.
+    pub dynamics: Vec<Box<dyn Dynamics>>,
+    /// What happens between each phase and the next, one fewer than phases; none: all states are continuous.
+    pub resets: Vec<Option<Jump>>,
+}
+
+impl std::ops::Deref for Prepared {
+    type Target = Setup;
+
+    fn deref(&self) -> &Setup {
+        &self.setup
+    }
+}
+
+/// A problem with its system, names and numbers.
+pub struct Setup {
+    /// What the file says.
+    pub statement: Statement,
+    /// The system with the parameters of the problem.
+    pub graph: SystemGraph,
+    /// Its variables.
+    pub catalogue: Catalogue,
+    /// The problem in numbers.
+    pub task: Task,
+    /// Sampled components, if there are any.
+    pub sampling: Option<Sampling>,
+    /// States, by index, that belong to sampled components.
+    pub sampled_states: Vec<usize>,
+    /// What was assumed, one sentence each.
+    pub notes: Vec<String>,
+    /// Time it took.
+    pub load: Duration,
+}
+
+/// Reads a problem file, opens its system and looks everything up.
+///
+/// # Errors
+/// [`Error`] names file, line, column and remedy, or what is wrong with the system.
+pub fn prepare(file: &Path) -> Result<Prepared, Error> {
+    let began = Instant::now();
+    prepare_statement(file::read(file)?, began)
+}
+
+/// As [`prepare`], from what a file says.
+///
+/// # Errors
+/// As [`prepare`].
+pub fn prepare_statement(statement: Statement, began: Instant) -> Result<Prepared, Error> {
+    let mut graph = open(&statement)?;
+    let mut notes = graph.notes.clone();
+    set(&statement, &mut graph, &statement.parameters)?;
+    let catalogue = Catalogue::new(&graph);
+    let (inputs, outputs) = (task::inputs(&statement, &catalogue)?, task::outputs(&statement, &catalogue)?);
+    let sampling = sampling::sampling(&statement, &graph)?;
+    let mut dynamics: Vec<Box<dyn Dynamics>> = Vec::new();
+    let mut signals = Signals { states: Vec::new(), inputs, outputs };
+    for phase in &statement.phases {
+        let mut own = graph.clone();
+        set(&statement, &mut own, &phase.parameters)?;
+        let system = open_dynamics(&statement, &own, &catalogue, &signals)?;
+        for note in system.notes().iter().filter(|note| !notes.contains(note)).cloned().collect::<Vec<_>>() {
+            notes.push(note);
+        }
+        let size = system.size();
+        let states: Vec<usize> = system.names()[..size.states]
+            .iter()
+            .filter_map(|name| catalogue.find(name))
+            .map(|found| found.0)
+            .collect();
+        signals.states = states;
+        let shown = [&signals.states, &signals.inputs, &signals.outputs].into_iter().flatten();
+        let names = shown.map(|&index| catalogue.variables()[index].name.clone()).collect();
+        dynamics.push(Box::new(Named { inner: Box::new(system), names, scaled: statement.settings.scaled }));
+    }
+    let resets = reset::resets(&statement, &catalogue, &signals, |parameters, signals| {
+        let mut own = graph.clone();
+        set(&statement, &mut own, parameters)?;
+        Ok(Box::new(open_dynamics(&statement, &own, &catalogue, signals)?))
+    })?;
+    let task = task::task(&statement, &catalogue, signals)?;
+    notes.extend(task.notes.iter().cloned());
+    let sampled_states = sampled_states(&graph, &catalogue, &task.signals, sampling.as_ref());
+    let load = began.elapsed();
+    let setup = Setup { statement, graph, catalogue, task, sampling, sampled_states, notes, load };
+    Ok(Prepared { setup, dynamics, resets })
+}
+
+fn open(statement: &Statement) -> Result<SystemGraph, Error> {
+    if !statement.system_file.exists() {
+        let problem = format!("there is no file {}; correct `system`", statement.system_file.display());
+        return Err(statement.source.error_at(statement.system.place, problem));
+    }
+    Ok(SystemGraph::open_for(&statement.system_file, InterfaceKind::ModelExchange)?)
+}
+
+/// Sets start values of parameters.
+fn set(statement: &Statement, graph: &mut SystemGraph, values: &[(Text, String)]) -> Result<(), Error> {
+    for (name, value) in values {
+        let place = format!(
+            "{}: line {}, column {}",
+            statement.source.file.display(),
+            name.place.line,
+            name.place.column
+        );
+        graph.set_start(&name.text, value, &place)?;
+    }
+    Ok(())
+}
+
+fn open_dynamics(
+    statement: &Statement,
+    graph: &SystemGraph,
+    catalogue: &Catalogue,
+    signals: &Signals,
+) -> Result<System, Error> {
+    let path = |index: &usize| catalogue.variables()[*index].path.clone();
+    let states = match &statement.states {
+        None => None,
+        Some(named) => {
+            let mut paths = Vec::new();
+            for name in named {
+                let (index, _) = catalogue.want(&statement.source, name)?;
+                if catalogue.variables()[index].kind != Kind::State {
+                    let known = catalogue.variables().iter().filter(|one| one.kind == Kind::State);
+                    let meant = names::suggestion(&name.text, known.map(|one| one.name.as_str()));
+                    let problem = format!("`{}` is no state; {meant}", name.text);
+                    return Err(statement.source.error_at(name.place, problem));
+                }
+                paths.push(path(&index));
+            }
+            Some(paths)
+        }
+    };
+    let options = Options {
+        states,
+        inputs: Some(signals.inputs.iter().map(path).collect()),
+        outputs: signals.outputs.iter().map(path).collect(),
+        time: 0.0,
+    };
+    Ok(System::open(graph, &options)?)
+}
+
+/// The dynamics of a phase with other outputs than those of the task.
+pub(super) fn phase_dynamics(setup: &Setup, phase: usize, signals: &Signals) -> Result<System, Error> {
+    let mut graph = setup.graph.clone();
+    set(&setup.statement, &mut graph, &setup.statement.phases[phase].parameters)?;
+    open_dynamics(&setup.statement, &graph, &setup.catalogue, signals)
+}
+
+/// States of the task that belong to sampled components.
+fn sampled_states(
+    graph: &SystemGraph,
+    catalogue: &Catalogue,
+    signals: &Signals,
+    sampling: Option<&Sampling>,
+) -> Vec<usize> {
+    let Some(sampling) = sampling else { return Vec::new() };
+    let owned = |state: &usize| {
+        let path = &catalogue.variables()[signals.states[*state]].path;
+        let prefix = |index: &usize| format!("{}.", graph.components[*index].name);
+        graph.single || sampling.components.iter().any(|index| path.starts_with(&prefix(index)))
+    };
+    (0..signals.states.len()).filter(owned).collect()
+}
+
+/// Dynamics under the names of the connectors.
+struct Named {
+    inner: Box<dyn Dynamics>,
+    names: Vec<String>,
+    /// Whether nominal values are told; else the solver sees the variables as they are.
+    scaled: bool,
+}
+
+impl Dynamics for Named {
+    fn size(&self) -> Size {
+        self.inner.size()
+    }
+
+    fn structure(&self) -> &Structure {
+        self.inner.structure()
+    }
+
+    fn names(&self) -> Vec<String> {
+        self.names.clone()
+    }
+
+    fn nominals(&self) -> Vec<f64> {
+        match self.scaled {
+            true => self.inner.nominals(),
+            false => vec![1.0; self.names.len()],
+        }
+    }
+
+    fn evaluate(&mut self, at: Point<'_>, values: &mut [f64]) -> Result<(), EvaluationError> {
+        self.inner.evaluate(at, values)
+    }
+
+    fn jacobian(
+        &mut self,
+        at: Point<'_>,
+        values: &mut [f64],
+        jacobian: &mut [f64],
+    ) -> Result<(), EvaluationError> {
+        self.inner.jacobian(at, values, jacobian)
+    }
+
+    fn hessian(
+        &mut self,
+        at: Point<'_>,
+        weights: &[f64],
+        hessian: &mut [f64],
+    ) -> Result<(), EvaluationError> {
+        self.inner.hessian(at, weights, hessian)
+    }
+
+    fn duplicate(&self) -> Result<Box<dyn Dynamics>, EvaluationError> {
+        Ok(Box::new(Named { inner: self.inner.duplicate()?, names: self.names.clone(), scaled: self.scaled }))
+    }
+}

@@ -1,0 +1,113 @@
+//! Jumps of states between phases, such as impacts: read from outputs of the system at the end of the phase before.
+
+use super::Error;
+use super::assemble;
+use super::catalogue::{Catalogue, Kind};
+use super::file::Text;
+use super::file::statement::{Reset, Statement};
+use super::task::{self, Reader, Signal, Signals};
+use airloop_cosim::coupled::System;
+use airloop_ocp::transcription::{After, Dynamics, Limit, Link, OutputReset};
+use airloop_optim::EvaluationError;
+
+/// A jump of states, ready to become a [`Link`].
+pub struct Jump {
+    /// The system, with the outputs that the jump refers to.
+    dynamics: Box<dyn Dynamics>,
+    after: Vec<After>,
+    limits: Vec<Limit>,
+    /// The limits as stated.
+    stated: Vec<task::Limit>,
+}
+
+impl Jump {
+    /// The system, with the outputs that the limits refer to.
+    pub(super) fn dynamics(&mut self) -> &mut dyn Dynamics {
+        self.dynamics.as_mut()
+    }
+
+    /// Bounds of outputs, in the order of the problem file.
+    pub(super) fn stated(&self) -> Vec<task::Limit> {
+        self.stated.clone()
+    }
+
+    /// The link, with an instance of its own.
+    ///
+    /// # Errors
+    /// When no further instance can be made.
+    pub fn link(&self) -> Result<Link, EvaluationError> {
+        let dynamics = self.dynamics.duplicate()?;
+        let size = dynamics.size();
+        let reset = OutputReset::new(
+            dynamics,
+            self.after.clone(),
+            (0..size.outputs).collect(),
+            vec![0.0; size.inputs],
+        );
+        Ok(Link::reset(Box::new(reset), self.limits.clone()))
+    }
+}
+
+/// The jumps of a problem, one per pair of phases; `open` opens the system with parameters and signals.
+///
+/// # Errors
+/// [`Error::File`] names line, column and remedy.
+pub fn resets(
+    statement: &Statement,
+    catalogue: &Catalogue,
+    signals: &Signals,
+    open: impl Fn(&[(Text, String)], &Signals) -> Result<Box<System>, Error>,
+) -> Result<Vec<Option<Jump>>, Error> {
+    if let Some(reset) = statement.phases.first().and_then(|phase| phase.reset.as_ref()) {
+        let problem =
+            "the first phase has no phase before it; a `reset` belongs to the phase that it leads to";
+        return Err(statement.source.error_at(reset.place, problem.to_owned()));
+    }
+    let one = |reset: &Reset| {
+        let signals = Signals { outputs: outputs(statement, catalogue, reset)?, ..signals.clone() };
+        let dynamics = open(&reset.parameters, &signals)?;
+        let reader = Reader { source: &statement.source, catalogue, signals: &signals };
+        let mut after: Vec<After> = (0..signals.states.len()).map(After::State).collect();
+        for (state, shown) in &reset.states {
+            let (Signal::State(state), _) = reader.signal(state)? else {
+                let problem = format!("`{}` is no state; only states follow from a reset", state.text);
+                return Err(statement.source.error_at(state.place, problem));
+            };
+            after[state] = match reader.signal(shown)?.0 {
+                Signal::State(before) => After::State(before),
+                Signal::Output(output) => After::Output(output),
+                Signal::Input(_) => {
+                    let problem =
+                        format!("`{}` is an input; a state follows from a state or an output", shown.text);
+                    return Err(statement.source.error_at(shown.place, problem));
+                }
+            };
+        }
+        let (mut limits, mut stated) = (Vec::new(), Vec::new());
+        for bound in &reset.bounds {
+            let limit = reader.bound(bound)?.with_margin();
+            if limit.terms.iter().any(|(signal, _)| !matches!(signal, Signal::Output(_))) {
+                let problem =
+                    format!("`{}`: a bound of a reset is about outputs, such as impulses", limit.name);
+                return Err(statement.source.error_at(bound.place, problem));
+            }
+            limits.push(assemble::limit(&limit));
+            stated.push(limit);
+        }
+        Ok(Jump { dynamics, after, limits, stated })
+    };
+    statement.phases.iter().skip(1).map(|phase| phase.reset.as_ref().map(one).transpose()).collect()
+}
+
+/// The variables of a reset that are neither state nor input, as indices into the catalogue.
+fn outputs(statement: &Statement, catalogue: &Catalogue, reset: &Reset) -> Result<Vec<usize>, Error> {
+    let bounded = reset.bounds.iter().flat_map(|bound| bound.terms.iter().map(|(name, _)| name));
+    let mut found = Vec::new();
+    for name in reset.states.iter().map(|(_, shown)| shown).chain(bounded) {
+        let (index, _) = catalogue.want(&statement.source, name)?;
+        if catalogue.variables()[index].kind == Kind::Output && !found.contains(&index) {
+            found.push(index);
+        }
+    }
+    Ok(found)
+}

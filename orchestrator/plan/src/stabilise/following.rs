@@ -1,0 +1,153 @@
+//! Phases of a plan for the regulator: rows of the trajectory, events between phases, and the output that tells them.
+
+use std::ops::Range;
+
+use super::Settings;
+use super::design::Plan;
+use super::wiring::find;
+use crate::Error;
+use crate::file::Place;
+use crate::prepare::Setup;
+use crate::reset::Jump;
+use crate::task::{Signal, seconds};
+use airloop_cosim::system::graph::DataType;
+use airloop_ocp::control::{self, Event, Leg, Nominal, Phases, phases};
+use airloop_ocp::transcription::StateLink;
+
+/// How far the trajectory of a phase goes beyond its ends \[s\], where nothing is said.
+const OVERLAP: f64 = 0.05;
+/// How far the regulator looks beyond the end of the plan \[s\], where nothing is said.
+const HORIZON: f64 = 2.0;
+
+/// A plan on the samples.
+pub(super) enum Plant<'a> {
+    One(Leg<'a>, Nominal),
+    Several(Phases<'a>),
+}
+
+impl<'a> Plant<'a> {
+    pub(super) fn new(mut legs: Vec<Leg<'a>>) -> Result<Plant<'a>, control::Error> {
+        match (legs.pop(), legs.is_empty()) {
+            (Some(mut one), true) => {
+                let nominal = Nominal::new(&mut one.plant, &one.knots)?;
+                Ok(Plant::One(one, nominal))
+            }
+            (last, _) => {
+                legs.extend(last);
+                Phases::new(legs).map(Plant::Several)
+            }
+        }
+    }
+
+    pub(super) fn nominal(&self) -> &Nominal {
+        match self {
+            Plant::One(_, nominal) => nominal,
+            Plant::Several(phases) => &phases.nominal,
+        }
+    }
+}
+
+/// Rows of every phase, by the column `phase` of a trajectory that has several.
+pub(super) fn sections(plan: Plan<'_>, phases: usize) -> Result<Vec<Range<usize>>, Error> {
+    if phases == 1 {
+        return Ok(std::iter::once(0..plan.trajectory.len()).collect());
+    }
+    let place = |problem: String| Error::Place { place: plan.file.display().to_string(), problem };
+    let column = plan.trajectory.channel("phase").ok_or_else(|| {
+        place(format!(
+            "there is no column `phase`, and the problem has {phases} phases; give its own trajectory"
+        ))
+    })?;
+    (1..=phases)
+        .map(|number| {
+            let own = |value: &&f64| **value == number as f64;
+            let rows = column.values.iter().filter(own).count();
+            let first = column.values.iter().position(|value| *value == number as f64);
+            match first
+                .filter(|&first| rows >= 2 && column.values[first..first + rows].iter().all(|v| own(&v)))
+            {
+                Some(first) => Ok(first..first + rows),
+                None => Err(place(format!(
+                    "column `phase`: the rows of phase {number} are not two or more in a row"
+                ))),
+            }
+        })
+        .collect()
+}
+
+/// Events between the phases.
+pub(super) struct Following {
+    pub how: phases::Following,
+    pub events: Vec<Event>,
+    /// Component and output that tell the phase.
+    pub mode: Option<(usize, usize)>,
+}
+
+impl Following {
+    pub(super) fn of(
+        setup: &Setup,
+        settings: &Settings,
+        resets: &[Option<Jump>],
+    ) -> Result<Following, Error> {
+        let source = &settings.source;
+        let count = setup.task.phases.len();
+        let own = settings.phases.as_ref().ok_or_else(|| {
+            let problem = format!(
+                "the plan has {count} phases; add [phases] with `guards`, the {} outputs that pass through zero where \
+                 they end",
+                count - 1
+            );
+            source.error_at(Place { line: 1, column: 1 }, problem)
+        })?;
+        let start = own.guards.first().map_or(Place { line: 1, column: 1 }, |guard| guard.place);
+        if own.guards.len() + 1 != count {
+            let problem =
+                format!("{} guards for {count} phases; give one fewer than phases", own.guards.len());
+            return Err(source.error_at(start, problem));
+        }
+        let mut events = Vec::new();
+        for (guard, jump) in own.guards.iter().zip(resets) {
+            let (index, _) = setup.catalogue.want(source, guard)?;
+            let Some(Signal::Output(guard)) = setup.task.signals.of(index) else {
+                let problem = format!("`{}` is no output that the problem names; bound it there", guard.text);
+                return Err(source.error_at(guard.place, problem));
+            };
+            let reset = match jump.as_ref().map(Jump::link).transpose()?.map(|link| link.states) {
+                Some(StateLink::Reset(reset, _)) => Some(reset),
+                _ => None,
+            };
+            events.push(Event { guard, reset });
+        }
+        let mut mode = None;
+        if let Some((name, modes)) = &own.mode {
+            if modes.len() != count {
+                let problem = format!("{} modes for {count} phases; give one per phase", modes.len());
+                return Err(source.error_at(name.place, problem));
+            }
+            let found = find(&setup.graph, &name.text);
+            let whole = found.is_some_and(|(component, variable)| {
+                let description = &setup.graph.components[component].fmu.description;
+                matches!(
+                    DataType::of(&description.variables[variable]),
+                    DataType::Integer | DataType::Enumeration
+                )
+            });
+            if !whole {
+                let problem = format!(
+                    "`{}` is no Integer or enumeration of a component; write component.variable",
+                    name.text
+                );
+                return Err(source.error_at(name.place, problem));
+            }
+            mode = found;
+        }
+        let time =
+            |quantity: &Option<_>, none: f64| quantity.as_ref().map_or(Ok(none), |one| seconds(source, one));
+        let how = phases::Following {
+            modes: own.mode.as_ref().map(|(_, modes)| modes.clone()),
+            overlap: time(&own.overlap, OVERLAP)?,
+            horizon: time(&own.horizon, HORIZON)?,
+        };
+        Ok(Following { how, events, mode })
+    }
+}

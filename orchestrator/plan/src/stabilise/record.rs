@@ -1,0 +1,191 @@
+//! `summary.json` of a stabilised plan and of trials, and the tables beside it.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use serde::{Deserialize, Serialize};
+
+use super::Stabilised;
+use crate::Error;
+use crate::catalogue::Catalogue;
+use airloop_series::TimeSeries;
+
+/// Version of the layout; it grows when a field changes its meaning or goes.
+pub const SCHEMA_VERSION: u32 = 1;
+
+/// A signal with what the design assumes of it, in its unit.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct SignalRecord {
+    /// Name, also of the column in `gains.csv`.
+    pub name: String,
+    /// `state`, `input` or `measured`.
+    pub kind: String,
+    /// Unit.
+    pub unit: Option<String>,
+    /// Deviation that costs as much as those of the others; null for measured signals.
+    pub deviation: Option<f64>,
+    /// Standard deviation after one second, of a state beside the model or of what disturbs an input.
+    pub drift: Option<f64>,
+    /// Standard deviation of the noise of a measured signal.
+    pub noise: Option<f64>,
+    /// Limits of an input.
+    pub limits: Option<(f64, f64)>,
+}
+
+/// `summary.json` of `airloop stabilize`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Summary {
+    /// [`SCHEMA_VERSION`] of the program that wrote the file.
+    pub schema_version: u32,
+    /// Version of airloop.
+    pub airloop_version: String,
+    /// Always `stabilize`.
+    pub command: String,
+    /// Trajectory that is stabilised.
+    pub trajectory_file: PathBuf,
+    /// Problem of the plan.
+    pub problem_file: PathBuf,
+    /// Settings of the design.
+    pub settings_file: PathBuf,
+    /// Time between samples \[s\].
+    pub sample_time: f64,
+    /// Samples before the hold.
+    pub samples: usize,
+    /// Whether the plan ends in an equilibrium, which is held.
+    pub rests: bool,
+    /// States, inputs and measured signals.
+    pub signals: Vec<SignalRecord>,
+    /// Largest distance of the closed loop from the plan without noise and perturbation, by signal.
+    pub largest_error: BTreeMap<String, f64>,
+    /// Wall-clock time of the design \[s\].
+    pub design_time: f64,
+    /// Files in the folder.
+    pub files: Vec<String>,
+    /// Figures in the folder.
+    pub figures: Vec<String>,
+    /// What was chosen for the user, one sentence each.
+    pub notes: Vec<String>,
+}
+
+/// Trials that keep a criterion.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct CriterionRecord {
+    /// Name of the criterion.
+    pub name: String,
+    /// Closed-loop trials that keep it.
+    pub closed_loop: usize,
+    /// Open-loop trials that keep it.
+    pub open_loop: usize,
+}
+
+/// `summary.json` of `airloop trials`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct TrialsSummary {
+    /// [`SCHEMA_VERSION`] of the program that wrote the file.
+    pub schema_version: u32,
+    /// Version of airloop.
+    pub airloop_version: String,
+    /// Always `trials`.
+    pub command: String,
+    /// System that was tried.
+    pub system_file: PathBuf,
+    /// Settings of the trials.
+    pub settings_file: PathBuf,
+    /// `completed` or `interrupted`.
+    pub status: String,
+    /// Trials asked for, of each kind.
+    pub count: usize,
+    /// Closed-loop trials done.
+    pub closed_loop: usize,
+    /// Open-loop trials done.
+    pub open_loop: usize,
+    /// Seed of the first.
+    pub seed: u64,
+    /// Factor of the perturbations.
+    pub scale: f64,
+    /// Master.
+    pub master: String,
+    /// Criteria in the order of the file.
+    pub criteria: Vec<CriterionRecord>,
+    /// Trials that ended early, with the reason.
+    pub ended_early: Vec<String>,
+    /// Wall-clock time \[s\].
+    pub time: f64,
+    /// Files in the folder.
+    pub files: Vec<String>,
+    /// Figures in the folder.
+    pub figures: Vec<String>,
+}
+
+/// Writes a summary.
+///
+/// # Errors
+/// [`Error::Io`].
+pub fn write<T: Serialize>(summary: &T, path: &Path) -> Result<(), Error> {
+    airloop_series::file::write_json(path, summary).map_err(|source| Error::Io { file: path.into(), source })
+}
+
+/// Signals of the design.
+pub fn signals(stabilised: &Stabilised, states: &[usize], catalogue: &Catalogue) -> Vec<SignalRecord> {
+    let design = &stabilised.design;
+    let record = |index: usize, kind: &str| {
+        let variable = &catalogue.variables()[index];
+        SignalRecord {
+            name: variable.name.clone(),
+            kind: kind.into(),
+            unit: variable.unit.clone(),
+            deviation: None,
+            drift: None,
+            noise: None,
+            limits: None,
+        }
+    };
+    let states = states.iter().enumerate().map(|(i, &index)| SignalRecord {
+        deviation: Some(design.state_deviation[i]).filter(|value| value.is_finite()),
+        drift: Some(design.state_drift[i]),
+        ..record(index, "state")
+    });
+    let inputs = stabilised.inputs.iter().enumerate().map(|(i, &index)| SignalRecord {
+        deviation: Some(design.input_deviation[i]).filter(|value| value.is_finite()),
+        drift: Some(design.input_drift[i]),
+        limits: Some(design.limits[i]).filter(|limits| limits.0.is_finite() && limits.1.is_finite()),
+        ..record(index, "input")
+    });
+    let measured = stabilised
+        .measured
+        .iter()
+        .enumerate()
+        .map(|(i, &index)| SignalRecord { noise: Some(design.noise[i]), ..record(index, "measured") });
+    states.chain(inputs).chain(measured).collect()
+}
+
+/// Name of the column of a gain.
+pub fn gain_column(input: &str, state: &str) -> String {
+    format!("gain of {input} on {state}")
+}
+
+/// The plan on the samples with the feedback, a row per sample; the last row holds from there on.
+///
+/// # Errors
+/// Names that stand twice.
+pub fn gains(stabilised: &Stabilised, catalogue: &Catalogue) -> Result<TimeSeries, Error> {
+    let rows = &stabilised.rows;
+    let mut series = TimeSeries::new((0..rows.len()).map(|k| stabilised.nominal.time(k)).collect())?;
+    let input = |j: usize| &catalogue.variables()[stabilised.inputs[j]];
+    let unit =
+        |name: &str| catalogue.find(name).and_then(|(index, _)| catalogue.variables()[index].unit.clone());
+    for (i, name) in stabilised.states.iter().enumerate().take(stabilised.nominal.states[0].len()) {
+        series.push(name.clone(), unit(name), rows.iter().map(|row| row.states[i]).collect())?;
+    }
+    for j in 0..stabilised.inputs.len() {
+        let values = rows.iter().map(|row| row.inputs[j]).collect();
+        series.push(input(j).name.clone(), input(j).unit.clone(), values)?;
+    }
+    for j in 0..stabilised.inputs.len() {
+        for (i, state) in stabilised.states.iter().enumerate() {
+            let values = rows.iter().map(|row| row.feedback[(j, i)]).collect();
+            series.push(gain_column(&input(j).name, state), None, values)?;
+        }
+    }
+    Ok(series)
+}

@@ -1,0 +1,156 @@
+//! Trials: the closed loop, and the plan alone, on systems whose parameters and initial states differ from the model's.
+//!
+//! A trial is a run of the closed-loop system through a master. Its seed gives the perturbations, in the order of the
+//! file, and the sensor noise, sample by sample; the same seed gives the same trial on any number of threads, with and
+//! without feedback.
+
+mod judge;
+pub mod random;
+mod ready;
+
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::{Mutex, PoisonError};
+
+use super::Error;
+use airloop_cosim::master::simulate::{self, End, Stimulus, Watch};
+use airloop_cosim::master::{Algorithm, Settings as MasterSettings};
+use airloop_cosim::system::SystemGraph;
+use airloop_cosim::system::graph::Start;
+use airloop_series::{Interpolation, TimeSeries};
+use random::Random;
+
+pub use judge::Judgement;
+pub use ready::{Ready, prepare};
+
+/// What is run.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Request {
+    /// Number of trials.
+    pub count: usize,
+    /// Seed of the first; each next one has the next seed.
+    pub seed: u64,
+    /// Factor of all perturbations; the sensor noise stays as it is.
+    pub scale: f64,
+    /// Master.
+    pub algorithm: Algorithm,
+    /// Threads.
+    pub threads: usize,
+    /// Trials whose courses are kept.
+    pub keep: usize,
+}
+
+/// One trial.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Trial {
+    /// Seed.
+    pub seed: u64,
+    /// Whether the controller had feedback.
+    pub closed: bool,
+    /// Each criterion: kept or not.
+    pub judgement: Judgement,
+    /// Why it ended early, if it did.
+    pub problem: Option<String>,
+    /// Course of the signals that are judged, and of the commands; of the first trials only.
+    pub course: Option<TimeSeries>,
+}
+
+/// Runs all trials, closed loop first, each with all seeds; fewer where `stop` was set.
+///
+/// # Errors
+/// A trial that cannot begin, whichever comes first in that order.
+pub fn run(
+    ready: &Ready,
+    request: &Request,
+    stop: &AtomicBool,
+    progress: &(dyn Fn(usize, usize) + Sync),
+) -> Result<Vec<Trial>, Error> {
+    let jobs: Vec<(bool, u64, bool)> = [true, false]
+        .into_iter()
+        .flat_map(|closed| {
+            (0..request.count).map(move |k| (closed, request.seed + k as u64, k < request.keep))
+        })
+        .collect();
+    let (next, done) = (AtomicUsize::new(0), AtomicUsize::new(0));
+    let results: Mutex<Vec<Option<Result<Trial, Error>>>> =
+        Mutex::new((0..jobs.len()).map(|_| None).collect());
+    std::thread::scope(|scope| {
+        for _ in 0..request.threads.clamp(1, jobs.len().max(1)) {
+            scope.spawn(|| {
+                while !stop.load(Ordering::Relaxed) {
+                    let job = next.fetch_add(1, Ordering::Relaxed);
+                    let Some(&(closed, seed, keep)) = jobs.get(job) else { return };
+                    let trial = one(ready, request, (closed, seed, keep), stop);
+                    results.lock().unwrap_or_else(PoisonError::into_inner)[job] = trial.transpose();
+                    progress(done.fetch_add(1, Ordering::Relaxed) + 1, jobs.len());
+                }
+            });
+        }
+    });
+    let results = results.into_inner().unwrap_or_else(PoisonError::into_inner);
+    results.into_iter().flatten().collect()
+}
+
+/// One trial; none if it was interrupted.
+fn one(
+    ready: &Ready,
+    request: &Request,
+    (closed, seed, keep): (bool, u64, bool),
+    stop: &AtomicBool,
+) -> Result<Option<Trial>, Error> {
+    let mut random = Random::new(seed);
+    let mut graph = ready.graph.clone();
+    perturb(ready, &mut graph, request.scale, &mut random);
+    graph.components[ready.controller].set_start(ready.feedback, Start::Boolean(closed));
+    let noise = noise(ready, &mut random)?;
+    let stimulus =
+        Stimulus { series: &noise, links: ready.noise_links(), interpolation: Interpolation::Hold };
+    let settings = MasterSettings {
+        start_time: ready.start,
+        stop_time: ready.stop,
+        step_size: ready.sample_time,
+        algorithm: request.algorithm,
+        ..MasterSettings::default()
+    };
+    let watch = Watch { stop, progress: &mut |_, _| {} };
+    let run = simulate::run(&graph, &settings, Some(&stimulus), watch).map_err(|error| Error::Place {
+        place: format!("trial of seed {seed}"),
+        problem: format!("{error}; if a parameter is out of its range, perturb it less"),
+    })?;
+    let problem = match run.end {
+        End::Completed => None,
+        End::Terminated { component, .. } => Some(format!("component `{component}` ended the trial")),
+        End::Interrupted => return Ok(None),
+        End::Failed(error) => Some(error.to_string()),
+    };
+    let judgement = judge::judge(&ready.criteria, &run.result, problem.is_some())?;
+    let course = keep.then(|| ready.course(&run.result)).transpose()?;
+    Ok(Some(Trial { seed, closed, judgement, problem, course }))
+}
+
+/// Draws the perturbations: one number each, at the value of the model.
+fn perturb(ready: &Ready, graph: &mut SystemGraph, scale: f64, random: &mut Random) {
+    for perturbation in &ready.perturbations {
+        let part = scale * random.symmetric();
+        for place in &perturbation.places {
+            let value = place.value + part * place.width;
+            graph.components[place.component].set_start(place.variable, Start::Real(value));
+        }
+    }
+}
+
+/// Sensor noise at all samples.
+fn noise(ready: &Ready, random: &mut Random) -> Result<TimeSeries, Error> {
+    let samples = ((ready.stop - ready.start) / ready.sample_time).ceil() as usize + 1;
+    let time: Vec<f64> = (0..samples).map(|k| ready.start + k as f64 * ready.sample_time).collect();
+    let mut columns = vec![Vec::with_capacity(samples); ready.noise.len()];
+    for _ in 0..samples {
+        for (column, noise) in columns.iter_mut().zip(&ready.noise) {
+            column.push(noise.deviation * random.normal());
+        }
+    }
+    let mut series = TimeSeries::new(time)?;
+    for (noise, column) in ready.noise.iter().zip(columns) {
+        series.push(noise.name.clone(), None, column)?;
+    }
+    Ok(series)
+}

@@ -1,0 +1,279 @@
+//! A closed loop with everything that trials need looked up.
+
+use std::path::Path;
+
+use super::judge::Check;
+use crate::Error;
+use crate::catalogue::Catalogue;
+use crate::file::{Quantity, Text};
+use crate::stabilise::settings::{Perturb, Settings, Spread, Trials};
+use crate::stabilise::wiring::{COMPONENT, find, noise_input};
+use crate::task::seconds;
+use airloop_cosim::master::Algorithm;
+use airloop_cosim::system::SystemGraph;
+use airloop_cosim::system::graph::{Source, Start, unit_of};
+use airloop_fmi::{InterfaceKind, VariableKind};
+use airloop_series::TimeSeries;
+use airloop_series::units::{Compatibility, compatible, lookup};
+
+/// A variable that is perturbed.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Place {
+    /// Component and variable.
+    pub component: usize,
+    /// See `component`.
+    pub variable: usize,
+    /// Value of the model.
+    pub value: f64,
+    /// How far it goes to either side.
+    pub width: f64,
+}
+
+/// Variables that are perturbed by one number.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Perturbation {
+    /// The variables.
+    pub places: Vec<Place>,
+}
+
+/// Noise of a sensor.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Noise {
+    /// Input of the system.
+    pub name: String,
+    /// Its index.
+    pub input: usize,
+    /// Standard deviation.
+    pub deviation: f64,
+}
+
+/// A closed loop that is ready for trials.
+#[derive(Debug)]
+pub struct Ready {
+    /// The closed loop.
+    pub graph: SystemGraph,
+    /// The controller and its parameter `feedback`.
+    pub controller: usize,
+    /// See `controller`.
+    pub feedback: usize,
+    /// Sample time of the controller \[s\].
+    pub sample_time: f64,
+    /// Begin of a trial \[s\].
+    pub start: f64,
+    /// End of a trial \[s\].
+    pub stop: f64,
+    /// Perturbations in the order of the file.
+    pub perturbations: Vec<Perturbation>,
+    /// Sensor noise.
+    pub noise: Vec<Noise>,
+    /// What makes a trial a success.
+    pub criteria: Vec<Check>,
+}
+
+/// Opens a closed loop and looks up what the settings name.
+///
+/// # Errors
+/// A system that cannot be opened or has no controller, settings without trials, or names and units with their place.
+pub fn prepare(system: &Path, settings: &Settings, algorithm: Algorithm) -> Result<Ready, Error> {
+    let interface = match algorithm {
+        Algorithm::Monolithic => InterfaceKind::ModelExchange,
+        _ => InterfaceKind::CoSimulation,
+    };
+    let graph = SystemGraph::open_for(system, interface)?;
+    let source = &settings.source;
+    let start = crate::file::Place { line: 1, column: 1 };
+    let trials = settings.trials.as_ref();
+    let trials = trials.ok_or_else(|| source.error_at(start, "the file has no table [trials]; add it"))?;
+    let place = |problem: String| Error::Place { place: system.display().to_string(), problem };
+    let feedback =
+        |component: &airloop_cosim::system::graph::Component| component.fmu.description.index_of("feedback");
+    let controller =
+        graph.components.iter().position(|one| one.name.starts_with(COMPONENT) && feedback(one).is_some());
+    let controller = controller.ok_or_else(|| {
+        place(
+            "the system has no controller of `airloop stabilize`; give the closed loop that it wrote".into(),
+        )
+    })?;
+    let feedback = feedback(&graph.components[controller]).unwrap_or_default();
+    let catalogue = Catalogue::new(&graph);
+    let sample_time = graph.components[controller]
+        .fmu
+        .description
+        .index_of("sample_time")
+        .and_then(|index| value_of(&graph, controller, index))
+        .ok_or_else(|| place("the controller has no sample time".into()))?;
+    let begin = graph.experiment.start.unwrap_or(0.0);
+    let stop = begin + seconds(source, &trials.duration)?;
+    let perturbations = trials
+        .perturb
+        .iter()
+        .map(|one| perturbation(settings, &graph, one))
+        .collect::<Result<Vec<_>, _>>()?;
+    let noise = settings.sensors.iter().map(|sensor| noise(settings, &graph, &catalogue, sensor));
+    let noise = noise.collect::<Result<Vec<_>, _>>()?;
+    let criteria = checks(settings, trials, &catalogue, (begin, stop))?;
+    Ok(Ready { graph, controller, feedback, sample_time, start: begin, stop, perturbations, noise, criteria })
+}
+
+/// Start value of a Real.
+fn value_of(graph: &SystemGraph, component: usize, variable: usize) -> Option<f64> {
+    let component = &graph.components[component];
+    let set = component.start_values.iter().find(|start| start.variable == variable);
+    match (set.map(|start| &start.value), &component.fmu.description.variables[variable].kind) {
+        (Some(Start::Real(value)), _) => Some(*value),
+        (_, VariableKind::Real(real)) => real.start,
+        _ => None,
+    }
+}
+
+fn perturbation(settings: &Settings, graph: &SystemGraph, one: &Perturb) -> Result<Perturbation, Error> {
+    let source = &settings.source;
+    let place = |name: &Text| -> Result<Place, Error> {
+        let found = find(graph, &name.text);
+        let value = found.and_then(|(component, variable)| value_of(graph, component, variable));
+        match (found, value) {
+            (Some((component, variable)), Some(value)) => {
+                Ok(Place { component, variable, value, width: 0.0 })
+            }
+            _ => {
+                let problem = format!(
+                    "the system has no Real `{}` with a start value; write component.variable",
+                    name.text
+                );
+                Err(source.error_at(name.place, problem))
+            }
+        }
+    };
+    let mut places = one.variables.iter().map(place).collect::<Result<Vec<_>, _>>()?;
+    for (i, place) in places.iter_mut().enumerate() {
+        place.width = match &one.spread {
+            Spread::Relative(part) => part * place.value,
+            Spread::Absolute(width) => in_unit_of(settings, graph, width, place)?,
+            Spread::Each(widths) => in_unit_of(settings, graph, &widths[i], place)?,
+        };
+    }
+    Ok(Perturbation { places })
+}
+
+/// A width in the unit of the variable that it belongs to.
+fn in_unit_of(
+    settings: &Settings,
+    graph: &SystemGraph,
+    width: &Quantity,
+    place: &Place,
+) -> Result<f64, Error> {
+    let Some(unit) = &width.unit else { return Ok(width.value) };
+    let variable = &graph.components[place.component].fmu.description.variables[place.variable];
+    let own = match &variable.kind {
+        VariableKind::Real(real) => real.unit.as_deref().unwrap_or("1"),
+        _ => "1",
+    };
+    if own == unit {
+        return Ok(width.value);
+    }
+    let known = lookup(unit).zip(lookup(own)).map(|(unit, own)| compatible(&unit, &own));
+    match known {
+        Some(Compatibility::Equal) => Ok(width.value),
+        Some(Compatibility::Convertible { factor, .. }) => Ok(factor * width.value),
+        _ => {
+            let problem = format!("`{unit}` is no unit for `{}`, which is in `{own}`", variable.name);
+            Err(settings.source.error_at(width.place, problem))
+        }
+    }
+}
+
+fn noise(
+    settings: &Settings,
+    graph: &SystemGraph,
+    catalogue: &Catalogue,
+    (name, quantity): &(Text, Quantity),
+) -> Result<Noise, Error> {
+    let found = catalogue.want(&settings.source, name)?;
+    let input = noise_input(&catalogue.variables()[found.0].name);
+    let position = graph.inputs.iter().position(|one| one.name == input).ok_or_else(|| {
+        let problem =
+            format!("the closed loop does not measure `{}`; stabilise with these settings", name.text);
+        settings.source.error_at(name.place, problem)
+    })?;
+    Ok(Noise { name: input, input: position, deviation: catalogue.value(&settings.source, quantity, found)? })
+}
+
+fn checks(
+    settings: &Settings,
+    trials: &Trials,
+    catalogue: &Catalogue,
+    (start, stop): (f64, f64),
+) -> Result<Vec<Check>, Error> {
+    let source = &settings.source;
+    let mut checks = Vec::new();
+    for criterion in &trials.criteria {
+        let found = catalogue.want(source, &criterion.signal)?;
+        let limit = |quantity: &Option<Quantity>, none: f64| match quantity {
+            Some(quantity) => catalogue.value(source, quantity, found),
+            None => Ok(none),
+        };
+        let time = |quantity: &Option<Quantity>, none: f64| match quantity {
+            Some(quantity) => seconds(source, quantity),
+            None => Ok(none),
+        };
+        checks.push(Check {
+            name: criterion.name.clone(),
+            column: catalogue.variables()[found.0].name.clone(),
+            limits: (limit(&criterion.min, f64::NEG_INFINITY)?, limit(&criterion.max, f64::INFINITY)?),
+            span: (time(&criterion.from, start)?, time(&criterion.to, stop)?),
+        });
+    }
+    Ok(checks)
+}
+
+impl Ready {
+    /// Links of the noise to the inputs of the system.
+    pub(super) fn noise_links(&self) -> Vec<(usize, usize, f64, f64)> {
+        let link = |(channel, noise): (usize, &Noise)| (noise.input, channel, 1.0, 0.0);
+        self.noise.iter().enumerate().map(link).collect()
+    }
+
+    /// Names of criteria, each once.
+    pub fn criteria_names(&self) -> Vec<String> {
+        let mut names: Vec<String> = Vec::new();
+        for check in &self.criteria {
+            if !names.contains(&check.name) {
+                names.push(check.name.clone());
+            }
+        }
+        names
+    }
+
+    /// Columns that are judged, and the outputs of the system that come from the controller, with their units.
+    pub fn shown(&self) -> Vec<(String, Option<String>)> {
+        let commands = self.graph.outputs.iter().filter(
+            |output| matches!(output.source, Source::Output { component, .. } if component == self.controller),
+        );
+        let mut shown: Vec<(String, Option<String>)> = Vec::new();
+        for name in self.criteria.iter().map(|check| &check.column).chain(commands.map(|output| &output.name))
+        {
+            if shown.iter().all(|(other, _)| other != name) {
+                shown.push((name.clone(), self.unit(name)));
+            }
+        }
+        shown
+    }
+
+    /// Unit of a column of the result.
+    fn unit(&self, name: &str) -> Option<String> {
+        if let Some(output) = self.graph.outputs.iter().find(|output| output.name == name) {
+            return output.unit.clone();
+        }
+        let (component, variable) = find(&self.graph, name)?;
+        unit_of(&self.graph.components[component].fmu.description.variables[variable]).map(str::to_owned)
+    }
+
+    /// The columns of [`Ready::shown`].
+    pub(super) fn course(&self, result: &TimeSeries) -> Result<TimeSeries, Error> {
+        let mut course = TimeSeries::new(result.time().to_vec())?;
+        for channel in self.shown().iter().filter_map(|(name, _)| result.channel(name)) {
+            course.push(channel.name.clone(), channel.unit.clone(), channel.values.clone())?;
+        }
+        Ok(course)
+    }
+}

@@ -1,0 +1,123 @@
+//! The amended system: the declared one with what it lacks, as FMUs that any tool runs.
+//!
+//! [`network`] puts blocks in series into a system, [`blocks`] says which block an effect of the vocabulary becomes,
+//! [`rig`] has the declared rig and [`study`] the system of a study, and where blocks go in them. [`write()`] derives the
+//! FMUs and writes `.ssd`, `.ssp` and the table of the columns of a study's records. The declared FMUs keep their equations: an effect is a block beside them, or other values of their parameters.
+
+pub mod blocks;
+pub mod network;
+pub mod rig;
+pub mod study;
+
+use std::path::{Path, PathBuf};
+
+use airloop_cosim::system::SystemGraph;
+use airloop_cosim::system::write::Version;
+use airloop_fmi::derive::{self, Derivation, DeriveError};
+use airloop_fmi::template_folder::{self, TemplateNotFound};
+
+pub use network::Network;
+
+/// Folder of the amended system inside that of the report.
+pub const FOLDER: &str = "system";
+/// Table of the columns of the records inside that folder, where they are not named as the connectors.
+pub const SIGNALS: &str = "signals.toml";
+
+/// Why the amended system cannot be written.
+#[derive(Debug, thiserror::Error)]
+pub enum Error {
+    /// The declared FMUs are not built.
+    #[error(transparent)]
+    Template(#[from] TemplateNotFound),
+    /// An FMU cannot be derived.
+    #[error(transparent)]
+    Derive(#[from] DeriveError),
+    /// The system does not hold together.
+    #[error(transparent)]
+    System(#[from] airloop_cosim::system::Error),
+    /// The system of a study cannot be read.
+    #[error(transparent)]
+    Study(#[from] Box<crate::Error>),
+    /// The file system.
+    #[error("{}: the amended system cannot be written: {source}; choose another folder with `-o`", path.display())]
+    Io {
+        /// File or folder.
+        path: PathBuf,
+        /// Reason.
+        source: std::io::Error,
+    },
+}
+
+/// Writes `system.ssd`, `system.ssp` and the FMUs into `folder`/[`FOLDER`]; what was there before is replaced in one
+/// move, and stays if anything fails.
+///
+/// `templates`: folder of the FMUs that are derived from; `None`: where [`template_folder::template`] looks.
+///
+/// # Errors
+/// A template that is not there, a parameter that does not fit, or the file system.
+pub fn write(network: &Network, folder: &Path, templates: Option<&Path>) -> Result<(), Error> {
+    let io = |path: &Path| {
+        let path = path.to_owned();
+        move |source| Error::Io { path, source }
+    };
+    let work = tempfile::Builder::new().prefix(".writing-").tempdir_in(folder).map_err(io(folder))?;
+    let mut structure = network.structure.clone();
+    structure.file = work.path().join("system.ssd");
+    for component in &mut structure.components {
+        component.source = work.path().join(&component.source);
+    }
+    for (source, name) in &network.copies {
+        std::fs::copy(source, work.path().join(name)).map_err(io(source))?;
+    }
+    for part in &network.parts {
+        let template = template_folder::template(part.template, templates)?;
+        let derivation = Derivation {
+            name: part.name.clone(),
+            description: part.description.clone(),
+            start: part.start.clone(),
+            resources: Vec::new(),
+        };
+        derive::derive(&template, &work.path().join(format!("{}.fmu", part.name)), &derivation)?;
+    }
+    let graph = SystemGraph::from_structure(structure, None)?;
+    for name in ["system.ssd", "system.ssp"] {
+        airloop_cosim::system::write::write(&graph, &work.path().join(name), Version::V1_0)?;
+    }
+    if !network.columns.is_empty() {
+        let row = |(connector, column): &(String, String)| format!("{connector:?} = {column:?}\n");
+        let rows: String = network.columns.iter().map(row).collect();
+        let path = work.path().join(SIGNALS);
+        std::fs::write(&path, format!("[signals]\n{rows}")).map_err(io(&path))?;
+    }
+    drop(graph);
+    let place = folder.join(FOLDER);
+    remove(folder)?;
+    readable(work.path()).map_err(io(&place))?;
+    std::fs::rename(work.keep(), &place).map_err(io(&place))
+}
+
+/// Removes the amended system of an earlier report.
+///
+/// # Errors
+/// The file system.
+pub fn remove(folder: &Path) -> Result<(), Error> {
+    let place = folder.join(FOLDER);
+    match std::fs::remove_dir_all(&place) {
+        Err(source) if source.kind() != std::io::ErrorKind::NotFound => {
+            Err(Error::Io { path: place, source })
+        }
+        _ => Ok(()),
+    }
+}
+
+/// Temporary folders are private to the user; a result is an ordinary folder.
+#[cfg(unix)]
+fn readable(folder: &Path) -> std::io::Result<()> {
+    use std::os::unix::fs::PermissionsExt;
+    std::fs::set_permissions(folder, std::fs::Permissions::from_mode(0o755))
+}
+
+#[cfg(not(unix))]
+fn readable(_: &Path) -> std::io::Result<()> {
+    Ok(())
+}

@@ -1,0 +1,239 @@
+//! A case folder: `case.toml` (declared model, sensors, files with their role) and the records it names.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use serde::Deserialize;
+
+use super::Error;
+use super::rig::cylinder::Cylinder;
+use airloop_series::{TimeSeries, csv};
+
+/// What `case.toml` says.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Declaration {
+    /// Name of the case.
+    pub id: String,
+    /// What the records are about.
+    pub kind: Kind,
+    /// Sample rate \[Hz\].
+    pub sample_rate_hz: f64,
+    /// Declared parameters.
+    pub model: Declared,
+    /// Sensors by the name of their column.
+    pub sensors: BTreeMap<String, Sensor>,
+    /// Records.
+    pub files: Vec<File>,
+}
+
+/// Which part of the rig the records are about.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Kind {
+    /// Actuator, friction, cart and pole in series.
+    Cartpole,
+    /// The actuator alone, rod fixed.
+    Actuator,
+    /// Piston and cart alone, moved by a drive.
+    Friction,
+}
+
+/// Declared parameters, SI units.
+#[derive(Debug, Clone, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Declared {
+    /// Sampled actuator model.
+    pub actuator: Option<Actuator>,
+    /// Cylinder from first principles, for where a moving piston contradicts `actuator`; none: that of the FMU
+    /// `pneumatic-cylinder`.
+    pub cylinder: Option<Cylinder>,
+    /// Friction between piston and cylinder.
+    pub piston_friction: Option<Friction>,
+    /// Friction between cart and guide.
+    pub cart_friction: Option<Friction>,
+    /// Masses and lengths.
+    pub cart_pole: Option<CartPole>,
+}
+
+/// `y(k) + A1 y(k-1) = B0 u(k) + B1 u(k-1)`, eq. 6.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
+#[allow(non_snake_case, reason = "names of the paper")]
+pub struct Actuator {
+    /// Sample time \[s\].
+    pub sample_time: f64,
+    /// Shape \[2, 2\].
+    pub A1: [[f64; 2]; 2],
+    /// Shape \[2\].
+    pub B0: [f64; 2],
+    /// Shape \[2\].
+    pub B1: [f64; 2],
+}
+
+/// `c1 tanh(c2 (v - c3)) + c4 v + c5`, eq. 2; N, s/m, m/s, N s/m, N.
+#[derive(Debug, Clone, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+#[allow(missing_docs, reason = "names of the equation")]
+pub struct Friction {
+    pub c1: f64,
+    pub c2: f64,
+    pub c3: f64,
+    pub c4: f64,
+    pub c5: f64,
+}
+
+/// Cart and pole, eq. 4; kg, m, m/s2, N m s/rad.
+#[derive(Debug, Clone, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+#[allow(missing_docs, reason = "names of the paper")]
+pub struct CartPole {
+    pub m_c: f64,
+    pub m_p: f64,
+    pub l: f64,
+    pub g: f64,
+    pub b_p: f64,
+    /// Pivot to the free end of the rod \[m\].
+    pub tip_distance: f64,
+    /// Stroke of the cylinder \[m\].
+    #[serde(default)]
+    pub stroke: f64,
+}
+
+/// A measured signal.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Sensor {
+    /// Unit of the column.
+    pub unit: String,
+    /// What it is.
+    #[serde(default)]
+    pub what: String,
+    /// Rms of the measurement noise, quantisation included, in `unit`.
+    pub noise_rms: f64,
+}
+
+/// One record of the case.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct File {
+    /// File name inside the case folder.
+    pub name: String,
+    /// What it may be used for.
+    pub role: Role,
+    /// `coupled`, `rod_fixed`, `sweep_piston` or `sweep_cart`.
+    pub experiment: Experiment,
+    /// Records of one group repeat one command.
+    #[serde(default)]
+    pub group: String,
+}
+
+/// What a record may be used for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Role {
+    /// Parameters are fitted on it.
+    Estimation,
+    /// Only the error is reported on it.
+    Validation,
+}
+
+/// How a record was made.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+#[allow(missing_docs, reason = "words of case.toml")]
+pub enum Experiment {
+    Coupled,
+    RodFixed,
+    SweepPiston,
+    SweepCart,
+}
+
+/// A case with its records.
+#[derive(Debug, Clone)]
+pub struct Case {
+    /// Contents of `case.toml`.
+    pub declaration: Declaration,
+    /// One series per file, in the same order.
+    pub records: Vec<TimeSeries>,
+}
+
+impl Case {
+    /// Reads a case folder.
+    ///
+    /// # Errors
+    /// A file that cannot be read, a signal without declared sensor, a time axis with gaps or of another rate, no
+    /// estimation or no validation record: each names file, place and remedy.
+    pub fn read(folder: &Path) -> Result<Case, Error> {
+        let path = folder.join("case.toml");
+        let refused = |problem: String| Error::Case { path: path.clone(), problem };
+        if folder.is_file() {
+            let problem = "a single file cannot be searched: give the folder of a case with case.toml (declared model, sensors, files) and its records, or a study.toml for another system";
+            return Err(Error::Case { path: folder.into(), problem: problem.into() });
+        }
+        let text = std::fs::read_to_string(&path).map_err(|error| refused(error.to_string()))?;
+        let declaration: Declaration = toml::from_str(&text).map_err(|error| refused(error.to_string()))?;
+        if !(declaration.sample_rate_hz > 0.0 && declaration.sample_rate_hz.is_finite()) {
+            return Err(refused("sample_rate_hz must be positive".into()));
+        }
+        if let Some(Err(problem)) = declaration.model.cylinder.as_ref().map(Cylinder::check) {
+            return Err(refused(format!(
+                "[model.cylinder]: {problem}; SI units, and what is left out is as in the FMU pneumatic-cylinder"
+            )));
+        }
+        for role in [Role::Estimation, Role::Validation] {
+            if !declaration.files.iter().any(|file| file.role == role) {
+                let name = if role == Role::Estimation { "estimation" } else { "validation" };
+                return Err(refused(format!(
+                    "no file has the role `{name}`: an effect is only reported when it was fitted on estimation records and lowers the error on validation records that the fit has not seen; give at least one file each role"
+                )));
+            }
+        }
+        for (name, sensor) in &declaration.sensors {
+            let exact = name == "u" && sensor.noise_rms == 0.0;
+            if !(exact || sensor.noise_rms > 0.0 && sensor.noise_rms.is_finite()) {
+                return Err(refused(format!(
+                    "sensors.{name}.noise_rms is {}: it must be positive (only the command `u` may be exact); give the rms of sensor noise and rounding together",
+                    sensor.noise_rms
+                )));
+            }
+        }
+        let mut records = Vec::new();
+        for file in &declaration.files {
+            records.push(read_record(&folder.join(&file.name), &declaration)?);
+        }
+        Ok(Case { declaration, records })
+    }
+}
+
+fn read_record(path: &Path, declaration: &Declaration) -> Result<TimeSeries, Error> {
+    let series = csv::read(path)?;
+    let refused = |problem: String| Error::Case { path: path.into(), problem };
+    let step = 1.0 / declaration.sample_rate_hz;
+    for (index, pair) in series.time().windows(2).enumerate() {
+        if ((pair[1] - pair[0]) / step - 1.0).abs() > 0.01 {
+            return Err(refused(format!(
+                "line {}: {} s after the row before, but sample_rate_hz = {} means {step} s; split the record at gaps or correct the rate",
+                index + 3,
+                pair[1] - pair[0],
+                declaration.sample_rate_hz
+            )));
+        }
+    }
+    for name in declaration.sensors.keys() {
+        if series.channel(name).is_none() {
+            return Err(refused(format!(
+                "there is no column `{name}`, which case.toml declares as a sensor"
+            )));
+        }
+    }
+    for channel in series.channels() {
+        if !declaration.sensors.contains_key(&channel.name) {
+            return Err(refused(format!(
+                "column `{0}` has no [sensors.{0}] in case.toml; declare its unit and noise or remove it",
+                channel.name
+            )));
+        }
+    }
+    Ok(series)
+}

@@ -1,0 +1,239 @@
+//! Bounded Levenberg-Marquardt over all estimation records, each with local parameters of its own.
+//!
+//! Derivatives cost several times what residuals cost, so they serve for several steps as long as these gain what they
+//! promise.
+
+use nalgebra::{Cholesky, DMatrix, DVector};
+
+use super::System;
+use super::normal::{Normal, cost, gradients, residuals};
+
+/// A shared parameter that is fitted.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Free {
+    /// Index in the parameter vector.
+    pub index: usize,
+    /// Bounds of the value.
+    pub bounds: (f64, f64),
+    /// Length of the difference step.
+    pub step: f64,
+    /// Standard deviation of what is known beforehand (around the start value zero), if anything.
+    pub prior: Option<f64>,
+}
+
+/// A fitted model.
+#[derive(Debug, Clone)]
+pub struct Fit {
+    /// Parameter vector.
+    pub parameters: Vec<f64>,
+    /// Shared parameters that were fitted.
+    pub free: Vec<Free>,
+    /// Local parameters of every record of the fit.
+    pub locals: Vec<Vec<f64>>,
+    /// Sum of squared residuals, priors included.
+    pub chi2: f64,
+    /// Covariance of the free parameters for unit residuals, shape \[free, free\]; the local ones are accounted for.
+    pub covariance: DMatrix<f64>,
+    /// Whether a parameter stands at a bound.
+    pub at_bound: Vec<bool>,
+}
+
+/// Mean square of the residuals above which a fit that hardly moves is given up.
+const HOPELESS: f64 = 30.0;
+/// Steps that one set of derivatives serves at most.
+const SERVED: usize = 4;
+/// Share of what a step promised that it must gain for the derivatives to serve the next.
+const TRUSTED: f64 = 0.8;
+/// Gain that new derivatives may still promise when the old ones gain nothing more.
+const SETTLED: f64 = 0.02;
+
+/// Solves the damped equations for the parameters that are not held at a bound; zero for those that are.
+fn damped_step(
+    matrix: &DMatrix<f64>,
+    right: &DVector<f64>,
+    damping: f64,
+    held: &[bool],
+) -> Option<DVector<f64>> {
+    let open: Vec<usize> = (0..right.len()).filter(|&i| !held.get(i).copied().unwrap_or(false)).collect();
+    let part = DMatrix::from_fn(open.len(), open.len(), |a, b| {
+        let value = matrix[(open[a], open[b])];
+        if a == b { value * (1.0 + damping) + f64::MIN_POSITIVE.sqrt() } else { value }
+    });
+    let solved = Cholesky::new(part)?.solve(&DVector::from_fn(open.len(), |a, _| right[open[a]]));
+    let mut step = DVector::zeros(right.len());
+    for (a, &i) in open.iter().enumerate() {
+        step[i] = solved[a];
+    }
+    Some(step)
+}
+
+/// Fits the shared parameters `free` and all local ones to `records`, from the start `p` and `locals`.
+pub fn fit<S: System + ?Sized>(
+    system: &S,
+    records: &[usize],
+    p: &[f64],
+    free: &[Free],
+    locals: &[Vec<f64>],
+    iterations: usize,
+) -> Fit {
+    let ng = free.len();
+    let (mut p, mut locals) = (p.to_vec(), locals.to_vec());
+    for f in free {
+        p[f.index] = p[f.index].clamp(f.bounds.0, f.bounds.1);
+    }
+    let mut damping = 1e-4;
+    let count = |&record: &usize| system.signals(record).last().map_or(0, |span| span.range.end);
+    let samples = records.iter().map(count).sum::<usize>() as f64;
+    let mut normal = Normal::new(system, records, &p, free, &locals);
+    let (mut round, mut refused, mut served, mut settled) = (0, 0, 0, false);
+    while round < iterations && refused < 6 {
+        let (matrix, right, chi2) = (&normal.matrix, &normal.right, normal.chi2);
+        let held: Vec<bool> = free
+            .iter()
+            .enumerate()
+            .map(|(a, f)| {
+                (p[f.index] <= f.bounds.0 && right[a] < 0.0) || (p[f.index] >= f.bounds.1 && right[a] > 0.0)
+            })
+            .collect();
+        let Some(step) = damped_step(matrix, right, damping, &held) else {
+            damping = (damping * 10.0).max(1e-6);
+            refused += 1;
+            continue;
+        };
+        let (mut q, mut moved) = (p.clone(), locals.clone());
+        for (a, f) in free.iter().enumerate() {
+            q[f.index] = (p[f.index] + step[a]).clamp(f.bounds.0, f.bounds.1);
+        }
+        let mut offset = ng;
+        for own in &mut moved {
+            for value in own {
+                *value += step[offset];
+                offset += 1;
+            }
+        }
+        let hoped = predicted(matrix, right, &step);
+        if settled && hoped < SETTLED {
+            break;
+        }
+        let reached = residuals(system, records, &q, &moved);
+        let new = cost(&q, free, &reached);
+        if new.is_finite() && new < chi2 {
+            (p, locals, refused) = (q, moved, 0);
+            damping = (damping * 0.1).max(1e-9);
+            let gained = chi2 - new;
+            // Far from noise and hardly moving: this model will not explain the records. With parameters that are
+            // known beforehand the way is long and narrow, and slow steps say nothing.
+            let narrow = free.iter().any(|f| f.prior.is_some());
+            let hopeless = !narrow && new > HOPELESS * samples && gained < 3e-3 * chi2;
+            settled = gained < 2e-3 + 1e-8 * chi2;
+            served += 1;
+            if !settled && !hopeless && served < SERVED && gained > TRUSTED * hoped {
+                normal.moved(&p, free, reached);
+            } else {
+                // New ones at the end, too: for the covariance.
+                normal = Normal::new(system, records, &p, free, &locals);
+                served = 0;
+                round += 1;
+            }
+            if hopeless {
+                break;
+            }
+        } else {
+            if chi2.is_finite() && hoped < 0.01 {
+                break;
+            }
+            if served > 0 {
+                normal = Normal::new(system, records, &p, free, &locals);
+                served = 0;
+                continue;
+            }
+            damping = (damping * 10.0).max(1e-3);
+            refused += 1;
+        }
+    }
+    let Normal { matrix, right, chi2, .. } = normal;
+    let at_bound: Vec<bool> =
+        free.iter().map(|f| p[f.index] <= f.bounds.0 || p[f.index] >= f.bounds.1).collect();
+    let held: Vec<bool> = at_bound
+        .iter()
+        .enumerate()
+        .map(|(a, &at)| at && right[a] * if p[free[a].index] <= free[a].bounds.0 { -1.0 } else { 1.0 } > 0.0)
+        .collect();
+    let covariance = covariance(&matrix, ng, &held);
+    Fit { parameters: p, free: free.to_vec(), locals, chi2, covariance, at_bound }
+}
+
+/// Covariance of the free parameters by the scatter of the records around the common optimum, for residuals that are not
+/// white: each record counts as one observation of the gradient.
+pub fn scatter<S: System + ?Sized>(system: &S, records: &[usize], fit: &Fit) -> DMatrix<f64> {
+    let gradients = gradients(system, records, &fit.parameters, &fit.free, &fit.locals);
+    let ng = fit.free.len();
+    let mut spread = DMatrix::zeros(ng, ng);
+    for own in &gradients {
+        spread += own * own.transpose();
+    }
+    let n = gradients.len() as f64;
+    &fit.covariance * spread * &fit.covariance * (n / (n - 1.0).max(1.0))
+}
+
+/// Gain of a step in the linear model.
+fn predicted(matrix: &DMatrix<f64>, right: &DVector<f64>, step: &DVector<f64>) -> f64 {
+    2.0 * step.dot(right) - (matrix * step).dot(step)
+}
+
+/// Covariance of the first `ng` parameters; those held have none.
+fn covariance(matrix: &DMatrix<f64>, ng: usize, held: &[bool]) -> DMatrix<f64> {
+    let open: Vec<usize> = (0..matrix.nrows()).filter(|&i| !held.get(i).copied().unwrap_or(false)).collect();
+    let part = DMatrix::from_fn(open.len(), open.len(), |a, b| matrix[(open[a], open[b])]);
+    let mut found = DMatrix::zeros(ng, ng);
+    // Scaled to a unit diagonal: parameters differ by orders of magnitude.
+    let scale: Vec<f64> = (0..open.len()).map(|a| part[(a, a)].max(1e-300).sqrt()).collect();
+    let scaled = DMatrix::from_fn(open.len(), open.len(), |a, b| {
+        part[(a, b)] / (scale[a] * scale[b]) + if a == b { 1e-12 } else { 0.0 }
+    });
+    let Some(inverse) = Cholesky::new(scaled).map(|factor| factor.inverse()) else {
+        return found.add_scalar(f64::NAN);
+    };
+    for (a, &i) in open.iter().enumerate().filter(|(_, i)| **i < ng) {
+        for (b, &j) in open.iter().enumerate().filter(|(_, j)| **j < ng) {
+            found[(i, j)] = inverse[(a, b)] / (scale[a] * scale[b]);
+        }
+    }
+    found
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::engine::system::testing::Lines;
+
+    fn free(index: usize, bounds: (f64, f64)) -> Free {
+        Free { index, bounds, step: 1e-4, prior: None }
+    }
+
+    #[test]
+    fn a_slope_with_an_offset_per_record_has_the_closed_form_of_least_squares() {
+        let system = Lines::new(3.0, 0.0);
+        let start = vec![vec![0.0]; 2];
+        let found = fit(&system, &[0, 1], &[0.0, 0.0], &[free(0, (-10.0, 10.0))], &start, 20);
+        let (mut numerator, mut denominator) = (0.0, 0.0);
+        for record in &system.values[..2] {
+            let (n, mean) = (record.len() as f64, record.iter().sum::<f64>() / record.len() as f64);
+            for (k, y) in record.iter().enumerate() {
+                let t = k as f64 / n - (n - 1.0) / (2.0 * n);
+                numerator += t * (y - mean);
+                denominator += t * t;
+            }
+        }
+        // The fit ends when a step gains less than 2e-3: some hundredths of the standard deviation.
+        assert!((found.parameters[0] - numerator / denominator).abs() < 0.02 / f64::sqrt(denominator));
+        assert!((found.covariance[(0, 0)] * denominator - 1.0).abs() < 1e-5);
+    }
+
+    #[test]
+    fn a_bound_is_kept_and_told() {
+        let system = Lines::new(3.0, 0.0);
+        let found = fit(&system, &[0, 1], &[0.0, 0.0], &[free(0, (-1.0, 2.0))], &[vec![0.0], vec![0.0]], 20);
+        assert_eq!((found.parameters[0], found.at_bound[0]), (2.0, true));
+    }
+}

@@ -1,0 +1,60 @@
+//! Where in the rig something is left: each part driven by what was measured in front of it.
+//!
+//! The forces are simulated from the command. Position and angle are predicted from the measured force of the load cell
+//! where there is one, so that an error of the actuator does not show as one of the cart.
+
+use crate::answer::Answer;
+use crate::case::Kind;
+use crate::engine::System;
+use crate::engine::goodness::{Null, pooled};
+use crate::rig::observer::Observer;
+use crate::rig::open::Rig;
+
+/// Random walk of the actuator force that the load cell corrects \[N per sample\].
+const WALK: f64 = 0.1;
+/// Draws of the null of the predictions.
+const DRAWS: usize = 40;
+
+/// A part of the rig between two measured places.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Port {
+    /// What drives it.
+    pub from: &'static str,
+    /// What is measured behind it.
+    pub to: String,
+    /// Normalised power of what is left, before and after: about 1 for noise.
+    pub left: [f64; 2],
+}
+
+/// The ports of a rig, in the order of the way of the force.
+pub fn of(kind: Kind, rig: &Rig, answer: &Answer) -> Vec<Port> {
+    let from = if kind == Kind::Friction { "motion" } else { "command" };
+    let at = |model: usize, name: &str| answer.left[model].iter().find(|(own, _)| own == name).map(|l| l.1);
+    let simulated = |name: &String| {
+        let after = at(1, name).unwrap_or(f64::NAN);
+        let left = [at(0, name).unwrap_or(f64::NAN), after];
+        Port { from, to: name.clone(), left }
+    };
+    let names: Vec<&String> = answer.left[0].iter().map(|(name, _)| name).collect();
+    // The observer behind the load cell follows the declared actuator, which a cylinder in its place does not.
+    let observed = !answer.cylinder && names.iter().any(|name| *name == "F_p");
+    let Some(coupled) = rig.coupled.as_ref().filter(|_| observed) else {
+        return names.into_iter().map(simulated).collect();
+    };
+    let mut found: Vec<Port> =
+        names.into_iter().filter(|name| name.starts_with('F')).map(simulated).collect();
+    let records: Vec<usize> = (0..coupled.records()).filter(|&r| coupled.estimation(r)).collect();
+    let locals = vec![Vec::new(); records.len()];
+    let left = [0, 1].map(|model| {
+        let p = &answer.parameters[model];
+        let observer = Observer::around(coupled, [WALK, 0.0, 0.0, 0.0], 0.0, p);
+        let null = Null::simulate(&observer, &records, p, &locals, DRAWS, 1);
+        let residuals: Vec<Vec<f64>> =
+            records.iter().map(|&record| observer.residuals(record, p, &[])).collect();
+        null.normalised(&pooled(&observer, &records, &residuals))
+    });
+    for (index, (name, before)) in left[0].iter().enumerate() {
+        found.push(Port { from: "load cell", to: name.clone(), left: [*before, left[1][index].1] });
+    }
+    found
+}

@@ -1,0 +1,125 @@
+//! The material of the figures of a study.
+
+use super::{
+    Curve, Evidence, Port, Record, Residual, SHOWN, Signal, Variable, correlation, curve, dependence,
+};
+use crate::answer::{Answer, Effect};
+use crate::case::Friction;
+use crate::engine::{System, parallel};
+use crate::study::declaration::Role;
+use crate::study::fits::{Fits, Model, pieces};
+use crate::study::law::Point;
+use crate::study::model::Study;
+use crate::study::simulate::View;
+
+/// Gathers the material for the report of an answer; `models`: the declared and the corrected one.
+pub fn gather(fits: &Fits, models: [&Model; 2], answer: &Answer) -> Evidence {
+    let study = fits.study;
+    let signals: Vec<Signal> = study
+        .outputs
+        .iter()
+        .map(|output| Signal { name: output.name.clone(), unit: output.unit.clone(), noise: output.noise })
+        .collect();
+    let chosen = pieces(study, Role::Validation);
+    let views = models.map(|model| View { corrected: false, ..fits.view(&model.added, &chosen) });
+    let locals = models.map(|model| {
+        let p = &model.fit.parameters;
+        fits.grow(&model.added, &chosen, p, &[], &[0.1, 0.3, 1.0], 12).locals
+    });
+    let records = parallel::map(chosen.len(), |i| {
+        let record = &study.records[chosen[i].record];
+        let measured = views[0].measured(i);
+        let predicted = [0, 1].map(|m| views[m].predict(i, &models[m].fit.parameters, &locals[m][i]));
+        let residuals = views[0].signals(i).into_iter().enumerate().map(|(signal, span)| {
+            let own = |m: usize| {
+                let pairs = measured[span.range.clone()].iter().zip(&predicted[m][span.range.clone()]);
+                pairs.map(|(y, p)| y - p).collect::<Vec<f64>>()
+            };
+            Residual { signal, measured: measured[span.range.clone()].to_vec(), values: [own(0), own(1)] }
+        });
+        let traces = views[1].trace(i, &models[1].fit.parameters, &locals[1][i]);
+        Record {
+            name: record.name.clone(),
+            group: String::new(),
+            sample_time: record.step,
+            residuals: residuals.collect(),
+            variables: variables(study, record.n, &traces, &record.inputs),
+        }
+    });
+    let friction = |effect: &Effect| friction(study, models[1], effect);
+    Evidence {
+        dependence: dependence::of(&signals, &records),
+        correlation: correlation::of(&signals, &records),
+        curves: curves(&friction, answer, &records),
+        ports: ports(study, answer),
+        records: records.into_iter().take(SHOWN).collect(),
+        signals: all_signals(study, answer, signals),
+    }
+}
+
+/// Outputs, and the force residual where there is one.
+fn all_signals(study: &Study, answer: &Answer, mut signals: Vec<Signal>) -> Vec<Signal> {
+    if let Some((.., name)) = &study.force {
+        let noise = answer.noise.get(name).copied().unwrap_or(0.0);
+        signals.push(Signal { name: name.clone(), unit: "N".into(), noise });
+    }
+    signals
+}
+
+fn curves(friction: &dyn Fn(&Effect) -> Friction, answer: &Answer, records: &[Record]) -> Vec<Curve> {
+    curve::with(friction, answer, records)
+}
+
+/// The declared friction at the attachment of an effect.
+fn friction(study: &Study, model: &Model, effect: &Effect) -> Friction {
+    let own = study.candidates.iter().find(|c| c.id == effect.id && c.signal == effect.signal);
+    let tap = own.and_then(|c| match c.action {
+        crate::study::model::Action::Block { tap, .. } => study.taps.get(tap),
+        _ => None,
+    });
+    let level = tap.and_then(|tap| tap.coulomb).map_or(0.0, |level| level.of(&model.fit.parameters));
+    Friction { c1: level, c2: tap.map_or(1e3, |tap| 1.0 / tap.vt), ..Friction::default() }
+}
+
+/// The outputs, each driven by the inputs of the system.
+fn ports(study: &Study, answer: &Answer) -> Vec<Port> {
+    let driven = study.records.iter().any(|record| record.inputs.iter().any(Option::is_some));
+    let from = if driven { "inputs" } else { "initial state" };
+    let one = |(before, after): (&(String, f64), &(String, f64))| Port {
+        from,
+        to: before.0.clone(),
+        left: [before.1, after.1],
+    };
+    answer.left[0].iter().zip(&answer.left[1]).map(one).collect()
+}
+
+/// What residuals may depend on: commands, and what is known at the attachments under the corrected model.
+fn variables(study: &Study, n: usize, traces: &[Vec<Point>], inputs: &[Option<Vec<f64>>]) -> Vec<Variable> {
+    let mut found: Vec<Variable> = Vec::new();
+    let mut add = |name: &'static str, unit: &'static str, values: Vec<f64>| {
+        let (low, high) =
+            values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), &v| (a.min(v), b.max(v)));
+        if values.len() == n && low < high && !found.iter().any(|known| known.name == name) {
+            found.push(Variable { name, unit, values });
+        }
+    };
+    for (tap, trace) in study.taps.iter().zip(traces) {
+        let of = |pick: fn(&Point) -> f64| trace.iter().map(pick).collect::<Vec<f64>>();
+        let [velocity, position, pressure_force, _] = tap.signals;
+        if velocity.is_some() {
+            let (name, unit) = if tap.angular { ("thetadot", "rad/s") } else { ("xdot", "m/s") };
+            add(name, unit, of(|p| p.velocity));
+        }
+        if position.is_some() {
+            let (name, unit) = if tap.angular { ("theta", "rad") } else { ("x", "m") };
+            add(name, unit, of(|p| p.position));
+        }
+        if pressure_force.is_some() {
+            add("F", "N", of(|p| p.pressure_force));
+        }
+    }
+    if let Some(values) = inputs.iter().flatten().next() {
+        add("u", "", values.clone());
+    }
+    found
+}

@@ -1,0 +1,358 @@
+//! A study from the declaration to the answer in the terms of the vocabulary.
+
+use std::collections::BTreeMap;
+
+use super::catalogue;
+use super::declaration::{File, Role};
+use super::effects::effects;
+use super::errors::{errors, floor, force, force_noise};
+use super::explain::{Judge, Rest, depends};
+use super::fits::{Fits, Model, pieces};
+use super::model::{Study, Target};
+use super::open::open;
+use super::search::{Say, Selection, confirm, search};
+use super::simulate::Piece;
+use super::smoothed;
+use crate::Error;
+use crate::answer::{Answer, Errors, Settings, Verdict};
+use crate::engine::System;
+use crate::engine::fit::{Fit, fit};
+use crate::evidence::{Evidence, study as evidence};
+
+/// Error in rms of the noise from which on something is missing even if what is left depends on nothing that is known:
+/// the noise may be coloured, which its scatter from sample to sample does not show.
+const FAR: f64 = 3.0;
+
+/// Ratio of the errors on validation records below which effects are no imitation of something else.
+const HALF: f64 = 0.5;
+
+/// Reads, searches and answers.
+///
+/// # Errors
+/// Whatever does not fit in the declaration, the records or the system, and a declared model that cannot be simulated.
+pub fn answer(file: &File, settings: &Settings, say: Say) -> Result<(Answer, Evidence), Error> {
+    let (mut study, attachments) = open(file)?;
+    say("fitting the declared model");
+    let declared = declared(file, &study)?;
+    let survey = {
+        let fits = Fits::new(&study, vec![1.0; study.outputs.len()]);
+        fits.view(&[], &fits.pieces).survey(&declared.parameters, &declared.locals)
+    };
+    study.ranges.clone_from(&survey.ranges);
+    let inputs: Vec<String> = study.graph.inputs.iter().map(|input| input.name.clone()).collect();
+    let fed: Vec<bool> =
+        (0..inputs.len()).map(|i| study.records.iter().all(|record| record.inputs[i].is_some())).collect();
+    let place = |name: &str| inputs.iter().position(|input| input == name).filter(|&i| fed[i]);
+    catalogue::fill(&mut study, &attachments, &survey, &place);
+    if study.candidates.is_empty() {
+        return Err(file.refuse_all(
+            "there is no effect to look for; add an [[attachment]] with an input, its channels, and the signals of velocity and position",
+        ));
+    }
+    let scale = scales(&study, &declared);
+    correct(&mut study, &scale, &[], &declared.parameters);
+    let model = steps(&mut study, &scale, &declared);
+    let fits = Fits::new(&study, scale.clone()).quickened(&model);
+    say("noise floor");
+    let judge = Judge::new(&fits, &model, settings.draws, settings.seed);
+    let selection = search(&fits, &judge, model, settings.max_effects, say);
+    let best = &selection.best;
+    if !best.added.is_empty() {
+        correct(&mut study, &scale, &best.added, &best.fit.parameters);
+    }
+    let fits = Fits::new(&study, scale);
+    let selection = confirm(&fits, &judge, selection, say);
+    say("errors on all records");
+    let found = assemble(&fits, &judge, &selection, settings.seed);
+    say("figures");
+    let shown = if found.verdict == Verdict::Effect { &selection.best } else { &selection.declared };
+    let evidence = evidence::gather(&fits, [&selection.declared, shown], &found);
+    Ok((found, evidence))
+}
+
+/// Takes what smoothing adds to measured states from the model with the candidates `added`.
+fn correct(study: &mut Study, scale: &[f64], added: &[usize], p: &[f64]) {
+    let found = smoothed::errors(&Fits::new(study, scale.to_vec()).view(added, &[]), p);
+    study.records.iter_mut().zip(found).for_each(|(record, own)| record.smoothed = own);
+}
+
+fn declared(file: &File, study: &Study) -> Result<Fit, Error> {
+    let spread = |o: usize| {
+        let values = study.records.iter().filter(|record| record.role == Role::Estimation);
+        let values: Vec<f64> = values.flat_map(|record| record.outputs[o].iter().copied()).collect();
+        let mean = values.iter().sum::<f64>() / values.len() as f64;
+        (values.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / values.len() as f64).sqrt()
+    };
+    let fits = Fits::new(study, (0..study.outputs.len()).map(spread).collect());
+    let view = fits.view(&[], &fits.pieces);
+    let locals = Fits::locals(&view);
+    for (piece, local) in locals.iter().enumerate() {
+        let residuals = view.residuals(piece, &study.start(), local);
+        if let Some(at) = residuals.iter().position(|value| !value.is_finite()) {
+            let record = &study.records[view.pieces[piece].record];
+            return Err(file.refuse_all(format!(
+                "the declared model cannot be simulated on {}: it diverges after {:.3} s; check parameters, units, initial states and step_s",
+                record.name,
+                (at % record.n) as f64 * record.step
+            )));
+        }
+    }
+    Ok(fits.declared().fit)
+}
+
+/// Error of the declared model by output on the estimation records, not less than the noise.
+fn scales(study: &Study, declared: &Fit) -> Vec<f64> {
+    let fits = Fits::new(study, vec![1.0; study.outputs.len()]);
+    let errors = errors(&fits, &[], &fits.pieces, &declared.parameters, Some(&declared.locals));
+    study.outputs.iter().map(|o| errors.rms.get(&o.name).copied().unwrap_or(1.0).max(o.noise)).collect()
+}
+
+/// Difference steps of the candidates; those that change nothing are taken out. The declared model in the new scale.
+fn steps(study: &mut Study, scale: &[f64], declared: &Fit) -> Model {
+    let mut p = study.start();
+    p[..study.declared].copy_from_slice(&declared.parameters[..study.declared]);
+    let found: Vec<Vec<Option<f64>>> = {
+        let fits = Fits::new(study, scale.to_vec());
+        let base = model(&fits, &p, &declared.locals);
+        (0..study.candidates.len())
+            .map(|c| {
+                let own = &study.candidates[c];
+                if own.probe {
+                    return vec![fits.probe_step(&base, c); own.entries.len()];
+                }
+                own.entries.clone().map(|index| fits.step(&base, c, index)).collect()
+            })
+            .collect()
+    };
+    let mut kept = Vec::new();
+    for (c, steps) in found.into_iter().enumerate() {
+        let candidate = study.candidates[c].clone();
+        if steps.iter().any(Option::is_none) {
+            let why = "it changes nothing in the estimation records";
+            if !candidate.probe {
+                study.not_testable.push((candidate.name(), why.into()));
+            }
+            continue;
+        }
+        for (index, step) in candidate.entries.clone().zip(steps.into_iter().flatten()) {
+            study.entries[index].free.step = step;
+        }
+        kept.push((c, candidate));
+    }
+    let new: Vec<usize> = kept.iter().map(|(old, _)| *old).collect();
+    for (_, candidate) in &mut kept {
+        candidate.needs = candidate.needs.and_then(|needs| new.iter().position(|&old| old == needs));
+    }
+    study.candidates = kept.into_iter().map(|(_, candidate)| candidate).collect();
+    let fits = Fits::new(study, scale.to_vec());
+    model(&fits, &p, &declared.locals)
+}
+
+fn model(fits: &Fits, p: &[f64], locals: &[Vec<f64>]) -> Model {
+    let records: Vec<usize> = (0..fits.pieces.len()).collect();
+    let found = fit(&fits.view(&[], &fits.pieces), &records, p, &fits.free(&[]), locals, 10);
+    let count: usize = fits.pieces.iter().map(|piece| piece.range.len()).sum();
+    let error = (found.chi2 / (count * fits.study.outputs.len()).max(1) as f64).sqrt();
+    Model::new(Vec::new(), found, error)
+}
+
+fn assemble(fits: &Fits, judge: &Judge, selection: &Selection, seed: u64) -> Answer {
+    let study = fits.study;
+    let roles = [Role::Estimation, Role::Validation];
+    let all = |model: &Model| {
+        let added = &model.added;
+        // Parameters are fitted for each error: for that of the study, which starts from smoothed derivatives as they are.
+        let own = fits.as_declared(model);
+        let p = &own.parameters;
+        let mut found = [
+            errors(fits, added, &pieces(study, Role::Estimation), p, Some(&own.locals)),
+            errors(fits, added, &pieces(study, Role::Validation), p, None),
+        ];
+        for (errors, force) in found.iter_mut().zip(force(fits, added, p, roles)) {
+            errors.rms.extend(force.rms);
+            errors.nrmse.extend(force.nrmse);
+        }
+        found
+    };
+    let before = all(&selection.declared);
+    let mut after = all(&selection.best);
+    let Ruling { verdict, rest, helps } = rule(fits, judge, selection, [&before[1], &after[1]]);
+    let chosen = verdict == Verdict::Effect;
+    let mut effects = effects(fits, selection, chosen);
+    if !chosen {
+        let why = if helps {
+            "it takes away less than what is left depends on: something else is missing"
+        } else {
+            "it lowers the error on estimation records but not on validation records"
+        };
+        for effect in effects.iter_mut().take(selection.best.added.len()) {
+            why.clone_into(&mut effect.reason);
+        }
+        after = before.clone();
+    }
+    let outputs = || study.outputs.iter();
+    let mut noise: BTreeMap<String, f64> = outputs().map(|o| (o.name.clone(), o.noise)).collect();
+    if let Some((.., name)) = &study.force {
+        noise.insert(name.clone(), force_noise(study));
+    }
+    let shown = if chosen { &selection.best } else { &selection.declared };
+    let floor = roles.map(|role| floor(fits, shown, role, seed));
+    let shown_errors = if chosen { &after[1] } else { &before[1] };
+    let mut notes = study.notes.clone();
+    notes.extend(remarks(fits, selection, shown));
+    for output in &study.outputs {
+        let left = shown_errors.rms.get(&output.name).copied().unwrap_or(0.0);
+        let times = left / floor[1].get(&output.name).copied().unwrap_or(output.noise);
+        if times > 2.0 {
+            notes.push(format!("What is left of {} on validation records is {times:.1} times what noise of the sensors gives a true model: something is still missing.", output.name));
+        }
+    }
+    notes.extend(leftover(fits, judge, shown, &rest));
+    let unexplained = (verdict == Verdict::Unexplained).then(|| {
+        let channel = study.candidates.first().map_or("actuator", |c| c.channel);
+        rest.place.unwrap_or_else(|| (channel.to_owned(), Vec::new()))
+    });
+    Answer {
+        verdict,
+        effects,
+        unexplained,
+        corrections: Vec::new(),
+        cylinder: false,
+        fitted: fitted(study, shown),
+        limit: judge.limit(),
+        parameters: [&selection.declared, shown].map(|model| model.fit.parameters.clone()),
+        left: [judge.left(fits, &selection.declared), judge.left(fits, shown)],
+        before,
+        after,
+        noise,
+        floor,
+        not_testable: study.not_testable.clone(),
+        notes,
+    }
+}
+
+/// A verdict, what is left beside it, and whether the effects lower the error on validation records.
+struct Ruling {
+    verdict: Verdict,
+    rest: Rest,
+    helps: bool,
+}
+
+fn rule(fits: &Fits, judge: &Judge, selection: &Selection, validation: [&Errors; 2]) -> Ruling {
+    let (declared, best) = (&selection.declared, &selection.best);
+    let total = |errors: &Errors| -> f64 {
+        let share = |(o, scale): (&super::model::Output, &f64)| {
+            (errors.rms.get(&o.name).unwrap_or(&0.0) / scale).powi(2)
+        };
+        fits.study.outputs.iter().zip(&fits.scale).map(share).sum()
+    };
+    let nothing = Rest { place: None, gain: 0.0 };
+    let helps = !best.added.is_empty() && total(validation[1]) < total(validation[0]);
+    if judge.explained(fits, declared) {
+        return Ruling { verdict: Verdict::Nothing, rest: nothing, helps };
+    }
+    if helps {
+        let known = judge.explained(fits, best) || judge.tolerable(fits, best);
+        let rest = if known { nothing } else { judge.rest(fits, best) };
+        // A free form that takes away more than the effects did is what is missing; they only imitate it.
+        let gained = declared.error.powi(2) - best.error.powi(2);
+        let imitates = || {
+            // What halves the error on records that it has not seen is more than an imitation.
+            if total(validation[1]) < HALF.powi(2) * total(validation[0]) {
+                return false;
+            }
+            let whole = judge.rest(fits, declared);
+            let other = |(_, variables): &(String, Vec<String>)| {
+                variables.first().is_some_and(|first| {
+                    best.added.iter().all(|&c| depends(fits.study, c).iter().all(|own| own != first))
+                })
+            };
+            whole.gain > gained && whole.place.as_ref().is_some_and(other)
+        };
+        if rest.place.is_none() || rest.gain < gained && !imitates() {
+            return Ruling { verdict: Verdict::Effect, rest, helps };
+        }
+    }
+    if judge.tolerable(fits, declared) {
+        return Ruling { verdict: Verdict::Nothing, rest: Rest { place: None, gain: 0.0 }, helps };
+    }
+    let rest = judge.rest(fits, declared);
+    let far = declared.error > FAR * judge.tolerated.sqrt();
+    let verdict = if rest.place.is_some() || far { Verdict::Unexplained } else { Verdict::Nothing };
+    Ruling { verdict, rest, helps }
+}
+
+/// Sentences on what is left on the estimation records.
+fn leftover(fits: &Fits, judge: &Judge, model: &Model, rest: &Rest) -> Vec<String> {
+    let times = model.error / judge.power.sqrt();
+    let mut found = vec![format!(
+        "Noise and rounding of the sensors, carried through filters, initial states and inputs, give 1/{times:.3} of the error on estimation records (simulated {} times).",
+        judge.draws()
+    )];
+    if judge.tolerated > 1.5 * judge.power {
+        let share = (judge.tolerated - judge.power).sqrt() / model.error;
+        found.push(format!(
+            "Smoothing of measured derivatives gives up to {share:.2} of the error on estimation records: where the motion is sharper than the filter, the model is not to blame."
+        ));
+    }
+    if let Some((channel, variables)) = &rest.place {
+        let share = 100.0 * (rest.gain / model.error.powi(2)).min(1.0);
+        found.push(format!(
+            "A free form over {} at channel {channel} would take away {share:.0} % of the power that is left on estimation records.",
+            variables.join(" and ")
+        ));
+    } else if !judge.explained(fits, model) {
+        found.push("What is left on estimation records depends on none of the variables known at the attachments: memory, other places, or noise that is not white.".into());
+    }
+    found
+}
+
+/// Values of the free parameters of the declared system.
+fn fitted(study: &Study, model: &Model) -> Vec<(String, f64)> {
+    let own = study.entries.iter().zip(&model.fit.parameters);
+    let own = own.filter(|(entry, _)| matches!(entry.target, Target::Declared(_)));
+    own.map(|(entry, value)| (entry.name.clone(), *value)).collect()
+}
+
+/// Sentences on declared parameters, on other records and on what is left.
+fn remarks(fits: &Fits, selection: &Selection, after: &Model) -> Vec<String> {
+    let study = fits.study;
+    let before = &selection.declared;
+    let chosen = !after.added.is_empty();
+    let mut found = Vec::new();
+    for (index, entry) in study.entries[..study.declared].iter().enumerate() {
+        let (was, is) = (before.fit.parameters[index], after.fit.parameters[index]);
+        let unit = if entry.unit == "1" { String::new() } else { format!(" {}", entry.unit) };
+        found.push(if chosen {
+            format!(
+                "Declared model, fitted: {} = {was:.6e}{unit} before, {is:.6e}{unit} with the effects.",
+                entry.name
+            )
+        } else {
+            format!("Declared model, fitted: {} = {was:.6e}{unit}.", entry.name)
+        });
+    }
+    let idle = |model: &&Model| model.error >= 0.999 * before.error;
+    let idle: Vec<String> =
+        selection.singles.iter().filter(idle).map(|model| study.candidates[model.added[0]].name()).collect();
+    if !idle.is_empty() {
+        found.push(format!("Fitted alone to the declared model, these gain nothing: {}.", idle.join(", ")));
+    }
+    for (record, own) in study.records.iter().enumerate() {
+        if own.role == Role::Estimation {
+            continue;
+        }
+        let piece = [Piece { record, range: 0..own.n }];
+        let error = |model: &Model| errors(fits, &model.added, &piece, &model.fit.parameters, None);
+        let (was, is) = (error(before), error(after));
+        for (signal, rms) in &was.rms {
+            let after = is.rms.get(signal).copied().unwrap_or(f64::NAN);
+            found.push(format!(
+                "{} ({}): {signal} rms {rms:.4e} before, {after:.4e} after.",
+                own.name,
+                own.role.word()
+            ));
+        }
+    }
+    found
+}

@@ -1,0 +1,349 @@
+//! `study.toml`: what is known of a system and its records.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use serde::Deserialize;
+use toml::Spanned;
+
+use crate::Error;
+
+/// Contents of a `study.toml`.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Declaration {
+    /// Name of the study; the name of the folder without one.
+    #[serde(default)]
+    pub name: String,
+    /// `.ssd`, `.ssp` or `.fmu`, relative to this file; `airloop:NAME` is an FMU of this project.
+    pub system: Spanned<String>,
+    /// Step of the simulation and of the records \[s\]; the step of the records without it.
+    #[serde(default)]
+    pub step_s: Option<Spanned<f64>>,
+    /// Values of parameters of the system, in their units.
+    #[serde(default)]
+    pub parameters: BTreeMap<String, Spanned<Value>>,
+    /// Inputs of the system and the columns they are fed with.
+    #[serde(default)]
+    pub inputs: BTreeMap<String, Spanned<Signal>>,
+    /// States and the columns that show them: for initial states and force residuals.
+    #[serde(default)]
+    pub states: BTreeMap<String, Spanned<Signal>>,
+    /// Further signals made of columns that attachments may name.
+    #[serde(default)]
+    pub signals: BTreeMap<String, Spanned<Signal>>,
+    /// Outputs and the columns they are compared with.
+    pub outputs: BTreeMap<String, Spanned<Output>>,
+    /// Records.
+    pub segment: Vec<Spanned<Segment>>,
+    /// Parameters that are fitted in the declared model as well.
+    #[serde(default)]
+    pub free: Vec<Spanned<FreeParameter>>,
+    /// Places where effects may act.
+    #[serde(default)]
+    pub attachment: Vec<Spanned<Attachment>>,
+    /// The error that is reported.
+    #[serde(default)]
+    pub error: ErrorRule,
+}
+
+/// Value of a parameter: a number, a Boolean, or text (an item of an Enumeration).
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(untagged)]
+pub enum Value {
+    /// Real, Integer, or value of an Enumeration.
+    Number(f64),
+    /// Boolean.
+    Boolean(bool),
+    /// String, or item of an Enumeration.
+    Text(String),
+}
+
+impl std::fmt::Display for Value {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Value::Number(value) => write!(f, "{value}"),
+            Value::Boolean(value) => write!(f, "{value}"),
+            Value::Text(value) => f.write_str(value),
+        }
+    }
+}
+
+/// A signal made of a column.
+#[derive(Debug, Clone, Default, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Signal {
+    /// Column.
+    #[serde(default)]
+    pub column: Option<String>,
+    /// Column whose derivative by time it is.
+    #[serde(default)]
+    pub derivative_of: Option<String>,
+    /// Unit of the column; that of the system's signal without it.
+    #[serde(default)]
+    pub unit: Option<String>,
+    /// Factor, for columns of the other sign.
+    #[serde(default)]
+    pub scale: Option<f64>,
+    /// Held between its samples (a sampled command) instead of interpolated.
+    #[serde(default)]
+    pub hold: bool,
+    /// Corner of a zero-phase low-pass of order 4 \[Hz\].
+    #[serde(default)]
+    pub low_pass_hz: Option<f64>,
+    /// Points of a Savitzky-Golay derivative of order 2.
+    #[serde(default)]
+    pub savitzky_golay_points: Option<usize>,
+}
+
+impl Signal {
+    /// Column that it is made of; none where that is not clear.
+    pub fn source(&self) -> Option<&String> {
+        match (&self.column, &self.derivative_of) {
+            (Some(column), None) | (None, Some(column)) => Some(column),
+            _ => None,
+        }
+    }
+}
+
+/// A measured output.
+#[derive(Debug, Clone, Default, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Output {
+    /// Column.
+    pub column: String,
+    /// Unit of the column; that of the system's signal without it.
+    #[serde(default)]
+    pub unit: Option<String>,
+    /// Rms of the sensor noise in `unit`; estimated from the scatter from sample to sample without it.
+    #[serde(default)]
+    pub noise: Option<f64>,
+    /// `fit`: a constant offset of the sensor belongs to the declared model.
+    #[serde(default)]
+    pub offset: Option<Fitted>,
+}
+
+/// The word `fit`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Fitted {
+    /// Fitted.
+    Fit,
+}
+
+/// A span of a file.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Segment {
+    /// CSV file, relative to this file.
+    pub file: String,
+    /// What it is for.
+    pub role: Role,
+    /// Begin \[s\].
+    #[serde(default)]
+    pub from_s: Option<f64>,
+    /// End \[s\].
+    #[serde(default)]
+    pub to_s: Option<f64>,
+    /// Initial states.
+    #[serde(default)]
+    pub initial: Option<Initial>,
+}
+
+/// What a segment is for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Role {
+    /// Parameters are fitted on it.
+    #[serde(alias = "train")]
+    Estimation,
+    /// The error on it decides; nothing is fitted but initial states.
+    Validation,
+    /// Reported only: a repetition.
+    Repeat,
+    /// Reported only: standstill.
+    Rest,
+}
+
+impl Role {
+    /// Word of the role.
+    pub fn word(self) -> &'static str {
+        match self {
+            Role::Estimation => "estimation",
+            Role::Validation => "validation",
+            Role::Repeat => "repeat",
+            Role::Rest => "rest",
+        }
+    }
+}
+
+/// Initial states of a segment.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(untagged)]
+pub enum Initial {
+    /// `fit` or `measured`.
+    Word(InitialWord),
+    /// Values of states; those not named have the start values of the system.
+    Given(BTreeMap<String, f64>),
+}
+
+/// How initial states are found.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum InitialWord {
+    /// Fitted to the segment, whatever its role.
+    Fit,
+    /// Those of `[states]`.
+    Measured,
+}
+
+/// A free parameter of the declared model.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct FreeParameter {
+    /// Parameter of the system.
+    pub parameter: String,
+    /// Least value.
+    #[serde(default)]
+    pub min: Option<f64>,
+    /// Largest value.
+    #[serde(default)]
+    pub max: Option<f64>,
+    /// Value to start from; that of the system without it.
+    #[serde(default)]
+    pub start: Option<f64>,
+}
+
+/// A place where effects may act: an input of the system or of a component.
+#[derive(Debug, Clone, Default, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Attachment {
+    /// Input whose value a block changes: `value - f(v, x, p)` for forces, `f(value)` for commands.
+    pub input: String,
+    /// Channels of the vocabulary that may be missing here.
+    pub channels: Vec<String>,
+    /// Signal: velocity along the force.
+    #[serde(default)]
+    pub velocity: Option<String>,
+    /// Signal: position along the force.
+    #[serde(default)]
+    pub position: Option<String>,
+    /// Signal: pressure force \[N\].
+    #[serde(default)]
+    pub pressure_force: Option<String>,
+    /// Signal: chamber pressure \[Pa\].
+    #[serde(default)]
+    pub pressure: Option<String>,
+    /// Parameter of the system that is its Coulomb friction.
+    #[serde(default)]
+    pub coulomb: Option<String>,
+    /// Parameter of the system that is its viscous friction.
+    #[serde(default)]
+    pub viscous: Option<String>,
+    /// Parameter of the system that is a constant force.
+    #[serde(default)]
+    pub bias: Option<String>,
+    /// Velocity over which friction changes its sign: `s(v) = tanh(v/vt)`; 1 mm/s, or 0.05 rad/s for the pole.
+    #[serde(default)]
+    pub vt: Option<f64>,
+    /// Ids of effects to look for; all of the channels without it.
+    #[serde(default)]
+    pub effects: Option<Vec<String>>,
+}
+
+/// Which error is fitted and reported.
+#[derive(Debug, Clone, Default, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ErrorRule {
+    /// Simulations restart from the measured states after this time \[s\]; whole segments without it.
+    #[serde(default)]
+    pub windows_s: Option<f64>,
+    /// The force residual is reported as well.
+    #[serde(default)]
+    pub force: Option<ForceRule>,
+}
+
+/// Force that is missing at an attachment for the model to follow the measured motion.
+#[derive(Debug, Clone, Default, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ForceRule {
+    /// Input of the attachment.
+    pub attachment: String,
+    /// State whose derivative the force changes.
+    pub velocity: String,
+    /// Corner of the zero-phase low-pass of order 4 for all signals \[Hz\].
+    pub low_pass_hz: f64,
+    /// Left out at both ends of a file \[s\].
+    #[serde(default)]
+    pub trim_s: f64,
+    /// The whole file counts, not the segment alone.
+    #[serde(default)]
+    pub whole_file: bool,
+}
+
+/// A declaration with the file it comes from.
+#[derive(Debug, Clone)]
+pub struct File {
+    /// File.
+    pub path: PathBuf,
+    /// Its text, for places in messages.
+    pub text: String,
+    /// Folder that relative paths start from.
+    pub folder: PathBuf,
+    /// What it says.
+    pub declaration: Declaration,
+    /// What was assumed, one sentence each.
+    pub notes: Vec<String>,
+}
+
+impl File {
+    /// Reads a `study.toml`.
+    ///
+    /// # Errors
+    /// A file that cannot be read, or is no study: file, line, column and what is allowed.
+    pub fn read(path: &Path) -> Result<File, Error> {
+        let text = std::fs::read_to_string(path)
+            .map_err(|error| Error::Case { path: path.into(), problem: error.to_string() })?;
+        let declaration = toml::from_str(&text).map_err(|error: toml::de::Error| {
+            let at = error.span().map(|span| place(&text, span.start));
+            Error::Study {
+                path: path.into(),
+                place: at.unwrap_or_default(),
+                problem: error.message().to_owned(),
+            }
+        })?;
+        let folder = path.parent().map_or_else(PathBuf::new, Path::to_owned);
+        Ok(File { path: path.into(), text, folder, declaration, notes: Vec::new() })
+    }
+
+    /// Name of the study: as declared, or that of its folder.
+    pub fn name(&self) -> String {
+        if !self.declaration.name.is_empty() {
+            return self.declaration.name.clone();
+        }
+        let folder = self.folder.canonicalize().unwrap_or_else(|_| self.folder.clone());
+        folder.file_name().map_or_else(|| "study".into(), |name| name.to_string_lossy().into_owned())
+    }
+
+    /// An error at a value of the file.
+    pub fn refuse<T>(&self, at: &Spanned<T>, problem: impl std::fmt::Display) -> Error {
+        Error::Study {
+            path: self.path.clone(),
+            place: place(&self.text, at.span().start),
+            problem: problem.to_string(),
+        }
+    }
+
+    /// An error of the file as a whole.
+    pub fn refuse_all(&self, problem: impl std::fmt::Display) -> Error {
+        Error::Study { path: self.path.clone(), place: String::new(), problem: problem.to_string() }
+    }
+}
+
+/// `line L, column C: ` of a byte of a text.
+fn place(text: &str, byte: usize) -> String {
+    let before = &text.as_bytes()[..byte.min(text.len())];
+    let line = before.iter().filter(|&&c| c == b'\n').count() + 1;
+    let column = before.iter().rev().take_while(|&&c| c != b'\n').count() + 1;
+    if text.is_empty() { String::new() } else { format!("line {line}, column {column}: ") }
+}

@@ -1,0 +1,181 @@
+//! The effects of an answer: those chosen, those that cannot be told from them, and those that were tried.
+
+use super::fits::{Fits, Model};
+use super::law::Law;
+use super::model::{Action, Study};
+use super::search::Selection;
+use crate::answer::{Effect, Parameter};
+use crate::engine::System;
+
+/// Factor by which residuals that hang together widen intervals: power of sums over blocks against that of samples.
+fn widening(residuals: &[Vec<f64>]) -> f64 {
+    let all: f64 = residuals.iter().flatten().map(|r| r * r).sum();
+    let power = |length: usize| {
+        let blocks = residuals.iter().flat_map(|own| own.chunks_exact(length));
+        blocks.map(|block| block.iter().sum::<f64>().powi(2) / length as f64).sum::<f64>() / all
+    };
+    [1, 8, 64, 256].into_iter().map(power).fold(1.0, f64::max).sqrt()
+}
+
+/// Parameters in the terms of the vocabulary.
+pub fn physical(study: &Study, c: usize, p: &[f64]) -> Vec<f64> {
+    let own = &study.candidates[c];
+    let p = &p[own.entries.clone()];
+    match own.action {
+        Action::Block { law: Law::Spring, .. } => vec![p[0], -p[1] / p[0]],
+        Action::Block { law: Law::Cogging, .. } => vec![p[0].hypot(p[1]), p[1].atan2(p[0]), p[2]],
+        _ => p.to_vec(),
+    }
+}
+
+fn effect(fits: &Fits, selection: &Selection, model: &Model, c: usize, widen: f64) -> Effect {
+    let study = fits.study;
+    let own = &study.candidates[c];
+    let values = physical(study, c, &model.fit.parameters);
+    let names = study.entries[own.entries.clone()].iter();
+    let parameters = names.zip(&values).enumerate().map(|(k, (entry, value))| {
+        let mut slopes = vec![0.0; model.fit.free.len()];
+        for (a, free) in model.fit.free.iter().enumerate() {
+            let mut moved = model.fit.parameters.clone();
+            moved[free.index] += free.step;
+            slopes[a] = (physical(study, c, &moved)[k] - value) / free.step;
+        }
+        let mut variance = 0.0;
+        for a in 0..slopes.len() {
+            for b in 0..slopes.len() {
+                variance += slopes[a] * model.fit.covariance[(a, b)] * slopes[b];
+            }
+        }
+        let half = 1.96 * widen * model.error * variance.max(0.0).sqrt();
+        let name = entry.name.rsplit(' ').next().unwrap_or(&entry.name).to_owned();
+        Parameter { name, unit: entry.unit.clone(), value: *value, interval: (value - half, value + half) }
+    });
+    let samples: usize = fits.pieces.iter().map(|piece| piece.range.len()).sum();
+    let score = samples as f64 * (selection.declared.error / model.error).powi(2).ln();
+    Effect {
+        id: own.id.to_owned(),
+        channel: own.channel.to_owned(),
+        signal: own.signal.clone(),
+        selected: false,
+        group: None,
+        score,
+        parameters: parameters.collect(),
+        reason: String::new(),
+        stability: None,
+    }
+}
+
+/// Places of effects, first what costs most if it is left out: `gains`; `needs`: the place of the Coulomb friction that an
+/// effect acts on, which stands before it.
+fn ranked(gains: &[f64], needs: &[Option<usize>]) -> Vec<usize> {
+    let mut order: Vec<usize> = (0..gains.len()).collect();
+    order.sort_by(|&a, &b| gains[b].total_cmp(&gains[a]));
+    for (own, needed) in needs.iter().enumerate() {
+        let place = |of: usize, order: &[usize]| order.iter().position(|&k| k == of);
+        let Some(needed) = *needed else { continue };
+        if let (Some(late), Some(early)) = (place(needed, &order), place(own, &order))
+            && late > early
+        {
+            order.remove(late);
+            order.insert(early, needed);
+        }
+    }
+    order
+}
+
+/// Effects, chosen ones first.
+pub fn effects(fits: &Fits, selection: &Selection, chosen: bool) -> Vec<Effect> {
+    let best = &selection.best;
+    let view = fits.view(&best.added, &fits.pieces);
+    let residuals: Vec<Vec<f64>> = (0..fits.pieces.len())
+        .map(|r| view.residuals(r, &best.fit.parameters, &best.fit.locals[r]))
+        .collect();
+    let widen = widening(&residuals);
+    let percent = |from: f64, to: f64| format!("{:.1} %", 100.0 * (1.0 - to / from));
+    let mut found = Vec::new();
+    let gains: Vec<f64> =
+        (0..best.added.len()).map(|k| selection.stability.get(k).map_or(0.0, |own| own.gain)).collect();
+    let needed = |&c: &usize| best.added.iter().position(|&own| fits.study.candidates[c].needs == Some(own));
+    let needs: Vec<Option<usize>> = best.added.iter().map(needed).collect();
+    for k in ranked(&gains, &needs) {
+        let c = best.added[k];
+        let step = selection.path.iter().position(|(added, _)| added.contains(&c));
+        let reason = match step {
+            Some(k) if k > 0 => {
+                let with = selection.path[k].0.len() - selection.path[k - 1].0.len() > 1;
+                format!(
+                    "{}lowers the error on what was kept back by {}",
+                    if with { "together with its partner it " } else { "" },
+                    percent(selection.path[k - 1].1, selection.path[k].1)
+                )
+            }
+            _ => "part of the best model on what was kept back".to_owned(),
+        };
+        let rivals = selection.equals.iter().any(|(lacking, _)| *lacking == c);
+        let group = (chosen && rivals).then_some(c);
+        let stability = selection.stability.get(k).cloned();
+        let own = effect(fits, selection, best, c, widen);
+        found.push(Effect { selected: chosen, group, reason, stability, ..own });
+    }
+    for (lacking, model) in &selection.equals {
+        for &c in model.added.iter().filter(|c| !best.added.contains(c)) {
+            let reason = "these records cannot tell it from the selected effect".to_owned();
+            let group = chosen.then_some(*lacking);
+            found.push(Effect { group, reason, ..effect(fits, selection, model, c, widen) });
+        }
+    }
+    for (c, own) in &selection.refused {
+        let stability = Some(own.clone());
+        let reason = format!(
+            "left out: it lowers the error on {} of {} parts of the estimation records only, or its sign changes between them",
+            own.better, own.parts
+        );
+        let alone = selection.singles.iter().find(|model| model.added == [*c]);
+        found.extend(alone.map(|model| Effect {
+            stability,
+            reason,
+            ..effect(fits, selection, model, *c, widen)
+        }));
+    }
+    for model in &selection.singles {
+        let c = model.added[0];
+        let own = &fits.study.candidates[c];
+        let same = |e: &Effect| e.id == own.id && e.signal == own.signal;
+        let gains = model.error < 0.999 * selection.declared.error;
+        if gains && !found.iter().any(same) {
+            let held = if model.held_back.is_nan() {
+                String::new()
+            } else {
+                format!(
+                    ", by {} on what was kept back",
+                    percent(selection.declared.held_back, model.held_back)
+                )
+            };
+            let reason = format!(
+                "alone it lowers the estimation error by {}{held}",
+                percent(selection.declared.error, model.error)
+            );
+            let one = Effect { reason, ..effect(fits, selection, model, c, widen) };
+            // A spring without stiffness has no rest position: it was fitted as something else.
+            let known = |p: &Parameter| [p.value, p.interval.0, p.interval.1].iter().all(|v| v.is_finite());
+            if one.parameters.iter().all(known) {
+                found.push(one);
+            }
+        }
+    }
+    found
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn effects_stand_in_the_order_of_what_they_are_worth_behind_the_friction_that_they_act_on() {
+        assert_eq!(ranked(&[0.2, 0.5, 0.1], &[None; 3]), [1, 0, 2]);
+        assert_eq!(ranked(&[0.2, 0.5, 0.3], &[None, Some(0), None]), [0, 1, 2]);
+        // Equal ones stay in the order in which they were found.
+        assert_eq!(ranked(&[0.3, 0.3], &[None; 2]), [0, 1]);
+        assert_eq!(ranked(&[], &[]), Vec::<usize>::new());
+    }
+}

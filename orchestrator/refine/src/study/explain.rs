@@ -1,0 +1,204 @@
+//! What is left and on what it depends: a force of free form over one variable, fitted beside a model by the linear step.
+//!
+//! A variable on which what is left depends takes much of it away as a free form, whatever the law may be; what the
+//! sensors give depends on nothing. [`Judge`] also says when a model leaves no more than sensors give.
+
+use super::fits::{Fits, Model};
+use super::law::{Law, Variable};
+use super::model::{Action, Study};
+use super::noise::Noisy;
+use super::simulate::View;
+use crate::engine::System;
+use crate::engine::goodness::{Null, pooled};
+use crate::engine::parallel;
+
+/// Powers within this factor of those of the noise are noise: its level is estimated.
+const TOLERANCE: f64 = 1.3;
+/// Share of what is left that a free form has to take away.
+const SHARE: f64 = 0.2;
+/// Share of the noise power that a free form has to take away.
+const OF_NOISE: f64 = 0.1;
+/// Share of what is left that one variable has to tell to be enough.
+const ENOUGH: f64 = 0.6;
+/// A second variable has to add this share of what the first takes away.
+const SECOND: f64 = 0.3;
+
+/// What is left of a model.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Rest {
+    /// Channel and variables that it depends on; none: on nothing that is known.
+    pub place: Option<(String, Vec<String>)>,
+    /// Power that the free form takes away, in whitened units per sample.
+    pub gain: f64,
+}
+
+/// The null of the estimation records.
+#[derive(Debug)]
+pub struct Judge {
+    null: Null,
+    /// Powers that smoothed derivatives give, by output.
+    bias: Vec<[f64; 3]>,
+    /// Mean power of a whitened sample under the null.
+    pub power: f64,
+    /// The same with what smoothed derivatives give.
+    pub tolerated: f64,
+}
+
+impl Judge {
+    /// Draws the null around a model.
+    pub fn new(fits: &Fits, model: &Model, draws: usize, seed: u64) -> Judge {
+        let view = in_noise(fits, model);
+        let (p, locals) = (&model.fit.parameters, &model.fit.locals);
+        let noisy = Noisy::new(&view, p, locals, seed);
+        let records: Vec<usize> = (0..fits.pieces.len()).collect();
+        let null = Null::simulate(&noisy, &records, p, locals, draws, seed);
+        let samples: usize = fits.pieces.iter().map(|piece| piece.range.len()).sum();
+        let count = (samples * fits.study.outputs.len()).max(1) as f64;
+        let bias: Vec<Vec<f64>> = records.iter().map(|&r| noisy.bias(r)).collect();
+        let bias = if bias.iter().any(Vec::is_empty) {
+            vec![[0.0; 3]; fits.study.outputs.len()]
+        } else {
+            pooled(&noisy, &records, &bias).into_iter().map(|(_, powers)| powers).collect()
+        };
+        let scales = fits.study.outputs.iter().map(|output| output.noise).zip(&fits.scale);
+        let factors: Vec<f64> = scales.map(|(noise, scale)| (noise / scale).powi(2) / count).collect();
+        let sum = |powers: &[[f64; 3]]| powers.iter().zip(&factors).map(|(own, f)| own[0] * f).sum::<f64>();
+        let power = sum(null.means());
+        let tolerated = power + sum(&bias);
+        Judge { null, bias, power, tolerated }
+    }
+
+    /// Draws made.
+    pub fn draws(&self) -> usize {
+        self.null.draws
+    }
+
+    /// Largest normalised power that noise gives.
+    pub fn limit(&self) -> f64 {
+        self.null.quantile
+    }
+
+    fn powers(fits: &Fits, model: &Model) -> Vec<(String, [f64; 3])> {
+        let view = in_noise(fits, model);
+        let records: Vec<usize> = (0..fits.pieces.len()).collect();
+        let residual = |&r: &usize| view.residuals(r, &model.fit.parameters, &model.fit.locals[r]);
+        pooled(&view, &records, &records.iter().map(residual).collect::<Vec<_>>())
+    }
+
+    /// Normalised powers of what a model leaves, by output.
+    pub fn left(&self, fits: &Fits, model: &Model) -> Vec<(String, f64)> {
+        self.null.normalised(&Self::powers(fits, model))
+    }
+
+    /// Whether what a model leaves is that of the sensors.
+    pub fn settled(&self, fits: &Fits, model: &Model) -> bool {
+        self.left(fits, model).iter().all(|(_, z)| *z < self.limit())
+    }
+
+    /// Whether a model leaves no more than the sensors may give, whose noise is known roughly.
+    pub fn explained(&self, fits: &Fits, model: &Model) -> bool {
+        let powers = Self::powers(fits, model);
+        let left = self.null.normalised(&powers);
+        let near = powers
+            .iter()
+            .zip(self.null.means())
+            .map(|((_, own), mean)| own.iter().zip(mean).all(|(own, mean)| *own < TOLERANCE * mean));
+        left.iter().zip(near).all(|((_, z), near)| near || *z < self.limit())
+    }
+
+    /// Whether a model leaves no more than sensors and smoothed derivatives may give.
+    pub fn tolerable(&self, fits: &Fits, model: &Model) -> bool {
+        let powers = Self::powers(fits, model);
+        let limits = self.null.means().iter().zip(&self.bias);
+        powers
+            .iter()
+            .zip(limits)
+            .all(|((_, own), (mean, bias))| (0..3).all(|i| own[i] < TOLERANCE * (mean[i] + bias[i])))
+    }
+
+    /// Power of a model above that of noise and smoothed derivatives.
+    pub fn excess(&self, model: &Model) -> f64 {
+        (model.error.powi(2) - self.tolerated).max(0.0)
+    }
+
+    /// Whether an error takes away half of what another has above noise and smoothed derivatives, and no less than a
+    /// hundredth of it.
+    pub fn halves(&self, from: f64, to: f64) -> bool {
+        let excess = |error: f64| error.powi(2) - self.tolerated;
+        excess(from) > 0.0 && excess(to) < 0.5 * excess(from) && to < 0.99 * from
+    }
+
+    /// Whether an error has lost a quarter of what it had above noise and smoothed derivatives.
+    pub fn falls(&self, from: f64, to: f64) -> bool {
+        let excess = |error: f64| error.powi(2) - self.tolerated;
+        excess(from) > 0.0 && excess(to) < 0.75 * excess(from)
+    }
+
+    /// On what depends what a model leaves.
+    pub fn rest(&self, fits: &Fits, model: &Model) -> Rest {
+        let study = fits.study;
+        let probes: Vec<usize> = (0..study.candidates.len()).filter(|&c| study.candidates[c].probe).collect();
+        let power = model.error.powi(2);
+        let enough = (SHARE * self.excess(model)).max(OF_NOISE * self.tolerated);
+        // The linear step promises too much where forces change the motion that they depend on: what it lets hope is fitted.
+        let gain = |own: &[usize]| {
+            let promised = fits.promised(model, own).map_or(0.0, |error| power - error.powi(2));
+            let fitted = || fits.fitted(model, own).map_or(0.0, |error| power - error.powi(2));
+            if promised < enough { promised } else { promised.min(fitted()) }
+        };
+        let mut singles: Vec<(usize, f64)> = parallel::map(probes.len(), |i| (probes[i], gain(&[probes[i]])));
+        singles.sort_by(|a, b| b.1.total_cmp(&a.1));
+        let Some(&(first, alone)) = singles.first() else { return Rest { place: None, gain: 0.0 } };
+        if alone < enough {
+            return Rest { place: None, gain: alone.max(0.0) };
+        }
+        let mut best = (vec![first], alone);
+        // One variable that tells most of it needs no second.
+        let few = if alone < ENOUGH * self.excess(model) { 2 } else { 0 };
+        for &(second, _) in singles.iter().skip(1).take(few) {
+            let both = gain(&[first, second]);
+            if both > (1.0 + SECOND) * best.1.max(alone) {
+                best = (vec![first, second], both);
+            }
+        }
+        let channel = study.candidates[first].channel.to_owned();
+        let variables = best.0.iter().map(|&c| name(study, c).to_owned()).collect();
+        Rest { place: Some((channel, variables)), gain: best.1 }
+    }
+}
+
+/// The estimation records with residuals in units of the sensor noise.
+fn in_noise<'a>(fits: &Fits<'a>, model: &Model) -> View<'a> {
+    let scale = fits.study.outputs.iter().map(|output| output.noise).collect();
+    View { scale, ..fits.view(&model.added, &fits.pieces) }
+}
+
+/// Name of a variable at an attachment in the vocabulary.
+fn word(study: &Study, tap: usize, variable: Variable) -> &'static str {
+    match (variable, study.taps[tap].angular) {
+        (Variable::Velocity, false) => "xdot",
+        (Variable::Velocity, true) => "thetadot",
+        (Variable::Position, false) => "x",
+        (Variable::Position, true) => "theta",
+        (Variable::PressureForce, _) => "F",
+        (Variable::Value, _) => "u",
+        (Variable::Time, _) => "time",
+    }
+}
+
+/// Name of the variable of a probe.
+fn name(study: &Study, c: usize) -> &'static str {
+    match study.candidates[c].action {
+        Action::Block { law: Law::Shape(variable), tap } => word(study, tap, variable),
+        _ => "time",
+    }
+}
+
+/// Variables that a candidate depends on; commands and sensors count as depending on all that moves.
+pub fn depends(study: &Study, c: usize) -> Vec<&'static str> {
+    let all = [Variable::Velocity, Variable::Position, Variable::PressureForce, Variable::Value];
+    let Action::Block { law, tap } = study.candidates[c].action else {
+        return all.iter().map(|&own| word(study, 0, own)).collect();
+    };
+    law.variables().iter().map(|&own| word(study, tap, own)).collect()
+}

@@ -1,0 +1,467 @@
+//! Fits of a study in simulation: the declared model alone and with candidates, and their error on spans kept back.
+
+use nalgebra::{Cholesky, DMatrix, DVector};
+
+use super::declaration::{Initial, InitialWord, Role};
+use super::law::Law;
+use super::model::{Action, Study};
+use super::simulate::{Piece, View};
+use crate::engine::System;
+use crate::engine::fit::{Fit, Free, fit};
+use crate::engine::normal::{Columns, columns};
+use crate::engine::parallel;
+
+/// Records from which on whole records are kept back; with fewer, spans of every record are, so that what is kept back
+/// lies within the conditions of the fit.
+const WHOLE_RECORDS: usize = 6;
+/// Steps of fits that begin at the fit to all records.
+const WARM: usize = 5;
+/// Share of the error by which steps of second order may differ.
+const QUICK: f64 = 1e-3;
+/// Starts of a candidate from which on they are many.
+const MANY: usize = 8;
+/// Short windows in a window.
+const SHORT: f64 = 8.0;
+/// Spans of a record otherwise.
+const SPANS: usize = 4;
+
+/// The declared model with some candidates, fitted.
+#[derive(Debug, Clone)]
+pub struct Model {
+    /// Candidates, by index, in the order they were added.
+    pub added: Vec<usize>,
+    /// Fit to all estimation records.
+    pub fit: Fit,
+    /// Rms of the whitened residuals of that fit.
+    pub error: f64,
+    /// Rms of the whitened residuals on what was kept back; NaN where it was not asked for.
+    pub held_back: f64,
+    /// For each part that was kept back: rms on it, and the parameters fitted without it.
+    pub parts: Vec<(f64, Vec<f64>)>,
+}
+
+impl Model {
+    /// A fit with its error, not yet tried on what is kept back.
+    pub fn new(added: Vec<usize>, fit: Fit, error: f64) -> Model {
+        Model { added, fit, error, held_back: f64::NAN, parts: Vec::new() }
+    }
+}
+
+/// Estimation records, what is kept back of them, and the scale of residuals.
+#[derive(Debug)]
+pub struct Fits<'a> {
+    /// Study.
+    pub study: &'a Study,
+    /// Divisors of residuals by output.
+    pub scale: Vec<f64>,
+    /// Estimation records.
+    pub pieces: Vec<Piece>,
+    /// What is fitted and what is kept back.
+    pub folds: Vec<(Vec<Piece>, Vec<Piece>)>,
+    /// Simulations with steps of second order.
+    pub quick: bool,
+}
+
+/// Pieces of all records of a role.
+pub fn pieces(study: &Study, role: Role) -> Vec<Piece> {
+    let of_role = study.records.iter().enumerate().filter(|(_, record)| record.role == role);
+    of_role.map(|(record, own)| Piece { record, range: 0..own.n }).collect()
+}
+
+/// Where windows begin that start from a well known state: at the beginning of a file a derivative is far worse known than
+/// elsewhere, and one window would hide what the others show.
+fn settled(study: &Study, piece: &Piece) -> usize {
+    let record = &study.records[piece.record];
+    let length = study.windows.map_or(0, |window| ((window / record.step).round() as usize).max(2));
+    let derived = study.sensors.signals[1].iter().flatten().any(|signal| signal.derivative_of.is_some());
+    let begin = piece.range.start;
+    if record.ends[0] && derived && record.n >= 4 * length { begin + length } else { begin }
+}
+
+fn folds(study: &Study, pieces: &[Piece]) -> Vec<(Vec<Piece>, Vec<Piece>)> {
+    if pieces.len() >= WHOLE_RECORDS {
+        let groups = pieces.len().min(SPANS + 1);
+        let of = |group: usize, inside: bool| {
+            let own = pieces.iter().enumerate().filter(|(i, _)| (i % groups == group) == inside);
+            own.map(|(_, piece)| piece.clone()).collect::<Vec<_>>()
+        };
+        return (0..groups).map(|group| (of(group, false), of(group, true))).collect();
+    }
+    let spans: Vec<Vec<Piece>> = pieces
+        .iter()
+        .map(|piece| {
+            let record = &study.records[piece.record];
+            let unit = study.windows.map_or(1, |window| ((window / record.step).round() as usize).max(2));
+            let units = piece.range.len() / unit;
+            let edge = |k: usize| piece.range.start + unit * (k * units / SPANS);
+            (0..SPANS).map(|k| Piece { record: piece.record, range: edge(k)..edge(k + 1) }).collect()
+        })
+        .collect();
+    let fold = |k: usize| {
+        let inside = spans.iter().map(|own| own[k].clone()).filter(|piece| piece.range.len() > 8).collect();
+        let outside = spans.iter().flat_map(|own| own.iter().enumerate().filter(|(i, _)| *i != k));
+        let outside = outside.map(|(_, piece)| piece.clone()).filter(|piece| piece.range.len() > 8).collect();
+        (outside, inside)
+    };
+    (0..SPANS).map(fold).collect()
+}
+
+fn rms(chi2: f64, count: usize) -> f64 {
+    (chi2 / count.max(1) as f64).sqrt()
+}
+
+impl<'a> Fits<'a> {
+    /// For residuals divided by `scale`.
+    pub fn new(study: &'a Study, scale: Vec<f64>) -> Fits<'a> {
+        let mut pieces = pieces(study, Role::Estimation);
+        pieces.iter_mut().for_each(|piece| piece.range.start = settled(study, piece));
+        let folds = folds(study, &pieces);
+        Fits { study, scale, pieces, folds, quick: false }
+    }
+
+    /// With steps of second order where they change the error of a model by next to nothing.
+    pub fn quickened(mut self, model: &Model) -> Fits<'a> {
+        let error = |quick: bool| {
+            let view = View { quick, ..self.view(&model.added, &self.pieces) };
+            let own = |r: usize| view.residuals(r, &model.fit.parameters, &model.fit.locals[r]);
+            parallel::map(self.pieces.len(), own).concat()
+        };
+        let (slow, quick) = (error(false), error(true));
+        let square = |a: &f64, b: &f64| (a - b).powi(2);
+        let apart = slow.iter().zip(&quick).map(|(a, b)| square(a, b)).sum::<f64>();
+        let whole = slow.iter().map(|a| a * a).sum::<f64>();
+        self.quick = apart.is_finite() && apart < QUICK.powi(2) * whole;
+        self
+    }
+
+    /// The engine's view of pieces with the blocks of `added`.
+    pub fn view(&self, added: &[usize], pieces: &[Piece]) -> View<'a> {
+        let (active, pieces) = (added.to_vec(), pieces.to_vec());
+        let (scale, quick) = (self.scale.clone(), self.quick);
+        View { study: self.study, active, pieces, scale, quick, corrected: true }
+    }
+
+    fn count(&self, pieces: &[Piece]) -> usize {
+        pieces.iter().map(|piece| piece.range.len()).sum::<usize>() * self.study.outputs.len()
+    }
+
+    /// Whether a simulation runs long enough from fitted states for a direct fit to get lost.
+    fn long(&self) -> bool {
+        let fitted =
+            |piece: &Piece| self.study.records[piece.record].initial == Initial::Word(InitialWord::Fit);
+        self.study.windows.is_none() && self.pieces.iter().any(fitted)
+    }
+
+    /// Initial states as measured.
+    pub fn locals(view: &View) -> Vec<Vec<f64>> {
+        (0..view.records()).map(|r| view.locals(r).into_iter().map(|(start, _)| start).collect()).collect()
+    }
+
+    /// Fits `free` on a growing part of each piece: each fit starts within reach of the next.
+    pub fn grow(
+        &self,
+        added: &[usize],
+        pieces: &[Piece],
+        p: &[f64],
+        free: &[Free],
+        parts: &[f64],
+        rounds: usize,
+    ) -> Fit {
+        let mut p = p.to_vec();
+        let mut locals = Self::locals(&self.view(added, pieces));
+        for (i, part) in parts.iter().enumerate() {
+            let short = |piece: &Piece| {
+                let n = ((piece.range.len() as f64 * part) as usize).max(16).min(piece.range.len());
+                Piece { record: piece.record, range: piece.range.start..piece.range.start + n }
+            };
+            let short: Vec<Piece> = pieces.iter().map(short).collect();
+            let view = self.view(added, &short);
+            let records: Vec<usize> = (0..short.len()).collect();
+            let rounds = if i + 1 == parts.len() { rounds } else { rounds.min(8) };
+            let found = fit(&view, &records, &p, free, &locals, rounds);
+            if i + 1 == parts.len() {
+                return found;
+            }
+            (p, locals) = (found.parameters, found.locals);
+        }
+        let view = self.view(added, pieces);
+        fit(&view, &(0..pieces.len()).collect::<Vec<_>>(), &p, free, &locals, rounds)
+    }
+
+    /// Free parameters of the declared model and of candidates.
+    pub fn free(&self, added: &[usize]) -> Vec<Free> {
+        let own = added.iter().flat_map(|&c| self.study.candidates[c].entries.clone());
+        self.study
+            .declared_free()
+            .into_iter()
+            .chain(own.map(|index| self.study.entries[index].free))
+            .collect()
+    }
+
+    /// The declared model, fitted from the values of the declaration.
+    pub fn declared(&self) -> Model {
+        let parts: &[f64] = if self.long() { &[0.03, 0.06, 0.12, 0.25, 0.5, 1.0] } else { &[1.0] };
+        let found = self.grow(&[], &self.pieces, &self.study.start(), &self.free(&[]), parts, 20);
+        let error = rms(found.chi2, self.count(&self.pieces));
+        Model::new(Vec::new(), found, error)
+    }
+
+    /// Candidate `c` on top of `base`: best start by the linear step, then the fit of everything.
+    pub fn add(&self, base: &Model, c: usize) -> Option<Model> {
+        let (p, locals) = self.promise(base, c)?;
+        let mut added = base.added.clone();
+        added.push(c);
+        self.fit_from(added, &p, &locals)
+    }
+
+    /// Error that the linear step over the entries of some candidates beside `base` promises.
+    pub fn promised(&self, base: &Model, own: &[usize]) -> Option<f64> {
+        let mut added = base.added.clone();
+        added.extend(own);
+        let view = self.view(&added, &self.pieces);
+        let records: Vec<usize> = (0..self.pieces.len()).collect();
+        let locals: Vec<&[f64]> = base.fit.locals.iter().map(Vec::as_slice).collect();
+        let shared = columns(&view, &records, &base.fit.parameters, &base.fit.free, &locals, true, None);
+        let entries = own.iter().flat_map(|&c| self.study.candidates[c].entries.clone());
+        let open: Vec<Free> = entries.map(|index| self.study.entries[index].free).collect();
+        let start = base.fit.parameters.clone();
+        let (chi2, _) = linear_step(&view, &shared, (&base.fit, &base.fit.locals), &open, start)?;
+        Some(rms(chi2, self.count(&self.pieces)))
+    }
+
+    /// Error with some candidates beside `base`, fitted for some rounds.
+    pub fn fitted(&self, base: &Model, own: &[usize]) -> Option<f64> {
+        let added: Vec<usize> = base.added.iter().chain(own).copied().collect();
+        let records: Vec<usize> = (0..self.pieces.len()).collect();
+        let view = self.view(&added, &self.pieces);
+        let free = self.free(&added);
+        let found = fit(&view, &records, &base.fit.parameters, &free, &base.fit.locals, WARM);
+        Some(rms(found.chi2, self.count(&self.pieces))).filter(|error| error.is_finite())
+    }
+
+    /// Difference step of all heights of a free form.
+    pub fn probe_step(&self, base: &Model, c: usize) -> Option<f64> {
+        let entries = self.study.candidates[c].entries.clone();
+        self.scaled_step(base, &[c], |p, step| p[entries.clone()].fill(step))
+    }
+
+    /// Fits everything from a start.
+    pub fn fit_from(&self, added: Vec<usize>, p: &[f64], locals: &[Vec<f64>]) -> Option<Model> {
+        let records: Vec<usize> = (0..self.pieces.len()).collect();
+        let view = self.view(&added, &self.pieces);
+        let found = fit(&view, &records, p, &self.free(&added), locals, 12);
+        let error = rms(found.chi2, self.count(&self.pieces));
+        error.is_finite().then_some(Model::new(added, found, error))
+    }
+
+    /// The fit of a model with initial states as the study declares them.
+    pub fn as_declared(&self, model: &Model) -> Fit {
+        let pieces = pieces(self.study, Role::Estimation);
+        if pieces == self.pieces && pieces.iter().all(|p| self.study.records[p.record].smoothed.is_empty()) {
+            return model.fit.clone();
+        }
+        let records: Vec<usize> = (0..pieces.len()).collect();
+        let view = View { corrected: false, ..self.view(&model.added, &pieces) };
+        fit(&view, &records, &model.fit.parameters, &self.free(&model.added), &model.fit.locals, 6)
+    }
+
+    /// The same model fitted until nothing moves: long free motions have narrow valleys.
+    pub fn polish(&self, model: &Model) -> Option<Model> {
+        let mut found = model.clone();
+        for _ in 0..4 {
+            let again = self.fit_from(found.added.clone(), &found.fit.parameters, &found.fit.locals)?;
+            let settled = again.error > (1.0 - 1e-4) * found.error;
+            if again.error <= found.error {
+                found = Model { held_back: found.held_back, parts: found.parts, ..again };
+            }
+            if settled {
+                break;
+            }
+        }
+        Some(found)
+    }
+
+    /// Start of a candidate beside `base` that promises the smallest sum of squares, after the linear step.
+    fn promise(&self, base: &Model, c: usize) -> Option<(Vec<f64>, Vec<Vec<f64>>)> {
+        let own = &self.study.candidates[c];
+        let mut added = base.added.clone();
+        added.push(c);
+        if let [only] = &own.starts[..]
+            && only.iter().all(|value| *value == 0.0)
+        {
+            return Some((base.fit.parameters.clone(), base.fit.locals.clone()));
+        }
+        // Presliding starts from rest in every window, and changes what a change of the Coulomb level does.
+        let changed = matches!(own.action, Action::Block { law: Law::Presliding, .. });
+        let (pieces, own_locals) = if changed {
+            (self.pieces.clone(), base.fit.locals.clone())
+        } else {
+            self.screened(&base.fit, own.starts.len())
+        };
+        let before = self.view(&base.added, &pieces);
+        let records: Vec<usize> = (0..pieces.len()).collect();
+        let locals: Vec<&[f64]> = own_locals.iter().map(Vec::as_slice).collect();
+        let shared = columns(&before, &records, &base.fit.parameters, &base.fit.free, &locals, true, None);
+        let view = self.view(&added, &pieces);
+        let promises: Vec<Option<(f64, Vec<f64>)>> = parallel::map(own.starts.len(), |s| {
+            let mut p = base.fit.parameters.clone();
+            let start = &own.starts[s];
+            own.entries.clone().zip(start).for_each(|(index, value)| p[index] = *value);
+            let open: Vec<Free> = own
+                .entries
+                .clone()
+                .zip(start)
+                .filter(|(_, value)| **value == 0.0)
+                .map(|(index, _)| self.study.entries[index].free)
+                .collect();
+            let fresh: Option<Vec<Columns>> =
+                changed.then(|| columns(&view, &records, &p, &base.fit.free, &locals, true, None));
+            linear_step(&view, fresh.as_ref().unwrap_or(&shared), (&base.fit, &own_locals), &open, p)
+        });
+        let best = promises.into_iter().flatten().min_by(|a, b| a.0.total_cmp(&b.0))?;
+        Some((best.1, base.fit.locals.clone()))
+    }
+
+    /// What starts are compared on: all estimation records; where the study has windows, short ones, in which the motion stays
+    /// so near the measured one that the linear step holds. Every third of them where there are many starts.
+    fn screened(&self, fit: &Fit, starts: usize) -> (Vec<Piece>, Vec<Vec<f64>>) {
+        let Some(window) = self.study.windows else {
+            return (self.pieces.clone(), fit.locals.clone());
+        };
+        let every = if starts > MANY { 3 } else { 1 };
+        let mut found = Vec::new();
+        for piece in &self.pieces {
+            let length = (window / SHORT / self.study.records[piece.record].step).round() as usize;
+            let length = length.max(8);
+            let begins = piece.range.clone().step_by(every * length);
+            found.extend(begins.map(|begin| Piece {
+                record: piece.record,
+                range: begin..(begin + length).min(piece.range.end),
+            }));
+        }
+        let none = vec![Vec::new(); found.len()];
+        (found, none)
+    }
+
+    /// Error on what is kept back: everything fitted without it, then only its initial states on it.
+    pub fn hold_back(&self, model: &mut Model) {
+        if !model.held_back.is_nan() {
+            return;
+        }
+        let free = self.free(&model.added);
+        let parts: &[f64] = if self.long() { &[0.3, 1.0] } else { &[1.0] };
+        model.parts = parallel::map(self.folds.len(), |f| {
+            let (outside, inside) = &self.folds[f];
+            let found = self.grow(&model.added, outside, &model.fit.parameters, &free, parts, WARM);
+            let test = self.grow(&model.added, inside, &found.parameters, &[], parts, 8);
+            (rms(test.chi2, self.count(inside)), found.parameters)
+        });
+        // The geometric mean: every fold counts by its own relative change.
+        let logarithms: f64 = model.parts.iter().map(|(error, _)| error.max(1e-12).ln()).sum();
+        model.held_back = (logarithms / model.parts.len().max(1) as f64).exp();
+    }
+
+    /// Sets the difference step of a candidate's entries so that it moves the residuals by a thousandth; false if
+    /// nothing moves them.
+    pub fn step(&self, base: &Model, c: usize, index: usize) -> Option<f64> {
+        let own = &self.study.candidates[c];
+        let mut added = base.added.clone();
+        added.extend(own.needs.filter(|needs| !added.contains(needs)));
+        added.push(c);
+        let start = &own.starts[own.starts.len() / 2];
+        let mut p = base.fit.parameters.clone();
+        own.entries.clone().zip(start).for_each(|(index, value)| p[index] = *value);
+        if p[index] != 0.0 {
+            return Some(1e-3 * p[index].abs());
+        }
+        self.scaled_step(base, &added[base.added.len()..], |q, step| {
+            q.copy_from_slice(&p);
+            q[index] = step;
+        })
+    }
+
+    /// Step of a change that moves the residuals by a thousandth; none if nothing moves them.
+    fn scaled_step(&self, base: &Model, own: &[usize], change: impl Fn(&mut [f64], f64)) -> Option<f64> {
+        let added: Vec<usize> = base.added.iter().chain(own).copied().collect();
+        let view = self.view(&added, &self.pieces[..1]);
+        let mut p = base.fit.parameters.clone();
+        change(&mut p, 0.0);
+        let before = view.residuals(0, &p, &base.fit.locals[0]);
+        let mut step = 1e-3;
+        for _ in 0..12 {
+            change(&mut p, step);
+            let moved = view.residuals(0, &p, &base.fit.locals[0]);
+            let square = moved.iter().zip(&before).map(|(a, b)| (a - b).powi(2)).sum::<f64>();
+            let size = rms(square, before.len()) / 1e-3;
+            if (0.2..5.0).contains(&size) {
+                return Some(step);
+            }
+            step *= if size.is_finite() { (1.0 / size).clamp(1e-5, 1e5) } else { 1e-3 };
+            if !(1e-30..1e30).contains(&step) {
+                return None;
+            }
+        }
+        None
+    }
+}
+
+/// The linear least-squares step from `p` over `open`, the parameters of `fit` and the local ones: promised sum of
+/// squares and parameters after it.
+fn linear_step(
+    view: &View,
+    shared: &[Columns],
+    (fit, locals): (&Fit, &[Vec<f64>]),
+    open: &[Free],
+    mut p: Vec<f64>,
+) -> Option<(f64, Vec<f64>)> {
+    let (m, known) = (open.len(), fit.free.len());
+    let size = m + known + locals.iter().map(Vec::len).sum::<usize>();
+    let (mut matrix, mut right, mut chi2) = (DMatrix::zeros(size, size), DVector::zeros(size), 0.0);
+    let mut offset = m + known;
+    for (r, base) in shared.iter().enumerate() {
+        let residuals = view.residuals(r, &p, &locals[r]);
+        let mut q = p.clone();
+        let own: Vec<Vec<f64>> = open
+            .iter()
+            .map(|f| {
+                q[f.index] = p[f.index] + f.step;
+                let moved = view.residuals(r, &q, &locals[r]);
+                q[f.index] = p[f.index];
+                moved.iter().zip(&residuals).map(|(a, b)| (a - b) / f.step).collect()
+            })
+            .collect();
+        let all: Vec<&Vec<f64>> = own.iter().chain(&base.columns).collect();
+        let place = |a: usize| if a < m + known { a } else { offset + a - m - known };
+        let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+        for (a, column) in all.iter().enumerate() {
+            right[place(a)] -= dot(column, &residuals);
+            for (b, other) in all.iter().enumerate().skip(a) {
+                let value = dot(column, other);
+                matrix[(place(a), place(b))] += value;
+                if a != b {
+                    matrix[(place(b), place(a))] += value;
+                }
+            }
+        }
+        offset += all.len() - m - known;
+        chi2 += residuals.iter().map(|r| r * r).sum::<f64>();
+    }
+    let scale: Vec<f64> = (0..size).map(|a| f64::sqrt(matrix[(a, a)]).max(1e-150)).collect();
+    let scaled = DMatrix::from_fn(size, size, |a, b| {
+        matrix[(a, b)] / (scale[a] * scale[b]) + if a == b { 1e-9 } else { 0.0 }
+    });
+    let solved = Cholesky::new(scaled)?.solve(&DVector::from_fn(size, |a, _| right[a] / scale[a]));
+    let step = DVector::from_fn(size, |a, _| solved[a] / scale[a]);
+    let gain = 2.0 * step.dot(&right) - (&matrix * &step).dot(&step);
+    for (a, f) in open.iter().enumerate() {
+        p[f.index] = (p[f.index] + step[a]).clamp(f.bounds.0, f.bounds.1);
+        // A strength at its bound would promise what it cannot give.
+        if step[a] < 0.0 && f.bounds.0 == 0.0 {
+            return Some((chi2, p));
+        }
+    }
+    for (a, f) in fit.free.iter().enumerate() {
+        p[f.index] = (p[f.index] + step[m + a]).clamp(f.bounds.0, f.bounds.1);
+    }
+    chi2.is_finite().then_some((chi2 - gain, p))
+}

@@ -1,0 +1,88 @@
+//! What any declared system lacks: a `study.toml` names a system of FMUs, records and places where effects may act.
+//!
+//! [`declaration`] is the file, [`dataset`] reads folders of measured data that come without one, [`read`] makes records,
+//! [`plant`] evaluates the FMUs, [`simulate`] integrates them for the engine, [`fits`] fits, [`catalogue`] lists the candidates,
+//! [`search`] chooses among them by the error on records that are kept back, [`physical`] what no model may be, [`noise`] carries the noise of the sensors to
+//! that error, [`smoothed`] what filters take from measured derivatives, [`explain`] finds on what depends what is left, [`answer`] says it. The rig of the vocabulary, whose
+//! sensors are known, has a search of its own in `rig`.
+
+pub mod answer;
+pub mod catalogue;
+pub mod command;
+pub mod dataset;
+pub mod declaration;
+pub mod effects;
+pub mod errors;
+pub mod explain;
+pub mod fits;
+pub mod force;
+pub mod law;
+pub mod model;
+pub mod noise;
+pub mod open;
+pub mod physical;
+pub mod plant;
+pub mod read;
+pub mod search;
+pub mod signal;
+pub mod simulate;
+pub mod smoothed;
+
+use std::path::Path;
+
+use super::Error;
+
+/// Name of a study in a folder.
+pub const STUDY: &str = "study.toml";
+
+/// JSON schema of a study.
+pub const SCHEMA: &str = include_str!("study.schema.json");
+
+/// What is wrong with a study, without the place.
+#[derive(Debug, thiserror::Error)]
+pub enum Problem {
+    /// The system cannot be studied.
+    #[error("{0}")]
+    System(String),
+    /// A name that is not there.
+    #[error("there is no {what} `{name}`; known are: {known}")]
+    Name {
+        /// What it should be.
+        what: &'static str,
+        /// What was written.
+        name: String,
+        /// What there is.
+        known: String,
+    },
+    /// An FMU fails.
+    #[error(transparent)]
+    Fmu(Box<airloop_fmi::Error>),
+}
+
+impl Problem {
+    fn fmu(error: airloop_fmi::Error) -> Problem {
+        Problem::Fmu(Box::new(error))
+    }
+}
+
+/// The study that a path means: a `study.toml` (or another `.toml` file), a folder with one, or a folder of measured data
+/// with `dataset.toml`; none if it is something else.
+///
+/// # Errors
+/// A file that is no study.
+pub fn find(path: &Path) -> Result<Option<declaration::File>, Error> {
+    if path.is_file() {
+        let toml = path.extension().is_some_and(|ending| ending == "toml");
+        let name = path.file_name().and_then(|name| name.to_str());
+        return match (toml, name) {
+            (true, Some("case.toml")) | (false, _) => Ok(None),
+            (true, Some(dataset::NAME)) => dataset::read(path.parent().unwrap_or(Path::new(""))).map(Some),
+            (true, _) => declaration::File::read(path).map(Some),
+        };
+    }
+    if path.join(STUDY).is_file() {
+        return declaration::File::read(&path.join(STUDY)).map(Some);
+    }
+    let other = path.join("case.toml").is_file() || !path.join(dataset::NAME).is_file();
+    if other { Ok(None) } else { dataset::read(path).map(Some) }
+}

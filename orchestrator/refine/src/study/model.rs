@@ -1,0 +1,224 @@
+//! A study ready to be simulated: records, the parameter vector, and what its entries change.
+
+use std::sync::{Mutex, PoisonError};
+
+use super::Problem;
+use super::catalogue::Candidate;
+use super::declaration::{ForceRule, Initial, InitialWord};
+use super::law::{Law, Variable};
+use super::noise::SensorNoise;
+use super::plant::{Parameter, Plant};
+use super::read::Record;
+use crate::engine::fit::Free;
+use airloop_cosim::system::SystemGraph;
+
+/// A measured output.
+#[derive(Debug, Clone)]
+pub struct Output {
+    /// Column.
+    pub name: String,
+    /// Slot of the system's signal.
+    pub slot: usize,
+    /// Unit.
+    pub unit: String,
+    /// Rms of the sensor noise.
+    pub noise: f64,
+    /// Entry of the parameter vector that is its offset, if the declared model has one.
+    pub offset: Option<usize>,
+}
+
+/// What an entry of the parameter vector is.
+#[derive(Debug, Clone)]
+pub enum Target {
+    /// A parameter of the system.
+    Declared(Parameter),
+    /// Offset of an output.
+    Offset,
+    /// Parameter of a candidate.
+    Effect,
+}
+
+/// An entry of the parameter vector.
+#[derive(Debug, Clone)]
+pub struct Entry {
+    /// Name.
+    pub name: String,
+    /// Unit.
+    pub unit: String,
+    /// What it is.
+    pub target: Target,
+    /// Value to start from.
+    pub start: f64,
+    /// Bounds and difference step.
+    pub free: Free,
+}
+
+/// Where blocks act.
+#[derive(Debug, Clone)]
+pub struct Tap {
+    /// Input of the system or of a component.
+    pub name: String,
+    /// Slots of velocity, position, pressure force and pressure.
+    pub signals: [Option<usize>; 4],
+    /// Velocity over which friction changes its sign.
+    pub vt: f64,
+    /// Its motion is a rotation.
+    pub angular: bool,
+    /// Coulomb friction of the declared model: entry of the parameter vector, or its value.
+    pub coulomb: Option<Level>,
+}
+
+/// A value of the declared model.
+#[derive(Debug, Clone, Copy)]
+pub enum Level {
+    /// Entry of the parameter vector.
+    Entry(usize),
+    /// Fixed value.
+    Value(f64),
+}
+
+impl Level {
+    /// Value for a parameter vector.
+    pub fn of(self, p: &[f64]) -> f64 {
+        match self {
+            Level::Entry(index) => p[index],
+            Level::Value(value) => value,
+        }
+    }
+}
+
+/// What a candidate does.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Action {
+    /// A block at an attachment.
+    Block {
+        /// Law.
+        law: Law,
+        /// Attachment.
+        tap: usize,
+    },
+    /// A change of a measured command with memory.
+    Command {
+        /// Kind.
+        kind: super::command::Command,
+        /// System input.
+        input: usize,
+    },
+    /// A sensor.
+    Sensor {
+        /// Kind.
+        kind: Sensor,
+        /// Output.
+        output: usize,
+    },
+}
+
+/// Sensor effects.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Sensor {
+    /// `y + value`
+    Offset,
+    /// `(1 + gain) y`
+    Gain,
+    /// `y(t - delay)`
+    Delay,
+}
+
+/// A study.
+#[derive(Debug)]
+pub struct Study {
+    /// Name.
+    pub name: String,
+    /// System.
+    pub graph: SystemGraph,
+    /// Segments.
+    pub records: Vec<Record>,
+    /// Names of further signals.
+    pub extra: Vec<String>,
+    /// Whether system inputs are held between samples.
+    pub held: Vec<bool>,
+    /// Measured outputs.
+    pub outputs: Vec<Output>,
+    /// Parameter vector: the declared model first, then candidates.
+    pub entries: Vec<Entry>,
+    /// Entries of the declared model.
+    pub declared: usize,
+    /// Fixed parameters of the system.
+    pub fixed: Vec<(Parameter, f64)>,
+    /// Where blocks act.
+    pub taps: Vec<Tap>,
+    /// Candidates.
+    pub candidates: Vec<Candidate>,
+    /// Ranges at each attachment: velocity, position, pressure force, pressure, the value that passes.
+    pub ranges: Vec<[(f64, f64); 5]>,
+    /// Restart of the simulation \[s\].
+    pub windows: Option<f64>,
+    /// Force residual: rule, velocity state, tap, output column of the driving force.
+    pub force: Option<(ForceRule, usize, usize, String)>,
+    /// Whether components have time events, so states of their own that no sensor shows.
+    pub sampled: bool,
+    /// Noise of the sensors.
+    pub sensors: SensorNoise,
+    /// Remarks.
+    pub notes: Vec<String>,
+    /// Candidates that cannot be tested and why.
+    pub not_testable: Vec<(String, String)>,
+    /// Instances not in use.
+    pub pool: Mutex<Vec<Plant>>,
+}
+
+impl Study {
+    /// An instance of the system of one's own.
+    ///
+    /// # Errors
+    /// The FMUs cannot be instantiated.
+    pub fn take(&self) -> Result<Plant, Problem> {
+        if let Some(plant) = self.pool.lock().unwrap_or_else(PoisonError::into_inner).pop() {
+            return Ok(plant);
+        }
+        let names: Vec<String> = self.taps.iter().map(|tap| tap.name.clone()).collect();
+        Plant::new(&self.graph, &names, &self.extra)
+    }
+
+    /// Gives an instance back.
+    pub fn give(&self, plant: Plant) {
+        self.pool.lock().unwrap_or_else(PoisonError::into_inner).push(plant);
+    }
+
+    /// Range of a variable at an attachment.
+    pub fn range(&self, tap: usize, variable: Variable) -> (f64, f64) {
+        let Some(own) = self.ranges.get(tap) else { return (0.0, 0.0) };
+        match variable {
+            Variable::Velocity => own[0],
+            Variable::Position => own[1],
+            Variable::PressureForce => own[2],
+            Variable::Value => own[4],
+            Variable::Time => {
+                let end = |record: &Record| record.n as f64 * record.step;
+                (0.0, self.records.iter().map(end).fold(0.0, f64::max))
+            }
+        }
+    }
+
+    /// Whether spans of a record are simulated from its beginning: the states at other times are neither measured nor
+    /// fitted.
+    pub fn from_start(&self, record: &Record) -> bool {
+        let unknown = || record.states.iter().any(Option::is_none);
+        self.windows.is_none()
+            && match &record.initial {
+                Initial::Given(_) => true,
+                Initial::Word(InitialWord::Fit) => false,
+                Initial::Word(InitialWord::Measured) => self.sampled || unknown(),
+            }
+    }
+
+    /// Parameter vector of the declared model; candidates at zero.
+    pub fn start(&self) -> Vec<f64> {
+        self.entries.iter().map(|entry| entry.start).collect()
+    }
+
+    /// Free parameters of the declared model.
+    pub fn declared_free(&self) -> Vec<Free> {
+        self.entries[..self.declared].iter().map(|entry| entry.free).collect()
+    }
+}

@@ -1,0 +1,420 @@
+//! From the declaration to a study that can be simulated: names resolved, records read, everything checked first.
+
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+use std::sync::Mutex;
+
+use super::Problem;
+use super::catalogue;
+use super::declaration::{Attachment, Declaration, File, Initial, Role, Value};
+use super::model::{Entry, Level, Output, Study, Tap, Target};
+use super::noise::SensorNoise;
+use super::plant::{self, Plant};
+use super::read::{self, Layout};
+use crate::Error;
+use crate::engine::fit::Free;
+use airloop_cosim::system::SystemGraph;
+use airloop_fmi::{Causality, InterfaceKind, template_folder};
+
+/// FMUs of this project in a study: `airloop:NAME`.
+const OWN: &str = "airloop:";
+
+/// A system of two of them: piston force and friction in series.
+const PISTON: &str = "piston-with-friction";
+
+/// The declared system, opened for Model Exchange, with the start values of its files.
+///
+/// # Errors
+/// A system that is not there or does not hold together, with its place in the study.
+pub fn system(file: &File) -> Result<SystemGraph, Error> {
+    let spanned = &file.declaration.system;
+    if spanned.get_ref().strip_prefix(OWN) == Some(PISTON) {
+        return piston(file);
+    }
+    let path: PathBuf = match spanned.get_ref().strip_prefix(OWN) {
+        Some(name) => template_folder::template(name, None).map_err(|error| file.refuse(spanned, error))?,
+        None => file.folder.join(spanned.get_ref()),
+    };
+    SystemGraph::open_for(&path, InterfaceKind::ModelExchange).map_err(|error| file.refuse(spanned, error))
+}
+
+/// The system of a piston with friction, written where the FMUs are found.
+fn piston(file: &File) -> Result<SystemGraph, Error> {
+    let spanned = &file.declaration.system;
+    let refuse = |error: &dyn std::fmt::Display| file.refuse(spanned, error);
+    let mut text = include_str!("piston.ssd").to_owned();
+    for (name, word) in [("piston-force", "PISTON_FORCE_FMU"), ("friction", "FRICTION_FMU")] {
+        let found = template_folder::template(name, None).map_err(|error| refuse(&error))?;
+        let found = found.canonicalize().map_err(|error| refuse(&error))?;
+        let path = found.to_string_lossy().replace('&', "&amp;").replace('<', "&lt;").replace('"', "&quot;");
+        text = text.replace(word, &path);
+    }
+    let folder = tempfile::tempdir().map_err(|error| refuse(&error))?;
+    let path = folder.path().join("system.ssd");
+    std::fs::write(&path, text).map_err(|error| refuse(&error))?;
+    SystemGraph::open_for(&path, InterfaceKind::ModelExchange).map_err(|error| refuse(&error))
+}
+
+/// Signals and columns in the order of the system.
+fn layout(file: &File, graph: &SystemGraph, plant: &Plant) -> Result<Layout, Error> {
+    let declaration = &file.declaration;
+    let mut inputs = vec![None; graph.inputs.len()];
+    for (name, signal) in &declaration.inputs {
+        let Some(index) = graph.inputs.iter().position(|input| input.name == *name) else {
+            let known = plant::known(graph, &[Causality::Input]);
+            return Err(file.refuse(signal, Problem::Name { what: "input", name: name.clone(), known }));
+        };
+        inputs[index] = Some(signal.get_ref().clone());
+    }
+    let mut states = vec![None; plant.nx];
+    let mut state_units = vec![None; plant.nx];
+    for (name, signal) in &declaration.states {
+        let Some(index) = plant.state(name) else {
+            let known = plant.state_names();
+            return Err(file.refuse(signal, Problem::Name { what: "state", name: name.clone(), known }));
+        };
+        states[index] = Some(signal.get_ref().clone());
+        state_units[index] = read::unit(graph, name);
+    }
+    let outputs = declaration.outputs.values().map(|output| super::declaration::Signal {
+        column: Some(output.get_ref().column.clone()),
+        unit: output.get_ref().unit.clone(),
+        ..Default::default()
+    });
+    let units = [
+        graph.inputs.iter().map(|input| read::unit(graph, &input.name)).collect(),
+        state_units,
+        declaration.outputs.keys().map(|name| read::unit(graph, name)).collect(),
+    ];
+    let force = match &declaration.error.force {
+        None => None,
+        Some(rule) => {
+            let Some(state) = plant.state(&rule.velocity) else {
+                let (name, known) = (rule.velocity.clone(), plant.state_names());
+                return Err(file.refuse_all(format!(
+                    "error.force.velocity: {}",
+                    Problem::Name { what: "state", name, known }
+                )));
+            };
+            Some((rule.clone(), state))
+        }
+    };
+    let extra = declaration.signals.values().map(|signal| signal.get_ref().clone()).collect();
+    Ok(Layout { inputs, states, extra, outputs: outputs.collect(), units, force })
+}
+
+fn check(file: &File) -> Result<(), Error> {
+    let declaration = &file.declaration;
+    for role in [Role::Estimation, Role::Validation] {
+        if !declaration.segment.iter().any(|segment| segment.get_ref().role == role) {
+            return Err(file.refuse_all(format!(
+                "no segment has the role `{}`: an effect is only reported when it was fitted on estimation records and lowers the error on validation records that the fit has not seen; give at least one segment each role",
+                role.word()
+            )));
+        }
+    }
+    if declaration.outputs.is_empty() {
+        return Err(file.refuse_all("no output is compared with a column; add [outputs.NAME] with `column`"));
+    }
+    for spanned in &declaration.attachment {
+        let attachment = spanned.get_ref();
+        for channel in &attachment.channels {
+            if !catalogue::CHANNELS.contains(&channel.as_str()) {
+                return Err(file.refuse(
+                    spanned,
+                    format!("there is no channel `{channel}`; known are: {}", catalogue::CHANNELS.join(", ")),
+                ));
+            }
+        }
+        let known = catalogue::ids(&attachment.channels);
+        for id in attachment.effects.iter().flatten() {
+            if !known.contains(&id.as_str()) {
+                return Err(file.refuse(
+                    spanned,
+                    format!(
+                        "effect `{id}` is none of the channels {:?}; known are: {}",
+                        attachment.channels,
+                        known.join(", ")
+                    ),
+                ));
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Fixed parameters with their values, and entries of the parameter vector.
+type Values = (Vec<(plant::Parameter, f64)>, Vec<Entry>);
+
+/// Declared parameters: fixed values and entries of the parameter vector.
+fn parameters(file: &File, graph: &SystemGraph) -> Result<Values, Error> {
+    let declaration = &file.declaration;
+    let unknown = |name: &String| Problem::Name {
+        what: "Real parameter",
+        name: name.clone(),
+        known: plant::known(graph, &[Causality::Parameter]),
+    };
+    let mut fixed = Vec::new();
+    for (name, value) in &declaration.parameters {
+        // Those of other types are start values of the system.
+        let Some((parameter, _, bounds)) = Plant::parameter(graph, name) else { continue };
+        let Value::Number(number) = *value.get_ref() else {
+            let given = value.get_ref();
+            return Err(file.refuse(value, format!("`{name}` is a Real; `{given}` is no number")));
+        };
+        if !(bounds.0..=bounds.1).contains(&number) {
+            return Err(file.refuse(
+                value,
+                format!(
+                    "`{name}` = {number} is outside of what the FMU allows, {} to {}",
+                    bounds.0, bounds.1
+                ),
+            ));
+        }
+        fixed.push((parameter, number));
+    }
+    let mut entries: Vec<Entry> = Vec::new();
+    for spanned in &declaration.free {
+        let free = spanned.get_ref();
+        let (parameter, start, bounds) = Plant::parameter(graph, &free.parameter)
+            .ok_or_else(|| file.refuse(spanned, unknown(&free.parameter)))?;
+        let start = fixed.iter().find(|(own, _)| *own == parameter).map_or(start, |(_, value)| *value);
+        let start = free.start.unwrap_or(start);
+        let bounds = (
+            free.min.unwrap_or(f64::NEG_INFINITY).max(bounds.0),
+            free.max.unwrap_or(f64::INFINITY).min(bounds.1),
+        );
+        if !(bounds.0..=bounds.1).contains(&start) {
+            return Err(file.refuse(
+                spanned,
+                format!("`{}` starts at {start}, outside of {} to {}", free.parameter, bounds.0, bounds.1),
+            ));
+        }
+        let index = entries.len();
+        let free_entry = Free { index, bounds, step: 1e-5 * start.abs().max(1e-6), prior: None };
+        let unit = plant::unit_of(graph, &free.parameter).unwrap_or_else(|| "1".into());
+        let name = free.parameter.clone();
+        entries.push(Entry { name, unit, target: Target::Declared(parameter), start, free: free_entry });
+    }
+    fixed.retain(|(own, _)| {
+        !entries.iter().any(|entry| matches!(entry.target, Target::Declared(free) if free == *own))
+    });
+    Ok((fixed, entries))
+}
+
+fn taps(
+    file: &File,
+    graph: &SystemGraph,
+    plant: &Plant,
+    entries: &[Entry],
+    fixed: &[(plant::Parameter, f64)],
+) -> Result<Vec<Tap>, Error> {
+    let mut found = Vec::new();
+    for spanned in &file.declaration.attachment {
+        let attachment = spanned.get_ref();
+        let slot = |name: &Option<String>| -> Result<Option<usize>, Error> {
+            let Some(name) = name else { return Ok(None) };
+            let known = || plant.signal_names();
+            let slot = plant.slot(name).ok_or_else(|| {
+                file.refuse(spanned, Problem::Name { what: "signal", name: name.clone(), known: known() })
+            })?;
+            Ok(Some(slot))
+        };
+        let signals =
+            [&attachment.velocity, &attachment.position, &attachment.pressure_force, &attachment.pressure];
+        let mut slots = [None; 4];
+        for (slot_of, name) in slots.iter_mut().zip(signals) {
+            *slot_of = slot(name)?;
+        }
+        for name in [&attachment.coulomb, &attachment.viscous, &attachment.bias].into_iter().flatten() {
+            if Plant::parameter(graph, name).is_none() {
+                let known = plant::known(graph, &[Causality::Parameter]);
+                return Err(
+                    file.refuse(spanned, Problem::Name { what: "Real parameter", name: name.clone(), known })
+                );
+            }
+        }
+        let coulomb = attachment.coulomb.as_ref().and_then(|name| {
+            let (parameter, value, _) = Plant::parameter(graph, name)?;
+            let entry = entries.iter().position(|entry| entry.name == *name);
+            let set = fixed.iter().find(|(own, _)| *own == parameter).map(|(_, value)| *value);
+            Some(entry.map_or(Level::Value(set.unwrap_or(value)), Level::Entry))
+        });
+        let pole = attachment.channels.iter().any(|channel| channel == "pole");
+        let vt = attachment.vt.unwrap_or(if pole { 0.05 } else { 1e-3 });
+        if !(vt > 0.0 && vt.is_finite()) {
+            return Err(file.refuse(spanned, "vt must be above zero"));
+        }
+        found.push(Tap { name: attachment.input.clone(), signals: slots, vt, angular: pole, coulomb });
+    }
+    Ok(found)
+}
+
+/// Opens a study: its candidates are not there yet, as they depend on what a simulation shows.
+///
+/// # Errors
+/// Whatever does not fit, with file, line and column.
+pub fn open(file: &File) -> Result<(Study, Vec<Attachment>), Error> {
+    check(file)?;
+    let declaration: &Declaration = &file.declaration;
+    let mut graph = system(file)?;
+    for (name, value) in &declaration.parameters {
+        if Plant::parameter(&graph, name).is_none() {
+            let text = value.get_ref().to_string();
+            graph.set_start(name, &text, "[parameters]").map_err(|error| file.refuse(value, error))?;
+        }
+    }
+    let attachments: Vec<Attachment> =
+        declaration.attachment.iter().map(|spanned| spanned.get_ref().clone()).collect();
+    // One attachment after the other, so that an unknown input is told with its place.
+    for spanned in &declaration.attachment {
+        Plant::new(&graph, std::slice::from_ref(&spanned.get_ref().input), &[])
+            .map_err(|problem| file.refuse(spanned, problem))?;
+    }
+    let names: Vec<String> = attachments.iter().map(|attachment| attachment.input.clone()).collect();
+    let extra: Vec<String> = declaration.signals.keys().cloned().collect();
+    let mut plant =
+        Plant::new(&graph, &names, &extra).map_err(|problem| file.refuse(&declaration.system, problem))?;
+    let mut states = vec![0.0; plant.nx];
+    plant
+        .initialise(&[], 0.0, &mut states, &|_, value, _| value)
+        .map_err(|problem| file.refuse(&declaration.system, problem))?;
+    let sampled = plant.next_event().is_some();
+    let layout = layout(file, &graph, &plant)?;
+    let mut notes = file.notes.clone();
+    let mut records = read::records(file, &layout, &mut notes)?;
+    if let Some(window) = declaration.error.windows_s {
+        for record in &mut records {
+            let samples = ((window / record.step).round() as usize).max(2);
+            if record.n < samples {
+                return Err(
+                    file.refuse_all(format!("error.windows_s = {window} s, but {} is shorter", record.name))
+                );
+            }
+            record.n -= record.n % samples;
+        }
+    }
+    let (fixed, mut entries) = parameters(file, &graph)?;
+    let mut known = BTreeMap::new();
+    for spanned in declaration.outputs.values() {
+        let output = spanned.get_ref();
+        match output.noise {
+            Some(noise) if !(noise > 0.0 && noise.is_finite()) => {
+                return Err(file.refuse(spanned, format!("noise = {noise} must be above zero")));
+            }
+            Some(noise) => drop(known.insert(output.column.clone(), noise)),
+            None => {}
+        }
+    }
+    let sensors = SensorNoise::new(&records, &layout, &known);
+    let mut outputs = Vec::new();
+    for (o, (name, spanned)) in declaration.outputs.iter().enumerate() {
+        let Some(slot) = plant.slot(name) else {
+            let known = plant.signal_names();
+            return Err(file.refuse(spanned, Problem::Name { what: "output", name: name.clone(), known }));
+        };
+        let output = spanned.get_ref();
+        let unit = layout.units[2][o].clone().or(output.unit.clone()).unwrap_or_else(|| "1".into());
+        let mut size = 0.0f64;
+        for record in records.iter().filter(|record| record.role == Role::Estimation) {
+            let values = &record.outputs[o];
+            size = values.iter().fold(size, |a, b| a.max(b.abs()));
+            if let Some(problem) = saturated(values) {
+                return Err(file.refuse(spanned, format!("{}: {problem}", record.name)));
+            }
+        }
+        let factor = records.first().map_or(1.0, |record| record.factors[3][o].abs());
+        let noise = (factor * sensors.of(&output.column).rms()).max(1e-12);
+        let offset = output.offset.map(|_| {
+            let index = entries.len();
+            let bounds = (f64::NEG_INFINITY, f64::INFINITY);
+            let free = Free { index, bounds, step: 1e-4 * size.max(1e-9), prior: None };
+            let name = format!("offset of {}", output.column);
+            entries.push(Entry { name, unit: unit.clone(), target: Target::Offset, start: 0.0, free });
+            index
+        });
+        outputs.push(Output { name: output.column.clone(), slot, unit, noise, offset });
+    }
+    let taps = taps(file, &graph, &plant, &entries, &fixed)?;
+    let force = match &layout.force {
+        None => None,
+        Some((rule, state)) => {
+            let Some(tap) = taps.iter().position(|tap| tap.name == rule.attachment) else {
+                return Err(file.refuse_all(format!(
+                    "error.force.attachment: there is no [[attachment]] with input `{}`",
+                    rule.attachment
+                )));
+            };
+            let driven = declaration.inputs.iter().find_map(|(_, signal)| signal.get_ref().column.clone());
+            Some((
+                rule.clone(),
+                *state,
+                tap,
+                driven.unwrap_or_else(|| format!("force at {}", rule.attachment)),
+            ))
+        }
+    };
+    for record in &records {
+        if let Initial::Given(values) = &record.initial
+            && let Some(name) = values.keys().find(|name| plant.state(name).is_none())
+        {
+            let problem = Problem::Name { what: "state", name: name.clone(), known: plant.state_names() };
+            return Err(file.refuse_all(format!("initial of {}: {problem}", record.name)));
+        }
+    }
+    let held = declaration_holds(file, &graph);
+    let study = Study {
+        name: declaration.name.clone(),
+        records,
+        extra,
+        held,
+        outputs,
+        declared: entries.len(),
+        entries,
+        fixed,
+        taps,
+        candidates: Vec::new(),
+        ranges: Vec::new(),
+        windows: declaration.error.windows_s,
+        force,
+        sampled,
+        sensors,
+        notes,
+        not_testable: Vec::new(),
+        pool: Mutex::new(vec![plant]),
+        graph,
+    };
+    Ok((study, attachments))
+}
+
+fn declaration_holds(file: &File, graph: &SystemGraph) -> Vec<bool> {
+    let hold = |(index, input): (usize, &airloop_cosim::system::graph::SystemInput)| {
+        graph.input_is_held(index)
+            || file.declaration.inputs.get(&input.name).is_some_and(|signal| signal.get_ref().hold)
+    };
+    graph.inputs.iter().enumerate().map(hold).collect()
+}
+
+/// A sensor that stands at its largest or least value for long while it moves otherwise.
+fn saturated(values: &[f64]) -> Option<String> {
+    let (low, high) =
+        values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), &v| (a.min(v), b.max(v)));
+    if high <= low {
+        return Some("the column never changes; nothing can be learnt from it".into());
+    }
+    for end in [low, high] {
+        let at = |value: &f64| (value - end).abs() <= 1e-12 * (high - low);
+        let (mut run, mut longest, mut runs) = (0, 0, 0);
+        for value in values {
+            run = if at(value) { run + 1 } else { 0 };
+            runs += usize::from(run == 8);
+            longest = longest.max(run);
+        }
+        if runs >= 2 && longest > 8 && values.iter().filter(|v| at(v)).count() * 50 > values.len() {
+            return Some(format!(
+                "the column stands at {end} again and again ({longest} samples at most): the sensor seems saturated; cut these spans out with from_s and to_s"
+            ));
+        }
+    }
+    None
+}

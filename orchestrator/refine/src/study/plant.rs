@@ -1,0 +1,497 @@
+//! A system of FMUs as one right-hand side with places where blocks of candidate effects can act.
+//!
+//! Model Exchange instances; values pass along the connections in the order of direct feed-through. A block acts on the
+//! value that an input receives, so that a candidate needs no FMU of its own while the search goes on. Integration is
+//! left to [`super::simulate`].
+
+use std::collections::BTreeMap;
+use std::ops::Range;
+
+use super::Problem;
+use airloop_cosim::system::SystemGraph;
+use airloop_cosim::system::graph::{Component, Conversion, DataType, Source, Start};
+use airloop_cosim::system::order::feed_through;
+use airloop_fmi::{Causality, Instance, InterfaceKind, Model, VariableKind};
+
+/// What an input of a component receives.
+#[derive(Debug, Clone)]
+struct Feed {
+    reference: u32,
+    /// Slot of the source; none: the start value of the input.
+    source: Option<(usize, Conversion)>,
+    start: f64,
+    /// Attachments that act here.
+    blocks: Vec<usize>,
+}
+
+/// One component.
+#[derive(Debug)]
+struct Part {
+    model: Model,
+    states: Range<usize>,
+    feeds: Vec<Feed>,
+    feed_references: Vec<u32>,
+    feed_values: Vec<f64>,
+    /// Outputs that follow the states alone, and those that follow inputs: value references and first slot.
+    early: (Vec<u32>, Range<usize>),
+    late: (Vec<u32>, Range<usize>),
+    /// Outputs that are states: slot and place among all states.
+    shown: Vec<(usize, usize)>,
+    /// Time of its next event \[s\].
+    next_event: Option<f64>,
+    /// It wants to hear of every accepted step.
+    told_of_steps: bool,
+}
+
+/// A parameter of the system: component in evaluation order and value reference.
+pub type Parameter = (usize, u32);
+
+/// The instances and the values that pass between them.
+#[derive(Debug)]
+pub struct Plant {
+    parts: Vec<Part>,
+    starts: Vec<Component>,
+    /// Values: system inputs first, then outputs.
+    pub slots: Vec<f64>,
+    /// First slot of the further signals.
+    pub extra_first: usize,
+    names: BTreeMap<String, usize>,
+    states: BTreeMap<String, usize>,
+    /// Number of states.
+    pub nx: usize,
+    initialised: bool,
+}
+
+/// `component.variable` of a name that may leave out the component in a system of one FMU.
+fn path(graph: &SystemGraph, name: &str) -> Option<(usize, usize)> {
+    if graph.single {
+        return graph.components[0].fmu.description.index_of(name).map(|variable| (0, variable));
+    }
+    let (component, variable) = name.split_once('.')?;
+    let index = graph.components.iter().position(|c| c.name == component)?;
+    graph.components[index].fmu.description.index_of(variable).map(|variable| (index, variable))
+}
+
+/// Names of the system for messages.
+pub fn known(graph: &SystemGraph, wanted: &[Causality]) -> String {
+    let mut names: Vec<String> = Vec::new();
+    if wanted.contains(&Causality::Input) {
+        names.extend(graph.inputs.iter().map(|input| input.name.clone()));
+    }
+    for component in &graph.components {
+        for variable in component.fmu.description.variables.iter().filter(|v| wanted.contains(&v.causality)) {
+            let name = if graph.single {
+                variable.name.clone()
+            } else {
+                format!("{}.{}", component.name, variable.name)
+            };
+            if !names.contains(&name) {
+                names.push(name);
+            }
+        }
+    }
+    names.truncate(30);
+    names.join(", ")
+}
+
+/// Unit of a signal of the system: a system input, a connector or `component.variable`.
+pub fn unit_of(graph: &SystemGraph, name: &str) -> Option<String> {
+    if let Some(input) = graph.inputs.iter().find(|input| input.name == name) {
+        return input.unit.clone();
+    }
+    if let Some(output) = graph.outputs.iter().find(|output| output.name == name) {
+        return output.unit.clone();
+    }
+    let (component, variable) = path(graph, name)?;
+    let variable = &graph.components[component].fmu.description.variables[variable];
+    airloop_cosim::system::graph::unit_of(variable).map(str::to_owned)
+}
+
+/// Where an attachment acts: the input `name`, in words of the graph.
+fn attachment_target(graph: &SystemGraph, name: &str) -> Option<Vec<(usize, usize)>> {
+    if let Some(input) = graph.inputs.iter().position(|input| input.name == name) {
+        let fed = graph.connections.iter().filter(|c| c.source == Source::Input(input));
+        return Some(fed.map(|c| (c.component, c.variable)).collect());
+    }
+    let (component, variable) = path(graph, name)?;
+    let input = graph.components[component].fmu.description.variables[variable].causality == Causality::Input;
+    input.then(|| vec![(component, variable)])
+}
+
+impl Plant {
+    /// Instantiates the components of a graph opened for Model Exchange; `attachments` are the inputs where blocks act,
+    /// `extra` further signals, which have the last slots.
+    ///
+    /// # Errors
+    /// Algebraic loops, FMUs with state events, names that are no inputs, FMUs that fail.
+    pub fn new(graph: &SystemGraph, attachments: &[String], extra: &[String]) -> Result<Plant, Problem> {
+        if let Some(one) = graph.loops.first() {
+            return Err(Problem::System(format!(
+                "the system has the algebraic loop {}; studies need systems without",
+                graph.loop_names(one).join(" -> ")
+            )));
+        }
+        let mut blocks: BTreeMap<(usize, usize), Vec<usize>> = BTreeMap::new();
+        for (index, name) in attachments.iter().enumerate() {
+            let targets = attachment_target(graph, name).ok_or_else(|| Problem::Name {
+                what: "input",
+                name: name.clone(),
+                known: known(graph, &[Causality::Input]),
+            })?;
+            targets.into_iter().for_each(|target| blocks.entry(target).or_default().push(index));
+        }
+        let mut names: BTreeMap<String, usize> = BTreeMap::new();
+        let mut count = 0;
+        for input in &graph.inputs {
+            names.insert(input.name.clone(), count);
+            count += 1;
+        }
+        let real = |component: &Component, variable: usize| {
+            DataType::of(&component.fmu.description.variables[variable]) == DataType::Real
+        };
+        // Slots of all Real outputs, early ones of a component before its late ones.
+        let mut places: BTreeMap<(usize, usize), usize> = BTreeMap::new();
+        let mut ranges = Vec::new();
+        for &index in &graph.order {
+            let component = &graph.components[index];
+            let variables = &component.fmu.description.variables;
+            let outputs = (0..variables.len())
+                .filter(|&v| variables[v].causality == Causality::Output && real(component, v));
+            let own: Vec<usize> = component.fmu.description.continuous_states().collect();
+            let (states, outputs): (Vec<usize>, Vec<usize>) = outputs.partition(|v| own.contains(v));
+            let (early, late): (Vec<usize>, Vec<usize>) =
+                outputs.into_iter().partition(|&v| feed_through(component, v).is_empty());
+            let mut range = |list: &[usize]| {
+                let first = count;
+                for &variable in list {
+                    places.insert((index, variable), count);
+                    let name = if graph.single {
+                        variables[variable].name.clone()
+                    } else {
+                        component.path_of(variable)
+                    };
+                    names.insert(name, count);
+                    count += 1;
+                }
+                let references: Vec<u32> = list.iter().map(|&v| variables[v].value_reference).collect();
+                (references, first..count)
+            };
+            let place = |v: &usize| own.iter().position(|state| state == v).unwrap_or(0);
+            let shown = states.iter().map(place).zip(range(&states).1).collect::<Vec<_>>();
+            ranges.push((range(&early), range(&late), shown));
+        }
+        for output in &graph.outputs {
+            if let Source::Output { component, variable } = output.source
+                && let Some(&slot) = places.get(&(component, variable))
+                && output.conversion == Conversion::IDENTITY
+            {
+                names.entry(output.name.clone()).or_insert(slot);
+            }
+        }
+        let (mut parts, mut nx, mut states) = (Vec::new(), 0, BTreeMap::new());
+        for (&index, (early, late, shown)) in graph.order.iter().zip(ranges) {
+            let component = &graph.components[index];
+            let description = &component.fmu.description;
+            if description.number_of_event_indicators > 0 {
+                return Err(Problem::System(format!(
+                    "component `{}` has state events; studies simulate continuous systems",
+                    component.name
+                )));
+            }
+            let mut feeds = Vec::new();
+            for (variable, declared) in description.variables.iter().enumerate() {
+                if declared.causality != Causality::Input || !real(component, variable) {
+                    continue;
+                }
+                let connection =
+                    graph.connections.iter().find(|c| (c.component, c.variable) == (index, variable));
+                let source = connection
+                    .map(|connection| {
+                        let slot = match connection.source {
+                            Source::Input(input) => Some(input),
+                            Source::Output { component, variable } => {
+                                places.get(&(component, variable)).copied()
+                            }
+                        };
+                        let place = || component.path_of(variable);
+                        slot.map(|slot| (slot, connection.conversion))
+                            .ok_or_else(|| Problem::System(format!("`{}` is not driven by a Real", place())))
+                    })
+                    .transpose()?;
+                let start = match &declared.kind {
+                    VariableKind::Real(real) => real.start.unwrap_or(0.0),
+                    _ => 0.0,
+                };
+                let set = component.start_values.iter().find(|s| s.variable == variable);
+                let start = match set.map(|s| &s.value) {
+                    Some(Start::Real(value)) => *value,
+                    _ => start,
+                };
+                let blocks = blocks.get(&(index, variable)).cloned().unwrap_or_default();
+                feeds.push(Feed { reference: declared.value_reference, source, start, blocks });
+            }
+            let model = Model::instantiate(&component.fmu, &component.name, false).map_err(Problem::fmu)?;
+            for (place, variable) in description.continuous_states().enumerate() {
+                let name = &description.variables[variable].name;
+                let full = if graph.single { name.clone() } else { component.path_of(variable) };
+                states.insert(full, nx + place);
+            }
+            let own = nx..nx + model.state_count();
+            let shown = shown.into_iter().map(|(place, slot)| (slot, nx + place)).collect();
+            nx = own.end;
+            let feed_references = feeds.iter().map(|feed| feed.reference).collect();
+            let feed_values = vec![0.0; feeds.len()];
+            let interface = component.fmu.interface(InterfaceKind::ModelExchange);
+            parts.push(Part {
+                model,
+                states: own,
+                feeds,
+                feed_references,
+                feed_values,
+                early,
+                late,
+                shown,
+                next_event: None,
+                told_of_steps: interface.is_some_and(|own| !own.completed_integrator_step_not_needed),
+            });
+        }
+        // A system output that is the same variable as a state names that state as well.
+        for output in &graph.outputs {
+            if let Source::Output { component, variable } = output.source {
+                let state = states.get(&graph.components[component].path_of(variable)).copied();
+                state.into_iter().for_each(|state| {
+                    states.entry(output.name.clone()).or_insert(state);
+                });
+            }
+        }
+        let extra_first = count;
+        for name in extra {
+            names.entry(name.clone()).or_insert(count);
+            count += 1;
+        }
+        let starts = graph.order.iter().map(|&index| graph.components[index].clone()).collect();
+        let slots = vec![0.0; count];
+        Ok(Plant { parts, starts, slots, extra_first, names, states, nx, initialised: false })
+    }
+
+    /// Slot of a signal.
+    pub fn slot(&self, name: &str) -> Option<usize> {
+        self.names.get(name).copied()
+    }
+
+    /// Place of a state.
+    pub fn state(&self, name: &str) -> Option<usize> {
+        self.states.get(name).copied()
+    }
+
+    /// Names of all signals, for messages.
+    pub fn signal_names(&self) -> String {
+        self.names.keys().take(30).cloned().collect::<Vec<_>>().join(", ")
+    }
+
+    /// Names of all states, for messages.
+    pub fn state_names(&self) -> String {
+        self.states.keys().take(30).cloned().collect::<Vec<_>>().join(", ")
+    }
+
+    /// A Real parameter by name, with its start value and least and largest value.
+    pub fn parameter(graph: &SystemGraph, name: &str) -> Option<(Parameter, f64, (f64, f64))> {
+        let (component, variable) = path(graph, name)?;
+        let declared = &graph.components[component].fmu.description.variables[variable];
+        let VariableKind::Real(real) = &declared.kind else { return None };
+        if declared.causality != Causality::Parameter {
+            return None;
+        }
+        let set = graph.components[component].start_values.iter().find(|s| s.variable == variable);
+        let value = match set.map(|s| &s.value) {
+            Some(Start::Real(value)) => *value,
+            _ => real.start?,
+        };
+        let place = graph.order.iter().position(|&index| index == component)?;
+        let bounds = (real.min.unwrap_or(f64::NEG_INFINITY), real.max.unwrap_or(f64::INFINITY));
+        Some(((place, declared.value_reference), value, bounds))
+    }
+
+    /// (Re)initialises all components at `time` \[s\] with these values of parameters and the system inputs that stand in
+    /// the first slots; `x`, `[nx]`, gets the states of the start values.
+    ///
+    /// # Errors
+    /// An FMU that fails.
+    pub fn initialise(
+        &mut self,
+        parameters: &[(Parameter, f64)],
+        time: f64,
+        x: &mut [f64],
+        block: &impl Fn(usize, f64, &[f64]) -> f64,
+    ) -> Result<(), Problem> {
+        for place in 0..self.parts.len() {
+            let (part, component) = (&mut self.parts[place], &self.starts[place]);
+            if self.initialised {
+                part.model.reset().map_err(Problem::fmu)?;
+            }
+            set_start_values(&mut part.model, component)?;
+            for ((_, reference), value) in parameters.iter().filter(|((owner, _), _)| *owner == place) {
+                part.model.set_real(&[*reference], &[*value]).map_err(Problem::fmu)?;
+            }
+            let model = &mut part.model;
+            model.setup_experiment(None, time, None).map_err(Problem::fmu)?;
+            model.enter_initialization_mode().map_err(Problem::fmu)?;
+            model.exit_initialization_mode().map_err(Problem::fmu)?;
+            if !part.states.is_empty() {
+                model.get_continuous_states(&mut x[part.states.clone()]).map_err(Problem::fmu)?;
+            }
+            part.next_event = Some(time);
+        }
+        self.initialised = true;
+        self.settle(time, x, block).map_err(Problem::fmu)
+    }
+
+    /// Time of the next event \[s\].
+    pub fn next_event(&self) -> Option<f64> {
+        self.parts.iter().filter_map(|part| part.next_event).min_by(f64::total_cmp)
+    }
+
+    /// The time events of `time` \[s\], one component after the other; they may change the states `x`, `[nx]`.
+    ///
+    /// # Errors
+    /// An FMU that fails.
+    pub fn event(
+        &mut self,
+        time: f64,
+        x: &mut [f64],
+        block: &impl Fn(usize, f64, &[f64]) -> f64,
+    ) -> Result<(), airloop_fmi::Error> {
+        for part in &mut self.parts {
+            part.model.set_time(time)?;
+            if !part.states.is_empty() {
+                part.model.set_continuous_states(&x[part.states.clone()])?;
+            }
+            if part.next_event.is_some_and(|next| next <= time) {
+                part.model.enter_event_mode()?;
+            }
+        }
+        self.settle(time, x, block)
+    }
+
+    /// Event iterations of the components whose event is due, which are in event mode.
+    fn settle(
+        &mut self,
+        time: f64,
+        x: &mut [f64],
+        block: &impl Fn(usize, f64, &[f64]) -> f64,
+    ) -> Result<(), airloop_fmi::Error> {
+        let slots = &mut self.slots;
+        for part in &mut self.parts {
+            part.show(x, slots)?;
+        }
+        for part in &mut self.parts {
+            part.feed(slots, block)?;
+            if part.next_event.is_some_and(|next| next <= time) {
+                let mut event = part.model.new_discrete_states()?;
+                while event.new_discrete_states_needed {
+                    event = part.model.new_discrete_states()?;
+                }
+                // An event that stays where it is would never end.
+                part.next_event = event.next_event_time.filter(|next| *next > time);
+                part.model.enter_continuous_time_mode()?;
+                if !part.states.is_empty() {
+                    part.model.get_continuous_states(&mut x[part.states.clone()])?;
+                }
+                part.show(x, slots)?;
+            }
+            if !part.late.0.is_empty() {
+                part.model.get_real(&part.late.0, &mut slots[part.late.1.clone()])?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Tells the components that want to know of an accepted step.
+    ///
+    /// # Errors
+    /// An FMU that fails.
+    pub fn step_done(&mut self) -> Result<(), airloop_fmi::Error> {
+        for part in self.parts.iter_mut().filter(|part| part.told_of_steps) {
+            part.model.completed_integrator_step(true)?;
+        }
+        Ok(())
+    }
+
+    /// Derivatives `dx`, `[nx]`, and all outputs (in [`Plant::slots`]) at `time` \[s\] for the states `x`, `[nx]`; the
+    /// system inputs stand in the first slots. `block(attachment, value, slots)` gives the value behind an attachment.
+    ///
+    /// # Errors
+    /// An FMU that fails.
+    pub fn evaluate(
+        &mut self,
+        time: f64,
+        x: &[f64],
+        dx: &mut [f64],
+        block: &impl Fn(usize, f64, &[f64]) -> f64,
+    ) -> Result<(), airloop_fmi::Error> {
+        let slots = &mut self.slots;
+        for part in &mut self.parts {
+            part.model.set_time(time)?;
+            if !part.states.is_empty() {
+                part.model.set_continuous_states(&x[part.states.clone()])?;
+            }
+            part.show(x, slots)?;
+        }
+        for part in &mut self.parts {
+            part.feed(slots, block)?;
+            if !part.late.0.is_empty() {
+                part.model.get_real(&part.late.0, &mut slots[part.late.1.clone()])?;
+            }
+            if !part.states.is_empty() {
+                part.model.get_derivatives(&mut dx[part.states.clone()])?;
+            }
+        }
+        Ok(())
+    }
+}
+
+impl Part {
+    /// Takes the outputs that follow the states alone.
+    fn show(&mut self, x: &[f64], slots: &mut [f64]) -> Result<(), airloop_fmi::Error> {
+        for &(slot, state) in &self.shown {
+            slots[slot] = x[state];
+        }
+        if self.early.0.is_empty() {
+            return Ok(());
+        }
+        self.model.get_real(&self.early.0, &mut slots[self.early.1.clone()])
+    }
+
+    /// Sets the inputs.
+    fn feed(
+        &mut self,
+        slots: &[f64],
+        block: &impl Fn(usize, f64, &[f64]) -> f64,
+    ) -> Result<(), airloop_fmi::Error> {
+        if self.feeds.is_empty() {
+            return Ok(());
+        }
+        for (feed, value) in self.feeds.iter().zip(&mut self.feed_values) {
+            *value = feed.source.map_or(feed.start, |(slot, conversion)| conversion.apply(slots[slot]));
+            for &attachment in &feed.blocks {
+                *value = block(attachment, *value, slots);
+            }
+        }
+        self.model.set_real(&self.feed_references, &self.feed_values)
+    }
+}
+
+fn set_start_values(instance: &mut Instance, component: &Component) -> Result<(), Problem> {
+    for start in &component.start_values {
+        let variable = &component.fmu.description.variables[start.variable];
+        let reference = [variable.value_reference];
+        match &start.value {
+            Start::Real(value) => instance.set_real(&reference, &[*value]),
+            Start::Integer(value) => instance.set_integer(&reference, &[*value]),
+            Start::Boolean(value) => instance.set_boolean(&reference, &[*value]),
+            Start::String(value) => instance.set_string(&reference, &[value.as_str()]),
+        }
+        .map_err(Problem::fmu)?;
+    }
+    Ok(())
+}

@@ -1,0 +1,419 @@
+//! Records of a study: columns of CSV files on a uniform grid, in the units of the system, cut into segments.
+
+use std::collections::BTreeMap;
+use std::ops::Range;
+
+use super::declaration::{File, ForceRule, Initial, InitialWord, Role, Signal};
+use super::{plant, signal};
+use crate::Error;
+use airloop_cosim::system::SystemGraph;
+use airloop_series::units::{Compatibility, compatible, lookup};
+use airloop_series::{Interpolation, TimeSeries, csv};
+
+/// A segment on a uniform grid.
+#[derive(Debug, Clone)]
+pub struct Record {
+    /// File and span, for messages and tables.
+    pub name: String,
+    /// What it is for.
+    pub role: Role,
+    /// Initial states.
+    pub initial: Initial,
+    /// Step \[s\].
+    pub step: f64,
+    /// Samples.
+    pub n: usize,
+    /// System inputs, `[inputs][n]`; none where the system's start value holds.
+    pub inputs: Vec<Option<Vec<f64>>>,
+    /// Further signals, `[extra][n]`.
+    pub extra: Vec<Vec<f64>>,
+    /// Measured outputs, `[outputs][n]`.
+    pub outputs: Vec<Vec<f64>>,
+    /// Measured states, `[nx][n]`, where there are columns for them.
+    pub states: Vec<Option<Vec<f64>>>,
+    /// What the columns in use show of their sensors, before any interpolation.
+    pub sensors: BTreeMap<String, Sensor>,
+    /// Factors from the units of columns to those of signals: inputs, states, further signals, outputs.
+    pub factors: [Vec<f64>; 4],
+    /// Whether the file begins and ends with it.
+    pub ends: [bool; 2],
+    /// What smoothing adds to measured states, `[nx][n]`; empty: not known.
+    pub smoothed: Vec<Option<Vec<f64>>>,
+    /// Filtered signals for the force residual.
+    pub force: Option<ForceRecord>,
+}
+
+/// What a column shows of its sensor, in the unit of the column.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Sensor {
+    /// Scatter from sample to sample.
+    pub scatter: f64,
+    /// Step of the sensor; 0: none that is seen.
+    pub quantum: f64,
+}
+
+/// Filtered signals of a record.
+#[derive(Debug, Clone)]
+pub struct ForceRecord {
+    /// As in [`Record`].
+    pub inputs: Vec<Option<Vec<f64>>>,
+    /// As in [`Record`].
+    pub states: Vec<Option<Vec<f64>>>,
+    /// As in [`Record`].
+    pub extra: Vec<Vec<f64>>,
+    /// Derivative of the velocity state, `[n]`.
+    pub acceleration: Vec<f64>,
+}
+
+/// Names and columns of a system, in its order.
+#[derive(Debug, Clone)]
+pub struct Layout {
+    /// Signals of the system inputs.
+    pub inputs: Vec<Option<Signal>>,
+    /// Signals of the states and their names.
+    pub states: Vec<Option<Signal>>,
+    /// Further signals.
+    pub extra: Vec<Signal>,
+    /// Columns of the outputs.
+    pub outputs: Vec<Signal>,
+    /// Units of the system: inputs, states, outputs.
+    pub units: [Vec<Option<String>>; 3],
+    /// Force residual: rule, velocity state.
+    pub force: Option<(ForceRule, usize)>,
+}
+
+impl Layout {
+    /// Signals in use: inputs, states, further signals, outputs.
+    pub fn signals(&self) -> [Vec<Option<&Signal>>; 4] {
+        [
+            self.inputs.iter().map(Option::as_ref).collect(),
+            self.states.iter().map(Option::as_ref).collect(),
+            self.extra.iter().map(Some).collect(),
+            self.outputs.iter().map(Some).collect(),
+        ]
+    }
+
+    /// Columns in use.
+    fn columns(&self) -> impl Iterator<Item = &String> {
+        self.signals().into_iter().flatten().flatten().filter_map(Signal::source)
+    }
+}
+
+/// A file on its grid.
+struct Grid {
+    series: TimeSeries,
+    step: f64,
+    held: TimeSeries,
+    raw: TimeSeries,
+    gaps: usize,
+}
+
+fn median_step(time: &[f64]) -> f64 {
+    let mut steps: Vec<f64> = time.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    steps.sort_by(f64::total_cmp);
+    steps.get(steps.len() / 2).copied().unwrap_or(0.0)
+}
+
+fn grid(series: TimeSeries, step: Option<f64>) -> Result<Grid, String> {
+    let time = series.time();
+    let own = median_step(time);
+    if time.len() < 8 {
+        return Err(format!("it has {} samples; a record needs more", time.len()));
+    }
+    let step = step.unwrap_or(own);
+    let span = time[time.len() - 1] - time[0];
+    if step > 0.1 * span {
+        return Err(format!("step_s = {step} s is too long for a file of {span} s"));
+    }
+    let gaps = time.windows(2).filter(|pair| pair[1] - pair[0] > 3.0 * own).count();
+    let longest = time.windows(2).map(|pair| pair[1] - pair[0]).fold(0.0, f64::max);
+    if longest > 0.2 * span {
+        return Err(format!("there is a gap of {longest} s; cut it into two segments with from_s and to_s"));
+    }
+    let regular = |pair: &[f64]| ((pair[1] - pair[0]) / step - 1.0).abs() < 0.01;
+    if time.windows(2).all(regular) {
+        return Ok(Grid { held: series.clone(), raw: series.clone(), series, step, gaps: 0 });
+    }
+    let count = (span / step * (1.0 + 1e-12)) as usize + 1;
+    let axis: Vec<f64> = (0..count).map(|k| time[0] + k as f64 * step).collect();
+    let on = |interpolation| series.resample(axis.clone(), interpolation).map_err(|error| error.to_string());
+    let (held, linear) = (on(Interpolation::Hold)?, on(Interpolation::Linear)?);
+    Ok(Grid { held, series: linear, raw: series, step, gaps })
+}
+
+/// Factor and offset from the unit of a column to that of the signal `wanted`.
+fn conversion(
+    source: &TimeSeries,
+    name: &str,
+    signal: &Signal,
+    wanted: Option<&str>,
+) -> Result<(f64, f64), String> {
+    let own = source.channel(name).and_then(|channel| channel.unit.as_deref());
+    let (Some(unit), Some(wanted)) = (signal.unit.as_deref().or(own), wanted) else {
+        return Ok((1.0, 0.0));
+    };
+    let known =
+        |unit: &str| lookup(unit).ok_or_else(|| format!("unit `{unit}` of column `{name}` is not known"));
+    let mut column = known(unit)?;
+    let derived = signal.derivative_of.is_some();
+    if derived {
+        // An offset does not show in a derivative, and time is in seconds.
+        column.exponents.s -= 1;
+        column.offset = 0.0;
+    }
+    match compatible(&column, &known(wanted)?) {
+        Compatibility::Equal => Ok((1.0, 0.0)),
+        Compatibility::Convertible { factor, offset } => Ok((factor, offset)),
+        Compatibility::Incompatible => Err(format!(
+            "{}column `{name}` is in {unit}{}, the signal of the system in {wanted}; name another column or correct the unit",
+            if derived { "the derivative of " } else { "" },
+            if derived { "/s" } else { "" },
+        )),
+    }
+}
+
+/// Values of a column as they stand in a series, in the unit `wanted`.
+fn in_unit(
+    source: &TimeSeries,
+    name: &str,
+    signal: &Signal,
+    wanted: Option<&str>,
+) -> Result<Vec<f64>, String> {
+    let channel = source.channel(name).ok_or_else(|| {
+        let known: Vec<&str> = source.channels().iter().map(|c| c.name.as_str()).collect();
+        format!("there is no column `{name}`; the file has: {}", known.join(", "))
+    })?;
+    let (first, others) = channel.values.split_first().unwrap_or((&0.0, &[]));
+    if signal.derivative_of.is_some() && others.iter().all(|value| value == first) {
+        return Err(format!("column `{name}` never changes, so its derivative says nothing"));
+    }
+    let (factor, offset) = conversion(source, name, signal, wanted)?;
+    let mut values = channel.values.clone();
+    if (factor, offset) != (1.0, 0.0) {
+        values.iter_mut().for_each(|value| *value = factor * *value + offset);
+    }
+    Ok(values)
+}
+
+/// Values of a signal on the grid of its file, in the unit `wanted`.
+fn values(grid: &Grid, signal: &Signal, wanted: Option<&str>) -> Result<Vec<f64>, String> {
+    let Some(name) = signal.source() else {
+        return Err("a signal needs either `column` or `derivative_of`".into());
+    };
+    let source = if signal.hold { &grid.held } else { &grid.series };
+    Ok(processed(in_unit(source, name, signal, wanted)?, signal, grid.step))
+}
+
+/// What a signal makes of the values of its column: a linear operation.
+pub fn processed(values: Vec<f64>, signal: &Signal, step: f64) -> Vec<f64> {
+    let mut values = signal::low_pass(&values, signal.low_pass_hz, step);
+    if signal.derivative_of.is_some() {
+        values = match signal.savitzky_golay_points {
+            Some(points) => signal::savitzky_golay(&values, points, step),
+            None => signal::central(&values, step),
+        };
+    }
+    if let Some(scale) = signal.scale {
+        values.iter_mut().for_each(|value| *value *= scale);
+    }
+    values
+}
+
+/// Reads the records of all segments; sentences on what was interpolated go to `notes`.
+///
+/// # Errors
+/// A file, column, unit or span that does not fit: place in the study, file and remedy.
+pub fn records(file: &File, layout: &Layout, notes: &mut Vec<String>) -> Result<Vec<Record>, Error> {
+    let declaration = &file.declaration;
+    let step = match &declaration.step_s {
+        Some(step) if !(*step.get_ref() > 0.0 && step.get_ref().is_finite()) => {
+            return Err(file.refuse(step, "step_s must be above zero"));
+        }
+        step => step.as_ref().map(|step| *step.get_ref()),
+    };
+    separate(file)?;
+    let mut grids: BTreeMap<&str, Grid> = BTreeMap::new();
+    let mut found = Vec::new();
+    for spanned in &declaration.segment {
+        let segment = spanned.get_ref();
+        let path = file.folder.join(&segment.file);
+        let refuse = |problem: String| file.refuse(spanned, format!("{}: {problem}", path.display()));
+        if !grids.contains_key(segment.file.as_str()) {
+            let grid = grid(csv::read(&path)?, step).map_err(&refuse)?;
+            if grid.gaps > 0 {
+                notes.push(format!(
+                    "{}: linear interpolation bridges {} of its steps, which are longer than three times the usual one.",
+                    segment.file, grid.gaps
+                ));
+            }
+            grids.insert(&segment.file, grid);
+        }
+        let grid = &grids[segment.file.as_str()];
+        let time = grid.series.time();
+        let (from, to) = (segment.from_s.unwrap_or(time[0]), segment.to_s.unwrap_or(time[time.len() - 1]));
+        let near = 0.01 * grid.step;
+        let first = time.partition_point(|&t| t < from - near);
+        let last = time.partition_point(|&t| t <= to + near);
+        if last < first + 16 {
+            let (begin, end) = (time[0], time[time.len() - 1]);
+            // Samples, but at other times: the clock of the file has another zero.
+            let before = segment.to_s.is_some_and(|to| to >= 0.0 && to < begin);
+            let clock = if before || segment.from_s.is_some_and(|from| from > end) {
+                "; is its clock offset against that of the segments? Times of from_s and to_s are those of the column `time`"
+            } else {
+                ""
+            };
+            return Err(refuse(format!(
+                "between {from} s and {to} s there are {} samples, a segment needs at least 16; the file goes from {begin} s to {end} s{clock}",
+                last.saturating_sub(first),
+            )));
+        }
+        let make = |whole: bool, corner: Option<f64>| {
+            one(grid, layout, if whole { 0..time.len() } else { first..last }, corner)
+        };
+        let Signals { inputs, states, extra, outputs } = make(false, None).map_err(&refuse)?;
+        let force = match &layout.force {
+            None => None,
+            Some((rule, velocity)) => {
+                let Signals { inputs, states, extra, .. } =
+                    make(true, Some(rule.low_pass_hz)).map_err(&refuse)?;
+                let trim = (rule.trim_s / grid.step).round() as usize;
+                let range = if rule.whole_file { 0..time.len() } else { first..last };
+                let range = (range.start + trim)..range.end.saturating_sub(trim).max(range.start + trim);
+                let Some(v) = &states[*velocity] else {
+                    return Err(refuse(
+                        "the velocity of error.force is not measured; add it to [states]".into(),
+                    ));
+                };
+                let acceleration = signal::central(v, grid.step)[range.clone()].to_vec();
+                let cut = |list: Vec<Option<Vec<f64>>>| {
+                    list.into_iter().map(|v| v.map(|v| v[range.clone()].to_vec())).collect()
+                };
+                let extra = extra.into_iter().map(|v| v[range.clone()].to_vec()).collect();
+                Some(ForceRecord { inputs: cut(inputs), states: cut(states), extra, acceleration })
+            }
+        };
+        let sensors = layout.columns().filter_map(|name| {
+            let values = &grid.raw.channel(name)?.values;
+            let corners = layout.signals().into_iter().flatten().flatten();
+            let corners = corners.filter(|own| own.source() == Some(name)).filter_map(|own| own.low_pass_hz);
+            let driven = layout.inputs.iter().flatten().any(|own| own.source() == Some(name));
+            let corners =
+                corners.chain(layout.force.iter().filter(|_| driven).map(|force| force.0.low_pass_hz));
+            // What a low-pass of the study takes away is noise by its own word; neighbours may hide it, as
+            // interpolating encoders do.
+            let removed = corners.fold(0.0f64, |most, corner| {
+                most.max(
+                    grid.series
+                        .channel(name)
+                        .map_or(0.0, |own| signal::above(&own.values, corner, grid.step)),
+                )
+            });
+            let scatter = signal::scatter(values).max(removed);
+            let sensor = Sensor { scatter, quantum: signal::quantum(values) };
+            Some((name.clone(), sensor))
+        });
+        let sensors = sensors.collect();
+        found.push(Record {
+            sensors,
+            factors: factors(grid, layout).map_err(&refuse)?,
+            name: format!("{} {}-{} s", segment.file, round(time[first]), round(time[last - 1])),
+            role: segment.role,
+            initial: segment.initial.clone().unwrap_or(Initial::Word(InitialWord::Measured)),
+            step: grid.step,
+            n: last - first,
+            inputs,
+            extra,
+            outputs,
+            states,
+            ends: [first == 0, last == time.len()],
+            smoothed: Vec::new(),
+            force,
+        });
+    }
+    Ok(found)
+}
+
+/// Refuses validation segments that share samples with estimation segments.
+fn separate(file: &File) -> Result<(), Error> {
+    let segments = &file.declaration.segment;
+    let of = |role: Role| segments.iter().filter(move |segment| segment.get_ref().role == role);
+    for validation in of(Role::Validation) {
+        let own = validation.get_ref();
+        let ends = |segment: &super::declaration::Segment| {
+            (segment.from_s.unwrap_or(f64::NEG_INFINITY), segment.to_s.unwrap_or(f64::INFINITY))
+        };
+        let (from, to) = ends(own);
+        let shared = of(Role::Estimation).map(|other| other.get_ref()).find(|other| {
+            let (begin, end) = ends(other);
+            other.file == own.file && begin < to && from < end
+        });
+        if let Some(other) = shared {
+            let (begin, end) = ends(other);
+            return Err(file.refuse(
+                validation,
+                format!(
+                    "this validation segment of {} shares samples with an estimation segment ({begin} s to {end} s): an effect is judged on records that the fit has not seen; move from_s or to_s",
+                    own.file
+                ),
+            ));
+        }
+    }
+    Ok(())
+}
+
+/// A time as people write it.
+fn round(time: f64) -> f64 {
+    (time * 1e6).round() / 1e6
+}
+
+/// Signals of a span.
+struct Signals {
+    inputs: Vec<Option<Vec<f64>>>,
+    states: Vec<Option<Vec<f64>>>,
+    extra: Vec<Vec<f64>>,
+    outputs: Vec<Vec<f64>>,
+}
+
+/// Inputs, states and outputs of a span; with a corner, columns are filtered as well.
+fn one(grid: &Grid, layout: &Layout, range: Range<usize>, corner: Option<f64>) -> Result<Signals, String> {
+    let cut = |signal: &Signal, unit: &Option<String>| {
+        let mut signal = signal.clone();
+        signal.low_pass_hz = signal.low_pass_hz.or(corner);
+        Ok::<_, String>(values(grid, &signal, unit.as_deref())?[range.clone()].to_vec())
+    };
+    let optional = |signals: &[Option<Signal>], units: &[Option<String>]| {
+        let one = |(signal, unit): (&Option<Signal>, &Option<String>)| {
+            signal.as_ref().map(|signal| cut(signal, unit)).transpose()
+        };
+        signals.iter().zip(units).map(one).collect::<Result<Vec<_>, String>>()
+    };
+    let inputs = optional(&layout.inputs, &layout.units[0])?;
+    let states = optional(&layout.states, &layout.units[1])?;
+    let extra = layout.extra.iter().map(|signal| cut(signal, &None)).collect::<Result<_, _>>()?;
+    let outputs = layout.outputs.iter().zip(&layout.units[2]).map(|(signal, unit)| cut(signal, unit));
+    Ok(Signals { inputs, states, extra, outputs: outputs.collect::<Result<_, _>>()? })
+}
+
+/// Factors of all signals.
+fn factors(grid: &Grid, layout: &Layout) -> Result<[Vec<f64>; 4], String> {
+    let none = vec![None; layout.extra.len()];
+    let [inputs, states, outputs] = &layout.units;
+    let units = [inputs, states, &none, outputs];
+    let mut found = [const { Vec::new() }; 4];
+    for ((list, signals), units) in found.iter_mut().zip(layout.signals()).zip(units) {
+        for (signal, unit) in signals.into_iter().zip(units) {
+            let column = signal.and_then(|signal| Some((signal, signal.source()?)));
+            list.push(match column {
+                Some((signal, name)) => conversion(&grid.raw, name, signal, unit.as_deref())?.0,
+                None => 1.0,
+            });
+        }
+    }
+    Ok(found)
+}
+
+/// Unit of a signal of the system, where it has one.
+pub fn unit(graph: &SystemGraph, name: &str) -> Option<String> {
+    plant::unit_of(graph, name).filter(|unit| lookup(unit).is_some())
+}

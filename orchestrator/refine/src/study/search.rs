@@ -1,0 +1,359 @@
+//! Which candidates are missing: step by step with a look ahead to pairs, judged on what was kept back.
+
+use super::catalogue::Candidate;
+use super::effects;
+use super::explain::Judge;
+use super::fits::{Fits, Model};
+use super::model::Study;
+use super::physical::{fitting, physical};
+use crate::answer::Stability;
+use crate::engine::parallel;
+
+/// Share by which the error on what is kept back has to fall for an effect to be added.
+pub const WORTH: f64 = 0.05;
+/// Share of the declared model's error that an effect has to take away.
+pub const NOTEWORTHY: f64 = 0.02;
+/// Candidates whose errors differ by less than this share are equally good; the simplest is taken.
+pub const EQUAL: f64 = 0.03;
+/// Models of each step whose error on what is kept back is computed.
+const LOOKED_AT: usize = 3;
+/// Singles that pairs are made of.
+const PAIRED: usize = 6;
+/// Effects that are exchanged at most.
+const EXCHANGED: usize = 4;
+/// Ratio of errors on a part of the records from which on an effect helps there.
+const BETTER: f64 = 0.99;
+/// Share of the error on what is kept back from which on an effect helps clearly, on however few parts.
+const CLEAR: f64 = 0.15;
+
+/// Outcome.
+#[derive(Debug)]
+pub struct Selection {
+    /// The declared model.
+    pub declared: Model,
+    /// The model of the answer.
+    pub best: Model,
+    /// Models with one effect exchanged that are as good as the best: effect that is replaced, the model.
+    pub equals: Vec<(usize, Model)>,
+    /// Single candidates on top of the declared model, best first.
+    pub singles: Vec<Model>,
+    /// Errors on what was kept back after each step: effects so far, error.
+    pub path: Vec<(Vec<usize>, f64)>,
+    /// How each effect of the answer holds on parts of the records.
+    pub stability: Vec<Stability>,
+    /// Effects that were left out because they do not hold on most parts.
+    pub refused: Vec<(usize, Stability)>,
+}
+
+/// Sentences for a progress display.
+pub type Say<'a> = &'a (dyn Fn(&str) + Sync);
+
+fn complexity(candidates: &[Candidate], model: &Model) -> usize {
+    model.added.iter().map(|&c| candidates[c].complexity).sum()
+}
+
+/// The simplest of the models that are about as good as the best, then the best of those.
+fn choose(study: &Study, models: Vec<Model>) -> Option<Model> {
+    let least = models.iter().map(|model| model.held_back).fold(f64::INFINITY, f64::min);
+    let near = models.into_iter().filter(|model| model.held_back <= (1.0 + EQUAL) * least);
+    near.min_by(|a, b| {
+        let key = |model: &Model| complexity(&study.candidates, model);
+        key(a).cmp(&key(b)).then(a.held_back.total_cmp(&b.held_back))
+    })
+}
+
+struct Search<'a> {
+    fits: &'a Fits<'a>,
+    judge: &'a Judge,
+    say: Say<'a>,
+}
+
+impl Search<'_> {
+    fn study(&self) -> &Study {
+        self.fits.study
+    }
+
+    /// Exchanges effects for others that do better, or as well and are simpler; then the models with one effect exchanged
+    /// that are as good. Those that only contain it with more freedom are no other explanation.
+    fn exchange(&self, mut best: Model) -> (Model, Vec<(usize, Model)>) {
+        let mut exchanged = 0;
+        'again: loop {
+            let mut equals = Vec::new();
+            for &c in &best.added {
+                let candidates = &self.study().candidates;
+                let rest: Vec<usize> = best.added.iter().copied().filter(|&other| other != c).collect();
+                if rest.iter().any(|&other| candidates[other].needs == Some(c)) {
+                    continue;
+                }
+                let Some(base) = self.fits.fit_from(rest, &best.fit.parameters, &best.fit.locals) else {
+                    continue;
+                };
+                let size = complexity(candidates, &best);
+                // A shape that does not show in the records is no finding, so anything that does as well replaces it.
+                let unreal = !physical(self.study(), &best);
+                let simpler = |model: &Model| unreal || complexity(candidates, model) < size;
+                let near = |model: &Model| {
+                    let most = if simpler(model) { 1.0 + EQUAL } else { 1.0 + 0.2 * EQUAL };
+                    !model.added.contains(&c) && model.error <= most * best.error
+                };
+                let found = self.extend(&base).into_iter().filter(near).take(LOOKED_AT);
+                let mut found: Vec<Model> = found.collect();
+                found.iter_mut().for_each(|model| self.fits.hold_back(model));
+                let better = |model: &Model| {
+                    let as_simple = complexity(candidates, model) <= size && model.error < best.error;
+                    let most = match (simpler(model), as_simple) {
+                        (true, _) => 1.0 + EQUAL,
+                        (false, true) => 1.0,
+                        (false, false) => 1.0 - EQUAL,
+                    };
+                    model.held_back < most * best.held_back
+                };
+                if exchanged < EXCHANGED
+                    && let Some(at) = found.iter().position(better)
+                {
+                    best = found.swap_remove(at);
+                    exchanged += 1;
+                    continue 'again;
+                }
+                let equal = |model: &Model| {
+                    model.error < (1.0 + 0.2 * EQUAL) * best.error
+                        && model.held_back < (1.0 + 0.2 * EQUAL) * best.held_back
+                };
+                equals.extend(found.into_iter().filter(equal).map(|model| (c, model)));
+            }
+            return (best, equals);
+        }
+    }
+
+    /// `base` with each candidate that it lacks, best fit first.
+    fn extend(&self, base: &Model) -> Vec<Model> {
+        let may = |c: &usize| {
+            let own = &self.study().candidates[*c];
+            !own.probe && !base.added.contains(c) && own.needs.is_none_or(|needs| base.added.contains(&needs))
+        };
+        let open: Vec<usize> = (0..self.study().candidates.len()).filter(may).collect();
+        let found = parallel::map(open.len(), |i| self.fits.add(base, open[i]));
+        let mut found: Vec<Model> =
+            found.into_iter().flatten().filter(|model| fitting(self.study(), model)).collect();
+        found.sort_by(|a, b| a.error.total_cmp(&b.error));
+        found
+    }
+
+    /// The best of some models on what is kept back.
+    fn judge(&self, models: &[Model]) -> Option<Model> {
+        let least = models.first().map_or(0.0, |model| model.error);
+        // What fits much worse will not be better on what is kept back.
+        let near = models.iter().take(LOOKED_AT).filter(|model| model.error <= 1.2 * least);
+        let mut near: Vec<Model> = near.cloned().collect();
+        near.iter_mut().for_each(|model| self.fits.hold_back(model));
+        choose(self.study(), near)
+    }
+
+    /// Pairs on top of `base`, of the best single ones, best fit first.
+    fn pairs(&self, base: &Model, singles: &[Model]) -> Vec<Model> {
+        let mut found: Vec<Model> = Vec::new();
+        let last = |model: &Model| model.added.last().copied();
+        let wanted: Vec<usize> = singles.iter().take(PAIRED).filter_map(last).collect();
+        let mut jobs = Vec::new();
+        for (i, single) in singles.iter().take(PAIRED).enumerate() {
+            let own = last(single);
+            jobs.extend(wanted[i + 1..].iter().map(|&c| (i, c)));
+            // What acts on the Coulomb level comes with it.
+            let needing = (0..self.study().candidates.len())
+                .filter(|&c| self.study().candidates[c].needs.is_some_and(|needs| Some(needs) == own));
+            jobs.extend(needing.map(|c| (i, c)));
+        }
+        let models = parallel::map(jobs.len(), |j| self.fits.add(&singles[jobs[j].0], jobs[j].1));
+        found.extend(models.into_iter().flatten().filter(|model| fitting(self.study(), model)));
+        found.retain(|model| model.added.len() == base.added.len() + 2);
+        found.sort_by(|a, b| a.error.total_cmp(&b.error));
+        found
+    }
+
+    /// Adds effects to `from` one by one (two where only the pair is worth it) up to `most`.
+    fn climb(&self, from: Model, most: usize, path: &mut Vec<(Vec<usize>, f64)>) -> Model {
+        // What takes away next to nothing of the declared model's error is no finding, however little is left.
+        let least = path.first().map_or(0.0, |(_, error)| NOTEWORTHY * error);
+        let mut best = from;
+        while best.added.len() < most && !self.enough(&best) {
+            (self.say)(&format!("searching effect {}", best.added.len() + 1));
+            let worth = ((1.0 - WORTH) * best.held_back).min(best.held_back - least);
+            let singles = self.extend(&best);
+            // What gains too little where it was fitted gains no more on what is kept back.
+            let gains = |model: &&Model| {
+                best.error - model.error > least || self.judge.halves(best.error, model.error)
+            };
+            let promising: Vec<Model> = singles.iter().filter(gains).cloned().collect();
+            // Near the noise, spans that are kept back show little, as their own initial states take much up.
+            let near = |model: &Model| {
+                self.judge.halves(best.error, model.error)
+                    && self.judge.falls(best.held_back, model.held_back)
+            };
+            let halves = |model: &Model| self.judge.halves(best.held_back, model.held_back) || near(model);
+            let single = self.judge(&promising).filter(|model| model.held_back < worth || halves(model));
+            let next = match single {
+                Some(model) => Some(model),
+                None if best.added.len() + 2 <= most => {
+                    let pairs = self.pairs(&best, &singles);
+                    self.judge(&pairs).filter(|model| model.held_back < (1.0 - 2.0 * WORTH) * best.held_back)
+                }
+                None => None,
+            };
+            let Some(next) = next else { break };
+            best = next;
+            path.push((best.added.clone(), best.held_back));
+        }
+        best
+    }
+
+    /// Whether nothing more is to be looked for: beside effects, tolerances of the noise count.
+    fn enough(&self, model: &Model) -> bool {
+        self.judge.settled(self.fits, model)
+            || !model.added.is_empty() && self.judge.tolerable(self.fits, model)
+    }
+
+    /// Leaves effects out again that the others have made superfluous.
+    fn prune(&self, mut best: Model) -> Model {
+        'again: while best.added.len() > 1 {
+            for &c in &best.added {
+                let rest: Vec<usize> = best.added.iter().copied().filter(|&other| other != c).collect();
+                let needs = |&other: &usize| self.study().candidates[other].needs == Some(c);
+                if rest.iter().any(needs) {
+                    continue;
+                }
+                let Some(mut without) = self.fits.fit_from(rest, &best.fit.parameters, &best.fit.locals)
+                else {
+                    continue;
+                };
+                if without.error > 1.3 * best.error {
+                    continue;
+                }
+                self.fits.hold_back(&mut without);
+                let as_good = without.held_back <= (1.0 + 0.5 * WORTH) * best.held_back;
+                if (as_good || self.enough(&without)) && fitting(self.study(), &without) {
+                    best = without;
+                    continue 'again;
+                }
+            }
+            break;
+        }
+        best
+    }
+
+    /// How the effects of a model hold on the parts that were kept back.
+    fn stability(&self, best: &mut Model) -> Vec<Stability> {
+        self.fits.hold_back(best);
+        let best = &*best;
+        let candidates = &self.study().candidates;
+        let one = |&c: &usize| {
+            let own = |other: usize| other == c || candidates[other].needs == Some(c);
+            let rest: Vec<usize> = best.added.iter().copied().filter(|&other| !own(other)).collect();
+            let without = self.fits.fit_from(rest, &best.fit.parameters, &best.fit.locals);
+            let parts = without.map_or_else(Vec::new, |mut model| {
+                self.fits.hold_back(&mut model);
+                model.parts
+            });
+            let better = parts.iter().zip(&best.parts).filter(|(without, with)| with.0 < BETTER * without.0);
+            let range = |k: usize| {
+                let values = best.parts.iter().map(|(_, p)| effects::physical(self.study(), c, p)[k]);
+                values.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), v| (a.min(v), b.max(v)))
+            };
+            let ranges = (0..candidates[c].entries.len()).map(range).collect();
+            let ratios = parts.iter().zip(&best.parts).map(|(without, with)| (with.0 / without.0).ln());
+            let gain = 1.0 - (ratios.sum::<f64>() / best.parts.len().max(1) as f64).exp();
+            Stability { parts: best.parts.len(), better: better.count(), gain, ranges }
+        };
+        best.added.iter().map(one).collect()
+    }
+
+    /// Leaves effects out that help on no more than half of the parts that were kept back and not clearly, or whose strength changes its
+    /// sign between them.
+    fn steady(&self, mut best: Model) -> (Model, Vec<Stability>, Vec<(usize, Stability)>) {
+        let mut refused = Vec::new();
+        loop {
+            let stability = self.stability(&mut best);
+            let company = best.added.len() > 1;
+            let unsteady = |(k, own): (usize, &Stability)| {
+                let turns = own.ranges.first().is_some_and(|range| range.0 < 0.0 && range.1 > 0.0);
+                let needed =
+                    best.added.iter().any(|&c| self.study().candidates[c].needs == Some(best.added[k]));
+                let rarely = 2 * own.better <= own.parts && own.gain < CLEAR;
+                company && !needed && (rarely || turns && own.better < own.parts)
+            };
+            let worst = stability.iter().enumerate().filter(|&(k, own)| unsteady((k, own)));
+            let Some((k, own)) = worst.min_by_key(|(_, own)| own.better) else {
+                return (best, stability, refused);
+            };
+            let mut rest = best.added.clone();
+            refused.push((rest.remove(k), own.clone()));
+            match self.fits.fit_from(rest, &best.fit.parameters, &best.fit.locals) {
+                Some(model) => best = model,
+                None => return (best, stability, Vec::new()),
+            }
+        }
+    }
+}
+
+/// A selection once more under initial states that the model of its answer corrects: what the corrections of the declared
+/// model had left may have looked like an effect.
+pub fn confirm(fits: &Fits, judge: &Judge, mut selection: Selection, say: Say) -> Selection {
+    let search = Search { fits, judge, say };
+    let best = &selection.best;
+    let again = fits.fit_from(best.added.clone(), &best.fit.parameters, &best.fit.locals);
+    let Some(mut best) = again.filter(|model| !model.added.is_empty()) else { return selection };
+    fits.hold_back(&mut best);
+    let before = best.added.len();
+    let mut best = search.prune(best);
+    if best.added.len() < before {
+        (best, selection.equals) = search.exchange(best);
+        (best, selection.stability, selection.refused) = search.steady(best);
+    }
+    selection.best = best;
+    selection
+}
+
+/// Searches from the fitted declared model, at most `most` effects.
+pub fn search(fits: &Fits, judge: &Judge, declared: Model, most: usize, say: Say) -> Selection {
+    let search = Search { fits, judge, say };
+    let mut declared = declared;
+    fits.hold_back(&mut declared);
+    if judge.explained(fits, &declared) {
+        let path = vec![(Vec::new(), declared.held_back)];
+        let best = declared.clone();
+        let (equals, singles) = (Vec::new(), Vec::new());
+        return Selection {
+            declared,
+            best,
+            equals,
+            singles,
+            path,
+            stability: Vec::new(),
+            refused: Vec::new(),
+        };
+    }
+    let mut path = vec![(Vec::new(), declared.held_back)];
+    let singles = search.extend(&declared);
+    let mut best = search.climb(declared.clone(), most, &mut path);
+    // A first step that was wrong shows when a pair beats it.
+    if most >= 2 && best.added.len() != 1 {
+        let pairs = search.pairs(&declared, &singles);
+        if let Some(pair) = search.judge(&pairs) {
+            let second = path.iter().find(|(added, _)| added.len() == 2).map_or(declared.held_back, |s| s.1);
+            let worth = (1.0 - if best.added.is_empty() { 2.0 * WORTH } else { EQUAL }) * second;
+            if pair.held_back < worth {
+                let mut other = vec![path[0].clone(), (pair.added.clone(), pair.held_back)];
+                let climbed = search.climb(pair, most, &mut other);
+                if climbed.held_back < (1.0 - EQUAL) * best.held_back {
+                    (best, path) = (climbed, other);
+                }
+            }
+        }
+    }
+    let best = search.prune(best);
+    say("trying other effects in their place");
+    let (best, equals) = search.exchange(best);
+    say("stability over parts of the records");
+    let (best, stability, refused) = search.steady(best);
+    let best = fits.polish(&best).unwrap_or(best);
+    Selection { declared, best, equals, singles, path, stability, refused }
+}

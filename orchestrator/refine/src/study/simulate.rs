@@ -1,0 +1,469 @@
+//! Pieces of records as the engine sees them: the system with the blocks of some candidates, simulated.
+
+use std::cell::RefCell;
+use std::ops::Range;
+
+use super::command::delayed;
+use super::declaration::{Initial, InitialWord};
+use super::law::{Law, Point, preslide, shape};
+use super::model::{Action, Sensor, Study};
+use super::plant::Plant;
+use super::read::Record;
+use crate::engine::noise::Noise;
+use crate::engine::{Span, System};
+
+/// A span of a record.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Piece {
+    /// Record.
+    pub record: usize,
+    /// Samples.
+    pub range: Range<usize>,
+}
+
+/// Pieces, and the candidates whose blocks act.
+#[derive(Debug, Clone)]
+pub struct View<'a> {
+    /// Study.
+    pub study: &'a Study,
+    /// Candidates that act.
+    pub active: Vec<usize>,
+    /// Pieces.
+    pub pieces: Vec<Piece>,
+    /// What residuals are divided by, one number for each output.
+    pub scale: Vec<f64>,
+    /// Steps of second order instead of fourth, at half the cost.
+    pub quick: bool,
+    /// Measured initial states without what smoothing adds to them; otherwise as the study says.
+    pub corrected: bool,
+}
+
+/// What is added to measured signals.
+#[derive(Debug, Clone, Default)]
+pub struct Shift {
+    /// To initial states where they are measured, `[nx][n]`; empty: nothing.
+    pub states: Vec<Option<Vec<f64>>>,
+    /// To system inputs, `[inputs][n]`; empty: nothing.
+    pub inputs: Vec<Option<Vec<f64>>>,
+    /// To further signals, `[extra][n]`; empty: nothing.
+    pub extra: Vec<Option<Vec<f64>>>,
+}
+
+/// Adds where there is something to add.
+fn add(values: &mut [f64], own: Option<&Option<Vec<f64>>>) {
+    if let Some(Some(own)) = own {
+        values.iter_mut().zip(own).for_each(|(value, shift)| *value += shift);
+    }
+}
+
+/// Largest values seen at the attachments.
+#[derive(Debug, Clone, Default)]
+pub struct Survey {
+    /// For each attachment: ranges of velocity, position, pressure force, pressure, and of the value that passes.
+    pub ranges: Vec<[(f64, f64); 5]>,
+}
+
+impl Survey {
+    fn see(&mut self, tap: usize, values: [f64; 5]) {
+        for (range, value) in self.ranges[tap].iter_mut().zip(values) {
+            *range = (range.0.min(value), range.1.max(value));
+        }
+    }
+}
+
+/// States of the blocks and what they need besides the slots.
+pub(super) struct Blocks<'a> {
+    study: &'a Study,
+    p: &'a [f64],
+    /// For each tap: law, its parameters, index into `z`.
+    laws: Vec<Vec<(Law, Range<usize>, usize)>>,
+    z: Vec<f64>,
+    time: f64,
+    survey: Option<RefCell<Survey>>,
+    /// What the laws depend on at every sample, `[taps][n]`; empty: not asked for.
+    trace: Vec<Vec<Point>>,
+}
+
+impl Blocks<'_> {
+    /// What the laws at an attachment depend on.
+    pub(super) fn point(&self, tap: usize, slots: &[f64]) -> Point {
+        let at = |slot: Option<usize>| slot.map_or(0.0, |slot| slots[slot]);
+        let [velocity, position, pressure_force, pressure] = self.study.taps[tap].signals.map(at);
+        Point { velocity, position, pressure_force, pressure, time: self.time, value: 0.0 }
+    }
+
+    /// Coulomb level that presliding acts on: declared and added.
+    fn level(&self, tap: usize) -> f64 {
+        let declared = self.study.taps[tap].coulomb.map_or(0.0, |level| level.of(self.p));
+        let added = self.laws[tap].iter().find(|(law, ..)| *law == Law::Coulomb);
+        declared + added.map_or(0.0, |(_, range, _)| self.p[range.start])
+    }
+
+    /// The value behind an attachment.
+    pub(super) fn pass(&self, tap: usize, value: f64, slots: &[f64]) -> f64 {
+        let point = Point { value, ..self.point(tap, slots) };
+        if let Some(survey) = &self.survey {
+            let Point { velocity, position, pressure_force, pressure, .. } = point;
+            survey.borrow_mut().see(tap, [velocity, position, pressure_force, pressure, value]);
+        }
+        if self.laws[tap].is_empty() {
+            return value;
+        }
+        let s = (point.velocity / self.study.taps[tap].vt).tanh();
+        let mut value = value;
+        for (law, range, state) in &self.laws[tap] {
+            let p = &self.p[range.clone()];
+            if law.changes_command() {
+                value = law.command(p, &point, value);
+            } else if let Law::Shape(variable) = *law {
+                value -= shape(variable, p, self.study.range(tap, variable), point.of(variable));
+            } else {
+                let level = if *law == Law::Presliding { self.level(tap) } else { 0.0 };
+                value -= law.force(p, &point, s, self.z[*state], level);
+            }
+        }
+        value
+    }
+
+    /// Moves the states of presliding on.
+    pub(super) fn advance(&mut self, step: f64, velocities: &[f64]) {
+        for (tap, laws) in self.laws.iter().enumerate() {
+            for (law, range, state) in laws {
+                if *law == Law::Presliding {
+                    self.z[*state] = preslide(self.z[*state], velocities[tap], self.p[range.start], step);
+                }
+            }
+        }
+        self.time += step;
+    }
+}
+
+impl<'a> View<'a> {
+    /// Blocks of the active candidates, at rest.
+    pub(super) fn blocks<'b>(&self, p: &'b [f64], survey: bool) -> Blocks<'b>
+    where
+        'a: 'b,
+    {
+        let study: &'b Study = self.study;
+        let (mut laws, mut count) = (vec![Vec::new(); study.taps.len()], 0);
+        for &c in &self.active {
+            let own = &study.candidates[c];
+            if let Action::Block { law, tap } = own.action {
+                laws[tap].push((law, own.entries.clone(), count));
+                count += 1;
+            }
+        }
+        let seen = [(f64::INFINITY, f64::NEG_INFINITY); 5];
+        let survey = survey.then(|| RefCell::new(Survey { ranges: vec![seen; study.taps.len()] }));
+        Blocks { study, p, laws, z: vec![0.0; count], time: 0.0, survey, trace: Vec::new() }
+    }
+
+    /// Ranges of what passes the attachments in a simulation of all pieces.
+    pub fn survey(&self, p: &[f64], locals: &[Vec<f64>]) -> Survey {
+        let mut found = Survey::default();
+        for (piece, locals) in self.pieces.iter().zip(locals) {
+            let mut blocks = self.blocks(p, true);
+            self.simulate(piece, p, locals, &mut blocks, &Shift::default());
+            let Some(one) = blocks.survey.map(RefCell::into_inner) else { continue };
+            if found.ranges.is_empty() {
+                found = one;
+            } else {
+                for (all, own) in found.ranges.iter_mut().zip(one.ranges) {
+                    for (a, b) in all.iter_mut().zip(own) {
+                        *a = (a.0.min(b.0), a.1.max(b.1));
+                    }
+                }
+            }
+        }
+        found
+    }
+
+    /// Outputs of a piece, one after the other; NaN from where the simulation cannot go on.
+    fn simulate(
+        &self,
+        piece: &Piece,
+        p: &[f64],
+        locals: &[f64],
+        blocks: &mut Blocks,
+        shift: &Shift,
+    ) -> Vec<f64> {
+        let n = piece.range.len();
+        let mut out = vec![f64::NAN; n * self.study.outputs.len()];
+        if let Ok(mut plant) = self.study.take()
+            && self.run(&mut plant, piece, p, locals, (&mut *blocks, shift), &mut out).is_ok()
+        {
+            self.study.give(plant);
+        }
+        self.sense(piece, p, &mut out);
+        out
+    }
+
+    /// Commands of a piece with the effects that have a memory.
+    fn inputs(&self, record: &Record, p: &[f64], shift: &Shift) -> Vec<Option<Vec<f64>>> {
+        let mut inputs = record.inputs.clone();
+        for (index, values) in inputs.iter_mut().enumerate() {
+            values.iter_mut().for_each(|values| add(values, shift.inputs.get(index)));
+        }
+        for &c in &self.active {
+            let own = &self.study.candidates[c];
+            if let Action::Command { kind, input } = own.action
+                && let Some(values) = &mut inputs[input]
+            {
+                *values = kind.apply(&p[own.entries.clone()], values, record.step);
+            }
+        }
+        inputs
+    }
+
+    fn run(
+        &self,
+        plant: &mut Plant,
+        piece: &Piece,
+        p: &[f64],
+        locals: &[f64],
+        (blocks, shift): (&mut Blocks, &Shift),
+        out: &mut [f64],
+    ) -> Result<(), super::Problem> {
+        let study = self.study;
+        let record = &study.records[piece.record];
+        let inputs = self.inputs(record, p, shift);
+        let mut extra = record.extra.clone();
+        extra.iter_mut().enumerate().for_each(|(index, values)| add(values, shift.extra.get(index)));
+        let nx = plant.nx;
+        let (mut x, mut dx) = (vec![0.0; nx], [vec![0.0; nx], vec![0.0; nx], vec![0.0; nx], vec![0.0; nx]]);
+        let mut trial = vec![0.0; nx];
+        let mut velocities = vec![0.0; study.taps.len()];
+        let (n, step) = (piece.range.len(), record.step);
+        let window = study.windows.map(|window| ((window / step).round() as usize).max(2));
+        let set = |plant: &mut Plant, k: usize, part: f64| {
+            for (slot, values) in inputs.iter().enumerate() {
+                let Some(values) = values else { continue };
+                let here = values[k];
+                let next = values[(k + 1).min(record.n - 1)];
+                plant.slots[slot] = if study.held[slot] { here } else { here + part * (next - here) };
+            }
+            let first = plant.extra_first;
+            for (slot, values) in extra.iter().enumerate() {
+                plant.slots[first + slot] = values[k];
+            }
+        };
+        let begin = if study.from_start(record) { 0 } else { piece.range.start };
+        set(plant, begin, 0.0);
+        blocks.time = begin as f64 * step;
+        let fixed = self.parameters(p);
+        plant.initialise(&fixed, begin as f64 * step, &mut x, &|tap, value, slots| {
+            blocks.pass(tap, value, slots)
+        })?;
+        let start = x.clone();
+        match &record.initial {
+            _ if window.is_some() => {}
+            Initial::Word(InitialWord::Fit) if nx > 0 => x.copy_from_slice(locals),
+            Initial::Given(values) => {
+                for (name, value) in values {
+                    if let Some(state) = plant.state(name) {
+                        x[state] = *value;
+                    }
+                }
+            }
+            Initial::Word(_) => self.measured_states((record, begin), &start, shift, &mut x),
+        }
+        // Events within this time of each other are one.
+        let near = 1e-6 * step;
+        let due = |plant: &Plant, until: f64| plant.next_event().filter(|next| *next <= until);
+        for k in begin..piece.range.end {
+            let j = k.checked_sub(piece.range.start);
+            if window.is_some_and(|window| (k - piece.range.start).is_multiple_of(window)) {
+                self.measured_states((record, k), &start, shift, &mut x);
+                blocks.z.fill(0.0);
+            }
+            let t = k as f64 * step;
+            let at = |plant: &mut Plant, time: f64, x: &[f64], dx: &mut [f64], blocks: &Blocks| {
+                set(plant, k, (time - t) / step);
+                plant.evaluate(time, x, dx, &|tap, value, slots| blocks.pass(tap, value, slots))
+            };
+            let event = |plant: &mut Plant, time: f64, x: &mut [f64], blocks: &Blocks| {
+                set(plant, k, (time - t) / step);
+                plant.event(time, x, &|tap, value, slots| blocks.pass(tap, value, slots))
+            };
+            if let Some(time) = due(plant, t + near) {
+                event(plant, time.max(t), &mut x, blocks).map_err(super::Problem::fmu)?;
+            }
+            at(plant, t, &x, &mut dx[0], blocks).map_err(super::Problem::fmu)?;
+            if let Some(j) = j {
+                for (o, output) in study.outputs.iter().enumerate() {
+                    out[o * n + j] = plant.slots[output.slot];
+                }
+            }
+            for (tap, velocity) in velocities.iter_mut().enumerate() {
+                let point = blocks.point(tap, &plant.slots);
+                *velocity = point.velocity;
+                if let Some(trace) = blocks.trace.get_mut(tap).filter(|_| j.is_some()) {
+                    trace.push(point);
+                }
+            }
+            if k + 1 < piece.range.end {
+                let (mut from, end) = (t, t + step);
+                loop {
+                    let between = due(plant, end - near).filter(|time| *time > from);
+                    let to = between.unwrap_or(end);
+                    if nx > 0 {
+                        let [d1, d2, d3, d4] = &mut dx;
+                        let length = to - from;
+                        let mut stage = |part: f64, slope: &[f64], found: &mut [f64], x: &[f64]| {
+                            for (i, value) in trial.iter_mut().enumerate() {
+                                *value = x[i] + part * length * slope[i];
+                            }
+                            at(plant, from + part * length, &trial, found, blocks)
+                        };
+                        stage(0.5, d1, d2, &x).map_err(super::Problem::fmu)?;
+                        if self.quick {
+                            x.iter_mut().zip(d2.iter()).for_each(|(x, slope)| *x += length * slope);
+                        } else {
+                            stage(0.5, d2, d3, &x).map_err(super::Problem::fmu)?;
+                            stage(1.0, d3, d4, &x).map_err(super::Problem::fmu)?;
+                            for i in 0..nx {
+                                x[i] += length / 6.0 * (d1[i] + 2.0 * (d2[i] + d3[i]) + d4[i]);
+                            }
+                        }
+                        if x.iter().any(|value| !value.is_finite()) {
+                            return Ok(());
+                        }
+                    }
+                    if between.is_none() {
+                        break;
+                    }
+                    event(plant, to, &mut x, blocks).map_err(super::Problem::fmu)?;
+                    at(plant, to, &x, &mut dx[0], blocks).map_err(super::Problem::fmu)?;
+                    from = to;
+                }
+                plant.step_done().map_err(super::Problem::fmu)?;
+            }
+            blocks.advance(step, &velocities);
+        }
+        Ok(())
+    }
+
+    /// Measured states at sample `k`; start values where there are none.
+    fn measured_states(&self, (record, k): (&Record, usize), start: &[f64], shift: &Shift, x: &mut [f64]) {
+        for (i, values) in record.states.iter().enumerate() {
+            let added = shift.states.get(i).and_then(|own| own.as_ref()).map_or(0.0, |own| own[k]);
+            let smoothed = record.smoothed.get(i).filter(|_| self.corrected);
+            let smoothed = smoothed.and_then(Option::as_ref).map_or(0.0, |own| own[k]);
+            x[i] = values.as_ref().map_or(start[i], |values| values[k] + added - smoothed);
+        }
+    }
+
+    /// What the laws at each attachment depend on, `[taps][n]`; shorter where the simulation cannot go on.
+    pub fn trace(&self, record: usize, p: &[f64], locals: &[f64]) -> Vec<Vec<Point>> {
+        let mut blocks = self.blocks(p, false);
+        blocks.trace = vec![Vec::new(); self.study.taps.len()];
+        self.simulate(&self.pieces[record], p, locals, &mut blocks, &Shift::default());
+        blocks.trace
+    }
+
+    /// As [`System::predict`], with something added to measured signals.
+    pub fn shifted(&self, record: usize, p: &[f64], locals: &[f64], shift: &Shift) -> Vec<f64> {
+        self.simulate(&self.pieces[record], p, locals, &mut self.blocks(p, false), shift)
+    }
+
+    /// Values of the parameters of the system.
+    pub fn parameters(&self, p: &[f64]) -> Vec<(super::plant::Parameter, f64)> {
+        let declared = self.study.entries.iter().zip(p).filter_map(|(entry, value)| match entry.target {
+            super::model::Target::Declared(parameter) => Some((parameter, *value)),
+            _ => None,
+        });
+        self.study.fixed.iter().copied().chain(declared).collect()
+    }
+
+    /// What the sensors make of the outputs.
+    fn sense(&self, piece: &Piece, p: &[f64], out: &mut [f64]) {
+        let n = piece.range.len();
+        let step = self.study.records[piece.record].step;
+        for (o, output) in self.study.outputs.iter().enumerate() {
+            let own = &mut out[o * n..(o + 1) * n];
+            for &c in &self.active {
+                let candidate = &self.study.candidates[c];
+                let Action::Sensor { kind, output } = candidate.action else { continue };
+                if output != o {
+                    continue;
+                }
+                let value = p[candidate.entries.start];
+                match kind {
+                    Sensor::Offset => own.iter_mut().for_each(|y| *y += value),
+                    Sensor::Gain => own.iter_mut().for_each(|y| *y *= 1.0 + value),
+                    Sensor::Delay => {
+                        let first = own[0];
+                        let late: Vec<f64> =
+                            delayed(&own.iter().map(|y| y - first).collect::<Vec<_>>(), value / step);
+                        own.iter_mut().zip(late).for_each(|(y, late)| *y = first + late);
+                    }
+                }
+            }
+            if let Some(offset) = output.offset {
+                own.iter_mut().for_each(|y| *y += p[offset]);
+            }
+        }
+    }
+
+    fn fitted(&self, record: &Record) -> bool {
+        self.study.windows.is_none() && record.initial == Initial::Word(InitialWord::Fit)
+    }
+}
+
+impl System for View<'_> {
+    fn records(&self) -> usize {
+        self.pieces.len()
+    }
+
+    fn estimation(&self, _: usize) -> bool {
+        true
+    }
+
+    fn locals(&self, record: usize) -> Vec<(f64, f64)> {
+        let piece = &self.pieces[record];
+        let record = &self.study.records[piece.record];
+        if !self.fitted(record) {
+            return Vec::new();
+        }
+        let one = |values: &Option<Vec<f64>>| match values {
+            None => (0.0, 1e-5),
+            Some(values) => {
+                let size = values.iter().fold(0.0f64, |a, b| a.max(b.abs()));
+                (values[piece.range.start], 1e-5 * size.max(1e-6))
+            }
+        };
+        record.states.iter().map(one).collect()
+    }
+
+    fn signals(&self, record: usize) -> Vec<Span> {
+        let n = self.pieces[record].range.len();
+        let one = |(o, output): (usize, &super::model::Output)| Span {
+            signal: output.name.clone(),
+            range: o * n..(o + 1) * n,
+            noise: self.scale[o],
+        };
+        self.study.outputs.iter().enumerate().map(one).collect()
+    }
+
+    fn predict(&self, record: usize, parameters: &[f64], locals: &[f64]) -> Vec<f64> {
+        self.shifted(record, parameters, locals, &Shift::default())
+    }
+
+    fn measured(&self, record: usize) -> Vec<f64> {
+        let piece = &self.pieces[record];
+        let outputs = &self.study.records[piece.record].outputs;
+        outputs.iter().flat_map(|values| values[piece.range.clone()].iter().copied()).collect()
+    }
+
+    fn whiten(&self, record: usize, predicted: &[f64]) -> Vec<f64> {
+        let n = self.pieces[record].range.len();
+        let measured = self.measured(record);
+        measured.iter().zip(predicted).enumerate().map(|(i, (m, p))| (m - p) / self.scale[i / n]).collect()
+    }
+
+    fn redraw(&self, record: usize, predicted: &[f64], noise: &mut Noise) -> Vec<f64> {
+        let n = self.pieces[record].range.len();
+        let one = |i: usize| self.study.outputs[i / n].noise / self.scale[i / n];
+        (0..predicted.len()).map(|i| one(i) * noise.normal()).collect()
+    }
+}

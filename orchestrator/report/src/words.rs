@@ -1,0 +1,221 @@
+//! The sentences of a report.
+
+use super::names;
+use airloop_refine::answer::{Answer, Effect, Parameter, Verdict};
+use airloop_refine::evidence::Signal;
+
+/// A number with enough digits to read.
+pub fn number(value: f64) -> String {
+    let size = value.abs();
+    if value == 0.0 || (1e-3..1e5).contains(&size) {
+        let digits = if size >= 100.0 {
+            1
+        } else if size >= 1.0 {
+            3
+        } else {
+            5
+        };
+        format!("{value:.digits$}")
+    } else {
+        format!("{value:.3e}")
+    }
+}
+
+/// Name of an effect, with the signal for sensors.
+pub fn name(effect: &Effect) -> String {
+    match &effect.signal {
+        Some(signal) => format!("{} of {signal}", effect.id),
+        None => effect.id.clone(),
+    }
+}
+
+/// An effect in the words of a reader, with its id.
+fn told(effect: &Effect) -> String {
+    let of = effect.signal.as_ref().map_or(String::new(), |signal| format!(" of {signal}"));
+    format!("{}{of} ({})", names::effect(&effect.id), effect.id)
+}
+
+/// Parameters of an effect with half of their 95 % intervals.
+fn size(effect: &Effect) -> String {
+    let one = |p: &Parameter| {
+        let unit = if p.unit == "1" { String::new() } else { format!(" {}", p.unit) };
+        let half = 0.5 * (p.interval.1 - p.interval.0);
+        format!("{} {}{unit} \u{b1} {}", p.name, rounded(p.value, half), rounded(half, half))
+    };
+    let all: Vec<String> = effect.parameters.iter().map(one).collect();
+    all.join(", ")
+}
+
+/// A value with as many digits as its uncertainty `half` leaves it, one more to read on.
+pub fn rounded(value: f64, half: f64) -> String {
+    if !(half > 0.0 && half.is_finite()) {
+        return number(value);
+    }
+    let digits = 1 - half.log10().floor() as i32;
+    match digits {
+        _ if value.abs() >= 1e6 || (value != 0.0 && value.abs() < 1e-4) => {
+            let significant = (value.abs().log10().floor() as i32 + digits).max(0) as usize;
+            format!("{value:.significant$e}")
+        }
+        digits => format!("{value:.0$}", digits.max(0) as usize),
+    }
+}
+
+/// The answer in one sentence, or two.
+pub fn sentence(answer: &Answer) -> String {
+    let chosen: Vec<&Effect> = answer.effects.iter().filter(|effect| effect.selected).collect();
+    let list = chosen.iter().map(|e| format!("{}: {}", told(e), size(e))).collect::<Vec<_>>().join("; and ");
+    let rest = answer.unexplained.as_ref().map(|(channel, variables)| {
+        let on = match variables.is_empty() {
+            true => String::new(),
+            false => {
+                let all: Vec<&str> = variables.iter().map(|name| names::variable(name)).collect();
+                format!(", depending on {}", all.join(" and "))
+            }
+        };
+        if answer.cylinder {
+            return format!(
+                "The actuator does not follow its declared model where the piston moves (channel {channel}{on}): a pneumatic cylinder from first principles takes its place."
+            );
+        }
+        format!(
+            "something at {} (channel {channel}){on}, that is none of the known effects",
+            names::channel(channel)
+        )
+    });
+    match (answer.verdict, rest) {
+        (Verdict::Effect, Some(moving)) if answer.cylinder => {
+            format!("The declared model lacks {list}. {moving}")
+        }
+        (Verdict::Unexplained, Some(moving)) if answer.cylinder => {
+            format!("{moving} Nothing else is missing.")
+        }
+        (Verdict::Nothing, _) => "Nothing is missing: what the declared model leaves is sensor noise.".into(),
+        (Verdict::Effect, None) => format!("The declared model lacks {list}."),
+        (Verdict::Effect, Some(rest)) => format!("The declared model lacks {list}. It also lacks {rest}."),
+        (Verdict::Unexplained, rest) => {
+            format!(
+                "The declared model lacks {}.",
+                rest.unwrap_or_else(|| "something that is none of the known effects".into())
+            )
+        }
+    }
+}
+
+/// What the amended model does to the error, in one sentence: the signal that improves most.
+pub fn effect_on_error(answer: &Answer) -> Option<String> {
+    if answer.verdict != Verdict::Effect {
+        return None;
+    }
+    let (before, after) = (&answer.before[1].rms, &answer.after[1].rms);
+    let improved = before.iter().filter_map(|(signal, rms)| {
+        let floor = answer.floor_of(signal)?;
+        let left = *after.get(signal)?;
+        Some((signal, rms / floor, left / floor))
+    });
+    let (signal, from, to) = improved.max_by(|a, b| (a.1 / a.2).total_cmp(&(b.1 / b.2)))?;
+    Some(format!(
+        "With it, the error of {signal} on records that the fit has not seen falls from {} to {} times what sensor noise alone gives.",
+        super::chart::short(from),
+        super::chart::short(to)
+    ))
+}
+
+/// The other effects that the records cannot tell from a selected one, if any.
+pub fn rivals(answer: &Answer) -> Vec<String> {
+    answer.effects.iter().filter(|e| !e.selected && e.group.is_some()).map(told).collect()
+}
+
+/// Header of [`errors`].
+pub const ERROR_HEADER: [&str; 7] =
+    ["signal", "noise rms", "rms before", "rms after", "NRMSE before", "NRMSE after", "times floor"];
+
+/// What the columns of [`errors`] mean.
+pub fn error_note(answer: &Answer) -> &'static str {
+    if answer.floor[1].is_empty() {
+        "Simulated from the command over whole records that the fit has not seen. NRMSE: rms error over the standard deviation of the measured signal. Times floor: rms error over the noise of the sensor; 1 is as good as the sensor can tell."
+    } else {
+        "Simulated as the study says, on records that the fit has not seen. NRMSE: rms error over the standard deviation of the measured signal. Times floor: rms error over that of a true model, which is the noise of the sensors carried through measured inputs, initial states, filters and derivatives; 1 is as good as these sensors can tell."
+    }
+}
+
+/// Rows of the table of errors on validation records.
+pub fn errors(answer: &Answer, signals: &[Signal]) -> Vec<[String; 7]> {
+    let (before, after) = (&answer.before[1], &answer.after[1]);
+    let row = |(signal, &rms): (&String, &f64)| {
+        let left = after.rms.get(signal).copied().unwrap_or(f64::NAN);
+        let noise = answer.noise.get(signal).copied().unwrap_or(f64::NAN);
+        let floor = answer.floor_of(signal).unwrap_or(f64::NAN);
+        let share = |errors: &airloop_refine::answer::Errors| {
+            format!("{:.2} %", 100.0 * errors.nrmse.get(signal).copied().unwrap_or(f64::NAN))
+        };
+        let unit = signals.iter().find(|own| own.name == *signal).map_or("", |own| own.unit.as_str());
+        let shown = if unit.is_empty() { signal.clone() } else { format!("{signal} [{unit}]") };
+        let times = format!("{:.2} \u{2192} {:.2}", rms / floor, left / floor);
+        [shown, number(noise), number(rms), number(left), share(before), share(after), times]
+    };
+    before.rms.iter().map(row).collect()
+}
+
+/// Header of [`parameter_rows`].
+pub const PARAMETER_HEADER: [&str; 6] = ["effect", "parameter", "value", "95 % from", "to", "unit"];
+
+/// Parameters of the selected effects.
+pub fn parameter_rows(answer: &Answer) -> Vec<Vec<String>> {
+    let rows = answer.effects.iter().filter(|effect| effect.selected).flat_map(|effect| {
+        effect.parameters.iter().map(|p| {
+            let half = 0.5 * (p.interval.1 - p.interval.0);
+            let [value, low, high] = [p.value, p.interval.0, p.interval.1].map(|v| rounded(v, half));
+            vec![name(effect), p.name.clone(), value, low, high, p.unit.clone()]
+        })
+    });
+    rows.collect()
+}
+
+/// Header of [`stability_rows`].
+pub const STABILITY_HEADER: [&str; 4] =
+    ["effect", "parts it helps on", "parameter", "values without one part"];
+/// What stability means.
+pub const STABILITY_NOTE: &str = "The estimation records in parts, each kept back in turn: on how many of them the model with the effect, fitted on the others, is better than the one without it, and between which values its parameters then move. Company that helps on no more than half of the parts, and little, is left out.";
+
+/// How effects hold on parts of the estimation records.
+pub fn stability_rows(answer: &Answer) -> Vec<Vec<String>> {
+    let known = answer.effects.iter().filter_map(|effect| Some((effect, effect.stability.as_ref()?)));
+    let rows = known.flat_map(|(effect, own)| {
+        effect.parameters.iter().zip(&own.ranges).map(move |(p, (low, high))| {
+            let unit = if p.unit == "1" { String::new() } else { format!(" {}", p.unit) };
+            let (low, high) = (rounded(*low, high - low), rounded(*high, high - low));
+            vec![
+                name(effect),
+                format!("{} of {}", own.better, own.parts),
+                p.name.clone(),
+                format!("{low} to {high}{unit}"),
+            ]
+        })
+    });
+    rows.collect()
+}
+
+/// A score as a whole number, in powers of ten where it is long.
+fn count(value: f64) -> String {
+    if value.abs() < 1e5 { format!("{value:.0}") } else { format!("{value:.2e}") }
+}
+
+/// Header of [`candidate_rows`].
+pub const CANDIDATE_HEADER: [&str; 6] = ["effect", "what", "improvement", "margin", "parameters", "why"];
+
+/// All candidates that were fitted, in the order of the report.
+pub fn candidate_rows(answer: &Answer) -> Vec<Vec<String>> {
+    let best = answer.effects.iter().map(|effect| effect.score).fold(f64::MIN, f64::max);
+    let row = |effect: &Effect| {
+        vec![
+            name(effect),
+            names::effect(&effect.id).to_owned(),
+            count(effect.score),
+            count(best - effect.score),
+            size(effect),
+            effect.reason.clone(),
+        ]
+    };
+    answer.effects.iter().map(row).collect()
+}

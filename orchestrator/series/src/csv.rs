@@ -1,0 +1,414 @@
+//! CSV in the FMI convention: first column `time` \[s\], then one column per signal, a dot as decimal sign.
+//!
+//! Another unit of time may be given, as in `time [ms]`; the series is in seconds. Truth values may be written as
+//! `true` and `false`.
+//!
+//! A header cell may be quoted and may carry its unit as `name [unit]`. Numbers are written in the shortest form
+//! that reads back to the same bits. A file appears under its name only when it is complete.
+
+use std::collections::HashSet;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+use super::TimeSeries;
+
+/// Why a CSV file cannot be read or written.
+#[derive(Debug, thiserror::Error)]
+#[allow(missing_docs, reason = "file, line (1-based), column and value, as named in each message")]
+pub enum Error {
+    /// The file cannot be opened, read or written.
+    #[error("{}: the file cannot be read or written: {source}", path.display())]
+    Io { path: PathBuf, source: std::io::Error },
+    /// The first column is not `time`.
+    #[error(
+        "{}: line 1: the first column must be `time` [s], found `{found}`; put the time first and name it `time`",
+        path.display()
+    )]
+    NoTime { path: PathBuf, found: String },
+    /// The file has no characters.
+    #[error("{}: the file is empty; write a header such as `time,u` and rows of numbers", path.display())]
+    NoText { path: PathBuf },
+    /// Columns are not separated by commas.
+    #[error(
+        "{}: line 1: columns must be separated by commas, but this header has {found}; write it like `time,u`, with a dot as decimal sign",
+        path.display()
+    )]
+    Separator { path: PathBuf, found: &'static str },
+    /// The unit of the first column is none of time.
+    #[error(
+        "{}: line 1, column `time`: [{unit}] is no unit of time that is known; use s, ms, us, ns, min or h",
+        path.display()
+    )]
+    TimeUnit { path: PathBuf, unit: String },
+    /// A value that the signal of the column cannot have.
+    #[error("{}: line {line}, column `{column}`: `{value}` is not allowed for `{signal}`; allowed is {allowed}", path.display())]
+    Value { path: PathBuf, line: usize, column: String, value: String, signal: String, allowed: String },
+    /// No data row.
+    #[error("{}: there is no row of data below the header", path.display())]
+    Empty { path: PathBuf },
+    /// A header cell is empty or there twice.
+    #[error("{}: line 1, column {column}: the name `{name}` is {what}", path.display())]
+    Header { path: PathBuf, column: usize, name: String, what: &'static str },
+    /// A quoted cell that does not end.
+    #[error("{}: line {line}: a quoted cell is not closed", path.display())]
+    Quote { path: PathBuf, line: usize },
+    /// A row with more or fewer cells than the header.
+    #[error(
+        "{}: line {line}: {found} cells, but the header has {expected} columns; a missing value cannot be left out",
+        path.display()
+    )]
+    RowLength { path: PathBuf, line: usize, found: usize, expected: usize },
+    /// A cell that is not a number.
+    #[error(
+        "{}: line {line}, column `{column}`: `{value}` is not a number; write it like -1.5 or 2e-3",
+        path.display()
+    )]
+    NotANumber { path: PathBuf, line: usize, column: String, value: String },
+    /// NaN or infinity.
+    #[error(
+        "{}: line {line}, column `{column}`: `{value}` is not finite; remove the row or repair the value",
+        path.display()
+    )]
+    NotFinite { path: PathBuf, line: usize, column: String, value: String },
+    /// Time that does not increase.
+    #[error(
+        "{}: line {line}, column `time`: {after} s does not come after {before} s of the row before; sort the rows and remove repeated times",
+        path.display()
+    )]
+    NotIncreasing { path: PathBuf, line: usize, before: f64, after: f64 },
+    /// A column that the reader of the file has no use for.
+    #[error(
+        "{}: line 1, column `{column}`: no such signal; known are: {known}",
+        path.display()
+    )]
+    UnknownColumn { path: PathBuf, column: String, known: String },
+    /// A column that is asked for but not there.
+    #[error("{}: there is no column `{column}`; the file has: {columns}", path.display())]
+    MissingColumn { path: PathBuf, column: String, columns: String },
+}
+
+/// Reads a CSV file.
+///
+/// # Errors
+/// Every [`Error`] names file, line and column.
+pub fn read(path: &Path) -> Result<TimeSeries, Error> {
+    let bytes = std::fs::read(path).map_err(|source| Error::Io { path: path.into(), source })?;
+    let text = String::from_utf8_lossy(&bytes);
+    parse(&text, path)
+}
+
+/// Reads CSV text; `path` is only used in messages.
+///
+/// ```
+/// let series = airloop_series::csv::parse("time,u\n0,1\n0.5,2\n", "record.csv".as_ref()).unwrap();
+/// assert_eq!(series.channel("u").unwrap().values, [1.0, 2.0]);
+/// ```
+///
+/// # Errors
+/// As [`read`].
+pub fn parse(text: &str, path: &Path) -> Result<TimeSeries, Error> {
+    let mut lines =
+        text.trim_start_matches('\u{feff}').lines().enumerate().map(|(index, line)| (index + 1, line));
+    let (_, header) = lines.next().ok_or_else(|| Error::NoText { path: path.into() })?;
+    let names = header_cells(header, path)?;
+    let unit = names[0].1.as_deref();
+    let seconds = unit.map_or(Some(Seconds::Times(1.0)), Seconds::of);
+    let seconds = seconds
+        .ok_or_else(|| Error::TimeUnit { path: path.into(), unit: unit.unwrap_or_default().into() })?;
+    let mut time = Vec::new();
+    let mut columns: Vec<Vec<f64>> = vec![Vec::new(); names.len() - 1];
+    let mut words = vec![false; names.len()];
+    for (line, row) in lines {
+        if row.trim().is_empty() {
+            continue;
+        }
+        let cells = row.split(',').count();
+        if cells != names.len() {
+            return Err(Error::RowLength { path: path.into(), line, found: cells, expected: names.len() });
+        }
+        for (column, cell) in row.split(',').enumerate() {
+            if column > 0 {
+                let truth = truth(cell);
+                words[column] |= truth.is_some();
+                columns[column - 1].push(match truth {
+                    Some(value) => value,
+                    None => number(cell, path, line, &names[column].0)?,
+                });
+                continue;
+            }
+            let value = seconds.convert(number(cell, path, line, &names[column].0)?);
+            if let Some(&before) = time.last().filter(|&&before| value <= before) {
+                return Err(Error::NotIncreasing { path: path.into(), line, before, after: value });
+            }
+            time.push(value);
+        }
+    }
+    if time.is_empty() {
+        return Err(Error::Empty { path: path.into() });
+    }
+    let mut series = TimeSeries::new(time).expect("the times were checked to be finite and increasing");
+    for ((name, unit), values) in names.into_iter().skip(1).zip(columns) {
+        series.push(name, unit, values).expect("names and lengths were checked");
+    }
+    for (channel, words) in series.channels.iter_mut().zip(words.into_iter().skip(1)) {
+        channel.words = words;
+    }
+    Ok(series)
+}
+
+/// Factor of a unit of time; small units divide by a whole number, which rounds once (7 ms is 0.007 s).
+#[derive(Debug, Clone, Copy)]
+pub(super) enum Seconds {
+    Times(f64),
+    Over(f64),
+}
+
+impl Seconds {
+    pub(super) fn of(unit: &str) -> Option<Seconds> {
+        Some(match unit {
+            "s" => Seconds::Times(1.0),
+            "ms" => Seconds::Over(1e3),
+            "us" | "\u{b5}s" | "\u{3bc}s" => Seconds::Over(1e6),
+            "ns" => Seconds::Over(1e9),
+            "min" => Seconds::Times(60.0),
+            "h" => Seconds::Times(3600.0),
+            _ => return None,
+        })
+    }
+
+    pub(super) fn convert(self, value: f64) -> f64 {
+        match self {
+            Seconds::Times(factor) => value * factor,
+            Seconds::Over(divisor) => value / divisor,
+        }
+    }
+}
+
+/// A truth value written as a word.
+pub(super) fn truth(cell: &str) -> Option<f64> {
+    match cell.trim().trim_matches('"') {
+        "true" | "True" | "TRUE" => Some(1.0),
+        "false" | "False" | "FALSE" => Some(0.0),
+        _ => None,
+    }
+}
+
+/// The error for a value that `signal` cannot have: line and text of the first cell of `column` (0-based, without
+/// the time) that `bad` refuses, given its number and whether it is written as a word.
+///
+/// Reads the file again, as a series does not keep where its values stood; `None` if no cell is refused.
+pub fn refuse(
+    path: &Path,
+    column: usize,
+    signal: &str,
+    allowed: &str,
+    bad: impl Fn(f64, bool) -> bool,
+) -> Option<Error> {
+    let bytes = std::fs::read(path).ok()?;
+    let text = String::from_utf8_lossy(&bytes);
+    let mut lines = text.trim_start_matches('\u{feff}').lines().enumerate();
+    let names = header_cells(lines.next()?.1, path).ok()?;
+    let name = &names.get(column + 1)?.0;
+    lines.filter(|(_, row)| !row.trim().is_empty()).find_map(|(index, row)| {
+        let cell = row.split(',').nth(column + 1)?;
+        let word = truth(cell);
+        let value = word.or_else(|| number(cell, path, index + 1, name).ok())?;
+        bad(value, word.is_some()).then(|| Error::Value {
+            path: path.into(),
+            line: index + 1,
+            column: name.clone(),
+            value: cell.trim().into(),
+            signal: signal.into(),
+            allowed: allowed.into(),
+        })
+    })
+}
+
+fn number(cell: &str, path: &Path, line: usize, column: &str) -> Result<f64, Error> {
+    let text = cell.trim().trim_matches('"');
+    match text.parse::<f64>() {
+        Ok(value) if value.is_finite() => Ok(value),
+        Ok(_) => Err(Error::NotFinite { path: path.into(), line, column: column.into(), value: text.into() }),
+        Err(_) => {
+            Err(Error::NotANumber { path: path.into(), line, column: column.into(), value: text.into() })
+        }
+    }
+}
+
+/// Names and units of the header; the first is `time`.
+pub(super) fn header_cells(header: &str, path: &Path) -> Result<Vec<(String, Option<String>)>, Error> {
+    let cells = split_quoted(header).ok_or_else(|| Error::Quote { path: path.into(), line: 1 })?;
+    let named: Vec<(String, Option<String>)> = cells.iter().map(|cell| name_and_unit(cell.trim())).collect();
+    let first = &named[0].0;
+    if first != "time" {
+        let separators = [(';', "semicolons"), ('\t', "tabs")];
+        if let Some((_, found)) = separators.into_iter().find(|(character, _)| header.contains(*character)) {
+            return Err(Error::Separator { path: path.into(), found });
+        }
+        return Err(Error::NoTime { path: path.into(), found: first.clone() });
+    }
+    let mut seen = HashSet::new();
+    for (index, (name, _)) in named.iter().enumerate() {
+        let what = if name.is_empty() {
+            "empty; every column needs a name"
+        } else if !seen.insert(name.as_str()) {
+            "there twice; rename one of the columns"
+        } else {
+            continue;
+        };
+        return Err(Error::Header { path: path.into(), column: index + 1, name: name.clone(), what });
+    }
+    Ok(named)
+}
+
+/// Splits a line at its commas, except inside double quotes (`""` is a quote); `None` if a quote stays open.
+fn split_quoted(line: &str) -> Option<Vec<String>> {
+    let mut cells = vec![String::new()];
+    let mut quoted = false;
+    let mut characters = line.chars().peekable();
+    while let Some(character) = characters.next() {
+        match character {
+            '"' if quoted && characters.peek() == Some(&'"') => {
+                characters.next();
+                push(&mut cells, '"');
+            }
+            '"' => quoted = !quoted,
+            ',' if !quoted => cells.push(String::new()),
+            other => push(&mut cells, other),
+        }
+    }
+    (!quoted).then_some(cells)
+}
+
+fn push(cells: &mut [String], character: char) {
+    cells.last_mut().expect("there is always a first cell").push(character);
+}
+
+/// Splits `x [m]` into name and unit. `A1[1,1]` is a name: a unit stands after a space.
+fn name_and_unit(cell: &str) -> (String, Option<String>) {
+    match cell.strip_suffix(']').and_then(|rest| rest.rsplit_once(" [")) {
+        Some((name, unit)) => (name.trim().to_owned(), Some(unit.trim().to_owned())),
+        None => (cell.to_owned(), None),
+    }
+}
+
+/// Writes the series; units are not part of the FMI convention and stay out.
+///
+/// The rows go to a temporary file beside `path`, which is then renamed: there is never half a file under `path`.
+///
+/// # Errors
+/// [`Error::Io`].
+pub fn write(series: &TimeSeries, path: &Path) -> Result<(), Error> {
+    super::file::write_whole(path, |out| write_rows(series, out))
+        .map_err(|source| Error::Io { path: path.into(), source })
+}
+
+fn write_rows(series: &TimeSeries, out: &mut impl Write) -> std::io::Result<()> {
+    super::rows::write_header(out, series.channels().iter().map(|channel| channel.name.as_str()))?;
+    for (row, &time) in series.time().iter().enumerate() {
+        super::rows::write_row(out, time, series.channels().iter().map(|channel| channel.values[row]))?;
+    }
+    Ok(())
+}
+
+/// The shortest text that reads back to the same value, without long runs of zeros.
+pub(super) fn write_number(value: f64, out: &mut impl Write) -> std::io::Result<()> {
+    let size = value.abs();
+    if size != 0.0 && !(1e-5..1e16).contains(&size) {
+        write!(out, ",{value:e}")
+    } else {
+        write!(out, ",{value}")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn of(text: &str) -> Result<TimeSeries, Error> {
+        parse(text, Path::new("record.csv"))
+    }
+
+    #[test]
+    fn bad_files_are_refused_with_file_line_and_column() {
+        let cases = [
+            ("", "the file is empty"),
+            ("time;u\n0;1\n", "line 1: columns must be separated by commas, but this header has semicolons"),
+            ("time\tu\n0\t1\n", "this header has tabs"),
+            ("time [N],u\n0,1\n", "line 1, column `time`: [N] is no unit of time"),
+            ("time [ms],u\n0,1\n0,2\n", "line 3, column `time`: 0 s does not come after"),
+            ("time,u\ntrue,1\n", "line 2, column `time`: `true` is not a number"),
+            ("t,u\n0,1\n", "found `t`"),
+            ("time,u\n", "no row of data"),
+            ("time,u,u\n0,1,1\n", "line 1, column 3: the name `u` is there twice"),
+            ("time,,u\n0,1,1\n", "line 1, column 2: the name `` is empty"),
+            ("time,\"u\n0,1\n", "line 1: a quoted cell is not closed"),
+            ("time,u\n0,1\n1\n", "line 3: 1 cells, but the header has 2"),
+            ("time,u\n0,1\n1,2,3\n", "line 3: 3 cells"),
+            ("time,u\n0,1\n1,abc\n", "line 3, column `u`: `abc` is not a number"),
+            ("time,u\n0,1\n1,\n", "line 3, column `u`: `` is not a number"),
+            ("time,u\n0,NaN\n", "line 2, column `u`: `NaN` is not finite"),
+            ("time,u\n0,-inf\n", "line 2, column `u`: `-inf` is not finite"),
+            ("time,u\n0,1\n\n0,2\n", "line 4, column `time`: 0 s does not come after 0 s"),
+            ("time,u\n1,1\n0.5,2\n", "line 3, column `time`: 0.5 s does not come after 1 s"),
+            ("time,u\n1,1e999\n", "line 2, column `u`: `1e999` is not finite"),
+        ];
+        for (text, expected) in cases {
+            let message = of(text).unwrap_err().to_string();
+            assert!(message.starts_with("record.csv: "), "{message}");
+            assert!(message.contains(expected), "{text:?}: {message}");
+        }
+    }
+
+    #[test]
+    fn byte_order_mark_windows_lines_quotes_and_units_are_understood() {
+        let series =
+            of("\u{feff}time,\"A1[1,1]\",x [m], \"say \"\"u\"\"\"\r\n0, 1,2,3\r\n0.5,4,5,6\r\n").unwrap();
+        let names: Vec<&str> = series.channels().iter().map(|channel| channel.name.as_str()).collect();
+        assert_eq!(names, ["A1[1,1]", "x", "say \"u\""]);
+        assert_eq!(series.channels()[1].unit.as_deref(), Some("m"));
+        assert_eq!(series.channels()[2].values, [3.0, 6.0]);
+        assert_eq!(series.time(), [0.0, 0.5]);
+    }
+
+    #[test]
+    fn the_unit_of_the_time_column_is_converted() {
+        for (unit, times) in
+            [("s", [0.0, 7.0]), ("ms", [0.0, 0.007]), ("us", [0.0, 7e-6]), ("min", [0.0, 420.0])]
+        {
+            let series = of(&format!("time [{unit}],u\n0,1\n7,2\n")).unwrap();
+            assert_eq!(series.time(), times, "{unit}");
+        }
+    }
+
+    #[test]
+    fn truth_values_may_be_words() {
+        let series = of("time,b,u\n0,true,1\n1,False,0\n").unwrap();
+        assert_eq!(series.channels()[0].values, [1.0, 0.0]);
+        assert_eq!(series.channels().iter().map(|channel| channel.words).collect::<Vec<_>>(), [true, false]);
+    }
+
+    #[test]
+    fn every_bit_survives_writing_and_reading() {
+        let values =
+            vec![0.1 + 0.2, -0.0, f64::MIN_POSITIVE, 5e-324, 1.0 / 3.0, -1e300, 1e21, 123456789.125, 1e-5];
+        let mut series = TimeSeries::new((0..values.len()).map(|k| k as f64 * 0.1).collect()).unwrap();
+        series.push("a,\"b\"", None, values).unwrap();
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("result.csv");
+        write(&series, &path).unwrap();
+        let back = read(&path).unwrap();
+        assert_eq!(back.channels()[0].name, "a,\"b\"");
+        let bits = |series: &TimeSeries| -> Vec<u64> {
+            series.time().iter().chain(&series.channels()[0].values).map(|value| value.to_bits()).collect()
+        };
+        assert_eq!(bits(&back), bits(&series));
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1, "no temporary file is left");
+    }
+
+    #[test]
+    fn a_file_that_is_not_there_is_named() {
+        let message = read(Path::new("no/such/file.csv")).unwrap_err().to_string();
+        assert!(message.starts_with("no/such/file.csv: "), "{message}");
+    }
+}
