@@ -30,5 +30,6 @@ pub mod task;
 pub mod trials;
 pub mod vacuous;
 pub mod verify;
+mod workers;
 
 pub use error::Error;

@@ -3,10 +3,14 @@
 use std::ops::ControlFlow;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
+use airloop_series::random::Random;
+use rayon::prelude::*;
+
 use super::Error;
 use super::guess::Rough;
 use super::prepare::Prepared;
 use super::solve::{Begin, Session, Settings, Solved};
+use super::workers::workers;
 use airloop_optim::Status;
 
 /// Objectives that differ relatively by less belong to one minimum.
@@ -66,8 +70,8 @@ pub fn multistart(
             }
             let mut rough = guess.clone();
             if start > 0 {
-                let mut numbers = Numbers::new(seed, start as u64);
-                rough.perturb(&setup.task, &mut || numbers.uniform());
+                let mut random = Random::numbered(seed, start as u64);
+                rough.perturb(&setup.task, &mut || random.symmetric());
             }
             let mut monitor = |_: &super::solve::Progress| match stop.load(Ordering::Relaxed) {
                 true => ControlFlow::Break(()),
@@ -78,10 +82,8 @@ pub fn multistart(
             progress(done.fetch_add(1, Ordering::Relaxed) + 1);
         }
     };
-    let mut outcomes: Vec<Outcome> = std::thread::scope(|scope| {
-        let workers: Vec<_> = sessions.into_iter().map(|session| scope.spawn(|| work(session))).collect();
-        workers.into_iter().filter_map(|worker| worker.join().ok()).flatten().collect()
-    });
+    let mut outcomes: Vec<Outcome> = workers(sessions.len())?
+        .install(|| sessions.into_par_iter().with_max_len(1).flat_map_iter(work).collect());
     outcomes.sort_by_key(|outcome| outcome.start);
     let minima = number(&mut outcomes);
     Ok(Multistart { outcomes, minima })
@@ -119,28 +121,6 @@ fn distinct(sorted: &[f64]) -> Vec<f64> {
     minima
 }
 
-/// Numbers for one start: xorshift of 64 bits, seeded by splitmix.
-struct Numbers {
-    state: u64,
-}
-
-impl Numbers {
-    fn new(seed: u64, start: u64) -> Numbers {
-        let mut z = seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) ^ start.wrapping_mul(0xD1B5_4A32_D192_ED03);
-        z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-        Numbers { state: (z ^ (z >> 31)) | 1 }
-    }
-
-    /// From -1 to 1.
-    fn uniform(&mut self) -> f64 {
-        self.state ^= self.state << 13;
-        self.state ^= self.state >> 7;
-        self.state ^= self.state << 17;
-        (self.state >> 11) as f64 / (1u64 << 52) as f64 - 1.0
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -149,19 +129,5 @@ mod tests {
     fn minima_are_told_apart_by_their_objectives() {
         assert_eq!(distinct(&[1.0, 1.0 + 1e-8, 1.1, 2.0, 2.0]), [1.0, 1.1, 2.0]);
         assert!(distinct(&[]).is_empty());
-    }
-
-    #[test]
-    fn numbers_depend_on_seed_and_start_and_fill_the_range() {
-        let of = |seed, start| {
-            let mut numbers = Numbers::new(seed, start);
-            (0..1000).map(|_| numbers.uniform()).collect::<Vec<f64>>()
-        };
-        assert_eq!(of(0, 1), of(0, 1));
-        assert_ne!(of(0, 1), of(0, 2));
-        assert_ne!(of(0, 1), of(1, 1));
-        let values = of(3, 4);
-        let mean = values.iter().sum::<f64>() / 1000.0;
-        assert!(values.iter().all(|v| (-1.0..1.0).contains(v)) && mean.abs() < 0.1, "{mean}");
     }
 }

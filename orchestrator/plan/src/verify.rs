@@ -148,16 +148,8 @@ pub fn roll_out(
     let one = |graph: &SystemGraph, (inputs, options): &(Inputs, Options)| {
         simulate(graph, catalogue, states, inputs, *options, stop)
     };
-    let (continuous, sampled) = std::thread::scope(|scope| {
-        let first = scope.spawn(|| one(&smooth, &along));
-        let second = one(&started, &held);
-        (first.join(), second)
-    });
-    let failed = |_| {
-        let problem = "the thread of the continuous roll-out ended early".to_owned();
-        Err(Error::Place { place: place.into(), problem })
-    };
-    Ok(Rollouts { continuous: continuous.unwrap_or_else(failed), sampled })
+    let (continuous, sampled) = rayon::join(|| one(&smooth, &along), || one(&started, &held));
+    Ok(Rollouts { continuous, sampled })
 }
 
 /// The states that can be seen of a system that has been put somewhere, with its events, a moment later; none where it

@@ -5,9 +5,9 @@ use std::path::Path;
 use super::{Error, Recording, input_of, open, sensor};
 use airloop_cosim::master::{Algorithm, Master, Progress, Settings};
 use airloop_cosim::results::{Column, Recorder, Slot};
-use airloop_ident::excite::random::Random;
 use airloop_ident::excite::{self, Band, Signal, times};
 use airloop_series::TimeSeries;
+use airloop_series::random::Random;
 
 /// What is recorded.
 #[derive(Debug, Clone, PartialEq)]

@@ -1,8 +1,8 @@
 //! Sensors: white noise, then rounding to the step of the converter.
 
 use super::{Error, Recording};
-use airloop_ident::excite::random::Random;
 use airloop_series::TimeSeries;
+use airloop_series::random::Random;
 
 /// A sensor.
 #[derive(Debug, Clone, PartialEq)]

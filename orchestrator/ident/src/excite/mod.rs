@@ -1,13 +1,12 @@
 //! Command signals for experiments: chirps, random stairs, multisines, pseudo-random binary sequences.
 //!
 //! Every signal is a vector of samples at `k Ts`, zero-order hold in between, and depends on its settings and seed
-//! alone ([`random`]). Reading and writing files is left to others. Start with [`Signal::samples`].
+//! alone (`airloop_series::random`). Reading and writing files is left to others. Start with [`Signal::samples`].
 
 pub mod chirp;
 pub mod fourier;
 pub mod multisine;
 pub mod prbs;
-pub mod random;
 pub mod stairs;
 pub mod supply;
 

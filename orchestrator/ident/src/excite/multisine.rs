@@ -3,8 +3,8 @@
 use std::f64::consts::{PI, TAU};
 
 use super::fourier::transform;
-use super::random::Random;
 use super::{Band, Error, check};
+use airloop_series::random::Random;
 
 /// Random starts; the best of them is another signal for another seed.
 const STARTS: usize = 8;

@@ -1,7 +1,7 @@
 //! Pseudo-random binary sequences of maximal length (Ljung, System Identification, section 13.3).
 
-use super::random::Random;
 use super::{Error, check};
+use airloop_series::random::Random;
 
 /// Orders that are offered.
 pub const ORDERS: std::ops::RangeInclusive<u32> = 2..=20;

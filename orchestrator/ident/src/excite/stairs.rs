@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use super::random::Random;
+use airloop_series::random::Random;
 
 /// `n` samples of levels uniform in -1..1, held for times uniform in `hold` \[s\].
 pub(super) fn samples(hold: &Range<f64>, n: usize, sample_time: f64, seed: u64) -> Vec<f64> {

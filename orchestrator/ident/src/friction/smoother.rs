@@ -264,7 +264,7 @@ mod tests {
     use super::*;
 
     fn noise(n: usize, seed: u64) -> Vec<f64> {
-        let mut random = crate::excite::random::Random::new(seed);
+        let mut random = airloop_series::random::Random::new(seed);
         (0..n).map(|_| random.normal()).collect()
     }
 

@@ -1,7 +1,7 @@
 use super::law::{C1, C2, C3, C4, C5, Parameters};
 use super::report::identify;
 use super::*;
-use crate::excite::random::Random;
+use airloop_series::random::Random;
 
 const PISTON: [f64; 5] = [1.5145, 40.8926, 0.0, 49.2734, 0.0];
 const CART: [f64; 5] = [5.7910, 63.7045, 0.0064, 0.0, -2.3170];

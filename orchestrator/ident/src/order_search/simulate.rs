@@ -1,5 +1,7 @@
 //! Free simulations of many models over the same data, several models side by side in the lanes of a vector.
 
+use rayon::prelude::*;
+
 use crate::model::Arx;
 use crate::record::Error;
 use crate::source::{Source, Window};
@@ -51,20 +53,13 @@ pub(super) fn fits(
     let alike = order.chunk_by(|&a, &b| models[a].a.len() == models[b].a.len());
     let mut groups: Vec<Group> =
         alike.flat_map(|some| some.chunks(LANES)).map(|some| Group::new(some, models, &lags_of)).collect();
-    let threads = std::thread::available_parallelism().map_or(1, |n| n.get()).min(groups.len()).max(1);
+    let threads = rayon::current_num_threads().min(groups.len()).max(1);
     // Dealt out in turn, as larger groups stand at the end.
     let mut shares: Vec<Vec<&mut Group>> = (0..threads).map(|_| Vec::new()).collect();
     groups.iter_mut().enumerate().for_each(|(index, group)| shares[index % threads].push(group));
-    std::thread::scope(|scope| {
-        let work = shares.into_iter().map(|mut share| {
-            scope.spawn(move || sources.iter().try_for_each(|source| run(&mut share, any, *source, lags)))
-        });
-        let work: Vec<_> = work.collect();
-        work.into_iter().try_for_each(|thread| match thread.join() {
-            Ok(outcome) => outcome,
-            Err(panic) => std::panic::resume_unwind(panic),
-        })
-    })?;
+    shares
+        .par_iter_mut()
+        .try_for_each(|share| sources.iter().try_for_each(|source| run(share, any, *source, lags)))?;
     let n_y = any.output_offset.len();
     let mut fits = vec![vec![None; n_y]; models.len()];
     for group in &groups {

@@ -6,10 +6,10 @@ use super::data::{Matrices, Segment};
 use super::gain::{prediction_error_gain, riccati_gain};
 use super::hankel::HankelFactor;
 use super::input_terms::{input_terms, simulation_error};
-use super::parallel::parallel;
 use super::projection::{Projection, Weighting, predictor, pseudo_inverse};
 use super::realisation::{Realisation, realise, spectral_radius, stabilised};
 use super::riccati::{Noise, kalman_gain};
+use rayon::prelude::*;
 
 /// Samples on which candidates are compared; longer data are represented by pieces spread over them.
 pub(super) const COMPARED_SAMPLES: usize = 16_000;
@@ -80,7 +80,7 @@ impl<'a> Candidates<'a> {
         mirror: bool,
     ) -> Candidates<'a> {
         let factor = HankelFactor::new(segments, horizons.iter().copied().max().unwrap_or(1));
-        let horizons = parallel(horizons, |&horizon| {
+        let one = |&horizon: &usize| {
             let factor = factor.shorter(horizon);
             let predictor = predictor(&factor);
             let projections = weightings
@@ -88,7 +88,8 @@ impl<'a> Candidates<'a> {
                 .map(|&weighting| (weighting, Projection::new(&factor, weighting, &predictor)))
                 .collect();
             Horizon { factor, projections }
-        });
+        };
+        let horizons = horizons.par_iter().map(one).collect();
         let compared = super::data::sparse(segments, COMPARED_SAMPLES);
         Candidates { segments, compared, horizons, direct, mirror }
     }
@@ -137,7 +138,7 @@ impl<'a> Candidates<'a> {
             }
         }
         let mut found: Vec<Candidate> =
-            parallel(&methods, |method| self.candidate(*method, n)).into_iter().flatten().collect();
+            methods.par_iter().filter_map(|method| self.candidate(*method, n)).collect();
         found.sort_by(|a, b| b.stable.cmp(&a.stable).then(a.error.total_cmp(&b.error)));
         found
     }

@@ -8,9 +8,9 @@
 use nalgebra::DMatrix;
 
 use super::data::Segment;
-use super::parallel::parallel;
 use airloop_optim::linalg::spectral;
 use airloop_optim::linalg::{StreamedQr, Triangle};
+use rayon::prelude::*;
 
 /// Parts of the tall matrix that are folded side by side.
 const PARTS: usize = 4;
@@ -39,13 +39,14 @@ impl HankelFactor {
             .collect();
         // The parts are always the same, so that the result does not depend on the number of threads.
         let parts = parts(segments, horizon);
-        let triangles = parallel(&parts, |rows| {
+        let one = |rows: &Vec<(usize, usize, usize)>| {
             let mut qr = StreamedQr::new(2 * horizon * (n_u + n_y));
             for &(segment, from, to) in rows {
                 fold(&mut qr, &signals[segment], from, to, horizon);
             }
             qr.finish()
-        });
+        };
+        let triangles: Vec<Triangle> = parts.par_iter().map(one).collect();
         let rows = triangles.iter().map(Triangle::rows).sum();
         let mut triangles = triangles.into_iter();
         let mut r = triangles.next().map_or_else(|| DMatrix::zeros(0, 0), |first| first.r().clone());

@@ -19,7 +19,6 @@ mod data;
 mod gain;
 mod hankel;
 mod input_terms;
-mod parallel;
 pub mod pieces;
 pub mod projection;
 pub mod realisation;

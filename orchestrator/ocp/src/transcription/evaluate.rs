@@ -1,6 +1,8 @@
 //! Evaluation of a phase at the variables: nodes first, then the intervals between them; for the Hessian the other way
 //! round. Items are spread over threads in contiguous runs; every result depends on its item alone.
 
+use rayon::prelude::*;
+
 use super::functions::Functions;
 use super::layout::Layout;
 use super::part::Part;
@@ -75,20 +77,13 @@ fn spread<T: Send>(
         return run(&mut workers[0], 0, items);
     }
     let length = items.len().div_ceil(count);
-    std::thread::scope(|scope| {
-        let run = &run;
-        let threads: Vec<_> = items
-            .chunks_mut(length)
-            .zip(workers)
-            .enumerate()
-            .map(|(i, (items, worker))| scope.spawn(move || run(worker, i * length, items)))
-            .collect();
-        let joined: Vec<_> = threads.into_iter().map(|thread| thread.join()).collect();
-        joined.into_iter().try_for_each(|outcome| match outcome {
-            Ok(outcome) => outcome,
-            Err(panic) => std::panic::resume_unwind(panic),
-        })
-    })
+    let outcomes: Vec<_> = items
+        .par_chunks_mut(length)
+        .zip(workers)
+        .enumerate()
+        .map(|(i, (items, worker))| run(worker, i * length, items))
+        .collect();
+    outcomes.into_iter().collect()
 }
 
 /// Says in which phase and when an evaluation failed.

@@ -5,19 +5,20 @@
 //! without feedback.
 
 mod judge;
-pub mod random;
 mod ready;
 
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
-use std::sync::{Mutex, PoisonError};
+
+use rayon::prelude::*;
 
 use super::Error;
+use super::workers::workers;
 use airloop_cosim::master::simulate::{self, End, Stimulus, Watch};
 use airloop_cosim::master::{Algorithm, Settings as MasterSettings};
 use airloop_cosim::system::SystemGraph;
 use airloop_cosim::system::graph::Start;
+use airloop_series::random::Random;
 use airloop_series::{Interpolation, TimeSeries};
-use random::Random;
 
 pub use judge::Judgement;
 pub use ready::{Ready, prepare};
@@ -70,24 +71,17 @@ pub fn run(
             (0..request.count).map(move |k| (closed, request.seed + k as u64, k < request.keep))
         })
         .collect();
-    let (next, done) = (AtomicUsize::new(0), AtomicUsize::new(0));
-    let results: Mutex<Vec<Option<Result<Trial, Error>>>> =
-        Mutex::new((0..jobs.len()).map(|_| None).collect());
-    std::thread::scope(|scope| {
-        for _ in 0..request.threads.clamp(1, jobs.len().max(1)) {
-            scope.spawn(|| {
-                while !stop.load(Ordering::Relaxed) {
-                    let job = next.fetch_add(1, Ordering::Relaxed);
-                    let Some(&(closed, seed, keep)) = jobs.get(job) else { return };
-                    let trial = one(ready, request, (closed, seed, keep), stop);
-                    results.lock().unwrap_or_else(PoisonError::into_inner)[job] = trial.transpose();
-                    progress(done.fetch_add(1, Ordering::Relaxed) + 1, jobs.len());
-                }
-            });
+    let done = AtomicUsize::new(0);
+    let trial = |&job: &(bool, u64, bool)| {
+        if stop.load(Ordering::Relaxed) {
+            return None;
         }
-    });
-    let results = results.into_inner().unwrap_or_else(PoisonError::into_inner);
-    results.into_iter().flatten().collect()
+        let trial = one(ready, request, job, stop);
+        progress(done.fetch_add(1, Ordering::Relaxed) + 1, jobs.len());
+        trial.transpose()
+    };
+    workers(request.threads.clamp(1, jobs.len().max(1)))?
+        .install(|| jobs.par_iter().with_max_len(1).filter_map(trial).collect())
 }
 
 /// One trial; none if it was interrupted.

@@ -27,6 +27,12 @@ impl Random {
         Random::new(name.bytes().fold(seed ^ 0xcbf2_9ce4_8422_2325, hash))
     }
 
+    /// The stream of a number, for instance one per start of a search.
+    pub fn numbered(seed: u64, number: u64) -> Random {
+        let mut mixed = seed ^ number.wrapping_mul(0xd1b5_4a32_d192_ed03);
+        Random::new(split_mix(&mut mixed))
+    }
+
     /// 64 random bits.
     pub fn bits(&mut self) -> u64 {
         let s = &mut self.state;
@@ -44,6 +50,11 @@ impl Random {
     /// Uniform in 0 <= value < 1, a multiple of 2^-53.
     pub fn uniform(&mut self) -> f64 {
         (self.bits() >> 11) as f64 * (1.0 / (1u64 << 53) as f64)
+    }
+
+    /// Uniform in -1 <= value < 1, a multiple of 2^-52.
+    pub fn symmetric(&mut self) -> f64 {
+        2.0 * self.uniform() - 1.0
     }
 
     /// Normal with mean 0 and standard deviation 1 (Box and Muller).
@@ -99,5 +110,19 @@ mod tests {
         let first = |name| Random::stream(1, name).bits();
         assert_ne!(first("F_p"), first("F_hat"));
         assert_eq!(first("F_p"), first("F_p"));
+        let numbered = |seed, number| Random::numbered(seed, number).bits();
+        assert_ne!(numbered(0, 1), numbered(0, 2));
+        assert_ne!(numbered(0, 1), numbered(1, 1));
+        assert_eq!(numbered(3, 4), numbered(3, 4));
+    }
+
+    #[test]
+    fn symmetric_numbers_fill_their_range_evenly() {
+        let mut random = Random::numbered(3, 4);
+        let values: Vec<f64> = (0..1000).map(|_| random.symmetric()).collect();
+        // Five standard deviations of the mean of 1000 numbers: 5 / sqrt(3 * 1000).
+        let mean = values.iter().sum::<f64>() / 1000.0;
+        assert!(values.iter().all(|v| (-1.0..1.0).contains(v)) && mean.abs() < 0.092, "{mean}");
+        assert!(values.iter().any(|v| *v < -0.9) && values.iter().any(|v| *v > 0.9));
     }
 }
