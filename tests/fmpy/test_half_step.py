@@ -200,12 +200,12 @@ def test_every_limit_is_kept_between_the_nodes_of_the_plan(plan):
 def test_toes_deliver_the_planned_force_with_commands_that_know_them_only(plan):
     summary, _, _ = plan()
     for toe in ("toe1", "toe2"):
-        assert summary["stage2"]["fit"][toe]["optimised"] >= 99.9
+        assert summary["stage2"]["fit"][toe]["optimized"] >= 99.9
         assert summary["stage2"]["fit"][toe]["naive"] == pytest.approx(92, abs=1)
         assert summary["stage2"]["late"][toe]["naive"] == pytest.approx(18, abs=3)
-        assert summary["stage2"]["max_command"][toe]["optimised"] <= 527.7876
+        assert summary["stage2"]["max_command"][toe]["optimized"] <= 527.7876
     chain = summary["closed_chain"]
-    assert chain["optimised"]["completed"] and chain["optimised"]["max_final_error"] <= 1e-3
+    assert chain["optimized"]["completed"] and chain["optimized"]["max_final_error"] <= 1e-3
     assert not chain["naive"]["completed"] and chain["naive"]["end"] < summary["durations"][0]
 
 

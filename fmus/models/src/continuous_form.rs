@@ -4,9 +4,9 @@ use crate::matrix::{Complex, Matrix, NoLogarithm};
 use fmi2_export::{Enumeration, Scalar, Table};
 
 /// The choice between the sampled and the continuous form.
-pub fn declare_realisation(t: &mut Table) -> Enumeration {
+pub fn declare_realization(t: &mut Table) -> Enumeration {
     t.enumeration(
-        "Realisation",
+        "Realization",
         &[
             ("sampled", "samples at multiples of sample_time, held between"),
             ("continuous", "differential equation with the same values at the samples"),

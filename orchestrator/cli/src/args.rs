@@ -77,7 +77,7 @@ pub enum Command {
     /// Writes controller.fmu (for any FMI 2.0 tool), closed_loop.ssd (for `airloop run`), gains.csv, closed_loop.csv (a
     /// run of it), summary.json and figures.
     Stabilize(super::stabilize::Args),
-    /// Try a stabilised plan, and the plan alone, on perturbed systems with sensor noise.
+    /// Try a stabilized plan, and the plan alone, on perturbed systems with sensor noise.
     ///
     /// Writes trials.csv, courses.csv (the first ten trials), summary.json and figures.
     Trials(super::trials::Args),
@@ -211,7 +211,7 @@ const ADAPTIVE: &str = "Adaptive communication steps";
 #[derive(Debug, Clone, Args)]
 pub struct AdaptiveArgs {
     /// Choose every communication step by its error, from --step on. gauss-seidel and jacobi repeat each step from the
-    /// saved states with inputs that run towards the result of the pass before; interface-jacobian makes it whole and in
+    /// saved states with inputs that run toward the result of the pass before; interface-jacobian makes it whole and in
     /// two halves, which are kept. For gauss-seidel, jacobi and interface-jacobian; all FMUs must save and restore their
     /// state. Steps end at samples of components and inputs; interface-jacobian may span whole samples of components.
     #[arg(long, help_heading = ADAPTIVE)]

@@ -185,7 +185,7 @@ fn number(value: f64) -> String {
 fn capabilities(kind: InterfaceKind, interface: &Interface) -> Vec<String> {
     let common = [
         (interface.can_get_and_set_fmu_state, "saves and restores its state"),
-        (interface.can_serialize_fmu_state, "serialises its state"),
+        (interface.can_serialize_fmu_state, "serializes its state"),
         (interface.provides_directional_derivative, "provides directional derivatives"),
         (interface.needs_execution_tool, "needs an execution tool"),
         (interface.can_be_instantiated_only_once_per_process, "allows one instance per process"),

@@ -19,11 +19,11 @@ use super::table::table;
 use super::{folder, output, run};
 use airloop::Error;
 use airloop_plan::Error as PlanError;
-use airloop_plan::stabilise::record::{self, CriterionRecord, SCHEMA_VERSION, TrialsSummary};
-use airloop_plan::stabilise::settings;
+use airloop_plan::stabilize::record::{self, CriterionRecord, SCHEMA_VERSION, TrialsSummary};
+use airloop_plan::stabilize::settings;
 use airloop_plan::trials::{self, Ready, Request, Trial};
 use airloop_report::plot;
-use airloop_report::plot::stabilise::{COURSES, share};
+use airloop_report::plot::stabilize::{COURSES, share};
 use airloop_series::{TimeSeries, csv};
 
 /// A row per trial.
@@ -33,7 +33,7 @@ const DRAWN: usize = 10;
 
 /// `airloop trials`
 #[derive(Debug, clap::Args)]
-#[command(after_help = "Example: airloop trials out/stabilised --count 200 --scale 2 -o out/trials")]
+#[command(after_help = "Example: airloop trials out/stabilized --count 200 --scale 2 -o out/trials")]
 pub struct Args {
     /// Folder of `airloop stabilize`, or a closed loop that it wrote (.ssd, .ssp; give --settings).
     pub system: PathBuf,
@@ -114,7 +114,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
     let number = |closed: bool| done.iter().filter(|trial| trial.closed == closed).count();
     let kept = |name: &String, closed: bool| {
         let good = |trial: &&Trial| {
-            trial.closed == closed && trial.judgement.iter().any(|(own, kept)| own == name && *kept)
+            trial.closed == closed && trial.judgment.iter().any(|(own, kept)| own == name && *kept)
         };
         done.iter().filter(good).count()
     };
@@ -143,11 +143,11 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
         ended_early: early.collect(),
         time: began.elapsed().as_secs_f64(),
         files: vec![TRIALS.into(), COURSES.into()],
-        figures: if args.no_plots { Vec::new() } else { plot::stabilise::trial_figures(&shown) },
+        figures: if args.no_plots { Vec::new() } else { plot::stabilize::trial_figures(&shown) },
     };
     record::write(&summary, &args.output.join("summary.json"))?;
     if !args.no_plots {
-        plot::stabilise::draw_trials(&args.output, &summary, &shown)?;
+        plot::stabilize::draw_trials(&args.output, &summary, &shown)?;
     }
     if !args.quiet {
         output::print(&report(&summary, &args.output))?;
@@ -179,7 +179,7 @@ fn sources(args: &Args) -> Result<(PathBuf, PathBuf), Error> {
 fn write_trials(ready: &Ready, trials: &[Trial], file: &Path) -> Result<(), Error> {
     let mut text = format!("seed,loop,{},ended_early\n", ready.criteria_names().join(","));
     for trial in trials {
-        let kept: Vec<&str> = trial.judgement.iter().map(|(_, kept)| if *kept { "1" } else { "0" }).collect();
+        let kept: Vec<&str> = trial.judgment.iter().map(|(_, kept)| if *kept { "1" } else { "0" }).collect();
         let kind = if trial.closed { "closed" } else { "open" };
         let early = u8::from(trial.problem.is_some());
         text += &format!("{},{kind},{},{early}\n", trial.seed, kept.join(","));

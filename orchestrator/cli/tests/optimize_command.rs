@@ -202,7 +202,7 @@ fn foreign(folder: &TempDir, changes: &[(&str, &str)]) {
 }
 
 #[test]
-fn an_fmu_of_another_tool_without_derivatives_is_optimised() {
+fn an_fmu_of_another_tool_without_derivatives_is_optimized() {
     let folder = TempDir::new().unwrap();
     foreign(&folder, &[]);
     let output = optimize(&folder, Path::new("problem.toml"), &["--intervals", "50"]);

@@ -1,7 +1,7 @@
 //! Least squares of ARX models (Ljung, System Identification, section 7.3) by QR.
 //!
 //! Every output has an equation of its own with all outputs in it (full matrices, eq. 6 to 8); all equations share one
-//! triangle. What cannot be told apart is named, not regularised.
+//! triangle. What cannot be told apart is named, not regularized.
 
 use nalgebra::DMatrix;
 

@@ -5,7 +5,7 @@
 //! of the plan, or from its jump at the start of a phase. A roll-out that has drifted away from its plan for other reasons,
 //! such as a coarse mesh, is not judged.
 
-use super::catalogue::Kind;
+use super::catalog::Kind;
 use super::prepare::Prepared;
 use super::verify::{self, Rollout};
 use airloop_ocp::transcription::{Dynamics, PhaseTrajectory, Point, Trajectory};
@@ -115,7 +115,7 @@ struct Course<'a> {
 
 impl<'a> Course<'a> {
     fn new(prepared: &Prepared, plan: &Trajectory, rollout: &'a Rollout) -> Course<'a> {
-        let variables = prepared.catalogue.variables();
+        let variables = prepared.catalog.variables();
         let states = prepared.task.signals.states.iter().map(|&index| &variables[index]);
         let shown = states.clone().map(|state| {
             let channel = rollout.states.channel(&state.name).filter(|_| state.kind == Kind::State)?;

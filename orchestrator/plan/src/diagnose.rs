@@ -89,7 +89,7 @@ fn name(prepared: &Prepared, signal: Signal) -> String {
         Signal::Input(i) => signals.inputs[i],
         Signal::Output(i) => signals.outputs[i],
     };
-    prepared.catalogue.variables()[index].name.clone()
+    prepared.catalog.variables()[index].name.clone()
 }
 
 /// Halves the range of factors between the limit as it is and what the motion without it needs.

@@ -3,7 +3,7 @@
 use std::f64::consts::PI;
 use std::path::{Path, PathBuf};
 
-use super::catalogue::{Catalogue, Kind};
+use super::catalog::{Catalog, Kind};
 use super::file::statement::{Guess, Others};
 use super::file::{Statement, Text};
 use super::task::{Limits, Signal, Task};
@@ -157,18 +157,13 @@ fn room(task: &Task, state: usize) -> f64 {
 ///
 /// # Errors
 /// [`Error`] for variables that are none, and files that cannot be read or do not fit.
-pub fn guess(
-    statement: &Statement,
-    catalogue: &Catalogue,
-    task: &Task,
-    choice: &Choice,
-) -> Result<Rough, Error> {
+pub fn guess(statement: &Statement, catalog: &Catalog, task: &Task, choice: &Choice) -> Result<Rough, Error> {
     let durations: Vec<f64> = task.phases.iter().map(|phase| phase.duration_guess).collect();
     let linear = linear(task, &durations);
     match choice {
         Choice::Linear => Ok(linear),
-        Choice::Named(index) => named(statement, catalogue, task, &statement.guesses[*index], linear),
-        Choice::File(file) => of_file(catalogue, task, file, linear),
+        Choice::Named(index) => named(statement, catalog, task, &statement.guesses[*index], linear),
+        Choice::File(file) => of_file(catalog, task, file, linear),
     }
 }
 
@@ -220,7 +215,7 @@ fn linear(task: &Task, durations: &[f64]) -> Rough {
 
 fn named(
     statement: &Statement,
-    catalogue: &Catalogue,
+    catalog: &Catalog,
     task: &Task,
     guess: &Guess,
     linear: Rough,
@@ -230,11 +225,9 @@ fn named(
         rough.states.fill(Line::default());
     }
     for course in &guess.courses {
-        let found = catalogue.want(&statement.source, &course.variable)?;
+        let found = catalog.want(&statement.source, &course.variable)?;
         let convert = |value: &f64| match &course.unit {
-            Some(unit) => {
-                catalogue.convert(&statement.source, *value, (unit, course.variable.place), found.0)
-            }
+            Some(unit) => catalog.convert(&statement.source, *value, (unit, course.variable.place), found.0),
             None => Ok(found.1.inverse().apply(*value)),
         };
         let values = course.value.iter().map(convert).collect::<Result<Vec<f64>, Error>>()?;
@@ -251,7 +244,7 @@ fn named(
     Ok(rough)
 }
 
-fn of_file(catalogue: &Catalogue, task: &Task, file: &Path, linear: Rough) -> Result<Rough, Error> {
+fn of_file(catalog: &Catalog, task: &Task, file: &Path, linear: Rough) -> Result<Rough, Error> {
     let series = csv::read(file)?;
     let wrong = |problem: String| Error::Place { place: file.display().to_string(), problem };
     let (Some(&first), Some(&last)) = (series.time().first(), series.time().last()) else {
@@ -273,7 +266,7 @@ fn of_file(catalogue: &Catalogue, task: &Task, file: &Path, linear: Rough) -> Re
         rough.durations = vec![span.clamp(phase.duration.0, phase.duration.1)];
     }
     let at: Vec<f64> = series.time().iter().map(|t| (t - first) / span).collect();
-    let missing = fill(catalogue, task, &series, &at, &mut rough).map_err(wrong)?;
+    let missing = fill(catalog, task, &series, &at, &mut rough).map_err(wrong)?;
     if !missing.is_empty() {
         let note = format!("{} has no column {}: on a line, or zero", file.display(), missing.join(", "));
         rough.notes.push(note);
@@ -283,7 +276,7 @@ fn of_file(catalogue: &Catalogue, task: &Task, file: &Path, linear: Rough) -> Re
 
 /// Puts the columns of a series into a guess; names of states and inputs that it does not have.
 fn fill(
-    catalogue: &Catalogue,
+    catalog: &Catalog,
     task: &Task,
     series: &TimeSeries,
     at: &[f64],
@@ -291,7 +284,7 @@ fn fill(
 ) -> Result<Vec<String>, String> {
     let mut found = Vec::new();
     for channel in series.channels() {
-        let Some((index, conversion)) = catalogue.find(&channel.name) else { continue };
+        let Some((index, conversion)) = catalog.find(&channel.name) else { continue };
         let values = channel.values.iter().map(|value| conversion.inverse().apply(*value)).collect();
         let line = Line { at: at.to_vec(), values, ..Line::default() };
         match task.signals.of(index) {
@@ -304,9 +297,9 @@ fn fill(
     let wanted = task.signals.states.iter().chain(&task.signals.inputs);
     let missing: Vec<String> = wanted
         .filter(|index| !found.contains(index))
-        .map(|&index| format!("`{}`", catalogue.variables()[index].name))
+        .map(|&index| format!("`{}`", catalog.variables()[index].name))
         .collect();
-    if !found.iter().any(|&index| catalogue.variables()[index].kind == Kind::State) {
+    if !found.iter().any(|&index| catalog.variables()[index].kind == Kind::State) {
         return Err(format!("it has no column of a state; wanted are {}", missing.join(", ")));
     }
     Ok(missing)

@@ -6,7 +6,7 @@
 
 pub mod assemble;
 pub mod balance;
-pub mod catalogue;
+pub mod catalog;
 pub mod course;
 pub mod deliver;
 pub mod diagnose;
@@ -22,7 +22,7 @@ pub mod record;
 mod reset;
 pub mod sampling;
 pub mod solve;
-pub mod stabilise;
+pub mod stabilize;
 pub mod start;
 pub mod sweep;
 pub mod table;

@@ -10,7 +10,7 @@ use super::guess::Rough;
 use super::prepare::{Prepared, Setup};
 use super::task::Task;
 use airloop_ocp::transcription::{
-    self, Complaint, Discretisation, Dynamics, Interpolation, IntervalErrors, Link, Mesh, Outcome,
+    self, Complaint, Discretization, Dynamics, Interpolation, IntervalErrors, Link, Mesh, Outcome,
     PhaseTrajectory, Problem, Program, Refinement, Trajectory, Transcription, interval_errors, refined,
     solve_on,
 };
@@ -182,7 +182,7 @@ impl Session {
             None => Ok(Link::continuous()),
         });
         let links = links.collect::<Result<_, _>>()?;
-        Ok(Session { problem: assemble::problem(task, &prepared.catalogue, dynamics, links, sampled) })
+        Ok(Session { problem: assemble::problem(task, &prepared.catalog, dynamics, links, sampled) })
     }
 
     /// Solves from a guess.
@@ -253,7 +253,7 @@ impl Session {
         for _ in 0..settings.mesh.map_or(0, |mesh| mesh.rounds) {
             let tolerance = settings.mesh.map_or(0.0, |mesh| mesh.tolerance);
             let refinement = Refinement { tolerance, ..Refinement::default() };
-            let finer = refined(&outcome.discretisation, &errors, &refinement);
+            let finer = refined(&outcome.discretization, &errors, &refinement);
             let Some(finer) = finer.filter(|_| !failed(&outcome.solution)) else { break };
             match self.one(setup, settings, (done.len(), &finer), Begin::At(&outcome), monitor) {
                 Ok((next, one)) => {
@@ -267,7 +267,7 @@ impl Session {
             }
             errors = interval_errors(&mut self.problem, &outcome.trajectory)?;
         }
-        let mut program = Program::new(&mut self.problem, &outcome.discretisation)?;
+        let mut program = Program::new(&mut self.problem, &outcome.discretization)?;
         let complaints = program.complaints(&outcome.solution.x, 0.0)?;
         let (defects, others): (Vec<_>, Vec<_>) =
             complaints.iter().partition(|complaint| complaint.name.starts_with("defect of "));
@@ -354,15 +354,15 @@ impl Session {
         &mut self,
         setup: &Setup,
         settings: &Settings,
-        (number, discretisation): (usize, &Discretisation),
+        (number, discretization): (usize, &Discretization),
         begin: Begin,
         monitor: &mut Monitor,
     ) -> Result<(Outcome, Done), Error> {
         let began = Instant::now();
-        let intervals = discretisation.meshes.iter().map(Mesh::intervals).collect();
-        let pass = Pass { transcription: discretisation.transcription, intervals };
+        let intervals = discretization.meshes.iter().map(Mesh::intervals).collect();
+        let pass = Pass { transcription: discretization.transcription, intervals };
         let guess = match begin {
-            Begin::From(rough) => Some(knots(setup, rough, discretisation)?),
+            Begin::From(rough) => Some(knots(setup, rough, discretization)?),
             Begin::Along(_) | Begin::At(_) => None,
         };
         let (from, method) = match (&guess, begin) {
@@ -382,7 +382,7 @@ impl Session {
             build.get_or_insert_with(|| began.elapsed());
             monitor(&Progress { number, pass: &pass, iteration })
         };
-        let outcome = solve_on(&mut self.problem, discretisation, from, &options, &mut watch)?;
+        let outcome = solve_on(&mut self.problem, discretization, from, &options, &mut watch)?;
         let total = began.elapsed();
         let build = build.unwrap_or(total);
         let solution = outcome.solution.clone();
@@ -390,8 +390,8 @@ impl Session {
     }
 }
 
-fn uniform(pass: &Pass) -> Discretisation {
-    Discretisation::uniform(pass.transcription, &pass.intervals)
+fn uniform(pass: &Pass) -> Discretization {
+    Discretization::uniform(pass.transcription, &pass.intervals)
 }
 
 /// Iterations that a solve has to be allowed before coarser meshes are tried: fewer are the caller's wish.
@@ -432,8 +432,8 @@ pub enum Begin<'a> {
 }
 
 /// A rough guess at the knots of meshes.
-fn knots(setup: &Setup, rough: &Rough, discretisation: &Discretisation) -> Result<Trajectory, Error> {
-    let Discretisation { transcription, meshes } = discretisation;
+fn knots(setup: &Setup, rough: &Rough, discretization: &Discretization) -> Result<Trajectory, Error> {
+    let Discretization { transcription, meshes } = discretization;
     let total: f64 = rough.durations.iter().sum();
     let interpolation = match transcription {
         Transcription::Trapezoidal => Interpolation::Linear,

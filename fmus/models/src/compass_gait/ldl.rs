@@ -4,7 +4,7 @@ use fmi2_export::Scalar;
 
 /// `A = L D L^T` without pivoting.
 pub struct Ldl<S, const N: usize> {
-    /// `L^T` above the diagonal, the inverse of D on it; below it what the factorisation left.
+    /// `L^T` above the diagonal, the inverse of D on it; below it what the factorization left.
     factors: [[S; N]; N],
 }
 

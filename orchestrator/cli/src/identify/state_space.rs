@@ -212,8 +212,8 @@ fn results(estimate: &Estimate, refined: &Refined, data: &Experiments, plots: bo
         "direct_term": model.d.amax() > 0.0,
         "weighting": estimate.method.weighting,
         "horizon": estimate.method.horizon,
-        "realisation": estimate.method.realisation,
-        "poles_mirrored": estimate.method.stabilised && !refined.taken,
+        "realization": estimate.method.realization,
+        "poles_mirrored": estimate.method.stabilized && !refined.taken,
         "refined": refined.taken,
     });
     summary.diagnostics = diagnostics(estimate, refined, data, &found, &judged);

@@ -170,7 +170,7 @@ fn search(
     }
     let mut prepared = prepare_statement(statement, began)?;
     airloop_plan::start::check(&prepared.setup)?;
-    let rough = guess::guess(&prepared.statement, &prepared.catalogue, &prepared.task, choice)?;
+    let rough = guess::guess(&prepared.statement, &prepared.catalog, &prepared.task, choice)?;
     airloop_plan::vacuous::check(&mut prepared, &rough)?;
     let loaded = began.elapsed();
     if let Some(count) = args.multistart {
@@ -327,7 +327,7 @@ fn roll_out(prepared: &Prepared, solved: &Solved, stop: &Arc<AtomicBool>) -> Res
     let first = &solved.trajectory().phases[0];
     let states = (&prepared.task.signals.states[..], &first.states[0][..]);
     let rolled = table::with_command(prepared, solved.trajectory(), |command| {
-        verify::roll_out(&prepared.graph, &prepared.catalogue, states, command, options, stop)
+        verify::roll_out(&prepared.graph, &prepared.catalog, states, command, options, stop)
     });
     Ok(rolled?)
 }

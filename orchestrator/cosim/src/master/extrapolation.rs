@@ -48,7 +48,7 @@ pub(super) struct Extrapolation {
 }
 
 impl Extrapolation {
-    /// Plans the exchange of initialised slaves.
+    /// Plans the exchange of initialized slaves.
     pub fn new(
         graph: &SystemGraph,
         wiring: &Wiring,

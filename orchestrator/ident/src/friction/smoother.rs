@@ -3,7 +3,7 @@
 //! Kalman filter and smoother (Bryson and Frazier, which inverts no matrix) of a motion whose jerk is white noise (the acceleration is a Wiener
 //! process): between samples the motion is a cubic in the mean. It looks ahead as far as back, so that neither the time
 //! nor the height of a reversal is shifted systematically, and takes uneven sample times as they are. Sensor noise comes
-//! from how far each sample is from the cubic through its neighbours, the intensity of the jerk from the likelihood of
+//! from how far each sample is from the cubic through its neighbors, the intensity of the jerk from the likelihood of
 //! the record. The smoothed velocity is the mean of what the velocity may have been, given the record, and
 //! `velocity_deviation` its spread: an expectation over it has no errors-in-variables bias.
 
@@ -76,7 +76,7 @@ impl Measured<'_> {
 }
 
 /// Variance of white noise on a smooth signal: mean squared distance of each sample from the cubic through its two
-/// neighbours on each side, over the factor by which that enlarges noise.
+/// neighbors on each side, over the factor by which that enlarges noise.
 pub fn interpolation_variance(gaps: &[f64], values: &[f64]) -> f64 {
     let n = values.len();
     if n < 8 {

@@ -116,7 +116,7 @@ pub fn flags(fit: &Fit, tracks: &[Track], settings: &Settings) -> Vec<Flag> {
         flag(
             "error-not-white",
             format!(
-                "errors resemble their neighbours over {:.0} samples: something beside white sensor noise is left; intervals are widened for it",
+                "errors resemble their neighbors over {:.0} samples: something beside white sensor noise is left; intervals are widened for it",
                 fit.memory
             ),
         );

@@ -2,7 +2,7 @@
 //!
 //! Row t of the tall matrix is `[u(t) .. u(t+f-1) | z(t-1) .. z(t-p) | y(t) .. y(t+f-1)]` with `z = (u, y)`: future inputs,
 //! past by lag, future outputs, the columns of the block Hankel matrices of every record. It is folded block by block
-//! into its factor R (the LQ factorisation of the Hankel matrices, transposed), so that memory does not grow with the
+//! into its factor R (the LQ factorization of the Hankel matrices, transposed), so that memory does not grow with the
 //! records. The factor of a shorter horizon is that of some of its columns.
 
 use nalgebra::DMatrix;

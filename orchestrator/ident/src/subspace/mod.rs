@@ -6,7 +6,7 @@
 //! | [`pieces`] | pieces of records that stand for all, or are kept back |
 //! | `hankel` | triangular factor of past and future |
 //! | [`projection`] | weighted projection: observability matrix, state |
-//! | [`realisation`] | A and C; mirrored poles |
+//! | [`realization`] | A and C; mirrored poles |
 //! | `input_terms` | B and D on the simulated output |
 //! | `gain`, `riccati` | innovation gain |
 //! | [`candidates`] | every weighting and horizon for one order |
@@ -22,13 +22,13 @@ mod input_terms;
 mod parallel;
 pub mod pieces;
 pub mod projection;
-pub mod realisation;
+pub mod realization;
 pub mod refined;
 mod riccati;
 
 pub use candidates::Method;
 pub use projection::Weighting;
-pub use realisation::Realisation;
+pub use realization::Realization;
 pub use refined::{Refined, Refinement, refine};
 
 use candidates::{Candidates, relative_error};
@@ -186,7 +186,7 @@ pub fn estimate(records: &[Record], options: &Options) -> Result<Estimate, Error
     }
 }
 
-/// Estimates of the orders 1 to `highest` from one factorisation; an order may fail.
+/// Estimates of the orders 1 to `highest` from one factorization; an order may fail.
 ///
 /// # Errors
 /// [`Error`] of the records.
@@ -215,7 +215,7 @@ fn fixed(candidates: &Candidates, scale: &Scale, order: usize) -> Result<Estimat
     let gain = candidates.gain(&best.method, &matrices);
     let mut warnings = Vec::new();
     if gain.is_none() {
-        warnings.push("the Riccati equation of the innovation gain has no stabilising solution; the one-step prediction is the simulation".into());
+        warnings.push("the Riccati equation of the innovation gain has no stabilizing solution; the one-step prediction is the simulation".into());
     }
     let values = candidates.input_singular_values();
     let excited = values.iter().filter(|&&value| value > 1e-9 * values[0]).count();
@@ -226,7 +226,7 @@ fn fixed(candidates: &Candidates, scale: &Scale, order: usize) -> Result<Estimat
         ));
     }
     let model = scale.physical(&matrices, gain.as_ref());
-    if best.method.stabilised {
+    if best.method.stabilized {
         warnings.push("poles outside the unit circle were mirrored at it, and B and D fitted again".into());
     } else if !model.is_stable() {
         warnings.push(format!(

@@ -8,7 +8,7 @@
 use super::Problem;
 use super::error::Error;
 use super::names::Complaint;
-use super::program::{Discretisation, Position, Program};
+use super::program::{Discretization, Position, Program};
 use super::trajectory::Trajectory;
 use airloop_optim::{Bounds, EvaluationError, Monitor, Nlp, Settings, Stages, Start, Status, solve_with};
 
@@ -33,12 +33,12 @@ pub struct Conflict {
 /// [`Error`] for what is wrong before the first step.
 pub fn conflict(
     problem: &mut Problem,
-    discretisation: &Discretisation,
+    discretization: &Discretization,
     guess: &Trajectory,
     settings: &Settings,
     monitor: &mut Monitor<'_>,
 ) -> Result<Option<Conflict>, Error> {
-    let mut program = Program::new(problem, discretisation)?;
+    let mut program = Program::new(problem, discretization)?;
     let x = program.vector(guess)?;
     let mut relaxed = Relaxed::new(&mut program, &x)?;
     let start = Start::cold(relaxed.start(&x)?);

@@ -126,7 +126,7 @@ impl<'r, 'n, 'm> Run<'r, 'n, 'm> {
                 return end;
             }
             self.update_barrier();
-            if self.goal.is_none() && self.last.regularisation >= FOREIGN_SHIFT {
+            if self.goal.is_none() && self.last.regularization >= FOREIGN_SHIFT {
                 self.estimate_multipliers();
             }
             if let Err(error) = self.form.hessian(&self.at.x, &self.at.y, &mut self.point.hessian) {
@@ -286,7 +286,7 @@ impl<'r, 'n, 'm> Run<'r, 'n, 'm> {
         true
     }
 
-    /// Solves with the factorised matrix for these rows, or those of the point; false when the result is useless.
+    /// Solves with the factorized matrix for these rows, or those of the point; false when the result is useless.
     fn solve(&mut self, rows: Option<&[f64]>) -> bool {
         self.work.clear();
         self.work.extend_from_slice(&self.point.gradient);

@@ -19,7 +19,7 @@ use airloop_cosim::system::graph::Start;
 use airloop_series::{Interpolation, TimeSeries};
 use random::Random;
 
-pub use judge::Judgement;
+pub use judge::Judgment;
 pub use ready::{Ready, prepare};
 
 /// What is run.
@@ -47,7 +47,7 @@ pub struct Trial {
     /// Whether the controller had feedback.
     pub closed: bool,
     /// Each criterion: kept or not.
-    pub judgement: Judgement,
+    pub judgment: Judgment,
     /// Why it ended early, if it did.
     pub problem: Option<String>,
     /// Course of the signals that are judged, and of the commands; of the first trials only.
@@ -122,9 +122,9 @@ fn one(
         End::Interrupted => return Ok(None),
         End::Failed(error) => Some(error.to_string()),
     };
-    let judgement = judge::judge(&ready.criteria, &run.result, problem.is_some())?;
+    let judgment = judge::judge(&ready.criteria, &run.result, problem.is_some())?;
     let course = keep.then(|| ready.course(&run.result)).transpose()?;
-    Ok(Some(Trial { seed, closed, judgement, problem, course }))
+    Ok(Some(Trial { seed, closed, judgment, problem, course }))
 }
 
 /// Draws the perturbations: one number each, at the value of the model.

@@ -1,10 +1,10 @@
 //! The interface-Jacobian master: linearly implicit co-simulation of strongly coupled components.
 //!
 //! A strongly connected component of the graph is solved inside the master as a small stiff differential equation,
-//! the reduced problem: every FMU with states is its linear model about the present point plus a defect learnt from
+//! the reduced problem: every FMU with states is its linear model about the present point plus a defect learned from
 //! its own steps, every FMU without states is the function that it is. Only then do the FMUs step, each under the
 //! straight line with the mean and the first moment of the input that was found. One repetition from the saved state
-//! removes the error of linearisation. The stiffness of the coupling is thereby met by an L-stable method and limits
+//! removes the error of linearization. The stiffness of the coupling is thereby met by an L-stable method and limits
 //! no step.
 //!
 //! Components outside all cycles step once, in the order of the graph. An algebraic loop is part of the reduced problem;
@@ -63,7 +63,7 @@ pub(super) struct InterfaceJacobian {
 }
 
 impl InterfaceJacobian {
-    /// Plans the steps of initialised slaves.
+    /// Plans the steps of initialized slaves.
     pub fn new(
         graph: &SystemGraph,
         wiring: &Wiring,

@@ -30,7 +30,7 @@ pub(super) struct Planner<'a> {
     pub notes: Vec<String>,
 }
 
-/// Makes the master from initialised slaves.
+/// Makes the master from initialized slaves.
 pub(super) fn plan(
     graph: &SystemGraph,
     wiring: &Wiring,
