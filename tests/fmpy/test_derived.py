@@ -235,10 +235,10 @@ def test_the_command_refuses_what_does_not_fit_and_writes_nothing(shipped, tmp_p
 
 
 def test_an_fmu_of_another_exporter_is_refused(shipped, tmp_path):
-    foreign = tmp_path / "foreign.fmu"
-    with zipfile.ZipFile(shipped("friction").path) as old, zipfile.ZipFile(foreign, "w") as new:
+    third_party = tmp_path / "third_party.fmu"
+    with zipfile.ZipFile(shipped("friction").path) as old, zipfile.ZipFile(third_party, "w") as new:
         for name in old.namelist():
             new.writestr(name, old.read(name).replace(b'generationTool="airloop fmi2-export"', b'generationTool="other"'))
-    command = [ROOT / "target/release/airloop", "derive", foreign, "-o", tmp_path / "out.fmu"]
+    command = [ROOT / "target/release/airloop", "derive", third_party, "-o", tmp_path / "out.fmu"]
     outcome = subprocess.run(command, capture_output=True, text=True)
     assert outcome.returncode == 1 and 'generationTool is "other"' in outcome.stderr

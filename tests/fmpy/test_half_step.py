@@ -19,7 +19,7 @@ M3, D, I3, MU, A, IU, MT, C, IT, IR, G = 6.0, 0.1, 0.1, 3.7, 0.35, 0.2, 0.8, 0.1
 
 
 def terms(q, v):
-    """H, C q' + G, Jacobians of both feet, and what their accelerations have beside J q''."""
+    """H, C q' + G, Jacobians of both feet, and the part of their accelerations other than J q''."""
     h, bias = np.zeros((6, 6)), np.zeros(6)
     th3, w3 = (q[2] + q[3]) / 2, (v[2] + v[3]) / 2
     total, k3 = M3 + 2 * (MU + MT), (M3 * D**2 + I3) / 4

@@ -181,7 +181,7 @@ def test_perturbed_systems_reach_and_hold_the_upright_position_with_feedback_onl
 
 
 def test_trials_do_not_depend_on_the_number_of_threads(trials):
-    for name in ("trials.csv", "courses.csv"):
+    for name in ("trials.csv", "trajectories.csv"):
         assert (trials[1, 1] / name).read_bytes() == (trials[1, 2] / name).read_bytes()
 
 

@@ -108,7 +108,7 @@ def test_serialized_state_goes_into_another_process(fmu, tmp_path):
     assert in_process(_continue, fmu.path, tmp_path, data, fresh=True) == expected
 
 
-def test_foreign_or_damaged_bytes_are_refused(fmu):
+def test_damaged_bytes_and_those_of_another_fmu_are_refused(fmu):
     with fmu.instantiate(raw.CO_SIMULATION) as instance:
         scenario.start(instance)
         state = instance.get_state()

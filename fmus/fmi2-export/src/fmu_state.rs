@@ -33,7 +33,7 @@ pub(crate) fn serialize(guid: &str, state: &State, bytes: &mut Vec<u8>) {
 /// The state that `bytes` hold, for an instance of the same model and interface.
 ///
 /// # Errors
-/// Says what is foreign about the bytes.
+/// Says why the bytes are not a state of this FMU.
 pub(crate) fn deserialize<M: Model>(instance: &Instance<M>, bytes: &[u8]) -> Result<Snapshot, String> {
     let mut r = Reader { bytes };
     if r.take(8) != Some(MAGIC) {

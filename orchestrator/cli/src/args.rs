@@ -47,7 +47,7 @@ pub enum Command {
     Inspect(super::inspect::Args),
     /// Write a system, with changed start values if wanted, as an SSP file for other tools.
     ///
-    /// The written system simulates to the same bits. Geometry, annotations, connectors that are not connected, and
+    /// The written system gives the same results, bit for bit. Geometry, annotations, connectors that are not connected, and
     /// the step size and tolerance of a single FMU are not kept.
     Export(super::export::Args),
     /// Write one of our FMUs with start values, name and GUID of its own, for any FMI tool.
@@ -79,7 +79,7 @@ pub enum Command {
     Stabilize(super::stabilize::Args),
     /// Try a stabilized plan, and the plan alone, on perturbed systems with sensor noise.
     ///
-    /// Writes trials.csv, courses.csv (the first ten trials), summary.json and figures.
+    /// Writes trials.csv, trajectories.csv (the first ten trials), summary.json and figures.
     Trials(super::trials::Args),
     /// Find the physical effect that a declared model lacks, from measured records.
     ///
@@ -181,7 +181,7 @@ pub struct CouplingArgs {
     /// Repeat until the outputs change by less than this part of the larger of value and nominal value, e.g. 1e-6.
     #[arg(long, value_name = "TOL", help_heading = COUPLING)]
     pub iterate: Option<f64>,
-    /// Course of the inputs inside a communication step. Default: ramped.
+    /// How inputs continue inside a communication step. Default: ramped.
     #[arg(long, value_enum, help_heading = COUPLING)]
     pub inputs: Option<InputsChoice>,
 }

@@ -37,7 +37,7 @@ fn a_chain_is_ordered_by_its_connections_and_not_by_the_file() {
 }
 
 #[test]
-fn a_loop_through_a_state_is_ordered_without_complaint() {
+fn a_loop_through_a_state_is_ordered_without_error() {
     let folder = folder_without_library();
     // a.y depends on a.u = b.x, a state: no algebraic loop.
     let components = [component("b", ""), component("a", "")].concat();

@@ -14,7 +14,7 @@ use super::structure::{Structure, Term};
 use airloop_optim::linalg::Triangle;
 use airloop_optim::linalg::qr::Dependent;
 
-/// What is left of a column, relative to it, below which it counts as a combination of others: rounding in data of
+/// Residual of a column relative to its size, below which it counts as a combination of others: rounding in data of
 /// double precision and in the triangle.
 pub const RANK_TOLERANCE: f64 = 1e-12;
 

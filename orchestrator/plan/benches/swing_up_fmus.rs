@@ -5,7 +5,7 @@
 //! problem and of the solver, the least of several runs. `by-hand` adds the equations typed by hand, without FMUs;
 //! `solution=FILE` writes the variables of the last optimum, one per line. `calls` gives the CPU time of one evaluation
 //! instead: of values at a new point, of first derivatives there, and of second derivatives after that.
-//! `tests/study/swing_up.py` sets the rows beside those of CasADi with IPOPT.
+//! `tests/study/swing_up.py` compares the rows with those of CasADi with IPOPT.
 
 #![allow(missing_docs, reason = "a bench has no public items")]
 

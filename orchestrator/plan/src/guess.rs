@@ -1,4 +1,4 @@
-//! Where the search begins: a line, a course of the problem file, or an earlier trajectory.
+//! Initial guess of the search: a line, trajectories given in the problem file, or an earlier result.
 
 use std::f64::consts::PI;
 use std::path::{Path, PathBuf};
@@ -57,7 +57,7 @@ pub fn choose(statement: &Statement, word: Option<&str>) -> Result<Choice, Error
             of(word).ok_or_else(|| Error::Place { place: format!("--guess {word}"), problem: unknown(word) })
         }
         (None, Some(Text { text, place })) => match of(text) {
-            // Beside the problem file.
+            // Next to the problem file.
             Some(Choice::File(file)) => {
                 Ok(Choice::File(statement.source.file.parent().unwrap_or(Path::new("")).join(file)))
             }
@@ -69,15 +69,15 @@ pub fn choose(statement: &Statement, word: Option<&str>) -> Result<Choice, Error
     }
 }
 
-/// Knots of a course, beyond which they are not moved one by one.
+/// Knots of a trajectory, beyond which they are not moved one by one.
 const MOST_KNOTS: usize = 16;
 
 /// A motion to begin with, over the part 0..1 of all phases together.
 #[derive(Debug, Clone)]
 pub struct Rough {
-    /// Courses of the states, `[n_x]`.
+    /// Trajectories of the states, `[n_x]`.
     states: Vec<Line>,
-    /// Courses of the inputs, `[n_u]`.
+    /// Trajectories of the inputs, `[n_u]`.
     inputs: Vec<Line>,
     /// Durations of the phases \[s\].
     pub durations: Vec<f64>,
@@ -85,7 +85,7 @@ pub struct Rough {
     pub notes: Vec<String>,
 }
 
-/// A piecewise linear course and sines on top of it.
+/// A piecewise linear trajectory and sines on top of it.
 #[derive(Debug, Clone, Default)]
 struct Line {
     /// Parts, increasing; empty for zero.
@@ -121,13 +121,13 @@ impl Rough {
         self.inputs.iter().map(|line| line.value(part)).collect()
     }
 
-    /// Moves knots and values and adds a motion of what no course names, all drawn from `uniform`, which gives numbers
+    /// Moves knots and values and adds a motion of what no trajectory names, all drawn from `uniform`, which gives numbers
     /// from -1 to 1: knots between the ends by up to 0.05 of the whole, their values by up to 40 %, sines of up to
     /// 40 % of the room that bounds leave.
     pub fn perturb(&mut self, task: &Task, uniform: &mut dyn FnMut() -> f64) {
         for (state, line) in self.states.iter_mut().enumerate() {
             let inner = 1..line.at.len().saturating_sub(1);
-            // A course with many knots is an earlier motion: it is bent as a whole.
+            // A trajectory with many knots is an earlier motion: it is bent as a whole.
             if inner.is_empty() || inner.len() > MOST_KNOTS {
                 let room = room(task, state);
                 line.sines = (0..3).map(|_| 0.4 * room * uniform()).collect();
@@ -224,20 +224,23 @@ fn named(
     if guess.others == Others::Zero {
         rough.states.fill(Line::default());
     }
-    for course in &guess.courses {
-        let found = catalog.want(&statement.source, &course.variable)?;
-        let convert = |value: &f64| match &course.unit {
-            Some(unit) => catalog.convert(&statement.source, *value, (unit, course.variable.place), found.0),
+    for trajectory in &guess.trajectories {
+        let found = catalog.want(&statement.source, &trajectory.variable)?;
+        let convert = |value: &f64| match &trajectory.unit {
+            Some(unit) => {
+                catalog.convert(&statement.source, *value, (unit, trajectory.variable.place), found.0)
+            }
             None => Ok(found.1.inverse().apply(*value)),
         };
-        let values = course.value.iter().map(convert).collect::<Result<Vec<f64>, Error>>()?;
-        let line = Line { at: course.t.clone(), values, ..Line::default() };
+        let values = trajectory.value.iter().map(convert).collect::<Result<Vec<f64>, Error>>()?;
+        let line = Line { at: trajectory.t.clone(), values, ..Line::default() };
         match task.signals.of(found.0) {
             Some(Signal::State(state)) => rough.states[state] = line,
             Some(Signal::Input(input)) => rough.inputs[input] = line,
             _ => {
-                let problem = format!("`{}` is no state and no input of the problem", course.variable.text);
-                return Err(statement.source.error_at(course.variable.place, problem));
+                let problem =
+                    format!("`{}` is no state and no input of the problem", trajectory.variable.text);
+                return Err(statement.source.error_at(trajectory.variable.place, problem));
             }
         }
     }

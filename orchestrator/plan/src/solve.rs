@@ -10,9 +10,8 @@ use super::guess::Rough;
 use super::prepare::{Prepared, Setup};
 use super::task::Task;
 use airloop_ocp::transcription::{
-    self, Complaint, Discretization, Dynamics, Interpolation, IntervalErrors, Link, Mesh, Outcome,
-    PhaseTrajectory, Problem, Program, Refinement, Trajectory, Transcription, interval_errors, refined,
-    solve_on,
+    self, Discretization, Dynamics, Interpolation, IntervalErrors, Link, Mesh, Outcome, PhaseTrajectory,
+    Problem, Program, Refinement, Trajectory, Transcription, Violation, interval_errors, refined, solve_on,
 };
 use airloop_optim::{Iteration, Method, Solution, Status};
 
@@ -97,13 +96,13 @@ pub struct Solved {
     /// Largest violation of a bound or condition.
     pub max_bound_violation: f64,
     /// What is violated most, where it is by more than the tolerance.
-    pub worst: Option<Complaint>,
+    pub worst: Option<Violation>,
     /// Errors between the knots, phase by phase.
     pub errors: Vec<IntervalErrors>,
     /// Where the solver could not do what was asked, one sentence each.
     pub notes: Vec<String>,
     /// What the motion that breaks limits least has to break, where no motion was found; the worst first.
-    pub conflict: Vec<Complaint>,
+    pub conflict: Vec<Violation>,
 }
 
 impl Solved {
@@ -268,10 +267,10 @@ impl Session {
             errors = interval_errors(&mut self.problem, &outcome.trajectory)?;
         }
         let mut program = Program::new(&mut self.problem, &outcome.discretization)?;
-        let complaints = program.complaints(&outcome.solution.x, 0.0)?;
+        let violations = program.violations(&outcome.solution.x, 0.0)?;
         let (defects, others): (Vec<_>, Vec<_>) =
-            complaints.iter().partition(|complaint| complaint.name.starts_with("defect of "));
-        let largest = |list: &[&Complaint]| list.iter().map(|one| one.amount).fold(0.0, f64::max);
+            violations.iter().partition(|violation| violation.name.starts_with("defect of "));
+        let largest = |list: &[&Violation]| list.iter().map(|one| one.amount).fold(0.0, f64::max);
         let (max_defect, max_bound_violation) = (largest(&defects), largest(&others));
         // What the user asked for says more than an equation of the program.
         let worst = others.first().or(defects.first()).filter(|worst| worst.amount > VIOLATION);
@@ -291,7 +290,7 @@ impl Session {
         pass: &Pass,
         rough: &Rough,
         monitor: &mut Monitor,
-    ) -> Result<Vec<Complaint>, Error> {
+    ) -> Result<Vec<Violation>, Error> {
         let options = airloop_optim::Settings {
             tolerance: TOLERANCE_OF_CONFLICT,
             max_iterations: settings.max_iterations.min(PATIENCE),
@@ -316,7 +315,7 @@ impl Session {
             let mut watch = |iteration: &Iteration| monitor(&Progress { number: 0, pass: &pass, iteration });
             let found = transcription::conflict(&mut self.problem, &on, &guess, &options, &mut watch)?;
             if let Some(found) = found {
-                return Ok(found.complaints);
+                return Ok(found.violations);
             }
         }
         Ok(Vec::new())

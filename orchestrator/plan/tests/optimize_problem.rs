@@ -66,7 +66,7 @@ fn states_come_in_the_order_that_is_asked_for() {
 }
 
 #[test]
-fn guesses_are_lines_courses_and_earlier_trajectories() {
+fn guesses_are_lines_given_trajectories_and_earlier_results() {
     let Some(folder) = example() else { return };
     let found = prepared(&folder, &swing_up(&folder)).unwrap();
     let names = found.dynamics[0].names();

@@ -376,7 +376,7 @@ impl Reader<'_> {
             }
             if node.attribute("sourceBase") == Some("component") {
                 let feature = format!("a parameter set inside {}", component.display());
-                return Err(self.unsupported(node, feature, "copy the .ssv file beside the description"));
+                return Err(self.unsupported(node, feature, "copy the .ssv file next to the description"));
             }
             let set = match (node.attribute("source"), node.child("ParameterValues")) {
                 (Some(source), _) => {

@@ -130,12 +130,12 @@ impl Filter<'_> {
         for (i, values) in self.scaled.iter().enumerate() {
             let Some(values) = values else { continue };
             mean[i] = values.first().copied().unwrap_or(0.0);
-            let mut course = values.clone();
+            let mut differences = values.clone();
             for (order, size) in sizes[i..].iter_mut().enumerate() {
-                let square =
-                    course.iter().map(|value| value * value).sum::<f64>() / course.len().max(1) as f64;
+                let square = differences.iter().map(|value| value * value).sum::<f64>()
+                    / differences.len().max(1) as f64;
                 *size = size.max(if order == 0 { spread(values) } else { square });
-                course = course.windows(2).map(|pair| pair[1] - pair[0]).collect();
+                differences = differences.windows(2).map(|pair| pair[1] - pair[0]).collect();
             }
         }
         let covariance = sizes.map(|size| 10.0 * size.max(f64::MIN_POSITIVE));
@@ -225,7 +225,7 @@ impl Filter<'_> {
     }
 }
 
-/// Course of the mean over a gap `h`.
+/// Transition of the mean over a gap `h`.
 fn transition(h: f64) -> Matrix3<f64> {
     Matrix3::new(1.0, h, 0.5 * h * h, 0.0, 1.0, h, 0.0, 0.0, 1.0)
 }

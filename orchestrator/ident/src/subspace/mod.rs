@@ -3,14 +3,14 @@
 //! | module | what |
 //! |--------|------|
 //! | `data` | records about the operating point, scaled |
-//! | [`pieces`] | pieces of records that stand for all, or are kept back |
+//! | [`pieces`] | pieces of records that stand for all, or are held out |
 //! | `hankel` | triangular factor of past and future |
 //! | [`projection`] | weighted projection: observability matrix, state |
 //! | [`realization`] | A and C; mirrored poles |
 //! | `input_terms` | B and D on the simulated output |
 //! | `gain`, `riccati` | innovation gain |
 //! | [`candidates`] | every weighting and horizon for one order |
-//! | [`refined`] | output-error or prediction-error refinement, where it helps on samples kept back |
+//! | [`refined`] | output-error or prediction-error refinement, where it helps on held-out samples |
 //!
 //! Start with [`estimate`] and [`refine`].
 
@@ -41,7 +41,7 @@ use super::record::Record;
 const WIDEST: usize = 200;
 /// Error relative to the signal that counts as none: rounding of the data and of the numerics.
 pub const EXACT: f64 = 1e-6;
-/// An order is enough if its error on samples kept back is at most this much above that of the best order.
+/// An order is enough if its error on held-out samples is at most this much above that of the best order.
 const ENOUGH: f64 = 1.02;
 
 /// Order of the model.
@@ -49,7 +49,7 @@ const ENOUGH: f64 = 1.02;
 pub enum Order {
     /// As given.
     Fixed(usize),
-    /// The smallest order that is as good as any up to this one, on samples kept back.
+    /// The smallest order that is as good as any up to this one, on held-out samples.
     UpTo(usize),
 }
 
@@ -108,7 +108,7 @@ pub struct Estimate {
 pub struct OrderError {
     /// Order n.
     pub order: usize,
-    /// Relative RMS error of the simulation on the samples kept back, the mean over the outputs; `None`: unstable.
+    /// Relative RMS error of the simulation on the held-out samples, the mean over the outputs; `None`: unstable.
     pub held_back: Option<f64>,
 }
 
@@ -273,7 +273,7 @@ fn horizons(segments: &[Segment], order: usize, options: &Options) -> Result<Vec
     Ok(tried)
 }
 
-/// Errors of the orders 1 to `highest` on samples kept back, estimated from the rest.
+/// Errors of the orders 1 to `highest` on held-out samples, estimated from the rest.
 fn order_search(segments: &[Segment], highest: usize, options: &Options) -> Result<Vec<OrderError>, Error> {
     let lengths: Vec<usize> = segments.iter().map(Segment::len).collect();
     let (used, kept) = pieces::kept_back(&lengths);

@@ -31,7 +31,7 @@ pub struct Design {
     pub measured: Vec<Measured>,
     /// Standard deviation of their noise, white from sample to sample, `[p]`.
     pub noise: Vec<f64>,
-    /// Drift of every state beside the model: standard deviation after one second, `[n_x]`.
+    /// Drift of every state that the model does not describe: standard deviation after one second, `[n_x]`.
     pub state_drift: Vec<f64>,
     /// Drift of the disturbance of every input: standard deviation after one second, `[n_u]`; 0: none.
     pub input_drift: Vec<f64>,

@@ -244,7 +244,7 @@ impl Functions {
         Ok(())
     }
 
-    /// Hessian `[n_q, n_q]` of `weights . values`; entries beside those of `partners` are not meaningful.
+    /// Hessian `[n_q, n_q]` of `weights . values`; entries outside those of `partners` are not meaningful.
     pub fn hessian(
         &self,
         dynamics: &mut dyn Dynamics,

@@ -39,7 +39,7 @@ pub use dynamics::{Dynamics, Entry, Point, Size, Structure};
 pub use error::Error;
 pub use link::{Link, Reset, ResetSize, StateLink};
 pub use mesh::Mesh;
-pub use names::Complaint;
+pub use names::Violation;
 pub use output_reset::{After, OutputReset};
 pub use problem::{
     Cost, Duration, Limit, Path, Phase, Place, Problem, Quantity, RateLimit, Shooting, Variable,

@@ -2,7 +2,7 @@
 
 use super::defects::{IntervalErrors, interval_errors};
 use super::duals::Duals;
-use super::names::Complaint;
+use super::names::Violation;
 use super::program::{Discretization, Program};
 use super::trajectory::Trajectory;
 use super::{Error, Mesh, Problem, Transcription};
@@ -22,7 +22,7 @@ pub struct Outcome {
     /// Multipliers as functions of time, for the next mesh.
     pub duals: Duals,
     /// What is violated by more than the solver's tolerance, the worst first.
-    pub complaints: Vec<Complaint>,
+    pub violations: Vec<Violation>,
     /// Time of the phase ends and the like are in the trajectory; here the mesh it belongs to.
     pub discretization: Discretization,
 }
@@ -67,9 +67,9 @@ pub fn solve_on(
         scaled.solution(solution)
     };
     let trajectory = program.trajectory(&solution.x, Some(&solution.multipliers))?;
-    let complaints = program.complaints(&solution.x, settings.violation_tolerance)?;
+    let violations = program.violations(&solution.x, settings.violation_tolerance)?;
     let duals = program.duals(&solution.multipliers);
-    Ok(Outcome { solution, trajectory, duals, complaints, discretization: discretization.clone() })
+    Ok(Outcome { solution, trajectory, duals, violations, discretization: discretization.clone() })
 }
 
 /// When a mesh is fine enough.

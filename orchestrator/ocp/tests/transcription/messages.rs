@@ -29,11 +29,11 @@ fn a_violated_stroke_reads_as_in_the_workshop() {
     let mut x = vec![0.0; program.variables()];
     // The cart at knot 32, t = 1.28 s, 3 mm beyond its stroke.
     x[32 * 8] = 0.153;
-    let complaints = program.complaints(&x, 1e-8).unwrap();
-    let found: Vec<String> = complaints.iter().map(|complaint| complaint.to_string()).collect();
+    let violations = program.violations(&x, 1e-8).unwrap();
+    let found: Vec<String> = violations.iter().map(|violation| violation.to_string()).collect();
     let expected = "stroke: |x| <= 0.15 m at t = 1.28 s violated by 3 mm";
     assert!(found.iter().any(|sentence| sentence == expected), "{found:?}");
-    assert_eq!(complaints[0].name, "end", "{found:?}");
+    assert_eq!(violations[0].name, "end", "{found:?}");
     assert_eq!(program.variable_name(32 * 8 + 7), "u at t = 1.3000 s");
     assert_eq!(program.constraint_name(32 * 6 + 1), "defect of theta after t = 1.2800 s");
 }

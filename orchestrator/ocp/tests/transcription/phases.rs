@@ -248,7 +248,7 @@ fn broken(end: Limit) -> Vec<String> {
     let mesh = Discretization::uniform(Transcription::HermiteSimpsonSeparated, &[4, 4]);
     let mut quiet = |_: &airloop_optim::Iteration| std::ops::ControlFlow::Continue(());
     let found = conflict(&mut dash(end), &mesh, &guess, &Settings::default(), &mut quiet).unwrap();
-    found.map_or_else(Vec::new, |found| found.complaints.iter().map(ToString::to_string).collect())
+    found.map_or_else(Vec::new, |found| found.violations.iter().map(ToString::to_string).collect())
 }
 
 #[test]

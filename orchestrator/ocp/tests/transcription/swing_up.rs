@@ -96,7 +96,7 @@ fn a_coarse_solution_starts_a_fine_one() {
         ] {
             outcome = from_outcome(transcription, intervals, &outcome, method);
             assert_eq!(outcome.solution.status, Status::Solved, "{method:?} {transcription:?} {intervals}");
-            assert!(outcome.complaints.is_empty(), "{}", outcome.complaints[0]);
+            assert!(outcome.violations.is_empty(), "{}", outcome.violations[0]);
             steps.push(outcome.solution.iterations.len() - 1);
         }
         // Less than from the pump guess, also where the friction, sharper than the grid, moves the minimum.

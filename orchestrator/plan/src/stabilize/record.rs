@@ -1,4 +1,4 @@
-//! `summary.json` of a stabilized plan and of trials, and the tables beside it.
+//! `summary.json` of a stabilized plan and of trials, and the tables that go with it.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -24,7 +24,7 @@ pub struct SignalRecord {
     pub unit: Option<String>,
     /// Deviation that costs as much as those of the others; null for measured signals.
     pub deviation: Option<f64>,
-    /// Standard deviation after one second, of a state beside the model or of what disturbs an input.
+    /// Standard deviation after one second, of the drift of a state that the model does not describe, or of the disturbance of an input.
     pub drift: Option<f64>,
     /// Standard deviation of the noise of a measured signal.
     pub noise: Option<f64>,

@@ -35,7 +35,7 @@ pub struct Request {
     pub algorithm: Algorithm,
     /// Threads.
     pub threads: usize,
-    /// Trials whose courses are kept.
+    /// Trials whose trajectories are kept.
     pub keep: usize,
 }
 
@@ -50,8 +50,8 @@ pub struct Trial {
     pub judgment: Judgment,
     /// Why it ended early, if it did.
     pub problem: Option<String>,
-    /// Course of the signals that are judged, and of the commands; of the first trials only.
-    pub course: Option<TimeSeries>,
+    /// Trajectory of the signals that are judged, and of the commands; of the first trials only.
+    pub trajectory: Option<TimeSeries>,
 }
 
 /// Runs all trials, closed loop first, each with all seeds; fewer where `stop` was set.
@@ -123,8 +123,8 @@ fn one(
         End::Failed(error) => Some(error.to_string()),
     };
     let judgment = judge::judge(&ready.criteria, &run.result, problem.is_some())?;
-    let course = keep.then(|| ready.course(&run.result)).transpose()?;
-    Ok(Some(Trial { seed, closed, judgment, problem, course }))
+    let trajectory = keep.then(|| ready.trajectory(&run.result)).transpose()?;
+    Ok(Some(Trial { seed, closed, judgment, problem, trajectory }))
 }
 
 /// Draws the perturbations: one number each, at the value of the model.

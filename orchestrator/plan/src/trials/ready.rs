@@ -269,11 +269,11 @@ impl Ready {
     }
 
     /// The columns of [`Ready::shown`].
-    pub(super) fn course(&self, result: &TimeSeries) -> Result<TimeSeries, Error> {
-        let mut course = TimeSeries::new(result.time().to_vec())?;
+    pub(super) fn trajectory(&self, result: &TimeSeries) -> Result<TimeSeries, Error> {
+        let mut trajectory = TimeSeries::new(result.time().to_vec())?;
         for channel in self.shown().iter().filter_map(|(name, _)| result.channel(name)) {
-            course.push(channel.name.clone(), channel.unit.clone(), channel.values.clone())?;
+            trajectory.push(channel.name.clone(), channel.unit.clone(), channel.values.clone())?;
         }
-        Ok(course)
+        Ok(trajectory)
     }
 }

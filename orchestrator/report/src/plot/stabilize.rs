@@ -13,8 +13,8 @@ use airloop_series::{TimeSeries, csv};
 pub const GAINS: &str = "gains.csv";
 /// The closed loop without noise and perturbation.
 pub const CLOSED_LOOP: &str = "closed_loop.csv";
-/// Courses of the first trials.
-pub const COURSES: &str = "courses.csv";
+/// Trajectories of the first trials.
+pub const TRAJECTORIES: &str = "trajectories.csv";
 
 /// Signals of a stabilized plan that are drawn over the plan: measured signals, then inputs.
 fn drawn(summary: &Summary) -> Vec<(&str, &str, bool)> {
@@ -96,17 +96,17 @@ pub fn draw_trials(
     summary: &TrialsSummary,
     shown: &[(String, Option<String>)],
 ) -> Result<Vec<PathBuf>, Error> {
-    let courses = csv::read(&folder.join(COURSES))?;
+    let trajectories = csv::read(&folder.join(TRAJECTORIES))?;
     let mut figures = Vec::new();
     for (name, unit) in shown {
         for kind in ["closed", "open"] {
             let beginning = format!("{name}, {kind} loop, seed ");
-            let of = courses.channels().iter().filter(|channel| channel.name.starts_with(&beginning));
+            let of = trajectories.channels().iter().filter(|channel| channel.name.starts_with(&beginning));
             let channels: Vec<_> = of.collect();
             let curves: Vec<Curve> = channels
                 .iter()
                 .map(|channel| Curve {
-                    time: courses.time(),
+                    time: trajectories.time(),
                     values: &channel.values,
                     held: false,
                     name: &channel.name,

@@ -34,7 +34,7 @@ use coupled::Coupled;
 pub(super) use coupled::Failure;
 pub use options::Coupling;
 pub(super) use plan::{interfaces, nominal};
-pub(super) use signal::Signal as Course;
+pub(super) use signal::Signal as Trajectory;
 pub(super) use unit::{Feed, Outputs, Unit};
 
 /// One strongly connected component of the graph.
@@ -128,9 +128,9 @@ impl InterfaceJacobian {
         }
     }
 
-    /// Courses of system inputs (by place in the flat buffer) over the next step; inputs without one are held.
-    pub fn courses(&mut self) -> &mut Vec<(usize, Course)> {
-        &mut self.outputs.courses
+    /// Trajectories of system inputs (by place in the flat buffer) over the next step; inputs without one are held.
+    pub fn trajectories(&mut self) -> &mut Vec<(usize, Trajectory)> {
+        &mut self.outputs.trajectories
     }
 
     /// What was done in place of what an FMU cannot do, one sentence each.

@@ -103,7 +103,7 @@ impl<'a> Planner<'a> {
             y: vec![0.0; count],
             rate: vec![0.0; count],
             begin: vec![0.0; count],
-            courses: Vec::new(),
+            trajectories: Vec::new(),
             signals: (0..count).map(|_| Signal::with_room(pieces)).collect(),
         };
         for (unit, node) in units.iter().zip(nodes) {
