@@ -10,7 +10,7 @@ test: check fmu      ## everything CI runs: checks, FMUs, Rust tests, FMI tests
 	cargo test --workspace
 	.venv/bin/python -m pytest tests/fmpy
 
-check: setup         ## formatting, lints, documentation, generated files, licences
+check: setup         ## formatting, lints, documentation, generated files, licenses
 	./check.sh
 
 bench: fmu           ## cost of the master per FMU step

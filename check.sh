@@ -15,5 +15,5 @@ step cargo run --release --quiet -p packager -- --check
 if cargo deny --version >/dev/null 2>&1; then
     step cargo deny check licenses bans sources
 else
-    step "${PYTHON:-.venv/bin/python}" scripts/check_licences.py
+    step "${PYTHON:-.venv/bin/python}" scripts/check_licenses.py
 fi

@@ -1,4 +1,4 @@
-"""The pneumatic cart-pole of example 01 for foreign tools: its wiring typed again, a command, runs of `airloop`."""
+"""The pneumatic cart-pole of example 01 for third-party tools: its wiring typed again, a command, runs of `airloop`."""
 
 import csv
 

@@ -43,7 +43,7 @@ def set_parameters(instance, given):
 
 
 def start(instance, start=0.0, stop=None, parameters=(), tolerance=None):
-    """Initialises with the inputs of time `start` and optional parameters {name: value}."""
+    """Initializes with the inputs of time `start` and optional parameters {name: value}."""
     instance.setup(start, stop, tolerance)
     set_parameters(instance, dict(parameters))
     set_inputs(instance, start)

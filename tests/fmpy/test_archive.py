@@ -21,7 +21,7 @@ def run(*command):
     return subprocess.run(command, check=True, capture_output=True, text=True).stdout
 
 
-def test_holds_description_binary_documentation_icon_licence_and_resources(fmu):
+def test_holds_description_binary_documentation_icon_license_and_resources(fmu):
     with zipfile.ZipFile(fmu.path) as archive:
         names = archive.namelist()
     assert "modelDescription.xml" in names

@@ -199,7 +199,7 @@ def test_resources_of_another_library_are_refused(toe, shipped, tmp_path):
         ("sample_time = -1.0", "allowed: a Real in 1e-9.."),
         ("nk = 65", "allowed: an Integer in 0..64"),
         ("nk = 1.0", "allowed: an Integer"),
-        ("realisation = 3", "allowed: an item number in 1..2"),
+        ("realization = 3", "allowed: an item number in 1..2"),
         ("nk = 99999999999", "allowed: an Integer in 0..64"),
         ("nk 3", "name = value"),
     ],
@@ -222,7 +222,7 @@ def test_wrong_start_values_are_refused_with_file_line_and_what_is_allowed(toe, 
         (["--set", "nk=65"], "a whole number from 0 to 64"),
         (["--set", "nk=1", "--set", "nk=2"], "given twice"),
         (["--set", "B0[1]=nan"], "a finite number"),
-        (["--set", "realisation=fast"], "1 (sampled), 2 (continuous)"),
+        (["--set", "realization=fast"], "1 (sampled), 2 (continuous)"),
         (["--name", " "], "it is empty"),
     ],
 )
@@ -235,10 +235,10 @@ def test_the_command_refuses_what_does_not_fit_and_writes_nothing(shipped, tmp_p
 
 
 def test_an_fmu_of_another_exporter_is_refused(shipped, tmp_path):
-    foreign = tmp_path / "foreign.fmu"
-    with zipfile.ZipFile(shipped("friction").path) as old, zipfile.ZipFile(foreign, "w") as new:
+    third_party = tmp_path / "third_party.fmu"
+    with zipfile.ZipFile(shipped("friction").path) as old, zipfile.ZipFile(third_party, "w") as new:
         for name in old.namelist():
             new.writestr(name, old.read(name).replace(b'generationTool="airloop fmi2-export"', b'generationTool="other"'))
-    command = [ROOT / "target/release/airloop", "derive", foreign, "-o", tmp_path / "out.fmu"]
+    command = [ROOT / "target/release/airloop", "derive", third_party, "-o", tmp_path / "out.fmu"]
     outcome = subprocess.run(command, capture_output=True, text=True)
     assert outcome.returncode == 1 and 'generationTool is "other"' in outcome.stderr

@@ -149,7 +149,7 @@ def test_nominals_are_positive(fmu):
 
 
 def test_inputs_and_states_declare_no_range(fmu):
-    """A range there would stop an optimiser in the middle of its search."""
+    """A range there would stop an optimizer in the middle of its search."""
     for v in [*fmu.of("input"), *fmu.states]:
         if v.is_real:
             assert v.number("min") is None and v.number("max") is None, v.name

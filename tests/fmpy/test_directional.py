@@ -9,7 +9,7 @@ import scenario
 
 SEEDS = 3
 
-# (1 - 0.9/z)(1 - 0.6/z)(1 - 0.4/z)(1 - 0.2/z): real poles in (0, 1), so that the continuous realisation exists.
+# (1 - 0.9/z)(1 - 0.6/z)(1 - 0.4/z)(1 - 0.2/z): real poles in (0, 1), so that the continuous realization exists.
 _POLYNOMIAL = [-2.1, 1.52, -0.444, 0.0432]
 
 # Parameters under which every declared dependency shows, for FMUs whose start values hide some.
@@ -18,7 +18,7 @@ MOST_GENERAL = {
         "na": 4,
         "nb": 5,
         "ny": 2,
-        "realisation": 2,
+        "realization": 2,
         **{
             f"A{i}[{j},{k}]": (_POLYNOMIAL[i - 1] if j == k else 0.0) + 1e-3 * math.sin(i + 2 * j + 3 * k)
             for i in (1, 2, 3, 4)
@@ -31,7 +31,7 @@ MOST_GENERAL = {
         "n_x": 12,
         "n_u": 4,
         "n_y": 4,
-        "realisation": 2,
+        "realization": 2,
         **{
             f"A[{i},{j}]": (0.9 - 0.05 * i if i == j else 0.0) + 1e-2 * math.sin(i + 2 * j)
             for i in range(1, 13)
@@ -193,18 +193,18 @@ def test_asking_for_derivatives_changes_nothing(fmu, in_continuous_time):
 
 
 def initial_pairs(fmu):
-    """Real InitialUnknowns and the Real knowns of initialisation that can be moved."""
+    """Real InitialUnknowns and the Real knowns of initialization that can be moved."""
     unknowns = [v for v, _, _ in fmu.unknowns("InitialUnknowns") if v.is_real]
     knowns = [v for v in fmu.variables if v.is_real and (v.causality == "input" or v.initial == "exact")]
     return unknowns, [v for v in knowns if v.variability != "constant" and not v.name.startswith("solver.")]
 
 
 @pytest.mark.parametrize("kind", [raw.CO_SIMULATION, raw.MODEL_EXCHANGE], ids=["cs", "me"])
-def test_initialisation_derivatives_equal_central_differences(fmu, kind):
-    """In initialisation mode every input, parameter and start value is a known, in both interfaces."""
+def test_initialization_derivatives_equal_central_differences(fmu, kind):
+    """In initialization mode every input, parameter and start value is a known, in both interfaces."""
     unknowns, knowns = initial_pairs(fmu)
     if not unknowns or not knowns:
-        pytest.skip("no Real unknowns or knowns of initialisation")
+        pytest.skip("no Real unknowns or knowns of initialization")
     with fmu.instantiate(kind) as instance:
         instance.setup()
         scenario.set_parameters(instance, ANY_START.get(fmu.name, {}))
@@ -260,7 +260,7 @@ def test_co_simulation_derivatives_after_a_step_equal_those_of_model_exchange(fm
 
 
 def test_continuous_unknowns_react_to_exactly_their_declared_dependencies(fmu, in_continuous_time, request):
-    """Towards undeclared knowns the derivative is zero at every point tried; each declared one shows at some point."""
+    """Toward undeclared knowns the derivative is zero at every point tried; each declared one shows at some point."""
     instance, evaluate, point = in_continuous_time
     knowns = continuous_knowns(fmu)
     declared = {v.name: set(d.name for d in deps) for tag in ("Outputs", "Derivatives") for v, deps, _ in fmu.unknowns(tag)}
@@ -284,12 +284,12 @@ def test_continuous_unknowns_react_to_exactly_their_declared_dependencies(fmu, i
 
 
 def test_initial_unknowns_react_to_their_declared_dependencies_only(fmu):
-    """Each Real known of initialisation is moved; whatever changes must declare it."""
+    """Each Real known of initialization is moved; whatever changes must declare it."""
     unknowns = fmu.unknowns("InitialUnknowns")
     _, knowns = initial_pairs(fmu)
     knowns += [v for v in fmu.of("input") if v.type in ("Boolean", "Integer", "String")]
     if not unknowns or not knowns:
-        pytest.skip("no unknowns or knowns of initialisation")
+        pytest.skip("no unknowns or knowns of initialization")
     variables = [v for v, _, _ in unknowns]
     declared = {v.name: {d.name for d in deps} for v, deps, _ in unknowns}
     with fmu.instantiate(raw.MODEL_EXCHANGE) as instance:

@@ -19,7 +19,7 @@ M3, D, I3, MU, A, IU, MT, C, IT, IR, G = 6.0, 0.1, 0.1, 3.7, 0.35, 0.2, 0.8, 0.1
 
 
 def terms(q, v):
-    """H, C q' + G, Jacobians of both feet, and what their accelerations have beside J q''."""
+    """H, C q' + G, Jacobians of both feet, and the part of their accelerations other than J q''."""
     h, bias = np.zeros((6, 6)), np.zeros(6)
     th3, w3 = (q[2] + q[3]) / 2, (v[2] + v[3]) / 2
     total, k3 = M3 + 2 * (MU + MT), (M3 * D**2 + I3) / 4
@@ -200,12 +200,12 @@ def test_every_limit_is_kept_between_the_nodes_of_the_plan(plan):
 def test_toes_deliver_the_planned_force_with_commands_that_know_them_only(plan):
     summary, _, _ = plan()
     for toe in ("toe1", "toe2"):
-        assert summary["stage2"]["fit"][toe]["optimised"] >= 99.9
+        assert summary["stage2"]["fit"][toe]["optimized"] >= 99.9
         assert summary["stage2"]["fit"][toe]["naive"] == pytest.approx(92, abs=1)
         assert summary["stage2"]["late"][toe]["naive"] == pytest.approx(18, abs=3)
-        assert summary["stage2"]["max_command"][toe]["optimised"] <= 527.7876
+        assert summary["stage2"]["max_command"][toe]["optimized"] <= 527.7876
     chain = summary["closed_chain"]
-    assert chain["optimised"]["completed"] and chain["optimised"]["max_final_error"] <= 1e-3
+    assert chain["optimized"]["completed"] and chain["optimized"]["max_final_error"] <= 1e-3
     assert not chain["naive"]["completed"] and chain["naive"]["end"] < summary["durations"][0]
 
 

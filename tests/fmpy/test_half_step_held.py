@@ -22,7 +22,7 @@ def end(plan, tmp_path_factory):  # noqa: F811
     """Time and largest error of a coordinate where a run of the closed loop ends."""
     summary, _, folder = plan()
     held = tmp_path_factory.mktemp("held")
-    airloop("stabilize", folder, FOLDER / "stabilise.toml", "--no-plots", "-q", "-o", held / "held")
+    airloop("stabilize", folder, FOLDER / "stabilize.toml", "--no-plots", "-q", "-o", held / "held")
 
     def of(values, feedback=True):
         out = tmp_path_factory.mktemp("run")

@@ -95,8 +95,8 @@ def test_mean_is_the_operating_point(tmp_path):
     y = 100 + equation(u - 5, [np.array([[-0.9]])], [np.array([[0.0]]), np.array([[0.4]])], 0.01 * rng.standard_normal((3000, 1)))
     save(tmp_path / "r.csv", u, y, 0.08)
     summary = identify(tmp_path / "out", [tmp_path / "r.csv"], (1, 1), "--nb", "1", "--nk", "1", "--detrend", "mean")
-    centred = [(u - u.mean(axis=0), y - y.mean(axis=0))]
-    expected = least_squares(centred, [[1]], [[1]], [[1]], 0, 1)
+    centered = [(u - u.mean(axis=0), y - y.mean(axis=0))]
+    expected = least_squares(centered, [[1]], [[1]], [[1]], 0, 1)
     assert summary["coefficients"]["A1"][0][0] == pytest.approx(expected["A", 1, 0], abs=1e-10)
     assert summary["coefficients"]["B1"][0][0] == pytest.approx(expected["B", 1, 0], abs=1e-10)
     assert summary["coefficients"]["output_offset"] == pytest.approx([y.mean()], rel=1e-12)

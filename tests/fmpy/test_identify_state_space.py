@@ -31,8 +31,8 @@ def identify(folder, files, *options):
     return json.loads((folder / "summary.json").read_text())
 
 
-def fits(measured, modelled):
-    error = np.linalg.norm(measured - modelled, axis=0)
+def fits(measured, modeled):
+    error = np.linalg.norm(measured - modeled, axis=0)
     return 100 * (1 - error / np.linalg.norm(measured - measured.mean(0), axis=0))
 
 

@@ -1,4 +1,4 @@
-"""Start values, and outputs that fit the inputs as soon as initialisation is over."""
+"""Start values, and outputs that fit the inputs as soon as initialization is over."""
 
 import ctypes
 import math
@@ -21,8 +21,8 @@ def test_variables_have_their_declared_start_values(fmu, kind):
 
 
 @KINDS
-def test_outputs_right_after_initialisation_fit_the_inputs(fmu, kind):
-    """Set before or during initialisation, read before or after its end: always the same values."""
+def test_outputs_right_after_initialization_fit_the_inputs(fmu, kind):
+    """Set before or during initialization, read before or after its end: always the same values."""
     readings = []
     for set_in_mode in (False, True):
         with fmu.instantiate(kind) as instance:
@@ -41,7 +41,7 @@ def test_outputs_right_after_initialisation_fit_the_inputs(fmu, kind):
         assert later == readings[0]
 
 
-def test_both_interfaces_agree_after_initialisation(fmu):
+def test_both_interfaces_agree_after_initialization(fmu):
     readings = []
     for kind in (raw.CO_SIMULATION, raw.MODEL_EXCHANGE):
         with fmu.instantiate(kind) as instance:

@@ -107,7 +107,7 @@ FORBIDDEN_AT_ONCE = {
     [(kind, call) for kind, calls in FORBIDDEN_AT_ONCE.items() for call in calls],
     ids=lambda value: value[0] if isinstance(value, tuple) else ("me", "cs")[value],
 )
-def test_a_call_before_initialisation_gives_error_and_a_log_line(fmu, kind, call):
+def test_a_call_before_initialization_gives_error_and_a_log_line(fmu, kind, call):
     with fmu.instantiate(kind) as instance:
         before = len(instance.messages)
         assert instance.call(*call) == raw.ERROR
@@ -125,7 +125,7 @@ FORBIDDEN_WHEN_RUNNING = [
 
 @KINDS
 @pytest.mark.parametrize("call", FORBIDDEN_WHEN_RUNNING, ids=lambda call: call[0])
-def test_a_call_after_initialisation_gives_error_and_a_log_line(fmu, kind, call):
+def test_a_call_after_initialization_gives_error_and_a_log_line(fmu, kind, call):
     with fmu.instantiate(kind) as instance:
         scenario.start(instance)
         before = len(instance.messages)
@@ -282,21 +282,21 @@ def test_an_instance_can_move_to_another_thread(fmu, kind):
 
 @KINDS
 def test_can_be_freed_in_every_legal_state(fmu, kind):
-    def initialised(instance):
+    def initialized(instance):
         scenario.start(instance)
 
     def terminated(instance):
         scenario.start(instance)
         instance.must("Terminate")
 
-    def in_initialisation(instance):
+    def in_initialization(instance):
         instance.setup()
         instance.must("EnterInitializationMode")
 
     def after_an_error(instance):
         instance.call("ExitInitializationMode")
 
-    for prepare in (lambda instance: None, in_initialisation, initialised, terminated, after_an_error):
+    for prepare in (lambda instance: None, in_initialization, initialized, terminated, after_an_error):
         with fmu.instantiate(kind) as instance:
             prepare(instance)
 

@@ -80,7 +80,7 @@ def test_delays_shift_each_input_by_its_samples(model):
     assert np.max(np.abs(found - y0 - expected)) < 1e-11 * np.max(np.abs(expected))
 
 
-def test_continuous_realisation_has_the_matrices_of_scipy(model):
+def test_continuous_realization_has_the_matrices_of_scipy(model):
     """Derivatives at a point, against the logarithm of SciPy."""
     fmu, x0, u0, _ = model
     a, b, _, _ = system()
@@ -90,7 +90,7 @@ def test_continuous_realisation_has_the_matrices_of_scipy(model):
     log = np.real(logm(block)) / TS
     u = inputs(1)[0]
     with fmu.instantiate(raw.MODEL_EXCHANGE) as instance:
-        scenario.enter_model_exchange(instance, parameters={"realisation": 2})
+        scenario.enter_model_exchange(instance, parameters={"realization": 2})
         instance.set(fmu.of("input"), list(u))
         expected = log[:NX] @ np.concatenate([x0, u - u0])
         assert instance.derivatives() == pytest.approx(list(expected), rel=1e-9, abs=1e-9 * np.max(np.abs(expected)))

@@ -233,7 +233,7 @@ NO_RAMPS = lacking("canInterpolateInputs")
         ({"cart-pole": [no_output_derivatives]}, "`cart_pole` gives no output derivatives", (0.02, 0.1)),
         ({"cart-pole": [NO_RAMPS]}, "`cart_pole` takes no input derivatives", (0.12, 0.7)),
         ({"cart-pole": [NO_STATE]}, "no correction, as `cart_pole` cannot save", (0.12, 0.7)),
-        ({"cart-pole": [NO_STATE, NO_DIRECTIONAL]}, "learnt from step to step (Broyden)", (0.25, 0.7)),
+        ({"cart-pole": [NO_STATE, NO_DIRECTIONAL]}, "learned from step to step (Broyden)", (0.25, 0.7)),
         ({"friction": [NO_DIRECTIONAL]}, "slopes are difference quotients", (0.001, 0.004)),
         ({"friction": [no_model_exchange]}, "approximated by its secant", (0.12, 0.7)),
         ({"friction": [no_model_exchange, NO_DIRECTIONAL]}, "approximated by its secant", (0.12, 0.7)),

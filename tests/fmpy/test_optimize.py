@@ -147,7 +147,7 @@ def test_the_roll_outs_end_where_an_integration_of_the_equations_ends(plan, tran
     reported = summary["open_loop_final_state_error"]
     own = dict(zip(STATES, continuous(transcription, y, u, 100) - y[-1]))
     # An unstable motion amplifies what straight pieces of a parabola leave; a ten-thousandth of a radian is little
-    # beside the error of the mesh.
+    # in addition to the error of the mesh.
     for name in STATES[:4]:
         assert abs(reported["continuous"][name] - own[name]) < 1e-4 * (10 if name == "omega" else 1), name
     own = dict(zip(STATES, sampled(command) - y[-1, :4]))

@@ -80,7 +80,7 @@ def test_a_second_integrator_agrees_with_the_steps_of_the_rig():
     )
     error = np.max(np.abs(ours - theirs)[:, 3:] / SCALE)
     print(f"RK4 with 0.1 ms against LSODA: {error:.1e} of full scale")
-    assert error < 1e-4  # 0.01 N beside a sensor noise of 0.3 N
+    assert error < 1e-4  # 0.01 N, compared with a sensor noise of 0.3 N
 
 
 def test_a_saved_state_holds_the_air_in_the_tubes(cylinder):
@@ -128,7 +128,7 @@ def test_records_of_the_rig_leave_only_sensor_noise(cylinder):
     """Recorded commands and smoothed positions of coupled runs on this plant; `F_hat` was recorded with 0.3 N of noise."""
     folder = ROOT.parent / "shared" / "data" / "rig" / "v09"
     if not folder.exists():
-        pytest.skip("the folder shared/data/rig beside the project is not there")
+        pytest.skip("the folder shared/data/rig next to the project is not there")
     inputs, force = [cylinder.variable(n) for n in ("u", "x", "v")], [cylinder.variable("F_hat")]
     for trial in ("trial_01.csv", "trial_07.csv"):
         record = np.genfromtxt(folder / trial, delimiter=",", names=True)

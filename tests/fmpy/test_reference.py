@@ -147,9 +147,9 @@ def test_samples_are_taken_at_their_times_whatever_the_communication_step(actuat
     assert np.max(np.abs(np.array(seen) - y[last])) < 1e-11
 
 
-def in_continuous_realisation(fmu, parameters=()):
+def in_continuous_realization(fmu, parameters=()):
     instance = fmu.instantiate(raw.MODEL_EXCHANGE)
-    scenario.start(instance, parameters={**dict(parameters), "realisation": CONTINUOUS})
+    scenario.start(instance, parameters={**dict(parameters), "realization": CONTINUOUS})
     instance.update_discrete_states()
     instance.must("EnterContinuousTimeMode")
     return instance
@@ -157,7 +157,7 @@ def in_continuous_realisation(fmu, parameters=()):
 
 def continuous_matrices(fmu, parameters=()):
     """Ac, Bc as the derivatives of the FMU show them."""
-    with in_continuous_realisation(fmu, parameters) as model:
+    with in_continuous_realization(fmu, parameters) as model:
         n = len(fmu.states)
 
         def rate(z, u):
@@ -168,7 +168,7 @@ def continuous_matrices(fmu, parameters=()):
         return np.array([rate([1.0, 0.0], 0.0), rate([0.0, 1.0], 0.0)]).T, np.array(rate([0.0, 0.0], 1.0))
 
 
-def test_continuous_realisation_is_the_matrix_logarithm(identified):
+def test_continuous_realization_is_the_matrix_logarithm(identified):
     fmu, parameters, a1, b0, b1 = identified
     ad, bd = -a1, -a1 @ b0 + b1
     ac = np.real(logm(ad)) / TS
@@ -179,19 +179,19 @@ def test_continuous_realisation_is_the_matrix_logarithm(identified):
     assert np.max(np.abs(expm(got_a * TS) - ad)) < 1e-13
 
 
-def test_continuous_realisation_of_eq_8_has_the_stated_digits(actuator):
+def test_continuous_realization_of_eq_8_has_the_stated_digits(actuator):
     ac, bc = continuous_matrices(actuator)
     assert ac == pytest.approx(np.array([[14.87318812, -21.94846328], [53.55018587, -46.80605823]]), abs=1e-7)
     assert bc == pytest.approx([14.22952987, 23.20704859], abs=1e-7)
 
 
-def test_sampled_and_continuous_realisation_agree_at_the_samples(identified):
+def test_sampled_and_continuous_realization_agree_at_the_samples(identified):
     fmu, parameters, *_ = identified
     draw = random.Random(3)
     commands = [draw.uniform(-1, 1) for _ in range(300)]
     sampled = sampled_run(fmu, commands, parameters)
     seen = []
-    with in_continuous_realisation(fmu, parameters) as model:
+    with in_continuous_realization(fmu, parameters) as model:
         for k, u in enumerate(commands):
             model.must("SetTime", k * TS)
             model.set([fmu.variable("u")], [u])
@@ -207,16 +207,16 @@ def test_sampled_and_continuous_realisation_agree_at_the_samples(identified):
     [{"nk": 1}, {"A1[1,1]": 0.5, "A1[1,2]": 0.0}, {"A1[1,1]": 0.0, "A1[2,1]": 0.0}],
     ids=["delay", "pole at -0.5", "pole at 0"],
 )
-def test_continuous_realisation_is_refused_where_it_does_not_exist(actuator, values):
+def test_continuous_realization_is_refused_where_it_does_not_exist(actuator, values):
     with actuator.instantiate(raw.MODEL_EXCHANGE) as model:
         model.setup()
-        given = {**values, "realisation": CONTINUOUS}
+        given = {**values, "realization": CONTINUOUS}
         model.set([actuator.variable(n) for n in given], list(given.values()))
         status = model.call("EnterInitializationMode")
         if status == raw.OK:
             status = model.call("ExitInitializationMode")
         assert status == raw.ERROR
-        assert any("realisation" in text and "pole" in text for _, _, _, text in model.messages), model.messages
+        assert any("realization" in text and "pole" in text for _, _, _, text in model.messages), model.messages
 
 
 @pytest.mark.parametrize("u", [0.0, 12.0, -40.0, 400.0, -400.0])
@@ -251,7 +251,7 @@ def chain(shipped, actuator):
     """Model Exchange instances in continuous time and f(y, u) through them."""
     friction, cart_pole = shipped("friction"), shipped("cart-pole")
     cart = parameter_set(friction.resources / "cart.ssv")
-    models = [in_continuous_realisation(actuator)]
+    models = [in_continuous_realization(actuator)]
     for fmu, parameters in ((friction, {}), (friction, cart), (cart_pole, {})):
         instance = fmu.instantiate(raw.MODEL_EXCHANGE)
         scenario.enter_model_exchange(instance, parameters=parameters)
@@ -354,7 +354,7 @@ def test_stored_reference_agrees_with_a_second_integrator():
 
 
 def couple(shipped, jacobi, stop=3.0):
-    """x at every 10 ms of a hand-written master with a step of 1 ms, and the outputs after initialisation."""
+    """x at every 10 ms of a hand-written master with a step of 1 ms, and the outputs after initialization."""
     fmus = {"actuator": "arx-actuator", "piston": "friction", "guide": "friction", "body": "cart-pole"}
     fmus = {name: shipped(file) for name, file in fmus.items()}
     cart = parameter_set(fmus["guide"].resources / "cart.ssv")

@@ -45,16 +45,16 @@ def plan(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def stabilised(plan, tmp_path_factory):
-    folder = tmp_path_factory.mktemp("stabilised")
-    airloop("stabilize", plan, EXAMPLE / "stabilise.toml", "-o", folder)
+def stabilized(plan, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("stabilized")
+    airloop("stabilize", plan, EXAMPLE / "stabilize.toml", "-o", folder)
     return folder
 
 
 @pytest.fixture(scope="module")
-def closed_loop(stabilised, tmp_path_factory):
+def closed_loop(stabilized, tmp_path_factory):
     folder = tmp_path_factory.mktemp("run")
-    airloop("run", stabilised / "closed_loop.ssd", "--step", "1ms", "--stop", 4, "-o", folder, "--no-plots")
+    airloop("run", stabilized / "closed_loop.ssd", "--step", "1ms", "--stop", 4, "-o", folder, "--no-plots")
     return table(folder / "result.csv")
 
 
@@ -91,10 +91,10 @@ def cart_friction():
     return {p.get("name"): float(p[0].get("value")) for p in parameters}
 
 
-def test_the_controller_in_fmpy_gives_the_closed_loop_of_the_master(stabilised, closed_loop, tmp_path):
+def test_the_controller_in_fmpy_gives_the_closed_loop_of_the_master(stabilized, closed_loop, tmp_path):
     """All five FMUs stepped one after the other by hand, as the Gauss-Seidel master does."""
     slaves = {
-        "controller": Slave(stabilised / "controller.fmu", tmp_path / "controller"),
+        "controller": Slave(stabilized / "controller.fmu", tmp_path / "controller"),
         "actuator": Slave(FMUS / "arx-actuator.fmu", tmp_path / "actuator"),
         "piston": Slave(FMUS / "friction.fmu", tmp_path / "piston"),
         "cart": Slave(FMUS / "friction.fmu", tmp_path / "cart", cart_friction()),
@@ -120,10 +120,10 @@ def test_the_controller_in_fmpy_gives_the_closed_loop_of_the_master(stabilised, 
     assert abs(ours[-1, 1] - np.pi) < 1e-3 and abs(ours[-1, 0]) < 1e-3
 
 
-def test_the_controller_follows_its_table(stabilised, tmp_path):
+def test_the_controller_follows_its_table(stabilized, tmp_path):
     """The equations of the README in NumPy, on measured signals with errors that also reach the limits."""
     folder = tmp_path / "controller"
-    slave = Slave(stabilised / "controller.fmu", folder)
+    slave = Slave(stabilized / "controller.fmu", folder)
     with open(folder / "resources" / "controller.csv") as file:
         header, *rows = csv.reader(file)
     rows = np.array(rows, float)
@@ -146,29 +146,29 @@ def test_the_controller_follows_its_table(stabilised, tmp_path):
     assert reached > 10
 
 
-def test_the_closed_loop_is_valid_ssp(stabilised):
+def test_the_closed_loop_is_valid_ssp(stabilized):
     schema = etree.XMLSchema(etree.parse(str(SCHEMAS / "SystemStructureDescription.xsd")))
-    schema.assertValid(etree.parse(str(stabilised / "closed_loop.ssd")))
+    schema.assertValid(etree.parse(str(stabilized / "closed_loop.ssd")))
 
 
-def test_the_summary_says_what_was_designed(stabilised):
-    summary = json.loads((stabilised / "summary.json").read_text())
+def test_the_summary_says_what_was_designed(stabilized):
+    summary = json.loads((stabilized / "summary.json").read_text())
     assert summary["rests"] and summary["samples"] == 2000 and summary["sample_time"] == STEP
     measured = {s["name"]: s["noise"] for s in summary["signals"] if s["kind"] == "measured"}
     assert measured == pytest.approx({"x": 2e-4, "theta": 2e-3})
     assert summary["largest_error"]["theta"] < 0.05
     for name in summary["files"] + summary["figures"]:
-        assert (stabilised / name).stat().st_size > 0
+        assert (stabilized / name).stat().st_size > 0
 
 
 @pytest.fixture(scope="module")
-def trials(stabilised, tmp_path_factory):
+def trials(stabilized, tmp_path_factory):
     """{(scale, threads): folder} of few trials; the figures of 200 are in the README of the example."""
     folders = {}
     for scale, threads in [(1, 1), (1, 2), (2, 2)]:
         folders[scale, threads] = tmp_path_factory.mktemp("trials")
         few = ["--count", 8, "--scale", scale, "--threads", threads]
-        airloop("trials", stabilised, *few, "-o", folders[scale, threads])
+        airloop("trials", stabilized, *few, "-o", folders[scale, threads])
     return folders
 
 
@@ -181,7 +181,7 @@ def test_perturbed_systems_reach_and_hold_the_upright_position_with_feedback_onl
 
 
 def test_trials_do_not_depend_on_the_number_of_threads(trials):
-    for name in ("trials.csv", "courses.csv"):
+    for name in ("trials.csv", "trajectories.csv"):
         assert (trials[1, 1] / name).read_bytes() == (trials[1, 2] / name).read_bytes()
 
 
@@ -200,7 +200,7 @@ def test_what_is_wrong_is_named_with_its_place(plan, tmp_path):
         for part in expected:
             assert part in result.stderr
         assert not (tmp_path / "out").exists()
-    result = start("stabilize", plan / "trajectory.csv", EXAMPLE / "stabilise.toml")
+    result = start("stabilize", plan / "trajectory.csv", EXAMPLE / "stabilize.toml")
     assert result.returncode == 1 and "--problem" in result.stderr
     result = start("trials", plan)
     assert result.returncode == 1 and "no closed loop" in result.stderr

@@ -1,4 +1,4 @@
-"""FMU state: get, set, free, serialise; a replay is equal bit for bit, in any instance and in any process."""
+"""FMU state: get, set, free, serialize; a replay is equal bit for bit, in any instance and in any process."""
 
 import ctypes
 from ctypes import byref, c_size_t, c_void_p
@@ -68,7 +68,7 @@ def test_freeing_no_state_is_allowed_and_freeing_clears_the_handle(fmu):
         assert state.value is None
 
 
-def test_serialised_state_goes_into_another_instance(fmu):
+def test_serialized_state_goes_into_another_instance(fmu):
     with fmu.instantiate(raw.CO_SIMULATION) as one:
         scenario.start(one)
         run(one, 0, STEPS_BEFORE)
@@ -97,7 +97,7 @@ def _continue(path, folder, data):
         return rows
 
 
-def test_serialised_state_goes_into_another_process(fmu, tmp_path):
+def test_serialized_state_goes_into_another_process(fmu, tmp_path):
     with fmu.instantiate(raw.CO_SIMULATION) as instance:
         scenario.start(instance)
         run(instance, 0, STEPS_BEFORE)
@@ -108,7 +108,7 @@ def test_serialised_state_goes_into_another_process(fmu, tmp_path):
     assert in_process(_continue, fmu.path, tmp_path, data, fresh=True) == expected
 
 
-def test_foreign_or_damaged_bytes_are_refused(fmu):
+def test_damaged_bytes_and_those_of_another_fmu_are_refused(fmu):
     with fmu.instantiate(raw.CO_SIMULATION) as instance:
         scenario.start(instance)
         state = instance.get_state()

@@ -82,7 +82,7 @@ def measured(name, tmp_path):
     return report(folder, tmp_path / "out")
 
 
-SYSTEM = 'system = "airloop:pendulum"             # or a path: system.ssd, foreign.fmu'
+SYSTEM = 'system = "airloop:pendulum"             # or a path: system.ssd, third_party.fmu'
 
 
 def records(tmp_path, change):

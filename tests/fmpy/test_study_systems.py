@@ -54,7 +54,7 @@ def test_what_is_missing_is_named_and_nothing_else(tmp_path, family, kind, stren
 
 
 def test_a_periodic_force_is_found_where_it_throws_the_declared_model_far_off(tmp_path):
-    # In windows of 1 s the declared model ends millimetres away, a good part of the period.
+    # In windows of 1 s the declared model ends millimeters away, a good part of the period.
     make_systems.axis(tmp_path, np.random.default_rng(2), "cogging", 1.0)
     result = refine(tmp_path, tmp_path / "out")
     assert result.returncode == 0, result.stdout + result.stderr
@@ -170,5 +170,5 @@ def test_an_enumeration_of_the_system_is_set_by_its_item_and_checked(tmp_path):
     study.write_text(study.read_text().replace('"sampled"', '"smooth"'))
     result = refine(tmp_path, tmp_path / "out")
     assert result.returncode == 1
-    for word in ["line 5", "realisation", "smooth", "sampled", "continuous"]:
+    for word in ["line 5", "realization", "smooth", "sampled", "continuous"]:
         assert word in result.stderr, result.stderr

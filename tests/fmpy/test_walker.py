@@ -90,7 +90,7 @@ def energy(s):
     return kinetic + 0.5 * 0.05 * (s[9] - s[8]) ** 2 + sum(9.81 * m * p[1] for m, _, p, _, _ in bodies(s))
 
 
-def centre(s):
+def center(s):
     return sum(np.array(p) * m for m, _, p, _, _ in bodies(s)) / 15.0
 
 
@@ -168,8 +168,8 @@ def test_flight_conserves_energy_and_momentum(walker):
     fall = np.array([0.0, -15.0 * 9.81 * t])
     assert energy(end) == pytest.approx(energy(start), rel=1e-10)
     np.testing.assert_allclose(momentum(end), momentum(start) + fall, rtol=1e-10, atol=1e-9)
-    scale = abs(angular_momentum(start, centre(start)))
-    assert abs(angular_momentum(end, centre(end)) - angular_momentum(start, centre(start))) <= 1e-10 * scale
+    scale = abs(angular_momentum(start, center(start)))
+    assert abs(angular_momentum(end, center(end)) - angular_momentum(start, center(start))) <= 1e-10 * scale
     np.testing.assert_allclose(w.get("foot1.ft", "foot1.fn"), 0.0)
 
 
@@ -228,7 +228,7 @@ def test_a_foot_that_would_slide_ends_the_simulation_or_is_marked(walker):
     assert w.instance.boolean_status() is True
     assert w.instance.real_status() == 0.0
     said = w.instance.messages[-1][3]
-    assert "foot 1 would slide" in said and "mu_friction" in said and "no sliding is modelled" in said
+    assert "foot 1 would slide" in said and "mu_friction" in said and "no sliding is modeled" in said
     w = walker(raw.CO_SIMULATION)
     w.start(lean, {"tau": 0.0, "F1": 120.0, "F2": 0.0}, on_slide=2)
     w.instance.must("DoStep", 0.0, 1e-3, 0)

@@ -5,7 +5,7 @@
 The equations are typed here a second time on purpose: nothing of the project's own code is used. Prints one row per
 transcription, number of intervals and form of the expressions (`expanded`: one graph of scalars; `mapped`: a function
 per interval), from the pump guess, the fastest of three runs, CPU time in one thread. `cargo bench --bench nlp` prints
-the same rows for the optimiser of this project; time there includes building the problem.
+the same rows for the optimizer of this project; time there includes building the problem.
 """
 
 import os

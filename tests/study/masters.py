@@ -8,7 +8,7 @@ the longer steps of 2 and 5 ms as long as the step. Every master runs over a row
 the number of fmi2DoStep calls, for `monolithic` (which makes none) that of evaluations of the system.
 
 Writes masters.csv (one row per run) and masters.svg and masters.png (error in x over FMU steps). A run that fails has
-its first line of complaint in column `problem`. Errors of some 2e-11 % are those of the reference.
+its first line of the error in column `problem`. Errors of some 2e-11 % are those of the reference.
 """
 
 import csv

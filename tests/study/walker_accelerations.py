@@ -19,7 +19,7 @@ from test_walker import ACCELERATIONS, PINNED, Walker  # noqa: E402
 # Coordinates of the tree; from our six to its seven.
 JOINTS = ["x", "y", "th1", "th2", "l1", "l2", "th3"]
 PROJECTION = np.vstack([np.eye(6), [0, 0, 0.5, 0.5, 0, 0]])
-# Mass, inertia about the centre, and the centre along the body: upper leg below the hip, toe above the tip, trunk above the hip.
+# Mass, inertia about the center, and the center along the body: upper leg below the hip, toe above the tip, trunk above the hip.
 LEG, TOE, TRUNK = (3.7, 0.2, -0.35), (0.8, 0.005, 0.10), (6.0, 0.10, 0.10)
 LARGEST = 1e-10
 

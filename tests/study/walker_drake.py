@@ -13,9 +13,9 @@ from walker_accelerations import JOINTS, LEG, TOE, TRUNK, compare
 RIGHT, UP, TURN = [1, 0, 0], [0, 0, 1], [0, -1, 0]
 
 
-def inertia(mass, about_centre, centre):
-    own = RotationalInertia(about_centre, about_centre, about_centre)
-    return SpatialInertia.MakeFromCentralInertia(mass, [0, 0, centre], own)
+def inertia(mass, about_center, center):
+    own = RotationalInertia(about_center, about_center, about_center)
+    return SpatialInertia.MakeFromCentralInertia(mass, [0, 0, center], own)
 
 
 def tree():

@@ -11,8 +11,8 @@ from walker_accelerations import JOINTS, LEG, TOE, TRUNK, compare
 
 
 def inertial(body):
-    mass, inertia, centre = body
-    return f'<inertial pos="0 0 {centre}" mass="{mass}" diaginertia="{inertia} {inertia} {inertia}"/>'
+    mass, inertia, center = body
+    return f'<inertial pos="0 0 {center}" mass="{mass}" diaginertia="{inertia} {inertia} {inertia}"/>'
 
 
 def leg(i):

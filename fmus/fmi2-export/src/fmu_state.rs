@@ -33,11 +33,11 @@ pub(crate) fn serialize(guid: &str, state: &State, bytes: &mut Vec<u8>) {
 /// The state that `bytes` hold, for an instance of the same model and interface.
 ///
 /// # Errors
-/// Says what is foreign about the bytes.
+/// Says why the bytes are not a state of this FMU.
 pub(crate) fn deserialize<M: Model>(instance: &Instance<M>, bytes: &[u8]) -> Result<Snapshot, String> {
     let mut r = Reader { bytes };
     if r.take(8) != Some(MAGIC) {
-        return Err("the bytes are not a serialised FMU state of this exporter".into());
+        return Err("the bytes are not a serialized FMU state of this exporter".into());
     }
     let version = r.u32().unwrap_or(0);
     if version != VERSION {

@@ -81,7 +81,7 @@ impl<'a, M: Model> InnerSolver<'a, M> {
         }
     }
 
-    /// One inner step from `(t, x0)` towards `target`; gives its length, the state goes to `x1`.
+    /// One inner step from `(t, x0)` toward `target`; gives its length, the state goes to `x1`.
     pub fn step(&mut self, t: f64, target: f64) -> Result<f64, Refusal> {
         let left = target - t;
         if !self.dopri {

@@ -191,7 +191,7 @@ impl<M: Model> Instance<M> {
         Ok(())
     }
 
-    /// True until the initialisation is over: computed states still follow from what is set.
+    /// True until the initialization is over: computed states still follow from what is set.
     pub(crate) fn is_before_start(&self) -> bool {
         matches!(self.state.mode, Mode::Instantiated | Mode::InitializationMode)
     }
@@ -272,7 +272,7 @@ impl<M: Model> Instance<M> {
     pub(crate) fn exit_initialization_mode(&mut self) -> Status {
         const F: &str = "fmi2ExitInitializationMode";
         if let Err(refusal) = self.update() {
-            // Initialisation can't be repeated with a smaller step: every refusal is an error here.
+            // Initialization can't be repeated with a smaller step: every refusal is an error here.
             let (Refusal::Discard(text) | Refusal::Error(text)) = refusal;
             return self.error(F, &text);
         }

@@ -16,7 +16,7 @@ pub struct Identity {
     pub description: &'static str,
     /// Version of the model.
     pub version: &'static str,
-    /// Author or organisation.
+    /// Author or organization.
     pub author: &'static str,
     /// Tool that made the FMU.
     pub generation_tool: &'static str,

@@ -9,7 +9,7 @@
 //!
 //! [start]
 //! "A1[1,1]" = -1.0081
-//! realisation = 2
+//! realization = 2
 //! ```
 //!
 //! One `key = value` per line; values are integers, floats, `true`, `false` and strings in double quotes. The reader

@@ -44,7 +44,7 @@ pub struct Structure {
     pub outputs: Vec<Unknown>,
     /// State derivatives in the order of the states; same knowns.
     pub derivatives: Vec<Unknown>,
-    /// What initialisation computes (FMI 2.0.4 section 2.2.8), in table order; knowns are inputs, states and
+    /// What initialization computes (FMI 2.0.4 section 2.2.8), in table order; knowns are inputs, states and
     /// parameters.
     pub initial_unknowns: Vec<Unknown>,
 }
@@ -78,7 +78,7 @@ impl Structure {
         let both: Vec<usize> = outputs.iter().chain(&derivatives).copied().collect();
         let mut running = search.run(&both, &knowns, Phase::Running);
         let derivatives = running.split_off(outputs.len());
-        let initial_unknowns = search.run(&initial_unknowns, &initial_knowns, Phase::Initialisation);
+        let initial_unknowns = search.run(&initial_unknowns, &initial_knowns, Phase::Initialization);
         Self { outputs: running, derivatives, initial_unknowns }
     }
 }
@@ -89,7 +89,7 @@ enum Phase {
     /// Parameters stand still.
     Running,
     /// Parameters are knowns, too; the first sample has not been taken.
-    Initialisation,
+    Initialization,
 }
 
 fn draws<M: Model>(model: &M, table: &Table) -> Vec<Values<f64>> {
@@ -186,7 +186,7 @@ impl<M: Model> Search<'_, M> {
                         let mut base = self.combine(draw, tunable, rest);
                         base.interface = interface;
                         base.at_sample = at_sample;
-                        if phase == Phase::Initialisation && !at_sample {
+                        if phase == Phase::Initialization && !at_sample {
                             continue;
                         }
                         if self.model.prepare(&mut base).is_err() || !self.initialize(&mut base, phase) {
@@ -290,8 +290,8 @@ fn classify(slopes: &[Slope], points: &[Point], phase: Phase) -> Option<Dependen
     let instance = |a: &Point, b: &Point| a.fixed == b.fixed && a.base.interface == b.base.interface;
     Some(if agree(&|_, _| true) {
         DependencyKind::Constant
-    } else if phase == Phase::Initialisation {
-        // The other kinds are about what happens after initialisation.
+    } else if phase == Phase::Initialization {
+        // The other kinds are about what happens after initialization.
         DependencyKind::Dependent
     } else if agree(&instance) {
         DependencyKind::Fixed
@@ -409,7 +409,7 @@ mod tests {
     }
 
     #[test]
-    fn initial_unknowns_are_what_initialisation_computes() {
+    fn initial_unknowns_are_what_initialization_computes() {
         let (model, table) = Table::of::<Zoo>();
         let structure = Structure::of(&model, &table);
         // x is an output, too, but its start value is exact.

@@ -209,7 +209,7 @@ impl Table {
         self.declare(name, Causality::Local, Variability::Continuous, Some(Initial::Calculated))
     }
 
-    /// A parameter that can be set before and during initialisation.
+    /// A parameter that can be set before and during initialization.
     pub fn parameter(&mut self, name: impl Into<String>) -> Declaration<'_> {
         self.declare(name, Causality::Parameter, Variability::Fixed, Some(Initial::Exact))
     }

@@ -20,7 +20,7 @@ pub struct Boolean(pub(crate) u32);
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct Text(pub(crate) u32);
 
-/// Handle of a number that the importer does not see: held samples, factorised parameters, delay lines.
+/// Handle of a number that the importer does not see: held samples, factorized parameters, delay lines.
 ///
 /// Part of the FMU state like every variable.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]

@@ -19,7 +19,7 @@ impl Model for Ring {
     const IDENTITY: Identity = Identity {
         model_identifier: "ring",
         model_name: "ring",
-        description: "every state with its neighbour",
+        description: "every state with its neighbor",
         version: "1",
         author: "me",
         generation_tool: "test",
@@ -35,8 +35,8 @@ impl Model for Ring {
     }
     fn equations<S: Scalar>(&self, q: &mut Values<S>) -> Outcome {
         for i in 0..6 {
-            let (x, neighbour) = (q[self.x[i]], q[self.x[(i + 1) % 6]]);
-            q[self.der[i]] = (x * neighbour).sin() + q[self.u] * (-x).exp() / 3.0;
+            let (x, neighbor) = (q[self.x[i]], q[self.x[(i + 1) % 6]]);
+            q[self.der[i]] = (x * neighbor).sin() + q[self.u] * (-x).exp() / 3.0;
         }
         Ok(())
     }

@@ -94,7 +94,7 @@ fn simulation_starts_there_and_goes_on_from_it() {
 }
 
 #[test]
-fn model_structure_lists_it_as_unknown_of_the_initialisation() {
+fn model_structure_lists_it_as_unknown_of_the_initialization() {
     let structure = fmi2_export::Definition::<Decay>::new().structure();
     let names = |i: usize| Fmu::table().variables()[i].name.clone();
     let unknowns: Vec<(String, Vec<String>)> = structure

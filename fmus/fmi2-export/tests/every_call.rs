@@ -349,7 +349,7 @@ fn instantiation_refuses_a_wrong_guid_and_survives_missing_arguments() {
 }
 
 #[test]
-fn log_categories_are_honoured() {
+fn log_categories_are_honored() {
     let events = |fmu: &Fmu| fmu.log.lock().unwrap().iter().filter(|m| m.1 == "logEvents").count();
     let fmu = Fmu::started(1);
     let set = |on: i32, names: &[&CStr]| {

@@ -4,9 +4,9 @@ use crate::matrix::{Complex, Matrix, NoLogarithm};
 use fmi2_export::{Enumeration, Scalar, Table};
 
 /// The choice between the sampled and the continuous form.
-pub fn declare_realisation(t: &mut Table) -> Enumeration {
+pub fn declare_realization(t: &mut Table) -> Enumeration {
     t.enumeration(
-        "Realisation",
+        "Realization",
         &[
             ("sampled", "samples at multiples of sample_time, held between"),
             ("continuous", "differential equation with the same values at the samples"),
@@ -27,7 +27,7 @@ pub fn of<S: Scalar, const MAX: usize>(
     sample_time: S,
 ) -> Result<Matrix<S, MAX>, NoContinuous> {
     let mut log = transition.logarithm().map_err(|why| {
-        // Beside the axis by less than this the logarithm exists but has no digits.
+        // Closer to the axis than this the logarithm exists but has no correct digits.
         const CLOSE: f64 = 1e-4;
         let poles = Matrix::leading(transition, states).poles();
         let on_axis = |p: &Complex| p.0 <= 0.0 && p.1.abs() <= CLOSE * p.0.abs();

@@ -290,7 +290,7 @@ mod tests {
             matrix(&[&[1.0144, -0.0216], &[0.0527, 0.9537]]),
             matrix(&[&[0.1, 1.0, 0.0], &[-0.3, 0.2, 1.0], &[0.05, 0.0, 0.4]]),
             matrix(&[&[1.0, 1.0], &[0.0, 1.0]]),    // a double pole at 1
-            matrix(&[&[-0.2, -3.0], &[3.0, -0.2]]), // poles beside the negative axis
+            matrix(&[&[-0.2, -3.0], &[3.0, -0.2]]), // poles near the negative axis
         ] {
             let back = exponential(a.logarithm().expect("no pole on the negative real axis"));
             assert!(back.plus(&a.scaled(-1.0)).norm1() < 1e-12, "{a:?} {back:?}");

@@ -10,7 +10,7 @@ use fmi2_export::{Identity, Model, Outcome, Real, Scalar, Table, Values};
 /// | `theta`, `omega`, `alpha` | rad, rad/s, rad/s² | angle, 0 hanging, and its rates |
 /// | `energy` | J | kinetic and potential energy, 0 at rest hanging |
 /// | `I` | kg m² | moment of inertia about the joint (`m_p l²` in eq. 4) |
-/// | `m`, `l` | kg, m | mass, distance of its centre from the joint |
+/// | `m`, `l` | kg, m | mass, distance of its center from the joint |
 /// | `g` | m/s² | gravity |
 /// | `b` | N m s/rad | damping of the joint |
 #[allow(non_snake_case)]
@@ -73,7 +73,7 @@ impl Model for Pendulum {
                 .nominal(0.004)
                 .real(0.004),
             m: t.parameter("m").unit("kg").about("mass").min(0.0).real(0.1),
-            l: t.parameter("l").unit("m").about("distance of the centre of mass from the joint").real(0.2),
+            l: t.parameter("l").unit("m").about("distance of the center of mass from the joint").real(0.2),
             g: t.parameter("g").unit("m/s2").about("gravity").real(9.81),
             b: t.parameter("b").unit("N.m.s/rad").about("damping of the joint").min(0.0).real(0.0006),
         }

@@ -24,7 +24,7 @@ pub struct Entry {
     pub shipped: bool,
     /// Equations, variables and limits in Markdown.
     pub readme: &'static str,
-    /// Parameter sets beside the start values; files `resources/<name>.ssv`.
+    /// Parameter sets in addition to the start values; files `resources/<name>.ssv`.
     pub parameter_sets: Vec<ParameterSet>,
     /// Further files under `resources/`: name and content.
     pub resources: &'static [(&'static str, &'static str)],

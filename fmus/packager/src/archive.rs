@@ -31,7 +31,7 @@ impl Member {
     }
 }
 
-/// Writes the archive beside its place and moves it there, so that no reader meets half a file.
+/// Writes the archive next to its final place and moves it there, so that no reader meets half a file.
 ///
 /// # Errors
 /// Where the file system or the archive library refuses; the path stands in the message.

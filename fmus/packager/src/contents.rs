@@ -16,15 +16,15 @@ pub struct Library {
     pub path: PathBuf,
 }
 
-/// The licence files of the repository as they stand in every FMU.
-const LICENCES: [&str; 2] = ["LICENSE-APACHE", "LICENSE-MIT"];
+/// The license files of the repository as they stand in every FMU.
+const LICENSES: [&str; 2] = ["LICENSE-APACHE", "LICENSE-MIT"];
 
-/// Reads the licences.
+/// Reads the licenses.
 ///
 /// # Errors
-/// A licence that cannot be read.
-pub fn licences(root: &Path) -> Result<Vec<Member>, Error> {
-    LICENCES
+/// A license that cannot be read.
+pub fn licenses(root: &Path) -> Result<Vec<Member>, Error> {
+    LICENSES
         .iter()
         .map(|name| {
             let path = root.join(name);
@@ -38,7 +38,7 @@ pub fn licences(root: &Path) -> Result<Vec<Member>, Error> {
 ///
 /// # Errors
 /// A library that cannot be read.
-pub fn of(entry: &Entry, libraries: &[&Library], licences: &[Member]) -> Result<Vec<Member>, Error> {
+pub fn of(entry: &Entry, libraries: &[&Library], licenses: &[Member]) -> Result<Vec<Member>, Error> {
     let table = (entry.table)();
     let mut members = vec![Member::file("modelDescription.xml", (entry.xml)())];
     let mut libraries = libraries.to_vec();
@@ -50,7 +50,7 @@ pub fn of(entry: &Entry, libraries: &[&Library], licences: &[Member]) -> Result<
         members.push(Member { executable: true, ..Member::file(name, bytes) });
     }
     members.push(Member::file("documentation/index.html", documentation::page(entry, &table)));
-    members.extend_from_slice(licences);
+    members.extend_from_slice(licenses);
     members.push(Member::file("model.png", icon::png(entry.identity.model_name)));
     members.push(Member::folder("resources/"));
     for set in &entry.parameter_sets {

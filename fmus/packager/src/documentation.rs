@@ -19,7 +19,7 @@ pub fn page(entry: &Entry, table: &Table) -> String {
          <style>{STYLE}</style>\n</head>\n<body>\n<img src=\"../model.png\" alt=\"\">\n{readme}\
          <h2>All variables</h2>\n<table>\n<tr><th>name</th><th>type</th><th>causality</th><th>variability</th>\
          <th>unit</th><th>start</th><th>range</th><th>description</th></tr>\n{rows}</table>\n\
-         <p>Version {version}. Licences: <a href=\"licenses/LICENSE-MIT.txt\">MIT</a> or \
+         <p>Version {version}. Licenses: <a href=\"licenses/LICENSE-MIT.txt\">MIT</a> or \
          <a href=\"licenses/LICENSE-APACHE.txt\">Apache 2.0</a>.</p>\n</body>\n</html>\n",
         name = escape(entry.identity.model_name),
         version = escape(entry.identity.version),

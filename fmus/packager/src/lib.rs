@@ -46,7 +46,7 @@ pub fn package(request: &Request) -> Result<Vec<PathBuf>, Error> {
         None => libraries::build(&request.root, &entries)?,
     };
     let further = libraries::of_platforms(&request.add_platform, &entries)?;
-    let licences = contents::licences(&request.root)?;
+    let licenses = contents::licenses(&request.root)?;
     let mut written = Vec::new();
     for entry in &entries {
         let mut of_entry: Vec<&Library> =
@@ -58,7 +58,7 @@ pub fn package(request: &Request) -> Result<Vec<PathBuf>, Error> {
         });
         of_entry.extend(own);
         let path = fmu_path(&request.out, entry);
-        archive::write(&path, &contents::of(entry, &of_entry, &licences)?)?;
+        archive::write(&path, &contents::of(entry, &of_entry, &licenses)?)?;
         written.push(path);
     }
     Ok(written)

@@ -47,7 +47,7 @@ pub enum Command {
     Inspect(super::inspect::Args),
     /// Write a system, with changed start values if wanted, as an SSP file for other tools.
     ///
-    /// The written system simulates to the same bits. Geometry, annotations, connectors that are not connected, and
+    /// The written system gives the same results, bit for bit. Geometry, annotations, connectors that are not connected, and
     /// the step size and tolerance of a single FMU are not kept.
     Export(super::export::Args),
     /// Write one of our FMUs with start values, name and GUID of its own, for any FMI tool.
@@ -77,9 +77,9 @@ pub enum Command {
     /// Writes controller.fmu (for any FMI 2.0 tool), closed_loop.ssd (for `airloop run`), gains.csv, closed_loop.csv (a
     /// run of it), summary.json and figures.
     Stabilize(super::stabilize::Args),
-    /// Try a stabilised plan, and the plan alone, on perturbed systems with sensor noise.
+    /// Try a stabilized plan, and the plan alone, on perturbed systems with sensor noise.
     ///
-    /// Writes trials.csv, courses.csv (the first ten trials), summary.json and figures.
+    /// Writes trials.csv, trajectories.csv (the first ten trials), summary.json and figures.
     Trials(super::trials::Args),
     /// Find the physical effect that a declared model lacks, from measured records.
     ///
@@ -181,7 +181,7 @@ pub struct CouplingArgs {
     /// Repeat until the outputs change by less than this part of the larger of value and nominal value, e.g. 1e-6.
     #[arg(long, value_name = "TOL", help_heading = COUPLING)]
     pub iterate: Option<f64>,
-    /// Course of the inputs inside a communication step. Default: ramped.
+    /// How inputs continue inside a communication step. Default: ramped.
     #[arg(long, value_enum, help_heading = COUPLING)]
     pub inputs: Option<InputsChoice>,
 }
@@ -211,7 +211,7 @@ const ADAPTIVE: &str = "Adaptive communication steps";
 #[derive(Debug, Clone, Args)]
 pub struct AdaptiveArgs {
     /// Choose every communication step by its error, from --step on. gauss-seidel and jacobi repeat each step from the
-    /// saved states with inputs that run towards the result of the pass before; interface-jacobian makes it whole and in
+    /// saved states with inputs that run toward the result of the pass before; interface-jacobian makes it whole and in
     /// two halves, which are kept. For gauss-seidel, jacobi and interface-jacobian; all FMUs must save and restore their
     /// state. Steps end at samples of components and inputs; interface-jacobian may span whole samples of components.
     #[arg(long, help_heading = ADAPTIVE)]

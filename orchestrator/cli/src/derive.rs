@@ -13,7 +13,7 @@ use airloop_fmi::{Fmu, template_folder};
 #[command(after_help = "Example: airloop derive arx-actuator --set 'A1[1,1]=-1.0081' --set nk=2 -o toe.fmu")]
 pub struct Args {
     /// FMU to start from: a file, or the name of one of ours such as arx-actuator (looked for in the folder of the
-    /// environment variable AIRLOOP_FMUS, else beside the program, else in target/fmu).
+    /// environment variable AIRLOOP_FMUS, else next to the program, else in target/fmu).
     pub template: PathBuf,
     /// File to write. Default for the name of the model: the name of the file.
     #[arg(short, long, value_name = "FILE")]

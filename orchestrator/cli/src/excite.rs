@@ -36,7 +36,7 @@ pub enum Kind {
         /// First and last frequency, e.g. 0.1..12Hz; the last may be the lower.
         #[arg(long, value_parser = parse_band, value_name = "FROM..TO")]
         band: Band,
-        /// Course of the frequency over time.
+        /// Change of the frequency over time.
         #[arg(long, value_enum, default_value_t = SweepChoice::Linear)]
         sweep: SweepChoice,
         /// Options of all signals.

@@ -30,7 +30,7 @@ pub struct Args {
     /// Errors make the exit code 1.
     #[arg(long)]
     pub check: bool,
-    /// With --check: only archive and description; runs no foreign code.
+    /// With --check: only archive and description; runs no third-party code.
     #[arg(long, requires = "check")]
     pub no_run: bool,
 }
@@ -80,7 +80,7 @@ fn check(fmu: &Arc<Fmu>, args: &Args) -> Result<Vec<Finding>, Error> {
     show(&format!("{}\n", fmu.shown.display()))?;
     let mut findings = check::static_findings(fmu);
     show(&text(&findings))?;
-    // What follows runs foreign code and may end the process: what is known is printed before.
+    // What follows runs third-party code and may end the process: what is known is printed before.
     if !args.no_run {
         let dynamic = check::dynamic_findings(fmu);
         show(&text(&dynamic))?;
@@ -185,7 +185,7 @@ fn number(value: f64) -> String {
 fn capabilities(kind: InterfaceKind, interface: &Interface) -> Vec<String> {
     let common = [
         (interface.can_get_and_set_fmu_state, "saves and restores its state"),
-        (interface.can_serialize_fmu_state, "serialises its state"),
+        (interface.can_serialize_fmu_state, "serializes its state"),
         (interface.provides_directional_derivative, "provides directional derivatives"),
         (interface.needs_execution_tool, "needs an execution tool"),
         (interface.can_be_instantiated_only_once_per_process, "allows one instance per process"),

@@ -66,7 +66,7 @@ pub struct RecordArgs {
     /// Step of the values of a sensor, 0 for none. May be repeated. Usual: F 0.01 N, x 0.01 mm, v 0.1 mm/s, theta 2 pi/4096,
     /// u 0.001 N.
     #[arg(long, value_name = "SIGNAL=STEP", value_parser = parse_number)]
-    pub quantise: Vec<(String, f64)>,
+    pub quantize: Vec<(String, f64)>,
     /// Mass that the load cell moves with the cart in friction-sweep [kg].
     /// Default: 0.399.
     #[arg(long, value_name = "KG")]
@@ -78,10 +78,10 @@ pub struct RecordArgs {
     /// Default: 0.
     #[arg(long, value_name = "NUMBER", allow_hyphen_values = true)]
     pub offset: Option<f64>,
-    /// Command per metre that pulls x back to the middle (coupled).
+    /// Command per meter that pulls x back to the middle (coupled).
     /// Default: 60.
     #[arg(long, value_name = "NUMBER")]
-    pub centring: Option<f64>,
+    pub centering: Option<f64>,
     /// Seed of commands and noise.
     #[arg(long, default_value_t = 1)]
     pub seed: u64,
@@ -101,7 +101,7 @@ pub enum PlanChoice {
     /// Piston and cart moved at an imposed velocity, each with the friction of the paper (eq. 10 and 11); with --system, the
     /// friction of that FMU alone.
     FrictionSweep,
-    /// A whole system under a command with weak centring.
+    /// A whole system under a command with weak centering.
     Coupled,
 }
 
@@ -159,7 +159,7 @@ fn check_options(args: &RecordArgs) -> Result<(), Error> {
         ("--mass", args.mass.is_some() && !cart, "friction-sweep without --system and --set"),
         ("--vary", !args.vary.is_empty() && !coupled, "coupled"),
         ("--offset", args.offset.is_some() && !coupled, "coupled"),
-        ("--centring", args.centring.is_some() && !coupled, "coupled"),
+        ("--centering", args.centering.is_some() && !coupled, "coupled"),
         ("--amplitude with several values", several && coupled, "rod-fixed or friction-sweep"),
     ];
     match unused.into_iter().find(|(_, unused, _)| *unused) {
@@ -226,7 +226,7 @@ fn recordings(args: &RecordArgs) -> Result<(PathBuf, &'static str, Vec<Recording
                 seed: args.seed,
                 vary: args.vary.clone(),
                 offset: args.offset.unwrap_or(0.0),
-                centring: args.centring.unwrap_or(60.0),
+                centering: args.centering.unwrap_or(60.0),
                 ..Default::default()
             };
             plan.amplitude =
@@ -254,7 +254,7 @@ fn sensors(args: &RecordArgs) -> Vec<Sensor> {
     for (name, noise) in &args.noise {
         change(name, &|sensor| sensor.noise = *noise);
     }
-    for (name, step) in &args.quantise {
+    for (name, step) in &args.quantize {
         change(name, &|sensor| sensor.step = *step);
     }
     sensors

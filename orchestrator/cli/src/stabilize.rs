@@ -18,13 +18,13 @@ use airloop_cosim::master::Settings as MasterSettings;
 use airloop_cosim::master::simulate::{self, End, Watch};
 use airloop_cosim::system::SystemGraph;
 use airloop_plan::prepare::{Prepared, prepare};
-use airloop_plan::stabilise::record::{self, SCHEMA_VERSION, Summary};
-use airloop_plan::stabilise::{Plan, Stabilised, settings, stabilise, wiring, write_fmu};
+use airloop_plan::stabilize::record::{self, SCHEMA_VERSION, Summary};
+use airloop_plan::stabilize::{Plan, Stabilized, settings, stabilize, wiring, write_fmu};
 use airloop_plan::{Error as PlanError, record as plan_record};
 use airloop_report::plot;
 use airloop_report::plot::plan::TRAJECTORY;
 use airloop_report::plot::run::short;
-use airloop_report::plot::stabilise::{CLOSED_LOOP, GAINS};
+use airloop_report::plot::stabilize::{CLOSED_LOOP, GAINS};
 use airloop_series::{Interpolation, TimeSeries, csv};
 
 /// The FMU of the controller.
@@ -37,7 +37,7 @@ pub const SYSTEMS: [&str; 2] = ["closed_loop.ssd", "closed_loop.ssp"];
 /// `airloop stabilize`
 #[derive(Debug, clap::Args)]
 #[command(
-    after_help = "Example: airloop stabilize out/swing_up examples/03_swing_up/stabilise.toml -o out/stabilised\n         airloop run out/stabilised/closed_loop.ssd -o out/run\n         airloop trials out/stabilised --count 200"
+    after_help = "Example: airloop stabilize out/swing_up examples/03_swing_up/stabilize.toml -o out/stabilized\n         airloop run out/stabilized/closed_loop.ssd -o out/run\n         airloop trials out/stabilized --count 200"
 )]
 pub struct Args {
     /// Folder of `airloop optimize`, or the CSV file of a trajectory (states and inputs by their names; give --problem).
@@ -66,7 +66,7 @@ pub struct Args {
 /// Runs the command.
 ///
 /// # Errors
-/// What keeps the plan from being read or stabilised, or the results from being written.
+/// What keeps the plan from being read or stabilized, or the results from being written.
 pub fn run(args: &Args) -> Result<ExitCode, Error> {
     let (file, problem, held) = sources(args)?;
     let settings = settings::read(&args.settings)?;
@@ -79,33 +79,33 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
     let mut prepared = prepare(&problem)?;
     let interpolation = if held { Interpolation::Hold } else { Interpolation::Linear };
     let plan = Plan { trajectory: &trajectory, file: &file, interpolation };
-    let stabilised = stabilise(&mut prepared, plan, &settings)?;
+    let stabilized = stabilize(&mut prepared, plan, &settings)?;
     let design_time = began.elapsed().as_secs_f64();
 
     folder::make(&args.output)?;
     folder::clear(&args.output)?;
     let (fmu, graph) = (args.output.join(CONTROLLER), &prepared.graph);
     let description = format!("Regulator with state estimator for a plan of {}", graph.name);
-    write_fmu(&stabilised.controller, "controller", &description, &fmu)?;
+    write_fmu(&stabilized.controller, "controller", &description, &fmu)?;
     let states = &prepared.task.signals.states;
     let closed = wiring::write_closed_loop(
         graph,
-        &prepared.catalogue,
-        &stabilised,
+        &prepared.catalog,
+        &stabilized,
         (states, &settings.parameters),
         &fmu,
         &args.output,
     )?;
     let copied = std::fs::copy(&args.settings, args.output.join(SETTINGS));
     copied.map_err(|source| PlanError::Io { file: args.settings.clone(), source })?;
-    csv::write(&record::gains(&stabilised, &prepared.catalogue)?, &args.output.join(GAINS))?;
-    let result = run_closed_loop(&closed, &stabilised)?;
+    csv::write(&record::gains(&stabilized, &prepared.catalog)?, &args.output.join(GAINS))?;
+    let result = run_closed_loop(&closed, &stabilized)?;
     csv::write(&result, &args.output.join(CLOSED_LOOP))?;
 
     let closed_name = closed.file_name().unwrap_or_default().to_string_lossy().into_owned();
     let files = [CONTROLLER, SETTINGS, GAINS, CLOSED_LOOP].map(String::from).into_iter().chain([closed_name]);
     let mut notes = prepared.notes.clone();
-    notes.extend(stabilised.notes.iter().cloned());
+    notes.extend(stabilized.notes.iter().cloned());
     let mut summary = Summary {
         schema_version: SCHEMA_VERSION,
         airloop_version: env!("CARGO_PKG_VERSION").into(),
@@ -113,22 +113,22 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
         trajectory_file: file,
         problem_file: problem,
         settings_file: args.settings.clone(),
-        sample_time: stabilised.controller.sample_time,
-        samples: stabilised.nominal.samples(),
-        rests: stabilised.nominal.rests,
-        signals: record::signals(&stabilised, states, &prepared.catalogue),
-        largest_error: largest_errors(&prepared, &stabilised, &result),
+        sample_time: stabilized.controller.sample_time,
+        samples: stabilized.nominal.samples(),
+        rests: stabilized.nominal.rests,
+        signals: record::signals(&stabilized, states, &prepared.catalog),
+        largest_error: largest_errors(&prepared, &stabilized, &result),
         design_time,
         files: files.collect(),
         figures: Vec::new(),
         notes,
     };
     if !args.no_plots {
-        summary.figures = plot::stabilise::figure_files(&summary);
+        summary.figures = plot::stabilize::figure_files(&summary);
     }
     record::write(&summary, &args.output.join("summary.json"))?;
     if !args.no_plots {
-        plot::stabilise::draw(&args.output, &summary)?;
+        plot::stabilize::draw(&args.output, &summary)?;
     }
     if !args.quiet {
         output::print(&report(&summary, &closed, &args.output))?;
@@ -153,12 +153,12 @@ fn sources(args: &Args) -> Result<(PathBuf, PathBuf, bool), Error> {
 }
 
 /// The closed loop without noise, from the start of the plan over twice its length.
-fn run_closed_loop(file: &Path, stabilised: &Stabilised) -> Result<TimeSeries, Error> {
+fn run_closed_loop(file: &Path, stabilized: &Stabilized) -> Result<TimeSeries, Error> {
     let graph = SystemGraph::open(file)?;
     let settings = MasterSettings {
-        start_time: stabilised.nominal.start,
+        start_time: stabilized.nominal.start,
         stop_time: graph.experiment.stop.unwrap_or_default(),
-        step_size: stabilised.controller.sample_time,
+        step_size: stabilized.controller.sample_time,
         ..MasterSettings::default()
     };
     let watch = Watch { stop: &AtomicBool::new(false), progress: &mut |_, _| {} };
@@ -172,12 +172,12 @@ fn run_closed_loop(file: &Path, stabilised: &Stabilised) -> Result<TimeSeries, E
 /// Largest distance from the plan of every state that can be seen.
 fn largest_errors(
     prepared: &Prepared,
-    stabilised: &Stabilised,
+    stabilized: &Stabilized,
     result: &TimeSeries,
 ) -> BTreeMap<String, f64> {
-    let nominal = &stabilised.nominal;
+    let nominal = &stabilized.nominal;
     let error = |(i, &index): (usize, &usize)| {
-        let variable = &prepared.catalogue.variables()[index];
+        let variable = &prepared.catalog.variables()[index];
         let channel = result.channel(&variable.name).or_else(|| result.channel(&variable.path))?;
         let pairs = channel.values.iter().zip(&nominal.states[..nominal.samples()]);
         let largest = pairs.map(|(value, planned)| (value - planned[i]).abs()).fold(0.0, f64::max);

@@ -1,4 +1,4 @@
-//! `airloop trials`: how many perturbed systems a controller keeps on the plan, beside the plan alone.
+//! `airloop trials`: how many perturbed systems a controller keeps on the plan, compared with the plan alone.
 
 #![allow(
     rustdoc::broken_intra_doc_links,
@@ -19,21 +19,21 @@ use super::table::table;
 use super::{folder, output, run};
 use airloop::Error;
 use airloop_plan::Error as PlanError;
-use airloop_plan::stabilise::record::{self, CriterionRecord, SCHEMA_VERSION, TrialsSummary};
-use airloop_plan::stabilise::settings;
+use airloop_plan::stabilize::record::{self, CriterionRecord, SCHEMA_VERSION, TrialsSummary};
+use airloop_plan::stabilize::settings;
 use airloop_plan::trials::{self, Ready, Request, Trial};
 use airloop_report::plot;
-use airloop_report::plot::stabilise::{COURSES, share};
+use airloop_report::plot::stabilize::{TRAJECTORIES, share};
 use airloop_series::{TimeSeries, csv};
 
 /// A row per trial.
 const TRIALS: &str = "trials.csv";
-/// Trials whose courses are drawn, as in Fig. 10 of the paper.
+/// Trials whose trajectories are drawn, as in Fig. 10 of the paper.
 const DRAWN: usize = 10;
 
 /// `airloop trials`
 #[derive(Debug, clap::Args)]
-#[command(after_help = "Example: airloop trials out/stabilised --count 200 --scale 2 -o out/trials")]
+#[command(after_help = "Example: airloop trials out/stabilized --count 200 --scale 2 -o out/trials")]
 pub struct Args {
     /// Folder of `airloop stabilize`, or a closed loop that it wrote (.ssd, .ssp; give --settings).
     pub system: PathBuf,
@@ -78,7 +78,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
     }
     let (system, file) = sources(args)?;
     let settings = settings::read(&file)?;
-    let names = [TRIALS, COURSES, "index.html", "summary.json"].map(String::from);
+    let names = [TRIALS, TRAJECTORIES, "index.html", "summary.json"].map(String::from);
     folder::check(&args.output, &[system.clone(), file.clone()], &names)?;
     let began = Instant::now();
     let ready = trials::prepare(&system, &settings, args.master.into())?;
@@ -109,12 +109,12 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
     folder::make(&args.output)?;
     folder::clear(&args.output)?;
     write_trials(&ready, &done, &args.output.join(TRIALS))?;
-    csv::write(&courses(&done)?, &args.output.join(COURSES))?;
+    csv::write(&trajectories(&done)?, &args.output.join(TRAJECTORIES))?;
     let shown = ready.shown();
     let number = |closed: bool| done.iter().filter(|trial| trial.closed == closed).count();
     let kept = |name: &String, closed: bool| {
         let good = |trial: &&Trial| {
-            trial.closed == closed && trial.judgement.iter().any(|(own, kept)| own == name && *kept)
+            trial.closed == closed && trial.judgment.iter().any(|(own, kept)| own == name && *kept)
         };
         done.iter().filter(good).count()
     };
@@ -142,12 +142,12 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
         criteria: criteria.collect(),
         ended_early: early.collect(),
         time: began.elapsed().as_secs_f64(),
-        files: vec![TRIALS.into(), COURSES.into()],
-        figures: if args.no_plots { Vec::new() } else { plot::stabilise::trial_figures(&shown) },
+        files: vec![TRIALS.into(), TRAJECTORIES.into()],
+        figures: if args.no_plots { Vec::new() } else { plot::stabilize::trial_figures(&shown) },
     };
     record::write(&summary, &args.output.join("summary.json"))?;
     if !args.no_plots {
-        plot::stabilise::draw_trials(&args.output, &summary, &shown)?;
+        plot::stabilize::draw_trials(&args.output, &summary, &shown)?;
     }
     if !args.quiet {
         output::print(&report(&summary, &args.output))?;
@@ -179,7 +179,7 @@ fn sources(args: &Args) -> Result<(PathBuf, PathBuf), Error> {
 fn write_trials(ready: &Ready, trials: &[Trial], file: &Path) -> Result<(), Error> {
     let mut text = format!("seed,loop,{},ended_early\n", ready.criteria_names().join(","));
     for trial in trials {
-        let kept: Vec<&str> = trial.judgement.iter().map(|(_, kept)| if *kept { "1" } else { "0" }).collect();
+        let kept: Vec<&str> = trial.judgment.iter().map(|(_, kept)| if *kept { "1" } else { "0" }).collect();
         let kind = if trial.closed { "closed" } else { "open" };
         let early = u8::from(trial.problem.is_some());
         text += &format!("{},{kind},{},{early}\n", trial.seed, kept.join(","));
@@ -188,16 +188,16 @@ fn write_trials(ready: &Ready, trials: &[Trial], file: &Path) -> Result<(), Erro
         .map_err(|source| PlanError::Io { file: file.into(), source }.into())
 }
 
-/// Courses that were kept, side by side; one that ended early is left out.
-fn courses(trials: &[Trial]) -> Result<TimeSeries, Error> {
+/// Trajectories that were kept, side by side; one that ended early is left out.
+fn trajectories(trials: &[Trial]) -> Result<TimeSeries, Error> {
     let kept: Vec<(&Trial, &TimeSeries)> =
-        trials.iter().filter_map(|trial| Some((trial, trial.course.as_ref()?))).collect();
-    let longest = kept.iter().map(|(_, course)| course).max_by_key(|course| course.len());
-    let mut all = TimeSeries::new(longest.map_or_else(Vec::new, |course| course.time().to_vec()))?;
-    for (trial, course) in
-        kept.into_iter().filter(|(_, course)| course.len() == all.len()).collect::<Vec<_>>()
+        trials.iter().filter_map(|trial| Some((trial, trial.trajectory.as_ref()?))).collect();
+    let longest = kept.iter().map(|(_, trajectory)| trajectory).max_by_key(|trajectory| trajectory.len());
+    let mut all = TimeSeries::new(longest.map_or_else(Vec::new, |trajectory| trajectory.time().to_vec()))?;
+    for (trial, trajectory) in
+        kept.into_iter().filter(|(_, trajectory)| trajectory.len() == all.len()).collect::<Vec<_>>()
     {
-        for channel in course.channels() {
+        for channel in trajectory.channels() {
             let kind = if trial.closed { "closed" } else { "open" };
             let name = format!("{}, {kind} loop, seed {}", channel.name, trial.seed);
             all.push(name, channel.unit.clone(), channel.values.clone())?;

@@ -162,7 +162,7 @@ fn without_validation_files_a_part_is_kept_back_and_said_so() {
     record(&folder, "a.csv", &truth(), 900, 0.1, 100);
     let output = identify(&folder, &["compare", "a.csv", "--arx", "2", "--state-space", "2..3", "-o", "c"]);
     assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
-    assert!(text(&output.stdout).contains("the last third of each file is kept back"));
+    assert!(text(&output.stdout).contains("the last third of each file is held out"));
 }
 
 #[test]

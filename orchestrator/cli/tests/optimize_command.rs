@@ -183,9 +183,9 @@ fn the_frictionless_cart_pole_is_one_fmu() {
     }
 }
 
-/// The foreign FMU of the example with lines of its source changed, and the problem beside it.
-fn foreign(folder: &TempDir, changes: &[(&str, &str)]) {
-    let source = project().join("examples/03_swing_up/foreign");
+/// The third-party FMU of the example with lines of its source changed, and the problem next to it.
+fn third_party(folder: &TempDir, changes: &[(&str, &str)]) {
+    let source = project().join("examples/03_swing_up/third_party");
     let mut code = std::fs::read_to_string(source.join("van_der_pol.c")).unwrap();
     for (from, to) in changes {
         assert!(code.contains(from), "{from}");
@@ -197,14 +197,14 @@ fn foreign(folder: &TempDir, changes: &[(&str, &str)]) {
     let description = std::fs::read_to_string(source.join("modelDescription.xml")).unwrap();
     c_fmu::pack(&folder.path().join("van_der_pol.fmu"), &description, Some(("van_der_pol", &library)));
     let problem = std::fs::read_to_string(source.join("problem.toml")).unwrap();
-    let problem = problem.replace("../../../out/foreign/", "");
+    let problem = problem.replace("../../../out/third_party/", "");
     std::fs::write(folder.path().join("problem.toml"), problem).unwrap();
 }
 
 #[test]
-fn an_fmu_of_another_tool_without_derivatives_is_optimised() {
+fn an_fmu_of_another_tool_without_derivatives_is_optimized() {
     let folder = TempDir::new().unwrap();
-    foreign(&folder, &[]);
+    third_party(&folder, &[]);
     let output = optimize(&folder, Path::new("problem.toml"), &["--intervals", "50"]);
     assert_eq!(output.status.code(), Some(0), "{}{}", text(&output.stdout), text(&output.stderr));
     let summary = summary(&folder);
@@ -217,7 +217,7 @@ fn an_fmu_of_another_tool_without_derivatives_is_optimised() {
 fn an_fmu_that_fails_beyond_a_point_is_stepped_back_from() {
     // The oscillator swings through x2 = 1 in the plan; a failure beyond 1.2 only stands in the way of long steps.
     let folder = TempDir::new().unwrap();
-    foreign(
+    third_party(
         &folder,
         &[(
             "    rates(model, dx);\n    return 0;",
@@ -233,7 +233,7 @@ fn an_fmu_that_fails_beyond_a_point_is_stepped_back_from() {
 fn an_fmu_that_fails_where_the_search_begins_is_named() {
     for failure in ["    rates(model, dx);\n    return 3;", "    dx[0] = dx[1] = 0.0 / 0.0;\n    return 0;"] {
         let folder = TempDir::new().unwrap();
-        foreign(&folder, &[("    rates(model, dx);\n    return 0;", failure)]);
+        third_party(&folder, &[("    rates(model, dx);\n    return 0;", failure)]);
         let output = optimize(&folder, Path::new("problem.toml"), &[]);
         assert_eq!(output.status.code(), Some(22), "{}", text(&output.stderr));
         assert!(text(&output.stderr).contains("van_der_pol"), "{}", text(&output.stderr));

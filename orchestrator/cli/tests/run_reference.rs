@@ -1,4 +1,4 @@
-//! Foreign FMUs under `airloop run`: the FMI 2.0 set of the Modelica Reference FMUs.
+//! Third-party FMUs under `airloop run`: the FMI 2.0 set of the Modelica Reference FMUs.
 //!
 //! The folder with the .fmu files is named in AIRLOOP_REFERENCE_FMUS; without it the test says that it is skipped.
 

@@ -1,4 +1,4 @@
-//! Writing of systems: what is written reads back to the same graph, runs to the same bits, and is the same file.
+//! Writing of systems: what is written reads back to the same graph, runs bit for bit, and is the same file.
 #![cfg(target_os = "linux")]
 
 use std::path::Path;

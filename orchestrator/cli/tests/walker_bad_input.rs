@@ -10,8 +10,8 @@ fn project() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
 }
 
-/// Exit code and complaint for the problem of example 04 with texts replaced by others; none without FMUs.
-fn complaint(changes: &[(&str, &str)]) -> Option<(i32, String)> {
+/// Exit code and error message for the problem of example 04 with texts replaced by others; none without FMUs.
+fn error_message(changes: &[(&str, &str)]) -> Option<(i32, String)> {
     if !project().join("target/fmu/compass-gait.fmu").exists() {
         eprintln!("skipped: target/fmu/compass-gait.fmu is not built (make fmu)");
         return None;
@@ -42,7 +42,7 @@ fn says(from: &str, to: &str, code: i32, parts: &[&str]) {
 }
 
 fn all_say(changes: &[(&str, &str)], code: i32, parts: &[&str]) {
-    let Some((found, message)) = complaint(changes) else { return };
+    let Some((found, message)) = error_message(changes) else { return };
     assert_eq!(found, code, "{message}");
     for part in parts {
         assert!(message.contains(part), "{part}: {message}");

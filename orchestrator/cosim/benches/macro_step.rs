@@ -226,7 +226,7 @@ impl Bare {
         for k in 0..steps {
             let mut value = [k as f64];
             for &component in &self.components {
-                // SAFETY: the instances are initialised; all arrays have length 1.
+                // SAFETY: the instances are initialized; all arrays have length 1.
                 let status = unsafe {
                     set(component, self.input.as_ptr(), 1, value.as_ptr())
                         | step(component, self.time, STEP, 1)

@@ -1,4 +1,4 @@
-//! An algebraic loop that exists in initialisation only, between slaves.
+//! An algebraic loop that exists in initialization only, between slaves.
 #![cfg(target_os = "linux")]
 
 use std::sync::atomic::AtomicBool;
@@ -9,7 +9,7 @@ use airloop_cosim::system::SystemGraph;
 use airloop_testing::slave::{component, connection, description, folder, pack, ssd, write};
 use tempfile::TempDir;
 
-/// a.u = b.y + 1, b.u = a.y, where y depends on u in initialisation only.
+/// a.u = b.y + 1, b.u = a.y, where y depends on u in initialization only.
 fn graph(folder: &TempDir, gain_of_b: &str) -> SystemGraph {
     let text = description()
         .replace("<Unknown index=\"2\" dependencies=\"1\"/>", "<Unknown index=\"2\" dependencies=\"\"/>");
@@ -36,7 +36,7 @@ fn simulate(graph: &SystemGraph, algorithm: Algorithm) -> Result<Vec<f64>, Error
 }
 
 #[test]
-fn a_loop_of_initialisation_is_solved_where_passing_on_diverges() {
+fn a_loop_of_initialization_is_solved_where_passing_on_diverges() {
     let folder = folder();
     let graph = graph(&folder, "2");
     for algorithm in [Algorithm::GaussSeidel, Algorithm::Jacobi] {
@@ -49,7 +49,7 @@ fn a_loop_of_initialisation_is_solved_where_passing_on_diverges() {
 }
 
 #[test]
-fn a_loop_of_initialisation_without_a_solution_names_its_inputs_and_residuals() {
+fn a_loop_of_initialization_without_a_solution_names_its_inputs_and_residuals() {
     let folder = folder();
     // u = u + 1
     let message = simulate(&graph(&folder, "0.5"), Algorithm::GaussSeidel).unwrap_err().to_string();

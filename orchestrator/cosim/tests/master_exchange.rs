@@ -53,7 +53,7 @@ fn gauss_seidel_passes_new_outputs_on_within_the_step() {
     let stimulus = ramp_into_first(&series, Interpolation::Linear);
     let run = simulate(&chain(&folder), &settings(3.0, 1.0), Some(&stimulus)).unwrap();
     assert_eq!(values(&run, "u"), [1.0, 2.0, 3.0, 4.0]);
-    // Row k + 1 holds what the step from t_k gave, with the input at t_k; row 0 is the initialisation.
+    // Row k + 1 holds what the step from t_k gave, with the input at t_k; row 0 is the initialization.
     assert_eq!(values(&run, "b.y"), [1.0, 1.0, 2.0, 3.0]);
     assert_eq!(values(&run, "b.x"), [0.0, 1.0, 3.0, 6.0]);
 }
@@ -193,7 +193,7 @@ fn units_are_converted_on_the_way_in_and_out() {
 }
 
 #[test]
-fn initialisation_is_consistent_through_a_chain_in_any_order_of_the_file() {
+fn initialization_is_consistent_through_a_chain_in_any_order_of_the_file() {
     let folder = folder();
     let names = ["e", "c", "a", "d", "b"];
     let components = names.map(|name| component(name, "")).concat();

@@ -37,7 +37,7 @@ fn a_chain_is_ordered_by_its_connections_and_not_by_the_file() {
 }
 
 #[test]
-fn a_loop_through_a_state_is_ordered_without_complaint() {
+fn a_loop_through_a_state_is_ordered_without_error() {
     let folder = folder_without_library();
     // a.y depends on a.u = b.x, a state: no algebraic loop.
     let components = [component("b", ""), component("a", "")].concat();
@@ -139,13 +139,13 @@ fn a_transformation_acts_between_the_units_of_the_connectors() {
 #[test]
 fn a_unit_that_only_the_connector_has_counts() {
     let folder = folder_without_library();
-    // gain has no unit in the FMU; the connector says that it is a length in metres.
+    // gain has no unit in the FMU; the connector says that it is a length in meters.
     let connectors = "<ssd:Connector name=\"k\" kind=\"parameter\"><ssc:Real unit=\"mm\"/></ssd:Connector>\n";
-    let metres = component("a", "").replace(
+    let meters = component("a", "").replace(
         "name=\"gain\" kind=\"parameter\"/>",
         "name=\"gain\" kind=\"parameter\"><ssc:Real unit=\"m\"/></ssd:Connector>",
     );
-    let text = ssd(connectors, &metres, &connection("k", "a.gain"), &binding(&real("k", "3500")));
+    let text = ssd(connectors, &meters, &connection("k", "a.gain"), &binding(&real("k", "3500")));
     let graph = open(&folder, &text).unwrap();
     assert_eq!(graph.components[0].start_values[0].value, Start::Real(3.5));
 }

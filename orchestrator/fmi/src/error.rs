@@ -147,7 +147,7 @@ pub enum Error {
     #[error(
         "{component}: {function} was given a state of another instance; a state belongs to the instance that made it"
     )]
-    ForeignState {
+    StateOfAnotherInstance {
         /// Instance name.
         component: String,
         /// Function that was asked for.

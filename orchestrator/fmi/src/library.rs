@@ -1,6 +1,6 @@
 //! The shared library of an FMU: where it lies in the archive, loading, first questions.
 
-#![allow(unsafe_code, reason = "loading and asking a foreign library")]
+#![allow(unsafe_code, reason = "loading and asking a third-party library")]
 
 use std::ffi::{CStr, c_char};
 use std::path::Path;
@@ -40,7 +40,7 @@ pub(super) struct Library {
 impl Library {
     /// Loads `folder/inner` for the archive `path` and checks that it speaks FMI 2.0.
     pub(super) fn load(path: &Path, folder: &Path, inner: &str) -> Result<Self, Error> {
-        // SAFETY: loading runs the initialisers of foreign code; whoever opens an FMU to run it trusts that code.
+        // SAFETY: loading runs the initializers of third-party code; whoever opens an FMU to run it trusts that code.
         let binding = unsafe { Fmi2Binding::new(folder.join(inner)) }.map_err(|error| Error::Load {
             path: path.to_owned(),
             library: inner.to_owned(),

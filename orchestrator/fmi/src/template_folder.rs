@@ -26,7 +26,7 @@ fn places(tried: &[PathBuf]) -> String {
 /// Path of the FMU `name` of this project (without `.fmu`), such as `arx-actuator`.
 ///
 /// A folder that the user names is the only one looked into: `folder`, else that of the environment variable
-/// [`VARIABLE`]. Without either it is the first of `fmu` beside the executable, `fmu` beside its folder, and
+/// [`VARIABLE`]. Without either it is the first of `fmu` next to the executable, `fmu` next to its folder, and
 /// `target/fmu` of the working directory that has the FMU.
 ///
 /// # Errors

@@ -45,7 +45,7 @@ fn a_dropped_instance_is_terminated_and_then_freed() {
 }
 
 #[test]
-fn an_instance_dropped_during_initialisation_is_only_freed() {
+fn an_instance_dropped_during_initialization_is_only_freed() {
     let folder = TempDir::new().unwrap();
     drop(traced(&folder, &[]));
     let calls = trace(&folder);

@@ -17,7 +17,7 @@ fn reference(name: &str) -> Option<Arc<Fmu>> {
     )
 }
 
-fn initialised_slave(fmu: &Arc<Fmu>) -> Slave {
+fn initialized_slave(fmu: &Arc<Fmu>) -> Slave {
     let mut slave = Slave::instantiate(fmu, "it", false).unwrap();
     slave.setup_experiment(None, 0.0, None).unwrap();
     slave.enter_initialization_mode().unwrap();
@@ -32,7 +32,7 @@ fn references(fmu: &Fmu, names: &[&str]) -> Vec<u32> {
 #[test]
 fn dahlquist_decays_as_its_explicit_euler_formula() {
     let Some(fmu) = reference("Dahlquist") else { return };
-    let mut slave = initialised_slave(&fmu);
+    let mut slave = initialized_slave(&fmu);
     for step in 0..10 {
         let status = slave.do_step(f64::from(step) * 0.1, 0.1, true).unwrap();
         assert_eq!(status, StepStatus::Complete);
@@ -46,7 +46,7 @@ fn dahlquist_decays_as_its_explicit_euler_formula() {
 #[test]
 fn every_type_passes_through_feedthrough() {
     let Some(fmu) = reference("Feedthrough") else { return };
-    let mut slave = initialised_slave(&fmu);
+    let mut slave = initialized_slave(&fmu);
     slave.set_real(&references(&fmu, &["Float64_continuous_input"]), &[0.1]).unwrap();
     slave.set_integer(&references(&fmu, &["Int32_input"]), &[-7]).unwrap();
     slave.set_boolean(&references(&fmu, &["Boolean_input"]), &[true]).unwrap();
@@ -64,7 +64,7 @@ fn every_type_passes_through_feedthrough() {
 #[test]
 fn resource_reads_the_first_byte_of_its_file() {
     let Some(fmu) = reference("Resource") else { return };
-    let mut slave = initialised_slave(&fmu);
+    let mut slave = initialized_slave(&fmu);
     let mut y = [0];
     slave.get_integer(&references(&fmu, &["y"]), &mut y).unwrap();
     assert_eq!(y[0], i32::from(std::fs::read(fmu.resources().join("y.txt")).unwrap()[0]));
@@ -73,7 +73,7 @@ fn resource_reads_the_first_byte_of_its_file() {
 #[test]
 fn stair_ends_the_run_by_a_discarded_step_that_says_terminated() {
     let Some(fmu) = reference("Stair") else { return };
-    let mut slave = initialised_slave(&fmu);
+    let mut slave = initialized_slave(&fmu);
     let mut last = StepStatus::Complete;
     let mut time = 0.0;
     while last == StepStatus::Complete && time < 20.0 {
@@ -123,9 +123,9 @@ fn the_ball_bounces_where_its_indicator_changes_sign() {
 }
 
 #[test]
-fn a_restored_state_continues_bit_for_bit_also_after_serialisation() {
+fn a_restored_state_continues_bit_for_bit_also_after_serialization() {
     let Some(fmu) = reference("VanDerPol") else { return };
-    let mut slave = initialised_slave(&fmu);
+    let mut slave = initialized_slave(&fmu);
     let x = references(&fmu, &["x0", "x1"]);
     let advance = |slave: &mut Slave, from: i32| {
         let mut values = [0.0; 2];
@@ -142,7 +142,7 @@ fn a_restored_state_continues_bit_for_bit_also_after_serialisation() {
     slave.set_state(slot.as_ref().unwrap()).unwrap();
     assert_eq!(advance(&mut slave, 50), first);
 
-    let mut other = initialised_slave(&fmu);
+    let mut other = initialized_slave(&fmu);
     assert!(other.set_state(slot.as_ref().unwrap()).unwrap_err().to_string().contains("another instance"));
     let state = other.deserialize_state(&bytes).unwrap();
     other.set_state(&state).unwrap();
@@ -193,7 +193,7 @@ fn instances_work_in_different_threads() {
         x[0].to_bits()
     };
     let threads: Vec<_> =
-        (0..4).map(|_| initialised_slave(&fmu)).map(|slave| std::thread::spawn(move || run(slave))).collect();
+        (0..4).map(|_| initialized_slave(&fmu)).map(|slave| std::thread::spawn(move || run(slave))).collect();
     let results: Vec<_> = threads.into_iter().map(|thread| thread.join().unwrap()).collect();
     assert!(results.iter().all(|&result| result == results[0]), "{results:?}");
 }

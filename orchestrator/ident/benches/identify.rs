@@ -58,7 +58,7 @@ fn main() {
     });
     let (estimation, judging) = (record(100_000, 2), record(100_000, 3));
     let ranges = Ranges { na: 1..=4, nb: 1..=4, nk: 0..=3 };
-    let factorisation = best(|| {
+    let factorization = best(|| {
         Regression::of(&[&estimation], &ranges.largest((1, 2)), OFFSETS).expect("the data are in memory");
     });
     let search = best(|| {
@@ -68,10 +68,10 @@ fn main() {
     let numpy = numpy();
     let ratio = |own: Duration, other: f64| format!("{:.2} times", own.as_secs_f64() / other);
     println!("identify: ARX na=nb=2, 2 outputs, 1e6 samples: {estimate:.1?}");
-    println!("identify: QR of the largest of 64 structures, 1e5 samples: {factorisation:.1?}");
+    println!("identify: QR of the largest of 64 structures, 1e5 samples: {factorization:.1?}");
     println!(
         "identify: search over the 64: {search:.1?}, {} its own QR",
-        ratio(search, factorisation.as_secs_f64())
+        ratio(search, factorization.as_secs_f64())
     );
     match numpy {
         Some((qr, largest)) => {

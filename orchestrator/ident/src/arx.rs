@@ -1,7 +1,7 @@
 //! Least squares of ARX models (Ljung, System Identification, section 7.3) by QR.
 //!
 //! Every output has an equation of its own with all outputs in it (full matrices, eq. 6 to 8); all equations share one
-//! triangle. What cannot be told apart is named, not regularised.
+//! triangle. What cannot be told apart is named, not regularized.
 
 use nalgebra::DMatrix;
 
@@ -14,7 +14,7 @@ use super::structure::{Structure, Term};
 use airloop_optim::linalg::Triangle;
 use airloop_optim::linalg::qr::Dependent;
 
-/// What is left of a column, relative to it, below which it counts as a combination of others: rounding in data of
+/// Residual of a column relative to its size, below which it counts as a combination of others: rounding in data of
 /// double precision and in the triangle.
 pub const RANK_TOLERANCE: f64 = 1e-12;
 

@@ -65,7 +65,7 @@ impl Entry {
     }
 }
 
-/// Estimates all ARX orders of a range from one factorisation.
+/// Estimates all ARX orders of a range from one factorization.
 ///
 /// # Errors
 /// [`arx::Error`] of the data; what one order lacks stands in its entry.
@@ -90,7 +90,7 @@ pub fn arx_orders(
     Ok(orders.map(entry).collect())
 }
 
-/// Estimates all state-space orders of a range from one factorisation; `done` is called after each.
+/// Estimates all state-space orders of a range from one factorization; `done` is called after each.
 ///
 /// # Errors
 /// [`subspace::Error`] of the data; what one order lacks stands in its entry.

@@ -12,7 +12,7 @@ const SEGMENT: usize = 1024;
 const SHARE: f64 = 0.99;
 /// Most coefficients that are tried for persistence of excitation.
 const MOST_ORDERS: usize = 20;
-/// What is left of `u(k-n)` beside `u(k), .., u(k-n+1)`, relative to it, below which it is no news.
+/// Residual of `u(k-n)` after projection on `u(k), .., u(k-n+1)`, relative to `u(k-n)`, below which it carries no news.
 const NEWS: f64 = 1e-6;
 /// Stretches of each record that are looked at for persistence of excitation, and their samples.
 const STRETCHES: (usize, usize) = (8, 2048);

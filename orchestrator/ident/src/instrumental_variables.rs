@@ -2,8 +2,8 @@
 //!
 //! Every iteration filters the records by the present `A(z)^-1`, takes the simulated outputs of the present model as
 //! instruments for the measured ones, and solves `Z^T (t - Phi theta) = 0` (Young, Recursive Estimation and Time-Series
-//! Analysis, ch. 7: SRIV; Ljung, System Identification, sec. 7.6). Consistent whatever the colour of the noise, and with
-//! white measurement noise as exact as output error at convergence. The equations are solved by a QR factorisation of
+//! Analysis, ch. 7: SRIV; Ljung, System Identification, sec. 7.6). Consistent whatever the color of the noise, and with
+//! white measurement noise as exact as output error at convergence. The equations are solved by a QR factorization of
 //! `[Z, Phi, t]`, so that no product of data matrices is formed; the initial state of every record is eliminated.
 
 use nalgebra::{DMatrix, DVector};
@@ -12,7 +12,7 @@ use super::model::Arx;
 use super::parameters::Parameters;
 use super::rational::columns::Column;
 use super::rational::{
-    Error, Experiment, Filtered, Mask, check_records, simulate, spectral_radius, stabilised,
+    Error, Experiment, Filtered, Mask, check_records, simulate, spectral_radius, stabilized,
 };
 use super::record::Record;
 use airloop_optim::linalg::{StreamedQr, qr, triangular};
@@ -76,7 +76,7 @@ pub fn estimate(
     let mut converged = false;
     for iteration in 0..=options.iterations {
         let model = mask.model(start, &parameters);
-        let filter = stabilised(&model, FILTER_RADIUS);
+        let filter = stabilized(&model, FILTER_RADIUS);
         let round = round(&filter, mask, &experiments, &root);
         if spectral_radius(&model) < 1.0 && round.criterion.is_finite() {
             let covariance = triangular::covariance(&round.instruments).0;
@@ -109,7 +109,7 @@ pub fn estimate(
         return Ok(InstrumentalVariables { converged, ..found });
     }
     // No iterate was stable: the start, drawn into the unit circle.
-    let model = stabilised(start, FILTER_RADIUS);
+    let model = stabilized(start, FILTER_RADIUS);
     let round = round(&model, mask, &experiments, &root);
     Ok(InstrumentalVariables {
         parameters: Parameters { names: mask.names(), values: mask.parameters(&model), covariance: None },

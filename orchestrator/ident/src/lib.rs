@@ -19,7 +19,7 @@
 //! | [`output_error`] | refinement: the parameters with the best free simulation |
 //! | [`instrumental_variables`] | estimates without bias from noisy outputs |
 //! | [`parameters`] | estimates with their uncertainty |
-//! | [`impulse_response`] | regularised FIR: evidence for delay and order before any structure is chosen |
+//! | [`impulse_response`] | regularized FIR: evidence for delay and order before any structure is chosen |
 //! | [`diagnostics`] | residual tests, poles and zeros, responses with their uncertainty, a verdict |
 //! | [`summary`] | what every identification reports, as JSON |
 //!

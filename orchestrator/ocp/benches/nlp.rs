@@ -1,4 +1,4 @@
-//! Time and iterations of the optimiser on the swing-up, single thread: `cargo bench -p airloop-ocp --bench nlp [-- hs|trap|ms|sc|sc+ms... INTERVALS...]`.
+//! Time and iterations of the optimizer on the swing-up, single thread: `cargo bench -p airloop-ocp --bench nlp [-- hs|trap|ms|sc|sc+ms... INTERVALS...]`.
 //!
 //! Two rows per transcription and number of intervals, from the pump guess, equations typed by hand and through the
 //! trait `Dynamics`: the shortest of several runs, building the
@@ -64,8 +64,8 @@ fn over_dynamics(transcription: Transcription, intervals: usize) -> Run {
         Transcription::ShootingCollocation => transcription::Transcription::ShootingCollocation,
     };
     let mut problem = cart_pole::swing_up(1);
-    let discretisation = transcription::Discretisation::uniform(transcription, &[intervals]);
-    let mut program = transcription::Program::new(&mut problem, &discretisation).expect("it fits");
+    let discretization = transcription::Discretization::uniform(transcription, &[intervals]);
+    let mut program = transcription::Program::new(&mut problem, &discretization).expect("it fits");
     let start = Start::cold(guess);
     let solution = solve(&mut program, &start, &Settings::default()).expect("the problem is well posed");
     (solution, Duration::ZERO)
@@ -95,7 +95,7 @@ fn fastest(name: &str, intervals: usize, run: impl Fn() -> Run) {
     println!(
         "{name:13} {intervals:10}  {:10}  {:7}  {:3}  {:.9}  {:6.2}  {:6.2}  {}",
         solution.iterations.len() - 1,
-        solution.evaluations.factorisations,
+        solution.evaluations.factorizations,
         solution.evaluations.quadratic_programs,
         solution.objective,
         1e3 * elapsed.as_secs_f64(),

@@ -12,7 +12,7 @@ mod problem;
 use airloop_testing::allocations;
 
 airloop_testing::count_allocations!();
-use airloop_ocp::transcription::{Discretisation, Program, Transcription};
+use airloop_ocp::transcription::{Discretization, Program, Transcription};
 use airloop_optim::Nlp;
 
 /// One test only: other tests in this process would be counted too.
@@ -26,7 +26,7 @@ fn evaluations_allocate_nothing() {
         Transcription::ShootingCollocation,
     ] {
         let mut problem = cart_pole::swing_up(1);
-        let mut program = Program::new(&mut problem, &Discretisation::uniform(transcription, &[10])).unwrap();
+        let mut program = Program::new(&mut problem, &Discretization::uniform(transcription, &[10])).unwrap();
         let (n, m) = (program.variables(), program.constraints());
         let points = [0.1, 0.2].map(|size| (0..n).map(|i| size * (i as f64).sin()).collect::<Vec<f64>>());
         let y: Vec<f64> = (0..m).map(|i| (0.9 * i as f64).cos()).collect();

@@ -1,4 +1,4 @@
-//! The KKT matrix: assembly with slacks eliminated, factorisation, correction of the inertia, solution with
+//! The KKT matrix: assembly with slacks eliminated, factorization, correction of the inertia, solution with
 //! iterative refinement.
 
 use super::error::Error;
@@ -7,10 +7,10 @@ use crate::linalg::sparse_ldl::SparseLdl;
 use crate::linalg::staged_ldl::StagedLdl;
 use crate::linalg::symmetric::Inertia;
 
-/// Up to this size a problem without stages is factorised densely.
+/// Up to this size a problem without stages is factorized densely.
 const DENSE: usize = 300;
 const REFINEMENTS: usize = 10;
-/// Backward error at which refinement ends, and above which the factorisation counts as singular.
+/// Backward error at which refinement ends, and above which the factorization counts as singular.
 const REFINED: f64 = 1e-13;
 const USELESS: f64 = 1e-5;
 
@@ -31,7 +31,7 @@ pub(super) struct Kkt {
     values: Vec<f64>,
     n: usize,
     m: usize,
-    /// Numbers that were added to the diagonals at the last factorisation.
+    /// Numbers that were added to the diagonals at the last factorization.
     pub shift: f64,
     pub row_shift: f64,
     /// Shift that is tried first.
@@ -42,7 +42,7 @@ pub(super) struct Kkt {
     diagonal: Vec<f64>,
     held: Vec<bool>,
     work: Work,
-    pub factorisations: usize,
+    pub factorizations: usize,
 }
 
 #[derive(Debug, Default)]
@@ -83,11 +83,11 @@ impl Kkt {
             diagonal: Vec::new(),
             held: Vec::new(),
             work: Work::default(),
-            factorisations: 0,
+            factorizations: 0,
         })
     }
 
-    /// Factorises with the smallest shift of the Hessian found that gives the inertia of a minimum. `diagonal` is
+    /// Factorizes with the smallest shift of the Hessian found that gives the inertia of a minimum. `diagonal` is
     /// added to the Hessian of X; `held` says which of X do not move. `barrier` sets the shift of the rows where
     /// they depend on each other.
     pub fn factor(
@@ -131,7 +131,7 @@ impl Kkt {
         }
     }
 
-    /// Raises the shift of the matrix that was factorised last, which proved useless.
+    /// Raises the shift of the matrix that was factorized last, which proved useless.
     pub fn raise(
         &mut self,
         form: &Form,
@@ -197,7 +197,7 @@ impl Kkt {
             diagonals[n + slack.row] -= inverse;
         }
         debug_assert_eq!(diagonals.len(), n + m);
-        self.factorisations += 1;
+        self.factorizations += 1;
         match &mut self.ldl {
             Ldl::Staged(ldl) => ldl.factor(&self.values),
             Ldl::Sparse(ldl) => {
@@ -208,7 +208,7 @@ impl Kkt {
         }
     }
 
-    /// Solves `(W + D) dX + J^T dy = gradient`, `J dX - r dy = rows` with the last factorisation; those of X that are
+    /// Solves `(W + D) dX + J^T dy = gradient`, `J dX - r dy = rows` with the last factorization; those of X that are
     /// held stay zero. False: the solution is useless.
     pub fn solve(
         &mut self,

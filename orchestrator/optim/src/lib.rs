@@ -1,4 +1,4 @@
-//! Nonlinear programming: minimise f(x) subject to `c_l <= c(x) <= c_u` and `x_l <= x <= x_u`.
+//! Nonlinear programming: minimize f(x) subject to `c_l <= c(x) <= c_u` and `x_l <= x <= x_u`.
 //!
 //! A problem implements [`Nlp`] (functions, exact first and second derivatives with fixed patterns, names, and the
 //! chain of stages where it has one); [`solve`] takes it from a [`Start`] to a [`Solution`]. Nothing here knows of
@@ -14,7 +14,7 @@
 //! - **SQP** ([`Method::Sqp`]), for starts near the solution (a coarser mesh, an earlier run): the KKT system with the
 //!   bounds of the working set held, and Clarabel's quadratic program with all bounds only where that step leaves
 //!   other bounds or a multiplier has the wrong sign. The same KKT system then gives the step of the new working set
-//!   to the last digits, so convergence is quadratic. Where the linearised constraints have no solution within the
+//!   to the last digits, so convergence is quadratic. Where the linearized constraints have no solution within the
 //!   bounds, or no step is acceptable, the interior point method goes on.
 //!
 //! Both work on one form of the problem (`form`): scaled equations with one slack per inequality and bounds on
@@ -24,7 +24,7 @@
 //! # Linear algebra
 //!
 //! Slacks, also the relaxations of the restoration, are eliminated: the KKT matrix always has one row per variable and
-//! constraint, so one symbolic analysis serves the whole run. With stages it is factorised by dense fronts along the
+//! constraint, so one symbolic analysis serves the whole run. With stages it is factorized by dense fronts along the
 //! chain ([`crate::linalg::staged_ldl`]), pivots exchanged within a stage, inertia exact, cost linear in the number
 //! of stages. Without stages small problems are one such front, others go to a sparse LDL^T
 //! ([`crate::linalg::sparse_ldl`]) with refinement. Solutions are refined on the system before elimination.
@@ -35,9 +35,9 @@
 //! last point, the worst violation by name, and for infeasible problems the bound that stands most in the way. Values
 //! that are NaN, or functions that fail, shorten the step. A monitor may stop the run; [`Solution::restart`] goes on
 //! from its end. The result depends on the input alone: everything runs in one thread.
-//! Optimisation: numbers in, numbers out. Nothing here knows of time, models or files.
+//! Optimization: numbers in, numbers out. Nothing here knows of time, models or files.
 //!
-//! [`least_squares`] fits parameters within bounds. The rest is nonlinear programming: minimise f(x) subject to `c_l <= c(x) <= c_u` and `x_l <= x <= x_u`.
+//! [`least_squares`] fits parameters within bounds. The rest is nonlinear programming: minimize f(x) subject to `c_l <= c(x) <= c_u` and `x_l <= x <= x_u`.
 
 pub mod error;
 mod filter;
@@ -103,7 +103,7 @@ pub fn solve_with(
         upper: plain(&at.upper),
     };
     let evaluations = Evaluations {
-        factorisations: kkt.factorisations,
+        factorizations: kkt.factorizations,
         quadratic_programs: end.quadratic_programs,
         ..form.evaluations
     };

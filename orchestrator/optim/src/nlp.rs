@@ -2,7 +2,7 @@
 
 pub use airloop_dynamics::EvaluationError;
 
-/// Stages in a chain: an entry of the Jacobian or Hessian couples a stage with itself or a neighbour only. A
+/// Stages in a chain: an entry of the Jacobian or Hessian couples a stage with itself or a neighbor only. A
 /// constraint between the variables of stages k and k + 1 belongs to either of them; k is the cheaper choice.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Stages {
@@ -33,7 +33,7 @@ impl Bounds {
     }
 }
 
-/// Minimise f(x) subject to `c_l <= c(x) <= c_u` and `x_l <= x <= x_u`, x `[n]`, c `[m]`.
+/// Minimize f(x) subject to `c_l <= c(x) <= c_u` and `x_l <= x <= x_u`, x `[n]`, c `[m]`.
 ///
 /// f and c are twice continuously differentiable where the solver is to converge. Patterns are fixed; an entry may
 /// occur several times, its values are added. The functions take `&mut self` so that they may keep what they

@@ -19,7 +19,7 @@ pub enum Status {
     Interrupted,
     /// No step makes progress.
     Stalled,
-    /// The functions had no value in any neighbourhood that was tried; the reason of the last failure.
+    /// The functions had no value in any neighborhood that was tried; the reason of the last failure.
     EvaluationFailed(String),
 }
 
@@ -72,7 +72,7 @@ pub struct Iteration {
     /// Part of the step that was taken, 0..1.
     pub step_length: f64,
     /// Number that was added to the diagonal of the Hessian.
-    pub regularisation: f64,
+    pub regularization: f64,
     /// What was special.
     pub note: Note,
 }
@@ -178,8 +178,8 @@ pub struct Evaluations {
     pub gradients: usize,
     /// Hessian of the Lagrangian.
     pub hessians: usize,
-    /// Factorisations of the KKT matrix.
-    pub factorisations: usize,
+    /// Factorizations of the KKT matrix.
+    pub factorizations: usize,
     /// Quadratic programs.
     pub quadratic_programs: usize,
 }

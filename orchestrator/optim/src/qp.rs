@@ -8,7 +8,7 @@ use super::error::Error;
 use super::form::length;
 use super::nlp::Bounds;
 
-/// Minimise `1/2 x.P x + q.x` subject to `row_bounds` on `A x` and `bounds` on x.
+/// Minimize `1/2 x.P x + q.x` subject to `row_bounds` on `A x` and `bounds` on x.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Quadratic {
     /// Entries (row, column, value) of one triangle of P, positive semidefinite; repeated entries are added.

@@ -22,7 +22,7 @@ fn random(seed: u64) -> impl FnMut() -> f64 {
 fn made(seed: u64, n: usize, m: usize, degenerate: bool) -> (Quadratic, Vec<f64>) {
     let mut next = random(seed);
     let x: Vec<f64> = (0..n).map(|_| 2.0 * next()).collect();
-    // P = B^T B over neighbours, positive definite through its diagonal.
+    // P = B^T B over neighbors, positive definite through its diagonal.
     let mut hessian: Vec<(usize, usize, f64)> = (0..n).map(|i| (i, i, 2.5 + next())).collect();
     hessian.extend((1..n).map(|i| (i, i - 1, next())));
     let mut rows = Vec::new();

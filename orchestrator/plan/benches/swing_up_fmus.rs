@@ -5,7 +5,7 @@
 //! problem and of the solver, the least of several runs. `by-hand` adds the equations typed by hand, without FMUs;
 //! `solution=FILE` writes the variables of the last optimum, one per line. `calls` gives the CPU time of one evaluation
 //! instead: of values at a new point, of first derivatives there, and of second derivatives after that.
-//! `tests/study/swing_up.py` sets the rows beside those of CasADi with IPOPT.
+//! `tests/study/swing_up.py` compares the rows with those of CasADi with IPOPT.
 
 #![allow(missing_docs, reason = "a bench has no public items")]
 
@@ -22,7 +22,7 @@ use std::path::Path;
 use airloop_cosim::coupled::{Options, System};
 use airloop_cosim::system::SystemGraph;
 use airloop_fmi::InterfaceKind;
-use airloop_ocp::transcription::{Discretisation, Dynamics, Point, Program, Transcription};
+use airloop_ocp::transcription::{Discretization, Dynamics, Point, Program, Transcription};
 use airloop_optim::{Settings, Solution, Start, solve};
 
 const REPETITIONS: usize = 3;
@@ -93,7 +93,7 @@ fn run(dynamics: fn() -> Box<dyn Dynamics>, kind: Transcription, count: usize, g
     let mut problem = cart_pole::swing_up(1);
     problem.phases[0].dynamics = vec![dynamics];
     let mut program =
-        Program::new(&mut problem, &Discretisation::uniform(kind, &[count])).expect("well posed");
+        Program::new(&mut problem, &Discretization::uniform(kind, &[count])).expect("well posed");
     let built = cpu();
     let solution =
         solve(&mut program, &Start::cold(guess.to_vec()), &Settings::default()).expect("well posed");

@@ -1,7 +1,7 @@
 //! From a task to the problem that the transcription takes.
 
 use super::Error;
-use super::catalogue::Catalogue;
+use super::catalog::Catalog;
 use super::file::Statement;
 use super::file::statement::Where;
 use super::sampling::{Sampling, whole_samples};
@@ -30,7 +30,7 @@ pub(super) fn limit(limit: &Limit) -> transcription::Limit {
 /// Conditions of states at an end of a phase.
 fn conditions(
     task: &Task,
-    catalogue: &Catalogue,
+    catalog: &Catalog,
     states: &[Limits],
     others: &[Limit],
     end: &str,
@@ -38,7 +38,7 @@ fn conditions(
     let mut found = Vec::new();
     for (state, &(lower, upper)) in states.iter().enumerate() {
         if lower.is_finite() || upper.is_finite() {
-            let own = &catalogue.variables()[task.signals.states[state]];
+            let own = &catalog.variables()[task.signals.states[state]];
             let unit = own.unit.as_deref().unwrap_or("");
             let name = format!("{end} {}", own.name);
             found.push(transcription::Limit::between(&name, unit, Variable::State(state), lower, upper));
@@ -51,7 +51,7 @@ fn conditions(
 /// The problem of a task; `dynamics` has the instances of every phase, `links` what happens between them.
 pub fn problem(
     task: &Task,
-    catalogue: &Catalogue,
+    catalog: &Catalog,
     dynamics: Vec<Vec<Box<dyn Dynamics>>>,
     links: Vec<Link>,
     sampled: (&[usize], Option<&Sampling>),
@@ -60,7 +60,7 @@ pub fn problem(
         .phases
         .iter()
         .zip(dynamics)
-        .map(|(phase, dynamics)| one(task, phase, catalogue, dynamics, sampled))
+        .map(|(phase, dynamics)| one(task, phase, catalog, dynamics, sampled))
         .collect();
     Problem { phases, links }
 }
@@ -68,7 +68,7 @@ pub fn problem(
 fn one(
     task: &Task,
     of: &TaskPhase,
-    catalogue: &Catalogue,
+    catalog: &Catalog,
     dynamics: Vec<Box<dyn Dynamics>>,
     (sampled, sampling): (&[usize], Option<&Sampling>),
 ) -> Phase {
@@ -94,10 +94,10 @@ fn one(
         window: [one.during.0, one.during.1],
     };
     phase.paths = of.path.iter().map(path).collect();
-    phase.start = conditions(task, catalogue, &of.initial, &of.ends[0], "initial");
-    phase.end = conditions(task, catalogue, &of.terminal, &of.ends[1], "final");
+    phase.start = conditions(task, catalog, &of.initial, &of.ends[0], "initial");
+    phase.end = conditions(task, catalog, &of.terminal, &of.ends[1], "final");
     for &(input, (lower, upper)) in &of.rates {
-        let own = &catalogue.variables()[task.signals.inputs[input]];
+        let own = &catalog.variables()[task.signals.inputs[input]];
         let unit = format!("{}/s", own.unit.as_deref().unwrap_or("1"));
         phase.rates.push(RateLimit { name: format!("rate of {}", own.name), unit, input, lower, upper });
     }

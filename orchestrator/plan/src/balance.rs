@@ -11,7 +11,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::Error;
-use super::catalogue::Kind;
+use super::catalog::Kind;
 use super::prepare::{self, Prepared};
 use super::task::Signals;
 use airloop_ocp::transcription::{Dynamics, Point, Trajectory};
@@ -81,19 +81,19 @@ enum Driven {
 
 impl Names {
     fn new(prepared: &Prepared) -> Result<Option<Names>, Error> {
-        let (statement, catalogue) = (&prepared.statement, &prepared.catalogue);
+        let (statement, catalog) = (&prepared.statement, &prepared.catalog);
         let Some(section) = &statement.verification.balance else { return Ok(None) };
         let source = &statement.source;
         let own = &prepared.task.signals;
         let output = |name: &crate::file::Text| {
-            let (index, _) = catalogue.want(source, name)?;
-            match catalogue.variables()[index].kind {
+            let (index, _) = catalog.want(source, name)?;
+            match catalog.variables()[index].kind {
                 Kind::Output => Ok(index),
                 _ => Err(source.error_at(name.place, format!("`{}` is no output of the system", name.text))),
             }
         };
         let state = |name: &crate::file::Text| {
-            let (index, _) = catalogue.want(source, name)?;
+            let (index, _) = catalog.want(source, name)?;
             own.states.iter().position(|state| *state == index).ok_or_else(|| {
                 source.error_at(name.place, format!("`{}` is no state of the plan", name.text))
             })
@@ -111,8 +111,8 @@ impl Names {
         }
         let mut drives = Vec::new();
         for (drive, along) in &section.drives {
-            let (index, _) = catalogue.want(source, drive)?;
-            let driven = match catalogue.variables()[index].kind {
+            let (index, _) = catalog.want(source, drive)?;
+            let driven = match catalog.variables()[index].kind {
                 Kind::State => Driven::State(state(drive)?),
                 Kind::Input => match own.inputs.iter().position(|input| *input == index) {
                     Some(input) => Driven::Input(input),

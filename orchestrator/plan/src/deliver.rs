@@ -9,7 +9,7 @@ use std::path::Path;
 use std::sync::atomic::AtomicBool;
 
 use super::Error;
-use super::catalogue::Catalogue;
+use super::catalog::Catalog;
 use super::feed_forward::{self, Actuator, Command};
 use super::file::Text;
 use super::file::feed_forward::{Drive, FeedForward, Planned, Plant};
@@ -25,7 +25,7 @@ use airloop_ocp::transcription::{Dynamics, Point, Trajectory};
 use airloop_series::{Interpolation, TimeSeries};
 
 /// The two commands, in the order of all results.
-pub const COMMANDS: [&str; 2] = ["optimised", "naive"];
+pub const COMMANDS: [&str; 2] = ["optimized", "naive"];
 /// Relative tolerance of the integrator of the plant.
 const TOLERANCE: f64 = 1e-10;
 
@@ -72,18 +72,18 @@ impl Workshop<'_> {
     fn deliver(&self) -> Result<Delivery, Error> {
         let source = &self.prepared.statement.source;
         let graph = self.open(&self.section.actuator, InterfaceKind::ModelExchange)?;
-        let catalogue = Catalogue::new(&graph);
+        let catalog = Catalog::new(&graph);
         let sample = seconds(source, &self.section.sample_time)?;
         positive(source, sample, self.section.sample_time.place, "sample time")?;
-        let found = catalogue.want(source, &self.section.command)?;
-        let largest = catalogue.value(source, &self.section.largest, found)?;
+        let found = catalog.want(source, &self.section.command)?;
+        let largest = catalog.value(source, &self.section.largest, found)?;
         let settings = feed_forward::Settings {
             lower: -largest,
             upper: largest,
             scale: largest,
             smoothness: self.section.smoothness,
         };
-        let (actuator, states) = self.actuator(&graph, &catalogue, sample)?;
+        let (actuator, states) = self.actuator(&graph, &catalog, sample)?;
         let times = self.times(sample);
         let mut table = TimeSeries::new(times.clone())?;
         let mut forces = Vec::new();
@@ -130,12 +130,12 @@ impl Workshop<'_> {
     fn actuator(
         &self,
         graph: &SystemGraph,
-        catalogue: &Catalogue,
+        catalog: &Catalog,
         sample: f64,
     ) -> Result<(Actuator, Vec<String>), Error> {
         let source = &self.prepared.statement.source;
         let path =
-            |name: &Text| Ok::<_, Error>(catalogue.variables()[catalogue.want(source, name)?.0].path.clone());
+            |name: &Text| Ok::<_, Error>(catalog.variables()[catalog.want(source, name)?.0].path.clone());
         let options = Options {
             states: None,
             inputs: Some(vec![path(&self.section.command)?]),
@@ -175,8 +175,8 @@ impl Workshop<'_> {
 
     /// A planned variable at times.
     fn planned(&self, planned: &Planned, times: &[f64]) -> Result<Vec<f64>, Error> {
-        let (source, catalogue) = (&self.prepared.statement.source, &self.prepared.catalogue);
-        let (index, _) = catalogue.want(source, &planned.variable)?;
+        let (source, catalog) = (&self.prepared.statement.source, &self.prepared.catalog);
+        let (index, _) = catalog.want(source, &planned.variable)?;
         let signal = self.prepared.task.signals.of(index);
         let value: Box<dyn Fn(f64) -> f64> = match signal {
             Some(Signal::State(i)) => Box::new(move |t| self.plan.states_at(t)[i]),

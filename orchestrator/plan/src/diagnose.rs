@@ -6,7 +6,7 @@ use super::Error;
 use super::prepare::Prepared;
 use super::solve::{Begin, Monitor, Session, Settings, Solved};
 use super::task::{Limits, PathLimit, Signal, Task};
-use airloop_ocp::transcription::{Complaint, Trajectory};
+use airloop_ocp::transcription::{Trajectory, Violation};
 use airloop_optim::Status;
 
 /// Halvings of the range in which the task becomes possible.
@@ -18,7 +18,7 @@ const ITERATIONS: usize = 200;
 #[derive(Debug, Clone)]
 pub struct Diagnosis {
     /// By how much the best motion that was found breaks the limit, and when.
-    pub complaint: Complaint,
+    pub violation: Violation,
     /// Largest factor on the limit for which no motion was found, smallest for which one was.
     pub factor: (f64, f64),
     /// That motion.
@@ -30,7 +30,7 @@ impl std::fmt::Display for Diagnosis {
         write!(
             f,
             "{}; a motion was found with {:.3} times that limit, none with {:.3} times",
-            self.complaint, self.factor.1, self.factor.0
+            self.violation, self.factor.1, self.factor.0
         )
     }
 }
@@ -89,7 +89,7 @@ fn name(prepared: &Prepared, signal: Signal) -> String {
         Signal::Input(i) => signals.inputs[i],
         Signal::Output(i) => signals.outputs[i],
     };
-    prepared.catalogue.variables()[index].name.clone()
+    prepared.catalog.variables()[index].name.clone()
 }
 
 /// Halves the range of factors between the limit as it is and what the motion without it needs.
@@ -119,7 +119,7 @@ fn narrow(
     let (solved, worst) = found;
     let (lower, upper) = path.limit.limits;
     let phases = &prepared.task.phases;
-    let complaint = Complaint {
+    let violation = Violation {
         phase: (phases.len() > 1).then(|| phases[place.0].name.clone()),
         name: path.limit.name.clone(),
         expression: path.limit.terms.first().map(|(signal, _)| name(prepared, *signal)).unwrap_or_default(),
@@ -129,7 +129,7 @@ fn narrow(
         time: worst.time,
         amount: (lower - worst.value).max(worst.value - upper),
     };
-    Ok(Some(Diagnosis { complaint, factor: (low, high), trajectory: solved.outcome.trajectory }))
+    Ok(Some(Diagnosis { violation, factor: (low, high), trajectory: solved.outcome.trajectory }))
 }
 
 /// The worst point of a trial that was solved and still breaks the limit.

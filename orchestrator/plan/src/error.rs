@@ -24,7 +24,7 @@ pub enum Error {
     /// The system cannot be opened.
     #[error(transparent)]
     System(#[from] airloop_cosim::system::Error),
-    /// The system has no right-hand side that can be optimised.
+    /// The system has no right-hand side that can be optimized.
     #[error(transparent)]
     Coupled(#[from] airloop_cosim::coupled::Error),
     /// The roll-out cannot be begun.
@@ -42,7 +42,7 @@ pub enum Error {
     /// The solver cannot begin.
     #[error(transparent)]
     Solver(#[from] airloop_optim::Error),
-    /// The plan cannot be stabilised.
+    /// The plan cannot be stabilized.
     #[error(transparent)]
     Control(#[from] airloop_ocp::control::Error),
 }

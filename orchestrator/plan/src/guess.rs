@@ -1,9 +1,9 @@
-//! Where the search begins: a line, a course of the problem file, or an earlier trajectory.
+//! Initial guess of the search: a line, trajectories given in the problem file, or an earlier result.
 
 use std::f64::consts::PI;
 use std::path::{Path, PathBuf};
 
-use super::catalogue::{Catalogue, Kind};
+use super::catalog::{Catalog, Kind};
 use super::file::statement::{Guess, Others};
 use super::file::{Statement, Text};
 use super::task::{Limits, Signal, Task};
@@ -57,7 +57,7 @@ pub fn choose(statement: &Statement, word: Option<&str>) -> Result<Choice, Error
             of(word).ok_or_else(|| Error::Place { place: format!("--guess {word}"), problem: unknown(word) })
         }
         (None, Some(Text { text, place })) => match of(text) {
-            // Beside the problem file.
+            // Next to the problem file.
             Some(Choice::File(file)) => {
                 Ok(Choice::File(statement.source.file.parent().unwrap_or(Path::new("")).join(file)))
             }
@@ -69,15 +69,15 @@ pub fn choose(statement: &Statement, word: Option<&str>) -> Result<Choice, Error
     }
 }
 
-/// Knots of a course, beyond which they are not moved one by one.
+/// Knots of a trajectory, beyond which they are not moved one by one.
 const MOST_KNOTS: usize = 16;
 
 /// A motion to begin with, over the part 0..1 of all phases together.
 #[derive(Debug, Clone)]
 pub struct Rough {
-    /// Courses of the states, `[n_x]`.
+    /// Trajectories of the states, `[n_x]`.
     states: Vec<Line>,
-    /// Courses of the inputs, `[n_u]`.
+    /// Trajectories of the inputs, `[n_u]`.
     inputs: Vec<Line>,
     /// Durations of the phases \[s\].
     pub durations: Vec<f64>,
@@ -85,7 +85,7 @@ pub struct Rough {
     pub notes: Vec<String>,
 }
 
-/// A piecewise linear course and sines on top of it.
+/// A piecewise linear trajectory and sines on top of it.
 #[derive(Debug, Clone, Default)]
 struct Line {
     /// Parts, increasing; empty for zero.
@@ -121,13 +121,13 @@ impl Rough {
         self.inputs.iter().map(|line| line.value(part)).collect()
     }
 
-    /// Moves knots and values and adds a motion of what no course names, all drawn from `uniform`, which gives numbers
+    /// Moves knots and values and adds a motion of what no trajectory names, all drawn from `uniform`, which gives numbers
     /// from -1 to 1: knots between the ends by up to 0.05 of the whole, their values by up to 40 %, sines of up to
     /// 40 % of the room that bounds leave.
     pub fn perturb(&mut self, task: &Task, uniform: &mut dyn FnMut() -> f64) {
         for (state, line) in self.states.iter_mut().enumerate() {
             let inner = 1..line.at.len().saturating_sub(1);
-            // A course with many knots is an earlier motion: it is bent as a whole.
+            // A trajectory with many knots is an earlier motion: it is bent as a whole.
             if inner.is_empty() || inner.len() > MOST_KNOTS {
                 let room = room(task, state);
                 line.sines = (0..3).map(|_| 0.4 * room * uniform()).collect();
@@ -157,18 +157,13 @@ fn room(task: &Task, state: usize) -> f64 {
 ///
 /// # Errors
 /// [`Error`] for variables that are none, and files that cannot be read or do not fit.
-pub fn guess(
-    statement: &Statement,
-    catalogue: &Catalogue,
-    task: &Task,
-    choice: &Choice,
-) -> Result<Rough, Error> {
+pub fn guess(statement: &Statement, catalog: &Catalog, task: &Task, choice: &Choice) -> Result<Rough, Error> {
     let durations: Vec<f64> = task.phases.iter().map(|phase| phase.duration_guess).collect();
     let linear = linear(task, &durations);
     match choice {
         Choice::Linear => Ok(linear),
-        Choice::Named(index) => named(statement, catalogue, task, &statement.guesses[*index], linear),
-        Choice::File(file) => of_file(catalogue, task, file, linear),
+        Choice::Named(index) => named(statement, catalog, task, &statement.guesses[*index], linear),
+        Choice::File(file) => of_file(catalog, task, file, linear),
     }
 }
 
@@ -220,7 +215,7 @@ fn linear(task: &Task, durations: &[f64]) -> Rough {
 
 fn named(
     statement: &Statement,
-    catalogue: &Catalogue,
+    catalog: &Catalog,
     task: &Task,
     guess: &Guess,
     linear: Rough,
@@ -229,29 +224,30 @@ fn named(
     if guess.others == Others::Zero {
         rough.states.fill(Line::default());
     }
-    for course in &guess.courses {
-        let found = catalogue.want(&statement.source, &course.variable)?;
-        let convert = |value: &f64| match &course.unit {
+    for trajectory in &guess.trajectories {
+        let found = catalog.want(&statement.source, &trajectory.variable)?;
+        let convert = |value: &f64| match &trajectory.unit {
             Some(unit) => {
-                catalogue.convert(&statement.source, *value, (unit, course.variable.place), found.0)
+                catalog.convert(&statement.source, *value, (unit, trajectory.variable.place), found.0)
             }
             None => Ok(found.1.inverse().apply(*value)),
         };
-        let values = course.value.iter().map(convert).collect::<Result<Vec<f64>, Error>>()?;
-        let line = Line { at: course.t.clone(), values, ..Line::default() };
+        let values = trajectory.value.iter().map(convert).collect::<Result<Vec<f64>, Error>>()?;
+        let line = Line { at: trajectory.t.clone(), values, ..Line::default() };
         match task.signals.of(found.0) {
             Some(Signal::State(state)) => rough.states[state] = line,
             Some(Signal::Input(input)) => rough.inputs[input] = line,
             _ => {
-                let problem = format!("`{}` is no state and no input of the problem", course.variable.text);
-                return Err(statement.source.error_at(course.variable.place, problem));
+                let problem =
+                    format!("`{}` is no state and no input of the problem", trajectory.variable.text);
+                return Err(statement.source.error_at(trajectory.variable.place, problem));
             }
         }
     }
     Ok(rough)
 }
 
-fn of_file(catalogue: &Catalogue, task: &Task, file: &Path, linear: Rough) -> Result<Rough, Error> {
+fn of_file(catalog: &Catalog, task: &Task, file: &Path, linear: Rough) -> Result<Rough, Error> {
     let series = csv::read(file)?;
     let wrong = |problem: String| Error::Place { place: file.display().to_string(), problem };
     let (Some(&first), Some(&last)) = (series.time().first(), series.time().last()) else {
@@ -273,7 +269,7 @@ fn of_file(catalogue: &Catalogue, task: &Task, file: &Path, linear: Rough) -> Re
         rough.durations = vec![span.clamp(phase.duration.0, phase.duration.1)];
     }
     let at: Vec<f64> = series.time().iter().map(|t| (t - first) / span).collect();
-    let missing = fill(catalogue, task, &series, &at, &mut rough).map_err(wrong)?;
+    let missing = fill(catalog, task, &series, &at, &mut rough).map_err(wrong)?;
     if !missing.is_empty() {
         let note = format!("{} has no column {}: on a line, or zero", file.display(), missing.join(", "));
         rough.notes.push(note);
@@ -283,7 +279,7 @@ fn of_file(catalogue: &Catalogue, task: &Task, file: &Path, linear: Rough) -> Re
 
 /// Puts the columns of a series into a guess; names of states and inputs that it does not have.
 fn fill(
-    catalogue: &Catalogue,
+    catalog: &Catalog,
     task: &Task,
     series: &TimeSeries,
     at: &[f64],
@@ -291,7 +287,7 @@ fn fill(
 ) -> Result<Vec<String>, String> {
     let mut found = Vec::new();
     for channel in series.channels() {
-        let Some((index, conversion)) = catalogue.find(&channel.name) else { continue };
+        let Some((index, conversion)) = catalog.find(&channel.name) else { continue };
         let values = channel.values.iter().map(|value| conversion.inverse().apply(*value)).collect();
         let line = Line { at: at.to_vec(), values, ..Line::default() };
         match task.signals.of(index) {
@@ -304,9 +300,9 @@ fn fill(
     let wanted = task.signals.states.iter().chain(&task.signals.inputs);
     let missing: Vec<String> = wanted
         .filter(|index| !found.contains(index))
-        .map(|&index| format!("`{}`", catalogue.variables()[index].name))
+        .map(|&index| format!("`{}`", catalog.variables()[index].name))
         .collect();
-    if !found.iter().any(|&index| catalogue.variables()[index].kind == Kind::State) {
+    if !found.iter().any(|&index| catalog.variables()[index].kind == Kind::State) {
         return Err(format!("it has no column of a state; wanted are {}", missing.join(", ")));
     }
     Ok(missing)

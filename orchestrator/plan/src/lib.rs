@@ -1,14 +1,14 @@
 //! Plans: a problem file and a system of FMUs become a trajectory, with a roll-out through the master as proof.
 //!
-//! [`mod@file`] reads what the user states; the modules beside it look its names up in a system, hand the problem to the
+//! [`mod@file`] reads what the user states; the other modules look its names up in a system, hand the problem to the
 //! transcription and the solver, and roll the command out. Files of results, figures and words are left to the layers
 //! above.
 
 pub mod assemble;
 pub mod balance;
-pub mod catalogue;
-pub mod course;
+pub mod catalog;
 pub mod deliver;
+pub mod departure;
 pub mod diagnose;
 mod error;
 pub mod feed_forward;
@@ -22,7 +22,7 @@ pub mod record;
 mod reset;
 pub mod sampling;
 pub mod solve;
-pub mod stabilise;
+pub mod stabilize;
 pub mod start;
 pub mod sweep;
 pub mod table;

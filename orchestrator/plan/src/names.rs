@@ -5,7 +5,7 @@ const MOST: usize = 3;
 /// Names listed where none is near.
 const LISTED: usize = 12;
 
-/// What to say beside an unknown name: the nearest known names, or the known names where none is near.
+/// Suggestion for an unknown name: the nearest known names, or the known names where none is near.
 pub fn suggestion<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) -> String {
     let known: Vec<&str> = known.into_iter().collect();
     let far = name.chars().count().div_ceil(3).max(2);

@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-use super::catalogue::{Catalogue, Kind};
+use super::catalog::{Catalog, Kind};
 use super::file::{self, Statement, Text};
 use super::reset::{self, Jump};
 use super::sampling::{self, Sampling};
@@ -40,7 +40,7 @@ pub struct Setup {
     /// The system with the parameters of the problem.
     pub graph: SystemGraph,
     /// Its variables.
-    pub catalogue: Catalogue,
+    pub catalog: Catalog,
     /// The problem in numbers.
     pub task: Task,
     /// Sampled components, if there are any.
@@ -70,39 +70,39 @@ pub fn prepare_statement(statement: Statement, began: Instant) -> Result<Prepare
     let mut graph = open(&statement)?;
     let mut notes = graph.notes.clone();
     set(&statement, &mut graph, &statement.parameters)?;
-    let catalogue = Catalogue::new(&graph);
-    let (inputs, outputs) = (task::inputs(&statement, &catalogue)?, task::outputs(&statement, &catalogue)?);
+    let catalog = Catalog::new(&graph);
+    let (inputs, outputs) = (task::inputs(&statement, &catalog)?, task::outputs(&statement, &catalog)?);
     let sampling = sampling::sampling(&statement, &graph)?;
     let mut dynamics: Vec<Box<dyn Dynamics>> = Vec::new();
     let mut signals = Signals { states: Vec::new(), inputs, outputs };
     for phase in &statement.phases {
         let mut own = graph.clone();
         set(&statement, &mut own, &phase.parameters)?;
-        let system = open_dynamics(&statement, &own, &catalogue, &signals)?;
+        let system = open_dynamics(&statement, &own, &catalog, &signals)?;
         for note in system.notes().iter().filter(|note| !notes.contains(note)).cloned().collect::<Vec<_>>() {
             notes.push(note);
         }
         let size = system.size();
         let states: Vec<usize> = system.names()[..size.states]
             .iter()
-            .filter_map(|name| catalogue.find(name))
+            .filter_map(|name| catalog.find(name))
             .map(|found| found.0)
             .collect();
         signals.states = states;
         let shown = [&signals.states, &signals.inputs, &signals.outputs].into_iter().flatten();
-        let names = shown.map(|&index| catalogue.variables()[index].name.clone()).collect();
+        let names = shown.map(|&index| catalog.variables()[index].name.clone()).collect();
         dynamics.push(Box::new(Named { inner: Box::new(system), names, scaled: statement.settings.scaled }));
     }
-    let resets = reset::resets(&statement, &catalogue, &signals, |parameters, signals| {
+    let resets = reset::resets(&statement, &catalog, &signals, |parameters, signals| {
         let mut own = graph.clone();
         set(&statement, &mut own, parameters)?;
-        Ok(Box::new(open_dynamics(&statement, &own, &catalogue, signals)?))
+        Ok(Box::new(open_dynamics(&statement, &own, &catalog, signals)?))
     })?;
-    let task = task::task(&statement, &catalogue, signals)?;
+    let task = task::task(&statement, &catalog, signals)?;
     notes.extend(task.notes.iter().cloned());
-    let sampled_states = sampled_states(&graph, &catalogue, &task.signals, sampling.as_ref());
+    let sampled_states = sampled_states(&graph, &catalog, &task.signals, sampling.as_ref());
     let load = began.elapsed();
-    let setup = Setup { statement, graph, catalogue, task, sampling, sampled_states, notes, load };
+    let setup = Setup { statement, graph, catalog, task, sampling, sampled_states, notes, load };
     Ok(Prepared { setup, dynamics, resets })
 }
 
@@ -131,18 +131,18 @@ fn set(statement: &Statement, graph: &mut SystemGraph, values: &[(Text, String)]
 fn open_dynamics(
     statement: &Statement,
     graph: &SystemGraph,
-    catalogue: &Catalogue,
+    catalog: &Catalog,
     signals: &Signals,
 ) -> Result<System, Error> {
-    let path = |index: &usize| catalogue.variables()[*index].path.clone();
+    let path = |index: &usize| catalog.variables()[*index].path.clone();
     let states = match &statement.states {
         None => None,
         Some(named) => {
             let mut paths = Vec::new();
             for name in named {
-                let (index, _) = catalogue.want(&statement.source, name)?;
-                if catalogue.variables()[index].kind != Kind::State {
-                    let known = catalogue.variables().iter().filter(|one| one.kind == Kind::State);
+                let (index, _) = catalog.want(&statement.source, name)?;
+                if catalog.variables()[index].kind != Kind::State {
+                    let known = catalog.variables().iter().filter(|one| one.kind == Kind::State);
                     let meant = names::suggestion(&name.text, known.map(|one| one.name.as_str()));
                     let problem = format!("`{}` is no state; {meant}", name.text);
                     return Err(statement.source.error_at(name.place, problem));
@@ -165,19 +165,19 @@ fn open_dynamics(
 pub(super) fn phase_dynamics(setup: &Setup, phase: usize, signals: &Signals) -> Result<System, Error> {
     let mut graph = setup.graph.clone();
     set(&setup.statement, &mut graph, &setup.statement.phases[phase].parameters)?;
-    open_dynamics(&setup.statement, &graph, &setup.catalogue, signals)
+    open_dynamics(&setup.statement, &graph, &setup.catalog, signals)
 }
 
 /// States of the task that belong to sampled components.
 fn sampled_states(
     graph: &SystemGraph,
-    catalogue: &Catalogue,
+    catalog: &Catalog,
     signals: &Signals,
     sampling: Option<&Sampling>,
 ) -> Vec<usize> {
     let Some(sampling) = sampling else { return Vec::new() };
     let owned = |state: &usize| {
-        let path = &catalogue.variables()[signals.states[*state]].path;
+        let path = &catalog.variables()[signals.states[*state]].path;
         let prefix = |index: &usize| format!("{}.", graph.components[*index].name);
         graph.single || sampling.components.iter().any(|index| path.starts_with(&prefix(index)))
     };

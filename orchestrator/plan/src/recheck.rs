@@ -4,7 +4,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::balance::Recomputed;
-use super::catalogue::Kind;
+use super::catalog::Kind;
 use super::prepare::Setup;
 use super::task::Signal;
 use super::verify::Rollout;
@@ -69,7 +69,7 @@ pub fn recheck(setup: &Setup, plan: &Trajectory, rollout: &Rollout) -> Recheck {
             Signal::Output(i) => signals.outputs[i],
             Signal::Input(_) => return None,
         };
-        let variable = &setup.catalogue.variables()[index];
+        let variable = &setup.catalog.variables()[index];
         let series = if variable.kind == Kind::State { &rollout.states } else { &rollout.outputs };
         let channel = series.channel(&variable.name).or_else(|| rollout.outputs.channel(&variable.path))?;
         Some(&channel.values)

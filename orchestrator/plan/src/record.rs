@@ -90,7 +90,7 @@ pub struct Summary {
     pub fmus: Vec<FmuRecord>,
     /// How well actuators deliver the planned forces, where the problem asks for it.
     pub stage2: Option<Stage2Record>,
-    /// Motion of the plant under the delivered forces, for each kind of command (`optimised`, `naive`).
+    /// Motion of the plant under the delivered forces, for each kind of command (`optimized`, `naive`).
     pub closed_chain: Option<BTreeMap<String, ChainRecord>>,
     /// CSV files in the folder of the summary.
     pub files: Vec<String>,
@@ -112,7 +112,7 @@ pub struct FinalError<T> {
 /// How well actuators deliver planned forces.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Stage2Record {
-    /// NRMSE fit \[%\] of each delivered force to its plan, for each kind of command (`optimised`, `naive`).
+    /// NRMSE fit \[%\] of each delivered force to its plan, for each kind of command (`optimized`, `naive`).
     pub fit: BTreeMap<String, BTreeMap<String, Option<f64>>>,
     /// Samples by which each delivered force is late.
     pub late: BTreeMap<String, BTreeMap<String, i64>>,
@@ -193,8 +193,8 @@ pub struct PassRecord {
     pub iterations: usize,
     /// Evaluations of the functions.
     pub function_evaluations: usize,
-    /// Factorisations of the KKT matrix.
-    pub factorisations: usize,
+    /// Factorizations of the KKT matrix.
+    pub factorizations: usize,
     /// Wall-clock time \[s\].
     pub time: f64,
 }

@@ -2,7 +2,7 @@
 
 use super::Error;
 use super::assemble;
-use super::catalogue::{Catalogue, Kind};
+use super::catalog::{Catalog, Kind};
 use super::file::Text;
 use super::file::statement::{Reset, Statement};
 use super::task::{self, Reader, Signal, Signals};
@@ -54,7 +54,7 @@ impl Jump {
 /// [`Error::File`] names line, column and remedy.
 pub fn resets(
     statement: &Statement,
-    catalogue: &Catalogue,
+    catalog: &Catalog,
     signals: &Signals,
     open: impl Fn(&[(Text, String)], &Signals) -> Result<Box<System>, Error>,
 ) -> Result<Vec<Option<Jump>>, Error> {
@@ -64,9 +64,9 @@ pub fn resets(
         return Err(statement.source.error_at(reset.place, problem.to_owned()));
     }
     let one = |reset: &Reset| {
-        let signals = Signals { outputs: outputs(statement, catalogue, reset)?, ..signals.clone() };
+        let signals = Signals { outputs: outputs(statement, catalog, reset)?, ..signals.clone() };
         let dynamics = open(&reset.parameters, &signals)?;
-        let reader = Reader { source: &statement.source, catalogue, signals: &signals };
+        let reader = Reader { source: &statement.source, catalog, signals: &signals };
         let mut after: Vec<After> = (0..signals.states.len()).map(After::State).collect();
         for (state, shown) in &reset.states {
             let (Signal::State(state), _) = reader.signal(state)? else {
@@ -99,13 +99,13 @@ pub fn resets(
     statement.phases.iter().skip(1).map(|phase| phase.reset.as_ref().map(one).transpose()).collect()
 }
 
-/// The variables of a reset that are neither state nor input, as indices into the catalogue.
-fn outputs(statement: &Statement, catalogue: &Catalogue, reset: &Reset) -> Result<Vec<usize>, Error> {
+/// The variables of a reset that are neither state nor input, as indices into the catalog.
+fn outputs(statement: &Statement, catalog: &Catalog, reset: &Reset) -> Result<Vec<usize>, Error> {
     let bounded = reset.bounds.iter().flat_map(|bound| bound.terms.iter().map(|(name, _)| name));
     let mut found = Vec::new();
     for name in reset.states.iter().map(|(_, shown)| shown).chain(bounded) {
-        let (index, _) = catalogue.want(&statement.source, name)?;
-        if catalogue.variables()[index].kind == Kind::Output && !found.contains(&index) {
+        let (index, _) = catalog.want(&statement.source, name)?;
+        if catalog.variables()[index].kind == Kind::Output && !found.contains(&index) {
             found.push(index);
         }
     }

@@ -10,7 +10,7 @@ use airloop_fmi::{Causality, VariableKind};
 
 /// Parameters by which a component says that it is sampled, and chooses its form.
 const SAMPLE_TIME: &str = "sample_time";
-const REALISATION: (&str, &str) = ("realisation", "continuous");
+const REALIZATION: (&str, &str) = ("realization", "continuous");
 
 /// Sampled components, and their common sample time.
 #[derive(Debug, Clone, PartialEq)]
@@ -92,12 +92,12 @@ pub fn in_continuous_time(graph: &SystemGraph) -> SystemGraph {
     let mut graph = graph.clone();
     for component in &mut graph.components {
         let description = &component.fmu.description;
-        let Some(index) = description.index_of(REALISATION.0) else { continue };
+        let Some(index) = description.index_of(REALIZATION.0) else { continue };
         let VariableKind::Enumeration { declared_type, .. } = &description.variables[index].kind else {
             continue;
         };
         let declared = description.types.iter().find(|one| one.name == *declared_type);
-        let item = declared.and_then(|one| one.items.iter().find(|(name, _)| name == REALISATION.1));
+        let item = declared.and_then(|one| one.items.iter().find(|(name, _)| name == REALIZATION.1));
         if let Some(value) = item.map(|(_, value)| *value) {
             component.set_start(index, Start::Integer(value));
         }

@@ -10,9 +10,8 @@ use super::guess::Rough;
 use super::prepare::{Prepared, Setup};
 use super::task::Task;
 use airloop_ocp::transcription::{
-    self, Complaint, Discretisation, Dynamics, Interpolation, IntervalErrors, Link, Mesh, Outcome,
-    PhaseTrajectory, Problem, Program, Refinement, Trajectory, Transcription, interval_errors, refined,
-    solve_on,
+    self, Discretization, Dynamics, Interpolation, IntervalErrors, Link, Mesh, Outcome, PhaseTrajectory,
+    Problem, Program, Refinement, Trajectory, Transcription, Violation, interval_errors, refined, solve_on,
 };
 use airloop_optim::{Iteration, Method, Solution, Status};
 
@@ -97,13 +96,13 @@ pub struct Solved {
     /// Largest violation of a bound or condition.
     pub max_bound_violation: f64,
     /// What is violated most, where it is by more than the tolerance.
-    pub worst: Option<Complaint>,
+    pub worst: Option<Violation>,
     /// Errors between the knots, phase by phase.
     pub errors: Vec<IntervalErrors>,
     /// Where the solver could not do what was asked, one sentence each.
     pub notes: Vec<String>,
     /// What the motion that breaks limits least has to break, where no motion was found; the worst first.
-    pub conflict: Vec<Complaint>,
+    pub conflict: Vec<Violation>,
 }
 
 impl Solved {
@@ -182,7 +181,7 @@ impl Session {
             None => Ok(Link::continuous()),
         });
         let links = links.collect::<Result<_, _>>()?;
-        Ok(Session { problem: assemble::problem(task, &prepared.catalogue, dynamics, links, sampled) })
+        Ok(Session { problem: assemble::problem(task, &prepared.catalog, dynamics, links, sampled) })
     }
 
     /// Solves from a guess.
@@ -253,7 +252,7 @@ impl Session {
         for _ in 0..settings.mesh.map_or(0, |mesh| mesh.rounds) {
             let tolerance = settings.mesh.map_or(0.0, |mesh| mesh.tolerance);
             let refinement = Refinement { tolerance, ..Refinement::default() };
-            let finer = refined(&outcome.discretisation, &errors, &refinement);
+            let finer = refined(&outcome.discretization, &errors, &refinement);
             let Some(finer) = finer.filter(|_| !failed(&outcome.solution)) else { break };
             match self.one(setup, settings, (done.len(), &finer), Begin::At(&outcome), monitor) {
                 Ok((next, one)) => {
@@ -267,11 +266,11 @@ impl Session {
             }
             errors = interval_errors(&mut self.problem, &outcome.trajectory)?;
         }
-        let mut program = Program::new(&mut self.problem, &outcome.discretisation)?;
-        let complaints = program.complaints(&outcome.solution.x, 0.0)?;
+        let mut program = Program::new(&mut self.problem, &outcome.discretization)?;
+        let violations = program.violations(&outcome.solution.x, 0.0)?;
         let (defects, others): (Vec<_>, Vec<_>) =
-            complaints.iter().partition(|complaint| complaint.name.starts_with("defect of "));
-        let largest = |list: &[&Complaint]| list.iter().map(|one| one.amount).fold(0.0, f64::max);
+            violations.iter().partition(|violation| violation.name.starts_with("defect of "));
+        let largest = |list: &[&Violation]| list.iter().map(|one| one.amount).fold(0.0, f64::max);
         let (max_defect, max_bound_violation) = (largest(&defects), largest(&others));
         // What the user asked for says more than an equation of the program.
         let worst = others.first().or(defects.first()).filter(|worst| worst.amount > VIOLATION);
@@ -291,7 +290,7 @@ impl Session {
         pass: &Pass,
         rough: &Rough,
         monitor: &mut Monitor,
-    ) -> Result<Vec<Complaint>, Error> {
+    ) -> Result<Vec<Violation>, Error> {
         let options = airloop_optim::Settings {
             tolerance: TOLERANCE_OF_CONFLICT,
             max_iterations: settings.max_iterations.min(PATIENCE),
@@ -316,7 +315,7 @@ impl Session {
             let mut watch = |iteration: &Iteration| monitor(&Progress { number: 0, pass: &pass, iteration });
             let found = transcription::conflict(&mut self.problem, &on, &guess, &options, &mut watch)?;
             if let Some(found) = found {
-                return Ok(found.complaints);
+                return Ok(found.violations);
             }
         }
         Ok(Vec::new())
@@ -354,15 +353,15 @@ impl Session {
         &mut self,
         setup: &Setup,
         settings: &Settings,
-        (number, discretisation): (usize, &Discretisation),
+        (number, discretization): (usize, &Discretization),
         begin: Begin,
         monitor: &mut Monitor,
     ) -> Result<(Outcome, Done), Error> {
         let began = Instant::now();
-        let intervals = discretisation.meshes.iter().map(Mesh::intervals).collect();
-        let pass = Pass { transcription: discretisation.transcription, intervals };
+        let intervals = discretization.meshes.iter().map(Mesh::intervals).collect();
+        let pass = Pass { transcription: discretization.transcription, intervals };
         let guess = match begin {
-            Begin::From(rough) => Some(knots(setup, rough, discretisation)?),
+            Begin::From(rough) => Some(knots(setup, rough, discretization)?),
             Begin::Along(_) | Begin::At(_) => None,
         };
         let (from, method) = match (&guess, begin) {
@@ -382,7 +381,7 @@ impl Session {
             build.get_or_insert_with(|| began.elapsed());
             monitor(&Progress { number, pass: &pass, iteration })
         };
-        let outcome = solve_on(&mut self.problem, discretisation, from, &options, &mut watch)?;
+        let outcome = solve_on(&mut self.problem, discretization, from, &options, &mut watch)?;
         let total = began.elapsed();
         let build = build.unwrap_or(total);
         let solution = outcome.solution.clone();
@@ -390,8 +389,8 @@ impl Session {
     }
 }
 
-fn uniform(pass: &Pass) -> Discretisation {
-    Discretisation::uniform(pass.transcription, &pass.intervals)
+fn uniform(pass: &Pass) -> Discretization {
+    Discretization::uniform(pass.transcription, &pass.intervals)
 }
 
 /// Iterations that a solve has to be allowed before coarser meshes are tried: fewer are the caller's wish.
@@ -432,8 +431,8 @@ pub enum Begin<'a> {
 }
 
 /// A rough guess at the knots of meshes.
-fn knots(setup: &Setup, rough: &Rough, discretisation: &Discretisation) -> Result<Trajectory, Error> {
-    let Discretisation { transcription, meshes } = discretisation;
+fn knots(setup: &Setup, rough: &Rough, discretization: &Discretization) -> Result<Trajectory, Error> {
+    let Discretization { transcription, meshes } = discretization;
     let total: f64 = rough.durations.iter().sum();
     let interpolation = match transcription {
         Transcription::Trapezoidal => Interpolation::Linear,

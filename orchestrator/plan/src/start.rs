@@ -13,7 +13,7 @@ use airloop_cosim::master::{self, Algorithm, Settings};
 /// Length of the run that shows it \[s\].
 const MOMENT: f64 = 1e-6;
 
-/// Initialises the system at the initial states, where the problem has several phases and fixes all of these states.
+/// Initializes the system at the initial states, where the problem has several phases and fixes all of these states.
 ///
 /// # Errors
 /// What an FMU says against them, with the phase.
@@ -25,7 +25,7 @@ pub fn check(setup: &Setup) -> Result<(), Error> {
     let place = format!("phase `{}`, initial states", phase.name);
     let mut graph = setup.graph.clone();
     for (&state, (value, _)) in setup.task.signals.states.iter().zip(&phase.initial) {
-        graph.set_start(&setup.catalogue.variables()[state].path, &value.to_string(), &place)?;
+        graph.set_start(&setup.catalog.variables()[state].path, &value.to_string(), &place)?;
     }
     let settings = Settings {
         stop_time: MOMENT,

@@ -70,7 +70,7 @@ fn one(
     monitor: &mut Monitor,
 ) -> Result<(Prepared, Rough, Solved), Error> {
     let prepared = prepare_statement(statement, Instant::now())?;
-    let rough = guess::guess(&prepared.statement, &prepared.catalogue, &prepared.task, choice)?;
+    let rough = guess::guess(&prepared.statement, &prepared.catalog, &prepared.task, choice)?;
     let mut session = Session::new(&prepared, settings.threads)?;
     let last = Settings { passes: settings.passes[settings.passes.len() - 1..].to_vec(), ..settings.clone() };
     let (begin, settings) = match earlier {

@@ -84,7 +84,7 @@ fn outputs(
 
 /// The columns of [`trajectory`], with the bounds that hold everywhere.
 pub fn records(prepared: &Prepared, plan: &Trajectory) -> Vec<SignalRecord> {
-    let (signals, variables) = (&prepared.task.signals, prepared.catalogue.variables());
+    let (signals, variables) = (&prepared.task.signals, prepared.catalog.variables());
     let held = plan.phases.iter().any(|phase| phase.interpolation == Interpolation::Held);
     let bound = |signal: Signal, upper: bool| {
         let of_phase = |phase: &super::task::TaskPhase| {
@@ -164,7 +164,7 @@ pub fn defects(
         errors.iter().flat_map(|phase| phase.absolute.iter().map(move |row| row[state])).collect::<Vec<f64>>()
     };
     for (state, &index) in prepared.task.signals.states.iter().enumerate() {
-        let variable = &prepared.catalogue.variables()[index];
+        let variable = &prepared.catalog.variables()[index];
         series.push(variable.name.clone(), variable.unit.clone(), of(state))?;
     }
     let relative = errors.iter().flat_map(|phase| phase.relative.iter().copied()).collect();

@@ -1,7 +1,7 @@
 //! A problem with every name looked up and every number in the unit of its variable.
 
 use super::Error;
-use super::catalogue::{Catalogue, Kind};
+use super::catalog::{Catalog, Kind};
 use super::file::statement::{Bound, Condition, Cost, Duration, Of, Phase, Range, Rate, Where};
 use super::file::{Place, Quantity, Source, Statement, Text};
 
@@ -16,7 +16,7 @@ pub enum Signal {
     Output(usize),
 }
 
-/// States, inputs and outputs of a task, by index into the [`Catalogue`].
+/// States, inputs and outputs of a task, by index into the [`Catalog`].
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Signals {
     /// States, `[n_x]`.
@@ -28,7 +28,7 @@ pub struct Signals {
 }
 
 impl Signals {
-    /// The signal of a variable of the catalogue, if it is one of the task.
+    /// The signal of a variable of the catalog, if it is one of the task.
     pub fn of(&self, variable: usize) -> Option<Signal> {
         let at = |list: &[usize]| list.iter().position(|one| *one == variable);
         let state = at(&self.states).map(Signal::State);
@@ -141,15 +141,15 @@ pub struct Task {
 
 const FREE: Limits = (f64::NEG_INFINITY, f64::INFINITY);
 
-/// The variables that a statement refers to which are neither state nor input, as indices into the catalogue.
+/// The variables that a statement refers to which are neither state nor input, as indices into the catalog.
 ///
 /// # Errors
 /// [`Error::File`] for a name that is not known.
-pub fn outputs(statement: &Statement, catalogue: &Catalogue) -> Result<Vec<usize>, Error> {
+pub fn outputs(statement: &Statement, catalog: &Catalog) -> Result<Vec<usize>, Error> {
     let mut found = Vec::new();
     for name in names(statement) {
-        let (index, _) = catalogue.want(&statement.source, name)?;
-        if catalogue.variables()[index].kind == Kind::Output && !found.contains(&index) {
+        let (index, _) = catalog.want(&statement.source, name)?;
+        if catalog.variables()[index].kind == Kind::Output && !found.contains(&index) {
             found.push(index);
         }
     }
@@ -160,7 +160,7 @@ pub fn outputs(statement: &Statement, catalogue: &Catalogue) -> Result<Vec<usize
 ///
 /// # Errors
 /// [`Error::File`] when there is none, or a name is no input.
-pub fn inputs(statement: &Statement, catalogue: &Catalogue) -> Result<Vec<usize>, Error> {
+pub fn inputs(statement: &Statement, catalog: &Catalog) -> Result<Vec<usize>, Error> {
     let source = &statement.source;
     let mut found = Vec::new();
     let listed: Vec<&Text> = match &statement.inputs {
@@ -168,8 +168,8 @@ pub fn inputs(statement: &Statement, catalogue: &Catalogue) -> Result<Vec<usize>
         None => names(statement).collect(),
     };
     for name in listed {
-        let (index, _) = catalogue.want(source, name)?;
-        let variable = &catalogue.variables()[index];
+        let (index, _) = catalog.want(source, name)?;
+        let variable = &catalog.variables()[index];
         if variable.kind != Kind::Input && statement.inputs.is_some() {
             let problem = format!("`{}` is no input of the system", name.text);
             return Err(source.error_at(name.place, problem));
@@ -179,7 +179,7 @@ pub fn inputs(statement: &Statement, catalogue: &Catalogue) -> Result<Vec<usize>
         }
     }
     if found.is_empty() {
-        let known = catalogue.variables().iter().filter(|one| one.kind == Kind::Input);
+        let known = catalog.variables().iter().filter(|one| one.kind == Kind::Input);
         let known: Vec<&str> = known.map(|one| one.name.as_str()).collect();
         let problem = format!(
             "there is nothing to find: name inputs of the system in `inputs`, a bound or a cost; it has: {}",
@@ -208,8 +208,8 @@ fn names(statement: &Statement) -> impl Iterator<Item = &Text> {
 ///
 /// # Errors
 /// [`Error::File`] names line, column, value and remedy.
-pub fn task(statement: &Statement, catalogue: &Catalogue, signals: Signals) -> Result<Task, Error> {
-    let reader = Reader { source: &statement.source, catalogue, signals: &signals };
+pub fn task(statement: &Statement, catalog: &Catalog, signals: Signals) -> Result<Task, Error> {
+    let reader = Reader { source: &statement.source, catalog, signals: &signals };
     let mut notes = Vec::new();
     let mut phases = Vec::new();
     for (number, phase) in statement.phases.iter().enumerate() {
@@ -224,7 +224,7 @@ pub fn task(statement: &Statement, catalogue: &Catalogue, signals: Signals) -> R
 /// Looks names up for the signals of a task.
 pub(super) struct Reader<'a> {
     pub source: &'a Source,
-    pub catalogue: &'a Catalogue,
+    pub catalog: &'a Catalog,
     pub signals: &'a Signals,
 }
 
@@ -263,9 +263,9 @@ impl Reader<'_> {
     ) -> Result<(), Error> {
         let mut assumed = Vec::new();
         for (limits, &index) in initial.iter_mut().zip(&self.signals.states) {
-            let variable = &self.catalogue.variables()[index];
+            let variable = &self.catalog.variables()[index];
             let said =
-                named.iter().any(|one| self.catalogue.find(&one.variable.text).map(|f| f.0) == Some(index));
+                named.iter().any(|one| self.catalog.find(&one.variable.text).map(|f| f.0) == Some(index));
             if let Some(start) = variable.start.filter(|_| !said) {
                 *limits = (start, start);
                 assumed.push(format!("{} = {start}", variable.name));
@@ -308,11 +308,11 @@ impl Reader<'_> {
         &self,
         name: &Text,
     ) -> Result<(Signal, (usize, airloop_cosim::system::graph::Conversion)), Error> {
-        let found = self.catalogue.want(self.source, name)?;
+        let found = self.catalog.want(self.source, name)?;
         match self.signals.of(found.0) {
             Some(signal) => Ok((signal, found)),
             None => {
-                let kind = match self.catalogue.variables()[found.0].kind {
+                let kind = match self.catalog.variables()[found.0].kind {
                     Kind::Input => "an input that `inputs` does not list",
                     Kind::State => "a state that does not move, or that `states` does not list",
                     Kind::Output => "no variable that can be read during the motion",
@@ -325,12 +325,12 @@ impl Reader<'_> {
     fn limits(&self, name: &Text, range: &Range, place: Place) -> Result<(Signal, usize, Limits), Error> {
         let (signal, found) = self.signal(name)?;
         let value = |quantity: &Option<Quantity>, none: f64| match quantity {
-            Some(quantity) => self.catalogue.value(self.source, quantity, found),
+            Some(quantity) => self.catalog.value(self.source, quantity, found),
             None => Ok(none),
         };
         let limits = (value(&range.min, FREE.0)?, value(&range.max, FREE.1)?);
         if limits.0 > limits.1 {
-            let unit = self.catalogue.variables()[found.0].unit.as_deref().unwrap_or("");
+            let unit = self.catalog.variables()[found.0].unit.as_deref().unwrap_or("");
             let problem = format!(
                 "`{}`: the lower bound {} {unit} lies above the upper bound {} {unit}",
                 name.text, limits.0, limits.1
@@ -344,7 +344,7 @@ impl Reader<'_> {
         let mut others = Vec::new();
         for Condition { variable, range } in conditions {
             let (signal, index, limits) = self.limits(variable, range, variable.place)?;
-            let own = &self.catalogue.variables()[index];
+            let own = &self.catalog.variables()[index];
             match signal {
                 Signal::State(state) => states[state] = limits,
                 _ => others.push(Limit {
@@ -369,7 +369,7 @@ impl Reader<'_> {
             Signal::Input(_) if bound.terms.len() == 1 => Where::Everywhere,
             _ => Where::Nodes,
         };
-        let own = &self.catalogue.variables()[index];
+        let own = &self.catalog.variables()[index];
         if limits.0 + bound.margin > limits.1 - bound.margin {
             let problem = format!(
                 "`{}`: the margin {} leaves nothing between {} and {}",
@@ -426,7 +426,7 @@ impl Reader<'_> {
         let weight = cost.weight;
         let found = |name: &Text, reference: &Option<Quantity>| -> Result<(Signal, f64), Error> {
             let (signal, found) = self.signal(name)?;
-            let reference = reference.as_ref().map(|value| self.catalogue.value(self.source, value, found));
+            let reference = reference.as_ref().map(|value| self.catalog.value(self.source, value, found));
             Ok((signal, reference.transpose()?.unwrap_or(0.0)))
         };
         match &cost.of {

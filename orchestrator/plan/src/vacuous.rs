@@ -31,7 +31,7 @@ pub fn check(prepared: &mut Prepared, rough: &Rough) -> Result<(), Error> {
         for ((conditions, end), limits) in ends.into_iter().zip(&phase.ends) {
             for limit in limits {
                 let place = conditions.iter().find_map(|one| {
-                    let (index, _) = setup.catalogue.find(&one.variable.text)?;
+                    let (index, _) = setup.catalog.find(&one.variable.text)?;
                     (setup.task.signals.of(index) == limit.terms.first().map(|term| term.0))
                         .then_some(one.variable.place)
                 });

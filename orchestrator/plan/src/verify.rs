@@ -3,7 +3,7 @@
 use std::sync::atomic::AtomicBool;
 
 use super::Error;
-use super::catalogue::{Catalogue, Kind};
+use super::catalog::{Catalog, Kind};
 use super::prepare::Setup;
 use super::sampling;
 use airloop_cosim::master::simulate::{self, Curves, End, Stimulus, Watch};
@@ -13,7 +13,7 @@ use airloop_series::{Interpolation, TimeSeries};
 
 /// A command over time, as the transcription understands it.
 pub struct Command<'a> {
-    /// Inputs by index into the catalogue.
+    /// Inputs by index into the catalog.
     pub inputs: &'a [usize],
     /// Times \[s\] between which the inputs are smooth, increasing, from the start to the end.
     pub knots: &'a [f64],
@@ -28,7 +28,7 @@ impl Command<'_> {
     ///
     /// # Errors
     /// [`Error::Series`] when there are no such times.
-    pub fn sampled(&self, catalogue: &Catalogue, step: f64) -> Result<TimeSeries, Error> {
+    pub fn sampled(&self, catalog: &Catalog, step: f64) -> Result<TimeSeries, Error> {
         let (start, end) = (self.knots[0], self.knots[self.knots.len() - 1]);
         let count = ((end - start) / step * (1.0 + 1e-12) + 1e-9).floor() as usize;
         let mut time: Vec<f64> = (0..=count).map(|k| start + k as f64 * step).collect();
@@ -46,13 +46,13 @@ impl Command<'_> {
                 (self.values)(interval, t.clamp(self.knots[interval], self.knots[interval + 1]))
             })
             .collect();
-        self.series(catalogue, time, &rows)
+        self.series(catalog, time, &rows)
     }
 
     /// The command as it is meant: constant, or the parabola through the ends and the middle of each interval.
-    fn curves(&self, graph: &SystemGraph, catalogue: &Catalogue) -> Curves {
+    fn curves(&self, graph: &SystemGraph, catalog: &Catalog) -> Curves {
         let place = |&input: &usize| {
-            let name = &catalogue.variables()[input].name;
+            let name = &catalog.variables()[input].name;
             graph.inputs.iter().position(|one| one.name == *name)
         };
         let places: Vec<Option<usize>> = self.inputs.iter().map(place).collect();
@@ -77,10 +77,10 @@ impl Command<'_> {
         Curves { knots: self.knots.to_vec(), inputs: places.into_iter().flatten().collect(), pieces }
     }
 
-    fn series(&self, catalogue: &Catalogue, time: Vec<f64>, rows: &[Vec<f64>]) -> Result<TimeSeries, Error> {
+    fn series(&self, catalog: &Catalog, time: Vec<f64>, rows: &[Vec<f64>]) -> Result<TimeSeries, Error> {
         let mut series = TimeSeries::new(time)?;
         for (column, &input) in self.inputs.iter().enumerate() {
-            let variable = &catalogue.variables()[input];
+            let variable = &catalog.variables()[input];
             let values = rows.iter().map(|row| row[column]).collect();
             series.push(variable.name.clone(), variable.unit.clone(), values)?;
         }
@@ -121,13 +121,13 @@ pub struct Rollouts {
     pub sampled: Result<Rollout, Error>,
 }
 
-/// Rolls a command out from `initial` (value of each of `states`, by index into the catalogue), both ways at once.
+/// Rolls a command out from `initial` (value of each of `states`, by index into the catalog), both ways at once.
 ///
 /// # Errors
 /// [`Error::Series`] for a command without times.
 pub fn roll_out(
     graph: &SystemGraph,
-    catalogue: &Catalogue,
+    catalog: &Catalog,
     (states, initial): (&[usize], &[f64]),
     command: &Command,
     options: Options,
@@ -136,17 +136,17 @@ pub fn roll_out(
     let place = "the roll-out";
     let mut started = graph.clone();
     for (&state, &value) in states.iter().zip(initial) {
-        let variable = &catalogue.variables()[state];
+        let variable = &catalog.variables()[state];
         if variable.start != Some(value) {
             started.set_start(&variable.path, &value.to_string(), place)?;
         }
     }
     let smooth = sampling::in_continuous_time(&started);
-    let (curves, sampled) = (command.curves(&smooth, catalogue), command.sampled(catalogue, options.step)?);
+    let (curves, sampled) = (command.curves(&smooth, catalog), command.sampled(catalog, options.step)?);
     let along = Options { master: Algorithm::Monolithic, ..options };
     let (along, held) = ((Inputs::Along(&curves), along), (Inputs::Held(&sampled), options));
     let one = |graph: &SystemGraph, (inputs, options): &(Inputs, Options)| {
-        simulate(graph, catalogue, states, inputs, *options, stop)
+        simulate(graph, catalog, states, inputs, *options, stop)
     };
     let (continuous, sampled) = rayon::join(|| one(&smooth, &along), || one(&started, &held));
     Ok(Rollouts { continuous, sampled })
@@ -158,17 +158,17 @@ pub(super) fn moment_later(setup: &Setup, states: &[f64], inputs: &[f64]) -> Opt
     let signals = &setup.task.signals;
     let mut graph = setup.graph.clone();
     for (&state, value) in signals.states.iter().zip(states) {
-        graph.set_start(&setup.catalogue.variables()[state].path, &value.to_string(), "a state").ok()?;
+        graph.set_start(&setup.catalog.variables()[state].path, &value.to_string(), "a state").ok()?;
     }
     let graph = sampling::in_continuous_time(&graph);
     let mut series = TimeSeries::new(vec![0.0, MOMENT]).ok()?;
     for (&input, &value) in signals.inputs.iter().zip(inputs) {
-        let variable = &setup.catalogue.variables()[input];
+        let variable = &setup.catalog.variables()[input];
         series.push(variable.name.clone(), variable.unit.clone(), vec![value; 2]).ok()?;
     }
     let options = Options { master: Algorithm::Monolithic, step: MOMENT, tolerance: None };
     let stop = AtomicBool::new(false);
-    let later = simulate(&graph, &setup.catalogue, &signals.states, &Inputs::Held(&series), options, &stop);
+    let later = simulate(&graph, &setup.catalog, &signals.states, &Inputs::Held(&series), options, &stop);
     Some(later.ok()?.states)
 }
 
@@ -183,7 +183,7 @@ enum Inputs<'a> {
 
 fn simulate(
     graph: &SystemGraph,
-    catalogue: &Catalogue,
+    catalog: &Catalog,
     states: &[usize],
     inputs: &Inputs,
     options: Options,
@@ -215,7 +215,7 @@ fn simulate(
     };
     let mut seen = TimeSeries::new(run.result.time().to_vec())?;
     for &state in states {
-        let variable = &catalogue.variables()[state];
+        let variable = &catalog.variables()[state];
         if variable.kind != Kind::State {
             continue;
         }

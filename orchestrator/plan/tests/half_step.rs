@@ -84,13 +84,13 @@ fn a_leg_without_length_makes_a_singular_contact_that_is_named() {
 }
 
 #[test]
-fn phases_cannot_be_stabilised_without_their_guards_and_modes() {
+fn phases_cannot_be_stabilized_without_their_guards_and_modes() {
     let Some(folder) = example() else { return };
-    let settings = text(&folder, "stabilise.toml");
+    let settings = text(&folder, "stabilize.toml");
     let message = |from: &str, to: &str| {
         assert!(settings.contains(from), "{from}");
-        let source = Source { file: "stabilise.toml".into(), text: settings.replacen(from, to, 1) };
-        let settings = match airloop_plan::stabilise::settings::parse(source) {
+        let source = Source { file: "stabilize.toml".into(), text: settings.replacen(from, to, 1) };
+        let settings = match airloop_plan::stabilize::settings::parse(source) {
             Ok(settings) => settings,
             Err(error) => return error.to_string(),
         };
@@ -98,8 +98,8 @@ fn phases_cannot_be_stabilised_without_their_guards_and_modes() {
         let trajectory = plan(&prepared);
         let file = PathBuf::from("trajectory.csv");
         let interpolation = airloop_series::Interpolation::Linear;
-        let plan = airloop_plan::stabilise::Plan { trajectory: &trajectory, file: &file, interpolation };
-        airloop_plan::stabilise::stabilise(&mut prepared, plan, &settings).unwrap_err().to_string()
+        let plan = airloop_plan::stabilize::Plan { trajectory: &trajectory, file: &file, interpolation };
+        airloop_plan::stabilize::stabilize(&mut prepared, plan, &settings).unwrap_err().to_string()
     };
     assert!(message("[phases]", "[phase]").contains("phase"));
     let one = message("guards = [\"walker.foot2.y\", \"walker.foot1.fn\"]", "guards = [\"walker.foot2.y\"]");
@@ -118,7 +118,7 @@ fn phases_cannot_be_stabilised_without_their_guards_and_modes() {
 fn plan(prepared: &Prepared) -> airloop_series::TimeSeries {
     let time = (0..6).map(|row| 0.01 * f64::from(row)).collect();
     let mut series = airloop_series::TimeSeries::new(time).unwrap();
-    let (signals, variables) = (&prepared.task.signals, prepared.catalogue.variables());
+    let (signals, variables) = (&prepared.task.signals, prepared.catalog.variables());
     for (&index, (start, _)) in signals.states.iter().zip(&prepared.task.phases[0].initial) {
         series.push(variables[index].name.clone(), None, vec![*start; 6]).unwrap();
     }

@@ -66,12 +66,12 @@ fn states_come_in_the_order_that_is_asked_for() {
 }
 
 #[test]
-fn guesses_are_lines_courses_and_earlier_trajectories() {
+fn guesses_are_lines_given_trajectories_and_earlier_results() {
     let Some(folder) = example() else { return };
     let found = prepared(&folder, &swing_up(&folder)).unwrap();
     let names = found.dynamics[0].names();
     let (x, theta) = (index(&names, "x"), index(&names, "theta"));
-    let of = |choice: &guess::Choice| guess::guess(&found.statement, &found.catalogue, &found.task, choice);
+    let of = |choice: &guess::Choice| guess::guess(&found.statement, &found.catalog, &found.task, choice);
     let linear = of(&guess::choose(&found.statement, Some("linear")).unwrap()).unwrap();
     assert!((linear.states(0.25)[theta] - 0.25 * PI).abs() < 1e-12);
     let pump = of(&guess::choose(&found.statement, None).unwrap()).unwrap();

@@ -152,7 +152,7 @@ impl Chart {
                 entries.push(entry);
             }
         }
-        // A narrow chart has no room for it beside its title; the text around it says what is grey.
+        // A narrow chart has no room for it next to its title; the text around it says what is gray.
         if self.noise.is_some() && self.size.0 > 600.0 {
             entries.push(("sensor noise", "noise"));
         }

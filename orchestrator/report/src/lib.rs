@@ -47,13 +47,13 @@ pub struct Report<'a> {
     pub evidence: &'a Evidence,
     /// Settings of the search.
     pub settings: &'a Settings,
-    /// Folder of the amended system beside the report, if one was written.
+    /// Folder of the amended system next to the report, if one was written.
     pub system: Option<&'a str>,
     /// Whether a table of the columns of the records stands in that folder.
     pub signals: bool,
 }
 
-/// The command that runs the amended system in `folder` beside a record.
+/// The command that runs the amended system in `folder` and compares it with a record.
 fn command(report: &Report, folder: &str) -> String {
     let table =
         if report.signals { format!(" --signals {folder}/{}", amend::SIGNALS) } else { String::new() };

@@ -4,7 +4,7 @@
 //! `true` and `false`.
 //!
 //! A header cell may be quoted and may carry its unit as `name [unit]`. Numbers are written in the shortest form
-//! that reads back to the same bits. A file appears under its name only when it is complete.
+//! that reads back bit for bit. A file appears under its name only when it is complete.
 
 use std::collections::HashSet;
 use std::io::Write;
@@ -294,7 +294,7 @@ fn name_and_unit(cell: &str) -> (String, Option<String>) {
 
 /// Writes the series; units are not part of the FMI convention and stay out.
 ///
-/// The rows go to a temporary file beside `path`, which is then renamed: there is never half a file under `path`.
+/// The rows go to a temporary file next to `path`, which is then renamed: there is never half a file under `path`.
 ///
 /// # Errors
 /// [`Error::Io`].

@@ -7,10 +7,10 @@ use std::path::Path;
 use serde::Serialize;
 use tempfile::NamedTempFile;
 
-/// Writes a file in one piece: `fill` writes to a temporary file beside `path`, which then takes that name.
+/// Writes a file in one piece: `fill` writes to a temporary file next to `path`, which then takes that name.
 ///
 /// # Errors
-/// Whatever `fill` or the file system reports; nothing is left under `path` or beside it.
+/// Whatever `fill` or the file system reports; nothing is left under `path` or next to it.
 pub fn write_whole(
     path: &Path,
     fill: impl FnOnce(&mut BufWriter<NamedTempFile>) -> std::io::Result<()>,

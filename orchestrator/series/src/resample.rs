@@ -8,7 +8,7 @@ use super::{Error, TimeSeries};
 /// How a signal behaves between its samples.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Interpolation {
-    /// Straight line between neighbouring samples.
+    /// Straight line between neighboring samples.
     #[default]
     Linear,
     /// The value of a sample is held until the next one (sampled command, discrete output).

@@ -20,7 +20,7 @@ pub fn write_header<'a>(out: &mut impl Write, names: impl IntoIterator<Item = &'
     out.write_all(b"\n")
 }
 
-/// Writes a row; numbers are in the shortest form that reads back to the same bits.
+/// Writes a row; numbers are in the shortest form that reads back bit for bit.
 ///
 /// # Errors
 /// Those of `out`.

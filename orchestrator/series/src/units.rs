@@ -13,7 +13,7 @@ use serde::Serialize;
 pub struct Exponents {
     /// Kilogram.
     pub kg: i32,
-    /// Metre.
+    /// Meter.
     pub m: i32,
     /// Second.
     pub s: i32,

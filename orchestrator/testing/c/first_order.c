@@ -11,7 +11,7 @@
 typedef struct {
     double value[5];
     double time;
-    int initialised;
+    int initialized;
 } Instance;
 
 #ifdef SHARED_X

@@ -3,7 +3,7 @@
  * Real: 0 u (input), 1 y = gain u + bend tanh(u) + share x + offset (output with feed-through), 2 x (state and output),
  *       3 der(x) = rate (u - x), 4 gain, 5 bend, 6 share, 7 rate, 8 offset (parameters), 9 v (input without effect)
  *
- * Compiled with STALE, a slave computes its outputs in fmi2DoStep only (and in initialisation mode); with STRICT, it
+ * Compiled with STALE, a slave computes its outputs in fmi2DoStep only (and in initialization mode); with STRICT, it
  * also answers with fmi2Error when outputs are read after inputs were set and before the next step.
  */
 
@@ -13,7 +13,7 @@
 
 typedef struct {
     double real[10];
-    int is_slave, initialised, changed;
+    int is_slave, initialized, changed;
 } Looped;
 
 typedef struct {
@@ -49,7 +49,7 @@ int fmi2SetupExperiment(Looped *c, int has_tolerance, double tolerance, double s
 int fmi2EnterInitializationMode(Looped *c) { return c == NULL; }
 int fmi2ExitInitializationMode(Looped *c) {
     update(c);
-    c->initialised = 1;
+    c->initialized = 1;
     return 0;
 }
 int fmi2Terminate(Looped *c) { return c == NULL; }
@@ -58,10 +58,10 @@ int fmi2Reset(Looped *c) { return c == NULL; }
 int fmi2GetReal(Looped *c, const unsigned *references, size_t count, double *values) {
     size_t k;
 #ifdef STRICT
-    if (c->is_slave && c->initialised && c->changed) return 3;
+    if (c->is_slave && c->initialized && c->changed) return 3;
 #endif
 #if defined(STALE) || defined(STRICT)
-    if (!c->is_slave || !c->initialised) update(c);
+    if (!c->is_slave || !c->initialized) update(c);
 #else
     update(c);
 #endif

@@ -1,9 +1,9 @@
 /* A small FMI 2.0 Co-Simulation library for the tests of the master.
  *
- * Real:    0 u (input), 1 y = gain u (output, follows u also in initialisation mode), 2 gain (parameter),
+ * Real:    0 u (input), 1 y = gain u (output, follows u also in initialization mode), 2 gain (parameter),
  *          3 x (state, dx/dt = u, explicit Euler over the step), 4 held = u at the start of the step (discrete output),
- *          5 when (parameter, time of the misbehaviour)
- * Integer: 0 i (input), 1 j = i + 1 (output), 2 how (parameter, misbehaviour at the first step that ends after `when`:
+ *          5 when (parameter, time of the misbehavior)
+ * Integer: 0 i (input), 1 j = i + 1 (output), 2 how (parameter, misbehavior at the first step that ends after `when`:
  *          0 none, 1 fmi2Discard, 2 fmi2Discard and terminated, 3 fmi2Error, 4 fmi2Fatal, 5 fmi2Pending, 6 y is NaN)
  * Boolean: 0 b (input), 1 c = !b (output)
  * String:  0 s (input), 1 t = s (output)

@@ -3,7 +3,7 @@
 //! Each module makes one FMU or family of FMUs; the C sources stand in `c/` and say what the FMU does. Depends on no
 //! other crate of the workspace, so that every crate can use it in its tests.
 
-#![allow(missing_docs, reason = "models of tests: the C file beside each says what it does")]
+#![allow(missing_docs, reason = "models of tests: the C file next to each says what it does")]
 
 pub mod allocations;
 pub mod bent;

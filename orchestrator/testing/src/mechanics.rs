@@ -81,7 +81,7 @@ impl Accelerations {
     }
 }
 
-/// Continuous realisation of the actuator: Ac = log(Ad) / Ts and Bc = Ac (Ad - I)^-1 Bd.
+/// Continuous realization of the actuator: Ac = log(Ad) / Ts and Bc = Ac (Ad - I)^-1 Bd.
 pub fn continuous_actuator() -> ([[f64; 2]; 2], [f64; 2]) {
     // Eigenvalues alpha +- i beta: log(Ad) = ln|lambda| I + angle / beta (Ad - alpha I).
     let alpha = 0.5 * (AD[0][0] + AD[1][1]);

@@ -292,7 +292,7 @@ STUDY = """name = "{name}"
 system = "airloop:arx-actuator"
 
 [parameters]
-realisation = "sampled"
+realization = "sampled"
 
 [inputs]
 u = {{ column = "u", unit = "N", hold = true }}

@@ -83,7 +83,7 @@ macro_rules! importer {
                 fmu
             }
 
-            /// Initialised instance that starts at 0 s.
+            /// Initialized instance that starts at 0 s.
             pub(crate) fn started(kind: i32) -> Self {
                 let fmu = Self::new(kind);
                 fmu.start();

@@ -1,9 +1,9 @@
 //! Identified pneumatic actuator: ARX model from force command to force (paper eq. 3, 5-8, 12).
 //!
-//! [`realisation`] has the state forms, [`pressure`] the pressures of eq. 3 and 5.
+//! [`realization`] has the state forms, [`pressure`] the pressures of eq. 3 and 5.
 
 mod pressure;
-mod realisation;
+mod realization;
 #[cfg(test)]
 mod tests;
 
@@ -12,13 +12,13 @@ use fmi2_export::{
     Identity, Integer, Interface, MemoryBlock, Model, Outcome, Real, Refusal, Scalar, Table, Values,
 };
 use pressure::Pressure;
-use realisation::{MAX_BLOCKS, MAX_NA, MAX_NB, MAX_NY, MAX_STATES, Recursion, Shape};
+use realization::{MAX_BLOCKS, MAX_NA, MAX_NB, MAX_NY, MAX_STATES, Recursion, Shape};
 
 /// Longest delay \[samples\].
 const MAX_NK: usize = 64;
 /// Shortest sample time \[s\].
 const SMALLEST_SAMPLE_TIME: f64 = 1e-9;
-/// Value of the parameter `realisation`.
+/// Value of the parameter `realization`.
 const CONTINUOUS: i32 = 2;
 
 /// Coefficients of a first-order set with two outputs: A1, B0, B1.
@@ -43,7 +43,7 @@ pub(crate) const TOE: FirstOrder =
 ///
 /// Before the start all commands and outputs are zero. With one output, `F_hat` and `F_act` are both that output.
 ///
-/// The *sampled* realisation takes sample k at `t = k sample_time` and holds it. The *continuous* one (Model
+/// The *sampled* realization takes sample k at `t = k sample_time` and holds it. The *continuous* one (Model
 /// Exchange only) passes through the same values at the samples for every command that is constant between them.
 #[allow(non_snake_case)]
 pub struct ArxActuator {
@@ -56,7 +56,7 @@ pub struct ArxActuator {
     nk: Integer,
     ny: Integer,
     sample_time: Real,
-    realisation: Integer,
+    realization: Integer,
     A: [[[Real; MAX_NY]; MAX_NY]; MAX_NA],
     B: [[Real; MAX_NY]; MAX_NB],
     z: [Real; MAX_STATES],
@@ -65,13 +65,13 @@ pub struct ArxActuator {
     held: MemoryBlock,
     /// Commands of the last samples, youngest first.
     line: MemoryBlock,
-    /// Continuous realisation: `Ac` and `Bc`, row by row.
+    /// Continuous realization: `Ac` and `Bc`, row by row.
     continuous: MemoryBlock,
 }
 
 impl ArxActuator {
     fn is_continuous<S: Scalar>(&self, q: &Values<S>) -> bool {
-        q.interface == Interface::ModelExchange && q[self.realisation] == CONTINUOUS
+        q.interface == Interface::ModelExchange && q[self.realization] == CONTINUOUS
     }
 
     fn shape<S: Scalar>(&self, q: &Values<S>) -> Shape {
@@ -127,7 +127,7 @@ impl Model for ArxActuator {
 
     #[allow(non_snake_case)]
     fn declare(t: &mut Table) -> Self {
-        let realisation = continuous_form::declare_realisation(t);
+        let realization = continuous_form::declare_realization(t);
         let u = t.input("u").unit("N").about("force command").nominal(100.0).real(0.0);
         let measured = pressure::declare_inputs(t);
         let mut force = |name: &'static str, about: &'static str| {
@@ -150,10 +150,10 @@ impl Model for ArxActuator {
             .min(SMALLEST_SAMPLE_TIME)
             .nominal(0.001)
             .real(0.001);
-        let realisation = t
-            .parameter("realisation")
+        let realization = t
+            .parameter("realization")
             .about("form of the model in Model Exchange; Co-Simulation is always sampled")
-            .enumeration_of(realisation, 1);
+            .enumeration_of(realization, 1);
         let (A1, B0, B1) = CART_POLE;
         let A = std::array::from_fn(|i| {
             std::array::from_fn(|j| {
@@ -187,7 +187,7 @@ impl Model for ArxActuator {
         let der_z = std::array::from_fn(|i| {
             t.derivative(format!("der(z[{}])", i + 1), z[i])
                 .unit("N/s")
-                .about(format!("rate of z[{}], 0 in the sampled realisation", i + 1))
+                .about(format!("rate of z[{}], 0 in the sampled realization", i + 1))
                 .nominal(1000.0)
                 .computed()
         });
@@ -201,7 +201,7 @@ impl Model for ArxActuator {
             nk,
             ny,
             sample_time,
-            realisation,
+            realization,
             A,
             B,
             z,
@@ -220,8 +220,8 @@ impl Model for ArxActuator {
         let recursion = self.recursion(q);
         let form = recursion.continuous(q[self.sample_time]).map_err(|why| {
             Refusal::Error(format!(
-                "realisation = continuous does not exist for these parameters: {why}; the matrix logarithm needs \
-                 every pole away from zero and from the negative real axis. Use realisation = sampled, or change \
+                "realization = continuous does not exist for these parameters: {why}; the matrix logarithm needs \
+                 every pole away from zero and from the negative real axis. Use realization = sampled, or change \
                  the coefficients"
             ))
         })?;
@@ -285,12 +285,12 @@ impl Model for ArxActuator {
         }
     }
 
-    /// Draws in both realisations, with the largest and with smaller orders, with real poles in (0, 1).
+    /// Draws in both realizations, with the largest and with smaller orders, with real poles in (0, 1).
     fn probe(&self, draw: usize, table: &Table, q: &mut Values<f64>) {
         table.spread(draw, q);
         let [na, nb, nk, ny] = [[4, 5, 0, 2], [3, 4, 0, 1], [4, 4, 0, 2], [3, 3, 1, 2]][draw % 4];
         (q[self.na], q[self.nb], q[self.nk], q[self.ny]) = (na, nb, nk, ny);
-        q[self.realisation] = if draw.is_multiple_of(2) { CONTINUOUS } else { 1 };
+        q[self.realization] = if draw.is_multiple_of(2) { CONTINUOUS } else { 1 };
         if draw.is_multiple_of(2) {
             q[self.pressure.F_eq] = 0.0;
         }

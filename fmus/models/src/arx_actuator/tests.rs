@@ -57,7 +57,7 @@ fn step_response_of_eq_8_has_the_published_values() {
 #[test]
 fn toe_of_eq_12_has_the_published_poles_and_gains() {
     let mut run = Run::new(Interface::CoSimulation, |m, q| set_first_order(m, q, TOE)).prepared();
-    let poles = realisation::Matrix::leading(&run.model.recursion(&run.q).transition(), 2).poles();
+    let poles = realization::Matrix::leading(&run.model.recursion(&run.q).transition(), 2).poles();
     assert!(poles.iter().any(|p| (p.0 - 0.97915).abs() < 5e-6 && (p.1 - 0.01532).abs() < 5e-6), "{poles:?}");
     let last = (0..4000).map(|_| run.step(1.0)).last().expect("4000 samples");
     assert!((last[0] - 1.00636).abs() < 5e-6 && (last[1] - 0.98965).abs() < 5e-6, "{last:?}");
@@ -65,7 +65,7 @@ fn toe_of_eq_12_has_the_published_poles_and_gains() {
 
 #[test]
 fn continuous_form_of_eq_8_has_the_published_matrices() {
-    let run = Run::new(Interface::ModelExchange, |m, q| q[m.realisation] = CONTINUOUS).prepared();
+    let run = Run::new(Interface::ModelExchange, |m, q| q[m.realization] = CONTINUOUS).prepared();
     let form: Vec<f64> = (0..6).map(|i| run.q[run.model.continuous.at(i)]).collect();
     let expected = [
         14.87318811654313,
@@ -132,7 +132,7 @@ fn every_order_agrees_with_a_loop_over_eq_6() {
 fn pure_integrator_has_a_continuous_form() {
     // y(k) = y(k-1) + u(k-1): dy/dt = u / Ts.
     let run = Run::new(Interface::ModelExchange, |m, q| {
-        (q[m.ny], q[m.realisation]) = (1, CONTINUOUS);
+        (q[m.ny], q[m.realization]) = (1, CONTINUOUS);
         (q[m.A[0][0][0]], q[m.B[0][0]], q[m.B[1][0]]) = (-1.0, 0.0, 1.0);
     })
     .prepared();
@@ -144,7 +144,7 @@ fn pure_integrator_has_a_continuous_form() {
 fn continuous_form_is_refused_with_the_pole_in_the_message() {
     let refused = |set: &dyn Fn(&ArxActuator, &mut Values<f64>)| {
         let mut run = Run::new(Interface::ModelExchange, |m, q| {
-            q[m.realisation] = CONTINUOUS;
+            q[m.realization] = CONTINUOUS;
             set(m, q);
         });
         match run.model.prepare(&mut run.q) {
@@ -155,14 +155,14 @@ fn continuous_form_is_refused_with_the_pole_in_the_message() {
     let one_output = |q: &mut Values<f64>, m: &ArxActuator, a: f64| (q[m.ny], q[m.A[0][0][0]]) = (1, a);
     for (a, pole) in [(0.5, "-0.500000"), (0.0, "0.000000")] {
         let message = refused(&|m, q| one_output(q, m, a));
-        assert!(message.contains(pole) && message.contains("realisation = sampled"), "{message}");
+        assert!(message.contains(pole) && message.contains("realization = sampled"), "{message}");
     }
     let message = refused(&|m, q| q[m.nk] = 3);
     assert!(message.contains("nk + nb - 1 = 4"), "{message}");
 }
 
 #[test]
-fn both_realisations_agree_at_the_samples() {
+fn both_realizations_agree_at_the_samples() {
     // Two outputs, second order with poles in the right half plane, and eq. 8.
     let second_order = |m: &ArxActuator, q: &mut Values<f64>| {
         (q[m.na], q[m.nb]) = (2, 3);
@@ -178,7 +178,7 @@ fn both_realisations_agree_at_the_samples() {
         let mut sampled = Run::new(Interface::ModelExchange, set).prepared();
         let mut continuous = Run::new(Interface::ModelExchange, |m, q| {
             set(m, q);
-            q[m.realisation] = CONTINUOUS;
+            q[m.realization] = CONTINUOUS;
         })
         .prepared();
         let mut command = 0.37_f64;

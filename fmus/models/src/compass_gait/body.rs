@@ -17,9 +17,9 @@ const L: usize = 4;
 ///
 /// | name | unit | meaning |
 /// |---|---|---|
-/// | `m3`, `d`, `i3` | kg, m, kg m² | trunk: mass, centre above the hip, inertia about its centre |
-/// | `mu`, `a`, `iu` | kg, m, kg m² | upper leg: mass, centre below the hip, inertia |
-/// | `mt`, `c`, `it` | kg, m, kg m² | toe: mass, centre above the tip, inertia |
+/// | `m3`, `d`, `i3` | kg, m, kg m² | trunk: mass, center above the hip, inertia about its center |
+/// | `mu`, `a`, `iu` | kg, m, kg m² | upper leg: mass, center below the hip, inertia |
+/// | `mt`, `c`, `it` | kg, m, kg m² | toe: mass, center above the tip, inertia |
 /// | `ir` | kg m² | reflected inertia of the hip motor's rotor, on `th2' - th1'` |
 /// | `g` | m/s² | gravity |
 #[allow(missing_docs)]

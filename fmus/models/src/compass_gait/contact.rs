@@ -11,7 +11,7 @@ use fmi2_export::{Refusal, Scalar};
 /// Forces or impulses of the ground on both feet, `[foot][tangential, normal]` \[N or N s\]; 0 for a foot in the air.
 pub type OnFeet<S> = [[S; 2]; 2];
 
-/// A position with its factorised mass matrix.
+/// A position with its factorized mass matrix.
 pub struct Mechanics<S> {
     body: Body<S>,
     pose: Pose<S>,
@@ -21,7 +21,7 @@ pub struct Mechanics<S> {
 }
 
 impl<S: Scalar> Mechanics<S> {
-    /// Factorises the mass matrix.
+    /// Factorizes the mass matrix.
     ///
     /// # Errors
     /// When it is not positive definite.
@@ -40,7 +40,7 @@ impl<S: Scalar> Mechanics<S> {
         }
     }
 
-    /// Accelerations and ground forces under the generalised forces of `tau`, `F1`, `F2`:
+    /// Accelerations and ground forces under the generalized forces of `tau`, `F1`, `F2`:
     /// `H q'' + C q' + G = B u + J^T f`, `J q'' + J' q' = 0`.
     ///
     /// # Errors

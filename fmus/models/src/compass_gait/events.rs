@@ -4,7 +4,7 @@
 //! and is not told apart from one that lands by its height: until it has risen by [`RISE`], it comes back where its
 //! vertical velocity turns, without an impact worth the name, and at the latest where it has sunk by [`SINK`]. A foot on
 //! the ground leaves it where its normal force falls below [`PULL`], also with a tangential force left that lets it sink
-//! at first: sliding is not modelled.
+//! at first: sliding is not modeled.
 
 use super::contact::{Mechanics, OnFeet};
 use super::feet::Feet;
@@ -60,7 +60,7 @@ pub fn initialize<S: Scalar>(k: &Variables, q: &mut Values<S>) -> Outcome {
         } else if vy.abs() <= NEAR {
             if vx.abs() > NEAR {
                 return Err(Refusal::Error(format!(
-                    "foot {} starts on the ground and moves along it at {vx} m/s; no sliding is modelled: start it at \
+                    "foot {} starts on the ground and moves along it at {vx} m/s; no sliding is modeled: start it at \
                      rest or above the ground",
                     i + 1
                 )));
@@ -272,7 +272,7 @@ pub fn explain(k: &Variables, q: &Values<f64>) -> Option<String> {
         if codes & SLID << i != 0 {
             parts.push(format!(
                 "{foot} would slide: the ground would have to hold more than mu_friction = {} times the normal force; \
-                 no sliding is modelled (on_slide = mark goes on with the foot held)",
+                 no sliding is modeled (on_slide = mark goes on with the foot held)",
                 q[k.friction]
             ));
         }

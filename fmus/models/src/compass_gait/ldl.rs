@@ -4,7 +4,7 @@ use fmi2_export::Scalar;
 
 /// `A = L D L^T` without pivoting.
 pub struct Ldl<S, const N: usize> {
-    /// `L^T` above the diagonal, the inverse of D on it; below it what the factorisation left.
+    /// `L^T` above the diagonal, the inverse of D on it; below it what the factorization left.
     factors: [[S; N]; N],
 }
 
@@ -12,7 +12,7 @@ impl<S: Scalar, const N: usize> Ldl<S, N> {
     /// Of the lower triangle of a matrix; gives the row of the first pivot that is not positive, where there is one.
     // Inlined: the copies of the matrices cost more than a call saves.
     #[inline(always)]
-    // An element stands beside its mirror image.
+    // An element stands next to its mirror image.
     #[allow(clippy::needless_range_loop)]
     pub fn of(mut f: [[S; N]; N]) -> Result<Self, usize> {
         for j in 0..N {
@@ -21,7 +21,7 @@ impl<S: Scalar, const N: usize> Ldl<S, N> {
             for k in 0..j {
                 pivot -= f[j][k] * f[k][j];
             }
-            // Relative to the diagonal: what is left of a dependent row is rounding.
+            // Relative to the diagonal: the residual of a dependent row is rounding.
             if pivot.value().is_nan() || pivot.value() <= 1e-14 * diagonal.abs() {
                 return Err(j);
             }

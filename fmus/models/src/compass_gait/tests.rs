@@ -137,7 +137,7 @@ fn impacts_have_the_reference_values() {
     near(impulses[1], [-0.8236731383501, -0.0581673428376], DIGITS);
 }
 
-/// A model with its values at a start, as an FMU has it after initialisation.
+/// A model with its values at a start, as an FMU has it after initialization.
 fn start(prepare: impl Fn(&Variables, &mut Values<f64>)) -> (CompassGait, Values<f64>) {
     let Definition { model, table, .. } = Definition::<CompassGait>::new();
     let mut q = table.start_values(Interface::ModelExchange);
@@ -167,7 +167,7 @@ fn start_below_the_ground_or_sliding_on_it_is_refused_by_name() {
     let below = refusal(&|k, q| q[k.q[4]] = 1.05);
     assert!(below.contains("foot 1") && below.contains("below the ground"), "{below}");
     let sliding = refusal(&|k, q| q[k.v[0]] = 0.1);
-    assert!(sliding.contains("foot 1") && sliding.contains("no sliding is modelled"), "{sliding}");
+    assert!(sliding.contains("foot 1") && sliding.contains("no sliding is modeled"), "{sliding}");
 }
 
 #[test]

@@ -92,14 +92,14 @@ const ACCELERATIONS: [(&str, &str, &str); 6] = [
 ];
 const BODY: [(&str, &str, &str, f64, f64); 11] = [
     ("m3", "kg", "mass of the trunk (W-1)", 0.0, 6.0),
-    ("d", "m", "centre of the trunk above the hip (W-1)", 0.0, 0.10),
-    ("I3", "kg.m2", "inertia of the trunk about its centre (W-1)", 0.0, 0.10),
+    ("d", "m", "center of the trunk above the hip (W-1)", 0.0, 0.10),
+    ("I3", "kg.m2", "inertia of the trunk about its center (W-1)", 0.0, 0.10),
     ("mu", "kg", "mass of an upper leg (W-2)", SMALLEST, 3.7),
-    ("a", "m", "centre of an upper leg below the hip (W-2)", 0.0, 0.35),
-    ("Iu", "kg.m2", "inertia of an upper leg about its centre (W-2)", SMALLEST, 0.20),
+    ("a", "m", "center of an upper leg below the hip (W-2)", 0.0, 0.35),
+    ("Iu", "kg.m2", "inertia of an upper leg about its center (W-2)", SMALLEST, 0.20),
     ("mt", "kg", "mass of a toe (W-3)", SMALLEST, 0.8),
-    ("c", "m", "centre of a toe above its tip (W-3)", 0.0, 0.10),
-    ("It", "kg.m2", "inertia of a toe about its centre (W-3)", 0.0, 0.005),
+    ("c", "m", "center of a toe above its tip (W-3)", 0.0, 0.10),
+    ("It", "kg.m2", "inertia of a toe about its center (W-3)", 0.0, 0.005),
     ("Ir", "kg.m2", "reflected rotor inertia on th2' - th1' (W-4), 0: none", 0.0, 0.05),
     ("g", "m/s2", "gravity (W-5)", 0.0, 9.81),
 ];

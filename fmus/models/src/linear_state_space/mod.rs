@@ -20,7 +20,7 @@ const MAX_NY: usize = 4;
 const MAX_NK: usize = 64;
 /// Shortest sample time \[s\].
 const SMALLEST_SAMPLE_TIME: f64 = 1e-9;
-/// Value of the parameter `realisation`.
+/// Value of the parameter `realization`.
 const CONTINUOUS: i32 = 2;
 /// States and inputs.
 const MAX: usize = MAX_NX + MAX_NU;
@@ -35,7 +35,7 @@ const MAX: usize = MAX_NX + MAX_NU;
 /// | `nk[i]` | `n_u` | delay of each input \[samples\] |
 /// | `sample_time` | 1 | \[s\] |
 ///
-/// Before the start every input stands at its offset. The two realisations are those of `arx-actuator`; the
+/// Before the start every input stands at its offset. The two realizations are those of `arx-actuator`; the
 /// continuous one has no delays.
 #[allow(non_snake_case)]
 pub struct LinearStateSpace {
@@ -46,7 +46,7 @@ pub struct LinearStateSpace {
     n_y: Integer,
     nk: [Integer; MAX_NU],
     sample_time: Real,
-    realisation: Integer,
+    realization: Integer,
     A: [[Real; MAX_NX]; MAX_NX],
     B: [[Real; MAX_NU]; MAX_NX],
     C: [[Real; MAX_NX]; MAX_NY],
@@ -59,7 +59,7 @@ pub struct LinearStateSpace {
     held: MemoryBlock,
     /// Inputs of the last samples less their offsets, youngest first.
     line: [MemoryBlock; MAX_NU],
-    /// Continuous realisation: `Ac` and `Bc`, row by row.
+    /// Continuous realization: `Ac` and `Bc`, row by row.
     continuous: MemoryBlock,
 }
 
@@ -73,7 +73,7 @@ struct Shape {
 
 impl LinearStateSpace {
     fn is_continuous<S: Scalar>(&self, q: &Values<S>) -> bool {
-        q.interface == Interface::ModelExchange && q[self.realisation] == CONTINUOUS
+        q.interface == Interface::ModelExchange && q[self.realization] == CONTINUOUS
     }
 
     fn shape<S: Scalar>(&self, q: &Values<S>) -> Shape {
@@ -139,7 +139,7 @@ impl Model for LinearStateSpace {
     #[allow(non_snake_case)]
     fn declare(t: &mut Table) -> Self {
         use std::array::from_fn;
-        let realisation = continuous_form::declare_realisation(t);
+        let realization = continuous_form::declare_realization(t);
         let start = Start::of_cart_pole();
         let u = from_fn(|i| t.input(format!("u[{}]", i + 1)).about(format!("input {}", i + 1)).real(0.0));
         let y = from_fn(|j| {
@@ -163,10 +163,10 @@ impl Model for LinearStateSpace {
             .min(SMALLEST_SAMPLE_TIME)
             .nominal(0.001)
             .real(0.001);
-        let realisation = t
-            .parameter("realisation")
+        let realization = t
+            .parameter("realization")
             .about("form of the model in Model Exchange; Co-Simulation is always sampled")
-            .enumeration_of(realisation, 1);
+            .enumeration_of(realization, 1);
         let mut entry = |name: &str, i: usize, j: usize, about: String, start: f64| {
             t.parameter(format!("{name}[{},{}]", i + 1, j + 1)).about(about).real(start)
         };
@@ -199,7 +199,7 @@ impl Model for LinearStateSpace {
             t.state(format!("x[{}]", i + 1)).about(about).reinit().real(0.0)
         });
         let der_x = from_fn(|i| {
-            let about = format!("rate of x[{}], 0 in the sampled realisation", i + 1);
+            let about = format!("rate of x[{}], 0 in the sampled realization", i + 1);
             t.derivative(format!("der(x[{}])", i + 1), x[i]).about(about).computed()
         });
         let held = t.memory(MAX_NY);
@@ -213,7 +213,7 @@ impl Model for LinearStateSpace {
             n_y,
             nk,
             sample_time,
-            realisation,
+            realization,
             A,
             B,
             C,
@@ -234,7 +234,7 @@ impl Model for LinearStateSpace {
         }
         let refused = |why: String| {
             Err(Refusal::Error(format!(
-                "realisation = continuous does not exist for these parameters: {why}. Use realisation = sampled, or \
+                "realization = continuous does not exist for these parameters: {why}. Use realization = sampled, or \
                  change the model"
             )))
         };
@@ -318,13 +318,13 @@ impl Model for LinearStateSpace {
         }
     }
 
-    /// One draw in the continuous realisation, with poles in (0, 1), and sampled ones of all sizes; every draw of the
+    /// One draw in the continuous realization, with poles in (0, 1), and sampled ones of all sizes; every draw of the
     /// former costs a logarithm for each of some 300 parameters.
     fn probe(&self, draw: usize, table: &Table, q: &mut Values<f64>) {
         table.spread(draw, q);
         let (nx, nu, ny) = [(12, 4, 4), (7, 3, 4), (12, 4, 4), (5, 4, 1)][draw % 4];
         (q[self.n_x], q[self.n_u], q[self.n_y]) = (nx, nu, ny);
-        q[self.realisation] = if draw.is_multiple_of(4) { CONTINUOUS } else { 1 };
+        q[self.realization] = if draw.is_multiple_of(4) { CONTINUOUS } else { 1 };
         for (i, nk) in self.nk.iter().enumerate() {
             q[*nk] = if draw % 4 == 3 { 1 + i as i32 } else { 0 };
         }

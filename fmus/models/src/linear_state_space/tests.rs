@@ -109,7 +109,7 @@ fn continuous_form_passes_through_the_samples() {
     let (m, mut sampled) = instance(Interface::ModelExchange, &all);
     let (_, mut q) = instance(Interface::ModelExchange, &|m, q| {
         all(m, q);
-        q[m.realisation] = CONTINUOUS;
+        q[m.realization] = CONTINUOUS;
     });
     m.prepare(&mut q).expect("poles in the right half plane");
     for k in 0..20 {
@@ -143,7 +143,7 @@ fn continuous_form_passes_through_the_samples() {
 fn what_has_no_continuous_form_is_refused_with_the_reason() {
     let refused = |set: Setup<'_>| {
         let (m, mut q) = instance(Interface::ModelExchange, &|m, q| {
-            q[m.realisation] = CONTINUOUS;
+            q[m.realization] = CONTINUOUS;
             set(m, q);
         });
         match m.prepare(&mut q) {
@@ -152,16 +152,16 @@ fn what_has_no_continuous_form_is_refused_with_the_reason() {
         }
     };
     let delay = refused(&|m, q| q[m.nk[0]] = 3);
-    assert!(delay.contains("nk[1] = 3") && delay.contains("realisation = sampled"), "{delay}");
+    assert!(delay.contains("nk[1] = 3") && delay.contains("realization = sampled"), "{delay}");
     for (pole, expected) in [(-0.5, "a pole at -0.5"), (0.0, "a pole at 0")] {
         let message = refused(&|m, q| {
             (q[m.A[0][0]], q[m.A[0][1]], q[m.A[1][0]]) = (pole, 0.0, 0.0);
         });
-        assert!(message.contains(expected) && message.contains("realisation = sampled"), "{message}");
+        assert!(message.contains(expected) && message.contains("realization = sampled"), "{message}");
     }
     // The delay of an input that is not in use does not matter.
     let (m, mut q) = instance(Interface::ModelExchange, &|m, q| {
-        (q[m.realisation], q[m.nk[3]]) = (CONTINUOUS, 3);
+        (q[m.realization], q[m.nk[3]]) = (CONTINUOUS, 3);
     });
     assert_eq!(m.prepare(&mut q), Ok(()));
 }

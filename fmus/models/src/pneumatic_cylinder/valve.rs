@@ -35,7 +35,7 @@ pub struct Flows<S> {
 }
 
 impl<S: Scalar> Valve<S> {
-    /// Flows through the spool and into the tube towards a chamber at pressure `p` \[Pa\].
+    /// Flows through the spool and into the tube toward a chamber at pressure `p` \[Pa\].
     pub fn flows(&self, air: Air<S>, k: &Parameters, values: &Values<S>, p: S) -> Flows<S> {
         let o = opening(self.s, values[k.overlap]);
         let full = values[k.Cd] * values[k.Avmax];
@@ -66,7 +66,7 @@ impl<S: Scalar> Valve<S> {
     }
 }
 
-/// Part of the full opening; negative towards ambient.
+/// Part of the full opening; negative toward ambient.
 fn opening<S: Scalar>(s: S, overlap: S) -> S {
     if s.value() > overlap.value() {
         (s - overlap).min(S::from(1.0))

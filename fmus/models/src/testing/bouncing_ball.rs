@@ -1,4 +1,4 @@
-//! A ball that bounces and comes to rest: state events, reinitialised states, early termination.
+//! A ball that bounces and comes to rest: state events, reinitialized states, early termination.
 
 use fmi2_export::{Boolean, Event, Identity, MemoryBlock, Model, Outcome, Real, Scalar, Table, Values};
 

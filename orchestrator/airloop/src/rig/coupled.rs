@@ -1,4 +1,4 @@
-//! A whole system under a feed-forward command with weak centring, as sent.
+//! A whole system under a feed-forward command with weak centering, as sent.
 
 use std::path::Path;
 
@@ -27,9 +27,9 @@ pub struct Plan {
     /// Its band \[Hz\].
     pub band: Band,
     /// Output that is kept near 0 by the command.
-    pub centred: String,
+    pub centered: String,
     /// Command per unit of it.
-    pub centring: f64,
+    pub centering: f64,
     /// Start values that vary from trial to trial, uniform within plus and minus the spread.
     pub vary: Vec<(String, f64)>,
     /// Length of each record \[s\].
@@ -50,8 +50,8 @@ impl Default for Plan {
             amplitude: 25.0,
             offset: 0.0,
             band: 0.5..4.0,
-            centred: "x".into(),
-            centring: 60.0,
+            centered: "x".into(),
+            centering: 60.0,
             vary: Vec::new(),
             duration: 4.0,
             sample_time: 1e-3,
@@ -116,8 +116,8 @@ fn trial(
     };
     let step = sensor::usual(&plan.input).step;
     let position = |value: f64, k: usize| {
-        let wanted = feed_forward[k.min(n - 1)] - plan.centring * value;
-        sensor::quantise(wanted, step)
+        let wanted = feed_forward[k.min(n - 1)] - plan.centering * value;
+        sensor::quantize(wanted, step)
     };
     let mut sent = vec![position(0.0, 0)];
     let mut master = Master::new(&graph, &settings, &[(input, sent[0])])?;
@@ -131,7 +131,7 @@ fn trial(
             there: known(),
         })
     };
-    let centred = column(&plan.centred)?.clone();
+    let centered = column(&plan.centered)?.clone();
     for name in &plan.outputs {
         column(name)?;
     }
@@ -148,8 +148,8 @@ fn trial(
             let why = format!("`{component}` asked for the end");
             return Err(Error::Ended { file: graph.file.clone(), time: master.time(), why });
         }
-        let value = match centred.slot {
-            Slot::Real(index) => centred.factor * master.values().reals[index] + centred.offset,
+        let value = match centered.slot {
+            Slot::Real(index) => centered.factor * master.values().reals[index] + centered.offset,
             _ => 0.0,
         };
         let command = position(value, sent.len());

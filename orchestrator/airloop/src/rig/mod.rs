@@ -2,10 +2,10 @@
 //!
 //! | module | what |
 //! |--------|------|
-//! | [`sensor`] | noise and quantisation |
+//! | [`sensor`] | noise and quantization |
 //! | [`rod_fixed`] | actuator with its rod held: chirps and stairs |
 //! | [`sweep`] | friction of piston and cart under an imposed motion |
-//! | [`coupled`] | a whole system under a command with weak centring |
+//! | [`coupled`] | a whole system under a command with weak centering |
 //! | [`case`] | what an experimenter knows, as `case.toml` |
 //!
 //! Writes no files but the text of `case.toml`; commands come from [`airloop_ident::excite`].

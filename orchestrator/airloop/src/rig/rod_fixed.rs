@@ -75,7 +75,7 @@ pub fn record(actuator: &Path, plan: &Plan, set: &[(String, String)]) -> Result<
         };
         // The command is sent as it is written.
         let step = sensor::usual("u").step;
-        let u: Vec<f64> = signal.samples(&settings)?.iter().map(|u| sensor::quantise(*u, step)).collect();
+        let u: Vec<f64> = signal.samples(&settings)?.iter().map(|u| sensor::quantize(*u, step)).collect();
         let mut inputs = TimeSeries::new(times(u.len(), plan.sample_time))?;
         inputs.push("u", Some("N".into()), u)?;
         let result = run(&graph, Algorithm::GaussSeidel, &inputs)?;

@@ -29,7 +29,7 @@ pub fn usual(signal: &str) -> Sensor {
 }
 
 /// Rounds to a multiple of `step`, once where the step is one over a whole number.
-pub fn quantise(value: f64, step: f64) -> f64 {
+pub fn quantize(value: f64, step: f64) -> f64 {
     if step <= 0.0 {
         return value;
     }
@@ -50,7 +50,7 @@ pub fn measure(recording: &Recording, sensors: &[Sensor], seed: u64) -> Result<T
     for channel in signals.channels() {
         let sensor = sensor_of(&channel.name, sensors);
         let mut random = Random::stream(seed, &format!("{}/{}", recording.name, channel.name));
-        let one = |value: &f64| quantise(value + sensor.noise * random.normal(), sensor.step);
+        let one = |value: &f64| quantize(value + sensor.noise * random.normal(), sensor.step);
         measured.push(
             channel.name.clone(),
             channel.unit.clone(),

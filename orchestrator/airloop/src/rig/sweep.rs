@@ -87,7 +87,7 @@ pub fn record(friction: &Path, part: &Part, plan: &Plan) -> Result<Vec<Recording
     Ok(recordings)
 }
 
-/// Positions about the middle of the motion \[m\], by Simpson's rule on the cubic through neighbouring samples.
+/// Positions about the middle of the motion \[m\], by Simpson's rule on the cubic through neighboring samples.
 fn positions(v: &[f64], dt: f64) -> Vec<f64> {
     let n = v.len();
     let mut x = vec![0.0; n];

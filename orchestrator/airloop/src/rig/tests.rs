@@ -1,5 +1,5 @@
 use super::*;
-use sensor::{Sensor, measure, quantise};
+use sensor::{Sensor, measure, quantize};
 
 fn recording() -> Recording {
     let n = 20_000;
@@ -35,10 +35,10 @@ fn the_same_seed_gives_the_same_record_and_signals_do_not_share_noise() {
 }
 
 #[test]
-fn quantised_values_are_short_numbers() {
-    assert_eq!(quantise(0.123456, 1e-3), 0.123);
-    assert_eq!(quantise(-2.3449, 0.01), -2.34);
-    assert_eq!(quantise(0.1, 0.0), 0.1);
+fn quantized_values_are_short_numbers() {
+    assert_eq!(quantize(0.123456, 1e-3), 0.123);
+    assert_eq!(quantize(-2.3449, 0.01), -2.34);
+    assert_eq!(quantize(0.1, 0.0), 0.1);
 }
 
 #[test]

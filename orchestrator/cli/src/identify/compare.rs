@@ -135,7 +135,7 @@ fn keep_back(data: &mut Experiments) -> String {
     data.estimation = pieces::cut(&data.estimation, &used);
     let what = if whole { "every second file" } else { "the last third of each file" };
     format!(
-        "no validation files are given: {what} is kept back from the estimation and judges the models; give others with --validate"
+        "no validation files are given: {what} is held out from the estimation and judges the models; give others with --validate"
     )
 }
 

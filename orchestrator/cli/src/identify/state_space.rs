@@ -41,8 +41,8 @@ pub struct Args {
     /// How the model is estimated.
     #[command(flatten)]
     pub method: MethodArgs,
-    /// Number of states, or auto: the smallest order whose simulation error on data kept back is at most 2 % above the
-    /// least (every second file is kept back, or the last third of each if their lengths differ much); the model is then
+    /// Number of states, or auto: the smallest order whose simulation error on held-out data is at most 2 % above the
+    /// least (every second file is held out, or the last third of each if their lengths differ much); the model is then
     /// estimated from all data.
     #[arg(long, default_value = "auto", value_name = "ORDER", value_parser = parse_order)]
     pub order: OrderChoice,
@@ -212,8 +212,8 @@ fn results(estimate: &Estimate, refined: &Refined, data: &Experiments, plots: bo
         "direct_term": model.d.amax() > 0.0,
         "weighting": estimate.method.weighting,
         "horizon": estimate.method.horizon,
-        "realisation": estimate.method.realisation,
-        "poles_mirrored": estimate.method.stabilised && !refined.taken,
+        "realization": estimate.method.realization,
+        "poles_mirrored": estimate.method.stabilized && !refined.taken,
         "refined": refined.taken,
     });
     summary.diagnostics = diagnostics(estimate, refined, data, &found, &judged);
@@ -265,12 +265,12 @@ fn order_sentence(orders: &[subspace::OrderError], order: usize) -> String {
     let least = orders.iter().filter_map(|found| found.held_back).fold(f64::INFINITY, f64::min);
     let Some(own) = error(order) else {
         return format!(
-            "no order up to {highest} explains the data: none gives a stable model that simulates the data kept back; {remedy}; order {order} is given to look at"
+            "no order up to {highest} explains the data: none gives a stable model that simulates the held-out data; {remedy}; order {order} is given to look at"
         );
     };
     if least > UNEXPLAINED {
         return format!(
-            "no order up to {highest} explains the data: on data kept back the least simulation error is {:.0} % of the signal; {remedy}; order {order} is given to look at",
+            "no order up to {highest} explains the data: on held-out data the least simulation error is {:.0} % of the signal; {remedy}; order {order} is given to look at",
             100.0 * least
         );
     }
@@ -279,12 +279,12 @@ fn order_sentence(orders: &[subspace::OrderError], order: usize) -> String {
         None => String::new(),
     };
     format!(
-        "order {order} of 1 to {highest} is enough: on data kept back its simulation error is {} of the signal{below}, and no order is more than 2 % (of that) better",
+        "order {order} of 1 to {highest} is enough: on held-out data its simulation error is {} of the signal{below}, and no order is more than 2 % (of that) better",
         share(own)
     )
 }
 
-/// A share in per cent; one at rounding level is not given digits that it does not have.
+/// A share in percent; one at rounding level is not given digits that it does not have.
 fn share(value: f64) -> String {
     if value < subspace::EXACT { "0 % (to rounding)".into() } else { format!("{:.2} %", 100.0 * value) }
 }
@@ -343,7 +343,7 @@ fn orders_table(estimate: &Estimate) -> Table {
     };
     Table {
         heading: "Orders, estimated from a part of the data and judged on the rest".into(),
-        header: vec!["order".into(), "simulation error kept back [%]".into()],
+        header: vec!["order".into(), "held-out simulation error [%]".into()],
         rows: estimate.orders.iter().map(row).collect(),
     }
 }
@@ -365,7 +365,7 @@ fn figures(estimate: &Estimate, order: usize, found: &Diagnostics) -> Vec<(Strin
         };
         let fits: Vec<OrderFit> = estimate.orders.iter().map(fit).collect();
         let family = Family { name: "state space", fits: &fits };
-        let title = "Simulated fit on data kept back";
+        let title = "Simulated fit on held-out data";
         figures.push(("orders".into(), fit_against_order(title, "before refinement", &[family])));
     }
     figures

@@ -29,7 +29,7 @@ use airloop_plan::guess::{self, Choice, Rough};
 use airloop_plan::prepare::{Prepared, prepare_statement};
 use airloop_plan::solve::{Begin, Progress, Session, Settings, Solved};
 use airloop_plan::{Error as PlanError, table, verify};
-use airloop_plan::{balance, course};
+use airloop_plan::{balance, departure};
 use airloop_report::plot;
 
 /// Exit code when no motion keeps the constraints near where the search ended.
@@ -86,7 +86,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
             .then(|| roll_out(prepared, solved, &stop))
             .transpose()?;
     let along = rollouts.as_ref().and_then(|rollouts| rollouts.continuous.as_ref().ok());
-    let departure = along.and_then(|rollout| course::departure(prepared, solved.trajectory(), rollout));
+    let departure = along.and_then(|rollout| departure::departure(prepared, solved.trajectory(), rollout));
     let forces = match &rollouts {
         Some(_) => balance::recomputed(prepared, solved.trajectory())?,
         None => None,
@@ -170,7 +170,7 @@ fn search(
     }
     let mut prepared = prepare_statement(statement, began)?;
     airloop_plan::start::check(&prepared.setup)?;
-    let rough = guess::guess(&prepared.statement, &prepared.catalogue, &prepared.task, choice)?;
+    let rough = guess::guess(&prepared.statement, &prepared.catalog, &prepared.task, choice)?;
     airloop_plan::vacuous::check(&mut prepared, &rough)?;
     let loaded = began.elapsed();
     if let Some(count) = args.multistart {
@@ -327,7 +327,7 @@ fn roll_out(prepared: &Prepared, solved: &Solved, stop: &Arc<AtomicBool>) -> Res
     let first = &solved.trajectory().phases[0];
     let states = (&prepared.task.signals.states[..], &first.states[0][..]);
     let rolled = table::with_command(prepared, solved.trajectory(), |command| {
-        verify::roll_out(&prepared.graph, &prepared.catalogue, states, command, options, stop)
+        verify::roll_out(&prepared.graph, &prepared.catalog, states, command, options, stop)
     });
     Ok(rolled?)
 }

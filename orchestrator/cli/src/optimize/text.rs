@@ -85,7 +85,7 @@ fn rechecked(recheck: &Recheck) -> String {
     text
 }
 
-/// Violations of less than this, in their own units, are those of the discretisation.
+/// Violations of less than this, in their own units, are those of the discretization.
 const KEPT: f64 = 1e-6;
 
 /// A row of the iteration table; the first of every solve comes with the heading.

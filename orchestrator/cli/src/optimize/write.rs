@@ -12,8 +12,8 @@ use airloop_cosim::results::summary::FmuRecord;
 use airloop_ocp::transcription::IntervalErrors;
 use airloop_optim::{Note, Status};
 use airloop_plan::balance::Recomputed;
-use airloop_plan::course::Departure;
 use airloop_plan::deliver::Delivery;
+use airloop_plan::departure::Departure;
 use airloop_plan::diagnose::Diagnosis;
 use airloop_plan::file::{Length, Rod, transcription_name};
 use airloop_plan::prepare::Prepared;
@@ -32,7 +32,7 @@ use airloop_series::csv;
 /// The command, for `airloop run --input`.
 const COMMAND: &str = "command.csv";
 /// Motions of the plant under the delivered forces of each kind of command.
-const CHAINS: [&str; 2] = ["closed_chain_optimised.csv", "closed_chain_naive.csv"];
+const CHAINS: [&str; 2] = ["closed_chain_optimized.csv", "closed_chain_naive.csv"];
 /// The iteration table.
 const ITERATIONS: &str = "iterations.csv";
 
@@ -103,8 +103,8 @@ impl Results<'_> {
         let plan = self.solved.trajectory();
         let trajectory = table::trajectory(self.prepared, plan)?;
         let step = self.step();
-        let catalogue = &self.prepared.catalogue;
-        let command = table::with_command(self.prepared, plan, |command| command.sampled(catalogue, step))?;
+        let catalog = &self.prepared.catalog;
+        let command = table::with_command(self.prepared, plan, |command| command.sampled(catalog, step))?;
         let mut tables = vec![(TRAJECTORY, trajectory), (COMMAND, command)];
         tables.push((DEFECTS, table::defects(self.prepared, plan, &self.solved.errors)?));
         let mut notes = self.solved.notes.clone();
@@ -259,8 +259,8 @@ impl Results<'_> {
 
     /// The column of a variable.
     fn shown(&self, name: &str) -> String {
-        let catalogue = &self.prepared.catalogue;
-        catalogue.find(name).map_or(name.into(), |(index, _)| catalogue.variables()[index].name.clone())
+        let catalog = &self.prepared.catalog;
+        catalog.find(name).map_or(name.into(), |(index, _)| catalog.variables()[index].name.clone())
     }
 
     /// The angle of the animation, or the first state, with the state whose unit is that of its rate.
@@ -286,7 +286,7 @@ impl Results<'_> {
             let last = self.solved.trajectory().phases.last()?;
             let planned = last.states.last()?;
             let names = self.prepared.task.signals.states.iter();
-            let names = names.map(|&index| &self.prepared.catalogue.variables()[index].name);
+            let names = names.map(|&index| &self.prepared.catalog.variables()[index].name);
             let errors = names.zip(planned).filter_map(|(name, planned)| {
                 let reached = rollout.states.channel(name)?.values.last()?;
                 Some((name.clone(), reached - planned))
@@ -306,7 +306,7 @@ fn pass(done: &Done) -> PassRecord {
         objective: solution.objective.is_finite().then_some(solution.objective),
         iterations: done.iterations(),
         function_evaluations: solution.evaluations.functions,
-        factorisations: solution.evaluations.factorisations,
+        factorizations: solution.evaluations.factorizations,
         time: (done.build + done.solve).as_secs_f64(),
     }
 }
@@ -344,7 +344,7 @@ fn iterations(done: &[Done], path: &Path) -> Result<(), Error> {
     airloop_series::file::write_whole(path, |out| {
         writeln!(
             out,
-            "solve,iteration,objective,violation,dual_infeasibility,barrier,step,step_length,regularisation,note"
+            "solve,iteration,objective,violation,dual_infeasibility,barrier,step,step_length,regularization,note"
         )?;
         for (number, done) in done.iter().enumerate() {
             for row in &done.solution.iterations {
@@ -365,7 +365,7 @@ fn iterations(done: &[Done], path: &Path) -> Result<(), Error> {
                     row.barrier,
                     row.step,
                     row.step_length,
-                    row.regularisation
+                    row.regularization
                 )?;
             }
         }

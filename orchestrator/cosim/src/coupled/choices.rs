@@ -10,7 +10,7 @@ use airloop_fmi::VariableKind;
 type State = (usize, usize);
 
 /// Name of the parameter that chooses between a sampled and a continuous form, and its item for the latter.
-const REALISATION: (&str, &str) = ("realisation", "continuous");
+const REALIZATION: (&str, &str) = ("realization", "continuous");
 
 /// States in the order of the problem, as (component, position), and their names.
 pub(super) fn states(
@@ -45,19 +45,19 @@ pub(super) fn continuous_forms(graph: &mut SystemGraph) -> Vec<String> {
     let mut notes = Vec::new();
     for component in &mut graph.components {
         let description = &component.fmu.description;
-        let Some(index) = description.index_of(REALISATION.0) else { continue };
+        let Some(index) = description.index_of(REALIZATION.0) else { continue };
         let VariableKind::Enumeration { declared_type, .. } = &description.variables[index].kind else {
             continue;
         };
         let mut types = description.types.iter().filter(|definition| definition.name == *declared_type);
         let item =
-            types.find_map(|definition| definition.items.iter().find(|(name, _)| name == REALISATION.1));
+            types.find_map(|definition| definition.items.iter().find(|(name, _)| name == REALIZATION.1));
         let Some(&(_, value)) = item else { continue };
         if component.start_values.iter().all(|start| start.variable != index) {
             component.set_start(index, Start::Integer(value));
             notes.push(format!(
                 "component `{}` runs in its continuous form (`{}` = {})",
-                component.name, REALISATION.0, REALISATION.1
+                component.name, REALIZATION.0, REALIZATION.1
             ));
         }
     }
@@ -71,7 +71,7 @@ pub(super) fn held_inputs(graph: &SystemGraph, inputs: &[usize]) -> Option<Strin
     (!held.is_empty()).then(|| format!("the inputs {} keep their start values", held.join(", ")))
 }
 
-/// Says which components have events that an optimisation does not see.
+/// Says which components have events that an optimization does not see.
 pub(super) fn unseen_events(graph: &SystemGraph) -> Option<String> {
     let components = graph.components.iter();
     let with = components.filter(|component| component.fmu.description.number_of_event_indicators > 0);

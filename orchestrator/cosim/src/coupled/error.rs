@@ -8,7 +8,7 @@ pub enum Error {
     Fmu(#[from] airloop_fmi::Error),
     /// Values that depend on each other at the same instant.
     #[error(
-        "the algebraic loop {} has no place in an optimisation yet; break it by a state (a lag, a mass) in one of its components",
+        "the algebraic loop {} has no place in an optimization yet; break it by a state (a lag, a mass) in one of its components",
         path.join(" -> ")
     )]
     AlgebraicLoop {
@@ -17,7 +17,7 @@ pub enum Error {
     },
     /// An FMU for Co-Simulation only.
     #[error(
-        "component `{component}`: {fmu} has no Model Exchange interface, which an optimisation needs; export it for Model Exchange as well"
+        "component `{component}`: {fmu} has no Model Exchange interface, which an optimization needs; export it for Model Exchange as well"
     )]
     NoModelExchange {
         /// Component.
@@ -37,7 +37,7 @@ pub enum Error {
     },
     /// A component that changes at samples.
     #[error(
-        "component `{component}` changes at time events, the next at t = {time} s: between them its rates are not those of the system; use a form with continuous states (for the actuators of this project `realisation` = continuous), or another FMU"
+        "component `{component}` changes at time events, the next at t = {time} s: between them its rates are not those of the system; use a form with continuous states (for the actuators of this project `realization` = continuous), or another FMU"
     )]
     Sampled {
         /// Component.
@@ -53,7 +53,7 @@ pub enum Error {
         /// Time \[s\].
         time: f64,
     },
-    /// Initialisation or event iteration without end.
+    /// Initialization or event iteration without end.
     #[error(
         "{what} at t = {time} s does not settle in {rounds} rounds: {cause}; set start values that fit each other"
     )]

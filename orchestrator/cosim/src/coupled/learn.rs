@@ -67,7 +67,7 @@ const SAME: f64 = 1e-6;
 const LINEAR: f64 = 1e-9;
 /// Distance of difference quotients for constants, in nominal magnitudes.
 const LONG: f64 = 1e-2;
-/// A first derivative whose changes over two neighbouring distances differ by more than this part of it is not straight.
+/// A first derivative whose changes over two neighboring distances differ by more than this part of it is not straight.
 const STRAIGHT: f64 = 1e-10;
 
 /// All components, one sentence for everything that was found different, and whether the instances can still be used.
@@ -144,7 +144,7 @@ impl<'a> Student<'a> {
             }
         }
         student.local.coefficients = coefficients;
-        // Where the start is no place for a value, nothing is learnt of it there.
+        // Where the start is no place for a value, nothing is learned of it there.
         for (row, value) in values.iter().enumerate() {
             let finite = |entry: &Coefficient| !matches!(entry, Coefficient::Constant(c) if !c.is_finite());
             if !(value.is_finite() && student.local.row(row).iter().all(finite)) {

@@ -30,7 +30,7 @@ pub(super) struct Memory {
     known: Vec<Known>,
     /// Record that is written next.
     head: usize,
-    /// Record of the last point: its neighbours are tried first.
+    /// Record of the last point: its neighbors are tried first.
     last: usize,
     /// Part of the hash, and record.
     index: Vec<[(u32, u32); WAYS]>,

@@ -1,9 +1,9 @@
-//! A system of FMUs as one right-hand side with derivatives, for optimisation and control.
+//! A system of FMUs as one right-hand side with derivatives, for optimization and control.
 //!
 //! [`System::open`] makes Model Exchange instances of all components; values pass along the connections within one
 //! evaluation, so that there is no coupling error. Derivatives follow by the chain rule over those of the components;
 //! second derivatives are differences of the components' first ones: central, but for arguments along which these run
-//! straight. That is learnt once, as are the parts that are linear with constant factors, which need no calls.
+//! straight. That is learned once, as are the parts that are linear with constant factors, which need no calls.
 //!
 //! `anatomy` takes the components as functions, `learn` finds what is constant, `program` orders the work, `plan` holds all
 //! that instances share, `work` computes.
@@ -50,7 +50,7 @@ pub struct System {
 }
 
 impl System {
-    /// Instantiates and initialises the components of a system, and learns the structure of its derivatives.
+    /// Instantiates and initializes the components of a system, and learns the structure of its derivatives.
     ///
     /// # Errors
     /// [`Error`]: a component without Model Exchange or with time events, an algebraic loop, unknown names, or an FMU
@@ -72,7 +72,7 @@ impl System {
         &self.plan.notes
     }
 
-    /// States at which the components were initialised, `[n_x]`.
+    /// States at which the components were initialized, `[n_x]`.
     pub fn start_states(&self) -> &[f64] {
         &self.plan.start
     }

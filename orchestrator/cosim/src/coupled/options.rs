@@ -10,6 +10,6 @@ pub struct Options {
     pub inputs: Option<Vec<String>>,
     /// Outputs: `component.variable` for any Real variable, or a connector of the system.
     pub outputs: Vec<String>,
-    /// Time \[s\] at which the components are initialised.
+    /// Time \[s\] at which the components are initialized.
     pub time: f64,
 }

@@ -43,8 +43,8 @@ impl Plan {
         let mut models = start::instances(&graph, options.time)?;
         let anatomy = Anatomy::new(&graph, &inputs, options)?;
         notes.extend(anatomy.notes.iter().cloned());
-        let (locals, learnt, intact) = learn::learn(&graph, &anatomy, &mut models, options.time)?;
-        notes.extend(learnt);
+        let (locals, learned, intact) = learn::learn(&graph, &anatomy, &mut models, options.time)?;
+        notes.extend(learned);
         let idle = learn::idle_states(&anatomy, &locals);
         let (states, state_names) = choices::states(&graph, &anatomy, &idle, options)?;
         let left_out: Vec<_> = idle.into_iter().filter(|state| !states.contains(state)).collect();

@@ -37,7 +37,7 @@ fn set_start_values(model: &mut Instance, component: &Component) -> Result<(), E
     component.start_values.iter().try_for_each(|start| write(model, component, start.variable, &start.value))
 }
 
-/// Initialisation mode: passes values on until no input changes.
+/// Initialization mode: passes values on until no input changes.
 fn settle(graph: &SystemGraph, models: &mut [Model], time: f64) -> Result<(), Error> {
     for input in 0..graph.inputs.len() {
         share_start(graph, models, input)?;
@@ -51,7 +51,7 @@ fn settle(graph: &SystemGraph, models: &mut [Model], time: f64) -> Result<(), Er
     }
     let cause = pass_on(graph, models, &mut given)?;
     let cause = cause.map_or_else(String::new, |name| format!("`{name}` changes in every round"));
-    Err(Error::Unsettled { what: "the initialisation", time, rounds, cause })
+    Err(Error::Unsettled { what: "the initialization", time, rounds, cause })
 }
 
 /// All variables that a system input feeds get the start value of the first of them.

@@ -27,7 +27,7 @@ pub enum Error {
     NotFinite { component: String, variable: String, value: f64, time: f64 },
     /// Initial values do not settle.
     #[error(
-        "the outputs still change after {passes} rounds of initialisation (`{variable}` is one); an FMU probably depends on an input that its `dependencies` do not list"
+        "the outputs still change after {passes} rounds of initialization (`{variable}` is one); an FMU probably depends on an input that its `dependencies` do not list"
     )]
     Unsettled { passes: usize, variable: String },
     /// An option of another master.

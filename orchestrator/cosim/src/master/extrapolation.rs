@@ -8,7 +8,7 @@ use std::ops::Range;
 
 use super::Values;
 use super::exchange::{Node, Wiring};
-use super::interface_jacobian::{Course as Input, Feed, Outputs, Unit, interfaces};
+use super::interface_jacobian::{Feed, Outputs, Trajectory as Input, Unit, interfaces};
 use super::loops::{Group, Loops};
 use super::{Algorithm, Error, Grid, Settings, Stop};
 use crate::system::SystemGraph;
@@ -17,8 +17,8 @@ use airloop_fmi::StepStatus;
 /// Highest order.
 pub(super) const MAX_ORDER: u32 = 2;
 
-/// Course of an input inside the step: value, slope \[1/s\] and second derivative \[1/s2\] at its beginning.
-type Course = [f64; 3];
+/// Trajectory of an input inside the step: value, slope \[1/s\] and second derivative \[1/s2\] at its beginning.
+type Trajectory = [f64; 3];
 
 /// See the module.
 #[derive(Debug)]
@@ -39,8 +39,8 @@ pub(super) struct Extrapolation {
     prediction: u32,
     /// Inputs of a slave at one instant.
     held: Vec<f64>,
-    /// Whether the inputs of each unit in a loop have a course.
-    has_course: Vec<bool>,
+    /// Whether the inputs of each unit in a loop have a trajectory.
+    has_trajectory: Vec<bool>,
     /// Values and derivatives of all outputs after the last pass over the same step, if it is repeated.
     ahead: Option<[Vec<f64>; 2]>,
     last_pass: [Vec<f64>; 2],
@@ -48,7 +48,7 @@ pub(super) struct Extrapolation {
 }
 
 impl Extrapolation {
-    /// Plans the exchange of initialised slaves.
+    /// Plans the exchange of initialized slaves.
     pub fn new(
         graph: &SystemGraph,
         wiring: &Wiring,
@@ -90,7 +90,7 @@ impl Extrapolation {
             })
             .collect();
         let most = units.iter().map(|unit| unit.inputs.len()).max().unwrap_or(0);
-        let (held, has_course) = (vec![0.0; most], vec![false; units.len()]);
+        let (held, has_trajectory) = (vec![0.0; most], vec![false; units.len()]);
         let before = [vec![0.0; count], vec![0.0; count]];
         let steps = [grid.step(); 2];
         Ok(Extrapolation {
@@ -104,7 +104,7 @@ impl Extrapolation {
             order,
             prediction: settings.extrapolation,
             held,
-            has_course,
+            has_trajectory,
             ahead: None,
             last_pass: [vec![0.0; count], vec![0.0; count]],
             notes,
@@ -140,8 +140,8 @@ impl Extrapolation {
             }
             for number in block.clone() {
                 let node = &mut nodes[number];
-                if self.find_course(number, values, &block, h, serial) {
-                    self.give_course(number, node, h)?;
+                if self.find_trajectory(number, values, &block, h, serial) {
+                    self.give_trajectory(number, node, h)?;
                 }
                 let status = node.do_step(t, h)?;
                 if status != StepStatus::Complete {
@@ -187,9 +187,9 @@ impl Extrapolation {
         }
     }
 
-    /// Courses of system inputs (by place in the flat buffer) over the next step; inputs without one are held.
-    pub fn courses(&mut self) -> &mut Vec<(usize, Input)> {
-        &mut self.outputs.courses
+    /// Trajectories of system inputs (by place in the flat buffer) over the next step; inputs without one are held.
+    pub fn trajectories(&mut self) -> &mut Vec<(usize, Input)> {
+        &mut self.outputs.trajectories
     }
 
     /// Shows every number that is carried from step to step, always in the same order.
@@ -206,7 +206,7 @@ impl Extrapolation {
         &self.notes
     }
 
-    /// Solves a loop where the step begins, with the inputs from outside at the beginnings of their courses.
+    /// Solves a loop where the step begins, with the inputs from outside at the beginnings of their trajectories.
     fn begin(
         &mut self,
         group: &mut Group,
@@ -218,8 +218,8 @@ impl Extrapolation {
         let block = group.nodes.clone();
         for number in block.clone() {
             nodes[number].set_inputs(values)?;
-            self.has_course[number] = self.find_course(number, values, &block, h, serial);
-            if self.has_course[number] {
+            self.has_trajectory[number] = self.find_trajectory(number, values, &block, h, serial);
+            if self.has_trajectory[number] {
                 let unit = &self.units[number];
                 nodes[number].set_real(&unit.input_references, &unit.value)?;
             }
@@ -236,7 +236,7 @@ impl Extrapolation {
         Ok(())
     }
 
-    /// Solves a loop where the step ends, with the inputs from outside at the ends of their courses.
+    /// Solves a loop where the step ends, with the inputs from outside at the ends of their trajectories.
     fn finish(
         &mut self,
         group: &mut Group,
@@ -244,7 +244,7 @@ impl Extrapolation {
         values: &mut Values,
         (t, h): (f64, f64),
     ) -> Result<(), Stop> {
-        for number in group.nodes.clone().filter(|&number| self.has_course[number]) {
+        for number in group.nodes.clone().filter(|&number| self.has_trajectory[number]) {
             let unit = &self.units[number];
             let count = unit.inputs.len();
             self.held[..count].copy_from_slice(&unit.value);
@@ -259,8 +259,8 @@ impl Extrapolation {
         group.solve(nodes, values, t + h)
     }
 
-    /// Finds the course of the inputs of a slave that steps together with those in `block`; false if they are held.
-    fn find_course(
+    /// Finds the trajectory of the inputs of a slave that steps together with those in `block`; false if they are held.
+    fn find_trajectory(
         &mut self,
         number: usize,
         values: &Values,
@@ -275,11 +275,11 @@ impl Extrapolation {
         }
         for k in 0..count {
             let input = self.units[number].inputs[k];
-            let course = match input.feed {
+            let trajectory = match input.feed {
                 Feed::Signal(place) => {
                     let source = self.sources[place].1;
                     let together = block.contains(&source);
-                    self.course(place, serial && source < number && !together, together, h)
+                    self.trajectory(place, serial && source < number && !together, together, h)
                 }
                 feed => {
                     let [begin, end] = [(0.0, true), (1.0, false)]
@@ -287,16 +287,17 @@ impl Extrapolation {
                     [begin, (end - begin) / h, 0.0]
                 }
             };
-            self.units[number].value[k] = input.conversion.apply(course[0]);
+            self.units[number].value[k] = input.conversion.apply(trajectory[0]);
             for order in 0..self.order as usize {
-                self.derivatives[number].2[order * count + k] = input.conversion.factor * course[order + 1];
+                self.derivatives[number].2[order * count + k] =
+                    input.conversion.factor * trajectory[order + 1];
             }
         }
         true
     }
 
-    /// Gives a slave the course of its inputs.
-    fn give_course(&mut self, number: usize, node: &mut Node, h: f64) -> Result<(), Stop> {
+    /// Gives a slave the trajectory of its inputs.
+    fn give_trajectory(&mut self, number: usize, node: &mut Node, h: f64) -> Result<(), Stop> {
         let unit = &self.units[number];
         let (references, orders, derivatives) = &self.derivatives[number];
         if unit.ramps {
@@ -314,8 +315,8 @@ impl Extrapolation {
         Ok(())
     }
 
-    /// Course of an output; `stepped`: its slave has done the step; `together`: it steps with the one it feeds.
-    fn course(&self, place: usize, stepped: bool, together: bool, h: f64) -> Course {
+    /// Trajectory of an output; `stepped`: its slave has done the step; `together`: it steps with the one it feeds.
+    fn trajectory(&self, place: usize, stepped: bool, together: bool, h: f64) -> Trajectory {
         if let Some([ahead, ahead_rate]) = &self.ahead {
             let (discrete, unit) = self.sources[place];
             let (y, rate) = match stepped {

@@ -7,7 +7,7 @@ use crate::system::SystemGraph;
 use crate::system::graph::{Component, Start};
 use airloop_fmi::{Instance, Slave, VariableKind};
 
-/// Instantiates, sets start values and runs through initialisation mode; nodes come in evaluation order.
+/// Instantiates, sets start values and runs through initialization mode; nodes come in evaluation order.
 pub(super) fn initialize(
     graph: &SystemGraph,
     wiring: &Wiring,

@@ -2,7 +2,7 @@
 //! interface-Jacobian (linearly implicit, with rollback); and the [`monolithic`] coupling through Model Exchange.
 //!
 //! [`Master`] owns the slaves of a [`SystemGraph`] and steps them; [`simulate::run`] drives it over a time span with
-//! inputs from a series and a recorder. What is optimised, plotted or compared is left to the modules above.
+//! inputs from a series and a recorder. What is optimized, plotted or compared is left to the modules above.
 //!
 //! Values are made consistent at the start by module `propagation`. The co-simulation masters keep to the strict
 //! reading of FMI 2.0.5 section 4.2.4: between setting an input and reading an output of a slave there is always a
@@ -169,7 +169,7 @@ pub struct Effort {
     pub coupled_passes: u64,
 }
 
-/// Instantiated and initialised slaves at a communication point.
+/// Instantiated and initialized slaves at a communication point.
 #[derive(Debug)]
 pub struct Master {
     /// In evaluation order.
@@ -192,7 +192,7 @@ pub struct Master {
 }
 
 impl Master {
-    /// Instantiates and initialises all components of a system at the start time.
+    /// Instantiates and initializes all components of a system at the start time.
     ///
     /// `inputs` gives the value of system inputs at the start time, as (index, value); the others have the start
     /// value of the variable they feed.

@@ -114,7 +114,7 @@ pub struct Run {
     pub steps: u64,
     /// Work of the master.
     pub effort: Effort,
-    /// Wall-clock time of initialisation.
+    /// Wall-clock time of initialization.
     pub initialization: Duration,
     /// Wall-clock time of stepping.
     pub stepping: Duration,

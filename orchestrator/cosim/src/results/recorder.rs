@@ -139,10 +139,10 @@ mod tests {
 
     #[test]
     fn all_types_become_numbers_and_units_are_converted() {
-        let mut millimetres = column("mm", Slot::Real(0), false);
-        millimetres.factor = 1000.0;
+        let mut millimeters = column("mm", Slot::Real(0), false);
+        millimeters.factor = 1000.0;
         let columns =
-            vec![column("b", Slot::Boolean(0), false), column("i", Slot::Integer(1), false), millimetres];
+            vec![column("b", Slot::Boolean(0), false), column("i", Slot::Integer(1), false), millimeters];
         let mut recorder = Recorder::new(columns, [1, 2, 1], 1);
         recorder.record(0.0, &[0.5], &[7, -3], &[true]);
         let series = recorder.finish().unwrap();

@@ -181,7 +181,7 @@ pub struct Integration {
 /// Wall-clock times of a run.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct Timings {
-    /// Reading files, instantiating and initialising \[s\].
+    /// Reading files, instantiating and initializing \[s\].
     pub initialization_s: f64,
     /// Stepping \[s\].
     pub simulation_s: f64,

@@ -1,6 +1,6 @@
 //! Reading of SSP 1.0 and 2.0 system descriptions (`.ssd`): what the file says, names not yet resolved.
 //!
-//! Both versions share their namespaces; elements are recognised by namespace and local name. Parts that would
+//! Both versions share their namespaces; elements are recognized by namespace and local name. Parts that would
 //! change the simulation but are not supported (nested systems, signal dictionaries, parameter mappings, mapping
 //! transformations other than linear) are refused by name; geometry and annotations are skipped.
 
@@ -376,7 +376,7 @@ impl Reader<'_> {
             }
             if node.attribute("sourceBase") == Some("component") {
                 let feature = format!("a parameter set inside {}", component.display());
-                return Err(self.unsupported(node, feature, "copy the .ssv file beside the description"));
+                return Err(self.unsupported(node, feature, "copy the .ssv file next to the description"));
             }
             let set = match (node.attribute("source"), node.child("ParameterValues")) {
                 (Some(source), _) => {

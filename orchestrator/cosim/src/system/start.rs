@@ -217,7 +217,7 @@ fn find(graph: &SystemGraph, component: usize, name: &str, place: &str) -> Resul
     })
 }
 
-/// Variables that may be set before initialisation (FMI 2.0.5 section 4.2.4).
+/// Variables that may be set before initialization (FMI 2.0.5 section 4.2.4).
 fn check_settable(variable: &Variable, place: &str) -> Result<(), Error> {
     let why = match (variable.causality, variable.initial) {
         (_, _) if variable.variability == Variability::Constant => "constant",

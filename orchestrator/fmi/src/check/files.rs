@@ -49,7 +49,7 @@ pub(super) fn check(fmu: &Fmu, findings: &mut Findings) {
             findings.error(
                 "capabilities",
                 format!("interface {kind}"),
-                "canSerializeFMUstate without canGetAndSetFMUstate: there is no state to serialise",
+                "canSerializeFMUstate without canGetAndSetFMUstate: there is no state to serialize",
             );
         }
     }

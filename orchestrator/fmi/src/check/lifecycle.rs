@@ -1,4 +1,4 @@
-//! Instantiation, initialisation, stepping and reset of one interface.
+//! Instantiation, initialization, stepping and reset of one interface.
 
 use std::sync::Arc;
 
@@ -44,7 +44,7 @@ fn run(fmu: &Arc<Fmu>, kind: InterfaceKind, findings: &mut Findings) -> Result<b
         findings.error(
             "event-iteration",
             place,
-            "fmi2NewDiscreteStates does not come to rest after initialisation",
+            "fmi2NewDiscreteStates does not come to rest after initialization",
         );
         return Ok(false);
     }
@@ -52,9 +52,9 @@ fn run(fmu: &Arc<Fmu>, kind: InterfaceKind, findings: &mut Findings) -> Result<b
     check_finite(fmu, kind, &initial, findings);
 
     let alone = fmu.interface(kind).is_some_and(|i| i.can_be_instantiated_only_once_per_process);
-    let mut neighbour = if alone { None } else { Some(Probe::new(fmu, kind)?) };
-    if let Some(neighbour) = &mut neighbour {
-        neighbour.initialise()?;
+    let mut neighbor = if alone { None } else { Some(Probe::new(fmu, kind)?) };
+    if let Some(neighbor) = &mut neighbor {
+        neighbor.initialize()?;
     }
     let outcome = probe.advance(STEPS)?;
     if outcome == Advance::EndlessEvents {
@@ -63,18 +63,18 @@ fn run(fmu: &Arc<Fmu>, kind: InterfaceKind, findings: &mut Findings) -> Result<b
     }
     let stepped = probe.values()?;
     check_finite(fmu, kind, &stepped, findings);
-    if let Some(neighbour) = &mut neighbour
-        && let Some(what) = difference(description, &initial, &neighbour.values()?)
+    if let Some(neighbor) = &mut neighbor
+        && let Some(what) = difference(description, &initial, &neighbor.values()?)
     {
         let message = format!("stepping one instance changes another: {what}");
         findings.error("instances", &place, message);
     }
 
     probe.instance().reset()?;
-    probe.initialise()?;
+    probe.initialize()?;
     let again = probe.values()?;
     if let Some(what) = difference(description, &initial, &again) {
-        findings.error("reset", &place, format!("after fmi2Reset and initialisation {what}"));
+        findings.error("reset", &place, format!("after fmi2Reset and initialization {what}"));
     } else if probe.advance(STEPS)? != outcome {
         findings.error("reset", &place, "a run after fmi2Reset ends differently");
     } else if let Some(what) = difference(description, &stepped, &probe.values()?) {
@@ -84,7 +84,7 @@ fn run(fmu: &Arc<Fmu>, kind: InterfaceKind, findings: &mut Findings) -> Result<b
     Ok(true)
 }
 
-/// Constants, parameters and other exact variables have their start value in initialisation mode.
+/// Constants, parameters and other exact variables have their start value in initialization mode.
 fn check_starts(fmu: &Fmu, kind: InterfaceKind, values: &[Value], findings: &mut Findings) {
     for (variable, value) in fmu.description.variables.iter().zip(values) {
         let exact = variable.initial == Some(Initial::Exact) || variable.variability == Variability::Constant;
@@ -103,7 +103,7 @@ fn check_starts(fmu: &Fmu, kind: InterfaceKind, values: &[Value], findings: &mut
         };
         if let Some(start) = start.filter(|start| exact && !same(start)) {
             let message =
-                format!("{kind}: its value in initialisation mode is {value}, its start value {start}");
+                format!("{kind}: its value in initialization mode is {value}, its start value {start}");
             findings.error("start-value", element(variable), message);
         }
     }

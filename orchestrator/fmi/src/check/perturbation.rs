@@ -2,7 +2,7 @@
 //! dependencies.
 //!
 //! Model Exchange is evaluated in continuous-time mode (outputs and state derivatives by inputs and states),
-//! Co-Simulation in initialisation mode (outputs by inputs), the only mode in which it may be read after setting.
+//! Co-Simulation in initialization mode (outputs by inputs), the only mode in which it may be read after setting.
 
 use std::sync::Arc;
 
@@ -79,7 +79,7 @@ impl Perturbation {
         match kind {
             InterfaceKind::CoSimulation => probe.begin()?,
             InterfaceKind::ModelExchange => {
-                if probe.initialise()? != Advance::Done {
+                if probe.initialize()? != Advance::Done {
                     return Ok(None);
                 }
             }

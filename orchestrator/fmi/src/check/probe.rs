@@ -1,4 +1,4 @@
-//! An instance under test: initialised and advanced in the same way for both interfaces, all values readable.
+//! An instance under test: initialized and advanced in the same way for both interfaces, all values readable.
 
 use std::fmt;
 use std::sync::Arc;
@@ -82,7 +82,7 @@ impl Probe {
         }
     }
 
-    /// Up to and into initialisation mode.
+    /// Up to and into initialization mode.
     pub(super) fn begin(&mut self) -> Result<(), Error> {
         let start = self.instance().fmu().description.default_experiment.start.unwrap_or(0.0);
         self.time = start;
@@ -92,7 +92,7 @@ impl Probe {
         instance.enter_initialization_mode()
     }
 
-    /// Out of initialisation mode; Model Exchange goes on into continuous-time mode.
+    /// Out of initialization mode; Model Exchange goes on into continuous-time mode.
     pub(super) fn finish(&mut self) -> Result<Advance, Error> {
         self.instance().exit_initialization_mode()?;
         match self.runner {
@@ -101,7 +101,7 @@ impl Probe {
         }
     }
 
-    pub(super) fn initialise(&mut self) -> Result<Advance, Error> {
+    pub(super) fn initialize(&mut self) -> Result<Advance, Error> {
         self.begin()?;
         self.finish()
     }

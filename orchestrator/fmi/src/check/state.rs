@@ -1,4 +1,4 @@
-//! Saved states: what runs on from a saved, restored or serialised state must be the same bit by bit.
+//! Saved states: what runs on from a saved, restored or serialized state must be the same bit by bit.
 
 use std::sync::Arc;
 
@@ -14,8 +14,8 @@ pub(super) fn check(fmu: &Arc<Fmu>, kind: InterfaceKind, findings: &mut Findings
     if !interface.can_get_and_set_fmu_state {
         return;
     }
-    let serialise = interface.can_serialize_fmu_state && !interface.can_be_instantiated_only_once_per_process;
-    if let Err(error) = round_trip(fmu, kind, serialise, findings) {
+    let serialize = interface.can_serialize_fmu_state && !interface.can_be_instantiated_only_once_per_process;
+    if let Err(error) = round_trip(fmu, kind, serialize, findings) {
         findings.error("state", format!("interface {kind}"), error.to_string());
     }
 }
@@ -23,12 +23,12 @@ pub(super) fn check(fmu: &Arc<Fmu>, kind: InterfaceKind, findings: &mut Findings
 fn round_trip(
     fmu: &Arc<Fmu>,
     kind: InterfaceKind,
-    serialise: bool,
+    serialize: bool,
     findings: &mut Findings,
 ) -> Result<(), Error> {
     let place = format!("interface {kind}");
     let mut probe = Probe::new(fmu, kind)?;
-    probe.initialise()?;
+    probe.initialize()?;
     probe.advance(STEPS)?;
     let mut slot = None;
     probe.instance().get_state(&mut slot)?;
@@ -51,19 +51,19 @@ fn round_trip(
             format!("after a run and its repetition from the saved state {what}"),
         );
     }
-    if serialise {
+    if serialize {
         let bytes = probe.instance().serialize_state(state)?;
         let mut other = Probe::new(fmu, kind)?;
-        other.initialise()?;
+        other.initialize()?;
         let copy = other.instance().deserialize_state(&bytes)?;
         other.instance().set_state(&copy)?;
         other.instance().free_state(copy)?;
         other.set_clock(clock)?;
         if let Some(what) = difference(&fmu.description, &first, &run(&mut other)?) {
             findings.error(
-                "state-serialised",
+                "state-serialized",
                 place,
-                format!("from the serialised state in another instance {what}"),
+                format!("from the serialized state in another instance {what}"),
             );
         }
     }

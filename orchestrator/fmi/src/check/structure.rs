@@ -130,18 +130,18 @@ fn check_initial_unknowns(description: &ModelDescription, findings: &mut Finding
             || derivatives.contains(&position);
         let alias = || listed.iter().any(|&other| same(&description.variables[other], variable));
         if computed && role && !listed.contains(&position) && !alias() {
-            let message = "it is computed at initialisation (output, calculatedParameter, state or derivative with \
+            let message = "it is computed at initialization (output, calculatedParameter, state or derivative with \
                            initial approx or calculated) but is missing in ModelStructure/InitialUnknowns";
             findings.error("structure-initial-unknowns", element(variable), message);
         }
         if listed.contains(&position) && !(computed && role) {
-            let message = "ModelStructure/InitialUnknowns lists it, but it is not computed at initialisation";
+            let message = "ModelStructure/InitialUnknowns lists it, but it is not computed at initialization";
             findings.error("structure-initial-unknowns", element(variable), message);
         }
     }
 }
 
-/// FMI 2.0.4 section 2.2.8: unknowns depend on inputs, states and the independent variable; at initialisation also on
+/// FMI 2.0.4 section 2.2.8: unknowns depend on inputs, states and the independent variable; at initialization also on
 /// variables with exact start values. Parameters are no knowns of outputs and derivatives.
 fn check_knowns(description: &ModelDescription, findings: &mut Findings) {
     let states: HashSet<usize> = description.continuous_states().collect();

@@ -60,7 +60,7 @@ pub(super) fn rewrite(
             .into_iter()
             .filter(|(_, value)| !value.is_empty())
             .collect(),
-            // The type element; an annotation beside it has no start value.
+            // The type element; an annotation next to it has no start value.
             (3, Some(variable)) if name != "Annotations" => start
                 .iter()
                 .find(|(position, _)| *position == variable)

@@ -180,7 +180,7 @@ fn fingerprint(
     format!("{{{}-{}-{}-{}-{}}}", part(0, 8), part(8, 12), part(12, 16), part(16, 20), part(20, 32))
 }
 
-/// Writes the archive beside its place and moves it there; time stamps are the earliest that zip has.
+/// Writes the archive next to its final place and moves it there; time stamps are the earliest that zip has.
 fn write(out: &Path, members: &[Member]) -> Result<(), DeriveError> {
     use std::io::Write;
     use zip::write::SimpleFileOptions;

@@ -26,7 +26,7 @@ pub struct ModelDescription {
     pub guid: String,
     /// Free text about the model.
     pub description: String,
-    /// Name and organisation of the author.
+    /// Name and organization of the author.
     pub author: String,
     /// Version of the model.
     pub version: String,
@@ -203,7 +203,7 @@ pub enum Causality {
 pub enum Variability {
     /// Never.
     Constant,
-    /// Not after initialisation.
+    /// Not after initialization.
     Fixed,
     /// At events that the importer causes.
     Tunable,
@@ -213,7 +213,7 @@ pub enum Variability {
     Continuous,
 }
 
-/// How a variable is initialised.
+/// How a variable is initialized.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize)]
 #[serde(rename_all = "camelCase")]
 pub enum Initial {
@@ -238,7 +238,7 @@ pub struct Variable {
     pub causality: Causality,
     /// When it may change.
     pub variability: Variability,
-    /// Effective initialisation: the default of the standard's table where the file says nothing; `None` for inputs
+    /// Effective initialization: the default of the standard's table where the file says nothing; `None` for inputs
     /// and the independent variable, and for combinations that the standard does not allow.
     pub initial: Option<Initial>,
     /// The `initial` attribute as written in the file.
@@ -368,7 +368,7 @@ pub enum DependencyKind {
     Dependent,
     /// Linear with a constant factor.
     Constant,
-    /// Linear with a factor fixed after initialisation.
+    /// Linear with a factor fixed after initialization.
     Fixed,
     /// Linear with a factor that changes at tuning events.
     Tunable,

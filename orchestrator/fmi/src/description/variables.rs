@@ -132,7 +132,7 @@ fn variable(
     })
 }
 
-/// The child that names the base type; annotations beside it are no concern of ours.
+/// The child that names the base type; annotations next to it are ignored.
 fn base_type(element: &Element) -> Result<&Element, DescriptionError> {
     let mut kinds = element.children.iter().filter(|child| KINDS.contains(&child.name.as_str()));
     match (kinds.next(), kinds.next()) {

@@ -33,9 +33,9 @@ unsafe extern "C" {
 /// Where an instance is in its life, as far as dropping it depends on it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Phase {
-    /// Before the end of initialisation, or after fmi2Terminate or fmi2Error: only to be freed.
+    /// Before the end of initialization, or after fmi2Terminate or fmi2Error: only to be freed.
     Passive,
-    /// Initialised: to be terminated, then freed.
+    /// Initialized: to be terminated, then freed.
     Active,
     /// After fmi2Fatal or fmi2Pending of this function: not to be touched again.
     Abandoned(&'static str),
@@ -227,7 +227,7 @@ impl Instance {
         self.check(function, status)
     }
 
-    /// Begins initialisation.
+    /// Begins initialization.
     ///
     /// # Errors
     /// The FMU refuses.
@@ -235,7 +235,7 @@ impl Instance {
         self.simple("fmi2EnterInitializationMode", self.functions.enter_initialization_mode)
     }
 
-    /// Ends initialisation.
+    /// Ends initialization.
     ///
     /// # Errors
     /// The FMU refuses.
@@ -324,7 +324,7 @@ impl Drop for Instance {
             return;
         }
         if self.phase == Phase::Active {
-            // SAFETY: the component is alive and initialised. A refusal changes nothing about what follows.
+            // SAFETY: the component is alive and initialized. A refusal changes nothing about what follows.
             let status = unsafe { (self.functions.terminate)(self.component) };
             if status > 3 {
                 return;

@@ -73,7 +73,7 @@ impl Instance {
         self.alive(function)?;
         let call = self.functions.get_state.ok_or_else(|| self.missing(function))?;
         let mut state = match slot {
-            Some(handle) => self.states.pointer(handle).ok_or_else(|| self.foreign(function))?,
+            Some(handle) => self.states.pointer(handle).ok_or_else(|| self.not_own_state(function))?,
             None => std::ptr::null_mut(),
         };
         // SAFETY: the component is alive; the state is NULL or one that this instance made and did not free.
@@ -94,7 +94,7 @@ impl Instance {
         let function = "fmi2SetFMUstate";
         self.alive(function)?;
         let call = self.functions.set_state.ok_or_else(|| self.missing(function))?;
-        let state = self.states.pointer(handle).ok_or_else(|| self.foreign(function))?;
+        let state = self.states.pointer(handle).ok_or_else(|| self.not_own_state(function))?;
         // SAFETY: the component is alive; the state is one that this instance made and did not free.
         let status = unsafe { call(self.component, state) };
         self.check(function, status)
@@ -108,7 +108,7 @@ impl Instance {
         let function = "fmi2FreeFMUstate";
         self.alive(function)?;
         let call = self.functions.free_state.ok_or_else(|| self.missing(function))?;
-        let mut state = self.states.remove(handle).ok_or_else(|| self.foreign(function))?;
+        let mut state = self.states.remove(handle).ok_or_else(|| self.not_own_state(function))?;
         // SAFETY: the component is alive; the state is one that this instance made, and its handle is consumed.
         let status = unsafe { call(self.component, &raw mut state) };
         self.check(function, status)
@@ -123,7 +123,7 @@ impl Instance {
         self.alive(function)?;
         let size_of = self.functions.serialized_state_size.ok_or_else(|| self.missing(function))?;
         let call = self.functions.serialize_state.ok_or_else(|| self.missing(function))?;
-        let state = self.states.pointer(handle).ok_or_else(|| self.foreign(function))?;
+        let state = self.states.pointer(handle).ok_or_else(|| self.not_own_state(function))?;
         let mut size = 0;
         // SAFETY: the component is alive; the state is one that this instance made; the pointer is to a local.
         let status = unsafe { size_of(self.component, state, &raw mut size) };
@@ -151,7 +151,7 @@ impl Instance {
     }
 
     #[cold]
-    fn foreign(&self, function: &'static str) -> Error {
-        Error::ForeignState { component: self.name.clone(), function }
+    fn not_own_state(&self, function: &'static str) -> Error {
+        Error::StateOfAnotherInstance { component: self.name.clone(), function }
     }
 }

@@ -135,14 +135,14 @@ pub fn diagnose(
         Kind::Simulated => (0, &state_space),
     };
     let residual = |record: &Record| -> Vec<Vec<f64>> {
-        let modelled = match kind {
+        let modeled = match kind {
             Kind::OneStep => tested.one_step(record),
             Kind::Simulated => tested.simulate(record),
         };
-        let less = |(measured, modelled): (&Vec<f64>, &Vec<f64>)| {
-            measured.iter().zip(modelled).skip(from).map(|(measured, modelled)| measured - modelled).collect()
+        let less = |(measured, modeled): (&Vec<f64>, &Vec<f64>)| {
+            measured.iter().zip(modeled).skip(from).map(|(measured, modeled)| measured - modeled).collect()
         };
-        record.outputs.iter().zip(&modelled).map(less).collect()
+        record.outputs.iter().zip(&modeled).map(less).collect()
     };
     let all: residuals::Residuals = records.iter().map(residual).collect();
     let samples = all.iter().map(|record| record.first().map_or(0, Vec::len)).sum();

@@ -30,7 +30,7 @@ pub struct Autocorrelation {
 }
 
 /// Correlation of the residual of one output with one input, both filtered so that the input is white: a slow input would
-/// hide what is missing in the correlation of its neighbouring values. The values then look like the impulse response that
+/// hide what is missing in the correlation of its neighboring values. The values then look like the impulse response that
 /// the model lacks.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct CrossCorrelation {
@@ -68,7 +68,7 @@ pub fn autocorrelation(
     lags: usize,
     fitted: usize,
 ) -> Autocorrelation {
-    let series = centred(residuals.iter().map(|record| record[index].as_slice()));
+    let series = centered(residuals.iter().map(|record| record[index].as_slice()));
     let n: usize = series.iter().map(Vec::len).sum();
     let covariances = covariances(&series, &series, lags);
     let scale = if covariances[0] > 0.0 { covariances[0] } else { 1.0 };
@@ -93,7 +93,7 @@ pub fn autocorrelation(
 
 /// Correlation of the residual of output `index` with input `input`, lags from `-lags` to `lags`.
 ///
-/// The band takes the colour of both into account: `Var = sum_k R_e(k) R_u(k) / n` (Ljung, eq. 16.46).
+/// The band takes the color of both into account: `Var = sum_k R_e(k) R_u(k) / n` (Ljung, eq. 16.46).
 pub fn cross_correlation(
     residuals: &Residuals,
     records: &[Record],
@@ -101,10 +101,10 @@ pub fn cross_correlation(
     (input, input_name): (usize, &str),
     lags: usize,
 ) -> CrossCorrelation {
-    let mut e = centred(residuals.iter().map(|record| record[index].as_slice()));
+    let mut e = centered(residuals.iter().map(|record| record[index].as_slice()));
     let first = |(record, e): (&Record, &Vec<f64>)| record.inputs[input][record.len() - e.len()..].to_vec();
     let cut: Vec<Vec<f64>> = records.iter().zip(&e).map(first).collect();
-    let mut u = centred(cut.iter().map(Vec::as_slice));
+    let mut u = centered(cut.iter().map(Vec::as_slice));
     whiten(&mut u, &mut e, lags.min(WHITENING));
     let n: usize = e.iter().map(Vec::len).sum();
     let long = 4 * lags;
@@ -112,10 +112,10 @@ pub fn cross_correlation(
     let size = (of_e[0] * of_u[0]).sqrt();
     let scale = if size > 0.0 { size } else { 1.0 };
     let taper = |lag: usize| 1.0 - lag as f64 / (long + 1) as f64;
-    let colour: f64 = (1..=long).map(|lag| 2.0 * taper(lag) * of_e[lag] * of_u[lag]).sum();
+    let color: f64 = (1..=long).map(|lag| 2.0 * taper(lag) * of_e[lag] * of_u[lag]).sum();
     let white = of_e[0] * of_u[0];
     // The estimated sum may be small by chance; half of its white value is the least that is believed.
-    let deviation = (f64::max(white + colour, 0.5 * white) / n.max(1) as f64).sqrt() / scale;
+    let deviation = (f64::max(white + color, 0.5 * white) / n.max(1) as f64).sqrt() / scale;
     let later = covariances(&e, &u, lags);
     let earlier = covariances(&u, &e, lags);
     let values: Vec<f64> =
@@ -143,7 +143,7 @@ pub fn cross_correlation(
 }
 
 /// Series less their common mean.
-fn centred<'a>(series: impl Iterator<Item = &'a [f64]> + Clone) -> Vec<Vec<f64>> {
+fn centered<'a>(series: impl Iterator<Item = &'a [f64]> + Clone) -> Vec<Vec<f64>> {
     let count: usize = series.clone().map(<[f64]>::len).sum();
     let mean = series.clone().flatten().sum::<f64>() / count.max(1) as f64;
     series.map(|values| values.iter().map(|value| value - mean).collect()).collect()
@@ -244,9 +244,9 @@ mod tests {
         let white: Vec<f64> = (0..5000).map(|_| noise.normal()).collect();
         let found = autocorrelation(&vec![vec![white.clone()]], 0, "y", 25, 0);
         assert!(found.p_value > 0.01 && found.explained_by_past < 0.01, "{found:?}");
-        let mut coloured = white.clone();
-        (1..coloured.len()).for_each(|k| coloured[k] += 0.6 * coloured[k - 1]);
-        let found = autocorrelation(&vec![vec![coloured]], 0, "y", 25, 0);
+        let mut colored = white.clone();
+        (1..colored.len()).for_each(|k| colored[k] += 0.6 * colored[k - 1]);
+        let found = autocorrelation(&vec![vec![colored]], 0, "y", 25, 0);
         assert!(found.p_value < 1e-10);
         assert!((found.explained_by_past - 0.36).abs() < 0.03, "{}", found.explained_by_past);
     }
@@ -262,7 +262,7 @@ mod tests {
             let found = cross_correlation(&vec![vec![e]], &records, (0, "y"), (0, "u"), 25);
             crossed += usize::from(found.missing_dynamics > 1.0);
         }
-        // Neighbouring lags of coloured signals say the same: fewer than 1 % of 200, chance included.
+        // Neighboring lags of colored signals say the same: fewer than 1 % of 200, chance included.
         assert!(crossed <= 6, "{crossed}");
     }
 

@@ -13,7 +13,7 @@ use crate::record::Record;
 /// Share of a standard deviation by which parameters are changed to find derivatives.
 const NUDGE: f64 = 0.01;
 
-/// An estimate with its neighbours: parameters with their covariance, and the model for any of them.
+/// An estimate with its neighbors: parameters with their covariance, and the model for any of them.
 #[derive(Clone, Copy)]
 pub struct Family<'a> {
     /// Parameters of the estimate.
@@ -24,13 +24,13 @@ pub struct Family<'a> {
 
 impl Family<'_> {
     /// Pairs of models a little to either side of the estimate, one pair per independent direction.
-    fn neighbours(&self) -> Vec<[StateSpace; 2]> {
+    fn neighbors(&self) -> Vec<[StateSpace; 2]> {
         let values = &self.parameters.values;
         let pair = |d: DVector<f64>| [(self.at)(&(values + &d * NUDGE)), (self.at)(&(values - &d * NUDGE))];
         self.parameters.deviations().into_iter().map(pair).collect()
     }
 
-    /// Whether a band is worth its time, with a number of operations for each neighbour.
+    /// Whether a band is worth its time, with a number of operations for each neighbor.
     fn affordable(&self, operations: f64) -> bool {
         2.0 * self.parameters.values.len() as f64 * operations <= MOST_OPERATIONS
     }
@@ -38,7 +38,7 @@ impl Family<'_> {
     /// Standard deviations of what `of` computes from a model, shape that of its result.
     fn deviations(&self, of: impl Fn(&StateSpace) -> Vec<f64>) -> Vec<f64> {
         let mut squares: Vec<f64> = Vec::new();
-        for [above, below] in self.neighbours() {
+        for [above, below] in self.neighbors() {
             let (above, below) = (of(&above), of(&below));
             squares.resize(above.len(), 0.0);
             for ((square, a), b) in squares.iter_mut().zip(above).zip(below) {

@@ -22,7 +22,7 @@ pub enum Whiteness {
     /// The test finds something, but it explains next to nothing.
     PracticallyWhite,
     /// The residual can be predicted from its own past.
-    Coloured,
+    Colored,
 }
 
 /// The verdict: sentences, and the facts behind them.
@@ -64,7 +64,7 @@ pub fn verdict(name: &str, diagnostics: &Diagnostics) -> Verdict {
             } else if of.explained_by_past < NEGLIGIBLE {
                 Whiteness::PracticallyWhite
             } else {
-                Whiteness::Coloured
+                Whiteness::Colored
             };
             (of.output.clone(), kind)
         })
@@ -85,7 +85,7 @@ pub fn verdict(name: &str, diagnostics: &Diagnostics) -> Verdict {
         .filter(|of| of.feedback > 1.0 && of.explained_by_residual > FEEDBACK)
         .collect();
     let unstable: Vec<_> = diagnostics.poles.iter().filter(|pole| pole.modulus >= 1.0).collect();
-    let white = whiteness.iter().all(|(_, kind)| *kind != Whiteness::Coloured);
+    let white = whiteness.iter().all(|(_, kind)| *kind != Whiteness::Colored);
     let explains_the_data = white && missing.is_empty() && unstable.is_empty();
     if let Some(pole) = unstable.first() {
         sentences.push(format!(
@@ -125,10 +125,10 @@ pub fn verdict(name: &str, diagnostics: &Diagnostics) -> Verdict {
             (Kind::OneStep, _) => "raise the order or use output error",
             (Kind::Simulated, true) => "raise the order",
             (Kind::Simulated, false) => {
-                "no input explains them, so it is coloured noise or a nonlinear effect; the simulation is not improved by a noise model"
+                "no input explains them, so it is colored noise or a nonlinear effect; the simulation is not improved by a noise model"
             }
         };
-        sentences.push(format!("residuals of {} are coloured ({share}): {remedy}", of.output));
+        sentences.push(format!("residuals of {} are colored ({share}): {remedy}", of.output));
     }
     for pair in &missing {
         let at = pair.lags.iter().zip(&pair.values).filter(|(lag, _)| **lag >= 0);

@@ -4,7 +4,7 @@ use std::f64::consts::TAU;
 
 use super::Band;
 
-/// Course of the frequency over time.
+/// Change of the frequency over time.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Sweep {
     /// The same time for every hertz.

@@ -44,7 +44,7 @@ pub enum Signal {
     Chirp {
         /// First and last frequency \[Hz\]; the last may be the lower.
         band: Band,
-        /// Course of the frequency.
+        /// Change of the frequency over time.
         sweep: chirp::Sweep,
     },
     /// Random levels, each held for a random time.

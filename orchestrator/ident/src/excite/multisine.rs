@@ -80,7 +80,7 @@ fn lower_peak(sines: &[usize], phases: &mut Vec<f64>) -> f64 {
         if crest < best.0 {
             best = (crest, trial.clone());
         }
-        // Gentler clipping towards the end lets the peak settle.
+        // Gentler clipping toward the end lets the peak settle.
         let level = peak * (0.80 + 0.18 * round as f64 / ROUNDS as f64);
         for value in &mut re {
             *value = value.clamp(-level, level);

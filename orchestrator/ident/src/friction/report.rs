@@ -61,7 +61,7 @@ pub struct Flag {
     pub message: String,
 }
 
-/// A law that was tried beside the one wanted.
+/// A law that was compared with the one wanted.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Alternative {
     /// Law.
@@ -105,7 +105,7 @@ pub struct Report {
     pub flags: Vec<Flag>,
     /// When an alternative is offered.
     pub rule: &'static str,
-    /// Laws that were tried beside it, the best on validation records first.
+    /// Laws that were compared with it, the best on validation records first.
     pub alternatives: Vec<Alternative>,
     /// The result in words.
     pub verdict: Vec<String>,
@@ -239,7 +239,7 @@ fn quality(tracks: &[Track], errors: &[Vec<f64>], settings: &Settings) -> Qualit
     Quality { rms: rms(errors), fit, records }
 }
 
-/// Laws beside the one wanted, judged on the validation records.
+/// Laws compared with the one wanted, judged on the validation records.
 fn alternatives(
     base: &Fit,
     tracks: &[Track],

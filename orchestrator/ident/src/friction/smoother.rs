@@ -3,7 +3,7 @@
 //! Kalman filter and smoother (Bryson and Frazier, which inverts no matrix) of a motion whose jerk is white noise (the acceleration is a Wiener
 //! process): between samples the motion is a cubic in the mean. It looks ahead as far as back, so that neither the time
 //! nor the height of a reversal is shifted systematically, and takes uneven sample times as they are. Sensor noise comes
-//! from how far each sample is from the cubic through its neighbours, the intensity of the jerk from the likelihood of
+//! from how far each sample is from the cubic through its neighbors, the intensity of the jerk from the likelihood of
 //! the record. The smoothed velocity is the mean of what the velocity may have been, given the record, and
 //! `velocity_deviation` its spread: an expectation over it has no errors-in-variables bias.
 
@@ -76,7 +76,7 @@ impl Measured<'_> {
 }
 
 /// Variance of white noise on a smooth signal: mean squared distance of each sample from the cubic through its two
-/// neighbours on each side, over the factor by which that enlarges noise.
+/// neighbors on each side, over the factor by which that enlarges noise.
 pub fn interpolation_variance(gaps: &[f64], values: &[f64]) -> f64 {
     let n = values.len();
     if n < 8 {
@@ -130,12 +130,12 @@ impl Filter<'_> {
         for (i, values) in self.scaled.iter().enumerate() {
             let Some(values) = values else { continue };
             mean[i] = values.first().copied().unwrap_or(0.0);
-            let mut course = values.clone();
+            let mut differences = values.clone();
             for (order, size) in sizes[i..].iter_mut().enumerate() {
-                let square =
-                    course.iter().map(|value| value * value).sum::<f64>() / course.len().max(1) as f64;
+                let square = differences.iter().map(|value| value * value).sum::<f64>()
+                    / differences.len().max(1) as f64;
                 *size = size.max(if order == 0 { spread(values) } else { square });
-                course = course.windows(2).map(|pair| pair[1] - pair[0]).collect();
+                differences = differences.windows(2).map(|pair| pair[1] - pair[0]).collect();
             }
         }
         let covariance = sizes.map(|size| 10.0 * size.max(f64::MIN_POSITIVE));
@@ -225,7 +225,7 @@ impl Filter<'_> {
     }
 }
 
-/// Course of the mean over a gap `h`.
+/// Transition of the mean over a gap `h`.
 fn transition(h: f64) -> Matrix3<f64> {
     Matrix3::new(1.0, h, 0.5 * h * h, 0.0, 1.0, h, 0.0, 0.0, 1.0)
 }

@@ -43,7 +43,7 @@ pub struct Track {
 
 /// Fewest samples of a record.
 pub const FEWEST: usize = 20;
-/// Sensor noise above this part of the velocity's own scatter: the samples are no course over time.
+/// Sensor noise above this part of the velocity's own scatter: the samples do not form a smooth trajectory.
 const UNORDERED: f64 = 0.3;
 
 impl Sweep {

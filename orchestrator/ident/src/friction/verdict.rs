@@ -62,7 +62,7 @@ pub fn flags(fit: &Fit, tracks: &[Track], settings: &Settings) -> Vec<Flag> {
             flag(
                 "not-smoothed",
                 format!(
-                    "{}: the velocity is no smooth course over time; it is taken as measured, without error",
+                    "{}: the velocity is not smooth over time; it is taken as measured, without error",
                     track.name
                 ),
             );
@@ -116,7 +116,7 @@ pub fn flags(fit: &Fit, tracks: &[Track], settings: &Settings) -> Vec<Flag> {
         flag(
             "error-not-white",
             format!(
-                "errors resemble their neighbours over {:.0} samples: something beside white sensor noise is left; intervals are widened for it",
+                "errors resemble their neighbors over {:.0} samples: the residual is more than white sensor noise; intervals are widened for it",
                 fit.memory
             ),
         );

@@ -1,8 +1,8 @@
-//! Regularised FIR: the impulse response of every channel, and what it says of delay and order.
+//! Regularized FIR: the impulse response of every channel, and what it says of delay and order.
 //!
 //! `y(k) = sum_j sum_l g_j(l) u_j(k - l) + e(k)`, the coefficients of a channel normal with a covariance that decays: TC
-//! `c a^max(k,l)` or DC `c a^((k+l)/2) r^|k-l|`. The hyper-parameters maximise the marginal likelihood, evaluated by QR
-//! factorisations with the triangular factor of the kernel, which is known in closed form: no kernel is inverted (Chen,
+//! `c a^max(k,l)` or DC `c a^((k+l)/2) r^|k-l|`. The hyper-parameters maximize the marginal likelihood, evaluated by QR
+//! factorizations with the triangular factor of the kernel, which is known in closed form: no kernel is inverted (Chen,
 //! Ohlsson and Ljung, Automatica 48, 2012; Chen and Ljung, Automatica 49, 2013).
 
 mod evidence;
@@ -58,7 +58,7 @@ pub struct Channel {
     pub band_99: Vec<f64>,
     /// Decay a of the prior.
     pub decay: f64,
-    /// Correlation r of neighbouring coefficients in the prior.
+    /// Correlation r of neighboring coefficients in the prior.
     pub correlation: f64,
     /// First lag whose coefficient is outside the 99 % band *for all lags together*: the delay in samples; `None` if none
     /// is.
@@ -185,7 +185,7 @@ struct Marginal<'a> {
     kernel: Kernel,
 }
 
-/// Factorisation for some hyper-parameters.
+/// Factorization for some hyper-parameters.
 struct Evaluation {
     criterion: f64,
     /// Triangular factor of the whitened problem, shape \[p, p\], and its right-hand side.
@@ -248,7 +248,7 @@ impl Marginal<'_> {
             .map(|variables| (criterion(&variables), variables))
             .min_by(|a, b| a.0.total_cmp(&b.0))
             .map_or(alike(0.0, 0.9), |(_, variables)| variables);
-        let (variables, _) = nelder_mead::minimise(criterion, &start, 1.0, 1e-2, 60 * start.len());
+        let (variables, _) = nelder_mead::minimize(criterion, &start, 1.0, 1e-2, 60 * start.len());
         let found = self.evaluate(&variables);
         let p = found.r.ncols();
         let back = |rhs: &DMatrix<f64>| found.r.solve_upper_triangular(rhs);

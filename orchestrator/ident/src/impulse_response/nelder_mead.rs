@@ -2,7 +2,7 @@
 
 /// Smallest value found and where, from a simplex of edge `size` around `start`, within `evaluations` evaluations or
 /// until the values of the simplex differ by less than `tolerance`.
-pub(super) fn minimise(
+pub(super) fn minimize(
     of: impl Fn(&[f64]) -> f64,
     start: &[f64],
     size: f64,
@@ -23,10 +23,10 @@ pub(super) fn minimise(
         if simplex[n].0 - simplex[0].0 < tolerance {
             break;
         }
-        let centre: Vec<f64> =
+        let center: Vec<f64> =
             (0..n).map(|i| simplex[..n].iter().map(|(_, x)| x[i]).sum::<f64>() / n as f64).collect();
         let along = |factor: f64| -> (f64, Vec<f64>) {
-            let x: Vec<f64> = (0..n).map(|i| centre[i] + factor * (simplex[n].1[i] - centre[i])).collect();
+            let x: Vec<f64> = (0..n).map(|i| center[i] + factor * (simplex[n].1[i] - center[i])).collect();
             (value(&x), x)
         };
         let reflected = along(-1.0);
@@ -63,7 +63,7 @@ mod tests {
     #[test]
     fn the_valley_of_rosenbrock_is_followed_to_its_end() {
         let of = |x: &[f64]| (1.0 - x[0]).powi(2) + 100.0 * (x[1] - x[0] * x[0]).powi(2);
-        let (x, value) = minimise(of, &[-1.2, 1.0], 0.5, 1e-14, 1000);
+        let (x, value) = minimize(of, &[-1.2, 1.0], 0.5, 1e-14, 1000);
         assert!(value < 1e-10 && (x[0] - 1.0).abs() < 1e-4, "{x:?}");
     }
 }

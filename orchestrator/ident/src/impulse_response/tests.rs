@@ -47,7 +47,7 @@ fn delay_and_response_are_found_and_the_band_holds_the_truth() {
 }
 
 #[test]
-fn regularisation_is_closer_to_the_truth_than_least_squares() {
+fn regularization_is_closer_to_the_truth_than_least_squares() {
     let mut noise = Noise::new(2);
     let inputs = vec![white(150, &mut noise), white(150, &mut noise)];
     let records = [measure(&delayed(), inputs, 0.5, &mut noise)];
@@ -63,8 +63,8 @@ fn regularisation_is_closer_to_the_truth_than_least_squares() {
             .map(|(l, j)| (g(j, l) - truth(l as i32)[j]).powi(2))
             .sum()
     };
-    let regularised = error(&|j, l| found[0].channels[j].values[l]);
-    assert!(regularised < 0.3 * error(&|j, l| plain[j * 40 + l]), "{regularised}");
+    let regularized = error(&|j, l| found[0].channels[j].values[l]);
+    assert!(regularized < 0.3 * error(&|j, l| plain[j * 40 + l]), "{regularized}");
 }
 
 #[test]

@@ -1,6 +1,6 @@
 //! Identified models as TOML: what later commands and other tools read.
 //!
-//! Numbers are written in the shortest form that reads back to the same bits.
+//! Numbers are written in the shortest form that reads back bit for bit.
 
 use std::path::{Path, PathBuf};
 

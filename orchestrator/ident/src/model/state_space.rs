@@ -93,7 +93,7 @@ impl StateSpace {
         for (rest, measured) in rest.iter_mut().zip(&record.outputs) {
             rest.iter_mut().zip(measured).for_each(|(rest, measured)| *rest = measured - *rest);
         }
-        // Normal equations are avoided: the free response is orthogonalised block by block as it decays.
+        // Normal equations are avoided: the free response is orthogonalized block by block as it decays.
         let mut stacked = DMatrix::<f64>::zeros(n_x + 1 + n_y, n_x + 1);
         let mut power = DMatrix::<f64>::identity(n_x, n_x);
         for k in 0..record.len() {

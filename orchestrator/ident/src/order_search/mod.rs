@@ -1,8 +1,8 @@
-//! Which orders and which delay: many ARX structures from one factorisation, judged by their free simulation.
+//! Which orders and which delay: many ARX structures from one factorization, judged by their free simulation.
 //!
 //! The triangle of the largest structure holds all smaller ones. A one-step fit says little about a model that will be
 //! simulated, so the ranking is by the simulated fit on records that were not used for the estimation; information
-//! criteria stand beside it.
+//! criteria are given for comparison.
 
 mod simulate;
 

@@ -4,13 +4,13 @@ use nalgebra::{DMatrix, DVector};
 
 use super::denoised::denoised;
 use super::equivalent;
-use super::levenberg_marquardt::{Found, Linear, Moments, Problem, minimise};
+use super::levenberg_marquardt::{Found, Linear, Moments, Problem, minimize};
 use super::{Error, Options, Outcome, with_covariance};
 use crate::instrumental_variables::{self, FILTER_RADIUS};
 use crate::model::Arx;
 use crate::parameters::Parameters;
 use crate::rational::columns::Column;
-use crate::rational::{Experiment, Filtered, Mask, check_records, simulate, spectral_radius, stabilised};
+use crate::rational::{Experiment, Filtered, Mask, check_records, simulate, spectral_radius, stabilized};
 use crate::record::Record;
 use airloop_optim::linalg::{StreamedQr, qr};
 
@@ -41,7 +41,7 @@ pub struct OutputError {
     pub initial: Vec<Vec<Vec<f64>>>,
 }
 
-/// Minimises the simulated error of an ARX structure from `model` (as a rule the least-squares estimate).
+/// Minimizes the simulated error of an ARX structure from `model` (as a rule the least-squares estimate).
 ///
 /// Starts are `model`, least squares, refined instrumental variables from both, and the same for the records as a model of
 /// high order simulates them; unstable ones are drawn into the unit circle. The one with the smallest simulated error is taken, the next only if the iterations stall. The offsets
@@ -85,11 +85,11 @@ pub fn refine(model: &Arx, mask: &Mask, records: &[Record], options: &Options) -
             .collect(),
         largest_pole: options.largest_pole,
     };
-    let given = stabilised(&mask.model(model, &mask.parameters(model)), FILTER_RADIUS);
+    let given = stabilized(&mask.model(model, &mask.parameters(model)), FILTER_RADIUS);
     let identity = DMatrix::identity(n_y, n_y);
     let start_rms = problem.residuals(&given, &identity).map_or(vec![f64::NAN; n_y], |moments| rms(&moments));
     let found = from_starts(&problem, given, records, options)?;
-    let linear = problem.linearise(&found.point, &found.root);
+    let linear = problem.linearize(&found.point, &found.root);
     let values = mask.parameters(&found.point);
     let parameters = Parameters { names: mask.names(), values, covariance: None };
     let (parameters, condition) = with_covariance(parameters, &linear.r);
@@ -108,7 +108,7 @@ pub fn refine(model: &Arx, mask: &Mask, records: &[Record], options: &Options) -
     })
 }
 
-/// Minimises from the most promising start, and from the next ones as long as the iterations stall.
+/// Minimizes from the most promising start, and from the next ones as long as the iterations stall.
 fn from_starts(
     problem: &ArxProblem,
     given: Arx,
@@ -122,10 +122,10 @@ fn from_starts(
     let iv_options = instrumental_variables::Options { iterations: 10, ..Default::default() };
     let instruments = |start: &Arx| -> Result<Arx, Error> {
         let found = instrumental_variables::estimate(start, mask, records, &iv_options)?;
-        Ok(stabilised(&found.model, FILTER_RADIUS))
+        Ok(stabilized(&found.model, FILTER_RADIUS))
     };
     let plain =
-        stabilised(&instrumental_variables::least_squares(problem.template, mask, records)?, FILTER_RADIUS);
+        stabilized(&instrumental_variables::least_squares(problem.template, mask, records)?, FILTER_RADIUS);
     let mut starts = vec![instruments(&plain)?, plain.clone()];
     if (mask.parameters(&given) - mask.parameters(&plain)).amax() > 1e-6 {
         starts.extend([instruments(&given)?, given]);
@@ -133,7 +133,7 @@ fn from_starts(
     if let Some(simulated) = denoised(problem.template, mask, records, FILTER_RADIUS) {
         let start = instrumental_variables::least_squares(problem.template, mask, &simulated)?;
         let found = instrumental_variables::estimate(&start, mask, &simulated, &iv_options)?;
-        starts.extend([stabilised(&start, FILTER_RADIUS), stabilised(&found.model, FILTER_RADIUS)]);
+        starts.extend([stabilized(&start, FILTER_RADIUS), stabilized(&found.model, FILTER_RADIUS)]);
     }
     // At rest and without memory: always finite.
     starts.push(mask.model(problem.template, &DVector::zeros(mask.coefficients().len())));
@@ -147,7 +147,7 @@ fn from_starts(
     }
     let mut best: Option<Found<Arx>> = None;
     for (_, start) in ranked.into_iter().take(TRIES) {
-        let found = minimise(problem, start, options);
+        let found = minimize(problem, start, options);
         let settled = found.as_ref().is_some_and(|found| found.outcome != Outcome::Stalled);
         let lower = |found: &Found<Arx>| {
             best.as_ref().is_none_or(|best| found.moments.criterion() < best.moments.criterion())
@@ -185,7 +185,7 @@ impl Problem for ArxProblem<'_> {
         moments.sum.iter().all(|value| value.is_finite()).then_some(moments)
     }
 
-    fn linearise(&self, point: &Arx, root: &DMatrix<f64>) -> Linear<()> {
+    fn linearize(&self, point: &Arx, root: &DMatrix<f64>) -> Linear<()> {
         let p = self.mask.coefficients().len();
         let mut fold = StreamedQr::new(p + 1);
         for experiment in &self.experiments {

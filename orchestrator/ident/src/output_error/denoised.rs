@@ -4,7 +4,7 @@ use nalgebra::{DMatrix, DVector};
 
 use crate::model::Arx;
 use crate::rational::columns::{Column, fold_columns};
-use crate::rational::{Experiment, Mask, simulate, stabilised};
+use crate::rational::{Experiment, Mask, simulate, stabilized};
 use crate::record::Record;
 use airloop_optim::linalg::StreamedQr;
 use airloop_optim::linalg::triangular::solve;
@@ -46,7 +46,7 @@ pub(super) fn denoised(template: &Arx, mask: &Mask, records: &[Record], radius: 
         b: (0..=order).map(|lag| matrix(order * n_y + lag * n_u, n_u)).collect(),
         ..template.clone()
     };
-    let model = stabilised(&model, radius);
+    let model = stabilized(&model, radius);
     let simulated = |(record, experiment): (&Record, &Experiment)| {
         let mut outputs = simulate(&model, experiment, &DMatrix::identity(n_y, n_y)).y;
         for (y, offset) in outputs.iter_mut().zip(&template.output_offset) {

@@ -1,7 +1,7 @@
 //! Levenberg-Marquardt for a weighted simulation or prediction error, with the weights estimated on the way.
 //!
 //! `min log det Lambda`, Lambda the covariance of the residuals (diagonal if the outputs are weighted one by one): the
-//! maximum-likelihood criterion (Ljung, System Identification, 2nd ed., sec. 7.4 and 10.2). Every iteration minimises the
+//! maximum-likelihood criterion (Ljung, System Identification, 2nd ed., sec. 7.4 and 10.2). Every iteration minimizes the
 //! sum of squares weighted by the inverse of the present Lambda; a lower sum has a lower criterion.
 
 use nalgebra::{DMatrix, DVector};
@@ -75,7 +75,7 @@ impl<T> Linear<T> {
     }
 }
 
-/// What is minimised.
+/// What is minimized.
 pub(super) trait Problem {
     /// A model.
     type Point: Clone;
@@ -84,7 +84,7 @@ pub(super) trait Problem {
     /// Residuals with the best initial states for the weight `root^T root`; `None` where they are not finite.
     fn residuals(&self, point: &Self::Point, root: &DMatrix<f64>) -> Option<Moments>;
     /// Residuals and their derivatives, the initial states eliminated.
-    fn linearise(&self, point: &Self::Point, root: &DMatrix<f64>) -> Linear<Self::Tangent>;
+    fn linearize(&self, point: &Self::Point, root: &DMatrix<f64>) -> Linear<Self::Tangent>;
     /// The model after a step; `None` if it is not stable.
     fn step(&self, point: &Self::Point, tangent: &Self::Tangent, delta: &DVector<f64>)
     -> Option<Self::Point>;
@@ -124,8 +124,8 @@ pub(super) struct Found<P> {
     pub outcome: Outcome,
 }
 
-/// Minimises from a stable start. `None` if the residuals of the start are not finite.
-pub(super) fn minimise<P: Problem>(
+/// Minimizes from a stable start. `None` if the residuals of the start are not finite.
+pub(super) fn minimize<P: Problem>(
     problem: &P,
     start: P::Point,
     options: &Options,
@@ -141,7 +141,7 @@ pub(super) fn minimise<P: Problem>(
         let found = |point, moments, root, outcome| {
             Some(Found { point, moments, root, iterations: iteration, outcome })
         };
-        let linear = problem.linearise(&point, &root);
+        let linear = problem.linearize(&point, &root);
         let p = linear.z.len();
         let explained = linear.z.norm_squared();
         let cost = explained + linear.rest;

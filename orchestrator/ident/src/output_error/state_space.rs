@@ -6,7 +6,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::levenberg_marquardt::{Linear, Moments, Problem, minimise};
+use super::levenberg_marquardt::{Linear, Moments, Problem, minimize};
 use super::predictor::Predictor;
 use super::sensitivity::Sensitivity;
 use super::tangent::Tangent;
@@ -19,7 +19,7 @@ use airloop_optim::linalg::StreamedQr;
 use airloop_optim::linalg::qr::dot;
 use airloop_optim::linalg::spectral;
 
-/// What is minimised.
+/// What is minimized.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Criterion {
@@ -34,7 +34,7 @@ pub enum Criterion {
 pub struct StateSpaceOptions {
     /// Settings of the iterations.
     pub iterations: Options,
-    /// What is minimised.
+    /// What is minimized.
     pub criterion: Criterion,
     /// Whether the direct term D is free; without it D stays as it is.
     pub direct_term: bool,
@@ -82,7 +82,7 @@ impl RefinedStateSpace {
     }
 }
 
-/// Minimises the simulation or prediction error of a state-space model, from `model` (as a rule a subspace estimate).
+/// Minimizes the simulation or prediction error of a state-space model, from `model` (as a rule a subspace estimate).
 ///
 /// An unstable model is drawn into the unit circle first. For [`Criterion::Prediction`] a model without gain starts at
 /// K = 0. The offsets stay those of `model`.
@@ -129,10 +129,10 @@ pub fn refine_state_space(
     let identity = DMatrix::identity(n_y, n_y);
     let start_rms = problem.residuals(&start, &identity).map_or(vec![f64::NAN; n_y], |moments| rms(&moments));
     let silent = StateSpace { a: &start.a * 0.5, gain: None, ..start.clone() };
-    let found = minimise(&problem, start, &options.iterations)
-        .or_else(|| minimise(&problem, silent, &options.iterations))
+    let found = minimize(&problem, start, &options.iterations)
+        .or_else(|| minimize(&problem, silent, &options.iterations))
         .ok_or(Error::NothingFree)?;
-    let Linear { r, tangent, .. } = problem.linearise(&found.point, &found.root);
+    let Linear { r, tangent, .. } = problem.linearize(&found.point, &found.root);
     let p = r.ncols();
     let names = (1..=p).map(|index| format!("direction {index}")).collect();
     let parameters = Parameters { names, values: DVector::zeros(p), covariance: None };
@@ -227,7 +227,7 @@ impl Problem for StateSpaceProblem {
         moments.sum.iter().all(|value| value.is_finite()).then_some(moments)
     }
 
-    fn linearise(&self, point: &StateSpace, root: &DMatrix<f64>) -> Linear<Tangent> {
+    fn linearize(&self, point: &StateSpace, root: &DMatrix<f64>) -> Linear<Tangent> {
         let tangent = Tangent::new(point, self.direct_term);
         let predictor = Predictor::new(point);
         let sensitivity = Sensitivity::new(point, &tangent, &predictor);

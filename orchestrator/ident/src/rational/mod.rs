@@ -130,7 +130,7 @@ pub struct Simulation {
     pub residual: Vec<Vec<f64>>,
 }
 
-/// Simulates a record; the initial state minimises the residual weighted by `root` (shape \[n_y, n_y\], the weight is
+/// Simulates a record; the initial state minimizes the residual weighted by `root` (shape \[n_y, n_y\], the weight is
 /// `root^T root`).
 pub fn simulate(model: &Arx, experiment: &Experiment, root: &DMatrix<f64>) -> Simulation {
     let (n_y, n) = (experiment.y.len(), experiment.len());
@@ -261,9 +261,9 @@ pub fn spectral_radius(model: &Arx) -> f64 {
     spectral::eigenvalues(&companion).iter().fold(0.0, |radius, pole| f64::max(radius, pole.norm()))
 }
 
-/// The model with its poles drawn towards the origin so that the largest has the modulus `radius`; a model whose poles
+/// The model with its poles drawn toward the origin so that the largest has the modulus `radius`; a model whose poles
 /// all lie within stays as it is.
-pub fn stabilised(model: &Arx, radius: f64) -> Arx {
+pub fn stabilized(model: &Arx, radius: f64) -> Arx {
     let largest = spectral_radius(model);
     if !largest.is_finite() || largest <= radius {
         return model.clone();

@@ -58,7 +58,7 @@ pub enum Error {
     NotInMemory,
     /// A column that never changes.
     #[error(
-        "column `{column}` is {value} in every row of {files}: nothing can be learnt from a constant {kind}; {remedy}"
+        "column `{column}` is {value} in every row of {files}: nothing can be learned from a constant {kind}; {remedy}"
     )]
     Constant { column: String, value: f64, files: String, kind: &'static str, remedy: &'static str },
 }

@@ -1,4 +1,4 @@
-//! Models of one order from every weighting, horizon and realisation, and the best of them.
+//! Models of one order from every weighting, horizon and realization, and the best of them.
 
 use nalgebra::DMatrix;
 
@@ -7,7 +7,7 @@ use super::gain::{prediction_error_gain, riccati_gain};
 use super::hankel::HankelFactor;
 use super::input_terms::{input_terms, simulation_error};
 use super::projection::{Projection, Weighting, predictor, pseudo_inverse};
-use super::realisation::{Realisation, realise, spectral_radius, stabilised};
+use super::realization::{Realization, realize, spectral_radius, stabilized};
 use super::riccati::{Noise, kalman_gain};
 use rayon::prelude::*;
 
@@ -24,9 +24,9 @@ pub struct Method {
     /// Past and future samples of the block Hankel matrices.
     pub horizon: usize,
     /// Where A and C come from.
-    pub realisation: Realisation,
+    pub realization: Realization,
     /// Whether poles outside the unit circle were mirrored at it.
-    pub stabilised: bool,
+    pub stabilized: bool,
 }
 
 impl Method {
@@ -37,11 +37,11 @@ impl Method {
             Weighting::Moesp => "MOESP",
             Weighting::Cva => "CVA",
         };
-        let realisation = match self.realisation {
-            Realisation::Shift => "shift invariance",
-            Realisation::States => "state regression",
+        let realization = match self.realization {
+            Realization::Shift => "shift invariance",
+            Realization::States => "state regression",
         };
-        format!("{weighting}, {} past and future samples, {realisation}", self.horizon)
+        format!("{weighting}, {} past and future samples, {realization}", self.horizon)
     }
 }
 
@@ -71,7 +71,7 @@ pub(super) struct Candidates<'a> {
 }
 
 impl<'a> Candidates<'a> {
-    /// Factorises the segments once, for the longest of `horizons` (increasing).
+    /// Factorizes the segments once, for the longest of `horizons` (increasing).
     pub fn new(
         segments: &'a [Segment],
         horizons: &[usize],
@@ -125,13 +125,13 @@ impl<'a> Candidates<'a> {
             for (weighting, projection) in &horizon.projections {
                 let shifted = (horizon.factor.horizon - 1) * horizon.factor.n_y;
                 if n <= projection.rank() && n <= shifted {
-                    for realisation in Realisation::ALL {
+                    for realization in Realization::ALL {
                         let horizon = horizon.factor.horizon;
                         methods.push(Method {
                             weighting: *weighting,
                             horizon,
-                            realisation,
-                            stabilised: false,
+                            realization,
+                            stabilized: false,
                         });
                     }
                 }
@@ -145,14 +145,14 @@ impl<'a> Candidates<'a> {
 
     fn candidate(&self, mut method: Method, n: usize) -> Option<Candidate> {
         let (horizon, projection) = self.projection(&method)?;
-        let (mut a, c) = realise(&horizon.factor, projection, method.realisation, n);
+        let (mut a, c) = realize(&horizon.factor, projection, method.realization, n);
         if !a.iter().chain(&c).all(|value| value.is_finite()) {
             return None;
         }
         let mut stable = spectral_radius(&a) < 1.0;
         if !stable && self.mirror {
-            a = stabilised(&a)?;
-            (stable, method.stabilised) = (true, true);
+            a = stabilized(&a)?;
+            (stable, method.stabilized) = (true, true);
         }
         let model = self.with_input_terms(&self.compared, &a, &c)?;
         let error = if stable { relative_error(&self.compared, &model) } else { f64::INFINITY };

@@ -5,7 +5,7 @@ use nalgebra::{DMatrix, DVector};
 use super::data::{Matrices, Segment};
 use super::hankel::HankelFactor;
 use super::input_terms::{free_initial_state, input_terms};
-use super::realisation::spectral_radius;
+use super::realization::spectral_radius;
 use super::riccati::{Noise, kalman_gain};
 
 /// Residual variance of the scaled outputs below which there is nothing to predict.

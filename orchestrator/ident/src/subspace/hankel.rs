@@ -2,7 +2,7 @@
 //!
 //! Row t of the tall matrix is `[u(t) .. u(t+f-1) | z(t-1) .. z(t-p) | y(t) .. y(t+f-1)]` with `z = (u, y)`: future inputs,
 //! past by lag, future outputs, the columns of the block Hankel matrices of every record. It is folded block by block
-//! into its factor R (the LQ factorisation of the Hankel matrices, transposed), so that memory does not grow with the
+//! into its factor R (the LQ factorization of the Hankel matrices, transposed), so that memory does not grow with the
 //! records. The factor of a shorter horizon is that of some of its columns.
 
 use nalgebra::DMatrix;
@@ -76,7 +76,7 @@ impl HankelFactor {
         (past, past + self.horizon * (self.n_u + self.n_y))
     }
 
-    /// L22 = R_ww': the past beside the future inputs, shape \[p n_z, p n_z\].
+    /// L22 = R_ww': the past orthogonal to the future inputs, shape \[p n_z, p n_z\].
     pub fn past(&self) -> DMatrix<f64> {
         let (w, y) = self.starts();
         self.r.view((w, w), (y - w, y - w)).transpose()
@@ -88,13 +88,13 @@ impl HankelFactor {
         self.r.view((0, w), (y, y - w)).transpose()
     }
 
-    /// L32: what the past says of the future outputs beside the future inputs, shape \[f n_y, p n_z\].
+    /// L32: what the past says of the future outputs, orthogonal to the future inputs, shape \[f n_y, p n_z\].
     pub fn future_by_past(&self) -> DMatrix<f64> {
         let (w, y) = self.starts();
         self.r.view((w, y), (y - w, self.r.ncols() - y)).transpose()
     }
 
-    /// \[L32 L33\]: the future outputs beside the future inputs, shape \[f n_y, p n_z + f n_y\].
+    /// \[L32 L33\]: the future outputs orthogonal to the future inputs, shape \[f n_y, p n_z + f n_y\].
     pub fn future(&self) -> DMatrix<f64> {
         let (w, y) = self.starts();
         let q = self.r.ncols();

@@ -3,14 +3,14 @@
 //! | module | what |
 //! |--------|------|
 //! | `data` | records about the operating point, scaled |
-//! | [`pieces`] | pieces of records that stand for all, or are kept back |
+//! | [`pieces`] | pieces of records that stand for all, or are held out |
 //! | `hankel` | triangular factor of past and future |
 //! | [`projection`] | weighted projection: observability matrix, state |
-//! | [`realisation`] | A and C; mirrored poles |
+//! | [`realization`] | A and C; mirrored poles |
 //! | `input_terms` | B and D on the simulated output |
 //! | `gain`, `riccati` | innovation gain |
 //! | [`candidates`] | every weighting and horizon for one order |
-//! | [`refined`] | output-error or prediction-error refinement, where it helps on samples kept back |
+//! | [`refined`] | output-error or prediction-error refinement, where it helps on held-out samples |
 //!
 //! Start with [`estimate`] and [`refine`].
 
@@ -21,13 +21,13 @@ mod hankel;
 mod input_terms;
 pub mod pieces;
 pub mod projection;
-pub mod realisation;
+pub mod realization;
 pub mod refined;
 mod riccati;
 
 pub use candidates::Method;
 pub use projection::Weighting;
-pub use realisation::Realisation;
+pub use realization::Realization;
 pub use refined::{Refined, Refinement, refine};
 
 use candidates::{Candidates, relative_error};
@@ -40,7 +40,7 @@ use super::record::Record;
 const WIDEST: usize = 200;
 /// Error relative to the signal that counts as none: rounding of the data and of the numerics.
 pub const EXACT: f64 = 1e-6;
-/// An order is enough if its error on samples kept back is at most this much above that of the best order.
+/// An order is enough if its error on held-out samples is at most this much above that of the best order.
 const ENOUGH: f64 = 1.02;
 
 /// Order of the model.
@@ -48,7 +48,7 @@ const ENOUGH: f64 = 1.02;
 pub enum Order {
     /// As given.
     Fixed(usize),
-    /// The smallest order that is as good as any up to this one, on samples kept back.
+    /// The smallest order that is as good as any up to this one, on held-out samples.
     UpTo(usize),
 }
 
@@ -107,7 +107,7 @@ pub struct Estimate {
 pub struct OrderError {
     /// Order n.
     pub order: usize,
-    /// Relative RMS error of the simulation on the samples kept back, the mean over the outputs; `None`: unstable.
+    /// Relative RMS error of the simulation on the held-out samples, the mean over the outputs; `None`: unstable.
     pub held_back: Option<f64>,
 }
 
@@ -185,7 +185,7 @@ pub fn estimate(records: &[Record], options: &Options) -> Result<Estimate, Error
     }
 }
 
-/// Estimates of the orders 1 to `highest` from one factorisation; an order may fail.
+/// Estimates of the orders 1 to `highest` from one factorization; an order may fail.
 ///
 /// # Errors
 /// [`Error`] of the records.
@@ -214,7 +214,7 @@ fn fixed(candidates: &Candidates, scale: &Scale, order: usize) -> Result<Estimat
     let gain = candidates.gain(&best.method, &matrices);
     let mut warnings = Vec::new();
     if gain.is_none() {
-        warnings.push("the Riccati equation of the innovation gain has no stabilising solution; the one-step prediction is the simulation".into());
+        warnings.push("the Riccati equation of the innovation gain has no stabilizing solution; the one-step prediction is the simulation".into());
     }
     let values = candidates.input_singular_values();
     let excited = values.iter().filter(|&&value| value > 1e-9 * values[0]).count();
@@ -225,7 +225,7 @@ fn fixed(candidates: &Candidates, scale: &Scale, order: usize) -> Result<Estimat
         ));
     }
     let model = scale.physical(&matrices, gain.as_ref());
-    if best.method.stabilised {
+    if best.method.stabilized {
         warnings.push("poles outside the unit circle were mirrored at it, and B and D fitted again".into());
     } else if !model.is_stable() {
         warnings.push(format!(
@@ -272,7 +272,7 @@ fn horizons(segments: &[Segment], order: usize, options: &Options) -> Result<Vec
     Ok(tried)
 }
 
-/// Errors of the orders 1 to `highest` on samples kept back, estimated from the rest.
+/// Errors of the orders 1 to `highest` on held-out samples, estimated from the rest.
 fn order_search(segments: &[Segment], highest: usize, options: &Options) -> Result<Vec<OrderError>, Error> {
     let lengths: Vec<usize> = segments.iter().map(Segment::len).collect();
     let (used, kept) = pieces::kept_back(&lengths);

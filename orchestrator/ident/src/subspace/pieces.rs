@@ -1,4 +1,4 @@
-//! Pieces of records: some that stand for all, and some that are kept back.
+//! Pieces of records: some that stand for all, and some that are held out.
 
 use crate::record::Record;
 
@@ -27,7 +27,7 @@ pub fn spread(lengths: &[usize], samples: usize) -> Vec<Piece> {
     parts
 }
 
-/// Pieces to estimate from and pieces kept back to judge: every second record if that leaves a fair share on both
+/// Pieces to estimate from and held-out pieces to judge: every second record if that leaves a fair share on both
 /// sides (a record is often one kind of signal throughout, a chirp even one frequency after the other), else the last
 /// third of every record.
 pub fn kept_back(lengths: &[usize]) -> (Vec<Piece>, Vec<Piece>) {

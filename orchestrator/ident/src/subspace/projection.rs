@@ -18,7 +18,7 @@ const RANK: f64 = 1e-10;
 pub enum Weighting {
     /// None: the oblique projection itself.
     N4sid,
-    /// Past beside the future inputs (PO-MOESP).
+    /// Past, projected orthogonally to the future inputs (PO-MOESP).
     Moesp,
     /// Canonical variates: as MOESP, future outputs whitened.
     Cva,

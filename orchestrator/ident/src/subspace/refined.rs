@@ -1,4 +1,4 @@
-//! Refinement of a subspace estimate by output error or prediction error, where it helps on samples kept back.
+//! Refinement of a subspace estimate by output error or prediction error, where it helps on held-out samples.
 
 use nalgebra::DMatrix;
 
@@ -19,7 +19,7 @@ const ITERATIONS: usize = 25;
 /// Samples times squared number of parameters times iterations that are worth the time; at least 5 iterations are made.
 const WORK: f64 = 3e8;
 
-/// Loss of fit \[points\] on samples kept back that is no evidence against the refinement.
+/// Loss of fit \[points\] on held-out samples that is no evidence against the refinement.
 const TOLERANCE: f64 = 0.25;
 
 /// What is refined.
@@ -41,7 +41,7 @@ pub struct Refined {
     pub model: StateSpace,
     /// Whether `model` is the refined one.
     pub taken: bool,
-    /// Fit \[%\] on samples kept back, estimated from the rest, without and with refinement: of the simulation or of the
+    /// Fit \[%\] on held-out samples, estimated from the rest, without and with refinement: of the simulation or of the
     /// prediction, whichever was refined; the first is minus infinity for an unstable model. `None`: not tested.
     pub held_back: Option<(f64, f64)>,
     /// The refinement with its covariance, if it was taken.
@@ -85,7 +85,7 @@ pub fn refine(
         None => {
             return Ok(unchanged(
                 format!(
-                    "not refined by {what}: the records are too short, or not stable enough, to test it on samples kept back"
+                    "not refined by {what}: the records are too short, or not stable enough, to test it on held-out samples"
                 ),
                 None,
             ));
@@ -93,7 +93,7 @@ pub fn refine(
         Some((before, after)) if after < before - TOLERANCE => {
             return Ok(unchanged(
                 format!(
-                    "not refined by {what}: on samples kept back the fit would fall from {before:.2} % to {after:.2} %"
+                    "not refined by {what}: on held-out samples the fit would fall from {before:.2} % to {after:.2} %"
                 ),
                 held_back,
             ));
@@ -110,9 +110,9 @@ pub fn refine(
     let limit = if details.outcome == Outcome::Converged { "" } else { ", not to the end" };
     let tested = match held_back {
         Some((before, after)) if before.is_finite() => {
-            format!("on samples kept back the fit is {after:.2} %, without refinement {before:.2} %")
+            format!("on held-out samples the fit is {after:.2} %, without refinement {before:.2} %")
         }
-        _ => "without refinement the model is unstable on samples kept back".into(),
+        _ => "without refinement the model is unstable on held-out samples".into(),
     };
     let note = format!("refined by {what} in {} iterations{limit}; {tested}", details.iterations);
     Ok(Refined { model, taken: true, held_back, details: Some(details), note })
@@ -126,7 +126,7 @@ fn iterations(records: &[Record], start: &Estimate) -> usize {
     ((WORK / (samples * parameters * parameters)) as usize).clamp(5, ITERATIONS)
 }
 
-/// Fits \[%\] without and with refinement on samples kept back.
+/// Fits \[%\] without and with refinement on held-out samples.
 fn on_samples_kept_back(
     records: &[Record],
     order: usize,

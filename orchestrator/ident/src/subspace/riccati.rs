@@ -11,7 +11,7 @@ pub(super) struct Noise {
     pub r: DMatrix<f64>,
 }
 
-/// Gain `K = (A P C' + S) (C P C' + R)^-1` with the stabilising solution of
+/// Gain `K = (A P C' + S) (C P C' + R)^-1` with the stabilizing solution of
 /// `P = A P A' + Q - (A P C' + S) (C P C' + R)^-1 (A P C' + S)'`, by the structure-preserving doubling algorithm
 /// (Chu, Fan, Lin and Wang, Int. J. Control 77, 2004). `None` if it does not converge to a stable predictor.
 pub(super) fn kalman_gain(a: &DMatrix<f64>, c: &DMatrix<f64>, noise: &Noise) -> Option<DMatrix<f64>> {

@@ -139,7 +139,7 @@ fn an_unstable_model_is_said_to_be_one_and_mirrored_on_demand() {
     }
     let options = Options { mirror_unstable: true, ..options(Order::Fixed(4)) };
     let mended = estimate(&records, &options).unwrap();
-    assert!(mended.model.is_stable() && mended.method.stabilised);
+    assert!(mended.model.is_stable() && mended.method.stabilized);
     assert!(mended.warnings.iter().any(|warning| warning.contains("mirrored")), "{:?}", mended.warnings);
 }
 

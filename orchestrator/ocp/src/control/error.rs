@@ -1,8 +1,8 @@
-//! Why a trajectory cannot be stabilised.
+//! Why a trajectory cannot be stabilized.
 
 use airloop_optim::EvaluationError;
 
-/// Why a trajectory cannot be stabilised.
+/// Why a trajectory cannot be stabilized.
 #[derive(Debug, thiserror::Error)]
 #[allow(missing_docs, reason = "named in each message")]
 pub enum Error {
@@ -25,7 +25,7 @@ pub enum Error {
         "the measured signal `{signal}` depends directly on the input `{input}`, which is to follow from it; measure something else"
     )]
     Direct { signal: String, input: String },
-    /// No stabilising solution of a Riccati equation.
+    /// No stabilizing solution of a Riccati equation.
     #[error(
         "{what} at the end of the trajectory (t = {time} s): {why}. Change the {remedy}, or end the trajectory elsewhere"
     )]

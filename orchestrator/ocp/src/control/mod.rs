@@ -1,4 +1,4 @@
-//! Stabilisation of a planned trajectory: time-varying linear-quadratic regulator with a state estimator.
+//! Stabilization of a planned trajectory: time-varying linear-quadratic regulator with a state estimator.
 //!
 //! | module | what |
 //! |---|---|
@@ -26,5 +26,5 @@ pub use controller::{Controller, Estimate, PhaseRows};
 pub use error::Error;
 pub use nominal::Nominal;
 pub use phases::{Event, Leg, Phases};
-pub use sampled::{Linearisation, Sampled};
+pub use sampled::{Linearization, Sampled};
 pub use tvlqr::{Design, Measured, design};

@@ -13,7 +13,7 @@ use nalgebra::{DMatrix, RowDVector};
 use super::controller::{Controller, PhaseRows, Row};
 use super::nominal::{self, Knots};
 use super::tvlqr::{Design, gains, row};
-use super::{Error, Linearisation, Nominal, Sampled};
+use super::{Error, Linearization, Nominal, Sampled};
 use crate::transcription::{Point, Reset};
 
 /// One phase of a plan.
@@ -173,7 +173,7 @@ impl<'a> Phases<'a> {
     }
 
     /// The sample in which a leg ends, with the event inside.
-    fn across(&mut self, leg: usize, k: usize, event: &mut Event) -> Result<Linearisation, Error> {
+    fn across(&mut self, leg: usize, k: usize, event: &mut Event) -> Result<Linearization, Error> {
         let saltation = self.saltation(leg, event)?;
         let (time, h) = (self.nominal.time(k), self.nominal.sample_time);
         let at = Point { time, states: &self.nominal.states[k], inputs: &self.nominal.inputs[k] };
@@ -185,7 +185,7 @@ impl<'a> Phases<'a> {
         let after = next.flow(Point { time: end, states: &state, inputs: at.inputs }, time + h - end)?;
         let carried = &after.a * saltation;
         let mut sample =
-            Linearisation { next: after.next, a: &carried * before.a, b: carried * before.b + after.b };
+            Linearization { next: after.next, a: &carried * before.a, b: carried * before.b + after.b };
         next.hold(at, &mut sample);
         Ok(sample)
     }
@@ -209,7 +209,7 @@ impl<'a> Phases<'a> {
             for k in own.start..own.end + usize::from(hold) {
                 let sample = match events.get_mut(leg).filter(|_| k + 1 == own.end) {
                     Some(event) => self.across(leg, k, event)?,
-                    None => self.legs[leg].plant.linearise(point(&self.nominal, k))?,
+                    None => self.legs[leg].plant.linearize(point(&self.nominal, k))?,
                 };
                 let after = self.nominal.states.get(k + 1);
                 let plant = &mut self.legs[leg].plant;
@@ -248,7 +248,7 @@ impl<'a> Phases<'a> {
                 let next = self.sample(leg, k + 1)?;
                 let at = Point { time: self.nominal.time(k), states: &now.0, inputs: &now.1 };
                 let plant = &mut self.legs[leg].plant;
-                let sample = plant.linearise(at)?;
+                let sample = plant.linearize(at)?;
                 let mut one = row(plant, at, &sample, Some(&next.0), design, disturbed)?;
                 let gains = &chain[k.clamp(own.start, own.end - 1)];
                 (one.feedback, one.correction) = (gains.feedback.clone(), gains.correction.clone());

@@ -7,7 +7,7 @@ use airloop_optim::linalg::spectral;
 /// Doublings of the horizon; each squares the error.
 const DOUBLINGS: usize = 60;
 
-/// Stabilising solution of `P = A' P A - A' P B (R + B' P B)^-1 B' P A + Q` by the structure-preserving doubling
+/// Stabilizing solution of `P = A' P A - A' P B (R + B' P B)^-1 B' P A + Q` by the structure-preserving doubling
 /// algorithm (Chu, Fan, Lin and Wang, Int. J. Control 77, 2004); A `[n, n]`, B `[n, m]`, Q and R symmetric, R
 /// positive definite. `None` where the closed loop would not be stable.
 pub fn steady(

@@ -12,7 +12,7 @@ use airloop_optim::linalg::spectral;
 
 /// A sample with its derivatives.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Linearisation {
+pub struct Linearization {
     /// States one sample later, `[n_x]`.
     pub next: Vec<f64>,
     /// Derivatives by the states, `[n_x, n_x]`.
@@ -144,7 +144,7 @@ impl<'a> Sampled<'a> {
     ///
     /// # Errors
     /// Functions without a value.
-    pub fn linearise(&mut self, at: Point<'_>) -> Result<Linearisation, Error> {
+    pub fn linearize(&mut self, at: Point<'_>) -> Result<Linearization, Error> {
         let mut sample = self.flow(at, self.sample_time)?;
         self.hold(at, &mut sample);
         Ok(sample)
@@ -154,7 +154,7 @@ impl<'a> Sampled<'a> {
     ///
     /// # Errors
     /// Functions without a value.
-    pub fn flow(&mut self, at: Point<'_>, duration: f64) -> Result<Linearisation, Error> {
+    pub fn flow(&mut self, at: Point<'_>, duration: f64) -> Result<Linearization, Error> {
         let (n, arguments) = (self.size.states, self.size.arguments());
         let h = duration / self.steps as f64;
         let mut x = at.states.to_vec();
@@ -189,11 +189,11 @@ impl<'a> Sampled<'a> {
         }
         let a = slopes.columns(0, n).into_owned();
         let b = slopes.columns(n, self.size.inputs).into_owned();
-        Ok(Linearisation { next: x, a, b })
+        Ok(Linearization { next: x, a, b })
     }
 
     /// Advances the sampled states of a sample that began at `at`.
-    pub fn hold(&self, at: Point<'_>, sample: &mut Linearisation) {
+    pub fn hold(&self, at: Point<'_>, sample: &mut Linearization) {
         self.held_states(&self.transition, at, &mut sample.next);
         for (i, &state) in self.held.iter().enumerate() {
             sample.a.row_mut(state).fill(0.0);

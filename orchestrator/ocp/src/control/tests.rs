@@ -123,7 +123,7 @@ fn derivatives_of_a_sample_agree_with_central_differences() {
         let mut pendulum = Pendulum::new();
         let mut plant = Sampled::new(&mut pendulum, &held, 0.1, steps, ORIGIN).unwrap();
         let at = [0.4, -0.7, 1.5, 2.0];
-        let exact = plant.linearise(Point { time: 0.0, states: &at[..3], inputs: &at[3..] }).unwrap();
+        let exact = plant.linearize(Point { time: 0.0, states: &at[..3], inputs: &at[3..] }).unwrap();
         let mut sample =
             |at: &[f64]| plant.advance(Point { time: 0.0, states: &at[..3], inputs: &at[3..] }, 0.1).unwrap();
         assert_eq!(exact.next, sample(&at));
@@ -303,7 +303,7 @@ fn a_signal_that_depends_on_the_input_is_refused() {
     let message = controller(Measured::Output(1), 0.0).unwrap_err().to_string();
     assert!(message.contains("`sum` depends directly on the input `u`"), "{message}");
     let message = controller(Measured::State(1), 1.0).unwrap_err().to_string();
-    assert!(message.starts_with("the estimator has no stabilising gain at the end"), "{message}");
+    assert!(message.starts_with("the estimator has no stabilizing gain at the end"), "{message}");
 }
 
 /// A normal number by twelve uniform ones.
@@ -317,7 +317,7 @@ fn normal(state: &mut u64) -> f64 {
 
 #[test]
 fn the_error_of_the_estimate_is_as_large_as_its_covariance_says() {
-    // Normalised estimation error squared of 300 runs of the linearised plant with the noise of the design: its mean
+    // Normalized estimation error squared of 300 runs of the linearized plant with the noise of the design: its mean
     // over runs is chi-squared with 300 n degrees of freedom over 300, n = 4: 4 +- 0.16 (one standard deviation).
     let mut pendulum = Pendulum::new();
     let mut plant = Sampled::new(&mut pendulum, &[2], SAMPLE, 1, ORIGIN).unwrap();

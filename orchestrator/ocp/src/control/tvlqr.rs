@@ -1,14 +1,14 @@
 //! Design: from trajectory, weights and noise to a controller.
 //!
-//! The regulator minimises the sum of weighted squares of deviations (Riccati equation backward along the trajectory
-//! from the steady solution at its end); the estimator is the Kalman filter of the linearised samples (forward from
+//! The regulator minimizes the sum of weighted squares of deviations (Riccati equation backward along the trajectory
+//! from the steady solution at its end); the estimator is the Kalman filter of the linearized samples (forward from
 //! the initial covariance, steady in the hold). Each input may have a disturbance added to it that drifts; the
 //! estimator follows it and the feedback takes it away, which is what makes up for wrong masses and frictions.
 
 use nalgebra::{DMatrix, DVector};
 
 use super::controller::{Controller, Row};
-use super::{Error, Linearisation, Nominal, Sampled, riccati};
+use super::{Error, Linearization, Nominal, Sampled, riccati};
 use crate::transcription::Point;
 
 /// A measured signal.
@@ -31,7 +31,7 @@ pub struct Design {
     pub measured: Vec<Measured>,
     /// Standard deviation of their noise, white from sample to sample, `[p]`.
     pub noise: Vec<f64>,
-    /// Drift of every state beside the model: standard deviation after one second, `[n_x]`.
+    /// Drift of every state that the model does not describe: standard deviation after one second, `[n_x]`.
     pub state_drift: Vec<f64>,
     /// Drift of the disturbance of every input: standard deviation after one second, `[n_u]`; 0: none.
     pub input_drift: Vec<f64>,
@@ -95,7 +95,7 @@ impl Design {
 ///
 /// # Errors
 /// Settings out of range, a measured signal that depends directly on an input, functions without a value, or Riccati
-/// equations without a stabilising solution at the end of the trajectory.
+/// equations without a stabilizing solution at the end of the trajectory.
 pub fn design(plant: &mut Sampled<'_>, nominal: &Nominal, design: &Design) -> Result<Controller, Error> {
     design.check()?;
     let disturbed = design.disturbed();
@@ -103,7 +103,7 @@ pub fn design(plant: &mut Sampled<'_>, nominal: &Nominal, design: &Design) -> Re
     let mut linear = Vec::with_capacity(nominal.samples() + 1);
     for k in 0..=nominal.samples() {
         let at = Point { time: nominal.time(k), states: &nominal.states[k], inputs: &nominal.inputs[k] };
-        let sample = plant.linearise(at)?;
+        let sample = plant.linearize(at)?;
         rows.push(row(plant, at, &sample, nominal.states.get(k + 1), design, &disturbed)?);
         linear.push(sample);
     }
@@ -122,7 +122,7 @@ pub fn design(plant: &mut Sampled<'_>, nominal: &Nominal, design: &Design) -> Re
 /// for plants with motions that no input reaches, such as that of a foot on the ground.
 pub(super) fn gains(
     rows: &mut [Row],
-    linear: &[Linearisation],
+    linear: &[Linearization],
     nominal: &Nominal,
     design: &Design,
     horizon: Option<usize>,
@@ -136,7 +136,7 @@ pub(super) fn gains(
 pub(super) fn row(
     plant: &mut Sampled<'_>,
     at: Point<'_>,
-    sample: &Linearisation,
+    sample: &Linearization,
     after: Option<&Vec<f64>>,
     design: &Design,
     disturbed: &[usize],
@@ -209,7 +209,7 @@ fn measure(
 /// Feedback of all rows; disturbances are taken away by their negative.
 fn regulate(
     rows: &mut [Row],
-    linear: &[Linearisation],
+    linear: &[Linearization],
     nominal: &Nominal,
     (design, disturbed): (&Design, &[usize]),
     horizon: Option<usize>,
@@ -222,7 +222,7 @@ fn regulate(
     };
     let (q, r) = (weights(&design.state_deviation), weights(&design.input_deviation));
     let unstable = |time: f64| Error::Riccati {
-        what: "the regulator has no stabilising gain",
+        what: "the regulator has no stabilizing gain",
         time,
         why: "the inputs do not reach every state that is not stable by itself, or such a state has no weight",
         remedy: "weights",
@@ -258,7 +258,7 @@ fn estimate(
         DMatrix::from_diagonal(&DVector::from_iterator(values.len(), values.iter().map(|v| factor * v * v)))
     };
     let unseen = |time: f64| Error::Riccati {
-        what: "the estimator has no stabilising gain",
+        what: "the estimator has no stabilizing gain",
         time,
         why: "the measured signals do not show every state and disturbance that is not stable by itself",
         remedy: "measured signals or drifts",

@@ -146,7 +146,7 @@ pub(super) fn evaluate(
     })
 }
 
-/// Constraints of an interval beside its defects.
+/// Constraints of an interval other than its defects.
 fn further_rows(
     part: &Part,
     worker: &mut Worker<'_>,

@@ -1,6 +1,6 @@
 //! The functions of a phase at one point: rates, outputs and costs as functions of `q = (T, x, u)`.
 //!
-//! Where the duration T is free, time is normalised: the rates are `T f` and the cost under the integral is `T L`, so
+//! Where the duration T is free, time is normalized: the rates are `T f` and the cost under the integral is `T L`, so
 //! that a transcription sees a mesh of fixed intervals and T as one more argument. Where it is fixed, q is `(x, u)`,
 //! the rates are f, and intervals count in seconds.
 //!
@@ -187,7 +187,7 @@ impl Functions {
         Ok(())
     }
 
-    /// Costs from the outputs, and rates in normalised time.
+    /// Costs from the outputs, and rates in normalized time.
     fn finish(&self, q: &[f64], values: &mut [f64]) {
         let sum = |squares: &[Square], values: &[f64]| {
             let of = |s: &Square| s.weight * (s.combination.value(q, values) - s.reference).powi(2);
@@ -244,7 +244,7 @@ impl Functions {
         Ok(())
     }
 
-    /// Hessian `[n_q, n_q]` of `weights . values`; entries beside those of `partners` are not meaningful.
+    /// Hessian `[n_q, n_q]` of `weights . values`; entries outside those of `partners` are not meaningful.
     pub fn hessian(
         &self,
         dynamics: &mut dyn Dynamics,

@@ -2,7 +2,7 @@
 //!
 //! It sees a system only through [`Dynamics`]; FMUs, files and solvers' settings are left to others.
 //!
-//! [`Problem`] says what is wanted, [`Discretisation`] how time is divided, [`Program`] is the nonlinear program for
+//! [`Problem`] says what is wanted, [`Discretization`] how time is divided, [`Program`] is the nonlinear program for
 //! [`airloop_optim::solve`]; [`solve_on`] does all of it for one mesh, [`refine`] goes on to finer ones. Start with
 //! [`Phase`].
 
@@ -39,12 +39,12 @@ pub use dynamics::{Dynamics, Entry, Point, Size, Structure};
 pub use error::Error;
 pub use link::{Link, Reset, ResetSize, StateLink};
 pub use mesh::Mesh;
-pub use names::Complaint;
+pub use names::Violation;
 pub use output_reset::{After, OutputReset};
 pub use problem::{
     Cost, Duration, Limit, Path, Phase, Place, Problem, Quantity, RateLimit, Shooting, Variable,
 };
-pub use program::{Discretisation, Program};
+pub use program::{Discretization, Program};
 pub use relaxed::{Conflict, conflict};
 pub use solve::{From, Outcome, Refinement, Round, refine, refined, solve_on};
 pub use trajectory::{Interpolation, PhaseTrajectory, Trajectory};

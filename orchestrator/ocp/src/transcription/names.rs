@@ -82,7 +82,7 @@ fn expression(quantity: &Quantity, names: &[String], states: usize, inputs: usiz
 /// A violated limit. [`fmt::Display`] gives e.g. `stroke: |x| <= 0.15 m at t = 1.28 s violated by 3 mm`,
 /// after the phase where there are several.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Complaint {
+pub struct Violation {
     /// Phase, where there are several; that of a link is the phase it leads to.
     pub phase: Option<String>,
     /// Name of the limit or of the equation.
@@ -101,9 +101,9 @@ pub struct Complaint {
     pub amount: f64,
 }
 
-impl fmt::Display for Complaint {
+impl fmt::Display for Violation {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Complaint { phase, name, expression, unit, lower, upper, time, amount } = self;
+        let Violation { phase, name, expression, unit, lower, upper, time, amount } = self;
         if let Some(phase) = phase {
             write!(f, "phase `{phase}`, ")?;
         }
@@ -154,11 +154,11 @@ impl Program<'_> {
     ///
     /// # Errors
     /// Where the dynamics have no value at `x`.
-    pub fn complaints(
+    pub fn violations(
         &mut self,
         x: &[f64],
         tolerance: f64,
-    ) -> Result<Vec<Complaint>, airloop_optim::EvaluationError> {
+    ) -> Result<Vec<Violation>, airloop_optim::EvaluationError> {
         let mut values = vec![0.0; self.constraints()];
         self.constraint_values(x, &mut values)?;
         let bounds = self.constraint_bounds();
@@ -166,14 +166,14 @@ impl Program<'_> {
         for (constraint, &value) in values.iter().enumerate() {
             let amount = (bounds.lower[constraint] - value).max(value - bounds.upper[constraint]);
             if amount > tolerance {
-                found.extend(self.complaint(constraint, amount));
+                found.extend(self.violation(constraint, amount));
             }
         }
         for (variable, &value) in x.iter().enumerate() {
             let Bound { lower, upper } = self.bound(variable);
             let amount = (lower - value).max(value - upper);
             if amount > tolerance {
-                found.extend(self.bound_complaint(variable, usize::from(value > upper), amount));
+                found.extend(self.bound_violation(variable, usize::from(value > upper), amount));
             }
         }
         found.sort_by(|a, b| b.amount.total_cmp(&a.amount));
@@ -185,9 +185,9 @@ impl Program<'_> {
         Bound { lower: bounds.lower[variable], upper: bounds.upper[variable] }
     }
 
-    fn complaint(&self, constraint: usize, amount: f64) -> Option<Complaint> {
+    fn violation(&self, constraint: usize, amount: f64) -> Option<Violation> {
         let several = self.parts.len() > 1;
-        let plain = |phase: &str, name: String, time: f64| Complaint {
+        let plain = |phase: &str, name: String, time: f64| Violation {
             phase: several.then(|| phase.to_owned()),
             name,
             expression: String::new(),
@@ -204,11 +204,11 @@ impl Program<'_> {
             }
             Position::Linear(part, Label::Rate(rate), time) => {
                 let (name, unit) = part.rates[rate].clone();
-                Complaint { unit, ..plain(&part.name, name, time) }
+                Violation { unit, ..plain(&part.name, name, time) }
             }
             Position::Linear(part, _, time) => plain(&part.name, "duration".to_owned(), time),
             Position::Joint(part, name, None, time) => plain(&part.name, name, time),
-            Position::Joint(part, name, Some(limit), time) => Complaint {
+            Position::Joint(part, name, Some(limit), time) => Violation {
                 expression: "reset".to_owned(),
                 unit: limit.unit.clone(),
                 lower: limit.lower,
@@ -218,7 +218,7 @@ impl Program<'_> {
         })
     }
 
-    fn bound_complaint(&self, variable: usize, side: usize, amount: f64) -> Option<Complaint> {
+    fn bound_violation(&self, variable: usize, side: usize, amount: f64) -> Option<Violation> {
         let begins = self.phase_times(self.last_point());
         let (part, begin) =
             self.parts.iter().zip(&begins).rfind(|(part, _)| part.layout.first <= variable)?;
@@ -238,9 +238,9 @@ struct Bound {
     upper: f64,
 }
 
-fn of_limit((part, several): (&Part, bool), limit: usize, time: f64, amount: f64) -> Complaint {
+fn of_limit((part, several): (&Part, bool), limit: usize, time: f64, amount: f64) -> Violation {
     let limit = &part.limits[limit];
-    Complaint {
+    Violation {
         phase: several.then(|| part.name.clone()),
         name: limit.name.clone(),
         expression: expression(&limit.quantity, &part.names, part.layout.states, part.layout.inputs),

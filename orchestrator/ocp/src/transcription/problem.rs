@@ -1,7 +1,7 @@
 //! A problem of optimal control with one or more phases, as data.
 //!
 //! ```text
-//! minimise   sum over phases of  integral sum w (q - r)^2 dt + sum w (q(end) - r)^2 + w T
+//! minimize   sum over phases of  integral sum w (q - r)^2 dt + sum w (q(end) - r)^2 + w T
 //! subject to dx/dt = f(t, x, u), bounds on quantities q along the path and at both ends, on the rates of inputs and on
 //!            the durations T, and links between a phase and the next
 //! ```

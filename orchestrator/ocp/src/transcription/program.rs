@@ -14,17 +14,17 @@ use airloop_optim::{Bounds, EvaluationError, Nlp, Stages};
 
 /// How a problem is made discrete.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Discretisation {
+pub struct Discretization {
     /// Transcription of all phases.
     pub transcription: Transcription,
     /// Mesh of every phase.
     pub meshes: Vec<Mesh>,
 }
 
-impl Discretisation {
+impl Discretization {
     /// Equal intervals, as many per phase as given.
-    pub fn uniform(transcription: Transcription, intervals: &[usize]) -> Discretisation {
-        Discretisation { transcription, meshes: intervals.iter().map(|&n| Mesh::uniform(n)).collect() }
+    pub fn uniform(transcription: Transcription, intervals: &[usize]) -> Discretization {
+        Discretization { transcription, meshes: intervals.iter().map(|&n| Mesh::uniform(n)).collect() }
     }
 }
 
@@ -45,7 +45,7 @@ enum Known {
 ///
 /// What was computed at a point serves all functions asked for there. Evaluations allocate nothing, but for threads.
 pub struct Program<'p> {
-    pub(super) discretisation: Discretisation,
+    pub(super) discretization: Discretization,
     pub(super) parts: Vec<Part>,
     pub(super) data: Vec<Data>,
     pub(super) workers: Vec<Vec<Worker<'p>>>,
@@ -63,7 +63,7 @@ impl<'p> Program<'p> {
     ///
     /// # Errors
     /// [`Error`] says what in the problem or its meshes makes that impossible.
-    pub fn new(problem: &'p mut Problem, discretisation: &Discretisation) -> Result<Program<'p>, Error> {
+    pub fn new(problem: &'p mut Problem, discretization: &Discretization) -> Result<Program<'p>, Error> {
         let count = problem.phases.len();
         if count == 0 {
             return Err(Error::NoPhases);
@@ -72,12 +72,12 @@ impl<'p> Program<'p> {
             let error = Error::Count { what, found, expected, phases: count };
             if found == expected { Ok(()) } else { Err(error) }
         };
-        fits("meshes", discretisation.meshes.len(), count)?;
+        fits("meshes", discretization.meshes.len(), count)?;
         fits("links", problem.links.len(), count - 1)?;
         let (mut parts, mut patterns) = (Vec::new(), Vec::new());
         let mut next = [0; 3];
-        for (phase, mesh) in problem.phases.iter_mut().zip(&discretisation.meshes) {
-            let part = Part::new(phase, discretisation.transcription, mesh, next)?;
+        for (phase, mesh) in problem.phases.iter_mut().zip(&discretization.meshes) {
+            let part = Part::new(phase, discretization.transcription, mesh, next)?;
             next = [next[0] + part.layout.variables(), part.end_constraint, next[2] + part.layout.stages()];
             patterns.push(Pattern::new(&part, &mut Probe::new(phase.dynamics[0].as_ref()))?);
             parts.push(part);
@@ -100,7 +100,7 @@ impl<'p> Program<'p> {
         let data = parts.iter().map(Data::new).collect();
         let constraint_bounds = constraint_bounds(&parts, &joints, next[1]);
         Ok(Program {
-            discretisation: discretisation.clone(),
+            discretization: discretization.clone(),
             parts,
             data,
             workers,
@@ -115,8 +115,8 @@ impl<'p> Program<'p> {
     }
 
     /// The transcription and meshes it was made with.
-    pub fn discretisation(&self) -> &Discretisation {
-        &self.discretisation
+    pub fn discretization(&self) -> &Discretization {
+        &self.discretization
     }
 
     /// Times at which the phases begin and end at `x`, s, `[phases + 1]`.

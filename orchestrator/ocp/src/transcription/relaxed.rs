@@ -7,21 +7,21 @@
 
 use super::Problem;
 use super::error::Error;
-use super::names::Complaint;
-use super::program::{Discretisation, Position, Program};
+use super::names::Violation;
+use super::program::{Discretization, Position, Program};
 use super::trajectory::Trajectory;
 use airloop_optim::{Bounds, EvaluationError, Monitor, Nlp, Settings, Stages, Start, Status, solve_with};
 
 /// Cost of a violation by one unit; multipliers of limits that can be kept are below.
 const PRICE: f64 = 100.0;
-/// Violations of less are not worth a word.
-const WORTH: f64 = 1e-4;
+/// Smaller violations are not reported.
+const MIN_REPORTED_VIOLATION: f64 = 1e-4;
 
 /// What a motion has to break.
 #[derive(Debug, Clone)]
 pub struct Conflict {
     /// The worst violation of every limit that is broken; the first costs most in all its places.
-    pub complaints: Vec<Complaint>,
+    pub violations: Vec<Violation>,
     /// The motion.
     pub trajectory: Trajectory,
 }
@@ -33,12 +33,12 @@ pub struct Conflict {
 /// [`Error`] for what is wrong before the first step.
 pub fn conflict(
     problem: &mut Problem,
-    discretisation: &Discretisation,
+    discretization: &Discretization,
     guess: &Trajectory,
     settings: &Settings,
     monitor: &mut Monitor<'_>,
 ) -> Result<Option<Conflict>, Error> {
-    let mut program = Program::new(problem, discretisation)?;
+    let mut program = Program::new(problem, discretization)?;
     let x = program.vector(guess)?;
     let mut relaxed = Relaxed::new(&mut program, &x)?;
     let start = Start::cold(relaxed.start(&x)?);
@@ -49,23 +49,23 @@ pub fn conflict(
     let n = relaxed.program.variables();
     let costs = relaxed.costs(&solution.x[n..]);
     let x = &solution.x[..n];
-    let mut complaints: Vec<(f64, Complaint)> = Vec::new();
-    for complaint in program.complaints(x, WORTH)? {
-        let same = |other: &&mut (f64, Complaint)| {
-            other.1.phase == complaint.phase && other.1.name == complaint.name
+    let mut violations: Vec<(f64, Violation)> = Vec::new();
+    for violation in program.violations(x, MIN_REPORTED_VIOLATION)? {
+        let same = |other: &&mut (f64, Violation)| {
+            other.1.phase == violation.phase && other.1.name == violation.name
         };
         // They come the worst first.
-        match complaints.iter_mut().find(same) {
-            Some(known) => known.0 += complaint.amount,
-            None => complaints.push((complaint.amount, complaint)),
+        match violations.iter_mut().find(same) {
+            Some(known) => known.0 += violation.amount,
+            None => violations.push((violation.amount, violation)),
         }
     }
-    if costs < WORTH || complaints.is_empty() {
+    if costs < MIN_REPORTED_VIOLATION || violations.is_empty() {
         return Ok(None);
     }
-    complaints.sort_by(|a, b| b.0.total_cmp(&a.0));
-    let complaints = complaints.into_iter().map(|(_, complaint)| complaint).collect();
-    Ok(Some(Conflict { complaints, trajectory: program.trajectory(x, None)? }))
+    violations.sort_by(|a, b| b.0.total_cmp(&a.0));
+    let violations = violations.into_iter().map(|(_, violation)| violation).collect();
+    Ok(Some(Conflict { violations, trajectory: program.trajectory(x, None)? }))
 }
 
 /// What a relaxation acts on.
@@ -136,7 +136,7 @@ impl<'a, 'p> Relaxed<'a, 'p> {
 
     /// Sum of the relaxations that matter.
     fn costs(&self, relaxations: &[f64]) -> f64 {
-        relaxations.iter().filter(|one| **one > WORTH).sum()
+        relaxations.iter().filter(|one| **one > MIN_REPORTED_VIOLATION).sum()
     }
 }
 

@@ -2,8 +2,8 @@
 
 use super::defects::{IntervalErrors, interval_errors};
 use super::duals::Duals;
-use super::names::Complaint;
-use super::program::{Discretisation, Program};
+use super::names::Violation;
+use super::program::{Discretization, Program};
 use super::trajectory::Trajectory;
 use super::{Error, Mesh, Problem, Transcription};
 use airloop_optim::scaled::Scaled;
@@ -22,9 +22,9 @@ pub struct Outcome {
     /// Multipliers as functions of time, for the next mesh.
     pub duals: Duals,
     /// What is violated by more than the solver's tolerance, the worst first.
-    pub complaints: Vec<Complaint>,
+    pub violations: Vec<Violation>,
     /// Time of the phase ends and the like are in the trajectory; here the mesh it belongs to.
-    pub discretisation: Discretisation,
+    pub discretization: Discretization,
 }
 
 /// From where a run starts.
@@ -42,17 +42,17 @@ pub enum From<'a> {
 /// [`Error`] for what is wrong before the first step; how the run ends is the status of the solution.
 pub fn solve_on(
     problem: &mut Problem,
-    discretisation: &Discretisation,
+    discretization: &Discretization,
     from: From<'_>,
     settings: &Settings,
     monitor: &mut Monitor<'_>,
 ) -> Result<Outcome, Error> {
-    let mut program = Program::new(problem, discretisation)?;
+    let mut program = Program::new(problem, discretization)?;
     let start = match from {
         From::Guess(trajectory) => Start::cold(program.vector(trajectory)?),
         From::Outcome(outcome) => {
             let start = program.warm_start(&outcome.trajectory, &outcome.duals)?;
-            let same = outcome.discretisation == *discretisation;
+            let same = outcome.discretization == *discretization;
             let barrier = if same { outcome.solution.barrier } else { WARM_BARRIER };
             Start { barrier: Some(barrier), ..start }
         }
@@ -67,9 +67,9 @@ pub fn solve_on(
         scaled.solution(solution)
     };
     let trajectory = program.trajectory(&solution.x, Some(&solution.multipliers))?;
-    let complaints = program.complaints(&solution.x, settings.violation_tolerance)?;
+    let violations = program.violations(&solution.x, settings.violation_tolerance)?;
     let duals = program.duals(&solution.multipliers);
-    Ok(Outcome { solution, trajectory, duals, complaints, discretisation: discretisation.clone() })
+    Ok(Outcome { solution, trajectory, duals, violations, discretization: discretization.clone() })
 }
 
 /// When a mesh is fine enough.
@@ -106,23 +106,23 @@ pub struct Round {
 /// See [`solve_on`]; [`Error::Samples`] where parts of intervals are no whole number of samples.
 pub fn refine(
     problem: &mut Problem,
-    discretisation: &Discretisation,
+    discretization: &Discretization,
     from: From<'_>,
     refinement: &Refinement,
     settings: &Settings,
     monitor: &mut Monitor<'_>,
 ) -> Result<Vec<Round>, Error> {
     let mut rounds: Vec<Round> = Vec::new();
-    let mut discretisation = discretisation.clone();
+    let mut discretization = discretization.clone();
     loop {
         let from = rounds.last().map_or(from, |round| From::Outcome(&round.outcome));
-        let outcome = solve_on(problem, &discretisation, from, settings, monitor)?;
+        let outcome = solve_on(problem, &discretization, from, settings, monitor)?;
         let errors = interval_errors(problem, &outcome.trajectory)?;
         let done = !matches!(outcome.solution.status, Status::Solved | Status::Acceptable);
-        let next = refined(&discretisation, &errors, refinement);
+        let next = refined(&discretization, &errors, refinement);
         rounds.push(Round { outcome, errors });
         match next {
-            Some(next) if !done && rounds.len() <= refinement.rounds => discretisation = next,
+            Some(next) if !done && rounds.len() <= refinement.rounds => discretization = next,
             _ => return Ok(rounds),
         }
     }
@@ -131,15 +131,15 @@ pub fn refine(
 /// The next meshes: intervals with too large an error are cut into as many parts as the order of the method promises to
 /// need, at most four. None where nothing is left to cut.
 pub fn refined(
-    discretisation: &Discretisation,
+    discretization: &Discretization,
     errors: &[IntervalErrors],
     refinement: &Refinement,
-) -> Option<Discretisation> {
-    let order = match discretisation.transcription {
+) -> Option<Discretization> {
+    let order = match discretization.transcription {
         Transcription::Trapezoidal => 2.0,
         _ => 4.0,
     };
-    let meshes: Vec<Mesh> = discretisation
+    let meshes: Vec<Mesh> = discretization
         .meshes
         .iter()
         .zip(errors)
@@ -152,8 +152,8 @@ pub fn refined(
             if finer.intervals() > refinement.most_intervals { mesh.clone() } else { finer }
         })
         .collect();
-    if meshes == discretisation.meshes {
+    if meshes == discretization.meshes {
         return None;
     }
-    Some(Discretisation { transcription: discretisation.transcription, meshes })
+    Some(Discretization { transcription: discretization.transcription, meshes })
 }

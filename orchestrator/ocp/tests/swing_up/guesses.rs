@@ -1,4 +1,4 @@
-//! Guesses beside the pump: a straight line, and perturbed pumps.
+//! Guesses other than the pump: a straight line, and perturbed pumps.
 
 use std::f64::consts::PI;
 

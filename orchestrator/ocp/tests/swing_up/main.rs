@@ -1,10 +1,10 @@
-//! The swing-up of the pneumatic cart-pole with equations typed by hand: the independent check of the optimiser,
+//! The swing-up of the pneumatic cart-pole with equations typed by hand: the independent check of the optimizer,
 //! and of the plan over FMUs.
 
 mod guesses;
 mod interval;
 mod problem;
-mod stabilise;
+mod stabilize;
 
 use airloop_optim::{Method, Nlp, Settings, Solution, Start, Status, solve};
 use problem::{SwingUp, Transcription};
@@ -188,7 +188,7 @@ fn too_short_a_stroke_is_infeasible_and_named() {
 }
 
 #[test]
-fn without_stages_the_sparse_factorisation_reaches_the_same_optimum() {
+fn without_stages_the_sparse_factorization_reaches_the_same_optimum() {
     let mut problem = SwingUp::new(Transcription::MultipleShooting, 100);
     problem.staged = false;
     let x = problem.pump();

@@ -4,7 +4,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use airloop_ocp::transcription::{
-    Discretisation, Dynamics, Point, Problem, Program, Size, Structure, Transcription,
+    Discretization, Dynamics, Point, Problem, Program, Size, Structure, Transcription,
 };
 use airloop_optim::{EvaluationError, Nlp};
 
@@ -83,7 +83,7 @@ fn every_point_is_evaluated_once_for_all_functions() {
     let points = [n + 1, 2 * n + 1, 2 * n + 1, 4 * 100 * n, 3 * n];
     for (transcription, points) in ALL.into_iter().zip(points) {
         let (mut problem, calls) = counted();
-        let mut program = Program::new(&mut problem, &Discretisation::uniform(transcription, &[n])).unwrap();
+        let mut program = Program::new(&mut problem, &Discretization::uniform(transcription, &[n])).unwrap();
         let x: Vec<f64> = (0..program.variables()).map(|i| 0.1 * (i as f64).sin()).collect();
         let (mut values, mut gradient) = (vec![0.0; program.constraints()], vec![0.0; x.len()]);
         let mut jacobian = vec![0.0; program.jacobian_pattern().len()];
@@ -105,7 +105,7 @@ fn every_point_is_evaluated_once_for_all_functions() {
 fn entries_grow_with_the_number_of_intervals() {
     let entries = |transcription: Transcription, n: usize| {
         let mut problem = swing_up(1);
-        let program = Program::new(&mut problem, &Discretisation::uniform(transcription, &[n])).unwrap();
+        let program = Program::new(&mut problem, &Discretization::uniform(transcription, &[n])).unwrap();
         [program.jacobian_pattern().len(), program.hessian_pattern().len()]
     };
     for transcription in ALL {

@@ -1,7 +1,7 @@
 //! Exact derivatives against central differences, on a problem with everything in it.
 
 use airloop_ocp::transcription::{
-    Cost, Discretisation, Duration, Dynamics, Limit, Link, Mesh, Path, Phase, Place, Problem, Program,
+    Cost, Discretization, Duration, Dynamics, Limit, Link, Mesh, Path, Phase, Place, Problem, Program,
     RateLimit, Transcription, Variable,
 };
 use airloop_optim::Nlp;
@@ -77,7 +77,7 @@ fn lagrangian(program: &mut Program<'_>, x: &[f64], y: &[f64]) -> f64 {
 
 fn agree(transcription: Transcription, free: bool) {
     let (mut problem, meshes) = problem(free);
-    let mut program = Program::new(&mut problem, &Discretisation { transcription, meshes }).unwrap();
+    let mut program = Program::new(&mut problem, &Discretization { transcription, meshes }).unwrap();
     let (n, m) = (program.variables(), program.constraints());
     let x: Vec<f64> = (0..n).map(|i| 0.8 + 0.3 * (1.7 * i as f64).sin()).collect();
     let y: Vec<f64> = (0..m).map(|i| (0.9 * i as f64).cos()).collect();
@@ -130,10 +130,10 @@ fn derivatives_agree_with_central_differences() {
 }
 
 #[test]
-fn entries_couple_neighbouring_stages_only() {
+fn entries_couple_neighboring_stages_only() {
     for transcription in ALL {
         let (mut problem, meshes) = problem(takes_free(transcription));
-        let program = Program::new(&mut problem, &Discretisation { transcription, meshes }).unwrap();
+        let program = Program::new(&mut problem, &Discretization { transcription, meshes }).unwrap();
         let stages = program.stages().unwrap();
         for (row, column) in program.jacobian_pattern() {
             let gap = stages.constraints[row].abs_diff(stages.variables[column]);

@@ -4,7 +4,7 @@ use std::f64::consts::PI;
 use std::ops::ControlFlow;
 
 use airloop_ocp::transcription::{
-    Cost, Discretisation, Duration, Dynamics, From, Interpolation, Limit, Path, Phase, PhaseTrajectory,
+    Cost, Discretization, Duration, Dynamics, From, Interpolation, Limit, Path, Phase, PhaseTrajectory,
     Point, Problem, Refinement, Size, Structure, Trajectory, Transcription, Variable, refine, solve_on,
 };
 use airloop_optim::{EvaluationError, Settings, Status};
@@ -199,7 +199,7 @@ fn both_cases_reach_the_objective_of_another_solver() {
         let (mut problem, guess) = swing_up(case);
         let outcome = solve_on(
             &mut problem,
-            &Discretisation::uniform(transcription, &[50]),
+            &Discretization::uniform(transcription, &[50]),
             From::Guess(&guess),
             &Settings::default(),
             &mut |_| ControlFlow::Continue(()),
@@ -217,7 +217,7 @@ fn the_mesh_is_refined_until_the_errors_between_knots_are_small() {
     let refinement = Refinement { tolerance: 1e-6, ..Refinement::default() };
     let rounds = refine(
         &mut problem,
-        &Discretisation::uniform(Transcription::HermiteSimpson, &[10]),
+        &Discretization::uniform(Transcription::HermiteSimpson, &[10]),
         From::Guess(&guess),
         &refinement,
         &Settings::default(),

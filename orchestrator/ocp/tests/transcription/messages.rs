@@ -1,7 +1,7 @@
 //! What is wrong is said by name, place and unit.
 
 use airloop_ocp::transcription::{
-    Discretisation, Duration, Error, Limit, Link, Mesh, Program, Shooting, Transcription, Variable,
+    Discretization, Duration, Error, Limit, Link, Mesh, Program, Shooting, Transcription, Variable,
 };
 use airloop_optim::Nlp;
 
@@ -15,7 +15,7 @@ fn refused(
 ) -> Error {
     let mut problem = swing_up(1);
     change(&mut problem.phases[0]);
-    match Program::new(&mut problem, &Discretisation { transcription, meshes }) {
+    match Program::new(&mut problem, &Discretization { transcription, meshes }) {
         Ok(_) => panic!("it was accepted"),
         Err(error) => error,
     }
@@ -24,16 +24,16 @@ fn refused(
 #[test]
 fn a_violated_stroke_reads_as_in_the_workshop() {
     let mut problem = swing_up(1);
-    let discretisation = Discretisation::uniform(Transcription::HermiteSimpson, &[50]);
-    let mut program = Program::new(&mut problem, &discretisation).unwrap();
+    let discretization = Discretization::uniform(Transcription::HermiteSimpson, &[50]);
+    let mut program = Program::new(&mut problem, &discretization).unwrap();
     let mut x = vec![0.0; program.variables()];
     // The cart at knot 32, t = 1.28 s, 3 mm beyond its stroke.
     x[32 * 8] = 0.153;
-    let complaints = program.complaints(&x, 1e-8).unwrap();
-    let found: Vec<String> = complaints.iter().map(|complaint| complaint.to_string()).collect();
+    let violations = program.violations(&x, 1e-8).unwrap();
+    let found: Vec<String> = violations.iter().map(|violation| violation.to_string()).collect();
     let expected = "stroke: |x| <= 0.15 m at t = 1.28 s violated by 3 mm";
     assert!(found.iter().any(|sentence| sentence == expected), "{found:?}");
-    assert_eq!(complaints[0].name, "end", "{found:?}");
+    assert_eq!(violations[0].name, "end", "{found:?}");
     assert_eq!(program.variable_name(32 * 8 + 7), "u at t = 1.3000 s");
     assert_eq!(program.constraint_name(32 * 6 + 1), "defect of theta after t = 1.2800 s");
 }
@@ -42,7 +42,7 @@ fn a_violated_stroke_reads_as_in_the_workshop() {
 fn constraints_of_several_phases_are_named_after_theirs() {
     let (mut problem, meshes) = derivatives::problem(true);
     let transcription = Transcription::HermiteSimpson;
-    let mut program = Program::new(&mut problem, &Discretisation { transcription, meshes }).unwrap();
+    let mut program = Program::new(&mut problem, &Discretization { transcription, meshes }).unwrap();
     let x = vec![1.0; program.variables()];
     let mut values = vec![0.0; program.constraints()];
     program.constraint_values(&x, &mut values).unwrap();
@@ -87,7 +87,7 @@ fn what_makes_no_sense_is_refused_with_a_remedy() {
     assert!(matches!(&error, Error::NotLinear { state, .. } if state == "v"), "{error}");
     let (mut problem, meshes) = derivatives::problem(false);
     problem.links = vec![Link { inputs: vec![(7, 0)], ..Link::continuous() }];
-    let error = Program::new(&mut problem, &Discretisation { transcription: hs, meshes }).err().unwrap();
+    let error = Program::new(&mut problem, &Discretization { transcription: hs, meshes }).err().unwrap();
     assert!(matches!(&error, Error::Link { .. }), "{error}");
 }
 
@@ -95,7 +95,7 @@ fn what_makes_no_sense_is_refused_with_a_remedy() {
 fn an_evaluation_that_fails_says_where() {
     let (mut problem, meshes) = derivatives::problem(false);
     let transcription = Transcription::HermiteSimpsonSeparated;
-    let mut program = Program::new(&mut problem, &Discretisation { transcription, meshes }).unwrap();
+    let mut program = Program::new(&mut problem, &Discretization { transcription, meshes }).unwrap();
     let mut x = vec![0.0; program.variables()];
     // Angle of the second node of the first phase, t = 0.45 s.
     x[10] = 200.0;

@@ -1,7 +1,7 @@
 //! Several phases, free durations and resets, on problems with known answers.
 
 use airloop_ocp::transcription::{
-    Cost, Discretisation, Duration, Dynamics, Entry, Interpolation, Limit, Link, Path, Phase,
+    Cost, Discretization, Duration, Dynamics, Entry, Interpolation, Limit, Link, Path, Phase,
     PhaseTrajectory, Point, Problem, Program, Reset, ResetSize, Shooting, Size, Structure, Trajectory,
     Transcription, Variable, conflict,
 };
@@ -120,7 +120,7 @@ fn run(
     intervals: &[usize],
     guess: &Trajectory,
 ) -> (Solution, Trajectory) {
-    let mut program = Program::new(problem, &Discretisation::uniform(transcription, intervals)).unwrap();
+    let mut program = Program::new(problem, &Discretization::uniform(transcription, intervals)).unwrap();
     let start = Start::cold(program.vector(guess).unwrap());
     let solution = solve(&mut program, &start, &Settings::default()).unwrap();
     assert_eq!(solution.status, Status::Solved, "{transcription:?}");
@@ -245,10 +245,10 @@ fn broken(end: Limit) -> Vec<String> {
         line("second", [0.5, 1.0], [0.1, 0.5], [0.4, 1.0]),
     ];
     let guess = Trajectory::guess(phases);
-    let mesh = Discretisation::uniform(Transcription::HermiteSimpsonSeparated, &[4, 4]);
+    let mesh = Discretization::uniform(Transcription::HermiteSimpsonSeparated, &[4, 4]);
     let mut quiet = |_: &airloop_optim::Iteration| std::ops::ControlFlow::Continue(());
     let found = conflict(&mut dash(end), &mesh, &guess, &Settings::default(), &mut quiet).unwrap();
-    found.map_or_else(Vec::new, |found| found.complaints.iter().map(ToString::to_string).collect())
+    found.map_or_else(Vec::new, |found| found.violations.iter().map(ToString::to_string).collect())
 }
 
 #[test]

@@ -1,6 +1,6 @@
 //! The swing-up over the trait is the same nonlinear program as the one typed by hand.
 
-use airloop_ocp::transcription::{Discretisation, Program, Transcription};
+use airloop_ocp::transcription::{Discretization, Program, Transcription};
 use airloop_optim::Nlp;
 
 use crate::cart_pole::swing_up;
@@ -46,7 +46,7 @@ fn every_function_equals_the_one_typed_by_hand() {
     for (transcription, typed) in PAIRS {
         let mut typed = SwingUp::new(typed, 25);
         let mut problem = swing_up(1);
-        let mut program = Program::new(&mut problem, &Discretisation::uniform(transcription, &[25])).unwrap();
+        let mut program = Program::new(&mut problem, &Discretization::uniform(transcription, &[25])).unwrap();
         assert_eq!(program.variables(), typed.variables());
         assert_eq!(program.constraints(), typed.constraints());
         assert_eq!(program.variable_bounds(), typed.variable_bounds());
@@ -68,7 +68,7 @@ fn any_number_of_threads_gives_the_same_bits() {
         let outcome = |threads: usize| {
             let mut problem = swing_up(threads);
             let mut program =
-                Program::new(&mut problem, &Discretisation::uniform(transcription, &[10])).unwrap();
+                Program::new(&mut problem, &Discretization::uniform(transcription, &[10])).unwrap();
             let x: Vec<f64> = (0..program.variables()).map(|i| 0.3 * (1.7 * i as f64).sin()).collect();
             let y: Vec<f64> = (0..program.constraints()).map(|i| (0.9 * i as f64).cos()).collect();
             everything(&mut program, &x, &y)

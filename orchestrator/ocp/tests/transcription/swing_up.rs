@@ -2,7 +2,7 @@
 
 use std::ops::ControlFlow;
 
-use airloop_ocp::transcription::{Discretisation, From, Outcome, Program, Transcription, solve_on};
+use airloop_ocp::transcription::{Discretization, From, Outcome, Program, Transcription, solve_on};
 use airloop_optim::{Method, Settings, Solution, Start, Status, solve};
 
 use crate::cart_pole::swing_up;
@@ -22,7 +22,7 @@ fn from_guess(
     let guess = guess(&SwingUp::new(typed, intervals));
     let mut problem = swing_up(1);
     let mut program =
-        Program::new(&mut problem, &Discretisation::uniform(transcription, &[intervals])).unwrap();
+        Program::new(&mut problem, &Discretization::uniform(transcription, &[intervals])).unwrap();
     solve(&mut program, &Start::cold(guess), &Settings::default()).unwrap()
 }
 
@@ -49,8 +49,8 @@ fn simplified_curvature_leads_to_the_same_optimum() {
     let guess = SwingUp::new(crate::problem::Transcription::MultipleShooting, 100).pump();
     let mut problem = swing_up(1);
     problem.phases[0].simplified_curvature = true;
-    let discretisation = Discretisation::uniform(Transcription::MultipleShooting, &[100]);
-    let mut program = Program::new(&mut problem, &discretisation).unwrap();
+    let discretization = Discretization::uniform(Transcription::MultipleShooting, &[100]);
+    let mut program = Program::new(&mut problem, &discretization).unwrap();
     let solution = solve(&mut program, &Start::cold(guess), &Settings::default()).unwrap();
     assert_eq!(solution.status, Status::Solved);
     assert!((solution.objective - 1094.6922941665).abs() <= 1e-6 * 1094.7, "{}", solution.objective);
@@ -62,25 +62,25 @@ fn simplified_curvature_leads_to_the_same_optimum() {
 /// The outcome on `intervals` intervals from another outcome.
 fn from_outcome(transcription: Transcription, intervals: usize, from: &Outcome, method: Method) -> Outcome {
     let settings = Settings { method, ..Settings::default() };
-    let discretisation = Discretisation::uniform(transcription, &[intervals]);
+    let discretization = Discretization::uniform(transcription, &[intervals]);
     let mut problem = swing_up(1);
     let go_on = &mut |_: &_| ControlFlow::Continue(());
-    solve_on(&mut problem, &discretisation, From::Outcome(from), &settings, go_on).unwrap()
+    solve_on(&mut problem, &discretization, From::Outcome(from), &settings, go_on).unwrap()
 }
 
 /// The pump guess as an outcome of a transcription.
 fn outcome_from_pump(transcription: Transcription, intervals: usize) -> Outcome {
     let (_, typed) = PAIRS.into_iter().find(|(t, _)| *t == transcription).unwrap();
     let guess = SwingUp::new(typed, intervals).pump();
-    let discretisation = Discretisation::uniform(transcription, &[intervals]);
+    let discretization = Discretization::uniform(transcription, &[intervals]);
     let mut problem = swing_up(1);
     let trajectory = {
-        let mut program = Program::new(&mut problem, &discretisation).unwrap();
+        let mut program = Program::new(&mut problem, &discretization).unwrap();
         program.trajectory(&guess, None).unwrap()
     };
     let go_on = &mut |_: &_| ControlFlow::Continue(());
     let from = From::Guess(&trajectory);
-    solve_on(&mut problem, &discretisation, from, &Settings::default(), go_on).unwrap()
+    solve_on(&mut problem, &discretization, from, &Settings::default(), go_on).unwrap()
 }
 
 #[test]
@@ -96,7 +96,7 @@ fn a_coarse_solution_starts_a_fine_one() {
         ] {
             outcome = from_outcome(transcription, intervals, &outcome, method);
             assert_eq!(outcome.solution.status, Status::Solved, "{method:?} {transcription:?} {intervals}");
-            assert!(outcome.complaints.is_empty(), "{}", outcome.complaints[0]);
+            assert!(outcome.violations.is_empty(), "{}", outcome.violations[0]);
             steps.push(outcome.solution.iterations.len() - 1);
         }
         // Less than from the pump guess, also where the friction, sharper than the grid, moves the minimum.
@@ -116,7 +116,7 @@ fn the_same_mesh_again_is_solved_at_once() {
 
 /// Section 5 of the statement, on request: G1 and 20 perturbed G2 per transcription, with the figures printed.
 #[test]
-#[ignore = "a minute of optimisation; `cargo test --release --test transcription -- --ignored --nocapture`"]
+#[ignore = "a minute of optimization; `cargo test --release --test transcription -- --ignored --nocapture`"]
 fn nearly_all_guesses_converge() {
     for (transcription, _) in PAIRS {
         for intervals in [50, 100] {

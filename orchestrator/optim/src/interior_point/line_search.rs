@@ -34,7 +34,7 @@ impl Run<'_, '_, '_> {
     pub(super) fn search(&mut self) -> Search {
         let current = self.current();
         let largest = self.largest_step();
-        self.last = Iteration { step: largest, regularisation: self.kkt.shift, ..Iteration::default() };
+        self.last = Iteration { step: largest, regularization: self.kkt.shift, ..Iteration::default() };
         if self.is_tiny() {
             return self.take_tiny(current);
         }

@@ -24,7 +24,7 @@ const BARRIER_FACTOR: f64 = 0.2;
 const BARRIER_POWER: f64 = 1.5;
 /// Shift of the scaled Hessian from which on the multipliers of the step are those of another problem: least squares
 /// gives better ones, and the next Hessian less negative curvature (on the swing-up half of the iterations).
-const FOREIGN_SHIFT: f64 = 2.0;
+const STRONG_SHIFT: f64 = 2.0;
 /// Least part of a step to the bound that is taken.
 const FRACTION: f64 = 0.99;
 /// Iterations below the acceptable tolerance after which the run ends.
@@ -126,7 +126,7 @@ impl<'r, 'n, 'm> Run<'r, 'n, 'm> {
                 return end;
             }
             self.update_barrier();
-            if self.goal.is_none() && self.last.regularisation >= FOREIGN_SHIFT {
+            if self.goal.is_none() && self.last.regularization >= STRONG_SHIFT {
                 self.estimate_multipliers();
             }
             if let Err(error) = self.form.hessian(&self.at.x, &self.at.y, &mut self.point.hessian) {
@@ -286,7 +286,7 @@ impl<'r, 'n, 'm> Run<'r, 'n, 'm> {
         true
     }
 
-    /// Solves with the factorised matrix for these rows, or those of the point; false when the result is useless.
+    /// Solves with the factorized matrix for these rows, or those of the point; false when the result is useless.
     fn solve(&mut self, rows: Option<&[f64]>) -> bool {
         self.work.clear();
         self.work.extend_from_slice(&self.point.gradient);

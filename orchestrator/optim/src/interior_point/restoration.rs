@@ -1,4 +1,4 @@
-//! Restoration of feasibility: the rows are relaxed by p, n >= 0 whose sum is minimised near the present point, by
+//! Restoration of feasibility: the rows are relaxed by p, n >= 0 whose sum is minimized near the present point, by
 //! the same method, until a point is found that the filter of the main run admits.
 
 use super::{EMERGENCIES, End, Iterate, Run};
@@ -118,7 +118,7 @@ impl Run<'_, '_, '_> {
     }
 }
 
-/// Appends the relaxations that minimise the barrier problem for these rows, with their multipliers.
+/// Appends the relaxations that minimize the barrier problem for these rows, with their multipliers.
 fn relaxations(rows: &[f64], barrier: f64, at: &mut Iterate) {
     for &row in rows {
         let half = (barrier - RELAXATION_COST * row) / (2.0 * RELAXATION_COST);

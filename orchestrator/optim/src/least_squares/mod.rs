@@ -1,7 +1,7 @@
-//! Nonlinear least squares with bounds: minimise `||r(p)||^2` over `lower <= p <= upper`.
+//! Nonlinear least squares with bounds: minimize `||r(p)||^2` over `lower <= p <= upper`.
 //!
 //! Levenberg-Marquardt on the free parameters (Moré 1978: columns scaled by their largest norm so far, each step from a
-//! QR factorisation of the Jacobian, never from normal equations); a parameter at a bound that the gradient pushes
+//! QR factorization of the Jacobian, never from normal equations); a parameter at a bound that the gradient pushes
 //! outwards is held there. Local: start it from several points with [`multi_start`] and [`spread`]. What the
 //! residuals are, and their weights, is left to the caller. Start with [`solve`].
 
@@ -16,7 +16,7 @@ pub use start::{multi_start, spread};
 /// Fills a Jacobian (shape \[m, n\]) at parameters (shape \[n\]).
 pub type FillJacobian<'a> = &'a dyn Fn(&[f64], &mut DMatrix<f64>);
 
-/// What to minimise.
+/// What to minimize.
 pub struct Problem<'a> {
     /// Number of residuals m.
     pub residuals: usize,
@@ -123,7 +123,7 @@ pub enum Error {
     Few { residuals: usize, free: usize },
 }
 
-/// Minimises from one start (clipped to the bounds).
+/// Minimizes from one start (clipped to the bounds).
 ///
 /// ```
 /// use airloop_optim::least_squares::{Problem, Settings, solve};
@@ -221,7 +221,7 @@ pub fn solve(problem: &Problem, start: &[f64], settings: &Settings) -> Result<So
     }
 }
 
-/// R and Q'r of the QR factorisation of `jacobian`; all zero rows where there are fewer residuals than columns.
+/// R and Q'r of the QR factorization of `jacobian`; all zero rows where there are fewer residuals than columns.
 fn reduce(jacobian: DMatrix<f64>, r: &DVector<f64>) -> (DMatrix<f64>, DVector<f64>) {
     let (m, n) = jacobian.shape();
     let jacobian = if m < n { jacobian.resize_vertically(n, 0.0) } else { jacobian };
@@ -231,7 +231,7 @@ fn reduce(jacobian: DMatrix<f64>, r: &DVector<f64>) -> (DMatrix<f64>, DVector<f6
     (qr.r(), rotated.rows(0, n).into_owned())
 }
 
-/// Minimiser of `||R s + q||^2 + damping ||s||^2`.
+/// Minimizer of `||R s + q||^2 + damping ||s||^2`.
 fn damped_step(triangle: &DMatrix<f64>, projected: &DVector<f64>, damping: f64) -> DVector<f64> {
     let n = projected.len();
     let mut stacked = DMatrix::zeros(2 * n, n);

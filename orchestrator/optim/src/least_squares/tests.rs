@@ -96,7 +96,7 @@ fn a_fixed_parameter_stays_and_has_no_variance() {
 
 #[test]
 fn residuals_that_cannot_be_evaluated_are_stepped_back_from() {
-    // sqrt is not defined below zero; a full Gauss-Newton step from 9 towards the root at 0.01 lands there.
+    // sqrt is not defined below zero; a full Gauss-Newton step from 9 toward the root at 0.01 lands there.
     let evaluate = |p: &[f64], r: &mut [f64]| {
         r[0] = p[0].sqrt() - 0.1;
         p[0] >= 0.0

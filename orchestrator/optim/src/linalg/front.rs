@@ -215,7 +215,7 @@ impl Front {
             .map(Pivot::One)
     }
 
-    /// Largest entry of a row beside the diagonal among the leading rows, where it is, and the largest of the rest.
+    /// Largest entry of a row off the diagonal among the leading rows, where it is, and the largest of the rest.
     fn largest(&self, i: usize, k: usize, leading: usize) -> (f64, usize, f64) {
         let (mut inside, mut place) = (0.0, i);
         for j in k..i {
@@ -234,7 +234,7 @@ impl Front {
     }
 
     /// Bound of the largest entry of L that the pivot of two rows would give; `of_first` bounds the entries of the
-    /// first row beside the diagonal.
+    /// first row off the diagonal.
     fn growth(&self, (i, j): (usize, usize), of_first: f64, k: usize, leading: usize) -> f64 {
         let (a, b, c) = (self.entry(i, i), self.entry(i.max(j), i.min(j)), self.entry(j, j));
         let (p, q) = (a / b, c / b);

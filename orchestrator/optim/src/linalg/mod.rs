@@ -1,10 +1,10 @@
-//! Linear algebra that nalgebra does not bring: factorisations whose structure is known, and one that streams.
+//! Linear algebra that nalgebra does not bring: factorizations whose structure is known, and one that streams.
 //!
 //! | module | what |
 //! |--------|------|
 //! | [`qr`] | QR of a tall matrix whose rows arrive in blocks; sub-problems from its triangle |
 //! | [`spectral`] | singular values and eigenvalues that always come to an end |
-//! | [`sparse_ldl`], [`staged_ldl`] | factorisations of sparse symmetric matrices |
+//! | [`sparse_ldl`], [`staged_ldl`] | factorizations of sparse symmetric matrices |
 //! | [`symmetric`] | symmetric matrices |
 //! | [`triangular`] | least squares from a triangle that may lack rank |
 //!

@@ -379,7 +379,7 @@ mod tests {
 
     #[test]
     fn least_squares_keeps_digits_that_normal_equations_lose() {
-        // Laeuchli's matrix: the squares of the small entries vanish beside 1.
+        // Laeuchli's matrix: the squares of the small entries vanish compared with 1.
         let e = 1e-9;
         let matrix = DMatrix::from_row_slice(
             4,

@@ -1,12 +1,12 @@
 //! LDL^T of a sparse symmetric matrix without a known structure: QDLDL of crate `clarabel`, ordered by approximate
-//! minimum degree. Pivots are not exchanged; the caller refines the solution and regularises where a pivot vanishes.
+//! minimum degree. Pivots are not exchanged; the caller refines the solution and regularizes where a pivot vanishes.
 
 use clarabel::algebra::CscMatrix;
 use clarabel::qdldl::{QDLDLFactorisation, QDLDLSettings};
 
 use super::symmetric::{Inertia, PatternError, check_pattern};
 
-/// Factorisation with fixed pattern.
+/// Factorization with fixed pattern.
 #[derive(Debug)]
 pub struct SparseLdl {
     matrix: CscMatrix<f64>,
@@ -24,7 +24,7 @@ impl SparseLdl {
     pub fn new(entries: &[(usize, usize)], dimension: usize) -> Result<Self, PatternError> {
         check_pattern(dimension, entries)?;
         let mut upper: Vec<(usize, usize)> = entries.iter().map(|&(i, j)| (i.max(j), i.min(j))).collect();
-        // The factorisation needs every diagonal entry.
+        // The factorization needs every diagonal entry.
         upper.extend((0..dimension).map(|i| (i, i)));
         upper.sort_unstable();
         upper.dedup();
@@ -39,7 +39,7 @@ impl SparseLdl {
         Ok(Self { matrix, place, positions: (0..count).collect(), factor: None })
     }
 
-    /// Factorises the matrix whose entries have these values, in the order of the pattern. A vanishing pivot makes
+    /// Factorizes the matrix whose entries have these values, in the order of the pattern. A vanishing pivot makes
     /// the matrix count as singular altogether.
     pub fn factor(&mut self, values: &[f64]) -> Inertia {
         self.matrix.nzval.fill(0.0);
@@ -64,7 +64,7 @@ impl SparseLdl {
         }
     }
 
-    /// Solves with the last factorisation, in place; leaves `b` as it is when that one was singular.
+    /// Solves with the last factorization, in place; leaves `b` as it is when that one was singular.
     pub fn solve(&mut self, b: &mut [f64]) {
         if let Some(factor) = &mut self.factor {
             factor.solve(b);

@@ -1,8 +1,8 @@
-//! LDL^T of a symmetric indefinite matrix whose unknowns lie in a chain of stages, each coupled to its neighbours
+//! LDL^T of a symmetric indefinite matrix whose unknowns lie in a chain of stages, each coupled to its neighbors
 //! only: one dense front per stage, cost linear in the number of stages.
 //!
 //! Pivots are chosen within a stage; a row without a stable pivot there is left to the next stage. The inertia is
-//! exact up to rounding (Sylvester). A matrix in one stage is a dense Bunch-Kaufman factorisation.
+//! exact up to rounding (Sylvester). A matrix in one stage is a dense Bunch-Kaufman factorization.
 
 use super::front::{Factor, Front};
 use super::symmetric::{Inertia, PatternError, check_pattern};
@@ -25,7 +25,7 @@ struct Stage {
     places: Vec<Place>,
 }
 
-/// Factorisation with fixed pattern; all memory is allocated at the first one.
+/// Factorization with fixed pattern; all memory is allocated at the first one.
 #[derive(Debug)]
 pub struct StagedLdl {
     stages: Vec<Stage>,
@@ -42,7 +42,7 @@ impl StagedLdl {
     /// any order; entries that occur several times are added. `stage_of` is the stage of every row, from 0.
     ///
     /// # Errors
-    /// [`PatternError`] when an entry lies outside or couples stages that are no neighbours.
+    /// [`PatternError`] when an entry lies outside or couples stages that are no neighbors.
     pub fn new(entries: &[(usize, usize)], stage_of: &[usize]) -> Result<Self, PatternError> {
         let dimension = stage_of.len();
         check_pattern(dimension, entries)?;
@@ -88,7 +88,7 @@ impl StagedLdl {
         Ok(Self { stages, factors, front, remainder, delayed, positions, local })
     }
 
-    /// Factorises the matrix whose entries have these values, in the order of the pattern.
+    /// Factorizes the matrix whose entries have these values, in the order of the pattern.
     pub fn factor(&mut self, values: &[f64]) -> Inertia {
         let mut inertia = Inertia::default();
         self.delayed.clear();
@@ -126,7 +126,7 @@ impl StagedLdl {
         inertia
     }
 
-    /// Solves with the last factorisation, in place, `b` `[rows]`.
+    /// Solves with the last factorization, in place, `b` `[rows]`.
     pub fn solve(&mut self, b: &mut [f64]) {
         self.factors.iter().for_each(|factor| factor.forward(b, &mut self.local));
         self.factors.iter().rev().for_each(|factor| factor.backward(b, &mut self.local));

@@ -1,4 +1,4 @@
-//! What all factorisations of a symmetric indefinite matrix share: pattern, inertia, errors.
+//! What all factorizations of a symmetric indefinite matrix share: pattern, inertia, errors.
 
 /// Numbers of positive, negative and zero eigenvalues.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -7,11 +7,11 @@ pub struct Inertia {
     pub positive: usize,
     /// Negative eigenvalues.
     pub negative: usize,
-    /// Eigenvalues that are zero to working precision; a factorisation with any solves nothing useful.
+    /// Eigenvalues that are zero to working precision; a factorization with any solves nothing useful.
     pub zero: usize,
 }
 
-/// Why a pattern cannot be factorised.
+/// Why a pattern cannot be factorized.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum PatternError {
     /// An entry lies outside the matrix.
@@ -28,10 +28,10 @@ pub enum PatternError {
         /// Rows of the matrix.
         dimension: usize,
     },
-    /// An entry couples stages that are no neighbours.
+    /// An entry couples stages that are no neighbors.
     #[error(
         "entry {entry} of the pattern couples row {row} of stage {row_stage} with row {column} of stage {column_stage}; \
-         a stage may couple to itself and its neighbours only: merge the stages or leave the stage structure out"
+         a stage may couple to itself and its neighbors only: merge the stages or leave the stage structure out"
     )]
     Stages {
         /// Position in the list of entries.

@@ -1,7 +1,7 @@
 //! Sequential quadratic programming with a filter line search. The step solves the KKT system with the bounds of the
 //! working set held (cheap, structured); where it leaves other bounds or a multiplier has the wrong sign, a quadratic
 //! program with all bounds finds the working set. Where neither makes progress, or the constraints have no solution
-//! when linearised within the bounds, the interior point method goes on from the point: it restores feasibility.
+//! when linearized within the bounds, the interior point method goes on from the point: it restores feasibility.
 
 mod active_set;
 mod step;
@@ -168,7 +168,7 @@ impl<'r, 'n, 'm> Sqp<'r, 'n, 'm> {
         let slope = self.point.gradient.iter().zip(&self.step.x).map(|(g, d)| g * d).sum();
         let current = Current { at: self.measure(), slope };
         let largest = self.step.x[..self.form.n].iter().fold(0.0f64, |m, d| m.max(d.abs()));
-        self.last = Iteration { step: largest, regularisation: self.kkt.shift, ..Iteration::default() };
+        self.last = Iteration { step: largest, regularization: self.kkt.shift, ..Iteration::default() };
         let (shortest, mut length) = (self.filter.shortest(current), 1.0);
         while length >= shortest || length == 1.0 {
             if let Some(trial) = self.try_length(length) {

@@ -23,7 +23,7 @@ pub(super) struct Step {
     pub lower: Vec<f64>,
     pub upper: Vec<f64>,
     pub note: Note,
-    /// The last factorisation is that of this step, so that it can be corrected.
+    /// The last factorization is that of this step, so that it can be corrected.
     pub correctable: bool,
 }
 
@@ -80,7 +80,7 @@ impl Sqp<'_, '_, '_> {
         }
     }
 
-    /// Solves again with the last factorisation for these rows.
+    /// Solves again with the last factorization for these rows.
     pub(super) fn correct_step(&mut self, rows: &[f64]) -> bool {
         let form = &*self.form;
         let (total, n) = (form.total(), form.n);

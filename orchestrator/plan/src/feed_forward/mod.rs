@@ -99,7 +99,7 @@ pub struct Command {
     pub late: i64,
 }
 
-/// The command whose output is next to the plan: minimises
+/// The command whose output is next to the plan: minimizes
 /// `sum_k ((y(k) - plan(k)) / scale)² + smoothness sum_k ((u(k) - u(k-1)) / scale)²` under `lower <= u(k) <= upper`,
 /// from the steady state of the first planned value with `u(-1)` its steady command.
 ///

@@ -8,7 +8,7 @@ use super::feed_forward;
 use super::read_phase;
 use super::source::Source;
 use super::statement::{
-    Animation, Course, Guess, MeshRefinement, Others, Pass, Phase, Settings, Statement, TRANSCRIPTIONS,
+    Animation, Guess, GuessLine, MeshRefinement, Others, Pass, Phase, Settings, Statement, TRANSCRIPTIONS,
     Verification,
 };
 use super::table::{Table, Text, Value};
@@ -212,19 +212,19 @@ fn guesses(value: Value) -> Result<Vec<Guess>, Error> {
 
 fn guess(name: Text, value: Value) -> Result<Guess, Error> {
     let table = value.table(&format!("[guess.{}]", name.text))?;
-    let (mut courses, mut others) = (Vec::new(), Others::Zero);
+    let (mut trajectories, mut others) = (Vec::new(), Others::Zero);
     for (variable, value) in table.entries() {
         if variable.text == "others" {
             others = value.choice(&[("zero", Others::Zero), ("linear", Others::Linear)])?;
         } else {
-            courses.push(course(variable, value)?);
+            trajectories.push(trajectory(variable, value)?);
         }
     }
-    Ok(Guess { name, courses, others })
+    Ok(Guess { name, trajectories, others })
 }
 
-fn course(variable: Text, value: Value) -> Result<Course, Error> {
-    let table = value.table(&format!("the course of `{}`", variable.text))?;
+fn trajectory(variable: Text, value: Value) -> Result<GuessLine, Error> {
+    let table = value.table(&format!("the trajectory of `{}`", variable.text))?;
     let numbers = |value: Value| value.list()?.iter().map(Value::number).collect::<Result<Vec<f64>, Error>>();
     let (times, values) = (table.need("t")?, table.need("value")?);
     let (t, value) = (numbers(times)?, numbers(values)?);
@@ -236,7 +236,7 @@ fn course(variable: Text, value: Value) -> Result<Course, Error> {
         return Err(values.error(problem));
     }
     if t.len() < 2 {
-        return Err(times.error("a course needs at least two points"));
+        return Err(times.error("a trajectory needs at least two points"));
     }
     if let Some(at) = (1..t.len()).find(|&k| t[k] <= t[k - 1]) {
         let problem = format!("`t` must increase, but {} does not come after {}", t[at], t[at - 1]);
@@ -245,7 +245,7 @@ fn course(variable: Text, value: Value) -> Result<Course, Error> {
     if t[0] < 0.0 || t[t.len() - 1] > 1.0 {
         return Err(times.error("`t` is the part of the whole duration, from 0 to 1"));
     }
-    Ok(Course { variable, t, value, unit })
+    Ok(GuessLine { variable, t, value, unit })
 }
 
 impl Default for Verification {

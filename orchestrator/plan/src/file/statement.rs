@@ -247,9 +247,9 @@ pub struct Cost {
 pub struct Guess {
     /// Name.
     pub name: Text,
-    /// Courses of variables.
-    pub courses: Vec<Course>,
-    /// Start values of states along the whole way where no course says otherwise: zero, or a line between the ends.
+    /// Trajectories of variables.
+    pub trajectories: Vec<GuessLine>,
+    /// Start values of states along the whole way where no trajectory says otherwise: zero, or a line between the ends.
     pub others: Others,
 }
 
@@ -262,9 +262,9 @@ pub enum Others {
     Linear,
 }
 
-/// A piecewise linear course.
+/// A piecewise linear trajectory.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Course {
+pub struct GuessLine {
     /// Variable.
     pub variable: Text,
     /// Part of the whole duration, 0 to 1, increasing, `[n]`.

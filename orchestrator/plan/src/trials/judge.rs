@@ -17,14 +17,14 @@ pub struct Check {
 }
 
 /// Each criterion in the order of the file: name, and whether the trial keeps it.
-pub type Judgement = Vec<(String, bool)>;
+pub type Judgment = Vec<(String, bool)>;
 
 /// Judges a result; one that ended early keeps no criterion.
 ///
 /// # Errors
 /// A column that the result does not have.
-pub fn judge(checks: &[Check], result: &TimeSeries, ended_early: bool) -> Result<Judgement, Error> {
-    let mut judgement: Judgement = Vec::new();
+pub fn judge(checks: &[Check], result: &TimeSeries, ended_early: bool) -> Result<Judgment, Error> {
+    let mut judgment: Judgment = Vec::new();
     for check in checks {
         let channel = result.channel(&check.column).ok_or_else(|| Error::Place {
             place: format!("criterion `{}`", check.name),
@@ -42,12 +42,12 @@ pub fn judge(checks: &[Check], result: &TimeSeries, ended_early: bool) -> Result
             }
         }
         let kept = kept && seen;
-        match judgement.iter_mut().find(|(name, _)| *name == check.name) {
+        match judgment.iter_mut().find(|(name, _)| *name == check.name) {
             Some((_, all)) => *all &= kept,
-            None => judgement.push((check.name.clone(), kept)),
+            None => judgment.push((check.name.clone(), kept)),
         }
     }
-    Ok(judgement)
+    Ok(judgment)
 }
 
 #[cfg(test)]

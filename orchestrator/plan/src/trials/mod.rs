@@ -20,7 +20,7 @@ use airloop_cosim::system::graph::Start;
 use airloop_series::random::Random;
 use airloop_series::{Interpolation, TimeSeries};
 
-pub use judge::Judgement;
+pub use judge::Judgment;
 pub use ready::{Ready, prepare};
 
 /// What is run.
@@ -36,7 +36,7 @@ pub struct Request {
     pub algorithm: Algorithm,
     /// Threads.
     pub threads: usize,
-    /// Trials whose courses are kept.
+    /// Trials whose trajectories are kept.
     pub keep: usize,
 }
 
@@ -48,11 +48,11 @@ pub struct Trial {
     /// Whether the controller had feedback.
     pub closed: bool,
     /// Each criterion: kept or not.
-    pub judgement: Judgement,
+    pub judgment: Judgment,
     /// Why it ended early, if it did.
     pub problem: Option<String>,
-    /// Course of the signals that are judged, and of the commands; of the first trials only.
-    pub course: Option<TimeSeries>,
+    /// Trajectory of the signals that are judged, and of the commands; of the first trials only.
+    pub trajectory: Option<TimeSeries>,
 }
 
 /// Runs all trials, closed loop first, each with all seeds; fewer where `stop` was set.
@@ -116,9 +116,9 @@ fn one(
         End::Interrupted => return Ok(None),
         End::Failed(error) => Some(error.to_string()),
     };
-    let judgement = judge::judge(&ready.criteria, &run.result, problem.is_some())?;
-    let course = keep.then(|| ready.course(&run.result)).transpose()?;
-    Ok(Some(Trial { seed, closed, judgement, problem, course }))
+    let judgment = judge::judge(&ready.criteria, &run.result, problem.is_some())?;
+    let trajectory = keep.then(|| ready.trajectory(&run.result)).transpose()?;
+    Ok(Some(Trial { seed, closed, judgment, problem, trajectory }))
 }
 
 /// Draws the perturbations: one number each, at the value of the model.

@@ -4,10 +4,10 @@ use std::path::Path;
 
 use super::judge::Check;
 use crate::Error;
-use crate::catalogue::Catalogue;
+use crate::catalog::Catalog;
 use crate::file::{Quantity, Text};
-use crate::stabilise::settings::{Perturb, Settings, Spread, Trials};
-use crate::stabilise::wiring::{COMPONENT, find, noise_input};
+use crate::stabilize::settings::{Perturb, Settings, Spread, Trials};
+use crate::stabilize::wiring::{COMPONENT, find, noise_input};
 use crate::task::seconds;
 use airloop_cosim::master::Algorithm;
 use airloop_cosim::system::SystemGraph;
@@ -95,7 +95,7 @@ pub fn prepare(system: &Path, settings: &Settings, algorithm: Algorithm) -> Resu
         )
     })?;
     let feedback = feedback(&graph.components[controller]).unwrap_or_default();
-    let catalogue = Catalogue::new(&graph);
+    let catalog = Catalog::new(&graph);
     let sample_time = graph.components[controller]
         .fmu
         .description
@@ -109,9 +109,9 @@ pub fn prepare(system: &Path, settings: &Settings, algorithm: Algorithm) -> Resu
         .iter()
         .map(|one| perturbation(settings, &graph, one))
         .collect::<Result<Vec<_>, _>>()?;
-    let noise = settings.sensors.iter().map(|sensor| noise(settings, &graph, &catalogue, sensor));
+    let noise = settings.sensors.iter().map(|sensor| noise(settings, &graph, &catalog, sensor));
     let noise = noise.collect::<Result<Vec<_>, _>>()?;
-    let criteria = checks(settings, trials, &catalogue, (begin, stop))?;
+    let criteria = checks(settings, trials, &catalog, (begin, stop))?;
     Ok(Ready { graph, controller, feedback, sample_time, start: begin, stop, perturbations, noise, criteria })
 }
 
@@ -185,31 +185,31 @@ fn in_unit_of(
 fn noise(
     settings: &Settings,
     graph: &SystemGraph,
-    catalogue: &Catalogue,
+    catalog: &Catalog,
     (name, quantity): &(Text, Quantity),
 ) -> Result<Noise, Error> {
-    let found = catalogue.want(&settings.source, name)?;
-    let input = noise_input(&catalogue.variables()[found.0].name);
+    let found = catalog.want(&settings.source, name)?;
+    let input = noise_input(&catalog.variables()[found.0].name);
     let position = graph.inputs.iter().position(|one| one.name == input).ok_or_else(|| {
         let problem =
-            format!("the closed loop does not measure `{}`; stabilise with these settings", name.text);
+            format!("the closed loop does not measure `{}`; stabilize with these settings", name.text);
         settings.source.error_at(name.place, problem)
     })?;
-    Ok(Noise { name: input, input: position, deviation: catalogue.value(&settings.source, quantity, found)? })
+    Ok(Noise { name: input, input: position, deviation: catalog.value(&settings.source, quantity, found)? })
 }
 
 fn checks(
     settings: &Settings,
     trials: &Trials,
-    catalogue: &Catalogue,
+    catalog: &Catalog,
     (start, stop): (f64, f64),
 ) -> Result<Vec<Check>, Error> {
     let source = &settings.source;
     let mut checks = Vec::new();
     for criterion in &trials.criteria {
-        let found = catalogue.want(source, &criterion.signal)?;
+        let found = catalog.want(source, &criterion.signal)?;
         let limit = |quantity: &Option<Quantity>, none: f64| match quantity {
-            Some(quantity) => catalogue.value(source, quantity, found),
+            Some(quantity) => catalog.value(source, quantity, found),
             None => Ok(none),
         };
         let time = |quantity: &Option<Quantity>, none: f64| match quantity {
@@ -218,7 +218,7 @@ fn checks(
         };
         checks.push(Check {
             name: criterion.name.clone(),
-            column: catalogue.variables()[found.0].name.clone(),
+            column: catalog.variables()[found.0].name.clone(),
             limits: (limit(&criterion.min, f64::NEG_INFINITY)?, limit(&criterion.max, f64::INFINITY)?),
             span: (time(&criterion.from, start)?, time(&criterion.to, stop)?),
         });
@@ -269,11 +269,11 @@ impl Ready {
     }
 
     /// The columns of [`Ready::shown`].
-    pub(super) fn course(&self, result: &TimeSeries) -> Result<TimeSeries, Error> {
-        let mut course = TimeSeries::new(result.time().to_vec())?;
+    pub(super) fn trajectory(&self, result: &TimeSeries) -> Result<TimeSeries, Error> {
+        let mut trajectory = TimeSeries::new(result.time().to_vec())?;
         for channel in self.shown().iter().filter_map(|(name, _)| result.channel(name)) {
-            course.push(channel.name.clone(), channel.unit.clone(), channel.values.clone())?;
+            trajectory.push(channel.name.clone(), channel.unit.clone(), channel.values.clone())?;
         }
-        Ok(course)
+        Ok(trajectory)
     }
 }

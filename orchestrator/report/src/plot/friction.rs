@@ -1,4 +1,4 @@
-//! Figures of friction: force over velocity with the model, and what is left.
+//! Figures of friction: force over velocity with the model, and the residual.
 
 use super::axes::{Axis, range};
 use super::svg::{Anchor, Svg};

@@ -13,7 +13,7 @@ pub mod page;
 pub mod plan;
 pub mod run;
 pub mod singular_values;
-pub mod stabilise;
+pub mod stabilize;
 pub mod svg;
 
 use std::path::PathBuf;

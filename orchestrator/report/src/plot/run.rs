@@ -44,7 +44,7 @@ pub fn draw(folder: &Path) -> Result<Vec<PathBuf>, Error> {
     Ok(written)
 }
 
-/// Names of the files that [`draw`] writes beside the page, from what the summary says about signals and connectors.
+/// Names of the files that [`draw`] writes next to the page, from what the summary says about signals and connectors.
 pub fn figure_files(summary: &Summary) -> Vec<String> {
     let signals = summary.signals.iter().map(|signal| signal.name.clone());
     let groups = grouped(summary).into_iter().map(|(_, connectors)| group_name(&connectors));

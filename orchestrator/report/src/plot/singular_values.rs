@@ -45,7 +45,7 @@ pub fn singular_values(values: &[f64], order: usize) -> String {
     svg.finish(title)
 }
 
-/// A diamond or a square, told apart without colour.
+/// A diamond or a square, told apart without color.
 fn marker(svg: &mut Svg, (x, y): (f64, f64), taken: bool) {
     let r = if taken { 4.5 } else { 3.2 };
     if taken {

@@ -7,7 +7,7 @@ use std::fmt::Write;
 pub enum Anchor {
     /// Begins at the point.
     Start,
-    /// Centred on the point.
+    /// Centered on the point.
     Middle,
     /// Ends at the point.
     End,
@@ -81,7 +81,7 @@ impl Svg {
         self.push(format_args!("<polygon class=\"{class}\" points=\"{}\"/>", corners.join(" ")));
     }
 
-    /// A marker centred on a point, some `size` pixels from the centre to its edge.
+    /// A marker centered on a point, some `size` pixels from the center to its edge.
     pub fn marker(&mut self, shape: Shape, (x, y): (f64, f64), size: f64, class: &str) {
         let (left, right, top, bottom) = (x - size, x + size, y - size, y + size);
         let path = match shape {
@@ -101,7 +101,7 @@ impl Svg {
         self.push(format_args!("<path class=\"{class}\" d=\"{path}\"/>"));
     }
 
-    /// A text on one line; `class` chooses size and colour.
+    /// A text on one line; `class` chooses size and color.
     pub fn text(&mut self, (x, y): (f64, f64), anchor: Anchor, class: &str, text: &str) {
         let anchor = anchor.name();
         let text = escape(text);
@@ -110,7 +110,7 @@ impl Svg {
         ));
     }
 
-    /// A text that reads upwards, centred on the point.
+    /// A text that reads upwards, centered on the point.
     pub fn text_upwards(&mut self, (x, y): (f64, f64), class: &str, text: &str) {
         let text = escape(text);
         self.push(format_args!(
@@ -143,7 +143,7 @@ impl Anchor {
     }
 }
 
-/// Colours: measurement neutral, simulation blue, residual red; a series palette that colour-blind readers can tell
+/// Colors: measurement neutral, simulation blue, residual red; a series palette that color-blind readers can tell
 /// apart (Okabe and Ito).
 const STYLE: &str = "\
 text{font-family:Helvetica,Arial,'DejaVu Sans',sans-serif;fill:#222}\

@@ -269,7 +269,7 @@ fn figures(report: &Report) -> Vec<(String, String)> {
             .iter()
             .map(|point| (point.velocity, point.force, point.half_width))
             .collect();
-        let note = format!("{set}: measured (grey), model (blue) with 95 % band");
+        let note = format!("{set}: measured (gray), model (blue) with 95 % band");
         figures.push((format!("friction_{set}"), force_velocity(&friction, &model, &note)));
         figures.push((format!("residual_{set}"), residual(&left, set)));
     }

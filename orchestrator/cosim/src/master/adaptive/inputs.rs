@@ -1,7 +1,7 @@
-//! System inputs in an adaptive run: which of their samples end a step, and their course inside a step that spans some.
+//! System inputs in an adaptive run: which of their samples end a step, and their trajectory inside a step that spans some.
 
 use crate::master::Master;
-use crate::master::interface_jacobian::Course;
+use crate::master::interface_jacobian::Trajectory;
 use crate::master::simulate::Stimulus;
 use crate::results::Slot;
 use crate::system::SystemGraph;
@@ -33,7 +33,7 @@ impl<'a> Inputs<'a> {
     }
 
     /// Times \[s\] at which steps have to end: the samples, if a component sees the inputs at every time. One that
-    /// is sampled and `is_spanned` by a step takes them from their course.
+    /// is sampled and `is_spanned` by a step takes them from their trajectory.
     pub fn stops(&self, graph: &SystemGraph, is_spanned: impl Fn(usize) -> bool) -> &'a [f64] {
         let Some(stimulus) = self.stimulus else { return &[] };
         let spanned = stimulus.links.iter().all(|&(input, ..)| {
@@ -44,16 +44,16 @@ impl<'a> Inputs<'a> {
         if spanned { &[] } else { stimulus.series.time() }
     }
 
-    /// Puts the values at `begin` \[s\] into the master, and their courses until `end` \[s\].
+    /// Puts the values at `begin` \[s\] into the master, and their trajectories until `end` \[s\].
     pub fn put(&mut self, master: &mut Master, begin: f64, end: f64) {
         self.at(begin, |input, value| master.set_input(input, value));
         let Some(stimulus) = self.stimulus else { return };
-        let courses = match (&mut master.interface_jacobian, &mut master.extrapolation) {
-            (Some(master), _) => master.courses(),
-            (None, Some(master)) => master.courses(),
+        let trajectories = match (&mut master.interface_jacobian, &mut master.extrapolation) {
+            (Some(master), _) => master.trajectories(),
+            (None, Some(master)) => master.trajectories(),
             (None, None) => return,
         };
-        courses.clear();
+        trajectories.clear();
         let time = stimulus.series.time();
         let close = 1e-9 * (end - begin);
         let first = time.partition_point(|&knot| knot <= begin + close);
@@ -68,21 +68,21 @@ impl<'a> Inputs<'a> {
                 let position = airloop_series::resample::locate(time, t, self.guess);
                 factor * airloop_series::resample::value_at(values, position, how) + offset
             };
-            let mut course = Course::default();
+            let mut trajectory = Trajectory::default();
             for pair in cuts.windows(2) {
                 let [from, to] = [pair[0], pair[1]].map(|t| (t - begin) / (end - begin));
                 match interpolation {
                     Interpolation::Hold => {
                         let middle = 0.5 * (pair[0] + pair[1]);
-                        course.hold(from, to, value(middle, Interpolation::Hold));
+                        trajectory.hold(from, to, value(middle, Interpolation::Hold));
                     }
                     Interpolation::Linear => {
                         let [a, b] = [pair[0], pair[1]].map(|t| value(t, Interpolation::Linear));
-                        course.line(from, to, a, b);
+                        trajectory.line(from, to, a, b);
                     }
                 }
             }
-            courses.push((place, course));
+            trajectories.push((place, trajectory));
         }
     }
 }

@@ -118,7 +118,7 @@ impl Planner<'_> {
                     "component `{name}` has no directional derivatives: its input gains come from {nu} repeated steps per communication step"
                 ),
                 false => format!(
-                    "component `{name}` has no directional derivatives: its input gains are learnt from step to step (Broyden)"
+                    "component `{name}` has no directional derivatives: its input gains are learned from step to step (Broyden)"
                 ),
             });
             (Origin::Differences, unit.output_nominals.clone())

@@ -9,7 +9,7 @@ use airloop_fmi::Model;
 /// Event iterations before an FMU without states is given up; it has nothing to iterate on.
 const MAX_ROUNDS: usize = 100;
 
-/// Instantiates and initialises with the start values of the component and the present inputs of the unit.
+/// Instantiates and initializes with the start values of the component and the present inputs of the unit.
 pub(super) fn instantiate(
     component: &Component,
     unit: &Unit,

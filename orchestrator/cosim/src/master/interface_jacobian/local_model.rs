@@ -1,5 +1,5 @@
 //! A dynamic FMU inside a coupled component, as the master predicts it: linear about the present point, plus a
-//! defect learnt from the FMU's own steps.
+//! defect learned from the FMU's own steps.
 //!
 //! x' = x0' + A x + B (u - u0), y = y0 + C x + D (u - u0) + e(r), with x the change since the beginning of the step
 //! and e(r) = e1 (3 r^2 - 2 r^3) + e1' H (r^3 - r^2), which is flat at the beginning and meets the FMU's outputs and
@@ -10,7 +10,7 @@ use super::unit::Unit;
 use crate::master::Stop;
 use airloop_fmi::Slave;
 
-/// Smallest change of the inputs, relative to their nominal values, from which input gains are learnt.
+/// Smallest change of the inputs, relative to their nominal values, from which input gains are learned.
 const SMALLEST_CHANGE: f64 = 1e-2;
 
 /// How the matrices come about.
@@ -19,7 +19,7 @@ pub(super) enum Origin {
     /// Directional derivatives of the FMU; value references of states, then of derivatives with outputs behind.
     Derivatives { states: Vec<u32>, unknowns: Vec<u32> },
     /// The outputs stand for the states, and B is found by repeating a step with changed inputs, or where that is not
-    /// possible learnt from step to step.
+    /// possible learned from step to step.
     Differences,
 }
 
@@ -81,7 +81,7 @@ impl LocalModel {
         }
     }
 
-    /// Linearises about the present point of the FMU; `y` and `rate` are its outputs and their derivatives.
+    /// Linearizes about the present point of the FMU; `y` and `rate` are its outputs and their derivatives.
     pub fn linearize(&mut self, unit: &Unit, slave: &mut Slave, y: &[f64], rate: &[f64]) -> Result<(), Stop> {
         self.u0.copy_from_slice(&unit.u);
         self.y0.copy_from_slice(y);
@@ -185,10 +185,10 @@ impl LocalModel {
         self.defect_rate.fill(0.0);
     }
 
-    /// Shows every number that is carried from step to step: what was learnt.
+    /// Shows every number that is carried from step to step: what was learned.
     pub fn carry(&mut self, each: &mut dyn FnMut(&mut f64)) {
-        let learnt = self.b.iter_mut().chain(&mut self.defect).chain(&mut self.defect_rate);
-        learnt.for_each(each);
+        let learned = self.b.iter_mut().chain(&mut self.defect).chain(&mut self.defect_rate);
+        learned.for_each(each);
     }
 
     /// Output `k` at r without its direct feed-through, for the change `x` of the states.

@@ -1,10 +1,10 @@
 //! The interface-Jacobian master: linearly implicit co-simulation of strongly coupled components.
 //!
 //! A strongly connected component of the graph is solved inside the master as a small stiff differential equation,
-//! the reduced problem: every FMU with states is its linear model about the present point plus a defect learnt from
+//! the reduced problem: every FMU with states is its linear model about the present point plus a defect learned from
 //! its own steps, every FMU without states is the function that it is. Only then do the FMUs step, each under the
 //! straight line with the mean and the first moment of the input that was found. One repetition from the saved state
-//! removes the error of linearisation. The stiffness of the coupling is thereby met by an L-stable method and limits
+//! removes the error of linearization. The stiffness of the coupling is thereby met by an L-stable method and limits
 //! no step.
 //!
 //! Components outside all cycles step once, in the order of the graph. An algebraic loop is part of the reduced problem;
@@ -34,7 +34,7 @@ use coupled::Coupled;
 pub(super) use coupled::Failure;
 pub use options::Coupling;
 pub(super) use plan::{interfaces, nominal};
-pub(super) use signal::Signal as Course;
+pub(super) use signal::Signal as Trajectory;
 pub(super) use unit::{Feed, Outputs, Unit};
 
 /// One strongly connected component of the graph.
@@ -63,7 +63,7 @@ pub(super) struct InterfaceJacobian {
 }
 
 impl InterfaceJacobian {
-    /// Plans the steps of initialised slaves.
+    /// Plans the steps of initialized slaves.
     pub fn new(
         graph: &SystemGraph,
         wiring: &Wiring,
@@ -128,9 +128,9 @@ impl InterfaceJacobian {
         }
     }
 
-    /// Courses of system inputs (by place in the flat buffer) over the next step; inputs without one are held.
-    pub fn courses(&mut self) -> &mut Vec<(usize, Course)> {
-        &mut self.outputs.courses
+    /// Trajectories of system inputs (by place in the flat buffer) over the next step; inputs without one are held.
+    pub fn trajectories(&mut self) -> &mut Vec<(usize, Trajectory)> {
+        &mut self.outputs.trajectories
     }
 
     /// What was done in place of what an FMU cannot do, one sentence each.

@@ -30,7 +30,7 @@ pub(super) struct Planner<'a> {
     pub notes: Vec<String>,
 }
 
-/// Makes the master from initialised slaves.
+/// Makes the master from initialized slaves.
 pub(super) fn plan(
     graph: &SystemGraph,
     wiring: &Wiring,
@@ -103,7 +103,7 @@ impl<'a> Planner<'a> {
             y: vec![0.0; count],
             rate: vec![0.0; count],
             begin: vec![0.0; count],
-            courses: Vec::new(),
+            trajectories: Vec::new(),
             signals: (0..count).map(|_| Signal::with_room(pieces)).collect(),
         };
         for (unit, node) in units.iter().zip(nodes) {

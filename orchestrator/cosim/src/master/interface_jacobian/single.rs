@@ -25,7 +25,7 @@ pub(super) fn step(
     for piece in 0..cuts.len() - 1 {
         let (begin, end) = (cuts[piece], cuts[piece + 1]);
         let length = (end - begin) * h;
-        let jumped = set_course(unit, outputs, values, (begin, end), length);
+        let jumped = set_trajectory(unit, outputs, values, (begin, end), length);
         let places = unit.outputs.clone();
         unit.advance(node, t + begin * h, length, false)?;
         for (before, k) in unit.before.iter_mut().zip(places.clone()) {
@@ -81,7 +81,7 @@ fn lay_out(unit: &Unit, outputs: &Outputs, (start, t, h): (f64, f64, f64), cuts:
 }
 
 /// Puts the inputs of the piece into the unit; true if one of them jumps where the piece begins.
-fn set_course(
+fn set_trajectory(
     unit: &mut Unit,
     outputs: &Outputs,
     values: &Values,

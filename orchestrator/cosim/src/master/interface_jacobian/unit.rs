@@ -19,10 +19,10 @@ pub(in crate::master) struct Outputs {
     pub rate: Vec<f64>,
     /// Value at the beginning of the communication step.
     pub begin: Vec<f64>,
-    /// Course over the communication step, from the moment the unit has stepped.
+    /// Trajectory over the communication step, from the moment the unit has stepped.
     pub signals: Vec<Signal>,
-    /// Courses of system inputs over the communication step, by place in the flat buffer; the others are held.
-    pub courses: Vec<(usize, Signal)>,
+    /// Trajectories of system inputs over the communication step, by place in the flat buffer; the others are held.
+    pub trajectories: Vec<(usize, Signal)>,
 }
 
 impl Outputs {
@@ -31,17 +31,17 @@ impl Outputs {
         self.y.iter_mut().chain(&mut self.rate).chain(&mut self.begin).for_each(each);
     }
 
-    fn course(&self, place: usize) -> Option<&Signal> {
-        self.courses.iter().find(|(input, _)| *input == place).map(|(_, course)| course)
+    fn trajectory(&self, place: usize) -> Option<&Signal> {
+        self.trajectories.iter().find(|(input, _)| *input == place).map(|(_, trajectory)| trajectory)
     }
 }
 
 /// Where an input gets its value from.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(in crate::master) enum Feed {
-    /// A system input (place in the flat buffer), by its course over the step or held.
+    /// A system input (place in the flat buffer), by its trajectory over the step or held.
     System(usize),
-    /// An output, by its course over the step.
+    /// An output, by its trajectory over the step.
     Signal(usize),
     /// An output, at its value when the communication step begins.
     Begin(usize),
@@ -51,9 +51,9 @@ impl Feed {
     /// Value at r; where a signal jumps, the value before (`right`: after) the jump.
     pub fn at(self, outputs: &Outputs, values: &Values, r: f64, right: bool) -> f64 {
         match self {
-            Feed::System(place) => match outputs.course(place) {
-                Some(course) if right => course.right(r),
-                Some(course) => course.left(r),
+            Feed::System(place) => match outputs.trajectory(place) {
+                Some(trajectory) if right => trajectory.right(r),
+                Some(trajectory) => trajectory.left(r),
                 None => values.reals[place],
             },
             Feed::Begin(output) => outputs.begin[output],
@@ -66,8 +66,8 @@ impl Feed {
     pub fn moments(self, outputs: &Outputs, values: &Values, begin: f64, end: f64) -> [f64; 2] {
         match self {
             Feed::Signal(output) => outputs.signals[output].moments(begin, end),
-            Feed::System(place) if !outputs.courses.is_empty() => match outputs.course(place) {
-                Some(course) => course.moments(begin, end),
+            Feed::System(place) if !outputs.trajectories.is_empty() => match outputs.trajectory(place) {
+                Some(trajectory) => trajectory.moments(begin, end),
                 None => [values.reals[place], 0.0],
             },
             _ => [self.at(outputs, values, begin, true), 0.0],

@@ -5,7 +5,7 @@
 //! inputs from outside that the step has, and again where it ends; inside the step its inputs are held (or run along
 //! the polynomials of [`super::extrapolation`]). Where they do not, the step itself is solved for ([`over_step`]).
 //!
-//! Loops at initialisation and in Model Exchange, and Newton's method at an instant, are in [`super::propagation`].
+//! Loops at initialization and in Model Exchange, and Newton's method at an instant, are in [`super::propagation`].
 
 mod follows;
 mod group;
@@ -28,7 +28,7 @@ pub(super) struct Loops {
 }
 
 impl Loops {
-    /// Finds out how the loops of initialised slaves can be solved; `None` without loops.
+    /// Finds out how the loops of initialized slaves can be solved; `None` without loops.
     ///
     /// # Errors
     /// [`Error::LoopMember`] for a slave that allows neither way.

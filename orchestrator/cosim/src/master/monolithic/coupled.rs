@@ -73,7 +73,7 @@ pub(super) struct Coupled {
 }
 
 impl Coupled {
-    /// Instantiates and initialises all components; they are then in event mode, and [`Coupled::event`] is next.
+    /// Instantiates and initializes all components; they are then in event mode, and [`Coupled::event`] is next.
     pub fn new(graph: &SystemGraph, settings: &Settings, ramps: Vec<Ramp>) -> Result<Coupled, Error> {
         let wiring = Wiring::new(graph, settings.read_all_outputs);
         let mut values = wiring.initial_values(graph);

@@ -232,7 +232,7 @@ impl<'a> Monolith<'a> {
         Ok(monolith)
     }
 
-    /// After initialisation and events: tolerances, right-hand side and indicators at the present point.
+    /// After initialization and events: tolerances, right-hand side and indicators at the present point.
     fn restart(&mut self) -> Result<(), Error> {
         self.coupled.nominals(&mut self.integrator.absolute)?;
         for absolute in &mut self.integrator.absolute {

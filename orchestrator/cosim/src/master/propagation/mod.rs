@@ -37,10 +37,10 @@ pub(super) fn transfers_within(
     stages.iter().map(|stage| Transfer::new(graph, wiring, stage)).collect()
 }
 
-/// Initialisation mode: passes values on until no output changes.
+/// Initialization mode: passes values on until no output changes.
 ///
 /// Without an algebraic loop every pass settles at least one more variable, so that there are at most as many as
-/// connections, and one to see it. Where that is not enough, the dependencies of initialisation may have a loop.
+/// connections, and one to see it. Where that is not enough, the dependencies of initialization may have a loop.
 ///
 /// # Errors
 /// [`Error::Unsettled`], [`Error::AlgebraicLoop`], or an FMU that fails.

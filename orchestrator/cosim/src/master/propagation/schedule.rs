@@ -2,7 +2,7 @@
 //!
 //! Nodes are connected inputs and the outputs that are read; an edge is a connection or a direct feed-through. The
 //! strongly connected components (Tarjan 1972) in topological order are the passes: a single variable is set or read,
-//! neighbours of one component and type together; several form an algebraic loop, solved in [`super::algebraic`].
+//! neighbors of one component and type together; several form an algebraic loop, solved in [`super::algebraic`].
 
 use std::collections::HashMap;
 
@@ -32,9 +32,9 @@ pub enum Scope {
     Rates,
     /// As `Rates`, and all outputs: for a row of the result.
     Results,
-    /// Everything: at events and initialisation.
+    /// Everything: at events and initialization.
     All,
-    /// As `All`, with the dependencies of initialisation where the FMU lists them.
+    /// As `All`, with the dependencies of initialization where the FMU lists them.
     Initial,
 }
 
@@ -46,7 +46,7 @@ fn is_exchanged(graph: &SystemGraph, (component, variable): Node) -> bool {
     DataType::of(variable) == DataType::Real && settable
 }
 
-/// Inputs on which an output depends in initialisation mode.
+/// Inputs on which an output depends in initialization mode.
 fn initial_feed_through(component: &Component, output: usize) -> Vec<usize> {
     let description = &component.fmu.description;
     let is_input = |&variable: &usize| description.variables[variable].causality == Causality::Input;

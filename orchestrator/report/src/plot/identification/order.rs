@@ -58,7 +58,7 @@ pub fn fit_against_order(title: &str, note: &str, families: &[Family]) -> String
         ((low - 2.0 * pad, max + pad), Scale::Linear, "fit [%]"),
     );
     let svg = &mut sheet.svg;
-    // Families beside each other where they have the same fit, or none.
+    // Families side by side where they have the same fit, or none.
     let aside = |index: usize| 0.06 * (index as f64 - 0.5 * (families.len() as f64 - 1.0));
     for (index, (family, class)) in families.iter().zip(&classes).enumerate() {
         let mut line: Vec<(f64, f64)> = Vec::new();

@@ -1,4 +1,4 @@
-//! A panel: axes, grid, labels; and panels beside and below each other under one heading.
+//! A panel: axes, grid, labels; and panels side by side and below each other under one heading.
 
 use crate::plot::axes::Axis;
 use crate::plot::svg::{Anchor, Shape, Svg};

@@ -4,7 +4,7 @@ use super::panel::{Entry, Scale, Sheet, WIDTH};
 use crate::plot::svg::Shape;
 use airloop_ident::diagnostics::{ChannelZeros, Root};
 
-/// Poles (crosses) and zeros of every channel (circles, squares, triangles) with the unit circle; beside the whole, the
+/// Poles (crosses) and zeros of every channel (circles, squares, triangles) with the unit circle; next to the whole, the
 /// part around the slow poles, where sampled models crowd.
 pub fn pole_zero_map(poles: &[Root], channels: &[ChannelZeros]) -> String {
     let names: Vec<String> =
@@ -60,7 +60,7 @@ pub fn pole_zero_map(poles: &[Root], channels: &[ChannelZeros]) -> String {
     sheet.svg.finish("Poles and zeros in the z plane with the unit circle")
 }
 
-/// Centre and half width of a square around the poles whose modulus is above 0.7, the point 1 included.
+/// Center and half width of a square around the poles whose modulus is above 0.7, the point 1 included.
 fn close_up(poles: &[Root]) -> ((f64, f64), f64) {
     let slow: Vec<&Root> = poles.iter().filter(|pole| pole.modulus > 0.7 && pole.re > 0.0).collect();
     let left = slow.iter().map(|pole| pole.re).fold(1.0, f64::min);

@@ -9,7 +9,7 @@ use crate::plot::svg::Shape;
 pub struct Scatter<'a> {
     /// Heading.
     pub title: &'a str,
-    /// What stands beside the heading.
+    /// Note next to the heading.
     pub note: &'a str,
     /// Label of the horizontal axis with its unit.
     pub x_label: &'a str,

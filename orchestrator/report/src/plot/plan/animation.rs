@@ -55,31 +55,31 @@ pub(super) fn animation(plan: &Plan) -> String {
 const SCRIPT: &str = r##"  const scene = document.getElementById("scene"), pen = scene.getContext("2d");
   const play = document.getElementById("play"), slider = document.getElementById("time");
   const clock = document.getElementById("clock");
-  const last = data[0].x.length - 1, colours = ["#0072b2", "#d55e00"];
+  const last = data[0].x.length - 1, colors = ["#0072b2", "#d55e00"];
   const xs = data.flatMap(d => d.x).concat(stroke || []);
   const left = Math.min(...xs) - 1.25 * length, right = Math.max(...xs) + 1.25 * length;
   const scale = Math.min(scene.width / (right - left), scene.height / (2.7 * length));
   const px = x => scene.width / 2 + (x - (left + right) / 2) * scale, py = y => scene.height / 2 - y * scale;
   slider.max = last;
-  const line = (a, b, c, d, width, colour) => {
-    pen.lineWidth = width; pen.strokeStyle = colour; pen.beginPath(); pen.moveTo(a, b); pen.lineTo(c, d); pen.stroke();
+  const line = (a, b, c, d, width, color) => {
+    pen.lineWidth = width; pen.strokeStyle = color; pen.beginPath(); pen.moveTo(a, b); pen.lineTo(c, d); pen.stroke();
   };
   const draw = k => {
     pen.clearRect(0, 0, scene.width, scene.height);
     line(0, py(0), scene.width, py(0), 1, "#bbb");
     if (stroke) for (const end of stroke) line(px(end), py(0) - 22, px(end), py(0) + 22, 3, "#b23a2e");
     data.slice().reverse().forEach((d, r) => {
-      const i = data.length - 1 - r, at = Math.min(k, d.x.length - 1), colour = colours[i];
+      const i = data.length - 1 - r, at = Math.min(k, d.x.length - 1), color = colors[i];
       const tip = j => [px(d.x[j] + length * Math.sin(d.a[j])), py(-length * Math.cos(d.a[j]))];
       pen.globalAlpha = i === 0 ? 1 : 0.45;
-      pen.lineWidth = 1.5; pen.strokeStyle = colour; pen.setLineDash(i === 0 ? [] : [5, 5]); pen.beginPath();
+      pen.lineWidth = 1.5; pen.strokeStyle = color; pen.setLineDash(i === 0 ? [] : [5, 5]); pen.beginPath();
       for (let j = Math.max(0, at - 40); j <= at; j++) pen.lineTo(...tip(j));
       pen.stroke(); pen.setLineDash([]);
       const width = Math.max(26, 0.28 * length * scale), x = px(d.x[at]), y = py(0);
       if (i === 0) { pen.fillStyle = "#444"; pen.fillRect(x - width / 2, y - width / 4, width, width / 2); }
       const [tx, ty] = tip(at);
-      line(x, y, tx, ty, 5, colour);
-      pen.fillStyle = colour; pen.beginPath(); pen.arc(tx, ty, 9, 0, 7); pen.fill();
+      line(x, y, tx, ty, 5, color);
+      pen.fillStyle = color; pen.beginPath(); pen.arc(tx, ty, 9, 0, 7); pen.fill();
       pen.globalAlpha = 1;
       pen.font = "14px Helvetica, Arial, sans-serif"; pen.fillText(d.name, 12, 22 + 20 * i);
     });

@@ -7,10 +7,10 @@ use crate::plot::identification::panel::{Entry, Scale, Sheet};
 /// What is drawn of a force: suffix of its column, class, words.
 const DELIVERED: [(&str, &str, &str); 3] = [
     (".planned", "s0", "planned"),
-    (".delivered.optimised", "s1 d1", "delivered, command from the model of the actuator"),
+    (".delivered.optimized", "s1 d1", "delivered, command from the model of the actuator"),
     (".delivered.naive", "s2 d2", "delivered, planned force as command"),
 ];
-const COMMANDS: [(&str, &str); 2] = [(".command.optimised", "s1"), (".command.naive", "s2")];
+const COMMANDS: [(&str, &str); 2] = [(".command.optimized", "s1"), (".command.naive", "s2")];
 
 /// For every force what is planned and delivered, and below it the commands.
 pub(super) fn forces(plan: &Plan) -> String {

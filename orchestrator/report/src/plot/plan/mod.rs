@@ -24,7 +24,7 @@ pub const DEFECTS: &str = "defects.csv";
 
 /// Planned forces, commands of the actuators and the forces that they deliver.
 pub const FORCES: &str = "feed_forward.csv";
-/// Figures that a plan may have beside those of [`figure_files`]: its stick figure, and the forces of actuators.
+/// Figures that a plan may have in addition to those of [`figure_files`]: its stick figure, and the forces of actuators.
 pub const MORE_FIGURES: [&str; 2] = ["stick_figure.svg", "forces.svg"];
 
 /// What is drawn.
@@ -58,7 +58,7 @@ impl Plan {
     }
 }
 
-/// The files that [`draw`] writes beside the page.
+/// The files that [`draw`] writes next to the page.
 pub fn figure_files(with_portrait: bool, with_defects: bool) -> Vec<String> {
     let mut files = vec!["states.svg".to_owned(), "input.svg".to_owned()];
     if with_portrait {

@@ -146,7 +146,7 @@ pub(super) fn moving(plan: &Plan) -> String {
 const SCRIPT: &str = r##"  const scene = document.getElementById("sticks"), pen = scene.getContext("2d");
   const play = document.getElementById("stick-play"), slider = document.getElementById("stick-time");
   const clock = document.getElementById("stick-clock");
-  const last = data[0].p.length - 1, colours = ["#0072b2", "#d55e00", "#009e73", "#cc79a7"];
+  const last = data[0].p.length - 1, colors = ["#0072b2", "#d55e00", "#009e73", "#cc79a7"];
   const all = data.flatMap(d => d.p), xs = all.flatMap(p => p.filter((_, i) => i % 2 === 0));
   const ys = all.flatMap(p => p.filter((_, i) => i % 2 === 1)).concat([0]);
   const left = Math.min(...xs), right = Math.max(...xs), low = Math.min(...ys), high = Math.max(...ys);
@@ -154,8 +154,8 @@ const SCRIPT: &str = r##"  const scene = document.getElementById("sticks"), pen 
   const px = x => scene.width / 2 + (x - (left + right) / 2) * scale;
   const py = y => scene.height / 2 - (y - (low + high) / 2) * scale;
   slider.max = last;
-  const line = (a, b, c, d, width, colour) => {
-    pen.lineWidth = width; pen.strokeStyle = colour; pen.beginPath(); pen.moveTo(a, b); pen.lineTo(c, d); pen.stroke();
+  const line = (a, b, c, d, width, color) => {
+    pen.lineWidth = width; pen.strokeStyle = color; pen.beginPath(); pen.moveTo(a, b); pen.lineTo(c, d); pen.stroke();
   };
   const draw = k => {
     pen.clearRect(0, 0, scene.width, scene.height);
@@ -164,7 +164,7 @@ const SCRIPT: &str = r##"  const scene = document.getElementById("sticks"), pen 
       const main = r === data.length - 1, p = d.p[Math.min(k, d.p.length - 1)];
       pen.globalAlpha = main ? 1 : 0.35; pen.lineCap = "round";
       for (let i = 2; i < p.length; i += 2) {
-        line(px(p[0]), py(p[1]), px(p[i]), py(p[i + 1]), main ? 5 : 9, main ? colours[(i / 2 - 1) % 4] : "#999");
+        line(px(p[0]), py(p[1]), px(p[i]), py(p[i + 1]), main ? 5 : 9, main ? colors[(i / 2 - 1) % 4] : "#999");
       }
       pen.fillStyle = main ? "#222" : "#999"; pen.beginPath(); pen.arc(px(p[0]), py(p[1]), 8, 0, 7); pen.fill();
       pen.globalAlpha = 1; pen.font = "14px Helvetica, Arial, sans-serif";

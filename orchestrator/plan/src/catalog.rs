@@ -45,7 +45,7 @@ pub struct Variable {
 
 /// All variables of a system.
 #[derive(Debug, Clone)]
-pub struct Catalogue {
+pub struct Catalog {
     variables: Vec<Variable>,
     /// Further names: (name, index, from the value of the plan to that under this name).
     aliases: Vec<(String, usize, Conversion)>,
@@ -53,12 +53,12 @@ pub struct Catalogue {
     fmus: Vec<Arc<Fmu>>,
 }
 
-impl Catalogue {
+impl Catalog {
     /// Lists the variables of a system.
-    pub fn new(graph: &SystemGraph) -> Catalogue {
+    pub fn new(graph: &SystemGraph) -> Catalog {
         let fmus = graph.components.iter().map(|component| Arc::clone(&component.fmu)).collect();
         let mut all =
-            Catalogue { variables: Vec::new(), aliases: Vec::new(), units: graph.units.clone(), fmus };
+            Catalog { variables: Vec::new(), aliases: Vec::new(), units: graph.units.clone(), fmus };
         for (index, component) in graph.components.iter().enumerate() {
             let description = &component.fmu.description;
             let states: Vec<usize> = description.continuous_states().collect();
@@ -174,7 +174,7 @@ impl Catalogue {
         })
     }
 
-    /// As [`Catalogue::find`], for a name in a problem file.
+    /// As [`Catalog::find`], for a name in a problem file.
     ///
     /// # Errors
     /// [`Error::File`] with the nearest names.
@@ -187,7 +187,7 @@ impl Catalogue {
         })
     }
 
-    /// A quantity in the unit of a variable; `conversion` is that of [`Catalogue::find`].
+    /// A quantity in the unit of a variable; `conversion` is that of [`Catalog::find`].
     ///
     /// # Errors
     /// [`Error::File`] for a unit that is not known or of another kind.
@@ -208,7 +208,7 @@ impl Catalogue {
     /// A number with a written unit in the unit of a variable.
     ///
     /// # Errors
-    /// As [`Catalogue::value`].
+    /// As [`Catalog::value`].
     pub fn convert(
         &self,
         source: &Source,

@@ -5,7 +5,7 @@
 //! of the plan, or from its jump at the start of a phase. A roll-out that has drifted away from its plan for other reasons,
 //! such as a coarse mesh, is not judged.
 
-use super::catalogue::Kind;
+use super::catalog::Kind;
 use super::prepare::Prepared;
 use super::verify::{self, Rollout};
 use airloop_ocp::transcription::{Dynamics, PhaseTrajectory, Point, Trajectory};
@@ -71,15 +71,15 @@ pub fn departure(prepared: &Prepared, plan: &Trajectory, rollout: &Rollout) -> O
     if plan.phases.len() < 2 || rollout.states.len() < 3 {
         return None;
     }
-    let course = Course::new(prepared, plan, rollout);
+    let comparison = Comparison::new(prepared, plan, rollout);
     let mut near = 0.0;
-    let departure = plan.phases[1..].iter().find_map(|phase| course.start(prepared, phase));
+    let departure = plan.phases[1..].iter().find_map(|phase| comparison.start(prepared, phase));
     if departure.is_some() {
         return departure;
     }
     for (phase, dynamics) in plan.phases.iter().zip(&prepared.dynamics) {
         let mut dynamics = dynamics.duplicate().ok()?;
-        match course.along(phase, dynamics.as_mut(), &mut near) {
+        match comparison.along(phase, dynamics.as_mut(), &mut near) {
             Verdict::Kept => {}
             Verdict::Unknown => return None,
             Verdict::Departs(departure) => return Some(departure),
@@ -105,7 +105,7 @@ enum Verdict {
 }
 
 /// A roll-out and its plan.
-struct Course<'a> {
+struct Comparison<'a> {
     times: &'a [f64],
     /// Values of the states that the roll-out shows; those that it does not show follow the command alone.
     shown: Vec<Option<&'a [f64]>>,
@@ -113,9 +113,9 @@ struct Course<'a> {
     spans: Vec<f64>,
 }
 
-impl<'a> Course<'a> {
-    fn new(prepared: &Prepared, plan: &Trajectory, rollout: &'a Rollout) -> Course<'a> {
-        let variables = prepared.catalogue.variables();
+impl<'a> Comparison<'a> {
+    fn new(prepared: &Prepared, plan: &Trajectory, rollout: &'a Rollout) -> Comparison<'a> {
+        let variables = prepared.catalog.variables();
         let states = prepared.task.signals.states.iter().map(|&index| &variables[index]);
         let shown = states.clone().map(|state| {
             let channel = rollout.states.channel(&state.name).filter(|_| state.kind == Kind::State)?;
@@ -129,7 +129,7 @@ impl<'a> Course<'a> {
             (ends.1 - ends.0).max(1e-6)
         };
         let shown: Vec<_> = shown.collect();
-        Course {
+        Comparison {
             times: rollout.states.time(),
             spans: (0..shown.len()).map(span).collect(),
             shown,
@@ -229,7 +229,7 @@ impl<'a> Course<'a> {
         let found = |i: usize| (last[i] - first[i]) / (steps[0] + steps[1]);
         let largest = |i: usize| rates[..3].iter().map(|rates| rates[i].abs()).fold(0.0, f64::max);
         let off = |i: usize| (found(i) - mean(i)).abs() / (largest(i) + self.spans[i]);
-        // The plan's course of a state that the roll-out does not show is good only where it is one of its dynamics.
+        // The plan's trajectory of a state that the roll-out does not show is good only where it is one of its dynamics.
         let hidden = |i: &usize| self.shown[*i].is_none();
         if (0..first.len()).filter(hidden).any(|i| off(i) > ALIKE) {
             return None;

@@ -2,9 +2,9 @@
 
 use std::path::{Path, PathBuf};
 
-use super::design::Stabilised;
+use super::design::Stabilized;
 use crate::Error;
-use crate::catalogue::Catalogue;
+use crate::catalog::Catalog;
 use crate::file::Text;
 use airloop_cosim::system::graph::{
     Component, Connection, Conversion, DataType, Source, Start, SystemInput, SystemOutput,
@@ -29,15 +29,15 @@ pub fn noise_input(signal: &str) -> String {
 /// A measured signal that no output shows, or files that cannot be read or written.
 pub fn write_closed_loop(
     graph: &SystemGraph,
-    catalogue: &Catalogue,
-    stabilised: &Stabilised,
+    catalog: &Catalog,
+    stabilized: &Stabilized,
     (states, parameters): (&[usize], &[(Text, String)]),
     fmu: &Path,
     folder: &Path,
 ) -> Result<PathBuf, Error> {
     let ending = if graph.package.is_some() { "ssp" } else { "ssd" };
     let file = folder.join(format!("closed_loop.{ending}"));
-    let mut closed = closed_loop(graph, catalogue, stabilised, states, fmu)?;
+    let mut closed = closed_loop(graph, catalog, stabilized, states, fmu)?;
     for (name, value) in parameters {
         closed.set_start(&name.text, value, &format!("[parameters], line {}", name.place.line))?;
     }
@@ -49,15 +49,15 @@ pub fn write_closed_loop(
 
 fn closed_loop(
     graph: &SystemGraph,
-    catalogue: &Catalogue,
-    stabilised: &Stabilised,
+    catalog: &Catalog,
+    stabilized: &Stabilized,
     states: &[usize],
     fmu: &Path,
 ) -> Result<SystemGraph, Error> {
     let place = |problem: String| Error::Place { place: graph.file.display().to_string(), problem };
     let mut closed = graph.clone();
     closed.single = false;
-    closed.name = format!("{}_stabilised", graph.name);
+    closed.name = format!("{}_stabilized", graph.name);
     let names: Vec<&str> = graph.components.iter().map(|component| component.name.as_str()).collect();
     let name = [COMPONENT.to_owned()].into_iter().chain((2..).map(|k| format!("{COMPONENT}{k}")));
     let name = name.into_iter().find(|name| !names.contains(&name.as_str())).unwrap_or_default();
@@ -71,8 +71,8 @@ fn closed_loop(
     };
     // Former inputs: from the controller.
     let mut replaced = Vec::new();
-    for (j, &input) in stabilised.inputs.iter().enumerate() {
-        let connector = &catalogue.variables()[input].name;
+    for (j, &input) in stabilized.inputs.iter().enumerate() {
+        let connector = &catalog.variables()[input].name;
         let position = graph.inputs.iter().position(|one| one.name == *connector);
         let position = position.ok_or_else(|| place(format!("the system has no input `{connector}`")))?;
         replaced.push((
@@ -105,8 +105,8 @@ fn closed_loop(
         }
     }
     // Measured signals and their noise: to the controller.
-    for (i, &index) in stabilised.measured.iter().enumerate() {
-        let signal = &catalogue.variables()[index];
+    for (i, &index) in stabilized.measured.iter().enumerate() {
+        let signal = &catalog.variables()[index];
         let source = shown(graph, &signal.path).ok_or_else(|| {
             place(format!(
                 "no output of a component shows `{}`; measure something that an output shows",
@@ -122,7 +122,7 @@ fn closed_loop(
         let (name, unit) = (noise_input(&signal.name), signal.unit.clone());
         closed.inputs.push(SystemInput { name, unit, data_type: DataType::Real });
     }
-    if let Some((component, output)) = stabilised.mode {
+    if let Some((component, output)) = stabilized.mode {
         closed.connections.push(Connection {
             source: Source::Output { component, variable: output },
             component: controller,
@@ -131,23 +131,23 @@ fn closed_loop(
         });
     }
     closed.components.push(Component { name, fmu: fmu.clone(), start_values: Vec::new() });
-    for (&state, &value) in states.iter().zip(&stabilised.nominal.states[0]) {
-        let variable = &catalogue.variables()[state];
+    for (&state, &value) in states.iter().zip(&stabilized.nominal.states[0]) {
+        let variable = &catalog.variables()[state];
         if variable.start != Some(value)
             && let Some((component, index)) = find(graph, &variable.path)
         {
             closed.components[component].set_start(index, Start::Real(value));
         }
     }
-    closed.experiment.start = Some(stabilised.nominal.start);
-    let end = stabilised.nominal.time(stabilised.nominal.samples());
-    closed.experiment.stop = Some(end + (end - stabilised.nominal.start));
+    closed.experiment.start = Some(stabilized.nominal.start);
+    let end = stabilized.nominal.time(stabilized.nominal.samples());
+    closed.experiment.stop = Some(end + (end - stabilized.nominal.start));
     closed.order = order::evaluation_order(&closed);
     closed.loops = order::algebraic_loops(&closed);
     Ok(closed)
 }
 
-/// Component and variable of a path of the catalogue.
+/// Component and variable of a path of the catalog.
 pub fn find(graph: &SystemGraph, path: &str) -> Option<(usize, usize)> {
     graph.components.iter().enumerate().find_map(|(index, component)| {
         let inside = path.strip_prefix(component.name.as_str()).and_then(|rest| rest.strip_prefix('.'));

@@ -10,34 +10,34 @@ use super::projection::{Projection, pseudo_inverse};
 /// Where A and C come from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, serde::Serialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Realisation {
+pub enum Realization {
     /// Shift invariance of the extended observability matrix.
     Shift,
     /// Regression of next state and output on state and input.
     States,
 }
 
-impl Realisation {
+impl Realization {
     /// Both of them.
-    pub const ALL: [Realisation; 2] = [Realisation::Shift, Realisation::States];
+    pub const ALL: [Realization; 2] = [Realization::Shift, Realization::States];
 }
 
 /// A and C of order n.
-pub(super) fn realise(
+pub(super) fn realize(
     factor: &HankelFactor,
     projection: &Projection,
-    realisation: Realisation,
+    realization: Realization,
     n: usize,
 ) -> (DMatrix<f64>, DMatrix<f64>) {
     let n_y = factor.n_y;
-    match realisation {
-        Realisation::Shift => {
+    match realization {
+        Realization::Shift => {
             let gamma = projection.observability(n);
             let rows = gamma.nrows() - n_y;
             let a = pseudo_inverse(gamma.rows(0, rows).into_owned()) * gamma.rows(n_y, rows);
             (a, gamma.rows(0, n_y).into_owned())
         }
-        Realisation::States => {
+        Realization::States => {
             let steps = factor.steps();
             let state = projection.state_from_past(n).transpose();
             let n_u = factor.n_u;
@@ -59,7 +59,7 @@ pub(super) fn spectral_radius(a: &DMatrix<f64>) -> f64 {
 
 /// A with the poles outside the unit circle mirrored at it (to `1 / conj(z)`), in the real Schur form; poles next to
 /// the circle come to rest at modulus 0.9999. `None` if the Schur form does not converge.
-pub(super) fn stabilised(a: &DMatrix<f64>) -> Option<DMatrix<f64>> {
+pub(super) fn stabilized(a: &DMatrix<f64>) -> Option<DMatrix<f64>> {
     const LIMIT: f64 = 0.9999;
     let (q, mut t) = nalgebra::Schur::try_new(a.clone(), f64::EPSILON, 10_000)?.unpack();
     let n = t.nrows();
@@ -107,7 +107,7 @@ mod tests {
             ],
         );
         let turn = DMatrix::from_fn(4, 4, |i, j| ((i * 4 + j) as f64).sin()).qr().q();
-        let mended = stabilised(&(&turn * diagonal * turn.transpose())).unwrap();
+        let mended = stabilized(&(&turn * diagonal * turn.transpose())).unwrap();
         let mut moduli: Vec<f64> = spectral::eigenvalues(&mended).iter().map(|pole| pole.norm()).collect();
         moduli.sort_by(f64::total_cmp);
         for (found, expected) in moduli.iter().zip([0.5, 0.8, 1.0 / 1.1, 1.0 / 1.1]) {

@@ -14,7 +14,7 @@ use airloop_ocp::control::{Controller, Design, Leg, Measured, Nominal, Sampled, 
 use airloop_ocp::transcription::Point;
 use airloop_series::{Interpolation, TimeSeries};
 
-/// A plan to be stabilised.
+/// A plan to be stabilized.
 #[derive(Debug, Clone, Copy)]
 pub struct Plan<'a> {
     /// States and inputs by name.
@@ -27,7 +27,7 @@ pub struct Plan<'a> {
 
 /// A plan with its controller.
 #[derive(Debug, Clone)]
-pub struct Stabilised {
+pub struct Stabilized {
     /// The controller.
     pub controller: Controller,
     /// Its rows at the samples of `nominal`.
@@ -38,9 +38,9 @@ pub struct Stabilised {
     pub design: Design,
     /// Names of the states, then of the disturbances, `[n]`.
     pub states: Vec<String>,
-    /// Inputs, by index into the catalogue.
+    /// Inputs, by index into the catalog.
     pub inputs: Vec<usize>,
-    /// Measured signals, by index into the catalogue.
+    /// Measured signals, by index into the catalog.
     pub measured: Vec<usize>,
     /// Component and output that tell the phase.
     pub mode: Option<(usize, usize)>,
@@ -53,12 +53,12 @@ pub struct Stabilised {
 /// # Errors
 /// Unknown names and units with their place, columns that the trajectory lacks, phases without a table `[phases]`, or what
 /// [`airloop_ocp::control`] says.
-pub fn stabilise(prepared: &mut Prepared, plan: Plan<'_>, settings: &Settings) -> Result<Stabilised, Error> {
+pub fn stabilize(prepared: &mut Prepared, plan: Plan<'_>, settings: &Settings) -> Result<Stabilized, Error> {
     let place = |problem: String| Error::Place { place: plan.file.display().to_string(), problem };
     let Prepared { setup: prepared, dynamics, resets } = prepared;
     let source = &settings.source;
     let signals = &prepared.task.signals;
-    let catalogue = &prepared.catalogue;
+    let catalog = &prepared.catalog;
     let mut notes = Vec::new();
     let sample_time = match (&settings.sample_time, &prepared.sampling) {
         (Some(time), _) => seconds(source, time)?,
@@ -70,7 +70,7 @@ pub fn stabilise(prepared: &mut Prepared, plan: Plan<'_>, settings: &Settings) -
     };
     let columns = |list: &[usize]| -> Result<Vec<&[f64]>, Error> {
         let column = |&index: &usize| {
-            let name = &catalogue.variables()[index].name;
+            let name = &catalog.variables()[index].name;
             let channel = plan.trajectory.channel(name);
             channel.map(|channel| channel.values.as_slice()).ok_or_else(|| {
                 place(format!(
@@ -109,10 +109,10 @@ pub fn stabilise(prepared: &mut Prepared, plan: Plan<'_>, settings: &Settings) -
         );
     }
 
-    let lookup = |name: &Text| catalogue.want(source, name);
+    let lookup = |name: &Text| catalog.want(source, name);
     let value = |(name, quantity): &(Text, Quantity)| -> Result<(usize, f64), Error> {
         let found = lookup(name)?;
-        Ok((found.0, catalogue.value(source, quantity, found)?))
+        Ok((found.0, catalog.value(source, quantity, found)?))
     };
     let (mut measured, mut indices, mut noise) = (Vec::new(), Vec::new(), Vec::new());
     for sensor in &settings.sensors {
@@ -133,15 +133,15 @@ pub fn stabilise(prepared: &mut Prepared, plan: Plan<'_>, settings: &Settings) -
     }
     let mut limits = Vec::new();
     for &input in &signals.inputs {
-        let name = &catalogue.variables()[input].name;
+        let name = &catalog.variables()[input].name;
         let own = settings
             .limits
             .iter()
-            .find(|(text, _)| catalogue.find(&text.text).is_some_and(|(i, _)| i == input));
+            .find(|(text, _)| catalog.find(&text.text).is_some_and(|(i, _)| i == input));
         limits.push(match own {
             Some((name, [low, high])) => {
                 let found = lookup(name)?;
-                (catalogue.value(source, low, found)?, catalogue.value(source, high, found)?)
+                (catalog.value(source, low, found)?, catalog.value(source, high, found)?)
             }
             None => planned_limits(&prepared.task, input),
         });
@@ -184,11 +184,11 @@ pub fn stabilise(prepared: &mut Prepared, plan: Plan<'_>, settings: &Settings) -
             (controller, rows, following.mode)
         }
     };
-    let name = |&index: &usize| catalogue.variables()[index].name.clone();
+    let name = |&index: &usize| catalog.variables()[index].name.clone();
     let disturbed = signals.inputs.iter().zip(&wanted.input_drift).filter(|(_, drift)| **drift > 0.0);
     let disturbances = disturbed.map(|(index, _)| format!("disturbance of {}", name(index)));
     let states = signals.states.iter().map(name).chain(disturbances).collect();
-    Ok(Stabilised {
+    Ok(Stabilized {
         controller,
         rows,
         nominal,

@@ -1,4 +1,4 @@
-//! Stabilised swing-up (P1-S of the problem statement) with plant and trials typed by hand: the independent check of
+//! Stabilized swing-up (P1-S of the problem statement) with plant and trials typed by hand: the independent check of
 //! `control`, and of trials over FMUs.
 
 use std::f64::consts::PI;
@@ -67,7 +67,7 @@ impl Dynamics for CartPole {
     }
 
     fn hessian(&mut self, _: Point<'_>, _: &[f64], _: &mut [f64]) -> Result<(), EvaluationError> {
-        let (function, reason) = ("cart-pole".into(), "stabilisation needs no curvature".into());
+        let (function, reason) = ("cart-pole".into(), "stabilization needs no curvature".into());
         Err(EvaluationError { function, reason })
     }
 
@@ -178,7 +178,7 @@ fn trial(controller: &Controller, seed: u64, scale: f64, closed: bool) -> (bool,
 }
 
 #[test]
-fn the_swing_up_is_stabilised_under_perturbed_plants() {
+fn the_swing_up_is_stabilized_under_perturbed_plants() {
     let controller = controller();
     let count = |scale: f64, closed: bool, trials: u64| {
         let results: Vec<_> = (0..trials).map(|seed| trial(&controller, seed, scale, closed)).collect();

@@ -1,4 +1,4 @@
-//! What the optimiser does with problems that are infeasible, unbounded, badly posed, or cannot be evaluated.
+//! What the optimizer does with problems that are infeasible, unbounded, badly posed, or cannot be evaluated.
 
 use std::ops::ControlFlow;
 
@@ -36,7 +36,7 @@ impl Plane {
         x[0] * x[0] + x[1] * x[1]
     }
 
-    /// Minimise x0 + x1 on the circle of radius squared `r` in the half plane x0 >= `low`.
+    /// Minimize x0 + x1 on the circle of radius squared `r` in the half plane x0 >= `low`.
     fn circle(r: f64, low: f64) -> Self {
         let f: (Value, Gradient, Hessian) = (|x| x[0] + x[1], |_| [1.0, 1.0], |_| [0.0; 3]);
         let c: (Value, Gradient, Hessian) =

@@ -30,7 +30,7 @@ RECORDED = [
 
 
 class Slaves:
-    """The four slaves in initialisation mode and after, by component and variable name."""
+    """The four slaves in initialization mode and after, by component and variable name."""
 
     def __init__(self, shipped):
         self.slaves, self.references = {}, {}

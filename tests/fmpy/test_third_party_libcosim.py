@@ -1,6 +1,6 @@
 """libcosim (Open Simulation Platform) runs the system with its fixed-step algorithm, which is a Jacobi master.
 
-How it works: it passes outputs on as often as there are slaves before the initialisation ends, as ours does until
+How it works: it passes outputs on as often as there are slaves before the initialization ends, as ours does until
 nothing changes; then all slaves step, then all outputs are passed on. It keeps time in whole nanoseconds and hands
 each step to the slaves as the difference of two such times: with a step of 2^-9 s these are exact and the results must
 be equal bit for bit; with 1 ms the times differ in the last place, which shows at 1e-12 or so.

@@ -1,4 +1,4 @@
-//! Figures of a stabilised plan and of trials, and their pages, from the files of the folder.
+//! Figures of a stabilized plan and of trials, and their pages, from the files of the folder.
 
 use std::path::{Path, PathBuf};
 
@@ -6,17 +6,17 @@ use super::Error;
 use super::figures::{Curve, signals};
 use super::fit_page::{Page, Table, html};
 use super::run::{short, unique_files, write};
-use airloop_plan::stabilise::record::{Summary, TrialsSummary, gain_column};
+use airloop_plan::stabilize::record::{Summary, TrialsSummary, gain_column};
 use airloop_series::{TimeSeries, csv};
 
 /// The plan with its gains.
 pub const GAINS: &str = "gains.csv";
 /// The closed loop without noise and perturbation.
 pub const CLOSED_LOOP: &str = "closed_loop.csv";
-/// Courses of the first trials.
-pub const COURSES: &str = "courses.csv";
+/// Trajectories of the first trials.
+pub const TRAJECTORIES: &str = "trajectories.csv";
 
-/// Signals of a stabilised plan that are drawn over the plan: measured signals, then inputs.
+/// Signals of a stabilized plan that are drawn over the plan: measured signals, then inputs.
 fn drawn(summary: &Summary) -> Vec<(&str, &str, bool)> {
     let of = |kind: &'static str| summary.signals.iter().filter(move |signal| signal.kind == kind);
     let measured =
@@ -25,14 +25,14 @@ fn drawn(summary: &Summary) -> Vec<(&str, &str, bool)> {
     measured.chain(inputs).collect()
 }
 
-/// The figures of a stabilised plan that [`draw`] writes.
+/// The figures of a stabilized plan that [`draw`] writes.
 pub fn figure_files(summary: &Summary) -> Vec<String> {
     let names: Vec<String> =
         drawn(summary).iter().map(|(name, ..)| (*name).to_owned()).chain(["gains".into()]).collect();
     unique_files(names.iter().map(String::as_str))
 }
 
-/// Draws the figures of a stabilised plan and the page that shows them; returns what was written.
+/// Draws the figures of a stabilized plan and the page that shows them; returns what was written.
 ///
 /// # Errors
 /// A file cannot be read or written, or a column is missing.
@@ -70,7 +70,7 @@ pub fn draw(folder: &Path, summary: &Summary) -> Result<Vec<PathBuf>, Error> {
         vec![name.clone(), short(*error), unit.unwrap_or_default()]
     });
     let page = Page {
-        title: "Stabilised plan".into(),
+        title: "Stabilized plan".into(),
         lead: format!(
             "Regulator with state estimator every {} s along {}.",
             summary.sample_time,
@@ -96,17 +96,17 @@ pub fn draw_trials(
     summary: &TrialsSummary,
     shown: &[(String, Option<String>)],
 ) -> Result<Vec<PathBuf>, Error> {
-    let courses = csv::read(&folder.join(COURSES))?;
+    let trajectories = csv::read(&folder.join(TRAJECTORIES))?;
     let mut figures = Vec::new();
     for (name, unit) in shown {
         for kind in ["closed", "open"] {
             let beginning = format!("{name}, {kind} loop, seed ");
-            let of = courses.channels().iter().filter(|channel| channel.name.starts_with(&beginning));
+            let of = trajectories.channels().iter().filter(|channel| channel.name.starts_with(&beginning));
             let channels: Vec<_> = of.collect();
             let curves: Vec<Curve> = channels
                 .iter()
                 .map(|channel| Curve {
-                    time: courses.time(),
+                    time: trajectories.time(),
                     values: &channel.values,
                     held: false,
                     name: &channel.name,

@@ -249,9 +249,9 @@ fn built(path: &str) -> Option<PathBuf> {
 fn a_sampled_component_is_refused_with_the_remedy() {
     let Some(path) = built("target/fmu/arx-actuator.fmu") else { return };
     let mut graph = graph(&path);
-    graph.set_start("realisation", "1", "test").unwrap();
+    graph.set_start("realization", "1", "test").unwrap();
     let error = System::open(&graph, &Options::default()).unwrap_err().to_string();
-    assert!(error.contains("`arx-actuator`") && error.contains("realisation"), "{error}");
+    assert!(error.contains("`arx-actuator`") && error.contains("realization"), "{error}");
 }
 
 #[test]

@@ -107,7 +107,7 @@ impl Following {
         }
         let mut events = Vec::new();
         for (guard, jump) in own.guards.iter().zip(resets) {
-            let (index, _) = setup.catalogue.want(source, guard)?;
+            let (index, _) = setup.catalog.want(source, guard)?;
             let Some(Signal::Output(guard)) = setup.task.signals.of(index) else {
                 let problem = format!("`{}` is no output that the problem names; bound it there", guard.text);
                 return Err(source.error_at(guard.place, problem));

@@ -17,7 +17,7 @@ use airloop_fmi::derive::{Derivation, Value, derive};
 use airloop_fmi::template_folder::template;
 use airloop_ocp::control::Controller;
 
-pub use design::{Plan, Stabilised, stabilise};
+pub use design::{Plan, Stabilized, stabilize};
 pub use settings::Settings;
 
 /// The FMU that is derived from.

@@ -1,6 +1,6 @@
-"""Licences of all dependencies against the list in deny.toml, for machines without cargo-deny.
+"""Licenses of all dependencies against the list in deny.toml, for machines without cargo-deny.
 
-    python scripts/check_licences.py
+    python scripts/check_licenses.py
 
 Reads `cargo metadata`. An expression passes when its OR-alternatives hold one whose every AND-part is allowed.
 Exit code 1 when a crate does not pass; each is named. An entry of the list that no crate uses is pointed out.
@@ -16,14 +16,14 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[1]
 
 
-def licences_used(expression, allowed):
-    """The allowed licences that satisfy an SPDX `expression`, or None when none do.
+def licenses_used(expression, allowed):
+    """The allowed licenses that satisfy an SPDX `expression`, or None when none do.
 
-    >>> sorted(licences_used("MIT OR Apache-2.0", {"MIT"}))
+    >>> sorted(licenses_used("MIT OR Apache-2.0", {"MIT"}))
     ['MIT']
-    >>> licences_used("GPL-3.0 AND MIT", {"MIT"}) is None
+    >>> licenses_used("GPL-3.0 AND MIT", {"MIT"}) is None
     True
-    >>> sorted(licences_used("(MIT OR GPL-3.0) AND Unicode-3.0", {"MIT", "Unicode-3.0"}))
+    >>> sorted(licenses_used("(MIT OR GPL-3.0) AND Unicode-3.0", {"MIT", "Unicode-3.0"}))
     ['MIT', 'Unicode-3.0']
     """
     # Old crates write "MIT/Apache-2.0".
@@ -73,16 +73,16 @@ def main():
     packages = [p for p in json.loads(metadata.stdout)["packages"] if p["source"] is not None]
     refused, used = [], set()
     for package in packages:
-        licences = licences_used(package["license"], allowed) if package["license"] else None
-        if licences is None:
-            refused.append(f"{package['name']} {package['version']}: {package['license'] or 'no licence stated'}")
+        licenses = licenses_used(package["license"], allowed) if package["license"] else None
+        if licenses is None:
+            refused.append(f"{package['name']} {package['version']}: {package['license'] or 'no license stated'}")
         else:
-            used |= licences
+            used |= licenses
     for line in refused:
-        print(f"licence not in deny.toml: {line}", file=sys.stderr)
-    for licence in sorted(allowed - used):
-        print(f"deny.toml allows {licence}, which no dependency uses")
-    print(f"licences: {len(packages)} dependencies, {len(refused)} refused")
+        print(f"license not in deny.toml: {line}", file=sys.stderr)
+    for license in sorted(allowed - used):
+        print(f"deny.toml allows {license}, which no dependency uses")
+    print(f"licenses: {len(packages)} dependencies, {len(refused)} refused")
     return 1 if refused else 0
 
 

@@ -1,8 +1,8 @@
 """Compiles van_der_pol.c and packs it with its description: van_der_pol.fmu (Linux, 64 bits).
 
-    python3 examples/03_swing_up/foreign/make_fmu.py [FOLDER]
+    python3 examples/03_swing_up/third_party/make_fmu.py [FOLDER]
 
-The FMU goes to FOLDER, by default out/foreign. CC names another C compiler.
+The FMU goes to FOLDER, by default out/third_party. CC names another C compiler.
 """
 
 import os
@@ -29,4 +29,4 @@ def main(folder):
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1] if len(sys.argv) > 1 else "out/foreign"))
+    main(Path(sys.argv[1] if len(sys.argv) > 1 else "out/third_party"))

@@ -1,13 +1,13 @@
-//! `summary.json` of a stabilised plan and of trials, and the tables beside it.
+//! `summary.json` of a stabilized plan and of trials, and the tables that go with it.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
-use super::Stabilised;
+use super::Stabilized;
 use crate::Error;
-use crate::catalogue::Catalogue;
+use crate::catalog::Catalog;
 use airloop_series::TimeSeries;
 
 /// Version of the layout; it grows when a field changes its meaning or goes.
@@ -24,7 +24,7 @@ pub struct SignalRecord {
     pub unit: Option<String>,
     /// Deviation that costs as much as those of the others; null for measured signals.
     pub deviation: Option<f64>,
-    /// Standard deviation after one second, of a state beside the model or of what disturbs an input.
+    /// Standard deviation after one second, of the drift of a state that the model does not describe, or of the disturbance of an input.
     pub drift: Option<f64>,
     /// Standard deviation of the noise of a measured signal.
     pub noise: Option<f64>,
@@ -41,7 +41,7 @@ pub struct Summary {
     pub airloop_version: String,
     /// Always `stabilize`.
     pub command: String,
-    /// Trajectory that is stabilised.
+    /// Trajectory that is stabilized.
     pub trajectory_file: PathBuf,
     /// Problem of the plan.
     pub problem_file: PathBuf,
@@ -126,10 +126,10 @@ pub fn write<T: Serialize>(summary: &T, path: &Path) -> Result<(), Error> {
 }
 
 /// Signals of the design.
-pub fn signals(stabilised: &Stabilised, states: &[usize], catalogue: &Catalogue) -> Vec<SignalRecord> {
-    let design = &stabilised.design;
+pub fn signals(stabilized: &Stabilized, states: &[usize], catalog: &Catalog) -> Vec<SignalRecord> {
+    let design = &stabilized.design;
     let record = |index: usize, kind: &str| {
-        let variable = &catalogue.variables()[index];
+        let variable = &catalog.variables()[index];
         SignalRecord {
             name: variable.name.clone(),
             kind: kind.into(),
@@ -145,13 +145,13 @@ pub fn signals(stabilised: &Stabilised, states: &[usize], catalogue: &Catalogue)
         drift: Some(design.state_drift[i]),
         ..record(index, "state")
     });
-    let inputs = stabilised.inputs.iter().enumerate().map(|(i, &index)| SignalRecord {
+    let inputs = stabilized.inputs.iter().enumerate().map(|(i, &index)| SignalRecord {
         deviation: Some(design.input_deviation[i]).filter(|value| value.is_finite()),
         drift: Some(design.input_drift[i]),
         limits: Some(design.limits[i]).filter(|limits| limits.0.is_finite() && limits.1.is_finite()),
         ..record(index, "input")
     });
-    let measured = stabilised
+    let measured = stabilized
         .measured
         .iter()
         .enumerate()
@@ -168,21 +168,20 @@ pub fn gain_column(input: &str, state: &str) -> String {
 ///
 /// # Errors
 /// Names that stand twice.
-pub fn gains(stabilised: &Stabilised, catalogue: &Catalogue) -> Result<TimeSeries, Error> {
-    let rows = &stabilised.rows;
-    let mut series = TimeSeries::new((0..rows.len()).map(|k| stabilised.nominal.time(k)).collect())?;
-    let input = |j: usize| &catalogue.variables()[stabilised.inputs[j]];
-    let unit =
-        |name: &str| catalogue.find(name).and_then(|(index, _)| catalogue.variables()[index].unit.clone());
-    for (i, name) in stabilised.states.iter().enumerate().take(stabilised.nominal.states[0].len()) {
+pub fn gains(stabilized: &Stabilized, catalog: &Catalog) -> Result<TimeSeries, Error> {
+    let rows = &stabilized.rows;
+    let mut series = TimeSeries::new((0..rows.len()).map(|k| stabilized.nominal.time(k)).collect())?;
+    let input = |j: usize| &catalog.variables()[stabilized.inputs[j]];
+    let unit = |name: &str| catalog.find(name).and_then(|(index, _)| catalog.variables()[index].unit.clone());
+    for (i, name) in stabilized.states.iter().enumerate().take(stabilized.nominal.states[0].len()) {
         series.push(name.clone(), unit(name), rows.iter().map(|row| row.states[i]).collect())?;
     }
-    for j in 0..stabilised.inputs.len() {
+    for j in 0..stabilized.inputs.len() {
         let values = rows.iter().map(|row| row.inputs[j]).collect();
         series.push(input(j).name.clone(), input(j).unit.clone(), values)?;
     }
-    for j in 0..stabilised.inputs.len() {
-        for (i, state) in stabilised.states.iter().enumerate() {
+    for j in 0..stabilized.inputs.len() {
+        for (i, state) in stabilized.states.iter().enumerate() {
             let values = rows.iter().map(|row| row.feedback[(j, i)]).collect();
             series.push(gain_column(&input(j).name, state), None, values)?;
         }

@@ -19,7 +19,7 @@ pub struct Settings {
     pub sensors: Vec<(Text, Quantity)>,
     /// Deviations of states and inputs that cost alike.
     pub deviation: Vec<(Text, Quantity)>,
-    /// Standard deviation after one second: of states beside the model, of what disturbs inputs.
+    /// Standard deviation after one second: of drifts of states that the model does not describe, of disturbances of inputs.
     pub drift: Vec<(Text, Quantity)>,
     /// Standard deviation of initial states.
     pub initial: Vec<(Text, Quantity)>,
