@@ -19,3 +19,7 @@ pub use airloop_refine as refine;
 pub use airloop_report as report;
 pub use airloop_series as series;
 pub use error::Error;
+
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

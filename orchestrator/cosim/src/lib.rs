@@ -8,3 +8,7 @@ pub mod coupled;
 pub mod master;
 pub mod results;
 pub mod system;
+
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

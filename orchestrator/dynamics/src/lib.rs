@@ -182,3 +182,7 @@ mod tests {
         assert!(structure.linear_states(&[3]).is_empty());
     }
 }
+
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

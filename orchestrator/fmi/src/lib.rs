@@ -33,3 +33,7 @@ pub use model::{EventInfo, Model, StepEvent};
 pub use open::{Fmu, InterfaceKind};
 pub use package::unpack_package;
 pub use slave::{Slave, StepStatus};
+
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

@@ -50,3 +50,7 @@ pub mod subspace;
 pub mod summary;
 #[cfg(test)]
 pub mod synthetic;
+
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

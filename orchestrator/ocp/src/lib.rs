@@ -6,3 +6,7 @@
 
 pub mod control;
 pub mod transcription;
+
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

@@ -174,3 +174,7 @@ fn interior_point(
     let error = run.error();
     Ok(Finish { status, at: std::mem::take(&mut run.at), barrier: run.barrier, error, quadratic_programs: 0 })
 }
+
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

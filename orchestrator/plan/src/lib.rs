@@ -33,3 +33,7 @@ pub mod verify;
 mod workers;
 
 pub use error::Error;
+
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

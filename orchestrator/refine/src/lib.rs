@@ -41,3 +41,7 @@ pub enum Error {
     #[error(transparent)]
     Csv(#[from] airloop_series::csv::Error),
 }
+
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

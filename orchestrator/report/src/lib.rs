@@ -72,3 +72,7 @@ pub fn write(report: &Report, folder: &Path) -> Result<(), Error> {
     }
     Ok(())
 }
+
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

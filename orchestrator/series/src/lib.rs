@@ -155,3 +155,7 @@ mod tests {
         assert!(matches!(series.push("y", None, vec![1.0]), Err(Error::Length { .. })));
     }
 }
+
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

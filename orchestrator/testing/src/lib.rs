@@ -14,3 +14,7 @@ pub mod looped;
 pub mod mechanics;
 pub mod model;
 pub mod slave;
+
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;
