@@ -7,10 +7,11 @@
 //! that reads back bit for bit. A file appears under its name only when it is complete.
 
 use std::collections::HashSet;
-use std::io::Write;
+use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
 
 use super::TimeSeries;
+use super::stream::{Rows, Stream, truth};
 
 /// Why a CSV file cannot be read or written.
 #[derive(Debug, thiserror::Error)]
@@ -92,9 +93,8 @@ pub enum Error {
 /// # Errors
 /// Every [`Error`] names file, line and column.
 pub fn read(path: &Path) -> Result<TimeSeries, Error> {
-    let bytes = std::fs::read(path).map_err(|source| Error::Io { path: path.into(), source })?;
-    let text = String::from_utf8_lossy(&bytes);
-    parse(&text, path)
+    let file = std::fs::File::open(path).map_err(|source| Error::Io { path: path.into(), source })?;
+    collect(Stream::whole(file, path)?, path)
 }
 
 /// Reads CSV text; `path` is only used in messages.
@@ -107,50 +107,26 @@ pub fn read(path: &Path) -> Result<TimeSeries, Error> {
 /// # Errors
 /// As [`read`].
 pub fn parse(text: &str, path: &Path) -> Result<TimeSeries, Error> {
-    let mut lines =
-        text.trim_start_matches('\u{feff}').lines().enumerate().map(|(index, line)| (index + 1, line));
-    let (_, header) = lines.next().ok_or_else(|| Error::NoText { path: path.into() })?;
-    let names = header_cells(header, path)?;
-    let unit = names[0].1.as_deref();
-    let seconds = unit.map_or(Some(Seconds::Times(1.0)), Seconds::of);
-    let seconds = seconds
-        .ok_or_else(|| Error::TimeUnit { path: path.into(), unit: unit.unwrap_or_default().into() })?;
-    let mut time = Vec::new();
-    let mut columns: Vec<Vec<f64>> = vec![Vec::new(); names.len() - 1];
-    let mut words = vec![false; names.len()];
-    for (line, row) in lines {
-        if row.trim().is_empty() {
-            continue;
-        }
-        let cells = row.split(',').count();
-        if cells != names.len() {
-            return Err(Error::RowLength { path: path.into(), line, found: cells, expected: names.len() });
-        }
-        for (column, cell) in row.split(',').enumerate() {
-            if column > 0 {
-                let truth = truth(cell);
-                words[column] |= truth.is_some();
-                columns[column - 1].push(match truth {
-                    Some(value) => value,
-                    None => number(cell, path, line, &names[column].0)?,
-                });
-                continue;
-            }
-            let value = seconds.convert(number(cell, path, line, &names[column].0)?);
-            if let Some(&before) = time.last().filter(|&&before| value <= before) {
-                return Err(Error::NotIncreasing { path: path.into(), line, before, after: value });
-            }
-            time.push(value);
-        }
-    }
+    collect(Stream::whole(text.as_bytes(), path)?, path)
+}
+
+/// All rows of a stream of whole rows.
+fn collect(mut stream: Stream<impl Read>, path: &Path) -> Result<TimeSeries, Error> {
+    let mut rows = Rows::default();
+    stream.read(&mut rows, usize::MAX)?;
+    let Rows { time, columns, lines, words } = rows;
     if time.is_empty() {
         return Err(Error::Empty { path: path.into() });
     }
+    if let Some(k) = (1..time.len()).find(|&k| time[k] <= time[k - 1]) {
+        let (line, before, after) = (lines[k], time[k - 1], time[k]);
+        return Err(Error::NotIncreasing { path: path.into(), line, before, after });
+    }
     let mut series = TimeSeries::new(time).expect("the times were checked to be finite and increasing");
-    for ((name, unit), values) in names.into_iter().skip(1).zip(columns) {
+    for ((name, unit), values) in stream.into_names().into_iter().skip(1).zip(columns) {
         series.push(name, unit, values).expect("names and lengths were checked");
     }
-    for (channel, words) in series.channels.iter_mut().zip(words.into_iter().skip(1)) {
+    for (channel, words) in series.channels.iter_mut().zip(words) {
         channel.words = words;
     }
     Ok(series)
@@ -184,15 +160,6 @@ impl Seconds {
     }
 }
 
-/// A truth value written as a word.
-pub(super) fn truth(cell: &str) -> Option<f64> {
-    match cell.trim().trim_matches('"') {
-        "true" | "True" | "TRUE" => Some(1.0),
-        "false" | "False" | "FALSE" => Some(0.0),
-        _ => None,
-    }
-}
-
 /// The error for a value that `signal` cannot have: line and text of the first cell of `column` (0-based, without
 /// the time) that `bad` refuses, given its number and whether it is written as a word.
 ///
@@ -211,8 +178,9 @@ pub fn refuse(
     let name = &names.get(column + 1)?.0;
     lines.filter(|(_, row)| !row.trim().is_empty()).find_map(|(index, row)| {
         let cell = row.split(',').nth(column + 1)?;
-        let word = truth(cell);
-        let value = word.or_else(|| number(cell, path, index + 1, name).ok())?;
+        let word = truth(cell.as_bytes());
+        let value =
+            word.or_else(|| cell.trim().trim_matches('"').parse().ok().filter(|v: &f64| v.is_finite()))?;
         bad(value, word.is_some()).then(|| Error::Value {
             path: path.into(),
             line: index + 1,
@@ -222,17 +190,6 @@ pub fn refuse(
             allowed: allowed.into(),
         })
     })
-}
-
-fn number(cell: &str, path: &Path, line: usize, column: &str) -> Result<f64, Error> {
-    let text = cell.trim().trim_matches('"');
-    match text.parse::<f64>() {
-        Ok(value) if value.is_finite() => Ok(value),
-        Ok(_) => Err(Error::NotFinite { path: path.into(), line, column: column.into(), value: text.into() }),
-        Err(_) => {
-            Err(Error::NotANumber { path: path.into(), line, column: column.into(), value: text.into() })
-        }
-    }
 }
 
 /// Names and units of the header; the first is `time`.

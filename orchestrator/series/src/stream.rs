@@ -1,14 +1,14 @@
 //! CSV files that are longer than the memory: some columns, block by block, as often as wanted.
 //!
-//! The format is that of [`super::csv`], with two differences: only the columns that are asked for are read, and a
-//! cell of theirs that is empty or `NaN` is a missing value (NaN) instead of an error. What a missing value means is left
-//! to the caller.
+//! The format is that of [`super::csv`], which reads whole files through this module, with two differences: only the
+//! columns that are asked for are read, and a cell of theirs that is empty or `NaN` is a missing value (NaN) instead of
+//! an error. What a missing value means is left to the caller.
 
 use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
-use super::csv::{Error, Seconds, header_cells, truth};
+use super::csv::{Error, Seconds, header_cells};
 
 /// Bytes read at once.
 const CHUNK: usize = 1 << 18;
@@ -24,13 +24,15 @@ pub struct Rows {
     pub columns: Vec<Vec<f64>>,
     /// Line of each row in the file, from 1, shape \[n\].
     pub lines: Vec<usize>,
+    /// Columns in which a value is written as `true` or `false`, shape \[columns\].
+    pub words: Vec<bool>,
 }
 
 /// A CSV file that is read from the beginning to the end.
 #[derive(Debug)]
-pub struct Stream {
+pub struct Stream<R = File> {
     path: PathBuf,
-    file: File,
+    file: R,
     /// Bytes that are read but not used: `buffer[at..]`.
     buffer: Vec<u8>,
     at: usize,
@@ -42,6 +44,8 @@ pub struct Stream {
     /// For each column of the file, which of the wanted ones it is.
     target: Vec<Option<usize>>,
     wanted: Vec<usize>,
+    /// Whether an empty cell or `NaN` is a missing value; an error otherwise.
+    gaps: bool,
 }
 
 impl Stream {
@@ -51,6 +55,43 @@ impl Stream {
     /// [`Error`] for the file, its header, or a column that is not there.
     pub fn open(path: &Path, wanted: &[String]) -> Result<Stream, Error> {
         let file = File::open(path).map_err(|source| Error::Io { path: path.into(), source })?;
+        let mut stream = Stream { gaps: true, ..Stream::begin(file, path)? };
+        for name in wanted {
+            let column = stream.names.iter().skip(1).position(|(known, _)| known == name);
+            let Some(column) = column.map(|column| column + 1) else {
+                let columns: Vec<&str> = stream.names[1..].iter().map(|(name, _)| name.as_str()).collect();
+                let columns = columns.join(", ");
+                return Err(Error::MissingColumn { path: path.into(), column: name.clone(), columns });
+            };
+            stream.want(column);
+        }
+        Ok(stream)
+    }
+
+    /// Rows that are still to come, estimated from the size of the file and its lines so far, rather too many.
+    pub fn rows_left(&self) -> usize {
+        let size = self.file.metadata().map_or(0, |data| data.len());
+        let used = (self.read - (self.buffer.len() - self.at) as u64).max(1);
+        let left = size.saturating_sub(used) as f64 / used as f64 * self.line as f64;
+        (1.01 * left) as usize + 64
+    }
+}
+
+impl<R: Read> Stream<R> {
+    /// All columns of `file`, without missing values; `path` is only used in messages.
+    pub(super) fn whole(file: R, path: &Path) -> Result<Stream<R>, Error> {
+        let mut stream = Stream::begin(file, path)?;
+        (1..stream.names.len()).for_each(|column| stream.want(column));
+        Ok(stream)
+    }
+
+    /// Names and units of all columns; the first is `time`.
+    pub(super) fn into_names(self) -> Vec<(String, Option<String>)> {
+        self.names
+    }
+
+    /// Reads the header.
+    fn begin(file: R, path: &Path) -> Result<Stream<R>, Error> {
         let mut stream = Stream {
             path: path.into(),
             file,
@@ -62,6 +103,7 @@ impl Stream {
             seconds: Seconds::Times(1.0),
             target: Vec::new(),
             wanted: Vec::new(),
+            gaps: false,
         };
         while !stream.buffer.contains(&b'\n') && stream.fill()? {}
         if stream.buffer.is_empty() {
@@ -77,17 +119,12 @@ impl Stream {
                 Seconds::of(unit).ok_or_else(|| Error::TimeUnit { path: path.into(), unit: unit.clone() })?;
         }
         stream.target = vec![None; stream.names.len()];
-        for (index, name) in wanted.iter().enumerate() {
-            let column = stream.names.iter().skip(1).position(|(known, _)| known == name);
-            let Some(column) = column.map(|column| column + 1) else {
-                let columns: Vec<&str> = stream.names[1..].iter().map(|(name, _)| name.as_str()).collect();
-                let columns = columns.join(", ");
-                return Err(Error::MissingColumn { path: path.into(), column: name.clone(), columns });
-            };
-            stream.target[column] = Some(index);
-            stream.wanted.push(column);
-        }
         Ok(stream)
+    }
+
+    fn want(&mut self, column: usize) {
+        self.target[column] = Some(self.wanted.len());
+        self.wanted.push(column);
     }
 
     /// Unit of a wanted column, if the header has one.
@@ -104,6 +141,7 @@ impl Stream {
         rows.lines.clear();
         rows.columns.resize_with(self.wanted.len(), Vec::new);
         rows.columns.iter_mut().for_each(Vec::clear);
+        rows.words.resize(self.wanted.len(), false);
         while rows.time.len() < limit {
             // All lines up to the last line break in the buffer are complete.
             let complete = self.buffer[self.at..].iter().rposition(|&byte| byte == b'\n');
@@ -128,14 +166,6 @@ impl Stream {
             }
         }
         Ok(rows.time.len())
-    }
-
-    /// Rows that are still to come, estimated from the size of the file and its lines so far, rather too many.
-    pub fn rows_left(&self) -> usize {
-        let size = self.file.metadata().map_or(0, |data| data.len());
-        let used = (self.read - (self.buffer.len() - self.at) as u64).max(1);
-        let left = size.saturating_sub(used) as f64 / used as f64 * self.line as f64;
-        (1.01 * left) as usize + 64
     }
 
     /// Drops what is used and reads more; false at the end of the file.
@@ -174,7 +204,17 @@ impl Stream {
                     if column == 0 && bytes[end] == b'\n' && cell.iter().all(u8::is_ascii_whitespace) {
                         return Ok(end + 1);
                     }
-                    (if wanted { self.number(cell, column)? } else { 0.0 }, end)
+                    let word = if wanted { truth(cell) } else { None };
+                    let word = word.filter(|_| column > 0);
+                    if let (Some(_), Some(index)) = (word, target) {
+                        rows.words[index] = true;
+                    }
+                    let value = match word {
+                        Some(value) => value,
+                        None if wanted => self.number(cell, column)?,
+                        None => 0.0,
+                    };
+                    (value, end)
                 }
             };
             let last = bytes[end] == b'\n';
@@ -200,11 +240,8 @@ impl Stream {
         let text = String::from_utf8_lossy(cell);
         let trimmed = text.trim().trim_matches('"').trim();
         let missing = trimmed.is_empty() || trimmed.eq_ignore_ascii_case("nan");
-        if missing && column > 0 {
+        if missing && column > 0 && self.gaps {
             return Ok(f64::NAN);
-        }
-        if let Some(value) = truth(trimmed).filter(|_| column > 0) {
-            return Ok(value);
         }
         let (path, line, column) = (self.path.clone(), self.line, self.names[column].0.clone());
         match trimmed.parse::<f64>() {
@@ -212,6 +249,15 @@ impl Stream {
             Ok(_) => Err(Error::NotFinite { path, line, column, value: trimmed.into() }),
             Err(_) => Err(Error::NotANumber { path, line, column, value: trimmed.into() }),
         }
+    }
+}
+
+/// A truth value written as a word.
+pub(super) fn truth(cell: &[u8]) -> Option<f64> {
+    match cell.trim_ascii() {
+        b"true" | b"True" | b"TRUE" | b"\"true\"" | b"\"True\"" | b"\"TRUE\"" => Some(1.0),
+        b"false" | b"False" | b"FALSE" | b"\"false\"" | b"\"False\"" | b"\"FALSE\"" => Some(0.0),
+        _ => None,
     }
 }
 
