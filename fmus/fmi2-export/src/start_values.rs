@@ -23,7 +23,7 @@ use std::path::Path;
 /// Name of the file in the resources folder.
 pub const FILE: &str = "start_values.toml";
 
-/// What the file says.
+/// Content of the file.
 #[derive(Debug, PartialEq)]
 pub(crate) struct StartValues {
     /// GUID of the library that the file was made for.

@@ -30,10 +30,10 @@ pub fn check(folder: &Path, inputs: &[PathBuf], names: &[String]) -> Result<(), 
     check_against(folder, inputs, names, &earlier(folder))
 }
 
-/// As [`check()`], where what may be replaced is known otherwise than by a summary.
+/// Same as [`check()`], where what may be replaced is known otherwise than by a summary.
 ///
 /// # Errors
-/// As [`check()`].
+/// Same as [`check()`].
 pub fn check_against(
     folder: &Path,
     inputs: &[PathBuf],

@@ -18,10 +18,10 @@ pub fn complain(text: &str) {
     let _ = writeln!(std::io::stderr(), "{text}");
 }
 
-/// What writing to the standard output came to, a closed pipe forgiven.
+/// Outcome of writing to the standard output; a closed pipe is no error.
 ///
 /// # Errors
-/// As [`print()`].
+/// Same as [`print()`].
 pub fn allow_closed(outcome: std::io::Result<()>) -> Result<(), Error> {
     match outcome {
         Err(error) if error.kind() != ErrorKind::BrokenPipe => Err(Error::Output(error)),

@@ -49,12 +49,12 @@ impl Element {
     }
 }
 
-/// Why a text is not accepted as XML.
+/// Reason why a text is not accepted as XML.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct XmlError {
     /// Line in the file, from 1.
     pub line: usize,
-    /// What is wrong.
+    /// Fault.
     pub message: String,
 }
 

@@ -18,7 +18,7 @@ use airloop_optim::linalg::qr::Dependent;
 /// double precision and in the triangle.
 pub const RANK_TOLERANCE: f64 = 1e-12;
 
-/// Why a model cannot be estimated.
+/// Reason why a model cannot be estimated.
 #[derive(Debug, thiserror::Error)]
 #[allow(missing_docs, reason = "names and numbers, as in each message")]
 pub enum Error {
@@ -152,7 +152,7 @@ pub fn estimate(
 /// The model of a structure whose regressors are all in the triangle.
 ///
 /// # Errors
-/// As [`estimate`].
+/// Same as [`estimate`].
 pub fn solve(
     regression: &Regression,
     structure: &Structure,

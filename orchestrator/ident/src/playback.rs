@@ -95,7 +95,7 @@ impl<'a> Playback<'a> {
         })
     }
 
-    /// What the inputs contribute to output `i` at the new samples; zeros at the first `known`.
+    /// Contribution of the inputs to output `i` at the new samples; zeros at the first `known`.
     fn forced(&self, window: &Window, i: usize, known: usize, out: &mut Vec<f64>) {
         out.clear();
         out.resize(window.len() - window.before, 0.0);

@@ -35,7 +35,7 @@ impl Window<'_> {
 
 /// An experiment that can be read from the beginning as often as wanted.
 pub trait Source: Sync {
-    /// What messages call it.
+    /// Name in messages.
     fn name(&self) -> &str;
     /// Number of samples.
     fn samples(&self) -> usize;
@@ -145,7 +145,7 @@ pub struct FileSource {
     pub columns: Vec<String>,
     /// Number of inputs.
     pub n_u: usize,
-    /// What the first reading told.
+    /// Result of the first reading.
     pub survey: Survey,
     /// Slopes per sample that are taken away, shape \[n_u + n_y\].
     pub slopes: Vec<f64>,

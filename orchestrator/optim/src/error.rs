@@ -1,4 +1,4 @@
-//! What is wrong with a problem, a start or a setting before the first step.
+//! Errors in a problem, a start or a setting, found before the first step.
 
 use super::nlp::EvaluationError;
 use crate::linalg::symmetric::PatternError;
@@ -9,7 +9,7 @@ pub enum Error {
     /// A vector of the wrong length.
     #[error("{what} has {given} values, but {expected} are needed")]
     Length {
-        /// Which vector.
+        /// Name of the vector.
         what: &'static str,
         /// Its length.
         given: usize,

@@ -25,7 +25,7 @@ pub(super) struct Filter {
     smallest: f64,
 }
 
-/// What a trial point is compared with.
+/// Reference values with which a trial point is compared.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Current {
     pub at: Measure,
@@ -33,7 +33,7 @@ pub(super) struct Current {
     pub slope: f64,
 }
 
-/// Why a trial point is accepted.
+/// Reason why a trial point is accepted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Acceptance {
     /// The objective falls enough.

@@ -31,13 +31,14 @@
 //!
 //! # Trouble
 //!
-//! What is wrong before the first step is an [`Error`]; every end of a run that could begin is a [`Status`], with the
+//! A fault found before the first step is an [`Error`]; every end of a run that could begin is a [`Status`], with the
 //! last point, the worst violation by name, and for infeasible problems the bound that stands most in the way. Values
 //! that are NaN, or functions that fail, shorten the step. A monitor may stop the run; [`Solution::restart`] goes on
 //! from its end. The result depends on the input alone: everything runs in one thread.
 //! Optimization: numbers in, numbers out. Nothing here knows of time, models or files.
 //!
-//! [`least_squares`] fits parameters within bounds. The rest is nonlinear programming: minimize f(x) subject to `c_l <= c(x) <= c_u` and `x_l <= x <= x_u`.
+//! [`least_squares`] fits parameters within bounds. The rest is nonlinear programming: minimize f(x) subject to `c_l <=
+//! c(x) <= c_u` and `x_l <= x <= x_u`.
 
 pub mod error;
 mod filter;
@@ -78,10 +79,10 @@ pub fn solve(nlp: &mut dyn Nlp, start: &Start, settings: &Settings) -> Result<So
     solve_with(nlp, start, settings, &mut |_| ControlFlow::Continue(()))
 }
 
-/// As [`solve`]; `monitor` sees every iteration and may stop the run, which then hands back its last point.
+/// Same as [`solve`]; `monitor` sees every iteration and may stop the run, which then hands back its last point.
 ///
 /// # Errors
-/// As [`solve`].
+/// Same as [`solve`].
 pub fn solve_with(
     nlp: &mut dyn Nlp,
     start: &Start,

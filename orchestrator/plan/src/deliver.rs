@@ -1,8 +1,8 @@
 //! From planned forces to commands of the actuators, and to the motion that they bring about.
 //!
 //! Every actuator gets the command that [`super::feed_forward::invert`] finds, and for comparison the planned force
-//! itself. Both are run through the FMU of the actuator; the forces that come out, on straight lines between the samples,
-//! drive the plant, with no feedback.
+//! itself. Both are run through the FMU of the actuator; the forces that come out, on straight lines between the
+//! samples, drive the plant, with no feedback.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -45,7 +45,7 @@ pub struct Delivery {
 pub struct Motion {
     /// All outputs of the plant.
     pub result: TimeSeries,
-    /// Why it ended before the end of the plan, if it did.
+    /// Reason why it ended before the end of the plan, if it did.
     pub problem: Option<String>,
     /// Each state that is to be reached: reached minus planned at the end of the motion.
     pub final_error: BTreeMap<String, f64>,

@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 
 use super::TimeSeries;
 
-/// Why a CSV file cannot be read or written.
+/// Reason why a CSV file cannot be read or written.
 #[derive(Debug, thiserror::Error)]
 #[allow(missing_docs, reason = "file, line (1-based), column and value, as named in each message")]
 pub enum Error {
@@ -105,7 +105,7 @@ pub fn read(path: &Path) -> Result<TimeSeries, Error> {
 /// ```
 ///
 /// # Errors
-/// As [`read`].
+/// Same as [`read`].
 pub fn parse(text: &str, path: &Path) -> Result<TimeSeries, Error> {
     let mut lines =
         text.trim_start_matches('\u{feff}').lines().enumerate().map(|(index, line)| (index + 1, line));

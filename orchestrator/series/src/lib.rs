@@ -32,7 +32,7 @@ pub struct TimeSeries {
     channels: Vec<Channel>,
 }
 
-/// Why a series cannot be built.
+/// Reason why a series cannot be built.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
     /// The time axis stands still, runs backwards or is not finite.

@@ -1,8 +1,8 @@
 //! CSV files that are longer than the memory: some columns, block by block, as often as wanted.
 //!
-//! The format is that of [`super::csv`], with two differences: only the columns that are asked for are read, and a
-//! cell of theirs that is empty or `NaN` is a missing value (NaN) instead of an error. What a missing value means is left
-//! to the caller.
+//! The format is that of [`super::csv`], with two differences: only the columns that are asked for are read, and a cell
+//! of theirs that is empty or `NaN` is a missing value (NaN) instead of an error. What a missing value means is left to
+//! the caller.
 
 use std::fs::File;
 use std::io::Read;
@@ -98,7 +98,8 @@ impl Stream {
     /// Replaces what is in `rows` by the next rows, `limit` at most; fewer only at the end of the file, none after it.
     ///
     /// # Errors
-    /// [`Error`] names file, line and column of a cell that is no number, and of a row with missing or additional cells.
+    /// [`Error`] names file, line and column of a cell that is no number, and of a row with missing or additional
+    /// cells.
     pub fn read(&mut self, rows: &mut Rows, limit: usize) -> Result<usize, Error> {
         rows.time.clear();
         rows.lines.clear();

@@ -9,7 +9,7 @@ macro_rules! importer {
         use std::ffi::{CStr, CString, c_void};
         use std::sync::Mutex;
 
-        /// What the FMU logged: status, category, message.
+        /// Log messages of the FMU: status, category, message.
         pub(crate) type Log = Mutex<Vec<(Status, String, String)>>;
 
         /// The callback is variadic in C; without arguments after the message the fixed form is the same call.

@@ -64,7 +64,7 @@ pub struct TvlqrController {
     library: Library,
 }
 
-/// What one sample gives.
+/// Results of one sample.
 struct Sample<S> {
     /// Deviations after the correction.
     deviation: [S; MAX_NX],

@@ -8,7 +8,7 @@ pub mod signals;
 
 use std::path::PathBuf;
 
-/// Why measurement and simulation cannot be brought together.
+/// Reason why measurement and simulation cannot be brought together.
 #[derive(Debug, thiserror::Error)]
 #[allow(missing_docs, reason = "file, column and connector, as in each message")]
 pub enum Error {

@@ -66,7 +66,7 @@ pub struct Link {
     pub conversion: Conversion,
 }
 
-/// What a file holds for a system.
+/// Columns of a file that belong to signals of a system.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Links {
     /// For inputs of the system.

@@ -41,7 +41,7 @@ pub struct Recording {
     pub signals: TimeSeries,
 }
 
-/// Why nothing is recorded.
+/// Reason why nothing is recorded.
 #[derive(Debug, thiserror::Error)]
 #[allow(missing_docs, reason = "file and signal, as named in each message")]
 pub enum Error {

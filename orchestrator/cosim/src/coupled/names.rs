@@ -5,7 +5,7 @@ use crate::system::SystemGraph;
 use crate::system::graph::{Conversion, DataType, Source, unit_of};
 use airloop_fmi::{Causality, Variability};
 
-/// What an output shows.
+/// Quantity behind an output.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Shown {
     /// A system input.
@@ -56,7 +56,7 @@ fn state_of(graph: &SystemGraph, component: usize, variable: usize) -> Option<us
     description.continuous_states().position(|state| real && reference(state) == reference(variable))
 }
 
-/// What an output of the dynamics shows.
+/// Quantity behind an output of the dynamics.
 pub(super) fn output(graph: &SystemGraph, name: &str) -> Result<Shown, Error> {
     let (component, index, conversion) = match find(graph, name) {
         Some((Source::Input(input), conversion)) => return Ok(Shown::Input(input, conversion)),

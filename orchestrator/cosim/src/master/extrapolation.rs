@@ -201,7 +201,7 @@ impl Extrapolation {
         self.known = known as u32;
     }
 
-    /// What was done in place of what an FMU cannot do, one sentence each.
+    /// Substitutes for missing capabilities of FMUs, one sentence each.
     pub fn notes(&self) -> &[String] {
         &self.notes
     }

@@ -1,8 +1,8 @@
-//! Why a system cannot be read or simulated.
+//! Reason why a system cannot be read or simulated.
 
 use std::path::PathBuf;
 
-/// Why a system cannot be read or simulated; each message names file, element and what to do.
+/// Reason why a system cannot be read or simulated; each message names file, element and what to do.
 #[derive(Debug, thiserror::Error)]
 #[allow(missing_docs, reason = "file, line and names, as in each message")]
 pub enum Error {

@@ -23,7 +23,7 @@ const START_VALUES: &str = "start_values.toml";
 /// First page of the documentation.
 const PAGE: &str = "documentation/index.html";
 
-/// What the derived FMU has of its own.
+/// Identity and start values of the derived FMU.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Derivation {
     /// `modelName`, shown to users; not empty.

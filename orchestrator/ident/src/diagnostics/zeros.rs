@@ -1,7 +1,7 @@
 //! Transmission zeros.
 //!
-//! Zeros are where `[A - z I, B; C, D]` loses rank. With a shift s that is no zero, `mu = 1/(z - s)` are eigenvalues of an
-//! ordinary matrix; zeros at infinity have mu = 0.
+//! Zeros are where `[A - z I, B; C, D]` loses rank. With a shift s that is no zero, `mu = 1/(z - s)` are eigenvalues of
+//! an ordinary matrix; zeros at infinity have mu = 0.
 
 use nalgebra::{Complex, DMatrix};
 

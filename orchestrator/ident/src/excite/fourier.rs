@@ -2,8 +2,8 @@
 
 use std::f64::consts::TAU;
 
-/// Transforms in place: `X(k) = sum_n x(n) exp(-+ 2 pi i k n / N)`, with a plus in the exponent for `inverse`, without a
-/// factor 1/N. Real and imaginary parts, shape \[N\] each.
+/// Transforms in place: `X(k) = sum_n x(n) exp(-+ 2 pi i k n / N)`, with a plus in the exponent for `inverse`, without
+/// a factor 1/N. Real and imaginary parts, shape \[N\] each.
 ///
 /// # Panics
 /// If the shapes differ or N is no power of two.

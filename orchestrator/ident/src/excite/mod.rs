@@ -16,7 +16,7 @@ use std::ops::Range;
 /// A band of frequencies \[Hz\].
 pub type Band = Range<f64>;
 
-/// Why a signal cannot be made.
+/// Reason why a signal cannot be made.
 #[derive(Debug, thiserror::Error, PartialEq)]
 #[allow(missing_docs, reason = "setting, value and what is allowed, as named in each message")]
 pub enum Error {
@@ -69,7 +69,7 @@ pub enum Signal {
     },
 }
 
-/// What is around a signal.
+/// Settings common to all signals: amplitude, offset, timing and seed.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Settings {
     /// Largest deviation from the offset.

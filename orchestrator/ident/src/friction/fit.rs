@@ -9,7 +9,7 @@ use super::track::Track;
 use super::{Error, Mass, Settings};
 use airloop_optim::least_squares::{self, Problem, Solution, multi_start, solve};
 
-/// How a parameter came about.
+/// Origin of the value of a parameter.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Origin {
     /// From the data.
@@ -27,7 +27,7 @@ pub struct Fit {
     pub law: Law,
     /// Its parameters.
     pub parameters: Parameters,
-    /// How each came about.
+    /// Origin of each value.
     pub origin: [Origin; SIZE],
     /// Standard deviation of each; none where the data do not tell it.
     pub deviation: [Option<f64>; SIZE],
@@ -186,7 +186,7 @@ impl Space {
     }
 }
 
-/// What a search from several starts found.
+/// Result of a search from several starts.
 #[derive(Debug, Clone)]
 pub struct Found {
     /// Parameters of the smallest sum of squares.
@@ -195,8 +195,8 @@ pub struct Found {
     costs: Vec<Option<f64>>,
 }
 
-/// Searches the parameters of a law from several starts, for long records on part of their samples; `from` is an earlier
-/// fit of a simpler law.
+/// Searches the parameters of a law from several starts, for long records on part of their samples; `from` is an
+/// earlier fit of a simpler law.
 ///
 /// # Errors
 /// [`Error::Fit`] if nothing can be computed.
@@ -232,7 +232,7 @@ pub fn search(
 /// Fits a law to all samples from where a search ended.
 ///
 /// # Errors
-/// As [`search`].
+/// Same as [`search`].
 pub fn refine(law: Law, tracks: &[Track], settings: &Settings, found: &Found) -> Result<Fit, Error> {
     let space = Space::of(law, &Sizes::of(tracks), settings);
     let exact = least_squares::Settings { cost_tolerance: 1e-12, ..least_squares::Settings::default() };

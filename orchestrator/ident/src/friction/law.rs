@@ -40,13 +40,13 @@ pub enum Law {
     Spring,
     /// Eq. 2 plus `coef v` for `v > c3`: the directions differ by more than the bias c5.
     Asymmetry,
-    /// Eq. 2 with `c1 z/disp` in place of `c1 s`, `z' = w - |w| z/disp`, `w = v - c3` (Dahl): the force builds up over a
-    /// distance instead of at a speed.
+    /// Eq. 2 with `c1 z/disp` in place of `c1 s`, `z' = w - |w| z/disp`, `w = v - c3` (Dahl): the force builds up over
+    /// a distance instead of at a speed.
     Presliding,
 }
 
 impl Law {
-    /// What may be added to eq. 2.
+    /// Terms that may be added to eq. 2.
     pub const EXTENSIONS: [Law; 6] =
         [Law::Stribeck, Law::Pressure, Law::PositionCoulomb, Law::Spring, Law::Asymmetry, Law::Presliding];
 

@@ -1,15 +1,15 @@
 //! Position, velocity and acceleration from noisy records, with the uncertainty of the velocity.
 //!
-//! Kalman filter and smoother (Bryson and Frazier, which inverts no matrix) of a motion whose jerk is white noise (the acceleration is a Wiener
-//! process): between samples the motion is a cubic in the mean. It looks ahead as far as back, so that neither the time
-//! nor the height of a reversal is shifted systematically, and takes uneven sample times as they are. Sensor noise comes
-//! from how far each sample is from the cubic through its neighbors, the intensity of the jerk from the likelihood of
-//! the record. The smoothed velocity is the mean of what the velocity may have been, given the record, and
-//! `velocity_deviation` its spread: an expectation over it has no errors-in-variables bias.
+//! Kalman filter and smoother (Bryson and Frazier, which inverts no matrix) of a motion whose jerk is white noise (the
+//! acceleration is a Wiener process): between samples the motion is a cubic in the mean. It looks ahead as far as back,
+//! so that neither the time nor the height of a reversal is shifted systematically, and takes uneven sample times as
+//! they are. Sensor noise comes from how far each sample is from the cubic through its neighbors, the intensity of the
+//! jerk from the likelihood of the record. The smoothed velocity is the mean of what the velocity may have been, given
+//! the record, and `velocity_deviation` its spread: an expectation over it has no errors-in-variables bias.
 
 use nalgebra::{Matrix3, RowVector3, Vector3};
 
-/// What was measured of a motion: at least one of position and velocity.
+/// Measurements of a motion: at least one of position and velocity.
 #[derive(Debug, Clone, Copy)]
 pub struct Measured<'a> {
     /// Times \[s\], shape \[n\], increasing.

@@ -41,7 +41,7 @@ pub struct NamedModel {
     pub units: Vec<String>,
 }
 
-/// Why a model file cannot be used.
+/// Reason why a model file cannot be used.
 #[derive(Debug, thiserror::Error)]
 #[allow(missing_docs, reason = "file and cause, as named in each message")]
 pub enum Error {

@@ -1,9 +1,9 @@
 //! `A(z) y = B(z) u` as a simulation: what output error and instrumental variables share.
 //!
-//! A record that begins at any state is `A(z) y = B(z) u + sum_b xi_b delta(k - b)` with everything zero before its first
-//! sample: as many impulses xi as there are lags stand for the initial state. The simulated outputs, their derivatives
-//! with respect to every coefficient and the regressors of prefiltered least squares are then shifts of signals that
-//! `A(z)^-1` filtered.
+//! A record that begins at any state is `A(z) y = B(z) u + sum_b xi_b delta(k - b)` with everything zero before its
+//! first sample: as many impulses xi as there are lags stand for the initial state. The simulated outputs, their
+//! derivatives with respect to every coefficient and the regressors of prefiltered least squares are then shifts of
+//! signals that `A(z)^-1` filtered.
 
 pub mod columns;
 pub mod filter;
@@ -21,7 +21,7 @@ use airloop_optim::linalg::triangular::solve;
 use columns::{Column, fold_columns};
 use filter::Inverse;
 
-/// Why records cannot be used for an estimate.
+/// Reason why records cannot be used for an estimate.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[allow(missing_docs, reason = "numbers, as in each message")]
 pub enum Error {

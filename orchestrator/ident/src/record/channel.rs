@@ -1,7 +1,7 @@
-//! What the values of one column say before any model: missing, constant, saturated, held over several rows.
+//! Quality of the values of one column before any model: missing, constant, saturated, held over several rows.
 
 /// Share of samples at a limit from which a signal counts as saturated.
-const SATURATED: f64 = 0.01;
+const SATURATED_SHARE: f64 = 0.01;
 /// Rows that a held signal must show to be called slower than the others.
 const HELD_CHANGES: usize = 10;
 
@@ -169,7 +169,7 @@ impl Channel {
         }
         [self.min, self.max]
             .into_iter()
-            .filter(|limit| limit.count as f64 > SATURATED * n && 2 * limit.repeats > limit.count)
+            .filter(|limit| limit.count as f64 > SATURATED_SHARE * n && 2 * limit.repeats > limit.count)
             .max_by_key(|limit| limit.count)
             .map(|limit| (limit.value, limit.count as f64 / n))
     }

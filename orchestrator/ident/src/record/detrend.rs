@@ -3,7 +3,7 @@
 use super::Record;
 use super::read::Survey;
 
-/// What is taken away before the estimation.
+/// Trend that is removed before the estimation.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Detrend {
     /// Nothing: the model has its rest at zero.

@@ -1,6 +1,6 @@
-//! Why records cannot be used for an identification.
+//! Reason why records cannot be used for an identification.
 
-/// Why records cannot be used for an identification.
+/// Reason why records cannot be used for an identification.
 #[derive(Debug, thiserror::Error)]
 #[allow(missing_docs, reason = "file, line (1-based), column and value, as named in each message")]
 pub enum Error {

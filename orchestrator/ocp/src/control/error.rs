@@ -1,8 +1,8 @@
-//! Why a trajectory cannot be stabilized.
+//! Reason why a trajectory cannot be stabilized.
 
 use airloop_optim::EvaluationError;
 
-/// Why a trajectory cannot be stabilized.
+/// Reason why a trajectory cannot be stabilized.
 #[derive(Debug, thiserror::Error)]
 #[allow(missing_docs, reason = "named in each message")]
 pub enum Error {

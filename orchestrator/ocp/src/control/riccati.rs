@@ -40,8 +40,8 @@ pub fn steady(
     (radius < 1.0).then_some(p)
 }
 
-/// The cost that far \[samples\] before an end with the cost Q, at most; sooner where it no longer changes. `None` if it
-/// grows beyond all bounds.
+/// The cost that far \[samples\] before an end with the cost Q, at most; sooner where it no longer changes. `None` if
+/// it grows beyond all bounds.
 pub fn far(
     a: &DMatrix<f64>,
     b: &DMatrix<f64>,

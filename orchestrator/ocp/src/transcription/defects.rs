@@ -1,4 +1,4 @@
-//! How well a trajectory follows its dynamics between the knots.
+//! Error of a trajectory in its dynamics between the knots.
 //!
 //! ```text
 //! e_i = integral over the interval of |dx_i/dt - f_i(t, x(t), u(t))|

@@ -20,7 +20,7 @@ pub(super) struct Linear {
     pub label: Label,
 }
 
-/// What a constraint is about.
+/// Subject of a constraint.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Label {
     /// Number among the rate limits of the phase.

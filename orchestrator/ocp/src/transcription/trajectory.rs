@@ -2,7 +2,7 @@
 
 use super::error::Error;
 
-/// How an input runs between the knots.
+/// Interpolation of an input between the knots.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Interpolation {
     /// Held from each knot to the next.
@@ -26,7 +26,7 @@ pub struct PhaseTrajectory {
     pub inputs: Vec<Vec<f64>>,
     /// Inputs in the middle of the intervals, `[N][n_u]`, where the interpolation is quadratic; else empty.
     pub middle_inputs: Vec<Vec<f64>>,
-    /// How the inputs run between the knots.
+    /// Interpolation of the inputs between the knots.
     pub interpolation: Interpolation,
     /// Rates of the states at the beginning and at the end of every interval, `[N][2][n_x]`; empty where they are not
     /// known: states then run on straight lines, else on Hermite's cubics.

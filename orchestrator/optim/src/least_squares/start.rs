@@ -9,7 +9,7 @@ use super::{Error, Problem, Settings, Solution, solve};
 /// agree tells how far the minimum can be trusted to be the global one.
 ///
 /// # Errors
-/// As [`solve`]; [`Error::Start`] only if no start can be evaluated.
+/// Same as [`solve`]; [`Error::Start`] only if no start can be evaluated.
 pub fn multi_start(
     problem: &Problem,
     starts: &[Vec<f64>],

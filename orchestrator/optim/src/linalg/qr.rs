@@ -14,7 +14,7 @@ pub const ROOM: usize = 512;
 const LANES: usize = 8;
 /// Squared norm of a column that counts as zero. What cancels in one dependent column after the other (samples of a
 /// command that stands still) shrinks by the rounding error each time, down to where squares underflow.
-const NOTHING: f64 = 1e-250;
+const MIN_SQUARED_NORM: f64 = 1e-250;
 
 /// The triangle R of all rows so far, with a block of rows that are not folded yet.
 #[derive(Debug, Clone)]
@@ -67,7 +67,7 @@ impl StreamedQr {
         self.capacity - self.waiting
     }
 
-    /// As [`StreamedQr::space`], after making sure that there is space for `rows`, [`ROOM`] at most.
+    /// Same as [`StreamedQr::space`], after making sure that there is space for `rows`, [`ROOM`] at most.
     pub fn room(&mut self, rows: usize) -> usize {
         if self.space() < rows {
             self.fold();
@@ -127,7 +127,7 @@ impl StreamedQr {
             let v = &left[j * stride..j * stride + m];
             let row = &mut self.r[j * p..(j + 1) * p];
             let below = dot(v, v);
-            if below < NOTHING {
+            if below < MIN_SQUARED_NORM {
                 continue;
             }
             let norm = (row[j] * row[j] + below).sqrt();

@@ -7,7 +7,7 @@
 use super::front::{Factor, Front};
 use super::symmetric::{Inertia, PatternError, check_pattern};
 
-/// Where one stored entry goes in the front of its stage.
+/// Place of one stored entry in the front of its stage.
 #[derive(Clone, Copy, Debug)]
 struct Place {
     entry: usize,

@@ -20,7 +20,7 @@ use step::Step;
 
 const CORRECTIONS: usize = 2;
 
-/// How a run ended.
+/// Outcome of a run.
 pub(super) enum End {
     Status(Status),
     /// No step is acceptable; another method may go on.

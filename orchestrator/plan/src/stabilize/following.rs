@@ -14,9 +14,9 @@ use airloop_cosim::system::graph::DataType;
 use airloop_ocp::control::{self, Event, Leg, Nominal, Phases, phases};
 use airloop_ocp::transcription::StateLink;
 
-/// How far the trajectory of a phase goes beyond its ends \[s\], where nothing is said.
+/// Default time by which the trajectory of a phase goes beyond its ends \[s\].
 const OVERLAP: f64 = 0.05;
-/// How far the regulator looks beyond the end of the plan \[s\], where nothing is said.
+/// Default time by which the regulator looks beyond the end of the plan \[s\].
 const HORIZON: f64 = 2.0;
 
 /// A plan on the samples.

@@ -25,7 +25,7 @@ pub struct Place {
     pub variable: usize,
     /// Value of the model.
     pub value: f64,
-    /// How far it goes to either side.
+    /// Half width of the range.
     pub width: f64,
 }
 
@@ -66,7 +66,7 @@ pub struct Ready {
     pub perturbations: Vec<Perturbation>,
     /// Sensor noise.
     pub noise: Vec<Noise>,
-    /// What makes a trial a success.
+    /// Criteria of a successful trial.
     pub criteria: Vec<Check>,
 }
 

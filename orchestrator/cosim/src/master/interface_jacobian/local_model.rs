@@ -13,7 +13,7 @@ use airloop_fmi::Slave;
 /// Smallest change of the inputs, relative to their nominal values, from which input gains are learned.
 const SMALLEST_CHANGE: f64 = 1e-2;
 
-/// How the matrices come about.
+/// Origin of the matrices.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) enum Origin {
     /// Directional derivatives of the FMU; value references of states, then of derivatives with outputs behind.

@@ -17,7 +17,7 @@ use crate::system::graph::{DataType, Source};
 use crate::system::order::{feed_through, strongly_connected};
 use airloop_fmi::{Variability, VariableKind};
 
-/// What planning needs to know about the system.
+/// Data about the system that planning needs.
 pub(super) struct Planner<'a> {
     pub graph: &'a SystemGraph,
     pub wiring: &'a Wiring,
