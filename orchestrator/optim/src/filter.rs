@@ -1,5 +1,5 @@
 //! Filter of the line search: pairs of violation and objective that a new point must improve on (Fletcher and
-//! Leyffer; constants of Wächter and Biegler, Mathematical Programming 106, 2006).
+//! Leyffer, Mathematical Programming 91, 2002; constants of Wächter and Biegler, Mathematical Programming 106, 2006).
 
 /// Least relative decrease of the violation, and of the objective by the violation.
 pub(super) const VIOLATION_MARGIN: f64 = 1e-5;

@@ -1,4 +1,5 @@
-//! Mass flow of air through an orifice, choked, subsonic, and linear close to equal pressures.
+//! Mass flow of air through an orifice, choked, subsonic, and linear close to equal pressures: the
+//! isentropic flow of an ideal nozzle with k = 1.4 (Beater, Pneumatic Drives, Springer 2007).
 
 use fmi2_export::Scalar;
 

@@ -248,7 +248,7 @@ pub struct SignalRecord {
     pub factor: f64,
     /// See `factor`.
     pub offset: f64,
-    /// NRMSE fit \[%\] (eq. 9); null if the measured signal is constant.
+    /// NRMSE fit \[%\], `100 (1 - ||y - ys|| / ||y - mean(y)||)`; null if the measured signal is constant.
     pub fit_percent: Option<f64>,
     /// RMS error in the unit of the connector.
     pub rms_error: f64,

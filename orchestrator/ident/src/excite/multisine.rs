@@ -1,4 +1,5 @@
-//! Sums of sines with equal amplitudes, whose phases keep the peak low.
+//! Sums of sines with equal amplitudes, whose phases keep the peak low: random ones or those of Schroeder (IEEE
+//! Transactions on Information Theory 16, 1970), improved by clipping in turn.
 
 use std::f64::consts::{PI, TAU};
 

@@ -1,4 +1,5 @@
-//! Subspace identification of state-space models: N4SID, PO-MOESP and CVA.
+//! Subspace identification of state-space models: N4SID, PO-MOESP and CVA (Van Overschee and De Moor, Subspace
+//! Identification for Linear Systems, Kluwer 1996).
 //!
 //! | module | what |
 //! |--------|------|

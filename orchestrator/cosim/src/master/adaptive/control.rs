@@ -1,4 +1,4 @@
-//! The next step from the error of the last: a PI controller between two limits.
+//! The next step from the error of the last: a PI controller (Gustafsson, ACM TOMS 17, 1991) between two limits.
 
 /// Aim below the tolerance, so that most steps are accepted.
 const SAFETY: f64 = 0.9;

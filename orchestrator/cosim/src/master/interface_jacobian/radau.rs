@@ -1,5 +1,6 @@
-//! Integration of the reduced problem over a communication step: Radau IIA of order 5 (three stages, L-stable) with
-//! error control, and the moments of every input on the way.
+//! Integration of the reduced problem over a communication step: Radau IIA of order 5 (three stages, L-stable; Hairer
+//! and Wanner, Solving Ordinary Differential Equations II, sections IV.5 and IV.8) with error control, and the moments
+//! of every input on the way.
 //!
 //! The integration stops where a signal from outside jumps, so that no jump is smoothed.
 
