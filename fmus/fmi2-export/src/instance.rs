@@ -113,7 +113,7 @@ impl<M: Model> Instance<M> {
     /// Creates an instance with start values.
     ///
     /// # Errors
-    /// Place where the start values of a derived FMU do not fit, or the model can't load its resources.
+    /// Fails where the start values of a derived FMU do not fit, or the model can't load its resources.
     pub(crate) fn new(
         definition: &'static Definition<M>,
         derived: Option<StartValues>,

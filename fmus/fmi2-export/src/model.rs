@@ -116,7 +116,7 @@ pub trait Model: Sized + Send + Sync + 'static {
     /// Must not read what it wrote in an earlier call.
     ///
     /// # Errors
-    /// Place where the equations have no value.
+    /// Fails where the equations have no value.
     fn equations<S: Scalar>(&self, values: &mut Values<S>) -> Outcome;
 
     /// Period \[s\] of the sampled update; `None`: not sampled. Samples are taken at start time + k period.

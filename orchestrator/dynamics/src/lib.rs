@@ -131,7 +131,7 @@ pub trait Dynamics: Send {
     /// Rates, then outputs, `[n_x + n_g]`.
     ///
     /// # Errors
-    /// Place where the functions have no value; the reason names the component. So in the functions below.
+    /// Fails where the functions have no value; the reason names the component. So in the functions below.
     fn evaluate(&mut self, at: Point<'_>, values: &mut [f64]) -> Result<(), EvaluationError>;
 
     /// Values as in [`Dynamics::evaluate`], and their derivatives by states, then inputs, row-major

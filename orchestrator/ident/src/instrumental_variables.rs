@@ -121,6 +121,9 @@ pub fn estimate(
 }
 
 /// Least squares of the equation error on the same rows: the usual start.
+///
+/// # Errors
+/// [`Error`] if a record is too short or has other channels than the model.
 pub fn least_squares(template: &Arx, mask: &Mask, records: &[Record]) -> Result<Arx, Error> {
     let (n_y, n_u) = (template.output_offset.len(), template.input_offset.len());
     let p = mask.coefficients().len();

@@ -163,7 +163,7 @@ pub struct Start {
 }
 
 impl Start {
-    /// A start without knowledge of the multipliers.
+    /// A start from `x` \[n\] without knowledge of the multipliers.
     pub fn cold(x: Vec<f64>) -> Self {
         Self { x, multipliers: None, barrier: None }
     }
@@ -210,7 +210,7 @@ pub struct Solution {
 }
 
 impl Solution {
-    /// Largest violation in the unit of its constraint.
+    /// Largest violation of a constraint or bound, in the unit of that constraint; 0 if none is violated.
     pub fn violation(&self) -> f64 {
         self.worst.as_ref().map_or(0.0, |worst| worst.amount)
     }

@@ -88,7 +88,7 @@ impl TimeSeries {
         Ok(TimeSeries { time, channels: Vec::new() })
     }
 
-    /// Adds a channel with one value per time.
+    /// Adds a channel with one value per time, shape \[n\], in `unit`.
     ///
     /// # Errors
     /// [`Error::Length`] or [`Error::Duplicate`].

@@ -57,7 +57,7 @@ pub fn locate(time: &[f64], t: f64, guess: usize) -> Position {
     }
 }
 
-/// Value of a signal at a located position.
+/// Value of a signal \[n\] at a position found by [`locate`] on its axis of `n` times; in the unit of the signal.
 pub fn value_at(values: &[f64], position: Position, interpolation: Interpolation) -> f64 {
     let here = values[position.index];
     if position.fraction == 0.0 || interpolation == Interpolation::Hold {

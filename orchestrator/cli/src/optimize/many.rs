@@ -124,7 +124,7 @@ pub fn values(sweep: &Sweep) -> Vec<f64> {
 /// The last plan of a sweep that was solved, or the last of all.
 ///
 /// # Errors
-/// Reason why there is none.
+/// Fails if there is none.
 pub fn last(steps: Vec<Step>) -> Result<(Prepared, Rough, Solved), Error> {
     let mut kept: Option<(Prepared, Rough, Solved)> = None;
     let mut failure = None;

@@ -283,8 +283,8 @@ impl Master {
         &self.values
     }
 
-    /// Sets a system input (index into `graph.inputs`) for the step that begins here. Integers are rounded, a
-    /// Boolean is true unless the value is 0; String inputs keep their start value.
+    /// Sets a system input (index into `graph.inputs`) for the step that begins here; `value` in the unit of the input.
+    /// Integers are rounded, a Boolean is true unless the value is 0; String inputs keep their start value.
     #[inline]
     pub fn set_input(&mut self, input: usize, value: f64) {
         self.values.set(self.wiring.inputs[input], value);

@@ -143,7 +143,7 @@ pub struct AdaptiveRecord {
 }
 
 impl AdaptiveRecord {
-    /// Nothing done yet.
+    /// Record of a run that has not stepped yet; `tolerance` relative, steps in s.
     pub fn new(tolerance: f64, min_step: f64, max_step: f64) -> AdaptiveRecord {
         let (accepted, rejected, smallest_step, largest_step) = (0, 0, None, None);
         AdaptiveRecord { tolerance, min_step, max_step, accepted, rejected, smallest_step, largest_step }

@@ -115,7 +115,7 @@ impl Conversion {
         Conversion { factor: 1.0 / self.factor, offset: -self.offset / self.factor }
     }
 
-    /// Converts a value.
+    /// Converted value `factor value + offset`.
     pub fn apply(self, value: f64) -> f64 {
         self.factor * value + self.offset
     }

@@ -40,7 +40,7 @@ pub fn transmission_zeros(model: &StateSpace) -> Vec<Complex<f64>> {
     first.into_iter().filter(|zero| second.iter().any(|other| (zero - other).norm() < 1e-6)).collect()
 }
 
-/// Zeros of the channel from input `j` to output `i`.
+/// Zeros (in the z-plane) of the channel from input `j` to output `i`, both 0-based.
 pub fn channel_zeros(model: &StateSpace, i: usize, j: usize) -> Vec<Complex<f64>> {
     square_zeros(&StateSpace {
         b: model.b.columns(j, 1).into_owned(),

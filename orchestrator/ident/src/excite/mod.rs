@@ -230,7 +230,7 @@ pub struct Size {
 }
 
 impl Size {
-    /// Size of samples about `offset`.
+    /// Size of samples \[n\] about `offset`, in their unit.
     pub fn of(samples: &[f64], offset: f64) -> Size {
         let (mut lowest, mut highest, mut squares) = (f64::INFINITY, f64::NEG_INFINITY, 0.0);
         for value in samples {
@@ -243,7 +243,7 @@ impl Size {
         Size { lowest, highest, rms, crest_factor: if rms > 0.0 { peak / rms } else { 0.0 } }
     }
 
-    /// Refuses a command outside the limits.
+    /// Refuses a command outside the limits `lower`..`upper`, in the unit of the command.
     ///
     /// # Errors
     /// [`Error::Limit`] with the largest amplitude about `offset` that stays inside.

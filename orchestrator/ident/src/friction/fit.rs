@@ -309,7 +309,8 @@ fn assess(
     Fit { law, parameters, origin, deviation, covariance, dependent, errors, memory, agreement, converged }
 }
 
-/// Errors of parameters on tracks, by track.
+/// Errors of parameters on tracks, shape \[tracks\]\[samples\], in N or m as `settings` predict; NaN where the
+/// prediction fails.
 pub fn errors_of(law: Law, c: &Parameters, tracks: &[Track], settings: &Settings) -> Vec<Vec<f64>> {
     tracks
         .iter()
@@ -324,7 +325,8 @@ pub fn errors_of(law: Law, c: &Parameters, tracks: &[Track], settings: &Settings
         .collect()
 }
 
-/// Sum of the autocorrelation of errors up to where it has died out: the factor by which fewer samples count.
+/// Sum of the autocorrelation of errors \[records\]\[samples\] up to the lag where it falls below 0.05: the factor, at
+/// least 1, by which fewer samples count.
 pub fn memory(errors: &[Vec<f64>]) -> f64 {
     let squares: f64 = errors.iter().flatten().map(|e| e * e).sum();
     let longest = errors.iter().map(Vec::len).max().unwrap_or(0) / 4;
@@ -341,7 +343,7 @@ pub fn memory(errors: &[Vec<f64>]) -> f64 {
     memory
 }
 
-/// Root mean square of all errors.
+/// Root mean square of all errors \[records\]\[samples\], in their unit; 0 for none.
 pub fn rms(errors: &[Vec<f64>]) -> f64 {
     let n: usize = errors.iter().map(Vec::len).sum();
     (errors.iter().flatten().map(|e| e * e).sum::<f64>() / n.max(1) as f64).sqrt()

@@ -110,7 +110,8 @@ impl Law {
     }
 
     /// Mean of [`Law::force`] over a velocity that is normal about `v` with standard deviation `deviation`, by the
-    /// Gauss-Hermite rule of three points: exact for forces that are polynomials of degree 5 there.
+    /// Gauss-Hermite rule of three points: exact for forces that are polynomials of degree 5 there. Velocities in m/s,
+    /// position `x` in m, pressure force `p` and result in N.
     #[inline]
     pub fn mean_force(self, c: &Parameters, v: f64, deviation: f64, x: f64, p: f64) -> f64 {
         let reach = 3f64.sqrt() * deviation;

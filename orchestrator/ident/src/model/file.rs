@@ -89,7 +89,7 @@ enum Kind {
     StateSpace,
 }
 
-/// A matrix as rows.
+/// A matrix \[m, n\] as `m` rows of `n` numbers.
 pub fn rows(matrix: &DMatrix<f64>) -> Rows {
     matrix.row_iter().map(|row| row.iter().copied().collect()).collect()
 }

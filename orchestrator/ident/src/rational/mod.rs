@@ -241,7 +241,7 @@ impl Filtered {
     }
 }
 
-/// Largest modulus of the roots of `A(z)`; infinite if a coefficient is not finite.
+/// Largest modulus of the roots of `A(z)` (below 1: stable); infinite if a coefficient is not finite.
 pub fn spectral_radius(model: &Arx) -> f64 {
     let n_y = model.output_offset.len();
     let size = n_y * model.a.len();
@@ -261,8 +261,8 @@ pub fn spectral_radius(model: &Arx) -> f64 {
     spectral::eigenvalues(&companion).iter().fold(0.0, |radius, pole| f64::max(radius, pole.norm()))
 }
 
-/// The model with its poles drawn toward the origin so that the largest has the modulus `radius`; a model whose poles
-/// all lie within stays as it is.
+/// The model with its poles drawn toward the origin so that the largest has the modulus `radius` (0..1); a model whose
+/// poles all lie within stays as it is.
 pub fn stabilized(model: &Arx, radius: f64) -> Arx {
     let largest = spectral_radius(model);
     if !largest.is_finite() || largest <= radius {

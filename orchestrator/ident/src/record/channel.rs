@@ -130,18 +130,18 @@ impl Channel {
         self.min.value == self.max.value
     }
 
-    /// Mean value.
+    /// Mean value, in the unit of the column; NaN is left out.
     pub fn mean(&self) -> f64 {
         self.first + self.sums[0] / self.samples as f64
     }
 
-    /// Mean square about the mean.
+    /// Mean square about the mean, in the squared unit of the column.
     pub fn variance(&self) -> f64 {
         let n = self.samples as f64;
         ((self.sums[2] - self.sums[0] * self.sums[0] / n) / n).max(0.0)
     }
 
-    /// Slope per sample of the straight line through the values (least squares).
+    /// Slope, in the unit of the column per sample, of the straight line through the values (least squares).
     pub fn slope(&self) -> f64 {
         let n = self.samples as f64;
         let middle = 0.5 * (n - 1.0);

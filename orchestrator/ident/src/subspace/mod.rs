@@ -75,7 +75,7 @@ pub struct Options {
 }
 
 impl Options {
-    /// Defaults for an order about an operating point.
+    /// Defaults for an order about an operating point: offsets of inputs \[n_u\] and outputs \[n_y\] in their units.
     pub fn new(order: Order, input_offset: &[f64], output_offset: &[f64]) -> Options {
         Options {
             order,

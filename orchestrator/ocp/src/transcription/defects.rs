@@ -29,7 +29,7 @@ pub struct IntervalErrors {
 }
 
 impl IntervalErrors {
-    /// Largest relative error.
+    /// Largest relative error over all intervals and states.
     pub fn largest(&self) -> f64 {
         self.relative.iter().copied().fold(0.0, f64::max)
     }

@@ -16,7 +16,7 @@ pub trait Reset: Send {
     /// States after, then outputs, `[after + outputs]`.
     ///
     /// # Errors
-    /// Place where the map has no value; so in the functions below.
+    /// Fails where the map has no value; so in the functions below.
     fn evaluate(&mut self, before: &[f64], values: &mut [f64]) -> Result<(), EvaluationError>;
 
     /// Values, and their derivatives by the states before, row-major `[after + outputs, before]`.

@@ -153,7 +153,7 @@ impl Program<'_> {
     /// their own units.
     ///
     /// # Errors
-    /// Place where the dynamics have no value at `x`.
+    /// Fails where the dynamics have no value at `x`.
     pub fn violations(
         &mut self,
         x: &[f64],

@@ -58,12 +58,12 @@ pub struct Limit {
 }
 
 impl Limit {
-    /// A quantity between two bounds.
+    /// A quantity between two bounds, in `unit`; infinite where there is none.
     pub fn between(name: &str, unit: &str, quantity: impl Into<Quantity>, lower: f64, upper: f64) -> Limit {
         Limit { name: name.to_owned(), unit: unit.to_owned(), quantity: quantity.into(), lower, upper }
     }
 
-    /// A quantity that is fixed.
+    /// A quantity that is fixed at `value`, in `unit`.
     pub fn equal(name: &str, unit: &str, quantity: impl Into<Quantity>, value: f64) -> Limit {
         Limit::between(name, unit, quantity, value, value)
     }
@@ -131,7 +131,7 @@ pub struct Cost {
 }
 
 impl Cost {
-    /// `weight quantity^2`.
+    /// Cost `weight quantity^2`; `weight` in units of the objective over the squared unit of the quantity.
     pub fn square(quantity: impl Into<Quantity>, weight: f64) -> Cost {
         Cost { quantity: quantity.into(), reference: 0.0, weight }
     }

@@ -123,7 +123,7 @@ pub enum Error {
     Few { residuals: usize, free: usize },
 }
 
-/// Minimizes from one start (clipped to the bounds).
+/// Minimizes the sum of squared residuals from one start, shape \[n\], which is clipped to the bounds.
 ///
 /// ```
 /// use airloop_optim::least_squares::{Problem, Settings, solve};

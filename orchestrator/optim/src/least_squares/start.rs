@@ -2,8 +2,8 @@
 
 use super::{Error, Problem, Settings, Solution, solve};
 
-/// Solves from every start and keeps the smallest sum of squares (the first of equals); starts that cannot be
-/// evaluated are passed over.
+/// Solves from every start (each of shape \[n\]) and keeps the smallest sum of squares (the first of equals); starts
+/// that cannot be evaluated are passed over.
 ///
 /// The second value holds the sum of squares reached from each start, none where it could not be evaluated: how many
 /// agree tells how far the minimum can be trusted to be the global one.

@@ -88,7 +88,8 @@ impl StagedLdl {
         Ok(Self { stages, factors, front, remainder, delayed, positions, local })
     }
 
-    /// Factorizes the matrix whose entries have these values, in the order of the pattern.
+    /// Factorizes the matrix whose entries have these values \[entries\], in the order of the pattern; the inertia
+    /// counts rows without a usable pivot as zeros.
     pub fn factor(&mut self, values: &[f64]) -> Inertia {
         let mut inertia = Inertia::default();
         self.delayed.clear();
