@@ -52,7 +52,7 @@ pub fn check_against(
     for name in names.iter().filter(|name| !ours.contains(*name)) {
         if folder.join(name).symlink_metadata().is_ok() {
             return refused(format!(
-                "`{name}` is there, is no part of an earlier result, and would be replaced; choose another folder"
+                "`{name}` is there, is not part of an earlier result, and would be replaced; choose another folder"
             ));
         }
     }

@@ -49,7 +49,7 @@ pub enum ArchiveError {
     #[error("the file is empty; an FMU is a zip archive")]
     Empty,
     /// No zip archive, or a damaged one.
-    #[error("this is no readable zip archive, perhaps a truncated one: {0}")]
+    #[error("this is not a readable zip archive, perhaps a truncated one: {0}")]
     NotAZip(String),
     /// No `modelDescription.xml` at the root.
     #[error("the archive has no modelDescription.xml at its root{0}")]
@@ -260,7 +260,7 @@ fn stored_names(file: File, start: u64) -> Result<Vec<String>, ArchiveError> {
         reader.seek_relative(i64::from(field(30)) + i64::from(field(32))).map_err(ArchiveError::Read)?;
         let name = String::from_utf8(name).map_err(|error| ArchiveError::Name {
             name: String::from_utf8_lossy(error.as_bytes()).into_owned(),
-            reason: "the name is no UTF-8 text",
+            reason: "the name is not UTF-8 text",
         })?;
         names.push(name);
     }

@@ -33,7 +33,7 @@ pub struct Excitation {
 /// Looks at the inputs of all records.
 ///
 /// # Errors
-/// Whatever reading comes to.
+/// Errors of reading the records.
 pub fn excitation(
     sources: &[&dyn Source],
     inputs: &[String],

@@ -44,12 +44,12 @@ pub trait Source: Sync {
     /// The first `samples` samples in memory, or all if there are fewer.
     ///
     /// # Errors
-    /// Whatever reading comes to.
+    /// Errors of reading the records.
     fn head(&self, samples: usize) -> Result<Record, Error>;
     /// Hands all samples to `take` in order; every window has the last `history` samples of the one before in front.
     ///
     /// # Errors
-    /// Whatever reading comes to.
+    /// Errors of reading the records.
     fn windows(&self, history: usize, take: &mut dyn FnMut(Window)) -> Result<(), Error>;
 }
 

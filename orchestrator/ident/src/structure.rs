@@ -55,7 +55,9 @@ impl Term {
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum Error {
     /// Not a number, nor a matrix of numbers.
-    #[error("--{option} {text}: `{part}` is no order; write one number for all, or rows such as \"2,1;1,2\"")]
+    #[error(
+        "--{option} {text}: `{part}` is not an order; write one number for all, or rows such as \"2,1;1,2\""
+    )]
     Number {
         /// `na`, `nb` or `nk`.
         option: &'static str,
@@ -292,7 +294,7 @@ mod tests {
     #[test]
     fn orders_that_cannot_be_read_are_refused_with_the_option() {
         for (na, nb, expected) in [
-            ("x", "1", "--na x: `x` is no order"),
+            ("x", "1", "--na x: `x` is not an order"),
             ("2,1;1", "1", "--na 2,1;1: 1 numbers in a row of 2 rows"),
             (
                 "1",

@@ -58,7 +58,7 @@ pub enum Error {
         /// Variables that are not fixed.
         free: usize,
     },
-    /// The start is no point at which the functions have values.
+    /// The start is not a point at which the functions have values.
     #[error("at the start: {0}; give a start at which all functions can be evaluated")]
     Start(EvaluationError),
     /// A setting out of its range.

@@ -86,17 +86,19 @@ impl Names {
         let Some(section) = &statement.verification.balance else { return Ok(None) };
         let source = &statement.source;
         let own = &prepared.task.signals;
-        let output = |name: &crate::file::Text| {
-            let (index, _) = catalog.want(source, name)?;
-            match catalog.variables()[index].kind {
-                Kind::Output => Ok(index),
-                _ => Err(source.error_at(name.place, format!("`{}` is no output of the system", name.text))),
-            }
-        };
+        let output =
+            |name: &crate::file::Text| {
+                let (index, _) = catalog.want(source, name)?;
+                match catalog.variables()[index].kind {
+                    Kind::Output => Ok(index),
+                    _ => Err(source
+                        .error_at(name.place, format!("`{}` is not an output of the system", name.text))),
+                }
+            };
         let state = |name: &crate::file::Text| {
             let (index, _) = catalog.want(source, name)?;
             own.states.iter().position(|state| *state == index).ok_or_else(|| {
-                source.error_at(name.place, format!("`{}` is no state of the plan", name.text))
+                source.error_at(name.place, format!("`{}` is not a state of the plan", name.text))
             })
         };
         let mut outputs = vec![output(&section.energy)?];
@@ -118,7 +120,7 @@ impl Names {
                 Kind::Input => match own.inputs.iter().position(|input| *input == index) {
                     Some(input) => Driven::Input(input),
                     None => {
-                        let problem = format!("`{}` is no input of the plan", drive.text);
+                        let problem = format!("`{}` is not an input of the plan", drive.text);
                         return Err(source.error_at(drive.place, problem));
                     }
                 },

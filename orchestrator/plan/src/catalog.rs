@@ -232,7 +232,8 @@ impl Catalog {
             Compatibility::Incompatible => {
                 let fitting = self.fitting(variable);
                 let fitting = fitting.unwrap_or_else(|| format!("`{}` has no unit", variable.name));
-                Err(source.error_at(place, format!("`{unit}` is no unit for `{}`; {fitting}", variable.name)))
+                Err(source
+                    .error_at(place, format!("`{unit}` is not a unit for `{}`; {fitting}", variable.name)))
             }
         }
     }

@@ -169,7 +169,7 @@ impl<'a> Comparison<'a> {
         Some(Departure { phase: phase.name.clone(), time: phase.begin(), what })
     }
 
-    /// Goes along a phase; `near` is the last distance from the plan that is no matter of events.
+    /// Goes along a phase; `near` is the last distance from the plan that has nothing to do with events.
     fn along(&self, phase: &PhaseTrajectory, dynamics: &mut dyn Dynamics, near: &mut f64) -> Verdict {
         let rows = self.rows(phase.begin(), phase.end());
         let Some(rates) = self.rates(phase, dynamics, rows.clone()) else { return Verdict::Unknown };

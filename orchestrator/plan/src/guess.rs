@@ -33,7 +33,7 @@ impl Choice {
     }
 }
 
-/// The guess that is meant: a word of the command line, else that of the settings, else the first of the file, else a
+/// The guess to use: a word of the command line, else that of the settings, else the first of the file, else a
 /// line.
 ///
 /// # Errors
@@ -239,7 +239,7 @@ fn named(
             Some(Signal::Input(input)) => rough.inputs[input] = line,
             _ => {
                 let problem =
-                    format!("`{}` is no state and no input of the problem", trajectory.variable.text);
+                    format!("`{}` is neither a state nor an input of the problem", trajectory.variable.text);
                 return Err(statement.source.error_at(trajectory.variable.place, problem));
             }
         }

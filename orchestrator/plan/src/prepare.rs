@@ -144,7 +144,7 @@ fn open_dynamics(
                 if catalog.variables()[index].kind != Kind::State {
                     let known = catalog.variables().iter().filter(|one| one.kind == Kind::State);
                     let meant = names::suggestion(&name.text, known.map(|one| one.name.as_str()));
-                    let problem = format!("`{}` is no state; {meant}", name.text);
+                    let problem = format!("`{}` is not a state; {meant}", name.text);
                     return Err(statement.source.error_at(name.place, problem));
                 }
                 paths.push(path(&index));

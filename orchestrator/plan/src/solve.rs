@@ -208,7 +208,7 @@ impl Session {
                 max_iterations: settings.max_iterations.min(ITERATIONS_BEFORE_CONFLICT_CHECK),
                 ..settings.clone()
             };
-            // Where phases do not fit together a search goes on for long and says little.
+            // Where phases do not fit together a search takes long and reveals little.
             let rough = match from {
                 Begin::From(rough) if setup.task.phases.len() > 1 => Some(rough),
                 _ => None,

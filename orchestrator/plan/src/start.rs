@@ -38,7 +38,7 @@ pub fn check(setup: &Setup) -> Result<(), Error> {
         Err(error @ master::Error::Fmu(_)) => {
             Err(Error::Place { place, problem: format!("the system cannot be there: {error}") })
         }
-        // Whatever else keeps it from running is no matter of the states.
+        // Other reasons why it does not run have nothing to do with the states.
         _ => Ok(()),
     }
 }

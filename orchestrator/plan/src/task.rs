@@ -159,7 +159,7 @@ pub fn outputs(statement: &Statement, catalog: &Catalog) -> Result<Vec<usize>, E
 /// The inputs that are to be found: those listed, else those with a bound, a rate or a cost.
 ///
 /// # Errors
-/// [`Error::File`] when there is none, or a name is no input.
+/// [`Error::File`] when there is none, or a name is not an input.
 pub fn inputs(statement: &Statement, catalog: &Catalog) -> Result<Vec<usize>, Error> {
     let source = &statement.source;
     let mut found = Vec::new();
@@ -171,7 +171,7 @@ pub fn inputs(statement: &Statement, catalog: &Catalog) -> Result<Vec<usize>, Er
         let (index, _) = catalog.want(source, name)?;
         let variable = &catalog.variables()[index];
         if variable.kind != Kind::Input && statement.inputs.is_some() {
-            let problem = format!("`{}` is no input of the system", name.text);
+            let problem = format!("`{}` is not an input of the system", name.text);
             return Err(source.error_at(name.place, problem));
         }
         if variable.kind == Kind::Input && !found.contains(&index) {
@@ -416,7 +416,7 @@ impl Reader<'_> {
         match signal {
             Signal::Input(input) => Ok((input, limits)),
             _ => {
-                let problem = format!("`{}` is no input; only inputs have rates", rate.variable.text);
+                let problem = format!("`{}` is not an input; only inputs have rates", rate.variable.text);
                 Err(self.source.error_at(rate.variable.place, problem))
             }
         }

@@ -49,7 +49,7 @@ impl Command<'_> {
         self.series(catalog, time, &rows)
     }
 
-    /// The command as it is meant: constant, or the parabola through the ends and the middle of each interval.
+    /// The command as planned: constant, or the parabola through the ends and the middle of each interval.
     fn curves(&self, graph: &SystemGraph, catalog: &Catalog) -> Curves {
         let place = |&input: &usize| {
             let name = &catalog.variables()[input].name;

@@ -58,7 +58,7 @@ pub enum Error {
         expected: usize,
     },
     /// Two channels of one name.
-    #[error("channel `{name}` is there twice; rename one of them")]
+    #[error("channel `{name}` appears twice; rename one of them")]
     Duplicate {
         /// Channel.
         name: String,

@@ -44,7 +44,7 @@ macro_rules! importer {
                 use fmi2_export::Kind;
                 match Self::table().by_name(name).unwrap_or_else(|| panic!("no variable {name}")).kind {
                     Kind::Real { handle, .. } => handle.value_reference(),
-                    ref other => panic!("{name} is no Real: {other:?}"),
+                    ref other => panic!("{name} is not a Real: {other:?}"),
                 }
             }
 

@@ -57,7 +57,7 @@ impl Goal {
     }
 }
 
-/// Real outputs of the system, then connected Real outputs of components that are no such output.
+/// Real outputs of the system, then connected Real outputs of components that are not such outputs.
 fn signals(graph: &SystemGraph) -> Vec<Signal> {
     let mut found = Vec::new();
     let mut sources = Vec::new();

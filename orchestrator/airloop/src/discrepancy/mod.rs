@@ -12,7 +12,7 @@ use std::path::PathBuf;
 #[derive(Debug, thiserror::Error)]
 #[allow(missing_docs, reason = "file, column and connector, as in each message")]
 pub enum Error {
-    /// A column of an input file is no input.
+    /// A column of an input file is not an input.
     #[error(transparent)]
     Csv(#[from] airloop_series::csv::Error),
     /// The table of signals cannot be read.

@@ -198,7 +198,7 @@ fn conversion(
 /// An input file may only hold inputs.
 ///
 /// # Errors
-/// [`csv::Error::UnknownColumn`] for a column that is no input of the system.
+/// [`csv::Error::UnknownColumn`] for a column that is not an input of the system.
 pub fn only_inputs(
     graph: &SystemGraph,
     links: &Links,

@@ -125,7 +125,8 @@ fn parse_sweep(text: &str) -> Result<Sweep, String> {
         let number = text.trim().parse::<f64>().ok().filter(|number| number.is_finite());
         number.ok_or_else(|| format!("`{text}` is not a finite number; {form}"))
     };
-    let count: usize = count.trim().parse().map_err(|_| format!("`{count}` is no whole number; {form}"))?;
+    let count: usize =
+        count.trim().parse().map_err(|_| format!("`{count}` is not a whole number; {form}"))?;
     if !(2..=10_000).contains(&count) {
         return Err(format!("a sweep has 2 to 10000 values, not {count}"));
     }

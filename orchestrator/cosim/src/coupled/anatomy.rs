@@ -165,7 +165,7 @@ impl Anatomy {
                         arguments.push(argument(variable, Origin::Value(value, conversion)));
                     }
                     Source::Output { .. } => self.notes.push(format!(
-                        "`{}` is no continuous Real: it is held at the value that it has at the start",
+                        "`{}` is not a continuous Real: it is held at the value that it has at the start",
                         component.path_of(variable)
                     )),
                 }

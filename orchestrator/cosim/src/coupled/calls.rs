@@ -1,4 +1,4 @@
-//! Calls into one component with everything at hand: what is set, what is read, what is differentiated.
+//! Calls into one component with all data prepared: which values are set, read and differentiated.
 
 use std::ops::Range;
 

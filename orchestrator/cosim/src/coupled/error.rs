@@ -103,7 +103,7 @@ pub enum Error {
     },
     /// An input that cannot be moved continuously.
     #[error(
-        "input `{name}` feeds `{variable}`, which is no continuous Real; leave it out of the inputs, it then keeps its start value"
+        "input `{name}` feeds `{variable}`, which is not a continuous Real; leave it out of the inputs, it then keeps its start value"
     )]
     Input {
         /// System input.

@@ -297,7 +297,7 @@ impl<'a> Student<'a> {
                 let typical = 1e-3 * nominal / self.block.arguments[second].nominal;
                 let limit = STRAIGHTNESS_TOLERANCE * up.abs().max(down.abs()).max(here.abs()).max(typical);
                 let (above, below) = (up - here, here - down);
-                // What is no number shows nothing.
+                // What is not a number shows nothing.
                 straight &= (above - below).abs() <= limit;
                 flat &= above.abs() <= limit && below.abs() <= limit;
             }

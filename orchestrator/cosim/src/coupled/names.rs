@@ -71,7 +71,7 @@ pub(super) fn output(graph: &SystemGraph, name: &str) -> Result<Shown, Error> {
     let variable = &graph.components[component].fmu.description.variables[index];
     let refuse = |reason: &'static str| Err(Error::Output { name: name.to_owned(), reason });
     if DataType::of(variable) != DataType::Real {
-        return refuse("is no Real; only Reals can be part of an optimization");
+        return refuse("is not a Real; only Reals can be part of an optimization");
     }
     if let Some(state) = state_of(graph, component, index) {
         return Ok(Shown::State(component, state, conversion));

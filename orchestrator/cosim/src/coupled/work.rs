@@ -19,11 +19,11 @@ const DIFFERENCE_OF_STRAIGHT_LINES: f64 = 1e-2;
 pub(super) enum Trouble {
     /// A call into a component failed.
     Fmu { component: usize, error: FmuError },
-    /// A value is no number.
+    /// A value is not a number.
     NotFinite { value: usize, found: f64 },
-    /// A derivative by an argument is no number.
+    /// A derivative by an argument is not a number.
     Derivative { component: usize, argument: usize, found: f64 },
-    /// A state or input is no number.
+    /// A state or input is not a number.
     Argument { column: usize, found: f64 },
 }
 

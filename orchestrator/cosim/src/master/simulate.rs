@@ -22,8 +22,8 @@ pub struct Stimulus<'a> {
 }
 
 impl Stimulus<'_> {
-    /// Interpolation of each linked input between samples: an input that is no Real, or feeds a discrete variable, is
-    /// held, as interpolation would give it values that nobody commanded.
+    /// Interpolation of each linked input between samples: an input that is not a Real, or feeds a discrete variable,
+    /// is held, as interpolation would give it values that nobody commanded.
     pub fn interpolations(&self, graph: &SystemGraph) -> Vec<Interpolation> {
         let of = |&(input, ..): &(usize, usize, f64, f64)| match graph.input_is_held(input) {
             true => Interpolation::Hold,

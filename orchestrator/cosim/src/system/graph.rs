@@ -395,7 +395,7 @@ impl SystemGraph {
             && !order::feed_through(&self.components[component], variable).is_empty()
     }
 
-    /// Whether data for a system input are held between their samples: it is no Real, or feeds a discrete variable.
+    /// Whether data for a system input are held between their samples: it is not a Real, or feeds a discrete variable.
     pub fn input_is_held(&self, input: usize) -> bool {
         let feeds_discrete = |connection: &Connection| {
             connection.source == Source::Input(input)

@@ -3,7 +3,7 @@
 //! The static checks look at archive and model description; they catch what schema and usual validators let pass
 //! (start outside min..max, `derivative` of a non-state, incomplete structure, ...). The dynamic checks run the
 //! library: both interfaces, reset, saved states, derivatives against differences, declared dependencies against
-//! observed ones. What makes an FMU unusable is no finding but an error of [`Fmu::open`].
+//! observed ones. What makes an FMU unusable is not a finding but an error of [`Fmu::open`].
 
 mod attributes;
 mod dependencies;

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 /// Reason why an FMU was not derived. Nothing was written.
 #[derive(Debug, thiserror::Error)]
 pub enum DeriveError {
-    /// The template is no readable FMU.
+    /// The template is not a readable FMU.
     #[error("the template cannot be used: {0}")]
     Template(#[source] Box<crate::Error>),
     /// A library that would not look at the start values.

@@ -115,7 +115,7 @@ pub struct Diagnostics {
     pub frequency: Vec<FrequencyResponse>,
 }
 
-/// Tests a model on records (as a rule those of the estimation) and describes it.
+/// Tests a model on records (usually those of the estimation) and describes it.
 ///
 /// `family` is the estimate with its covariance, for uncertainty bands; without it the bands are empty.
 pub fn diagnose(

@@ -187,7 +187,8 @@ fn levinson(correlation: &[f64]) -> (Vec<f64>, f64) {
 
 /// Most past values of the filter that makes an input white.
 const WHITENING_ORDER: usize = 20;
-/// White noise added to the input in mind, as a share of its variance: what it does not excite is not blown up.
+/// Share of its variance that is added to the input as fictitious white noise: frequencies without excitation are
+/// not amplified.
 const WHITE_NOISE_FLOOR: f64 = 1e-4;
 
 /// Filters inputs and residuals with the filter that makes the inputs white.

@@ -33,8 +33,8 @@ pub enum Error {
         "the amplitude {amplitude} is given twice, and both would be the same file; give each once, or --join for one after another in one file"
     )]
     Repeated { amplitude: f64 },
-    /// A file that is no command.
-    #[error("{}: this file is there and is no command with the same column; choose another name", path.display())]
+    /// A file that is not a command.
+    #[error("{}: this file is there and is not a command with the same column; choose another name", path.display())]
     File { path: std::path::PathBuf },
 }
 

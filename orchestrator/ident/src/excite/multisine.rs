@@ -11,8 +11,8 @@ use super::{Band, Error, check};
 const STARTS: usize = 8;
 /// Rounds of clipping per start.
 const ROUNDS: usize = 300;
-/// Above so many sines there is one start, Schroeder's phases moved in time: each round is a transform over eight
-/// points per shortest wave.
+/// Number of sines above which there is only one start, Schroeder's phases moved in time: each round is a transform
+/// over eight points per shortest wave.
 const MAX_SINES_OF_SEVERAL_STARTS: usize = 4096;
 
 /// `n` samples of all multiples of 1 / `period` in the band, peak 1.

@@ -123,8 +123,8 @@ struct Taken {
 }
 
 impl Filter<'_> {
-    /// Before the first sample the motion is known no better than the record scatters: a signal by its own spread, its
-    /// derivatives by its differences.
+    /// Before the first sample the uncertainty of the motion is the scatter of the record: a signal by its own spread,
+    /// its derivatives by its differences.
     fn start(&self) -> State {
         let mut mean = Vector3::zeros();
         let mut sizes = [0.0f64; 3];

@@ -6,7 +6,7 @@ use super::smoother::{Measured, Motion};
 /// One record of force and motion in SI units; shape \[n\] each.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Sweep {
-    /// Name in messages, as a rule the file it was read from.
+    /// Name in messages, usually the file it was read from.
     pub name: String,
     /// Times \[s\], increasing.
     pub time: Vec<f64>,

@@ -86,7 +86,7 @@ pub struct Candidate {
 /// compared. Results do not depend on the number of threads.
 ///
 /// # Errors
-/// Whatever reading comes to, or data on which no structure can be estimated.
+/// Errors of reading the records, or data on which no structure can be estimated.
 pub fn search(
     estimation: &[&dyn Source],
     judging: &[&dyn Source],

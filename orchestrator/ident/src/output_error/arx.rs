@@ -41,7 +41,7 @@ pub struct OutputError {
     pub initial: Vec<Vec<Vec<f64>>>,
 }
 
-/// Minimizes the simulated error of an ARX structure from `model` (as a rule the least-squares estimate).
+/// Minimizes the simulated error of an ARX structure from `model` (usually the least-squares estimate).
 ///
 /// Starts are `model`, least squares, refined instrumental variables from both, and the same for the records as a model
 /// of high order simulates them; unstable ones are drawn into the unit circle. The one with the smallest simulated

@@ -65,8 +65,8 @@ pub enum Outcome {
     /// The error no longer falls, though the parameters still move: the data leave a combination of them open, as a
     /// rule because the order is higher than needed.
     Flat,
-    /// No step lowers the error, though this is no minimum: the border of stability is in the way, or the data do not
-    /// determine the parameters.
+    /// No step lowers the error, though this is not a minimum: the border of stability is in the way, or the data do
+    /// not determine the parameters.
     Stalled,
     /// [`Options::iterations`] were not enough.
     IterationLimit,

@@ -83,7 +83,7 @@ impl RefinedStateSpace {
     }
 }
 
-/// Minimizes the simulation or prediction error of a state-space model, from `model` (as a rule a subspace estimate).
+/// Minimizes the simulation or prediction error of a state-space model, from `model` (usually a subspace estimate).
 ///
 /// An unstable model is drawn into the unit circle first. For [`Criterion::Prediction`] a model without gain starts at
 /// K = 0. The offsets stay those of `model`.

@@ -4,7 +4,7 @@
 #[derive(Debug, thiserror::Error)]
 #[allow(missing_docs, reason = "file, line (1-based), column and value, as named in each message")]
 pub enum Error {
-    /// The file is no table of numbers.
+    /// The file is not a table of numbers.
     #[error(transparent)]
     Csv(#[from] airloop_series::csv::Error),
     /// A channel that is asked for but not there.

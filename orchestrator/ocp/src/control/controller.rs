@@ -79,7 +79,7 @@ impl Controller {
     }
 
     /// Same as [`Controller::step`] (`measured` \[p\]; inputs \[m\] and states \[n\]), where the plant is in a mode:
-    /// the next phase begins when its mode is seen, and `x0 + e` goes on as it was.
+    /// the next phase begins when its mode is seen, and `x0 + e` continues without a jump.
     pub fn step_in(&self, estimate: &mut Estimate, mode: i32, measured: &[f64]) -> (Vec<f64>, Vec<f64>) {
         let phase = estimate.phase;
         let own = self.phases.get(phase).map(|phase| phase.mode);

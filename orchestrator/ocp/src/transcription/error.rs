@@ -78,9 +78,9 @@ pub enum Error {
         /// Its fraction.
         value: f64,
     },
-    /// An interval that is no whole number of samples long.
+    /// An interval that is not a whole number of samples long.
     #[error(
-        "phase `{phase}`: interval {interval} of the mesh is {length} s long, which is no whole number of samples of \
+        "phase `{phase}`: interval {interval} of the mesh is {length} s long, which is not a whole number of samples of \
          {sample_time} s; choose a number of intervals that divides the samples of the phase, or another duration"
     )]
     Samples {
@@ -108,7 +108,7 @@ pub enum Error {
     },
     /// A state declared as sampled whose equation is not linear with constant coefficients.
     #[error(
-        "phase `{phase}`: `{state}` is declared as sampled, but its rate is no linear function, with constant \
+        "phase `{phase}`: `{state}` is declared as sampled, but its rate is not a linear function, with constant \
          coefficients, of sampled states and inputs; only such blocks are advanced exactly"
     )]
     NotLinear {

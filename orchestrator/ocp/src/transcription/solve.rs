@@ -103,7 +103,7 @@ pub struct Round {
 /// does not succeed.
 ///
 /// # Errors
-/// See [`solve_on`]; [`Error::Samples`] where parts of intervals are no whole number of samples.
+/// See [`solve_on`]; [`Error::Samples`] where parts of intervals are not a whole number of samples.
 pub fn refine(
     problem: &mut Problem,
     discretization: &Discretization,

@@ -1,6 +1,6 @@
-//! Singular values and eigenvalues that always come to an end.
+//! Singular values and eigenvalues by iterations that always end.
 //!
-//! nalgebra's iterations have no limit and, rarely, circle for ever: the QR iteration of its singular values on
+//! nalgebra's iterations have no limit and, rarely, never end: the QR iteration of its singular values on
 //! matrices with a wide range of scales, that of its Schur form on cyclic matrices. Here they are limited; what they
 //! leave is done by one-sided Jacobi rotations, or on another basis.
 

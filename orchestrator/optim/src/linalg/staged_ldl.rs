@@ -42,7 +42,7 @@ impl StagedLdl {
     /// any order; entries that occur several times are added. `stage_of` is the stage of every row, from 0.
     ///
     /// # Errors
-    /// [`PatternError`] when an entry lies outside or couples stages that are no neighbors.
+    /// [`PatternError`] when an entry lies outside or couples stages that are not neighbors.
     pub fn new(entries: &[(usize, usize)], stage_of: &[usize]) -> Result<Self, PatternError> {
         let dimension = stage_of.len();
         check_pattern(dimension, entries)?;

@@ -28,7 +28,7 @@ pub enum PatternError {
         /// Rows of the matrix.
         dimension: usize,
     },
-    /// An entry couples stages that are no neighbors.
+    /// An entry couples stages that are not neighbors.
     #[error(
         "entry {entry} of the pattern couples row {row} of stage {row_stage} with row {column} of stage {column_stage}; \
          a stage may couple to itself and its neighbors only: merge the stages or leave the stage structure out"

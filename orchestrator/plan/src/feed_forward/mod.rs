@@ -42,7 +42,7 @@ pub enum Error {
         /// Allowed values.
         allowed: &'static str,
     },
-    /// No planned output, or a value in it that is no number.
+    /// No planned output, or a value in it that is not a number.
     #[error("the planned output {0}")]
     Target(String),
     /// The steady command of the first planned value is out of reach.

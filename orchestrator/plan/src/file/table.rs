@@ -102,7 +102,7 @@ impl<'a> Value<'a> {
             Some(number) => Ok(number),
             None => {
                 let found = &self.source.text[self.value.span()];
-                Err(self.error(format!("`{found}` is no whole number of at least {least}")))
+                Err(self.error(format!("`{found}` is not a whole number of at least {least}")))
             }
         }
     }

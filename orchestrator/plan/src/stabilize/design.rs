@@ -159,7 +159,7 @@ pub fn stabilize(prepared: &mut Prepared, plan: Plan<'_>, settings: &Settings) -
                 (Some(Signal::Input(i)), Some(inputs)) => inputs[i] = value,
                 _ => {
                     let problem = format!(
-                        "`{}` is no state{} of the plan",
+                        "`{}` is not a state{} of the plan",
                         entry.0.text,
                         if inputs.is_some() { " or input" } else { "" }
                     );

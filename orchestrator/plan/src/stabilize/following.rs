@@ -109,7 +109,8 @@ impl Following {
         for (guard, jump) in own.guards.iter().zip(resets) {
             let (index, _) = setup.catalog.want(source, guard)?;
             let Some(Signal::Output(guard)) = setup.task.signals.of(index) else {
-                let problem = format!("`{}` is no output that the problem names; bound it there", guard.text);
+                let problem =
+                    format!("`{}` is not an output that the problem names; bound it there", guard.text);
                 return Err(source.error_at(guard.place, problem));
             };
             let reset = match jump.as_ref().map(Jump::link).transpose()?.map(|link| link.states) {
@@ -134,7 +135,7 @@ impl Following {
             });
             if !whole {
                 let problem = format!(
-                    "`{}` is no Integer or enumeration of a component; write component.variable",
+                    "`{}` is not an Integer or enumeration of a component; write component.variable",
                     name.text
                 );
                 return Err(source.error_at(name.place, problem));

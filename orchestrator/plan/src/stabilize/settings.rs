@@ -41,7 +41,7 @@ pub struct PhaseSettings {
     pub guards: Vec<Text>,
     /// Integer output that tells the phase, with its values; without it phases begin by time.
     pub mode: Option<(Text, Vec<i32>)>,
-    /// Time by which the trajectory of a phase goes on beyond its ends.
+    /// Time by which the trajectory of a phase continues beyond its ends.
     pub overlap: Option<Quantity>,
     /// Time by which the regulator looks beyond the end of the plan.
     pub horizon: Option<Quantity>,

@@ -176,7 +176,7 @@ fn in_unit_of(
         Some(Compatibility::Equal) => Ok(width.value),
         Some(Compatibility::Convertible { factor, .. }) => Ok(factor * width.value),
         _ => {
-            let problem = format!("`{unit}` is no unit for `{}`, which is in `{own}`", variable.name);
+            let problem = format!("`{unit}` is not a unit for `{}`, which is in `{own}`", variable.name);
             Err(settings.source.error_at(width.place, problem))
         }
     }

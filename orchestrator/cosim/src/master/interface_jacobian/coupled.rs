@@ -37,7 +37,7 @@ pub(super) struct Coupled {
     pub y: Vec<f64>,
     pub rate: Vec<f64>,
     pub nudged: Vec<f64>,
-    /// Algebraic loops (by number of their group): solved once so many static blocks have stepped.
+    /// Algebraic loops (by number of their group): each is solved once this many static blocks have stepped.
     pub loops: Vec<(usize, usize)>,
     /// Steps of the whole component, with repetitions.
     pub passes: u64,

@@ -9,7 +9,7 @@
 //!
 //! Components outside all cycles step once, in the order of the graph. An algebraic loop is part of the reduced
 //! problem; where the step ends it is solved once more through the FMUs themselves ([`super::loops`]), so that what is
-//! passed on is no approximation. Events inside a coupled component are left to the monolithic master.
+//! passed on is not an approximation. Events inside a coupled component are left to the monolithic master.
 
 mod capabilities;
 mod coupled;

@@ -96,7 +96,7 @@ impl<'a> Planner<'a> {
         planner
     }
 
-    /// Outputs at their initial values, with room for signals of so many pieces.
+    /// Outputs at their initial values, with room for signals of this many pieces.
     fn outputs(&self, units: &[Unit], nodes: &mut [Node], pieces: usize) -> Result<Outputs, Error> {
         let count = self.places.len();
         let mut outputs = Outputs {

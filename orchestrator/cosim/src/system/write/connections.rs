@@ -1,4 +1,4 @@
-//! Attributes that a connection needs so that a reader comes to the conversion of the graph.
+//! Attributes that a connection needs so that a reader arrives at the conversion of the graph.
 
 use crate::system::graph::{Conversion, Source, SystemGraph, unit_of};
 use crate::system::validate::{UnitTable, conversion};
