@@ -188,7 +188,7 @@ def test_trials_do_not_depend_on_the_number_of_threads(trials):
 def test_what_is_wrong_is_named_with_its_place(plan, tmp_path):
     cases = {
         "[sensors]\nthetta = 1e-3\n": ["line 2", "thetta", "theta"],
-        '[sensors]\ntheta = "1 mm"\n': ["line 2, column 9", "`mm` is no unit for `theta`"],
+        '[sensors]\ntheta = "1 mm"\n': ["line 2, column 9", "`mm` is not a unit for `theta`"],
         "[sensors]\nu = 1\n": ["line 2", "neither a state nor an output"],
         "[sensors]\ntheta = 0\n": ["noise of measured signal[1] = 0", "positive"],
         "sensors = 3\n": ["line 1", "a table is wanted"],

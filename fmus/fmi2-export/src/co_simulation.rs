@@ -18,7 +18,7 @@ const MAX_EVENTS_PER_STEP: usize = 10_000;
 /// An event that keeps asking for another round at the same time is stopped after this many.
 const MAX_EVENT_ITERATIONS: usize = 100;
 
-/// How far a step got.
+/// Extent of a step: complete, or where it stopped.
 enum Stop {
     /// The model asked to end the simulation at this time.
     Terminated(f64),

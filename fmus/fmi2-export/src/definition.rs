@@ -43,7 +43,7 @@ impl<M: Model> Definition<M> {
     /// Text of `modelDescription.xml`.
     ///
     /// # Panics
-    /// As [`Definition::structure`].
+    /// Same as [`Definition::structure`].
     pub fn xml(&self) -> String {
         description::text(&M::IDENTITY, &self.table, &self.structure(), &self.guid)
     }

@@ -72,7 +72,7 @@ impl<M: Model> Instance<M> {
         Status::OK
     }
 
-    /// What the equations need, without their values: a pass with derivatives brings them along.
+    /// Values that the equations need, without their derivatives: a pass with derivatives computes both.
     fn approach(&mut self) -> Outcome {
         if self.state.dirty {
             self.columns.forget();

@@ -1,7 +1,7 @@
 //! Forward-mode dual numbers: `a + b ε` with `ε² = 0`.
 //!
-//! One evaluation of the equations with duals gives one directional derivative, or some at once, exact to rounding. The crate
-//! has its own type because the equations need a `Copy` number with few operations; a general differentiation
+//! One evaluation of the equations with duals gives one directional derivative, or some at once, exact to rounding. The
+//! crate has its own type because the equations need a `Copy` number with few operations; a general differentiation
 //! crate would bring a linear-algebra stack into every FMU library.
 
 use crate::scalar::Scalar;

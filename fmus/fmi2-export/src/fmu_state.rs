@@ -9,7 +9,7 @@ use crate::values::{Interface, Values};
 const MAGIC: &[u8; 8] = b"fmi2exst";
 const VERSION: u32 = 1;
 
-/// What an `fmi2FMUstate` points to.
+/// Object behind an `fmi2FMUstate` pointer (FMI 2.0.4 section 2.1.8).
 pub(crate) struct Snapshot {
     pub state: State,
 }

@@ -94,7 +94,7 @@ pub struct Instance<M: Model> {
     pub(crate) definition: &'static Definition<M>,
     /// GUID of the FMU: that of the library, or of an FMU derived from it.
     pub(crate) guid: String,
-    /// What `fmi2Reset` goes back to.
+    /// Values that `fmi2Reset` restores.
     start: Values<f64>,
     pub(crate) state: State,
     pub(crate) logger: Logger,
@@ -113,7 +113,7 @@ impl<M: Model> Instance<M> {
     /// Creates an instance with start values.
     ///
     /// # Errors
-    /// Where the start values of a derived FMU do not fit, or the model can't load its resources.
+    /// Fails where the start values of a derived FMU do not fit, or the model can't load its resources.
     pub(crate) fn new(
         definition: &'static Definition<M>,
         derived: Option<StartValues>,

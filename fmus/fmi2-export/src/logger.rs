@@ -51,7 +51,7 @@ impl Category {
 const ALL: u8 = 0b1_1111;
 const STATUS_MESSAGES: u8 = ALL & !1;
 
-/// Where the messages of one instance go, and which.
+/// Destination of the messages of one instance, and the categories that are logged.
 pub(crate) struct Logger {
     callback: Option<CallbackLogger>,
     environment: ComponentEnvironment,

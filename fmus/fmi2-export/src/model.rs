@@ -1,11 +1,11 @@
-//! What a model author writes: the trait [`Model`].
+//! Interface that a model author implements: the trait [`Model`].
 
 use crate::scalar::Scalar;
 use crate::table::Table;
 use crate::values::{Interface, Values};
 use std::path::Path;
 
-/// Who the model is; becomes attributes of `fmiModelDescription`.
+/// Identity of the model; becomes attributes of `fmiModelDescription`.
 #[derive(Clone, Debug)]
 pub struct Identity {
     /// C identifier, name of the shared library (`modelIdentifier`).
@@ -26,7 +26,7 @@ pub struct Identity {
     pub step_size: f64,
 }
 
-/// Why the equations give no result.
+/// Reason why the equations give no result.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Refusal {
     /// A smaller step or other values may work: `fmi2Discard`.
@@ -38,7 +38,7 @@ pub enum Refusal {
 /// Result of every hook of a model.
 pub type Outcome = Result<(), Refusal>;
 
-/// What an event did; see [`Model::event`].
+/// Effect of an event; see [`Model::event`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Event {
     /// Continuous states were set to new values.
@@ -116,7 +116,7 @@ pub trait Model: Sized + Send + Sync + 'static {
     /// Must not read what it wrote in an earlier call.
     ///
     /// # Errors
-    /// Where the equations have no value.
+    /// Fails where the equations have no value.
     fn equations<S: Scalar>(&self, values: &mut Values<S>) -> Outcome;
 
     /// Period \[s\] of the sampled update; `None`: not sampled. Samples are taken at start time + k period.
@@ -144,7 +144,7 @@ pub trait Model: Sized + Send + Sync + 'static {
         Event::default()
     }
 
-    /// What the last event was, in words: for the log, and for the message that ends a simulation.
+    /// Description of the last event: for the log, and for the message that ends a simulation.
     fn explain_event(&self, values: &Values<f64>) -> Option<String> {
         let _ = values;
         None

@@ -23,7 +23,7 @@ use std::path::Path;
 /// Name of the file in the resources folder.
 pub const FILE: &str = "start_values.toml";
 
-/// What the file says.
+/// Content of the file.
 #[derive(Debug, PartialEq)]
 pub(crate) struct StartValues {
     /// GUID of the library that the file was made for.
@@ -254,7 +254,7 @@ fn string(text: &str) -> Result<(String, &str), String> {
                 let c = code.and_then(char::from_u32);
                 c.ok_or_else(|| format!("\\{escape} is not followed by {digits} digits of a character"))?
             }
-            other => return Err(format!("\\{other} is no escape; a backslash is written \\\\")),
+            other => return Err(format!("\\{other} is not an escape; a backslash is written \\\\")),
         });
     }
 }

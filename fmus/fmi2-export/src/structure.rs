@@ -1,4 +1,4 @@
-//! What depends on what: the content of `ModelStructure`, found by differentiating the equations.
+//! Dependencies between variables: the content of `ModelStructure`, found by differentiating the equations.
 //!
 //! Nothing is typed by hand. At several points (the draws of [`Model::probe`]) each known is seeded with a dual
 //! number, and each is also moved on its own, which shows what no derivative shows: dependencies of and on
@@ -44,7 +44,7 @@ pub struct Structure {
     pub outputs: Vec<Unknown>,
     /// State derivatives in the order of the states; same knowns.
     pub derivatives: Vec<Unknown>,
-    /// What initialization computes (FMI 2.0.4 section 2.2.8), in table order; knowns are inputs, states and
+    /// Unknowns that initialization computes (FMI 2.0.4 section 2.2.8), in table order; knowns are inputs, states and
     /// parameters.
     pub initial_unknowns: Vec<Unknown>,
 }

@@ -96,7 +96,7 @@ pub enum Kind {
 pub struct Variable {
     /// Name in the structured naming convention.
     pub name: String,
-    /// What it is.
+    /// Meaning of the variable, for `modelDescription.xml`.
     pub description: String,
     /// FMI causality.
     pub causality: Causality,

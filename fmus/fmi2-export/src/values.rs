@@ -62,7 +62,7 @@ impl Real {
     }
 }
 
-/// Which of the two FMI interfaces an instance was created for.
+/// FMI interface for which an instance was created.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Interface {
     /// `fmi2ModelExchange`

@@ -82,7 +82,7 @@ fn modes_to_set(v: &Variable) -> u16 {
     }
 }
 
-/// Why a variable can't be set now.
+/// Reason why a variable can't be set now.
 enum Refused {
     Error(String),
     Discard(String),

@@ -1,4 +1,5 @@
-//! A state whose initial value follows from a parameter: until the start the model sets it, afterwards the importer may.
+//! A state whose initial value follows from a parameter: until the start the model sets it, afterwards the importer
+//! may.
 #![allow(unsafe_code, clippy::undocumented_unsafe_blocks)]
 
 use fmi2_export::{Identity, Model, Outcome, Real, Scalar, Table, Values};

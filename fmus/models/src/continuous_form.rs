@@ -14,8 +14,8 @@ pub fn declare_realization(t: &mut Table) -> Enumeration {
     )
 }
 
-/// `[[Ac, Bc], [0, 0]]` with `exp` of it times `sample_time` \[s\] equal to the transition `[[Ad, Bd], [0, I]]` over one
-/// sample; `Ad` has `states` rows.
+/// `[[Ac, Bc], [0, 0]]` with `exp` of it times `sample_time` \[s\] equal to the transition `[[Ad, Bd], [0, I]]` over
+/// one sample; `Ad` has `states` rows.
 ///
 /// One logarithm of the augmented matrix; the usual `Bc = Ac (Ad - I)⁻¹ Bd` has no value for a pole at 1.
 ///
@@ -28,9 +28,9 @@ pub fn of<S: Scalar, const MAX: usize>(
 ) -> Result<Matrix<S, MAX>, NoContinuous> {
     let mut log = transition.logarithm().map_err(|why| {
         // Closer to the axis than this the logarithm exists but has no correct digits.
-        const CLOSE: f64 = 1e-4;
+        const MIN_DISTANCE_FROM_NEGATIVE_AXIS: f64 = 1e-4;
         let poles = Matrix::leading(transition, states).poles();
-        let on_axis = |p: &Complex| p.0 <= 0.0 && p.1.abs() <= CLOSE * p.0.abs();
+        let on_axis = |p: &Complex| p.0 <= 0.0 && p.1.abs() <= MIN_DISTANCE_FROM_NEGATIVE_AXIS * p.0.abs();
         poles.into_iter().find(on_axis).map_or(NoContinuous::Numerical(why), NoContinuous::Pole)
     })?;
     for i in 0..states {
@@ -41,7 +41,7 @@ pub fn of<S: Scalar, const MAX: usize>(
     Ok(log)
 }
 
-/// Why a recursion has no continuous form.
+/// Reason why a recursion has no continuous form.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum NoContinuous {
     /// A pole at zero or on the negative real axis.

@@ -3,6 +3,9 @@
 //! One module per model; [`registry`] lists them. What FMI needs of them (interfaces, states of an instance,
 //! XML) is in `fmi2-export`, what makes an `.fmu` of them in `packager`.
 //!
+//! Notation of the paper, *Model-based Trajectory Control of Robots with Pneumatic Actuator Dynamics*;
+//! plain equation, section and figure numbers in this crate are those of the paper.
+//!
 //! | paper | code | unit | meaning | equation |
 //! |---|---|---|---|---|
 //! | u | `u` | N | force command | 3, 6 |

@@ -10,7 +10,7 @@ pub struct Matrix<S, const MAX: usize> {
     a: [[S; MAX]; MAX],
 }
 
-/// Why there is no principal logarithm.
+/// Reason why there is no principal logarithm.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum NoLogarithm {
     /// The matrix is singular to working precision.
@@ -139,12 +139,12 @@ impl<S: Scalar, const MAX: usize> Matrix<S, MAX> {
     /// # Errors
     /// For a matrix with a pole at zero or on the negative real axis.
     pub fn logarithm(&self) -> Result<Self, NoLogarithm> {
-        const CLOSE: f64 = 0.7;
-        const ROOTS: usize = 60;
+        const MAX_DISTANCE_FROM_IDENTITY: f64 = 0.7;
+        const MAX_ROOTS: usize = 60;
         let mut root = *self;
         let mut squarings = 0;
-        while root.shifted(-1.0).norm1() > CLOSE {
-            if squarings == ROOTS {
+        while root.shifted(-1.0).norm1() > MAX_DISTANCE_FROM_IDENTITY {
+            if squarings == MAX_ROOTS {
                 return Err(NoLogarithm::NoSquareRoot);
             }
             root = root.sqrt()?;

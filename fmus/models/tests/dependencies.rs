@@ -52,7 +52,7 @@ fn differs(variable: &Variable, a: &Values<f64>, b: &Values<f64>) -> bool {
     match &variable.kind {
         Kind::Real { handle, .. } => {
             let (a, b) = (a[*handle], b[*handle]);
-            // Rounding of what cancels is no dependency.
+            // Rounding of what cancels is not a dependency.
             (a - b).abs() > 1e-9 * a.abs().max(b.abs()).max(1e-3)
         }
         Kind::Integer { handle, .. } | Kind::Enumeration { handle, .. } => a[*handle] != b[*handle],

@@ -34,7 +34,7 @@ impl Member {
 /// Writes the archive next to its final place and moves it there, so that no reader meets half a file.
 ///
 /// # Errors
-/// Where the file system or the archive library refuses; the path stands in the message.
+/// Fails where the file system or the archive library refuses; the path stands in the message.
 pub fn write(path: &Path, members: &[Member]) -> Result<(), Error> {
     let folder = path.parent().unwrap_or(Path::new("."));
     std::fs::create_dir_all(folder).map_err(Error::file(folder))?;

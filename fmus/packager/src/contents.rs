@@ -1,4 +1,4 @@
-//! What stands in the archive of one FMU (FMI 2.0.4 section 2.3).
+//! Files in the archive of one FMU (FMI 2.0.4 section 2.3).
 
 use crate::archive::Member;
 use crate::{Error, documentation, icon, parameter_set};

@@ -1,4 +1,4 @@
-//! What can go wrong while packaging; each message says what to do.
+//! Errors of packaging; each message says what to do.
 
 use std::path::PathBuf;
 
@@ -10,7 +10,7 @@ pub enum Error {
     File {
         /// The file.
         path: PathBuf,
-        /// What the system says.
+        /// Message of the operating system.
         source: std::io::Error,
     },
     /// Cargo did not start or did not succeed.
@@ -21,7 +21,7 @@ pub enum Error {
         "{path}: no such library; build it with `cargo build --release -p {package}`, or leave out --lib-dir"
     )]
     NoLibrary {
-        /// Where it was looked for.
+        /// Place where it was sought.
         path: PathBuf,
         /// Cargo package that makes it.
         package: &'static str,
@@ -52,13 +52,13 @@ pub enum Error {
     Archive {
         /// The FMU.
         path: PathBuf,
-        /// What the archive library says.
+        /// Message of the archive library.
         source: zip::result::ZipError,
     },
     /// The repository was not found.
     #[error("no fmus/packager above {path}; run inside the repository, or name it with --root")]
     NoRoot {
-        /// Where the search began.
+        /// Place where the search began.
         path: PathBuf,
     },
 }

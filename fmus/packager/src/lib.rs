@@ -21,7 +21,7 @@ use airloop_models::registry::{self, Entry};
 use contents::Library;
 use std::path::{Path, PathBuf};
 
-/// Where libraries come from and where FMUs go.
+/// Sources of libraries and destination of FMUs.
 #[derive(Clone, Debug)]
 pub struct Request {
     /// Root of the repository.

@@ -1,4 +1,4 @@
-//! What a user of the library sees: one variant per module.
+//! Errors that a user of the library sees: one variant per module.
 
 /// Any error of this library; the messages are those of the modules.
 #[derive(Debug, thiserror::Error)]
@@ -62,7 +62,7 @@ pub enum Error {
     LinearFmu {
         /// Name that was wanted.
         name: String,
-        /// What is in the way, and the remedy.
+        /// Obstacle and remedy.
         problem: String,
     },
     /// Output error.
@@ -82,7 +82,7 @@ pub enum Error {
     OutputFolder {
         /// Folder.
         folder: std::path::PathBuf,
-        /// What is in the way.
+        /// Obstacle.
         problem: String,
     },
     /// The standard output.

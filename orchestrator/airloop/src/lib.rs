@@ -3,6 +3,9 @@
 //! [`cosim`] couples FMUs and runs them, [`ident`] makes models from records, [`plan`] optimizes trajectories over the
 //! coupled system, [`refine`] finds what a declared model lacks. Here live the virtual test bench ([`rig`]), the
 //! comparison of a run with a measurement ([`discrepancy`]) and the sum of all errors ([`Error`]).
+//!
+//! "The paper" is *Model-based Trajectory Control of Robots with Pneumatic Actuator Dynamics*; section and equation
+//! numbers in this crate are its own.
 
 pub mod discrepancy;
 pub mod error;

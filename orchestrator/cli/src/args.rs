@@ -14,7 +14,8 @@ use airloop_fmi::InterfaceKind;
 use airloop_series::Interpolation;
 use airloop_series::units::{parse_duration, parse_time};
 
-/// Co-simulation of FMI 2.0 units, and comparison with measurements.
+/// Couple FMI 2.0 units and simulate them, identify models from measurements, optimize and stabilize motions, and find
+/// the physical effects that a model lacks.
 #[derive(Debug, Parser)]
 #[command(
     name = "airloop",
@@ -23,7 +24,7 @@ use airloop_series::units::{parse_duration, parse_time};
     after_help = "Exit codes: 0 success, 1 failure, 2 wrong usage, 130 interrupted (Ctrl-C, SIGTERM, SIGHUP; the result so far is kept)."
 )]
 pub struct Cli {
-    /// What to do.
+    /// Action to perform.
     #[command(subcommand)]
     pub command: Command,
 }
@@ -47,8 +48,8 @@ pub enum Command {
     Inspect(super::inspect::Args),
     /// Write a system, with changed start values if wanted, as an SSP file for other tools.
     ///
-    /// The written system gives the same results, bit for bit. Geometry, annotations, connectors that are not connected, and
-    /// the step size and tolerance of a single FMU are not kept.
+    /// The written system gives the same results, bit for bit. Geometry, annotations, connectors that are not
+    /// connected, and the step size and tolerance of a single FMU are not kept.
     Export(super::export::Args),
     /// Write one of our FMUs with start values, name and GUID of its own, for any FMI tool.
     Derive(super::derive::Args),
@@ -56,7 +57,7 @@ pub enum Command {
     Excite(super::excite::Args),
     /// A virtual rig: records as an experimenter would take them.
     Rig {
-        /// What to do.
+        /// Action to perform.
         #[command(subcommand)]
         command: super::rig::Command,
     },
@@ -68,9 +69,9 @@ pub enum Command {
     },
     /// Find a motion for a system of FMUs: the least cost within bounds, from a problem file.
     ///
-    /// Writes trajectory.csv (time [s], states, inputs, costates), command.csv (to be played with `airloop run --input`),
-    /// summary.json, iterations.csv, the roll-outs of the command through a master, figures as SVG, and index.html with an
-    /// animation. The gap between plan and roll-outs is reported.
+    /// Writes trajectory.csv (time [s], states, inputs, costates), command.csv (to be played with `airloop run
+    /// --input`), summary.json, iterations.csv, the roll-outs of the command through a master, figures as SVG, and
+    /// index.html with an animation. The gap between plan and roll-outs is reported.
     Optimize(Box<super::optimize::args::Args>),
     /// Keep a system on its plan: a regulator with state estimator, written as an FMU, and the closed loop with it.
     ///
@@ -86,7 +87,8 @@ pub enum Command {
     /// Writes report.json, report.md and report.html. Candidates are fitted in simulation on the estimation records;
     /// errors are reported on the validation records.
     Refine(super::refine::Args),
-    /// Print a completion script for a shell, e.g. `airloop completions bash > ~/.local/share/bash-completion/completions/airloop`.
+    /// Print a completion script for a shell, e.g. `airloop completions bash >
+    /// ~/.local/share/bash-completion/completions/airloop`.
     Completions {
         /// Shell.
         shell: clap_complete::Shell,
@@ -113,7 +115,7 @@ pub struct RunArgs {
     /// Start time [s]. Default: first time of the measured or input data, else the default experiment, else 0.
     #[arg(long, value_parser = parse_time, value_name = "TIME", allow_hyphen_values = true)]
     pub start: Option<f64>,
-    /// How components are coupled.
+    /// Coupling of the components.
     #[arg(long, value_enum, default_value_t = MasterChoice::GaussSeidel)]
     pub master: MasterChoice,
     /// Order of the polynomials that inputs follow inside a step of Gauss-Seidel or Jacobi, through the last values of
@@ -174,14 +176,14 @@ const COUPLING: &str = "Options of --master interface-jacobian";
 /// Options of `--master interface-jacobian`.
 #[derive(Debug, Clone, Args)]
 pub struct CouplingArgs {
-    /// How often the slaves of a coupled component repeat a step from their saved state. 0: the prediction is kept,
-    /// and no state is saved. Default: 1.
+    /// Number of times that the slaves of a coupled component repeat a step from their saved state. 0: the prediction
+    /// is kept, and no state is saved. Default: 1.
     #[arg(long, value_name = "NUMBER", conflicts_with = "iterate", value_parser = clap::value_parser!(u32).range(0..=20), help_heading = COUPLING)]
     pub corrections: Option<u32>,
     /// Repeat until the outputs change by less than this part of the larger of value and nominal value, e.g. 1e-6.
     #[arg(long, value_name = "TOL", help_heading = COUPLING)]
     pub iterate: Option<f64>,
-    /// How inputs continue inside a communication step. Default: ramped.
+    /// Interpolation of inputs inside a communication step. Default: ramped.
     #[arg(long, value_enum, help_heading = COUPLING)]
     pub inputs: Option<InputsChoice>,
 }
@@ -212,8 +214,9 @@ const ADAPTIVE: &str = "Adaptive communication steps";
 pub struct AdaptiveArgs {
     /// Choose every communication step by its error, from --step on. gauss-seidel and jacobi repeat each step from the
     /// saved states with inputs that run toward the result of the pass before; interface-jacobian makes it whole and in
-    /// two halves, which are kept. For gauss-seidel, jacobi and interface-jacobian; all FMUs must save and restore their
-    /// state. Steps end at samples of components and inputs; interface-jacobian may span whole samples of components.
+    /// two halves, which are kept. For gauss-seidel, jacobi and interface-jacobian; all FMUs must save and restore
+    /// their state. Steps end at samples of components and inputs; interface-jacobian may span whole samples of
+    /// components.
     #[arg(long, help_heading = ADAPTIVE)]
     pub adaptive: bool,
     /// Error of one step that is allowed, relative to the largest value of the signal so far (at least a hundredth of

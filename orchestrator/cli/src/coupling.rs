@@ -35,7 +35,7 @@ pub struct CouplingErrorArgs {
 }
 
 impl CouplingErrorArgs {
-    /// What to aim at, if an estimate is wanted.
+    /// Target of the estimate, if one is wanted.
     ///
     /// # Errors
     /// A goal out of range, a signal that is not there, or a master without coupling error.
@@ -80,7 +80,7 @@ fn percent(value: Option<f64>) -> String {
     value.map_or("signal is 0".into(), short)
 }
 
-/// What is printed.
+/// Text that is printed.
 pub fn report(record: &CouplingErrorRecord) -> String {
     let signals: Vec<Vec<String>> = record
         .signals

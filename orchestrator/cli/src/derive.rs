@@ -21,7 +21,7 @@ pub struct Args {
     /// Name of the model.
     #[arg(long)]
     pub name: Option<String>,
-    /// What the model is, in one sentence. Default: that of the FMU to start from.
+    /// Description of the model, one sentence. Default: that of the FMU to start from.
     #[arg(long, default_value = "")]
     pub description: String,
     /// Start value of a parameter, input or state, in the unit of the variable. May be repeated.
@@ -35,7 +35,7 @@ pub struct Args {
 /// Runs the command.
 ///
 /// # Errors
-/// What keeps the FMU from being read, changed or written.
+/// Fails if the FMU cannot be read, changed or written.
 pub fn run(args: &Args) -> Result<ExitCode, Error> {
     let template = find(&args.template)?;
     let fmu = Fmu::open(&template)?;

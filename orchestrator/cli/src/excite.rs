@@ -191,7 +191,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// Refuses two amplitudes for one file, and a file that is there and is no command of this column.
+/// Refuses two amplitudes for one file, and a file that is there and is not a command of this column.
 fn check_files(common: &Common) -> Result<(), Error> {
     let one = common.join || common.amplitude.len() == 1;
     for (index, &amplitude) in common.amplitude.iter().enumerate() {
@@ -284,7 +284,7 @@ impl Kind {
 
 /// `0.1..12Hz`, `0.1Hz..12Hz`, `0.1..12`.
 pub(super) fn parse_band(text: &str) -> Result<Band, String> {
-    let wanted = || format!("`{text}` is no band; write it like 0.1..12Hz");
+    let wanted = || format!("`{text}` is not a band; write it like 0.1..12Hz");
     let (from, to) = text.split_once("..").ok_or_else(wanted)?;
     let frequency = |text: &str| {
         let text = text.trim();
@@ -320,7 +320,7 @@ fn parse_pair(text: &str) -> Result<(f64, f64), String> {
 /// `60` or `-60..80`.
 fn parse_limits(text: &str) -> Result<(f64, f64), String> {
     let number = |text: &str| -> Result<f64, String> {
-        text.trim().parse().map_err(|_| format!("`{text}` is no number; write a limit like 60 or -60..80"))
+        text.trim().parse().map_err(|_| format!("`{text}` is not a number; write a limit like 60 or -60..80"))
     };
     match text.split_once("..") {
         Some((from, to)) => Ok((number(from)?, number(to)?)),

@@ -57,7 +57,7 @@ impl From<VersionChoice> for Version {
 /// Runs the command.
 ///
 /// # Errors
-/// What keeps the system from being read, amended or written.
+/// Fails if the system cannot be read, amended or written.
 pub fn run(args: &Args) -> Result<ExitCode, Error> {
     let mut graph = SystemGraph::open_to_read(&args.system)?;
     for (name, value) in &args.set {

@@ -30,10 +30,10 @@ pub fn check(folder: &Path, inputs: &[PathBuf], names: &[String]) -> Result<(), 
     check_against(folder, inputs, names, &earlier(folder))
 }
 
-/// As [`check()`], where what may be replaced is known otherwise than by a summary.
+/// Same as [`check()`], where what may be replaced is known otherwise than by a summary.
 ///
 /// # Errors
-/// As [`check()`].
+/// Same as [`check()`].
 pub fn check_against(
     folder: &Path,
     inputs: &[PathBuf],
@@ -52,7 +52,7 @@ pub fn check_against(
     for name in names.iter().filter(|name| !ours.contains(*name)) {
         if folder.join(name).symlink_metadata().is_ok() {
             return refused(format!(
-                "`{name}` is there, is no part of an earlier result, and would be replaced; choose another folder"
+                "`{name}` is there, is not part of an earlier result, and would be replaced; choose another folder"
             ));
         }
     }

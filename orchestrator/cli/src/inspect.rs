@@ -26,8 +26,8 @@ pub struct Args {
     /// Print JSON instead of tables. There, `variable` and `derivative` are positions in `variables`, counted from 0.
     #[arg(long)]
     pub json: bool,
-    /// Check the FMU, or each FMU of the system, against the standard: archive and description, then by running its library in this process.
-    /// Errors make the exit code 1.
+    /// Check the FMU, or each FMU of the system, against the standard: archive and description, then by running its
+    /// library in this process. Errors make the exit code 1.
     #[arg(long)]
     pub check: bool,
     /// With --check: only archive and description; runs no third-party code.
@@ -74,7 +74,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
     Ok(if failed { ExitCode::FAILURE } else { ExitCode::SUCCESS })
 }
 
-/// What the checker finds in one FMU, worst first; printed unless JSON is wanted.
+/// Findings of the checker in one FMU, worst first; printed unless JSON is wanted.
 fn check(fmu: &Arc<Fmu>, args: &Args) -> Result<Vec<Finding>, Error> {
     let show = |text: &str| if args.json { Ok(()) } else { print(text) };
     show(&format!("{}\n", fmu.shown.display()))?;
@@ -181,7 +181,7 @@ fn number(value: f64) -> String {
     if plain.len() > 7 && scientific.len() < plain.len() { scientific } else { plain }
 }
 
-/// What an interface can do, and what it needs.
+/// Capabilities and needs of an interface.
 fn capabilities(kind: InterfaceKind, interface: &Interface) -> Vec<String> {
     let common = [
         (interface.can_get_and_set_fmu_state, "saves and restores its state"),

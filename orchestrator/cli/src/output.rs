@@ -1,10 +1,10 @@
-//! Text for the user: a reader who leaves early is no error, a device that takes nothing is one.
+//! Text for the user: a closed pipe is not an error, a device that cannot be written to is one.
 
 use std::io::{ErrorKind, Write};
 
 use airloop::Error;
 
-/// Prints to the standard output. A closed pipe (as with `| head`) is no error.
+/// Prints to the standard output. A closed pipe (as with `| head`) is not an error.
 ///
 /// # Errors
 /// [`Error::Output`] if the text cannot be written, as on a full device.
@@ -18,10 +18,10 @@ pub fn complain(text: &str) {
     let _ = writeln!(std::io::stderr(), "{text}");
 }
 
-/// What writing to the standard output came to, a closed pipe forgiven.
+/// Outcome of writing to the standard output; a closed pipe is not an error.
 ///
 /// # Errors
-/// As [`print()`].
+/// Same as [`print()`].
 pub fn allow_closed(outcome: std::io::Result<()>) -> Result<(), Error> {
     match outcome {
         Err(error) if error.kind() != ErrorKind::BrokenPipe => Err(Error::Output(error)),

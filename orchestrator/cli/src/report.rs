@@ -1,4 +1,4 @@
-//! What `airloop run` prints: the run in one line, the fits, the notes, where the files are.
+//! Text that `airloop run` prints: the run in one line, the fits, the notes, where the files are.
 
 use super::args::RunArgs;
 use super::coupling;
@@ -6,7 +6,7 @@ use super::table::table;
 use airloop_cosim::results::summary::Summary;
 use airloop_report::plot::run::short;
 
-/// What is printed after a run.
+/// Text that is printed after a run.
 pub fn report(summary: &Summary, args: &RunArgs) -> String {
     let (start, end) = (summary.settings.start_time, summary.outcome.end_time);
     let steps = match summary.outcome.steps {

@@ -27,8 +27,8 @@ use airloop_series::units::parse_duration;
 pub enum Command {
     /// Record an experiment: simulated by FMUs, with the noise and the steps of sensors.
     ///
-    /// Writes CSV files at the sample rate (time, command, sensors) and case.toml with what an experimenter knows: sensors
-    /// and their noise, and the role of each file. The same options give the same files.
+    /// Writes CSV files at the sample rate (time, command, sensors) and case.toml with what an experimenter knows:
+    /// sensors and their noise, and the role of each file. The same options give the same files.
     Record(Box<RecordArgs>),
 }
 
@@ -47,8 +47,9 @@ pub struct RecordArgs {
     /// Start value of the FMU or system. May be repeated.
     #[arg(long, value_name = "NAME=VALUE", value_parser = parse_assignment)]
     pub set: Vec<(String, String)>,
-    /// Amplitudes: of the chirps [N] for rod-fixed (default 10,20,40; the stairs have the largest), of the velocity [m/s] for
-    /// friction-sweep (default 0.3,0.12,0.2; the last is for validation), of the command for coupled (one, default 25).
+    /// Amplitudes: of the chirps [N] for rod-fixed (default 10,20,40; the stairs have the largest), of the velocity
+    /// [m/s] for friction-sweep (default 0.3,0.12,0.2; the last is for validation), of the command for coupled (one,
+    /// default 25).
     #[arg(long, value_delimiter = ',', value_name = "NUMBER,...")]
     pub amplitude: Option<Vec<f64>>,
     /// Band of the command. Default: 0.1..12Hz (rod-fixed), 0.4..1.5Hz (friction-sweep), 0.5..4Hz (coupled).
@@ -60,11 +61,12 @@ pub struct RecordArgs {
     /// Sample time.
     #[arg(long, value_parser = parse_duration, value_name = "TIME", default_value = "1ms")]
     pub step: f64,
-    /// Noise of a sensor (rms, in its unit), e.g. F_p=0.3. May be repeated. Usual: F_hat, F_p 0.3 N, x 0.1 mm, v 1 mm/s.
+    /// Noise of a sensor (rms, in its unit), e.g. F_p=0.3. May be repeated. Usual: F_hat, F_p 0.3 N, x 0.1 mm, v 1
+    /// mm/s.
     #[arg(long, value_name = "SIGNAL=RMS", value_parser = parse_number)]
     pub noise: Vec<(String, f64)>,
-    /// Step of the values of a sensor, 0 for none. May be repeated. Usual: F 0.01 N, x 0.01 mm, v 0.1 mm/s, theta 2 pi/4096,
-    /// u 0.001 N.
+    /// Step of the values of a sensor, 0 for none. May be repeated. Usual: F 0.01 N, x 0.01 mm, v 0.1 mm/s, theta 2
+    /// pi/4096, u 0.001 N.
     #[arg(long, value_name = "SIGNAL=STEP", value_parser = parse_number)]
     pub quantize: Vec<(String, f64)>,
     /// Mass that the load cell moves with the cart in friction-sweep [kg].
@@ -98,8 +100,8 @@ pub struct RecordArgs {
 pub enum PlanChoice {
     /// The actuator with its rod held: chirps and random stairs; others for validation.
     RodFixed,
-    /// Piston and cart moved at an imposed velocity, each with the friction of the paper (eq. 10 and 11); with --system, the
-    /// friction of that FMU alone.
+    /// Piston and cart moved at an imposed velocity, each with the friction of the paper (eq. 10 and 11); with
+    /// --system, the friction of that FMU alone.
     FrictionSweep,
     /// A whole system under a command with weak centering.
     Coupled,
@@ -112,7 +114,7 @@ const CART: [(&str, &str); 5] =
 /// Runs one of the commands.
 ///
 /// # Errors
-/// What keeps it from its records.
+/// Fails if the records cannot be made or written.
 pub fn run(command: &Command) -> Result<ExitCode, Error> {
     match command {
         Command::Record(args) => record(args),

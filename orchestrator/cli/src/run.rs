@@ -46,7 +46,7 @@ impl Record {
 /// Runs the command; the exit code says how the simulation ended.
 ///
 /// # Errors
-/// What keeps the run from starting, or its results from being written.
+/// Fails if the run cannot start, or its results cannot be written.
 pub fn run(args: &RunArgs) -> Result<ExitCode, Error> {
     // From here on: unpacked FMUs are to be removed, also if the program is asked to end.
     let stop = stop_flag();
@@ -249,15 +249,15 @@ fn stimulus<'a>(record: &'a Record, args: &RunArgs) -> Stimulus<'a> {
 
 /// A run that begins inside of the record begins with states that nobody measured.
 fn note_states(graph: &SystemGraph, measured: &Record, settings: &master::Settings, notes: &mut Vec<String>) {
-    const SHOWN: usize = 8;
+    const SHOWN_STATES: usize = 8;
     let inside = measured.series.time().first().is_some_and(|first| settings.start_time > *first);
     let states = signals::states_at_default(graph);
     if inside && !states.is_empty() {
         let more = match states.len() {
-            0..=SHOWN => String::new(),
-            all => format!(" and {} more", all - SHOWN),
+            0..=SHOWN_STATES => String::new(),
+            all => format!(" and {} more", all - SHOWN_STATES),
         };
-        let some = states[..states.len().min(SHOWN)].join(", ");
+        let some = states[..states.len().min(SHOWN_STATES)].join(", ");
         notes.push(format!(
             "the run begins inside of the record, but these states begin at the start values of their models: {some}{more}"
         ));

@@ -40,7 +40,8 @@ pub const SYSTEMS: [&str; 2] = ["closed_loop.ssd", "closed_loop.ssp"];
     after_help = "Example: airloop stabilize out/swing_up examples/03_swing_up/stabilize.toml -o out/stabilized\n         airloop run out/stabilized/closed_loop.ssd -o out/run\n         airloop trials out/stabilized --count 200"
 )]
 pub struct Args {
-    /// Folder of `airloop optimize`, or the CSV file of a trajectory (states and inputs by their names; give --problem).
+    /// Folder of `airloop optimize`, or the CSV file of a trajectory (states and inputs by their names; give
+    /// --problem).
     pub plan: PathBuf,
     /// Settings (TOML): [sensors] with the noise of what is measured, and if wanted sample_time, [deviation], [drift],
     /// [initial], [limits], [trials], and for a plan with
@@ -49,7 +50,8 @@ pub struct Args {
     /// Problem file of the plan. Default: that of the folder's summary.
     #[arg(long, value_name = "FILE")]
     pub problem: Option<PathBuf>,
-    /// Hold the inputs of the trajectory between its rows. Default: what the folder's summary says, else straight lines.
+    /// Hold the inputs of the trajectory between its rows. Default: what the folder's summary says, else straight
+    /// lines.
     #[arg(long)]
     pub hold: bool,
     /// Folder for the results; it is made if it is not there.
@@ -66,7 +68,7 @@ pub struct Args {
 /// Runs the command.
 ///
 /// # Errors
-/// What keeps the plan from being read or stabilized, or the results from being written.
+/// Fails if the plan cannot be read or stabilized, or the results cannot be written.
 pub fn run(args: &Args) -> Result<ExitCode, Error> {
     let (file, problem, held) = sources(args)?;
     let settings = settings::read(&args.settings)?;

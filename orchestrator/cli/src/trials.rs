@@ -49,7 +49,7 @@ pub struct Args {
     /// Factor of all perturbations; the sensor noise stays as it is.
     #[arg(long, value_name = "NUMBER", default_value_t = 1.0)]
     pub scale: f64,
-    /// How components are coupled. monolithic has no coupling error.
+    /// Coupling of the components. monolithic has no coupling error.
     #[arg(long, value_enum, default_value_t = MasterChoice::GaussSeidel)]
     pub master: MasterChoice,
     /// Threads; default: one per processor, at most 8. Results do not depend on it.
@@ -69,7 +69,7 @@ pub struct Args {
 /// Runs the command.
 ///
 /// # Errors
-/// What keeps the trials from being prepared or begun, or the results from being written.
+/// Fails if the trials cannot be prepared or begun, or the results cannot be written.
 pub fn run(args: &Args) -> Result<ExitCode, Error> {
     let stop = run::stop_flag();
     if !(args.scale.is_finite() && args.scale >= 0.0) {

@@ -157,7 +157,7 @@ fn an_unstable_model_has_no_number_that_looks_like_a_fit() {
 }
 
 #[test]
-fn without_validation_files_a_part_is_kept_back_and_said_so() {
+fn without_validation_files_a_part_is_held_out_and_said_so() {
     let folder = tempfile::tempdir().unwrap();
     record(&folder, "a.csv", &truth(), 900, 0.1, 100);
     let output = identify(&folder, &["compare", "a.csv", "--arx", "2", "--state-space", "2..3", "-o", "c"]);

@@ -139,7 +139,7 @@ fn inputs_are_held_or_follow_a_line_between_samples() {
     let rise = |t: f64| t - 1.0 + (-t).exp();
     let linear = |t: f64| if t <= 1.0 { rise(t) } else { rise(t) - 2.0 * rise(t - 1.0) };
     assert!(error(&result, "a.x", linear) < 1e-9);
-    assert_eq!(summary.integration.unwrap().input_events, 0, "a kink is no event");
+    assert_eq!(summary.integration.unwrap().input_events, 0, "a kink is not an event");
 
     let (result, summary) = run(folder.path(), &system, &[&words[..], &["--interpolation", "hold"]].concat());
     let hold = |t: f64| if t <= 1.0 { 0.0 } else { 1.0 - (1.0 - t).exp() };

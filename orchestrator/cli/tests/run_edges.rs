@@ -71,7 +71,7 @@ fn milliseconds_in_the_time_column_are_seconds_in_the_run() {
     assert_eq!(result.channel("u").unwrap().values, [1.0, 1.5, 2.0, 2.5, 3.0]);
     write(&folder, "bad.csv", "time [mm],u\n0,1\n1,2\n");
     let message = fails(&folder, &["run", "slave.fmu", "--input", "bad.csv"], 1);
-    assert!(message.contains("bad.csv: line 1, column `time`: [mm] is no unit of time"), "{message}");
+    assert!(message.contains("bad.csv: line 1, column `time`: [mm] is not a unit of time"), "{message}");
 }
 
 #[test]

@@ -13,7 +13,7 @@ use airloop_testing::slave::{
 };
 use tempfile::TempDir;
 
-/// What has to survive a file: everything but notes, unused units and the places of files.
+/// Content that has to survive a file: everything but notes, unused units and the places of files.
 fn contents(graph: &SystemGraph) -> String {
     let components: Vec<_> = graph
         .components

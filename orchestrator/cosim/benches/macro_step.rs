@@ -1,8 +1,9 @@
 //! Cost of one FMU step under the master, against a bare loop of the same C calls.
 //!
-//! A chain of 20 FMUs that copy one Real input to one Real output (`target/fmu/test/test-copy.fmu`, or the FMU named
-//! in `AIRLOOP_BENCH_FMU`): set, step, get for each. Three loops take short turns, so that all see the same machine;
-//! the ratio is the median over the turns of master by bare loop. Limits: 1.5 without recording, 2.5 with every signal recorded.
+//! A chain of 20 FMUs that copy one Real input to one Real output (`target/fmu/test/test-copy.fmu`, or the FMU named in
+//! `AIRLOOP_BENCH_FMU`): set, step, get for each. Three loops take short turns, so that all see the same machine; the
+//! ratio is the median over the turns of master by bare loop. Limits: 1.5 without recording, 2.5 with every signal
+//! recorded.
 //!
 //! Run it with `cargo bench -p airloop-cosim --bench macro_step`.
 

@@ -1,4 +1,4 @@
-//! What the masters exchange, when, and how a run ends; on systems of small slaves (`slave/slave.c`).
+//! Exchange of values by the masters, its order, and how a run ends; on systems of small slaves (`slave/slave.c`).
 #![cfg(target_os = "linux")]
 
 use airloop_testing::slave;

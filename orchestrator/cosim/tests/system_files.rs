@@ -311,7 +311,7 @@ fn bad_descriptions_are_refused_with_file_and_line() {
         ),
         (
             with("").replace("name=\"u\" kind=\"input\"/>", "name=\"nope\" kind=\"input\"/>"),
-            "connector `nope` of component `a` is no variable of",
+            "connector `nope` of component `a` is not a variable of",
         ),
         (
             with("").replace("name=\"u\" kind=\"input\"/>", "name=\"u\" kind=\"output\"/>"),
@@ -335,8 +335,8 @@ fn bad_descriptions_are_refused_with_file_and_line() {
             ),
             "the units [m] and [N] have different dimensions",
         ),
-        (ssd(U_AND_Y, &(one.clone() + &one), "", ""), "the component `a` is there twice"),
-        (ssd(&(U_AND_Y.to_owned() + U_AND_Y), &one, "", ""), "the connector `u` is there twice"),
+        (ssd(U_AND_Y, &(one.clone() + &one), "", ""), "the component `a` appears twice"),
+        (ssd(&(U_AND_Y.to_owned() + U_AND_Y), &one, "", ""), "the connector `u` appears twice"),
         (ssd(U_AND_Y, &component("a.b", ""), "", ""), "`a.b` is not a name without a dot"),
         (ssd(U_AND_Y, nested, "", ""), "the nested <System> `inner` is not supported"),
         (ssd(U_AND_Y, "<ssd:Componnt name=\"a\"/>", "", ""), "unexpected element <Componnt> in <Elements>"),

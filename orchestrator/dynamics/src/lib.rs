@@ -4,9 +4,9 @@
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("cannot evaluate {function}: {reason}")]
 pub struct EvaluationError {
-    /// Which function, e.g. "defect of interval 3".
+    /// Name of the function, e.g. "defect of interval 3".
     pub function: String,
-    /// What went wrong, in words.
+    /// Reason of the failure, in words.
     pub reason: String,
 }
 
@@ -33,7 +33,7 @@ impl Size {
     }
 }
 
-/// Where the functions are evaluated.
+/// Point at which the functions are evaluated.
 #[derive(Debug, Clone, Copy)]
 pub struct Point<'a> {
     /// Time \[s\].
@@ -44,7 +44,7 @@ pub struct Point<'a> {
     pub inputs: &'a [f64],
 }
 
-/// What an entry of the Jacobian is known to be.
+/// Known kind of an entry of the Jacobian.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Entry {
     /// Always zero.
@@ -77,7 +77,7 @@ impl Structure {
         Structure::new(size, vec![Entry::Varying; size.values() * size.arguments()])
     }
 
-    /// What is known of the derivative of a value by an argument.
+    /// Known kind of the derivative of a value by an argument.
     pub fn entry(&self, value: usize, argument: usize) -> Entry {
         self.entries[value * self.size.arguments() + argument]
     }
@@ -116,7 +116,7 @@ pub trait Dynamics: Send {
     /// Numbers of states, inputs and outputs.
     fn size(&self) -> Size;
 
-    /// What is known of the Jacobian beforehand.
+    /// Known structure of the Jacobian: which entries are zero, constant or varying.
     fn structure(&self) -> &Structure;
 
     /// Names of states, inputs and outputs, `[n_x + n_u + n_g]`, for messages and columns.
@@ -131,7 +131,7 @@ pub trait Dynamics: Send {
     /// Rates, then outputs, `[n_x + n_g]`.
     ///
     /// # Errors
-    /// Where the functions have no value; the reason names the component. So in the functions below.
+    /// Fails where the functions have no value; the reason names the component. So in the functions below.
     fn evaluate(&mut self, at: Point<'_>, values: &mut [f64]) -> Result<(), EvaluationError>;
 
     /// Values as in [`Dynamics::evaluate`], and their derivatives by states, then inputs, row-major

@@ -1,6 +1,6 @@
 //! Safe reading of an FMU archive: everything is checked before the first file is written.
 //!
-//! What the files mean is left to `open` and `description`.
+//! The meaning of the files is left to `open` and `description`.
 
 use std::collections::HashMap;
 use std::fs::{self, File};
@@ -17,7 +17,7 @@ const DESCRIPTION: &str = "modelDescription.xml";
 /// Below this unpacked size \[bytes\] an archive may be packed as tightly as it likes.
 const RATIO_FLOOR: u64 = 32 << 20;
 
-/// What an archive may hold at most.
+/// Limits of the content of an archive.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Limits {
     /// Sum of the unpacked sizes \[bytes\]; default 1 GiB.
@@ -36,7 +36,7 @@ impl Default for Limits {
     }
 }
 
-/// Why an archive was refused. Nothing is left on disk.
+/// Reason why an archive was refused. Nothing is left on disk.
 #[derive(Debug, thiserror::Error)]
 pub enum ArchiveError {
     /// The file cannot be opened or read.
@@ -49,7 +49,7 @@ pub enum ArchiveError {
     #[error("the file is empty; an FMU is a zip archive")]
     Empty,
     /// No zip archive, or a damaged one.
-    #[error("this is no readable zip archive, perhaps a truncated one: {0}")]
+    #[error("this is not a readable zip archive, perhaps a truncated one: {0}")]
     NotAZip(String),
     /// No `modelDescription.xml` at the root.
     #[error("the archive has no modelDescription.xml at its root{0}")]
@@ -59,7 +59,7 @@ pub enum ArchiveError {
     Name {
         /// Name as stored.
         name: String,
-        /// What is wrong with it.
+        /// Fault of the name.
         reason: &'static str,
     },
     /// Two entries for one file.
@@ -73,9 +73,9 @@ pub enum ArchiveError {
     /// A limit of [`Limits`] is exceeded.
     #[error("{what} is {found}, above the limit of {limit}; a genuine FMU this large needs other limits")]
     TooLarge {
-        /// What is limited.
+        /// Limited quantity.
         what: String,
-        /// What the archive has.
+        /// Value in the archive.
         found: u64,
         /// The limit.
         limit: u64,
@@ -85,7 +85,7 @@ pub enum ArchiveError {
     Damaged {
         /// Name as stored.
         name: String,
-        /// What is wrong with it.
+        /// Fault of the archive.
         reason: String,
     },
     /// There is no place to unpack to.
@@ -98,7 +98,7 @@ pub enum ArchiveError {
     Write {
         /// Entry.
         name: String,
-        /// What the system says.
+        /// Message of the operating system.
         source: io::Error,
     },
 }
@@ -260,7 +260,7 @@ fn stored_names(file: File, start: u64) -> Result<Vec<String>, ArchiveError> {
         reader.seek_relative(i64::from(field(30)) + i64::from(field(32))).map_err(ArchiveError::Read)?;
         let name = String::from_utf8(name).map_err(|error| ArchiveError::Name {
             name: String::from_utf8_lossy(error.as_bytes()).into_owned(),
-            reason: "the name is no UTF-8 text",
+            reason: "the name is not UTF-8 text",
         })?;
         names.push(name);
     }
@@ -301,7 +301,7 @@ fn check_names<'a>(names: impl Iterator<Item = &'a str>) -> Result<(), ArchiveEr
     Ok(())
 }
 
-/// Why a name is refused, if it is.
+/// Reason why a name is refused, if it is.
 pub(super) fn bad_name(name: &str) -> Option<&'static str> {
     let path = name.strip_suffix('/').unwrap_or(name);
     if name.starts_with('/') {

@@ -1,4 +1,4 @@
-//! What can go wrong with an FMU, said so that the user knows what to try.
+//! Errors of FMUs; each message says what to try.
 
 use std::fmt;
 use std::path::PathBuf;
@@ -7,7 +7,7 @@ use super::archive::ArchiveError;
 use super::description::DescriptionError;
 use super::log::LogMessage;
 
-/// Why an FMU could not be opened, loaded, instantiated or called.
+/// Reason why an FMU could not be opened, loaded, instantiated or called.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
     /// The archive was refused.
@@ -15,7 +15,7 @@ pub enum Error {
     Archive {
         /// The archive.
         path: PathBuf,
-        /// What is wrong with it.
+        /// Fault of the archive.
         source: ArchiveError,
     },
     /// The model description was refused.
@@ -23,7 +23,7 @@ pub enum Error {
     Description {
         /// The archive.
         path: PathBuf,
-        /// What is wrong with it.
+        /// Fault of the description.
         source: DescriptionError,
     },
     /// The FMU does not offer the interface.
@@ -56,7 +56,7 @@ pub enum Error {
         path: PathBuf,
         /// Path of the library inside the archive.
         library: String,
-        /// What the system says.
+        /// Message of the operating system.
         reason: String,
     },
     /// The library lacks a function.
@@ -97,7 +97,7 @@ pub enum Error {
     NulCharacter {
         /// Instance name.
         component: String,
-        /// What was given.
+        /// Given value.
         what: String,
     },
     /// `fmi2Instantiate` returned NULL.
@@ -111,7 +111,7 @@ pub enum Error {
         path: PathBuf,
         /// The guid that was passed.
         guid: String,
-        /// What to try.
+        /// Remedy to try.
         hint: &'static str,
         /// Messages of the FMU.
         log: Vec<LogMessage>,
@@ -228,7 +228,7 @@ impl fmt::Display for CallError {
 }
 
 impl CallError {
-    /// What to try next.
+    /// Remedy to try next.
     fn advice(&self) -> &'static str {
         match (self.status, self.function) {
             (Status::Discard, "fmi2DoStep") => "try a smaller communication step",

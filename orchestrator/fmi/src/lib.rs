@@ -3,6 +3,7 @@
 //! [`Fmu::open`] checks and unpacks an archive and reads its model description; [`Slave`] is a Co-Simulation
 //! instance, [`Model`] a Model Exchange instance. Connections between instances, stepping order and results are left
 //! to the modules above. Start reading at [`Fmu`], then [`Instance`], which holds what both interfaces share.
+//! Section numbers are those of the FMI standard, version 2.0.5.
 
 mod archive;
 pub mod check;

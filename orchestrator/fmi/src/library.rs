@@ -69,7 +69,7 @@ impl Library {
     }
 }
 
-/// What the system says about a library, without the name of the temporary folder that the user never sees.
+/// Message of the system about a library, without the name of the temporary folder that the user never sees.
 fn reason(error: &dyn std::error::Error, folder: &Path) -> String {
     let folder = format!("{}/", folder.display());
     let mut reason = error.to_string();

@@ -132,7 +132,7 @@ extern "C" fn airloop_fmu_log(
     buffer.push(message);
 }
 
-/// A C string as text; NULL is empty, bytes that are no UTF-8 are replaced.
+/// A C string as text; NULL is empty, bytes that are not UTF-8 are replaced.
 fn text(pointer: *const c_char) -> String {
     if pointer.is_null() {
         return String::new();

@@ -57,7 +57,7 @@ impl Model {
     /// Makes an instance called `name`; `logging` turns on the debug messages of the FMU.
     ///
     /// # Errors
-    /// As [`Slave::instantiate`](super::Slave::instantiate), for Model Exchange.
+    /// Same as [`Slave::instantiate`](super::Slave::instantiate), for Model Exchange.
     pub fn instantiate(fmu: &Arc<Fmu>, name: &str, logging: bool) -> Result<Model, Error> {
         Instance::new(fmu, InterfaceKind::ModelExchange, name, logging).map(Model)
     }

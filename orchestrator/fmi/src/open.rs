@@ -37,9 +37,9 @@ impl InterfaceKind {
 pub struct Fmu {
     /// The archive.
     pub path: PathBuf,
-    /// What messages and records call the archive: its path, or its place inside of a package.
+    /// Name of the archive in messages and records: its path, or its place inside of a package.
     pub shown: PathBuf,
-    /// What `modelDescription.xml` says.
+    /// Content of `modelDescription.xml`.
     pub description: ModelDescription,
     // Dropped before `unpacked`: a library is closed before its file is removed.
     libraries: Mutex<Vec<(String, Arc<Library>)>>,
@@ -67,7 +67,7 @@ impl Fmu {
     /// Like [`Fmu::open`] for an archive that messages call `shown`.
     ///
     /// # Errors
-    /// As [`Fmu::open`].
+    /// Same as [`Fmu::open`].
     pub fn open_shown(path: &Path, shown: &Path) -> Result<Arc<Fmu>, Error> {
         Fmu::open_as(path, shown, &Limits::default())
     }
@@ -75,7 +75,7 @@ impl Fmu {
     /// Like [`Fmu::open`] with other limits on the archive.
     ///
     /// # Errors
-    /// As [`Fmu::open`].
+    /// Same as [`Fmu::open`].
     pub fn open_within(path: &Path, limits: &Limits) -> Result<Arc<Fmu>, Error> {
         Fmu::open_as(path, path, limits)
     }

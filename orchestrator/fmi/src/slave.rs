@@ -11,14 +11,14 @@ use super::error::Error;
 use super::instance::Instance;
 use super::open::{Fmu, InterfaceKind};
 
-/// How a communication step ended, unless it failed.
+/// Outcome of a communication step, unless it failed.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum StepStatus {
     /// The whole step was computed.
     Complete,
     /// The FMU stopped inside the step (`fmi2Discard`).
     Discarded {
-        /// How far it came \[s\], if it says.
+        /// Time that it reached \[s\], if it says.
         last_successful_time: Option<f64>,
         /// Whether it wants the simulation to end.
         terminated: bool,

@@ -1,4 +1,4 @@
-//! Where the FMUs of this project are found that others are derived from.
+//! Folder of the FMUs of this project from which others are derived.
 
 use std::path::{Path, PathBuf};
 

@@ -49,12 +49,12 @@ impl Element {
     }
 }
 
-/// Why a text is not accepted as XML.
+/// Reason why a text is not accepted as XML.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct XmlError {
     /// Line in the file, from 1.
     pub line: usize,
-    /// What is wrong.
+    /// Fault.
     pub message: String,
 }
 
@@ -66,7 +66,7 @@ pub fn parse(bytes: &[u8]) -> Result<Element, XmlError> {
     let bytes = bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(bytes);
     let text = std::str::from_utf8(bytes).map_err(|error| XmlError {
         line: Lines::new(bytes).at(error.valid_up_to()),
-        message: "a byte that is no UTF-8; save the file in UTF-8".to_owned(),
+        message: "a byte that is not UTF-8; save the file in UTF-8".to_owned(),
     })?;
     let mut lines = Lines::new(bytes);
     let mut reader = NsReader::from_str(text);
@@ -77,7 +77,7 @@ pub fn parse(bytes: &[u8]) -> Result<Element, XmlError> {
         let line = lines.at(usize::try_from(reader.buffer_position()).unwrap_or(usize::MAX));
         let error = |message: String| XmlError { line, message };
         let (namespace, event) =
-            reader.read_resolved_event().map_err(|e| error(format!("this is no well-formed XML: {e}")))?;
+            reader.read_resolved_event().map_err(|e| error(format!("this is not well-formed XML: {e}")))?;
         let namespace = match namespace {
             ResolveResult::Bound(namespace) => namespace.0.to_owned(),
             ResolveResult::Unbound | ResolveResult::Unknown(_) => String::new(),

@@ -153,7 +153,7 @@ fn an_absent_interface_platform_or_library_is_named() {
     assert!(message.contains("no Model Exchange") && message.contains("Co-Simulation"), "{message}");
 
     let inner = format!("binaries/{PLATFORM}/m.so");
-    let fmu = open(&[description, (&inner, b"this is no library")]);
+    let fmu = open(&[description, (&inner, b"this is not a library")]);
     let message = Slave::instantiate(&fmu, "it", false).unwrap_err().to_string();
     assert!(message.contains(&inner) && message.contains("cannot be loaded"), "{message}");
     assert!(!message.contains("airloop-"), "the temporary folder is no help: {message}");

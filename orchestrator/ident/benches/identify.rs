@@ -1,11 +1,12 @@
 //! Cost of an ARX estimate and of an order search, against NumPy in the same run.
 //!
-//! - ARX with na = nb = 2, two outputs, one input, 1e6 samples from memory, against NumPy forming the same regressor and
-//!   LAPACK's QR of it, one thread each. Limit: 1.2 times.
-//! - Search over 64 structures on 1e5 samples (and 1e5 that judge), against one QR of the largest structure. Limit: 3 times
-//!   LAPACK's.
+//! - ARX with na = nb = 2, two outputs, one input, 1e6 samples from memory, against NumPy forming the same regressor
+//!   and LAPACK's QR of it, one thread each. Limit: 1.2 times.
+//! - Search over 64 structures on 1e5 samples (and 1e5 that judge), against one QR of the largest structure. Limit: 3
+//!   times LAPACK's.
 //!
-//! Run it with `cargo bench -p airloop-ident --bench identify`. Without `.venv/bin/python` with NumPy the other side is left out.
+//! Run it with `cargo bench -p airloop-ident --bench identify`. Without `.venv/bin/python` with NumPy the other side is
+//! left out.
 
 #![allow(missing_docs, reason = "a bench has no public items")]
 

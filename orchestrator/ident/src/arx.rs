@@ -18,7 +18,7 @@ use airloop_optim::linalg::qr::Dependent;
 /// double precision and in the triangle.
 pub const RANK_TOLERANCE: f64 = 1e-12;
 
-/// Why a model cannot be estimated.
+/// Reason why a model cannot be estimated.
 #[derive(Debug, thiserror::Error)]
 #[allow(missing_docs, reason = "names and numbers, as in each message")]
 pub enum Error {
@@ -79,7 +79,7 @@ pub struct Equation {
 }
 
 impl Equation {
-    /// Standard deviations of the coefficients, for white equation noise.
+    /// Standard deviations of the coefficients, shape \[terms\], for white equation noise.
     pub fn standard_deviations(&self) -> Vec<f64> {
         self.covariance().diagonal().iter().map(|variance| variance.sqrt()).collect()
     }
@@ -89,7 +89,7 @@ impl Equation {
         self.triangle.inverse_gram(self.terms.len()) * self.noise_variance
     }
 
-    /// Condition number of the regressors, each scaled to norm 1.
+    /// Condition number (2-norm) of the regressors, each scaled to norm 1.
     pub fn condition(&self) -> f64 {
         self.triangle.scaled_condition(self.terms.len())
     }
@@ -134,7 +134,8 @@ impl Estimate {
     }
 }
 
-/// Estimates a model from experiments, which are read once.
+/// Estimates a model from experiments, which are read once: `sample_time` \[s\]; `offsets` are those of the inputs
+/// \[n_u\] and of the outputs \[n_y\], in their units.
 ///
 /// # Errors
 /// [`Error`]: too few samples, or regressors that depend on each other.
@@ -152,7 +153,7 @@ pub fn estimate(
 /// The model of a structure whose regressors are all in the triangle.
 ///
 /// # Errors
-/// As [`estimate`].
+/// Same as [`estimate`].
 pub fn solve(
     regression: &Regression,
     structure: &Structure,
@@ -217,8 +218,8 @@ fn model(
     Arx { sample_time, a, b, input_offset: input_offset.into(), output_offset: output_offset.into() }
 }
 
-/// Values that belong to the coefficients, in the order of the terms of each output, as matrices A1, A2, .. and
-/// B0, B1, ..
+/// Values that belong to the coefficients, in the order of the terms of each output \[n_y\]\[terms\], as matrices A1,
+/// A2, .. \[n_y, n_y\] and B0, B1, .. \[n_y, n_u\].
 pub fn matrices(structure: &Structure, values: &[&[f64]]) -> (Vec<DMatrix<f64>>, Vec<DMatrix<f64>>) {
     let (n_y, n_u) = (structure.n_y(), structure.n_u());
     let all = structure.all_terms();

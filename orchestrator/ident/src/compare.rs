@@ -12,12 +12,12 @@ use super::structure::Structure;
 use super::subspace::{self, Refinement};
 
 /// Fit \[points\] below that of the best order that still counts as enough.
-pub const ENOUGH: f64 = 0.5;
+pub const MAX_FIT_LOSS: f64 = 0.5;
 
 /// Fit \[%\] below which a model explains nothing, and no order is enough.
-pub const EXPLAINS: f64 = 10.0;
+pub const MIN_FIT: f64 = 10.0;
 /// Gain \[points\] of the last order over the one before from which higher ones are worth a try.
-pub const RISING: f64 = 1.0;
+pub const MIN_GAIN_OF_HIGHER_ORDER: f64 = 1.0;
 
 /// Family of models.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
@@ -54,7 +54,7 @@ pub struct Entry {
     pub estimation: Option<Score>,
     /// Fits on the validation records.
     pub validation: Option<Score>,
-    /// How it was estimated, or why there is no model.
+    /// Method of estimation, or the reason why there is no model.
     pub note: String,
 }
 
@@ -148,15 +148,16 @@ fn none(family: Family, order: usize, parameters: usize, note: String) -> Entry 
     Entry { family, order, parameters, stable: None, estimation: None, validation: None, note }
 }
 
-/// The smallest stable order of a family whose simulated fit on validation data is within [`ENOUGH`] of the best of the
-/// family; `None` if none is stable, or none reaches [`EXPLAINS`].
+/// The smallest stable order of a family whose simulated fit on validation data is within [`MAX_FIT_LOSS`] of the best
+/// of the family; `None` if none is stable, or none reaches [`MIN_FIT`].
 pub fn enough(entries: &[Entry], family: Family) -> Option<&Entry> {
     let own = || entries.iter().filter(move |entry| entry.family == family);
     let best = own().filter_map(Entry::fit).fold(f64::NEG_INFINITY, f64::max);
-    own().find(|entry| entry.fit().is_some_and(|fit| best >= EXPLAINS && fit >= best - ENOUGH))
+    own().find(|entry| entry.fit().is_some_and(|fit| best >= MIN_FIT && fit >= best - MAX_FIT_LOSS))
 }
 
-/// Whether the last order of a family that was tried is the best, and by more than [`RISING`] better than the one before.
+/// Whether the last order of a family that was tried is the best, and by more than [`MIN_GAIN_OF_HIGHER_ORDER`] better
+/// than the one before.
 fn rising(entries: &[Entry], family: Family) -> bool {
     let mut own: Vec<&Entry> = entries.iter().filter(|entry| entry.family == family).collect();
     own.sort_by_key(|entry| entry.order);
@@ -165,13 +166,14 @@ fn rising(entries: &[Entry], family: Family) -> bool {
     let (Some(fit), most) = (last.fit(), others.fold(f64::NEG_INFINITY, f64::max)) else { return false };
     // The order before may be unstable; then the best of the others counts.
     let reference = before.fit().unwrap_or(most);
-    fit > most && most.is_finite() && fit > reference + RISING
+    fit > most && most.is_finite() && fit > reference + MIN_GAIN_OF_HIGHER_ORDER
 }
 
-/// What to look at if no model explains the data.
+/// Causes to look at if no model explains the data.
 const REMEDY: &str = "the plant may be unstable, an input may not reach the outputs, or means are large against the spread of the signals (--detrend mean)";
 
-/// Which order is enough, and why: a sentence for each family, one that compares them, and one on unstable models.
+/// Verdict on the sufficient order, with reasons: a sentence for each family, one that compares them, and one on
+/// unstable models.
 pub fn verdict(entries: &[Entry]) -> Vec<String> {
     let mut sentences = Vec::new();
     let mut chosen = Vec::new();
@@ -205,7 +207,7 @@ pub fn verdict(entries: &[Entry]) -> Vec<String> {
             )
         } else if order == best_order {
             let lowest = own.iter().all(|entry| entry.order >= order);
-            let lower = format!(", and lower orders lose more than {ENOUGH} points");
+            let lower = format!(", and lower orders lose more than {MAX_FIT_LOSS} points");
             format!(
                 "{}: order {order} is enough; its simulated fit of {fit:.2} % on validation data is the best of all orders tried{}",
                 family.name(),
@@ -222,7 +224,7 @@ pub fn verdict(entries: &[Entry]) -> Vec<String> {
     if let [(_, arx, arx_fit, arx_count), (_, space, space_fit, space_count)] = chosen[..] {
         let gain = space_fit - arx_fit;
         let (better, by) = if gain > 0.0 { ("state space", gain) } else { ("ARX", -gain) };
-        sentences.push(if by <= ENOUGH {
+        sentences.push(if by <= MAX_FIT_LOSS {
             format!(
                 "ARX of order {arx} ({arx_count} coefficients) and state space of order {space} ({space_count}) are as good as each other: {arx_fit:.2} % and {space_fit:.2} %"
             )

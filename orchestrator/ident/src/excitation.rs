@@ -1,4 +1,4 @@
-//! What the inputs can teach: their band, and how many coefficients they tell apart.
+//! Information in the inputs: their band, and how many coefficients they can distinguish.
 
 use serde::Serialize;
 
@@ -9,15 +9,15 @@ use airloop_optim::linalg::StreamedQr;
 /// Samples of a segment of the spectrum; a power of two.
 const SEGMENT: usize = 1024;
 /// Share of the power that makes the band.
-const SHARE: f64 = 0.99;
+const SHARE_OF_POWER_IN_BAND: f64 = 0.99;
 /// Most coefficients that are tried for persistence of excitation.
 const MOST_ORDERS: usize = 20;
 /// Residual of `u(k-n)` after projection on `u(k), .., u(k-n+1)`, relative to `u(k-n)`, below which it carries no news.
-const NEWS: f64 = 1e-6;
+const MIN_NEW_SHARE: f64 = 1e-6;
 /// Stretches of each record that are looked at for persistence of excitation, and their samples.
 const STRETCHES: (usize, usize) = (8, 2048);
 
-/// What one input can teach.
+/// Information in one input.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Excitation {
     /// Input.
@@ -33,7 +33,7 @@ pub struct Excitation {
 /// Looks at the inputs of all records.
 ///
 /// # Errors
-/// Whatever reading comes to.
+/// Errors of reading the records.
 pub fn excitation(
     sources: &[&dyn Source],
     inputs: &[String],
@@ -80,7 +80,7 @@ pub fn excitation(
     let found = inputs.iter().zip(&spectra).zip(news).map(|((input, spectrum), news)| {
         let share = band(spectrum);
         let triangle = news.finish();
-        let dependent = triangle.dependent(MOST_ORDERS, NEWS);
+        let dependent = triangle.dependent(MOST_ORDERS, MIN_NEW_SHARE);
         let order = dependent.map_or(MOST_ORDERS, |dependent| dependent.column);
         Excitation { input: input.clone(), band: share * nyquist, share_of_band: share, order }
     });
@@ -93,7 +93,7 @@ fn band(spectrum: &[f64]) -> f64 {
     let mut below = 0.0;
     for (bin, power) in spectrum.iter().enumerate() {
         below += power;
-        if below >= SHARE * all {
+        if below >= SHARE_OF_POWER_IN_BAND * all {
             return (bin as f64 + 0.5).min((spectrum.len() - 1) as f64) / (spectrum.len() - 1) as f64;
         }
     }

@@ -1,6 +1,6 @@
 //! Fit of a simulation to a measurement: the NRMSE fit of the paper (eq. 9) and the RMS error.
 
-/// How close a simulated signal is to the measured one.
+/// Measures of agreement between a simulated signal and the measured one.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Fit {
     /// NRMSE fit \[%\]: 100 is perfect, 0 is no better than the mean of the measurement, negative is worse.
@@ -12,7 +12,7 @@ pub struct Fit {
     pub samples: usize,
 }
 
-/// Why two signals cannot be compared.
+/// Reason why two signals cannot be compared.
 #[derive(Debug, thiserror::Error, PartialEq)]
 pub enum Error {
     /// Different numbers of samples.

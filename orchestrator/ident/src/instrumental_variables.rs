@@ -38,7 +38,7 @@ impl Default for Options {
 /// Result of [`estimate`].
 #[derive(Debug, Clone, PartialEq)]
 pub struct InstrumentalVariables {
-    /// The iterate with the smallest simulation error, as a rule the last one.
+    /// The iterate with the smallest simulation error, usually the last one.
     pub model: Arx,
     /// Free coefficients with their covariance; its first-order formula holds for white measurement noise.
     pub parameters: Parameters,
@@ -50,7 +50,7 @@ pub struct InstrumentalVariables {
     pub converged: bool,
 }
 
-/// Estimates the free coefficients of `mask` from records, starting at `start` (as a rule least squares).
+/// Estimates the free coefficients of `mask` from records, starting at `start` (usually least squares).
 ///
 /// # Errors
 /// [`Error`] for records that do not fit the model or are too short.
@@ -121,6 +121,9 @@ pub fn estimate(
 }
 
 /// Least squares of the equation error on the same rows: the usual start.
+///
+/// # Errors
+/// [`Error`] if a record is too short or has other channels than the model.
 pub fn least_squares(template: &Arx, mask: &Mask, records: &[Record]) -> Result<Arx, Error> {
     let (n_y, n_u) = (template.output_offset.len(), template.input_offset.len());
     let p = mask.coefficients().len();

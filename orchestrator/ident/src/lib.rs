@@ -1,6 +1,6 @@
 //! System identification: models from data, and how well a model fits data.
 //!
-//! | module | what |
+//! | module | content |
 //! |--------|------|
 //! | [`record`] | one experiment: sampled inputs and outputs, read and checked |
 //! | [`source`] | an experiment in blocks, from memory or from a file |
@@ -23,7 +23,8 @@
 //! | [`diagnostics`] | residual tests, poles and zeros, responses with their uncertainty, a verdict |
 //! | [`summary`] | what every identification reports, as JSON |
 //!
-//! Knows no FMUs and nothing of the command line.
+//! Plain equation numbers (eq. 2, 3, 6, 9) are those of *Model-based Trajectory Control of Robots with Pneumatic
+//! Actuator Dynamics*, "the paper". Knows no FMUs and nothing of the command line.
 
 pub mod arx;
 pub mod compare;

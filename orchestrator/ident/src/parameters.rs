@@ -48,8 +48,8 @@ impl Parameters {
             .collect()
     }
 
-    /// Changes of the parameters along which their uncertainty is independent, one standard deviation each (columns of a
-    /// factor L with `L L^T` the covariance).
+    /// Changes of the parameters along which their uncertainty is independent, one standard deviation each (columns of
+    /// a factor L with `L L^T` the covariance).
     pub fn deviations(&self) -> Vec<DVector<f64>> {
         let Some(covariance) = &self.covariance else { return Vec::new() };
         // Scaled to correlations: parameters of different size keep their digits.

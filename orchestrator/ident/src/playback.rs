@@ -51,7 +51,7 @@ impl<'a> Playback<'a> {
     /// Reads the experiment once and hands its samples with the responses to `take`, in order.
     ///
     /// # Errors
-    /// Whatever reading comes to.
+    /// Errors of reading the records.
     pub fn run(&self, source: &dyn Source, take: &mut dyn FnMut(Played)) -> Result<(), Error> {
         let (lags, n_y) = (self.lags, self.past.len());
         let mut one_step = vec![Vec::with_capacity(BLOCK); n_y];
@@ -95,7 +95,7 @@ impl<'a> Playback<'a> {
         })
     }
 
-    /// What the inputs contribute to output `i` at the new samples; zeros at the first `known`.
+    /// Contribution of the inputs to output `i` at the new samples; zeros at the first `known`.
     fn forced(&self, window: &Window, i: usize, known: usize, out: &mut Vec<f64>) {
         out.clear();
         out.resize(window.len() - window.before, 0.0);

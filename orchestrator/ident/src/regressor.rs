@@ -25,7 +25,7 @@ impl Regression {
     /// `input_offset` and `output_offset`, shapes \[n_u\] and \[n_y\], are subtracted.
     ///
     /// # Errors
-    /// Whatever reading comes to.
+    /// Errors of reading the records.
     pub fn of(
         sources: &[&dyn Source],
         structure: &Structure,

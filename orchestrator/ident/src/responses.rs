@@ -4,7 +4,7 @@ use super::model::Model;
 use super::record::{Experiments, Record};
 use airloop_series::TimeSeries;
 
-/// What a model answers to one record.
+/// Responses of a model to one record.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Responses {
     /// Inputs, then for each output y the columns `y`, `y_simulated` (none for an unstable model) and `y_one_step`.

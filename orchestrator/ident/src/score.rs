@@ -1,4 +1,4 @@
-//! How well a model fits records: the free simulation and the one-step prediction, eq. 9.
+//! Fit of a model to records: the free simulation and the one-step prediction, eq. 9.
 
 use serde::Serialize;
 use std::collections::BTreeMap;

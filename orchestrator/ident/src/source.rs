@@ -35,7 +35,7 @@ impl Window<'_> {
 
 /// An experiment that can be read from the beginning as often as wanted.
 pub trait Source: Sync {
-    /// What messages call it.
+    /// Name in messages.
     fn name(&self) -> &str;
     /// Number of samples.
     fn samples(&self) -> usize;
@@ -44,12 +44,12 @@ pub trait Source: Sync {
     /// The first `samples` samples in memory, or all if there are fewer.
     ///
     /// # Errors
-    /// Whatever reading comes to.
+    /// Errors of reading the records.
     fn head(&self, samples: usize) -> Result<Record, Error>;
     /// Hands all samples to `take` in order; every window has the last `history` samples of the one before in front.
     ///
     /// # Errors
-    /// Whatever reading comes to.
+    /// Errors of reading the records.
     fn windows(&self, history: usize, take: &mut dyn FnMut(Window)) -> Result<(), Error>;
 }
 
@@ -145,7 +145,7 @@ pub struct FileSource {
     pub columns: Vec<String>,
     /// Number of inputs.
     pub n_u: usize,
-    /// What the first reading told.
+    /// Result of the first reading.
     pub survey: Survey,
     /// Slopes per sample that are taken away, shape \[n_u + n_y\].
     pub slopes: Vec<f64>,

@@ -34,7 +34,7 @@ pub enum Term {
 }
 
 impl Term {
-    /// How messages call the regressor, e.g. `F_hat(k-2)`.
+    /// Name of the regressor in messages, e.g. `F_hat(k-2)`.
     pub fn name(&self, inputs: &[String], outputs: &[String]) -> String {
         let (name, lag) = match *self {
             Term::Output { channel, lag } => (&outputs[channel], lag),
@@ -51,15 +51,17 @@ impl Term {
     }
 }
 
-/// Why orders cannot be used.
+/// Reason why orders cannot be used.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum Error {
     /// Not a number, nor a matrix of numbers.
-    #[error("--{option} {text}: `{part}` is no order; write one number for all, or rows such as \"2,1;1,2\"")]
+    #[error(
+        "--{option} {text}: `{part}` is not an order; write one number for all, or rows such as \"2,1;1,2\""
+    )]
     Number {
         /// `na`, `nb` or `nk`.
         option: &'static str,
-        /// What was written.
+        /// Text as given.
         text: String,
         /// The part that is wrong.
         part: String,
@@ -71,7 +73,7 @@ pub enum Error {
     Shape {
         /// `na`, `nb` or `nk`.
         option: &'static str,
-        /// What was written.
+        /// Text as given.
         text: String,
         /// Numbers in the row.
         found: usize,
@@ -81,7 +83,7 @@ pub enum Error {
         n_y: usize,
         /// Numbers that a row should have.
         columns: usize,
-        /// What they belong to.
+        /// Variables they belong to.
         of: &'static str,
     },
     /// Nothing to estimate.
@@ -107,9 +109,9 @@ pub enum Error {
     Large {
         /// `na`, `nb` or `nk`.
         option: &'static str,
-        /// What was written.
+        /// Text as given.
         text: String,
-        /// What is too large.
+        /// Value that is too large.
         value: usize,
         /// Largest allowed.
         limit: usize,
@@ -117,7 +119,7 @@ pub enum Error {
 }
 
 /// Largest order or delay.
-pub const LARGEST: usize = 1000;
+pub const MAX_ORDER_OR_DELAY: usize = 1000;
 
 impl Structure {
     /// The same orders for all outputs and inputs.
@@ -226,7 +228,7 @@ pub fn range(option: &'static str, text: &str) -> Result<RangeInclusive<usize>, 
         let part = part.trim();
         let value =
             part.parse().map_err(|_| Error::Number { option, text: text.into(), part: part.into() })?;
-        let limit = LARGEST;
+        let limit = MAX_ORDER_OR_DELAY;
         if value > limit { Err(Error::Large { option, text: text.into(), value, limit }) } else { Ok(value) }
     };
     match text.split_once("..") {
@@ -245,8 +247,8 @@ fn matrix(
         let value = part.trim().parse::<usize>();
         let value =
             value.map_err(|_| Error::Number { option, text: text.into(), part: part.trim().into() })?;
-        if value > LARGEST {
-            return Err(Error::Large { option, text: text.into(), value, limit: LARGEST });
+        if value > MAX_ORDER_OR_DELAY {
+            return Err(Error::Large { option, text: text.into(), value, limit: MAX_ORDER_OR_DELAY });
         }
         Ok(value)
     };
@@ -292,7 +294,7 @@ mod tests {
     #[test]
     fn orders_that_cannot_be_read_are_refused_with_the_option() {
         for (na, nb, expected) in [
-            ("x", "1", "--na x: `x` is no order"),
+            ("x", "1", "--na x: `x` is not an order"),
             ("2,1;1", "1", "--na 2,1;1: 1 numbers in a row of 2 rows"),
             (
                 "1",

@@ -1,4 +1,4 @@
-//! What an identification reports, for `summary.json`.
+//! Summary of an identification, for `summary.json`.
 
 use std::path::Path;
 
@@ -43,9 +43,9 @@ pub struct Summary {
     /// Standard deviations and 95 % intervals of the coefficients, residual tests, poles and zeros.
     #[serde(skip_serializing_if = "Value::is_null")]
     pub diagnostics: Value,
-    /// What the data say, one sentence each.
+    /// Findings in the data, one sentence each.
     pub verdict: Vec<String>,
-    /// What the user should know before trusting the result, one sentence each.
+    /// Warnings that the user should know before trusting the result, one sentence each.
     pub warnings: Vec<String>,
     /// Files of the figures in the folder of the summary.
     pub figures: Vec<String>,

@@ -19,13 +19,13 @@ impl Noise {
         noise
     }
 
-    /// In (0, 1).
+    /// Uniform number in (0, 1).
     pub fn uniform(&mut self) -> f64 {
         self.0 = self.0.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
         ((self.0 >> 11) as f64 + 0.5) / (1u64 << 53) as f64
     }
 
-    /// With mean 0 and variance 1.
+    /// Normal number with mean 0 and variance 1.
     pub fn normal(&mut self) -> f64 {
         let (radius, angle) = ((-2.0 * self.uniform().ln()).sqrt(), std::f64::consts::TAU * self.uniform());
         radius * angle.cos()
@@ -46,7 +46,7 @@ pub fn eq8() -> Arx {
     }
 }
 
-/// Random stairs of +-`amplitude`, held for 20 to 150 samples.
+/// Random stairs \[n\] of +-`amplitude`, held for 20 to 150 samples.
 pub fn stairs(n: usize, amplitude: f64, noise: &mut Noise) -> Vec<f64> {
     let mut u = Vec::with_capacity(n + 150);
     while u.len() < n {
@@ -57,7 +57,8 @@ pub fn stairs(n: usize, amplitude: f64, noise: &mut Noise) -> Vec<f64> {
     u
 }
 
-/// A record of a model from rest, with white measurement noise.
+/// A record of a model from rest under `inputs` \[n_u\]\[n\], with white measurement noise of standard deviation
+/// `deviation`.
 pub fn measure(model: &dyn Model, inputs: Vec<Vec<f64>>, deviation: f64, noise: &mut Noise) -> Record {
     let mut model = model.to_state_space();
     let offsets = std::mem::replace(&mut model.input_offset, vec![0.0; inputs.len()]);

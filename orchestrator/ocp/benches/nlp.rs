@@ -1,4 +1,5 @@
-//! Time and iterations of the optimizer on the swing-up, single thread: `cargo bench -p airloop-ocp --bench nlp [-- hs|trap|ms|sc|sc+ms... INTERVALS...]`.
+//! Time and iterations of the optimizer on the swing-up, single thread: `cargo bench -p airloop-ocp --bench nlp [--
+//! hs|trap|ms|sc|sc+ms... INTERVALS...]`.
 //!
 //! Two rows per transcription and number of intervals, from the pump guess, equations typed by hand and through the
 //! trait `Dynamics`: the shortest of several runs, building the

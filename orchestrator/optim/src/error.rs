@@ -1,4 +1,4 @@
-//! What is wrong with a problem, a start or a setting before the first step.
+//! Errors in a problem, a start or a setting, found before the first step.
 
 use super::nlp::EvaluationError;
 use crate::linalg::symmetric::PatternError;
@@ -9,7 +9,7 @@ pub enum Error {
     /// A vector of the wrong length.
     #[error("{what} has {given} values, but {expected} are needed")]
     Length {
-        /// Which vector.
+        /// Name of the vector.
         what: &'static str,
         /// Its length.
         given: usize,
@@ -58,7 +58,7 @@ pub enum Error {
         /// Variables that are not fixed.
         free: usize,
     },
-    /// The start is no point at which the functions have values.
+    /// The start is not a point at which the functions have values.
     #[error("at the start: {0}; give a start at which all functions can be evaluated")]
     Start(EvaluationError),
     /// A setting out of its range.

@@ -1,5 +1,5 @@
 //! Filter of the line search: pairs of violation and objective that a new point must improve on (Fletcher and
-//! Leyffer; constants of Wächter and Biegler, Mathematical Programming 106, 2006).
+//! Leyffer, Mathematical Programming 91, 2002; constants of Wächter and Biegler, Mathematical Programming 106, 2006).
 
 /// Least relative decrease of the violation, and of the objective by the violation.
 pub(super) const VIOLATION_MARGIN: f64 = 1e-5;
@@ -25,7 +25,7 @@ pub(super) struct Filter {
     smallest: f64,
 }
 
-/// What a trial point is compared with.
+/// Reference values with which a trial point is compared.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Current {
     pub at: Measure,
@@ -33,7 +33,7 @@ pub(super) struct Current {
     pub slope: f64,
 }
 
-/// Why a trial point is accepted.
+/// Reason why a trial point is accepted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Acceptance {
     /// The objective falls enough.

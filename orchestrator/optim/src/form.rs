@@ -141,7 +141,8 @@ impl<'a> Form<'a> {
     }
 
     /// Scales objective and rows so that no entry of their gradients at `x` is larger than `limit`. An objective whose
-    /// gradient is small is scaled up: compared with the barrier terms it would be lost until the barrier has all but gone.
+    /// gradient is small is scaled up: compared with the barrier terms it would be lost until the barrier has all but
+    /// gone.
     pub fn scale(&mut self, x: &[f64], limit: f64) -> Result<(), EvaluationError> {
         let (mut gradient, mut jacobian) = (vec![0.0; self.total()], vec![0.0; self.jacobian_entries.len()]);
         self.objective_scale = 1.0;

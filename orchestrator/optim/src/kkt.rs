@@ -8,14 +8,14 @@ use crate::linalg::staged_ldl::StagedLdl;
 use crate::linalg::symmetric::Inertia;
 
 /// Up to this size a problem without stages is factorized densely.
-const DENSE: usize = 300;
-const REFINEMENTS: usize = 10;
+const MAX_DENSE_SIZE: usize = 300;
+const MAX_REFINEMENTS: usize = 10;
 /// Backward error at which refinement ends, and above which the factorization counts as singular.
-const REFINED: f64 = 1e-13;
-const USELESS: f64 = 1e-5;
+const MAX_ERROR_WHEN_REFINED: f64 = 1e-13;
+const MIN_ERROR_WHEN_SINGULAR: f64 = 1e-5;
 
 /// Added to the diagonals where pivots are not exchanged; refinement removes its effect.
-const STATIC: f64 = 1e-9;
+const STATIC_REGULARIZATION: f64 = 1e-9;
 
 #[derive(Debug)]
 enum Ldl {
@@ -66,7 +66,9 @@ impl Kkt {
         entries.extend((0..n + m).map(|i| (i, i)));
         let ldl = match form.stages()? {
             Some(stages) => Ldl::Staged(Box::new(StagedLdl::new(&entries, &stages)?)),
-            None if n + m <= DENSE => Ldl::Staged(Box::new(StagedLdl::new(&entries, &vec![0; n + m])?)),
+            None if n + m <= MAX_DENSE_SIZE => {
+                Ldl::Staged(Box::new(StagedLdl::new(&entries, &vec![0; n + m])?))
+            }
             None => Ldl::Sparse(Box::new(SparseLdl::new(&entries, n + m)?)),
         };
         let values = vec![0.0; entries.len()];
@@ -201,8 +203,8 @@ impl Kkt {
         match &mut self.ldl {
             Ldl::Staged(ldl) => ldl.factor(&self.values),
             Ldl::Sparse(ldl) => {
-                diagonals[..n].iter_mut().for_each(|d| *d += STATIC);
-                diagonals[n..].iter_mut().for_each(|d| *d -= STATIC);
+                diagonals[..n].iter_mut().for_each(|d| *d += STATIC_REGULARIZATION);
+                diagonals[n..].iter_mut().for_each(|d| *d -= STATIC_REGULARIZATION);
                 ldl.factor(&self.values)
             }
         }
@@ -228,7 +230,7 @@ impl Kkt {
         self.clear_held(&mut work.residual);
         let size = largest(&work.residual);
         let mut best = f64::INFINITY;
-        for _ in 0..=REFINEMENTS {
+        for _ in 0..=MAX_REFINEMENTS {
             self.solve_once(form, &mut work);
             step.iter_mut().zip(&work.correction[..total]).for_each(|(d, c)| *d += c);
             y.iter_mut().zip(&work.correction[total..]).for_each(|(d, c)| *d += c);
@@ -241,12 +243,12 @@ impl Kkt {
             }
             let stuck = error > 0.3 * best;
             best = best.min(error);
-            if best <= REFINED || stuck {
+            if best <= MAX_ERROR_WHEN_REFINED || stuck {
                 break;
             }
         }
         self.work = work;
-        best <= USELESS
+        best <= MIN_ERROR_WHEN_SINGULAR
     }
 
     fn clear_held(&self, vector: &mut [f64]) {

@@ -1,16 +1,23 @@
-//! Nonlinear programming: minimize f(x) subject to `c_l <= c(x) <= c_u` and `x_l <= x <= x_u`.
+//! Optimization: numbers in, numbers out. Nothing here knows of time, models or files, and nothing prints.
 //!
-//! A problem implements [`Nlp`] (functions, exact first and second derivatives with fixed patterns, names, and the
-//! chain of stages where it has one); [`solve`] takes it from a [`Start`] to a [`Solution`]. Nothing here knows of
-//! time, FMUs or files, and nothing prints.
+//! | entry | problem |
+//! |-------|---------|
+//! | [`solve`] | nonlinear program: minimize f(x) subject to `c_l <= c(x) <= c_u` and `x_l <= x <= x_u` |
+//! | [`solve_quadratic`] | quadratic program |
+//! | [`least_squares`] | sum of squares with bounds on the parameters |
+//! | [`linalg`] | factorizations that these need |
 //!
-//! # Two methods
+//! A nonlinear program implements [`Nlp`] (functions, exact first and second derivatives with fixed patterns, names,
+//! and the chain of stages where it has one); [`solve`] takes it from a [`Start`] to a [`Solution`].
+//!
+//! # Two methods of nonlinear programming
 //!
 //! - **Interior point** ([`Method::InteriorPoint`]), for starts from afar: barrier for the bounds, Newton steps on the
 //!   KKT conditions with the Hessian shifted until the inertia is that of a minimum, filter line search with
-//!   second-order correction, and restoration of feasibility by the same method on relaxed constraints. After a step
-//!   with a strongly shifted Hessian the multipliers are estimated anew by least squares: those of the step belong to
-//!   another problem, and the next Hessian would inherit their size.
+//!   second-order correction (Wächter and Biegler, Mathematical Programming 106, 2006), and restoration of feasibility
+//!   by the same method on relaxed constraints. After a step with a strongly shifted Hessian the multipliers are
+//!   estimated anew by least squares: those of the step belong to another problem, and the next Hessian would inherit
+//!   their size.
 //! - **SQP** ([`Method::Sqp`]), for starts near the solution (a coarser mesh, an earlier run): the KKT system with the
 //!   bounds of the working set held, and Clarabel's quadratic program with all bounds only where that step leaves
 //!   other bounds or a multiplier has the wrong sign. The same KKT system then gives the step of the new working set
@@ -29,15 +36,12 @@
 //! of stages. Without stages small problems are one such front, others go to a sparse LDL^T
 //! ([`crate::linalg::sparse_ldl`]) with refinement. Solutions are refined on the system before elimination.
 //!
-//! # Trouble
+//! # Errors and outcomes
 //!
-//! What is wrong before the first step is an [`Error`]; every end of a run that could begin is a [`Status`], with the
+//! A fault found before the first step is an [`Error`]; every end of a run that could begin is a [`Status`], with the
 //! last point, the worst violation by name, and for infeasible problems the bound that stands most in the way. Values
 //! that are NaN, or functions that fail, shorten the step. A monitor may stop the run; [`Solution::restart`] goes on
 //! from its end. The result depends on the input alone: everything runs in one thread.
-//! Optimization: numbers in, numbers out. Nothing here knows of time, models or files.
-//!
-//! [`least_squares`] fits parameters within bounds. The rest is nonlinear programming: minimize f(x) subject to `c_l <= c(x) <= c_u` and `x_l <= x <= x_u`.
 
 pub mod error;
 mod filter;
@@ -78,10 +82,10 @@ pub fn solve(nlp: &mut dyn Nlp, start: &Start, settings: &Settings) -> Result<So
     solve_with(nlp, start, settings, &mut |_| ControlFlow::Continue(()))
 }
 
-/// As [`solve`]; `monitor` sees every iteration and may stop the run, which then hands back its last point.
+/// Same as [`solve`]; `monitor` sees every iteration and may stop the run, which then hands back its last point.
 ///
 /// # Errors
-/// As [`solve`].
+/// Same as [`solve`].
 pub fn solve_with(
     nlp: &mut dyn Nlp,
     start: &Start,

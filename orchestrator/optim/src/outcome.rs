@@ -1,8 +1,8 @@
-//! What the solver hands back: status, solution with multipliers, iteration table.
+//! Result of the solver: status, solution with multipliers, iteration table.
 
 use std::fmt;
 
-/// How a run ended. [`fmt::Display`] gives a sentence that says what to do.
+/// Outcome of a run. [`fmt::Display`] gives a sentence that says what to do.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Status {
     /// The KKT conditions hold to the tolerance.
@@ -73,7 +73,7 @@ pub struct Iteration {
     pub step_length: f64,
     /// Number that was added to the diagonal of the Hessian.
     pub regularization: f64,
-    /// What was special.
+    /// Special event of the iteration.
     pub note: Note,
 }
 
@@ -113,7 +113,7 @@ impl fmt::Display for Violation {
     }
 }
 
-/// Which end of a range.
+/// End of a range.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Side {
     /// The lower bound.
@@ -127,7 +127,7 @@ pub enum Side {
 pub struct Blocking {
     /// Name of the variable or constraint.
     pub name: String,
-    /// Which of its bounds.
+    /// Side of the bound.
     pub side: Side,
     /// The bound.
     pub bound: f64,
@@ -151,7 +151,7 @@ pub struct Multipliers {
     pub upper: Vec<f64>,
 }
 
-/// Where to begin.
+/// Starting point.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Start {
     /// Variables, `[n]`; moved into their bounds.
@@ -163,13 +163,13 @@ pub struct Start {
 }
 
 impl Start {
-    /// A start without knowledge of the multipliers.
+    /// A start from `x` \[n\] without knowledge of the multipliers.
     pub fn cold(x: Vec<f64>) -> Self {
         Self { x, multipliers: None, barrier: None }
     }
 }
 
-/// How often the functions were evaluated.
+/// Numbers of evaluations of the functions.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Evaluations {
     /// Objective and constraints.
@@ -187,7 +187,7 @@ pub struct Evaluations {
 /// The last point of a run.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Solution {
-    /// How the run ended.
+    /// Outcome of the run.
     pub status: Status,
     /// Variables, `[n]`.
     pub x: Vec<f64>,
@@ -210,7 +210,7 @@ pub struct Solution {
 }
 
 impl Solution {
-    /// Largest violation in the unit of its constraint.
+    /// Largest violation of a constraint or bound, in the unit of that constraint; 0 if none is violated.
     pub fn violation(&self) -> f64 {
         self.worst.as_ref().map_or(0.0, |worst| worst.amount)
     }

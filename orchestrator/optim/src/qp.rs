@@ -23,7 +23,7 @@ pub struct Quadratic {
     pub bounds: Bounds,
 }
 
-/// How a quadratic program ended.
+/// Outcome of a quadratic program.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum QuadraticStatus {
     /// Solved to 1e-9.
@@ -41,7 +41,7 @@ pub enum QuadraticStatus {
 /// Solution with multipliers; signs as in [`super::Multipliers`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct QuadraticSolution {
-    /// How the run ended; the vectors mean something when it is solved or inexact.
+    /// Outcome of the run; the vectors are meaningful when it is solved or inexact.
     pub status: QuadraticStatus,
     /// x, `[n]`.
     pub x: Vec<f64>,
@@ -53,7 +53,7 @@ pub struct QuadraticSolution {
     pub upper: Vec<f64>,
 }
 
-/// What a row of the conic form stands for.
+/// Meaning of a row of the conic form.
 #[derive(Clone, Copy)]
 enum Meaning {
     Row(usize, f64),

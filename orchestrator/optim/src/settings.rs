@@ -2,7 +2,7 @@
 
 use super::error::Error;
 
-/// How steps are computed.
+/// Method by which steps are computed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Method {
     /// Primal-dual interior point: robust from afar.

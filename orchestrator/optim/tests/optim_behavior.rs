@@ -1,4 +1,4 @@
-//! What the optimizer does with problems that are infeasible, unbounded, badly posed, or cannot be evaluated.
+//! Behavior of the optimizer on problems that are infeasible, unbounded, badly posed, or cannot be evaluated.
 
 use std::ops::ControlFlow;
 

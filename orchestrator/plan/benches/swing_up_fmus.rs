@@ -1,8 +1,8 @@
-//! The swing-up over the coupled FMUs, single thread, from the files to the optimum:
-//! `cargo bench -p airloop-plan --bench swing_up_fmus [-- hs|trap|ms|sc ... INTERVALS ... by-hand calls solution=FILE]`.
+//! The swing-up over the coupled FMUs, single thread, from the files to the optimum: `cargo bench -p airloop-plan
+//! --bench swing_up_fmus [-- hs|trap|ms|sc ... INTERVALS ... by-hand calls solution=FILE]`.
 //!
-//! One row per transcription and number of intervals, from the pump guess: CPU time of opening the FMUs, of building the
-//! problem and of the solver, the least of several runs. `by-hand` adds the equations typed by hand, without FMUs;
+//! One row per transcription and number of intervals, from the pump guess: CPU time of opening the FMUs, of building
+//! the problem and of the solver, the least of several runs. `by-hand` adds the equations typed by hand, without FMUs;
 //! `solution=FILE` writes the variables of the last optimum, one per line. `calls` gives the CPU time of one evaluation
 //! instead: of values at a new point, of first derivatives there, and of second derivatives after that.
 //! `tests/study/swing_up.py` compares the rows with those of CasADi with IPOPT.

@@ -142,7 +142,7 @@ pub fn check_samples(
         let Some(samples) = whole_samples(lower, sample) else {
             let below = (lower / sample).floor() * sample;
             return at(format!(
-                "the duration {lower} s is no whole number of samples of {sample} s, which multiple shooting needs; \
+                "the duration {lower} s is not a whole number of samples of {sample} s, which multiple shooting needs; \
                  choose {:.9} s or {:.9} s, or another transcription",
                 below,
                 below + sample

@@ -1,12 +1,13 @@
-//! Forces of constraints, such as those of the ground on feet, recomputed from the energy of the system by Lagrange's equations.
+//! Forces of constraints, such as those of the ground on feet, recomputed from the energy of the system by Lagrange's
+//! equations.
 //!
 //! ```text
 //! d/dt dT/dv - dT/dq + dV/dq = B u + J^T f,    E(q, v) = T + V,  T quadratic in v,  J = d(points)/dq
 //! ```
 //!
-//! A model has its forces from its own equations of motion with constraints. Here these equations are not asked for: E and the points are
-//! outputs, their derivatives give all terms but f, and the accelerations are those of the plan. f follows by least
-//! squares of as many equations as there are coordinates; a force that does not act comes out as zero.
+//! A model has its forces from its own equations of motion with constraints. Here these equations are not asked for: E
+//! and the points are outputs, their derivatives give all terms but f, and the accelerations are those of the plan. f
+//! follows by least squares of as many equations as there are coordinates; a force that does not act comes out as zero.
 
 use serde::{Deserialize, Serialize};
 
@@ -17,21 +18,21 @@ use super::task::Signals;
 use airloop_ocp::transcription::{Dynamics, Point, Trajectory};
 use airloop_optim::linalg::StreamedQr;
 
-/// How far forces are from those of Lagrange's equations.
+/// Deviation of forces from those of Lagrange's equations.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Recomputed {
     /// Largest difference at the knots of the plan, in the unit of the force.
     pub largest_difference: f64,
     /// Force that differs most.
     pub force: String,
-    /// Where \[s\].
+    /// Time \[s\].
     pub time: f64,
     /// Largest force, for comparison.
     pub largest_force: f64,
 }
 
 /// Step of the differences along the motion, in s; their error is of the fourth order.
-const STEP: f64 = 2e-3;
+const DIFFERENCE_STEP: f64 = 2e-3;
 
 /// Recomputes the forces at all knots of a plan; none where the problem has no `[verification.balance]`.
 ///
@@ -71,7 +72,7 @@ struct Names {
     forces: Vec<String>,
 }
 
-/// Where the value of a drive is read.
+/// Source of the value of a drive.
 #[derive(Clone, Copy)]
 enum Driven {
     State(usize),
@@ -85,17 +86,19 @@ impl Names {
         let Some(section) = &statement.verification.balance else { return Ok(None) };
         let source = &statement.source;
         let own = &prepared.task.signals;
-        let output = |name: &crate::file::Text| {
-            let (index, _) = catalog.want(source, name)?;
-            match catalog.variables()[index].kind {
-                Kind::Output => Ok(index),
-                _ => Err(source.error_at(name.place, format!("`{}` is no output of the system", name.text))),
-            }
-        };
+        let output =
+            |name: &crate::file::Text| {
+                let (index, _) = catalog.want(source, name)?;
+                match catalog.variables()[index].kind {
+                    Kind::Output => Ok(index),
+                    _ => Err(source
+                        .error_at(name.place, format!("`{}` is not an output of the system", name.text))),
+                }
+            };
         let state = |name: &crate::file::Text| {
             let (index, _) = catalog.want(source, name)?;
             own.states.iter().position(|state| *state == index).ok_or_else(|| {
-                source.error_at(name.place, format!("`{}` is no state of the plan", name.text))
+                source.error_at(name.place, format!("`{}` is not a state of the plan", name.text))
             })
         };
         let mut outputs = vec![output(&section.energy)?];
@@ -117,7 +120,7 @@ impl Names {
                 Kind::Input => match own.inputs.iter().position(|input| *input == index) {
                     Some(input) => Driven::Input(input),
                     None => {
-                        let problem = format!("`{}` is no input of the plan", drive.text);
+                        let problem = format!("`{}` is not an input of the plan", drive.text);
                         return Err(source.error_at(drive.place, problem));
                     }
                 },
@@ -201,10 +204,12 @@ impl<'a> Equations<'a> {
         // dT/dv along the motion with the rates held: central differences of the fourth order.
         for (steps, weight) in [(1.0, 8.0), (-1.0, -8.0), (2.0, -1.0), (-2.0, 1.0)] {
             let mut moved = states.to_vec();
-            names.coordinates.iter().for_each(|&(q, v)| moved[q] += steps * STEP * states[v]);
+            names.coordinates.iter().for_each(|&(q, v)| moved[q] += steps * DIFFERENCE_STEP * states[v]);
             self.at(&moved, inputs)?;
             let momentum = self.momentum();
-            rest.iter_mut().zip(momentum).for_each(|(rest, p)| *rest += weight * p / (12.0 * STEP));
+            rest.iter_mut()
+                .zip(momentum)
+                .for_each(|(rest, p)| *rest += weight * p / (12.0 * DIFFERENCE_STEP));
         }
         // 2 dV/dq, and the mass matrix times the accelerations, column by column.
         let mut still = states.to_vec();

@@ -15,7 +15,7 @@ const COMMON: [&str; 19] = [
     "bar", "s", "ms", "kg",
 ];
 
-/// What a variable is to a plan.
+/// Role of a variable in a plan.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Kind {
     /// A continuous state.
@@ -33,7 +33,7 @@ pub struct Variable {
     pub name: String,
     /// `component.variable`; for inputs the connector.
     pub path: String,
-    /// What it is.
+    /// Role in a plan.
     pub kind: Kind,
     /// Name of the unit in which the plan counts.
     pub unit: Option<String>,
@@ -174,7 +174,7 @@ impl Catalog {
         })
     }
 
-    /// As [`Catalog::find`], for a name in a problem file.
+    /// Same as [`Catalog::find`], for a name in a problem file.
     ///
     /// # Errors
     /// [`Error::File`] with the nearest names.
@@ -208,7 +208,7 @@ impl Catalog {
     /// A number with a written unit in the unit of a variable.
     ///
     /// # Errors
-    /// As [`Catalog::value`].
+    /// Same as [`Catalog::value`].
     pub fn convert(
         &self,
         source: &Source,
@@ -232,12 +232,13 @@ impl Catalog {
             Compatibility::Incompatible => {
                 let fitting = self.fitting(variable);
                 let fitting = fitting.unwrap_or_else(|| format!("`{}` has no unit", variable.name));
-                Err(source.error_at(place, format!("`{unit}` is no unit for `{}`; {fitting}", variable.name)))
+                Err(source
+                    .error_at(place, format!("`{unit}` is not a unit for `{}`; {fitting}", variable.name)))
             }
         }
     }
 
-    /// What units a variable takes, in words.
+    /// Units that a variable accepts, in words.
     fn fitting(&self, variable: &Variable) -> Option<String> {
         let (own, meaning) = (variable.unit.as_deref()?, variable.meaning);
         let others = COMMON.iter().filter(|name| **name != own).filter(|name| {

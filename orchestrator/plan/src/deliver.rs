@@ -1,8 +1,8 @@
 //! From planned forces to commands of the actuators, and to the motion that they bring about.
 //!
 //! Every actuator gets the command that [`super::feed_forward::invert`] finds, and for comparison the planned force
-//! itself. Both are run through the FMU of the actuator; the forces that come out, on straight lines between the samples,
-//! drive the plant, with no feedback.
+//! itself. Both are run through the FMU of the actuator; the forces that come out, on straight lines between the
+//! samples, drive the plant, with no feedback.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -45,7 +45,7 @@ pub struct Delivery {
 pub struct Motion {
     /// All outputs of the plant.
     pub result: TimeSeries,
-    /// Why it ended before the end of the plan, if it did.
+    /// Reason why it ended before the end of the plan, if it did.
     pub problem: Option<String>,
     /// Each state that is to be reached: reached minus planned at the end of the motion.
     pub final_error: BTreeMap<String, f64>,
@@ -218,7 +218,8 @@ impl Workshop<'_> {
             (End::Completed, Some(column)) => Ok(column.values[..commands.len()].to_vec()),
             (End::Failed(error), _) => Err(error.into()),
             (_, None) => {
-                let problem = format!("`{}` is no output of the actuator's system", self.section.output.text);
+                let problem =
+                    format!("`{}` is not an output of the actuator's system", self.section.output.text);
                 Err(self.prepared.statement.source.error_at(self.section.output.place, problem))
             }
             _ => Err(Error::Place {
@@ -239,7 +240,7 @@ impl Workshop<'_> {
         for (channel, one) in series.channels().iter().enumerate() {
             let Some(input) = graph.inputs.iter().position(|input| input.name == one.name) else {
                 let known: Vec<&str> = graph.inputs.iter().map(|input| input.name.as_str()).collect();
-                let problem = format!("`{}` is no input of it; it has: {}", one.name, known.join(", "));
+                let problem = format!("`{}` is not an input of it; it has: {}", one.name, known.join(", "));
                 return Err(Error::Place { place: format!("system `{}`", graph.name), problem });
             };
             links.push((input, channel, 1.0, 0.0));
@@ -314,7 +315,7 @@ impl Workshop<'_> {
             let planned = Planned { variable: state.clone(), factor: 1.0 };
             let planned = self.planned(&planned, &[end])?[0];
             let Some(channel) = run.result.channel(&output.text) else {
-                let problem = format!("`{}` is no output of the plant", output.text);
+                let problem = format!("`{}` is not an output of the plant", output.text);
                 return Err(source.error_at(output.place, problem));
             };
             if let Some(reached) = channel.values.last() {

@@ -1,45 +1,45 @@
 //! Whether the system goes through the phases of a plan by itself.
 //!
-//! A phase of a plan has parameters that pin what the system does there, such as a mode of contact; nothing in the program asks whether
-//! its events would lead there. The roll-out has the events: this module looks in which phase it departs from the dynamics
-//! of the plan, or from its jump at the start of a phase. A roll-out that has drifted away from its plan for other reasons,
-//! such as a coarse mesh, is not judged.
+//! A phase of a plan has parameters that pin what the system does there, such as a mode of contact; nothing in the
+//! program asks whether its events would lead there. The roll-out has the events: this module looks in which phase it
+//! departs from the dynamics of the plan, or from its jump at the start of a phase. A roll-out that has drifted away
+//! from its plan for other reasons, such as a coarse mesh, is not judged.
 
 use super::catalog::Kind;
 use super::prepare::Prepared;
 use super::verify::{self, Rollout};
 use airloop_ocp::transcription::{Dynamics, PhaseTrajectory, Point, Trajectory};
 
-/// How far from the plan, in parts of the span of a state, a roll-out is still judged.
-const NEAR: f64 = 0.02;
-/// How much farther it is after a jump that is another one.
-const FAR: f64 = 0.1;
+/// Largest distance from the plan, relative to the span of a state, at which a roll-out is still judged.
+const MAX_DISTANCE_TO_JUDGE: f64 = 0.02;
+/// Smallest distance, relative to the span, after a jump that is not the planned one.
+const MIN_DISTANCE_AFTER_OTHER_JUMP: f64 = 0.1;
 /// Error of the rates, in parts of the largest one, above which they are others.
-const OTHER: f64 = 0.1;
+const MIN_ERROR_OF_OTHER_RATES: f64 = 0.1;
 /// The same, below which they are alike.
-const ALIKE: f64 = 1e-3;
-/// How late or early \[s\] events may come where the roll-out is on its plan; with its distance it is more.
-const LATE: f64 = 2e-3;
+const MAX_ERROR_OF_EQUAL_RATES: f64 = 1e-3;
+/// Largest shift in time \[s\] of events where the roll-out is on its plan; larger where it is off its plan.
+const MAX_TIME_SHIFT_OF_EVENTS: f64 = 2e-3;
 
 /// A phase in which a system does something else than planned.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Departure {
     /// Phase.
     pub phase: String,
-    /// When \[s\].
+    /// Time \[s\].
     pub time: f64,
-    /// What is different.
+    /// Difference from the plan.
     pub what: Difference,
 }
 
-/// What a system does otherwise.
+/// Kinds of differences between a system and its plan.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Difference {
-    /// It jumps elsewhere: state, its planned and its own value.
+    /// Another jump: state, its planned and its own value.
     Jump(String, f64, f64),
-    /// It moves otherwise: state, its planned and its own rate.
+    /// Another motion: state, its planned and its own rate.
     Rate(String, f64, f64),
-    /// It ends, and why.
+    /// An early end, and its reason.
     End(String),
 }
 
@@ -90,11 +90,11 @@ pub fn departure(prepared: &Prepared, plan: &Trajectory, rollout: &Rollout) -> O
     let reason = rollout
         .problem
         .clone()
-        .filter(|_| end + LATE < plan.phases.last().map_or(end, PhaseTrajectory::end))?;
+        .filter(|_| end + MAX_TIME_SHIFT_OF_EVENTS < plan.phases.last().map_or(end, PhaseTrajectory::end))?;
     Some(Departure { phase: phase.name.clone(), time: end, what: Difference::End(reason) })
 }
 
-/// What a phase of a roll-out is.
+/// Verdict on a phase of a roll-out.
 enum Verdict {
     /// As planned.
     Kept,
@@ -155,7 +155,7 @@ impl<'a> Comparison<'a> {
         off.max_by(|a, b| a.0.total_cmp(&b.0)).unwrap_or((0.0, 0))
     }
 
-    /// What happens at once to a system that is put where a phase begins: nothing, if that is one of its modes.
+    /// Immediate reaction of a system that is put where a phase begins: nothing, if that is one of its modes.
     fn start(&self, prepared: &Prepared, phase: &PhaseTrajectory) -> Option<Departure> {
         let planned = &phase.states[0];
         let later = verify::moment_later(&prepared.setup, planned, &phase.inputs_in(0, 0.0))?;
@@ -163,12 +163,13 @@ impl<'a> Comparison<'a> {
             let own = *later.channel(name)?.values.last()?;
             Some(((own - planned[i]).abs() / self.spans[i], i, own))
         });
-        let (_, state, own) = jumps.max_by(|a, b| a.0.total_cmp(&b.0)).filter(|jump| jump.0 > FAR)?;
+        let (_, state, own) =
+            jumps.max_by(|a, b| a.0.total_cmp(&b.0)).filter(|jump| jump.0 > MIN_DISTANCE_AFTER_OTHER_JUMP)?;
         let what = Difference::Jump(self.names[state].clone(), planned[state], own);
         Some(Departure { phase: phase.name.clone(), time: phase.begin(), what })
     }
 
-    /// Goes along a phase; `near` is the last distance from the plan that is no matter of events.
+    /// Goes along a phase; `near` is the last distance from the plan that has nothing to do with events.
     fn along(&self, phase: &PhaseTrajectory, dynamics: &mut dyn Dynamics, near: &mut f64) -> Verdict {
         let rows = self.rows(phase.begin(), phase.end());
         let Some(rates) = self.rates(phase, dynamics, rows.clone()) else { return Verdict::Unknown };
@@ -176,16 +177,16 @@ impl<'a> Comparison<'a> {
         let (mut before, mut jumped) = (*near, false);
         for row in rows.start..rows.end.saturating_sub(2) {
             let time = self.times[row];
-            let allowed = LATE + *near * (phase.end() - phase.begin());
+            let allowed = MAX_TIME_SHIFT_OF_EVENTS + *near * (phase.end() - phase.begin());
             let found = self.other(phase, &rates[row - rows.start..], row);
             let (distance, state) = self.distance(phase, row);
             other = found.map(|found| other.take().unwrap_or(found));
             if let Some(other) = other.take_if(|other| time - other.time > allowed) {
                 return Verdict::Departs(other);
             }
-            jumped |= distance > before + FAR;
+            jumped |= distance > before + MIN_DISTANCE_AFTER_OTHER_JUMP;
             before = distance;
-            if distance <= NEAR {
+            if distance <= MAX_DISTANCE_TO_JUDGE {
                 (far, jumped) = (None, false);
                 *near = if other.is_none() { distance } else { *near };
                 continue;
@@ -218,7 +219,8 @@ impl<'a> Comparison<'a> {
         rows.map(&mut at).collect()
     }
 
-    /// What changes otherwise between a row and the next but one than the rates of the dynamics say (Simpson's rule).
+    /// State that changes otherwise between a row and the next but one than the rates of the dynamics say (Simpson's
+    /// rule).
     fn other(&self, phase: &PhaseTrajectory, rates: &[Vec<f64>], row: usize) -> Option<Departure> {
         let steps = [self.times[row + 1] - self.times[row], self.times[row + 2] - self.times[row + 1]];
         if (steps[0] - steps[1]).abs() > 1e-6 * steps[0] {
@@ -231,12 +233,12 @@ impl<'a> Comparison<'a> {
         let off = |i: usize| (found(i) - mean(i)).abs() / (largest(i) + self.spans[i]);
         // The plan's trajectory of a state that the roll-out does not show is good only where it is one of its dynamics.
         let hidden = |i: &usize| self.shown[*i].is_none();
-        if (0..first.len()).filter(hidden).any(|i| off(i) > ALIKE) {
+        if (0..first.len()).filter(hidden).any(|i| off(i) > MAX_ERROR_OF_EQUAL_RATES) {
             return None;
         }
         let seen = (0..first.len()).filter(|i| !hidden(i)).map(|i| (off(i), i));
         let worst = seen.max_by(|a, b| a.0.total_cmp(&b.0));
-        let (_, state) = worst.filter(|(error, _)| *error > OTHER)?;
+        let (_, state) = worst.filter(|(error, _)| *error > MIN_ERROR_OF_OTHER_RATES)?;
         let what = Difference::Rate(self.names[state].clone(), mean(state), found(state));
         Some(Departure { phase: phase.name.clone(), time: self.times[row], what })
     }

@@ -1,4 +1,4 @@
-//! What stands in the way of an infeasible task: the limit without which it can be done, and how far it would have to move.
+//! Obstacle of an infeasible task: the limit without which it can be done, and how far it would have to move.
 
 use std::ops::ControlFlow;
 
@@ -17,7 +17,7 @@ const ITERATIONS: usize = 200;
 /// A limit that is too tight.
 #[derive(Debug, Clone)]
 pub struct Diagnosis {
-    /// By how much the best motion that was found breaks the limit, and when.
+    /// Violation of the limit by the best motion that was found.
     pub violation: Violation,
     /// Largest factor on the limit for which no motion was found, smallest for which one was.
     pub factor: (f64, f64),
@@ -35,8 +35,8 @@ impl std::fmt::Display for Diagnosis {
     }
 }
 
-/// Looks for the limit along the path that makes a task infeasible: first the one that `suspect` (the name of a variable
-/// or constraint) speaks of, then the others. None where no single limit does, or the caller ends the search.
+/// Looks for the limit along the path that makes a task infeasible: first the one that `suspect` (the name of a
+/// variable or constraint) speaks of, then the others. None where no single limit does, or the caller ends the search.
 ///
 /// # Errors
 /// [`Error::Evaluation`] when no FMU can be instantiated again.
@@ -137,7 +137,7 @@ fn worst_of(path: &PathLimit, phase: usize, trial: &Solved) -> Option<Worst> {
     solved(trial).then(|| worst(path, phase, trial.trajectory())).flatten()
 }
 
-/// By what the limits have to be multiplied to let a value in.
+/// Factor by which the limits have to be multiplied to admit a value.
 fn factor((lower, upper): Limits, value: f64) -> f64 {
     let of =
         |limit: f64| if limit.is_finite() && limit * value > 0.0 { value / limit } else { f64::INFINITY };
@@ -178,7 +178,7 @@ struct Worst {
     time: f64,
 }
 
-/// Where a motion breaks a limit most, at its knots; none where it keeps it, or the limit is about outputs.
+/// Largest violation of a limit by a motion, at its knots; none where it keeps it, or the limit is about outputs.
 fn worst(path: &PathLimit, phase: usize, motion: &Trajectory) -> Option<Worst> {
     let phase = &motion.phases[phase];
     let (lower, upper) = path.limit.limits;

@@ -1,8 +1,8 @@
-//! Why a problem cannot be read, stated or solved.
+//! Reason why a problem cannot be read, stated or solved.
 
 use std::path::PathBuf;
 
-/// Why a problem cannot be read, stated or solved; the messages name file, place, value and remedy.
+/// Reason why a problem cannot be read, stated or solved; the messages name file, place, value and remedy.
 #[derive(Debug, thiserror::Error)]
 #[allow(missing_docs, reason = "file, line and names, as in each message")]
 pub enum Error {

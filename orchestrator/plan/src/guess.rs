@@ -11,7 +11,7 @@ use super::{Error, names};
 use airloop_series::resample::{locate, value_at};
 use airloop_series::{Interpolation, TimeSeries, csv};
 
-/// What to begin with.
+/// Choice of the initial guess.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Choice {
     /// States on lines between the conditions, inputs zero.
@@ -33,7 +33,7 @@ impl Choice {
     }
 }
 
-/// The guess that is meant: a word of the command line, else that of the settings, else the first of the file, else a
+/// The guess to use: a word of the command line, else that of the settings, else the first of the file, else a
 /// line.
 ///
 /// # Errors
@@ -81,7 +81,7 @@ pub struct Rough {
     inputs: Vec<Line>,
     /// Durations of the phases \[s\].
     pub durations: Vec<f64>,
-    /// What was assumed.
+    /// Assumptions.
     pub notes: Vec<String>,
 }
 
@@ -121,9 +121,9 @@ impl Rough {
         self.inputs.iter().map(|line| line.value(part)).collect()
     }
 
-    /// Moves knots and values and adds a motion of what no trajectory names, all drawn from `uniform`, which gives numbers
-    /// from -1 to 1: knots between the ends by up to 0.05 of the whole, their values by up to 40 %, sines of up to
-    /// 40 % of the room that bounds leave.
+    /// Moves knots and values and adds a motion of what no trajectory names, all drawn from `uniform`, which gives
+    /// numbers from -1 to 1: knots between the ends by up to 0.05 of the whole, their values by up to 40 %, sines of up
+    /// to 40 % of the room that bounds leave.
     pub fn perturb(&mut self, task: &Task, uniform: &mut dyn FnMut() -> f64) {
         for (state, line) in self.states.iter_mut().enumerate() {
             let inner = 1..line.at.len().saturating_sub(1);
@@ -239,7 +239,7 @@ fn named(
             Some(Signal::Input(input)) => rough.inputs[input] = line,
             _ => {
                 let problem =
-                    format!("`{}` is no state and no input of the problem", trajectory.variable.text);
+                    format!("`{}` is neither a state nor an input of the problem", trajectory.variable.text);
                 return Err(statement.source.error_at(trajectory.variable.place, problem));
             }
         }

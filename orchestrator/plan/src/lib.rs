@@ -3,6 +3,9 @@
 //! [`mod@file`] reads what the user states; the other modules look its names up in a system, hand the problem to the
 //! transcription and the solver, and roll the command out. Files of results, figures and words are left to the layers
 //! above.
+//!
+//! Plain equation and figure numbers are those of *Model-based Trajectory Control of Robots with Pneumatic Actuator
+//! Dynamics*, "the paper".
 
 pub mod assemble;
 pub mod balance;

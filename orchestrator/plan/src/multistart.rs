@@ -14,14 +14,14 @@ use super::workers::workers;
 use airloop_optim::Status;
 
 /// Objectives that differ relatively by less belong to one minimum.
-const SAME: f64 = 1e-6;
+const SAME_OBJECTIVE_TOLERANCE: f64 = 1e-6;
 
-/// What a start came to.
+/// Outcome of a start.
 #[derive(Debug)]
 pub struct Outcome {
     /// Number of the start; 0 is the guess itself.
     pub start: usize,
-    /// Where it led, or why it could not begin.
+    /// Result, or the reason why it could not begin.
     pub solved: Result<Solved, Error>,
     /// Number of its minimum, from 1 and in the order of their objectives; none where it found none.
     pub minimum: Option<usize>,
@@ -107,7 +107,7 @@ fn number(outcomes: &mut [Outcome]) -> Vec<f64> {
 }
 
 fn same(a: f64, b: f64) -> bool {
-    (a - b).abs() <= SAME * a.abs().max(b.abs()).max(1e-12)
+    (a - b).abs() <= SAME_OBJECTIVE_TOLERANCE * a.abs().max(b.abs()).max(1e-12)
 }
 
 /// The first of every group of increasing values that are the same.

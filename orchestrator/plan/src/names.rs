@@ -1,9 +1,9 @@
 //! Names that were meant: those nearest to one that is not known.
 
 /// Names beyond which an answer only lists the nearest.
-const MOST: usize = 3;
+const MAX_NAMES_LISTED: usize = 3;
 /// Names listed where none is near.
-const LISTED: usize = 12;
+const NAMES_LISTED_WITHOUT_NEAR_ONE: usize = 12;
 
 /// Suggestion for an unknown name: the nearest known names, or the known names where none is near.
 pub fn suggestion<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) -> String {
@@ -12,12 +12,12 @@ pub fn suggestion<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) -> S
     let mut near: Vec<(usize, &str)> =
         known.iter().map(|other| (closeness(name, other), *other)).filter(|(d, _)| *d <= far).collect();
     near.sort_by_key(|(distance, _)| *distance);
-    near.truncate(MOST);
+    near.truncate(MAX_NAMES_LISTED);
     if !near.is_empty() {
         let near: Vec<String> = near.iter().map(|(_, name)| format!("`{name}`")).collect();
         return format!("did you mean {}?", near.join(" or "));
     }
-    let more = known.len().saturating_sub(LISTED);
+    let more = known.len().saturating_sub(NAMES_LISTED_WITHOUT_NEAR_ONE);
     let listed = known[..known.len() - more].join(", ");
     match (known.is_empty(), more) {
         (true, _) => "there is none".into(),

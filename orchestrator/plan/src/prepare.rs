@@ -21,7 +21,7 @@ pub struct Prepared {
     pub setup: Setup,
     /// One instance of the dynamics of every phase.
     pub dynamics: Vec<Box<dyn Dynamics>>,
-    /// What happens between each phase and the next, one fewer than phases; none: all states are continuous.
+    /// Resets between each phase and the next, one fewer than phases; none: all states are continuous.
     pub resets: Vec<Option<Jump>>,
 }
 
@@ -35,7 +35,7 @@ impl std::ops::Deref for Prepared {
 
 /// A problem with its system, names and numbers.
 pub struct Setup {
-    /// What the file says.
+    /// Content of the file.
     pub statement: Statement,
     /// The system with the parameters of the problem.
     pub graph: SystemGraph,
@@ -47,7 +47,7 @@ pub struct Setup {
     pub sampling: Option<Sampling>,
     /// States, by index, that belong to sampled components.
     pub sampled_states: Vec<usize>,
-    /// What was assumed, one sentence each.
+    /// Assumptions, one sentence each.
     pub notes: Vec<String>,
     /// Time it took.
     pub load: Duration,
@@ -62,10 +62,10 @@ pub fn prepare(file: &Path) -> Result<Prepared, Error> {
     prepare_statement(file::read(file)?, began)
 }
 
-/// As [`prepare`], from what a file says.
+/// Same as [`prepare`], from what a file says.
 ///
 /// # Errors
-/// As [`prepare`].
+/// Same as [`prepare`].
 pub fn prepare_statement(statement: Statement, began: Instant) -> Result<Prepared, Error> {
     let mut graph = open(&statement)?;
     let mut notes = graph.notes.clone();
@@ -144,7 +144,7 @@ fn open_dynamics(
                 if catalog.variables()[index].kind != Kind::State {
                     let known = catalog.variables().iter().filter(|one| one.kind == Kind::State);
                     let meant = names::suggestion(&name.text, known.map(|one| one.name.as_str()));
-                    let problem = format!("`{}` is no state; {meant}", name.text);
+                    let problem = format!("`{}` is not a state; {meant}", name.text);
                     return Err(statement.source.error_at(name.place, problem));
                 }
                 paths.push(path(&index));

@@ -1,5 +1,5 @@
-//! A plan checked along its roll-out, which comes from another interface and integrator: the limits of every phase between
-//! the nodes of the plan, and when the events happen that end the phases.
+//! A plan checked along its roll-out, which comes from another interface and integrator: the limits of every phase
+//! between the nodes of the plan, and when the events happen that end the phases.
 
 use serde::{Deserialize, Serialize};
 
@@ -10,7 +10,7 @@ use super::task::Signal;
 use super::verify::Rollout;
 use airloop_ocp::transcription::Trajectory;
 
-/// What a roll-out says of its plan.
+/// Check of a plan by its roll-out.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Recheck {
     /// The end of every phase but the last.
@@ -22,12 +22,12 @@ pub struct Recheck {
     pub forces: Option<Recomputed>,
 }
 
-/// When a phase ends.
+/// End of a phase.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct PhaseEnd {
     /// Phase.
     pub phase: String,
-    /// By the plan \[s\].
+    /// Time in the plan \[s\].
     pub planned: f64,
     /// Next event of the roll-out \[s\], and by how much it is later than planned \[s\]; null without state events.
     pub event: Option<f64>,
@@ -35,7 +35,7 @@ pub struct PhaseEnd {
     pub late: Option<f64>,
 }
 
-/// How well a limit is kept.
+/// Margin by which a limit is kept.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Kept {
     /// Phase.
@@ -46,14 +46,16 @@ pub struct Kept {
     pub unit: Option<String>,
     /// Smallest distance to the limit at the communication points within the phase, below 0 where it is violated.
     pub margin: f64,
-    /// Where \[s\].
+    /// Time \[s\].
     pub time: f64,
 }
 
-/// How near to a change of phase \[s\] no limit is checked: plan and roll-out may be in different phases there.
-const NEAR: f64 = 1e-5;
+/// Time around a change of phase \[s\] in which no limit is checked: plan and roll-out may be in different phases
+/// there.
+const UNCHECKED_TIME_AT_PHASE_CHANGE: f64 = 1e-5;
 
-/// Checks a plan of one or several phases along its roll-out. Limits on signals that the roll-out does not show are left out.
+/// Checks a plan of one or several phases along its roll-out. Limits on signals that the roll-out does not show are
+/// left out.
 pub fn recheck(setup: &Setup, plan: &Trajectory, rollout: &Rollout) -> Recheck {
     let ends = &plan.phases[..plan.phases.len() - 1];
     let phase_ends = ends.iter().map(|phase| {
@@ -82,7 +84,10 @@ pub fn recheck(setup: &Setup, plan: &Trajectory, rollout: &Rollout) -> Recheck {
             let Some(terms) = terms.collect::<Option<Vec<_>>>() else { continue };
             let (begin, length) = (planned.begin(), planned.end() - planned.begin());
             let window = (begin + path.during.0 * length, begin + path.during.1 * length);
-            let window = (window.0.max(begin + NEAR), window.1.min(planned.end() - NEAR));
+            let window = (
+                window.0.max(begin + UNCHECKED_TIME_AT_PHASE_CHANGE),
+                window.1.min(planned.end() - UNCHECKED_TIME_AT_PHASE_CHANGE),
+            );
             let (low, high) = path.limit.limits;
             let rows = (0..times.len()).filter(|&row| (window.0..=window.1).contains(&times[row]));
             let margins = rows.map(|row| {

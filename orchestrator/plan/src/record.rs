@@ -88,7 +88,7 @@ pub struct Summary {
     pub stick_figure: Option<StickRecord>,
     /// FMU of every component.
     pub fmus: Vec<FmuRecord>,
-    /// How well actuators deliver the planned forces, where the problem asks for it.
+    /// Accuracy with which actuators deliver the planned forces, where the problem asks for it.
     pub stage2: Option<Stage2Record>,
     /// Motion of the plant under the delivered forces, for each kind of command (`optimized`, `naive`).
     pub closed_chain: Option<BTreeMap<String, ChainRecord>>,
@@ -96,7 +96,7 @@ pub struct Summary {
     pub files: Vec<String>,
     /// Figures in the folder of the summary.
     pub figures: Vec<String>,
-    /// Where the program chose for the user or could not do what was usual, one sentence each.
+    /// Choices made for the user, and deviations from the usual procedure, one sentence each.
     pub notes: Vec<String>,
 }
 
@@ -109,7 +109,7 @@ pub struct FinalError<T> {
     pub sampled: Option<T>,
 }
 
-/// How well actuators deliver planned forces.
+/// Accuracy with which actuators deliver planned forces.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Stage2Record {
     /// NRMSE fit \[%\] of each delivered force to its plan, for each kind of command (`optimized`, `naive`).
@@ -125,7 +125,7 @@ pub struct Stage2Record {
 pub struct ChainRecord {
     /// Whether it went on to the end of the plan.
     pub completed: bool,
-    /// Why it did not.
+    /// Reason why it did not.
     pub problem: Option<String>,
     /// Time at which it ended \[s\].
     pub end: f64,
@@ -185,7 +185,7 @@ pub struct PassRecord {
     pub transcription: String,
     /// Intervals of each phase.
     pub intervals: Vec<usize>,
-    /// How it ended, as [`Summary::status`].
+    /// Outcome, as [`Summary::status`].
     pub status: String,
     /// Objective.
     pub objective: Option<f64>,
@@ -250,7 +250,7 @@ pub struct RodRecord {
     pub length: Length,
 }
 
-/// Why a summary cannot be read or written.
+/// Reason why a summary cannot be read or written.
 #[derive(Debug, thiserror::Error)]
 #[allow(missing_docs, reason = "file and cause, as named in each message")]
 pub enum Error {

@@ -70,7 +70,7 @@ pub fn resets(
         let mut after: Vec<After> = (0..signals.states.len()).map(After::State).collect();
         for (state, shown) in &reset.states {
             let (Signal::State(state), _) = reader.signal(state)? else {
-                let problem = format!("`{}` is no state; only states follow from a reset", state.text);
+                let problem = format!("`{}` is not a state; only states follow from a reset", state.text);
                 return Err(statement.source.error_at(state.place, problem));
             };
             after[state] = match reader.signal(shown)?.0 {

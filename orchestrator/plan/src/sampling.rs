@@ -19,11 +19,11 @@ pub struct Sampling {
     pub components: Vec<usize>,
     /// Sample time \[s\].
     pub sample_time: f64,
-    /// Where the problem file says so; the beginning of the file where the system does.
+    /// Place in the problem file that says so; the beginning of the file where the system does.
     pub place: Place,
 }
 
-/// What of a system is sampled, if anything is.
+/// Sampled part of a system, if there is one.
 ///
 /// # Errors
 /// [`Error::File`] for unknown components, no sample time, or several.

@@ -24,7 +24,7 @@ pub struct Pass {
     pub intervals: Vec<usize>,
 }
 
-/// How a problem is solved.
+/// Settings for solving a problem.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Settings {
     /// The chain of solves, at least one.
@@ -64,12 +64,12 @@ impl Settings {
     }
 }
 
-/// What a solve of the chain came to.
+/// Outcome of a solve of the chain.
 #[derive(Debug, Clone)]
 pub struct Done {
-    /// What was solved.
+    /// Settings of the solve.
     pub pass: Pass,
-    /// How.
+    /// Solution of the problem.
     pub solution: Solution,
     /// Wall-clock time up to the first iteration.
     pub build: Duration,
@@ -95,13 +95,13 @@ pub struct Solved {
     pub max_defect: f64,
     /// Largest violation of a bound or condition.
     pub max_bound_violation: f64,
-    /// What is violated most, where it is by more than the tolerance.
+    /// Largest violation, where it exceeds the tolerance.
     pub worst: Option<Violation>,
     /// Errors between the knots, phase by phase.
     pub errors: Vec<IntervalErrors>,
-    /// Where the solver could not do what was asked, one sentence each.
+    /// Requests that the solver could not fulfill, one sentence each.
     pub notes: Vec<String>,
-    /// What the motion that breaks limits least has to break, where no motion was found; the worst first.
+    /// Limits violated by the motion that violates limits least, where no motion was found; the worst first.
     pub conflict: Vec<Violation>,
 }
 
@@ -124,13 +124,13 @@ impl Solved {
         self.done.iter().map(Done::iterations).sum()
     }
 
-    /// How the last solve ended.
+    /// Outcome of the last solve.
     pub fn status(&self) -> &Status {
         &self.last().solution.status
     }
 }
 
-/// What the caller sees while it runs.
+/// Progress as the caller sees it.
 pub struct Progress<'a> {
     /// Number of the solve, from 0.
     pub number: usize,
@@ -144,12 +144,12 @@ pub struct Progress<'a> {
 pub type Monitor<'m> = dyn FnMut(&Progress) -> ControlFlow<()> + 'm;
 
 /// Violations of more than this, in their own units, are reported by name.
-const VIOLATION: f64 = 1e-8;
+const MIN_REPORTED_VIOLATION: f64 = 1e-8;
 
 /// Iterations after which phases that may not fit together are looked at, and of that look.
-const PATIENCE: usize = 150;
+const ITERATIONS_BEFORE_CONFLICT_CHECK: usize = 150;
 /// Most intervals of a phase there, and the stop test of the solver.
-const COARSE: usize = 10;
+const MAX_INTERVALS_OF_CONFLICT_CHECK: usize = 10;
 const TOLERANCE_OF_CONFLICT: f64 = 1e-6;
 
 /// A problem with instances of its dynamics, for one or several solves.
@@ -166,10 +166,10 @@ impl Session {
         Session::with_task(prepared, &prepared.task, threads)
     }
 
-    /// As [`Session::new`], for another task on the same states, inputs and outputs.
+    /// Same as [`Session::new`], for another task on the same states, inputs and outputs.
     ///
     /// # Errors
-    /// As [`Session::new`].
+    /// Same as [`Session::new`].
     pub fn with_task(prepared: &Prepared, task: &Task, threads: usize) -> Result<Session, Error> {
         let mut dynamics: Vec<Vec<Box<dyn Dynamics>>> = Vec::new();
         for one in &prepared.dynamics {
@@ -187,7 +187,7 @@ impl Session {
     /// Solves from a guess.
     ///
     /// # Errors
-    /// What keeps the solver from beginning; how it ended is in [`Solved::status`].
+    /// Fails if the solver cannot begin; how it ended is in [`Solved::status`].
     pub fn solve(
         &mut self,
         setup: &Setup,
@@ -204,9 +204,11 @@ impl Session {
         let mut found: Option<Outcome> = None;
         for (number, pass) in settings.passes.iter().enumerate() {
             let from = found.as_ref().map_or(begin, Begin::At);
-            let patient =
-                Settings { max_iterations: settings.max_iterations.min(PATIENCE), ..settings.clone() };
-            // Where phases do not fit together a search goes on for long and says little.
+            let patient = Settings {
+                max_iterations: settings.max_iterations.min(ITERATIONS_BEFORE_CONFLICT_CHECK),
+                ..settings.clone()
+            };
+            // Where phases do not fit together a search takes long and reveals little.
             let rough = match from {
                 Begin::From(rough) if setup.task.phases.len() > 1 => Some(rough),
                 _ => None,
@@ -273,7 +275,7 @@ impl Session {
         let largest = |list: &[&Violation]| list.iter().map(|one| one.amount).fold(0.0, f64::max);
         let (max_defect, max_bound_violation) = (largest(&defects), largest(&others));
         // What the user asked for says more than an equation of the program.
-        let worst = others.first().or(defects.first()).filter(|worst| worst.amount > VIOLATION);
+        let worst = others.first().or(defects.first()).filter(|worst| worst.amount > MIN_REPORTED_VIOLATION);
         let worst = conflict.first().or(worst.copied()).cloned();
         notes.extend(
             conflict.iter().skip(1).map(|one| format!("the motion that breaks least also breaks {one}")),
@@ -281,8 +283,8 @@ impl Session {
         Ok(Solved { outcome, done, max_defect, max_bound_violation, worst, errors, notes, conflict })
     }
 
-    /// What has to be broken, by a motion on a coarse mesh, or on the own one where that is too coarse to tell; nothing where all
-    /// limits can be kept or it cannot be told.
+    /// Limits that have to be violated, found on a coarse mesh, or on the own one where that is too coarse to tell;
+    /// nothing where all limits can be kept or it cannot be told.
     fn conflict(
         &mut self,
         setup: &Setup,
@@ -293,7 +295,7 @@ impl Session {
     ) -> Result<Vec<Violation>, Error> {
         let options = airloop_optim::Settings {
             tolerance: TOLERANCE_OF_CONFLICT,
-            max_iterations: settings.max_iterations.min(PATIENCE),
+            max_iterations: settings.max_iterations.min(ITERATIONS_BEFORE_CONFLICT_CHECK),
             ..airloop_optim::Settings::default()
         };
         let (statement, task, sampling) = (&setup.statement, &setup.task, setup.sampling.as_ref());
@@ -302,7 +304,7 @@ impl Session {
             Transcription::HermiteSimpson => Transcription::HermiteSimpsonSeparated,
             other => other,
         };
-        for most in [COARSE, usize::MAX] {
+        for most in [MAX_INTERVALS_OF_CONFLICT_CHECK, usize::MAX] {
             let intervals: Vec<usize> = pass.intervals.iter().map(|&count| count.min(most)).collect();
             let pass = Pass { transcription, intervals };
             if assemble::check_samples(statement, task, sampling, pass.transcription, &pass.intervals)
@@ -394,19 +396,19 @@ fn uniform(pass: &Pass) -> Discretization {
 }
 
 /// Iterations that a solve has to be allowed before coarser meshes are tried: fewer are the caller's wish.
-const LONG: usize = 400;
+const MIN_ITERATIONS_FOR_COARSER_MESHES: usize = 400;
 /// Fewest intervals of a phase of a coarser mesh.
-const FEWEST: usize = 5;
+const MIN_INTERVALS_OF_COARSER_MESH: usize = 5;
 
 /// Whether a solve lost its way from a rough guess.
 fn is_lost(done: &Done, settings: &Settings) -> bool {
-    settings.max_iterations >= LONG
+    settings.max_iterations >= MIN_ITERATIONS_FOR_COARSER_MESHES
         && matches!(done.solution.status, Status::Stalled | Status::IterationLimit)
 }
 
 /// A quarter and a half of the intervals, then all; none where there are too few.
 fn coarser(pass: &Pass) -> Option<Vec<Pass>> {
-    let divides = |&count: &usize| count % 4 == 0 && count >= 4 * FEWEST;
+    let divides = |&count: &usize| count % 4 == 0 && count >= 4 * MIN_INTERVALS_OF_COARSER_MESH;
     let part = |by: usize| Pass {
         transcription: pass.transcription,
         intervals: pass.intervals.iter().map(|count| count / by).collect(),
@@ -419,7 +421,7 @@ fn failed(solution: &Solution) -> bool {
     !matches!(solution.status, Status::Solved | Status::Acceptable)
 }
 
-/// Where a search begins.
+/// Starting point of a search.
 #[derive(Debug, Clone, Copy)]
 pub enum Begin<'a> {
     /// At a guess.

@@ -1,7 +1,7 @@
 //! Whether a system can be where a plan with phases begins.
 //!
-//! The parameters of a phase may switch off what the system watches by itself, such as that no foot is in the ground. So
-//! the system without them is put where the first phase begins, before anything is searched for.
+//! The parameters of a phase may switch off what the system watches by itself, such as that no foot is in the ground.
+//! So the system without them is put where the first phase begins, before anything is searched for.
 
 use std::sync::atomic::AtomicBool;
 
@@ -11,12 +11,12 @@ use airloop_cosim::master::simulate::{self, Watch};
 use airloop_cosim::master::{self, Algorithm, Settings};
 
 /// Length of the run that shows it \[s\].
-const MOMENT: f64 = 1e-6;
+const RUN_LENGTH: f64 = 1e-6;
 
 /// Initializes the system at the initial states, where the problem has several phases and fixes all of these states.
 ///
 /// # Errors
-/// What an FMU says against them, with the phase.
+/// Fails if an FMU refuses them; the message names the phase.
 pub fn check(setup: &Setup) -> Result<(), Error> {
     let [phase, _, ..] = &setup.task.phases[..] else { return Ok(()) };
     if phase.initial.iter().any(|(lower, upper)| lower != upper) {
@@ -28,8 +28,8 @@ pub fn check(setup: &Setup) -> Result<(), Error> {
         graph.set_start(&setup.catalog.variables()[state].path, &value.to_string(), &place)?;
     }
     let settings = Settings {
-        stop_time: MOMENT,
-        step_size: MOMENT,
+        stop_time: RUN_LENGTH,
+        step_size: RUN_LENGTH,
         algorithm: Algorithm::Monolithic,
         ..Settings::default()
     };
@@ -38,7 +38,7 @@ pub fn check(setup: &Setup) -> Result<(), Error> {
         Err(error @ master::Error::Fmu(_)) => {
             Err(Error::Place { place, problem: format!("the system cannot be there: {error}") })
         }
-        // Whatever else keeps it from running is no matter of the states.
+        // Other reasons why it does not run have nothing to do with the states.
         _ => Ok(()),
     }
 }

@@ -9,8 +9,8 @@ use airloop_ocp::transcription::{Interpolation, IntervalErrors, PhaseTrajectory,
 use airloop_optim::EvaluationError;
 use airloop_series::TimeSeries;
 
-/// Where a phase begins, its first row comes that much later \[s\]: a table has one row per time.
-const LATER: f64 = 1e-9;
+/// Delay \[s\] of the first row of a phase: a table has one row per time.
+const FIRST_ROW_DELAY: f64 = 1e-9;
 
 /// Row of a table: interval, part of it.
 fn rows(phase: &PhaseTrajectory) -> Vec<(usize, f64)> {
@@ -23,9 +23,9 @@ fn rows(phase: &PhaseTrajectory) -> Vec<(usize, f64)> {
     (0..n).flat_map(of).chain([(n - 1, 1.0)]).collect()
 }
 
-/// The plan: states, inputs, outputs and costates at the knots; with quadratic inputs also in the middle of the intervals.
-/// Held inputs and costates stand where their interval begins, the last row repeats them. Several phases have a
-/// column `phase`, and later ones begin 1 ns late.
+/// The plan: states, inputs, outputs and costates at the knots; with quadratic inputs also in the middle of the
+/// intervals. Held inputs and costates stand where their interval begins, the last row repeats them. Several phases
+/// have a column `phase`, and later ones begin 1 ns late.
 ///
 /// # Errors
 /// [`Error`] when an output cannot be evaluated.
@@ -38,7 +38,7 @@ pub fn trajectory(prepared: &Prepared, plan: &Trajectory) -> Result<TimeSeries, 
         for (row, (k, s)) in rows(phase).into_iter().enumerate() {
             let (a, b) = (phase.times[k], phase.times[k + 1]);
             let at = if s == 1.0 { b } else { a + s * (b - a) };
-            time.push(if number > 0 && row == 0 { at + LATER } else { at });
+            time.push(if number > 0 && row == 0 { at + FIRST_ROW_DELAY } else { at });
             let states = match s {
                 0.0 => phase.states[k].clone(),
                 1.0 => phase.states[k + 1].clone(),
@@ -148,8 +148,8 @@ pub fn knots(plan: &Trajectory) -> Knots {
     knots
 }
 
-/// Estimated error of every state over every interval, in units of the state, in the row of the time at which the interval
-/// begins; then, as `relative`, the largest of them relative to the size of its state.
+/// Estimated error of every state over every interval, in units of the state, in the row of the time at which the
+/// interval begins; then, as `relative`, the largest of them relative to the size of its state.
 ///
 /// # Errors
 /// [`Error::Series`] when times repeat.

@@ -57,18 +57,18 @@ pub struct Limit {
 /// A limit along the way.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PathLimit {
-    /// What holds.
+    /// Limit that holds.
     pub limit: Limit,
-    /// Where.
+    /// Part of the phase.
     pub at: Where,
     /// Part of the phase, 0 to 1.
     pub during: (f64, f64),
-    /// By how much stricter it is at the points of the mesh.
+    /// Amount by which stricter it is at the points of the mesh.
     pub margin: f64,
 }
 
 impl PathLimit {
-    /// What holds at the points of the mesh.
+    /// Limit at the points of the mesh, margin included.
     pub fn with_margin(&self) -> Limit {
         let (lower, upper) = self.limit.limits;
         Limit { limits: (lower + self.margin, upper - self.margin), ..self.limit.clone() }
@@ -135,11 +135,11 @@ pub struct Task {
     pub signals: Signals,
     /// Phases.
     pub phases: Vec<TaskPhase>,
-    /// What was assumed, one sentence each.
+    /// Assumptions, one sentence each.
     pub notes: Vec<String>,
 }
 
-const FREE: Limits = (f64::NEG_INFINITY, f64::INFINITY);
+const NO_LIMITS: Limits = (f64::NEG_INFINITY, f64::INFINITY);
 
 /// The variables that a statement refers to which are neither state nor input, as indices into the catalog.
 ///
@@ -159,7 +159,7 @@ pub fn outputs(statement: &Statement, catalog: &Catalog) -> Result<Vec<usize>, E
 /// The inputs that are to be found: those listed, else those with a bound, a rate or a cost.
 ///
 /// # Errors
-/// [`Error::File`] when there is none, or a name is no input.
+/// [`Error::File`] when there is none, or a name is not an input.
 pub fn inputs(statement: &Statement, catalog: &Catalog) -> Result<Vec<usize>, Error> {
     let source = &statement.source;
     let mut found = Vec::new();
@@ -171,7 +171,7 @@ pub fn inputs(statement: &Statement, catalog: &Catalog) -> Result<Vec<usize>, Er
         let (index, _) = catalog.want(source, name)?;
         let variable = &catalog.variables()[index];
         if variable.kind != Kind::Input && statement.inputs.is_some() {
-            let problem = format!("`{}` is no input of the system", name.text);
+            let problem = format!("`{}` is not an input of the system", name.text);
             return Err(source.error_at(name.place, problem));
         }
         if variable.kind == Kind::Input && !found.contains(&index) {
@@ -232,7 +232,7 @@ impl Reader<'_> {
     fn phase(&self, phase: &Phase, first: bool, notes: &mut Vec<String>) -> Result<TaskPhase, Error> {
         let (duration, duration_guess) = self.duration(&phase.duration)?;
         let n = self.signals.states.len();
-        let (mut initial, mut terminal) = (vec![FREE; n], vec![FREE; n]);
+        let (mut initial, mut terminal) = (vec![NO_LIMITS; n], vec![NO_LIMITS; n]);
         if first {
             self.start_values(&mut initial, &phase.initial, notes)?;
         }
@@ -328,7 +328,7 @@ impl Reader<'_> {
             Some(quantity) => self.catalog.value(self.source, quantity, found),
             None => Ok(none),
         };
-        let limits = (value(&range.min, FREE.0)?, value(&range.max, FREE.1)?);
+        let limits = (value(&range.min, NO_LIMITS.0)?, value(&range.max, NO_LIMITS.1)?);
         if limits.0 > limits.1 {
             let unit = self.catalog.variables()[found.0].unit.as_deref().unwrap_or("");
             let problem = format!(
@@ -416,7 +416,7 @@ impl Reader<'_> {
         match signal {
             Signal::Input(input) => Ok((input, limits)),
             _ => {
-                let problem = format!("`{}` is no input; only inputs have rates", rate.variable.text);
+                let problem = format!("`{}` is not an input; only inputs have rates", rate.variable.text);
                 Err(self.source.error_at(rate.variable.place, problem))
             }
         }

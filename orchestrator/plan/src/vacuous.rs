@@ -1,5 +1,5 @@
-//! Conditions on outputs that no motion moves: the force of a foot that is in the air, the impulse of an impact that does not
-//! happen. They say that phases, modes and resets do not belong together, and are refused before a search.
+//! Conditions on outputs that no motion moves: the force of a foot that is in the air, the impulse of an impact that
+//! does not happen. They say that phases, modes and resets do not belong together, and are refused before a search.
 
 use super::Error;
 use super::file::{Place, Source};
@@ -9,9 +9,9 @@ use super::task::{Limit, Signal};
 use airloop_ocp::transcription::{Dynamics, Point};
 
 /// Parts of a phase at which outputs are differentiated.
-const AT: [f64; 4] = [0.1, 0.4, 0.7, 0.95];
-/// How far from the guess, in nominal magnitudes: a saturated actuator or a dead band is flat in places only.
-const SIDES: [f64; 5] = [0.0, 1.0, -1.0, 10.0, -10.0];
+const PARTS_OF_PHASE: [f64; 4] = [0.1, 0.4, 0.7, 0.95];
+/// Distances from the guess, in nominal magnitudes: a saturated actuator or a dead band is flat in places only.
+const DISTANCES_FROM_GUESS: [f64; 5] = [0.0, 1.0, -1.0, 10.0, -10.0];
 
 /// Looks at the conditions at the ends of phases, and at the bounds of resets, along a guess.
 ///
@@ -23,7 +23,7 @@ pub fn check(prepared: &mut Prepared, rough: &Rough) -> Result<(), Error> {
     let mut begin = 0.0;
     for (number, (phase, dynamics)) in setup.task.phases.iter().zip(dynamics).enumerate() {
         let duration = rough.durations[number];
-        let parts = AT.map(|part| (begin + part * duration) / total);
+        let parts = PARTS_OF_PHASE.map(|part| (begin + part * duration) / total);
         begin += duration;
         let stated = &setup.statement.phases[number];
         let source = &setup.statement.source;
@@ -54,13 +54,14 @@ pub fn check(prepared: &mut Prepared, rough: &Rough) -> Result<(), Error> {
     Ok(())
 }
 
-/// The value of a limit on outputs alone that has no derivative anywhere; none where it has one, or cannot be evaluated.
+/// The value of a limit on outputs alone that has no derivative anywhere; none where it has one, or cannot be
+/// evaluated.
 fn unmoved(dynamics: &mut dyn Dynamics, limit: &Limit, rough: &Rough, parts: &[f64]) -> Option<f64> {
     let size = dynamics.size();
     let (mut values, mut jacobian) = (vec![0.0; size.values()], vec![0.0; size.values() * size.arguments()]);
     let nominals = dynamics.nominals();
     let mut found = None;
-    for (part, side) in parts.iter().flat_map(|part| SIDES.map(|side| (*part, side))) {
+    for (part, side) in parts.iter().flat_map(|part| DISTANCES_FROM_GUESS.map(|side| (*part, side))) {
         let (mut states, mut inputs) = (rough.states(part), rough.inputs(part));
         inputs.truncate(size.inputs);
         let all = states.iter_mut().chain(&mut inputs).zip(&nominals);
@@ -89,7 +90,7 @@ fn unmoved(dynamics: &mut dyn Dynamics, limit: &Limit, rough: &Rough, parts: &[f
     found
 }
 
-/// Where a condition stands, and what is said about it.
+/// Place of a condition, and the message about it.
 struct Told<'a> {
     source: &'a Source,
     place: Place,

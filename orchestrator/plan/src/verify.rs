@@ -49,7 +49,7 @@ impl Command<'_> {
         self.series(catalog, time, &rows)
     }
 
-    /// The command as it is meant: constant, or the parabola through the ends and the middle of each interval.
+    /// The command as planned: constant, or the parabola through the ends and the middle of each interval.
     fn curves(&self, graph: &SystemGraph, catalog: &Catalog) -> Curves {
         let place = |&input: &usize| {
             let name = &catalog.variables()[input].name;
@@ -88,7 +88,7 @@ impl Command<'_> {
     }
 }
 
-/// How the plan is rolled out.
+/// Settings of the roll-out.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Options {
     /// Master of the sampled roll-out; the continuous one is always monolithic.
@@ -108,7 +108,7 @@ pub struct Rollout {
     pub outputs: TimeSeries,
     /// Times \[s\] of the state events; only where all is continuous.
     pub events: Vec<f64>,
-    /// Why it ended before its time, if it did.
+    /// Reason why it ended before its time, if it did.
     pub problem: Option<String>,
 }
 
@@ -161,19 +161,19 @@ pub(super) fn moment_later(setup: &Setup, states: &[f64], inputs: &[f64]) -> Opt
         graph.set_start(&setup.catalog.variables()[state].path, &value.to_string(), "a state").ok()?;
     }
     let graph = sampling::in_continuous_time(&graph);
-    let mut series = TimeSeries::new(vec![0.0, MOMENT]).ok()?;
+    let mut series = TimeSeries::new(vec![0.0, RUN_LENGTH]).ok()?;
     for (&input, &value) in signals.inputs.iter().zip(inputs) {
         let variable = &setup.catalog.variables()[input];
         series.push(variable.name.clone(), variable.unit.clone(), vec![value; 2]).ok()?;
     }
-    let options = Options { master: Algorithm::Monolithic, step: MOMENT, tolerance: None };
+    let options = Options { master: Algorithm::Monolithic, step: RUN_LENGTH, tolerance: None };
     let stop = AtomicBool::new(false);
     let later = simulate(&graph, &setup.catalog, &signals.states, &Inputs::Held(&series), options, &stop);
     Some(later.ok()?.states)
 }
 
 /// Length of a moment \[s\].
-const MOMENT: f64 = 1e-6;
+const RUN_LENGTH: f64 = 1e-6;
 
 /// Inputs of a roll-out.
 enum Inputs<'a> {

@@ -108,7 +108,7 @@ fn what_does_not_fit_the_system_is_named_with_its_place_and_what_was_meant() {
         (
             "\"180 deg\"",
             "\"180 mm\"",
-            "`mm` is no unit for `theta`; `theta` is in `rad`; write it in `rad` or `deg`",
+            "`mm` is not a unit for `theta`; `theta` is in `rad`; write it in `rad` or `deg`",
         ),
         ("\"-150 mm\"", "\"-150 furlong\"", "the unit `furlong` is not known"),
         ("\"-150 mm\"", "\"200 mm\"", "lies above the upper bound"),
@@ -121,7 +121,7 @@ fn what_does_not_fit_the_system_is_named_with_its_place_and_what_was_meant() {
         ("[settings]", "[parameters]\n\"cart_pole.mass\" = 1\n[settings]", "there is no variable `mass`"),
         ("[settings]", "[rates]\nx = 1\n[settings]", "only inputs have rates"),
         ("[settings]", "[rates]\nu = \"500 N\"\n[settings]", "500 N/s"),
-        ("name = \"swing-up", "inputs = [\"x\"]\nname = \"swing-up", "`x` is no input"),
+        ("name = \"swing-up", "inputs = [\"x\"]\nname = \"swing-up", "`x` is not an input"),
         ("states = [\"x\", \"theta\"", "states = [\"theta\"", "add it to the list"),
     ];
     for (from, to, words) in cases {

@@ -1,7 +1,7 @@
 //! Charts of a report: SVG parts of a page whose style sheet and script they share.
 //!
-//! A chart is complete without the script, which adds values under the pointer and zoom. What it needs for that stands in
-//! `data-` attributes: the rectangle of the plot and the ranges of both axes.
+//! A chart is complete without the script, which adds values under the pointer and zoom. What it needs for that stands
+//! in `data-` attributes: the rectangle of the plot and the ranges of both axes.
 
 use std::fmt::Write;
 
@@ -11,7 +11,7 @@ use crate::plot::svg::escape;
 /// Margins of the plot \[px\]: left, right, top, bottom.
 const MARGINS: (f64, f64, f64, f64) = (76.0, 14.0, 34.0, 42.0);
 
-/// What is drawn.
+/// Drawn element.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Mark {
     /// A curve.
@@ -68,7 +68,7 @@ pub struct Chart {
     pub labels: (String, String),
     /// Size \[px\].
     pub size: (f64, f64),
-    /// What is drawn, from back to front.
+    /// Drawn elements, from back to front.
     pub marks: Vec<Mark>,
     /// Range of values that noise explains, around zero.
     pub noise: Option<f64>,

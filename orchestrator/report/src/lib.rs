@@ -26,7 +26,7 @@ pub const SCHEMA: &str = include_str!("report.schema.json");
 /// Files of a report, the one that programs read last: it is there only when the others are.
 pub const FILES: [&str; 3] = ["report.md", "report.html", "report.json"];
 
-/// Why a report cannot be written.
+/// Reason why a report cannot be written.
 #[derive(Debug, thiserror::Error)]
 #[error("{}: the report cannot be written: {source}; choose another folder with `-o`", path.display())]
 pub struct Error {

@@ -1,6 +1,6 @@
 //! Effects, channels and signals in the words of a reader who does not know the vocabulary.
 
-/// What an effect is, after "the model lacks"; an unknown id is its own name.
+/// Name of an effect as it follows "the model lacks"; an unknown id is its own name.
 pub fn effect(id: &str) -> &str {
     match id {
         "act.gain" => "a gain error of the command path",
@@ -44,7 +44,7 @@ pub fn effect(id: &str) -> &str {
     }
 }
 
-/// Where a channel is.
+/// Location of a channel in words.
 pub fn channel(name: &str) -> &str {
     match name {
         "actuator" => "the actuator",
@@ -57,7 +57,7 @@ pub fn channel(name: &str) -> &str {
     }
 }
 
-/// What a variable is.
+/// Name of a variable in words.
 pub fn variable(name: &str) -> &str {
     match name {
         "u" => "command u",

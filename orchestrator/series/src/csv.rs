@@ -13,7 +13,7 @@ use std::path::{Path, PathBuf};
 use super::TimeSeries;
 use super::stream::{Rows, Stream, truth};
 
-/// Why a CSV file cannot be read or written.
+/// Reason why a CSV file cannot be read or written.
 #[derive(Debug, thiserror::Error)]
 #[allow(missing_docs, reason = "file, line (1-based), column and value, as named in each message")]
 pub enum Error {
@@ -37,7 +37,7 @@ pub enum Error {
     Separator { path: PathBuf, found: &'static str },
     /// The unit of the first column is none of time.
     #[error(
-        "{}: line 1, column `time`: [{unit}] is no unit of time that is known; use s, ms, us, ns, min or h",
+        "{}: line 1, column `time`: [{unit}] is not a unit of time that is known; use s, ms, us, ns, min or h",
         path.display()
     )]
     TimeUnit { path: PathBuf, unit: String },
@@ -105,7 +105,7 @@ pub fn read(path: &Path) -> Result<TimeSeries, Error> {
 /// ```
 ///
 /// # Errors
-/// As [`read`].
+/// Same as [`read`].
 pub fn parse(text: &str, path: &Path) -> Result<TimeSeries, Error> {
     collect(Stream::whole(text.as_bytes(), path)?, path)
 }
@@ -209,7 +209,7 @@ pub(super) fn header_cells(header: &str, path: &Path) -> Result<Vec<(String, Opt
         let what = if name.is_empty() {
             "empty; every column needs a name"
         } else if !seen.insert(name.as_str()) {
-            "there twice; rename one of the columns"
+            "a duplicate; rename one of the columns"
         } else {
             continue;
         };
@@ -292,12 +292,12 @@ mod tests {
             ("", "the file is empty"),
             ("time;u\n0;1\n", "line 1: columns must be separated by commas, but this header has semicolons"),
             ("time\tu\n0\t1\n", "this header has tabs"),
-            ("time [N],u\n0,1\n", "line 1, column `time`: [N] is no unit of time"),
+            ("time [N],u\n0,1\n", "line 1, column `time`: [N] is not a unit of time"),
             ("time [ms],u\n0,1\n0,2\n", "line 3, column `time`: 0 s does not come after"),
             ("time,u\ntrue,1\n", "line 2, column `time`: `true` is not a number"),
             ("t,u\n0,1\n", "found `t`"),
             ("time,u\n", "no row of data"),
-            ("time,u,u\n0,1,1\n", "line 1, column 3: the name `u` is there twice"),
+            ("time,u,u\n0,1,1\n", "line 1, column 3: the name `u` is a duplicate"),
             ("time,,u\n0,1,1\n", "line 1, column 2: the name `` is empty"),
             ("time,\"u\n0,1\n", "line 1: a quoted cell is not closed"),
             ("time,u\n0,1\n1\n", "line 3: 1 cells, but the header has 2"),

@@ -28,7 +28,7 @@ pub fn write_whole(
 /// Writes a value as JSON for people to read, in one piece.
 ///
 /// # Errors
-/// As [`write_whole`].
+/// Same as [`write_whole`].
 pub fn write_json<T: Serialize + ?Sized>(path: &Path, value: &T) -> std::io::Result<()> {
     write_whole(path, |out| {
         serde_json::to_writer_pretty(&mut *out, value)?;

@@ -33,7 +33,7 @@ pub struct TimeSeries {
     channels: Vec<Channel>,
 }
 
-/// Why a series cannot be built.
+/// Reason why a series cannot be built.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
     /// The time axis stands still, runs backwards or is not finite.
@@ -59,7 +59,7 @@ pub enum Error {
         expected: usize,
     },
     /// Two channels of one name.
-    #[error("channel `{name}` is there twice; rename one of them")]
+    #[error("channel `{name}` appears twice; rename one of them")]
     Duplicate {
         /// Channel.
         name: String,
@@ -89,7 +89,7 @@ impl TimeSeries {
         Ok(TimeSeries { time, channels: Vec::new() })
     }
 
-    /// Adds a channel with one value per time.
+    /// Adds a channel with one value per time, shape \[n\], in `unit`.
     ///
     /// # Errors
     /// [`Error::Length`] or [`Error::Duplicate`].

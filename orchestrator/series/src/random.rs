@@ -2,8 +2,8 @@
 //!
 //! xoshiro256++ by Blackman and Vigna (2019), seeded by SplitMix64 (Steele, Lea, Flood 2014). The algorithms stand
 //! here, because crates may change their generators or the way seeds and ranges are used between versions, and a seed
-//! in a record has to give the same record for ever. The integers are exact everywhere; normal numbers use logarithm and
-//! cosine, whose last bit may differ between systems.
+//! in a record has to give the same record for ever. The integers are exact everywhere; normal numbers use logarithm
+//! and cosine, whose last bit may differ between systems.
 
 /// A stream of random numbers.
 #[derive(Debug, Clone)]

@@ -5,7 +5,7 @@
 
 use super::{Error, TimeSeries};
 
-/// How a signal behaves between its samples.
+/// Interpolation of a signal between its samples.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Interpolation {
     /// Straight line between neighboring samples.
@@ -16,7 +16,7 @@ pub enum Interpolation {
 }
 
 /// Distance to a sample, as a fraction of the sample spacing, within which a time counts as that sample.
-const SNAP: f64 = 1e-6;
+const SAMPLE_TOLERANCE: f64 = 1e-6;
 
 /// Position of a time between the samples of an axis.
 ///
@@ -48,16 +48,16 @@ pub fn locate(time: &[f64], t: f64, guess: usize) -> Position {
         return Position { index: index.min(last), fraction: 0.0 };
     }
     let fraction = (t - time[index]) / (time[index + 1] - time[index]);
-    if fraction < SNAP {
+    if fraction < SAMPLE_TOLERANCE {
         Position { index, fraction: 0.0 }
-    } else if fraction > 1.0 - SNAP {
+    } else if fraction > 1.0 - SAMPLE_TOLERANCE {
         Position { index: index + 1, fraction: 0.0 }
     } else {
         Position { index, fraction }
     }
 }
 
-/// Value of a signal at a located position.
+/// Value of a signal \[n\] at a position found by [`locate`] on its axis of `n` times; in the unit of the signal.
 pub fn value_at(values: &[f64], position: Position, interpolation: Interpolation) -> f64 {
     let here = values[position.index];
     if position.fraction == 0.0 || interpolation == Interpolation::Hold {

@@ -12,7 +12,7 @@ use super::csv::{Error, Seconds, header_cells};
 
 /// Bytes read at once.
 const CHUNK: usize = 1 << 18;
-/// Longest line \[bytes\]; a longer one is no table.
+/// Longest line \[bytes\]; a longer one is not a table.
 const LONGEST_LINE: usize = 1 << 26;
 
 /// Rows of a file.
@@ -135,7 +135,8 @@ impl<R: Read> Stream<R> {
     /// Replaces what is in `rows` by the next rows, `limit` at most; fewer only at the end of the file, none after it.
     ///
     /// # Errors
-    /// [`Error`] names file, line and column of a cell that is no number, and of a row with missing or additional cells.
+    /// [`Error`] names file, line and column of a cell that is not a number, and of a row with missing or additional
+    /// cells.
     pub fn read(&mut self, rows: &mut Rows, limit: usize) -> Result<usize, Error> {
         rows.time.clear();
         rows.lines.clear();

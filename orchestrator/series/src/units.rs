@@ -40,7 +40,7 @@ pub struct Unit {
     pub offset: f64,
 }
 
-/// How two units relate.
+/// Relation of two units.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Compatibility {
     /// The same unit.
@@ -59,7 +59,7 @@ pub enum Compatibility {
 /// Factors that differ by less than this, relatively, are the same: files give them with 9 to 15 digits.
 const SAME_FACTOR: f64 = 1e-9;
 
-/// How a value in unit `a` becomes one in unit `b`.
+/// Conversion of a value in unit `a` to one in unit `b`.
 pub fn compatible(a: &Unit, b: &Unit) -> Compatibility {
     if a.exponents != b.exponents {
         return Compatibility::Incompatible;
@@ -180,7 +180,7 @@ pub fn parse_duration(text: &str) -> Result<f64, DurationError> {
 /// A point in time as written on the command line, in s; as [`parse_duration`], but it may be negative.
 ///
 /// # Errors
-/// As [`parse_duration`].
+/// Same as [`parse_duration`].
 pub fn parse_time(text: &str) -> Result<f64, DurationError> {
     let error = |reason| DurationError { text: text.to_owned(), reason };
     let trimmed = text.trim();
@@ -210,9 +210,9 @@ pub fn parse_time(text: &str) -> Result<f64, DurationError> {
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("'{text}' is not a duration: {reason}; write for example 2, 0.5s, 1ms, 10us")]
 pub struct DurationError {
-    /// What was written.
+    /// Text as given.
     pub text: String,
-    /// What is wrong with it.
+    /// Fault of the text.
     pub reason: &'static str,
 }
 

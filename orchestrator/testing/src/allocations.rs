@@ -1,4 +1,5 @@
-//! The system's allocator, counted: a test binary that says [`count_allocations!`](crate::count_allocations) counts its own.
+//! The system's allocator, counted: a test binary that says [`count_allocations!`](crate::count_allocations) counts its
+//! own.
 #![allow(unsafe_code, reason = "a global allocator is an unsafe trait")]
 
 use std::alloc::{GlobalAlloc, Layout, System};

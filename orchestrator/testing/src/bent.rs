@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use tempfile::TempDir;
 
-/// What the description of an FMU says.
+/// Kind of the description of an FMU.
 #[derive(Clone, Copy, PartialEq)]
 pub enum Kind {
     /// All of it, and true.

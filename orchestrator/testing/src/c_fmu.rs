@@ -10,7 +10,8 @@ use zip::write::SimpleFileOptions;
 /// Folder of the binaries of this machine.
 pub const PLATFORM: &str = "linux64";
 
-/// Compiles `source` (a relative path is one in the folder `c` of this crate) into the shared library `target`, with macros such as `-DSTALE`.
+/// Compiles `source` (a relative path is one in the folder `c` of this crate) into the shared library `target`, with
+/// macros such as `-DSTALE`.
 pub fn compile(source: impl AsRef<Path>, target: &Path, macros: &[&str]) {
     let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("c").join(source);
     let compiler = std::env::var("CC").unwrap_or_else(|_| "cc".to_owned());

@@ -1,4 +1,4 @@
-//! What several crates need in their tests: FMUs compiled from small C files, and a count of allocations.
+//! Common parts of the tests of several crates: FMUs compiled from small C files, and a count of allocations.
 //!
 //! Each module makes one FMU or family of FMUs; the C sources stand in `c/` and say what the FMU does. Depends on no
 //! other crate of the workspace, so that every crate can use it in its tests.

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use tempfile::TempDir;
 
-/// What an FMU can do.
+/// Capabilities of an FMU.
 #[derive(Clone, Copy)]
 pub struct Abilities {
     /// Compiler flag: `STALE`, `STRICT`, or none.

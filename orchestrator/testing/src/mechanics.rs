@@ -1,5 +1,6 @@
-//! Cart-pole with frictions and pneumatic actuator, typed from the problem statement, with first and second
-//! derivatives of the accelerations in closed form.
+//! Cart-pole with frictions and pneumatic actuator, typed from the problem statement, with first and second derivatives
+//! of the accelerations in closed form. Equation numbers are those of *Model-based Trajectory Control of Robots with
+//! Pneumatic Actuator Dynamics*.
 
 pub const GRAVITY: f64 = 9.81;
 const CART: f64 = 0.399;

@@ -9,7 +9,7 @@ macro_rules! importer {
         use std::ffi::{CStr, CString, c_void};
         use std::sync::Mutex;
 
-        /// What the FMU logged: status, category, message.
+        /// Log messages of the FMU: status, category, message.
         pub(crate) type Log = Mutex<Vec<(Status, String, String)>>;
 
         /// The callback is variadic in C; without arguments after the message the fixed form is the same call.
@@ -44,7 +44,7 @@ macro_rules! importer {
                 use fmi2_export::Kind;
                 match Self::table().by_name(name).unwrap_or_else(|| panic!("no variable {name}")).kind {
                     Kind::Real { handle, .. } => handle.value_reference(),
-                    ref other => panic!("{name} is no Real: {other:?}"),
+                    ref other => panic!("{name} is not a Real: {other:?}"),
                 }
             }
 

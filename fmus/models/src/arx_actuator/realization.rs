@@ -135,7 +135,7 @@ impl<S: Scalar> Recursion<S> {
     }
 }
 
-/// Why a recursion has no continuous equivalent.
+/// Reason why a recursion has no continuous equivalent.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum NoContinuousForm {
     /// The command reaches further back than the outputs: poles at zero.

@@ -78,7 +78,7 @@ impl<S: Scalar> Mechanics<S> {
         }
     }
 
-    /// As above with the number of rows of J: two per foot.
+    /// Same as above with the number of rows of J: two per foot.
     fn hold_rows<const R: usize>(
         &self,
         feet: Feet,

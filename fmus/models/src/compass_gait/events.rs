@@ -1,10 +1,10 @@
-//! When the walker's mode changes, and to what.
+//! Events of the walker: changes of mode and their consequences.
 //!
-//! A foot in the air comes down where its height falls through 0. A foot that has just left the ground has height 0
-//! and is not told apart from one that lands by its height: until it has risen by [`RISE`], it comes back where its
-//! vertical velocity turns, without an impact worth the name, and at the latest where it has sunk by [`SINK`]. A foot on
-//! the ground leaves it where its normal force falls below [`PULL`], also with a tangential force left that lets it sink
-//! at first: sliding is not modeled.
+//! A foot in the air comes down where its height falls through 0. A foot that has just left the ground has height 0 and
+//! is not told apart from one that lands by its height: until it has risen by [`MIN_HEIGHT_IN_AIR`], it comes back
+//! where its vertical velocity turns, without an impact worth the name, and at the latest where it has sunk by
+//! [`MAX_DEPTH_NOT_RISEN`]. A foot on the ground leaves it where its normal force falls below [`LIFT_OFF_FORCE`], also
+//! with a tangential force left that lets it sink at first: sliding is not modeled.
 
 use super::contact::{Mechanics, OnFeet};
 use super::feet::Feet;
@@ -12,18 +12,18 @@ use super::variables::Variables;
 use fmi2_export::{Event, Outcome, Refusal, Scalar, Values};
 
 /// Normal force \[N\] at which a foot lifts off, and normal impulse \[N s\] at which one is pulled off by an impact.
-const PULL: f64 = -1e-7;
-const PULL_IMPULSE: f64 = -1e-9;
+const LIFT_OFF_FORCE: f64 = -1e-7;
+const LIFT_OFF_IMPULSE: f64 = -1e-9;
 /// Height \[m\] above which a foot that left the ground counts as in the air.
-const RISE: f64 = 1e-9;
+const MIN_HEIGHT_IN_AIR: f64 = 1e-9;
 /// Depth \[m\] at which a foot that has not risen is caught.
-const SINK: f64 = 1e-6;
-/// How near to the ground \[m\] and to rest \[m/s\] a foot stands at the start.
-const NEAR: f64 = 1e-6;
+const MAX_DEPTH_NOT_RISEN: f64 = 1e-6;
+/// Largest distance from the ground \[m\] and from rest \[m/s\] of a foot that stands at the start.
+const START_TOLERANCE: f64 = 1e-6;
 /// Three per foot, and the fall.
 pub const INDICATORS: usize = 7;
 /// An indicator of something that cannot happen in the present mode.
-const NEVER: f64 = 1.0;
+const INDICATOR_OF_NOTHING: f64 = 1.0;
 
 /// Codes of what an event was; those of foot 2 are twice those of foot 1.
 const LANDED: i32 = 1;
@@ -48,17 +48,17 @@ pub fn initialize<S: Scalar>(k: &Variables, q: &mut Values<S>) -> Outcome {
     for i in 0..2 {
         let height = pose.foot(i)[1].value();
         let [vx, vy] = pose.foot_rate(i, &pose.v).map(S::value);
-        if height < -NEAR {
+        if height < -START_TOLERANCE {
             return Err(Refusal::Error(format!(
                 "foot {} starts at y = {height} m, below the ground at 0; raise y or shorten l{}",
                 i + 1,
                 i + 1
             )));
         }
-        if height > NEAR {
+        if height > START_TOLERANCE {
             q[m.risen.at(i)] = S::from(1.0);
-        } else if vy.abs() <= NEAR {
-            if vx.abs() > NEAR {
+        } else if vy.abs() <= START_TOLERANCE {
+            if vx.abs() > START_TOLERANCE {
                 return Err(Refusal::Error(format!(
                     "foot {} starts on the ground and moves along it at {vx} m/s; no sliding is modeled: start it at \
                      rest or above the ground",
@@ -76,7 +76,7 @@ pub fn initialize<S: Scalar>(k: &Variables, q: &mut Values<S>) -> Outcome {
 
 /// Indicators that fall to 0 where the mode may change; evaluated after the equations.
 pub fn indicators(k: &Variables, q: &Values<f64>, z: &mut [f64]) {
-    z.fill(NEVER);
+    z.fill(INDICATOR_OF_NOTHING);
     if k.pinned(q).is_some() {
         return;
     }
@@ -86,7 +86,7 @@ pub fn indicators(k: &Variables, q: &Values<f64>, z: &mut [f64]) {
         let risen = q[k.memory.risen.at(i)] > 0.0;
         let height = q[foot.position[1]];
         if down.contains(i) {
-            z[0] = q[foot.force[1]] - PULL;
+            z[0] = q[foot.force[1]] - LIFT_OFF_FORCE;
             if q[k.memory.slides.at(i)] == 0.0 {
                 z[2] = cone_margin(k, q, q[foot.force[0]], q[foot.force[1]]);
             }
@@ -94,7 +94,7 @@ pub fn indicators(k: &Variables, q: &Values<f64>, z: &mut [f64]) {
             z[0] = height;
         } else {
             z[0] = q[foot.velocity[1]];
-            z[1] = (RISE - height) * (height + SINK);
+            z[1] = (MIN_HEIGHT_IN_AIR - height) * (height + MAX_DEPTH_NOT_RISEN);
         }
     }
     if q[k.memory.fallen.at(0)] == 0.0 {
@@ -102,7 +102,7 @@ pub fn indicators(k: &Variables, q: &Values<f64>, z: &mut [f64]) {
     }
 }
 
-/// How far a force is inside the friction cone \[N\], with the tolerance.
+/// Distance of a force from the boundary of the friction cone \[N\], positive inside, with the tolerance.
 fn cone_margin(k: &Variables, q: &Values<f64>, tangential: f64, normal: f64) -> f64 {
     q[k.friction] * normal.max(0.0) + q[k.slide_tolerance] - tangential.abs()
 }
@@ -122,7 +122,7 @@ pub fn pending(k: &Variables, q: &Values<f64>) -> bool {
         down.iter().any(|i| {
             let [tangential, normal] = forces[i];
             let slides = cone_margin(k, q, tangential, normal) <= 0.0 && q[k.memory.slides.at(i)] == 0.0;
-            normal < PULL || slides
+            normal < LIFT_OFF_FORCE || slides
         })
     })
 }
@@ -153,10 +153,10 @@ fn land(k: &Variables, q: &mut Values<f64>, codes: &mut i32) -> bool {
     let mut landing = Feet::NONE;
     for i in (0..2).filter(|i| !down.contains(*i)) {
         let (height, falling) = (pose.foot(i)[1], pose.foot_rate(i, &pose.v)[1] < 0.0);
-        let ground = if q[k.memory.risen.at(i)] > 0.0 { 0.0 } else { -SINK };
+        let ground = if q[k.memory.risen.at(i)] > 0.0 { 0.0 } else { -MAX_DEPTH_NOT_RISEN };
         if height <= ground && falling {
             landing = landing.with(Feet::only(i));
-        } else if height > RISE {
+        } else if height > MIN_HEIGHT_IN_AIR {
             q[k.memory.risen.at(i)] = 1.0;
         }
     }
@@ -172,7 +172,7 @@ fn land(k: &Variables, q: &mut Values<f64>, codes: &mut i32) -> bool {
         return false;
     };
     for i in held.iter() {
-        if impulses[i][1] < PULL_IMPULSE {
+        if impulses[i][1] < LIFT_OFF_IMPULSE {
             *codes |= PULLED << i;
         }
     }
@@ -202,7 +202,7 @@ fn impact(mechanics: &Mechanics<f64>, down: Feet, landing: Feet) -> Option<([f64
     let mut held = down.with(landing);
     loop {
         let (velocities, impulses) = mechanics.impact(held).ok()?;
-        let pulled = |i: &usize| impulses[*i][1] < PULL_IMPULSE;
+        let pulled = |i: &usize| impulses[*i][1] < LIFT_OFF_IMPULSE;
         let stood = down.iter().filter(|i| held.contains(*i)).find(pulled);
         let Some(i) = stood.or_else(|| (held == Feet::BOTH).then(|| held.iter().find(pulled)).flatten())
         else {
@@ -225,7 +225,7 @@ fn settle(k: &Variables, q: &mut Values<f64>, codes: &mut i32) {
             return;
         };
         let weakest = down.iter().min_by(|a, b| forces[*a][1].total_cmp(&forces[*b][1]));
-        if let Some(i) = weakest.filter(|i| forces[*i][1] < PULL) {
+        if let Some(i) = weakest.filter(|i| forces[*i][1] < LIFT_OFF_FORCE) {
             q[k.memory.feet.at(0)] = f64::from(down.without(Feet::only(i)).number());
             q[k.memory.risen.at(i)] = 0.0;
             *codes |= LIFTED << i;

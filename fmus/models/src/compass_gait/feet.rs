@@ -1,4 +1,4 @@
-//! Which feet stand on the ground: the discrete part of the walker's state.
+//! Feet that stand on the ground: the discrete part of the walker's state.
 
 /// A set of feet, as a bit mask: foot 1 is bit 0, foot 2 is bit 1.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

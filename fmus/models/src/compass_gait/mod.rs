@@ -93,7 +93,8 @@ impl Model for CompassGait {
         events::explain(&self.k, q)
     }
 
-    /// The first event looks at the start: a foot may come down at once, or be pulled up. So does one where an input jumped.
+    /// The first event looks at the start: a foot may come down at once, or be pulled up. So does one where an input
+    /// jumped.
     fn next_event_time(&self, q: &Values<f64>) -> Option<f64> {
         events::pending(&self.k, q).then_some(q.time)
     }

@@ -4,7 +4,7 @@ use super::body::{Body, Pose};
 use super::feet::Feet;
 use fmi2_export::{Boolean, Integer, MemoryBlock, Real, Scalar, Table, Values};
 
-/// What a foot shows.
+/// Outputs of one foot.
 #[derive(Clone, Copy)]
 pub struct Foot {
     pub position: [Real; 2],
@@ -59,7 +59,7 @@ pub struct Memories {
     pub impulses: MemoryBlock,
     /// Time and number of impacts.
     pub impacts: MemoryBlock,
-    /// What the last event was: sum of the codes in [`super::events`].
+    /// Kind of the last event: sum of the codes in [`super::events`].
     pub note: MemoryBlock,
 }
 

@@ -1,4 +1,4 @@
-//! What a sensor shows of a signal, as a continuous block: offset, gain, delay.
+//! A sensor as a continuous block in series with a signal: offset, gain, delay.
 
 use fmi2_export::{Boolean, Identity, MemoryBlock, Model, Outcome, Real, Refusal, Scalar, Table, Values};
 

@@ -136,7 +136,7 @@ impl PneumaticCylinder {
             for (name, p) in [("p", q[side.p]), ("pv", q[side.valve.pv])] {
                 if p.value().is_nan() || p.value() <= 0.0 {
                     return Err(Refusal::Discard(format!(
-                        "{name}{} = {} Pa is no absolute pressure; try a smaller step",
+                        "{name}{} = {} Pa is not an absolute pressure; try a smaller step",
                         i + 1,
                         p.value()
                     )));

@@ -1,19 +1,20 @@
-//! Mass flow of air through an orifice, choked, subsonic, and linear close to equal pressures.
+//! Mass flow of air through an orifice, choked, subsonic, and linear close to equal pressures: the
+//! isentropic flow of an ideal nozzle with k = 1.4 (Beater, Pneumatic Drives, Springer 2007).
 
 use fmi2_export::Scalar;
 
 /// Pressure ratio below which the flow is choked.
-const CRITICAL: f64 = 0.528;
+const CRITICAL_PRESSURE_RATIO: f64 = 0.528;
 /// Pressure ratio above which the flow is linear in the difference, so that its slope stays finite.
-const LINEAR: f64 = 0.995;
+const LINEAR_PRESSURE_RATIO: f64 = 0.995;
 /// Gas constant of air \[J/(kg K)\] that the two factors below belong to.
 const R_AIR: f64 = 287.0;
 /// `sqrt(k/R (2/(k+1))^((k+1)/(k-1)))`, k = 1.4.
-const CHOKED: f64 = 0.040418;
+const CHOKED_FLOW_FACTOR: f64 = 0.040418;
 /// `sqrt(2 k / (R (k - 1)))`.
-const SUBSONIC: f64 = 0.156174;
-/// [`subsonic`] at [`LINEAR`].
-const AT_LINEAR: f64 = 0.005886990002330825;
+const SUBSONIC_FLOW_FACTOR: f64 = 0.156174;
+/// [`subsonic`] at [`LINEAR_PRESSURE_RATIO`].
+const FLOW_AT_LINEAR_RATIO: f64 = 0.005886990002330825;
 
 /// Gas at the temperature of the source.
 #[derive(Clone, Copy)]
@@ -34,21 +35,20 @@ impl<S: Scalar> Air<S> {
     /// Mass flow per area \[kg/(s m²)\] from a volume at pressure `from` \[Pa\] to one at `to`; negative where `to` is
     /// the larger one.
     ///
-    /// `pu` and `pd` are the larger and the smaller pressure, `r = pd / pu`:
-    /// `pu / sqrt(T)` times 0.040418 for r ≤ 0.528, times `0.156174 r^(1/k) sqrt(1 - r^((k-1)/k))` below 0.995, and from
-    /// there on falling with `1 - r` to 0.
+    /// `pu` and `pd` are the larger and the smaller pressure, `r = pd / pu`: `pu / sqrt(T)` times 0.040418 for r ≤
+    /// 0.528, times `0.156174 r^(1/k) sqrt(1 - r^((k-1)/k))` below 0.995, and from there on falling with `1 - r` to 0.
     pub fn flow(self, from: S, to: S) -> S {
         if from.value() >= to.value() { self.downhill(from, to) } else { -self.downhill(to, from) }
     }
 
     fn downhill(self, pu: S, pd: S) -> S {
         let r = pd / pu;
-        let part = if r.value() <= CRITICAL {
-            S::from(CHOKED)
-        } else if r.value() < LINEAR {
+        let part = if r.value() <= CRITICAL_PRESSURE_RATIO {
+            S::from(CHOKED_FLOW_FACTOR)
+        } else if r.value() < LINEAR_PRESSURE_RATIO {
             subsonic(r)
         } else {
-            (S::from(1.0) - r) * (AT_LINEAR / (1.0 - LINEAR))
+            (S::from(1.0) - r) * (FLOW_AT_LINEAR_RATIO / (1.0 - LINEAR_PRESSURE_RATIO))
         };
         // The factors of the page are per sqrt(T) for R_AIR.
         pu * part * self.factor
@@ -58,7 +58,7 @@ impl<S: Scalar> Air<S> {
 /// `0.156174 r^(1/k) sqrt(1 - r^((k-1)/k))` with k = 7/5: both powers are of the seventh root.
 fn subsonic<S: Scalar>(r: S) -> S {
     let root = (r.ln() / 7.0).exp();
-    root.powi(5) * (S::from(1.0) - root.squared()).sqrt() * SUBSONIC
+    root.powi(5) * (S::from(1.0) - root.squared()).sqrt() * SUBSONIC_FLOW_FACTOR
 }
 
 #[cfg(test)]
@@ -84,14 +84,14 @@ mod tests {
             assert!((flow / textbook(r) - 1.0).abs() < 2e-5, "{r}: {flow} {}", textbook(r));
         }
         let half = air().flow(pu, 0.9975 * pu);
-        assert!((half / textbook(LINEAR) - 0.5).abs() < 1e-5);
+        assert!((half / textbook(LINEAR_PRESSURE_RATIO) - 0.5).abs() < 1e-5);
     }
 
     #[test]
     fn flow_turns_with_the_pressures_and_is_continuous() {
         assert_eq!(air().flow(3e5, 2e5), -air().flow(2e5, 3e5));
         assert_eq!(air().flow(3e5, 3e5), 0.0);
-        for (ratio, tolerance) in [(LINEAR, 1e-10), (CRITICAL, 2e-5)] {
+        for (ratio, tolerance) in [(LINEAR_PRESSURE_RATIO, 1e-10), (CRITICAL_PRESSURE_RATIO, 2e-5)] {
             let at = |r: f64| air().flow(5e5, r * 5e5);
             let jump = at(ratio * (1.0 + 1e-13)) / at(ratio * (1.0 - 1e-13)) - 1.0;
             assert!(jump.abs() < tolerance, "{ratio}: {jump}");

@@ -74,7 +74,7 @@ pub(super) struct Row<'a> {
     pub a: &'a [f64],
     /// Effect of the inputs one sample later, `[n, m]`.
     pub b: &'a [f64],
-    /// What the nominal trajectory lacks of the model's, one sample later, `[n]`.
+    /// Defect of the nominal trajectory in the model equations over the next sample, `[n]`.
     pub c: &'a [f64],
     /// Measured signals of deviations, `[p, n]`.
     pub output: &'a [f64],
@@ -83,7 +83,7 @@ pub(super) struct Row<'a> {
 /// Rows of one phase, from sample to sample without gaps.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Phase {
-    /// What `mode` is while it lasts.
+    /// Value of `mode` while it lasts.
     pub mode: i32,
     /// First row and sample, and number of rows.
     row: usize,

@@ -38,7 +38,7 @@ const UNLIMITED: f64 = 1e15;
 /// | `mode` | 1 | mode of the plant, for tables with phases |
 ///
 /// A table with phases has rows for each of them, beyond its ends as well: a phase begins at the first sample at which
-/// `mode` is that of the next one, whenever that is, and `x0 + e` goes on as it was.
+/// `mode` is that of the next one, whenever that is, and `x0 + e` continues without a jump.
 ///
 /// The estimate starts on the trajectory. Sampled in both interfaces; `u(k)` depends on `y(k)`.
 pub struct TvlqrController {
@@ -64,7 +64,7 @@ pub struct TvlqrController {
     library: Library,
 }
 
-/// What one sample gives.
+/// Results of one sample.
 struct Sample<S> {
     /// Deviations after the correction.
     deviation: [S; MAX_NX],

@@ -17,7 +17,7 @@ use airloop_cosim::system::SystemGraph;
 use airloop_cosim::system::graph::{DataType, Source};
 use airloop_series::{Interpolation, TimeSeries};
 
-/// What a recommendation aims at.
+/// Target of a recommendation.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Goal {
     /// Error relative to the RMS of the signal, e.g. 1e-4.
@@ -57,7 +57,7 @@ impl Goal {
     }
 }
 
-/// Real outputs of the system, then connected Real outputs of components that are no such output.
+/// Real outputs of the system, then connected Real outputs of components that are not such outputs.
 fn signals(graph: &SystemGraph) -> Vec<Signal> {
     let mut found = Vec::new();
     let mut sources = Vec::new();
@@ -175,7 +175,7 @@ fn held_inputs(graph: &SystemGraph, result: &TimeSeries) -> Result<HeldInputs, E
     Ok(HeldInputs { series, links })
 }
 
-/// What all runs have in common.
+/// Data that all runs have in common.
 struct Study<'a> {
     graph: &'a SystemGraph,
     signals: &'a [Signal],

@@ -8,11 +8,11 @@ pub mod signals;
 
 use std::path::PathBuf;
 
-/// Why measurement and simulation cannot be brought together.
+/// Reason why measurement and simulation cannot be brought together.
 #[derive(Debug, thiserror::Error)]
 #[allow(missing_docs, reason = "file, column and connector, as in each message")]
 pub enum Error {
-    /// A column of an input file is no input.
+    /// A column of an input file is not an input.
     #[error(transparent)]
     Csv(#[from] airloop_series::csv::Error),
     /// The table of signals cannot be read.

@@ -61,7 +61,7 @@ pub fn compare(
     Ok(records)
 }
 
-/// How a simulated signal behaves between its rows.
+/// Behavior of a simulated signal between its rows.
 #[derive(Clone, Copy, PartialEq)]
 enum Kind {
     Continuous,

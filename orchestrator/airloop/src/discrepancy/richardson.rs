@@ -6,11 +6,11 @@
 use airloop_cosim::results::coupling_error::Standing;
 
 /// Orders that masters can have, with some room for what is not smooth.
-const PLAUSIBLE: std::ops::RangeInclusive<f64> = 0.7..=7.0;
+const PLAUSIBLE_ORDERS: std::ops::RangeInclusive<f64> = 0.7..=7.0;
 /// Smallest cosine between the two differences: in the asymptotic range they have the same shape.
-const SAME_SHAPE: f64 = 0.9;
+const MIN_COSINE_OF_DIFFERENCES: f64 = 0.9;
 /// Relative error that cannot be told from rounding and tolerances inside FMUs.
-const NEGLIGIBLE: f64 = 1e-7;
+const NEGLIGIBLE_RELATIVE_ERROR: f64 = 1e-7;
 
 /// Error of a signal.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -42,8 +42,10 @@ pub fn estimate(full: &[f64], half: &[f64], quarter: &[f64]) -> Estimate {
     // From the finest run a first-order error looks a quarter smaller than it is.
     let careful = rms(differences(full, quarter).into_iter()) * 4.0 / 3.0;
     let (error, standing) = match order {
-        _ if d1.max(careful) <= NEGLIGIBLE * size => (careful, Standing::Negligible),
-        Some(order) if PLAUSIBLE.contains(&order) && product >= SAME_SHAPE * d1 * d2 => {
+        _ if d1.max(careful) <= NEGLIGIBLE_RELATIVE_ERROR * size => (careful, Standing::Negligible),
+        Some(order)
+            if PLAUSIBLE_ORDERS.contains(&order) && product >= MIN_COSINE_OF_DIFFERENCES * d1 * d2 =>
+        {
             (d1 / (1.0 - (-order).exp2()), Standing::Asymptotic)
         }
         _ => (careful.max(d1), Standing::NotAsymptotic),

@@ -66,7 +66,7 @@ pub struct Link {
     pub conversion: Conversion,
 }
 
-/// What a file holds for a system.
+/// Columns of a file that belong to signals of a system.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Links {
     /// For inputs of the system.
@@ -198,7 +198,7 @@ fn conversion(
 /// An input file may only hold inputs.
 ///
 /// # Errors
-/// [`csv::Error::UnknownColumn`] for a column that is no input of the system.
+/// [`csv::Error::UnknownColumn`] for a column that is not an input of the system.
 pub fn only_inputs(
     graph: &SystemGraph,
     links: &Links,

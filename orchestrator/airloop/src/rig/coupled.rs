@@ -9,7 +9,7 @@ use airloop_ident::excite::{self, Band, Signal, times};
 use airloop_series::TimeSeries;
 use airloop_series::random::Random;
 
-/// What is recorded.
+/// Settings of a recording.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Plan {
     /// Input that is commanded.
@@ -18,7 +18,7 @@ pub struct Plan {
     pub outputs: Vec<String>,
     /// Different commands; the last two fifths (at least one) are for validation.
     pub commands: usize,
-    /// How often each is sent.
+    /// Number of times that each is sent.
     pub repeats: usize,
     /// Amplitude of the feed-forward multisine \[unit of the input\].
     pub amplitude: f64,

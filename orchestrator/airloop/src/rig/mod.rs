@@ -31,7 +31,7 @@ use airloop_series::{Interpolation, TimeSeries};
 pub struct Recording {
     /// File name.
     pub name: String,
-    /// Whether it is meant for estimation; else for validation.
+    /// Whether it is for estimation; otherwise for validation.
     pub estimation: bool,
     /// `rod_fixed`, `sweep_piston`, `sweep_cart` or `coupled`.
     pub experiment: &'static str,
@@ -41,7 +41,7 @@ pub struct Recording {
     pub signals: TimeSeries,
 }
 
-/// Why nothing is recorded.
+/// Reason why nothing is recorded.
 #[derive(Debug, thiserror::Error)]
 #[allow(missing_docs, reason = "file and signal, as named in each message")]
 pub enum Error {

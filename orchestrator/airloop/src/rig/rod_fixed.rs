@@ -7,7 +7,7 @@ use airloop_cosim::master::Algorithm;
 use airloop_ident::excite::{self, Band, Signal, chirp::Sweep, times};
 use airloop_series::TimeSeries;
 
-/// What is recorded.
+/// Settings of a recording.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Plan {
     /// Amplitudes of the chirps for estimation \[N\].

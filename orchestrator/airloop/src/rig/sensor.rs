@@ -39,7 +39,7 @@ pub fn quantize(value: f64, step: f64) -> f64 {
     rounded + 0.0 // no negative zero
 }
 
-/// What the sensors make of a recording. Each signal of each file has a noise of its own that depends on `seed` and
+/// Measured signals of a recording. Each signal of each file has a noise of its own that depends on `seed` and
 /// the names alone. Without a sensor of its own a signal has [`usual`].
 ///
 /// # Errors

@@ -33,7 +33,7 @@ use airloop_series::{csv, file::write_whole};
     after_help = "Exit codes: 0 success, 1 failure, 2 wrong usage.\n\nExample: airloop identify compare chirp.csv stairs.csv --inputs u --outputs F_hat,F_p --validate check.csv -o out/compare"
 )]
 pub struct Args {
-    /// Which data, and where the results go.
+    /// Data to use, and the folder of the results.
     #[command(flatten)]
     pub data: DataArgs,
     /// ARX orders, as 1..8 or 3; order n has n matrices A on past outputs and n + 1 matrices B from u(k) on, so that
@@ -43,7 +43,7 @@ pub struct Args {
     /// State-space orders, as 1..8 or 3, with direct term.
     #[arg(long, default_value = "1..8", value_name = "ORDERS", value_parser = parse_orders)]
     pub state_space: Orders,
-    /// How the state-space models are estimated.
+    /// Method by which the state-space models are estimated.
     #[command(flatten)]
     pub method: MethodArgs,
 }
@@ -97,7 +97,7 @@ struct Enough {
 /// Runs the command.
 ///
 /// # Errors
-/// What keeps it from a comparison, or its results from being written.
+/// Fails if there is nothing to compare, or the results cannot be written.
 pub fn run(args: &Args) -> Result<ExitCode, Error> {
     let names = ["compare.csv", "index.html", "summary.json"].map(str::to_owned);
     folder::check(&args.data.output, &args.data.inputs_read(), &names)?;
@@ -129,7 +129,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
 
 /// Without validation files some of the data judge; says which.
 fn keep_back(data: &mut Experiments) -> String {
-    let (used, kept) = pieces::kept_back(&pieces::lengths(&data.estimation));
+    let (used, kept) = pieces::held_out(&pieces::lengths(&data.estimation));
     let whole = kept.iter().all(|piece| piece.1 == 0);
     data.validation = pieces::cut(&data.estimation, &kept);
     data.estimation = pieces::cut(&data.estimation, &used);
@@ -239,7 +239,7 @@ fn table(entries: &[Entry]) -> Table {
     }
 }
 
-/// What is to be said about single models.
+/// Remarks on single models.
 fn notes(entries: &[Entry]) -> Table {
     let noted = entries.iter().filter(|entry| !entry.note.is_empty());
     Table {

@@ -16,7 +16,7 @@ use airloop_ident::record::set::Request;
 use airloop_ident::record::{Detrend, Experiments, Record};
 use airloop_ident::source::{FileSource, Source};
 
-/// Which data, and where the results go.
+/// Data to use, and the folder of the results.
 #[derive(Debug, Clone, Args)]
 pub struct DataArgs {
     /// CSV files of the estimation, one experiment each: first column `time` [s] (or for example `time [ms]`), then a
@@ -32,7 +32,7 @@ pub struct DataArgs {
     /// CSV files that only judge the model.
     #[arg(long, num_args = 1.., value_name = "FILE")]
     pub validate: Vec<PathBuf>,
-    /// What is taken away first: nothing; the mean over the estimation files, which becomes the operating point of
+    /// Trend that is removed first: nothing; the mean over the estimation files, which becomes the operating point of
     /// the model; or also the straight line of every file.
     #[arg(long, value_enum, default_value_t = DetrendChoice::None)]
     pub detrend: DetrendChoice,
@@ -69,7 +69,7 @@ impl From<DetrendChoice> for Detrend {
 }
 
 impl DataArgs {
-    /// What is to be read.
+    /// Request for the records to read.
     pub fn request(&self) -> Request {
         Request {
             estimation: self.files.clone(),
@@ -114,7 +114,7 @@ impl DataArgs {
     /// Reads and checks all files; above a size, or if `stream` is set, they do not stay in memory.
     ///
     /// # Errors
-    /// As [`DataArgs::read`].
+    /// Same as [`DataArgs::read`].
     pub fn load(&self, stream: bool) -> Result<Loaded, Error> {
         let size = |path: &PathBuf| std::fs::metadata(path).map_or(0, |data| data.len());
         let all: u64 = self.files.iter().chain(&self.validate).map(size).sum();

@@ -10,7 +10,7 @@ use airloop_ident::model::StateSpace;
 /// The FMU that is derived from.
 const TEMPLATE: &str = "linear-state-space";
 /// Most states, inputs and outputs of the template.
-const MOST: (usize, usize, usize) = (12, 4, 4);
+const MAX_STATES_INPUTS_OUTPUTS: (usize, usize, usize) = (12, 4, 4);
 
 /// Longest delay of an input \[samples\].
 const LONGEST_DELAY: usize = 64;
@@ -43,10 +43,10 @@ impl Wanted {
     pub fn new(name: &str, (n_u, n_y): (usize, usize)) -> Result<Wanted, Error> {
         check_name(name)?;
         let refused = |problem: String| Error::LinearFmu { name: name.to_owned(), problem };
-        if n_u > MOST.1 || n_y > MOST.2 {
+        if n_u > MAX_STATES_INPUTS_OUTPUTS.1 || n_y > MAX_STATES_INPUTS_OUTPUTS.2 {
             return Err(refused(format!(
                 "there are {n_u} inputs and {n_y} outputs, and FMUs of linear models have {} and {} at most; leave some out",
-                MOST.1, MOST.2
+                MAX_STATES_INPUTS_OUTPUTS.1, MAX_STATES_INPUTS_OUTPUTS.2
             )));
         }
         Ok(Wanted { template: template(TEMPLATE, None)?, name: name.to_owned() })
@@ -68,10 +68,10 @@ impl Wanted {
                 "a delay of {delay} samples is more than {LONGEST_DELAY}; leave --fmu away"
             ));
         }
-        if states > MOST.0 {
+        if states > MAX_STATES_INPUTS_OUTPUTS.0 {
             return refused(format!(
                 "the model has {states} states, and FMUs of linear models {} at most; lower the order",
-                MOST.0
+                MAX_STATES_INPUTS_OUTPUTS.0
             ));
         }
         Ok(())
@@ -86,10 +86,10 @@ impl Wanted {
         self.write_delayed(model, &[], description, folder)
     }
 
-    /// As [`Wanted::write`], with inputs that act `delays[j]` samples later, shape \[n_u\] or none.
+    /// Same as [`Wanted::write`], with inputs that act `delays[j]` samples later, shape \[n_u\] or none.
     ///
     /// # Errors
-    /// As [`Wanted::write`], also for delays that are too long.
+    /// Same as [`Wanted::write`], also for delays that are too long.
     pub fn write_delayed(
         &self,
         model: &StateSpace,

@@ -34,8 +34,8 @@ pub enum Command {
     /// all inputs, from u(k - nk) on (nk = 0: direct term). Several files are several experiments; no equation looks
     /// across their border. Simulated fits start from the first measured samples.
     ///
-    /// Writes summary.json (fits under `estimation` and `validation`, coefficients with intervals), model.toml, CSV files
-    /// with measured, simulated and predicted outputs, figures as SVG, and index.html with all of them.
+    /// Writes summary.json (fits under `estimation` and `validation`, coefficients with intervals), model.toml, CSV
+    /// files with measured, simulated and predicted outputs, figures as SVG, and index.html with all of them.
     Arx(Box<arx::Args>),
     /// Fit Coulomb and viscous friction (eq. 2) to records of force and motion.
     ///
@@ -57,8 +57,8 @@ pub enum Command {
     StateSpace(Box<state_space::Args>),
     /// Compare ARX and state-space models of rising order on validation data (Fig. 5): which order is enough?
     ///
-    /// ARX models by least squares, state-space models as by `identify state-space`. Unstable models are marked and have
-    /// no simulated fit.
+    /// ARX models by least squares, state-space models as by `identify state-space`. Unstable models are marked and
+    /// have no simulated fit.
     ///
     /// Writes compare.csv, summary.json, figures as SVG, and index.html.
     Compare(Box<compare::Args>),
@@ -67,7 +67,7 @@ pub enum Command {
 /// Runs one of the commands.
 ///
 /// # Errors
-/// What keeps it from a result.
+/// Fails if there is no result.
 pub fn run(command: &Command) -> Result<ExitCode, Error> {
     match command {
         Command::Arx(args) => arx::run(args),

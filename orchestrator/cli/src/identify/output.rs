@@ -16,7 +16,7 @@ use airloop_series::file::{persist, write_whole};
 use airloop_series::{TimeSeries, csv};
 use tempfile::NamedTempFile;
 
-/// What an identification leaves behind.
+/// Files and figures of an identification.
 #[derive(Debug)]
 pub struct Results {
     /// Contents of summary.json; figures and files are filled in by [`Results::write`].
@@ -56,10 +56,11 @@ impl Results {
         Results { summary, model, series, ready: Vec::new(), texts: Vec::new(), figures, tables: Vec::new() }
     }
 
-    /// Writes everything into `folder`, which then holds nothing of an earlier result, and gives the summary as written.
+    /// Writes everything into `folder`, which then holds nothing of an earlier result, and gives the summary as
+    /// written.
     ///
     /// # Errors
-    /// What cannot be made, removed or written.
+    /// Fails if a file or the folder cannot be made, removed or written.
     pub fn write(mut self, folder: &Path) -> Result<Summary, Error> {
         let named = self.figures.iter().map(|(name, _)| name.as_str());
         self.summary.figures = plot::run::unique_files(named);

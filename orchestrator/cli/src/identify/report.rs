@@ -1,4 +1,4 @@
-//! What an identification prints: the model in one line, its fits, remarks, where the files are.
+//! Text that an identification prints: the model in one line, its fits, remarks, where the files are.
 
 use std::path::Path;
 
@@ -61,7 +61,7 @@ pub fn text_table(content: &Table) -> String {
     table(&header, &content.rows, &(1..header.len()).collect::<Vec<_>>())
 }
 
-/// What is printed at the end.
+/// Text that is printed at the end.
 pub fn report(summary: &Summary, folder: &Path) -> String {
     let mut text = format!("{}\n\n{}\n", headline(summary), text_table(&fits_table(summary)));
     for sentence in &summary.verdict {

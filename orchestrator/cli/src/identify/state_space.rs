@@ -35,10 +35,10 @@ use airloop_report::plot::singular_values::singular_values;
     after_help = "Exit codes: 0 success, 1 failure, 2 wrong usage.\n\nExample: airloop identify state-space chirp.csv stairs.csv --inputs u --outputs F_hat,F_p --order auto --validate check.csv -o out/state-space"
 )]
 pub struct Args {
-    /// Which data, and where the results go.
+    /// Data to use, and the folder of the results.
     #[command(flatten)]
     pub data: DataArgs,
-    /// How the model is estimated.
+    /// Method by which the model is estimated.
     #[command(flatten)]
     pub method: MethodArgs,
     /// Number of states, or auto: the smallest order whose simulation error on held-out data is at most 2 % above the
@@ -54,10 +54,11 @@ pub struct Args {
     pub fmu: Option<String>,
 }
 
-/// How a state-space model is estimated.
+/// Method by which a state-space model is estimated.
 #[derive(Debug, Clone, clap::Args)]
 pub struct MethodArgs {
-    /// Weighting of the projection; best tries all and takes that with the least simulation error on the estimation data.
+    /// Weighting of the projection; best tries all and takes that with the least simulation error on the estimation
+    /// data.
     #[arg(long, value_enum, default_value_t = WeightingChoice::Best)]
     pub weighting: WeightingChoice,
     /// Past and future samples of the Hankel matrices. Default: of the longest that the data allow (twice as many rows
@@ -67,19 +68,19 @@ pub struct MethodArgs {
     /// Without D: the outputs do not depend on the inputs of the same sample.
     #[arg(long)]
     pub no_direct_term: bool,
-    /// What is refined after the subspace estimate: the simulation (output error), the one-step prediction (prediction
-    /// error), or nothing. The refined model is taken only if that costs no more than 0.25 points of fit on data kept
-    /// back.
+    /// Criterion of the refinement after the subspace estimate: the simulation (output error), the one-step
+    /// prediction (prediction error), or nothing. The refined model is taken only if that costs no more than 0.25
+    /// points of fit on held-out data.
     #[arg(long, value_enum, default_value_t = RefineChoice::OutputError)]
     pub refine: RefineChoice,
-    /// What is done if no estimate is stable: it is kept and reported as unstable, or its poles outside the unit circle
+    /// Action if no estimate is stable: it is kept and reported as unstable, or its poles outside the unit circle
     /// are mirrored at it, and B and D fitted again.
     #[arg(long, value_enum, default_value_t = UnstableChoice::Keep)]
     pub unstable: UnstableChoice,
 }
 
 /// Simulation error relative to the signal above which a model explains next to nothing.
-const UNEXPLAINED: f64 = 0.9;
+const MAX_ERROR_OF_A_MODEL: f64 = 0.9;
 
 /// `--order`
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -162,7 +163,7 @@ impl MethodArgs {
 /// Runs the command.
 ///
 /// # Errors
-/// What keeps it from a model, or its results from being written.
+/// Fails if there is no model, or its results cannot be written.
 pub fn run(args: &Args) -> Result<ExitCode, Error> {
     let fmu = args.fmu.as_ref().map(|name| Wanted::new(name, args.data.channels())).transpose()?;
     let files: Vec<String> = fmu.iter().map(Wanted::file).collect();
@@ -257,18 +258,18 @@ fn sentences(estimate: &Estimate, refined: &Refined) -> Vec<String> {
     sentences
 }
 
-/// What the search of the order found, `order` being the one taken.
+/// Result of the order search in a sentence, `order` being the one taken.
 fn order_sentence(orders: &[subspace::OrderError], order: usize) -> String {
     let highest = orders.len();
     let remedy = "the plant may be unstable, an input may not reach the outputs, or means are large against the spread of the signals (--detrend mean)";
-    let error = |order: usize| orders.get(order.wrapping_sub(1)).and_then(|found| found.held_back);
-    let least = orders.iter().filter_map(|found| found.held_back).fold(f64::INFINITY, f64::min);
+    let error = |order: usize| orders.get(order.wrapping_sub(1)).and_then(|found| found.held_out);
+    let least = orders.iter().filter_map(|found| found.held_out).fold(f64::INFINITY, f64::min);
     let Some(own) = error(order) else {
         return format!(
             "no order up to {highest} explains the data: none gives a stable model that simulates the held-out data; {remedy}; order {order} is given to look at"
         );
     };
-    if least > UNEXPLAINED {
+    if least > MAX_ERROR_OF_A_MODEL {
         return format!(
             "no order up to {highest} explains the data: on held-out data the least simulation error is {:.0} % of the signal; {remedy}; order {order} is given to look at",
             100.0 * least
@@ -286,7 +287,11 @@ fn order_sentence(orders: &[subspace::OrderError], order: usize) -> String {
 
 /// A share in percent; one at rounding level is not given digits that it does not have.
 fn share(value: f64) -> String {
-    if value < subspace::EXACT { "0 % (to rounding)".into() } else { format!("{:.2} %", 100.0 * value) }
+    if value < subspace::EXACT_RELATIVE_ERROR {
+        "0 % (to rounding)".into()
+    } else {
+        format!("{:.2} %", 100.0 * value)
+    }
 }
 
 /// Residual tests, poles, zeros and responses; with bands if the refinement gave a covariance.
@@ -317,14 +322,14 @@ fn diagnostics(
     values.insert("verdict".into(), json!(judged));
     values.insert("singular_values".into(), json!(estimate.singular_values));
     values.insert("orders".into(), json!(estimate.orders));
-    let (before, after) = refined.held_back.unzip();
+    let (before, after) = refined.held_out.unzip();
     let finite = |fit: Option<f64>| fit.filter(|fit| fit.is_finite());
     values.insert(
         "refinement".into(),
         json!({
             "taken": refined.taken,
-            "fit_kept_back_without": finite(before),
-            "fit_kept_back_with": finite(after),
+            "fit_held_out_without": finite(before),
+            "fit_held_out_with": finite(after),
             "outcome": refined.details.as_ref().map(|details| details.outcome),
             "iterations": refined.details.as_ref().map(|details| details.iterations),
         }),
@@ -338,7 +343,7 @@ fn diagnostics(
 
 fn orders_table(estimate: &Estimate) -> Table {
     let row = |found: &subspace::OrderError| {
-        let error = found.held_back.map_or("unstable".into(), |error| format!("{:.2}", 100.0 * error));
+        let error = found.held_out.map_or("unstable".into(), |error| format!("{:.2}", 100.0 * error));
         vec![found.order.to_string(), error]
     };
     Table {
@@ -360,8 +365,8 @@ fn figures(estimate: &Estimate, order: usize, found: &Diagnostics) -> Vec<(Strin
     if !estimate.orders.is_empty() {
         let fit = |found: &subspace::OrderError| OrderFit {
             order: found.order,
-            fit: found.held_back.map(|error| 100.0 * (1.0 - error)),
-            stable: found.held_back.is_some(),
+            fit: found.held_out.map(|error| 100.0 * (1.0 - error)),
+            stable: found.held_out.is_some(),
         };
         let fits: Vec<OrderFit> = estimate.orders.iter().map(fit).collect();
         let family = Family { name: "state space", fits: &fits };
@@ -387,7 +392,7 @@ mod tests {
         let orders = |errors: [Option<f64>; 2]| {
             let all = errors.iter().enumerate();
             let all: Vec<_> =
-                all.map(|(index, &held_back)| subspace::OrderError { order: index + 1, held_back }).collect();
+                all.map(|(index, &held_out)| subspace::OrderError { order: index + 1, held_out }).collect();
             order_sentence(&all, 1)
         };
         for unusable in [[None, None], [Some(0.97), Some(0.99)]] {

@@ -24,13 +24,13 @@ pub struct Args {
     /// A variant of the problem that the problem file names under [variants].
     #[arg(long, value_name = "NAME")]
     pub variant: Option<String>,
-    /// How time is made discrete; default: that of the problem file.
+    /// Transcription of the problem; default: that of the problem file.
     #[arg(long, value_enum)]
     pub transcription: Option<TranscriptionChoice>,
     /// Intervals of the mesh, of each phase where there are several (30,10,30); default: those of the problem file.
     #[arg(long, value_name = "NUMBER", value_delimiter = ',', value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     pub intervals: Option<Vec<u32>>,
-    /// Where to begin: linear, the name of a guess of the problem file, or the CSV file of an earlier trajectory.
+    /// Initial guess: linear, the name of a guess of the problem file, or the CSV file of an earlier trajectory.
     #[arg(long, value_name = "NAME|FILE.csv")]
     pub guess: Option<String>,
     /// Go on from the trajectory in the folder of an earlier run.
@@ -39,7 +39,8 @@ pub struct Args {
     /// Folder for the results; it is made if it is not there.
     #[arg(short, long, value_name = "DIR", default_value = "out/optimize")]
     pub output: PathBuf,
-    /// Duration of the motion [s], in place of that of the problem file (which has to be a fixed one of a single phase).
+    /// Duration of the motion [s], in place of that of the problem file (which has to be a fixed one of a single
+    /// phase).
     #[arg(long, value_name = "TIME", value_parser = parse_duration)]
     pub duration: Option<f64>,
     /// Scaled error of the optimality conditions at which the problem counts as solved; default: 1e-8.
@@ -48,14 +49,15 @@ pub struct Args {
     /// Iterations of one solve, beyond which it is given up; default: 500.
     #[arg(long, value_name = "NUMBER", value_parser = clap::value_parser!(u32).range(1..))]
     pub max_iterations: Option<u32>,
-    /// Solve from that many perturbed guesses as well, and list the distinct minima in multistart.csv; the best is kept.
+    /// Solve from that many perturbed guesses as well, and list the distinct minima in multistart.csv; the best is
+    /// kept.
     #[arg(long, value_name = "NUMBER", value_parser = clap::value_parser!(u32).range(1..=10_000), conflicts_with = "sweep")]
     pub multistart: Option<u32>,
     /// Seed of the perturbations; one seed gives one result, on any number of processors.
     #[arg(long, value_name = "NUMBER", default_value_t = 0)]
     pub seed: u64,
-    /// Solve for a range of durations or of a parameter, each from the solution before: T=1.6..2.4, or T=1.6..2.4:17 for
-    /// 17 values (default 9); the table goes to sweep.csv, the last solution into the other files.
+    /// Solve for a range of durations or of a parameter, each from the solution before: T=1.6..2.4, or T=1.6..2.4:17
+    /// for 17 values (default 9); the table goes to sweep.csv, the last solution into the other files.
     #[arg(long, value_name = "NAME=FROM..TO", value_parser = parse_sweep)]
     pub sweep: Option<Sweep>,
     /// Threads; default: one per processor, at most 8. Results do not depend on it.
@@ -110,7 +112,7 @@ pub struct Sweep {
     pub from: f64,
     /// Last value.
     pub to: f64,
-    /// How many, first and last included.
+    /// Number of values, first and last included.
     pub count: usize,
 }
 
@@ -123,7 +125,8 @@ fn parse_sweep(text: &str) -> Result<Sweep, String> {
         let number = text.trim().parse::<f64>().ok().filter(|number| number.is_finite());
         number.ok_or_else(|| format!("`{text}` is not a finite number; {form}"))
     };
-    let count: usize = count.trim().parse().map_err(|_| format!("`{count}` is no whole number; {form}"))?;
+    let count: usize =
+        count.trim().parse().map_err(|_| format!("`{count}` is not a whole number; {form}"))?;
     if !(2..=10_000).contains(&count) {
         return Err(format!("a sweep has 2 to 10000 values, not {count}"));
     }

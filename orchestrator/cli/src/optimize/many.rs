@@ -32,7 +32,7 @@ pub const SWEEP: &str = "sweep.csv";
 /// Solves from many starts; the best plan and the table of all.
 ///
 /// # Errors
-/// What keeps the guess itself from being solved.
+/// Fails if the guess itself cannot be solved.
 pub fn starts(
     prepared: &Prepared,
     settings: &Settings,
@@ -124,7 +124,7 @@ pub fn values(sweep: &Sweep) -> Vec<f64> {
 /// The last plan of a sweep that was solved, or the last of all.
 ///
 /// # Errors
-/// Why there is none.
+/// Fails if there is none.
 pub fn last(steps: Vec<Step>) -> Result<(Prepared, Rough, Solved), Error> {
     let mut kept: Option<(Prepared, Rough, Solved)> = None;
     let mut failure = None;

@@ -1,6 +1,7 @@
 //! `airloop optimize`: a motion for a system of FMUs, with a roll-out as proof.
 //!
-//! Exit codes: 0 solved, 20 infeasible, 21 not solved, 22 the system could not be evaluated; 1, 2 and 130 as everywhere.
+//! Exit codes: 0 solved, 20 infeasible, 21 not solved, 22 the system could not be evaluated; 1, 2 and 130 as
+//! everywhere.
 
 pub mod args;
 mod many;
@@ -40,12 +41,12 @@ pub const NOT_SOLVED: u8 = 21;
 pub const NO_VALUE: u8 = 22;
 
 /// Communication step of roll-outs \[s\] where nothing is sampled and nothing said.
-const STEP: f64 = 1e-3;
+const DEFAULT_STEP: f64 = 1e-3;
 
 /// Runs the command; the exit code says how the search ended.
 ///
 /// # Errors
-/// What keeps the search from beginning, or its results from being written.
+/// Fails if the search cannot begin, or its results cannot be written.
 pub fn run(args: &Args) -> Result<ExitCode, Error> {
     if args.schema {
         output::print(file::SCHEMA)?;
@@ -129,7 +130,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
     Ok(exit(solved, diagnosis.as_ref(), &stop, &args.output))
 }
 
-/// What the search came to.
+/// Result of the search.
 struct Found {
     prepared: Prepared,
     rough: Rough,
@@ -252,7 +253,7 @@ fn settings(args: &Args, statement: &mut Statement) -> Result<Settings, Error> {
 }
 
 /// Iterations after which a search that keeps to no feasible point is taken for infeasible, if a limit can be blamed.
-const MANY: usize = 100;
+const MIN_ITERATIONS_TO_BLAME_A_LIMIT: usize = 100;
 
 /// Whether limits may be why there is no plan. Of several phases [`Solved::conflict`] says which ones are.
 fn doubtful(solved: &Solved) -> bool {
@@ -262,7 +263,9 @@ fn doubtful(solved: &Solved) -> bool {
     }
     match solved.status() {
         Status::Infeasible => true,
-        Status::Stalled | Status::IterationLimit => violated && solved.iterations() >= MANY,
+        Status::Stalled | Status::IterationLimit => {
+            violated && solved.iterations() >= MIN_ITERATIONS_TO_BLAME_A_LIMIT
+        }
         _ => false,
     }
 }
@@ -322,7 +325,8 @@ fn roll_out(prepared: &Prepared, solved: &Solved, stop: &Arc<AtomicBool>) -> Res
     let verification = &prepared.statement.verification;
     let said = verification.step.as_ref();
     let said = said.map(|step| airloop_plan::task::seconds(&prepared.statement.source, step)).transpose()?;
-    let step = said.or(prepared.sampling.as_ref().map(|sampling| sampling.sample_time)).unwrap_or(STEP);
+    let step =
+        said.or(prepared.sampling.as_ref().map(|sampling| sampling.sample_time)).unwrap_or(DEFAULT_STEP);
     let options = verify::Options { master: verification.master, step, tolerance: verification.tolerance };
     let first = &solved.trajectory().phases[0];
     let states = (&prepared.task.signals.states[..], &first.states[0][..]);

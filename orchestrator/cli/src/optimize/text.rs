@@ -1,4 +1,4 @@
-//! What `airloop optimize` prints: how it ended, what came out, where the files are.
+//! Text that `airloop optimize` prints: how it ended, what came out, where the files are.
 
 use std::path::Path;
 
@@ -25,7 +25,7 @@ fn gap(summary: &Summary, errors: &std::collections::BTreeMap<String, f64>) -> S
     states.filter_map(one).collect::<Vec<_>>().join(", ")
 }
 
-/// How well actuators deliver the forces, and the motion that follows, in words.
+/// Accuracy with which actuators deliver the forces, and the motion that follows, in words.
 fn delivered(summary: &Summary) -> String {
     let mut text = String::new();
     for (force, fits) in summary.stage2.iter().flat_map(|stage| &stage.fit) {
@@ -60,7 +60,8 @@ fn rechecked(recheck: &Recheck) -> String {
                 &format!("roll-out: phase `{}` ends {} s after its planned time\n", end.phase, short(late));
         }
     }
-    let violated: Vec<&Kept> = recheck.limits.iter().filter(|limit| limit.margin < -KEPT).collect();
+    let violated: Vec<&Kept> =
+        recheck.limits.iter().filter(|limit| limit.margin < -MAX_VIOLATION_OF_KEPT_LIMIT).collect();
     for limit in &violated {
         text += &format!(
             "roll-out: phase `{}` violates `{}` by {} {} at t = {} s\n",
@@ -86,7 +87,7 @@ fn rechecked(recheck: &Recheck) -> String {
 }
 
 /// Violations of less than this, in their own units, are those of the discretization.
-const KEPT: f64 = 1e-6;
+const MAX_VIOLATION_OF_KEPT_LIMIT: f64 = 1e-6;
 
 /// A row of the iteration table; the first of every solve comes with the heading.
 pub fn iteration(progress: &Progress) -> String {
@@ -117,7 +118,7 @@ pub fn iteration(progress: &Progress) -> String {
     )
 }
 
-/// What is printed at the end.
+/// Text that is printed at the end.
 pub fn report(summary: &Summary, folder: &Path, plots: bool) -> String {
     let intervals: Vec<String> = summary.intervals.iter().map(usize::to_string).collect();
     let mut text = format!(

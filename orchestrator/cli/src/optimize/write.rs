@@ -36,10 +36,10 @@ const CHAINS: [&str; 2] = ["closed_chain_optimized.csv", "closed_chain_naive.csv
 /// The iteration table.
 const ITERATIONS: &str = "iterations.csv";
 
-/// What is said where a limit can be blamed.
+/// Status where a limit can be blamed.
 pub const NO_MOTION: &str = "infeasible: no motion was found that keeps all limits; relax the one that is named, or give it more time";
 
-/// What is said where the events of the system do not lead through the phases.
+/// Status where the events of the system do not lead through the phases.
 pub const NO_SEQUENCE: &str = "infeasible: the system does not go through the phases as planned";
 
 /// Every file that may be written.
@@ -62,7 +62,7 @@ pub fn names() -> Vec<String> {
     files.map(str::to_owned).into_iter().chain(figure_files(true, true)).chain(more).collect()
 }
 
-/// What a run leaves behind.
+/// Files and figures of a run.
 pub struct Results<'a> {
     /// The problem.
     pub prepared: &'a Prepared,
@@ -80,7 +80,7 @@ pub struct Results<'a> {
     pub problem_file: &'a Path,
     /// Times of loading, of making instances, and of the roll-outs.
     pub times: [Duration; 3],
-    /// When the command began.
+    /// Time at which the command began.
     pub began: Instant,
     /// Table of many solves, where there were many.
     pub table: Option<&'a Table>,
@@ -95,10 +95,11 @@ pub struct Results<'a> {
 }
 
 impl Results<'_> {
-    /// Writes everything but the figures into `folder`, which then holds nothing of an earlier result; gives the summary.
+    /// Writes everything but the figures into `folder`, which then holds nothing of an earlier result; gives the
+    /// summary.
     ///
     /// # Errors
-    /// What cannot be made, removed or written.
+    /// Fails if a file or the folder cannot be made, removed or written.
     pub fn write(&self, folder: &Path) -> Result<Summary, Error> {
         let plan = self.solved.trajectory();
         let trajectory = table::trajectory(self.prepared, plan)?;
@@ -149,7 +150,7 @@ impl Results<'_> {
 
     /// Step of the command: the sample time, or a millisecond.
     fn step(&self) -> f64 {
-        self.prepared.sampling.as_ref().map_or(super::STEP, |sampling| sampling.sample_time)
+        self.prepared.sampling.as_ref().map_or(super::DEFAULT_STEP, |sampling| sampling.sample_time)
     }
 
     fn summary(&self, files: &[&str], more: Vec<String>) -> Summary {

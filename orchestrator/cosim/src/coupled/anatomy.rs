@@ -1,4 +1,5 @@
-//! The components as functions: arguments (states and driven inputs) to values (rates and outputs), and what drives what.
+//! The components as functions: arguments (states and driven inputs) to values (rates and outputs), and what drives
+//! what.
 
 use std::ops::Range;
 
@@ -8,7 +9,7 @@ use crate::system::SystemGraph;
 use crate::system::graph::{Conversion, DataType, Source};
 use airloop_fmi::{DependencyKind, Unknown, Variability, Variable, VariableKind};
 
-/// What an argument takes its value from.
+/// Source of the value of an argument.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Origin {
     /// A continuous state of the component itself, by position.
@@ -59,11 +60,11 @@ pub(super) struct Anatomy {
     /// In the order of the components.
     pub blocks: Vec<Block>,
     pub values: Vec<Value>,
-    /// Where the outputs of the dynamics stand.
+    /// Place where the outputs of the dynamics stand.
     pub outputs: Vec<(Origin, Conversion)>,
     /// For [`Origin::State`] among the outputs: the component.
     pub owners: Vec<usize>,
-    /// What is held although it is connected, one sentence each.
+    /// Inputs that are held although they are connected, one sentence each.
     pub notes: Vec<String>,
 }
 
@@ -164,7 +165,7 @@ impl Anatomy {
                         arguments.push(argument(variable, Origin::Value(value, conversion)));
                     }
                     Source::Output { .. } => self.notes.push(format!(
-                        "`{}` is no continuous Real: it is held at the value that it has at the start",
+                        "`{}` is not a continuous Real: it is held at the value that it has at the start",
                         component.path_of(variable)
                     )),
                 }
@@ -207,7 +208,7 @@ impl Anatomy {
         Ok(())
     }
 
-    /// What the description says of the derivative of a value by an argument of the same component: `None` for zero,
+    /// Declared derivative of a value by an argument of the same component: `None` for zero,
     /// else whether it is constant.
     pub fn declared(&self, graph: &SystemGraph, value: usize, argument: &Argument) -> Option<bool> {
         let value = &self.values[value];

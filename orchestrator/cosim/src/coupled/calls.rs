@@ -1,4 +1,4 @@
-//! Calls into one component with everything at hand: what is set, what is read, what is differentiated.
+//! Calls into one component with all data prepared: which values are set, read and differentiated.
 
 use std::ops::Range;
 
@@ -137,7 +137,7 @@ pub(super) struct Column {
     nominal: f64,
     states: usize,
     unknowns: Vec<u32>,
-    /// Where the results go: those of `unknowns`, then those of `differences`.
+    /// Destination of the results: those of `unknowns`, then those of `differences`.
     pub targets: Range<usize>,
     /// Values that the FMU does not differentiate.
     differences: Reader,

@@ -1,4 +1,4 @@
-//! What is chosen when a system is opened: states and their order, forms of components; and what is said about it.
+//! Choices made when a system is opened: states and their order, forms of components; and the notes about them.
 
 use super::anatomy::Anatomy;
 use super::{Error, Options, names};

@@ -1,4 +1,4 @@
-//! Why a system cannot be opened as one dynamics.
+//! Reason why a system cannot be opened as one dynamics.
 
 /// A system that has no right-hand side through its FMUs, or names that mean nothing in it.
 #[derive(Debug, thiserror::Error)]
@@ -58,13 +58,13 @@ pub enum Error {
         "{what} at t = {time} s does not settle in {rounds} rounds: {cause}; set start values that fit each other"
     )]
     Unsettled {
-        /// What was done.
+        /// Operation during which it happened.
         what: &'static str,
         /// Time \[s\].
         time: f64,
         /// Rounds.
         rounds: usize,
-        /// What still changes.
+        /// Quantity that still changes.
         cause: String,
     },
     /// A name that the system does not have.
@@ -98,12 +98,12 @@ pub enum Error {
     Output {
         /// Name.
         name: String,
-        /// Why, and what to do.
+        /// Reason and remedy.
         reason: &'static str,
     },
     /// An input that cannot be moved continuously.
     #[error(
-        "input `{name}` feeds `{variable}`, which is no continuous Real; leave it out of the inputs, it then keeps its start value"
+        "input `{name}` feeds `{variable}`, which is not a continuous Real; leave it out of the inputs, it then keeps its start value"
     )]
     Input {
         /// System input.

@@ -1,4 +1,4 @@
-//! What the derivatives of a component by its arguments are: zero, constant (and how large), or varying.
+//! Kinds of the derivatives of a component by its arguments: zero, constant (and how large), or varying.
 //!
 //! The description says so, and it is tried: at some points around the start every derivative is computed, and what
 //! contradicts the description counts as varying.
@@ -60,15 +60,15 @@ impl Local {
 }
 
 /// Points that are tried, in nominal magnitudes of the arguments from the start.
-const TRIALS: usize = 4;
+const TRIAL_POINTS: usize = 4;
 /// A derivative that differs by more than this part of its typical size is not what the description says.
-const SAME: f64 = 1e-6;
-/// As above, for the values of a linear function.
-const LINEAR: f64 = 1e-9;
+const DECLARED_TOLERANCE: f64 = 1e-6;
+/// Same as above, for the values of a linear function.
+const LINEARITY_TOLERANCE: f64 = 1e-9;
 /// Distance of difference quotients for constants, in nominal magnitudes.
-const LONG: f64 = 1e-2;
+const DIFFERENCE_OF_CONSTANTS: f64 = 1e-2;
 /// A first derivative whose changes over two neighboring distances differ by more than this part of it is not straight.
-const STRAIGHT: f64 = 1e-10;
+const STRAIGHTNESS_TOLERANCE: f64 = 1e-10;
 
 /// All components, one sentence for everything that was found different, and whether the instances can still be used.
 pub(super) fn learn(
@@ -80,9 +80,9 @@ pub(super) fn learn(
     let (mut locals, mut notes, mut intact) = (Vec::new(), Vec::new(), true);
     for (index, model) in models.iter_mut().enumerate() {
         let mut student = Student::new(graph, anatomy, index, model, time)?;
-        let tried = (0..TRIALS).try_for_each(|trial| student.compare(model, time, trial));
+        let tried = (0..TRIAL_POINTS).try_for_each(|trial| student.compare(model, time, trial));
         let tried = tried
-            .and_then(|()| (0..=TRIALS).try_for_each(|trial| student.straighten(model, time, trial)))
+            .and_then(|()| (0..=TRIAL_POINTS).try_for_each(|trial| student.straighten(model, time, trial)))
             .inspect_err(|_| student.local.straight.fill(false));
         // A component may refuse a point that is far away: what was tried before counts.
         intact &= tried.is_ok() && student.restore(model, time).is_ok();
@@ -183,7 +183,7 @@ impl<'a> Student<'a> {
             let mut column = vec![0.0; self.block.values.len()];
             if exact.len() < column.len() {
                 // A constant is the same over any distance, and rounding matters less over a long one.
-                let distance = LONG * argument.nominal;
+                let distance = DIFFERENCE_OF_CONSTANTS * argument.nominal;
                 let mut moved = at.to_vec();
                 moved[j] = at[j] + distance;
                 let up = self.values(model, &moved)?;
@@ -231,13 +231,15 @@ impl<'a> Student<'a> {
                     Coefficient::Varying => continue,
                 };
                 let gap = (columns[j][row] - known).abs();
-                if gap > SAME * (known.abs() + typical) {
+                if gap > DECLARED_TOLERANCE * (known.abs() + typical) {
                     self.vary(row, j);
                 }
             }
             let (linear, size) = self.linear(row, &at);
             let gap = (values[row] - linear - self.local.offsets[row]).abs();
-            if self.local.is_affine(row) && gap > LINEAR * (size + values[row].abs() + self.nominals[row]) {
+            if self.local.is_affine(row)
+                && gap > LINEARITY_TOLERANCE * (size + values[row].abs() + self.nominals[row])
+            {
                 for j in 0..at.len() {
                     if self.local.coefficient(row, j) != Coefficient::Zero {
                         self.vary(row, j);
@@ -250,7 +252,7 @@ impl<'a> Student<'a> {
 
     /// Tries at one point, the last time at the start, along which arguments the first derivatives run straight.
     fn straighten(&mut self, model: &mut Model, time: f64, trial: usize) -> Result<(), Error> {
-        let at = match trial == TRIALS {
+        let at = match trial == TRIAL_POINTS {
             true => self.local.anchor.clone(),
             false => self.trial(model, time, trial)?,
         };
@@ -261,7 +263,7 @@ impl<'a> Student<'a> {
         };
         for moved in 0..at.len() {
             // What bends within a short distance only, as a friction, may look straight over a long one.
-            for part in [1.0, LONG] {
+            for part in [1.0, DIFFERENCE_OF_CONSTANTS] {
                 if self.local.straight[moved] && varies(&self.local, moved) {
                     self.local.straight[moved] = self.is_straight(model, &at, (moved, part), &here)?;
                 }
@@ -293,9 +295,9 @@ impl<'a> Student<'a> {
             for (((up, down), here), nominal) in up.iter().zip(down).zip(here).zip(&self.nominals) {
                 // What is far below its typical size is rounding.
                 let typical = 1e-3 * nominal / self.block.arguments[second].nominal;
-                let limit = STRAIGHT * up.abs().max(down.abs()).max(here.abs()).max(typical);
+                let limit = STRAIGHTNESS_TOLERANCE * up.abs().max(down.abs()).max(here.abs()).max(typical);
                 let (above, below) = (up - here, here - down);
-                // What is no number shows nothing.
+                // What is not a number shows nothing.
                 straight &= (above - below).abs() <= limit;
                 flat &= above.abs() <= limit && below.abs() <= limit;
             }

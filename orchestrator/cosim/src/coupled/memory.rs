@@ -5,13 +5,13 @@
 //! again; a hash of the point's bits finds them. The oldest are replaced.
 
 /// Records that one group of the index knows.
-const WAYS: usize = 4;
+const RECORDS_PER_GROUP: usize = 4;
 /// Bytes that are kept at most.
-const BYTES: usize = 16 << 20;
+const MAX_BYTES: usize = 16 << 20;
 /// Points that are kept at most.
-const MOST: usize = 1 << 14;
+const MAX_POINTS: usize = 1 << 14;
 
-/// How much is known of a point.
+/// Extent of what is known of a point.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Known {
     Nothing,
@@ -33,16 +33,16 @@ pub(super) struct Memory {
     /// Record of the last point: its neighbors are tried first.
     last: usize,
     /// Part of the hash, and record.
-    index: Vec<[(u32, u32); WAYS]>,
+    index: Vec<[(u32, u32); RECORDS_PER_GROUP]>,
 }
 
 impl Memory {
     /// For points of `key` numbers with `payload` numbers each.
     pub fn new(key: usize, payload: usize) -> Memory {
         let width = key + payload;
-        let records = (BYTES / (8 * width)).min(MOST);
+        let records = (MAX_BYTES / (8 * width)).min(MAX_POINTS);
         // Twice as many places in the index as records.
-        let groups = (2 * records / WAYS).max(1).next_power_of_two();
+        let groups = (2 * records / RECORDS_PER_GROUP).max(1).next_power_of_two();
         Memory {
             key,
             width,
@@ -50,7 +50,7 @@ impl Memory {
             known: vec![Known::Nothing; records],
             head: 0,
             last: 0,
-            index: vec![[(0, u32::MAX); WAYS]; groups],
+            index: vec![[(0, u32::MAX); RECORDS_PER_GROUP]; groups],
         }
     }
 
@@ -102,7 +102,7 @@ impl Memory {
         kept.iter().zip(key).all(|(a, b)| a.to_bits() == b.to_bits())
     }
 
-    /// What is kept in a record.
+    /// Numbers kept in a record.
     pub fn numbers(&self, record: usize) -> &[f64] {
         &self.numbers[record * self.width + self.key..(record + 1) * self.width]
     }
@@ -156,17 +156,17 @@ mod tests {
     #[test]
     fn the_oldest_points_are_forgotten() {
         let mut memory = Memory::new(1, 1);
-        let count = 2 * MOST;
+        let count = 2 * MAX_POINTS;
         for k in 0..count {
             let (place, _) = memory.place(&[k as f64]).unwrap();
             memory.keep(place, Known::Values, [&[-(k as f64)], &[]]);
         }
         assert_eq!(memory.place(&[0.0]).unwrap().1, Known::Nothing);
-        let known = (count - MOST / 2..count).filter(|&k| match memory.place(&[k as f64]).unwrap() {
+        let known = (count - MAX_POINTS / 2..count).filter(|&k| match memory.place(&[k as f64]).unwrap() {
             (place, Known::Values) => memory.numbers(place) == [-(k as f64)],
             _ => false,
         });
-        assert!(known.count() > MOST / 2 - MOST / 50);
+        assert!(known.count() > MAX_POINTS / 2 - MAX_POINTS / 50);
     }
 
     #[test]
@@ -180,6 +180,6 @@ mod tests {
 
     #[test]
     fn points_too_large_to_keep_are_not_kept() {
-        assert_eq!(Memory::new(BYTES, 1).place(&vec![0.0; BYTES]), None);
+        assert_eq!(Memory::new(MAX_BYTES, 1).place(&vec![0.0; MAX_BYTES]), None);
     }
 }

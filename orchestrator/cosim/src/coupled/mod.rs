@@ -5,10 +5,9 @@
 //! second derivatives are differences of the components' first ones: central, but for arguments along which these run
 //! straight. That is learned once, as are the parts that are linear with constant factors, which need no calls.
 //!
-//! `anatomy` takes the components as functions, `learn` finds what is constant, `program` orders the work, `plan` holds all
-//! that instances share, `work` computes.
-//! Meshes and solvers are left to `transcription` and `optim`. Events have no place here: what happens at them is fixed
-//! when the system is opened.
+//! `anatomy` takes the components as functions, `learn` finds what is constant, `program` orders the work, `plan` holds
+//! all that instances share, `work` computes. Meshes and solvers are left to `transcription` and `optim`. Events have
+//! no place here: what happens at them is fixed when the system is opened.
 
 mod anatomy;
 mod calls;
@@ -67,7 +66,7 @@ impl System {
         &self.plan.units
     }
 
-    /// What was assumed, left out or approximated, one sentence each.
+    /// Assumptions, omissions and approximations, one sentence each.
     pub fn notes(&self) -> &[String] {
         &self.plan.notes
     }

@@ -5,7 +5,7 @@ use crate::system::SystemGraph;
 use crate::system::graph::{Conversion, DataType, Source, unit_of};
 use airloop_fmi::{Causality, Variability};
 
-/// What an output shows.
+/// Quantity behind an output.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Shown {
     /// A system input.
@@ -56,7 +56,7 @@ fn state_of(graph: &SystemGraph, component: usize, variable: usize) -> Option<us
     description.continuous_states().position(|state| real && reference(state) == reference(variable))
 }
 
-/// What an output of the dynamics shows.
+/// Quantity behind an output of the dynamics.
 pub(super) fn output(graph: &SystemGraph, name: &str) -> Result<Shown, Error> {
     let (component, index, conversion) = match find(graph, name) {
         Some((Source::Input(input), conversion)) => return Ok(Shown::Input(input, conversion)),
@@ -71,7 +71,7 @@ pub(super) fn output(graph: &SystemGraph, name: &str) -> Result<Shown, Error> {
     let variable = &graph.components[component].fmu.description.variables[index];
     let refuse = |reason: &'static str| Err(Error::Output { name: name.to_owned(), reason });
     if DataType::of(variable) != DataType::Real {
-        return refuse("is no Real; only Reals can be part of an optimization");
+        return refuse("is not a Real; only Reals can be part of an optimization");
     }
     if let Some(state) = state_of(graph, component, index) {
         return Ok(Shown::State(component, state, conversion));

@@ -1,4 +1,4 @@
-//! What of a system the dynamics shows.
+//! Options: the inputs, outputs and parameters of a system that the dynamics shows.
 
 /// Choice and order of states, inputs and outputs.
 #[derive(Debug, Clone, PartialEq, Default)]

@@ -8,7 +8,7 @@ use crate::system::graph::{Component, Conversion};
 use airloop_dynamics::{Entry, Size, Structure};
 use airloop_fmi::Model;
 
-/// What all instances of one dynamics share.
+/// Data that all instances of one dynamics share.
 #[derive(Debug)]
 pub(super) struct Plan {
     pub graph: SystemGraph,

@@ -7,7 +7,7 @@ use super::learn::{Coefficient, Local};
 use crate::system::graph::Conversion;
 use airloop_dynamics::Entry;
 
-/// Where a number stands.
+/// Place of a number.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Place {
     /// State or input of the dynamics, by column of the Jacobian.
@@ -69,7 +69,7 @@ pub(super) struct Bend {
     pub straight: bool,
 }
 
-/// What is differentiated in one component.
+/// Derivatives to be taken in one component.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Slopes {
     pub component: usize,
@@ -80,7 +80,7 @@ pub(super) struct Slopes {
     pub bends: Vec<Bend>,
     /// Values and pairs of arguments of the curvatures.
     pub curvatures: Vec<Curvature>,
-    /// Where the arguments come from.
+    /// Sources of the arguments.
     pub arguments: Vec<(Conversion, Place)>,
 }
 
@@ -109,11 +109,11 @@ pub(super) struct Program {
     pub curvatures: usize,
     /// Length of the buffers of calls.
     pub width: usize,
-    /// What is known of every value's derivatives, `[values][columns]`.
+    /// Known kind of every value's derivatives, `[values][columns]`.
     pub patterns: Vec<Vec<Entry>>,
 }
 
-/// What the program is made from.
+/// Data from which the program is made.
 pub(super) struct Maker<'a> {
     pub anatomy: &'a Anatomy,
     pub locals: &'a [Local],

@@ -9,21 +9,21 @@ use airloop_fmi::{Error as FmuError, Model};
 
 /// Length of the difference quotients for first derivatives, in units of the argument's magnitude: the cube root of
 /// the rounding error, where truncation and rounding of a central difference are the same.
-const FIRST: f64 = 6e-6;
+const DIFFERENCE_OF_VALUES: f64 = 6e-6;
 /// For first derivatives that are differenced again: the fourth root.
-const NESTED: f64 = 1.2e-4;
+const DIFFERENCE_OF_DIFFERENCES: f64 = 1.2e-4;
 /// For derivatives that run straight any length is right; a long one leaves little rounding.
-const STRAIGHT: f64 = 1e-2;
-/// Why there are no numbers at a point.
+const DIFFERENCE_OF_STRAIGHT_LINES: f64 = 1e-2;
+/// Reason why there are no numbers at a point.
 #[derive(Debug)]
 pub(super) enum Trouble {
     /// A call into a component failed.
     Fmu { component: usize, error: FmuError },
-    /// A value is no number.
+    /// A value is not a number.
     NotFinite { value: usize, found: f64 },
-    /// A derivative by an argument is no number.
+    /// A derivative by an argument is not a number.
     Derivative { component: usize, argument: usize, found: f64 },
-    /// A state or input is no number.
+    /// A state or input is not a number.
     Argument { column: usize, found: f64 },
 }
 
@@ -222,7 +222,13 @@ impl Work {
                 let at = &mut self.arguments[component];
                 let results = &mut self.entries[column.targets.clone()];
                 column
-                    .differentiate(&mut models[component], at, FIRST, &mut self.scratch, results)
+                    .differentiate(
+                        &mut models[component],
+                        at,
+                        DIFFERENCE_OF_VALUES,
+                        &mut self.scratch,
+                        results,
+                    )
                     .map_err(|error| Trouble::Fmu { component, error })?;
                 if let Some(found) = results.iter().find(|slope| !slope.is_finite()) {
                     return Err(Trouble::Derivative { component, argument: column.argument, found: *found });
@@ -289,13 +295,15 @@ impl Work {
                 set_one(model, slopes.states, moved.argument, moved.reference, at)?;
                 bend.columns.iter().try_for_each(|column| {
                     let results = &mut curvatures[side][column.targets.clone()];
-                    column.differentiate(model, at, NESTED, scratch, results)
+                    column.differentiate(model, at, DIFFERENCE_OF_DIFFERENCES, scratch, results)
                 })
             };
             let scale = moved.scale(here);
             let [up, down] = match bend.straight {
-                true => [one_side(here, STRAIGHT * scale, |value| visit(0, value))?, here],
-                false => both_sides(here, FIRST * scale, visit)?,
+                true => {
+                    [one_side(here, DIFFERENCE_OF_STRAIGHT_LINES * scale, |value| visit(0, value))?, here]
+                }
+                false => both_sides(here, DIFFERENCE_OF_VALUES * scale, visit)?,
             };
             at[moved.argument] = here;
             // The states are set together: the next of them brings this one back.

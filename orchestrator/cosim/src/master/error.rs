@@ -1,6 +1,6 @@
-//! Why a simulation cannot start or go on.
+//! Reason why a simulation cannot start or go on.
 
-/// Why a simulation cannot start or go on.
+/// Reason why a simulation cannot start or go on.
 #[derive(Debug, thiserror::Error)]
 #[allow(missing_docs, reason = "component, variable, time and step, as in each message")]
 pub enum Error {
@@ -9,7 +9,7 @@ pub enum Error {
     Setting { name: &'static str, value: f64, allowed: &'static str },
     /// The last step is shorter and a slave cannot do that.
     #[error(
-        "component `{component}` cannot handle steps of different length, but {stop} s is no multiple of the step {step} s; choose another stop time or step"
+        "component `{component}` cannot handle steps of different length, but {stop} s is not a multiple of the step {step} s; choose another stop time or step"
     )]
     FixedStepOnly { component: String, stop: f64, step: f64 },
     /// A call into an FMU failed; its message names component, time and what to try.

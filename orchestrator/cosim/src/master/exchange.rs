@@ -267,7 +267,7 @@ impl Wiring {
     }
 }
 
-/// Where the sources stand, if they stand one after the other and none is converted.
+/// Place of the sources, if they stand one after the other and none is converted.
 fn place_of(links: &[(usize, usize, Conversion)]) -> Option<Range<usize>> {
     let &(_, first, _) = links.first()?;
     let in_place = |(position, &(_, source, conversion)): (usize, &(usize, usize, Conversion))| {

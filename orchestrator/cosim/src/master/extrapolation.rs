@@ -173,7 +173,7 @@ impl Extrapolation {
         Ok(())
     }
 
-    /// Lets the next pass over the same step know what this one has come to.
+    /// Hands the results of this pass to the next pass over the same step.
     pub fn look_ahead(&mut self) {
         let [y, rate] = self.ahead.get_or_insert_with(|| std::mem::take(&mut self.last_pass));
         y.copy_from_slice(&self.outputs.y);
@@ -201,7 +201,7 @@ impl Extrapolation {
         self.known = known as u32;
     }
 
-    /// What was done in place of what an FMU cannot do, one sentence each.
+    /// Substitutes for missing capabilities of FMUs, one sentence each.
     pub fn notes(&self) -> &[String] {
         &self.notes
     }
@@ -354,7 +354,7 @@ impl Extrapolation {
         }
     }
 
-    /// Takes over what a slave has come to.
+    /// Takes over the results of a slave.
     fn read(&mut self, number: usize, node: &mut Node, values: &mut Values, h: f64) -> Result<(), Stop> {
         node.get_outputs(values)?;
         if !node.outputs_are_finite(values) {

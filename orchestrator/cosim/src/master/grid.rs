@@ -15,7 +15,7 @@ pub struct Grid {
 }
 
 /// A rest below this fraction of a step is rounding, not a step of its own.
-const REST: f64 = 1e-6;
+const MIN_FRACTION_OF_STEP: f64 = 1e-6;
 /// Largest number of steps whose numbers are exact in a double.
 const MAX_STEPS: f64 = 9.0e15;
 
@@ -43,7 +43,7 @@ impl Grid {
             let allowed = "large enough to move the time on by it (there are too many steps)";
             return Err(Error::Setting { name: "step", value: step, allowed });
         }
-        let steps = (ratio - REST).ceil().max(0.0) as u64;
+        let steps = (ratio - MIN_FRACTION_OF_STEP).ceil().max(0.0) as u64;
         let rate = Some((1.0 / step).round()).filter(|rate| *rate >= 1.0 && 1.0 / rate == step);
         Ok(Grid { start, stop, step, rate, steps })
     }
@@ -72,7 +72,7 @@ impl Grid {
     /// Size \[s\] of the last step.
     pub fn last_step(&self) -> f64 {
         let last = self.stop - self.time(self.steps.saturating_sub(1));
-        if (last - self.step).abs() <= REST * self.step { self.step } else { last }
+        if (last - self.step).abs() <= MIN_FRACTION_OF_STEP * self.step { self.step } else { last }
     }
 
     /// Whether the last step is shorter than the others.

@@ -89,7 +89,7 @@ pub struct Settings {
     pub stop_time: f64,
     /// Communication step size \[s\], positive; default 1 ms. The last step is shortened to meet the stop time.
     pub step_size: f64,
-    /// How components are coupled; default Gauss-Seidel.
+    /// Coupling of the components; default Gauss-Seidel.
     pub algorithm: Algorithm,
     /// Options of the interface-Jacobian master.
     pub coupling: Coupling,
@@ -141,7 +141,7 @@ impl Settings {
     }
 }
 
-/// What a macro step came to.
+/// Outcome of a macro step.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Progress {
     /// All slaves are at the next communication point.
@@ -151,12 +151,12 @@ pub enum Progress {
     Terminated {
         /// Component that did.
         component: String,
-        /// How far it came \[s\], if it says.
+        /// Time that it reached \[s\], if it says.
         last_successful_time: Option<f64>,
     },
 }
 
-/// How much work a master has done so far.
+/// Work that a master has done so far.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Effort {
     /// `fmi2DoStep` calls of each component, in evaluation order; repeated steps count again.
@@ -283,8 +283,8 @@ impl Master {
         &self.values
     }
 
-    /// Sets a system input (index into `graph.inputs`) for the step that begins here. Integers are rounded, a
-    /// Boolean is true unless the value is 0; String inputs keep their start value.
+    /// Sets a system input (index into `graph.inputs`) for the step that begins here; `value` in the unit of the input.
+    /// Integers are rounded, a Boolean is true unless the value is 0; String inputs keep their start value.
     #[inline]
     pub fn set_input(&mut self, input: usize, value: f64) {
         self.values.set(self.wiring.inputs[input], value);
@@ -306,7 +306,7 @@ impl Master {
         Effort { fmu_steps, static_evaluations, newton_rounds, coupled_passes }
     }
 
-    /// What the master does in place of what an FMU cannot do, one sentence each.
+    /// Substitutes of the master for missing capabilities of FMUs, one sentence each.
     pub fn notes(&self) -> &[String] {
         &self.notes
     }

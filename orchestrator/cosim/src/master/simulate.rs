@@ -22,8 +22,8 @@ pub struct Stimulus<'a> {
 }
 
 impl Stimulus<'_> {
-    /// How each linked input behaves between samples: an input that is no Real, or feeds a discrete variable, is
-    /// held, as interpolation would give it values that nobody commanded.
+    /// Interpolation of each linked input between samples: an input that is not a Real, or feeds a discrete variable,
+    /// is held, as interpolation would give it values that nobody commanded.
     pub fn interpolations(&self, graph: &SystemGraph) -> Vec<Interpolation> {
         let of = |&(input, ..): &(usize, usize, f64, f64)| match graph.input_is_held(input) {
             true => Interpolation::Hold,
@@ -55,8 +55,8 @@ pub struct Curves {
     pub knots: Vec<f64>,
     /// Indices of the inputs, `[m]`; those that are held between events are to have constant pieces.
     pub inputs: Vec<usize>,
-    /// Value, and factors of the time since the knot \[s\], its square and its cube, `[k, m]`; before the first knot and
-    /// after the last the value there is held.
+    /// Value, and factors of the time since the knot \[s\], its square and its cube, `[k, m]`; before the first knot
+    /// and after the last the value there is held.
     pub pieces: Vec<Vec<[f64; 4]>>,
 }
 
@@ -85,7 +85,7 @@ impl Curves {
     }
 }
 
-/// How a run ended.
+/// Outcome of a run.
 #[derive(Debug)]
 pub enum End {
     /// At the stop time.
@@ -94,7 +94,7 @@ pub enum End {
     Terminated {
         /// Component that did.
         component: String,
-        /// How far it came \[s\], if it says.
+        /// Time that it reached \[s\], if it says.
         time: Option<f64>,
     },
     /// The caller asked for the end.
@@ -103,12 +103,12 @@ pub enum End {
     Failed(Error),
 }
 
-/// What a run gives, also one that ended early.
+/// Result of a run, also of one that ended early.
 #[derive(Debug)]
 pub struct Run {
     /// Values at the communication points reached.
     pub result: TimeSeries,
-    /// How it ended.
+    /// Outcome.
     pub end: End,
     /// Macro steps done.
     pub steps: u64,
@@ -118,7 +118,7 @@ pub struct Run {
     pub initialization: Duration,
     /// Wall-clock time of stepping.
     pub stepping: Duration,
-    /// What the master did in place of what an FMU cannot do, one sentence each.
+    /// Substitutes of the master for missing capabilities of FMUs, one sentence each.
     pub notes: Vec<String>,
     /// Work of the integrator; monolithic master only.
     pub integration: Option<Integration>,
@@ -145,7 +145,7 @@ pub(super) const REPORT_EVERY: Duration = Duration::from_millis(50);
 /// no other follows a curve within a step.
 ///
 /// # Errors
-/// As [`run`]; knots that do not rise or do not fit the pieces.
+/// Same as [`run`]; knots that do not rise or do not fit the pieces.
 pub fn run_along(
     graph: &SystemGraph,
     settings: &Settings,
@@ -170,7 +170,7 @@ pub fn run_along(
 /// ```
 ///
 /// # Errors
-/// What keeps the run from starting; a failure after that is an [`End::Failed`] with the result so far.
+/// Fails if the run cannot start; a failure after that is an [`End::Failed`] with the result so far.
 pub fn run(
     graph: &SystemGraph,
     settings: &Settings,

@@ -1,4 +1,4 @@
-//! Why a macro step stopped.
+//! Reason why a macro step stopped.
 
 use super::exchange::Node;
 use super::interface_jacobian::Failure;
@@ -6,7 +6,7 @@ use super::propagation::LoopFailure;
 use super::values::Values;
 use airloop_fmi::StepStatus;
 
-/// Why a macro step stopped; small, so that the good path carries little.
+/// Reason why a macro step stopped; small, so that the good path carries little.
 #[derive(Debug)]
 pub(super) enum Stop {
     Fmu(Box<airloop_fmi::Error>),
@@ -55,14 +55,14 @@ impl From<airloop_fmi::Error> for Stop {
 }
 
 /// Distance to the end of a step, relative to the time, below which a slave that stopped there did the whole step.
-const AT_END: f64 = 1e-9;
+const END_TOLERANCE: f64 = 1e-9;
 
 /// Whether a slave asks for the end of the simulation exactly at the `end` \[s\] of its step.
 #[cold]
 pub(super) fn ended_at(status: StepStatus, end: f64) -> bool {
     match status {
         StepStatus::Discarded { last_successful_time: Some(last), terminated: true } => {
-            (last - end).abs() <= AT_END * end.abs().max(1.0)
+            (last - end).abs() <= END_TOLERANCE * end.abs().max(1.0)
         }
         _ => false,
     }

@@ -19,7 +19,7 @@ pub struct CouplingErrorRecord {
     pub recommendation: Option<RecommendationRecord>,
 }
 
-/// How far three communication steps can be trusted to show the error.
+/// Degree to which three communication steps can be trusted to show the error.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Standing {
@@ -65,7 +65,7 @@ pub struct MasterErrorRecord {
     pub trusted: bool,
     /// Communication step \[s\] that reaches the goal, at most that of the run; null if none can be told.
     pub step_for_goal: Option<f64>,
-    /// Why the master could not run with the step, its half or its quarter.
+    /// Reason why the master could not run with the step, its half or its quarter.
     pub problem: Option<String>,
 }
 

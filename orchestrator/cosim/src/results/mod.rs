@@ -1,4 +1,4 @@
-//! What a run leaves behind: samples at the communication points, and a summary of how they came about.
+//! Results of a run: samples at the communication points, and a summary of how they came about.
 //!
 //! Neither steps nor plots; it is told values and times and turns them into a [`airloop_series::TimeSeries`] and a
 //! JSON file.

@@ -5,7 +5,7 @@
 
 use airloop_series::TimeSeries;
 
-/// Where a column finds its value in the recorded buffers.
+/// Place of a column's value in the recorded buffers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Slot {
     /// Index into the Real values.
@@ -23,7 +23,7 @@ pub struct Column {
     pub name: String,
     /// Unit of the written values.
     pub unit: Option<String>,
-    /// Where the value is found.
+    /// Place of the value.
     pub slot: Slot,
     /// Written value = factor * value + offset (unit conversion of a system connector).
     pub factor: f64,

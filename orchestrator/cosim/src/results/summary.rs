@@ -24,7 +24,7 @@ pub struct Summary {
     pub system_file: PathBuf,
     /// Settings the run used, after all defaults.
     pub settings: Settings,
-    /// How the run ended.
+    /// Outcome of the run.
     pub outcome: Outcome,
     /// Wall-clock times.
     pub timings: Timings,
@@ -49,7 +49,7 @@ pub struct Summary {
     /// Estimated coupling error; only there if it was asked for and could be estimated.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub coupling_error: Option<CouplingErrorRecord>,
-    /// Where the program chose for the user or could not do what was usual, one sentence each.
+    /// Choices made for the user, and deviations from the usual procedure, one sentence each.
     pub fallbacks: Vec<String>,
 }
 
@@ -110,12 +110,12 @@ pub struct EffortRecord {
     pub coupled_passes: u64,
 }
 
-/// How a run ended.
+/// Outcome of a run.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Outcome {
     /// `completed`, `terminated` (by a component), `interrupted` (by the user) or `failed`.
     pub status: String,
-    /// Why it did not reach the stop time.
+    /// Reason why it did not reach the stop time.
     pub message: Option<String>,
     /// Time \[s\] of the last row of the result.
     pub end_time: f64,
@@ -143,7 +143,7 @@ pub struct AdaptiveRecord {
 }
 
 impl AdaptiveRecord {
-    /// Nothing done yet.
+    /// Record of a run that has not stepped yet; `tolerance` relative, steps in s.
     pub fn new(tolerance: f64, min_step: f64, max_step: f64) -> AdaptiveRecord {
         let (accepted, rejected, smallest_step, largest_step) = (0, 0, None, None);
         AdaptiveRecord { tolerance, min_step, max_step, accepted, rejected, smallest_step, largest_step }
@@ -248,7 +248,7 @@ pub struct SignalRecord {
     pub factor: f64,
     /// See `factor`.
     pub offset: f64,
-    /// NRMSE fit \[%\] (eq. 9); null if the measured signal is constant.
+    /// NRMSE fit \[%\], `100 (1 - ||y - ys|| / ||y - mean(y)||)`; null if the measured signal is constant.
     pub fit_percent: Option<f64>,
     /// RMS error in the unit of the connector.
     pub rms_error: f64,
@@ -256,7 +256,7 @@ pub struct SignalRecord {
     pub samples: usize,
 }
 
-/// Why a summary cannot be read or written.
+/// Reason why a summary cannot be read or written.
 #[derive(Debug, thiserror::Error)]
 #[allow(missing_docs, reason = "file and cause, as named in each message")]
 pub enum Error {

@@ -1,8 +1,8 @@
-//! Why a system cannot be read or simulated.
+//! Reason why a system cannot be read or simulated.
 
 use std::path::PathBuf;
 
-/// Why a system cannot be read or simulated; each message names file, element and what to do.
+/// Reason why a system cannot be read or simulated; each message names file, element and what to do.
 #[derive(Debug, thiserror::Error)]
 #[allow(missing_docs, reason = "file, line and names, as in each message")]
 pub enum Error {
@@ -34,7 +34,7 @@ pub enum Error {
     #[error("{}: line {line}: {feature} is not supported; {advice}", file.display())]
     Unsupported { file: PathBuf, line: usize, feature: String, advice: &'static str },
     /// Two elements of one name.
-    #[error("{}: line {line}: the {what} `{name}` is there twice; rename one of them", file.display())]
+    #[error("{}: line {line}: the {what} `{name}` appears twice; rename one of them", file.display())]
     Duplicate { file: PathBuf, line: usize, what: &'static str, name: String },
     /// A component's FMU is not there.
     #[error("{}: component `{component}`: there is no file {}; build or copy the FMU, or correct `source`", file.display(), fmu.display())]
@@ -63,8 +63,8 @@ pub enum Error {
     /// A connection names a connector that is not there.
     #[error("{}: line {line}: unknown connector `{connector}` of {owner} in a connection; it has: {known}", file.display())]
     UnknownConnector { file: PathBuf, line: usize, owner: String, connector: String, known: String },
-    /// A connector of a component is no variable of its FMU.
-    #[error("{}: line {line}: connector `{connector}` of component `{component}` is no variable of {}; correct the name", file.display(), fmu.display())]
+    /// A connector of a component is not a variable of its FMU.
+    #[error("{}: line {line}: connector `{connector}` of component `{component}` is not a variable of {}; correct the name", file.display(), fmu.display())]
     NoSuchVariable { file: PathBuf, line: usize, component: String, connector: String, fmu: PathBuf },
     /// Kind of a connector and causality of its variable differ.
     #[error("{}: line {line}: connector `{connector}` of component `{component}` is declared as {declared}, but the FMU's variable is {actual}; correct `kind`", file.display())]
@@ -118,6 +118,6 @@ pub enum Error {
     #[error("{place}: `{name}` cannot be set to `{value}`: allowed is {allowed}")]
     StartValue { place: String, name: String, value: String, allowed: String },
     /// Variables that depend on each other at the same instant and cannot be solved for.
-    #[error("{}: algebraic loop: {}, with `{culprit}`, which is no continuous Real and cannot be solved for; break it with a component whose output does not depend directly on its input (a delay or a filter){master}, or declare true `dependencies` in the FMU", file.display(), variables.join(" -> "))]
+    #[error("{}: algebraic loop: {}, with `{culprit}`, which is not a continuous Real and cannot be solved for; break it with a component whose output does not depend directly on its input (a delay or a filter){master}, or declare true `dependencies` in the FMU", file.display(), variables.join(" -> "))]
     AlgebraicLoop { file: PathBuf, variables: Vec<String>, culprit: String, master: &'static str },
 }

@@ -78,7 +78,7 @@ pub struct StartValue {
     pub value: Start,
 }
 
-/// Where a value comes from.
+/// Source of a value.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Source {
     /// Input of the system.
@@ -115,7 +115,7 @@ impl Conversion {
         Conversion { factor: 1.0 / self.factor, offset: -self.offset / self.factor }
     }
 
-    /// Converts a value.
+    /// Converted value `factor value + offset`.
     pub fn apply(self, value: f64) -> f64 {
         self.factor * value + self.offset
     }
@@ -141,7 +141,7 @@ pub struct SystemOutput {
     pub unit: Option<String>,
     /// Type.
     pub data_type: DataType,
-    /// Where its value comes from.
+    /// Source of its value.
     pub source: Source,
     /// From the source to this connector.
     pub conversion: Conversion,
@@ -150,7 +150,7 @@ pub struct SystemOutput {
 /// A value that is passed on to an input of a component.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Connection {
-    /// Where the value comes from.
+    /// Source of the value.
     pub source: Source,
     /// Component that takes it.
     pub component: usize,
@@ -222,7 +222,7 @@ pub struct SystemGraph {
     pub order: Vec<usize>,
     /// Variables that depend on each other at the same instant.
     pub loops: Vec<Loop>,
-    /// What was assumed or left out, one sentence each.
+    /// Assumptions and omissions, one sentence each.
     pub notes: Vec<String>,
     /// Units that the description declares, by name.
     pub units: Vec<(String, airloop_series::units::Unit)>,
@@ -247,19 +247,19 @@ impl SystemGraph {
         SystemGraph::open_for(file, InterfaceKind::CoSimulation)
     }
 
-    /// As [`SystemGraph::open`], for masters that use one interface of the FMUs.
+    /// Same as [`SystemGraph::open`], for masters that use one interface of the FMUs.
     ///
     /// # Errors
-    /// As [`SystemGraph::open`].
+    /// Same as [`SystemGraph::open`].
     pub fn open_for(file: &Path, interface: InterfaceKind) -> Result<SystemGraph, Error> {
         SystemGraph::open_with(file, Some(interface))
     }
 
-    /// As [`SystemGraph::open`], to look at or write the system without running it: FMUs may have any interface, and
-    /// algebraic loops any variables.
+    /// Same as [`SystemGraph::open`], to look at or write the system without running it: FMUs may have any interface,
+    /// and algebraic loops any variables.
     ///
     /// # Errors
-    /// As [`SystemGraph::open`].
+    /// Same as [`SystemGraph::open`].
     pub fn open_to_read(file: &Path) -> Result<SystemGraph, Error> {
         SystemGraph::open_with(file, None)
     }
@@ -284,7 +284,7 @@ impl SystemGraph {
     /// Opens the FMUs of a description and resolves it, for masters that use `interface`, or (`None`) for none.
     ///
     /// # Errors
-    /// As [`SystemGraph::open`].
+    /// Same as [`SystemGraph::open`].
     pub fn from_structure(
         structure: Structure,
         interface: Option<InterfaceKind>,
@@ -315,7 +315,7 @@ impl SystemGraph {
     /// A single FMU as a system: its inputs and outputs are the connectors.
     ///
     /// # Errors
-    /// As [`SystemGraph::open`].
+    /// Same as [`SystemGraph::open`].
     pub fn from_fmu(file: &Path, interface: Option<InterfaceKind>) -> Result<SystemGraph, Error> {
         let stem = file.file_stem().map_or("fmu".into(), |stem| stem.to_string_lossy().into_owned());
         let fmu = open_fmu(file, &stem, (file, file), interface)?;
@@ -395,7 +395,7 @@ impl SystemGraph {
             && !order::feed_through(&self.components[component], variable).is_empty()
     }
 
-    /// Whether data for a system input are held between their samples: it is no Real, or feeds a discrete variable.
+    /// Whether data for a system input are held between their samples: it is not a Real, or feeds a discrete variable.
     pub fn input_is_held(&self, input: usize) -> bool {
         let feeds_discrete = |connection: &Connection| {
             connection.source == Source::Input(input)
@@ -404,12 +404,13 @@ impl SystemGraph {
         self.inputs[input].data_type != DataType::Real || self.connections.iter().any(feeds_discrete)
     }
 
-    /// What the variables behind a system input take, in words, if `value` is not among it. Reals are not judged.
+    /// Values that the variables behind a system input accept, in words, if `value` is not among them. Reals are not
+    /// judged.
     pub fn refused_number(&self, input: usize, value: f64) -> Option<String> {
         start::refused_number(self, input, value)
     }
 
-    /// What drives the input `component.variable`, in words, if a connection does: then its start value has no effect on
+    /// Source of the input `component.variable`, in words, if it is connected: then its start value has no effect on
     /// a run.
     pub fn driver_of(&self, name: &str) -> Option<String> {
         start::driver_of(self, name)

@@ -1,4 +1,4 @@
-//! What a user should know about a system that can be simulated all the same.
+//! Notes on a system that a user should know although it can be simulated.
 
 use super::graph::{Connection, Source, SystemGraph};
 use super::ssp::Structure;

@@ -60,7 +60,7 @@ pub struct ComponentElement {
     pub name: String,
     /// File of the FMU, relative paths resolved against the description.
     pub source: PathBuf,
-    /// What messages call that file: the same, or its place inside of a package.
+    /// Name of that file in messages: the same, or its place inside of a package.
     pub shown: PathBuf,
     /// Connectors.
     pub connectors: Vec<Connector>,
@@ -91,9 +91,9 @@ impl std::fmt::Display for Endpoint {
 /// A connection as written.
 #[derive(Debug, Clone)]
 pub struct ConnectionElement {
-    /// Where the value comes from.
+    /// Source of the value.
     pub start: Endpoint,
-    /// Where it goes to.
+    /// Destination.
     pub end: Endpoint,
     /// Value at the end = factor * value at the start + offset, in the unit of the end.
     pub transformation: Option<(f64, f64)>,

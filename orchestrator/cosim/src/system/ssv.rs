@@ -33,7 +33,7 @@ pub struct Parameter {
     pub value: Value,
     /// Unit of the value, if given.
     pub unit: Option<String>,
-    /// What the set declares that unit to be.
+    /// Definition of that unit in the parameter set.
     pub definition: Option<Unit>,
     /// File that holds it.
     pub file: PathBuf,

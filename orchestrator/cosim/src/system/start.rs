@@ -96,7 +96,7 @@ fn parameter_conversion(
     })
 }
 
-/// What a system input takes, if `value` is not among it; numbers for Reals are not judged.
+/// Values that a system input accepts, if `value` is not among them; numbers for Reals are not judged.
 pub(super) fn refused_number(graph: &SystemGraph, input: usize, value: f64) -> Option<String> {
     graph.connections.iter().filter(|connection| connection.source == Source::Input(input)).find_map(|fed| {
         let description = &graph.components[fed.component].fmu.description;
@@ -113,7 +113,7 @@ pub(super) fn refused_number(graph: &SystemGraph, input: usize, value: f64) -> O
     })
 }
 
-/// What drives the input `name`, in words, if a connection does; see [`SystemGraph::driver_of`].
+/// Source of the input `name`, in words, if it is connected; see [`SystemGraph::driver_of`].
 pub(super) fn driver_of(graph: &SystemGraph, name: &str) -> Option<String> {
     if graph.inputs.iter().any(|input| input.name == name) {
         return None;
@@ -131,7 +131,7 @@ pub(super) fn driver_of(graph: &SystemGraph, name: &str) -> Option<String> {
 /// Sets a start value given as text; see [`SystemGraph::set_start`].
 ///
 /// # Errors
-/// As [`SystemGraph::set_start`].
+/// Same as [`SystemGraph::set_start`].
 pub fn set_start_text(graph: &mut SystemGraph, name: &str, text: &str, place: &str) -> Result<(), Error> {
     if let Some(index) = graph.inputs.iter().position(|input| input.name == name) {
         let targets: Vec<(usize, usize, Conversion)> = graph
@@ -275,7 +275,7 @@ fn item_value(text: &str, variable: &Variable, description: &ModelDescription) -
     named.map(|(_, value)| *value).or_else(|| text.parse().ok())
 }
 
-/// What a variable can be set to, in words.
+/// Allowed values of a variable, in words.
 fn allowed(variable: &Variable, description: &ModelDescription) -> String {
     fn range<T: std::fmt::Display>(kind: &str, min: Option<T>, max: Option<T>) -> String {
         match (min, max) {

@@ -1,6 +1,6 @@
 //! From names to variables: every component, connector, connection, unit and start value is checked here.
 //!
-//! What comes out ([`SystemGraph`]) can be simulated without further questions.
+//! The result ([`SystemGraph`]) can be simulated without further questions.
 
 use std::collections::HashMap;
 use std::sync::Arc;

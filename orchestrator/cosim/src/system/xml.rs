@@ -8,7 +8,7 @@ pub(super) use airloop_fmi::xml::Element;
 /// Largest file \[bytes\].
 const MAX_BYTES: u64 = 64 << 20;
 
-/// What SSP files ask of an element.
+/// Attributes that SSP files may require of an element.
 pub(super) trait Attributes {
     /// Value of an attribute that must be there and not be empty.
     fn required(&self, name: &'static str, file: &Path) -> Result<&str, Error>;

@@ -20,7 +20,8 @@ pub(super) fn check(description: &ModelDescription, findings: &mut Findings) {
                 let known =
                     |value| items.is_none_or(|items| items.items.iter().any(|(_, item)| *item == value));
                 if let Some(start) = start.filter(|&start| !known(start)) {
-                    let message = format!("start=\"{start}\" is no item of the enumeration {declared_type}");
+                    let message =
+                        format!("start=\"{start}\" is not an item of the enumeration {declared_type}");
                     findings.error("start-range", element(variable), message);
                 }
             }
@@ -85,7 +86,7 @@ fn check_real(
         && display != name
         && !unit.display_units.iter().any(|known| known.name == *display)
     {
-        let message = format!("displayUnit=\"{display}\" is no DisplayUnit of the unit {name}");
+        let message = format!("displayUnit=\"{display}\" is not a DisplayUnit of the unit {name}");
         findings.error("display-unit", element(variable), message);
     }
 }

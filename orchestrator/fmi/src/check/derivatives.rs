@@ -9,7 +9,7 @@ use crate::{Error, Fmu, InterfaceKind};
 
 /// Relative tolerance: central differences are good to about 1e-10, second derivatives of rough functions take
 /// several digits of that.
-const RELATIVE: f64 = 1e-5;
+const RELATIVE_TOLERANCE: f64 = 1e-5;
 
 pub(super) fn check(fmu: &Arc<Fmu>, kind: InterfaceKind, findings: &mut Findings) {
     if !fmu.interface(kind).is_some_and(|interface| interface.provides_directional_derivative) {
@@ -39,7 +39,7 @@ fn compare(fmu: &Arc<Fmu>, kind: InterfaceKind, findings: &mut Findings) -> Resu
             for (row, unknown) in function.unknowns.iter().enumerate() {
                 let (exact, central) = (column[row], slope.central[row]);
                 let rounding = 1e-8 * (slope.values[row].abs() + unknown.scale) / known.scale;
-                let tolerance = RELATIVE * exact.abs().max(central.abs()) + rounding;
+                let tolerance = RELATIVE_TOLERANCE * exact.abs().max(central.abs()) + rounding;
                 if !is_smooth(&slope, row, rounding) || (exact - central).abs() <= tolerance {
                     continue;
                 }

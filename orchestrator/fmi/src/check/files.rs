@@ -26,7 +26,7 @@ pub(super) fn check(fmu: &Fmu, findings: &mut Findings) {
             findings.error(
                 "model-identifier",
                 format!("interface {kind}"),
-                format!("modelIdentifier=\"{identifier}\" is no C identifier, which FMI asks for"),
+                format!("modelIdentifier=\"{identifier}\" is not a C identifier, which FMI asks for"),
             );
         }
         for platform in fmu.platforms() {

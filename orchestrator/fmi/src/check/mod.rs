@@ -3,7 +3,7 @@
 //! The static checks look at archive and model description; they catch what schema and usual validators let pass
 //! (start outside min..max, `derivative` of a non-state, incomplete structure, ...). The dynamic checks run the
 //! library: both interfaces, reset, saved states, derivatives against differences, declared dependencies against
-//! observed ones. What makes an FMU unusable is no finding but an error of [`Fmu::open`].
+//! observed ones. What makes an FMU unusable is not a finding but an error of [`Fmu::open`].
 
 mod attributes;
 mod dependencies;
@@ -25,7 +25,7 @@ use serde::Serialize;
 use super::description::Variable;
 use super::{Fmu, InterfaceKind};
 
-/// How bad a finding is.
+/// Severity of a finding.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Severity {
@@ -50,13 +50,13 @@ impl fmt::Display for Severity {
 /// One thing that the checker found.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Finding {
-    /// How bad it is.
+    /// Severity.
     pub severity: Severity,
     /// Short name of the rule, stable between versions.
     pub rule: &'static str,
-    /// Where: a variable with its line, an element, a file, or an interface.
+    /// Place: a variable with its line, an element, a file, or an interface.
     pub element: String,
-    /// What is wrong and what is allowed.
+    /// Fault, and what is allowed.
     pub message: String,
 }
 
@@ -112,7 +112,7 @@ impl Findings {
     }
 }
 
-/// How findings name a variable.
+/// Name of a variable in findings.
 fn element(variable: &Variable) -> String {
     format!("variable {} (line {})", variable.name, variable.line)
 }

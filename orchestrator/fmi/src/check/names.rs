@@ -56,7 +56,7 @@ fn is_structured(name: &str) -> bool {
     }
 }
 
-/// What follows a plain or quoted name with array indices.
+/// Rest of the text after a plain or quoted name with array indices.
 fn strip_part(text: &str) -> Option<&str> {
     let after = match text.strip_prefix('\'') {
         Some(quoted) => {

@@ -43,7 +43,7 @@ impl fmt::Display for Value {
     }
 }
 
-/// How an advance ended.
+/// Outcome of an advance.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Advance {
     Done,

@@ -53,7 +53,7 @@ fn check_outputs(description: &ModelDescription, findings: &mut Findings) {
                 findings.error(
                     "structure-outputs",
                     element(variable),
-                    "ModelStructure/Outputs lists it, but it is no output",
+                    "ModelStructure/Outputs lists it, but it is not an output",
                 );
             }
             _ => {}
@@ -93,7 +93,7 @@ fn check_derivatives(description: &ModelDescription, findings: &mut Findings) {
             && matches!(state_variable.causality, Causality::Output | Causality::Local);
         if !is_state {
             let message = format!(
-                "derivative=\"{}\" points at {}, which is no state (a continuous Real of causality local or output)",
+                "derivative=\"{}\" points at {}, which is not a state (a continuous Real of causality local or output)",
                 state + 1,
                 state_variable.name
             );
@@ -142,7 +142,7 @@ fn check_initial_unknowns(description: &ModelDescription, findings: &mut Finding
 }
 
 /// FMI 2.0.4 section 2.2.8: unknowns depend on inputs, states and the independent variable; at initialization also on
-/// variables with exact start values. Parameters are no knowns of outputs and derivatives.
+/// variables with exact start values. Parameters are not knowns of outputs and derivatives.
 fn check_knowns(description: &ModelDescription, findings: &mut Findings) {
     let states: HashSet<usize> = description.continuous_states().collect();
     let lists = [
@@ -166,7 +166,7 @@ fn check_knowns(description: &ModelDescription, findings: &mut Findings) {
                     let severity = if harmless { Severity::Warning } else { Severity::Error };
                     let more = if initial { ", variables with initial=\"exact\"" } else { "" };
                     let message = format!(
-                        "it depends on {}, which is no known of this list (FMI 2.0.4 section 2.2.8: inputs, states, the independent variable{more})",
+                        "it depends on {}, which is not a known of this list (FMI 2.0.4 section 2.2.8: inputs, states, the independent variable{more})",
                         known.name
                     );
                     findings.add(severity, "structure-knowns", place(), message);

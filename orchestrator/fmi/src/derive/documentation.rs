@@ -1,5 +1,5 @@
-//! `documentation/index.html` of a derived FMU: the page of its template, under a section on what the derived one has of
-//! its own.
+//! `documentation/index.html` of a derived FMU: the page of its template, under a section on what the derived one has
+//! of its own.
 
 use super::{Derivation, Start};
 use crate::{ModelDescription, VariableKind};

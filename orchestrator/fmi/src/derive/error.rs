@@ -1,11 +1,11 @@
-//! What can go wrong while an FMU is derived.
+//! Errors of deriving an FMU.
 
 use std::path::PathBuf;
 
-/// Why an FMU was not derived. Nothing was written.
+/// Reason why an FMU was not derived. Nothing was written.
 #[derive(Debug, thiserror::Error)]
 pub enum DeriveError {
-    /// The template is no readable FMU.
+    /// The template is not a readable FMU.
     #[error("the template cannot be used: {0}")]
     Template(#[source] Box<crate::Error>),
     /// A library that would not look at the start values.
@@ -17,17 +17,17 @@ pub enum DeriveError {
     Exporter {
         /// The template.
         path: PathBuf,
-        /// What it says it was made with.
+        /// Generation tool that the FMU names.
         tool: String,
     },
     /// A name or description that an FMU cannot have.
     #[error("the {what} {text:?} of the derived FMU is refused: {reason}")]
     Text {
-        /// What was given.
+        /// Kind of text that was given.
         what: &'static str,
         /// Its text.
         text: String,
-        /// What is wrong with it.
+        /// Fault of the text.
         reason: &'static str,
     },
     /// A start value for nothing.
@@ -63,7 +63,7 @@ pub enum DeriveError {
         variable: String,
         /// Value that was given.
         value: String,
-        /// What it takes.
+        /// Values that it accepts.
         allowed: String,
     },
     /// The start values inside a derived template.
@@ -71,7 +71,7 @@ pub enum DeriveError {
     StartValues {
         /// The template.
         path: PathBuf,
-        /// What is wrong.
+        /// Fault.
         problem: String,
     },
     /// The model description could be read but not rewritten.
@@ -79,7 +79,7 @@ pub enum DeriveError {
     Xml {
         /// The template.
         path: PathBuf,
-        /// What is wrong.
+        /// Fault.
         problem: String,
     },
     /// A file that cannot be read or written.
@@ -87,7 +87,7 @@ pub enum DeriveError {
     File {
         /// The file.
         path: PathBuf,
-        /// What the system says.
+        /// Message of the operating system.
         source: std::io::Error,
     },
 }

@@ -23,7 +23,7 @@ const START_VALUES: &str = "start_values.toml";
 /// First page of the documentation.
 const PAGE: &str = "documentation/index.html";
 
-/// What the derived FMU has of its own.
+/// Identity and start values of the derived FMU.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Derivation {
     /// `modelName`, shown to users; not empty.
@@ -74,8 +74,8 @@ struct Member {
 /// hold unless they are given again. The same template and the same derivation give the same bytes.
 ///
 /// # Errors
-/// [`DeriveError`]: a template that is no FMU of this project, a name that it does not have, a value that does not fit
-/// the variable, or a file that cannot be read or written. Nothing is left at `out` then.
+/// [`DeriveError`]: a template that is not an FMU of this project, a name that it does not have, a value that does not
+/// fit the variable, or a file that cannot be read or written. Nothing is left at `out` then.
 pub fn derive(template: &Path, out: &Path, derivation: &Derivation) -> Result<String, DeriveError> {
     check_texts(derivation)?;
     let fmu = Fmu::open(template).map_err(|source| DeriveError::Template(Box::new(source)))?;

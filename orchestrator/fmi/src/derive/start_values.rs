@@ -24,7 +24,7 @@ pub(super) fn read(text: &[u8], template: &Path) -> Result<(String, Vec<(String,
             toml::Value::Boolean(x) => Value::Boolean(*x),
             toml::Value::String(x) => Value::String(x.clone()),
             other => {
-                return Err(refuse(format!("`{name}` = {other} is no number, true, false or string")));
+                return Err(refuse(format!("`{name}` = {other} is not a number, true, false or string")));
             }
         };
         start.push((name.clone(), value));

@@ -1,4 +1,4 @@
-//! What can make a model description unusable.
+//! Faults that make a model description unusable.
 
 /// A defect of `modelDescription.xml` that makes the FMU unusable.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
@@ -8,6 +8,6 @@ pub struct DescriptionError {
     pub line: usize,
     /// Element, with the variable's name where it has one.
     pub element: String,
-    /// What is wrong, what is allowed, what to try.
+    /// Fault, allowed values and remedy.
     pub message: String,
 }

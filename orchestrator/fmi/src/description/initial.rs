@@ -1,4 +1,4 @@
-//! Which values of `initial` go with a causality and a variability (FMI 2.0.5 section 2.2.7).
+//! Values of `initial` that go with a causality and a variability (FMI 2.0.5 section 2.2.7).
 
 use super::{Causality, Initial, Variability};
 

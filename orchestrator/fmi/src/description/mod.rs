@@ -15,7 +15,7 @@ mod read;
 mod structure;
 mod variables;
 
-/// What `modelDescription.xml` says about an FMU.
+/// Content of `modelDescription.xml` (FMI 2.0.4 section 2.2).
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct ModelDescription {
     /// Always "2.0".
@@ -32,7 +32,7 @@ pub struct ModelDescription {
     pub version: String,
     /// Tool that wrote the file.
     pub generation_tool: String,
-    /// How variable names are formed.
+    /// Convention by which variable names are formed.
     pub variable_naming_convention: NamingConvention,
     /// Number of event indicators (Model Exchange); 0 if the file does not say.
     pub number_of_event_indicators: usize,
@@ -111,7 +111,7 @@ pub struct Interface {
     pub completed_integrator_step_not_needed: bool,
 }
 
-/// How variable names are formed.
+/// Convention by which variable names are formed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
 #[serde(rename_all = "camelCase")]
 pub enum NamingConvention {
@@ -179,7 +179,7 @@ pub struct DefaultExperiment {
     pub step_size: Option<f64>,
 }
 
-/// Who sets a variable.
+/// Role of a variable in its FMU.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize)]
 #[serde(rename_all = "camelCase")]
 pub enum Causality {
@@ -197,7 +197,7 @@ pub enum Causality {
     Independent,
 }
 
-/// When a variable may change.
+/// Times at which a variable may change.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize)]
 #[serde(rename_all = "camelCase")]
 pub enum Variability {
@@ -213,7 +213,7 @@ pub enum Variability {
     Continuous,
 }
 
-/// How a variable is initialized.
+/// Kind of initialization of a variable.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize)]
 #[serde(rename_all = "camelCase")]
 pub enum Initial {
@@ -234,9 +234,9 @@ pub struct Variable {
     pub value_reference: u32,
     /// Free text.
     pub description: String,
-    /// Who sets it.
+    /// Role in the FMU.
     pub causality: Causality,
-    /// When it may change.
+    /// Times at which it may change.
     pub variability: Variability,
     /// Effective initialization: the default of the standard's table where the file says nothing; `None` for inputs
     /// and the independent variable, and for combinations that the standard does not allow.

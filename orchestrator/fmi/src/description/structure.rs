@@ -38,7 +38,7 @@ fn unknown(list: &str, element: &Element, count: usize) -> Result<Unknown, Descr
         .split_whitespace()
         .map(|word| {
             let number =
-                word.parse().map_err(|_| error(format!("\"{word}\" in dependencies is no number")))?;
+                word.parse().map_err(|_| error(format!("\"{word}\" in dependencies is not a number")))?;
             position(number, "the dependency")
         })
         .collect::<Result<Vec<_>, _>>()?;

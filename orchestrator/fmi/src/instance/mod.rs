@@ -1,4 +1,4 @@
-//! What both interfaces share. Here: what an instance is, its life-cycle and its end; values, saved states and the
+//! Instances of both interfaces. Here: the life-cycle of an instance and its end; values, saved states and the
 //! meaning of a status have their own files.
 
 #![allow(unsafe_code, reason = "calls into the FMU's library")]
@@ -30,7 +30,7 @@ unsafe extern "C" {
     fn free(memory: *mut c_void);
 }
 
-/// Where an instance is in its life, as far as dropping it depends on it.
+/// Phase in the life of an instance, as far as dropping it depends on it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Phase {
     /// Before the end of initialization, or after fmi2Terminate or fmi2Error: only to be freed.
@@ -79,7 +79,7 @@ impl Instance {
         Self::with_guid(fmu, kind, name, logging, &fmu.description.guid)
     }
 
-    /// As [`Self::new`] with any guid, to see whether the FMU refuses a wrong one.
+    /// Same as [`Self::new`] with any guid, to see whether the FMU refuses a wrong one.
     pub(super) fn with_guid(
         fmu: &Arc<Fmu>,
         kind: InterfaceKind,
@@ -175,7 +175,7 @@ impl Instance {
         &self.fmu
     }
 
-    /// Which interface the instance has.
+    /// Interface of the instance.
     pub fn kind(&self) -> InterfaceKind {
         self.kind
     }

@@ -1,4 +1,4 @@
-//! What a status means: from the answer of a C function to an error that names instance, function and variables.
+//! Status codes: from the answer of a C function to an error that names instance, function and variables.
 
 use super::{Instance, Phase};
 use crate::description::VariableKind;
@@ -12,7 +12,7 @@ pub(crate) const DISCARD: u32 = 2;
 /// An error shows this many of the last messages.
 pub(super) const SHOWN_MESSAGES: usize = 5;
 
-/// Which variables share one space of value references.
+/// Base type: variables of one base type share one space of value references.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Base {
     Real,

@@ -135,7 +135,7 @@ impl Instance {
         })
     }
 
-    /// Reads texts; bytes that are no UTF-8 are replaced.
+    /// Reads texts; bytes that are not UTF-8 are replaced.
     ///
     /// # Errors
     /// The FMU refuses.

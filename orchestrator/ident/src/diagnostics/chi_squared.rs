@@ -1,6 +1,7 @@
 //! Tails of the chi-squared and the normal distribution.
 
-/// Probability that a chi-squared variable with `degrees` degrees of freedom exceeds `x`.
+/// Probability that a chi-squared variable with `degrees` degrees of freedom exceeds `x`: 1 for `x <= 0`, NaN for NaN
+/// or no degrees of freedom.
 ///
 /// Series below, continued fraction above the middle (Abramowitz and Stegun 6.5.29 and 6.5.31).
 pub fn tail(x: f64, degrees: usize) -> f64 {
@@ -42,7 +43,8 @@ pub fn tail(x: f64, degrees: usize) -> f64 {
     (scale * fraction).clamp(0.0, 1.0)
 }
 
-/// `z` that a standard normal variable exceeds in absolute value with the given probability.
+/// `z` that a standard normal variable exceeds in absolute value with the given probability
+/// (between 0 and 1).
 pub fn two_sided_normal(probability: f64) -> f64 {
     let (mut low, mut high) = (0.0, 40.0);
     for _ in 0..80 {

@@ -17,7 +17,7 @@ use super::record::Record;
 use residuals::{Autocorrelation, CrossCorrelation};
 use response::{Family, FrequencyResponse, StepResponse};
 
-/// Which residuals are tested.
+/// Residuals that are tested.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Kind {
@@ -31,12 +31,12 @@ pub enum Kind {
 /// Settings of [`diagnose`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Options {
-    /// Which residuals are tested.
+    /// Residuals that are tested.
     pub kind: Kind,
     /// Largest lag of the correlations; 25 by default.
     pub lags: usize,
-    /// Past outputs per equation that the model was fitted with (na of an ARX model estimated by least squares, else 0):
-    /// as many degrees of freedom less in the whiteness test.
+    /// Past outputs per equation that the model was fitted with (na of an ARX model estimated by least squares, else
+    /// 0): as many degrees of freedom less in the whiteness test.
     pub fitted_lags: usize,
 }
 
@@ -90,7 +90,7 @@ pub struct ChannelZeros {
 /// Everything that speaks for or against a model.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Diagnostics {
-    /// Which residuals were tested.
+    /// Residuals that were tested.
     pub residuals: Kind,
     /// Samples tested.
     pub samples: usize,
@@ -115,7 +115,7 @@ pub struct Diagnostics {
     pub frequency: Vec<FrequencyResponse>,
 }
 
-/// Tests a model on records (as a rule those of the estimation) and describes it.
+/// Tests a model on records (usually those of the estimation) and describes it.
 ///
 /// `family` is the estimate with its covariance, for uncertainty bands; without it the bands are empty.
 pub fn diagnose(

@@ -1,4 +1,4 @@
-//! What the residuals still hold: correlation with themselves and with the inputs (Ljung, System Identification, 2nd ed.,
+//! Correlation of the residuals with themselves and with the inputs (Ljung, System Identification, 2nd ed.,
 //! sec. 16.6).
 //!
 //! With many samples every test finds something; so each comes with the share of the variance that it is about.
@@ -29,9 +29,9 @@ pub struct Autocorrelation {
     pub explained_by_past: f64,
 }
 
-/// Correlation of the residual of one output with one input, both filtered so that the input is white: a slow input would
-/// hide what is missing in the correlation of its neighboring values. The values then look like the impulse response that
-/// the model lacks.
+/// Correlation of the residual of one output with one input, both filtered so that the input is white: a slow input
+/// would hide what is missing in the correlation of its neighboring values. The values then look like the impulse
+/// response that the model lacks.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct CrossCorrelation {
     /// Name of the output.
@@ -49,8 +49,8 @@ pub struct CrossCorrelation {
     pub missing_dynamics: f64,
     /// The same at negative lags: above 1 the input depends on past outputs (feedback).
     pub feedback: f64,
-    /// Share of the variance of the filtered residual that the input explains: squared correlations at lags from 0 on, less
-    /// what independent signals show by chance.
+    /// Share of the variance of the filtered residual that the input explains: squared correlations at lags from 0 on,
+    /// less what independent signals show by chance.
     pub explained_by_input: f64,
     /// Share of the variance of the filtered input that past residuals explain, in the same way over negative lags.
     pub explained_by_residual: f64,
@@ -105,7 +105,7 @@ pub fn cross_correlation(
     let first = |(record, e): (&Record, &Vec<f64>)| record.inputs[input][record.len() - e.len()..].to_vec();
     let cut: Vec<Vec<f64>> = records.iter().zip(&e).map(first).collect();
     let mut u = centered(cut.iter().map(Vec::as_slice));
-    whiten(&mut u, &mut e, lags.min(WHITENING));
+    whiten(&mut u, &mut e, lags.min(WHITENING_ORDER));
     let n: usize = e.iter().map(Vec::len).sum();
     let long = 4 * lags;
     let (of_e, of_u) = (covariances(&e, &e, long), covariances(&u, &u, long));
@@ -166,8 +166,8 @@ fn autoregression(correlation: &[f64]) -> f64 {
     1.0 - levinson(correlation).1
 }
 
-/// Coefficients of the best prediction from the past for a correlation sequence (Levinson and Durbin), shape \[lags\], and
-/// the share of the variance that it leaves.
+/// Coefficients of the best prediction from the past for a correlation sequence (Levinson and Durbin), shape \[lags\],
+/// and the share of the variance that it leaves.
 fn levinson(correlation: &[f64]) -> (Vec<f64>, f64) {
     let mut coefficients: Vec<f64> = Vec::new();
     let mut left = 1.0;
@@ -186,14 +186,15 @@ fn levinson(correlation: &[f64]) -> (Vec<f64>, f64) {
 }
 
 /// Most past values of the filter that makes an input white.
-const WHITENING: usize = 20;
-/// White noise added to the input in mind, as a share of its variance: what it does not excite is not blown up.
-const FLOOR: f64 = 1e-4;
+const WHITENING_ORDER: usize = 20;
+/// Share of its variance that is added to the input as fictitious white noise: frequencies without excitation are
+/// not amplified.
+const WHITE_NOISE_FLOOR: f64 = 1e-4;
 
 /// Filters inputs and residuals with the filter that makes the inputs white.
 fn whiten(inputs: &mut [Vec<f64>], residuals: &mut [Vec<f64>], order: usize) {
     let mut correlation = covariances(inputs, inputs, order);
-    let variance = correlation[0] * (1.0 + FLOOR);
+    let variance = correlation[0] * (1.0 + WHITE_NOISE_FLOOR);
     if variance <= 0.0 {
         return;
     }

@@ -66,8 +66,8 @@ pub struct StepResponse {
     pub dc_gain: Option<f64>,
     /// Standard deviation of the gain.
     pub dc_gain_deviation: Option<f64>,
-    /// Time after which the response stays within 2 % of its end \[s\], or within 2 % of its largest value if it ends at
-    /// almost 0; `None` for an unstable model.
+    /// Time after which the response stays within 2 % of its end \[s\], or within 2 % of its largest value if it ends
+    /// at almost 0; `None` for an unstable model.
     pub settling_time: Option<f64>,
 }
 
@@ -93,7 +93,7 @@ pub struct FrequencyResponse {
 /// Most operations for one band; some seconds. Beyond, responses are given without it.
 const MOST_OPERATIONS: f64 = 1e10;
 /// Most samples of a step response that are computed.
-const LONGEST: usize = 200_000;
+const MAX_STEP_RESPONSE_SAMPLES: usize = 200_000;
 /// Points of a response that are kept.
 const POINTS: usize = 240;
 
@@ -165,7 +165,7 @@ fn horizon(model: &StateSpace) -> usize {
         return 200;
     }
     let samples = 7.0 / -f64::max(radius, 0.01).ln();
-    (samples.ceil() as usize + model.order() + 10).min(LONGEST)
+    (samples.ceil() as usize + model.order() + 10).min(MAX_STEP_RESPONSE_SAMPLES)
 }
 
 /// Outputs after a unit step of input `j` from rest, offsets left out, shape \[n_y\]\[n\].

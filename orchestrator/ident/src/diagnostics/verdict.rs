@@ -1,19 +1,19 @@
-//! What the diagnostics say, in words.
+//! Verdict of the diagnostics, in words.
 
 use serde::Serialize;
 
 use super::{Diagnostics, Kind};
 
 /// Share of the variance of a residual below which a finding of the tests has no practical weight.
-pub const NEGLIGIBLE: f64 = 0.02;
+pub const MIN_SHARE_THAT_MATTERS: f64 = 0.02;
 /// Residual relative to the spread of its output below which it is rounding, of which no test says anything.
-pub const ROUNDING: f64 = 1e-6;
+pub const MAX_ROUNDING_RESIDUAL: f64 = 1e-6;
 /// Share of the variance of an input that past residuals must explain to be called feedback.
-pub const FEEDBACK: f64 = 0.01;
+pub const MIN_SHARE_OF_FEEDBACK: f64 = 0.01;
 /// Probability below which residuals are not taken for white.
-pub const LEVEL: f64 = 0.01;
+pub const SIGNIFICANCE_LEVEL: f64 = 0.01;
 
-/// How a residual looks.
+/// Character of a residual.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Whiteness {
@@ -28,7 +28,7 @@ pub enum Whiteness {
 /// The verdict: sentences, and the facts behind them.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Verdict {
-    /// What the data say, one sentence each.
+    /// Findings in the data, one sentence each.
     pub sentences: Vec<String>,
     /// Whether nothing speaks against the model: every residual at least practically white, no channel with missing
     /// dynamics, all poles inside the unit circle.
@@ -37,7 +37,8 @@ pub struct Verdict {
     pub whiteness: Vec<(String, Whiteness)>,
     /// Channels (input, output) whose residual still follows the input.
     pub missing_dynamics: Vec<(String, String)>,
-    /// Channels (input, output) where the input seems to depend on past outputs; only told where no dynamics are missing.
+    /// Channels (input, output) where the input seems to depend on past outputs; only told where no dynamics are
+    /// missing.
     pub feedback: Vec<(String, String)>,
     /// Parameters whose 95 % interval holds 0, the highest lags first.
     pub insignificant: Vec<String>,
@@ -50,7 +51,7 @@ pub fn verdict(name: &str, diagnostics: &Diagnostics) -> Verdict {
         .autocorrelation
         .iter()
         .zip(&diagnostics.relative_residual)
-        .filter(|(_, share)| share.is_some_and(|share| share < ROUNDING))
+        .filter(|(_, share)| share.is_some_and(|share| share < MAX_ROUNDING_RESIDUAL))
         .map(|(of, _)| of.output.as_str())
         .collect();
     let rounding = |output: &str| exact.contains(&output);
@@ -59,9 +60,9 @@ pub fn verdict(name: &str, diagnostics: &Diagnostics) -> Verdict {
         .autocorrelation
         .iter()
         .map(|of| {
-            let kind = if of.p_value >= LEVEL || rounding(&of.output) {
+            let kind = if of.p_value >= SIGNIFICANCE_LEVEL || rounding(&of.output) {
                 Whiteness::White
-            } else if of.explained_by_past < NEGLIGIBLE {
+            } else if of.explained_by_past < MIN_SHARE_THAT_MATTERS {
                 Whiteness::PracticallyWhite
             } else {
                 Whiteness::Colored
@@ -73,7 +74,7 @@ pub fn verdict(name: &str, diagnostics: &Diagnostics) -> Verdict {
         .cross_correlation
         .iter()
         .filter(|of| !rounding(&of.output))
-        .filter(|of| of.missing_dynamics > 1.0 && of.explained_by_input >= NEGLIGIBLE / 4.0)
+        .filter(|of| of.missing_dynamics > 1.0 && of.explained_by_input >= MIN_SHARE_THAT_MATTERS / 4.0)
         .collect();
     // What a model leaves of a predictable input (a chirp) looks like feedback, too, also by way of other outputs: only
     // a complete model can tell.
@@ -82,7 +83,7 @@ pub fn verdict(name: &str, diagnostics: &Diagnostics) -> Verdict {
         .cross_correlation
         .iter()
         .filter(|of| complete && !rounding(&of.output))
-        .filter(|of| of.feedback > 1.0 && of.explained_by_residual > FEEDBACK)
+        .filter(|of| of.feedback > 1.0 && of.explained_by_residual > MIN_SHARE_OF_FEEDBACK)
         .collect();
     let unstable: Vec<_> = diagnostics.poles.iter().filter(|pole| pole.modulus >= 1.0).collect();
     let white = whiteness.iter().all(|(_, kind)| *kind != Whiteness::Colored);
@@ -95,12 +96,12 @@ pub fn verdict(name: &str, diagnostics: &Diagnostics) -> Verdict {
     }
     if explains_the_data && all_exact {
         sentences.push(format!(
-            "{name} explains the data to rounding: no residual is larger than {ROUNDING:e} of the spread of its output"
+            "{name} explains the data to rounding: no residual is larger than {MAX_ROUNDING_RESIDUAL:e} of the spread of its output"
         ));
     } else if explains_the_data {
         let tested = || diagnostics.autocorrelation.iter().filter(|of| !rounding(&of.output));
         let smallest = tested().map(|of| of.p_value).fold(1.0, f64::min);
-        let evidence = if smallest >= LEVEL {
+        let evidence = if smallest >= SIGNIFICANCE_LEVEL {
             format!("residuals white (Ljung-Box p = {smallest:.2})")
         } else {
             let most = tested().map(|of| of.explained_by_past).fold(0.0, f64::max);
@@ -116,7 +117,10 @@ pub fn verdict(name: &str, diagnostics: &Diagnostics) -> Verdict {
         sentences.push(format!("{} is explained to rounding", exact.join(", ")));
     }
     for of in &diagnostics.autocorrelation {
-        if rounding(&of.output) || of.p_value >= LEVEL || of.explained_by_past < NEGLIGIBLE {
+        if rounding(&of.output)
+            || of.p_value >= SIGNIFICANCE_LEVEL
+            || of.explained_by_past < MIN_SHARE_THAT_MATTERS
+        {
             continue;
         }
         let share = format!("their past explains {:.0} % of their variance", 100.0 * of.explained_by_past);

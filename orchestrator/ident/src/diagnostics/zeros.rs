@@ -1,7 +1,7 @@
 //! Transmission zeros.
 //!
-//! Zeros are where `[A - z I, B; C, D]` loses rank. With a shift s that is no zero, `mu = 1/(z - s)` are eigenvalues of an
-//! ordinary matrix; zeros at infinity have mu = 0.
+//! Zeros are where `[A - z I, B; C, D]` loses rank. With a shift s that is not a zero, `mu = 1/(z - s)` are eigenvalues
+//! of an ordinary matrix; zeros at infinity have mu = 0.
 
 use nalgebra::{Complex, DMatrix};
 
@@ -13,7 +13,7 @@ const SHIFT: f64 = -1.618_033_988_7;
 
 /// Transmission zeros of a model: where all outputs together can stay zero though the inputs do not.
 ///
-/// A model with more outputs than inputs, or the other way round, has as a rule none.
+/// A model with more outputs than inputs, or the other way round, usually has none.
 pub fn transmission_zeros(model: &StateSpace) -> Vec<Complex<f64>> {
     let (n_y, n_u) = (model.d.nrows(), model.d.ncols());
     if n_y == n_u {
@@ -40,7 +40,7 @@ pub fn transmission_zeros(model: &StateSpace) -> Vec<Complex<f64>> {
     first.into_iter().filter(|zero| second.iter().any(|other| (zero - other).norm() < 1e-6)).collect()
 }
 
-/// Zeros of the channel from input `j` to output `i`.
+/// Zeros (in the z-plane) of the channel from input `j` to output `i`, both 0-based.
 pub fn channel_zeros(model: &StateSpace, i: usize, j: usize) -> Vec<Complex<f64>> {
     square_zeros(&StateSpace {
         b: model.b.columns(j, 1).into_owned(),

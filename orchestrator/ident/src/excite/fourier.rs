@@ -2,11 +2,11 @@
 
 use std::f64::consts::TAU;
 
-/// Transforms in place: `X(k) = sum_n x(n) exp(-+ 2 pi i k n / N)`, with a plus in the exponent for `inverse`, without a
-/// factor 1/N. Real and imaginary parts, shape \[N\] each.
+/// Transforms in place: `X(k) = sum_n x(n) exp(-+ 2 pi i k n / N)`, with a plus in the exponent for `inverse`, without
+/// a factor 1/N. Real and imaginary parts, shape \[N\] each.
 ///
 /// # Panics
-/// If the shapes differ or N is no power of two.
+/// If the shapes differ or N is not a power of two.
 pub fn transform(re: &mut [f64], im: &mut [f64], inverse: bool) {
     let n = re.len();
     assert!(n.is_power_of_two() && im.len() == n, "lengths {n} and {} must be one power of two", im.len());

@@ -15,7 +15,7 @@ use std::ops::Range;
 /// A band of frequencies \[Hz\].
 pub type Band = Range<f64>;
 
-/// Why a signal cannot be made.
+/// Reason why a signal cannot be made.
 #[derive(Debug, thiserror::Error, PartialEq)]
 #[allow(missing_docs, reason = "setting, value and what is allowed, as named in each message")]
 pub enum Error {
@@ -32,8 +32,8 @@ pub enum Error {
         "the amplitude {amplitude} is given twice, and both would be the same file; give each once, or --join for one after another in one file"
     )]
     Repeated { amplitude: f64 },
-    /// A file that is no command.
-    #[error("{}: this file is there and is no command with the same column; choose another name", path.display())]
+    /// A file that is not a command.
+    #[error("{}: this file is there and is not a command with the same column; choose another name", path.display())]
     File { path: std::path::PathBuf },
 }
 
@@ -68,7 +68,7 @@ pub enum Signal {
     },
 }
 
-/// What is around a signal.
+/// Settings common to all signals: amplitude, offset, timing and seed.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Settings {
     /// Largest deviation from the offset.
@@ -229,7 +229,7 @@ pub struct Size {
 }
 
 impl Size {
-    /// Size of samples about `offset`.
+    /// Size of samples \[n\] about `offset`, in their unit.
     pub fn of(samples: &[f64], offset: f64) -> Size {
         let (mut lowest, mut highest, mut squares) = (f64::INFINITY, f64::NEG_INFINITY, 0.0);
         for value in samples {
@@ -242,7 +242,7 @@ impl Size {
         Size { lowest, highest, rms, crest_factor: if rms > 0.0 { peak / rms } else { 0.0 } }
     }
 
-    /// Refuses a command outside the limits.
+    /// Refuses a command outside the limits `lower`..`upper`, in the unit of the command.
     ///
     /// # Errors
     /// [`Error::Limit`] with the largest amplitude about `offset` that stays inside.

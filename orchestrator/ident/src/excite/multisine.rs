@@ -1,4 +1,5 @@
-//! Sums of sines with equal amplitudes, whose phases keep the peak low.
+//! Sums of sines with equal amplitudes, whose phases keep the peak low: random ones or those of Schroeder (IEEE
+//! Transactions on Information Theory 16, 1970), improved by clipping in turn.
 
 use std::f64::consts::{PI, TAU};
 
@@ -10,9 +11,9 @@ use airloop_series::random::Random;
 const STARTS: usize = 8;
 /// Rounds of clipping per start.
 const ROUNDS: usize = 300;
-/// Above so many sines there is one start, Schroeder's phases moved in time: each round is a transform over eight points
-/// per shortest wave.
-const MANY: usize = 4096;
+/// Number of sines above which there is only one start, Schroeder's phases moved in time: each round is a transform
+/// over eight points per shortest wave.
+const MAX_SINES_OF_SEVERAL_STARTS: usize = 4096;
 
 /// `n` samples of all multiples of 1 / `period` in the band, peak 1.
 pub(super) fn samples(
@@ -32,7 +33,7 @@ pub(super) fn samples(
     let mut random = Random::new(seed);
     let mut best = (f64::INFINITY, Vec::new());
     let moved = random.uniform();
-    let starts = if sines.len() > MANY { 1 } else { STARTS };
+    let starts = if sines.len() > MAX_SINES_OF_SEVERAL_STARTS { 1 } else { STARTS };
     for _ in 0..starts {
         let mut phases: Vec<f64> = if starts == 1 {
             let schroeder = schroeder(sines.len());

@@ -1,4 +1,4 @@
-//! What force a limited supply pressure can give.
+//! Force that a limited supply pressure can give.
 
 use super::{Error, check};
 

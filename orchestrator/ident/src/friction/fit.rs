@@ -9,7 +9,7 @@ use super::track::Track;
 use super::{Error, Mass, Settings};
 use airloop_optim::least_squares::{self, Problem, Solution, multi_start, solve};
 
-/// How a parameter came about.
+/// Origin of the value of a parameter.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Origin {
     /// From the data.
@@ -27,7 +27,7 @@ pub struct Fit {
     pub law: Law,
     /// Its parameters.
     pub parameters: Parameters,
-    /// How each came about.
+    /// Origin of each value.
     pub origin: [Origin; SIZE],
     /// Standard deviation of each; none where the data do not tell it.
     pub deviation: [Option<f64>; SIZE],
@@ -186,7 +186,7 @@ impl Space {
     }
 }
 
-/// What a search from several starts found.
+/// Result of a search from several starts.
 #[derive(Debug, Clone)]
 pub struct Found {
     /// Parameters of the smallest sum of squares.
@@ -195,8 +195,8 @@ pub struct Found {
     costs: Vec<Option<f64>>,
 }
 
-/// Searches the parameters of a law from several starts, for long records on part of their samples; `from` is an earlier
-/// fit of a simpler law.
+/// Searches the parameters of a law from several starts, for long records on part of their samples; `from` is an
+/// earlier fit of a simpler law.
 ///
 /// # Errors
 /// [`Error::Fit`] if nothing can be computed.
@@ -232,7 +232,7 @@ pub fn search(
 /// Fits a law to all samples from where a search ended.
 ///
 /// # Errors
-/// As [`search`].
+/// Same as [`search`].
 pub fn refine(law: Law, tracks: &[Track], settings: &Settings, found: &Found) -> Result<Fit, Error> {
     let space = Space::of(law, &Sizes::of(tracks), settings);
     let exact = least_squares::Settings { cost_tolerance: 1e-12, ..least_squares::Settings::default() };
@@ -309,7 +309,8 @@ fn assess(
     Fit { law, parameters, origin, deviation, covariance, dependent, errors, memory, agreement, converged }
 }
 
-/// Errors of parameters on tracks, by track.
+/// Errors of parameters on tracks, shape \[tracks\]\[samples\], in N or m as `settings` predict; NaN where the
+/// prediction fails.
 pub fn errors_of(law: Law, c: &Parameters, tracks: &[Track], settings: &Settings) -> Vec<Vec<f64>> {
     tracks
         .iter()
@@ -324,7 +325,8 @@ pub fn errors_of(law: Law, c: &Parameters, tracks: &[Track], settings: &Settings
         .collect()
 }
 
-/// Sum of the autocorrelation of errors up to where it has died out: the factor by which fewer samples count.
+/// Sum of the autocorrelation of errors \[records\]\[samples\] up to the lag where it falls below 0.05: the factor, at
+/// least 1, by which fewer samples count.
 pub fn memory(errors: &[Vec<f64>]) -> f64 {
     let squares: f64 = errors.iter().flatten().map(|e| e * e).sum();
     let longest = errors.iter().map(Vec::len).max().unwrap_or(0) / 4;
@@ -341,7 +343,7 @@ pub fn memory(errors: &[Vec<f64>]) -> f64 {
     memory
 }
 
-/// Root mean square of all errors.
+/// Root mean square of all errors \[records\]\[samples\], in their unit; 0 for none.
 pub fn rms(errors: &[Vec<f64>]) -> f64 {
     let n: usize = errors.iter().map(Vec::len).sum();
     (errors.iter().flatten().map(|e| e * e).sum::<f64>() / n.max(1) as f64).sqrt()

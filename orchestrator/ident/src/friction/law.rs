@@ -30,7 +30,8 @@ pub type Parameters = [f64; SIZE];
 pub enum Law {
     /// `c1 s + c4 v + c5` (eq. 2).
     CoulombViscous,
-    /// Eq. 2 plus `force exp(-((v - c3)/vs)^2) s`: friction falls as the motion begins.
+    /// Eq. 2 plus `force exp(-((v - c3)/vs)^2) s`: friction falls as the motion begins
+    /// (Stribeck peak in the form of Bo and Pavelescu, Wear 82, 1982, with exponent 2).
     Stribeck,
     /// Eq. 2 with `c1 + coef |p|` in place of `c1`: the seal is pressed on.
     Pressure,
@@ -40,13 +41,14 @@ pub enum Law {
     Spring,
     /// Eq. 2 plus `coef v` for `v > c3`: the directions differ by more than the bias c5.
     Asymmetry,
-    /// Eq. 2 with `c1 z/disp` in place of `c1 s`, `z' = w - |w| z/disp`, `w = v - c3` (Dahl): the force builds up over a
-    /// distance instead of at a speed.
+    /// Eq. 2 with `c1 z/disp` in place of `c1 s`, `z' = w - |w| z/disp`, `w = v - c3` (Dahl, A solid friction model,
+    /// Aerospace Corporation 1968): the force builds up over
+    /// a distance instead of at a speed.
     Presliding,
 }
 
 impl Law {
-    /// What may be added to eq. 2.
+    /// Terms that may be added to eq. 2.
     pub const EXTENSIONS: [Law; 6] =
         [Law::Stribeck, Law::Pressure, Law::PositionCoulomb, Law::Spring, Law::Asymmetry, Law::Presliding];
 
@@ -108,7 +110,8 @@ impl Law {
     }
 
     /// Mean of [`Law::force`] over a velocity that is normal about `v` with standard deviation `deviation`, by the
-    /// Gauss-Hermite rule of three points: exact for forces that are polynomials of degree 5 there.
+    /// Gauss-Hermite rule of three points: exact for forces that are polynomials of degree 5 there. Velocities in m/s,
+    /// position `x` in m, pressure force `p` and result in N.
     #[inline]
     pub fn mean_force(self, c: &Parameters, v: f64, deviation: f64, x: f64, p: f64) -> f64 {
         let reach = 3f64.sqrt() * deviation;

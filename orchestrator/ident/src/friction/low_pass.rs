@@ -41,8 +41,8 @@ impl LowPass {
         })
     }
 
-    /// Filters in place. The record is continued at both ends, turned about its end points, so that the filter has
-    /// settled where it begins.
+    /// Filters `values` \[n\] in place, forward and backward, so without delay. The record is continued at both ends,
+    /// turned about its end points, so that the filter has settled where it begins.
     pub fn both_ways(&self, values: &mut [f64]) {
         let n = values.len();
         if n < 2 {

@@ -33,7 +33,7 @@ pub use low_pass::LowPass;
 pub use predict::Predict;
 pub use track::{Sweep, Track};
 
-/// What is known of the moving mass.
+/// Knowledge of the moving mass.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Mass {
     /// Inertia is left out: quasi-static records.
@@ -44,7 +44,7 @@ pub enum Mass {
     Fit,
 }
 
-/// What is fitted and how.
+/// Settings of a fit.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Settings {
     /// Friction law.
@@ -55,7 +55,7 @@ pub struct Settings {
     pub mass: Mass,
     /// Area \[m2\] on which the pressure adds to the force.
     pub area: f64,
-    /// What is predicted.
+    /// Predicted quantity.
     pub predict: Predict,
     /// Compare forces below this frequency \[Hz\] only.
     pub low_pass: Option<f64>,
@@ -88,7 +88,7 @@ impl Settings {
     }
 }
 
-/// Why friction cannot be identified.
+/// Reason why friction cannot be identified.
 #[derive(Debug, thiserror::Error)]
 #[allow(missing_docs, reason = "record and value, as named in each message")]
 pub enum Error {
@@ -96,7 +96,7 @@ pub enum Error {
     #[error("there is no record to estimate friction from; give at least one CSV file")]
     NoRecord,
     /// Too short.
-    #[error("{record}: {samples} samples are too few; at least {} are needed", track::FEWEST)]
+    #[error("{record}: {samples} samples are too few; at least {} are needed", track::MIN_SAMPLES)]
     Short { record: String, samples: usize },
     /// No motion.
     #[error(

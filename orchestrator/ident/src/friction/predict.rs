@@ -4,7 +4,7 @@ use super::law::{C1, C2, C4, Dahl, E1, Law, MASS, Parameters};
 use super::low_pass::LowPass;
 use super::track::Track;
 
-/// What is predicted.
+/// Predicted quantity.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Predict {
     /// The force, from the smoothed motion: `m a + f(v)`. For sweeps, and wherever the force is measured well.

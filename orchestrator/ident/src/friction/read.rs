@@ -19,7 +19,7 @@ pub struct Columns {
     pub pressure: Option<String>,
 }
 
-/// Why columns cannot be used.
+/// Reason why columns cannot be used.
 #[derive(Debug, thiserror::Error, PartialEq)]
 #[allow(missing_docs, reason = "file, column and unit, as named in each message")]
 pub enum Error {

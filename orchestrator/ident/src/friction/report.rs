@@ -24,7 +24,7 @@ pub struct Parameter {
     pub origin: &'static str,
 }
 
-/// How well forces (or positions) are predicted on some records.
+/// Quality of the prediction of forces (or positions) on some records.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Quality {
     /// Root mean square error, in N (m where positions are predicted).
@@ -35,7 +35,7 @@ pub struct Quality {
     pub records: Vec<RecordQuality>,
 }
 
-/// How well one record is predicted.
+/// Quality of the prediction of one record.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct RecordQuality {
     /// Record.
@@ -81,14 +81,14 @@ pub struct Alternative {
 }
 
 /// A first search has to reach this part of the rms error on validation records for a law to be fitted to the end.
-const PROMISING: f64 = 0.99;
+const MAX_RELATIVE_ERROR_OF_FIRST_SEARCH: f64 = 0.99;
 
-/// When an alternative is offered.
+/// Rule by which an alternative is offered.
 pub const RULE: &str = "offered if, on the validation records, the rms error falls by at least 3 %, \
 n ln(rss/rss_alternative) is at least 10 + k ln n (n: samples over the memory of the errors, k: added parameters), \
 and no record gets worse by more than 1 %";
 
-/// What an identification of friction gives.
+/// Result of an identification of friction.
 #[derive(Debug, Clone, Serialize)]
 pub struct Report {
     /// Law.
@@ -103,7 +103,7 @@ pub struct Report {
     pub validation: Option<Quality>,
     /// Things to know.
     pub flags: Vec<Flag>,
-    /// When an alternative is offered.
+    /// Rule by which an alternative is offered.
     pub rule: &'static str,
     /// Laws that were compared with it, the best on validation records first.
     pub alternatives: Vec<Alternative>,
@@ -267,7 +267,7 @@ fn alternatives(
         let settings = Settings { law, ..settings.clone() };
         let rough = search(law, tracks, &settings, Some(&base.parameters))?;
         let mut errors = errors_of(law, &rough.parameters, others, &settings);
-        let promising = rms(&errors) <= PROMISING * before;
+        let promising = rms(&errors) <= MAX_RELATIVE_ERROR_OF_FIRST_SEARCH * before;
         let (estimation_rms, found) = if promising {
             let found = refine(law, tracks, &settings, &rough)?;
             errors = errors_of(law, &found.parameters, others, &settings);

@@ -1,15 +1,15 @@
 //! Position, velocity and acceleration from noisy records, with the uncertainty of the velocity.
 //!
-//! Kalman filter and smoother (Bryson and Frazier, which inverts no matrix) of a motion whose jerk is white noise (the acceleration is a Wiener
-//! process): between samples the motion is a cubic in the mean. It looks ahead as far as back, so that neither the time
-//! nor the height of a reversal is shifted systematically, and takes uneven sample times as they are. Sensor noise comes
-//! from how far each sample is from the cubic through its neighbors, the intensity of the jerk from the likelihood of
-//! the record. The smoothed velocity is the mean of what the velocity may have been, given the record, and
-//! `velocity_deviation` its spread: an expectation over it has no errors-in-variables bias.
+//! Kalman filter and smoother (Bryson and Frazier, which inverts no matrix) of a motion whose jerk is white noise (the
+//! acceleration is a Wiener process): between samples the motion is a cubic in the mean. It looks ahead as far as back,
+//! so that neither the time nor the height of a reversal is shifted systematically, and takes uneven sample times as
+//! they are. Sensor noise comes from how far each sample is from the cubic through its neighbors, the intensity of the
+//! jerk from the likelihood of the record. The smoothed velocity is the mean of what the velocity may have been, given
+//! the record, and `velocity_deviation` its spread: an expectation over it has no errors-in-variables bias.
 
 use nalgebra::{Matrix3, RowVector3, Vector3};
 
-/// What was measured of a motion: at least one of position and velocity.
+/// Measurements of a motion: at least one of position and velocity.
 #[derive(Debug, Clone, Copy)]
 pub struct Measured<'a> {
     /// Times \[s\], shape \[n\], increasing.
@@ -76,7 +76,8 @@ impl Measured<'_> {
 }
 
 /// Variance of white noise on a smooth signal: mean squared distance of each sample from the cubic through its two
-/// neighbors on each side, over the factor by which that enlarges noise.
+/// neighbors on each side, over the factor by which that enlarges noise. `gaps` \[n - 1\]
+/// are the distances of the samples, `values` \[n\]; the squared unit of the values, 0 for fewer than 8 samples.
 pub fn interpolation_variance(gaps: &[f64], values: &[f64]) -> f64 {
     let n = values.len();
     if n < 8 {
@@ -122,8 +123,8 @@ struct Taken {
 }
 
 impl Filter<'_> {
-    /// Before the first sample the motion is known no better than the record scatters: a signal by its own spread, its
-    /// derivatives by its differences.
+    /// Before the first sample the uncertainty of the motion is the scatter of the record: a signal by its own spread,
+    /// its derivatives by its differences.
     fn start(&self) -> State {
         let mut mean = Vector3::zeros();
         let mut sizes = [0.0f64; 3];

@@ -6,7 +6,7 @@ use super::smoother::{Measured, Motion};
 /// One record of force and motion in SI units; shape \[n\] each.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Sweep {
-    /// What messages call it, as a rule the file it was read from.
+    /// Name in messages, usually the file it was read from.
     pub name: String,
     /// Times \[s\], increasing.
     pub time: Vec<f64>,
@@ -42,9 +42,9 @@ pub struct Track {
 }
 
 /// Fewest samples of a record.
-pub const FEWEST: usize = 20;
+pub const MIN_SAMPLES: usize = 20;
 /// Sensor noise above this part of the velocity's own scatter: the samples do not form a smooth trajectory.
-const UNORDERED: f64 = 0.3;
+const MAX_NOISE_OF_SMOOTH_VELOCITY: f64 = 0.3;
 
 impl Sweep {
     /// Refuses records that cannot be used.
@@ -54,7 +54,7 @@ impl Sweep {
     pub fn check(&self) -> Result<(), Error> {
         let name = || self.name.clone();
         let n = self.time.len();
-        if n < FEWEST {
+        if n < MIN_SAMPLES {
             return Err(Error::Short { record: name(), samples: n });
         }
         let moved =
@@ -72,7 +72,7 @@ impl Sweep {
     /// The record with its motion smoothed; `area` \[m2\] times the pressure is taken off the force.
     ///
     /// # Errors
-    /// As [`Sweep::check`].
+    /// Same as [`Sweep::check`].
     pub fn track(&self, area: f64, smooth: bool) -> Result<Track, Error> {
         self.check()?;
         let n = self.time.len();
@@ -87,7 +87,8 @@ impl Sweep {
         if let Some(velocity) = &self.velocity {
             let mean = velocity.iter().sum::<f64>() / n as f64;
             let scatter = (velocity.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / n as f64).sqrt();
-            unordered = motion.sensor_deviation[1].is_some_and(|noise| noise > UNORDERED * scatter);
+            unordered = motion.sensor_deviation[1]
+                .is_some_and(|noise| noise > MAX_NOISE_OF_SMOOTH_VELOCITY * scatter);
             if unordered || !smooth {
                 motion.velocity.clone_from(velocity);
                 motion.velocity_deviation = vec![0.0; n];

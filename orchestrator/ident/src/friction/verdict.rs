@@ -1,4 +1,4 @@
-//! What a fit says in words, and what the user should know about it.
+//! Verdict on a fit in words, and the warnings that the user should know.
 
 use std::collections::BTreeMap;
 
@@ -9,9 +9,9 @@ use super::track::Track;
 use super::{Mass, Predict, Settings};
 
 /// Samples in a row at the extreme force that look like a limit.
-const SATURATED: usize = 20;
+const SAMPLES_AT_A_LIMIT: usize = 20;
 
-/// What to know about the data and the fit.
+/// Warnings about the data and the fit.
 pub fn flags(fit: &Fit, tracks: &[Track], settings: &Settings) -> Vec<Flag> {
     let mut flags = Vec::new();
     let mut flag = |id, message: String| flags.push(Flag { id, message });
@@ -68,7 +68,7 @@ pub fn flags(fit: &Fit, tracks: &[Track], settings: &Settings) -> Vec<Flag> {
             );
         }
         let longest = longest_at_extreme(&track.force);
-        if longest >= SATURATED {
+        if longest >= SAMPLES_AT_A_LIMIT {
             flag(
                 "saturated",
                 format!(

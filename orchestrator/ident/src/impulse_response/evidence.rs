@@ -1,4 +1,4 @@
-//! What impulse responses say of delay and order.
+//! Evidence of impulse responses on delay and order.
 
 use nalgebra::DMatrix;
 
@@ -14,7 +14,7 @@ pub struct Evidence {
     pub delay: Vec<Vec<Option<usize>>>,
     /// Singular values of the Hankel matrix of `g(1), g(2), ..` of all channels, every output in units of its noise.
     pub hankel_singular_values: Vec<f64>,
-    /// What noise alone would give as the largest of them, about.
+    /// Approximate size that the largest of them would have from noise alone.
     pub noise_level: f64,
     /// Singular values above the noise: the order that the data can show.
     pub order: usize,

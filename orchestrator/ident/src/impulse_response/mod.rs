@@ -1,9 +1,9 @@
 //! Regularized FIR: the impulse response of every channel, and what it says of delay and order.
 //!
-//! `y(k) = sum_j sum_l g_j(l) u_j(k - l) + e(k)`, the coefficients of a channel normal with a covariance that decays: TC
-//! `c a^max(k,l)` or DC `c a^((k+l)/2) r^|k-l|`. The hyper-parameters maximize the marginal likelihood, evaluated by QR
-//! factorizations with the triangular factor of the kernel, which is known in closed form: no kernel is inverted (Chen,
-//! Ohlsson and Ljung, Automatica 48, 2012; Chen and Ljung, Automatica 49, 2013).
+//! `y(k) = sum_j sum_l g_j(l) u_j(k - l) + e(k)`, the coefficients of a channel normal with a covariance that decays:
+//! TC `c a^max(k,l)` or DC `c a^((k+l)/2) r^|k-l|`. The hyper-parameters maximize the marginal likelihood, evaluated by
+//! QR factorizations with the triangular factor of the kernel, which is known in closed form: no kernel is inverted
+//! (Chen, Ohlsson and Ljung, Automatica 48, 2012; Chen and Ljung, Automatica 49, 2013).
 
 mod evidence;
 mod nelder_mead;
@@ -60,8 +60,8 @@ pub struct Channel {
     pub decay: f64,
     /// Correlation r of neighboring coefficients in the prior.
     pub correlation: f64,
-    /// First lag whose coefficient is outside the 99 % band *for all lags together*: the delay in samples; `None` if none
-    /// is.
+    /// First lag whose coefficient is outside the 99 % band *for all lags together*: the delay in samples; `None` if
+    /// none is.
     pub first_significant: Option<usize>,
 }
 
@@ -74,7 +74,8 @@ pub struct ImpulseResponse {
     pub channels: Vec<Channel>,
     /// Standard deviation of the noise, unit of the output.
     pub noise_deviation: f64,
-    /// -2 times the logarithm of the marginal likelihood, up to a constant of the data: the smaller the better a kernel.
+    /// -2 times the logarithm of the marginal likelihood, up to a constant of the data: the smaller the better a
+    /// kernel.
     pub criterion: f64,
 }
 

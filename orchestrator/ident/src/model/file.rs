@@ -41,7 +41,7 @@ pub struct NamedModel {
     pub units: Vec<String>,
 }
 
-/// Why a model file cannot be used.
+/// Reason why a model file cannot be used.
 #[derive(Debug, thiserror::Error)]
 #[allow(missing_docs, reason = "file and cause, as named in each message")]
 pub enum Error {
@@ -49,7 +49,7 @@ pub enum Error {
     #[error("{}: {source}", path.display())]
     Io { path: PathBuf, source: std::io::Error },
     /// Not a model file.
-    #[error("{}: this is no model.toml of `airloop identify`: {source}", path.display())]
+    #[error("{}: this is not a model.toml of `airloop identify`: {source}", path.display())]
     Toml { path: PathBuf, source: Box<toml::de::Error> },
     /// Matrices that do not fit together.
     #[error("{}: {what}; the file must be as `airloop identify` writes it", path.display())]
@@ -89,7 +89,7 @@ enum Kind {
     StateSpace,
 }
 
-/// A matrix as rows.
+/// A matrix \[m, n\] as `m` rows of `n` numbers.
 pub fn rows(matrix: &DMatrix<f64>) -> Rows {
     matrix.row_iter().map(|row| row.iter().copied().collect()).collect()
 }
@@ -226,6 +226,6 @@ mod tests {
         let message = load(&path).unwrap_err().to_string();
         assert!(message.contains("B should have 2 rows of 1 numbers"), "{message}");
         std::fs::write(&path, "kind = \"arx\"").unwrap();
-        assert!(load(&path).unwrap_err().to_string().contains("this is no model.toml"));
+        assert!(load(&path).unwrap_err().to_string().contains("this is not a model.toml"));
     }
 }

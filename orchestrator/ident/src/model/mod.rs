@@ -16,7 +16,7 @@ pub use state_space::StateSpace;
 
 use super::record::Record;
 
-/// What every identified model can do.
+/// Common interface of all identified models.
 ///
 /// Shapes: inputs \[n_u\]\[n\], outputs \[n_y\]\[n\], as in [`Record`].
 pub trait Model {
@@ -26,8 +26,8 @@ pub trait Model {
     fn n_y(&self) -> usize;
     /// Sample time \[s\].
     fn sample_time(&self) -> f64;
-    /// Outputs of a free simulation from the inputs of the record, shape \[n_y\]\[n\]. The model may use measured outputs
-    /// to find its initial state only. Samples of an unstable model may be infinite or NaN.
+    /// Outputs of a free simulation from the inputs of the record, shape \[n_y\]\[n\]. The model may use measured
+    /// outputs to find its initial state only. Samples of an unstable model may be infinite or NaN.
     fn simulate(&self, record: &Record) -> Vec<Vec<f64>>;
     /// One-step prediction `y(k | k-1)` from measured inputs and outputs, shape \[n_y\]\[n\].
     fn one_step(&self, record: &Record) -> Vec<Vec<f64>>;

@@ -1,4 +1,4 @@
-//! Which orders and which delay: many ARX structures from one factorization, judged by their free simulation.
+//! Search for orders and delay: many ARX structures from one factorization, judged by their free simulation.
 //!
 //! The triangle of the largest structure holds all smaller ones. A one-step fit says little about a model that will be
 //! simulated, so the ranking is by the simulated fit on records that were not used for the estimation; information
@@ -15,12 +15,12 @@ use super::source::{Part, Source};
 use super::structure::Structure;
 
 /// Fits that differ by less \[points\] count as equal; the smaller structure then goes first.
-pub const TIE: f64 = 0.01;
+pub const EQUAL_FIT: f64 = 0.01;
 /// Simulated fits within this \[points\] of the best are not worth more coefficients: chance in the judging data makes
 /// as much.
-pub const MARGIN: f64 = 0.5;
+pub const FIT_MARGIN: f64 = 0.5;
 /// Largest number of structures of one search.
-pub const MOST: usize = 10_000;
+pub const MAX_STRUCTURES: usize = 10_000;
 
 /// Orders to try, the same for all outputs and inputs.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -76,7 +76,7 @@ pub struct Candidate {
     pub bic: Option<f64>,
     /// Minimum description length (Ljung, eq. 16.38): loss times `1 + d ln(N) / N`, as logarithm.
     pub mdl: Option<f64>,
-    /// Why it could not be estimated.
+    /// Reason why it could not be estimated.
     pub problem: Option<String>,
 }
 
@@ -86,7 +86,7 @@ pub struct Candidate {
 /// compared. Results do not depend on the number of threads.
 ///
 /// # Errors
-/// Whatever reading comes to, or data on which no structure can be estimated.
+/// Errors of reading the records, or data on which no structure can be estimated.
 pub fn search(
     estimation: &[&dyn Source],
     judging: &[&dyn Source],
@@ -125,15 +125,16 @@ pub fn search(
 
 /// Best first; among equals the one with fewer coefficients; those without a fit last.
 fn rank(candidates: &mut [Candidate]) {
-    let level = |candidate: &Candidate| candidate.fit.map_or(f64::NEG_INFINITY, |fit| (fit / TIE).round());
+    let level =
+        |candidate: &Candidate| candidate.fit.map_or(f64::NEG_INFINITY, |fit| (fit / EQUAL_FIT).round());
     candidates.sort_by(|a, b| level(b).total_cmp(&level(a)).then(a.parameters.cmp(&b.parameters)));
 }
 
 /// Index of the structure to take: the least Bayesian information criterion among those with a simulated fit within
-/// [`MARGIN`] of the best; `None` if no structure is stable.
+/// [`FIT_MARGIN`] of the best; `None` if no structure is stable.
 pub fn recommended(candidates: &[Candidate]) -> Option<usize> {
     let best = candidates.iter().filter_map(|candidate| candidate.fit).fold(f64::NEG_INFINITY, f64::max);
-    let near = |candidate: &Candidate| candidate.fit.is_some_and(|fit| fit >= best - MARGIN);
+    let near = |candidate: &Candidate| candidate.fit.is_some_and(|fit| fit >= best - FIT_MARGIN);
     // Data without noise may have no criterion; then the ranking decides.
     let criterion = |index: usize| candidates[index].bic.unwrap_or(f64::NEG_INFINITY);
     (0..candidates.len())
@@ -179,10 +180,10 @@ pub fn estimation_share(samples: usize) -> usize {
     samples - samples / 3
 }
 
-/// As [`search`]; without records to judge by, the last third of each estimation record judges.
+/// Same as [`search`]; without records to judge by, the last third of each estimation record judges.
 ///
 /// # Errors
-/// As [`search`].
+/// Same as [`search`].
 pub fn search_or_split(
     estimation: &[&dyn Source],
     judging: &[&dyn Source],
@@ -211,12 +212,12 @@ pub fn search_or_split(
 /// The structures that no range of this size may exceed.
 ///
 /// # Errors
-/// [`super::structure::Error`] for more than [`MOST`] structures, or none.
+/// [`super::structure::Error`] for more than [`MAX_STRUCTURES`] structures, or none.
 pub fn check(ranges: &Ranges, channels: (usize, usize)) -> Result<(), super::structure::Error> {
     let size = |range: &RangeInclusive<usize>| (range.end() + 1).saturating_sub(*range.start());
     let found = size(&ranges.na).saturating_mul(size(&ranges.nb)).saturating_mul(size(&ranges.nk));
-    if found == 0 || found > MOST || ranges.structures(channels).is_empty() {
-        return Err(super::structure::Error::Ranges { found, most: MOST });
+    if found == 0 || found > MAX_STRUCTURES || ranges.structures(channels).is_empty() {
+        return Err(super::structure::Error::Ranges { found, most: MAX_STRUCTURES });
     }
     Ok(())
 }

@@ -15,7 +15,7 @@ type Lanes = [f64; LANES];
 
 /// Models of alike size, and what is known of their errors.
 struct Group {
-    /// Which models, shape \[LANES\] at most.
+    /// Indices of the models, shape \[LANES\] at most.
     members: Vec<usize>,
     na: usize,
     /// First and one after the last lag of the inputs.

@@ -86,7 +86,7 @@ fn chance_in_the_judging_data_buys_no_coefficients() {
     let candidates = found(&Ranges { na: 1..=6, nb: 1..=6, nk: 2..=2 }, &[&estimation], &[&judging]);
     let taken = &candidates[recommended(&candidates).unwrap()];
     assert_eq!((taken.structure.na[0][0], taken.structure.nb[0][0]), (2, 2), "{taken:?}");
-    assert!(taken.fit.unwrap() > candidates[0].fit.unwrap() - MARGIN);
+    assert!(taken.fit.unwrap() > candidates[0].fit.unwrap() - FIT_MARGIN);
     assert_eq!(recommended(&[]), None);
 }
 

@@ -32,7 +32,7 @@ pub struct OutputError {
     pub rms: Vec<f64>,
     /// Iterations in the coefficients of the structure; a full structure is refined in state-space coordinates before.
     pub iterations: usize,
-    /// How they ended.
+    /// Outcome of the iterations.
     pub outcome: Outcome,
     /// Condition number of the derivatives, columns scaled to length 1.
     pub condition: f64,
@@ -41,11 +41,11 @@ pub struct OutputError {
     pub initial: Vec<Vec<Vec<f64>>>,
 }
 
-/// Minimizes the simulated error of an ARX structure from `model` (as a rule the least-squares estimate).
+/// Minimizes the simulated error of an ARX structure from `model` (usually the least-squares estimate).
 ///
-/// Starts are `model`, least squares, refined instrumental variables from both, and the same for the records as a model of
-/// high order simulates them; unstable ones are drawn into the unit circle. The one with the smallest simulated error is taken, the next only if the iterations stall. The offsets
-/// stay those of `model`.
+/// Starts are `model`, least squares, refined instrumental variables from both, and the same for the records as a model
+/// of high order simulates them; unstable ones are drawn into the unit circle. The one with the smallest simulated
+/// error is taken, the next only if the iterations stall. The offsets stay those of `model`.
 ///
 /// # Errors
 /// [`Error`] for records that do not fit the model or are too short.

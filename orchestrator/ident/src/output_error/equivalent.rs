@@ -1,8 +1,8 @@
 //! Full ARX structures as state space: the same models in coordinates in which the iterations go straighter.
 //!
-//! With full `A1 .. A_na` and `B0 .. B_na` (or `B1 .. B_na`), `A(z)^-1 B(z)` is the general model of order `n_y na` (with or
-//! without direct term). The coefficients of a quickly sampled model are nearly collinear and have to move along curves;
-//! local coordinates of the state-space model do not.
+//! With full `A1 .. A_na` and `B0 .. B_na` (or `B1 .. B_na`), `A(z)^-1 B(z)` is the general model of order `n_y na`
+//! (with or without direct term). The coefficients of a quickly sampled model are nearly collinear and have to move
+//! along curves; local coordinates of the state-space model do not.
 
 use nalgebra::DMatrix;
 
@@ -13,7 +13,7 @@ use crate::rational::Mask;
 use crate::record::Record;
 
 /// Largest state-space order that is worth its number of directions.
-const LARGEST: usize = 16;
+const MAX_ORDER: usize = 16;
 
 /// Whether the structure is that of a general state-space model, and then whether it has a direct term.
 fn direct_term(mask: &Mask, n_y: usize) -> Option<bool> {
@@ -21,7 +21,7 @@ fn direct_term(mask: &Mask, n_y: usize) -> Option<bool> {
     let na = mask.a.len();
     let full = na > 0 && mask.b.len() == na + 1 && mask.a.iter().chain(&mask.b[1..]).all(all);
     let none = full && mask.b[0].iter().all(|free| !free);
-    (full && n_y * na <= LARGEST && (none || all(&mask.b[0]))).then_some(!none)
+    (full && n_y * na <= MAX_ORDER && (none || all(&mask.b[0]))).then_some(!none)
 }
 
 /// Refines as state space and goes back; `None` if the structure is another or the way back is not exact.

@@ -1,8 +1,8 @@
 //! Levenberg-Marquardt for a weighted simulation or prediction error, with the weights estimated on the way.
 //!
 //! `min log det Lambda`, Lambda the covariance of the residuals (diagonal if the outputs are weighted one by one): the
-//! maximum-likelihood criterion (Ljung, System Identification, 2nd ed., sec. 7.4 and 10.2). Every iteration minimizes the
-//! sum of squares weighted by the inverse of the present Lambda; a lower sum has a lower criterion.
+//! maximum-likelihood criterion (Ljung, System Identification, 2nd ed., sec. 7.4 and 10.2). Every iteration minimizes
+//! the sum of squares weighted by the inverse of the present Lambda; a lower sum has a lower criterion.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -58,7 +58,7 @@ pub(super) struct Linear<T> {
     pub r: DMatrix<f64>,
     pub z: DVector<f64>,
     pub rest: f64,
-    /// What turns a step of the parameters into a step of the model.
+    /// Map from a step of the parameters to a step of the model.
     pub tangent: T,
 }
 
@@ -75,7 +75,7 @@ impl<T> Linear<T> {
     }
 }
 
-/// What is minimized.
+/// Problem to minimize.
 pub(super) trait Problem {
     /// A model.
     type Point: Clone;
@@ -114,7 +114,7 @@ pub(super) fn weights(moments: &Moments, power: &DVector<f64>, weighting: Weight
 /// Shares of a Gauss-Newton step that are tried before it is damped.
 const SHARES: [f64; 3] = [1.0, 0.3, 0.1];
 
-/// What the iterations ended with.
+/// Result of the iterations.
 #[derive(Debug, Clone)]
 pub(super) struct Found<P> {
     pub point: P,

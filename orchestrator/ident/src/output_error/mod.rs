@@ -1,10 +1,10 @@
 //! Output error: the parameters with which the free simulation is closest to the measurement.
 //!
 //! Least squares on `A(z) y = B(z) u + e` puts the noise into the equation; sensors put it on the outputs, and least
-//! squares is then biased. Here `y = A(z)^-1 B(z) u + e` is fitted instead, the best estimate for white measurement noise
-//! and the best simulation for any other (Ljung, System Identification, 2nd ed., sec. 4.2 and 8.5). Several records, each
-//! with its own initial state, which is eliminated exactly (variable projection). Start with [`refine`] for ARX
-//! structures, [`refine_state_space`] for state space.
+//! squares is then biased. Here `y = A(z)^-1 B(z) u + e` is fitted instead, the best estimate for white measurement
+//! noise and the best simulation for any other (Ljung, System Identification, 2nd ed., sec. 4.2 and 8.5). Several
+//! records, each with its own initial state, which is eliminated exactly (variable projection). Start with [`refine`]
+//! for ARX structures, [`refine_state_space`] for state space.
 
 mod arx;
 mod denoised;
@@ -25,7 +25,7 @@ use airloop_optim::linalg::triangular;
 pub use arx::{OutputError, refine};
 pub use state_space::{Criterion, RefinedStateSpace, StateSpaceOptions, refine_state_space};
 
-/// How the outputs count against each other.
+/// Weights of the outputs against each other.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Weighting {
@@ -44,7 +44,7 @@ pub struct Options {
     /// Ends when the step still to go is below this many standard deviations of the estimate (root mean square over the
     /// parameters); 1e-4 by default.
     pub tolerance: f64,
-    /// How the outputs count against each other; each by its own noise by default.
+    /// Weights of the outputs against each other; each by its own noise by default.
     pub weighting: Weighting,
     /// Poles stay within this radius; just below 1 by default.
     pub largest_pole: f64,
@@ -56,17 +56,17 @@ impl Default for Options {
     }
 }
 
-/// How the iterations ended.
+/// Outcome of the iterations.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Outcome {
     /// At a minimum.
     Converged,
-    /// The error no longer falls, though the parameters still move: the data leave a combination of them open, as a rule
-    /// because the order is higher than needed.
+    /// The error no longer falls, though the parameters still move: the data leave a combination of them open, as a
+    /// rule because the order is higher than needed.
     Flat,
-    /// No step lowers the error, though this is no minimum: the border of stability is in the way, or the data do not
-    /// determine the parameters.
+    /// No step lowers the error, though this is not a minimum: the border of stability is in the way, or the data do
+    /// not determine the parameters.
     Stalled,
     /// [`Options::iterations`] were not enough.
     IterationLimit,
@@ -90,7 +90,8 @@ impl Outcome {
     }
 }
 
-/// Covariance from the factor of the weighted derivatives, with the condition number of the (column-scaled) derivatives.
+/// Covariance from the factor of the weighted derivatives, with the condition number of the (column-scaled)
+/// derivatives.
 fn with_covariance(mut parameters: Parameters, r: &DMatrix<f64>) -> (Parameters, f64) {
     let (covariance, condition) = triangular::covariance(r);
     parameters.covariance = covariance;

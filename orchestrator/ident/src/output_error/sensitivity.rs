@@ -8,7 +8,8 @@ use crate::model::StateSpace;
 use crate::rational::Experiment;
 use airloop_optim::linalg::StreamedQr;
 
-/// `x_d(k+1) = F x_d + (dA - K dC) x + (dB - K dD) u + dK e`, `y_d = C x_d + dC x + dD u` for every direction d at once.
+/// `x_d(k+1) = F x_d + (dA - K dC) x + (dB - K dD) u + dK e`, `y_d = C x_d + dC x + dD u` for every direction d at
+/// once.
 ///
 /// The derivatives of one state with respect to all directions stand together, so that every product is a sum of long
 /// rows. The derivatives with respect to the initial state run along as further directions without forcing.

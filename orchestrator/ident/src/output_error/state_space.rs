@@ -1,8 +1,9 @@
 //! Output error and prediction error of a state-space model in local coordinates.
 //!
 //! All entries of A, B, C (and K) are free, which is n_x^2 directions too many: a change of the state basis changes no
-//! output. Every iteration works in the directions orthogonal to those (data-driven local coordinates; McKelvey, Helmersson
-//! and Ribarits, Automatica 40, 2004), so that no canonical form has to be chosen and the condition stays that of the data.
+//! output. Every iteration works in the directions orthogonal to those (data-driven local coordinates; McKelvey,
+//! Helmersson and Ribarits, Automatica 40, 2004), so that no canonical form has to be chosen and the condition stays
+//! that of the data.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -19,7 +20,7 @@ use airloop_optim::linalg::StreamedQr;
 use airloop_optim::linalg::qr::dot;
 use airloop_optim::linalg::spectral;
 
-/// What is minimized.
+/// Criterion to minimize.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Criterion {
@@ -34,7 +35,7 @@ pub enum Criterion {
 pub struct StateSpaceOptions {
     /// Settings of the iterations.
     pub iterations: Options,
-    /// What is minimized.
+    /// Criterion to minimize.
     pub criterion: Criterion,
     /// Whether the direct term D is free; without it D stays as it is.
     pub direct_term: bool,
@@ -66,7 +67,7 @@ pub struct RefinedStateSpace {
     pub rms: Vec<f64>,
     /// Iterations.
     pub iterations: usize,
-    /// How they ended.
+    /// Outcome of the iterations.
     pub outcome: Outcome,
     /// Condition number of the derivatives, columns scaled to length 1.
     pub condition: f64,
@@ -82,7 +83,7 @@ impl RefinedStateSpace {
     }
 }
 
-/// Minimizes the simulation or prediction error of a state-space model, from `model` (as a rule a subspace estimate).
+/// Minimizes the simulation or prediction error of a state-space model, from `model` (usually a subspace estimate).
 ///
 /// An unstable model is drawn into the unit circle first. For [`Criterion::Prediction`] a model without gain starts at
 /// K = 0. The offsets stay those of `model`.
@@ -180,8 +181,8 @@ fn gramian(a: &DMatrix<f64>, q: DMatrix<f64>) -> DMatrix<f64> {
     sum
 }
 
-/// The model in balanced coordinates (controllability and observability gramian equal and diagonal); `None` if it is not
-/// stable or not minimal to working precision.
+/// The model in balanced coordinates (controllability and observability gramian equal and diagonal); `None` if it is
+/// not stable or not minimal to working precision.
 fn balanced(model: &StateSpace) -> Option<StateSpace> {
     if radius(&model.a) >= 1.0 {
         return None;

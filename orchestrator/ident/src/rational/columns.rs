@@ -4,7 +4,8 @@ use nalgebra::DMatrix;
 
 use airloop_optim::linalg::StreamedQr;
 
-/// A column: `sign * signal(k - shift)` for every output, zero before the first and after the last sample of the signal.
+/// A column: `sign * signal(k - shift)` for every output, zero before the first and after the last sample of the
+/// signal.
 #[derive(Debug, Clone, Copy)]
 pub struct Column<'a> {
     /// Signal of every output, shape \[n_y\]\[n\].

@@ -1,7 +1,7 @@
 //! `A(z)^-1` as a filter, and a record filtered by it.
 //!
-//! Everything that linear estimators of `A(z) y = B(z) u` need are shifts of few filtered signals: `A(z)^-1 e_i s` for every
-//! equation i and every signal s (an output, an input, or an impulse for the initial state).
+//! Everything that linear estimators of `A(z) y = B(z) u` need are shifts of few filtered signals: `A(z)^-1 e_i s` for
+//! every equation i and every signal s (an output, an input, or an impulse for the initial state).
 
 use nalgebra::DMatrix;
 
@@ -28,7 +28,8 @@ impl Inverse {
         Inverse { n_y, lags: a.len(), rows }
     }
 
-    /// Response to a forcing of `n` samples, shape \[n_y\]\[n\]; `force` adds `f(k)` to a slice of zeros, shape \[n_y\].
+    /// Response to a forcing of `n` samples, shape \[n_y\]\[n\]; `force` adds `f(k)` to a slice of zeros, shape
+    /// \[n_y\].
     pub fn run(&self, n: usize, mut force: impl FnMut(usize, &mut [f64])) -> Vec<Vec<f64>> {
         let (n_y, width) = (self.n_y, self.n_y * self.lags);
         let mut all = vec![0.0; width + n * n_y];
@@ -49,7 +50,8 @@ impl Inverse {
         (0..self.n_y).map(|i| self.run(signal.len(), |k, now| now[i] = signal[k])).collect()
     }
 
-    /// Impulse responses `A(z)^-1 e_i`, shape \[n_y\]\[n_y\]\[m\], as far as they are not negligible; `m` is at most `n`.
+    /// Impulse responses `A(z)^-1 e_i`, shape \[n_y\]\[n_y\]\[m\], as far as they are not negligible; `m` is at most
+    /// `n`.
     pub fn impulses(&self, n: usize) -> Vec<Vec<Vec<f64>>> {
         let mut length = n.min(256);
         loop {

@@ -1,4 +1,4 @@
-//! Which coefficients of an ARX structure are free, and their order in the parameter vector.
+//! Free coefficients of an ARX structure, and their order in the parameter vector.
 
 use nalgebra::{DMatrix, DVector};
 

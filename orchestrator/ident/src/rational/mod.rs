@@ -1,9 +1,9 @@
 //! `A(z) y = B(z) u` as a simulation: what output error and instrumental variables share.
 //!
-//! A record that begins at any state is `A(z) y = B(z) u + sum_b xi_b delta(k - b)` with everything zero before its first
-//! sample: as many impulses xi as there are lags stand for the initial state. The simulated outputs, their derivatives
-//! with respect to every coefficient and the regressors of prefiltered least squares are then shifts of signals that
-//! `A(z)^-1` filtered.
+//! A record that begins at any state is `A(z) y = B(z) u + sum_b xi_b delta(k - b)` with everything zero before its
+//! first sample: as many impulses xi as there are lags stand for the initial state. The simulated outputs, their
+//! derivatives with respect to every coefficient and the regressors of prefiltered least squares are then shifts of
+//! signals that `A(z)^-1` filtered.
 
 pub mod columns;
 pub mod filter;
@@ -21,7 +21,7 @@ use airloop_optim::linalg::triangular::solve;
 use columns::{Column, fold_columns};
 use filter::Inverse;
 
-/// Why records cannot be used for an estimate.
+/// Reason why records cannot be used for an estimate.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[allow(missing_docs, reason = "numbers, as in each message")]
 pub enum Error {
@@ -241,7 +241,7 @@ impl Filtered {
     }
 }
 
-/// Largest modulus of the roots of `A(z)`; infinite if a coefficient is not finite.
+/// Largest modulus of the roots of `A(z)` (below 1: stable); infinite if a coefficient is not finite.
 pub fn spectral_radius(model: &Arx) -> f64 {
     let n_y = model.output_offset.len();
     let size = n_y * model.a.len();
@@ -261,8 +261,8 @@ pub fn spectral_radius(model: &Arx) -> f64 {
     spectral::eigenvalues(&companion).iter().fold(0.0, |radius, pole| f64::max(radius, pole.norm()))
 }
 
-/// The model with its poles drawn toward the origin so that the largest has the modulus `radius`; a model whose poles
-/// all lie within stays as it is.
+/// The model with its poles drawn toward the origin so that the largest has the modulus `radius` (0..1); a model whose
+/// poles all lie within stays as it is.
 pub fn stabilized(model: &Arx, radius: f64) -> Arx {
     let largest = spectral_radius(model);
     if !largest.is_finite() || largest <= radius {

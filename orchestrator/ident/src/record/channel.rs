@@ -1,7 +1,7 @@
-//! What the values of one column say before any model: missing, constant, saturated, held over several rows.
+//! Quality of the values of one column before any model: missing, constant, saturated, held over several rows.
 
 /// Share of samples at a limit from which a signal counts as saturated.
-const SATURATED: f64 = 0.01;
+const SATURATED_SHARE: f64 = 0.01;
 /// Rows that a held signal must show to be called slower than the others.
 const HELD_CHANGES: usize = 10;
 
@@ -130,18 +130,18 @@ impl Channel {
         self.min.value == self.max.value
     }
 
-    /// Mean value.
+    /// Mean value, in the unit of the column; NaN is left out.
     pub fn mean(&self) -> f64 {
         self.first + self.sums[0] / self.samples as f64
     }
 
-    /// Mean square about the mean.
+    /// Mean square about the mean, in the squared unit of the column.
     pub fn variance(&self) -> f64 {
         let n = self.samples as f64;
         ((self.sums[2] - self.sums[0] * self.sums[0] / n) / n).max(0.0)
     }
 
-    /// Slope per sample of the straight line through the values (least squares).
+    /// Slope, in the unit of the column per sample, of the straight line through the values (least squares).
     pub fn slope(&self) -> f64 {
         let n = self.samples as f64;
         let middle = 0.5 * (n - 1.0);
@@ -169,7 +169,7 @@ impl Channel {
         }
         [self.min, self.max]
             .into_iter()
-            .filter(|limit| limit.count as f64 > SATURATED * n && 2 * limit.repeats > limit.count)
+            .filter(|limit| limit.count as f64 > SATURATED_SHARE * n && 2 * limit.repeats > limit.count)
             .max_by_key(|limit| limit.count)
             .map(|limit| (limit.value, limit.count as f64 / n))
     }

@@ -3,7 +3,7 @@
 use super::Record;
 use super::read::Survey;
 
-/// What is taken away before the estimation.
+/// Trend that is removed before the estimation.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Detrend {
     /// Nothing: the model has its rest at zero.
@@ -32,7 +32,7 @@ pub fn operating_point(detrend: Detrend, estimation: &[Survey], n_u: usize) -> (
     (offsets, outputs)
 }
 
-/// Slopes per sample of all columns of a record that are to be taken away; zeros unless the trend is linear.
+/// Slopes per sample \[columns\] that are to be removed from a record; zeros unless the trend is linear.
 pub fn slopes(detrend: Detrend, survey: &Survey) -> Vec<f64> {
     let slope = |channel: &super::channel::Channel| match detrend {
         Detrend::Linear => channel.slope(),
@@ -41,7 +41,7 @@ pub fn slopes(detrend: Detrend, survey: &Survey) -> Vec<f64> {
     survey.channels.iter().map(slope).collect()
 }
 
-/// Takes the slopes away, about the middle of the record, so that means stay.
+/// Removes the slopes \[columns\] per sample, about the middle of the record, so that means stay.
 pub fn remove_slopes(record: &mut Record, slopes: &[f64]) {
     let columns = record.inputs.iter_mut().chain(&mut record.outputs);
     for (column, &slope) in columns.zip(slopes).filter(|(_, slope)| **slope != 0.0) {

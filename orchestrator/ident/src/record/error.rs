@@ -1,10 +1,10 @@
-//! Why records cannot be used for an identification.
+//! Reason why records cannot be used for an identification.
 
-/// Why records cannot be used for an identification.
+/// Reason why records cannot be used for an identification.
 #[derive(Debug, thiserror::Error)]
 #[allow(missing_docs, reason = "file, line (1-based), column and value, as named in each message")]
 pub enum Error {
-    /// The file is no table of numbers.
+    /// The file is not a table of numbers.
     #[error(transparent)]
     Csv(#[from] airloop_series::csv::Error),
     /// A channel that is asked for but not there.

@@ -25,7 +25,7 @@ use airloop_series::TimeSeries;
 /// Sampled inputs and outputs of one experiment.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Record {
-    /// What messages call it, as a rule the file it was read from.
+    /// Name in messages, usually the file it was read from.
     pub name: String,
     /// Sample time \[s\].
     pub sample_time: f64,

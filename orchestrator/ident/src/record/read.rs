@@ -11,10 +11,10 @@ use airloop_series::stream::{Rows, Stream};
 /// Rows that are read at once.
 pub(super) const ROWS: usize = 4096;
 
-/// What a first reading of a file tells.
+/// Result of a first reading of a file.
 #[derive(Debug, Clone)]
 pub struct Survey {
-    /// What messages call it.
+    /// Name in messages.
     pub name: String,
     /// Time axis.
     pub sampling: Sampling,
@@ -132,7 +132,7 @@ impl Survey {
         Some((columns[slow].clone(), self.channels[slow].held_over().1, held[slow]))
     }
 
-    /// What should be known about the values, one sentence each.
+    /// Notes on the values, one sentence each.
     pub fn notes(&self, columns: &[String]) -> Vec<String> {
         let saturated = self.channels.iter().zip(columns).filter_map(|(channel, column)| {
             let (value, share) = channel.saturated()?;

@@ -3,13 +3,13 @@
 use super::Error;
 
 /// Intervals that tell the usual distance of samples and the decimals of the time stamps.
-const PROBE: usize = 1000;
+const PROBED_INTERVALS: usize = 1000;
 /// Deviation of an interval from the mean, as part of it, that does no harm.
-const HARMLESS: f64 = 1e-3;
+const MAX_RELATIVE_JITTER: f64 = 1e-3;
 /// Most decimals of time stamps that are taken for rounding.
 const MOST_DECIMALS: i32 = 9;
 /// Samples below which there is no point in anything.
-const FEWEST: usize = 4;
+const MIN_SAMPLES: usize = 4;
 
 /// A uniform time axis.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -71,7 +71,7 @@ impl Clock {
                 self.longest = interval;
             }
         }
-        if self.probe.len() < PROBE {
+        if self.probe.len() < PROBED_INTERVALS {
             self.probe.push(time);
         }
         self.last = time;
@@ -85,8 +85,8 @@ impl Clock {
     /// [`Error::TooShort`], [`Error::Gap`] or [`Error::Uneven`].
     pub fn finish(&self, file: &str) -> Result<Sampling, Error> {
         let file = || file.to_owned();
-        if self.samples < FEWEST {
-            return Err(Error::TooShort { file: file(), samples: self.samples, needed: FEWEST });
+        if self.samples < MIN_SAMPLES {
+            return Err(Error::TooShort { file: file(), samples: self.samples, needed: MIN_SAMPLES });
         }
         let mut intervals: Vec<f64> = self.probe.windows(2).map(|pair| pair[1] - pair[0]).collect();
         intervals.sort_unstable_by(f64::total_cmp);
@@ -98,7 +98,7 @@ impl Clock {
         let alternation =
             intervals[intervals.len() - 1 - intervals.len() / 10] - intervals[intervals.len() / 10];
         let rounding = quantum * (1.0 + 1e-6);
-        let tolerance = if alternation > HARMLESS * usual { rounding } else { 0.0 };
+        let tolerance = if alternation > MAX_RELATIVE_JITTER * usual { rounding } else { 0.0 };
         if self.longest.length > 1.5 * usual + tolerance {
             let Interval { line, before, after, .. } = self.longest;
             return Err(Error::Gap {
@@ -106,10 +106,10 @@ impl Clock {
                 line,
                 before,
                 after,
-                sample_time: short(usual, HARMLESS * usual),
+                sample_time: short(usual, MAX_RELATIVE_JITTER * usual),
             });
         }
-        let allowed = rounding.max(HARMLESS * mean);
+        let allowed = rounding.max(MAX_RELATIVE_JITTER * mean);
         for interval in [self.shortest, self.longest] {
             if (interval.length - mean).abs() > allowed {
                 let (line, interval) = (interval.line, interval.length);

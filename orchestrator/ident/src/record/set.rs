@@ -6,7 +6,7 @@ use super::read::{self, Survey};
 use super::{Detrend, Error, Record, detrend};
 use crate::source::FileSource;
 
-/// What to read.
+/// Request for records to read.
 #[derive(Debug, Clone, Default)]
 pub struct Request {
     /// Files of the estimation.
@@ -17,7 +17,7 @@ pub struct Request {
     pub inputs: Vec<String>,
     /// Columns of the outputs, shape \[n_y\].
     pub outputs: Vec<String>,
-    /// What is taken away.
+    /// Trend to remove.
     pub detrend: Detrend,
 }
 
@@ -40,7 +40,7 @@ pub struct Experiments {
     pub input_offset: Vec<f64>,
     /// Operating point of the outputs, shape \[n_y\].
     pub output_offset: Vec<f64>,
-    /// What should be known about the data, one sentence each.
+    /// Notes on the data, one sentence each.
     pub notes: Vec<String>,
 }
 
@@ -62,7 +62,7 @@ impl Experiments {
     /// the experiments stay empty. Estimation first, then validation.
     ///
     /// # Errors
-    /// As [`Experiments::read`].
+    /// Same as [`Experiments::read`].
     pub fn stream(request: &Request) -> Result<(Experiments, Vec<FileSource>, Vec<FileSource>), Error> {
         let (experiments, surveys) = Experiments::open(request, false)?;
         let columns: Vec<String> = request.inputs.iter().chain(&request.outputs).cloned().collect();
@@ -84,7 +84,7 @@ impl Experiments {
     /// estimation, then those of the validation.
     ///
     /// # Errors
-    /// As [`Experiments::read`].
+    /// Same as [`Experiments::read`].
     pub fn open(request: &Request, keep: bool) -> Result<(Experiments, Vec<Survey>), Error> {
         let columns: Vec<String> = request.inputs.iter().chain(&request.outputs).cloned().collect();
         let n_u = request.inputs.len();
@@ -128,7 +128,7 @@ impl Experiments {
 }
 
 /// Mean relative to the spread of a signal from which on a model about zero is doubtful.
-const LARGE_MEAN: f64 = 3.0;
+const MAX_MEAN_OVER_SPREAD: f64 = 3.0;
 
 /// Signals whose mean is large against their spread, over all records of the estimation, in one sentence.
 fn large_means(surveys: &[Survey], columns: &[String]) -> Option<String> {
@@ -140,14 +140,14 @@ fn large_means(surveys: &[Survey], columns: &[String]) -> Option<String> {
         };
         let mean = over(&|channel| channel.mean());
         let variance = over(&|channel| channel.variance() + (channel.mean() - mean).powi(2));
-        mean.abs() > LARGE_MEAN * variance.sqrt()
+        mean.abs() > MAX_MEAN_OVER_SPREAD * variance.sqrt()
     };
     let names: Vec<String> =
         (0..columns.len()).filter(large).map(|index| format!("`{}`", columns[index])).collect();
     let which = if names.len() == 1 { "its spread" } else { "their spread" };
     (!names.is_empty()).then(|| {
         format!(
-            "the mean of {} is larger than {LARGE_MEAN} times {which}, and a linear model has its rest at zero: use --detrend mean, so that it works about the mean",
+            "the mean of {} is larger than {MAX_MEAN_OVER_SPREAD} times {which}, and a linear model has its rest at zero: use --detrend mean, so that it works about the mean",
             names.join(", ")
         )
     })

@@ -16,14 +16,14 @@ pub(super) const COMPARED_SAMPLES: usize = 16_000;
 /// Samples on which the innovation gain is fitted.
 const GAIN_SAMPLES: usize = 8_000;
 
-/// How a model was estimated.
+/// Method by which a model was estimated.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
 pub struct Method {
     /// Weighting of the projection.
     pub weighting: Weighting,
     /// Past and future samples of the block Hankel matrices.
     pub horizon: usize,
-    /// Where A and C come from.
+    /// Method by which A and C are found.
     pub realization: Realization,
     /// Whether poles outside the unit circle were mirrored at it.
     pub stabilized: bool,

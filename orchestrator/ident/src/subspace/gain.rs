@@ -9,12 +9,12 @@ use super::realization::spectral_radius;
 use super::riccati::{Noise, kalman_gain};
 
 /// Residual variance of the scaled outputs below which there is nothing to predict.
-const NOISE_FREE: f64 = 1e-16;
+const MIN_RESIDUAL_VARIANCE: f64 = 1e-16;
 
 /// Innovation gain K in scaled units, shape \[n, n_y\], such that the predictor `A - K C` is stable.
 ///
-/// First guess: the state x(t) is taken from the past, `state` z(t-1) .. z(t-p); the residuals `w = x(t+1) - A x(t) - B u(t)` and
-/// `v = y(t) - C x(t) - D u(t)` have the covariances of the Riccati equation. `None`: it has no solution.
+/// First guess: the state x(t) is taken from the past, `state` z(t-1) .. z(t-p); the residuals `w = x(t+1) - A x(t) - B
+/// u(t)` and `v = y(t) - C x(t) - D u(t)` have the covariances of the Riccati equation. `None`: it has no solution.
 /// Data without noise leave the gain at 0.
 pub(super) fn riccati_gain(
     factor: &HankelFactor,
@@ -29,7 +29,7 @@ pub(super) fn riccati_gain(
     let v = &steps.y - &x * model.c.transpose() - &steps.u * model.d.transpose();
     let rows = factor.rows as f64;
     let mut noise = Noise { q: w.tr_mul(&w) / rows, s: w.tr_mul(&v) / rows, r: v.tr_mul(&v) / rows };
-    if noise.r.trace() < NOISE_FREE * n_y as f64 {
+    if noise.r.trace() < MIN_RESIDUAL_VARIANCE * n_y as f64 {
         return Some(DMatrix::zeros(n, n_y));
     }
     // An output without noise and rounding must not make the problem singular.
@@ -41,13 +41,13 @@ pub(super) fn riccati_gain(
 }
 
 /// Most Gauss-Newton steps; a step that improves the prediction by less than a ten-thousandth ends the search.
-const STEPS: usize = 15;
+const MAX_GAUSS_NEWTON_STEPS: usize = 15;
 
-/// Gain that brings the one-step predictions closest to the measured outputs, A, B, C and D given: Gauss-Newton from the
-/// best of `starts`, with halved steps that keep the predictor stable. `None` if no start is finite.
+/// Gain that brings the one-step predictions closest to the measured outputs, A, B, C and D given: Gauss-Newton from
+/// the best of `starts`, with halved steps that keep the predictor stable. `None` if no start is finite.
 ///
-/// With `e` the innovations, the change of the predictions with K is the response of `A - K C` to inputs e: each step is
-/// the estimate of an input matrix.
+/// With `e` the innovations, the change of the predictions with K is the response of `A - K C` to inputs e: each step
+/// is the estimate of an input matrix.
 pub(super) fn prediction_error_gain(
     segments: &[Segment],
     model: &Matrices,
@@ -67,7 +67,7 @@ pub(super) fn prediction_error_gain(
         }
     }
     let (mut least, mut gain, mut errors) = best?;
-    for _ in 0..STEPS {
+    for _ in 0..MAX_GAUSS_NEWTON_STEPS {
         // Every output counts by its relative error.
         let weights = rms(&errors).map(|rms| 1.0 / rms.max(f64::MIN_POSITIVE));
         let weights = DMatrix::from_diagonal(&weights);

@@ -1,9 +1,9 @@
 //! Triangular factor of past and future of the records: all that the subspace methods need to know of the data.
 //!
-//! Row t of the tall matrix is `[u(t) .. u(t+f-1) | z(t-1) .. z(t-p) | y(t) .. y(t+f-1)]` with `z = (u, y)`: future inputs,
-//! past by lag, future outputs, the columns of the block Hankel matrices of every record. It is folded block by block
-//! into its factor R (the LQ factorization of the Hankel matrices, transposed), so that memory does not grow with the
-//! records. The factor of a shorter horizon is that of some of its columns.
+//! Row t of the tall matrix is `[u(t) .. u(t+f-1) | z(t-1) .. z(t-p) | y(t) .. y(t+f-1)]` with `z = (u, y)`: future
+//! inputs, past by lag, future outputs, the columns of the block Hankel matrices of every record. It is folded block by
+//! block into its factor R (the LQ factorization of the Hankel matrices, transposed), so that memory does not grow with
+//! the records. The factor of a shorter horizon is that of some of its columns.
 
 use nalgebra::DMatrix;
 
@@ -186,7 +186,7 @@ fn stacked(above: &DMatrix<f64>, below: &DMatrix<f64>) -> DMatrix<f64> {
     both.qr().unpack_r()
 }
 
-/// What stands in a column at row t: whether an input, which channel, which sample.
+/// Content of a column at row t: whether an input, which channel, which sample.
 fn place(column: usize, t: usize, horizon: usize, n_u: usize, n_y: usize) -> (bool, usize, usize) {
     let n_z = n_u + n_y;
     if column < horizon * n_u {

@@ -6,9 +6,9 @@ use super::data::{Matrices, Segment};
 use airloop_optim::linalg::StreamedQr;
 use airloop_optim::linalg::spectral;
 
-/// B, shape \[n, n_u\], and D, shape \[n_y, n_u\] (zeros unless `direct`), that bring the simulated outputs closest to the
-/// measured ones, with an initial state of its own for every segment. Everything about them is linear:
-/// `y(k) = C A^k x0 + sum over m of C A^(k-1-m) B u(m) + D u(k)`.
+/// B, shape \[n, n_u\], and D, shape \[n_y, n_u\] (zeros unless `direct`), that bring the simulated outputs closest to
+/// the measured ones, with an initial state of its own for every segment. Everything about them is linear: `y(k) = C
+/// A^k x0 + sum over m of C A^(k-1-m) B u(m) + D u(k)`.
 ///
 /// `observer`, shape \[n, n_y\], is for unstable A: the outputs are then those of the predictor `A - L C`.
 pub(super) fn input_terms(

@@ -1,4 +1,5 @@
-//! Subspace identification of state-space models: N4SID, PO-MOESP and CVA.
+//! Subspace identification of state-space models: N4SID, PO-MOESP and CVA (Van Overschee and De Moor, Subspace
+//! Identification for Linear Systems, Kluwer 1996).
 //!
 //! | module | what |
 //! |--------|------|
@@ -37,11 +38,11 @@ use super::model::{Model, StateSpace};
 use super::record::Record;
 
 /// Widest factor: beyond it horizons cost more time than they bring.
-const WIDEST: usize = 200;
+const MAX_FACTOR_WIDTH: usize = 200;
 /// Error relative to the signal that counts as none: rounding of the data and of the numerics.
-pub const EXACT: f64 = 1e-6;
+pub const EXACT_RELATIVE_ERROR: f64 = 1e-6;
 /// An order is enough if its error on held-out samples is at most this much above that of the best order.
-const ENOUGH: f64 = 1.02;
+const MAX_RELATIVE_ERROR_TO_BEST: f64 = 1.02;
 
 /// Order of the model.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -73,7 +74,7 @@ pub struct Options {
 }
 
 impl Options {
-    /// Defaults for an order about an operating point.
+    /// Defaults for an order about an operating point: offsets of inputs \[n_u\] and outputs \[n_y\] in their units.
     pub fn new(order: Order, input_offset: &[f64], output_offset: &[f64]) -> Options {
         Options {
             order,
@@ -87,18 +88,18 @@ impl Options {
     }
 }
 
-/// What [`estimate`] found.
+/// Result of [`estimate`].
 #[derive(Debug, Clone, PartialEq)]
 pub struct Estimate {
     /// The model, with its innovation gain.
     pub model: StateSpace,
-    /// How it was estimated.
+    /// Method of estimation.
     pub method: Method,
     /// Singular values of the projection it comes from, the largest first.
     pub singular_values: Vec<f64>,
-    /// How the order was found; empty if it was given.
+    /// Errors of the orders tried; empty if the order was given.
     pub orders: Vec<OrderError>,
-    /// What the user should know, one sentence each.
+    /// Warnings to the user, one sentence each.
     pub warnings: Vec<String>,
 }
 
@@ -108,10 +109,10 @@ pub struct OrderError {
     /// Order n.
     pub order: usize,
     /// Relative RMS error of the simulation on the held-out samples, the mean over the outputs; `None`: unstable.
-    pub held_back: Option<f64>,
+    pub held_out: Option<f64>,
 }
 
-/// Why a model cannot be estimated.
+/// Reason why a model cannot be estimated.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[allow(missing_docs, reason = "values as named in each message")]
 pub enum Error {
@@ -237,7 +238,7 @@ fn fixed(candidates: &Candidates, scale: &Scale, order: usize) -> Result<Estimat
 }
 
 /// Past and future samples to try: a quarter, half, three quarters and all of the longest, which leaves at least twice
-/// as many rows as columns and no more than [`WIDEST`] columns.
+/// as many rows as columns and no more than [`MAX_FACTOR_WIDTH`] columns.
 fn horizons(segments: &[Segment], order: usize, options: &Options) -> Result<Vec<usize>, Error> {
     let (n_u, n_y) = (options.input_offset.len(), options.output_offset.len());
     let n_z = n_u + n_y;
@@ -262,7 +263,7 @@ fn horizons(segments: &[Segment], order: usize, options: &Options) -> Result<Vec
     if !fits(least, 1) {
         return too_short(least);
     }
-    let mut most = (WIDEST / (2 * n_z)).max(least);
+    let mut most = (MAX_FACTOR_WIDTH / (2 * n_z)).max(least);
     while most > least && !fits(most, 2) {
         most -= 1;
     }
@@ -275,7 +276,7 @@ fn horizons(segments: &[Segment], order: usize, options: &Options) -> Result<Vec
 /// Errors of the orders 1 to `highest` on held-out samples, estimated from the rest.
 fn order_search(segments: &[Segment], highest: usize, options: &Options) -> Result<Vec<OrderError>, Error> {
     let lengths: Vec<usize> = segments.iter().map(Segment::len).collect();
-    let (used, kept) = pieces::kept_back(&lengths);
+    let (used, kept) = pieces::held_out(&lengths);
     let cut = |pieces: Vec<pieces::Piece>| -> Vec<Segment> {
         pieces.into_iter().map(|(index, from, n)| segments[index].part(from, n)).collect()
     };
@@ -288,16 +289,18 @@ fn order_search(segments: &[Segment], highest: usize, options: &Options) -> Resu
     let orders = (1..=highest).map(|order| {
         let found = candidates.of_order(order);
         let best = found.first().filter(|best| best.stable);
-        let held_back = best.map(|best| relative_error(&kept, &best.model)).filter(|error| error.is_finite());
-        OrderError { order, held_back }
+        let held_out = best.map(|best| relative_error(&kept, &best.model)).filter(|error| error.is_finite());
+        OrderError { order, held_out }
     });
     Ok(orders.collect())
 }
 
 /// The smallest order that is as good as the best.
 fn enough(orders: &[OrderError]) -> usize {
-    let best = orders.iter().filter_map(|order| order.held_back).fold(f64::INFINITY, f64::min);
-    let is_enough = |order: &&OrderError| order.held_back.is_some_and(|error| error <= ENOUGH * best + EXACT);
+    let best = orders.iter().filter_map(|order| order.held_out).fold(f64::INFINITY, f64::min);
+    let is_enough = |order: &&OrderError| {
+        order.held_out.is_some_and(|error| error <= MAX_RELATIVE_ERROR_TO_BEST * best + EXACT_RELATIVE_ERROR)
+    };
     orders.iter().find(is_enough).map_or(1, |order| order.order)
 }
 

@@ -5,8 +5,8 @@ use crate::record::Record;
 /// A piece of a signal: its index, first sample, number of samples.
 pub type Piece = (usize, usize, usize);
 
-/// Pieces of signals of the given lengths, about `samples` samples together: whole signals if there are no more, else pieces
-/// spread evenly over every signal.
+/// Pieces of signals of the given lengths, about `samples` samples together: whole signals if there are no more, else
+/// pieces spread evenly over every signal.
 pub fn spread(lengths: &[usize], samples: usize) -> Vec<Piece> {
     const PIECE: usize = 4000;
     let total: usize = lengths.iter().sum();
@@ -30,7 +30,7 @@ pub fn spread(lengths: &[usize], samples: usize) -> Vec<Piece> {
 /// Pieces to estimate from and held-out pieces to judge: every second record if that leaves a fair share on both
 /// sides (a record is often one kind of signal throughout, a chirp even one frequency after the other), else the last
 /// third of every record.
-pub fn kept_back(lengths: &[usize]) -> (Vec<Piece>, Vec<Piece>) {
+pub fn held_out(lengths: &[usize]) -> (Vec<Piece>, Vec<Piece>) {
     let whole = |first: usize| -> Vec<Piece> {
         (first..lengths.len()).step_by(2).map(|index| (index, 0, lengths[index])).collect()
     };
@@ -72,10 +72,10 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_second_record_is_kept_back_or_the_last_third_of_each() {
-        assert_eq!(kept_back(&[9, 6, 9]), (vec![(0, 0, 9), (2, 0, 9)], vec![(1, 0, 6)]));
-        assert_eq!(kept_back(&[9]), (vec![(0, 0, 6)], vec![(0, 6, 3)]));
-        assert_eq!(kept_back(&[90, 9]), (vec![(0, 0, 60), (1, 0, 6)], vec![(0, 60, 30), (1, 6, 3)]));
+    fn every_second_record_is_held_out_or_the_last_third_of_each() {
+        assert_eq!(held_out(&[9, 6, 9]), (vec![(0, 0, 9), (2, 0, 9)], vec![(1, 0, 6)]));
+        assert_eq!(held_out(&[9]), (vec![(0, 0, 6)], vec![(0, 6, 3)]));
+        assert_eq!(held_out(&[90, 9]), (vec![(0, 0, 60), (1, 0, 6)], vec![(0, 60, 30), (1, 6, 3)]));
     }
 
     #[test]

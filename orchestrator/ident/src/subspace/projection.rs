@@ -7,7 +7,7 @@ use airloop_optim::linalg::spectral;
 use super::hankel::HankelFactor;
 
 /// Relative singular value below which a direction is taken for not there.
-const RANK: f64 = 1e-10;
+const RANK_TOLERANCE: f64 = 1e-10;
 
 /// Weightings of the projection.
 ///
@@ -95,10 +95,10 @@ impl Projection {
 
 fn rank(singular_values: &DVector<f64>) -> usize {
     let largest = singular_values.max();
-    singular_values.iter().filter(|&&s| s > RANK * largest && s > 0.0).count()
+    singular_values.iter().filter(|&&s| s > RANK_TOLERANCE * largest && s > 0.0).count()
 }
 
-/// Moore-Penrose inverse; directions below `RANK` are left out.
+/// Moore-Penrose inverse; directions below `RANK_TOLERANCE` are left out.
 pub(super) fn pseudo_inverse(matrix: DMatrix<f64>) -> DMatrix<f64> {
     let svd = spectral::svd(matrix, true, true);
     let rank = rank(&svd.singular_values);

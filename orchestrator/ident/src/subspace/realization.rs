@@ -7,7 +7,7 @@ use airloop_optim::linalg::spectral;
 use super::hankel::HankelFactor;
 use super::projection::{Projection, pseudo_inverse};
 
-/// Where A and C come from.
+/// Method by which A and C are found.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, serde::Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Realization {
@@ -60,15 +60,15 @@ pub(super) fn spectral_radius(a: &DMatrix<f64>) -> f64 {
 /// A with the poles outside the unit circle mirrored at it (to `1 / conj(z)`), in the real Schur form; poles next to
 /// the circle come to rest at modulus 0.9999. `None` if the Schur form does not converge.
 pub(super) fn stabilized(a: &DMatrix<f64>) -> Option<DMatrix<f64>> {
-    const LIMIT: f64 = 0.9999;
+    const MAX_MODULUS: f64 = 0.9999;
     let (q, mut t) = nalgebra::Schur::try_new(a.clone(), f64::EPSILON, 10_000)?.unpack();
     let n = t.nrows();
     let mut k = 0;
     while k < n {
         let size = if k + 1 < n && t[(k + 1, k)] != 0.0 { 2 } else { 1 };
         let radius = spectral_radius(&t.view((k, k), (size, size)).into_owned());
-        if radius > LIMIT {
-            let factor = (1.0 / radius).min(LIMIT) / radius;
+        if radius > MAX_MODULUS {
+            let factor = (1.0 / radius).min(MAX_MODULUS) / radius;
             t.view_mut((k, k), (size, size)).scale_mut(factor);
         }
         k += size;

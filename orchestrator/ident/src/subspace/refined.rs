@@ -17,12 +17,12 @@ const REFINED_SAMPLES: usize = 100_000;
 /// Iterations: most refinements settle within these, or change the model hardly any more.
 const ITERATIONS: usize = 25;
 /// Samples times squared number of parameters times iterations that are worth the time; at least 5 iterations are made.
-const WORK: f64 = 3e8;
+const MAX_WORK: f64 = 3e8;
 
 /// Loss of fit \[points\] on held-out samples that is no evidence against the refinement.
-const TOLERANCE: f64 = 0.25;
+const MAX_FIT_LOSS: f64 = 0.25;
 
-/// What is refined.
+/// Criterion of the refinement.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Refinement {
@@ -43,10 +43,10 @@ pub struct Refined {
     pub taken: bool,
     /// Fit \[%\] on held-out samples, estimated from the rest, without and with refinement: of the simulation or of the
     /// prediction, whichever was refined; the first is minus infinity for an unstable model. `None`: not tested.
-    pub held_back: Option<(f64, f64)>,
+    pub held_out: Option<(f64, f64)>,
     /// The refinement with its covariance, if it was taken.
     pub details: Option<RefinedStateSpace>,
-    /// What happened, in a sentence.
+    /// Outcome in a sentence.
     pub note: String,
 }
 
@@ -63,10 +63,10 @@ pub fn refine(
     options: &Options,
     refinement: Refinement,
 ) -> Result<Refined, Error> {
-    let unchanged = |note: String, held_back| Refined {
+    let unchanged = |note: String, held_out| Refined {
         model: start.model.clone(),
         taken: false,
-        held_back,
+        held_out,
         details: None,
         note,
     };
@@ -80,8 +80,8 @@ pub fn refine(
         criterion,
         direct_term: options.direct,
     };
-    let held_back = on_samples_kept_back(records, start.model.order(), options, &settings);
-    match held_back {
+    let held_out = on_held_out_samples(records, start.model.order(), options, &settings);
+    match held_out {
         None => {
             return Ok(unchanged(
                 format!(
@@ -90,50 +90,50 @@ pub fn refine(
                 None,
             ));
         }
-        Some((before, after)) if after < before - TOLERANCE => {
+        Some((before, after)) if after < before - MAX_FIT_LOSS => {
             return Ok(unchanged(
                 format!(
                     "not refined by {what}: on held-out samples the fit would fall from {before:.2} % to {after:.2} %"
                 ),
-                held_back,
+                held_out,
             ));
         }
         _ => {}
     }
     let Ok(details) = refine_state_space(&start.model, &some(records), &settings) else {
-        return Ok(unchanged(format!("not refined by {what}: the records are too short"), held_back));
+        return Ok(unchanged(format!("not refined by {what}: the records are too short"), held_out));
     };
     let mut model = details.model.clone();
     if criterion == Criterion::Simulation {
         model.gain = gain(records, &model, start, options)?;
     }
     let limit = if details.outcome == Outcome::Converged { "" } else { ", not to the end" };
-    let tested = match held_back {
+    let tested = match held_out {
         Some((before, after)) if before.is_finite() => {
             format!("on held-out samples the fit is {after:.2} %, without refinement {before:.2} %")
         }
         _ => "without refinement the model is unstable on held-out samples".into(),
     };
     let note = format!("refined by {what} in {} iterations{limit}; {tested}", details.iterations);
-    Ok(Refined { model, taken: true, held_back, details: Some(details), note })
+    Ok(Refined { model, taken: true, held_out, details: Some(details), note })
 }
 
-/// Iterations that fit into [`WORK`].
+/// Iterations that fit into [`MAX_WORK`].
 fn iterations(records: &[Record], start: &Estimate) -> usize {
     let samples = records.iter().map(Record::len).sum::<usize>().min(REFINED_SAMPLES) as f64;
     let (n, (n_y, n_u)) = (start.model.order(), start.model.d.shape());
     let parameters = (n * (n_u + n_y) + n_y * n_u) as f64;
-    ((WORK / (samples * parameters * parameters)) as usize).clamp(5, ITERATIONS)
+    ((MAX_WORK / (samples * parameters * parameters)) as usize).clamp(5, ITERATIONS)
 }
 
 /// Fits \[%\] without and with refinement on held-out samples.
-fn on_samples_kept_back(
+fn on_held_out_samples(
     records: &[Record],
     order: usize,
     options: &Options,
     settings: &StateSpaceOptions,
 ) -> Option<(f64, f64)> {
-    let (used, kept) = pieces::kept_back(&pieces::lengths(records));
+    let (used, kept) = pieces::held_out(&pieces::lengths(records));
     let (used, kept) = (pieces::cut(records, &used), pieces::cut(records, &kept));
     let options = Options { order: Order::Fixed(order), ..options.clone() };
     let before = estimate(&used, &options).ok()?.model;

@@ -4,7 +4,7 @@ use std::fmt::Write;
 
 use nalgebra::DMatrix;
 
-/// What holds from one sample to the next. n: states and disturbances, m: inputs, p: measured signals.
+/// Values that hold from one sample to the next. n: states and disturbances, m: inputs, p: measured signals.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Row {
     /// Nominal states, `[n]`.
@@ -21,7 +21,7 @@ pub struct Row {
     pub a: DMatrix<f64>,
     /// Effect of the inputs one sample later B, `[n, m]`.
     pub b: DMatrix<f64>,
-    /// What the nominal trajectory lacks of the model's, one sample later, `[n]`.
+    /// Defect of the nominal trajectory in the model equations over the next sample, `[n]`.
     pub drift: Vec<f64>,
     /// Measured signals of deviations C, `[p, n]`.
     pub output: DMatrix<f64>,
@@ -53,7 +53,7 @@ pub struct Controller {
     pub limits: Vec<(f64, f64)>,
 }
 
-/// What the controller remembers between samples.
+/// Memory of the controller between samples.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Estimate {
     sample: usize,
@@ -78,8 +78,8 @@ impl Controller {
         }
     }
 
-    /// As [`Controller::step`], where the plant is in a mode: the next phase begins when its mode is seen, and
-    /// `x0 + e` goes on as it was.
+    /// Same as [`Controller::step`] (`measured` \[p\]; inputs \[m\] and states \[n\]), where the plant is in a mode:
+    /// the next phase begins when its mode is seen, and `x0 + e` continues without a jump.
     pub fn step_in(&self, estimate: &mut Estimate, mode: i32, measured: &[f64]) -> (Vec<f64>, Vec<f64>) {
         let phase = estimate.phase;
         let own = self.phases.get(phase).map(|phase| phase.mode);

@@ -1,15 +1,15 @@
-//! Why a trajectory cannot be stabilized.
+//! Reason why a trajectory cannot be stabilized.
 
 use airloop_optim::EvaluationError;
 
-/// Why a trajectory cannot be stabilized.
+/// Reason why a trajectory cannot be stabilized.
 #[derive(Debug, thiserror::Error)]
 #[allow(missing_docs, reason = "named in each message")]
 pub enum Error {
     /// The functions of the plant.
     #[error("t = {time} s: {source}")]
     Evaluation { time: f64, source: EvaluationError },
-    /// A state that is no part of a linear block.
+    /// A state that is not part of a linear block.
     #[error(
         "`{state}` cannot be held over a sample: its rate does not depend linearly, with constant coefficients, on sampled states and inputs alone; leave it out of the sampled states"
     )]

@@ -10,9 +10,9 @@ use airloop_series::Interpolation;
 /// Rounds of Newton's method for the equilibrium.
 const ROUNDS: usize = 30;
 /// Most samples: each is a row of gains in memory and in the table.
-const MOST: f64 = 1e6;
+const MAX_SAMPLES: f64 = 1e6;
 /// Rates that count as rest: change over one second relative to the size of the states.
-const REST: f64 = 1e-6;
+const MAX_RATE_AT_REST: f64 = 1e-6;
 
 /// Knots of a plan.
 #[derive(Debug, Clone, Copy)]
@@ -71,9 +71,9 @@ impl Nominal {
                 end - start
             )));
         }
-        if count > MOST {
+        if count > MAX_SAMPLES {
             return Err(Error::Trajectory(format!(
-                "{count} samples of {sample_time} s; at most {MOST} are possible, lengthen the sample time"
+                "{count} samples of {sample_time} s; at most {MAX_SAMPLES} are possible, lengthen the sample time"
             )));
         }
         let (mut states, mut inputs): (Vec<Vec<f64>>, Vec<Vec<f64>>) = (Vec::new(), Vec::new());
@@ -179,7 +179,7 @@ pub(super) fn rest(
     for _ in 0..ROUNDS {
         let at = Point { time, states: &x, inputs: &u };
         plant.dynamics().jacobian(at, &mut values, &mut jacobian).map_err(Error::at(time))?;
-        if (0..n).all(|i| values[i].abs() <= REST * size[i]) {
+        if (0..n).all(|i| values[i].abs() <= MAX_RATE_AT_REST * size[i]) {
             return Ok((x, u, true));
         }
         let rates = DVector::from_fn(n, |i, _| values[i] / size[i]);

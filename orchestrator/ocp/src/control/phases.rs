@@ -1,10 +1,12 @@
-//! Trajectories with phases: nominal samples of each phase beyond its ends, and a design across the events between them.
+//! Trajectories with phases: nominal samples of each phase beyond its ends, and a design across the events between
+//! them.
 //!
-//! A plant that is off its plan meets an event earlier or later than planned. Between the two times the distance from the
-//! plan is as large as the jump, whatever the controller does. So each phase has a nominal trajectory that goes on before
-//! its begin and after its end, as the plant would without the event, and the mode of the plant tells which one counts
-//! (Rijnen, Saccon and Nijmeijer, "On optimal trajectory tracking for mechanical systems with unilateral constraints",
-//! CDC 2015). Distances before and after an event then belong together by the saltation matrix, to first order:
+//! A plant that is off its plan meets an event earlier or later than planned. Between the two times the distance from
+//! the plan is as large as the jump, whatever the controller does. So each phase has a nominal trajectory that goes on
+//! before its begin and after its end, as the plant would without the event, and the mode of the plant tells which one
+//! counts (Rijnen, Saccon and Nijmeijer, "On optimal trajectory tracking for mechanical systems with unilateral
+//! constraints", CDC 2015). Distances before and after an event then belong together by the saltation matrix, to first
+//! order:
 //!
 //! `Xi = DR + (f+ - DR f-) Dg / (Dg f-)`, with guard g, reset map R, and rates f- before and f+ after the event.
 
@@ -26,7 +28,7 @@ pub struct Leg<'a> {
     pub name: &'a str,
 }
 
-/// What ends a phase.
+/// Event that ends a phase.
 pub struct Event {
     /// Output of the plant that passes through zero, by index.
     pub guard: usize,
@@ -34,14 +36,14 @@ pub struct Event {
     pub reset: Option<Box<dyn Reset>>,
 }
 
-/// How a plan with phases is followed.
+/// Settings for following a plan with phases.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Following {
     /// Mode of the plant in every phase; none: phases begin by time.
     pub modes: Option<Vec<i32>>,
-    /// How far the nominal trajectory of a phase goes beyond its ends \[s\].
+    /// Time by which the nominal trajectory of a phase goes beyond its ends \[s\].
     pub overlap: f64,
-    /// How far the regulator looks beyond the end of the plan \[s\].
+    /// Time by which the regulator looks beyond the end of the plan \[s\].
     pub horizon: f64,
 }
 
@@ -57,8 +59,8 @@ pub struct Phases<'a> {
 }
 
 impl<'a> Phases<'a> {
-    /// Puts the knots of legs on common samples. Between knots the states are cubic with the rates of the plant; sampled
-    /// states stand half a sample later, so that their held values have the mean of the plan.
+    /// Puts the knots of legs on common samples. Between knots the states are cubic with the rates of the plant;
+    /// sampled states stand half a sample later, so that their held values have the mean of the plan.
     ///
     /// # Errors
     /// A phase without a sample, or functions without a value.
@@ -193,7 +195,7 @@ impl<'a> Phases<'a> {
     /// Designs the controller; `events` end all legs but the last. Also its rows at [`Phases::nominal`].
     ///
     /// # Errors
-    /// As [`super::design`]; an event that is only touched.
+    /// Same as [`super::design`]; an event that is only touched.
     pub fn design(
         &mut self,
         mut events: Vec<Event>,
@@ -281,8 +283,8 @@ impl Leg<'_> {
         Ok(values)
     }
 
-    /// States at a time \[s\]: between the knots cubic with the rates there, beyond them by the plant under the inputs at
-    /// the end.
+    /// States at a time \[s\]: between the knots cubic with the rates there, beyond them by the plant under the inputs
+    /// at the end.
     fn state(&mut self, rates: &[Vec<f64>], time: f64) -> Result<Vec<f64>, Error> {
         let Knots { time: knots, states, inputs, .. } = self.knots;
         let last = knots.len() - 1;

@@ -40,8 +40,8 @@ pub fn steady(
     (radius < 1.0).then_some(p)
 }
 
-/// The cost that far \[samples\] before an end with the cost Q, at most; sooner where it no longer changes. `None` if it
-/// grows beyond all bounds.
+/// The cost that far \[samples\] before an end with the cost Q, at most; sooner where it no longer changes. `None` if
+/// it grows beyond all bounds.
 pub fn far(
     a: &DMatrix<f64>,
     b: &DMatrix<f64>,
@@ -67,7 +67,8 @@ pub fn gain(a: &DMatrix<f64>, b: &DMatrix<f64>, p: &DMatrix<f64>, r: &DMatrix<f6
     gain.iter().all(|value| value.is_finite()).then_some(gain)
 }
 
-/// Cost before a sample with feedback K: `Q + K' R K + (A - B K)' P (A - B K)`, which stays symmetric and positive.
+/// Cost before a sample with feedback K: `Q + K' R K + (A - B K)' P (A - B K)`, which stays symmetric and
+/// positive; shape `[n, n]`, with A `[n, n]`, B `[n, m]`, K `[m, n]`, Q `[n, n]`, R `[m, m]`.
 pub fn cost_before(
     (a, b): (&DMatrix<f64>, &DMatrix<f64>),
     gain: &DMatrix<f64>,
@@ -85,13 +86,14 @@ pub fn correction(p: &DMatrix<f64>, c: &DMatrix<f64>, r: &DMatrix<f64>) -> Optio
     gain.iter().all(|value| value.is_finite()).then_some(gain)
 }
 
-/// Covariance after the measurement, in Joseph's form: `(I - L C) P (I - L C)' + L R L'`.
+/// Covariance after the measurement, in Joseph's form: `(I - L C) P (I - L C)' + L R L'`, `[n, n]`, with L `[n, p]`,
+/// C `[p, n]`, R `[p, p]`.
 pub fn corrected(p: &DMatrix<f64>, l: &DMatrix<f64>, c: &DMatrix<f64>, r: &DMatrix<f64>) -> DMatrix<f64> {
     let kept = DMatrix::identity(p.nrows(), p.nrows()) - l * c;
     symmetric(&kept * p * kept.transpose() + l * r * l.transpose())
 }
 
-/// Covariance one sample later: `A P A' + Q`.
+/// Covariance one sample later: `A P A' + Q`, `[n, n]`.
 pub fn predicted(p: &DMatrix<f64>, a: &DMatrix<f64>, q: &DMatrix<f64>) -> DMatrix<f64> {
     symmetric(a * p * a.transpose() + q)
 }

@@ -88,7 +88,8 @@ impl<'a> Sampled<'a> {
         &self.held
     }
 
-    /// The inputs next to `inputs` that take the sampled states from `from` as near as possible to `to` in one sample.
+    /// The inputs `[m]` nearest to `inputs` `[m]` that take the sampled states from `from` as near as possible to `to`
+    /// (both `[n]`) in one sample.
     pub fn inputs_between(&self, from: &[f64], to: &[f64], inputs: &[f64]) -> Vec<f64> {
         let n = self.held.len();
         let at = Point { time: 0.0, states: from, inputs };

@@ -20,7 +20,7 @@ pub enum Measured {
     Output(usize),
 }
 
-/// What the design is to keep to.
+/// Requirements on the design.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Design {
     /// Deviation of every state that costs as much as the others, `[n_x]`; infinite: no cost.

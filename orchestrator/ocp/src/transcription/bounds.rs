@@ -6,7 +6,7 @@ use super::problem::{Duration, Phase};
 use airloop_optim::Bounds;
 
 /// Difference of bounds, relative to their size, that counts as rounding.
-const ROUNDING: f64 = 1e-9;
+const ROUNDING_TOLERANCE: f64 = 1e-9;
 
 pub(super) struct VariableBounds {
     pub bounds: Bounds,
@@ -55,8 +55,8 @@ impl VariableBounds {
         }
         let (old_lower, old_upper) = (self.bounds.lower[variable], self.bounds.upper[variable]);
         let origin = &mut self.origin[variable];
-        let room =
-            ROUNDING * [lower, upper].iter().fold(1.0, |m, v| if v.is_finite() { v.abs().max(m) } else { m });
+        let room = ROUNDING_TOLERANCE
+            * [lower, upper].iter().fold(1.0, |m, v| if v.is_finite() { v.abs().max(m) } else { m });
         if lower > old_upper + room || upper < old_lower - room {
             let other = origin[usize::from(lower > old_upper)].map(|other| part.limits[other].name.as_str());
             let item = match other {

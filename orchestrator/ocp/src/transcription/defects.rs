@@ -1,4 +1,4 @@
-//! How well a trajectory follows its dynamics between the knots.
+//! Error of a trajectory in its dynamics between the knots.
 //!
 //! ```text
 //! e_i = integral over the interval of |dx_i/dt - f_i(t, x(t), u(t))|
@@ -29,7 +29,7 @@ pub struct IntervalErrors {
 }
 
 impl IntervalErrors {
-    /// Largest relative error.
+    /// Largest relative error over all intervals and states.
     pub fn largest(&self) -> f64 {
         self.relative.iter().copied().fold(0.0, f64::max)
     }

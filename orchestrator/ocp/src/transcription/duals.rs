@@ -1,7 +1,7 @@
 //! Multipliers as functions of time, so that a solution can start another mesh or transcription.
 //!
 //! The multiplier of a bound or of a limit along the path is a density times the weight of its point: knots and
-//! midpoints get what a quadrature gives them. Costates (multipliers of defects) are no densities.
+//! midpoints get what a quadrature gives them. Costates (multipliers of defects) are not densities.
 
 use super::Error;
 use super::layout::Layout;

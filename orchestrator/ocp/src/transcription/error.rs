@@ -1,8 +1,8 @@
-//! What can be wrong with a problem before it is solved.
+//! Errors in a problem, found before it is solved.
 
 use airloop_optim::EvaluationError;
 
-/// Why a problem cannot be transcribed.
+/// Reason why a problem cannot be transcribed.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum Error {
     /// No phase at all.
@@ -23,7 +23,7 @@ pub enum Error {
     /// A number of meshes or links that does not fit the phases.
     #[error("{found} {what} for {phases} phases; {expected} are needed")]
     Count {
-        /// What there are too many or too few of.
+        /// Items of which there are too many or too few.
         what: &'static str,
         /// Given number.
         found: usize,
@@ -43,7 +43,7 @@ pub enum Error {
         kind: &'static str,
         /// Index, from 0.
         index: usize,
-        /// How many there are.
+        /// Number of items.
         count: usize,
     },
     /// Bounds that no value satisfies, or that are NaN.
@@ -63,11 +63,11 @@ pub enum Error {
     Value {
         /// Phase.
         phase: String,
-        /// What has the value.
+        /// Item that has the value.
         item: String,
         /// The value.
         value: f64,
-        /// What is allowed.
+        /// Allowed values.
         allowed: &'static str,
     },
     /// Fractions of a mesh that do not increase from 0 to 1.
@@ -78,9 +78,9 @@ pub enum Error {
         /// Its fraction.
         value: f64,
     },
-    /// An interval that is no whole number of samples long.
+    /// An interval that is not a whole number of samples long.
     #[error(
-        "phase `{phase}`: interval {interval} of the mesh is {length} s long, which is no whole number of samples of \
+        "phase `{phase}`: interval {interval} of the mesh is {length} s long, which is not a whole number of samples of \
          {sample_time} s; choose a number of intervals that divides the samples of the phase, or another duration"
     )]
     Samples {
@@ -103,12 +103,12 @@ pub enum Error {
         phase: String,
         /// Transcription.
         transcription: &'static str,
-        /// Why.
+        /// Reason.
         reason: &'static str,
     },
     /// A state declared as sampled whose equation is not linear with constant coefficients.
     #[error(
-        "phase `{phase}`: `{state}` is declared as sampled, but its rate is no linear function, with constant \
+        "phase `{phase}`: `{state}` is declared as sampled, but its rate is not a linear function, with constant \
          coefficients, of sampled states and inputs; only such blocks are advanced exactly"
     )]
     NotLinear {
@@ -124,7 +124,7 @@ pub enum Error {
         before: String,
         /// Phase after.
         after: String,
-        /// What does not fit.
+        /// Mismatch.
         reason: String,
     },
     /// A trajectory that does not fit the problem.

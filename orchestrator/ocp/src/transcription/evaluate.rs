@@ -21,7 +21,7 @@ pub(super) struct Node {
     pub block: Vec<f64>,
 }
 
-/// What is computed for a phase.
+/// Values computed for a phase.
 #[derive(Debug, Clone)]
 pub(super) struct Data {
     pub nodes: Vec<Node>,

@@ -1,8 +1,8 @@
 //! The functions of a phase at one point: rates, outputs and costs as functions of `q = (T, x, u)`.
 //!
-//! Where the duration T is free, time is normalized: the rates are `T f` and the cost under the integral is `T L`, so
-//! that a transcription sees a mesh of fixed intervals and T as one more argument. Where it is fixed, q is `(x, u)`,
-//! the rates are f, and intervals count in seconds.
+//! Where the duration T is free, time is normalized: the rates are `T f` and the cost under the integral is `T
+//! L`, so that a transcription sees a mesh of fixed intervals and T as one more argument. Where it is fixed, q is `(x,
+//! u)`, the rates are f, and intervals count in seconds.
 //!
 //! | values | |
 //! |---|---|

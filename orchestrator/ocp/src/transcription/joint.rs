@@ -118,7 +118,7 @@ impl<'p> Joint<'p> {
         }
     }
 
-    /// What constraint `row` of the joint says, and the limit where it is one.
+    /// Name of constraint `row` of the joint, and the limit where it is one.
     pub fn name(&self, row: usize) -> (String, Option<&Limit>) {
         match (&self.map, row.checked_sub(self.names.len())) {
             (Some(map), Some(limit)) => (map.limits[limit].name.clone(), Some(&map.limits[limit])),

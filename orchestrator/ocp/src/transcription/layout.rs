@@ -1,5 +1,6 @@
-//! Where the variables of a phase lie: nodes one after another, each `(T, x, u)` followed by the variables in the middle
-//! of its interval; T only where the duration is free. Where inputs are held over intervals the last node has none.
+//! Layout of the variables of a phase: nodes one after another, each `(T, x, u)` followed by the variables in the
+//! middle of its interval; T only where the duration is free. Where inputs are held over intervals the last node has
+//! none.
 
 use std::ops::Range;
 

@@ -1,4 +1,4 @@
-//! What happens between a phase and the next.
+//! Transition from a phase to the next.
 
 use super::problem::Limit;
 use airloop_optim::EvaluationError;
@@ -16,7 +16,7 @@ pub trait Reset: Send {
     /// States after, then outputs, `[after + outputs]`.
     ///
     /// # Errors
-    /// Where the map has no value; so in the functions below.
+    /// Fails where the map has no value; so in the functions below.
     fn evaluate(&mut self, before: &[f64], values: &mut [f64]) -> Result<(), EvaluationError>;
 
     /// Values, and their derivatives by the states before, row-major `[after + outputs, before]`.
@@ -53,7 +53,7 @@ pub struct ResetSize {
     pub outputs: usize,
 }
 
-/// How the states go on.
+/// Continuation of the states.
 pub enum StateLink {
     /// All states are continuous; both phases have the same number of them.
     Continuous,

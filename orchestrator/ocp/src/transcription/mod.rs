@@ -49,7 +49,7 @@ pub use relaxed::{Conflict, conflict};
 pub use solve::{From, Outcome, Refinement, Round, refine, refined, solve_on};
 pub use trajectory::{Interpolation, PhaseTrajectory, Trajectory};
 
-/// How an interval of a mesh is made discrete.
+/// Transcription of an interval of a mesh.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Transcription {
     /// Trapezoidal collocation; inputs linear within an interval.

@@ -87,7 +87,7 @@ pub struct Violation {
     pub phase: Option<String>,
     /// Name of the limit or of the equation.
     pub name: String,
-    /// What is bounded, in words; empty for equations of the program itself.
+    /// Bounded quantity, in words; empty for equations of the program itself.
     pub expression: String,
     /// Unit.
     pub unit: String,
@@ -97,7 +97,7 @@ pub struct Violation {
     pub upper: f64,
     /// Time, s.
     pub time: f64,
-    /// By how much it is violated, in its unit.
+    /// Amount by which it is violated, in its unit.
     pub amount: f64,
 }
 
@@ -153,7 +153,7 @@ impl Program<'_> {
     /// their own units.
     ///
     /// # Errors
-    /// Where the dynamics have no value at `x`.
+    /// Fails where the dynamics have no value at `x`.
     pub fn violations(
         &mut self,
         x: &[f64],

@@ -4,7 +4,7 @@ use super::dynamics::{Dynamics, Point};
 use super::link::{Reset, ResetSize};
 use airloop_optim::EvaluationError;
 
-/// What a state after the reset is.
+/// Value of a state after the reset.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum After {
     /// The state before with this index.
@@ -59,7 +59,7 @@ impl OutputReset {
         }
     }
 
-    /// Where value `i` of the reset comes from.
+    /// Source of value `i` of the reset.
     fn origin(&self, i: usize) -> After {
         match i.checked_sub(self.after.len()) {
             None => self.after[i],

@@ -20,7 +20,7 @@ pub(super) struct Linear {
     pub label: Label,
 }
 
-/// What a constraint is about.
+/// Subject of a constraint.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Label {
     /// Number among the rate limits of the phase.
@@ -42,7 +42,7 @@ pub(super) struct Part {
     /// Duration where it is fixed.
     pub duration: Duration,
     pub duration_weight: f64,
-    /// Limits along the path (so many), at the start and at the end, with their combinations.
+    /// Limits along the path (their number), at the start and at the end, with their combinations.
     pub paths: usize,
     pub limits: Vec<Limit>,
     pub combinations: Vec<Combination>,
@@ -168,7 +168,7 @@ impl Part {
         [nodes.collect(), middles.collect()]
     }
 
-    /// Constraints for the limits that are no bounds of variables.
+    /// Constraints for the limits that are not bounds of variables.
     fn place_limits(&mut self, phase: &Phase) {
         let n = self.layout.intervals;
         for path in 0..phase.paths.len() {

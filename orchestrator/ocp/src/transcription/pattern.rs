@@ -1,4 +1,4 @@
-//! Which entries of the blocks of a phase are not always zero, and their places in the whole problem.
+//! Entries of the blocks of a phase that are not always zero, and their places in the whole problem.
 
 use super::evaluate::{Data, curvature, evaluate, widest};
 use super::part::Part;

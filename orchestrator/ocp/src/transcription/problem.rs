@@ -49,7 +49,7 @@ pub struct Limit {
     pub name: String,
     /// Unit of quantity and bounds for messages, e.g. "m"; empty where there is none.
     pub unit: String,
-    /// What is bounded.
+    /// Bounded quantity.
     pub quantity: Quantity,
     /// Lower bound.
     pub lower: f64,
@@ -58,18 +58,18 @@ pub struct Limit {
 }
 
 impl Limit {
-    /// A quantity between two bounds.
+    /// A quantity between two bounds, in `unit`; infinite where there is none.
     pub fn between(name: &str, unit: &str, quantity: impl Into<Quantity>, lower: f64, upper: f64) -> Limit {
         Limit { name: name.to_owned(), unit: unit.to_owned(), quantity: quantity.into(), lower, upper }
     }
 
-    /// A quantity that is fixed.
+    /// A quantity that is fixed at `value`, in `unit`.
     pub fn equal(name: &str, unit: &str, quantity: impl Into<Quantity>, value: f64) -> Limit {
         Limit::between(name, unit, quantity, value, value)
     }
 }
 
-/// Where within the mesh a constraint of the path holds.
+/// Place within the mesh where a path constraint holds.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Place {
     /// At the knots.
@@ -83,9 +83,9 @@ pub enum Place {
 /// A constraint along the path.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Path {
-    /// What is bounded.
+    /// Bound on the quantity.
     pub limit: Limit,
-    /// Where within the mesh.
+    /// Place within the mesh.
     pub place: Place,
     /// First and last fraction of the phase, 0..1, at which it holds.
     pub window: [f64; 2],
@@ -122,16 +122,16 @@ pub struct RateLimit {
 /// Cost `weight (quantity - reference)^2`, under the integral or at the end of the phase.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Cost {
-    /// What costs.
+    /// Quantity that costs.
     pub quantity: Quantity,
-    /// Where it costs nothing.
+    /// Value at which it costs nothing.
     pub reference: f64,
     /// Weight.
     pub weight: f64,
 }
 
 impl Cost {
-    /// `weight quantity^2`.
+    /// Cost `weight quantity^2`; `weight` in units of the objective over the squared unit of the quantity.
     pub fn square(quantity: impl Into<Quantity>, weight: f64) -> Cost {
         Cost { quantity: quantity.into(), reference: 0.0, weight }
     }
@@ -151,7 +151,7 @@ pub enum Duration {
     },
 }
 
-/// How shooting advances the states within an interval.
+/// Method by which shooting advances the states within an interval.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Shooting {
     /// That many steps of the classical Runge-Kutta method per interval.
@@ -174,7 +174,7 @@ pub struct Phase {
     pub dynamics: Vec<Box<dyn Dynamics>>,
     /// Duration.
     pub duration: Duration,
-    /// What shooting needs to know.
+    /// Settings of shooting.
     pub shooting: Shooting,
     /// Multiple shooting takes the second derivatives of a Runge-Kutta step from its middle alone instead of all four
     /// stages. They are then right to the second order of the step, at a quarter of the evaluations; values and first

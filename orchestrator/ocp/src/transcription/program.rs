@@ -12,7 +12,7 @@ use super::scheme::Worker;
 use super::{Mesh, Transcription};
 use airloop_optim::{Bounds, EvaluationError, Nlp, Stages};
 
-/// How a problem is made discrete.
+/// Settings of the transcription of a problem.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Discretization {
     /// Transcription of all phases.
@@ -28,7 +28,7 @@ impl Discretization {
     }
 }
 
-/// What is known at the last point.
+/// Values known at the last point.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 enum Known {
     Nothing,
@@ -43,7 +43,7 @@ enum Known {
 /// Constraints: in each phase, node by node, those at the node, then the defects and the other constraints of the
 /// interval that follows; after all phases the links.
 ///
-/// What was computed at a point serves all functions asked for there. Evaluations allocate nothing, but for threads.
+/// Values computed at a point serve all functions asked for there. Evaluations allocate nothing, except for threads.
 pub struct Program<'p> {
     pub(super) discretization: Discretization,
     pub(super) parts: Vec<Part>,
@@ -348,7 +348,7 @@ impl Nlp for Program<'_> {
     }
 }
 
-/// Where a constraint stands.
+/// Position of a constraint.
 pub(super) enum Position<'a> {
     /// Limit of a part at a time.
     Limit(&'a Part, usize, f64),

@@ -1,9 +1,9 @@
-//! A program whose limits may be violated at a price: of a task that cannot be done it finds a motion that breaks few limits, and
-//! so says which ones stand in the way.
+//! A program whose limits may be violated at a price: of a task that cannot be done it finds a motion that breaks few
+//! limits, and so says which ones stand in the way.
 //!
-//! Dynamics, links, durations and initial states hold as they are. Every limit in a row of its own, and every state that
-//! is fixed at the end of a phase, gets a variable `p >= 0` for each of its sides, which costs `PRICE` times its value
-//! on top of the objective. Costs of this form leave most limits kept exactly.
+//! Dynamics, links, durations and initial states hold as they are. Every limit in a row of its own, and every state
+//! that is fixed at the end of a phase, gets a variable `p >= 0` for each of its sides, which costs `COST_OF_VIOLATION`
+//! times its value on top of the objective. Costs of this form leave most limits kept exactly.
 
 use super::Problem;
 use super::error::Error;
@@ -13,11 +13,11 @@ use super::trajectory::Trajectory;
 use airloop_optim::{Bounds, EvaluationError, Monitor, Nlp, Settings, Stages, Start, Status, solve_with};
 
 /// Cost of a violation by one unit; multipliers of limits that can be kept are below.
-const PRICE: f64 = 100.0;
+const COST_OF_VIOLATION: f64 = 100.0;
 /// Smaller violations are not reported.
 const MIN_REPORTED_VIOLATION: f64 = 1e-4;
 
-/// What a motion has to break.
+/// Limits that a motion has to violate.
 #[derive(Debug, Clone)]
 pub struct Conflict {
     /// The worst violation of every limit that is broken; the first costs most in all its places.
@@ -68,7 +68,7 @@ pub fn conflict(
     Ok(Some(Conflict { violations, trajectory: program.trajectory(x, None)? }))
 }
 
-/// What a relaxation acts on.
+/// Row on which a relaxation acts.
 #[derive(Clone, Copy)]
 enum Relaxes {
     /// A constraint of the program.
@@ -168,13 +168,13 @@ impl Nlp for Relaxed<'_, '_> {
 
     fn objective(&mut self, x: &[f64]) -> Result<f64, EvaluationError> {
         let (x, relaxations) = x.split_at(self.program.variables());
-        Ok(self.program.objective(x)? + PRICE * relaxations.iter().sum::<f64>())
+        Ok(self.program.objective(x)? + COST_OF_VIOLATION * relaxations.iter().sum::<f64>())
     }
 
     fn gradient(&mut self, x: &[f64], gradient: &mut [f64]) -> Result<(), EvaluationError> {
         let n = self.program.variables();
         let (own, relaxations) = gradient.split_at_mut(n);
-        relaxations.fill(PRICE);
+        relaxations.fill(COST_OF_VIOLATION);
         self.program.gradient(&x[..n], own)
     }
 

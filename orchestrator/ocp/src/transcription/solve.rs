@@ -12,7 +12,7 @@ use airloop_optim::{Monitor, Settings, Solution, Start, Status, solve_with};
 /// Barrier parameter of a start from another mesh: small enough to stay near, large enough to move along bounds.
 pub(super) const WARM_BARRIER: f64 = 1e-4;
 
-/// What a run on one mesh leaves.
+/// Result of a run on one mesh.
 #[derive(Debug, Clone)]
 pub struct Outcome {
     /// As the solver gives it, in the units of the problem.
@@ -21,7 +21,7 @@ pub struct Outcome {
     pub trajectory: Trajectory,
     /// Multipliers as functions of time, for the next mesh.
     pub duals: Duals,
-    /// What is violated by more than the solver's tolerance, the worst first.
+    /// Violations above the solver's tolerance, the worst first.
     pub violations: Vec<Violation>,
     /// Time of the phase ends and the like are in the trajectory; here the mesh it belongs to.
     pub discretization: Discretization,
@@ -72,7 +72,7 @@ pub fn solve_on(
     Ok(Outcome { solution, trajectory, duals, violations, discretization: discretization.clone() })
 }
 
-/// When a mesh is fine enough.
+/// Criteria for a mesh that is fine enough.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Refinement {
     /// Relative error of an interval that is small enough; 1e-5.
@@ -92,7 +92,7 @@ impl Default for Refinement {
 /// One mesh of a refinement.
 #[derive(Debug, Clone)]
 pub struct Round {
-    /// What was found on it.
+    /// Result on it.
     pub outcome: Outcome,
     /// Errors between the knots, per phase.
     pub errors: Vec<IntervalErrors>,
@@ -103,7 +103,7 @@ pub struct Round {
 /// does not succeed.
 ///
 /// # Errors
-/// See [`solve_on`]; [`Error::Samples`] where parts of intervals are no whole number of samples.
+/// See [`solve_on`]; [`Error::Samples`] where parts of intervals are not a whole number of samples.
 pub fn refine(
     problem: &mut Problem,
     discretization: &Discretization,

@@ -2,7 +2,7 @@
 
 use super::error::Error;
 
-/// How an input runs between the knots.
+/// Interpolation of an input between the knots.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Interpolation {
     /// Held from each knot to the next.
@@ -26,7 +26,7 @@ pub struct PhaseTrajectory {
     pub inputs: Vec<Vec<f64>>,
     /// Inputs in the middle of the intervals, `[N][n_u]`, where the interpolation is quadratic; else empty.
     pub middle_inputs: Vec<Vec<f64>>,
-    /// How the inputs run between the knots.
+    /// Interpolation of the inputs between the knots.
     pub interpolation: Interpolation,
     /// Rates of the states at the beginning and at the end of every interval, `[N][2][n_x]`; empty where they are not
     /// known: states then run on straight lines, else on Hermite's cubics.
@@ -39,7 +39,8 @@ pub struct PhaseTrajectory {
 }
 
 impl PhaseTrajectory {
-    /// From values at knots, as a guess: states on straight lines.
+    /// From values at knots, as a guess: states on straight lines. `times` \[s\] `[N + 1]`, `states` `[N + 1][n_x]`,
+    /// `inputs` `[N + 1][n_u]`.
     ///
     /// # Errors
     /// [`Error::Trajectory`] when lengths differ, times do not increase or a value is not finite.
@@ -96,17 +97,18 @@ impl PhaseTrajectory {
         self.times.len() - 1
     }
 
-    /// Time at which the phase begins, s.
+    /// Time at which the phase begins \[s\].
     pub fn begin(&self) -> f64 {
         self.times[0]
     }
 
-    /// Time at which the phase ends, s.
+    /// Time at which the phase ends \[s\].
     pub fn end(&self) -> f64 {
         self.times[self.intervals()]
     }
 
-    /// Interval of a time, the later one at a knot, and the part of it that has passed; held at the ends.
+    /// Interval that contains `time` \[s\], the later one at a knot, and the part 0..1 of it that has passed; clamped
+    /// to the ends.
     pub fn locate(&self, time: f64) -> (usize, f64) {
         let k = self.times.partition_point(|&t| t <= time).clamp(1, self.intervals()) - 1;
         let (a, b) = (self.times[k], self.times[k + 1]);
@@ -119,7 +121,7 @@ impl PhaseTrajectory {
         self.states_in(k, s)
     }
 
-    /// States in interval `k` after the part `s` of it.
+    /// States `[n_x]` in interval `k` after the part `s` (0..1) of it.
     pub fn states_in(&self, k: usize, s: f64) -> Vec<f64> {
         let (a, b) = (&self.states[k], &self.states[k + 1]);
         let Some([fa, fb]) = self.rates.get(k) else { return between(a, b, s) };
@@ -145,7 +147,7 @@ impl PhaseTrajectory {
         self.inputs_in(k, s)
     }
 
-    /// Inputs in interval `k` after the part `s` of it.
+    /// Inputs `[n_u]` in interval `k` after the part `s` (0..1) of it.
     pub fn inputs_in(&self, k: usize, s: f64) -> Vec<f64> {
         let (a, b) = (&self.inputs[k], &self.inputs[k + 1]);
         match (self.interpolation, self.middle_inputs.get(k)) {
@@ -196,7 +198,7 @@ impl Trajectory {
         Trajectory { phases, objective: f64::NAN }
     }
 
-    /// The phase at a time, the later one where two meet.
+    /// The phase at `time` \[s\], the later one where two meet.
     ///
     /// # Panics
     /// Without phases.
@@ -205,12 +207,12 @@ impl Trajectory {
         &self.phases[after.saturating_sub(1)]
     }
 
-    /// States at a time.
+    /// States `[n_x]` at `time` \[s\].
     pub fn states_at(&self, time: f64) -> Vec<f64> {
         self.phase_at(time).states_at(time)
     }
 
-    /// Inputs at a time.
+    /// Inputs `[n_u]` at `time` \[s\].
     pub fn inputs_at(&self, time: f64) -> Vec<f64> {
         self.phase_at(time).inputs_at(time)
     }

@@ -28,7 +28,7 @@ impl Program<'_> {
     /// The trajectory that variables `x` `[n]` mean; with the multipliers of a solution its costates.
     ///
     /// # Errors
-    /// Where the dynamics have no value at a knot.
+    /// Fails where the dynamics have no value at a knot.
     pub fn trajectory(
         &mut self,
         x: &[f64],

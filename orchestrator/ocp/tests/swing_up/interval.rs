@@ -249,7 +249,7 @@ pub struct Shooting {
     samples: usize,
 }
 
-/// What one evaluation of the mechanics in the roll-out leaves behind.
+/// Intermediate results of one evaluation of the mechanics in the roll-out.
 struct Stage {
     at: Accelerations,
     /// q as functions of (y, u).

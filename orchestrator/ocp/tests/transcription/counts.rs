@@ -1,4 +1,4 @@
-//! What an evaluation costs, as counts.
+//! Cost of an evaluation, as counts.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};

@@ -1,4 +1,4 @@
-//! What is wrong is said by name, place and unit.
+//! Faults are reported by name, place and unit.
 
 use airloop_ocp::transcription::{
     Discretization, Duration, Error, Limit, Link, Mesh, Program, Shooting, Transcription, Variable,

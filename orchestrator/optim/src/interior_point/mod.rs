@@ -26,13 +26,13 @@ const BARRIER_POWER: f64 = 1.5;
 /// gives better ones, and the next Hessian less negative curvature (on the swing-up half of the iterations).
 const STRONG_SHIFT: f64 = 2.0;
 /// Least part of a step to the bound that is taken.
-const FRACTION: f64 = 0.99;
+const MIN_FRACTION_TO_BOUNDARY: f64 = 0.99;
 /// Iterations below the acceptable tolerance after which the run ends.
 const ACCEPTABLE_ITERATIONS: usize = 15;
 /// Restorations that lead to a feasible point which the filter refuses, before the run ends.
-const EMERGENCIES: usize = 5;
+const MAX_USELESS_RESTORATIONS: usize = 5;
 
-/// How a run on one form ended.
+/// Outcome of a run on one form.
 pub(super) enum End {
     Status(Status),
     /// The restoration found a point from which the main run can go on.
@@ -64,7 +64,7 @@ pub(super) struct Run<'r, 'n, 'm> {
     step: Step,
     diagonal: Vec<f64>,
     work: Vec<f64>,
-    /// What the table says about the step that led here.
+    /// Entry of the table for the step that led here.
     last: Iteration,
     acceptable: usize,
     tiny: usize,
@@ -263,7 +263,7 @@ impl<'r, 'n, 'm> Run<'r, 'n, 'm> {
     }
 
     fn fraction(&self) -> f64 {
-        FRACTION.max(1.0 - self.barrier)
+        MIN_FRACTION_TO_BOUNDARY.max(1.0 - self.barrier)
     }
 
     /// Solves for the Newton step; false when no shift of the Hessian gives a useful one.

@@ -1,15 +1,15 @@
 //! Restoration of feasibility: the rows are relaxed by p, n >= 0 whose sum is minimized near the present point, by
 //! the same method, until a point is found that the filter of the main run admits.
 
-use super::{EMERGENCIES, End, Iterate, Run};
+use super::{End, Iterate, MAX_USELESS_RESTORATIONS, Run};
 use crate::filter::{Filter, Measure};
 use crate::form::{Form, RELAXATION_COST};
 use crate::outcome::Status;
 
 /// Decrease of the violation that the restoration has to bring.
-const DECREASE: f64 = 0.9;
+const REQUIRED_DECREASE: f64 = 0.9;
 
-/// What the main run needs to go on.
+/// Data that the main run needs to go on.
 #[derive(Clone, Debug)]
 pub(super) struct Goal {
     filter: Filter,
@@ -74,7 +74,7 @@ impl Run<'_, '_, '_> {
     /// A feasible point that the filter does not admit: it is forgotten, a few times.
     fn emergency(&mut self, failed: Status) -> Option<End> {
         self.emergencies += 1;
-        if self.emergencies > EMERGENCIES || self.filter.is_empty() {
+        if self.emergencies > MAX_USELESS_RESTORATIONS || self.filter.is_empty() {
             return Some(self.stuck(failed));
         }
         self.filter.clear();
@@ -84,7 +84,7 @@ impl Run<'_, '_, '_> {
     /// Within the restoration: the best relaxations for the present point, and an empty filter.
     fn renew_relaxations(&mut self, failed: Status) -> Option<End> {
         self.emergencies += 1;
-        if self.emergencies > EMERGENCIES {
+        if self.emergencies > MAX_USELESS_RESTORATIONS {
             return Some(End::Status(failed));
         }
         let own = self.form.n + self.form.own_slacks();
@@ -109,7 +109,7 @@ impl Run<'_, '_, '_> {
         let mut rows = self.point.rows.clone();
         self.form.remove_relaxations(&self.at.x, &mut rows);
         let theta: f64 = rows.iter().map(|c| c.abs()).sum();
-        if theta > DECREASE * goal.theta {
+        if theta > REQUIRED_DECREASE * goal.theta {
             return false;
         }
         let Ok(objective) = self.form.own_objective(&self.at.x) else { return false };

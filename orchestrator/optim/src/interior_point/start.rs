@@ -10,8 +10,8 @@ use crate::outcome::Start;
 use crate::settings::Settings;
 
 /// Distance from the bounds at a cold and at a warm start, relative to the bound and to the range.
-const COLD: f64 = 1e-2;
-const WARM: f64 = 1e-7;
+const COLD_DISTANCE_FROM_BOUNDS: f64 = 1e-2;
+const WARM_DISTANCE_FROM_BOUNDS: f64 = 1e-7;
 /// Largest barrier parameter of a warm start.
 const WARM_BARRIER: f64 = 0.1;
 
@@ -28,7 +28,7 @@ impl<'r, 'n, 'm> Run<'r, 'n, 'm> {
         let warm = start.multipliers.is_some();
         let mut x = start.x.clone();
         x.resize(form.total(), 0.0);
-        let push = if warm { WARM } else { COLD };
+        let push = if warm { WARM_DISTANCE_FROM_BOUNDS } else { COLD_DISTANCE_FROM_BOUNDS };
         push_inside(form, &mut x, push);
         form.scale(&x, settings.scaling_gradient).map_err(Error::Start)?;
         let mut rows = vec![0.0; form.m];

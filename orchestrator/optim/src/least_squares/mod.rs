@@ -16,7 +16,7 @@ pub use start::{multi_start, spread};
 /// Fills a Jacobian (shape \[m, n\]) at parameters (shape \[n\]).
 pub type FillJacobian<'a> = &'a dyn Fn(&[f64], &mut DMatrix<f64>);
 
-/// What to minimize.
+/// Problem to minimize.
 pub struct Problem<'a> {
     /// Number of residuals m.
     pub residuals: usize,
@@ -33,7 +33,7 @@ pub struct Problem<'a> {
     pub jacobian: Option<FillJacobian<'a>>,
 }
 
-/// When to stop.
+/// Stopping criteria.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Settings {
     /// Most steps that are accepted.
@@ -57,7 +57,7 @@ impl Default for Settings {
     }
 }
 
-/// Why the method stopped.
+/// Reason why the method stopped.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Status {
     /// The gradient vanishes along all parameters that are free to move.
@@ -89,15 +89,15 @@ pub struct Solution {
     pub jacobian: DMatrix<f64>,
     /// Sum of squared residuals.
     pub cost: f64,
-    /// Which parameters are fixed, or held at a bound that the gradient pushes against, shape \[n\].
+    /// Whether each parameter is fixed, or held at a bound that the gradient pushes against, shape \[n\].
     pub held: Vec<bool>,
-    /// Why the method stopped.
+    /// Reason why the method stopped.
     pub status: Status,
     /// Steps that were accepted.
     pub iterations: usize,
 }
 
-/// Why a problem cannot be solved.
+/// Reason why a problem cannot be solved.
 #[derive(Debug, thiserror::Error, PartialEq)]
 #[allow(missing_docs, reason = "place and value, as named in each message")]
 pub enum Error {
@@ -123,7 +123,7 @@ pub enum Error {
     Few { residuals: usize, free: usize },
 }
 
-/// Minimizes from one start (clipped to the bounds).
+/// Minimizes the sum of squared residuals from one start, shape \[n\], which is clipped to the bounds.
 ///
 /// ```
 /// use airloop_optim::least_squares::{Problem, Settings, solve};

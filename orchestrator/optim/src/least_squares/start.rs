@@ -2,14 +2,14 @@
 
 use super::{Error, Problem, Settings, Solution, solve};
 
-/// Solves from every start and keeps the smallest sum of squares (the first of equals); starts that cannot be
-/// evaluated are passed over.
+/// Solves from every start (each of shape \[n\]) and keeps the smallest sum of squares (the first of equals); starts
+/// that cannot be evaluated are passed over.
 ///
 /// The second value holds the sum of squares reached from each start, none where it could not be evaluated: how many
 /// agree tells how far the minimum can be trusted to be the global one.
 ///
 /// # Errors
-/// As [`solve`]; [`Error::Start`] only if no start can be evaluated.
+/// Same as [`solve`]; [`Error::Start`] only if no start can be evaluated.
 pub fn multi_start(
     problem: &Problem,
     starts: &[Vec<f64>],

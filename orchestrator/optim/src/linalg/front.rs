@@ -319,7 +319,7 @@ fn subtract_one(target: &mut [f64], rows: usize, column: &[f64], factors: &[f64]
     }
 }
 
-/// As above with two columns.
+/// Same as above with two columns.
 #[multiversion(targets("x86_64+avx2"))]
 fn subtract_two(target: &mut [f64], rows: usize, columns: [&[f64]; 2], factors: [&[f64]; 2]) {
     for (j, (&a, &b)) in factors[0].iter().zip(factors[1]).enumerate() {

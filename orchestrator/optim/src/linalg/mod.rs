@@ -3,7 +3,7 @@
 //! | module | what |
 //! |--------|------|
 //! | [`qr`] | QR of a tall matrix whose rows arrive in blocks; sub-problems from its triangle |
-//! | [`spectral`] | singular values and eigenvalues that always come to an end |
+//! | [`spectral`] | singular values and eigenvalues by iterations that always end |
 //! | [`sparse_ldl`], [`staged_ldl`] | factorizations of sparse symmetric matrices |
 //! | [`symmetric`] | symmetric matrices |
 //! | [`triangular`] | least squares from a triangle that may lack rank |

@@ -14,7 +14,7 @@ pub const ROOM: usize = 512;
 const LANES: usize = 8;
 /// Squared norm of a column that counts as zero. What cancels in one dependent column after the other (samples of a
 /// command that stands still) shrinks by the rounding error each time, down to where squares underflow.
-const NOTHING: f64 = 1e-250;
+const MIN_SQUARED_NORM: f64 = 1e-250;
 
 /// The triangle R of all rows so far, with a block of rows that are not folded yet.
 #[derive(Debug, Clone)]
@@ -52,8 +52,11 @@ impl StreamedQr {
         }
     }
 
-    /// Adds `rows` rows; `fill(column, out)` writes their entries in one column. Many rows may come in several calls of
-    /// `fill` per column, [`StreamedQr::space`] at most at once.
+    /// Adds `rows` rows, [`StreamedQr::space`] at most; `fill(column, out)` writes their entries in one column, `out`
+    /// of shape \[rows\].
+    ///
+    /// # Panics
+    /// For more rows than there is space for.
     pub fn append(&mut self, rows: usize, mut fill: impl FnMut(usize, &mut [f64])) {
         assert!(rows <= self.space(), "more rows than there is space for; ask `space` first");
         for column in 0..self.columns {
@@ -67,7 +70,7 @@ impl StreamedQr {
         self.capacity - self.waiting
     }
 
-    /// As [`StreamedQr::space`], after making sure that there is space for `rows`, [`ROOM`] at most.
+    /// Same as [`StreamedQr::space`], after making sure that there is space for `rows`, [`ROOM`] at most.
     pub fn room(&mut self, rows: usize) -> usize {
         if self.space() < rows {
             self.fold();
@@ -75,8 +78,8 @@ impl StreamedQr {
         self.space()
     }
 
-    /// The next `rows` entries of a column, to be written before [`StreamedQr::commit`]; for rows whose entries are not
-    /// made column by column.
+    /// The next `rows` entries of a column, shape \[rows\], to be written before [`StreamedQr::commit`]; for rows whose
+    /// entries are not made column by column.
     pub fn column(&mut self, column: usize, rows: usize) -> &mut [f64] {
         let first = column * self.capacity + self.waiting;
         &mut self.block[first..first + rows]
@@ -91,7 +94,7 @@ impl StreamedQr {
         }
     }
 
-    /// Adds the rows of a matrix with as many columns.
+    /// Adds the rows of a matrix of shape \[any, columns\].
     pub fn push(&mut self, rows: &DMatrix<f64>) {
         let mut first = 0;
         while first < rows.nrows() {
@@ -127,7 +130,7 @@ impl StreamedQr {
             let v = &left[j * stride..j * stride + m];
             let row = &mut self.r[j * p..(j + 1) * p];
             let below = dot(v, v);
-            if below < NOTHING {
+            if below < MIN_SQUARED_NORM {
                 continue;
             }
             let norm = (row[j] * row[j] + below).sqrt();
@@ -154,7 +157,7 @@ impl StreamedQr {
     }
 }
 
-/// `x . y`, in a fixed order of summation.
+/// Dot product `x . y` of two vectors of one length \[n\], in a fixed order of summation.
 pub fn dot(x: &[f64], y: &[f64]) -> f64 {
     let mut sums = [0.0; LANES];
     let (x_lanes, x_rest) = x.as_chunks::<LANES>();
@@ -240,13 +243,14 @@ impl Triangle {
         Triangle { r: part.qr().unpack_r(), rows: self.rows }
     }
 
-    /// The triangle of the matrix times a square matrix `t`, as for columns shifted by a column of ones.
+    /// The triangle of the matrix times a square matrix `t`, shape \[columns, columns\], as for columns shifted by a
+    /// column of ones.
     pub fn times(&self, t: &DMatrix<f64>) -> Triangle {
         Triangle { r: (&self.r * t).qr().unpack_r(), rows: self.rows }
     }
 
-    /// The first of the first `n` columns that depends on those before it: what is left of it is less than `tolerance`
-    /// times its norm.
+    /// The first of the first `n` columns that depends on those before it: its residual is less than `tolerance` times
+    /// its norm. `None` if the columns are independent.
     pub fn dependent(&self, n: usize, tolerance: f64) -> Option<Dependent> {
         let column = (0..n).find(|&j| {
             let (left, norm) = (self.r[(j, j)].abs(), self.r.view((0, j), (j + 1, 1)).norm());
@@ -294,7 +298,7 @@ impl Triangle {
         &inverse * inverse.transpose()
     }
 
-    /// Condition number of the first `n` columns, each scaled to norm 1.
+    /// Condition number (2-norm) of the first `n` columns, each scaled to norm 1; infinite if they are dependent.
     pub fn scaled_condition(&self, n: usize) -> f64 {
         let mut scaled = self.r.view((0, 0), (n, n)).into_owned();
         for mut column in scaled.column_iter_mut() {

@@ -39,8 +39,8 @@ impl SparseLdl {
         Ok(Self { matrix, place, positions: (0..count).collect(), factor: None })
     }
 
-    /// Factorizes the matrix whose entries have these values, in the order of the pattern. A vanishing pivot makes
-    /// the matrix count as singular altogether.
+    /// Factorizes the matrix whose entries have these values \[entries\], in the order of the pattern. A vanishing
+    /// pivot makes the matrix count as singular altogether.
     pub fn factor(&mut self, values: &[f64]) -> Inertia {
         self.matrix.nzval.fill(0.0);
         self.place.iter().zip(values).for_each(|(&place, value)| self.matrix.nzval[place] += value);
@@ -64,7 +64,8 @@ impl SparseLdl {
         }
     }
 
-    /// Solves with the last factorization, in place; leaves `b` as it is when that one was singular.
+    /// Solves with the last factorization, in place, for a right-hand side `b` \[dimension\]; leaves `b` as it is when
+    /// that one was singular.
     pub fn solve(&mut self, b: &mut [f64]) {
         if let Some(factor) = &mut self.factor {
             factor.solve(b);

@@ -1,8 +1,8 @@
-//! Singular values and eigenvalues that always come to an end.
+//! Singular values and eigenvalues by iterations that always end.
 //!
-//! nalgebra's iterations have no limit and, rarely, circle for ever: the QR iteration of its singular values on matrices
-//! with a wide range of scales, that of its Schur form on cyclic matrices. Here they are limited; what they leave is
-//! done by one-sided Jacobi rotations, or on another basis.
+//! nalgebra's iterations have no limit and, rarely, never end: the QR iteration of its singular values on
+//! matrices with a wide range of scales, that of its Schur form on cyclic matrices. Here they are limited; what they
+//! leave is done by one-sided Jacobi rotations, or on another basis.
 
 use nalgebra::{Complex, DMatrix, DVector, Dyn, SVD, Schur};
 
@@ -11,8 +11,8 @@ const ITERATIONS: usize = 6;
 /// Sweeps of Jacobi rotations; ten are usual.
 const SWEEPS: usize = 60;
 
-/// Singular value decomposition, singular values descending. Left (`u`) and right vectors (`v`) only where asked for;
-/// the vectors of a singular value of zero may be zero. A matrix that is not finite gives NaN.
+/// Singular value decomposition of a matrix \[m, n\], singular values descending. Left (`u`) and right vectors (`v`)
+/// only where asked for; the vectors of a singular value of zero may be zero. A matrix that is not finite gives NaN.
 pub fn svd(matrix: DMatrix<f64>, u: bool, v: bool) -> SVD<f64, Dyn, Dyn> {
     let limit = ITERATIONS * matrix.nrows().min(matrix.ncols()) + 50;
     let finite = matrix.iter().all(|value| value.is_finite());
@@ -24,7 +24,7 @@ pub fn svd(matrix: DMatrix<f64>, u: bool, v: bool) -> SVD<f64, Dyn, Dyn> {
     quick.unwrap_or_else(|| jacobi(matrix, u, v))
 }
 
-/// Singular values of a matrix, descending.
+/// Singular values of a matrix \[m, n\], descending, shape \[min(m, n)\]; NaN if the matrix is not finite.
 pub fn singular_values(matrix: DMatrix<f64>) -> DVector<f64> {
     svd(matrix, false, false).singular_values
 }
@@ -77,7 +77,7 @@ fn rotate(matrix: &mut DMatrix<f64>, (p, q): (usize, usize), (c, s): (f64, f64))
     }
 }
 
-/// Eigenvalues of a square matrix. NaN if the matrix is not finite.
+/// Eigenvalues of a square matrix \[n, n\], shape \[n\], in no particular order. NaN if the matrix is not finite.
 pub fn eigenvalues(matrix: &DMatrix<f64>) -> Vec<Complex<f64>> {
     let n = matrix.nrows();
     if matrix.iter().all(|value| value.is_finite()) {

@@ -7,7 +7,7 @@
 use super::front::{Factor, Front};
 use super::symmetric::{Inertia, PatternError, check_pattern};
 
-/// Where one stored entry goes in the front of its stage.
+/// Place of one stored entry in the front of its stage.
 #[derive(Clone, Copy, Debug)]
 struct Place {
     entry: usize,
@@ -42,7 +42,7 @@ impl StagedLdl {
     /// any order; entries that occur several times are added. `stage_of` is the stage of every row, from 0.
     ///
     /// # Errors
-    /// [`PatternError`] when an entry lies outside or couples stages that are no neighbors.
+    /// [`PatternError`] when an entry lies outside or couples stages that are not neighbors.
     pub fn new(entries: &[(usize, usize)], stage_of: &[usize]) -> Result<Self, PatternError> {
         let dimension = stage_of.len();
         check_pattern(dimension, entries)?;
@@ -88,7 +88,8 @@ impl StagedLdl {
         Ok(Self { stages, factors, front, remainder, delayed, positions, local })
     }
 
-    /// Factorizes the matrix whose entries have these values, in the order of the pattern.
+    /// Factorizes the matrix whose entries have these values \[entries\], in the order of the pattern; the inertia
+    /// counts rows without a usable pivot as zeros.
     pub fn factor(&mut self, values: &[f64]) -> Inertia {
         let mut inertia = Inertia::default();
         self.delayed.clear();

@@ -1,4 +1,4 @@
-//! What all factorizations of a symmetric indefinite matrix share: pattern, inertia, errors.
+//! Common parts of all factorizations of a symmetric indefinite matrix: pattern, inertia, errors.
 
 /// Numbers of positive, negative and zero eigenvalues.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -11,7 +11,7 @@ pub struct Inertia {
     pub zero: usize,
 }
 
-/// Why a pattern cannot be factorized.
+/// Reason why a pattern cannot be factorized.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum PatternError {
     /// An entry lies outside the matrix.
@@ -28,7 +28,7 @@ pub enum PatternError {
         /// Rows of the matrix.
         dimension: usize,
     },
-    /// An entry couples stages that are no neighbors.
+    /// An entry couples stages that are not neighbors.
     #[error(
         "entry {entry} of the pattern couples row {row} of stage {row_stage} with row {column} of stage {column_stage}; \
          a stage may couple to itself and its neighbors only: merge the stages or leave the stage structure out"

@@ -4,8 +4,8 @@ use nalgebra::{DMatrix, DVector};
 
 use crate::linalg::spectral;
 
-/// Solution of `R x = z` for a square upper-triangular R that may lack rank: by singular values of the column-scaled R,
-/// those below `tolerance` times the largest are left out. Also the rank.
+/// Solution x \[n\] of `R x = z` for an upper-triangular R \[n, n\] that may lack rank, and the rank: by singular
+/// values of the column-scaled R; those below `tolerance` (relative to the largest) are left out.
 pub fn solve(r: &DMatrix<f64>, z: &DVector<f64>, tolerance: f64) -> (DVector<f64>, usize) {
     let scales = column_scales(r);
     let scaled = DMatrix::from_fn(r.nrows(), r.ncols(), |i, j| r[(i, j)] / scales[j]);
@@ -16,7 +16,7 @@ pub fn solve(r: &DMatrix<f64>, z: &DVector<f64>, tolerance: f64) -> (DVector<f64
     (x.component_div(&scales), rank)
 }
 
-/// Norms of the columns, 1 for columns of zeros.
+/// Euclidean norms of the columns, shape \[columns\]; 1 for columns of zeros.
 pub fn column_scales(r: &DMatrix<f64>) -> DVector<f64> {
     DVector::from_iterator(
         r.ncols(),
@@ -24,7 +24,8 @@ pub fn column_scales(r: &DMatrix<f64>) -> DVector<f64> {
     )
 }
 
-/// `R^-1 R^-T`, the inverse of `R^T R`, and the condition number of the column-scaled R; no inverse if R lacks rank.
+/// `R^-1 R^-T`, the inverse of `R^T R`, shape \[n, n\], and the condition number of the column-scaled R; no inverse if
+/// R lacks rank (condition above 1e12).
 pub fn covariance(r: &DMatrix<f64>) -> (Option<DMatrix<f64>>, f64) {
     let n = r.ncols();
     if n == 0 {

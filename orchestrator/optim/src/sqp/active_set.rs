@@ -5,9 +5,9 @@ use crate::form::Form;
 use crate::interior_point::Iterate;
 
 /// A step that leaves a bound by less than this, relative to the bound, ends on it.
-const ON_BOUND: f64 = 1e-9;
+const BOUND_TOLERANCE: f64 = 1e-9;
 
-/// Which bound of a variable or slack is held.
+/// Bound of a variable or slack that is held.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) enum Held {
     #[default]
@@ -68,7 +68,7 @@ impl ActiveSet {
     pub fn inside(&self, form: &Form, x: &[f64], step: &[f64]) -> bool {
         (0..form.total()).all(|j| {
             let end = x[j] + step[j];
-            let slack = |bound: f64| ON_BOUND * bound.abs().max(1.0);
+            let slack = |bound: f64| BOUND_TOLERANCE * bound.abs().max(1.0);
             end >= form.lower[j] - slack(form.lower[j]) && end <= form.upper[j] + slack(form.upper[j])
         })
     }

@@ -1,7 +1,9 @@
-//! Sequential quadratic programming with a filter line search. The step solves the KKT system with the bounds of the
-//! working set held (cheap, structured); where it leaves other bounds or a multiplier has the wrong sign, a quadratic
-//! program with all bounds finds the working set. Where neither makes progress, or the constraints have no solution
-//! when linearized within the bounds, the interior point method goes on from the point: it restores feasibility.
+//! Sequential quadratic programming with a filter line search (filter: Fletcher and Leyffer, Mathematical Programming
+//! 91, 2002; line search: Wächter and Biegler, Mathematical Programming 106, 2006). The step solves the KKT system with
+//! the bounds of the working set held (cheap, structured); where it leaves other bounds or a multiplier has the wrong
+//! sign, a quadratic program with all bounds finds the working set. Where neither makes progress, or the constraints
+//! have no solution when linearized within the bounds, the interior point method goes on from the point: it restores
+//! feasibility.
 
 mod active_set;
 mod step;
@@ -20,7 +22,7 @@ use step::Step;
 
 const CORRECTIONS: usize = 2;
 
-/// How a run ended.
+/// Outcome of a run.
 pub(super) enum End {
     Status(Status),
     /// No step is acceptable; another method may go on.

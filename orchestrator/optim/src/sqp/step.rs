@@ -10,7 +10,7 @@ use crate::qp::{Quadratic, QuadraticSolution, QuadraticStatus, solve_quadratic};
 /// Curvature of slacks that are free: their rows then hardly matter.
 const SLACK_CURVATURE: f64 = 1e-8;
 /// Multiplier of the wrong sign up to which a bound stays in the working set.
-const WRONG_SIGN: f64 = 1e-9;
+const MAX_MULTIPLIER_OF_WRONG_SIGN: f64 = 1e-9;
 /// Iterations in a row that may need a quadratic program.
 const PROGRAMS_IN_A_ROW: usize = 20;
 const CONVEX_SHIFTS: usize = 40;
@@ -115,7 +115,8 @@ impl Sqp<'_, '_, '_> {
 
     /// The step with the working set held solves the quadratic program with all bounds.
     fn is_optimal(&mut self) -> bool {
-        let signs = self.step.lower.iter().chain(&self.step.upper).all(|z| *z >= -WRONG_SIGN);
+        let signs =
+            self.step.lower.iter().chain(&self.step.upper).all(|z| *z >= -MAX_MULTIPLIER_OF_WRONG_SIGN);
         signs && self.active.inside(self.form, &self.at.x, &self.step.x)
     }
 

@@ -11,7 +11,7 @@ pub use actuator::Actuator;
 use airloop_ident::fit;
 use airloop_optim::{Bounds, Quadratic, QuadraticStatus, solve_quadratic};
 
-/// Why there is no command.
+/// Reason why there is no command.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
     /// Matrices that do not belong together.
@@ -29,7 +29,7 @@ pub enum Error {
     /// A model without a steady state, or whose output does not answer its command in the end.
     #[error("the actuator has no steady state for a constant output: {reason}")]
     NoSteadyState {
-        /// What is missing.
+        /// Missing part.
         reason: &'static str,
     },
     /// A setting outside its range.
@@ -39,10 +39,10 @@ pub enum Error {
         name: &'static str,
         /// Its value.
         value: f64,
-        /// What is allowed.
+        /// Allowed values.
         allowed: &'static str,
     },
-    /// No planned output, or a value in it that is no number.
+    /// No planned output, or a value in it that is not a number.
     #[error("the planned output {0}")]
     Target(String),
     /// The steady command of the first planned value is out of reach.
@@ -73,7 +73,7 @@ pub enum Error {
     Fit(#[from] fit::Error),
 }
 
-/// What is asked of the commands; outputs and commands have one unit.
+/// Requirements on the commands; outputs and commands have one unit.
 #[derive(Clone, Copy, Debug)]
 pub struct Settings {
     /// Smallest command.

@@ -11,7 +11,7 @@ pub struct Balance {
     pub energy: Text,
     /// Coordinates (states) and their rates (states).
     pub coordinates: Vec<(Text, Text)>,
-    /// What drives the system: a variable, and the coordinates along which it pushes, by how much per unit.
+    /// Forces that drive the system: a variable, and the coordinates along which it pushes, by how much per unit.
     pub drives: Vec<(Text, Vec<(Text, f64)>)>,
     /// Forces, and the coordinate of the point on which each acts, along the force.
     pub forces: Vec<(Text, Text)>,

@@ -20,9 +20,9 @@ pub struct FeedForward {
     pub largest: Quantity,
     /// Weight of the changes of the command.
     pub smoothness: f64,
-    /// What each actuator is to deliver.
+    /// Force that each actuator is to deliver.
     pub forces: Vec<(Text, Planned)>,
-    /// What the forces drive.
+    /// Plant that the forces drive.
     pub plant: Option<Plant>,
 }
 
@@ -48,7 +48,7 @@ pub struct Plant {
     pub states: Vec<(Text, Text)>,
 }
 
-/// What an input of the plant is.
+/// Role of an input of the plant.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Drive {
     /// The force of an actuator times a factor.

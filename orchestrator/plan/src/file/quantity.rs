@@ -9,14 +9,14 @@ pub struct Quantity {
     pub value: f64,
     /// Unit as written; none: that of the variable.
     pub unit: Option<String>,
-    /// Where it stands.
+    /// Place in the file.
     pub place: Place,
 }
 
 /// Number and unit of a text.
 ///
 /// # Errors
-/// What is wrong with it, in words.
+/// Fault of the text, in words.
 pub fn parse(text: &str) -> Result<(f64, Option<String>), String> {
     let text = text.trim();
     let hint = "write a number and a unit, such as \"150 mm\"";

@@ -46,7 +46,7 @@ pub fn variant(statement: &Statement, name: &str) -> Result<PathBuf, Error> {
 /// Reads the text of a problem file.
 ///
 /// # Errors
-/// As [`read`].
+/// Same as [`read`].
 pub fn parse(source: Source) -> Result<Statement, Error> {
     let document = DeTable::parse(&source.text).map_err(|error| {
         let end = source.text.len();

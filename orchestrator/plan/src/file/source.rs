@@ -41,12 +41,12 @@ impl Source {
         Place { line: before.matches('\n').count() + 1, column: before[line_start..].chars().count() + 1 }
     }
 
-    /// What is wrong at a range of bytes.
+    /// Error at a range of bytes.
     pub fn error(&self, span: &Range<usize>, problem: impl Into<String>) -> Error {
         self.error_at(self.place(span), problem)
     }
 
-    /// What is wrong at a place.
+    /// Error at a place.
     pub fn error_at(&self, place: Place, problem: impl Into<String>) -> Error {
         let Place { line, column } = place;
         Error::File { file: self.file.clone(), line, column, problem: problem.into() }

@@ -1,4 +1,4 @@
-//! What a problem file says, with places, before names and units are looked up in a system.
+//! Content of a problem file, with places, before names and units are looked up in a system.
 
 use std::path::PathBuf;
 
@@ -18,7 +18,7 @@ pub struct Statement {
     pub source: Source,
     /// Title; default the name of the file.
     pub name: String,
-    /// Where `name` or the default stands.
+    /// Place of `name` or of the default.
     pub system: Text,
     /// The system, resolved against the folder of the problem file.
     pub system_file: PathBuf,
@@ -36,7 +36,7 @@ pub struct Statement {
     pub guesses: Vec<Guess>,
     /// Roll-out.
     pub verification: Verification,
-    /// What the page draws.
+    /// Drawing of the page.
     pub animation: Option<Animation>,
     /// Rods that the page draws.
     pub stick_figure: Option<StickFigure>,
@@ -94,11 +94,11 @@ pub struct Pass {
     pub transcription: Transcription,
     /// Intervals.
     pub intervals: usize,
-    /// Where it stands.
+    /// Place in the file.
     pub place: Place,
 }
 
-/// When intervals are split.
+/// Criteria for splitting intervals.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MeshRefinement {
     /// Largest relative error of a state over an interval.
@@ -107,7 +107,7 @@ pub struct MeshRefinement {
     pub rounds: usize,
 }
 
-/// How long a phase takes.
+/// Duration of a phase.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Duration {
     /// Given.
@@ -128,7 +128,7 @@ pub enum Duration {
 pub struct Phase {
     /// Name.
     pub name: String,
-    /// Where it stands.
+    /// Place in the file.
     pub place: Place,
     /// Duration.
     pub duration: Duration,
@@ -136,7 +136,7 @@ pub struct Phase {
     pub intervals: Option<usize>,
     /// Start values of parameters in this phase, such as a pinned mode.
     pub parameters: Vec<(Text, String)>,
-    /// How the states at the start follow from the end of the phase before; none: they are continuous.
+    /// Map from the end of the phase before to the states at the start; none: they are continuous.
     pub reset: Option<Reset>,
     /// Conditions at the start; states that are not named keep the start values of the system.
     pub initial: Vec<Condition>,
@@ -159,11 +159,11 @@ pub struct Reset {
     pub states: Vec<(Text, Text)>,
     /// Bounds of outputs, such as impulses.
     pub bounds: Vec<Bound>,
-    /// Where it stands.
+    /// Place in the file.
     pub place: Place,
 }
 
-/// What holds for a variable at one end of a phase.
+/// Condition on a variable at one end of a phase.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Condition {
     /// Variable.
@@ -181,7 +181,7 @@ pub struct Range {
     pub max: Option<Quantity>,
 }
 
-/// Where a bound holds.
+/// Part of a phase where a bound holds.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Where {
     /// At the nodes: states and outputs by default.
@@ -201,13 +201,14 @@ pub struct Bound {
     pub terms: Vec<(Text, f64)>,
     /// Range; units those of the first variable unless said.
     pub range: Range,
-    /// Where it holds; none: by the kind of the variable.
+    /// Part of the phase where it holds; none: by the kind of the variable.
     pub at: Option<Where>,
     /// Part of the phase in which it holds, 0 to 1.
     pub during: (f64, f64),
-    /// By how much stricter it is at the points of the mesh, so that it holds between them, in the unit of the plan.
+    /// Amount by which stricter it is at the points of the mesh, so that it holds between them, in the unit of the
+    /// plan.
     pub margin: f64,
-    /// Where it stands.
+    /// Place in the file.
     pub place: Place,
 }
 
@@ -220,7 +221,7 @@ pub struct Rate {
     pub range: Range,
 }
 
-/// What a cost is taken of.
+/// Quantity whose cost is taken.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Of {
     /// Integral of `(variable - reference)^2` over the phase.
@@ -234,11 +235,11 @@ pub enum Of {
 /// A term of the cost.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Cost {
-    /// What it is taken of.
+    /// Quantity whose cost is taken.
     pub of: Of,
     /// Weight.
     pub weight: f64,
-    /// Where it stands.
+    /// Place in the file.
     pub place: Place,
 }
 

@@ -1,4 +1,5 @@
-//! Tables of a problem file read key by key: every key is wanted by name, what nobody wanted is an error with its place.
+//! Tables of a problem file read key by key: every key is wanted by name, what nobody wanted is an error with its
+//! place.
 
 use std::cell::RefCell;
 
@@ -14,7 +15,7 @@ use crate::{Error, names};
 pub struct Text {
     /// The text.
     pub text: String,
-    /// Where it stands.
+    /// Place in the file.
     pub place: Place,
 }
 
@@ -49,12 +50,12 @@ fn kind(value: &DeValue) -> &'static str {
 }
 
 impl<'a> Value<'a> {
-    /// Where it stands.
+    /// Place in the file.
     pub fn place(&self) -> Place {
         self.source.place(&self.value.span())
     }
 
-    /// What is wrong with it.
+    /// Error at this value.
     pub fn error(&self, problem: impl Into<String>) -> Error {
         self.source.error(&self.value.span(), problem)
     }
@@ -101,7 +102,7 @@ impl<'a> Value<'a> {
             Some(number) => Ok(number),
             None => {
                 let found = &self.source.text[self.value.span()];
-                Err(self.error(format!("`{found}` is no whole number of at least {least}")))
+                Err(self.error(format!("`{found}` is not a whole number of at least {least}")))
             }
         }
     }
@@ -172,12 +173,12 @@ impl<'a> Table<'a> {
         Table { source, place, entries: document, name: "the file".into(), known: RefCell::default() }
     }
 
-    /// What is wrong with the table as a whole.
+    /// Error that concerns the table as a whole.
     pub fn error(&self, problem: impl Into<String>) -> Error {
         self.source.error_at(self.place, problem)
     }
 
-    /// Where it stands.
+    /// Place in the file.
     pub fn place(&self) -> Place {
         self.place
     }
@@ -196,7 +197,7 @@ impl<'a> Table<'a> {
         self.get(key).ok_or_else(|| self.error(format!("{} has no `{key}`; add it", self.name)))
     }
 
-    /// What `read` makes of the value of a key, where it is there.
+    /// Value of a key as converted by `read`, where it is there.
     ///
     /// # Errors
     /// Those of `read`.

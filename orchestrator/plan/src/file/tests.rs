@@ -1,4 +1,4 @@
-//! What a problem file says, and what is said about a wrong one.
+//! Reading of problem files, and messages about wrong ones.
 
 use super::statement::{Duration, Of, Where};
 use super::{Place, Quantity, SCHEMA, Source, Statement, TRANSCRIPTIONS, parse};

@@ -34,7 +34,7 @@ pub struct Stabilized {
     pub rows: Vec<Row>,
     /// The trajectory on the samples.
     pub nominal: Nominal,
-    /// What was asked of the design, with its defaults.
+    /// Requirements on the design, with defaults filled in.
     pub design: Design,
     /// Names of the states, then of the disturbances, `[n]`.
     pub states: Vec<String>,
@@ -44,15 +44,15 @@ pub struct Stabilized {
     pub measured: Vec<usize>,
     /// Component and output that tell the phase.
     pub mode: Option<(usize, usize)>,
-    /// What was chosen for the user, one sentence each.
+    /// Choices made for the user, one sentence each.
     pub notes: Vec<String>,
 }
 
 /// Designs a controller for a plan.
 ///
 /// # Errors
-/// Unknown names and units with their place, columns that the trajectory lacks, phases without a table `[phases]`, or what
-/// [`airloop_ocp::control`] says.
+/// Unknown names and units with their place, columns that the trajectory lacks, phases without a table `[phases]`, or
+/// what [`airloop_ocp::control`] says.
 pub fn stabilize(prepared: &mut Prepared, plan: Plan<'_>, settings: &Settings) -> Result<Stabilized, Error> {
     let place = |problem: String| Error::Place { place: plan.file.display().to_string(), problem };
     let Prepared { setup: prepared, dynamics, resets } = prepared;
@@ -159,7 +159,7 @@ pub fn stabilize(prepared: &mut Prepared, plan: Plan<'_>, settings: &Settings) -
                 (Some(Signal::Input(i)), Some(inputs)) => inputs[i] = value,
                 _ => {
                     let problem = format!(
-                        "`{}` is no state{} of the plan",
+                        "`{}` is not a state{} of the plan",
                         entry.0.text,
                         if inputs.is_some() { " or input" } else { "" }
                     );

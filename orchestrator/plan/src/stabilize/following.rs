@@ -14,9 +14,9 @@ use airloop_cosim::system::graph::DataType;
 use airloop_ocp::control::{self, Event, Leg, Nominal, Phases, phases};
 use airloop_ocp::transcription::StateLink;
 
-/// How far the trajectory of a phase goes beyond its ends \[s\], where nothing is said.
+/// Default time by which the trajectory of a phase goes beyond its ends \[s\].
 const OVERLAP: f64 = 0.05;
-/// How far the regulator looks beyond the end of the plan \[s\], where nothing is said.
+/// Default time by which the regulator looks beyond the end of the plan \[s\].
 const HORIZON: f64 = 2.0;
 
 /// A plan on the samples.
@@ -109,7 +109,8 @@ impl Following {
         for (guard, jump) in own.guards.iter().zip(resets) {
             let (index, _) = setup.catalog.want(source, guard)?;
             let Some(Signal::Output(guard)) = setup.task.signals.of(index) else {
-                let problem = format!("`{}` is no output that the problem names; bound it there", guard.text);
+                let problem =
+                    format!("`{}` is not an output that the problem names; bound it there", guard.text);
                 return Err(source.error_at(guard.place, problem));
             };
             let reset = match jump.as_ref().map(Jump::link).transpose()?.map(|link| link.states) {
@@ -134,7 +135,7 @@ impl Following {
             });
             if !whole {
                 let problem = format!(
-                    "`{}` is no Integer or enumeration of a component; write component.variable",
+                    "`{}` is not an Integer or enumeration of a component; write component.variable",
                     name.text
                 );
                 return Err(source.error_at(name.place, problem));

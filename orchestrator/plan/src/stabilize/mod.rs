@@ -25,7 +25,8 @@ const TEMPLATE: &str = "tvlqr-controller";
 /// Its table.
 const TABLE: &str = "controller.csv";
 /// Most states with disturbances, inputs and measured signals of the template.
-const MOST: [(&str, usize); 3] = [("states and disturbances", 16), ("inputs", 4), ("measured signals", 16)];
+const MAX_SIZES: [(&str, usize); 3] =
+    [("states and disturbances", 16), ("inputs", 4), ("measured signals", 16)];
 
 /// Writes the controller as an FMU.
 ///
@@ -35,7 +36,7 @@ pub fn write_fmu(controller: &Controller, name: &str, description: &str, file: &
     let row = &controller.rows[0];
     let place = || file.display().to_string();
     for ((what, most), found) in
-        MOST.into_iter().zip([row.states.len(), row.inputs.len(), row.measured.len()])
+        MAX_SIZES.into_iter().zip([row.states.len(), row.inputs.len(), row.measured.len()])
     {
         if found > most {
             let problem =

@@ -24,7 +24,8 @@ pub struct SignalRecord {
     pub unit: Option<String>,
     /// Deviation that costs as much as those of the others; null for measured signals.
     pub deviation: Option<f64>,
-    /// Standard deviation after one second, of the drift of a state that the model does not describe, or of the disturbance of an input.
+    /// Standard deviation after one second, of the drift of a state that the model does not describe, or of the
+    /// disturbance of an input.
     pub drift: Option<f64>,
     /// Standard deviation of the noise of a measured signal.
     pub noise: Option<f64>,
@@ -63,7 +64,7 @@ pub struct Summary {
     pub files: Vec<String>,
     /// Figures in the folder.
     pub figures: Vec<String>,
-    /// What was chosen for the user, one sentence each.
+    /// Choices made for the user, one sentence each.
     pub notes: Vec<String>,
 }
 

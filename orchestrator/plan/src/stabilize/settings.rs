@@ -8,7 +8,7 @@ use crate::Error;
 use crate::file::table::{Table, Value};
 use crate::file::{Quantity, Source, Text, parameters};
 
-/// What the file says.
+/// Content of the file.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Settings {
     /// The file.
@@ -19,7 +19,8 @@ pub struct Settings {
     pub sensors: Vec<(Text, Quantity)>,
     /// Deviations of states and inputs that cost alike.
     pub deviation: Vec<(Text, Quantity)>,
-    /// Standard deviation after one second: of drifts of states that the model does not describe, of disturbances of inputs.
+    /// Standard deviation after one second: of drifts of states that the model does not describe, of disturbances of
+    /// inputs.
     pub drift: Vec<(Text, Quantity)>,
     /// Standard deviation of initial states.
     pub initial: Vec<(Text, Quantity)>,
@@ -27,7 +28,7 @@ pub struct Settings {
     pub limits: Vec<(Text, [Quantity; 2])>,
     /// Start values of parameters of the closed loop, `component.variable`.
     pub parameters: Vec<(Text, String)>,
-    /// How a plan with several phases is followed.
+    /// Settings for following a plan with several phases.
     pub phases: Option<PhaseSettings>,
     /// Trials.
     pub trials: Option<Trials>,
@@ -40,9 +41,9 @@ pub struct PhaseSettings {
     pub guards: Vec<Text>,
     /// Integer output that tells the phase, with its values; without it phases begin by time.
     pub mode: Option<(Text, Vec<i32>)>,
-    /// How far the trajectory of a phase goes on beyond its ends.
+    /// Time by which the trajectory of a phase continues beyond its ends.
     pub overlap: Option<Quantity>,
-    /// How far the regulator looks beyond the end of the plan.
+    /// Time by which the regulator looks beyond the end of the plan.
     pub horizon: Option<Quantity>,
 }
 
@@ -51,9 +52,9 @@ pub struct PhaseSettings {
 pub struct Trials {
     /// Length of a trial.
     pub duration: Quantity,
-    /// What differs from trial to trial.
+    /// Perturbations that differ from trial to trial.
     pub perturb: Vec<Perturb>,
-    /// What makes a trial a success.
+    /// Criteria of a successful trial.
     pub criteria: Vec<Criterion>,
 }
 
@@ -62,7 +63,7 @@ pub struct Trials {
 pub struct Perturb {
     /// Parameters and start values, `component.variable`.
     pub variables: Vec<Text>,
-    /// How far they go.
+    /// Size of the perturbation.
     pub spread: Spread,
 }
 
@@ -105,7 +106,7 @@ pub fn read(file: &Path) -> Result<Settings, Error> {
 /// Reads the text of a file.
 ///
 /// # Errors
-/// As [`read`].
+/// Same as [`read`].
 pub fn parse(source: Source) -> Result<Settings, Error> {
     let document = DeTable::parse(&source.text).map_err(|error| {
         let end = source.text.len();

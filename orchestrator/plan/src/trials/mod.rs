@@ -23,7 +23,7 @@ use airloop_series::{Interpolation, TimeSeries};
 pub use judge::Judgment;
 pub use ready::{Ready, prepare};
 
-/// What is run.
+/// Request for trials.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Request {
     /// Number of trials.
@@ -49,7 +49,7 @@ pub struct Trial {
     pub closed: bool,
     /// Each criterion: kept or not.
     pub judgment: Judgment,
-    /// Why it ended early, if it did.
+    /// Reason why it ended early, if it did.
     pub problem: Option<String>,
     /// Trajectory of the signals that are judged, and of the commands; of the first trials only.
     pub trajectory: Option<TimeSeries>,

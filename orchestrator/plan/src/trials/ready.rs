@@ -25,7 +25,7 @@ pub struct Place {
     pub variable: usize,
     /// Value of the model.
     pub value: f64,
-    /// How far it goes to either side.
+    /// Half width of the range.
     pub width: f64,
 }
 
@@ -66,7 +66,7 @@ pub struct Ready {
     pub perturbations: Vec<Perturbation>,
     /// Sensor noise.
     pub noise: Vec<Noise>,
-    /// What makes a trial a success.
+    /// Criteria of a successful trial.
     pub criteria: Vec<Check>,
 }
 
@@ -176,7 +176,7 @@ fn in_unit_of(
         Some(Compatibility::Equal) => Ok(width.value),
         Some(Compatibility::Convertible { factor, .. }) => Ok(factor * width.value),
         _ => {
-            let problem = format!("`{unit}` is no unit for `{}`, which is in `{own}`", variable.name);
+            let problem = format!("`{unit}` is not a unit for `{}`, which is in `{own}`", variable.name);
             Err(settings.source.error_at(width.place, problem))
         }
     }

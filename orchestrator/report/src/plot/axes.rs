@@ -36,8 +36,8 @@ impl Axis {
         self.from + (value - self.min) / (self.max - self.min) * (self.to - self.from)
     }
 
-    /// Ticks of an axis that holds decimal logarithms: at powers of ten, at 2 and 5 times them too where the axis spans less
-    /// than two decades; at every second or third power if there were more than about `count`.
+    /// Ticks of an axis that holds decimal logarithms: at powers of ten, at 2 and 5 times them too where the axis spans
+    /// less than two decades; at every second or third power if there were more than about `count`.
     pub fn log_ticks(&self, count: usize) -> Vec<(f64, String)> {
         let (first, last) = (self.min.floor() as i32, self.max.ceil() as i32);
         let every = ((self.max - self.min) / count.max(1) as f64).ceil().max(1.0) as i32;

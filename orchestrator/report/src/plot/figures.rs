@@ -149,7 +149,7 @@ fn title(svg: &mut Svg, name: &str, note: &str) {
     svg.text((note_start(name), 24.0), Anchor::Start, "note", note);
 }
 
-/// Where the note next to a title begins; letters of the title are about 9 pixels wide.
+/// Horizontal start of the note next to a title; letters of the title are about 9 pixels wide.
 fn note_start(name: &str) -> f64 {
     LEFT + 14.0 + 9.0 * name.chars().count() as f64
 }

@@ -13,7 +13,7 @@ use airloop_series::TimeSeries;
 pub struct Page {
     /// Title.
     pub title: String,
-    /// What was done, in a sentence.
+    /// Summary in a sentence.
     pub lead: String,
     /// Remarks under their headings, as `Verdict` and `Warnings`; empty lists are left out.
     pub remarks: Vec<(String, Vec<String>)>,

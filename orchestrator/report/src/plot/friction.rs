@@ -32,7 +32,7 @@ pub fn force_velocity(measured: &[(f64, f64)], model: &[ModelPoint], note: &str)
     svg.finish("friction force over velocity: measured, model, 95 % band")
 }
 
-/// What the model leaves over velocities, as dots.
+/// Residual of the model over velocity, as dots.
 pub fn residual(left: &[(f64, f64)], note: &str) -> String {
     let height = 240.0;
     let mut svg = Svg::new(WIDTH, TOP + height + BOTTOM);

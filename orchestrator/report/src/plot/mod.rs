@@ -18,7 +18,7 @@ pub mod svg;
 
 use std::path::PathBuf;
 
-/// Why a figure cannot be drawn.
+/// Reason why a figure cannot be drawn.
 #[derive(Debug, thiserror::Error)]
 #[allow(missing_docs, reason = "file and column, as in each message")]
 pub enum Error {

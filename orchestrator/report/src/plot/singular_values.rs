@@ -10,12 +10,13 @@ const TOP: f64 = 52.0;
 const HEIGHT: f64 = 300.0;
 const BOTTOM: f64 = 52.0;
 /// Most singular values drawn.
-const MOST: usize = 30;
+const MAX_VALUES_SHOWN: usize = 30;
 
 /// Singular values on a logarithmic axis, those of the order (diamonds) apart from the others (squares).
 pub fn singular_values(values: &[f64], order: usize) -> String {
     let title = "Singular values of the weighted projection";
-    let values = values.iter().copied().take(MOST.max(order + 1)).take_while(|value| *value > 0.0);
+    let values =
+        values.iter().copied().take(MAX_VALUES_SHOWN.max(order + 1)).take_while(|value| *value > 0.0);
     let logs: Vec<f64> = values.map(f64::log10).collect();
     let y = Axis::new(range(logs.iter().copied()), (TOP + HEIGHT, TOP)).padded(0.06);
     let x = Axis::new((0.4, logs.len() as f64 + 0.6), (LEFT, WIDTH - RIGHT));

@@ -90,7 +90,7 @@ pub fn draw(folder: &Path, summary: &Summary) -> Result<Vec<PathBuf>, Error> {
 /// Draws the figures of trials and the page that shows them, for signals with their units; returns what was written.
 ///
 /// # Errors
-/// As [`draw`].
+/// Same as [`draw`].
 pub fn draw_trials(
     folder: &Path,
     summary: &TrialsSummary,

@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-/// Where a text is anchored.
+/// Anchor of a text.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Anchor {
     /// Begins at the point.

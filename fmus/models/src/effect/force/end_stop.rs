@@ -1,4 +1,4 @@
-//! A one-sided wall inside the stroke (Hunt and Crossley, linear form).
+//! A one-sided wall inside the stroke (Hunt and Crossley, Journal of Applied Mechanics 42, 1975, linear form).
 
 use fmi2_export::{Real, Scalar, Table, Values};
 

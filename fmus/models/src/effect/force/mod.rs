@@ -28,7 +28,7 @@ use stribeck::Stribeck;
 use tilt::Tilt;
 use viscous::Viscous;
 
-/// What the forces depend on.
+/// Variables that the forces depend on.
 #[derive(Clone, Copy, Debug)]
 struct Motion<S> {
     /// Position \[m\] and velocity \[m/s\].

@@ -1,4 +1,5 @@
-//! Coulomb friction that is a hysteretic spring before the part slides (Dahl).
+//! Coulomb friction that is a hysteretic spring before the part slides (Dahl, A solid friction model, Aerospace
+//! Corporation 1968).
 
 use fmi2_export::{Real, Scalar, Table, Values};
 

@@ -1,4 +1,4 @@
-//! The peak of friction at low speed.
+//! The peak of friction at low speed (Stribeck; in the form of Bo and Pavelescu, Wear 82, 1982, with exponent 2).
 
 use fmi2_export::{Real, Scalar, Table, Values};
 

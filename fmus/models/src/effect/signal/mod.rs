@@ -1,4 +1,4 @@
-//! What a command path or a sampled signal does that its model does not say, as a sampled block in series.
+//! Effects on a command path or a sampled signal that its model does not describe, as a sampled block in series.
 //!
 //! One module per effect with a state of its own. They act in the order of their modules in [`SignalEffect`]; gains,
 //! limits and offsets have no state and stand here.

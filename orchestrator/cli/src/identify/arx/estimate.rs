@@ -17,7 +17,7 @@ use airloop_ident::structure::Structure;
 use airloop_ident::{instrumental_variables, output_error};
 
 /// Condition number of the regressors above which small errors of the data turn into large ones of the coefficients.
-const ILL_CONDITIONED: f64 = 3e4;
+const MAX_CONDITION_NUMBER: f64 = 3e4;
 
 /// An estimated model with what is known about it.
 pub struct Estimated {
@@ -25,15 +25,15 @@ pub struct Estimated {
     pub model: Arx,
     /// Its structure.
     pub structure: Structure,
-    /// How it was estimated.
+    /// Method of estimation.
     pub method: String,
-    /// Which coefficients are free.
+    /// Mask of the free coefficients.
     pub mask: Mask,
     /// Those coefficients with their covariance.
     pub parameters: Parameters,
     /// Residuals that speak for or against it, and past outputs per equation that it was fitted with.
     pub residuals: (Kind, usize),
-    /// What else goes under `diagnostics`.
+    /// Further entries under `diagnostics`.
     pub diagnostics: Value,
     /// Sentences about the data.
     pub verdict: Vec<String>,
@@ -126,7 +126,7 @@ fn in_order(parameters: &Parameters, mask: &Mask) -> Parameters {
     }
 }
 
-/// Which coefficients are free.
+/// Mask of the free coefficients.
 fn mask(structure: &Structure) -> Mask {
     let ones: Vec<Vec<f64>> = (0..structure.n_y()).map(|i| vec![1.0; structure.terms(i).len()]).collect();
     let ones: Vec<&[f64]> = ones.iter().map(Vec::as_slice).collect();
@@ -156,7 +156,7 @@ fn doubts(estimate: &Estimate, condition: &[f64], inputs: &[Excitation], names: 
         }
     }
     for (output, condition) in names.outputs.iter().zip(condition) {
-        if *condition > ILL_CONDITIONED {
+        if *condition > MAX_CONDITION_NUMBER {
             warnings.push(format!(
                 "the regressors of {output} are nearly dependent (condition number {condition:.1e}): single coefficients mean little; lower na and nb, excite more frequencies, or sample more slowly"
             ));

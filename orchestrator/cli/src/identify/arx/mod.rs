@@ -30,12 +30,12 @@ use airloop_ident::structure::{self, Structure};
     after_help = "Exit codes: 0 success, 1 failure, 2 wrong usage, 130 interrupted.\n\nExamples:\n  airloop identify arx chirp.csv stairs.csv --inputs u --outputs F_hat,F_p --na 1 --nb 2 --validate check.csv -o out/actuator\n  airloop identify arx chirp.csv --inputs u --outputs F_hat,F_p --order auto --na 1..6 --nk 0..10"
 )]
 pub struct Args {
-    /// Which data, and where the results go.
+    /// Data to use, and the folder of the results.
     #[command(flatten)]
     pub data: DataArgs,
-    /// Search the orders: all combinations of the ranges of --na, --nb and --nk (default 1..4, 1..4, 0..3) are ranked by
-    /// the simulated fit on the validation files, or else on the last third of every file. Taken is the one with the least
-    /// BIC of those within 0.5 points of the best.
+    /// Search the orders: all combinations of the ranges of --na, --nb and --nk (default 1..4, 1..4, 0..3) are ranked
+    /// by the simulated fit on the validation files, or else on the last third of every file. Taken is the one with the
+    /// least BIC of those within 0.5 points of the best.
     #[arg(long, value_enum)]
     pub order: Option<OrderChoice>,
     /// Number of coefficients on past outputs: one number, or a matrix with a row for each output, as "2,1;1,2"; with
@@ -49,7 +49,7 @@ pub struct Args {
     /// Delay of the inputs in samples; 0 is a direct term. As --nb. Default: 0.
     #[arg(long, value_name = "DELAYS")]
     pub nk: Option<String>,
-    /// How the coefficients are estimated.
+    /// Method by which the coefficients are estimated.
     #[arg(long, value_enum, default_value_t = MethodChoice::LeastSquares)]
     pub method: MethodChoice,
     /// Also write the model as NAME.fmu: an arx-actuator for one input and at most two outputs about zero, else a
@@ -92,7 +92,7 @@ impl MethodChoice {
 /// Runs the command.
 ///
 /// # Errors
-/// What keeps it from a model, or its results from being written.
+/// Fails if there is no model, or its results cannot be written.
 pub fn run(args: &Args) -> Result<ExitCode, Error> {
     let channels = args.data.channels();
     // What is wrong with the orders is said before long files are read.
@@ -136,7 +136,9 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
         fmu::write(wanted, name, &model, &args.data.output, &report::headline(&summary))?;
     }
     if !args.data.quiet {
-        let table = candidates.as_ref().map(|all| orders::table(all, &args.data.outputs, orders::SHOWN));
+        let table = candidates
+            .as_ref()
+            .map(|all| orders::table(all, &args.data.outputs, orders::CANDIDATES_ON_TERMINAL));
         let table = table.map_or(String::new(), |table| report::text_table(&table) + "\n");
         let mut text = table + &report::report(&summary, &args.data.output);
         if let Some(fmu) = &fmu {

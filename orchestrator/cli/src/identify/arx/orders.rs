@@ -4,14 +4,14 @@ use crate::identify::output::Results;
 use crate::identify::report::percent;
 use airloop::Error;
 use airloop_ident::arx;
-use airloop_ident::order_search::{Candidate, MARGIN, recommended};
+use airloop_ident::order_search::{Candidate, FIT_MARGIN, recommended};
 use airloop_ident::structure::{Structure, text};
 use airloop_report::plot::fit_page::Table;
 
 /// Candidates on the terminal.
-pub const SHOWN: usize = 10;
+pub const CANDIDATES_ON_TERMINAL: usize = 10;
 /// Candidates on the page.
-const ON_PAGE: usize = 15;
+const CANDIDATES_ON_PAGE: usize = 15;
 
 /// The structure to take.
 ///
@@ -39,7 +39,7 @@ pub fn chosen(candidates: &[Candidate]) -> Result<Structure, Error> {
 /// Adds the search to the results: `orders.csv`, a table on the page, the sentence of the verdict.
 pub fn add(results: &mut Results, candidates: &[Candidate], outputs: &[String]) {
     results.texts.push(("orders.csv".into(), csv(candidates, outputs)));
-    let mut page = table(candidates, outputs, ON_PAGE);
+    let mut page = table(candidates, outputs, CANDIDATES_ON_PAGE);
     page.heading = "Orders, by simulated fit on judging data".into();
     results.tables.push(page);
     let estimated = candidates.iter().filter(|candidate| candidate.stable.is_some()).count();
@@ -49,7 +49,7 @@ pub fn add(results: &mut Results, candidates: &[Candidate], outputs: &[String]) 
         results.summary.verdict.insert(
             0,
             format!(
-                "orders {}: the least BIC of all with a simulated fit within {MARGIN} points of the best ({} % with {}), of {} structures, {stable} of them stable",
+                "orders {}: the least BIC of all with a simulated fit within {FIT_MARGIN} points of the best ({} % with {}), of {} structures, {stable} of them stable",
                 taken.structure,
                 percent(best.fit, true),
                 best.structure,

@@ -63,7 +63,7 @@ pub struct Args {
     /// Friction law.
     #[arg(long, value_enum, default_value_t = LawChoice::CoulombViscous)]
     pub law: LawChoice,
-    /// What is predicted: the force from the motion, or the motion from the force, anew in every --window.
+    /// Predicted quantity: the force from the motion, or the motion from the force, anew in every --window.
     #[arg(long, value_enum, default_value_t = PredictChoice::Force)]
     pub predict: PredictChoice,
     /// Length of the windows of --predict motion.

@@ -58,7 +58,7 @@ pub fn check(args: &Args) -> Result<(), Error> {
 /// Writes everything into the folder; what is printed about it.
 ///
 /// # Errors
-/// What cannot be written.
+/// Fails if a file cannot be written.
 pub fn write(report: &Report, args: &Args) -> Result<String, Error> {
     let to = &args.output;
     let figures = if args.no_plots { Vec::new() } else { figures(report) };

@@ -1,8 +1,8 @@
-//! The next step from the error of the last: a PI controller between two limits.
+//! The next step from the error of the last: a PI controller (Gustafsson, ACM TOMS 17, 1991) between two limits.
 
 /// Aim below the tolerance, so that most steps are accepted.
 const SAFETY: f64 = 0.9;
-/// A step is at most so many times the last one, up and down.
+/// Largest growth and shrinkage of a step relative to the last one.
 const GROWTH: f64 = 4.0;
 const SHRINKAGE: f64 = 0.1;
 /// Step after one that could not be made at all, as a part of it.

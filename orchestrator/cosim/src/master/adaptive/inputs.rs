@@ -1,4 +1,5 @@
-//! System inputs in an adaptive run: which of their samples end a step, and their trajectory inside a step that spans some.
+//! System inputs in an adaptive run: which of their samples end a step, and their trajectory inside a step that spans
+//! some.
 
 use crate::master::Master;
 use crate::master::interface_jacobian::Trajectory;
@@ -11,7 +12,7 @@ use airloop_series::Interpolation;
 /// See the module.
 pub(super) struct Inputs<'a> {
     stimulus: Option<&'a Stimulus<'a>>,
-    /// How each linked input behaves between its samples.
+    /// Interpolation of each linked input between its samples.
     interpolations: Vec<Interpolation>,
     guess: usize,
     /// Whether steps may span samples of the inputs.

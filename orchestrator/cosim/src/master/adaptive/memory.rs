@@ -8,7 +8,7 @@ use airloop_fmi::{Error, StateHandle};
 pub(super) struct Memory {
     states: Vec<Option<StateHandle>>,
     values: Values,
-    /// What the master carries from step to step.
+    /// Values that the master carries from step to step.
     carried: Vec<f64>,
 }
 

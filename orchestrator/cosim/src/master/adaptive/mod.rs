@@ -1,10 +1,11 @@
 //! Adaptive communication steps for the Gauss-Seidel, Jacobi and interface-Jacobian masters.
 //!
-//! Under Gauss-Seidel and Jacobi, every step is made with held (or extrapolated) inputs and repeated from the saved states
-//! with inputs that run toward what the pass before has come to; the last pass is kept, and its difference to the one
-//! before is the estimate of the error. Gauss-Seidel is repeated once, Jacobi as often as there are components (those
-//! that share an algebraic loop count as one), so that what a pass hands on arrives everywhere. Under the interface-Jacobian master every step is made once whole and once
-//! in two halves; the halves are kept as communication steps, and their difference to the whole is the estimate.
+//! Under Gauss-Seidel and Jacobi, every step is made with held (or extrapolated) inputs and repeated from the saved
+//! states with inputs that run toward what the pass before has come to; the last pass is kept, and its difference to
+//! the one before is the estimate of the error. Gauss-Seidel is repeated once, Jacobi as often as there are components
+//! (those that share an algebraic loop count as one), so that what a pass hands on arrives everywhere. Under the
+//! interface-Jacobian master every step is made once whole and once in two halves; the halves are kept as communication
+//! steps, and their difference to the whole is the estimate.
 //!
 //! From the estimate a PI controller chooses the next step. A step whose error is too large, or that a slave does not
 //! make, is taken back and tried shorter. Steps end at samples of components and of the inputs; under the
@@ -34,7 +35,7 @@ use inputs::Inputs;
 use memory::Memory;
 use stops::{Pair, Stops};
 
-/// How communication steps adapt.
+/// Settings of adaptive communication steps.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Adaptive {
     /// Error of one step, relative to the largest absolute value of the signal so far (at least a hundredth of its
@@ -198,7 +199,7 @@ fn record(recorder: &mut Recorder, time: f64, values: &Values) {
     recorder.record(time, &values.reals, &values.integers, &values.booleans);
 }
 
-/// How a step and its error come about.
+/// Method that makes a step and estimates its error.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Method {
     /// Whole and in two halves.
@@ -207,7 +208,7 @@ enum Method {
     Passes(usize),
 }
 
-/// What steps and what it remembers.
+/// The master that steps and the values it remembers.
 struct Stepper<'a> {
     master: Master,
     method: Method,

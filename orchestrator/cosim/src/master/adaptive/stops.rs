@@ -1,9 +1,9 @@
-//! Where steps have to end: samples of components, samples or kinks of the inputs, and the stop time.
+//! Times at which steps have to end: samples of components, samples or kinks of the inputs, and the stop time.
 
 /// Times closer than this (relative to the larger end of the run) are one.
-const CLOSE: f64 = 1e-12;
+const SAME_TIME: f64 = 1e-12;
 /// A rest below this fraction of a step is rounding.
-const REST: f64 = 1e-6;
+const MIN_FRACTION_OF_STEP: f64 = 1e-6;
 
 /// A step and its middle \[s\].
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -43,7 +43,7 @@ impl Stops {
         mut samples: Vec<f64>,
         spanning: bool,
     ) -> Stops {
-        let slack = CLOSE * start.abs().max(stop.abs());
+        let slack = SAME_TIME * start.abs().max(stop.abs());
         let mut fixed: Vec<f64> =
             fixed.filter(|&time| time > start + slack && time < stop - slack).chain([stop]).collect();
         fixed.sort_unstable_by(f64::total_cmp);
@@ -66,7 +66,7 @@ impl Stops {
                 limit = next;
             }
         }
-        let parts = ((limit - t) / (2.0 * wanted) - REST).ceil().max(1.0);
+        let parts = ((limit - t) / (2.0 * wanted) - MIN_FRACTION_OF_STEP).ceil().max(1.0);
         let end = if parts > 1.0 { t + (limit - t) / parts } else { limit };
         Pair { begin: t, middle: t + (end - t) / 2.0, end }
     }
@@ -78,7 +78,9 @@ impl Stops {
         if (self.sample_time(sample, before) - t).abs() > self.slack {
             return None;
         }
-        let count = (wanted / sample + REST).floor().min(((limit - t) / (2.0 * sample) + REST).floor());
+        let count = (wanted / sample + MIN_FRACTION_OF_STEP)
+            .floor()
+            .min(((limit - t) / (2.0 * sample) + MIN_FRACTION_OF_STEP).floor());
         if count < 1.0 {
             return None;
         }
@@ -89,7 +91,7 @@ impl Stops {
 
     /// Samples from the start to `t`, the first not counted.
     fn samples_before(&self, t: f64, sample: f64) -> f64 {
-        ((t - self.start) / sample + REST).floor()
+        ((t - self.start) / sample + MIN_FRACTION_OF_STEP).floor()
     }
 
     /// Time \[s\] of sample `k`; a whole number of samples per second gives the decimals (0.007).

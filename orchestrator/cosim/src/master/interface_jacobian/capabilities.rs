@@ -1,4 +1,4 @@
-//! What each FMU of a coupled component can do, and what takes the place of what it cannot; every such choice becomes a
+//! Capabilities of each FMU of a coupled component, and substitutes for missing ones; every such choice becomes a
 //! note, or the refusal of the run where nothing can take its place.
 
 use super::evaluator;
@@ -138,7 +138,7 @@ impl Planner<'_> {
         Ok(LocalModel::new(origin, nominals, nu, ny))
     }
 
-    /// How a static block is evaluated.
+    /// Method by which a static block is evaluated.
     pub fn function(&mut self, unit: &Unit, repeats: bool) -> Result<Function, Error> {
         let component = self.component(unit.number);
         let description = &component.fmu.description;

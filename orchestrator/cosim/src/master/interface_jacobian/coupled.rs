@@ -27,7 +27,7 @@ pub(super) struct Coupled {
     pub radau: Radau,
     /// Nominal values of the states of the problem.
     pub nominal: Vec<f64>,
-    /// How this component is stepped, after fallbacks.
+    /// Settings with which this component is stepped, after fallbacks.
     pub coupling: Coupling,
     /// Whether steps are taken back.
     pub repeats: bool,
@@ -37,13 +37,13 @@ pub(super) struct Coupled {
     pub y: Vec<f64>,
     pub rate: Vec<f64>,
     pub nudged: Vec<f64>,
-    /// Algebraic loops (by number of their group): solved once so many static blocks have stepped.
+    /// Algebraic loops (by number of their group): each is solved once this many static blocks have stepped.
     pub loops: Vec<(usize, usize)>,
     /// Steps of the whole component, with repetitions.
     pub passes: u64,
 }
 
-/// Why a coupled component could not be stepped.
+/// Reason why a coupled component could not be stepped.
 #[derive(Debug, Clone, PartialEq)]
 pub(in crate::master) enum Failure {
     /// The reduced problem has no solution that Newton's method finds.

@@ -13,7 +13,7 @@ use airloop_fmi::Slave;
 /// Smallest change of the inputs, relative to their nominal values, from which input gains are learned.
 const SMALLEST_CHANGE: f64 = 1e-2;
 
-/// How the matrices come about.
+/// Origin of the matrices.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) enum Origin {
     /// Directional derivatives of the FMU; value references of states, then of derivatives with outputs behind.
@@ -145,8 +145,8 @@ impl LocalModel {
         }
     }
 
-    /// Broyden's update of B from what the FMU did under the inputs of [`LocalModel::respond`]; none where the inputs
-    /// hardly changed, as the update would follow other errors.
+    /// Broyden's update (Mathematics of Computation 19, 1965) of B from what the FMU did under the inputs of
+    /// [`LocalModel::respond`]; none where the inputs hardly changed, as the update would follow other errors.
     pub fn learn_gains(&mut self, unit: &Unit, y: &[f64], h: f64) {
         let change = |k: usize| unit.value[k] + 0.5 * h * unit.slope[k] - self.u0[k];
         let weight = |k: usize| unit.inputs[k].nominal.powi(-2);

@@ -7,9 +7,9 @@
 //! removes the error of linearization. The stiffness of the coupling is thereby met by an L-stable method and limits
 //! no step.
 //!
-//! Components outside all cycles step once, in the order of the graph. An algebraic loop is part of the reduced problem;
-//! where the step ends it is solved once more through the FMUs themselves ([`super::loops`]), so that what is passed on
-//! is no approximation. Events inside a coupled component are left to the monolithic master.
+//! Components outside all cycles step once, in the order of the graph. An algebraic loop is part of the reduced
+//! problem; where the step ends it is solved once more through the FMUs themselves ([`super::loops`]), so that what is
+//! passed on is not an approximation. Events inside a coupled component are left to the monolithic master.
 
 mod capabilities;
 mod coupled;
@@ -133,7 +133,7 @@ impl InterfaceJacobian {
         &mut self.outputs.trajectories
     }
 
-    /// What was done in place of what an FMU cannot do, one sentence each.
+    /// Substitutes for missing capabilities of FMUs, one sentence each.
     pub fn notes(&self) -> &[String] {
         &self.notes
     }

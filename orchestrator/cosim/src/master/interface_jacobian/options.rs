@@ -1,6 +1,6 @@
 //! Options of the interface-Jacobian master.
 
-/// How a coupled component is stepped.
+/// Settings with which a coupled component is stepped.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Coupling {
     /// Steps repeated after a rollback; default 1. 0: the prediction is kept, no state is restored.

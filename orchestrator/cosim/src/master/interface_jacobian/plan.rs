@@ -17,7 +17,7 @@ use crate::system::graph::{DataType, Source};
 use crate::system::order::{feed_through, strongly_connected};
 use airloop_fmi::{Variability, VariableKind};
 
-/// What planning needs to know about the system.
+/// Data about the system that planning needs.
 pub(super) struct Planner<'a> {
     pub graph: &'a SystemGraph,
     pub wiring: &'a Wiring,
@@ -96,7 +96,7 @@ impl<'a> Planner<'a> {
         planner
     }
 
-    /// Outputs at their initial values, with room for signals of so many pieces.
+    /// Outputs at their initial values, with room for signals of this many pieces.
     fn outputs(&self, units: &[Unit], nodes: &mut [Node], pieces: usize) -> Result<Outputs, Error> {
         let count = self.places.len();
         let mut outputs = Outputs {

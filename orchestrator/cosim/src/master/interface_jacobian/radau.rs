@@ -1,11 +1,12 @@
-//! Integration of the reduced problem over a communication step: Radau IIA of order 5 (three stages, L-stable) with
-//! error control, and the moments of every input on the way.
+//! Integration of the reduced problem over a communication step: Radau IIA of order 5 (three stages, L-stable; Hairer
+//! and Wanner, Solving Ordinary Differential Equations II, sections IV.5 and IV.8) with error control, and the moments
+//! of every input on the way.
 //!
 //! The integration stops where a signal from outside jumps, so that no jump is smoothed.
 
 use super::dense;
 use super::reduced::{Link, Reduced, Surroundings};
-use super::signal::{CLOSE, first_moment};
+use super::signal::{SAME_TIME, first_moment};
 use super::unit::Feed;
 use crate::master::Stop;
 
@@ -25,13 +26,13 @@ const EIGENVALUE: f64 = 3.637_834_252_744_496;
 /// Rounds of Newton's method on the stages.
 const ROUNDS: usize = 10;
 /// Newton's method ends at this part of the change of a state.
-const NEWTON: f64 = 1e-9;
+const NEWTON_TOLERANCE: f64 = 1e-9;
 /// Error allowed per step, as a part of the change of a state (the estimate is of a lower order than the method).
 const TOLERANCE: f64 = 1e-3;
 /// The same as a part of the nominal value.
-const FLOOR: f64 = 1e-7;
+const ERROR_FLOOR: f64 = 1e-7;
 /// Smallest step as a part of the communication step.
-const SMALLEST: f64 = 1e-6;
+const MIN_RELATIVE_STEP: f64 = 1e-6;
 
 /// Workspace.
 #[derive(Debug)]
@@ -59,7 +60,7 @@ pub(super) struct Radau {
     pub rounds: u64,
 }
 
-/// How a step went.
+/// Outcome of a step.
 enum Outcome {
     /// With its error as a part of what is allowed.
     Done(f64),
@@ -131,7 +132,7 @@ impl Radau {
                         };
                         self.step = part * (to - at) * around.h;
                         self.slope.fill(0.0);
-                        if self.step < SMALLEST * around.h {
+                        if self.step < MIN_RELATIVE_STEP * around.h {
                             let (state, rest) = match outcome {
                                 Outcome::Failed(state, rest) => (state, rest),
                                 Outcome::Done(error) => (0, error),
@@ -153,7 +154,7 @@ impl Radau {
             let Link::Outside(Feed::Signal(output)) = *link else { continue };
             for at in around.outputs.signals[output].breaks() {
                 if self.cuts.len() + 1 < self.cuts.capacity()
-                    && self.cuts.iter().all(|cut| (cut - at).abs() > CLOSE)
+                    && self.cuts.iter().all(|cut| (cut - at).abs() > SAME_TIME)
                 {
                     self.cuts.push(at);
                 }
@@ -228,7 +229,7 @@ impl Radau {
                     moved = moved.max(self.rest[at].abs());
                     size = size.max(self.stages[at].abs());
                 }
-                settled &= moved <= NEWTON * size + 1e-12 * nominal[k];
+                settled &= moved <= NEWTON_TOLERANCE * size + 1e-12 * nominal[k];
                 if moved / nominal[k] > worst.1 {
                     worst = (k, moved / nominal[k]);
                 }
@@ -255,7 +256,7 @@ impl Radau {
         (0..n)
             .map(|k| {
                 let change = (self.stages[last + k] - self.x[k]).abs();
-                self.error[k].abs() / (TOLERANCE * change + FLOOR * nominal[k])
+                self.error[k].abs() / (TOLERANCE * change + ERROR_FLOOR * nominal[k])
             })
             .fold(0.0, f64::max)
     }

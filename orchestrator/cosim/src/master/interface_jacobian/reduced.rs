@@ -29,7 +29,7 @@ pub(super) struct Static {
     pub function: Function,
 }
 
-/// Where an input of the problem comes from.
+/// Source of an input of the problem.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Link {
     /// An output of the problem.
@@ -38,7 +38,7 @@ pub(super) enum Link {
     Outside(Feed),
 }
 
-/// What is known from outside over the present step.
+/// Known signals from outside over the present step.
 #[derive(Clone, Copy)]
 pub(super) struct Surroundings<'a> {
     pub units: &'a [Unit],

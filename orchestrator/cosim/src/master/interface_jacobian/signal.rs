@@ -4,7 +4,7 @@
 //! Time inside the step is r = (t' - t) / H in 0..1.
 
 /// Two times closer than this (as a part of the step) are one.
-pub(super) const CLOSE: f64 = 1e-9;
+pub(super) const SAME_TIME: f64 = 1e-9;
 /// Nodes and weights of Gauss-Legendre quadrature on 0..1, exact for the product of a cubic and the first moment.
 const GAUSS: [(f64, f64); 3] =
     [(0.112_701_665_379_258_3, 5.0 / 18.0), (0.5, 4.0 / 9.0), (0.887_298_334_620_741_7, 5.0 / 18.0)];
@@ -68,17 +68,17 @@ impl Signal {
 
     /// Value at `r`; where a piece ends and the next begins, that of the end.
     pub fn left(&self, r: f64) -> f64 {
-        let piece = self.pieces.iter().find(|piece| r <= piece.end + CLOSE).or(self.pieces.last());
+        let piece = self.pieces.iter().find(|piece| r <= piece.end + SAME_TIME).or(self.pieces.last());
         piece.map_or(0.0, |piece| piece.at(r))
     }
 
     /// Value at `r`; where a piece ends and the next begins, that of the beginning.
     pub fn right(&self, r: f64) -> f64 {
-        let piece = self.pieces.iter().find(|piece| r < piece.end - CLOSE).or(self.pieces.last());
+        let piece = self.pieces.iter().find(|piece| r < piece.end - SAME_TIME).or(self.pieces.last());
         piece.map_or(0.0, |piece| piece.at(r))
     }
 
-    /// Where one piece ends and the next begins.
+    /// Times at which one piece ends and the next begins.
     pub fn breaks(&self) -> impl Iterator<Item = f64> + '_ {
         self.pieces.iter().skip(1).map(|piece| piece.begin)
     }

@@ -2,7 +2,7 @@
 //!
 //! A sampled component takes each of its samples in a step of its own, so that what it feeds sees every value.
 
-use super::signal::{CLOSE, line_of};
+use super::signal::{SAME_TIME, line_of};
 use super::unit::{Feed, Outputs, Unit};
 use crate::master::Stop;
 use crate::master::Values;
@@ -70,7 +70,7 @@ fn lay_out(unit: &Unit, outputs: &Outputs, (start, t, h): (f64, f64, f64), cuts:
         for input in &unit.inputs {
             let Feed::Signal(output) = input.feed else { continue };
             for at in outputs.signals[output].breaks() {
-                if cuts.len() + 1 < cuts.capacity() && cuts.iter().all(|cut| (cut - at).abs() > CLOSE) {
+                if cuts.len() + 1 < cuts.capacity() && cuts.iter().all(|cut| (cut - at).abs() > SAME_TIME) {
                     cuts.push(at);
                 }
             }
@@ -98,7 +98,7 @@ fn set_trajectory(
             let [from, rise] = line_of(input.feed.moments(outputs, values, begin, end));
             [input.conversion.apply(from), input.conversion.factor * rise]
         };
-        jumped |= (from - unit.u[k]).abs() > CLOSE * (from.abs() + unit.u[k].abs());
+        jumped |= (from - unit.u[k]).abs() > SAME_TIME * (from.abs() + unit.u[k].abs());
         (unit.value[k], unit.slope[k]) = match (unit.ramps, unit.is_static, unit.sample) {
             (true, ..) => (from, rise / length),
             (false, true, _) => (from + rise, 0.0),

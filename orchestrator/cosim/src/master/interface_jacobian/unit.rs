@@ -36,7 +36,7 @@ impl Outputs {
     }
 }
 
-/// Where an input gets its value from.
+/// Source of the value of an input.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(in crate::master) enum Feed {
     /// A system input (place in the flat buffer), by its trajectory over the step or held.

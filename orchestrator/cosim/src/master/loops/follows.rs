@@ -1,8 +1,8 @@
 //! Whether the outputs of a slave follow an input that is set, without a step.
 //!
-//! FMI 2.0.5 section 4.2.4 asks for a step between setting inputs and reading outputs of a slave, as a slave may compute
-//! them in the step only. Many compute them when they are read. Which kind a slave is of shows on a second instance, so
-//! that one that answers with an error does no harm.
+//! FMI 2.0.5 section 4.2.4 asks for a step between setting inputs and reading outputs of a slave, as a slave may
+//! compute them in the step only. Many compute them when they are read. Which kind a slave is of shows on a second
+//! instance, so that one that answers with an error does no harm.
 
 use crate::master::exchange::{Node, Wiring};
 use crate::master::initialize::set_start_values;

@@ -15,7 +15,7 @@ pub(in crate::master) struct Group {
     pub method: Method,
 }
 
-/// How the loops of a group are solved.
+/// Method by which the loops of a group are solved.
 #[derive(Debug)]
 pub(in crate::master) enum Method {
     /// At the communication points, as outputs follow inputs that are set.

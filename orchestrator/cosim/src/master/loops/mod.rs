@@ -50,7 +50,7 @@ impl Loops {
         Ok(Some(Loops { groups, group_of }))
     }
 
-    /// How each loop is solved, one sentence each.
+    /// Method by which each loop is solved, one sentence each.
     pub fn notes(&self, nodes: &[Node]) -> Vec<String> {
         self.groups.iter().flat_map(|group| group.notes(nodes)).collect()
     }

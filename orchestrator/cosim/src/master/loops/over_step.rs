@@ -27,7 +27,7 @@ const NUDGE: f64 = 1e-6;
 #[derive(Debug)]
 pub(in crate::master) struct OverStep {
     nodes: Range<usize>,
-    /// Why it is here: a slave by name.
+    /// Slave that makes the loop be solved over steps, by name.
     stuck: String,
     /// `source` is the place in the values of the system.
     inputs: Vec<LoopInput>,

@@ -1,4 +1,4 @@
-//! Which way each loop of a system is solved, by what its slaves can do.
+//! Choice of the method that solves each loop of a system, by the capabilities of its slaves.
 
 use super::follows::follows;
 use super::group::{Group, Method};

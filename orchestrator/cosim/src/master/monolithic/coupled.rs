@@ -1,6 +1,6 @@
 //! Model Exchange instances of all components as one problem: right-hand side, event indicators, event iteration.
 //!
-//! When events happen and what is recorded is left to [`super`].
+//! The times of events and the recording are left to [`super`].
 
 use std::ops::Range;
 
@@ -34,7 +34,7 @@ impl Ramp {
     }
 }
 
-/// What an event came to.
+/// Outcome of an event.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) enum Event {
     /// Continuous time goes on.

@@ -181,7 +181,7 @@ impl Step {
                 weights.iter().zip(&self.k).map(|(weight, k)| weight * k[i]).sum::<f64>() / scale(i)
             };
             let (five, three) = (sum(&E5), sum(&E3));
-            // The largest one, and the first that is no number at all.
+            // The largest one, and the first that is not a number at all.
             if five.abs() > largest.0 || five.is_nan() {
                 largest = (if five.is_nan() { f64::INFINITY } else { five.abs() }, i);
             }

@@ -6,9 +6,9 @@
 
 use super::dop853::Step;
 
-/// What is integrated: the right-hand side and its event indicators.
+/// Problem to integrate: the right-hand side and its event indicators.
 pub(super) trait Problem {
-    /// Why it cannot be evaluated.
+    /// Reason why it cannot be evaluated.
     type Error;
 
     /// Right-hand side at `t` \[s\] and states `x`, `[n]`, into `dx`, `[n]`; the indicators asked for next belong
@@ -25,7 +25,7 @@ pub(super) trait Problem {
     fn is_recoverable(error: &Self::Error) -> bool;
 }
 
-/// Why an integration stopped at the point given.
+/// Reason why an integration stopped at the point given.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Reached {
     /// The end.
@@ -36,7 +36,7 @@ pub(super) enum Reached {
     Wanted,
 }
 
-/// Why an integration cannot go on; the point is the last that was good.
+/// Reason why an integration cannot go on; the point is the last that was good.
 #[derive(Debug)]
 pub(super) enum Failure<E> {
     /// The problem.
@@ -47,7 +47,7 @@ pub(super) enum Failure<E> {
     TooManySteps { state: usize, steps: u64 },
 }
 
-/// How much work was done.
+/// Work done.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub(super) struct Work {
     pub accepted: u64,

@@ -30,7 +30,7 @@ pub const DEFAULT_TOLERANCE: f64 = 1e-10;
 /// The integrator keeps to no smaller one: rounding would decide.
 const SMALLEST_TOLERANCE: f64 = 1e-13;
 /// Absolute tolerance of a state as a part of tolerance times nominal value.
-const ABSOLUTE: f64 = 1e-2;
+const ABSOLUTE_PER_RELATIVE_TOLERANCE: f64 = 1e-2;
 /// Events in one communication interval (time events that move on aside), beyond which they count as chattering.
 const MOST_EVENTS: u64 = 10_000;
 /// Times closer than this, relative to the larger of time and step, are one.
@@ -186,7 +186,7 @@ struct Monolith<'a> {
     x: Vec<f64>,
     /// Communication step size \[s\].
     step: f64,
-    /// Why an event is to be handled at the present time.
+    /// Reason why an event is to be handled at the present time.
     pending: Option<Reached>,
     /// The component that ended the simulation at an event: what it last gave is then not read again.
     ended: Option<String>,
@@ -236,7 +236,9 @@ impl<'a> Monolith<'a> {
     fn restart(&mut self) -> Result<(), Error> {
         self.coupled.nominals(&mut self.integrator.absolute)?;
         for absolute in &mut self.integrator.absolute {
-            *absolute = ABSOLUTE * self.relative * absolute.abs().max(f64::MIN_POSITIVE / SMALLEST_TOLERANCE);
+            *absolute = ABSOLUTE_PER_RELATIVE_TOLERANCE
+                * self.relative
+                * absolute.abs().max(f64::MIN_POSITIVE / SMALLEST_TOLERANCE);
         }
         let time = self.time;
         self.integrator.restart(&mut self.coupled, time, &self.x).map_err(|failure| failure.at(time))
@@ -320,7 +322,8 @@ impl<'a> Monolith<'a> {
         Ok(event)
     }
 
-    /// Where the integrator has to stop at the latest: `end`, the next sample of the inputs, or the next time event.
+    /// Time at which the integrator has to stop at the latest: `end`, the next sample of the inputs, or the next time
+    /// event.
     fn target(&self, end: f64) -> f64 {
         let near = SAME_TIME * end.abs().max(self.step);
         let candidates = [self.inputs.next, self.coupled.next_event.map(|(time, _)| time)];

@@ -34,7 +34,7 @@ pub struct LoopOutput {
     pub place: usize,
 }
 
-/// Why a loop has no solution that was found.
+/// Reason why no solution of a loop was found.
 #[derive(Debug)]
 pub enum LoopFailure {
     /// A call into an FMU failed.
@@ -122,7 +122,7 @@ impl AlgebraicLoop {
         }
     }
 
-    /// What is solved, and where derivatives are approximated, one sentence each.
+    /// Loops that are solved, and derivatives that are approximated, one sentence each.
     pub fn notes<I: DerefMut<Target = Instance>>(&self, instances: &[I]) -> Vec<String> {
         let names: Vec<&str> = self.inputs.iter().map(|input| input.name.as_str()).collect();
         let mut notes = vec![format!("an algebraic loop is solved for {}", names.join(", "))];
@@ -289,7 +289,7 @@ impl AlgebraicLoop {
     }
 }
 
-/// What the source of each input gives less the input; the largest in units of max(|value|, nominal), NaN if one is.
+/// Residuals: the source of each input minus the input; the largest in units of max(|value|, nominal), NaN if one is.
 pub fn residuals(
     inputs: &[LoopInput],
     unknowns: &[f64],

@@ -19,14 +19,14 @@ pub(super) use algebraic::{LoopFailure, LoopInput, residuals, solve_linear};
 pub(super) use schedule::{Scope, inputs_for_events};
 pub(super) use transfer::{Transfer, nominal};
 
-/// What is to be done in one pass over the variables of `scope`; instances come in evaluation order.
+/// Transfers of one pass over the variables of `scope`; instances come in evaluation order.
 pub(super) fn transfers(graph: &SystemGraph, wiring: &Wiring, scope: Scope) -> Vec<Transfer> {
     let stages = schedule::schedule(graph, &wiring.read_outputs(), scope);
     stages.iter().map(|stage| Transfer::new(graph, wiring, stage)).collect()
 }
 
-/// As [`transfers`], among the components in `members` only and for what changes between events; with `inner`, inputs
-/// from outside stay as they are.
+/// Same as [`transfers`], among the components in `members` only and for what changes between events; with `inner`,
+/// inputs from outside stay as they are.
 pub(super) fn transfers_within(
     graph: &SystemGraph,
     wiring: &Wiring,

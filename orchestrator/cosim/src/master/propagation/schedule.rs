@@ -25,10 +25,10 @@ pub enum Stage {
     Loop(Vec<Node>),
 }
 
-/// Which variables a schedule holds.
+/// Variables that a schedule holds.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Scope {
-    /// What may change between events and has a way to a derivative: for the right-hand side.
+    /// Variables that may change between events and have a way to a derivative: for the right-hand side.
     Rates,
     /// As `Rates`, and all outputs: for a row of the result.
     Results,

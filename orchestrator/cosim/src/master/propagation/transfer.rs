@@ -1,4 +1,4 @@
-//! A stage of a schedule with all it needs at hand: references, places in the values, buffers.
+//! A stage of a schedule with all that it needs: references, places in the values, buffers.
 
 use std::ops::DerefMut;
 

@@ -1,4 +1,4 @@
-//! What must be said on a connection so that a reader comes to the conversion of the graph.
+//! Attributes that a connection needs so that a reader arrives at the conversion of the graph.
 
 use crate::system::graph::{Conversion, Source, SystemGraph, unit_of};
 use crate::system::validate::{UnitTable, conversion};
@@ -19,7 +19,7 @@ pub(super) type Named<'a> = (&'a str, Option<Unit>);
 /// The units of both ends of a connection.
 pub(super) type Ends<'a> = (Option<Named<'a>>, Option<Named<'a>>);
 
-/// How to write a connection whose ends have the units of any of the `readings`.
+/// Attributes of a connection whose ends have the units of any of the `readings`.
 ///
 /// Tools may disagree on the order of unit conversion and transformation and on the last bits of a conversion; so a
 /// transformation between ends with units is written as one that replaces the conversion.

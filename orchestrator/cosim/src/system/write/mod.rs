@@ -1,6 +1,6 @@
 //! Writing of systems as SSP 1.0 or 2.0: an `.ssd` that refers to its FMUs, or an `.ssp` that holds them.
 //!
-//! What is written reads back to an equal [`SystemGraph`], bit for bit: conversions between connectors are left to
+//! A written file reads back to an equal [`SystemGraph`], bit for bit: conversions between connectors are left to
 //! the units where these give the same numbers, and are written out otherwise (`connections`). Equal graphs give
 //! equal bytes. Geometry, annotations and connectors that are not connected are not part of a graph and are lost.
 

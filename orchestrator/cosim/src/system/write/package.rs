@@ -12,7 +12,7 @@ use super::source::{encoded, unique};
 use super::{Error, Version};
 use crate::system::SystemGraph;
 
-/// What an archive will hold: all texts are made, the FMUs are found.
+/// Planned content of an archive: all texts are made, the FMUs are found.
 pub(super) struct Package {
     /// Name in the archive and content.
     texts: Vec<(String, String)>,

@@ -1,4 +1,4 @@
-//! Where a description says its FMUs are: URIs relative to the file that is written.
+//! Sources of FMUs in a description: URIs relative to the file that is written.
 
 use std::path::{Component, Path, PathBuf};
 

@@ -89,7 +89,7 @@ fn moved((y, v): (f64, f64), push: f64, time: f64) -> ((f64, f64), bool) {
     (free((0.0, -KEPT * speed), time - landing), true)
 }
 
-/// When a ball that is dropped from 1 m lands \[s\].
+/// Time at which a ball that is dropped from 1 m lands \[s\].
 fn landing() -> f64 {
     (2.0 / GRAVITY).sqrt()
 }

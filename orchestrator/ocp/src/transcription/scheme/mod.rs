@@ -122,7 +122,7 @@ impl<'a> Worker<'a> {
     }
 }
 
-/// What an interval sees.
+/// Inputs of the calculation of an interval.
 #[derive(Clone, Copy)]
 pub(super) struct Frame<'a> {
     pub functions: &'a Functions,
@@ -140,13 +140,13 @@ pub(super) struct Frame<'a> {
 }
 
 impl Frame<'_> {
-    /// Where the states of the right node begin.
+    /// Index at which the states of the right node begin.
     pub fn right_states(&self, middle: usize) -> usize {
         self.functions.arguments() + middle + self.functions.free
     }
 }
 
-/// What an interval computes.
+/// Results of the calculation of an interval.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Interval {
     /// Variables n_w.
@@ -189,7 +189,7 @@ impl Interval {
     }
 }
 
-/// How an interval is made discrete.
+/// Scheme by which an interval is made discrete.
 pub(super) trait Scheme: Send + Sync {
     /// Variables in the middle of an interval, given those of the functions.
     fn middle(&self, states: usize, inputs: usize) -> usize;

@@ -50,7 +50,7 @@ impl MultipleShooting {
         }
     }
 
-    /// As [`Self::advance_block`], of the rows of derivatives; those of the inputs begin at column `inputs`.
+    /// Same as [`Self::advance_block`], of the rows of derivatives; those of the inputs begin at column `inputs`.
     fn advance_rows(&self, start: &[f64], inputs: usize, end: &mut [f64], width: usize) {
         for (&state, flow) in self.sample.states.iter().zip(&self.sample.flow) {
             let (of_states, of_inputs) = flow.split_at(self.sample.states.len());

@@ -1,7 +1,7 @@
 //! Figures of an identification: residual tests, poles and zeros, responses with bands, fit against order, scatter.
 //!
-//! Every function returns a whole SVG text. What is told apart by color is also told apart by dashes or markers. Measured
-//! against simulated is [`crate::plot::figures::comparison`].
+//! Every function returns a whole SVG text. What is told apart by color is also told apart by dashes or markers.
+//! Measured against simulated is [`crate::plot::figures::comparison`].
 
 mod correlation;
 mod order;

@@ -24,7 +24,7 @@ pub(in crate::plot) struct Entry<'a> {
     pub text: &'a str,
 }
 
-/// How an axis counts.
+/// Scale of an axis.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(in crate::plot) enum Scale {
     Linear,

@@ -4,8 +4,8 @@ use super::panel::{Entry, Scale, Sheet, WIDTH};
 use crate::plot::svg::Shape;
 use airloop_ident::diagnostics::{ChannelZeros, Root};
 
-/// Poles (crosses) and zeros of every channel (circles, squares, triangles) with the unit circle; next to the whole, the
-/// part around the slow poles, where sampled models crowd.
+/// Poles (crosses) and zeros of every channel (circles, squares, triangles) with the unit circle; next to the whole,
+/// the part around the slow poles, where sampled models crowd.
 pub fn pole_zero_map(poles: &[Root], channels: &[ChannelZeros]) -> String {
     let names: Vec<String> =
         channels.iter().map(|of| format!("zeros {} to {}", of.input, of.output)).collect();

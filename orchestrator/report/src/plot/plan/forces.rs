@@ -1,10 +1,11 @@
-//! Forces that actuators deliver, and their commands, with and without the model of the actuators (Fig. 14 of the paper).
+//! Forces that actuators deliver, and their commands, with and without the model of the actuators (Fig. 14 of the
+//! paper).
 
 use super::Plan;
 use crate::plot::axes::range;
 use crate::plot::identification::panel::{Entry, Scale, Sheet};
 
-/// What is drawn of a force: suffix of its column, class, words.
+/// Curves of a force: suffix of its column, class, words.
 const DELIVERED: [(&str, &str, &str); 3] = [
     (".planned", "s0", "planned"),
     (".delivered.optimized", "s1 d1", "delivered, command from the model of the actuator"),

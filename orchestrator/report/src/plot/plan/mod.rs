@@ -24,10 +24,11 @@ pub const DEFECTS: &str = "defects.csv";
 
 /// Planned forces, commands of the actuators and the forces that they deliver.
 pub const FORCES: &str = "feed_forward.csv";
-/// Figures that a plan may have in addition to those of [`figure_files`]: its stick figure, and the forces of actuators.
+/// Figures that a plan may have in addition to those of [`figure_files`]: its stick figure, and the forces of
+/// actuators.
 pub const MORE_FIGURES: [&str; 2] = ["stick_figure.svg", "forces.svg"];
 
-/// What is drawn.
+/// Plan to draw.
 struct Plan {
     summary: Summary,
     trajectory: TimeSeries,

@@ -1,4 +1,5 @@
-//! Rods from a point that moves: positions over time, and a figure with poses side by side as in Fig. 13 of the paper.
+//! Rods from a point that moves: positions over time, and a figure with poses side by side as in Fig. 13 of
+//! *Model-based Trajectory Control of Robots with Pneumatic Actuator Dynamics*.
 
 use super::Plan;
 use super::animation::{PLAYER, RATE};
