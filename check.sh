@@ -11,7 +11,7 @@ step() {
 step cargo fmt --all --check
 step cargo clippy --workspace --all-targets -- -D warnings
 RUSTDOCFLAGS="-D warnings" step cargo doc --workspace --no-deps --quiet
-step cargo run --release --quiet -p packager -- --check
+step cargo run --quiet -p packager -- --check
 if cargo deny --version >/dev/null 2>&1; then
     step cargo deny check licenses bans sources
 else

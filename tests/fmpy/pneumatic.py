@@ -4,7 +4,8 @@ import csv
 
 import numpy as np
 
-from test_examples import SYSTEM, airloop  # noqa: F401  (SYSTEM is for the tests that use this file)
+from command import airloop  # noqa: F401  (for the tests that use this file)
+from test_examples import SYSTEM  # noqa: F401
 
 # Component -> FMU, in evaluation order: each gets its force from the one before.
 FMUS = {

@@ -6,7 +6,6 @@ made wrong in every way, and the library must say so.
 
 import hashlib
 import math
-import subprocess
 import zipfile
 from dataclasses import replace
 
@@ -18,9 +17,9 @@ from lxml import etree
 
 import raw
 import scenario
+from command import airloop, start
 from fmu import Fmu
 from test_description import SCHEMAS
-from test_examples import ROOT, airloop
 from test_reference import coefficients, recursion
 
 A1, B0, B1 = coefficients("toe")
@@ -228,8 +227,7 @@ def test_wrong_start_values_are_refused_with_file_line_and_what_is_allowed(toe, 
 )
 def test_the_command_refuses_what_does_not_fit_and_writes_nothing(shipped, tmp_path, arguments, expected):
     out = tmp_path / "out.fmu"
-    command = [ROOT / "target/release/airloop", "derive", shipped("arx-actuator").path, *arguments, "-o", out]
-    outcome = subprocess.run(command, capture_output=True, text=True)
+    outcome = start("derive", shipped("arx-actuator").path, *arguments, "-o", out)
     assert outcome.returncode == 1 and expected in outcome.stderr, outcome.stderr
     assert list(tmp_path.iterdir()) == []
 
@@ -239,6 +237,5 @@ def test_an_fmu_of_another_exporter_is_refused(shipped, tmp_path):
     with zipfile.ZipFile(shipped("friction").path) as old, zipfile.ZipFile(third_party, "w") as new:
         for name in old.namelist():
             new.writestr(name, old.read(name).replace(b'generationTool="airloop fmi2-export"', b'generationTool="other"'))
-    command = [ROOT / "target/release/airloop", "derive", third_party, "-o", tmp_path / "out.fmu"]
-    outcome = subprocess.run(command, capture_output=True, text=True)
+    outcome = start("derive", third_party, "-o", tmp_path / "out.fmu")
     assert outcome.returncode == 1 and 'generationTool is "other"' in outcome.stderr

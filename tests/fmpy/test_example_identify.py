@@ -8,7 +8,8 @@ import fmpy
 import numpy as np
 import pytest
 
-from test_identify import ROOT, airloop, fit
+from command import BINARY, ROOT
+from test_identify import fit
 
 EXAMPLE = ROOT / "examples" / "02_identify"
 EXPECTED = json.loads((EXAMPLE / "expected.json").read_text())
@@ -27,7 +28,7 @@ def results(tmp_path_factory):
         if words[0] == "cd":
             folder = (folder / words[1]).resolve()
             continue
-        subprocess.run([ROOT / "target" / "release" / "airloop", *words[1:], "--quiet"], cwd=folder, check=True)
+        subprocess.run([BINARY, *words[1:], "--quiet"], cwd=folder, check=True)
     return base
 
 

@@ -1,11 +1,8 @@
 """Example 05: `airloop refine` on the shipped case, its report against the schema, and the amended system."""
 
 import json
-import os
 import re
 import shutil
-import subprocess
-from pathlib import Path
 
 import fmpy
 import fmpy.validation
@@ -15,18 +12,13 @@ import pytest
 from fmpy.ssp.simulation import simulate_ssp
 from lxml import etree
 
-from test_examples import ROOT, SCHEMAS
+from command import ROOT
+from command import start as airloop
+from test_examples import SCHEMAS
 
 EXAMPLE = ROOT / "examples" / "05_refine"
 EXPECTED = json.loads((EXAMPLE / "expected.json").read_text())
 SHARED = ROOT.parent / "shared" / "data" / "rig"
-
-
-def airloop(*arguments):
-    """The exit code and what was printed."""
-    binary = Path(os.environ.get("AIRLOOP", ROOT / "target" / "release" / "airloop"))
-    environment = {**os.environ, "AIRLOOP_FMUS": str(ROOT / "target" / "fmu")}
-    return subprocess.run([ROOT / binary, *map(str, arguments)], cwd=ROOT, capture_output=True, text=True, env=environment)
 
 
 @pytest.fixture(scope="module")

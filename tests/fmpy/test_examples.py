@@ -2,8 +2,6 @@
 
 import csv
 import json
-import os
-import subprocess
 from pathlib import Path
 
 import fmpy
@@ -11,21 +9,11 @@ import numpy as np
 import pytest
 from lxml import etree
 
+from command import ROOT, airloop
 from test_reference import load_reference, parameter_set, reference, relative_rms_error
 
-ROOT = Path(__file__).resolve().parents[2]
 SYSTEM = ROOT / "examples" / "01_run" / "system.ssd"
 SCHEMAS = Path(fmpy.__file__).parent / "ssp" / "schema"
-
-
-def airloop(*arguments):
-    """Runs the release binary (AIRLOOP names another one)."""
-    binary = Path(os.environ.get("AIRLOOP", ROOT / "target" / "release" / "airloop"))
-    if not binary.exists():
-        pytest.fail(f"{binary} does not exist: run `make fmu` first")
-    result = subprocess.run([binary, *map(str, arguments)], cwd=ROOT, capture_output=True, text=True)
-    assert result.returncode == 0, result.stdout + result.stderr
-    return result.stdout
 
 
 def schema(name):

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import raw
-from test_examples import ROOT, airloop
+from command import ROOT, airloop
 from test_walker import STATES, Walker
 
 FOLDER = ROOT / "examples" / "04_half_step"

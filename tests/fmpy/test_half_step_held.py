@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from test_examples import airloop
+from command import airloop
 from test_half_step import FOLDER, plan  # noqa: F401  (a fixture)
 
 # Where the plan ends: the roles of the legs are exchanged, 0.25 m ahead.

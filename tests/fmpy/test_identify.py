@@ -2,14 +2,12 @@
 
 import csv
 import json
-import os
-import subprocess
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-ROOT = Path(__file__).resolve().parents[2]
+from command import start
+
 TS = 1e-3
 # Eq. 8 of the paper.
 A1 = np.array([[-1.0144, 0.0216], [-0.0527, -0.9537]])
@@ -18,10 +16,7 @@ B1 = np.array([-0.6557, -0.0847])
 
 
 def airloop(*arguments, code=0):
-    binary = Path(os.environ.get("AIRLOOP", ROOT / "target" / "release" / "airloop"))
-    if not binary.exists():
-        pytest.fail(f"{binary} does not exist: run `make fmu` first")
-    result = subprocess.run([binary, *map(str, arguments)], cwd=ROOT, capture_output=True, text=True)
+    result = start(*arguments)
     assert result.returncode == code, result.stdout + result.stderr
     return result
 

@@ -6,7 +6,7 @@ import fmpy
 import numpy as np
 import pytest
 
-from test_examples import airloop
+from command import airloop
 
 
 def stairs(rng, n, inputs, hold=7):

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.linalg import solve_discrete_are
 
-from test_examples import airloop
+from command import airloop
 from test_identify_arx import save
 
 # Two inputs, two outputs: an oscillator and two lags, with direct term.

@@ -7,29 +7,20 @@ samples inside the communication step, the command held (tests/reference/make_he
 import csv
 import json
 import os
-import subprocess
 import zipfile
-from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from command import ROOT, start
 from test_reference import load_reference, reference, relative_rms_error
 
 import make_held_reference as held  # test_reference put tests/reference on the path
 
-ROOT = Path(__file__).resolve().parents[2]
 SYSTEM = ROOT / "examples" / "01_run" / "system.ssd"
 FMUS = ROOT / "target" / "fmu"
 ROW = 10e-3  # s between the rows of the stored references
-
-
-def start(*arguments):
-    binary = Path(os.environ.get("AIRLOOP", ROOT / "target" / "release" / "airloop"))
-    if not binary.exists():
-        pytest.fail(f"{binary} does not exist: run `make fmu` first")
-    return subprocess.run([binary, *map(str, arguments)], cwd=ROOT, capture_output=True, text=True)
 
 
 @pytest.fixture(scope="module")

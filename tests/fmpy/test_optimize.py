@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from scipy.linalg import expm, logm
 
-from test_examples import ROOT, airloop
+from command import ROOT, airloop
 
 PROBLEM = ROOT / "examples" / "03_swing_up" / "problem.toml"
 DURATION, SAMPLE, FEED = 2.0, 1e-3, 0.0764

@@ -10,7 +10,7 @@ from scipy.interpolate import CubicSpline
 from scipy.signal import savgol_filter
 
 import raw
-from test_examples import ROOT
+from command import ROOT
 
 sys.path.insert(0, str(ROOT / "tests" / "reference"))
 

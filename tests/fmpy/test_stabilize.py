@@ -2,8 +2,6 @@
 
 import csv
 import json
-import os
-import subprocess
 from pathlib import Path
 
 import fmpy
@@ -12,18 +10,12 @@ import pytest
 from fmpy.fmi2 import FMU2Slave
 from lxml import etree
 
-ROOT = Path(__file__).resolve().parents[2]
+from command import ROOT, start
+
 EXAMPLE = ROOT / "examples" / "03_swing_up"
 FMUS = ROOT / "target" / "fmu"
 SCHEMAS = Path(fmpy.__file__).parent / "ssp" / "schema"
 STEP = 1e-3
-
-
-def start(*arguments):
-    binary = Path(os.environ.get("AIRLOOP", ROOT / "target" / "release" / "airloop"))
-    if not binary.exists():
-        pytest.fail(f"{binary} does not exist: run `make fmu` first")
-    return subprocess.run([binary, *map(str, arguments)], cwd=ROOT, capture_output=True, text=True)
 
 
 def airloop(*arguments):

@@ -1,25 +1,21 @@
 """`airloop refine` of studies: a shipped one whose truth is known, what it refuses, and measured sets where they are there."""
 
 import json
-import os
 import shutil
 import subprocess
 import tomllib
-from pathlib import Path
 
 import jsonschema
 import pytest
 
-ROOT = Path(__file__).resolve().parents[2]
+from command import BINARY, ROOT, airloop, start
+
 EXAMPLE = ROOT / "examples" / "06_study"
 MEASURED = ROOT.parent / "shared" / "data" / "measured"
 
 
 def refine(path, out):
-    binary = Path(os.environ.get("AIRLOOP", ROOT / "target" / "release" / "airloop"))
-    if not binary.exists():
-        pytest.fail(f"{binary} does not exist: run `make fmu` first")
-    return subprocess.run([binary, "refine", str(path), "-o", str(out)], cwd=ROOT, capture_output=True, text=True)
+    return start("refine", path, "-o", out)
 
 
 def report(path, out):
@@ -151,8 +147,7 @@ def test_candidates_that_the_records_do_not_excite_are_listed_with_the_reason(tm
 
 
 def test_the_schema_of_studies_takes_the_example_and_refuses_what_the_program_refuses():
-    binary = Path(os.environ.get("AIRLOOP", ROOT / "target" / "release" / "airloop"))
-    schema = json.loads(subprocess.run([binary, "refine", "--schema", "study"], capture_output=True, text=True).stdout)
+    schema = json.loads(airloop("refine", "--schema", "study"))
     jsonschema.Draft202012Validator.check_schema(schema)
     validator = jsonschema.Draft202012Validator(schema)
     example = (EXAMPLE / "study.toml").read_text()
@@ -163,8 +158,7 @@ def test_the_schema_of_studies_takes_the_example_and_refuses_what_the_program_re
 
 def test_one_seed_gives_one_report_on_any_number_of_processors(tmp_path):
     refine(EXAMPLE, tmp_path / "all")
-    binary = Path(os.environ.get("AIRLOOP", ROOT / "target" / "release" / "airloop"))
-    one = ["taskset", "-c", "0", str(binary), "refine", str(EXAMPLE), "-o", str(tmp_path / "one")]
+    one = ["taskset", "-c", "0", str(BINARY), "refine", str(EXAMPLE), "-o", str(tmp_path / "one")]
     subprocess.run(one, cwd=ROOT, capture_output=True, text=True)
     assert (tmp_path / "all" / "report.json").read_bytes() == (tmp_path / "one" / "report.json").read_bytes()
 

@@ -2,7 +2,6 @@
 
 import json
 import re
-import subprocess
 import sys
 import tomllib
 
@@ -12,9 +11,10 @@ from fmpy.ssp.simulation import simulate_ssp
 from fmpy.ssp.ssd import Parameter, ParameterSet
 from fmpy.validation import validate_fmu
 from lxml import etree
-from test_examples import SCHEMAS
 
-from test_study import ROOT, named, refine
+from command import ROOT, start
+from test_examples import SCHEMAS
+from test_study import named, refine
 
 sys.path.insert(0, str(ROOT / "tests" / "study" / "systems"))
 import make_systems  # noqa: E402
@@ -47,9 +47,7 @@ def test_what_is_missing_is_named_and_nothing_else(tmp_path, family, kind, stren
     if family == "actuator" and effects:
         # The amended system runs as it stands.
         system = tmp_path / "out" / "system" / "system.ssd"
-        run = subprocess.run(
-            [ROOT / "target/release/airloop", "run", system, "--measured", folder / "trial_5.csv", "-o", tmp_path / "run"], capture_output=True, text=True
-        )
+        run = start("run", system, "--measured", folder / "trial_5.csv", "-o", tmp_path / "run")
         assert run.returncode == 0, run.stderr
 
 
@@ -148,7 +146,7 @@ def test_the_amended_system_of_a_study_runs_here_and_in_fmpy_alike(axis):
     run = ["run", system / "system.ssd", "--measured", folder / "estimation.csv", "--signals", system / "signals.toml", "--stop", "1.5", "--no-plots"]
     step = record["time"][1]
     run = [*run, "--step", str(step), "--master", "gauss-seidel", "-o", folder / "run"]
-    result = subprocess.run([ROOT / "target/release/airloop", *map(str, run)], capture_output=True, text=True)
+    result = start(*run)
     assert result.returncode == 0, result.stdout + result.stderr
     ours = np.genfromtxt(next((folder / "run").glob("*.csv")), delimiter=",", names=True)
     held = {"F": lambda time: record["force"][min(round(time / step), len(record) - 1)]}

@@ -1,7 +1,7 @@
 //! Files in the archive of one FMU (FMI 2.0.4 section 2.3).
 
 use crate::archive::Member;
-use crate::{Error, documentation, icon, parameter_set};
+use crate::{Error, documentation, parameter_set};
 use airloop_models::registry::Entry;
 use std::path::{Path, PathBuf};
 
@@ -37,8 +37,13 @@ pub fn licenses(root: &Path) -> Result<Vec<Member>, Error> {
 /// Everything in the FMU of one model, in the order of the archive.
 ///
 /// # Errors
-/// A library that cannot be read.
-pub fn of(entry: &Entry, libraries: &[&Library], licenses: &[Member]) -> Result<Vec<Member>, Error> {
+/// A library or the picture `fmus/<model>/model.png` that cannot be read.
+pub fn of(
+    root: &Path,
+    entry: &Entry,
+    libraries: &[&Library],
+    licenses: &[Member],
+) -> Result<Vec<Member>, Error> {
     let table = (entry.table)();
     let mut members = vec![Member::file("modelDescription.xml", (entry.xml)())];
     let mut libraries = libraries.to_vec();
@@ -51,7 +56,8 @@ pub fn of(entry: &Entry, libraries: &[&Library], licenses: &[Member]) -> Result<
     }
     members.push(Member::file("documentation/index.html", documentation::page(entry, &table)));
     members.extend_from_slice(licenses);
-    members.push(Member::file("model.png", icon::png(entry.identity.model_name)));
+    let picture = root.join("fmus").join(entry.identity.model_name).join("model.png");
+    members.push(Member::file("model.png", std::fs::read(&picture).map_err(Error::file(&picture))?));
     members.push(Member::folder("resources/"));
     for set in &entry.parameter_sets {
         let text = parameter_set::text(set, &table);
@@ -68,6 +74,25 @@ mod tests {
     use super::*;
     use airloop_models::registry;
 
+    fn root() -> PathBuf {
+        Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
+    }
+
+    #[test]
+    fn every_model_has_a_picture_of_its_own() {
+        let mut seen: Vec<Vec<u8>> = Vec::new();
+        for entry in registry::all() {
+            let name = entry.identity.model_name;
+            let members = of(&root(), &entry, &[], &[]).expect("the picture is there");
+            let picture = &members.iter().find(|member| member.path == "model.png").expect("a picture").bytes;
+            // Signature, then the header chunk: width and height as big-endian numbers.
+            assert_eq!(&picture[..8], b"\x89PNG\r\n\x1a\n", "{name}");
+            assert_eq!(&picture[16..24], &[0, 0, 0, 128, 0, 0, 0, 128], "{name} is not 128 x 128 pixels");
+            assert!(!seen.contains(picture), "{name} looks like another");
+            seen.push(picture.clone());
+        }
+    }
+
     #[test]
     fn every_fmu_has_what_the_standard_and_the_reader_want() {
         let folder = tempfile::tempdir().expect("a temporary folder");
@@ -76,7 +101,7 @@ mod tests {
         for entry in registry::all() {
             let model_identifier = entry.identity.model_identifier.to_owned();
             let library = Library { platform: "linux64".into(), model_identifier, path: library.clone() };
-            let members = of(&entry, &[&library], &[]).expect("the library is there");
+            let members = of(&root(), &entry, &[&library], &[]).expect("the library is there");
             let paths: Vec<&str> = members.iter().map(|m| m.path.as_str()).collect();
             let binary = format!("binaries/linux64/{}.so", entry.identity.model_identifier);
             for path in ["documentation/index.html", "model.png", "resources/", &binary] {

@@ -2,8 +2,8 @@
 //!
 //! [`contents`] says what stands in an archive, [`archive`] writes it byte for byte reproducibly,
 //! [`libraries`] builds or finds the shared libraries, [`descriptions`] writes and checks the model descriptions
-//! that are kept in the repository. The texts and the picture inside come from [`documentation`],
-//! [`parameter_set`] and [`icon`].
+//! that are kept in the repository. The texts inside come from [`documentation`]
+//! and [`parameter_set`], the pictures from `fmus/<model>/model.png`.
 #![warn(missing_docs)]
 
 pub mod archive;
@@ -11,7 +11,6 @@ pub mod contents;
 pub mod descriptions;
 pub mod documentation;
 mod error;
-pub mod icon;
 pub mod libraries;
 pub mod parameter_set;
 
@@ -58,7 +57,7 @@ pub fn package(request: &Request) -> Result<Vec<PathBuf>, Error> {
         });
         of_entry.extend(own);
         let path = fmu_path(&request.out, entry);
-        archive::write(&path, &contents::of(entry, &of_entry, &licenses)?)?;
+        archive::write(&path, &contents::of(&request.root, entry, &of_entry, &licenses)?)?;
         written.push(path);
     }
     Ok(written)

@@ -14,6 +14,8 @@ pub mod inspect_system;
 pub mod optimize;
 pub mod output;
 pub mod refine;
+#[cfg(test)]
+mod reference;
 mod refine_progress;
 mod report;
 pub mod rig;
