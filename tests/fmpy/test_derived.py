@@ -168,7 +168,7 @@ def test_a_state_does_not_pass_between_template_and_derived_fmu(toe, shipped):
 
 
 def refusal(fmu, folder, guid=None):
-    """What the library says when it refuses an instance with these resources."""
+    """Message of the library when it refuses an instance with these resources."""
     instance = raw.Instance(fmu, raw.CO_SIMULATION, guid=guid, resources=folder.as_uri())
     assert not instance.component
     return "\n".join(text for *_, text in instance.messages)

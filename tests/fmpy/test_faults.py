@@ -1,4 +1,4 @@
-"""What the test FMUs can be told to do: discard, fail, panic, give a NaN, end the simulation; resources; all types."""
+"""Faults that the test FMUs can be asked for: discard, fail, panic, give a NaN, end the simulation; resources; all types."""
 
 import math
 

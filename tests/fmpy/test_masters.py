@@ -55,7 +55,7 @@ def test_stored_held_reference_is_what_its_script_computes(hold):
 
 
 class Outcome:
-    """What a run wrote, with its errors [%] against the reference."""
+    """Results that a run wrote, with its errors [%] against the reference."""
 
     def __init__(self, folder, step):
         result = np.genfromtxt(folder / "result.csv", delimiter=",", names=True, deletechars="")

@@ -295,7 +295,7 @@ mod tests {
             ("x = 1 2\n", 6, "`2` behind the value"),
             ("x = 1\nx = 2\n", 7, "line 6 already"),
             ("x = \"a\n", 6, "no closing double quote"),
-            ("x = \"\\q\"\n", 6, "no escape"),
+            ("x = \"\\q\"\n", 6, "not an escape"),
             ("= 2\n", 6, "name = value"),
             ("[start]\n", 6, "name = value"),
         ] {

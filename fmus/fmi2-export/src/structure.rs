@@ -83,7 +83,7 @@ impl Structure {
     }
 }
 
-/// In which mode the dependencies hold.
+/// Mode in which the dependencies hold.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Phase {
     /// Parameters stand still.

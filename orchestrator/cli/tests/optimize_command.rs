@@ -277,7 +277,7 @@ fn what_cannot_begin_says_why() {
         (
             &[("\"2 s\"", "\"2.0005 s\"")],
             &["--transcription", "multiple-shooting"],
-            "no whole number of samples",
+            "not a whole number of samples",
         ),
         (&[], &["--guess", "pumps"], "did you mean `pump`"),
         (&[], &["--guess", "nothing.csv"], "nothing.csv"),

@@ -197,7 +197,7 @@ mod tests {
         let deep = "<a>\n".repeat(100);
         let cases = [
             ("", 1, "no element"),
-            ("<a>\n<b></a>", 2, "no well-formed XML"),
+            ("<a>\n<b></a>", 2, "not well-formed XML"),
             ("\n<a>\n", 2, "not closed"),
             ("<!DOCTYPE a [<!ENTITY x \"y\">]><a/>", 1, "DOCTYPE"),
             (deep.as_str(), 65, "nested more than 64 deep"),

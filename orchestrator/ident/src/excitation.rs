@@ -26,7 +26,8 @@ pub struct Excitation {
     pub band: f64,
     /// The same as a share of the band up to half the sample rate.
     pub share_of_band: f64,
-    /// Order of persistence of excitation: coefficients on past values that it tells apart; not more than 20 are tried.
+    /// Order of persistence of excitation: number of coefficients on past values that it can distinguish; at most 20
+    /// are tried.
     pub order: usize,
 }
 

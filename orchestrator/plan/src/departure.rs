@@ -14,14 +14,14 @@ use airloop_ocp::transcription::{Dynamics, PhaseTrajectory, Point, Trajectory};
 const MAX_DISTANCE_TO_JUDGE: f64 = 0.02;
 /// Smallest distance, relative to the span, after a jump that is not the planned one.
 const MIN_DISTANCE_AFTER_OTHER_JUMP: f64 = 0.1;
-/// Error of the rates, in parts of the largest one, above which they are others.
+/// Error of the rates, relative to the largest one, above which they differ.
 const MIN_ERROR_OF_OTHER_RATES: f64 = 0.1;
-/// The same, below which they are alike.
+/// The same, below which they agree.
 const MAX_ERROR_OF_EQUAL_RATES: f64 = 1e-3;
 /// Largest shift in time \[s\] of events where the roll-out is on its plan; larger where it is off its plan.
 const MAX_TIME_SHIFT_OF_EVENTS: f64 = 2e-3;
 
-/// A phase in which a system does something else than planned.
+/// A phase in which a system departs from its plan.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Departure {
     /// Phase.
@@ -148,7 +148,7 @@ impl<'a> Comparison<'a> {
         planned.iter().zip(&self.shown).map(|(planned, own)| own.map_or(*planned, |own| own[row])).collect()
     }
 
-    /// Distance from the plan in parts of the spans, and the state that is farthest off.
+    /// Distance from the plan relative to the spans, and the state that is farthest off.
     fn distance(&self, phase: &PhaseTrajectory, row: usize) -> (f64, usize) {
         let (planned, found) = (phase.states_at(self.times[row]), self.states(phase, row));
         let off = (0..planned.len()).map(|i| ((found[i] - planned[i]).abs() / self.spans[i], i));

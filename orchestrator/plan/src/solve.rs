@@ -395,12 +395,13 @@ fn uniform(pass: &Pass) -> Discretization {
     Discretization::uniform(pass.transcription, &pass.intervals)
 }
 
-/// Iterations that a solve has to be allowed before coarser meshes are tried: fewer are the caller's wish.
+/// Iterations that a solve has to be allowed before coarser meshes are tried: with fewer, the caller wants an early
+/// end.
 const MIN_ITERATIONS_FOR_COARSER_MESHES: usize = 400;
 /// Fewest intervals of a phase of a coarser mesh.
 const MIN_INTERVALS_OF_COARSER_MESH: usize = 5;
 
-/// Whether a solve lost its way from a rough guess.
+/// Whether a solve from a rough guess failed to converge.
 fn is_lost(done: &Done, settings: &Settings) -> bool {
     settings.max_iterations >= MIN_ITERATIONS_FOR_COARSER_MESHES
         && matches!(done.solution.status, Status::Stalled | Status::IterationLimit)
@@ -416,7 +417,7 @@ fn coarser(pass: &Pass) -> Option<Vec<Pass>> {
     pass.intervals.iter().all(divides).then(|| [4, 2, 1].map(part).to_vec())
 }
 
-/// Whether a solve gives no start for another.
+/// Whether a solve is useless as a start for another.
 fn failed(solution: &Solution) -> bool {
     !matches!(solution.status, Status::Solved | Status::Acceptable)
 }

@@ -1,7 +1,7 @@
 //! Whether a system can be where a plan with phases begins.
 //!
-//! The parameters of a phase may switch off what the system watches by itself, such as that no foot is in the ground.
-//! So the system without them is put where the first phase begins, before anything is searched for.
+//! The parameters of a phase may switch off checks that the system makes by itself, such as that no foot is in the
+//! ground. So the system without them is put where the first phase begins, before anything is searched for.
 
 use std::sync::atomic::AtomicBool;
 

@@ -63,7 +63,7 @@ pub struct PathLimit {
     pub at: Where,
     /// Part of the phase, 0 to 1.
     pub during: (f64, f64),
-    /// Amount by which stricter it is at the points of the mesh.
+    /// Amount by which it is stricter at the points of the mesh.
     pub margin: f64,
 }
 

@@ -1,4 +1,4 @@
-//! The proof of a plan: its command, rolled out from its initial state through a master.
+//! Verification of a plan: its command, rolled out from its initial state through a master.
 
 use std::sync::atomic::AtomicBool;
 

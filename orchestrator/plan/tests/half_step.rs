@@ -105,13 +105,13 @@ fn phases_cannot_be_stabilized_without_their_guards_and_modes() {
     let one = message("guards = [\"walker.foot2.y\", \"walker.foot1.fn\"]", "guards = [\"walker.foot2.y\"]");
     assert!(one.contains("1 guards for 3 phases"), "{one}");
     let unknown = message("guards = [\"walker.foot2.y\"", "guards = [\"walker.energy\"");
-    assert!(unknown.contains("no output that the problem names"), "{unknown}");
+    assert!(unknown.contains("not an output that the problem names"), "{unknown}");
     let nowhere = message("guards = [\"walker.foot2.y\"", "guards = [\"walker.foot3.y\"");
     assert!(nowhere.contains("walker.foot3.y") && nowhere.contains("walker.foot2.y"), "{nowhere}");
     let modes = message("modes = [2, 4, 3]", "modes = [2, 4]");
     assert!(modes.contains("2 modes for 3 phases"), "{modes}");
     let real = message("mode = \"walker.mode\"", "mode = \"walker.energy\"");
-    assert!(real.contains("no Integer or enumeration"), "{real}");
+    assert!(real.contains("not an Integer or enumeration"), "{real}");
 }
 
 /// Six rows at the initial pose, two per phase: enough for everything that is looked up before the design.

@@ -40,7 +40,7 @@ pub(super) fn states(
     }
 }
 
-/// Components that have a sampled and a continuous form take the latter, unless they were told which.
+/// Components that have a sampled and a continuous form take the latter, unless the user chose one.
 pub(super) fn continuous_forms(graph: &mut SystemGraph) -> Vec<String> {
     let mut notes = Vec::new();
     for component in &mut graph.components {

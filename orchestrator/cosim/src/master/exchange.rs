@@ -312,7 +312,7 @@ struct Others {
 #[derive(Debug)]
 pub(super) struct Node {
     slave: Slave,
-    /// Promised to the slave in every step: no state before it will be restored.
+    /// Promise to the slave in every step that no state before it will be restored.
     no_set_state_prior: bool,
     real_in: Inputs,
     real_out: Outputs,
@@ -341,7 +341,7 @@ impl Node {
         self.slave.name()
     }
 
-    /// Says in all steps to come that a state before them may be restored.
+    /// Announces in all later steps that a state before them may be restored.
     pub fn keep_states(&mut self) {
         self.no_set_state_prior = false;
     }

@@ -14,7 +14,7 @@ pub struct Grid {
     steps: u64,
 }
 
-/// A rest below this fraction of a step is rounding, not a step of its own.
+/// A remainder below this fraction of a step is rounding, not a step of its own.
 const MIN_FRACTION_OF_STEP: f64 = 1e-6;
 /// Largest number of steps whose numbers are exact in a double.
 const MAX_STEPS: f64 = 9.0e15;

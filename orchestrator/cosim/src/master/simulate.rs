@@ -132,7 +132,7 @@ pub struct Run {
 pub struct Watch<'a> {
     /// Set from outside to end the run after the current step.
     pub stop: &'a AtomicBool,
-    /// Told now and then how far the run is: (macro steps done, all macro steps).
+    /// Called from time to time with the progress: (macro steps done, all macro steps).
     pub progress: &'a mut dyn FnMut(u64, u64),
 }
 

@@ -355,11 +355,11 @@ pub struct Unknown {
 pub struct Dependency {
     /// Position in [`ModelDescription::variables`].
     pub variable: usize,
-    /// In which way.
+    /// Kind of dependence.
     pub kind: DependencyKind,
 }
 
-/// In which way an unknown depends on a known.
+/// Kind of the dependence of an unknown on a known.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize)]
 #[serde(rename_all = "camelCase")]
 pub enum DependencyKind {

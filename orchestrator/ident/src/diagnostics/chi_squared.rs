@@ -43,8 +43,7 @@ pub fn tail(x: f64, degrees: usize) -> f64 {
     (scale * fraction).clamp(0.0, 1.0)
 }
 
-/// `z` that a standard normal variable exceeds in absolute value with the given probability
-/// (between 0 and 1).
+/// `z` that a standard normal variable exceeds in absolute value with the given probability (between 0 and 1).
 pub fn two_sided_normal(probability: f64) -> f64 {
     let (mut low, mut high) = (0.0, 40.0);
     for _ in 0..80 {

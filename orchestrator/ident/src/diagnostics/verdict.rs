@@ -6,7 +6,7 @@ use super::{Diagnostics, Kind};
 
 /// Share of the variance of a residual below which a finding of the tests has no practical weight.
 pub const MIN_SHARE_THAT_MATTERS: f64 = 0.02;
-/// Residual relative to the spread of its output below which it is rounding, of which no test says anything.
+/// Residual relative to the spread of its output below which it is rounding, to which no test applies.
 pub const MAX_ROUNDING_RESIDUAL: f64 = 1e-6;
 /// Share of the variance of an input that past residuals must explain to be called feedback.
 pub const MIN_SHARE_OF_FEEDBACK: f64 = 0.01;
@@ -37,7 +37,7 @@ pub struct Verdict {
     pub whiteness: Vec<(String, Whiteness)>,
     /// Channels (input, output) whose residual still follows the input.
     pub missing_dynamics: Vec<(String, String)>,
-    /// Channels (input, output) where the input seems to depend on past outputs; only told where no dynamics are
+    /// Channels (input, output) where the input seems to depend on past outputs; reported only where no dynamics are
     /// missing.
     pub feedback: Vec<(String, String)>,
     /// Parameters whose 95 % interval holds 0, the highest lags first.

@@ -29,11 +29,11 @@ pub struct Fit {
     pub parameters: Parameters,
     /// Origin of each value.
     pub origin: [Origin; SIZE],
-    /// Standard deviation of each; none where the data do not tell it.
+    /// Standard deviation of each; none where the data do not determine it.
     pub deviation: [Option<f64>; SIZE],
-    /// Covariance of all, shape \[8, 8\], if the data tell all apart.
+    /// Covariance of all, shape \[8, 8\], if the data determine all of them.
     pub covariance: Option<DMatrix<f64>>,
-    /// Parameters that the data cannot tell apart.
+    /// Parameters that the data cannot distinguish.
     pub dependent: Vec<usize>,
     /// Errors by track.
     pub errors: Vec<Vec<f64>>,

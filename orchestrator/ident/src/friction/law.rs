@@ -30,8 +30,8 @@ pub type Parameters = [f64; SIZE];
 pub enum Law {
     /// `c1 s + c4 v + c5` (eq. 2).
     CoulombViscous,
-    /// Eq. 2 plus `force exp(-((v - c3)/vs)^2) s`: friction falls as the motion begins
-    /// (Stribeck peak in the form of Bo and Pavelescu, Wear 82, 1982, with exponent 2).
+    /// Eq. 2 plus `force exp(-((v - c3)/vs)^2) s`: friction falls as the motion begins (Stribeck peak in the form of Bo
+    /// and Pavelescu, Wear 82, 1982, with exponent 2).
     Stribeck,
     /// Eq. 2 with `c1 + coef |p|` in place of `c1`: the seal is pressed on.
     Pressure,
@@ -42,8 +42,7 @@ pub enum Law {
     /// Eq. 2 plus `coef v` for `v > c3`: the directions differ by more than the bias c5.
     Asymmetry,
     /// Eq. 2 with `c1 z/disp` in place of `c1 s`, `z' = w - |w| z/disp`, `w = v - c3` (Dahl, A solid friction model,
-    /// Aerospace Corporation 1968): the force builds up over
-    /// a distance instead of at a speed.
+    /// Aerospace Corporation 1968): the force builds up over a distance instead of at a speed.
     Presliding,
 }
 
@@ -131,7 +130,7 @@ pub struct Dahl {
 }
 
 impl Dahl {
-    /// Slides already at velocity `v` \[m/s\], as far as its sign tells.
+    /// Steady sliding at velocity `v` \[m/s\], in the direction of its sign.
     pub fn sliding(c: &Parameters, v: f64) -> Dahl {
         Dahl { share: (c[C2] * (v - c[C3])).tanh() }
     }

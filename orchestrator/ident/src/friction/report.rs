@@ -18,7 +18,7 @@ pub struct Parameter {
     pub value: f64,
     /// Unit.
     pub unit: &'static str,
-    /// 95 % interval; null if the parameter is given, or the data do not tell it.
+    /// 95 % interval; null if the parameter is given, or the data do not determine it.
     pub ci95: Option<[f64; 2]>,
     /// `estimated`, `at-bound` or `fixed`.
     pub origin: &'static str,

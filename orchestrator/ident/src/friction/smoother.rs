@@ -76,8 +76,8 @@ impl Measured<'_> {
 }
 
 /// Variance of white noise on a smooth signal: mean squared distance of each sample from the cubic through its two
-/// neighbors on each side, over the factor by which that enlarges noise. `gaps` \[n - 1\]
-/// are the distances of the samples, `values` \[n\]; the squared unit of the values, 0 for fewer than 8 samples.
+/// neighbors on each side, over the factor by which that enlarges noise. `gaps` \[n - 1\] are the distances of the
+/// samples, `values` \[n\]; the squared unit of the values, 0 for fewer than 8 samples.
 pub fn interpolation_variance(gaps: &[f64], values: &[f64]) -> f64 {
     let n = values.len();
     if n < 8 {

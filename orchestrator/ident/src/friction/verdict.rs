@@ -139,7 +139,7 @@ fn widest_gap(time: &[f64]) -> (f64, f64, f64) {
     widest.map_or((0.0, 0.0, 0.0), |(at, gap)| (at, gap / mean, gap))
 }
 
-/// Part of the squared errors that a line in the acceleration explains.
+/// Share of the squared errors that a linear term in the acceleration explains.
 fn inertia_share(fit: &Fit, tracks: &[Track]) -> f64 {
     let (mut ee, mut ea, mut aa) = (0.0, 0.0, 0.0);
     for (errors, track) in fit.errors.iter().zip(tracks) {

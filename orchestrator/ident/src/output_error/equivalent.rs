@@ -12,7 +12,7 @@ use crate::model::{Arx, Model, StateSpace};
 use crate::rational::Mask;
 use crate::record::Record;
 
-/// Largest state-space order that is worth its number of directions.
+/// Largest state-space order that is worth the cost of its directions.
 const MAX_ORDER: usize = 16;
 
 /// Whether the structure is that of a general state-space model, and then whether it has a direct term.

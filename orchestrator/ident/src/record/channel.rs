@@ -158,7 +158,7 @@ impl Channel {
 
     /// The limit where the signal stands still, and the share of samples there, if it looks cut off there.
     ///
-    /// A command in steps stands still everywhere and is not meant.
+    /// A command in steps stands still everywhere and is left out.
     pub fn saturated(&self) -> Option<(f64, f64)> {
         let n = self.samples as f64;
         let at_limits = self.min.count + self.max.count;

@@ -1,4 +1,4 @@
-//! Operating point and trend: what a linear model about an operating point must not be asked to explain.
+//! Operating point and trend: the parts of the data that a linear model cannot explain.
 
 use super::Record;
 use super::read::Survey;

@@ -56,7 +56,8 @@ impl Record {
     /// The record in a series: channels `inputs` and `outputs` by name; with what should be known about it.
     ///
     /// ```
-    /// use airloop::{ident::record::Record, series::csv};
+    /// use airloop_ident::record::Record;
+    /// use airloop_series::csv;
     /// let rows: String = (0..20).map(|k| format!("{},{},{}\n", 0.1 * f64::from(k), k % 3, k % 5)).collect();
     /// let series = csv::parse(&format!("time,u,y\n{rows}"), "step.csv".as_ref()).unwrap();
     /// let (record, notes) = Record::from_series(&series, "step.csv", &["u".into()], &["y".into()]).unwrap();

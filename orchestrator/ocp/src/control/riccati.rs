@@ -67,8 +67,8 @@ pub fn gain(a: &DMatrix<f64>, b: &DMatrix<f64>, p: &DMatrix<f64>, r: &DMatrix<f6
     gain.iter().all(|value| value.is_finite()).then_some(gain)
 }
 
-/// Cost before a sample with feedback K: `Q + K' R K + (A - B K)' P (A - B K)`, which stays symmetric and
-/// positive; shape `[n, n]`, with A `[n, n]`, B `[n, m]`, K `[m, n]`, Q `[n, n]`, R `[m, m]`.
+/// Cost before a sample with feedback K: `Q + K' R K + (A - B K)' P (A - B K)`, which stays symmetric and positive;
+/// shape `[n, n]`, with A `[n, n]`, B `[n, m]`, K `[m, n]`, Q `[n, n]`, R `[m, m]`.
 pub fn cost_before(
     (a, b): (&DMatrix<f64>, &DMatrix<f64>),
     gain: &DMatrix<f64>,

@@ -6,7 +6,7 @@ use super::{Error, Problem, Settings, Solution, solve};
 /// that cannot be evaluated are passed over.
 ///
 /// The second value holds the sum of squares reached from each start, none where it could not be evaluated: how many
-/// agree tells how far the minimum can be trusted to be the global one.
+/// agree shows how far the minimum can be trusted to be the global one.
 ///
 /// # Errors
 /// Same as [`solve`]; [`Error::Start`] only if no start can be evaluated.

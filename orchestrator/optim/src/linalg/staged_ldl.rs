@@ -89,7 +89,7 @@ impl StagedLdl {
     }
 
     /// Factorizes the matrix whose entries have these values \[entries\], in the order of the pattern; the inertia
-    /// counts rows without a usable pivot as zeros.
+    /// counts 1x1 pivots that are zero or NaN as zero.
     pub fn factor(&mut self, values: &[f64]) -> Inertia {
         let mut inertia = Inertia::default();
         self.delayed.clear();

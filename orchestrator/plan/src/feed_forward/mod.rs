@@ -1,7 +1,7 @@
 //! Commands that make a sampled linear actuator deliver a planned output: its inversion under bounds, by least squares.
 //!
 //! [`Actuator`] is the model; [`invert`] finds the command, [`direct`] answers what happens without a model, with the
-//! planned output as the command. Where plan and model come from is the caller's matter.
+//! planned output as the command. The caller provides plan and model.
 
 mod actuator;
 #[cfg(test)]
@@ -95,7 +95,7 @@ pub struct Command {
     pub y: Vec<f64>,
     /// Fit of y to the plan (eq. 9).
     pub fit: fit::Fit,
-    /// Samples by which y is late against the plan, where the correlation of their changes is largest; < 0: early.
+    /// Delay of y against the plan \[samples\] at which the correlation of their changes is largest; < 0: early.
     pub late: i64,
 }
 

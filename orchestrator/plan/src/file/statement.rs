@@ -205,7 +205,7 @@ pub struct Bound {
     pub at: Option<Where>,
     /// Part of the phase in which it holds, 0 to 1.
     pub during: (f64, f64),
-    /// Amount by which stricter it is at the points of the mesh, so that it holds between them, in the unit of the
+    /// Amount by which it is stricter at the points of the mesh, so that it holds between them, in the unit of the
     /// plan.
     pub margin: f64,
     /// Place in the file.

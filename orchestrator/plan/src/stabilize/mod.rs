@@ -24,7 +24,7 @@ pub use settings::Settings;
 const TEMPLATE: &str = "tvlqr-controller";
 /// Its table.
 const TABLE: &str = "controller.csv";
-/// Most states with disturbances, inputs and measured signals of the template.
+/// Largest numbers of states with disturbances, inputs and measured signals of the template.
 const MAX_SIZES: [(&str, usize); 3] =
     [("states and disturbances", 16), ("inputs", 4), ("measured signals", 16)];
 

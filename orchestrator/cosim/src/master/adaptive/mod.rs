@@ -1,7 +1,7 @@
 //! Adaptive communication steps for the Gauss-Seidel, Jacobi and interface-Jacobian masters.
 //!
 //! Under Gauss-Seidel and Jacobi, every step is made with held (or extrapolated) inputs and repeated from the saved
-//! states with inputs that run toward what the pass before has come to; the last pass is kept, and its difference to
+//! states with inputs that run toward the result of the previous pass; the last pass is kept, and its difference to
 //! the one before is the estimate of the error. Gauss-Seidel is repeated once, Jacobi as often as there are components
 //! (those that share an algebraic loop count as one), so that what a pass hands on arrives everywhere. Under the
 //! interface-Jacobian master every step is made once whole and once in two halves; the halves are kept as communication

@@ -2,7 +2,7 @@
 
 /// Times closer than this (relative to the larger end of the run) are one.
 const SAME_TIME: f64 = 1e-12;
-/// A rest below this fraction of a step is rounding.
+/// A remainder below this fraction of a step is rounding.
 const MIN_FRACTION_OF_STEP: f64 = 1e-6;
 
 /// A step and its middle \[s\].

@@ -1,9 +1,9 @@
 //! A loop through slaves whose outputs follow their inputs in a step only: the step is repeated from saved states until
 //! its outputs at the end fit the inputs held over it.
 //!
-//! Unknown are all continuous Real inputs between slaves of the group, `w`; the residual is what their sources give at
-//! the end of the step under `w`, less `w`. Damped Newton iteration; the Jacobian comes from difference quotients of
-//! repeated steps, then from Broyden's updates (Broyden 1965), from step to step.
+//! Unknown are all continuous Real inputs between slaves of the group, `w`; the residual is the value of their sources
+//! at the end of the step under `w`, minus `w`. Damped Newton iteration; the Jacobian comes from difference quotients
+//! of repeated steps, then from Broyden's updates (Broyden 1965), from step to step.
 
 use std::ops::Range;
 

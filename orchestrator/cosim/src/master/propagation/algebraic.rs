@@ -1,6 +1,6 @@
 //! Algebraic loops: inputs and outputs that depend on each other at the same instant.
 //!
-//! Unknown are the inputs in the loop; each residual is what its source gives less the input. Damped Newton
+//! Unknown are the inputs in the loop; each residual is the value of its source minus the input. Damped Newton
 //! iteration with directional derivatives, or finite differences where an FMU has none.
 
 use airloop_fmi::{Error as FmuError, Instance};

@@ -1,4 +1,4 @@
-//! In which order variables are set and read, so that one pass brings every value through the whole system.
+//! Order in which variables are set and read, so that one pass brings every value through the whole system.
 //!
 //! Nodes are connected inputs and the outputs that are read; an edge is a connection or a direct feed-through. The
 //! strongly connected components (Tarjan 1972) in topological order are the passes: a single variable is set or read,
