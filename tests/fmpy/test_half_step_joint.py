@@ -5,14 +5,14 @@ import pytest
 from lxml import etree
 from scipy.linalg import expm, logm
 
-from test_half_step import FOLDER, OBJECTIVE_B, columns, plan  # noqa: F401  (a fixture)
+from test_half_step import EXPECTED, FOLDER, OBJECTIVE_B, columns, plan  # noqa: F401  (a fixture)
 
 # Eq. 12: y(k) + A1 y(k-1) = B0 u(k) + B1 u(k-1), y = s + B0 u.
 A1, B0, B1 = np.array([[-1.0081, 0.024], [-0.0447, -0.9502]]), np.array([0.6297, 0.0503]), np.array([-0.6141, -0.046])
 AD, BD, SAMPLE = -A1, B1 - A1 @ B0, 1e-3
 CONTINUOUS = logm(np.block([[AD, BD[:, None]], [np.zeros((1, 2)), np.eye(1)]])).real[:2] / SAMPLE
 # Of the same problem, typed by hand (tests/study/walker_casadi.py), by IPOPT on the same mesh.
-OBJECTIVE_IPOPT = 0.040590841
+OBJECTIVE_IPOPT = EXPECTED["variants"]["J"]["objective"]["value"]
 
 
 @pytest.fixture(scope="module")
