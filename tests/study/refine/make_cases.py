@@ -78,19 +78,20 @@ def run(cases, effects_of, trials, samples=None):
                     firstprinciples=bool(cases[0].get("fp")), fixed=cases[0]["kind"] == "actuator"), plant
 
 
-def strengths(cases, effects_of):
-    """Error of windowed predictions of the model without effects against `effects_of`, on one trial, by case."""
-    trials = [2] if cases[0]["kind"] == "actuator" else [0]
+def strengths(cases, effects_of, coupled=(0,)):
+    """Error of windowed predictions of the model without effects against `effects_of`, on one trial (coupled: on those given), by case."""
+    trials = [2] if cases[0]["kind"] == "actuator" else list(coupled)
+    count = len(trials)
     truth, plant = run(cases, effects_of, trials, 8000 if cases[0]["kind"] == "actuator" else 1500)
-    without, _ = None, None
-    zero = np.zeros(len(cases))
+    zero = np.zeros(len(cases) * count)
     u = truth["u"].T
-    declared = simulate([{} for _ in cases], u, zero, zero, plant, np.zeros_like(truth["u"]), centring=0.0,
+    declared = simulate([{} for _ in zero], u, zero, zero, plant, np.zeros_like(truth["u"]), centring=0.0,
                         firstprinciples=bool(cases[0].get("fp")), restart=truth["states"], fixed=cases[0]["kind"] == "actuator")
     found = []
     for i, c in enumerate(cases):
-        own = sensed({k: truth[k][:, i:i + 1] for k in UNITS}, effects_of(c))
-        found.append(max(rms(own[k][:, 0] - declared[k][:, i]) / c["units"][k] for k in UNITS))
+        lanes = slice(count * i, count * (i + 1))
+        own = sensed({k: truth[k][:, lanes] for k in UNITS}, effects_of(c))
+        found.append(max(rms(own[k] - declared[k][:, lanes]) / c["units"][k] for k in UNITS))
     return np.array(found)
 
 
@@ -112,10 +113,13 @@ def calibrate(cases):
             c["effects"][j] = (b[0], scaled(b[0], b[1], k), b[2])
 
 
-MODEL = ["[model.piston_friction]", "c1 = 1.5145", "c2 = 40.8926", "c3 = 0.0", "c4 = 49.2734", "c5 = 0.0",
+MODEL = ["", "# c1*tanh(c2*(xdot - c3)) + c4*xdot + c5", "[model.piston_friction]", "c1 = 1.5145", "c2 = 40.8926", "c3 = 0.0", "c4 = 49.2734", "c5 = 0.0",
          "[model.cart_friction]", "c1 = 5.7910", "c2 = 63.7045", "c3 = 0.0064", "c4 = 0.0", "c5 = -2.3170",
-         "[model.cart_pole]", "m_c = 0.399", "m_p = 0.1", "l = 0.2", "g = 9.81", "b_p = 0.0006",
-         "tip_distance = 0.25", "stroke = 0.300"]
+         "", "[model.cart_pole]", "m_c = 0.399", "m_p = 0.1", "l = 0.2", "g = 9.81", "b_p = 0.0006",
+         "tip_distance = 0.25   # pivot to free end of the rod", "stroke = 0.300"]
+SENSORS = {"u": ("N", "force command as sent (exact)"), "F_hat": ("N", "pressure sensors, S1*p1 - S2*p2"),
+           "F_p": ("N", "load cell between piston rod and cart"), "x": ("m", "linear potentiometer"),
+           "v": ("m/s", "drive encoder of the imposed motion"), "theta": ("rad", "encoder, 4096 counts per turn")}
 
 
 def write(folder, c, files, data):
@@ -125,13 +129,19 @@ def write(folder, c, files, data):
     text = [f'id = "{c["name"]}"', f'kind = "{c["kind"]}"', "sample_rate_hz = 1000"]
     if c["kind"] != "friction":
         a, b0, b1 = ARX_FP if c.get("fp") else (A1, B0, B1)
-        text += ["[model.actuator]", "sample_time = 0.001", f"A1 = {np.asarray(a).tolist()}",
+        text += ["", "# y = [F_hat, F_p]: y(k) + A1 y(k-1) = B0 u(k) + B1 u(k-1); F_p here is the rod-fixed force, before piston friction",
+                 "[model.actuator]", "sample_time = 0.001", f"A1 = {np.asarray(a).tolist()}",
                  f"B0 = {np.asarray(b0).tolist()}", f"B1 = {np.asarray(b1).tolist()}"]
     text += MODEL if c["kind"] != "actuator" else []
+    text += [""]
     for signal in c["signals"]:
-        unit = {"x": "m", "theta": "rad", "v": "m/s"}.get(signal, "N")
-        text += [f"[sensors.{signal}]", f'unit = "{unit}"', f"noise_rms = {c['noise'][signal]}"]
-    for i, (name, estimation, experiment, group) in enumerate(files):
+        unit, what = SENSORS[signal]
+        text += [f"[sensors.{signal}]", f'unit = "{unit}"', f'what = "{what}"', f"noise_rms = {c['noise'][signal]}"]
+    text += [""]
+    # The files of a fixed rod are listed with those for validation last.
+    order = sorted(range(len(files)), key=lambda i: c["kind"] == "actuator" and not files[i][1])
+    for i in order:
+        name, estimation, experiment, group = files[i]
         text += ["[[files]]", f'name = "{name}.csv"', f'role = "{"estimation" if estimation else "validation"}"',
                  f'experiment = "{experiment}"', f'group = "{group}"']
         n = len(data[c["signals"][0]])
@@ -140,13 +150,14 @@ def write(folder, c, files, data):
         np.savetxt(target / f"{name}.csv", np.array(columns).T, fmt=formats, delimiter=",",
                    header=",".join(["time", *c["signals"]]), comments="")
     (target / "case.toml").write_text("\n".join(text) + "\n")
-    verdict = {"control": "none", "outside": "unexplained"}.get(c["cls"], "effect")
+    verdict = {"control": "none", "outside": "unexplained", "messy_control": "unexplained"}.get(c["cls"], "effect")
     lines = [f'class = "{c["cls"]}"', f'verdict = "{verdict}"', f"strengths = {[round(float(s), 2) for s in c['strengths']]}"]
+    lines += [f"{k} = {v}" for k, v in c.get("figures", {}).items()]
     for effect, params, signal in c["effects"] if verdict == "effect" else []:
         lines += ["[[effects]]", f'id = "{effect}"', f'channel = "{channel(effect)}"']
         lines += [f'signal = "{signal}"'] if signal else []
         lines += ["[effects.params]"] + [f"{k} = {float(v)!r}" for k, v in params.items()]
-    if verdict == "unexplained":
+    if c.get("channel"):
         lines += ["[unexplained]", f'channel = "{c["channel"]}"']
     (target / "truth.toml").write_text("\n".join(lines) + "\n")
 
@@ -203,7 +214,7 @@ def prepare(c, rng):
     c["noise"] = dict(u=0.0, F_hat=0.3, F_p=round(rng.uniform(0.24, 0.47), 2), x=1e-4, theta=0.00044, v=1e-3)
     c["units"] = {k: c["noise"][k] if c.get("faint") else UNITS[k] for k in UNITS}
     c["units"]["v"] = c["noise"]["v"]
-    c["plant"] = {k: v * (1 + (rng.normal() * 0.01 if c.get("off") else 0.0)) for k, v in DECLARED.items()}
+    c["plant"] = {k: v * (1 + (rng.normal() * 0.01 if c.get("off") and v else 0.0)) for k, v in DECLARED.items()}
     if c["kind"] == "actuator":
         c["signals"], c["ff"] = ["u", "F_hat", "F_p"], chirps_and_stairs(rng)
         c["x0"], c["th0"], c["noise_x"] = np.zeros(5), np.zeros(5), np.zeros((8000, 5))
@@ -224,6 +235,29 @@ def sweep_case(c, effects):
     return {k: np.array([r[k] for r in runs]).T for k in ("x", "v", "F_p")}
 
 
+def files_of(c):
+    """The files of a case: name, estimation, experiment, group."""
+    if c["kind"] == "cartpole":
+        return [(f"trial_{j + 1:02d}", j < 6, "coupled", f"command_{'abcde'[j // 2]}") for j in range(10)]
+    if c["kind"] == "actuator":
+        return [(name, estimation, "rod_fixed", name) for name, estimation in FIXED_FILES]
+    return [(name, estimation, f"sweep_{name.split('_')[0]}", name) for name, estimation in SWEEP_FILES]
+
+
+def measured(c, data):
+    """What the sensors read: noise, and the counts of the encoder."""
+    own, data = np.random.default_rng(c["seed"]), dict(data)
+    if c["kind"] == "friction":
+        return {k: v + own.normal(0, c["noise"][k], v.shape) for k, v in data.items()}
+    for signal in ("F_hat", "F_p"):
+        data[signal] = data[signal] + own.normal(0, c["noise"][signal], data[signal].shape)
+    if c["kind"] == "cartpole":
+        step, sensed_x = 2 * np.pi / 4096, any(s == "x" for _, _, s in c["effects"])
+        data["x"] = data["x"] + (own.normal(0, 1e-4, data["x"].shape) if sensed_x else c["noise_x"])
+        data["theta"] = np.round(data["theta"] / step) * step
+    return data
+
+
 def make_sweep(folder, c):
     """A case of friction sweeps: its one effect is scaled to its strength, then noise is added."""
     without, (effect, params, signal) = sweep_case(c, []), c["effects"][0] if c["effects"] else (None, {}, None)
@@ -233,10 +267,7 @@ def make_sweep(folder, c):
         own = sensed(sweep_case(c, c["effects"]), c["effects"])
         reached = max(rms(own[k] - without[k]) / c["noise"][k] for k in without)
         factor *= np.clip(c["strengths"][0] / max(reached, 1e-3), 0.3, 3.0)
-    own, data = np.random.default_rng(c["seed"]), sensed(sweep_case(c, c["effects"]), c["effects"])
-    data = {k: v + own.normal(0, c["noise"][k], v.shape) for k, v in data.items()}
-    files = [(name, estimation, f"sweep_{name.split('_')[0]}", name) for name, estimation in SWEEP_FILES]
-    write(folder, c, files, data)
+    write(folder, c, files_of(c), measured(c, sensed(sweep_case(c, c["effects"]), c["effects"])))
     np.savez_compressed(folder / c["name"] / "truth.npz", motion=c["motion"])
 
 
@@ -246,20 +277,9 @@ def make_runs(folder, cases):
         calibrate([c for c in cases if c["effects"]])
     count = len(cases[0]["ff"])
     out, _ = run(cases, lambda c: c["effects"], list(range(count)))
-    step = 2 * np.pi / 4096
     for i, c in enumerate(cases):
-        own = np.random.default_rng(c["seed"])
         data = sensed({k: v[..., count * i:count * (i + 1)] for k, v in out.items()}, c["effects"])
-        for signal in ("F_hat", "F_p"):
-            data[signal] = data[signal] + own.normal(0, c["noise"][signal], data[signal].shape)
-        if c["kind"] == "cartpole":
-            sensed_x = any(s == "x" for _, _, s in c["effects"])
-            data["x"] = data["x"] + (own.normal(0, 1e-4, data["x"].shape) if sensed_x else c["noise_x"])
-            data["theta"] = np.round(data["theta"] / step) * step
-            files = [(f"trial_{j + 1:02d}", j < 6, "coupled", f"command_{'abcde'[j // 2]}") for j in range(10)]
-        else:
-            files = [(name, estimation, "rod_fixed", name) for name, estimation in FIXED_FILES]
-        write(folder, c, files, data)
+        write(folder, c, files_of(c), measured(c, data))
         if c["kind"] == "cartpole":
             validation = slice(count * i + 6, count * (i + 1))
             np.savez_compressed(folder / c["name"] / "truth.npz", plant=np.array(list(c["plant"].values())),

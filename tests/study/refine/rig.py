@@ -6,14 +6,19 @@ Nothing of the library's effect code is used.
 """
 import numpy as np
 
+from messy import Mess
+
 TS = 1e-3
 N = 4000
 SUB = 4
 A1 = np.array([[-1.0144, 0.0216], [-0.0527, -0.9537]])
 B0 = np.array([0.6619, 0.0764])
 B1 = np.array([-0.6557, -0.0847])
+POLE = np.linalg.eigvals(-A1)[0]
+# Turns the pair of conjugate poles: A1 - a I - b TURN has its poles moved by a +- b i.
+TURN = (-A1 - POLE.real * np.eye(2)) / POLE.imag
 DECLARED = dict(pc1=1.5145, pc2=40.8926, pc4=49.2734, cc1=5.7910, cc2=63.7045, cc3=0.0064, cc5=-2.3170,
-                m_c=0.399, m_p=0.1, l=0.2, b_p=0.0006, act=1.0)
+                m_c=0.399, m_p=0.1, l=0.2, b_p=0.0006, act=1.0, pole_re=0.0, pole_im=0.0)
 G, TIP = 9.81, 0.25
 
 class Lanes:
@@ -37,6 +42,7 @@ def simulate(effects, ff, x0, th0, plant, noise_x, firstprinciples=False, centri
     `fixed`: the rod does not move. `restart`: states [N, 6, lanes] that the mechanics are set to every `window` samples, the actuator running on.
     """
     p, n = Lanes(effects), len(effects)
+    mess = Mess(p)
     q = {k: np.asarray(v) for k, v in plant.items()}
     mass, mpl = q["m_c"] + q["m_p"] + p.get("cart.mass", "mass"), q["m_p"] * (q["l"] + p.get("pole.length", "delta"))
     inertia = q["m_p"] * (q["l"] + p.get("pole.length", "delta")) ** 2
@@ -72,6 +78,7 @@ def simulate(effects, ff, x0, th0, plant, noise_x, firstprinciples=False, centri
         s = np.tanh(q["pc2"] * v)
         f = q["pc1"] * np.where(ppre, z / pdisp, s) + pv * v
         f = f + pc * s + (ps * np.exp(-(v / pvs) ** 2) * s if ps.any() else 0.0) + pp * np.abs(ph) * s + po + np.where(v > 0, paf * s + pac * v, 0.0)
+        f = f + mess("piston", x, v, t)
         if drift.any():
             f = f + drift * (1 - np.exp(-t / 1.5)) * v
         return f + qa * np.exp(-((x - qx) / qw) ** 2) * np.tanh(30 * v) if qa.any() else f
@@ -80,7 +87,7 @@ def simulate(effects, ff, x0, th0, plant, noise_x, firstprinciples=False, centri
         w = v - q["cc3"]
         s = np.tanh(q["cc2"] * w)
         f = q["cc1"] * np.where(cpre, z / cdisp, s) + q["cc5"] + cv * v + cc * s + (cs * np.exp(-(w / cvs) ** 2) * s if cs.any() else 0.0) + co
-        f = f + np.where(v > 0, caf * s + cac * v, 0.0) + cpos * x * s
+        f = f + np.where(v > 0, caf * s + cac * v, 0.0) + cpos * x * s + mess("cart", x, v, t)
         if vq.any() or fade.any():
             f = f + vq * np.abs(v) * v + fade * t * s
         return f + ta * np.exp(-((np.abs(v) - tv) / tw) ** 2) * np.sign(v) if ta.any() else f
@@ -89,7 +96,7 @@ def simulate(effects, ff, x0, th0, plant, noise_x, firstprinciples=False, centri
         f = force - piston(x, v, zp, ph, t_) - cart(x, v, zc, t_) - k * (x - rest) - mass * G * np.sin(tilt)
         f = f - np.where(x > sp, np.maximum(0.0, sk * (x - sp) + sd * v), 0.0) - ca * np.sin(2 * np.pi * x / cper + cph)
         f = f - (ba * np.exp(-((x - bx) / bw) ** 2) if ba.any() else 0.0) - k3 * x**3 + mpl * om**2 * np.sin(th)
-        t = -bp * om - mpl * G * np.sin(th + tilt) - tq * np.tanh(om / 0.05) - qd * np.abs(om) * om
+        t = -bp * om - mpl * G * np.sin(th + tilt) - tq * np.tanh(om / 0.05) - qd * np.abs(om) * om - mess("pole", th, om, t_)
         if ma.any() or da.any() or p3.any():
             t = t - ma * np.exp(-((th - mt) / mw) ** 2) - da * np.sin(dn * th) - p3 * th**3
         c = mpl * np.cos(th)
@@ -125,6 +132,7 @@ def simulate(effects, ff, x0, th0, plant, noise_x, firstprinciples=False, centri
         ue = play
         ue = ue - np.clip(ue, -dead, dead)
         ue = np.clip(ue, -lim, lim) * (1 + gain) * (1 + posgain * s[0]) * (1 - depth * (1 - np.exp(-i * TS / tau)))
+        ue = ue + mess("command", ue, i * TS)
         if ra.any():
             ue = ue + ra * np.sin(2 * np.pi * ue / rp)
         if mode.any():
@@ -136,7 +144,7 @@ def simulate(effects, ff, x0, th0, plant, noise_x, firstprinciples=False, centri
                 m1, m2 = m1 + h * a2, m2 + h * b2
             ue = np.where(mode, now, ue)
         if fp is None:
-            y = -(A1 @ y) + np.outer(B0, ue * q["act"]) + np.outer(B1, ub * q["act"])
+            y = -(A1 @ y) + q["pole_re"] * y + q["pole_im"] * (TURN @ y) + np.outer(B0, ue * q["act"]) + np.outer(B1, ub * q["act"])
             ub = ue
             fh, fa = y[0] - back * s[1] + la * np.sin(2 * np.pi * lf * i * TS), y[1] - back * s[1] + la * np.sin(2 * np.pi * lf * i * TS)
             out["F_hat"][i], out["F_p"][i] = fh, fa - piston(s[0], s[1], s[4], fh, i * TS)
@@ -247,7 +255,7 @@ def sweep(effects, plant, cart, draw, n=7000):
     v, a = scale * v, scale * a
     x = -(scale * amp[:, None] / (2 * np.pi * f[:, None]) * (np.cos(2 * np.pi * f[:, None] * t + phase[:, None]) - np.cos(phase[:, None]))).sum(0)
     get = lambda e, name, neutral=0.0: effects.get(e, {}).get(name, neutral)
-    own = "cf" if cart else "pf"
+    own, port = ("cf", "cart") if cart else ("pf", "piston")
     c1, c2, c3 = (plant["cc1"], plant["cc2"], plant["cc3"]) if cart else (plant["pc1"], plant["pc2"], 0.0)
     w = v - c3
     s = np.tanh(c2 * w)
@@ -261,6 +269,7 @@ def sweep(effects, plant, cart, draw, n=7000):
     force = c1 * main + get(f"{own}.viscous", "coef") * v + get(f"{own}.coulomb", "force") * s + get(f"{own}.offset", "value")
     force = force + get(f"{own}.stribeck", "force") * np.exp(-(w / get(f"{own}.stribeck", "vs", 1.0)) ** 2) * s
     force = force + np.where(v > 0, get(f"{own}.asymmetry", "force") * s + get(f"{own}.asymmetry", "coef") * v, 0.0)
+    force = force + Mess(Lanes([effects]))(port, x, v, t)
     if cart:
         force = force + plant["cc5"] + get("cf.poscoulomb", "slope") * x * s + (plant["m_c"] + get("cart.mass", "mass")) * a
     else:

@@ -62,6 +62,19 @@ def left(folder, report):
     return float(error(slice(n, None)) / error(slice(0, n)))
 
 
+def answer(program, case, target, limit=None):
+    """The report of a case, made unless there is one; seconds.txt: CPU and wall time, exit code (`-` when out of time)."""
+    if not (target / "report.json").exists():
+        target.mkdir(parents=True, exist_ok=True)
+        begin = os.times().children_user, time.monotonic()
+        try:
+            code = subprocess.run([program, "refine", case, "-o", target, "-q"], check=False, timeout=limit).returncode
+        except subprocess.TimeoutExpired:
+            code = "-"
+        (target / "seconds.txt").write_text(f"{os.times().children_user - begin[0]:.2f} {time.monotonic() - begin[1]:.2f} {code}\n")
+    return json.loads((target / "report.json").read_text()) if (target / "report.json").exists() else None
+
+
 def row_of(case, report, seconds, again, bound=None):
     truth = tomllib.loads((case / "truth.toml").read_text())
     exact, first, where = judge(truth, report)
@@ -100,15 +113,11 @@ def main():
     known = bounds(sorted(p.parent for p in args.cases.glob("*/truth.toml"))) if args.bound else {}
     for case in sorted(p.parent for p in args.cases.glob("*/truth.toml")):
         target = args.out / case.name
-        if not (target / "report.json").exists():
-            begin = os.times().children_user, time.monotonic()
-            subprocess.run([args.program, "refine", case, "-o", target, "-q"], check=False)
-            (target / "seconds.txt").write_text(f"{os.times().children_user - begin[0]:.2f} {time.monotonic() - begin[1]:.2f}\n")
-        seconds = target / "seconds.txt"
-        if not (target / "report.json").exists():
+        report, seconds = answer(args.program, case, target), target / "seconds.txt"
+        if report is None:
             print(f"{case.name}: no report")
             continue
-        rows.append(row_of(case, json.loads((target / "report.json").read_text()),
+        rows.append(row_of(case, report,
                            float(seconds.read_text().split()[0]) if seconds.exists() else 0.0,
                            args.left, known.get(case.name)))
     with (args.out / "confusion.csv").open("w", newline="") as file:
