@@ -13,9 +13,9 @@ pub mod inspect;
 pub mod inspect_system;
 pub mod optimize;
 pub mod output;
-pub mod refine;
 #[cfg(test)]
 mod reference;
+pub mod refine;
 mod refine_progress;
 mod report;
 pub mod rig;

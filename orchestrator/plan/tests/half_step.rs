@@ -52,7 +52,7 @@ fn wrong_resets_are_named_with_their_place() {
     let input = message("\"vx\" = \"after.vx\"", "\"vx\" = \"tau\"");
     assert!(input.contains("tau") && input.contains("input"), "{input}");
     let state = message("\"vx\" = \"after.vx\"", "\"tau\" = \"after.vx\"");
-    assert!(state.contains("tau") && state.contains("no state"), "{state}");
+    assert!(state.contains("tau") && state.contains("not a state"), "{state}");
     let mode = message("parameters = { \"contact_mode\" = 3 }", "parameters = { \"contact_mode\" = 7 }");
     assert!(mode.contains("contact_mode") && mode.contains('7'), "{mode}");
     let first = message("[phase.initial]", "[phase.reset]\nstates = { vx = \"after.vx\" }\n[phase.initial]");

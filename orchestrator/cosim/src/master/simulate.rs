@@ -166,7 +166,7 @@ pub fn run_along(
 /// let watch = simulate::Watch { stop: &stop, progress: &mut |_, _| {} };
 /// let run = simulate::run(&graph, &settings, None, watch)?;
 /// airloop_series::csv::write(&run.result, "result.csv".as_ref())?;
-/// # Ok::<(), airloop::Error>(())
+/// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 ///
 /// # Errors
