@@ -1,6 +1,6 @@
-//! Why a simulation cannot start or go on.
+//! Reason why a simulation cannot start or go on.
 
-/// Why a simulation cannot start or go on.
+/// Reason why a simulation cannot start or go on.
 #[derive(Debug, thiserror::Error)]
 #[allow(missing_docs, reason = "component, variable, time and step, as in each message")]
 pub enum Error {

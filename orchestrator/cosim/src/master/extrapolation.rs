@@ -6,16 +6,15 @@
 
 use std::ops::Range;
 
-use super::Values;
+use super::error::Error;
 use super::exchange::{Node, Wiring};
+use super::grid::Grid;
 use super::interface_jacobian::{Feed, Outputs, Trajectory as Input, Unit, interfaces};
 use super::loops::{Group, Loops};
-use super::{Algorithm, Error, Grid, Settings, Stop};
+use super::settings::{Algorithm, MAX_ORDER, Settings};
+use super::stop::Stop;
+use super::values::Values;
 use crate::system::SystemGraph;
-use airloop_fmi::StepStatus;
-
-/// Highest order.
-pub(super) const MAX_ORDER: u32 = 2;
 
 /// Trajectory of an input inside the step: value, slope \[1/s\] and second derivative \[1/s2\] at its beginning.
 type Trajectory = [f64; 3];
@@ -112,6 +111,7 @@ impl Extrapolation {
     }
 
     /// One macro step from `t` to `t + h` \[s\]; `serial`: a slave sees what those before it have done.
+    #[inline(never)]
     pub fn step(
         &mut self,
         nodes: &mut [Node],
@@ -143,10 +143,7 @@ impl Extrapolation {
                 if self.find_trajectory(number, values, &block, h, serial) {
                     self.give_trajectory(number, node, h)?;
                 }
-                let status = node.do_step(t, h)?;
-                if status != StepStatus::Complete {
-                    return Err(Stop::Incomplete { node: number, status });
-                }
+                Stop::unless_complete(number, node.do_step(t, h)?)?;
             }
             if serial {
                 if let Some(group) = group {

@@ -1,8 +1,11 @@
 //! From a system graph to slaves at the start time, with outputs that are consistent across all connections.
 
-use super::Values;
+use super::error::Error;
 use super::exchange::{Node, Wiring};
-use super::{Error, Grid, Settings, propagation};
+use super::grid::Grid;
+use super::propagation;
+use super::settings::Settings;
+use super::values::Values;
 use crate::system::SystemGraph;
 use crate::system::graph::{Component, Start};
 use airloop_fmi::{Instance, Slave, VariableKind};

@@ -3,11 +3,11 @@
 
 use super::evaluator;
 use super::local_model::{LocalModel, Origin};
-use super::options::Coupling;
 use super::plan::{Planner, nominal};
 use super::static_block::{Function, Secant};
 use super::unit::Unit;
-use crate::master::Error;
+use crate::master::error::Error;
+use crate::master::settings::Coupling;
 use crate::system::graph::Source;
 use crate::system::order::feed_through;
 use airloop_fmi::DependencyKind;

@@ -1,8 +1,10 @@
 //! A second instance of a static FMU, for Model Exchange: there its outputs may be read at any inputs without a step.
 
 use super::unit::Unit;
+use crate::master::error::Error;
+use crate::master::grid::Grid;
 use crate::master::initialize::set_start_values;
-use crate::master::{Error, Grid, Settings};
+use crate::master::settings::Settings;
 use crate::system::graph::Component;
 use airloop_fmi::Model;
 

@@ -4,9 +4,9 @@
 
 use super::signal::{CLOSE, line_of};
 use super::unit::{Feed, Outputs, Unit};
-use crate::master::Stop;
-use crate::master::Values;
 use crate::master::exchange::Node;
+use crate::master::stop::Stop;
+use crate::master::values::Values;
 
 /// Steps `unit` from `t` to `t + h` \[s\]; `start` is the time of its first sample, `cuts` a workspace.
 pub(super) fn step(

@@ -4,10 +4,13 @@
 //! them in the step only. Many compute them when they are read. Which kind a slave is of shows on a second instance, so
 //! that one that answers with an error does no harm.
 
+use crate::master::error::Error;
 use crate::master::exchange::{Node, Wiring};
+use crate::master::grid::Grid;
 use crate::master::initialize::set_start_values;
 use crate::master::propagation::nominal;
-use crate::master::{Error, Grid, Settings, Values};
+use crate::master::settings::Settings;
+use crate::master::values::Values;
 use crate::system::SystemGraph;
 use crate::system::order::feed_through;
 use airloop_fmi::{Error as FmuError, Slave, StepStatus};

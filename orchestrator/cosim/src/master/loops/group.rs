@@ -5,7 +5,8 @@ use std::ops::Range;
 use super::over_step::OverStep;
 use crate::master::exchange::Node;
 use crate::master::propagation::Transfer;
-use crate::master::{Stop, Values};
+use crate::master::stop::Stop;
+use crate::master::values::Values;
 
 /// See the module.
 #[derive(Debug)]

@@ -14,8 +14,12 @@ mod plan;
 
 use std::ops::Range;
 
+use super::error::Error;
 use super::exchange::{Node, Wiring};
-use super::{Error, Grid, Settings, Stop, Values};
+use super::grid::Grid;
+use super::settings::Settings;
+use super::stop::{Stop, do_step};
+use super::values::Values;
 use crate::system::SystemGraph;
 pub(super) use group::Group;
 
@@ -97,6 +101,7 @@ impl Loops {
     }
 
     /// One macro step from `t` to `t + h` \[s\] of the Gauss-Seidel (`serial`) or the Jacobi master.
+    #[inline(never)]
     pub fn step(
         &mut self,
         nodes: &mut [Node],
@@ -166,10 +171,7 @@ fn advance(
         Some(Ok(false)) | None => {}
     }
     for number in block.clone() {
-        let status = nodes[number].do_step(t, h)?;
-        if status != airloop_fmi::StepStatus::Complete {
-            *ended = Some(super::ended(&mut nodes[number], number, status, values, t + h)?);
-        }
+        do_step(&mut nodes[number], number, values, (t, h), ended)?;
     }
     Ok(())
 }

@@ -5,10 +5,12 @@
 use std::ops::Range;
 
 use super::integrate::Problem;
-use crate::master::Values;
-use crate::master::exchange::Wiring;
+use crate::master::error::Error;
+use crate::master::exchange::{Wiring, slot};
+use crate::master::initialize;
 use crate::master::propagation::{self, LoopFailure, Scope, Transfer};
-use crate::master::{Algorithm, Error, Settings, initialize, slot};
+use crate::master::settings::{Algorithm, Settings};
+use crate::master::values::Values;
 use crate::results::{Column, Slot};
 use crate::system::SystemGraph;
 use crate::system::graph::{DataType, Source};

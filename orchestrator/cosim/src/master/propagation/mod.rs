@@ -9,9 +9,9 @@ mod transfer;
 
 use std::ops::DerefMut;
 
-use super::Error;
-use super::Values;
+use super::error::Error;
 use super::exchange::Wiring;
+use super::values::Values;
 use crate::system::SystemGraph;
 use airloop_fmi::Instance;
 
