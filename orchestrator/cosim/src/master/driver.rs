@@ -3,9 +3,7 @@
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-use super::error::Error;
-use super::settings::Settings;
-use super::stepping::Effort;
+use super::{Effort, Error, Settings};
 use crate::results::Recorder;
 use crate::results::summary::{AdaptiveRecord, Integration};
 use crate::system::SystemGraph;
@@ -82,7 +80,7 @@ pub(super) trait Simulation<'a>: Sized {
     fn initialize(graph: &'a SystemGraph, settings: &Settings, inputs: Self::Inputs) -> Result<Self, Error>;
 
     /// Sets up the recorder, with the row at the start time.
-    fn set_up(&mut self) -> Result<Recorder, Error>;
+    fn set_up(&mut self, graph: &SystemGraph) -> Result<Recorder, Error>;
 
     /// Makes one step and records it, or tells why the run ends.
     fn step(&mut self, rows: &mut Recorder) -> Result<(), End>;
@@ -109,7 +107,7 @@ pub(super) fn drive<'a, S: Simulation<'a>>(
 ) -> Result<Run, Error> {
     let began = Instant::now();
     let mut simulation = S::initialize(graph, settings, inputs)?;
-    let mut rows = simulation.set_up()?;
+    let mut rows = simulation.set_up(graph)?;
     let initialization = began.elapsed();
     let began = Instant::now();
     let mut reported = began;

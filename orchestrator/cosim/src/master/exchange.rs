@@ -6,9 +6,7 @@
 use std::collections::HashMap;
 use std::ops::{Deref, DerefMut, Range};
 
-use super::error::Error;
-use super::settings::Algorithm;
-use super::values::Values;
+use super::{Algorithm, Error, Values};
 use crate::results::{Column, Slot};
 use crate::system::SystemGraph;
 use crate::system::graph::{Conversion, DataType, Source, Start, SystemInput, unit_of};

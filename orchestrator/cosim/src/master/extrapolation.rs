@@ -6,14 +6,12 @@
 
 use std::ops::Range;
 
-use super::error::Error;
 use super::exchange::{Node, Wiring};
-use super::grid::Grid;
 use super::interface_jacobian::{Feed, Outputs, Trajectory as Input, Unit, interfaces};
 use super::loops::{Group, Loops};
-use super::settings::{Algorithm, MAX_ORDER, Settings};
-use super::stop::Stop;
-use super::values::Values;
+use super::settings::MAX_ORDER;
+use super::stop::{Stop, get_outputs};
+use super::{Algorithm, Error, Grid, Settings, Values};
 use crate::system::SystemGraph;
 
 /// Trajectory of an input inside the step: value, slope \[1/s\] and second derivative \[1/s2\] at its beginning.
@@ -353,10 +351,7 @@ impl Extrapolation {
 
     /// Takes over what a slave has come to.
     fn read(&mut self, number: usize, node: &mut Node, values: &mut Values, h: f64) -> Result<(), Stop> {
-        node.get_outputs(values)?;
-        if !node.outputs_are_finite(values) {
-            return Err(Stop::NotFinite { node: number });
-        }
+        get_outputs(node, number, values)?;
         let unit = &self.units[number];
         let places = unit.outputs.clone();
         unit.read(node, &mut self.outputs.y[places.clone()], &mut self.outputs.rate[places.clone()])?;

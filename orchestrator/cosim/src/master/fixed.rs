@@ -1,16 +1,13 @@
 //! Runs of a [`Master`] over its grid of communication points.
 
 use super::driver::{End, Run, Simulation};
-use super::error::Error;
-use super::settings::Settings;
-use super::stepping::{Master, Progress};
 use super::stimulus::{Sampler, Stimulus};
+use super::{Error, Master, Progress, Settings};
 use crate::results::Recorder;
 use crate::system::SystemGraph;
 
 /// A master with a fixed communication step and its inputs.
 pub(super) struct FixedSteps<'a> {
-    graph: &'a SystemGraph,
     master: Master,
     inputs: Sampler<'a>,
 }
@@ -25,12 +22,12 @@ impl<'a> Simulation<'a> for FixedSteps<'a> {
     ) -> Result<Self, Error> {
         let mut inputs = Sampler::new(graph, stimulus);
         let master = Master::new(graph, settings, &inputs.list(settings.start_time))?;
-        Ok(FixedSteps { graph, master, inputs })
+        Ok(FixedSteps { master, inputs })
     }
 
-    fn set_up(&mut self) -> Result<Recorder, Error> {
+    fn set_up(&mut self, graph: &SystemGraph) -> Result<Recorder, Error> {
         let master = &self.master;
-        let mut rows = master.values().recorder(master.columns(self.graph), master.grid().steps());
+        let mut rows = master.values().recorder(master.columns(graph), master.grid().steps());
         master.values().record(&mut rows, master.time());
         Ok(rows)
     }
@@ -38,13 +35,13 @@ impl<'a> Simulation<'a> for FixedSteps<'a> {
     fn step(&mut self, rows: &mut Recorder) -> Result<(), End> {
         let master = &mut self.master;
         let progress = master.step()?;
-        if rows.ends_before(master.time()) {
-            // The step was finished by all.
+        // Also where a component asks for the end of a step that was finished by all.
+        if progress == Progress::Stepped || rows.ends_before(master.time()) {
             self.inputs.at(master.time(), |input, value| master.set_input(input, value));
             master.values().record(rows, master.time());
         }
         let Progress::Terminated { component, last_successful_time: time } = progress else { return Ok(()) };
-        let alone = self.graph.components.len() == 1;
+        let alone = master.nodes.len() == 1;
         if let Some(time) = time.filter(|&time| alone && rows.ends_before(time)) {
             master.values().record(rows, time);
         }

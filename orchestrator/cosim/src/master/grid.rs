@@ -1,6 +1,6 @@
 //! Communication points: start, start + h, ... and the stop time exactly.
 
-use super::error::Error;
+use super::Error;
 
 /// Communication points of a run.
 #[derive(Debug, Clone, Copy, PartialEq)]

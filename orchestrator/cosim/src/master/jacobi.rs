@@ -2,9 +2,9 @@
 //!
 //! The order of the slaves does not matter; every connection adds a delay of one communication step.
 
+use super::Values;
 use super::exchange::Node;
-use super::stop::{Stop, do_step};
-use super::values::Values;
+use super::stop::{Stop, do_step, get_outputs};
 
 /// One macro step from `t` to `t + h` \[s\].
 #[inline]
@@ -17,10 +17,7 @@ pub(super) fn step(nodes: &mut [Node], values: &mut Values, t: f64, h: f64) -> R
         do_step(node, index, values, (t, h), &mut ended)?;
     }
     for (index, node) in nodes.iter_mut().enumerate() {
-        node.get_outputs(values)?;
-        if !node.outputs_are_finite(values) {
-            return Err(Stop::NotFinite { node: index });
-        }
+        get_outputs(node, index, values)?;
     }
     ended.map_or(Ok(()), |node| Err(Stop::Ended { node }))
 }

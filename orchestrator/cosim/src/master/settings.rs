@@ -1,7 +1,6 @@
 //! Settings of all masters.
 
-use super::error::Error;
-use super::grid::Grid;
+use super::{Error, Grid};
 use crate::system::SystemGraph;
 
 /// Highest order of [`Settings::extrapolation`].

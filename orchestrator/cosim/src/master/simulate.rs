@@ -5,10 +5,9 @@ pub use super::stimulus::{Curves, Stimulus};
 
 use super::adaptive::AdaptiveSteps;
 use super::driver::drive;
-use super::error::Error;
 use super::fixed::FixedSteps;
 use super::monolithic::{Inputs, Monolith};
-use super::settings::{Algorithm, Settings};
+use super::{Algorithm, Error, Settings};
 use crate::system::SystemGraph;
 
 /// Runs a system under inputs that are polynomials between knots, with the monolithic master whatever the settings say:

@@ -1,14 +1,11 @@
 //! The master that steps slaves: Gauss-Seidel (serial), Jacobi (parallel) and interface-Jacobian.
 
-use super::error::Error;
 use super::exchange::{Node, Wiring};
 use super::extrapolation::Extrapolation;
-use super::grid::Grid;
 use super::interface_jacobian::{InterfaceJacobian, Trajectory};
 use super::loops::Loops;
-use super::settings::{Algorithm, Settings};
 use super::stop::Stop;
-use super::values::Values;
+use super::{Algorithm, Error, Grid, Settings, Values};
 use super::{gauss_seidel, initialize, jacobi};
 use crate::results::Column;
 use crate::system::SystemGraph;

@@ -1,6 +1,6 @@
 //! Signals for the inputs of a system: samples of a series, or polynomials between knots.
 
-use super::error::Error;
+use super::Error;
 use crate::system::SystemGraph;
 use airloop_series::resample::{locate, value_at};
 use airloop_series::{Interpolation, TimeSeries};

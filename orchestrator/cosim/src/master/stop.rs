@@ -1,9 +1,8 @@
-//! Reason why a macro step stopped.
+//! One step of a slave, and the reason why a macro step stopped.
 
-use super::error::Error;
 use super::exchange::Node;
 use super::propagation::LoopFailure;
-use super::values::Values;
+use super::{Error, Values};
 use airloop_fmi::StepStatus;
 
 /// Reason why a macro step stopped; small, so that the good path carries little.
@@ -78,6 +77,13 @@ pub(super) fn do_step(
         *ended = Some(finish(node, index, status, values, t + h)?);
     }
     Ok(())
+}
+
+/// Reads all outputs of a slave; one that is not finite is an error.
+#[inline(always)]
+pub(super) fn get_outputs(node: &mut Node, index: usize, values: &mut Values) -> Result<(), Stop> {
+    node.get_outputs(values)?;
+    if node.outputs_are_finite(values) { Ok(()) } else { Err(Stop::NotFinite { node: index }) }
 }
 
 #[cold]

@@ -3,9 +3,9 @@
 //! Watched are continuous outputs that feed something and follow from states. Outputs that depend on connected inputs
 //! directly are functions of those, and of lower order in the step; they are watched where there are no others.
 
+use crate::master::Values;
 use crate::master::exchange::Wiring;
 use crate::master::interface_jacobian::nominal;
-use crate::master::values::Values;
 use crate::system::SystemGraph;
 use crate::system::graph::{DataType, Source};
 use crate::system::order::feed_through;

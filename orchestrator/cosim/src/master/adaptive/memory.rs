@@ -1,7 +1,6 @@
 //! A point of the run to which all slaves and the master can return.
 
-use crate::master::stepping::Master;
-use crate::master::values::Values;
+use crate::master::{Master, Values};
 use airloop_fmi::{Error, StateHandle};
 
 /// See the module. What is saved again uses the memory of the last time.

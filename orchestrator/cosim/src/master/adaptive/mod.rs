@@ -20,12 +20,10 @@ mod memory;
 mod stops;
 
 use super::driver::{End, Run, Simulation};
-use super::error::Error;
-use super::settings::{Adaptive, Algorithm, Settings};
-use super::stepping::{Master, Scheme};
+use super::stepping::Scheme;
 use super::stimulus::Stimulus;
 use super::stop::Stop;
-use super::values::Values;
+use super::{Adaptive, Algorithm, Error, Master, Settings, Values};
 use crate::results::Recorder;
 use crate::results::summary::AdaptiveRecord;
 use crate::system::SystemGraph;
@@ -93,7 +91,6 @@ enum Method {
 
 /// The master that steps and the values it remembers.
 pub(super) struct AdaptiveSteps<'a> {
-    graph: &'a SystemGraph,
     master: Master,
     method: Method,
     inputs: Inputs<'a>,
@@ -156,7 +153,6 @@ impl<'a> Simulation<'a> for AdaptiveSteps<'a> {
             control: Control::new(settings.step_size, (min, max), order + 1),
             tolerance: adaptive.tolerance,
             work: AdaptiveRecord::new(adaptive.tolerance, min, max),
-            graph,
             master,
             method,
             inputs,
@@ -167,8 +163,8 @@ impl<'a> Simulation<'a> for AdaptiveSteps<'a> {
         })
     }
 
-    fn set_up(&mut self) -> Result<Recorder, Error> {
-        let mut rows = self.master.values.recorder(self.master.columns(self.graph), RESERVED_STEPS);
+    fn set_up(&mut self, graph: &SystemGraph) -> Result<Recorder, Error> {
+        let mut rows = self.master.values.recorder(self.master.columns(graph), RESERVED_STEPS);
         self.master.values.record(&mut rows, self.start);
         Ok(rows)
     }
@@ -215,8 +211,7 @@ impl AdaptiveSteps<'_> {
 
     /// Tries a step; true if it is accepted, false if a shorter one is to be tried, or why the run ends.
     fn try_pair(&mut self, pair: Pair) -> Result<bool, End> {
-        let fmu = |error| End::Failed(Error::Fmu(error));
-        self.memory.save(&mut self.master).map_err(fmu)?;
+        self.memory.save(&mut self.master).map_err(Error::Fmu)?;
         let (h, tried) = match self.method {
             Method::Halves => (pair.half(), self.whole_and_halves(pair)),
             Method::Passes(count) => (pair.end - pair.begin, self.passes(pair, count)),
@@ -236,31 +231,31 @@ impl AdaptiveSteps<'_> {
             }
             Ok(verdict) => Ok(verdict),
             // Errors of an FMU are final: its state cannot be restored any more.
-            Err(Trouble { stop: Stop::Fmu(error), .. }) => return Err(End::Failed(Error::Fmu(*error))),
+            Err(Trouble { stop: Stop::Fmu(error), .. }) => return Err(Error::Fmu(*error).into()),
             Err(trouble) => Err(trouble),
         };
         self.work.rejected += 1;
         let relative = error.as_ref().ok().map(|verdict| verdict.error);
         if self.control.reject(h, relative) {
-            self.memory.restore(&mut self.master).map_err(fmu)?;
+            self.memory.restore(&mut self.master).map_err(Error::Fmu)?;
             return Ok(false);
         }
-        if let Err(Trouble { stop: Stop::Incomplete { node, terminated: true, .. }, .. }) = &error {
-            // The last row is as close to the end that the component wants as the shortest step allows.
-            let component = self.master.nodes[*node].name().to_owned();
-            return Err(End::Terminated { component, time: Some(pair.begin) });
-        }
-        Err(End::Failed(match error {
+        Err(match error {
             Ok(verdict) => {
                 let (component, variable) = self.estimate.name(verdict.signal);
                 let (time, error) = (pair.begin, verdict.error * self.tolerance);
-                Error::StepTooShort { component, variable, time, step: h, error }
+                Error::StepTooShort { component, variable, time, step: h, error }.into()
             }
-            Err(Trouble { stop, time, step }) => match self.master.explain(stop, (time, step), time + step) {
-                Err(error) => error,
-                Ok((component, time)) => return Err(End::Terminated { component, time }),
-            },
-        }))
+            // The last row is as close to the end that the component wants as the shortest step allows.
+            Err(Trouble { stop: Stop::Incomplete { node, terminated: true, .. }, .. }) => {
+                let component = self.master.nodes[node].name().to_owned();
+                End::Terminated { component, time: Some(pair.begin) }
+            }
+            Err(Trouble { stop, time, step }) => {
+                let (component, time) = self.master.explain(stop, (time, step), time + step)?;
+                End::Terminated { component, time }
+            }
+        })
     }
 
     /// The next step to try.
@@ -274,33 +269,37 @@ impl AdaptiveSteps<'_> {
         if let Scheme::Extrapolated(extrapolation) = &mut self.master.scheme {
             extrapolation.look_no_further();
         }
-        self.step(pair.begin, pair.end)?;
+        self.advance(pair.begin, pair.end)?;
         for _ in 1..count {
             self.estimate.take_whole(&self.master.values);
             if let Scheme::Extrapolated(extrapolation) = &mut self.master.scheme {
                 extrapolation.look_ahead();
             }
-            let restored = self.memory.restore(&mut self.master);
-            restored.map_err(|error| Trouble { stop: error.into(), time: pair.begin, step: 0.0 })?;
-            self.step(pair.begin, pair.end)?;
+            self.return_to(pair.begin)?;
+            self.advance(pair.begin, pair.end)?;
         }
         Ok(self.estimate.judge(&self.master.values, self.tolerance))
     }
 
     /// The whole step, then its halves.
     fn whole_and_halves(&mut self, pair: Pair) -> Result<estimate::Verdict, Trouble> {
-        self.step(pair.begin, pair.end)?;
+        self.advance(pair.begin, pair.end)?;
         self.estimate.take_whole(&self.master.values);
-        let restored = self.memory.restore(&mut self.master);
-        restored.map_err(|error| Trouble { stop: error.into(), time: pair.begin, step: 0.0 })?;
-        self.step(pair.begin, pair.middle)?;
+        self.return_to(pair.begin)?;
+        self.advance(pair.begin, pair.middle)?;
         self.set_inputs(pair.middle);
         self.middle.copy_from(&self.master.values);
-        self.step(pair.middle, pair.end)?;
+        self.advance(pair.middle, pair.end)?;
         Ok(self.estimate.judge(&self.master.values, self.tolerance))
     }
 
-    fn step(&mut self, begin: f64, end: f64) -> Result<(), Trouble> {
+    /// Returns to the saved point at `begin` \[s\].
+    fn return_to(&mut self, begin: f64) -> Result<(), Trouble> {
+        let restored = self.memory.restore(&mut self.master);
+        restored.map_err(|error| Trouble { stop: error.into(), time: begin, step: 0.0 })
+    }
+
+    fn advance(&mut self, begin: f64, end: f64) -> Result<(), Trouble> {
         self.inputs.put(&mut self.master, begin, end);
         let step = end - begin;
         self.master.advance(begin, step).map_err(|stop| Trouble { stop, time: begin, step })

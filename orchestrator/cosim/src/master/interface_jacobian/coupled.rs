@@ -7,12 +7,10 @@ use super::reduced::{Link, Reduced, Surroundings};
 use super::signal::line_of;
 use super::static_block::Function;
 use super::unit::{Outputs, Unit};
-use crate::master::error::Error;
 use crate::master::exchange::Node;
 use crate::master::loops::{Group, Loops};
-use crate::master::settings::Coupling;
-use crate::master::stop::Stop;
-use crate::master::values::Values;
+use crate::master::stop::{Stop, get_outputs};
+use crate::master::{Coupling, Error, Values};
 
 /// Steps of an iteration to a tolerance before it is given up.
 const MAX_STEPS: u32 = 20;
@@ -127,10 +125,7 @@ impl Coupled {
             }
         }
         for &unit in &self.members {
-            nodes[unit].get_outputs(values)?;
-            if !nodes[unit].outputs_are_finite(values) {
-                return Err(Stop::NotFinite { node: unit });
-            }
+            get_outputs(&mut nodes[unit], unit, values)?;
         }
         Ok(())
     }

@@ -24,13 +24,10 @@ mod single;
 mod static_block;
 mod unit;
 
-use super::error::Error;
 use super::exchange::{Node, Wiring};
-use super::grid::Grid;
 use super::loops::Loops;
-use super::settings::Settings;
 use super::stop::Stop;
-use super::values::Values;
+use super::{Error, Grid, Settings, Values};
 use crate::system::SystemGraph;
 use coupled::Coupled;
 use plan::Planner;

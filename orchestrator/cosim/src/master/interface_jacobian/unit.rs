@@ -4,9 +4,9 @@
 use std::ops::Range;
 
 use super::signal::Signal;
+use crate::master::Values;
 use crate::master::exchange::Node;
 use crate::master::stop::{Stop, is_at_end};
-use crate::master::values::Values;
 use crate::system::graph::Conversion;
 use airloop_fmi::{Error, StateHandle, StepStatus};
 

@@ -3,10 +3,10 @@
 use std::ops::Range;
 
 use super::over_step::OverStep;
+use crate::master::Values;
 use crate::master::exchange::Node;
 use crate::master::propagation::Transfer;
 use crate::master::stop::Stop;
-use crate::master::values::Values;
 
 /// See the module.
 #[derive(Debug)]

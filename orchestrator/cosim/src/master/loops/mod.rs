@@ -14,12 +14,9 @@ mod plan;
 
 use std::ops::Range;
 
-use super::error::Error;
 use super::exchange::{Node, Wiring};
-use super::grid::Grid;
-use super::settings::Settings;
-use super::stop::{Stop, do_step};
-use super::values::Values;
+use super::stop::{Stop, do_step, get_outputs};
+use super::{Error, Grid, Settings, Values};
 use crate::system::SystemGraph;
 pub(super) use group::Group;
 
@@ -192,12 +189,6 @@ fn finish(
     }
 }
 
-fn read(nodes: &mut [Node], values: &mut Values, block: Range<usize>) -> Result<(), Stop> {
-    for number in block {
-        nodes[number].get_outputs(values)?;
-        if !nodes[number].outputs_are_finite(values) {
-            return Err(Stop::NotFinite { node: number });
-        }
-    }
-    Ok(())
+fn read(nodes: &mut [Node], values: &mut Values, mut block: Range<usize>) -> Result<(), Stop> {
+    block.try_for_each(|number| get_outputs(&mut nodes[number], number, values))
 }

@@ -7,10 +7,10 @@
 
 use std::ops::Range;
 
+use crate::master::Values;
 use crate::master::exchange::{Node, Wiring};
 use crate::master::propagation::{LoopFailure, LoopInput, nominal, residuals, solve_linear};
 use crate::master::stop::Stop;
-use crate::master::values::Values;
 use crate::system::SystemGraph;
 use crate::system::graph::{DataType, Source};
 use airloop_fmi::{StateHandle, Variability};

@@ -3,12 +3,9 @@
 use super::follows::follows;
 use super::group::{Group, Method};
 use super::over_step::OverStep;
-use crate::master::error::Error;
 use crate::master::exchange::Wiring;
-use crate::master::grid::Grid;
 use crate::master::propagation::transfers_within;
-use crate::master::settings::{Algorithm, Settings};
-use crate::master::values::Values;
+use crate::master::{Algorithm, Error, Grid, Settings, Values};
 use crate::system::SystemGraph;
 use crate::system::order::loop_groups;
 

@@ -13,10 +13,8 @@ mod inputs;
 mod integrate;
 
 use super::driver::{End, Run, Simulation};
-use super::error::Error;
-use super::grid::Grid;
 use super::propagation::LoopFailure;
-use super::settings::Settings;
+use super::{Error, Grid, Settings};
 use crate::results::Recorder;
 use crate::results::summary::Integration;
 use crate::system::SystemGraph;
@@ -98,8 +96,8 @@ impl<'a> Simulation<'a> for Monolith<'a> {
         Ok(monolith)
     }
 
-    fn set_up(&mut self) -> Result<Recorder, Error> {
-        let mut rows = self.coupled.values.recorder(self.coupled.columns(self.graph), self.grid.steps());
+    fn set_up(&mut self, graph: &SystemGraph) -> Result<Recorder, Error> {
+        let mut rows = self.coupled.values.recorder(self.coupled.columns(graph), self.grid.steps());
         // A component that ended the simulation in its initialization can still be read.
         let ended = self.ended.take();
         self.record(&mut rows, self.time)?;
@@ -261,23 +259,16 @@ impl Monolith<'_> {
     }
 
     fn chattering(&self, time_event: Option<usize>, events: u64) -> Error {
-        let cause = match (self.pending, time_event) {
-            (Some(Reached::Indicator(indicator)), _) => self.coupled.indicator_name(indicator),
-            (_, Some(model)) => {
-                format!(
-                    "a time event of component `{}` that does not move on",
-                    self.coupled.models[model].name()
-                )
+        let name = |model: usize| self.coupled.models[model].name();
+        let cause = match (self.pending, time_event, self.coupled.wants_event) {
+            (Some(Reached::Indicator(indicator)), ..) => self.coupled.indicator_name(indicator),
+            (_, Some(model), _) => {
+                format!("a time event of component `{}` that does not move on", name(model))
             }
-            _ => match self.coupled.wants_event {
-                Some(model) => {
-                    format!(
-                        "component `{}`, which wants one after every step",
-                        self.coupled.models[model].name()
-                    )
-                }
-                None => "a jump of an input".to_owned(),
-            },
+            (_, None, Some(model)) => {
+                format!("component `{}`, which wants one after every step", name(model))
+            }
+            (_, None, None) => "a jump of an input".to_owned(),
         };
         Error::Chattering { cause, time: self.time, events }
     }

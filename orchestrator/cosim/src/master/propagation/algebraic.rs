@@ -6,7 +6,7 @@
 use airloop_fmi::{Error as FmuError, Instance};
 use std::ops::DerefMut;
 
-use crate::master::error::Error;
+use crate::master::Error;
 use crate::system::graph::Conversion;
 
 /// An input of the loop.

@@ -9,9 +9,8 @@ mod transfer;
 
 use std::ops::DerefMut;
 
-use super::error::Error;
 use super::exchange::Wiring;
-use super::values::Values;
+use super::{Error, Values};
 use crate::system::SystemGraph;
 use airloop_fmi::Instance;
 

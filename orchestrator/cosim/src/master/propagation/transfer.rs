@@ -4,8 +4,8 @@ use std::ops::DerefMut;
 
 use super::algebraic::{AlgebraicLoop, LoopFailure, LoopInput, LoopOutput};
 use super::schedule::{Node, Stage, sources};
+use crate::master::Values;
 use crate::master::exchange::Wiring;
-use crate::master::values::Values;
 use crate::system::SystemGraph;
 use crate::system::graph::{Conversion, DataType, Source};
 use airloop_fmi::{Causality, Error as FmuError, Instance, Variable, VariableKind};
