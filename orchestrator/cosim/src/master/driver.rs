@@ -1,4 +1,4 @@
-//! The driver of a simulation: one loop over the steps of any master, from the initialization to the account of its work.
+//! The driver of a simulation: one loop over the steps of any master, with rows in a recorder.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};

@@ -72,9 +72,9 @@ pub(super) fn do_step(
     (t, h): (f64, f64),
     ended: &mut Option<usize>,
 ) -> Result<(), Stop> {
-    let status = node.do_step(t, h)?;
-    if status != StepStatus::Complete {
-        *ended = Some(finish(node, index, status, values, t + h)?);
+    if let Err(stop) = Stop::unless_complete(index, node.do_step(t, h)?) {
+        finish(stop, node, values, t + h)?;
+        *ended = Some(index);
     }
     Ok(())
 }
@@ -86,17 +86,15 @@ pub(super) fn get_outputs(node: &mut Node, index: usize, values: &mut Values) ->
     if node.outputs_are_finite(values) { Ok(()) } else { Err(Stop::NotFinite { node: index }) }
 }
 
+/// An error unless the slave asks for the end of the simulation exactly at the `end` \[s\] of its step.
 #[cold]
-fn finish(
-    node: &mut Node,
-    index: usize,
-    status: StepStatus,
-    values: &mut Values,
-    end: f64,
-) -> Result<usize, Stop> {
-    let asks = matches!(status, StepStatus::Discarded { last_successful_time: last, terminated: true } if is_at_end(last, end));
-    if asks && node.get_outputs(values).is_ok() {
-        return Ok(index);
+fn finish(stop: Stop, node: &mut Node, values: &mut Values, end: f64) -> Result<(), Stop> {
+    match stop {
+        Stop::Incomplete { last_successful_time: last, terminated: true, .. }
+            if is_at_end(last, end) && node.get_outputs(values).is_ok() =>
+        {
+            Ok(())
+        }
+        stop => Err(stop),
     }
-    Stop::unless_complete(index, status).map(|()| index)
 }
