@@ -27,7 +27,7 @@ impl Values {
         }
     }
 
-    /// A recorder for rows of such values over about so many steps.
+    /// A recorder for rows of these values, with room for about this many `steps`.
     pub(in crate::master) fn recorder(&self, columns: Vec<Column>, steps: u64) -> Recorder {
         let width = [self.reals.len(), self.integers.len(), self.booleans.len()];
         let rows = usize::try_from(steps).unwrap_or(usize::MAX).saturating_add(1);
