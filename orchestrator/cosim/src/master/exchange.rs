@@ -6,8 +6,7 @@
 use std::collections::HashMap;
 use std::ops::{Deref, DerefMut, Range};
 
-use super::values::Values;
-use super::{Algorithm, Error, slot};
+use super::{Algorithm, Error, Values};
 use crate::results::{Column, Slot};
 use crate::system::SystemGraph;
 use crate::system::graph::{Conversion, DataType, Source, Start, SystemInput, unit_of};
@@ -26,6 +25,16 @@ pub(super) struct Wiring {
     component_inputs: Vec<[Vec<(usize, usize, Conversion)>; 4]>,
     /// Number of values per type.
     width: [usize; 4],
+}
+
+/// Slot of a value of some type in the flat buffers; `None` for String.
+pub(super) fn slot(data_type: DataType, index: usize) -> Option<Slot> {
+    match data_type {
+        DataType::Real => Some(Slot::Real(index)),
+        DataType::Integer | DataType::Enumeration => Some(Slot::Integer(index)),
+        DataType::Boolean => Some(Slot::Boolean(index)),
+        DataType::String => None,
+    }
 }
 
 /// Position of a type in per-type arrays.
@@ -254,7 +263,7 @@ impl Wiring {
     pub fn name_of(&self, slot: Option<Slot>, graph: &SystemGraph) -> String {
         let matches = |component: usize, variable: usize, index: usize| {
             let data_type = DataType::of(&graph.components[component].fmu.description.variables[variable]);
-            super::slot(data_type, index) == slot
+            self::slot(data_type, index) == slot
         };
         let found = self
             .outputs

@@ -6,16 +6,13 @@
 
 use std::ops::Range;
 
-use super::Values;
 use super::exchange::{Node, Wiring};
 use super::interface_jacobian::{Feed, Outputs, Trajectory as Input, Unit, interfaces};
 use super::loops::{Group, Loops};
-use super::{Algorithm, Error, Grid, Settings, Stop};
+use super::settings::MAX_ORDER;
+use super::stop::{Stop, get_outputs};
+use super::{Algorithm, Error, Grid, Settings, Values};
 use crate::system::SystemGraph;
-use airloop_fmi::StepStatus;
-
-/// Highest order.
-pub(super) const MAX_ORDER: u32 = 2;
 
 /// Trajectory of an input inside the step: value, slope \[1/s\] and second derivative \[1/s2\] at its beginning.
 type Trajectory = [f64; 3];
@@ -112,6 +109,7 @@ impl Extrapolation {
     }
 
     /// One macro step from `t` to `t + h` \[s\]; `serial`: a slave sees what those before it have done.
+    #[inline(never)]
     pub fn step(
         &mut self,
         nodes: &mut [Node],
@@ -143,10 +141,7 @@ impl Extrapolation {
                 if self.find_trajectory(number, values, &block, h, serial) {
                     self.give_trajectory(number, node, h)?;
                 }
-                let status = node.do_step(t, h)?;
-                if status != StepStatus::Complete {
-                    return Err(Stop::Incomplete { node: number, status });
-                }
+                Stop::unless_complete(number, node.do_step(t, h)?)?;
             }
             if serial {
                 if let Some(group) = group {
@@ -356,10 +351,7 @@ impl Extrapolation {
 
     /// Takes over the results of a slave.
     fn read(&mut self, number: usize, node: &mut Node, values: &mut Values, h: f64) -> Result<(), Stop> {
-        node.get_outputs(values)?;
-        if !node.outputs_are_finite(values) {
-            return Err(Stop::NotFinite { node: number });
-        }
+        get_outputs(node, number, values)?;
         let unit = &self.units[number];
         let places = unit.outputs.clone();
         unit.read(node, &mut self.outputs.y[places.clone()], &mut self.outputs.rate[places.clone()])?;

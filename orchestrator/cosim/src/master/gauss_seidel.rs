@@ -3,10 +3,9 @@
 //! In evaluation order, an output with direct feed-through has its new value before its consumers step; slaves
 //! later in the order are seen with their values at the beginning of the step.
 
-use super::Stop;
 use super::Values;
 use super::exchange::Node;
-use airloop_fmi::StepStatus;
+use super::stop::{Stop, do_step, get_outputs};
 
 /// One macro step from `t` to `t + h` \[s\].
 #[inline]
@@ -14,14 +13,8 @@ pub(super) fn step(nodes: &mut [Node], values: &mut Values, t: f64, h: f64) -> R
     let mut ended = None;
     for (index, node) in nodes.iter_mut().enumerate() {
         node.set_inputs(values)?;
-        let status = node.do_step(t, h)?;
-        if status != StepStatus::Complete {
-            ended = Some(super::ended(node, index, status, values, t + h)?);
-        }
-        node.get_outputs(values)?;
-        if !node.outputs_are_finite(values) {
-            return Err(Stop::NotFinite { node: index });
-        }
+        do_step(node, index, values, (t, h), &mut ended)?;
+        get_outputs(node, index, values)?;
     }
     ended.map_or(Ok(()), |node| Err(Stop::Ended { node }))
 }

@@ -1,8 +1,8 @@
 //! From a system graph to slaves at the start time, with outputs that are consistent across all connections.
 
-use super::Values;
 use super::exchange::{Node, Wiring};
-use super::{Error, Grid, Settings, propagation};
+use super::propagation;
+use super::{Error, Grid, Settings, Values};
 use crate::system::SystemGraph;
 use crate::system::graph::{Component, Start};
 use airloop_fmi::{Instance, Slave, VariableKind};
@@ -29,9 +29,7 @@ pub(super) fn initialize(
             return Err(Error::FixedStepOnly { component, stop, step });
         }
         let mut slave = Slave::instantiate(&component.fmu, &component.name, false)?;
-        set_start_values(&mut slave, component)?;
-        slave.setup_experiment(settings.tolerance, grid.start(), Some(grid.stop()))?;
-        slave.enter_initialization_mode()?;
+        enter_initialization(&mut slave, component, settings)?;
         slaves.push(slave);
     }
     propagation::settle(graph, wiring, &mut slaves, values, grid.start())?;
@@ -49,17 +47,23 @@ pub(super) fn initialize(
     }
 }
 
-pub(super) fn set_start_values(slave: &mut Instance, component: &Component) -> Result<(), Error> {
+/// Brings a new instance into initialization mode, with the start values of its component.
+pub(super) fn enter_initialization(
+    instance: &mut Instance,
+    component: &Component,
+    settings: &Settings,
+) -> Result<(), Error> {
     for start in &component.start_values {
         let variable = &component.fmu.description.variables[start.variable];
         let reference = [variable.value_reference];
         match (&start.value, &variable.kind) {
-            (Start::Real(value), VariableKind::Real(_)) => slave.set_real(&reference, &[*value])?,
-            (Start::Integer(value), _) => slave.set_integer(&reference, &[*value])?,
-            (Start::Boolean(value), _) => slave.set_boolean(&reference, &[*value])?,
-            (Start::String(value), _) => slave.set_string(&reference, &[value.as_str()])?,
+            (Start::Real(value), VariableKind::Real(_)) => instance.set_real(&reference, &[*value])?,
+            (Start::Integer(value), _) => instance.set_integer(&reference, &[*value])?,
+            (Start::Boolean(value), _) => instance.set_boolean(&reference, &[*value])?,
+            (Start::String(value), _) => instance.set_string(&reference, &[value.as_str()])?,
             (Start::Real(_), _) => unreachable!("start values have the type of their variable"),
         }
     }
-    Ok(())
+    instance.setup_experiment(settings.tolerance, settings.start_time, Some(settings.stop_time))?;
+    Ok(instance.enter_initialization_mode()?)
 }

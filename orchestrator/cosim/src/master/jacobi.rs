@@ -2,10 +2,9 @@
 //!
 //! The order of the slaves does not matter; every connection adds a delay of one communication step.
 
-use super::Stop;
 use super::Values;
 use super::exchange::Node;
-use airloop_fmi::StepStatus;
+use super::stop::{Stop, do_step, get_outputs};
 
 /// One macro step from `t` to `t + h` \[s\].
 #[inline]
@@ -15,16 +14,10 @@ pub(super) fn step(nodes: &mut [Node], values: &mut Values, t: f64, h: f64) -> R
     }
     let mut ended = None;
     for (index, node) in nodes.iter_mut().enumerate() {
-        let status = node.do_step(t, h)?;
-        if status != StepStatus::Complete {
-            ended = Some(super::ended(node, index, status, values, t + h)?);
-        }
+        do_step(node, index, values, (t, h), &mut ended)?;
     }
     for (index, node) in nodes.iter_mut().enumerate() {
-        node.get_outputs(values)?;
-        if !node.outputs_are_finite(values) {
-            return Err(Stop::NotFinite { node: index });
-        }
+        get_outputs(node, index, values)?;
     }
     ended.map_or(Ok(()), |node| Err(Stop::Ended { node }))
 }

@@ -1,9 +1,8 @@
-//! Reason why a macro step stopped.
+//! One step of a slave, and the reason why a macro step stopped.
 
 use super::exchange::Node;
-use super::interface_jacobian::Failure;
 use super::propagation::LoopFailure;
-use super::values::Values;
+use super::{Error, Values};
 use airloop_fmi::StepStatus;
 
 /// Reason why a macro step stopped; small, so that the good path carries little.
@@ -12,7 +11,8 @@ pub(super) enum Stop {
     Fmu(Box<airloop_fmi::Error>),
     Incomplete {
         node: usize,
-        status: StepStatus,
+        last_successful_time: Option<f64>,
+        terminated: bool,
     },
     /// The whole step was done, and a slave asked for the end at its end.
     Ended {
@@ -21,29 +21,29 @@ pub(super) enum Stop {
     NotFinite {
         node: usize,
     },
-    Coupling(Box<Failure>),
-    /// An algebraic loop at `time` \[s\].
-    Loop {
-        failure: Box<LoopFailure>,
-        time: f64,
-    },
+    /// An algebraic loop or a coupled component.
+    Unsolved(Box<Error>),
 }
 
 impl Stop {
+    /// An error unless slave `node` completed its step.
+    #[inline(always)]
+    pub fn unless_complete(node: usize, status: StepStatus) -> Result<(), Stop> {
+        match status {
+            StepStatus::Complete => Ok(()),
+            StepStatus::Discarded { last_successful_time, terminated } => {
+                Err(Stop::Incomplete { node, last_successful_time, terminated })
+            }
+        }
+    }
+
     /// An algebraic loop was not solved at `time` \[s\].
     #[cold]
     pub fn of_loop(failure: LoopFailure, time: f64) -> Stop {
         match failure {
             LoopFailure::Fmu(error) => error.into(),
-            failure => Stop::Loop { failure: Box::new(failure), time },
+            failure => Stop::Unsolved(Box::new(failure.at(time))),
         }
-    }
-}
-
-impl From<Failure> for Stop {
-    #[cold]
-    fn from(failure: Failure) -> Stop {
-        Stop::Coupling(Box::new(failure))
     }
 }
 
@@ -57,29 +57,44 @@ impl From<airloop_fmi::Error> for Stop {
 /// Distance to the end of a step, relative to the time, below which a slave that stopped there did the whole step.
 const END_TOLERANCE: f64 = 1e-9;
 
-/// Whether a slave asks for the end of the simulation exactly at the `end` \[s\] of its step.
-#[cold]
-pub(super) fn ended_at(status: StepStatus, end: f64) -> bool {
-    match status {
-        StepStatus::Discarded { last_successful_time: Some(last), terminated: true } => {
-            (last - end).abs() <= END_TOLERANCE * end.abs().max(1.0)
-        }
-        _ => false,
-    }
+/// Whether a slave that came to `last` \[s\] did its whole step to `end` \[s\].
+pub(super) fn is_at_end(last: Option<f64>, end: f64) -> bool {
+    last.is_some_and(|last| (last - end).abs() <= END_TOLERANCE * end.abs().max(1.0))
 }
 
-/// The slave that asks for the end of the simulation exactly at the `end` \[s\] of the step, so that the others can
-/// finish the step; an error for one that stopped before.
-#[cold]
-pub(super) fn ended(
+/// Steps a slave from `t` to `t + h` \[s\]. One that asks for the end of the simulation exactly there is noted in
+/// `ended`, so that the others can finish the step; one that stopped before is an error.
+#[inline(always)]
+pub(super) fn do_step(
     node: &mut Node,
     index: usize,
-    status: StepStatus,
     values: &mut Values,
-    end: f64,
-) -> Result<usize, Stop> {
-    if ended_at(status, end) && node.get_outputs(values).is_ok() {
-        return Ok(index);
+    (t, h): (f64, f64),
+    ended: &mut Option<usize>,
+) -> Result<(), Stop> {
+    if let Err(stop) = Stop::unless_complete(index, node.do_step(t, h)?) {
+        finish(stop, node, values, t + h)?;
+        *ended = Some(index);
     }
-    Err(Stop::Incomplete { node: index, status })
+    Ok(())
+}
+
+/// Reads all outputs of a slave; one that is not finite is an error.
+#[inline(always)]
+pub(super) fn get_outputs(node: &mut Node, index: usize, values: &mut Values) -> Result<(), Stop> {
+    node.get_outputs(values)?;
+    if node.outputs_are_finite(values) { Ok(()) } else { Err(Stop::NotFinite { node: index }) }
+}
+
+/// An error unless the slave asks for the end of the simulation exactly at the `end` \[s\] of its step.
+#[cold]
+fn finish(stop: Stop, node: &mut Node, values: &mut Values, end: f64) -> Result<(), Stop> {
+    match stop {
+        Stop::Incomplete { last_successful_time: last, terminated: true, .. }
+            if is_at_end(last, end) && node.get_outputs(values).is_ok() =>
+        {
+            Ok(())
+        }
+        stop => Err(stop),
+    }
 }

@@ -1,6 +1,6 @@
 //! All values that are exchanged, at one communication point.
 
-use crate::results::Slot;
+use crate::results::{Column, Recorder, Slot};
 
 /// All values of a system at a communication point.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -25,6 +25,19 @@ impl Values {
             Some(Slot::Boolean(index)) => self.booleans[index] = value != 0.0,
             None => {}
         }
+    }
+
+    /// A recorder for rows of these values, with room for about this many `steps`.
+    pub(in crate::master) fn recorder(&self, columns: Vec<Column>, steps: u64) -> Recorder {
+        let width = [self.reals.len(), self.integers.len(), self.booleans.len()];
+        let rows = usize::try_from(steps).unwrap_or(usize::MAX).saturating_add(1);
+        Recorder::new(columns, width, rows)
+    }
+
+    /// Adds a row at `time` \[s\].
+    #[inline]
+    pub(in crate::master) fn record(&self, rows: &mut Recorder, time: f64) {
+        rows.record(time, &self.reals, &self.integers, &self.booleans);
     }
 
     /// Takes over all values of a buffer of the same layout, without new memory (unless there are texts).

@@ -78,9 +78,9 @@ impl Recorder {
         self.time.len()
     }
 
-    /// Time \[s\] of the last row.
-    pub fn last_time(&self) -> Option<f64> {
-        self.time.last().copied()
+    /// Whether there is no row at `time` \[s\] or later.
+    pub fn ends_before(&self, time: f64) -> bool {
+        self.time.last().is_none_or(|&last| time > last)
     }
 
     /// The columns that [`Recorder::finish`] returns.

@@ -4,7 +4,7 @@
 //! directly are functions of those, and of lower order in the step; they are watched where there are no others.
 
 use crate::master::Values;
-use crate::master::Wiring;
+use crate::master::exchange::Wiring;
 use crate::master::interface_jacobian::nominal;
 use crate::system::SystemGraph;
 use crate::system::graph::{DataType, Source};

@@ -27,7 +27,7 @@ impl Memory {
         self.values.copy_from(&master.values);
         self.carried.clear();
         let carried = &mut self.carried;
-        carry(master, &mut |value| carried.push(*value));
+        master.scheme.carry(&mut |value| carried.push(*value));
         Ok(())
     }
 
@@ -40,21 +40,11 @@ impl Memory {
         }
         master.values.copy_from(&self.values);
         let mut carried = self.carried.iter();
-        carry(master, &mut |value| {
+        master.scheme.carry(&mut |value| {
             if let Some(saved) = carried.next() {
                 *value = *saved;
             }
         });
         Ok(())
-    }
-}
-
-/// Shows every number that the master carries from step to step, always in the same order.
-fn carry(master: &mut Master, each: &mut dyn FnMut(&mut f64)) {
-    if let Some(interface_jacobian) = &mut master.interface_jacobian {
-        interface_jacobian.carry(each);
-    }
-    if let Some(extrapolation) = &mut master.extrapolation {
-        extrapolation.carry(each);
     }
 }

@@ -1,7 +1,7 @@
 //! Adaptive communication steps for the Gauss-Seidel, Jacobi and interface-Jacobian masters.
 //!
 //! Under Gauss-Seidel and Jacobi, every step is made with held (or extrapolated) inputs and repeated from the saved
-//! states with inputs that run toward the result of the previous pass; the last pass is kept, and its difference to
+//! states with inputs that run toward what the pass before has come to; the last pass is kept, and its difference to
 //! the one before is the estimate of the error. Gauss-Seidel is repeated once, Jacobi as often as there are components
 //! (those that share an algebraic loop count as one), so that what a pass hands on arrives everywhere. Under the
 //! interface-Jacobian master every step is made once whole and once in two halves; the halves are kept as communication
@@ -19,139 +19,24 @@ mod inputs;
 mod memory;
 mod stops;
 
-use std::sync::atomic::Ordering;
-use std::time::Instant;
-
-use super::simulate::{End, REPORT_EVERY, Run, Stimulus, Watch};
-use super::{Algorithm, Error, Master, Progress, Settings, Stop, Values};
+use super::driver::{End, Run, Simulation};
+use super::stepping::Scheme;
+use super::stimulus::Stimulus;
+use super::stop::Stop;
+use super::{Adaptive, Algorithm, Error, Master, Settings, Values};
 use crate::results::Recorder;
 use crate::results::summary::AdaptiveRecord;
 use crate::system::SystemGraph;
 use crate::system::graph::Source;
-use airloop_fmi::{StepStatus, Variability};
+use airloop_fmi::Variability;
 use control::Control;
 use estimate::Estimate;
 use inputs::Inputs;
 use memory::Memory;
 use stops::{Pair, Stops};
 
-/// Settings of adaptive communication steps.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Adaptive {
-    /// Error of one step, relative to the largest absolute value of the signal so far (at least a hundredth of its
-    /// nominal value); in (0, 1), default 1e-4.
-    pub tolerance: f64,
-    /// Shortest communication step \[s\]; default: a millionth of [`Settings::step_size`], which is the first step.
-    pub min_step: Option<f64>,
-    /// Longest communication step \[s\]; default: ten times [`Settings::step_size`].
-    pub max_step: Option<f64>,
-}
-
-/// Default tolerance.
-const TOLERANCE: f64 = 1e-4;
-/// Default limits of the step, relative to the first.
-const LIMITS: (f64, f64) = (1e-6, 10.0);
-/// Rows reserved before the run.
-const ROWS: usize = 1 << 14;
-
-impl Default for Adaptive {
-    fn default() -> Self {
-        Adaptive { tolerance: TOLERANCE, min_step: None, max_step: None }
-    }
-}
-
-impl Adaptive {
-    /// Shortest and longest communication step \[s\] of a run whose first step is `first` \[s\] long.
-    ///
-    /// # Errors
-    /// [`Error::Setting`] names what is out of range.
-    pub fn limits(&self, first: f64) -> Result<(f64, f64), Error> {
-        let wrong = |name, value, allowed| Err(Error::Setting { name, value, allowed });
-        if !(self.tolerance > 0.0 && self.tolerance < 1.0) {
-            return wrong("step-tolerance", self.tolerance, "between 0 and 1");
-        }
-        let max = self.max_step.unwrap_or((LIMITS.1 * first).max(self.min_step.unwrap_or(0.0)));
-        if !(max.is_finite() && max > 0.0) {
-            return wrong("max-step", max, "positive");
-        }
-        let min = self.min_step.unwrap_or((LIMITS.0 * first).min(max));
-        if !(min > 0.0 && min <= max) {
-            return wrong("min-step", min, "positive and not above the longest step (--max-step)");
-        }
-        Ok((min, max))
-    }
-}
-
-/// Runs a system with adaptive communication steps; see [`super::simulate::run`].
-pub(super) fn run(
-    graph: &SystemGraph,
-    settings: &Settings,
-    adaptive: Adaptive,
-    stimulus: Option<&Stimulus>,
-    watch: Watch,
-) -> Result<Run, Error> {
-    let began = Instant::now();
-    settings.validate()?;
-    let (min, max) = adaptive.limits(settings.step_size)?;
-    let (start, stop) = (settings.start_time, settings.stop_time);
-    refuse(graph)?;
-    let spanning = settings.algorithm == Algorithm::InterfaceJacobian;
-    let mut inputs = Inputs::new(graph, stimulus, spanning);
-    let mut first = Vec::new();
-    inputs.at(start, |input, value| first.push((input, value)));
-    // The longest whole step: what the master reserves for one has to do for all.
-    let longest = if stop > start { (2.0 * max).min(stop - start) } else { 2.0 * max };
-    let mut master = Master::new(graph, &Settings { step_size: longest, ..*settings }, &first)?;
-    master.nodes.iter_mut().for_each(|node| node.keep_states());
-    let samples = sample_times(graph);
-    let sampled = |component: usize| samples.iter().any(|&(owner, _)| owner == component);
-    let stops = inputs.stops(graph, sampled).iter().copied();
-    let stops = Stops::new((start, stop), stops, samples.iter().map(|&(_, time)| time).collect(), spanning);
-    // Of the pass that is compared: the whole step, or the last but one, which is at least as good as the first.
-    let order = if spanning { 2 } else { 1 };
-    let method = match settings.algorithm {
-        Algorithm::InterfaceJacobian => Method::Halves,
-        Algorithm::Jacobi => Method::Passes(master.blocks() + 1),
-        _ => Method::Passes(2),
-    };
-    let estimate = Estimate::new(graph, &master.wiring, &master.values, order);
-    let values = &master.values;
-    let width = [values.reals.len(), values.integers.len(), values.booleans.len()];
-    let mut recorder = Recorder::new(master.columns(graph), width, ROWS);
-    record(&mut recorder, start, values);
-    let mut notes = master.notes().to_vec();
-    if estimate.is_blind() {
-        notes.push("no continuous output is connected: there is no error to control, and steps are as long as --max-step and samples allow".into());
-    }
-    let initialization = began.elapsed();
-    let began = Instant::now();
-    let mut stepper = Stepper {
-        memory: Memory::new(&master),
-        middle: master.values.clone(),
-        control: Control::new(settings.step_size, (min, max), order + 1),
-        master,
-        method,
-        inputs,
-        stops,
-        estimate,
-        tolerance: adaptive.tolerance,
-        work: AdaptiveRecord::new(adaptive.tolerance, min, max),
-    };
-    let end = stepper.integrate((start, stop), &mut recorder, watch);
-    let stepping = began.elapsed();
-    Ok(Run {
-        result: recorder.finish()?,
-        end,
-        steps: stepper.work.accepted,
-        effort: stepper.master.effort(),
-        initialization,
-        stepping,
-        notes,
-        integration: None,
-        adaptive: Some(stepper.work),
-        state_events: Vec::new(),
-    })
-}
+/// Steps for whose rows memory is reserved before the run.
+const RESERVED_STEPS: u64 = 1 << 14;
 
 /// Refuses FMUs that cannot take a step back or change its length.
 fn refuse(graph: &SystemGraph) -> Result<(), Error> {
@@ -195,10 +80,6 @@ fn sample_times(graph: &SystemGraph) -> Vec<(usize, f64)> {
         .collect()
 }
 
-fn record(recorder: &mut Recorder, time: f64, values: &Values) {
-    recorder.record(time, &values.reals, &values.integers, &values.booleans);
-}
-
 /// Method that makes a step and estimates its error.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Method {
@@ -209,7 +90,7 @@ enum Method {
 }
 
 /// The master that steps and the values it remembers.
-struct Stepper<'a> {
+pub(super) struct AdaptiveSteps<'a> {
     master: Master,
     method: Method,
     inputs: Inputs<'a>,
@@ -221,6 +102,10 @@ struct Stepper<'a> {
     middle: Values,
     tolerance: f64,
     work: AdaptiveRecord,
+    /// Start, present and stop time \[s\].
+    start: f64,
+    time: f64,
+    stop: f64,
 }
 
 /// A step that was not made, with its time and length \[s\].
@@ -230,40 +115,103 @@ struct Trouble {
     step: f64,
 }
 
-impl Stepper<'_> {
-    fn integrate(&mut self, (start, stop): (f64, f64), recorder: &mut Recorder, watch: Watch) -> End {
-        let mut reported = Instant::now();
-        let mut t = start;
-        while t < stop {
-            let pair = self.next_pair(t);
-            match self.try_pair(pair) {
-                Ok(true) => {}
-                Ok(false) => continue,
-                Err(end) => return end,
-            }
-            t = pair.end;
-            if self.method == Method::Halves {
-                record(recorder, pair.middle, &self.middle);
-            }
-            let (master, inputs) = (&mut self.master, &mut self.inputs);
-            inputs.at(t, |input, value| master.set_input(input, value));
-            record(recorder, t, &self.master.values);
-            if watch.stop.load(Ordering::Relaxed) {
-                return End::Interrupted;
-            }
-            if reported.elapsed() > REPORT_EVERY {
-                reported = Instant::now();
-                let done = self.work.accepted;
-                (watch.progress)(done, (done as f64 * (stop - start) / (t - start)) as u64);
-            }
+impl<'a> Simulation<'a> for AdaptiveSteps<'a> {
+    type Inputs = (Adaptive, Option<&'a Stimulus<'a>>);
+
+    fn initialize(
+        graph: &'a SystemGraph,
+        settings: &Settings,
+        (adaptive, stimulus): Self::Inputs,
+    ) -> Result<Self, Error> {
+        settings.validate()?;
+        let (min, max) = adaptive.limits(settings.step_size)?;
+        let (start, stop) = (settings.start_time, settings.stop_time);
+        refuse(graph)?;
+        let spanning = settings.algorithm == Algorithm::InterfaceJacobian;
+        let mut inputs = Inputs::new(graph, stimulus, spanning);
+        // The longest whole step: what the master reserves for one has to do for all.
+        let longest = if stop > start { (2.0 * max).min(stop - start) } else { 2.0 * max };
+        let first = inputs.samples.list(start);
+        let mut master = Master::new(graph, &Settings { step_size: longest, ..*settings }, &first)?;
+        master.nodes.iter_mut().for_each(|node| node.keep_states());
+        let samples = sample_times(graph);
+        let sampled = |component: usize| samples.iter().any(|&(owner, _)| owner == component);
+        let stops = inputs.stops(graph, sampled).iter().copied();
+        let stops =
+            Stops::new((start, stop), stops, samples.iter().map(|&(_, time)| time).collect(), spanning);
+        // Of the pass that is compared: the whole step, or the last but one, which is at least as good as the first.
+        let order = if spanning { 2 } else { 1 };
+        let method = match settings.algorithm {
+            Algorithm::InterfaceJacobian => Method::Halves,
+            Algorithm::Jacobi => Method::Passes(master.blocks() + 1),
+            _ => Method::Passes(2),
+        };
+        Ok(AdaptiveSteps {
+            estimate: Estimate::new(graph, &master.wiring, &master.values, order),
+            memory: Memory::new(&master),
+            middle: master.values.clone(),
+            control: Control::new(settings.step_size, (min, max), order + 1),
+            tolerance: adaptive.tolerance,
+            work: AdaptiveRecord::new(adaptive.tolerance, min, max),
+            master,
+            method,
+            inputs,
+            stops,
+            start,
+            time: start,
+            stop,
+        })
+    }
+
+    fn set_up(&mut self, graph: &SystemGraph) -> Result<Recorder, Error> {
+        let mut rows = self.master.values.recorder(self.master.columns(graph), RESERVED_STEPS);
+        self.master.values.record(&mut rows, self.start);
+        Ok(rows)
+    }
+
+    fn step(&mut self, rows: &mut Recorder) -> Result<(), End> {
+        let mut pair = self.next_pair();
+        while !self.try_pair(pair)? {
+            pair = self.next_pair();
         }
-        End::Completed
+        self.time = pair.end;
+        if self.method == Method::Halves {
+            self.middle.record(rows, pair.middle);
+        }
+        self.set_inputs(pair.end);
+        self.master.values.record(rows, pair.end);
+        Ok(())
+    }
+
+    fn is_finished(&self) -> bool {
+        self.time >= self.stop
+    }
+
+    fn progress(&self) -> (u64, u64) {
+        let done = self.work.accepted;
+        (done, (done as f64 * (self.stop - self.start) / (self.time - self.start)) as u64)
+    }
+
+    fn account(self, run: &mut Run) {
+        run.effort = self.master.effort();
+        run.notes = self.master.notes().to_vec();
+        if self.estimate.is_blind() {
+            run.notes.push("no continuous output is connected: there is no error to control, and steps are as long as --max-step and samples allow".into());
+        }
+        run.adaptive = Some(self.work);
+    }
+}
+
+impl AdaptiveSteps<'_> {
+    /// Sets the inputs of the system to their values at `t` \[s\].
+    fn set_inputs(&mut self, t: f64) {
+        let master = &mut self.master;
+        self.inputs.samples.at(t, |input, value| master.set_input(input, value));
     }
 
     /// Tries a step; true if it is accepted, false if a shorter one is to be tried, or why the run ends.
     fn try_pair(&mut self, pair: Pair) -> Result<bool, End> {
-        let fmu = |error| End::Failed(Error::Fmu(error));
-        self.memory.save(&mut self.master).map_err(fmu)?;
+        self.memory.save(&mut self.master).map_err(Error::Fmu)?;
         let (h, tried) = match self.method {
             Method::Halves => (pair.half(), self.whole_and_halves(pair)),
             Method::Passes(count) => (pair.end - pair.begin, self.passes(pair, count)),
@@ -283,77 +231,75 @@ impl Stepper<'_> {
             }
             Ok(verdict) => Ok(verdict),
             // Errors of an FMU are final: its state cannot be restored any more.
-            Err(Trouble { stop: Stop::Fmu(error), .. }) => return Err(End::Failed(Error::Fmu(*error))),
+            Err(Trouble { stop: Stop::Fmu(error), .. }) => return Err(Error::Fmu(*error).into()),
             Err(trouble) => Err(trouble),
         };
         self.work.rejected += 1;
         let relative = error.as_ref().ok().map(|verdict| verdict.error);
         if self.control.reject(h, relative) {
-            self.memory.restore(&mut self.master).map_err(fmu)?;
+            self.memory.restore(&mut self.master).map_err(Error::Fmu)?;
             return Ok(false);
         }
-        if let Err(Trouble { stop: Stop::Incomplete { node, status }, .. }) = &error
-            && let StepStatus::Discarded { terminated: true, .. } = status
-        {
-            // The last row is as close to the end that the component wants as the shortest step allows.
-            let component = self.master.nodes[*node].name().to_owned();
-            return Err(End::Terminated { component, time: Some(pair.begin) });
-        }
-        Err(End::Failed(match error {
+        Err(match error {
             Ok(verdict) => {
                 let (component, variable) = self.estimate.name(verdict.signal);
                 let (time, error) = (pair.begin, verdict.error * self.tolerance);
-                Error::StepTooShort { component, variable, time, step: h, error }
+                Error::StepTooShort { component, variable, time, step: h, error }.into()
             }
-            Err(Trouble { stop, time, step }) => match self.master.explain(stop, (time, step), time + step) {
-                Err(error) => error,
-                Ok(Progress::Terminated { component, last_successful_time: time }) => {
-                    return Err(End::Terminated { component, time });
-                }
-                Ok(Progress::Stepped) => return Ok(false),
-            },
-        }))
+            // The last row is as close to the end that the component wants as the shortest step allows.
+            Err(Trouble { stop: Stop::Incomplete { node, terminated: true, .. }, .. }) => {
+                let component = self.master.nodes[node].name().to_owned();
+                End::Terminated { component, time: Some(pair.begin) }
+            }
+            Err(Trouble { stop, time, step }) => {
+                let (component, time) = self.master.explain(stop, (time, step), time + step)?;
+                End::Terminated { component, time }
+            }
+        })
     }
 
     /// The next step to try.
-    fn next_pair(&mut self, t: f64) -> Pair {
+    fn next_pair(&mut self) -> Pair {
         let wanted = self.control.wanted;
-        self.stops.pair(t, if self.method == Method::Halves { wanted } else { 0.5 * wanted })
+        self.stops.pair(self.time, if self.method == Method::Halves { wanted } else { 0.5 * wanted })
     }
 
     /// The step, repeated.
     fn passes(&mut self, pair: Pair, count: usize) -> Result<estimate::Verdict, Trouble> {
-        if let Some(extrapolation) = &mut self.master.extrapolation {
+        if let Scheme::Extrapolated(extrapolation) = &mut self.master.scheme {
             extrapolation.look_no_further();
         }
-        self.step(pair.begin, pair.end)?;
+        self.advance(pair.begin, pair.end)?;
         for _ in 1..count {
             self.estimate.take_whole(&self.master.values);
-            if let Some(extrapolation) = &mut self.master.extrapolation {
+            if let Scheme::Extrapolated(extrapolation) = &mut self.master.scheme {
                 extrapolation.look_ahead();
             }
-            let restored = self.memory.restore(&mut self.master);
-            restored.map_err(|error| Trouble { stop: error.into(), time: pair.begin, step: 0.0 })?;
-            self.step(pair.begin, pair.end)?;
+            self.return_to(pair.begin)?;
+            self.advance(pair.begin, pair.end)?;
         }
         Ok(self.estimate.judge(&self.master.values, self.tolerance))
     }
 
     /// The whole step, then its halves.
     fn whole_and_halves(&mut self, pair: Pair) -> Result<estimate::Verdict, Trouble> {
-        self.step(pair.begin, pair.end)?;
+        self.advance(pair.begin, pair.end)?;
         self.estimate.take_whole(&self.master.values);
-        let restored = self.memory.restore(&mut self.master);
-        restored.map_err(|error| Trouble { stop: error.into(), time: pair.begin, step: 0.0 })?;
-        self.step(pair.begin, pair.middle)?;
-        let (master, inputs) = (&mut self.master, &mut self.inputs);
-        inputs.at(pair.middle, |input, value| master.set_input(input, value));
+        self.return_to(pair.begin)?;
+        self.advance(pair.begin, pair.middle)?;
+        self.set_inputs(pair.middle);
         self.middle.copy_from(&self.master.values);
-        self.step(pair.middle, pair.end)?;
+        self.advance(pair.middle, pair.end)?;
         Ok(self.estimate.judge(&self.master.values, self.tolerance))
     }
 
-    fn step(&mut self, begin: f64, end: f64) -> Result<(), Trouble> {
+    /// Returns to the saved point at `begin` \[s\].
+    fn return_to(&mut self, begin: f64) -> Result<(), Trouble> {
+        let restored = self.memory.restore(&mut self.master);
+        restored.map_err(|error| Trouble { stop: error.into(), time: begin, step: 0.0 })
+    }
+
+    fn advance(&mut self, begin: f64, end: f64) -> Result<(), Trouble> {
         self.inputs.put(&mut self.master, begin, end);
         let step = end - begin;
         self.master.advance(begin, step).map_err(|stop| Trouble { stop, time: begin, step })

@@ -3,11 +3,10 @@
 
 use super::evaluator;
 use super::local_model::{LocalModel, Origin};
-use super::options::Coupling;
 use super::plan::{Planner, nominal};
 use super::static_block::{Function, Secant};
 use super::unit::Unit;
-use crate::master::Error;
+use crate::master::{Coupling, Error};
 use crate::system::graph::Source;
 use crate::system::order::feed_through;
 use airloop_fmi::DependencyKind;
@@ -154,7 +153,7 @@ impl Planner<'_> {
             && !others
         {
             let derivatives = interface.provides_directional_derivative;
-            let model = evaluator::instantiate(component, unit, self.settings, self.grid)?;
+            let model = evaluator::instantiate(component, unit, self.settings)?;
             if !derivatives {
                 self.notes.push(format!(
                     "component `{name}` has no directional derivatives: its slopes are difference quotients"

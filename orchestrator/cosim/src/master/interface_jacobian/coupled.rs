@@ -2,16 +2,15 @@
 //! moments of its inputs, learn their defects, take the steps back and repeat; then step the static FMUs once.
 
 use super::local_model::Origin;
-use super::options::Coupling;
 use super::radau::{Radau, Unsolved};
 use super::reduced::{Link, Reduced, Surroundings};
 use super::signal::line_of;
 use super::static_block::Function;
 use super::unit::{Outputs, Unit};
-use crate::master::Stop;
-use crate::master::Values;
 use crate::master::exchange::Node;
 use crate::master::loops::{Group, Loops};
+use crate::master::stop::{Stop, get_outputs};
+use crate::master::{Coupling, Error, Values};
 
 /// Steps of an iteration to a tolerance before it is given up.
 const MAX_STEPS: u32 = 20;
@@ -41,15 +40,6 @@ pub(super) struct Coupled {
     pub loops: Vec<(usize, usize)>,
     /// Steps of the whole component, with repetitions.
     pub passes: u64,
-}
-
-/// Reason why a coupled component could not be stepped.
-#[derive(Debug, Clone, PartialEq)]
-pub(in crate::master) enum Failure {
-    /// The reduced problem has no solution that Newton's method finds.
-    Unsolved { unit: usize, time: f64, rest: f64 },
-    /// Corrections do not settle.
-    Unsettled { unit: usize, output: u32, passes: u32, change: f64 },
 }
 
 impl Coupled {
@@ -86,8 +76,14 @@ impl Coupled {
                 self.radau.integrate(&mut self.problem, &around, &self.nominal)?
             {
                 let block = self.problem.dynamics.iter().find(|block| block.x.contains(&state));
-                let unit = block.map_or(0, |block| block.unit);
-                return Err(Failure::Unsolved { unit, time: t + r * h, rest }.into());
+                let name = nodes[block.map_or(0, |block| block.unit)].name();
+                let reason = match rest.is_nan() {
+                    true => "has no inputs that fit its outputs (or values that are not finite)".to_owned(),
+                    false => format!(
+                        "has no solution near component `{name}` (rest {rest:.1e} of the nominal value)"
+                    ),
+                };
+                return Err(self.unsolved(nodes, reason, t + r * h, h));
             }
             self.passes += 1;
             self.step_dynamics(units, nodes, pass, t, h)?;
@@ -104,7 +100,11 @@ impl Coupled {
                     break;
                 }
                 if pass + 1 == limit {
-                    return Err(Failure::Unsettled { unit, output, passes: limit, change }.into());
+                    let (name, output) = (nodes[unit].name(), nodes[unit].output_name(output));
+                    let reason = format!(
+                        "does not settle in {limit} passes: `{name}.{output}` still changes by {change:.1e} of its size"
+                    );
+                    return Err(self.unsolved(nodes, reason, t, h));
                 }
             }
             if pass + 1 < limit {
@@ -125,12 +125,16 @@ impl Coupled {
             }
         }
         for &unit in &self.members {
-            nodes[unit].get_outputs(values)?;
-            if !nodes[unit].outputs_are_finite(values) {
-                return Err(Stop::NotFinite { node: unit });
-            }
+            get_outputs(&mut nodes[unit], unit, values)?;
         }
         Ok(())
+    }
+
+    /// The component could not be stepped with `h` \[s\] for this reason at `time` \[s\].
+    #[cold]
+    fn unsolved(&self, nodes: &[Node], reason: String, time: f64, h: f64) -> Stop {
+        let names: Vec<&str> = self.members.iter().map(|&member| nodes[member].name()).collect();
+        Stop::Unsolved(Box::new(Error::Coupling { components: names.join(", "), reason, time, step: h }))
     }
 
     /// Local models about the present point, tangents of static blocks, and saved states.

@@ -1,8 +1,8 @@
 //! A second instance of a static FMU, for Model Exchange: there its outputs may be read at any inputs without a step.
 
 use super::unit::Unit;
-use crate::master::initialize::set_start_values;
-use crate::master::{Error, Grid, Settings};
+use crate::master::initialize::enter_initialization;
+use crate::master::{Error, Settings};
 use crate::system::graph::Component;
 use airloop_fmi::Model;
 
@@ -10,16 +10,9 @@ use airloop_fmi::Model;
 const MAX_ROUNDS: usize = 100;
 
 /// Instantiates and initializes with the start values of the component and the present inputs of the unit.
-pub(super) fn instantiate(
-    component: &Component,
-    unit: &Unit,
-    settings: &Settings,
-    grid: &Grid,
-) -> Result<Model, Error> {
+pub(super) fn instantiate(component: &Component, unit: &Unit, settings: &Settings) -> Result<Model, Error> {
     let mut model = Model::instantiate(&component.fmu, &component.name, false)?;
-    set_start_values(&mut model, component)?;
-    model.setup_experiment(settings.tolerance, grid.start(), Some(grid.stop()))?;
-    model.enter_initialization_mode()?;
+    enter_initialization(&mut model, component, settings)?;
     model.set_real(&unit.input_references, &unit.u)?;
     model.exit_initialization_mode()?;
     for _ in 0..MAX_ROUNDS {

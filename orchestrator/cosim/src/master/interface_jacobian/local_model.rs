@@ -7,7 +7,7 @@
 
 use super::dense::Exponential;
 use super::unit::Unit;
-use crate::master::Stop;
+use crate::master::stop::Stop;
 use airloop_fmi::Slave;
 
 /// Smallest change of the inputs, relative to their nominal values, from which input gains are learned.

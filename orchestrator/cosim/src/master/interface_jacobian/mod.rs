@@ -16,7 +16,6 @@ mod coupled;
 mod dense;
 mod evaluator;
 mod local_model;
-mod options;
 mod plan;
 mod radau;
 mod reduced;
@@ -25,14 +24,13 @@ mod single;
 mod static_block;
 mod unit;
 
-use super::Values;
 use super::exchange::{Node, Wiring};
 use super::loops::Loops;
-use super::{Error, Grid, Settings, Stop};
+use super::stop::Stop;
+use super::{Error, Grid, Settings, Values};
 use crate::system::SystemGraph;
 use coupled::Coupled;
-pub(super) use coupled::Failure;
-pub use options::Coupling;
+use plan::Planner;
 pub(super) use plan::{interfaces, nominal};
 pub(super) use signal::Signal as Trajectory;
 pub(super) use unit::{Feed, Outputs, Unit};
@@ -54,7 +52,6 @@ pub(super) struct InterfaceJacobian {
     /// In evaluation order, as the nodes.
     units: Vec<Unit>,
     outputs: Outputs,
-    names: Vec<String>,
     /// Workspace of single steps.
     cuts: Vec<f64>,
     /// Start time \[s\].
@@ -73,13 +70,26 @@ impl InterfaceJacobian {
         values: &Values,
         loops: Option<&Loops>,
     ) -> Result<InterfaceJacobian, Error> {
-        let mut master = plan::plan(graph, wiring, settings, grid, nodes, values)?;
-        for part in &mut master.parts {
-            if let (Part::Coupled(coupled), Some(loops)) = (part, loops) {
-                coupled.place_loops(loops);
-            }
+        let mut planner = Planner::new(graph, wiring, settings, grid);
+        let mut units: Vec<Unit> = (0..nodes.len()).map(|unit| planner.unit(unit)).collect();
+        let (groups, delayed) = planner.parts();
+        planner.connect(&mut units, &delayed, values);
+        planner.note_samples(&units);
+        let pieces = planner.pieces(&units);
+        let outputs = planner.outputs(&units, nodes, pieces)?;
+        let mut parts = Vec::with_capacity(groups.len());
+        for (members, is_coupled) in groups {
+            parts.push(match is_coupled {
+                false => Part::Single(members[0]),
+                true => {
+                    let mut coupled = planner.couple(&mut units, &members, pieces)?;
+                    loops.iter().for_each(|loops| coupled.place_loops(loops));
+                    Part::Coupled(Box::new(coupled))
+                }
+            });
         }
-        Ok(master)
+        let (cuts, start, notes) = (Vec::with_capacity(pieces), grid.start(), planner.notes);
+        Ok(InterfaceJacobian { parts, units, outputs, cuts, start, notes })
     }
 
     /// One macro step from `t` to `t + h` \[s\].
@@ -152,41 +162,5 @@ impl InterfaceJacobian {
                 [sum[0] + work[0], sum[1] + work[1], sum[2] + work[2]]
             }
         })
-    }
-
-    /// The error for a failure, at the step from `t` with `h` \[s\].
-    pub fn explain(&self, failure: &Failure, nodes: &[Node], t: f64, h: f64) -> Error {
-        let unit = match failure {
-            Failure::Unsolved { unit, .. } | Failure::Unsettled { unit, .. } => *unit,
-        };
-        let members = self.parts.iter().find_map(|part| match part {
-            Part::Coupled(coupled) if coupled.members.contains(&unit) => Some(&coupled.members),
-            _ => None,
-        });
-        let names = |numbers: &[usize]| {
-            numbers.iter().map(|&number| self.names[number].as_str()).collect::<Vec<_>>().join(", ")
-        };
-        let components = members.map_or_else(|| self.names[unit].clone(), |members| names(members));
-        let (time, reason) = match failure {
-            Failure::Unsolved { time, rest, .. } => (
-                *time,
-                match rest.is_nan() {
-                    true => "has no inputs that fit its outputs (or values that are not finite)".to_owned(),
-                    false => format!(
-                        "has no solution near component `{}` (rest {rest:.1e} of the nominal value)",
-                        self.names[unit]
-                    ),
-                },
-            ),
-            Failure::Unsettled { output, passes, change, .. } => (
-                t,
-                format!(
-                    "does not settle in {passes} passes: `{}.{}` still changes by {change:.1e} of its size",
-                    self.names[unit],
-                    nodes[unit].output_name(*output)
-                ),
-            ),
-        };
-        Error::Coupling { components, reason, time, step: h }
     }
 }

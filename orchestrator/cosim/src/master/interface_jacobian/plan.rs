@@ -8,10 +8,9 @@ use super::radau::Radau;
 use super::reduced::{Dynamic, Link, Reduced, Static};
 use super::signal::Signal;
 use super::unit::{Feed, Input, Outputs, Unit};
-use super::{InterfaceJacobian, Part};
-use crate::master::Values;
 use crate::master::exchange::{Node, Wiring};
-use crate::master::{Error, Grid, Settings, Stop};
+use crate::master::stop::Stop;
+use crate::master::{Error, Grid, Settings, Values};
 use crate::system::SystemGraph;
 use crate::system::graph::{DataType, Source};
 use crate::system::order::{feed_through, strongly_connected};
@@ -28,41 +27,6 @@ pub(super) struct Planner<'a> {
     /// Place in [`Outputs`] of each output (component, variable) that feeds a Real input.
     pub places: BTreeMap<(usize, usize), usize>,
     pub notes: Vec<String>,
-}
-
-/// Makes the master from initialized slaves.
-pub(super) fn plan(
-    graph: &SystemGraph,
-    wiring: &Wiring,
-    settings: &Settings,
-    grid: &Grid,
-    nodes: &mut [Node],
-    values: &Values,
-) -> Result<InterfaceJacobian, Error> {
-    let mut planner = Planner::new(graph, wiring, settings, grid);
-    let mut units: Vec<Unit> = (0..nodes.len()).map(|unit| planner.unit(unit)).collect();
-    let (parts, delayed) = planner.parts();
-    planner.connect(&mut units, &delayed, values);
-    planner.note_samples(&units);
-    let pieces = planner.pieces(&units);
-    let outputs = planner.outputs(&units, nodes, pieces)?;
-    let mut planned = Vec::with_capacity(parts.len());
-    for (members, coupled) in parts {
-        planned.push(match coupled {
-            false => Part::Single(members[0]),
-            true => Part::Coupled(Box::new(planner.couple(&mut units, &members, pieces)?)),
-        });
-    }
-    let names = graph.order.iter().map(|&component| graph.components[component].name.clone()).collect();
-    Ok(InterfaceJacobian {
-        parts: planned,
-        units,
-        outputs,
-        names,
-        cuts: Vec::with_capacity(pieces),
-        start: grid.start(),
-        notes: planner.notes,
-    })
 }
 
 /// Units and their outputs alone, for masters that step in the plain order.
@@ -82,7 +46,7 @@ pub(in crate::master) fn interfaces(
 }
 
 impl<'a> Planner<'a> {
-    fn new(
+    pub fn new(
         graph: &'a SystemGraph,
         wiring: &'a Wiring,
         settings: &'a Settings,
@@ -96,8 +60,8 @@ impl<'a> Planner<'a> {
         planner
     }
 
-    /// Outputs at their initial values, with room for signals of this many pieces.
-    fn outputs(&self, units: &[Unit], nodes: &mut [Node], pieces: usize) -> Result<Outputs, Error> {
+    /// Outputs at their initial values, with room for signals of so many pieces.
+    pub fn outputs(&self, units: &[Unit], nodes: &mut [Node], pieces: usize) -> Result<Outputs, Error> {
         let count = self.places.len();
         let mut outputs = Outputs {
             y: vec![0.0; count],
@@ -151,7 +115,7 @@ impl<'a> Planner<'a> {
         DataType::of(&self.graph.components[component].fmu.description.variables[variable]) == DataType::Real
     }
 
-    fn unit(&self, number: usize) -> Unit {
+    pub fn unit(&self, number: usize) -> Unit {
         let index = self.graph.order[number];
         let component = &self.graph.components[index];
         let description = &component.fmu.description;
@@ -221,7 +185,7 @@ impl<'a> Planner<'a> {
 
     /// Members of every part in the order of their steps, whether they are coupled, and the connections (by
     /// position) whose value is taken at the beginning of the step.
-    fn parts(&self) -> (Vec<(Vec<usize>, bool)>, Vec<bool>) {
+    pub fn parts(&self) -> (Vec<(Vec<usize>, bool)>, Vec<bool>) {
         let count = self.graph.components.len();
         let edge = |position: usize| match self.graph.connections[position].source {
             Source::Output { component, .. } => {
@@ -271,7 +235,7 @@ impl<'a> Planner<'a> {
     }
 
     /// Fills in the inputs of all units.
-    fn connect(&self, units: &mut [Unit], delayed: &[bool], values: &Values) {
+    pub fn connect(&self, units: &mut [Unit], delayed: &[bool], values: &Values) {
         for (position, connection) in self.graph.connections.iter().enumerate() {
             if !self.is_real(connection.component, connection.variable) {
                 continue;
@@ -303,7 +267,7 @@ impl<'a> Planner<'a> {
     }
 
     /// Notes what becomes of sampled units.
-    fn note_samples(&mut self, units: &[Unit]) {
+    pub fn note_samples(&mut self, units: &[Unit]) {
         for unit in units {
             let name = self.name(unit.number).to_owned();
             match unit.sample {
@@ -324,14 +288,14 @@ impl<'a> Planner<'a> {
     }
 
     /// Room for the pieces of a signal over one step.
-    fn pieces(&self, units: &[Unit]) -> usize {
+    pub fn pieces(&self, units: &[Unit]) -> usize {
         let of_unit =
             |unit: &Unit| unit.sample.map_or(0.0, |sample| (self.grid.step() / sample).ceil() + 2.0);
         (units.iter().map(of_unit).sum::<f64>() as usize).min(1_000_000) + 3
     }
 
     /// A strongly coupled component.
-    fn couple(&mut self, units: &mut [Unit], members: &[usize], pieces: usize) -> Result<Coupled, Error> {
+    pub fn couple(&mut self, units: &mut [Unit], members: &[usize], pieces: usize) -> Result<Coupled, Error> {
         members.iter().try_for_each(|&member| self.check(&units[member], members))?;
         let (dynamic, fixed): (Vec<usize>, Vec<usize>) =
             members.iter().partition(|&&member| !units[member].is_static);

@@ -8,7 +8,7 @@ use super::dense;
 use super::reduced::{Link, Reduced, Surroundings};
 use super::signal::{SAME_TIME, first_moment};
 use super::unit::Feed;
-use crate::master::Stop;
+use crate::master::stop::Stop;
 
 const STAGES: usize = 3;
 /// sqrt(6)

@@ -7,8 +7,8 @@ use super::dense;
 use super::local_model::LocalModel;
 use super::static_block::Function;
 use super::unit::{Feed, Input, Outputs, Unit};
-use crate::master::Stop;
 use crate::master::Values;
+use crate::master::stop::Stop;
 
 /// A dynamic FMU; ranges in the states, inputs and outputs of the problem.
 #[derive(Debug)]

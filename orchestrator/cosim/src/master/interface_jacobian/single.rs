@@ -4,9 +4,9 @@
 
 use super::signal::{SAME_TIME, line_of};
 use super::unit::{Feed, Outputs, Unit};
-use crate::master::Stop;
 use crate::master::Values;
 use crate::master::exchange::Node;
+use crate::master::stop::{Stop, get_outputs};
 
 /// Steps `unit` from `t` to `t + h` \[s\]; `start` is the time of its first sample, `cuts` a workspace.
 pub(super) fn step(
@@ -51,8 +51,7 @@ pub(super) fn step(
             }
         }
     }
-    node.get_outputs(values)?;
-    if node.outputs_are_finite(values) { Ok(()) } else { Err(Stop::NotFinite { node: unit.number }) }
+    get_outputs(node, unit.number, values)
 }
 
 /// Times at which the unit has to stop: its own samples, and for a static unit the jumps of its inputs.

@@ -5,8 +5,8 @@
 //! has made a step that is then taken back.
 
 use super::unit::Unit;
-use crate::master::Stop;
 use crate::master::exchange::Node;
+use crate::master::stop::Stop;
 use airloop_fmi::Model;
 
 /// Relative size of the change of an input for a difference quotient.

@@ -6,7 +6,7 @@ use std::ops::Range;
 use super::signal::Signal;
 use crate::master::Values;
 use crate::master::exchange::Node;
-use crate::master::stop::{Stop, ended_at};
+use crate::master::stop::{Stop, is_at_end};
 use crate::system::graph::Conversion;
 use airloop_fmi::{Error, StateHandle, StepStatus};
 
@@ -136,15 +136,18 @@ impl Unit {
         }
         if self.ended {
             // Where a piece of the communication step began.
-            let status = StepStatus::Discarded { last_successful_time: Some(t), terminated: true };
-            return Err(Stop::Incomplete { node: self.number, status });
+            return Err(Stop::Incomplete {
+                node: self.number,
+                last_successful_time: Some(t),
+                terminated: true,
+            });
         }
         let status = node.step_keeping(t, h, keep)?;
         self.steps += 1;
-        if status != StepStatus::Complete {
-            self.ended = ended_at(status, t + h);
+        if let StepStatus::Discarded { last_successful_time, terminated } = status {
+            self.ended = terminated && is_at_end(last_successful_time, t + h);
             if !self.ended {
-                return Err(Stop::Incomplete { node: self.number, status });
+                return Err(Stop::Incomplete { node: self.number, last_successful_time, terminated });
             }
         }
         for k in 0..count {

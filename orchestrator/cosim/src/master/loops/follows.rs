@@ -5,7 +5,7 @@
 //! instance, so that one that answers with an error does no harm.
 
 use crate::master::exchange::{Node, Wiring};
-use crate::master::initialize::set_start_values;
+use crate::master::initialize::enter_initialization;
 use crate::master::propagation::nominal;
 use crate::master::{Error, Grid, Settings, Values};
 use crate::system::SystemGraph;
@@ -40,7 +40,7 @@ pub(super) fn follows(
     let derivatives = interface.provides_directional_derivative;
     let tried = (|| -> Result<bool, Error> {
         let mut values = values.clone();
-        let mut node = instantiate(graph, wiring, (settings, grid), &mut values, component)?;
+        let mut node = instantiate(graph, wiring, settings, &mut values, component)?;
         if !answers(&mut node, &dependents, derivatives)? {
             return Ok(false);
         }
@@ -75,15 +75,13 @@ fn dependents(graph: &SystemGraph, component: usize, members: &[(usize, usize)])
 fn instantiate(
     graph: &SystemGraph,
     wiring: &Wiring,
-    (settings, grid): (&Settings, &Grid),
+    settings: &Settings,
     values: &mut Values,
     component: usize,
 ) -> Result<Node, Error> {
     let owner = &graph.components[component];
     let mut slave = Slave::instantiate(&owner.fmu, &owner.name, false)?;
-    set_start_values(&mut slave, owner)?;
-    slave.setup_experiment(settings.tolerance, grid.start(), Some(grid.stop()))?;
-    slave.enter_initialization_mode()?;
+    enter_initialization(&mut slave, owner, settings)?;
     let mut node = wiring.node(slave, component);
     node.set_inputs(values)?;
     node.exit_initialization_mode()?;

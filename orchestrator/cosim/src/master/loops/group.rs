@@ -3,9 +3,10 @@
 use std::ops::Range;
 
 use super::over_step::OverStep;
+use crate::master::Values;
 use crate::master::exchange::Node;
 use crate::master::propagation::Transfer;
-use crate::master::{Stop, Values};
+use crate::master::stop::Stop;
 
 /// See the module.
 #[derive(Debug)]

@@ -15,7 +15,8 @@ mod plan;
 use std::ops::Range;
 
 use super::exchange::{Node, Wiring};
-use super::{Error, Grid, Settings, Stop, Values};
+use super::stop::{Stop, do_step, get_outputs};
+use super::{Error, Grid, Settings, Values};
 use crate::system::SystemGraph;
 pub(super) use group::Group;
 
@@ -97,6 +98,7 @@ impl Loops {
     }
 
     /// One macro step from `t` to `t + h` \[s\] of the Gauss-Seidel (`serial`) or the Jacobi master.
+    #[inline(never)]
     pub fn step(
         &mut self,
         nodes: &mut [Node],
@@ -166,10 +168,7 @@ fn advance(
         Some(Ok(false)) | None => {}
     }
     for number in block.clone() {
-        let status = nodes[number].do_step(t, h)?;
-        if status != airloop_fmi::StepStatus::Complete {
-            *ended = Some(super::ended(&mut nodes[number], number, status, values, t + h)?);
-        }
+        do_step(&mut nodes[number], number, values, (t, h), ended)?;
     }
     Ok(())
 }
@@ -190,12 +189,6 @@ fn finish(
     }
 }
 
-fn read(nodes: &mut [Node], values: &mut Values, block: Range<usize>) -> Result<(), Stop> {
-    for number in block {
-        nodes[number].get_outputs(values)?;
-        if !nodes[number].outputs_are_finite(values) {
-            return Err(Stop::NotFinite { node: number });
-        }
-    }
-    Ok(())
+fn read(nodes: &mut [Node], values: &mut Values, mut block: Range<usize>) -> Result<(), Stop> {
+    block.try_for_each(|number| get_outputs(&mut nodes[number], number, values))
 }

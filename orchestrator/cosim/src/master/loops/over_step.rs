@@ -7,12 +7,13 @@
 
 use std::ops::Range;
 
+use crate::master::Values;
 use crate::master::exchange::{Node, Wiring};
 use crate::master::propagation::{LoopFailure, LoopInput, nominal, residuals, solve_linear};
-use crate::master::{Stop, Values};
+use crate::master::stop::Stop;
 use crate::system::SystemGraph;
 use crate::system::graph::{DataType, Source};
-use airloop_fmi::{StateHandle, StepStatus, Variability};
+use airloop_fmi::{StateHandle, Variability};
 
 /// Residual that counts as zero, in units of max(|value|, nominal).
 const TOLERANCE: f64 = 1e-11;
@@ -281,9 +282,7 @@ impl OverStep {
         }
         let status = node.step_keeping(t, h, true)?;
         self.steps[index] += 1;
-        if status != StepStatus::Complete {
-            return Err(Stop::Incomplete { node: number, status });
-        }
+        Stop::unless_complete(number, status)?;
         node.get_outputs(values)?;
         Ok(())
     }

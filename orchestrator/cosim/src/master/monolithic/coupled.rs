@@ -5,10 +5,10 @@
 use std::ops::Range;
 
 use super::integrate::Problem;
-use crate::master::Values;
-use crate::master::exchange::Wiring;
+use crate::master::exchange::{Wiring, slot};
+use crate::master::initialize::enter_initialization;
 use crate::master::propagation::{self, LoopFailure, Scope, Transfer};
-use crate::master::{Algorithm, Error, Settings, initialize, slot};
+use crate::master::{Algorithm, Error, Settings, Values};
 use crate::results::{Column, Slot};
 use crate::system::SystemGraph;
 use crate::system::graph::{DataType, Source};
@@ -82,9 +82,7 @@ impl Coupled {
         for &index in &graph.order {
             let component = &graph.components[index];
             let mut model = Model::instantiate(&component.fmu, &component.name, false)?;
-            initialize::set_start_values(&mut model, component)?;
-            model.setup_experiment(settings.tolerance, settings.start_time, Some(settings.stop_time))?;
-            model.enter_initialization_mode()?;
+            enter_initialization(&mut model, component, settings)?;
             models.push(model);
         }
         propagation::settle(graph, &wiring, &mut models, &mut values, settings.start_time)?;

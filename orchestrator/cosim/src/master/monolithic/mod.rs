@@ -9,20 +9,17 @@
 
 mod coupled;
 mod dop853;
+mod inputs;
 mod integrate;
 
-use std::sync::atomic::Ordering;
-use std::time::Instant;
-
+use super::driver::{End, Run, Simulation};
 use super::propagation::LoopFailure;
-use super::simulate::{Curves, End, REPORT_EVERY, Run, Stimulus, Watch};
-use super::{Effort, Error, Settings};
+use super::{Error, Grid, Settings};
 use crate::results::Recorder;
 use crate::results::summary::Integration;
 use crate::system::SystemGraph;
-use airloop_series::Interpolation;
-use airloop_series::resample::{locate, value_at};
-use coupled::{Coupled, Event, Ramp};
+use coupled::{Coupled, Event};
+pub(super) use inputs::Inputs;
 use integrate::{Failure, Integrator, Reached};
 
 /// Relative tolerance where nothing else is said.
@@ -36,147 +33,9 @@ const MOST_EVENTS: u64 = 10_000;
 /// Times closer than this, relative to the larger of time and step, are one.
 const SAME_TIME: f64 = 1e-12;
 
-/// Runs a system; see [`super::simulate::run`].
-pub(super) fn run(
-    graph: &SystemGraph,
-    settings: &Settings,
-    stimulus: Option<&Stimulus>,
-    watch: Watch,
-) -> Result<Run, Error> {
-    let interpolations = stimulus.map_or_else(Vec::new, |stimulus| stimulus.interpolations(graph));
-    run_with(graph, settings, Inputs { stimulus, curves: None, interpolations, next: None, guess: 0 }, watch)
-}
-
-/// Runs a system; see [`super::simulate::run_along`].
-pub(super) fn run_along(
-    graph: &SystemGraph,
-    settings: &Settings,
-    curves: &Curves,
-    watch: Watch,
-) -> Result<Run, Error> {
-    let inputs =
-        Inputs { stimulus: None, curves: Some(curves), interpolations: Vec::new(), next: None, guess: 0 };
-    run_with(graph, settings, inputs, watch)
-}
-
-/// A polynomial in the time that begins later.
-fn shifted([a, b, c, d]: &[f64; 4], late: f64) -> [f64; 4] {
-    [a + ((d * late + c) * late + b) * late, b + (3.0 * d * late + 2.0 * c) * late, c + 3.0 * d * late, *d]
-}
-
-fn run_with(graph: &SystemGraph, settings: &Settings, inputs: Inputs, watch: Watch) -> Result<Run, Error> {
-    let began = Instant::now();
-    let grid = settings.validate()?;
-    let mut monolith = Monolith::start(graph, settings, inputs)?;
-    let total = grid.steps();
-    let values = &monolith.coupled.values;
-    let width = [values.reals.len(), values.integers.len(), values.booleans.len()];
-    let rows = usize::try_from(total).unwrap_or(usize::MAX).saturating_add(1);
-    let mut recorder = Recorder::new(monolith.coupled.columns(graph), width, rows);
-    let initialization = began.elapsed();
-    let began = Instant::now();
-    let mut reported = began;
-    let (mut end, mut steps) = (End::Completed, 0);
-    if let Some(component) = monolith.ended.take() {
-        end = End::Terminated { component, time: None };
-    }
-    monolith.record(&mut recorder, grid.start())?;
-    while steps < total && matches!(end, End::Completed) {
-        let point = grid.time(steps + 1);
-        let outcome = monolith.interval(point).and_then(|ended| {
-            let last = recorder.last_time().unwrap_or(grid.start());
-            match ended {
-                None => monolith.record(&mut recorder, point)?,
-                // The row of the end itself, unless it is there already.
-                Some(_) if monolith.time > last => monolith.record(&mut recorder, monolith.time)?,
-                Some(_) => {}
-            }
-            Ok(ended)
-        });
-        match outcome {
-            Ok(None) => steps += 1,
-            Ok(Some(component)) => end = End::Terminated { component, time: None },
-            Err(error) => end = End::Failed(error),
-        }
-        if matches!(end, End::Completed) && watch.stop.load(Ordering::Relaxed) && steps < total {
-            end = End::Interrupted;
-        }
-        if reported.elapsed() > REPORT_EVERY {
-            reported = Instant::now();
-            (watch.progress)(steps, total);
-        }
-    }
-    let integration = Some(monolith.summary());
-    Ok(Run {
-        result: recorder.finish()?,
-        end,
-        steps,
-        effort: Effort::default(),
-        initialization,
-        stepping: began.elapsed(),
-        notes: monolith.coupled.notes(),
-        integration,
-        adaptive: None,
-        state_events: monolith.state_events,
-    })
-}
-
-/// System inputs from a series or from curves, as ramps between samples or knots.
-#[derive(Debug)]
-struct Inputs<'a> {
-    stimulus: Option<&'a Stimulus<'a>>,
-    curves: Option<&'a Curves>,
-    /// Of each link of the stimulus.
-    interpolations: Vec<Interpolation>,
-    /// Time \[s\] of the next sample.
-    next: Option<f64>,
-    guess: usize,
-}
-
-impl Inputs<'_> {
-    /// Values and slopes from `time` \[s\] on, up to the next sample.
-    fn ramps(&mut self, time: f64) -> Vec<Ramp> {
-        if let Some(curves) = self.curves {
-            let (piece, next) = curves.piece_at(time);
-            self.next = next;
-            let of = |(&input, coefficients): (&usize, &[f64; 4])| {
-                let late = (time - curves.knots[piece]).clamp(0.0, curves.length(piece));
-                let ends = next.is_none() || time < curves.knots[0];
-                let coefficients = shifted(coefficients, late);
-                let held = [coefficients[0], 0.0, 0.0, 0.0];
-                Ramp { input, coefficients: if ends { held } else { coefficients } }
-            };
-            return curves.inputs.iter().zip(&curves.pieces[piece]).map(of).collect();
-        }
-        let Some(stimulus) = self.stimulus else { return Vec::new() };
-        let samples = stimulus.series.time();
-        let position = locate(samples, time, self.guess);
-        self.guess = position.index;
-        let index = position.index;
-        // Before the first sample its value holds.
-        let early =
-            samples.first().is_some_and(|&first| time < first) && index == 0 && position.fraction == 0.0;
-        self.next = if early { samples.first() } else { samples.get(index + 1) }.copied();
-        let ramp = |(&(input, channel, factor, offset), &interpolation): (
-            &(usize, usize, f64, f64),
-            &Interpolation,
-        )| {
-            let values = &stimulus.series.channels()[channel].values;
-            let value = factor * value_at(values, position, interpolation) + offset;
-            let linear = interpolation == Interpolation::Linear && !early && index + 1 < samples.len();
-            let slope = match linear {
-                true => factor * (values[index + 1] - values[index]) / (samples[index + 1] - samples[index]),
-                false => 0.0,
-            };
-            Ramp { input, coefficients: [value, slope, 0.0, 0.0] }
-        };
-        stimulus.links.iter().zip(&self.interpolations).map(ramp).collect()
-    }
-}
-
 /// The system on its way through time.
 #[derive(Debug)]
-struct Monolith<'a> {
+pub(super) struct Monolith<'a> {
     graph: &'a SystemGraph,
     inputs: Inputs<'a>,
     coupled: Coupled,
@@ -184,8 +43,9 @@ struct Monolith<'a> {
     relative: f64,
     time: f64,
     x: Vec<f64>,
-    /// Communication step size \[s\].
-    step: f64,
+    grid: Grid,
+    /// Communication intervals done.
+    done: u64,
     /// Reason why an event is to be handled at the present time.
     pending: Option<Reached>,
     /// The component that ended the simulation at an event: what it last gave is then not read again.
@@ -196,12 +56,15 @@ struct Monolith<'a> {
     input_events: u64,
 }
 
-impl<'a> Monolith<'a> {
-    fn start(
+impl<'a> Simulation<'a> for Monolith<'a> {
+    type Inputs = Inputs<'a>;
+
+    fn initialize(
         graph: &'a SystemGraph,
         settings: &Settings,
         mut inputs: Inputs<'a>,
-    ) -> Result<Monolith<'a>, Error> {
+    ) -> Result<Self, Error> {
+        let grid = settings.validate()?;
         let time = settings.start_time;
         let mut coupled = Coupled::new(graph, settings, inputs.ramps(time))?;
         let mut x = vec![0.0; coupled.state_count()];
@@ -219,7 +82,8 @@ impl<'a> Monolith<'a> {
             relative,
             time,
             x,
-            step: settings.step_size,
+            grid,
+            done: 0,
             pending: None,
             ended,
             time_events: 0,
@@ -232,6 +96,49 @@ impl<'a> Monolith<'a> {
         Ok(monolith)
     }
 
+    fn set_up(&mut self, graph: &SystemGraph) -> Result<Recorder, Error> {
+        let mut rows = self.coupled.values.recorder(self.coupled.columns(graph), self.grid.steps());
+        // A component that ended the simulation in its initialization can still be read.
+        let ended = self.ended.take();
+        self.record(&mut rows, self.time)?;
+        self.ended = ended;
+        Ok(rows)
+    }
+
+    fn step(&mut self, rows: &mut Recorder) -> Result<(), End> {
+        let point = self.grid.time(self.done + 1);
+        let ended = match self.ended.take() {
+            None => self.interval(point)?,
+            ended => ended,
+        };
+        if let Some(component) = ended {
+            // The row of the end itself, unless it is there already.
+            if rows.ends_before(self.time) {
+                self.record(rows, self.time)?;
+            }
+            return Err(End::Terminated { component, time: None });
+        }
+        self.record(rows, point)?;
+        self.done += 1;
+        Ok(())
+    }
+
+    fn is_finished(&self) -> bool {
+        self.ended.is_none() && self.done >= self.grid.steps()
+    }
+
+    fn progress(&self) -> (u64, u64) {
+        (self.done, self.grid.steps())
+    }
+
+    fn account(self, run: &mut Run) {
+        run.integration = Some(self.summary());
+        run.notes = self.coupled.notes();
+        run.state_events = self.state_events;
+    }
+}
+
+impl Monolith<'_> {
     /// After initialization and events: tolerances, right-hand side and indicators at the present point.
     fn restart(&mut self) -> Result<(), Error> {
         self.coupled.nominals(&mut self.integrator.absolute)?;
@@ -250,22 +157,19 @@ impl<'a> Monolith<'a> {
             self.coupled.read_results(self.graph, time)?;
         }
         // The sample that belongs to this time, although it takes effect in the interval that follows.
-        if self.inputs.next.is_some_and(|next| self.is_due(next)) {
-            let guess = self.inputs.guess;
-            let next = self.inputs.next;
+        if let Some(next) = self.inputs.next.filter(|&next| self.is_due(next)) {
             for ramp in self.inputs.ramps(time) {
                 self.coupled.show_input(ramp.input, ramp.at(0.0));
             }
-            (self.inputs.guess, self.inputs.next) = (guess, next);
+            self.inputs.next = Some(next);
         }
-        let values = &self.coupled.values;
-        recorder.record(time, &values.reals, &values.integers, &values.booleans);
+        self.coupled.values.record(recorder, time);
         Ok(())
     }
 
     /// Whether a time \[s\] has come.
     fn is_due(&self, time: f64) -> bool {
-        time <= self.time + SAME_TIME * self.time.abs().max(self.step)
+        time <= self.time + SAME_TIME * self.time.abs().max(self.grid.step())
     }
 
     /// From the present time to the communication point `end` \[s\]; the component that ended the simulation.
@@ -325,7 +229,7 @@ impl<'a> Monolith<'a> {
     /// Time at which the integrator has to stop at the latest: `end`, the next sample of the inputs, or the next time
     /// event.
     fn target(&self, end: f64) -> f64 {
-        let near = SAME_TIME * end.abs().max(self.step);
+        let near = SAME_TIME * end.abs().max(self.grid.step());
         let candidates = [self.inputs.next, self.coupled.next_event.map(|(time, _)| time)];
         let first = candidates.iter().flatten().copied().fold(f64::INFINITY, f64::min);
         if first >= end - near {
@@ -357,23 +261,16 @@ impl<'a> Monolith<'a> {
     }
 
     fn chattering(&self, time_event: Option<usize>, events: u64) -> Error {
-        let cause = match (self.pending, time_event) {
-            (Some(Reached::Indicator(indicator)), _) => self.coupled.indicator_name(indicator),
-            (_, Some(model)) => {
-                format!(
-                    "a time event of component `{}` that does not move on",
-                    self.coupled.models[model].name()
-                )
+        let name = |model: usize| self.coupled.models[model].name();
+        let cause = match (self.pending, time_event, self.coupled.wants_event) {
+            (Some(Reached::Indicator(indicator)), ..) => self.coupled.indicator_name(indicator),
+            (_, Some(model), _) => {
+                format!("a time event of component `{}` that does not move on", name(model))
             }
-            _ => match self.coupled.wants_event {
-                Some(model) => {
-                    format!(
-                        "component `{}`, which wants one after every step",
-                        self.coupled.models[model].name()
-                    )
-                }
-                None => "a jump of an input".to_owned(),
-            },
+            (_, None, Some(model)) => {
+                format!("component `{}`, which wants one after every step", name(model))
+            }
+            (_, None, None) => "a jump of an input".to_owned(),
         };
         Error::Chattering { cause, time: self.time, events }
     }

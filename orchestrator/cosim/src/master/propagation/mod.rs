@@ -9,9 +9,8 @@ mod transfer;
 
 use std::ops::DerefMut;
 
-use super::Error;
-use super::Values;
 use super::exchange::Wiring;
+use super::{Error, Values};
 use crate::system::SystemGraph;
 use airloop_fmi::Instance;
 

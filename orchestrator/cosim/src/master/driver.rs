@@ -1,0 +1,146 @@
+//! The driver of a simulation: one loop over the steps of any master, with rows in a recorder.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+use super::{Effort, Error, Settings};
+use crate::results::Recorder;
+use crate::results::summary::{AdaptiveRecord, Integration};
+use crate::system::SystemGraph;
+use airloop_series::TimeSeries;
+
+/// Outcome of a run.
+#[derive(Debug)]
+pub enum End {
+    /// At the stop time.
+    Completed,
+    /// A component asked for the end.
+    Terminated {
+        /// Component that did.
+        component: String,
+        /// Time that it reached \[s\], if it says.
+        time: Option<f64>,
+    },
+    /// The caller asked for the end.
+    Interrupted,
+    /// A step failed; the result holds what came before.
+    Failed(Error),
+}
+
+impl From<Error> for End {
+    fn from(error: Error) -> End {
+        End::Failed(error)
+    }
+}
+
+/// Result of a run, also of one that ended early.
+#[derive(Debug)]
+pub struct Run {
+    /// Values at the communication points reached.
+    pub result: TimeSeries,
+    /// Outcome.
+    pub end: End,
+    /// Macro steps done.
+    pub steps: u64,
+    /// Work of the master.
+    pub effort: Effort,
+    /// Wall-clock time of initialization.
+    pub initialization: Duration,
+    /// Wall-clock time of stepping.
+    pub stepping: Duration,
+    /// Substitutes of the master for missing capabilities of FMUs, one sentence each.
+    pub notes: Vec<String>,
+    /// Work of the integrator; monolithic master only.
+    pub integration: Option<Integration>,
+    /// Adaptive steps, if they were wanted.
+    pub adaptive: Option<AdaptiveRecord>,
+    /// Times \[s\] of the state events, each as it was handled; monolithic master only.
+    pub state_events: Vec<f64>,
+}
+
+/// A caller who watches a run.
+pub struct Watch<'a> {
+    /// Set from outside to end the run after the current step.
+    pub stop: &'a AtomicBool,
+    /// Told now and then how far the run is: (macro steps done, all macro steps).
+    pub progress: &'a mut dyn FnMut(u64, u64),
+}
+
+/// Steps between two looks at the clock.
+const STEPS_PER_LOOK: u64 = 16;
+/// Time between two reports of progress.
+const REPORT_EVERY: Duration = Duration::from_millis(50);
+
+/// A master over a time span, with the inputs of the system.
+pub(super) trait Simulation<'a>: Sized {
+    /// Source of the inputs of the system.
+    type Inputs;
+
+    /// Instantiates and initializes all components at the start time.
+    fn initialize(graph: &'a SystemGraph, settings: &Settings, inputs: Self::Inputs) -> Result<Self, Error>;
+
+    /// Sets up the recorder, with the row at the start time.
+    fn set_up(&mut self, graph: &SystemGraph) -> Result<Recorder, Error>;
+
+    /// Makes one step and records it, or tells why the run ends.
+    fn step(&mut self, rows: &mut Recorder) -> Result<(), End>;
+
+    /// Whether the stop time is reached.
+    fn is_finished(&self) -> bool;
+
+    /// Macro steps done, and all macro steps as far as is known.
+    fn progress(&self) -> (u64, u64);
+
+    /// Adds the work that was done to the result.
+    fn account(self, run: &mut Run);
+}
+
+/// Runs a master from start to stop.
+///
+/// # Errors
+/// Fails if the run cannot start; a failure after that is an [`End::Failed`] with the result so far.
+pub(super) fn drive<'a, S: Simulation<'a>>(
+    graph: &'a SystemGraph,
+    settings: &Settings,
+    inputs: S::Inputs,
+    watch: Watch,
+) -> Result<Run, Error> {
+    let began = Instant::now();
+    let mut simulation = S::initialize(graph, settings, inputs)?;
+    let mut rows = simulation.set_up(graph)?;
+    let initialization = began.elapsed();
+    let began = Instant::now();
+    let mut reported = began;
+    let (mut end, mut steps) = (End::Completed, 0);
+    while !simulation.is_finished() {
+        if let Err(reason) = simulation.step(&mut rows) {
+            end = reason;
+            break;
+        }
+        if watch.stop.load(Ordering::Relaxed) && !simulation.is_finished() {
+            end = End::Interrupted;
+            break;
+        }
+        steps += 1;
+        if steps % STEPS_PER_LOOK == 0 && reported.elapsed() > REPORT_EVERY {
+            reported = Instant::now();
+            let (done, all) = simulation.progress();
+            (watch.progress)(done, all);
+        }
+    }
+    let stepping = began.elapsed();
+    let mut run = Run {
+        result: rows.finish()?,
+        end,
+        steps: simulation.progress().0,
+        effort: Effort::default(),
+        initialization,
+        stepping,
+        notes: Vec::new(),
+        integration: None,
+        adaptive: None,
+        state_events: Vec::new(),
+    };
+    simulation.account(&mut run);
+    Ok(run)
+}
