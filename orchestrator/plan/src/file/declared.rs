@@ -1,4 +1,4 @@
-//! From the text of a file to the struct that declares it, and from the errors of serde to messages with place and remedy.
+//! From the text of a file to the struct that declares it, and from the errors of serde to messages with their place.
 
 use serde::de::DeserializeOwned;
 use toml::de::{DeTable, DeValue, Deserializer};

@@ -1,7 +1,7 @@
 //! The problem file: TOML with named variables and units, read with the line and column of everything.
 //!
-//! The structs are the declaration of the file: [`read()`] gives a [`Statement`], [`schema()`] describes it to editors. The
-//! meaning of names and units in a system is left to [`crate::task`].
+//! The structs are the declaration of the file: [`read()`] gives a [`Statement`], [`schema()`] describes it to editors.
+//! The meaning of names and units in a system is left to [`crate::task`].
 
 pub mod balance;
 pub mod declared;

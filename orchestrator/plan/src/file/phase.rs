@@ -1,6 +1,6 @@
 //! One phase of a motion, as a problem file declares it.
 
-use schemars::JsonSchema;
+use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::Deserialize;
 use serde::de::{Deserializer, Error};
 use toml::Spanned;
@@ -35,9 +35,11 @@ pub struct Phase {
     pub terminal: Entries<Condition>,
     /// Bounds along the way, by variable.
     #[serde(default)]
+    #[schemars(schema_with = "bounds_schema")]
     pub bounds: Entries<Placed<Bound>>,
     /// Bounds on sums of factor times variable.
     #[serde(default)]
+    #[schemars(schema_with = "sums_schema")]
     pub constraint: Vec<Placed<Bound>>,
     /// Limits of the rates of inputs.
     #[serde(default)]
@@ -111,9 +113,11 @@ pub struct Reset {
     pub states: Entries<Text>,
     /// Bounds of outputs, such as impulses.
     #[serde(default)]
+    #[schemars(schema_with = "bounds_schema")]
     pub bounds: Entries<Placed<Bound>>,
     /// Bounds on sums of factor times output.
     #[serde(default)]
+    #[schemars(schema_with = "sums_schema")]
     pub constraint: Vec<Placed<Bound>>,
 }
 
@@ -235,6 +239,19 @@ impl Bound {
     pub fn range(&self) -> Range {
         Range { min: self.min.clone(), max: self.max.clone() }
     }
+}
+
+/// Bounds have their variable for key and no terms.
+pub(super) fn bounds_schema(generator: &mut SchemaGenerator) -> Schema {
+    let one =
+        json_schema!({ "allOf": [generator.subschema_for::<Bound>(), { "properties": { "terms": false } }] });
+    json_schema!({ "type": "object", "additionalProperties": one })
+}
+
+/// Constraints have terms.
+pub(super) fn sums_schema(generator: &mut SchemaGenerator) -> Schema {
+    let one = json_schema!({ "allOf": [generator.subschema_for::<Bound>(), { "required": ["terms"] }] });
+    json_schema!({ "type": "array", "items": one })
 }
 
 fn whole() -> [f64; 2] {

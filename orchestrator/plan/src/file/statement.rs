@@ -8,7 +8,7 @@ use serde::Deserialize;
 use super::balance::Balance;
 use super::feed_forward::FeedForward;
 use super::guess::Guess;
-use super::phase::{Bound, Condition, Cost, Duration, Phase, Rate};
+use super::phase::{Bound, Condition, Cost, Duration, Phase, Rate, bounds_schema, sums_schema};
 use super::quantity::Quantity;
 use super::source::{Place, Source};
 use super::stick_figure::StickFigure;
@@ -60,9 +60,11 @@ pub struct Statement {
     terminal: Entries<Condition>,
     /// Bounds along the way, by variable.
     #[serde(default)]
+    #[schemars(schema_with = "bounds_schema")]
     bounds: Entries<Placed<Bound>>,
     /// Bounds on sums of factor times variable.
     #[serde(default)]
+    #[schemars(schema_with = "sums_schema")]
     constraint: Vec<Placed<Bound>>,
     /// Limits of the rates of inputs.
     #[serde(default)]
@@ -203,7 +205,8 @@ pub struct Settings {
     /// Solves that lead there, each started from the one before, such as a coarse mesh.
     #[serde(rename = "start_with")]
     pub before: Vec<Placed<Pass>>,
-    /// `linear`, the name of a guess of this file, or a .csv file; default: the first guess of this file, else `linear`.
+    /// `linear`, the name of a guess of this file, or a .csv file; default: the first guess of this file, else
+    /// `linear`.
     pub guess: Option<Text>,
     /// Method of the first solve; default: interior-point.
     #[serde(deserialize_with = "choice")]

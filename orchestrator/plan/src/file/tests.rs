@@ -210,6 +210,8 @@ fn the_schema_has_the_keys_with_descriptions_and_no_null() {
     let names = definitions["Settings"]["properties"]["transcription"]["enum"].as_array().unwrap();
     assert!(names.iter().eq(TRANSCRIPTIONS.map(|(name, _)| name).iter()), "{names:?}");
     assert_eq!(definitions["Settings"]["properties"]["start_with"]["items"]["$ref"], "#/definitions/Pass");
+    assert_eq!(properties["constraint"]["items"]["allOf"][1]["required"][0], "terms");
+    assert_eq!(properties["bounds"]["additionalProperties"]["allOf"][1]["properties"]["terms"], false);
     assert_eq!(definitions["CostKeys"]["oneOf"].as_array().unwrap().len(), 3);
 }
 
