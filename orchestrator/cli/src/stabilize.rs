@@ -40,13 +40,14 @@ pub const SYSTEMS: [&str; 2] = ["closed_loop.ssd", "closed_loop.ssp"];
     after_help = "Example: airloop stabilize out/swing_up examples/03_swing_up/stabilize.toml -o out/stabilized\n         airloop run out/stabilized/closed_loop.ssd -o out/run\n         airloop trials out/stabilized --count 200"
 )]
 pub struct Args {
-    /// Folder of `airloop optimize`, or the CSV file of a trajectory (states and inputs by their names; give
-    /// --problem).
-    pub plan: PathBuf,
+    /// Folder of `airloop optimize`, or the CSV file of a trajectory (states and inputs by their names; give --problem).
+    #[arg(required_unless_present = "schema")]
+    pub plan: Option<PathBuf>,
     /// Settings (TOML): [sensors] with the noise of what is measured, and if wanted sample_time, [deviation], [drift],
     /// [initial], [limits], [trials], and for a plan with
-    /// phases [phases].
-    pub settings: PathBuf,
+    /// phases [phases]; its keys are those of --schema.
+    #[arg(required_unless_present = "schema")]
+    pub settings: Option<PathBuf>,
     /// Problem file of the plan. Default: that of the folder's summary.
     #[arg(long, value_name = "FILE")]
     pub problem: Option<PathBuf>,
@@ -63,6 +64,9 @@ pub struct Args {
     /// Print nothing but errors.
     #[arg(short, long)]
     pub quiet: bool,
+    /// Print the JSON schema of the settings, for editors that check and complete TOML.
+    #[arg(long)]
+    pub schema: bool,
 }
 
 /// Runs the command.
@@ -70,10 +74,17 @@ pub struct Args {
 /// # Errors
 /// Fails if the plan cannot be read or stabilized, or the results cannot be written.
 pub fn run(args: &Args) -> Result<ExitCode, Error> {
-    let (file, problem, held) = sources(args)?;
-    let settings = settings::read(&args.settings)?;
+    if args.schema {
+        output::print(&settings::schema())?;
+        return Ok(ExitCode::SUCCESS);
+    }
+    let (Some(plan), Some(settings_file)) = (&args.plan, &args.settings) else {
+        return Ok(ExitCode::from(super::USAGE));
+    };
+    let (file, problem, held) = sources(plan, args)?;
+    let settings = settings::read(settings_file)?;
     let trajectory = csv::read(&file)?;
-    let inputs = [file.clone(), problem.clone(), args.settings.clone()];
+    let inputs = [file.clone(), problem.clone(), settings_file.clone()];
     let fixed = [CONTROLLER, SETTINGS, GAINS, CLOSED_LOOP, "index.html", "summary.json"];
     let names: Vec<String> = fixed.iter().chain(&SYSTEMS).map(|name| (*name).to_owned()).collect();
     folder::check(&args.output, &inputs, &names)?;
@@ -94,12 +105,12 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
         graph,
         &prepared.catalog,
         &stabilized,
-        (states, &settings.parameters),
+        (states, &settings),
         &fmu,
         &args.output,
     )?;
-    let copied = std::fs::copy(&args.settings, args.output.join(SETTINGS));
-    copied.map_err(|source| PlanError::Io { file: args.settings.clone(), source })?;
+    let copied = std::fs::copy(settings_file, args.output.join(SETTINGS));
+    copied.map_err(|source| PlanError::Io { file: settings_file.clone(), source })?;
     csv::write(&record::gains(&stabilized, &prepared.catalog)?, &args.output.join(GAINS))?;
     let result = run_closed_loop(&closed, &stabilized)?;
     csv::write(&result, &args.output.join(CLOSED_LOOP))?;
@@ -114,7 +125,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
         command: "stabilize".into(),
         trajectory_file: file,
         problem_file: problem,
-        settings_file: args.settings.clone(),
+        settings_file: settings_file.clone(),
         sample_time: stabilized.controller.sample_time,
         samples: stabilized.nominal.samples(),
         rests: stabilized.nominal.rests,
@@ -139,19 +150,19 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
 }
 
 /// Trajectory, problem file, and whether inputs are held.
-fn sources(args: &Args) -> Result<(PathBuf, PathBuf, bool), Error> {
-    if !args.plan.is_dir() {
+fn sources(plan: &Path, args: &Args) -> Result<(PathBuf, PathBuf, bool), Error> {
+    if !plan.is_dir() {
         let missing = || {
             let problem =
                 "a trajectory alone does not say what it belongs to; give --problem FILE".to_owned();
-            PlanError::Place { place: args.plan.display().to_string(), problem }
+            PlanError::Place { place: plan.display().to_string(), problem }
         };
-        return Ok((args.plan.clone(), args.problem.clone().ok_or_else(missing)?, args.hold));
+        return Ok((plan.to_owned(), args.problem.clone().ok_or_else(missing)?, args.hold));
     }
-    let summary = plan_record::read(&args.plan.join("summary.json")).map_err(plot::Error::from)?;
+    let summary = plan_record::read(&plan.join("summary.json")).map_err(plot::Error::from)?;
     let held = summary.signals.iter().any(|signal| signal.kind == "input" && signal.held);
     let problem = args.problem.clone().unwrap_or(summary.problem_file);
-    Ok((args.plan.join(TRAJECTORY), problem, args.hold || held))
+    Ok((plan.join(TRAJECTORY), problem, args.hold || held))
 }
 
 /// The closed loop without noise, from the start of the plan over twice its length.

@@ -3,7 +3,7 @@
 use super::Error;
 use super::catalog::Catalog;
 use super::file::Statement;
-use super::file::statement::Where;
+use super::file::phase::Where;
 use super::sampling::{Sampling, whole_samples};
 use super::task::{Limit, Limits, Signal, Task, TaskPhase, Term};
 use airloop_ocp::transcription::{

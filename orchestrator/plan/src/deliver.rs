@@ -261,7 +261,8 @@ impl Workshop<'_> {
         let source = &self.prepared.statement.source;
         let mut graph = self.open(&plant.system, InterfaceKind::ModelExchange)?;
         for (name, value) in &plant.parameters {
-            graph.set_start(&name.text, value, &format!("line {}", name.place.line))?;
+            let (line, _) = source.line_column(name.place);
+            graph.set_start(&name.text, &value.to_string(), &format!("line {line}"))?;
         }
         let end = self.plan.phases[self.plan.phases.len() - 1].end();
         let (mut longer, last) = (times.to_vec(), times.len() - 1);

@@ -4,7 +4,7 @@ use std::f64::consts::PI;
 use std::path::{Path, PathBuf};
 
 use super::catalog::{Catalog, Kind};
-use super::file::statement::{Guess, Others};
+use super::file::guess::{Guess, Others};
 use super::file::{Statement, Text};
 use super::task::{Limits, Signal, Task};
 use super::{Error, names};
@@ -27,7 +27,7 @@ impl Choice {
     pub fn name(&self, statement: &Statement) -> String {
         match self {
             Choice::Linear => "linear".into(),
-            Choice::Named(index) => statement.guesses[*index].name.text.clone(),
+            Choice::Named(index) => statement.guesses[*index].0.text.clone(),
             Choice::File(file) => file.display().to_string(),
         }
     }
@@ -39,7 +39,7 @@ impl Choice {
 /// # Errors
 /// [`Error`] for a name that is none, with those there are.
 pub fn choose(statement: &Statement, word: Option<&str>) -> Result<Choice, Error> {
-    let named = |name: &str| statement.guesses.iter().position(|guess| guess.name.text == name);
+    let named = |name: &str| statement.guesses.iter().position(|(own, _)| own.text == name);
     let of = |name: &str| match name {
         "linear" => Some(Choice::Linear),
         name if Path::new(name).extension().is_some_and(|ending| ending == "csv") => {
@@ -48,7 +48,7 @@ pub fn choose(statement: &Statement, word: Option<&str>) -> Result<Choice, Error
         name => named(name).map(Choice::Named),
     };
     let unknown = |name: &str| {
-        let own = statement.guesses.iter().map(|guess| guess.name.text.as_str());
+        let own = statement.guesses.iter().map(|(own, _)| own.text.as_str());
         let meant = names::suggestion(name, own.chain(["linear"]));
         format!("there is no guess `{name}`; {meant}; an earlier trajectory is a .csv file")
     };
@@ -162,7 +162,7 @@ pub fn guess(statement: &Statement, catalog: &Catalog, task: &Task, choice: &Cho
     let linear = linear(task, &durations);
     match choice {
         Choice::Linear => Ok(linear),
-        Choice::Named(index) => named(statement, catalog, task, &statement.guesses[*index], linear),
+        Choice::Named(index) => named(statement, catalog, task, &statement.guesses[*index].1, linear),
         Choice::File(file) => of_file(catalog, task, file, linear),
     }
 }
@@ -224,23 +224,20 @@ fn named(
     if guess.others == Others::Zero {
         rough.states.fill(Line::default());
     }
-    for trajectory in &guess.trajectories {
-        let found = catalog.want(&statement.source, &trajectory.variable)?;
+    for (variable, trajectory) in &guess.trajectories {
+        let found = catalog.want(&statement.source, variable)?;
         let convert = |value: &f64| match &trajectory.unit {
-            Some(unit) => {
-                catalog.convert(&statement.source, *value, (unit, trajectory.variable.place), found.0)
-            }
+            Some(unit) => catalog.convert(&statement.source, *value, (unit, variable.place), found.0),
             None => Ok(found.1.inverse().apply(*value)),
         };
         let values = trajectory.value.iter().map(convert).collect::<Result<Vec<f64>, Error>>()?;
-        let line = Line { at: trajectory.t.clone(), values, ..Line::default() };
+        let line = Line { at: trajectory.t.to_vec(), values, ..Line::default() };
         match task.signals.of(found.0) {
             Some(Signal::State(state)) => rough.states[state] = line,
             Some(Signal::Input(input)) => rough.inputs[input] = line,
             _ => {
-                let problem =
-                    format!("`{}` is neither a state nor an input of the problem", trajectory.variable.text);
-                return Err(statement.source.error_at(trajectory.variable.place, problem));
+                let problem = format!("`{}` is no state and no input of the problem", variable.text);
+                return Err(statement.source.error_at(variable.place, problem));
             }
         }
     }

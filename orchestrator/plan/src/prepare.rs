@@ -4,7 +4,8 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 
 use super::catalog::{Catalog, Kind};
-use super::file::{self, Statement, Text};
+use super::file::statement::Scaling;
+use super::file::{self, Parameters, Statement};
 use super::reset::{self, Jump};
 use super::sampling::{self, Sampling};
 use super::task::{self, Signals, Task};
@@ -75,6 +76,7 @@ pub fn prepare_statement(statement: Statement, began: Instant) -> Result<Prepare
     let sampling = sampling::sampling(&statement, &graph)?;
     let mut dynamics: Vec<Box<dyn Dynamics>> = Vec::new();
     let mut signals = Signals { states: Vec::new(), inputs, outputs };
+    let scaled = statement.settings.scaling == Scaling::Nominal;
     for phase in &statement.phases {
         let mut own = graph.clone();
         set(&statement, &mut own, &phase.parameters)?;
@@ -91,7 +93,7 @@ pub fn prepare_statement(statement: Statement, began: Instant) -> Result<Prepare
         signals.states = states;
         let shown = [&signals.states, &signals.inputs, &signals.outputs].into_iter().flatten();
         let names = shown.map(|&index| catalog.variables()[index].name.clone()).collect();
-        dynamics.push(Box::new(Named { inner: Box::new(system), names, scaled: statement.settings.scaled }));
+        dynamics.push(Box::new(Named { inner: Box::new(system), names, scaled }));
     }
     let resets = reset::resets(&statement, &catalog, &signals, |parameters, signals| {
         let mut own = graph.clone();
@@ -115,15 +117,11 @@ fn open(statement: &Statement) -> Result<SystemGraph, Error> {
 }
 
 /// Sets start values of parameters.
-fn set(statement: &Statement, graph: &mut SystemGraph, values: &[(Text, String)]) -> Result<(), Error> {
+fn set(statement: &Statement, graph: &mut SystemGraph, values: &Parameters) -> Result<(), Error> {
     for (name, value) in values {
-        let place = format!(
-            "{}: line {}, column {}",
-            statement.source.file.display(),
-            name.place.line,
-            name.place.column
-        );
-        graph.set_start(&name.text, value, &place)?;
+        let (line, column) = statement.source.line_column(name.place);
+        let place = format!("{}: line {line}, column {column}", statement.source.file.display());
+        graph.set_start(&name.text, &value.to_string(), &place)?;
     }
     Ok(())
 }

@@ -3,8 +3,8 @@
 use super::Error;
 use super::assemble;
 use super::catalog::{Catalog, Kind};
-use super::file::Text;
-use super::file::statement::{Reset, Statement};
+use super::file::phase::Reset;
+use super::file::{Parameters, Placed, Statement};
 use super::task::{self, Reader, Signal, Signals};
 use airloop_cosim::coupled::System;
 use airloop_ocp::transcription::{After, Dynamics, Limit, Link, OutputReset};
@@ -56,14 +56,14 @@ pub fn resets(
     statement: &Statement,
     catalog: &Catalog,
     signals: &Signals,
-    open: impl Fn(&[(Text, String)], &Signals) -> Result<Box<System>, Error>,
+    open: impl Fn(&Parameters, &Signals) -> Result<Box<System>, Error>,
 ) -> Result<Vec<Option<Jump>>, Error> {
     if let Some(reset) = statement.phases.first().and_then(|phase| phase.reset.as_ref()) {
         let problem =
             "the first phase has no phase before it; a `reset` belongs to the phase that it leads to";
         return Err(statement.source.error_at(reset.place, problem.to_owned()));
     }
-    let one = |reset: &Reset| {
+    let one = |reset: &Placed<Reset>| {
         let signals = Signals { outputs: outputs(statement, catalog, reset)?, ..signals.clone() };
         let dynamics = open(&reset.parameters, &signals)?;
         let reader = Reader { source: &statement.source, catalog, signals: &signals };
@@ -84,7 +84,7 @@ pub fn resets(
             };
         }
         let (mut limits, mut stated) = (Vec::new(), Vec::new());
-        for bound in &reset.bounds {
+        for bound in reset.limits() {
             let limit = reader.bound(bound)?.with_margin();
             if limit.terms.iter().any(|(signal, _)| !matches!(signal, Signal::Output(_))) {
                 let problem =
@@ -101,7 +101,7 @@ pub fn resets(
 
 /// The variables of a reset that are neither state nor input, as indices into the catalog.
 fn outputs(statement: &Statement, catalog: &Catalog, reset: &Reset) -> Result<Vec<usize>, Error> {
-    let bounded = reset.bounds.iter().flat_map(|bound| bound.terms.iter().map(|(name, _)| name));
+    let bounded = reset.limits().flat_map(|bound| bound.terms.iter().map(|(name, _)| name));
     let mut found = Vec::new();
     for name in reset.states.iter().map(|(_, shown)| shown).chain(bounded) {
         let (index, _) = catalog.want(&statement.source, name)?;

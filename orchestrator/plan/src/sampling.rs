@@ -52,7 +52,7 @@ pub fn sampling(statement: &Statement, graph: &SystemGraph) -> Result<Option<Sam
     }
     let place = settings.sampled.as_ref().and_then(|named| named.first()).map(|name| name.place);
     let place = settings.sample_time.as_ref().map(|time| time.place).or(place);
-    let place = place.unwrap_or(Place { line: 1, column: 1 });
+    let place = place.unwrap_or(Place(0));
     let own: Vec<f64> = components.iter().filter_map(|&one| sample_time(&graph.components[one])).collect();
     let sample_time = match (&settings.sample_time, own.first()) {
         (Some(time), _) => positive(source, seconds(source, time)?, time.place, "sample time")?,

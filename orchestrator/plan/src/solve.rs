@@ -49,7 +49,7 @@ impl Settings {
             statement.phases.iter().map(|phase| phase.intervals.unwrap_or(count)).collect()
         };
         let before = settings.before.iter().map(|pass| Pass {
-            transcription: pass.transcription,
+            transcription: pass.transcription.unwrap_or(settings.transcription),
             intervals: vec![pass.intervals; statement.phases.len()],
         });
         let last = Pass { transcription: settings.transcription, intervals: of_phases(settings.intervals) };

@@ -2,8 +2,8 @@
 
 use std::time::Instant;
 
-use super::file::statement::Duration;
-use super::file::{Quantity, Statement, Text};
+use super::file::phase::Duration;
+use super::file::{Quantity, StartValue, Statement, Text};
 use super::guess::Rough;
 use super::prepare::{Prepared, prepare_statement};
 use super::solve::{Begin, Monitor, Session, Settings, Solved};
@@ -86,8 +86,8 @@ fn changed(statement: &Statement, name: &str, value: f64) -> Result<Statement, E
     let mut own = statement.clone();
     if name == DURATION {
         match &mut own.phases[..] {
-            [phase] if matches!(phase.duration, Duration::Fixed(_)) => {
-                phase.duration = Duration::Fixed(Quantity { value, unit: None, place: phase.place });
+            [phase] if matches!(phase.duration, Duration::Quantity(_)) => {
+                phase.duration = Duration::Quantity(Quantity { value, unit: None, place: phase.place });
             }
             _ => {
                 let problem = "only the fixed duration of a problem with one phase can be swept".to_owned();
@@ -96,8 +96,8 @@ fn changed(statement: &Statement, name: &str, value: f64) -> Result<Statement, E
         }
     } else {
         let place = own.system.place;
-        own.parameters.retain(|(parameter, _)| parameter.text != name);
-        own.parameters.push((Text { text: name.to_owned(), place }, value.to_string()));
+        own.parameters.0.retain(|(parameter, _)| parameter.text != name);
+        own.parameters.0.push((Text { place, text: name.to_owned() }, StartValue::Number(value)));
     }
     Ok(own)
 }

@@ -2,8 +2,8 @@
 
 use super::Error;
 use super::catalog::{Catalog, Kind};
-use super::file::statement::{Bound, Condition, Cost, Duration, Of, Phase, Range, Rate, Where};
-use super::file::{Place, Quantity, Source, Statement, Text};
+use super::file::phase::{Bound, Condition, Cost, Duration, FreeDuration, Of, Phase, Range, Rate, Where};
+use super::file::{Entries, Place, Placed, Quantity, Source, Statement, Text};
 
 /// A variable of the task.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -193,9 +193,9 @@ pub fn inputs(statement: &Statement, catalog: &Catalog) -> Result<Vec<usize>, Er
 /// All names of conditions, bounds, rates and costs.
 fn names(statement: &Statement) -> impl Iterator<Item = &Text> {
     statement.phases.iter().flat_map(|phase| {
-        let ends = phase.initial.iter().chain(&phase.terminal).map(|condition| &condition.variable);
-        let bounds = phase.bounds.iter().flat_map(|bound| bound.terms.iter().map(|(name, _)| name));
-        let rates = phase.rates.iter().map(|rate| &rate.variable);
+        let ends = phase.initial.iter().chain(&phase.terminal).map(|(name, _)| name);
+        let bounds = phase.limits().flat_map(|bound| bound.terms.iter().map(|(name, _)| name));
+        let rates = phase.rates.iter().map(|(name, _)| name);
         let costs = phase.costs.iter().filter_map(|cost| match &cost.of {
             Of::Integral(name, _) | Of::Final(name, _) => Some(name),
             Of::Duration => None,
@@ -237,8 +237,9 @@ impl Reader<'_> {
             self.start_values(&mut initial, &phase.initial, notes)?;
         }
         let ends = [self.ends(&phase.initial, &mut initial)?, self.ends(&phase.terminal, &mut terminal)?];
-        let path = phase.bounds.iter().map(|bound| self.bound(bound)).collect::<Result<_, Error>>()?;
-        let rates = phase.rates.iter().map(|rate| self.rate(rate)).collect::<Result<_, Error>>()?;
+        let path = phase.limits().map(|bound| self.bound(bound)).collect::<Result<_, Error>>()?;
+        let rates =
+            phase.rates.iter().map(|(name, rate)| self.rate(name, rate)).collect::<Result<_, Error>>()?;
         let cost = phase.costs.iter().map(|cost| self.cost(cost)).collect::<Result<_, Error>>()?;
         Ok(TaskPhase {
             name: phase.name.clone(),
@@ -258,14 +259,14 @@ impl Reader<'_> {
     fn start_values(
         &self,
         initial: &mut [Limits],
-        named: &[Condition],
+        named: &Entries<Condition>,
         notes: &mut Vec<String>,
     ) -> Result<(), Error> {
         let mut assumed = Vec::new();
         for (limits, &index) in initial.iter_mut().zip(&self.signals.states) {
             let variable = &self.catalog.variables()[index];
             let said =
-                named.iter().any(|one| self.catalog.find(&one.variable.text).map(|f| f.0) == Some(index));
+                named.iter().any(|(name, _)| self.catalog.find(&name.text).map(|f| f.0) == Some(index));
             if let Some(start) = variable.start.filter(|_| !said) {
                 *limits = (start, start);
                 assumed.push(format!("{} = {start}", variable.name));
@@ -283,11 +284,11 @@ impl Reader<'_> {
 
     fn duration(&self, duration: &Duration) -> Result<(Limits, f64), Error> {
         match duration {
-            Duration::Fixed(time) => {
+            Duration::Quantity(time) => {
                 let seconds = positive(self.source, self.seconds(time)?, time.place, "duration")?;
                 Ok(((seconds, seconds), seconds))
             }
-            Duration::Free { min, max, guess } => {
+            Duration::Table(FreeDuration { min, max, guess }) => {
                 let low = positive(self.source, self.seconds(min)?, min.place, "duration")?;
                 let (high, from) = (self.seconds(max)?, self.seconds(guess)?);
                 if high < low {
@@ -340,9 +341,10 @@ impl Reader<'_> {
         Ok((signal, found.0, limits))
     }
 
-    fn ends(&self, conditions: &[Condition], states: &mut [Limits]) -> Result<Vec<Limit>, Error> {
+    fn ends(&self, conditions: &Entries<Condition>, states: &mut [Limits]) -> Result<Vec<Limit>, Error> {
         let mut others = Vec::new();
-        for Condition { variable, range } in conditions {
+        for (variable, condition) in conditions {
+            let range = &condition.range();
             let (signal, index, limits) = self.limits(variable, range, variable.place)?;
             let own = &self.catalog.variables()[index];
             match signal {
@@ -358,9 +360,9 @@ impl Reader<'_> {
         Ok(others)
     }
 
-    pub fn bound(&self, bound: &Bound) -> Result<PathLimit, Error> {
+    pub fn bound(&self, bound: &Placed<Bound>) -> Result<PathLimit, Error> {
         let (first, _) = &bound.terms[0];
-        let (signal, index, limits) = self.limits(first, &bound.range, bound.place)?;
+        let (signal, index, limits) = self.limits(first, &bound.range(), bound.place)?;
         let mut terms = Vec::new();
         for (name, factor) in &bound.terms {
             terms.push((self.signal(name)?.0, *factor));
@@ -388,12 +390,12 @@ impl Reader<'_> {
                 limits,
             },
             at: bound.at.unwrap_or(by_kind),
-            during: bound.during,
+            during: bound.during.into(),
             margin: bound.margin,
         })
     }
 
-    fn rate(&self, rate: &Rate) -> Result<(usize, Limits), Error> {
+    fn rate(&self, name: &Text, rate: &Rate) -> Result<(usize, Limits), Error> {
         let per_second = |quantity: &Option<Quantity>| -> Option<Quantity> {
             let mut quantity = quantity.clone()?;
             if let Some(unit) = &mut quantity.unit {
@@ -401,7 +403,8 @@ impl Reader<'_> {
             }
             Some(quantity)
         };
-        for quantity in [&rate.range.min, &rate.range.max].into_iter().flatten() {
+        let range = rate.range();
+        for quantity in [&range.min, &range.max].into_iter().flatten() {
             if quantity.unit.as_ref().is_some_and(|unit| !unit.ends_with("/s")) {
                 let problem = format!(
                     "a rate is per second: write {} {}/s",
@@ -411,13 +414,13 @@ impl Reader<'_> {
                 return Err(self.source.error_at(quantity.place, problem));
             }
         }
-        let range = Range { min: per_second(&rate.range.min), max: per_second(&rate.range.max) };
-        let (signal, _, limits) = self.limits(&rate.variable, &range, rate.variable.place)?;
+        let range = Range { min: per_second(&range.min), max: per_second(&range.max) };
+        let (signal, _, limits) = self.limits(name, &range, name.place)?;
         match signal {
             Signal::Input(input) => Ok((input, limits)),
             _ => {
-                let problem = format!("`{}` is not an input; only inputs have rates", rate.variable.text);
-                Err(self.source.error_at(rate.variable.place, problem))
+                let problem = format!("`{}` is no input; only inputs have rates", name.text);
+                Err(self.source.error_at(name.place, problem))
             }
         }
     }

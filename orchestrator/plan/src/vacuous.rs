@@ -30,10 +30,10 @@ pub fn check(prepared: &mut Prepared, rough: &Rough) -> Result<(), Error> {
         let ends = [(&stated.initial, "initial"), (&stated.terminal, "final")];
         for ((conditions, end), limits) in ends.into_iter().zip(&phase.ends) {
             for limit in limits {
-                let place = conditions.iter().find_map(|one| {
-                    let (index, _) = setup.catalog.find(&one.variable.text)?;
+                let place = conditions.iter().find_map(|(name, _)| {
+                    let (index, _) = setup.catalog.find(&name.text)?;
                     (setup.task.signals.of(index) == limit.terms.first().map(|term| term.0))
-                        .then_some(one.variable.place)
+                        .then_some(name.place)
                 });
                 let remedy = "check the `parameters` of the phase, and to which phase the condition belongs";
                 let told =
@@ -44,7 +44,7 @@ pub fn check(prepared: &mut Prepared, rough: &Rough) -> Result<(), Error> {
         if let (Some(Some(jump)), Some(reset)) =
             (number.checked_sub(1).map(|i| &mut resets[i]), &stated.reset)
         {
-            for (bound, limit) in reset.bounds.iter().zip(jump.stated()) {
+            for (bound, limit) in reset.limits().zip(jump.stated()) {
                 let remedy = "check the `parameters` of the reset";
                 let told = Told { source, place: bound.place, end: "reset", remedy, phase: &phase.name };
                 told.judge(&limit, unmoved(jump.dynamics(), &limit, rough, &parts))?;

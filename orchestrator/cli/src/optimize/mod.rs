@@ -49,7 +49,7 @@ const DEFAULT_STEP: f64 = 1e-3;
 /// Fails if the search cannot begin, or its results cannot be written.
 pub fn run(args: &Args) -> Result<ExitCode, Error> {
     if args.schema {
-        output::print(file::SCHEMA)?;
+        output::print(&file::schema())?;
         return Ok(ExitCode::SUCCESS);
     }
     let Some(problem) = &args.problem else { return Ok(ExitCode::from(super::USAGE)) };
@@ -240,7 +240,7 @@ fn settings(args: &Args, statement: &mut Statement) -> Result<Settings, Error> {
     if let Some(duration) = args.duration {
         let quantity = |place| file::Quantity { value: duration, unit: None, place };
         match &mut statement.phases[..] {
-            [phase] => phase.duration = file::statement::Duration::Fixed(quantity(phase.place)),
+            [phase] => phase.duration = file::phase::Duration::Quantity(quantity(phase.place)),
             _ => {
                 let problem = "it sets the duration of one phase, and the problem has several".to_owned();
                 return Err(PlanError::Place { place: "--duration".into(), problem }.into());

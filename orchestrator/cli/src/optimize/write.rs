@@ -250,7 +250,7 @@ impl Results<'_> {
     fn rod(&self, rod: &Rod) -> RodRecord {
         RodRecord {
             name: rod.name.clone(),
-            angles: rod.angles.iter().map(|angle| self.shown(&angle.text)).collect(),
+            angles: rod.angle.names().iter().map(|angle| self.shown(angle)).collect(),
             length: match &rod.length {
                 Length::Variable(name) => Length::Variable(self.shown(name)),
                 Length::Number(length) => Length::Number(*length),

@@ -1,12 +1,11 @@
 //! The text of a problem file, and places in it.
 
-use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use crate::Error;
 
 /// The text of a problem file with its path.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Source {
     /// Path, as given.
     pub file: PathBuf,
@@ -14,14 +13,9 @@ pub struct Source {
     pub text: String,
 }
 
-/// A place in a problem file, counted from 1.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct Place {
-    /// Line.
-    pub line: usize,
-    /// Column, in characters.
-    pub column: usize,
-}
+/// A place in a file, in bytes from its beginning; [`Source::line_column`] counts it for a reader.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default)]
+pub struct Place(pub usize);
 
 impl Source {
     /// Reads a file.
@@ -33,22 +27,23 @@ impl Source {
         Ok(Source { file: file.into(), text })
     }
 
-    /// The place of a range of bytes.
-    pub fn place(&self, span: &Range<usize>) -> Place {
-        let start = (0..=span.start.min(self.text.len())).rev().find(|&at| self.text.is_char_boundary(at));
+    /// Line and column (in characters) of a place, from 1.
+    pub fn line_column(&self, place: Place) -> (usize, usize) {
+        let start = (0..=place.0.min(self.text.len())).rev().find(|&at| self.text.is_char_boundary(at));
         let before = &self.text[..start.unwrap_or(0)];
         let line_start = before.rfind('\n').map_or(0, |at| at + 1);
-        Place { line: before.matches('\n').count() + 1, column: before[line_start..].chars().count() + 1 }
+        (before.matches('\n').count() + 1, before[line_start..].chars().count() + 1)
     }
 
-    /// Error at a range of bytes.
-    pub fn error(&self, span: &Range<usize>, problem: impl Into<String>) -> Error {
-        self.error_at(self.place(span), problem)
+    /// The first of some keys that the file has at its root, and its place.
+    pub fn key<'a>(&self, keys: &[&'a str]) -> Option<(&'a str, Place)> {
+        let document = toml::de::DeTable::parse(&self.text).ok()?;
+        keys.iter().find_map(|&key| Some((key, Place(document.get_ref().get_key_value(key)?.0.span().start))))
     }
 
     /// Error at a place.
     pub fn error_at(&self, place: Place, problem: impl Into<String>) -> Error {
-        let Place { line, column } = place;
+        let (line, column) = self.line_column(place);
         Error::File { file: self.file.clone(), line, column, problem: problem.into() }
     }
 
@@ -74,10 +69,9 @@ mod tests {
     #[test]
     fn places_count_lines_and_characters_from_one() {
         let source = source("a = 1\nß = 22\n");
-        assert_eq!(source.place(&(0..1)), Place { line: 1, column: 1 });
-        let at = source.text.find("22").unwrap();
-        assert_eq!(source.place(&(at..at + 2)), Place { line: 2, column: 5 });
-        assert_eq!(source.place(&(1000..1000)), Place { line: 3, column: 1 });
+        assert_eq!(source.line_column(Place(0)), (1, 1));
+        assert_eq!(source.line_column(Place(source.text.find("22").unwrap())), (2, 5));
+        assert_eq!(source.line_column(Place(1000)), (3, 1));
     }
 
     #[test]

@@ -1,49 +1,161 @@
-//! Content of a problem file, with places, before names and units are looked up in a system.
+//! A problem file as it is declared, with places, before names and units are looked up in a system.
 
 use std::path::PathBuf;
 
+use schemars::JsonSchema;
+use serde::Deserialize;
+
 use super::balance::Balance;
 use super::feed_forward::FeedForward;
+use super::guess::Guess;
+use super::phase::{Bound, Condition, Cost, Duration, Phase, Rate, bounds_schema, sums_schema};
 use super::quantity::Quantity;
 use super::source::{Place, Source};
 use super::stick_figure::StickFigure;
-use super::table::Text;
+use super::value::{Choice, Entries, Parameters, Placed, Text, choice, choices, count, tolerance};
+use crate::Error;
+use airloop_cosim::master::Algorithm;
 use airloop_ocp::transcription::Transcription;
 use airloop_optim::Method;
 
-/// A problem file.
-#[derive(Debug, Clone, PartialEq)]
+/// A motion to be found for a system of FMUs.
+#[derive(Debug, Clone, PartialEq, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+#[schemars(title = "airloop optimize: problem file")]
+#[schemars(extend("anyOf" = [{ "required": ["duration"] }, { "required": ["phase"] }]))]
 pub struct Statement {
     /// Text and path.
+    #[serde(skip)]
     pub source: Source,
-    /// Title; default the name of the file.
+    /// Title; default: the name of the file.
+    #[serde(default)]
     pub name: String,
-    /// Place of `name` or of the default.
+    /// System: .ssd, .ssp or a single .fmu, relative to the folder of this file.
     pub system: Text,
     /// The system, resolved against the folder of the problem file.
+    #[serde(skip)]
     pub system_file: PathBuf,
-    /// Start values of parameters, `component.variable` and value as text.
-    pub parameters: Vec<(Text, String)>,
-    /// Inputs to be found; none: those with bounds or cost.
+    /// Start values of parameters: component.variable, or variable for a single FMU.
+    #[serde(default)]
+    pub parameters: Parameters,
+    /// Inputs to be found; default: those with a bound, a rate or a cost. Others keep their start values.
     pub inputs: Option<Vec<Text>>,
-    /// States of the problem in their order; none: all that move.
+    /// Order of the states; default: all that move, component by component.
     pub states: Option<Vec<Text>>,
-    /// Settings.
+    /// Settings of the search.
+    #[serde(default)]
     pub settings: Settings,
-    /// Phases in their order; a file without `[[phase]]` has one.
-    pub phases: Vec<Phase>,
+    /// Phases in their order, in place of the keys of one.
+    #[serde(default, rename = "phase")]
+    #[schemars(length(min = 1))]
+    pub phases: Vec<Placed<Phase>>,
+    // The keys of the only phase; they move to `phases` when the file is read.
+    /// "2 s", or a range in which it is to be found.
+    duration: Option<Duration>,
+    /// Conditions at the start; states that are not named begin at the start values of the system.
+    #[serde(default)]
+    initial: Entries<Condition>,
+    /// Conditions at the end; states that are not named are free.
+    #[serde(default, rename = "final")]
+    terminal: Entries<Condition>,
+    /// Bounds along the way, by variable.
+    #[serde(default)]
+    #[schemars(schema_with = "bounds_schema")]
+    bounds: Entries<Placed<Bound>>,
+    /// Bounds on sums of factor times variable.
+    #[serde(default)]
+    #[schemars(schema_with = "sums_schema")]
+    constraint: Vec<Placed<Bound>>,
+    /// Limits of the rates of inputs.
+    #[serde(default)]
+    rates: Entries<Rate>,
+    /// Terms of the cost.
+    #[serde(default)]
+    cost: Vec<Placed<Cost>>,
     /// Named guesses.
-    pub guesses: Vec<Guess>,
-    /// Roll-out.
+    #[serde(default, rename = "guess")]
+    pub guesses: Entries<Guess>,
+    /// Roll-out of the plan through the system.
+    #[serde(default)]
     pub verification: Verification,
-    /// Drawing of the page.
+    /// Cart with a pole that the page draws.
     pub animation: Option<Animation>,
     /// Rods that the page draws.
     pub stick_figure: Option<StickFigure>,
-    /// Names of variants of the problem, and their files.
-    pub variants: Vec<(Text, Text)>,
-    /// Actuators that are to deliver what is planned.
+    /// Files of variants of the problem, for --variant.
+    #[serde(default)]
+    pub variants: Entries<Text>,
+    /// Actuators that are to deliver planned forces.
     pub feed_forward: Option<FeedForward>,
+}
+
+/// Keys of the file that belong to its only phase.
+const OF_ONE_PHASE: [&str; 7] = ["duration", "initial", "final", "bounds", "constraint", "rates", "cost"];
+
+/// Reads the text of a problem file.
+///
+/// # Errors
+/// [`Error::File`] with line, column, value and remedy.
+pub fn parse(source: Source) -> Result<Statement, Error> {
+    let mut read: Statement = super::declared::read(&source)?;
+    let folder = source.file.parent().unwrap_or("".as_ref());
+    read.system_file = folder.join(&read.system.text);
+    if read.name.is_empty() {
+        read.name = source.file.file_stem().map_or(String::new(), |stem| stem.to_string_lossy().into_owned());
+    }
+    for pass in &mut read.settings.before {
+        pass.transcription.get_or_insert(read.settings.transcription);
+    }
+    read.gather_phases(&source)?;
+    let complete = read.phases.iter_mut().try_for_each(|phase| phase.complete());
+    complete.and_then(|()| read.check()).map_err(|(place, problem)| source.error_at(place, problem))?;
+    Ok(Statement { source, ..read })
+}
+
+impl Statement {
+    /// Makes the keys of the only phase a phase, and names phases that have no name.
+    fn gather_phases(&mut self, source: &Source) -> Result<(), Error> {
+        if let Some((key, place)) = (!self.phases.is_empty()).then(|| source.key(&OF_ONE_PHASE)).flatten() {
+            let problem = format!("`{key}` belongs to a phase where there is [[phase]]; move it there");
+            return Err(source.error_at(place, problem));
+        }
+        for (number, phase) in self.phases.iter_mut().enumerate().filter(|(_, phase)| phase.name.is_empty()) {
+            phase.name = format!("phase {}", number + 1);
+        }
+        if self.phases.is_empty() {
+            let missing = || source.error_at(Place(0), "the file has no `duration`; add it");
+            let value = Phase {
+                name: "motion".into(),
+                intervals: None,
+                parameters: Parameters::default(),
+                duration: self.duration.take().ok_or_else(missing)?,
+                reset: None,
+                initial: std::mem::take(&mut self.initial),
+                terminal: std::mem::take(&mut self.terminal),
+                bounds: std::mem::take(&mut self.bounds),
+                constraint: std::mem::take(&mut self.constraint),
+                rates: std::mem::take(&mut self.rates),
+                costs: std::mem::take(&mut self.cost),
+            };
+            self.phases.push(Placed { place: Place(0), value });
+        }
+        Ok(())
+    }
+
+    /// Finds the first thing that no type rules out, outside the phases.
+    fn check(&self) -> Result<(), (Place, String)> {
+        for (name, guess) in &self.guesses {
+            if name.text == "linear" {
+                return Err((name.place, "the guess `linear` is built in; choose another name".into()));
+            }
+            guess.trajectories.iter().try_for_each(|(_, line)| line.check())?;
+        }
+        let mut rods = self.stick_figure.iter().flat_map(|figure| &figure.rods);
+        match rods.find(|rod| rod.angle.names().is_empty()) {
+            Some(rod) => Err((rod.angle.place, "a rod has an angle, or several whose mean it has".into())),
+            None => Ok(()),
+        }
+    }
 }
 
 /// Names of the transcriptions in problem files and on the command line.
@@ -60,244 +172,161 @@ pub fn transcription_name(transcription: Transcription) -> &'static str {
     TRANSCRIPTIONS.iter().find(|(_, one)| *one == transcription).map_or("", |(name, _)| name)
 }
 
-/// `[settings]`.
-#[derive(Debug, Clone, PartialEq)]
+impl Choice for Transcription {
+    const CHOICES: &'static [(&'static str, Transcription)] = &TRANSCRIPTIONS;
+}
+
+impl Choice for Method {
+    const CHOICES: &'static [(&'static str, Method)] =
+        &[("interior-point", Method::InteriorPoint), ("sqp", Method::Sqp)];
+}
+
+impl Choice for Algorithm {
+    const CHOICES: &'static [(&'static str, Algorithm)] = &[
+        ("monolithic", Algorithm::Monolithic),
+        ("gauss-seidel", Algorithm::GaussSeidel),
+        ("jacobi", Algorithm::Jacobi),
+        ("interface-jacobian", Algorithm::InterfaceJacobian),
+    ];
+}
+
+/// Settings of the search.
+#[derive(Debug, Clone, PartialEq, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
 pub struct Settings {
-    /// Transcription of the last solve.
+    /// Transcription of the last solve; default: hermite-simpson.
+    #[serde(deserialize_with = "choice")]
+    #[schemars(schema_with = "choices::<Transcription>")]
     pub transcription: Transcription,
-    /// Intervals of the last solve.
+    /// Intervals of the last solve; default: 100.
+    #[serde(deserialize_with = "count")]
+    #[schemars(range(min = 1))]
     pub intervals: usize,
-    /// Solves that lead there, each started from the one before.
-    pub before: Vec<Pass>,
-    /// Guess to start from: `linear`, or the name of a guess.
+    /// Solves that lead there, each started from the one before, such as a coarse mesh.
+    #[serde(rename = "start_with")]
+    pub before: Vec<Placed<Pass>>,
+    /// `linear`, the name of a guess of this file, or a .csv file; default: the first guess of this file, else
+    /// `linear`.
     pub guess: Option<Text>,
-    /// Method of the first solve.
+    /// Method of the first solve; default: interior-point.
+    #[serde(deserialize_with = "choice")]
+    #[schemars(schema_with = "choices::<Method>")]
     pub method: Method,
-    /// Stop test of the solver.
+    /// Scaled KKT error at which a problem counts as solved; default: 1e-8.
+    #[serde(deserialize_with = "tolerance")]
+    #[schemars(extend("exclusiveMinimum" = 0, "exclusiveMaximum" = 1))]
     pub tolerance: f64,
-    /// Whether variables are divided by their nominal values for the solver.
-    pub scaled: bool,
-    /// Most iterations of one solve.
+    /// Whether variables are divided by the nominal values of the FMUs; the solver scales objective and constraints by
+    /// itself.
+    pub scaling: Scaling,
+    /// Most iterations of one solve; default: 500.
+    #[serde(deserialize_with = "count")]
+    #[schemars(range(min = 1))]
     pub max_iterations: usize,
-    /// Components whose linear states are sampled; none: those with a parameter `sample_time`.
+    /// Components that are sampled; default: those with a parameter `sample_time`.
     pub sampled: Option<Vec<Text>>,
-    /// Sample time; none: that of the sampled component.
+    /// Sample time; default: that of the sampled components.
     pub sample_time: Option<Quantity>,
-    /// Error of a state between knots above which intervals are split, and how often.
+    /// Split intervals until the estimated error of every state is below the tolerance.
     pub mesh: Option<MeshRefinement>,
 }
 
-/// One solve on the way.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Pass {
-    /// Transcription.
-    pub transcription: Transcription,
-    /// Intervals.
-    pub intervals: usize,
-    /// Place in the file.
-    pub place: Place,
+impl Default for Settings {
+    fn default() -> Settings {
+        Settings {
+            transcription: Transcription::HermiteSimpson,
+            intervals: 100,
+            before: Vec::new(),
+            guess: None,
+            method: Method::InteriorPoint,
+            tolerance: 1e-8,
+            scaling: Scaling::None,
+            max_iterations: 500,
+            sampled: None,
+            sample_time: None,
+            mesh: None,
+        }
+    }
 }
 
-/// Criteria for splitting intervals.
-#[derive(Debug, Clone, Copy, PartialEq)]
+/// Magnitudes by which variables are divided for the solver.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+#[schemars(inline)]
+#[allow(missing_docs, reason = "named by themselves")]
+pub enum Scaling {
+    #[default]
+    None,
+    Nominal,
+}
+
+/// One solve on the way.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Pass {
+    /// Transcription; default: that of the last solve.
+    #[serde(default, deserialize_with = "choice::<_, Transcription, _>")]
+    #[schemars(schema_with = "choices::<Transcription>")]
+    pub transcription: Option<Transcription>,
+    /// Intervals.
+    #[serde(deserialize_with = "count")]
+    #[schemars(range(min = 1))]
+    pub intervals: usize,
+}
+
+/// When intervals are split.
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
 pub struct MeshRefinement {
     /// Largest relative error of a state over an interval.
+    #[serde(deserialize_with = "tolerance")]
+    #[schemars(extend("exclusiveMinimum" = 0, "exclusiveMaximum" = 1))]
     pub tolerance: f64,
     /// Rounds at most.
+    #[serde(default = "rounds", deserialize_with = "count")]
+    #[schemars(range(min = 1))]
     pub rounds: usize,
 }
 
-/// Duration of a phase.
-#[derive(Debug, Clone, PartialEq)]
-pub enum Duration {
-    /// Given.
-    Fixed(Quantity),
-    /// To be found.
-    Free {
-        /// Shortest.
-        min: Quantity,
-        /// Longest.
-        max: Quantity,
-        /// Start of the search.
-        guess: Quantity,
-    },
+fn rounds() -> usize {
+    5
 }
 
-/// One phase of a motion.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Phase {
-    /// Name.
-    pub name: String,
-    /// Place in the file.
-    pub place: Place,
-    /// Duration.
-    pub duration: Duration,
-    /// Intervals; none: those of the settings.
-    pub intervals: Option<usize>,
-    /// Start values of parameters in this phase, such as a pinned mode.
-    pub parameters: Vec<(Text, String)>,
-    /// Map from the end of the phase before to the states at the start; none: they are continuous.
-    pub reset: Option<Reset>,
-    /// Conditions at the start; states that are not named keep the start values of the system.
-    pub initial: Vec<Condition>,
-    /// Conditions at the end; states that are not named are free.
-    pub terminal: Vec<Condition>,
-    /// Bounds along the way.
-    pub bounds: Vec<Bound>,
-    /// Limits of the rates of inputs.
-    pub rates: Vec<Rate>,
-    /// Cost.
-    pub costs: Vec<Cost>,
-}
-
-/// A jump of states from the end of a phase to the start of the next, read from outputs of the system.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Reset {
-    /// Start values of parameters of the system that shows the outputs.
-    pub parameters: Vec<(Text, String)>,
-    /// State after, and the variable that shows it before; other states are continuous.
-    pub states: Vec<(Text, Text)>,
-    /// Bounds of outputs, such as impulses.
-    pub bounds: Vec<Bound>,
-    /// Place in the file.
-    pub place: Place,
-}
-
-/// Condition on a variable at one end of a phase.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Condition {
-    /// Variable.
-    pub variable: Text,
-    /// Its value or range; both none: free.
-    pub range: Range,
-}
-
-/// A range of values; equal ends fix the value.
-#[derive(Debug, Clone, PartialEq, Default)]
-pub struct Range {
-    /// Smallest.
-    pub min: Option<Quantity>,
-    /// Largest.
-    pub max: Option<Quantity>,
-}
-
-/// Part of a phase where a bound holds.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Where {
-    /// At the nodes: states and outputs by default.
-    Nodes,
-    /// In the middle of the intervals.
-    Midpoints,
-    /// At both: inputs by default.
-    Everywhere,
-}
-
-/// `lower <= sum of factor * variable <= upper` along the way.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Bound {
-    /// Name for messages; default the variable.
-    pub name: Option<String>,
-    /// Variables with their factors; one with factor 1 is the usual case.
-    pub terms: Vec<(Text, f64)>,
-    /// Range; units those of the first variable unless said.
-    pub range: Range,
-    /// Part of the phase where it holds; none: by the kind of the variable.
-    pub at: Option<Where>,
-    /// Part of the phase in which it holds, 0 to 1.
-    pub during: (f64, f64),
-    /// Amount by which it is stricter at the points of the mesh, so that it holds between them, in the unit of the
-    /// plan.
-    pub margin: f64,
-    /// Place in the file.
-    pub place: Place,
-}
-
-/// Limits of the rate of an input.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Rate {
-    /// Input.
-    pub variable: Text,
-    /// Range in the unit of the input per second.
-    pub range: Range,
-}
-
-/// Quantity whose cost is taken.
-#[derive(Debug, Clone, PartialEq)]
-pub enum Of {
-    /// Integral of `(variable - reference)^2` over the phase.
-    Integral(Text, Option<Quantity>),
-    /// `(variable - reference)^2` at the end.
-    Final(Text, Option<Quantity>),
-    /// The duration of the phase.
-    Duration,
-}
-
-/// A term of the cost.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Cost {
-    /// Quantity whose cost is taken.
-    pub of: Of,
-    /// Weight.
-    pub weight: f64,
-    /// Place in the file.
-    pub place: Place,
-}
-
-/// A guess given in the file: each named variable piecewise linear, others zero or at their conditions.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Guess {
-    /// Name.
-    pub name: Text,
-    /// Trajectories of variables.
-    pub trajectories: Vec<GuessLine>,
-    /// Start values of states along the whole way where no trajectory says otherwise: zero, or a line between the ends.
-    pub others: Others,
-}
-
-/// Variables that a guess does not name.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Others {
-    /// Zero.
-    Zero,
-    /// On a line from the initial to the final condition.
-    Linear,
-}
-
-/// A piecewise linear trajectory.
-#[derive(Debug, Clone, PartialEq)]
-pub struct GuessLine {
-    /// Variable.
-    pub variable: Text,
-    /// Part of the whole duration, 0 to 1, increasing, `[n]`.
-    pub t: Vec<f64>,
-    /// Values, `[n]`.
-    pub value: Vec<f64>,
-    /// Unit of the values; none: that of the variable.
-    pub unit: Option<String>,
-}
-
-/// `[verification]`.
-#[derive(Debug, Clone, PartialEq)]
+/// Roll-out of the plan through the system.
+#[derive(Debug, Clone, PartialEq, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
 pub struct Verification {
     /// Whether the plan is rolled out.
     pub run: bool,
-    /// Master of the sampled roll-out, as on the command line.
-    pub master: airloop_cosim::master::Algorithm,
-    /// Communication step; none: the sample time.
+    /// Master of the sampled roll-out; default: monolithic.
+    #[serde(deserialize_with = "choice")]
+    #[schemars(schema_with = "choices::<Algorithm>")]
+    pub master: Algorithm,
+    /// Communication step; default: the sample time, or 1 ms.
     pub step: Option<Quantity>,
     /// Relative tolerance of the integrators.
+    #[serde(deserialize_with = "tolerance::<_, Option<f64>>")]
+    #[schemars(extend("exclusiveMinimum" = 0, "exclusiveMaximum" = 1))]
     pub tolerance: Option<f64>,
     /// Forces that are recomputed from the energy.
     pub balance: Option<Balance>,
 }
 
-/// `[animation]`: what the page draws.
-#[derive(Debug, Clone, PartialEq)]
+impl Default for Verification {
+    fn default() -> Verification {
+        Verification { run: true, master: Algorithm::Monolithic, step: None, tolerance: None, balance: None }
+    }
+}
+
+/// A cart with a pole, drawn on the page of the results.
+#[derive(Debug, Clone, PartialEq, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
 pub struct Animation {
-    /// Position of the cart.
+    /// Position of the cart in m.
     pub cart: Text,
-    /// Angle of the pole, 0 hanging, counter-clockwise.
+    /// Angle of the pole in rad, 0 hanging, counter-clockwise.
     pub angle: Text,
-    /// Length of the pole \[m\].
+    /// Length of the pole in m.
+    #[schemars(extend("exclusiveMinimum" = 0))]
     pub length: f64,
 }

@@ -1,67 +1,63 @@
 //! `[stick_figure]`: rods from a point that moves, such as legs and trunk from a hip.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::table::{Text, Value};
-use crate::Error;
+use super::value::{Placed, Text};
 
-/// `[stick_figure]`.
-#[derive(Debug, Clone, PartialEq)]
+/// Rods from a point that moves, such as legs from a hip, drawn and shown in motion on the page of the results.
+#[derive(Debug, Clone, PartialEq, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
 pub struct StickFigure {
-    /// Position of the point from which all rods go.
+    /// Horizontal position of the point in m.
     pub x: Text,
-    /// See `x`.
+    /// Its height in m.
     pub y: Text,
-    /// The rods.
+    /// The rods, each to (x + length sin(angle), y - length cos(angle)).
+    #[serde(rename = "rod")]
     pub rods: Vec<Rod>,
 }
 
-/// A rod: to `(x + length sin(angle), y - length cos(angle))`.
-#[derive(Debug, Clone, PartialEq)]
+/// A rod.
+#[derive(Debug, Clone, PartialEq, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
 pub struct Rod {
-    /// Name in the figure; none: its angles.
+    /// Name in the figure; default: its angles.
     pub name: Option<String>,
-    /// Angles whose mean is that of the rod, 0 hanging, counter-clockwise.
-    pub angles: Vec<Text>,
-    /// Its length; below 0 it stands up.
+    /// Angle in rad, 0 hanging, counter-clockwise; of several their mean.
+    pub angle: Placed<Angle>,
+    /// Length in m, a variable or a number; below 0 the rod stands up.
     pub length: Length,
 }
 
+/// One angle or several, by the names of variables.
+#[derive(Debug, Clone, PartialEq, Deserialize, JsonSchema)]
+#[serde(untagged, expecting = "an angle is the name of a variable, or a list of names whose mean it is")]
+#[schemars(inline)]
+pub enum Angle {
+    /// A variable.
+    One(String),
+    /// Variables whose mean it is.
+    Mean(#[schemars(length(min = 1))] Vec<String>),
+}
+
+impl Angle {
+    /// The names of its variables.
+    pub fn names(&self) -> &[String] {
+        match self {
+            Angle::One(name) => std::slice::from_ref(name),
+            Angle::Mean(names) => names,
+        }
+    }
+}
+
 /// A variable by its name, or a number \[m\].
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(untagged)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(untagged, expecting = "a length is the name of a variable, or a number")]
+#[schemars(inline)]
 pub enum Length {
-    /// Constant \[m\].
+    /// Constant in m.
     Number(f64),
     /// A variable.
     Variable(String),
-}
-
-/// Reads the section.
-pub fn read(value: Value) -> Result<StickFigure, Error> {
-    let table = value.table("[stick_figure]")?;
-    let rods = table.need("rod")?.list()?.into_iter().map(rod).collect::<Result<Vec<_>, _>>()?;
-    let figure = StickFigure { x: table.need("x")?.text()?, y: table.need("y")?.text()?, rods };
-    table.finish()?;
-    Ok(figure)
-}
-
-fn rod(value: Value) -> Result<Rod, Error> {
-    let table = value.table("[[stick_figure.rod]]")?;
-    let angle = table.need("angle")?;
-    let angles = match angle.text() {
-        Ok(one) => vec![one],
-        Err(_) => angle.list()?.iter().map(Value::text).collect::<Result<_, _>>()?,
-    };
-    if angles.is_empty() {
-        return Err(angle.error("a rod has an angle, or several whose mean it has"));
-    }
-    let length = table.need("length")?;
-    let length = match length.text() {
-        Ok(name) => Length::Variable(name.text),
-        Err(_) => Length::Number(length.number()?),
-    };
-    let name = table.maybe("name", |value| value.text())?.map(|text| text.text);
-    table.finish()?;
-    Ok(Rod { name, angles, length })
 }

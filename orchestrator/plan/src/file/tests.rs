@@ -1,7 +1,7 @@
 //! Reading of problem files, and messages about wrong ones.
 
-use super::statement::{Duration, Of, Where};
-use super::{Place, Quantity, SCHEMA, Source, Statement, TRANSCRIPTIONS, parse};
+use super::phase::{Duration, Of, Where};
+use super::{Place, Quantity, Source, Statement, TRANSCRIPTIONS, parse};
 use airloop_ocp::transcription::Transcription;
 
 fn statement(text: &str) -> Result<Statement, crate::Error> {
@@ -21,9 +21,9 @@ fn the_smallest_problem_has_defaults_for_all_else() {
     assert_eq!(found.name, "problem");
     assert_eq!(found.system_file, std::path::Path::new("folder/s.ssd"));
     assert_eq!(found.settings.transcription, Transcription::HermiteSimpson);
-    let time = Quantity { value: 2.0, unit: Some("s".into()), place: Place { line: 2, column: 12 } };
+    let time = Quantity { value: 2.0, unit: Some("s".into()), place: Place(28) };
     assert_eq!(found.phases.len(), 1);
-    assert_eq!(found.phases[0].duration, Duration::Fixed(time));
+    assert_eq!(found.phases[0].duration, Duration::Quantity(time));
 }
 
 #[test]
@@ -33,19 +33,21 @@ fn conditions_bounds_rates_and_costs_keep_their_words() {
                 [[cost]]\nduration = 0.5\n[[constraint]]\nterms = { x = 1, y = -2.5 }\nmax = 1\n";
     let found = statement(&format!("{SMALLEST}{more}")).unwrap();
     let phase = &found.phases[0];
-    assert!(phase.initial[0].range.min.is_none() && phase.initial[0].range.max.is_none());
-    assert_eq!(phase.initial[1].range.min.as_ref().unwrap().value, -1.0);
-    let bound = &phase.bounds[0];
+    let ranges: Vec<_> = phase.initial.iter().map(|(_, condition)| condition.range()).collect();
+    assert!(ranges[0].min.is_none() && ranges[0].max.is_none());
+    assert_eq!(ranges[1].min.as_ref().unwrap().value, -1.0);
+    let bounds: Vec<_> = phase.limits().collect();
+    let bound = bounds[0];
     assert_eq!(
         (bound.name.as_deref(), bound.at, bound.during),
-        (Some("stroke"), Some(Where::Everywhere), (0.2, 1.0))
+        (Some("stroke"), Some(Where::Everywhere), [0.2, 1.0])
     );
-    assert_eq!(bound.range.min.as_ref().unwrap().unit.as_deref(), Some("cm"));
+    assert_eq!(bound.min.as_ref().unwrap().unit.as_deref(), Some("cm"));
     assert_eq!(
-        phase.bounds[1].terms.iter().map(|(name, factor)| (name.text.as_str(), *factor)).collect::<Vec<_>>(),
+        bounds[1].terms.iter().map(|(name, factor)| (name.text.as_str(), *factor)).collect::<Vec<_>>(),
         [("x", 1.0), ("y", -2.5)]
     );
-    let rate = &phase.rates[0].range;
+    let rate = phase.rates[0].1.range();
     assert_eq!((rate.min.as_ref().unwrap().value, rate.max.as_ref().unwrap().value), (-500.0, 500.0));
     assert!(matches!(phase.costs[0].of, Of::Integral(..)) && phase.costs[0].weight == 3.0);
     assert!(matches!(phase.costs[1].of, Of::Duration) && phase.costs[1].weight == 0.5);
@@ -61,9 +63,9 @@ fn phases_have_their_own_keys() {
         ["stance", "phase 2"]
     );
     assert_eq!(found.phases[0].intervals, Some(30));
-    assert_eq!(found.phases[0].parameters[0].1, "2");
-    assert!(matches!(found.phases[0].duration, Duration::Free { .. }));
-    assert_eq!(found.phases[0].terminal[0].variable.text, "x");
+    assert_eq!(found.phases[0].parameters[0].1.to_string(), "2");
+    assert!(matches!(found.phases[0].duration, Duration::Table(_)));
+    assert_eq!(found.phases[0].terminal[0].0.text, "x");
 }
 
 #[test]
@@ -120,39 +122,97 @@ fn what_is_wrong_is_named_with_line_column_and_remedy() {
     }
 }
 
-/// Objects of the schema below the keys that lead to them.
-fn properties<'a>(schema: &'a serde_json::Value, path: &[&str]) -> Vec<&'a str> {
-    let at = path.iter().fold(schema, |at, key| &at[*key]);
-    at.as_object().unwrap().keys().map(String::as_str).collect()
+#[test]
+fn numbers_are_finite_and_keys_of_a_phase_stand_in_one() {
+    let message = wrong(&format!("{SMALLEST}[[cost]]\nduration = inf\n"));
+    assert!(message.contains("line 4, column 12: `inf` is not a finite number"), "{message}");
+    let message = wrong("system = \"s.ssd\"\nduration = 2\n[[phase]]\nduration = 1\n");
+    assert!(message.contains("line 2, column 1: `duration` belongs to a phase"), "{message}");
+    let message = wrong(&format!("{SMALLEST}[bounds]\nx = {{ terms = {{ y = 1 }}, max = 1 }}\n"));
+    assert!(message.contains("belongs to [[constraint]]"), "{message}");
 }
 
 #[test]
-fn the_schema_has_the_keys_that_are_read() {
-    let schema: serde_json::Value = serde_json::from_str(SCHEMA).unwrap();
-    // A key of the schema that the reader does not know would be refused with these words.
-    let probes: [(&[&str], &str); 5] = [
-        (&["properties", "stick_figure", "properties"], "[stick_figure]\n{KEY}"),
-        (&["properties"], "{KEY}"),
-        (&["properties", "settings", "properties"], "[settings]\n{KEY}"),
-        (&["properties", "verification", "properties"], "[verification]\n{KEY}"),
-        (&["properties", "animation", "properties"], "[animation]\ncart=\"x\"\nangle=\"a\"\nlength=1\n{KEY}"),
+fn messages_name_the_table_the_value_and_what_is_wanted() {
+    let cases = [
+        (
+            "[verification]\nrun = 3\n",
+            "line 4, column 7: `verification.run`: this is the whole number `3`; true or false is wanted",
+        ),
+        (
+            "[bounds]\nx = { max = 1, during = [1, 0] }\n",
+            "line 4, column 25: `bounds.x.during`: wanted is [from, to] as parts of the phase, 0 <= from <= to <= 1",
+        ),
+        (
+            "[settings]\nmehtod = 3\n",
+            "line 4, column 1: [settings] has no key `mehtod`; did you mean `method`?",
+        ),
+        ("[settings.mesh]\nrounds = 3\n", "line 3, column 1: [settings.mesh] has no `tolerance`; add it"),
+        (
+            "[guess.a]\nothers = \"one\"\n",
+            "line 4, column 10: `guess.a.others`: `one` is none of zero, linear",
+        ),
+        (
+            "[guess.a]\nx = { t = [0, true], value = [1, 2] }\n",
+            "line 4, column 15: `guess.a.x.t`: this is `true`; a number is wanted",
+        ),
+        (
+            "[initial]\nx = [1]\n",
+            "line 4, column 5: `initial.x`: this is a list; a number, or a text such as \"150 mm\" is wanted",
+        ),
+        (
+            "[initial]\nx = { mim = 1 }\n",
+            "line 4, column 7: [initial.x] has no key `mim`; did you mean `min`",
+        ),
+        (
+            "[settings]\nsample_time = { min = 1 }\n",
+            "line 4, column 15: `settings.sample_time`: this is a table; a number, or a text such as",
+        ),
+        ("[rates]\nu = -1\n", "line 4, column 5: one number limits the rate both ways"),
+        (
+            "inputs = [\"a\", 3]\n",
+            "line 3, column 16: `inputs`: this is the whole number `3`; a text in quotes is wanted",
+        ),
     ];
-    for (path, text) in probes {
-        for key in properties(&schema, path) {
-            let message = wrong(&format!(
-                "system = \"s\"\nduration = 2\n{}",
-                text.replace("{KEY}", &format!("{key} = 1979-05-27"))
-            ));
-            assert!(!message.contains("has no key"), "{key}: {message}");
-        }
+    for (more, words) in cases {
+        let message = wrong(&format!("{SMALLEST}{more}"));
+        assert!(message.contains(words), "{more}\n{message}");
     }
-    let names: Vec<&str> = schema["definitions"]["transcription"]["enum"]
-        .as_array()
-        .unwrap()
-        .iter()
-        .map(|name| name.as_str().unwrap())
-        .collect();
-    assert_eq!(names, TRANSCRIPTIONS.map(|(name, _)| name));
+}
+
+#[test]
+fn the_problems_of_the_examples_are_read() {
+    let examples = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples");
+    for (name, phases) in [
+        ("03_swing_up/problem.toml", 1),
+        ("04_half_step/problem.toml", 3),
+        ("04_half_step/joint.toml", 3),
+        ("04_half_step/variant_a.toml", 3),
+    ] {
+        let found = super::read(&examples.join(name)).unwrap();
+        assert_eq!(found.phases.len(), phases, "{name}");
+    }
+    for name in ["03_swing_up/stabilize.toml", "04_half_step/stabilize.toml"] {
+        crate::stabilize::settings::read(&examples.join(name)).unwrap();
+    }
+}
+
+#[test]
+fn the_schema_has_the_keys_with_descriptions_and_no_null() {
+    let schema: serde_json::Value = serde_json::from_str(&super::schema()).unwrap();
+    let properties = &schema["properties"];
+    for key in ["system", "duration", "phase", "final", "settings", "guess", "stick_figure", "constraint"] {
+        assert!(properties[key]["description"].is_string(), "{key}: {}", properties[key]);
+    }
+    assert!(!super::schema().contains("null"));
+    assert!(properties["source"].is_null() && schema["additionalProperties"] == false);
+    let definitions = &schema["definitions"];
+    let names = definitions["Settings"]["properties"]["transcription"]["enum"].as_array().unwrap();
+    assert!(names.iter().eq(TRANSCRIPTIONS.map(|(name, _)| name).iter()), "{names:?}");
+    assert_eq!(definitions["Settings"]["properties"]["start_with"]["items"]["$ref"], "#/definitions/Pass");
+    assert_eq!(properties["constraint"]["items"]["allOf"][1]["required"][0], "terms");
+    assert_eq!(properties["bounds"]["additionalProperties"]["allOf"][1]["properties"]["terms"], false);
+    assert_eq!(definitions["CostKeys"]["oneOf"].as_array().unwrap().len(), 3);
 }
 
 #[test]
@@ -163,7 +223,7 @@ fn a_phase_may_begin_with_a_reset() {
     assert!(found.phases[0].reset.is_none());
     let reset = found.phases[1].reset.as_ref().unwrap();
     assert_eq!((reset.states[0].0.text.as_str(), reset.states[0].1.text.as_str()), ("v", "after.v"));
-    assert_eq!((reset.parameters[0].1.as_str(), reset.bounds.len()), ("4", 1));
+    assert_eq!((reset.parameters[0].1.to_string(), reset.limits().count()), ("4".into(), 1));
     let message =
         wrong("system = \"s.ssd\"\n[[phase]]\nduration = 1\n[phase.reset]\nparameters = { map = 4 }\n");
     assert!(message.contains("states"), "{message}");
@@ -195,7 +255,7 @@ fn forces_of_actuators_and_the_plant_behind_them_are_named() {
 fn bounds_have_margins_between_the_points_of_the_mesh() {
     let text = format!("{SMALLEST}[bounds]\nx = {{ min = 0, margin = 0.01 }}\ny = {{ max = 1 }}\n");
     let found = statement(&text).unwrap();
-    assert_eq!(found.phases[0].bounds.iter().map(|bound| bound.margin).collect::<Vec<_>>(), [0.01, 0.0]);
+    assert_eq!(found.phases[0].limits().map(|bound| bound.margin).collect::<Vec<_>>(), [0.01, 0.0]);
     let message = wrong(&text.replace("0.01", "-0.01"));
     assert!(message.contains("margin"), "{message}");
 }

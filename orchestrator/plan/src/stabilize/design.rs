@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use super::Settings;
 use super::following::{Following, Plant, sections};
+use super::settings::InputLimits;
 use crate::Error;
 use crate::file::{Quantity, Text};
 use crate::prepare::Prepared;
@@ -65,7 +66,7 @@ pub fn stabilize(prepared: &mut Prepared, plan: Plan<'_>, settings: &Settings) -
         (None, Some(sampling)) => sampling.sample_time,
         (None, None) => {
             let problem = "nothing in the system is sampled; give `sample_time`, such as \"1 ms\"";
-            return Err(source.error_at(crate::file::Place { line: 1, column: 1 }, problem));
+            return Err(source.error_at(crate::file::Place(0), problem));
         }
     };
     let columns = |list: &[usize]| -> Result<Vec<&[f64]>, Error> {
@@ -139,9 +140,9 @@ pub fn stabilize(prepared: &mut Prepared, plan: Plan<'_>, settings: &Settings) -
             .iter()
             .find(|(text, _)| catalog.find(&text.text).is_some_and(|(i, _)| i == input));
         limits.push(match own {
-            Some((name, [low, high])) => {
+            Some((name, InputLimits { min, max })) => {
                 let found = lookup(name)?;
-                (catalog.value(source, low, found)?, catalog.value(source, high, found)?)
+                (catalog.value(source, min, found)?, catalog.value(source, max, found)?)
             }
             None => planned_limits(&prepared.task, input),
         });

@@ -97,9 +97,9 @@ impl Following {
                  they end",
                 count - 1
             );
-            source.error_at(Place { line: 1, column: 1 }, problem)
+            source.error_at(Place(0), problem)
         })?;
-        let start = own.guards.first().map_or(Place { line: 1, column: 1 }, |guard| guard.place);
+        let start = own.guards.first().map_or(Place(0), |guard| guard.place);
         if own.guards.len() + 1 != count {
             let problem =
                 format!("{} guards for {count} phases; give one fewer than phases", own.guards.len());
@@ -120,7 +120,7 @@ impl Following {
             events.push(Event { guard, reset });
         }
         let mut mode = None;
-        if let Some((name, modes)) = &own.mode {
+        if let Some((name, modes)) = own.mode.as_ref().zip(own.modes.as_ref()) {
             if modes.len() != count {
                 let problem = format!("{} modes for {count} phases; give one per phase", modes.len());
                 return Err(source.error_at(name.place, problem));
@@ -145,7 +145,7 @@ impl Following {
         let time =
             |quantity: &Option<_>, none: f64| quantity.as_ref().map_or(Ok(none), |one| seconds(source, one));
         let how = phases::Following {
-            modes: own.mode.as_ref().map(|(_, modes)| modes.clone()),
+            modes: own.modes.clone(),
             overlap: time(&own.overlap, OVERLAP)?,
             horizon: time(&own.horizon, HORIZON)?,
         };

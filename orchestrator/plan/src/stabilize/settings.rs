@@ -2,64 +2,94 @@
 
 use std::path::Path;
 
-use toml::de::DeTable;
+use schemars::JsonSchema;
+use serde::Deserialize;
 
 use crate::Error;
-use crate::file::table::{Table, Value};
-use crate::file::{Quantity, Source, Text, parameters};
+use crate::file::value::same_schema;
+use crate::file::{Entries, Parameters, Place, Placed, Quantity, Source, Text, declared};
 
-/// Content of the file.
-#[derive(Debug, Clone, PartialEq)]
+/// Sensors, weights and limits of the controller that keeps to a plan, and the trials of its closed loop.
+#[derive(Debug, Clone, PartialEq, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+#[schemars(title = "airloop stabilize: settings", extend("required" = ["sensors"]))]
 pub struct Settings {
     /// The file.
+    #[serde(skip)]
     pub source: Source,
     /// Time between samples; default: that of the sampled components.
     pub sample_time: Option<Quantity>,
     /// Measured signals with the standard deviation of their noise, in the order of the controller's inputs.
-    pub sensors: Vec<(Text, Quantity)>,
+    #[serde(default)]
+    #[schemars(extend("minProperties" = 1))]
+    pub sensors: Entries<Quantity>,
     /// Deviations of states and inputs that cost alike.
-    pub deviation: Vec<(Text, Quantity)>,
+    #[serde(default)]
+    pub deviation: Entries<Quantity>,
     /// Standard deviation after one second: of drifts of states that the model does not describe, of disturbances of
     /// inputs.
-    pub drift: Vec<(Text, Quantity)>,
+    #[serde(default)]
+    pub drift: Entries<Quantity>,
     /// Standard deviation of initial states.
-    pub initial: Vec<(Text, Quantity)>,
+    #[serde(default)]
+    pub initial: Entries<Quantity>,
     /// Limits of inputs.
-    pub limits: Vec<(Text, [Quantity; 2])>,
-    /// Start values of parameters of the closed loop, `component.variable`.
-    pub parameters: Vec<(Text, String)>,
-    /// Settings for following a plan with several phases.
-    pub phases: Option<PhaseSettings>,
+    #[serde(default)]
+    pub limits: Entries<InputLimits>,
+    /// Start values of parameters of the closed loop: component.variable.
+    #[serde(default)]
+    pub parameters: Parameters,
+    /// How a plan with several phases is followed.
+    pub phases: Option<Placed<PhaseSettings>>,
     /// Trials.
-    pub trials: Option<Trials>,
+    pub trials: Option<Placed<Trials>>,
 }
 
-/// `[phases]`
-#[derive(Debug, Clone, PartialEq)]
+/// Limits of an input.
+#[derive(Debug, Clone, PartialEq, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct InputLimits {
+    /// Smallest.
+    pub min: Quantity,
+    /// Largest.
+    pub max: Quantity,
+}
+
+/// How a plan with several phases is followed.
+#[derive(Debug, Clone, PartialEq, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
 pub struct PhaseSettings {
     /// Outputs that pass through zero at the ends of all phases but the last.
     pub guards: Vec<Text>,
-    /// Integer output that tells the phase, with its values; without it phases begin by time.
-    pub mode: Option<(Text, Vec<i32>)>,
-    /// Time by which the trajectory of a phase continues beyond its ends.
+    /// Integer output that tells the phase; without it phases begin by time.
+    pub mode: Option<Text>,
+    /// Its value in every phase.
+    pub modes: Option<Vec<i32>>,
+    /// How far the trajectory of a phase goes on beyond its ends.
     pub overlap: Option<Quantity>,
     /// Time by which the regulator looks beyond the end of the plan.
     pub horizon: Option<Quantity>,
 }
 
-/// `[trials]`
-#[derive(Debug, Clone, PartialEq)]
+/// Trials of the closed loop.
+#[derive(Debug, Clone, PartialEq, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+#[schemars(extend("required" = ["duration", "criterion"]))]
 pub struct Trials {
     /// Length of a trial.
     pub duration: Quantity,
-    /// Perturbations that differ from trial to trial.
+    /// Perturbations, each drawn anew in every trial.
+    #[serde(default)]
     pub perturb: Vec<Perturb>,
-    /// Criteria of a successful trial.
-    pub criteria: Vec<Criterion>,
+    /// Conditions of a success. Criteria of one name hold together.
+    #[serde(default, rename = "criterion")]
+    #[schemars(length(min = 1))]
+    pub criteria: Vec<Placed<Criterion>>,
 }
 
-/// `[[trials.perturb]]`: one uniform number for all variables named.
-#[derive(Debug, Clone, PartialEq)]
+/// One uniform number for all variables named.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(try_from = "PerturbKeys")]
 pub struct Perturb {
     /// Parameters and start values, `component.variable`.
     pub variables: Vec<Text>,
@@ -78,8 +108,50 @@ pub enum Spread {
     Each(Vec<Quantity>),
 }
 
-/// `[[trials.criterion]]`: a signal within limits in a span of time. Criteria of one name hold together.
-#[derive(Debug, Clone, PartialEq)]
+/// One uniform number for all variables named: `variables` with `relative` or `absolute`, or `widths`.
+#[derive(Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+struct PerturbKeys {
+    /// Parameters and start values, component.variable.
+    variables: Option<Vec<Text>>,
+    /// Width to either side as a part of the value.
+    relative: Option<f64>,
+    /// Width to either side in the unit of the variable.
+    absolute: Option<Quantity>,
+    /// Variables, each with its width to either side.
+    widths: Option<Entries<Quantity>>,
+}
+
+same_schema! {
+    [] Perturb = PerturbKeys;
+}
+
+impl TryFrom<PerturbKeys> for Perturb {
+    type Error = &'static str;
+
+    fn try_from(keys: PerturbKeys) -> Result<Perturb, &'static str> {
+        let (variables, spread) = match (keys.variables, keys.relative, keys.absolute, keys.widths) {
+            (Some(variables), Some(part), None, None) => (variables, Spread::Relative(part)),
+            (Some(variables), None, Some(width), None) => (variables, Spread::Absolute(width)),
+            (None, None, None, Some(widths)) => {
+                let (variables, widths) = widths.0.into_iter().unzip();
+                (variables, Spread::Each(widths))
+            }
+            _ => {
+                return Err(
+                    "a perturbation has `variables` with either `relative` or `absolute`, or `widths` in place \
+                            of `variables`",
+                );
+            }
+        };
+        Ok(Perturb { variables, spread })
+    }
+}
+
+/// A signal within limits in a span of time.
+#[derive(Debug, Clone, PartialEq, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+#[schemars(extend("anyOf" = [{ "required": ["min"] }, { "required": ["max"] }]))]
 pub struct Criterion {
     /// Name.
     pub name: String,
@@ -108,139 +180,37 @@ pub fn read(file: &Path) -> Result<Settings, Error> {
 /// # Errors
 /// Same as [`read`].
 pub fn parse(source: Source) -> Result<Settings, Error> {
-    let document = DeTable::parse(&source.text).map_err(|error| {
-        let end = source.text.len();
-        source.error(&error.span().unwrap_or(end..end), error.message())
-    })?;
-    let root = Table::root(&source, document.get_ref());
-    let quantities = |key: &'static str| -> Result<Vec<(Text, Quantity)>, Error> {
-        let Some(value) = root.get(key) else { return Ok(Vec::new()) };
-        let entries = value.table(&format!("[{key}]"))?.entries();
-        entries.into_iter().map(|(name, value)| Ok((name, value.quantity()?))).collect()
-    };
-    let sample_time = root.maybe("sample_time", |value| value.quantity())?;
-    let sensors = quantities("sensors")?;
-    if sensors.is_empty() {
-        return Err(root.error(
-            "nothing is measured; add a table [sensors] with signals and the standard deviation of their noise, such as theta = \"0.1 deg\"",
-        ));
+    let read: Settings = declared::read(&source)?;
+    match read.problem() {
+        Some((place, problem)) => Err(source.error_at(place, problem)),
+        None => Ok(Settings { source, ..read }),
     }
-    let (deviation, drift, initial) =
-        (quantities("deviation")?, quantities("drift")?, quantities("initial")?);
-    let limits = root.maybe("limits", limits)?.unwrap_or_default();
-    let phases = root.maybe("phases", phases)?;
-    let parameters = root.maybe("parameters", |value| parameters(value, "[parameters]"))?.unwrap_or_default();
-    let trials = root.maybe("trials", trials)?;
-    root.finish()?;
-    let source = source.clone();
-    Ok(Settings {
-        sample_time,
-        sensors,
-        deviation,
-        drift,
-        initial,
-        limits,
-        parameters,
-        phases,
-        trials,
-        source,
-    })
 }
 
-fn phases(value: Value) -> Result<PhaseSettings, Error> {
-    let table = value.table("[phases]")?;
-    let guards = table.need("guards")?.list()?.iter().map(Value::text).collect::<Result<_, _>>()?;
-    let mode = table.maybe("mode", |value| value.text())?;
-    let whole = |value: &Value| -> Result<i32, Error> {
-        let number = value.number()?;
-        match number.fract() == 0.0 && number.abs() < 1e9 {
-            true => Ok(number as i32),
-            false => Err(value.error("a mode is a whole number")),
+/// JSON schema of the file.
+pub fn schema() -> String {
+    crate::file::schema_of::<Settings>()
+}
+
+impl Settings {
+    /// The first thing that no type rules out.
+    fn problem(&self) -> Option<(Place, &'static str)> {
+        if self.sensors.is_empty() {
+            let problem = "nothing is measured; add a table [sensors] with signals and the standard deviation of their \
+                           noise, such as theta = \"0.1 deg\"";
+            return Some((Place(0), problem));
         }
-    };
-    let modes =
-        table.maybe("modes", |value| value.list()?.iter().map(whole).collect::<Result<Vec<_>, _>>())?;
-    let mode = match (mode, modes) {
-        (Some(mode), Some(modes)) => Some((mode, modes)),
-        (None, None) => None,
-        _ => {
-            return Err(
-                table.error("`mode` and `modes` belong together: an output and its value in every phase")
-            );
-        }
-    };
-    let overlap = table.maybe("overlap", |value| value.quantity())?;
-    let horizon = table.maybe("horizon", |value| value.quantity())?;
-    table.finish()?;
-    Ok(PhaseSettings { guards, mode, overlap, horizon })
-}
-
-fn limits(value: Value) -> Result<Vec<(Text, [Quantity; 2])>, Error> {
-    let of = |(name, value): (Text, Value)| {
-        let table = value.table(&format!("the limit of `{}`", name.text))?;
-        let pair = [table.need("min")?.quantity()?, table.need("max")?.quantity()?];
-        table.finish()?;
-        Ok((name, pair))
-    };
-    value.table("[limits]")?.entries().into_iter().map(of).collect()
-}
-
-fn trials(value: Value) -> Result<Trials, Error> {
-    let table = value.table("[trials]")?;
-    let duration = table.need("duration")?.quantity()?;
-    let each = |key: &'static str| -> Result<Vec<Table>, Error> {
-        let Some(list) = table.get(key) else { return Ok(Vec::new()) };
-        let name = |number: usize| format!("[[trials.{key}]] number {}", number + 1);
-        list.list()?.into_iter().enumerate().map(|(number, one)| one.table(&name(number))).collect()
-    };
-    let perturb = each("perturb")?.iter().map(perturb).collect::<Result<_, _>>()?;
-    let criteria = each("criterion")?.iter().map(criterion).collect::<Result<Vec<_>, _>>()?;
-    if criteria.is_empty() {
-        return Err(table.error("no trial can succeed or fail; add [[trials.criterion]]"));
+        let alone = self.phases.iter().find(|own| own.mode.is_some() != own.modes.is_some());
+        let alone = alone.map(|own| {
+            (own.place, "`mode` and `modes` belong together: an output and its value in every phase")
+        });
+        let aimless = self.trials.iter().find(|trials| trials.criteria.is_empty());
+        let aimless =
+            aimless.map(|own| (own.place, "no trial can succeed or fail; add [[trials.criterion]]"));
+        let mut criteria = self.trials.iter().flat_map(|trials| &trials.criteria);
+        let open = criteria.find(|one| one.min.is_none() && one.max.is_none());
+        alone.or(aimless).or(open.map(|one| (one.place, "a criterion has `min`, `max` or both")))
     }
-    table.finish()?;
-    Ok(Trials { duration, perturb, criteria })
-}
-
-fn perturb(table: &Table) -> Result<Perturb, Error> {
-    if let Some(widths) = table.get("widths") {
-        let widths = widths.table("`widths`")?.entries();
-        let widths = widths.into_iter().map(|(name, value)| Ok((name, value.quantity()?)));
-        let (variables, widths) = widths.collect::<Result<Vec<_>, Error>>()?.into_iter().unzip();
-        table.finish()?;
-        return Ok(Perturb { variables, spread: Spread::Each(widths) });
-    }
-    let variables = table.need("variables")?.list()?.iter().map(Value::text).collect::<Result<_, _>>()?;
-    let relative = table.maybe("relative", |value| value.number())?;
-    let absolute = table.maybe("absolute", |value| value.quantity())?;
-    table.finish()?;
-    let spread = match (relative, absolute) {
-        (Some(part), None) => Spread::Relative(part),
-        (None, Some(width)) => Spread::Absolute(width),
-        _ => {
-            return Err(table.error(
-                "a perturbation has either `relative` or `absolute`, or `widths` in place of `variables`",
-            ));
-        }
-    };
-    Ok(Perturb { variables, spread })
-}
-
-fn criterion(table: &Table) -> Result<Criterion, Error> {
-    let quantity = |key| table.maybe(key, |value: Value| value.quantity());
-    let criterion = Criterion {
-        name: table.need("name")?.text()?.text,
-        signal: table.need("signal")?.text()?,
-        min: quantity("min")?,
-        max: quantity("max")?,
-        from: quantity("from")?,
-        to: quantity("to")?,
-    };
-    table.finish()?;
-    if criterion.min.is_none() && criterion.max.is_none() {
-        return Err(table.error("a criterion has `min`, `max` or both"));
-    }
-    Ok(criterion)
 }
 
 #[cfg(test)]
@@ -258,13 +228,20 @@ mod tests {
                     [[trials.criterion]]\nname = \"held\"\nsignal = \"x\"\nmax = \"150 mm\"\nfrom = \"3 s\"\n";
         let settings = parsed(text).unwrap();
         assert_eq!(settings.sensors[0].1.unit.as_deref(), Some("mm"));
-        assert_eq!(settings.limits[0].1[1].value, 2.0);
+        assert_eq!(settings.limits[0].1.max.value, 2.0);
         let trials = settings.trials.unwrap();
         assert_eq!(
             (trials.perturb[0].variables.len(), &trials.perturb[0].spread),
             (2, &Spread::Relative(0.1))
         );
         assert_eq!((trials.criteria[0].name.as_str(), trials.criteria[0].min.is_none()), ("held", true));
+    }
+
+    #[test]
+    fn the_schema_asks_for_sensors_and_names_the_keys_of_a_perturbation() {
+        let schema: serde_json::Value = serde_json::from_str(&schema()).unwrap();
+        assert_eq!(schema["required"][0], "sensors");
+        assert!(schema["definitions"]["PerturbKeys"]["properties"]["widths"].is_object());
     }
 
     #[test]

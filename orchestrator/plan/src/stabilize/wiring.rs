@@ -3,9 +3,9 @@
 use std::path::{Path, PathBuf};
 
 use super::design::Stabilized;
+use super::settings::Settings;
 use crate::Error;
 use crate::catalog::Catalog;
-use crate::file::Text;
 use airloop_cosim::system::graph::{
     Component, Connection, Conversion, DataType, Source, Start, SystemInput, SystemOutput,
 };
@@ -31,15 +31,16 @@ pub fn write_closed_loop(
     graph: &SystemGraph,
     catalog: &Catalog,
     stabilized: &Stabilized,
-    (states, parameters): (&[usize], &[(Text, String)]),
+    (states, settings): (&[usize], &Settings),
     fmu: &Path,
     folder: &Path,
 ) -> Result<PathBuf, Error> {
     let ending = if graph.package.is_some() { "ssp" } else { "ssd" };
     let file = folder.join(format!("closed_loop.{ending}"));
     let mut closed = closed_loop(graph, catalog, stabilized, states, fmu)?;
-    for (name, value) in parameters {
-        closed.set_start(&name.text, value, &format!("[parameters], line {}", name.place.line))?;
+    for (name, value) in &settings.parameters {
+        let (line, _) = settings.source.line_column(name.place);
+        closed.set_start(&name.text, &value.to_string(), &format!("[parameters], line {line}"))?;
     }
     write::write(&closed, &file, Version::V1_0)?;
     // It is read back once, so that whatever is wrong with it is said now.

@@ -81,7 +81,7 @@ pub fn prepare(system: &Path, settings: &Settings, algorithm: Algorithm) -> Resu
     };
     let graph = SystemGraph::open_for(system, interface)?;
     let source = &settings.source;
-    let start = crate::file::Place { line: 1, column: 1 };
+    let start = crate::file::Place(0);
     let trials = settings.trials.as_ref();
     let trials = trials.ok_or_else(|| source.error_at(start, "the file has no table [trials]; add it"))?;
     let place = |problem: String| Error::Place { place: system.display().to_string(), problem };
