@@ -168,14 +168,7 @@ fn remarks(out: &mut String, report: &Report) {
     }
     if !answer.corrections.is_empty() {
         out.push_str("<h2>Corrections of declared parameters</h2>\n");
-        let rows = answer.corrections.iter().map(|(name, relative, deviation)| {
-            vec![
-                name.clone(),
-                format!("{:+.2} %", 100.0 * relative),
-                format!("\u{b1} {:.2} %", 196.0 * deviation),
-            ]
-        });
-        table(out, &["parameter", "correction", "95 %"], &[1, 2], &plain(rows));
+        table(out, &words::CORRECTION_HEADER, &[1, 2, 3, 4], &plain(words::correction_rows(answer)));
     }
     let tested: Vec<String> =
         answer.not_testable.iter().map(|(id, why)| format!("{} ({id}): {why}.", names::effect(id))).collect();

@@ -104,10 +104,7 @@ pub fn text(report: &Report) -> String {
     }
     if !answer.corrections.is_empty() {
         heading(&mut out, "Corrections of declared parameters");
-        let one = |(name, relative, deviation): &(String, f64, f64)| {
-            format!("{name}: {:+.2} % (\u{b1} {:.2} %)", 100.0 * relative, 196.0 * deviation)
-        };
-        list(&mut out, answer.corrections.iter().map(one));
+        table(&mut out, &words::CORRECTION_HEADER, words::correction_rows(answer));
     }
     if !answer.not_testable.is_empty() {
         heading(&mut out, "Not testable with these records");

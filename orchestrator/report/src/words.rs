@@ -1,7 +1,7 @@
 //! The sentences of a report.
 
 use super::names;
-use airloop_refine::answer::{Answer, Effect, Parameter, Verdict};
+use airloop_refine::answer::{Answer, Correction, Effect, Parameter, Verdict};
 use airloop_refine::evidence::Signal;
 
 /// A number with enough digits to read.
@@ -194,6 +194,25 @@ pub fn stability_rows(answer: &Answer) -> Vec<Vec<String>> {
         })
     });
     rows.collect()
+}
+
+/// Header of [`correction_rows`].
+pub const CORRECTION_HEADER: [&str; 5] =
+    ["parameter", "declared", "corrected", "\u{b1} (95 %)", "in tolerances"];
+
+/// Declared parameters that were corrected.
+pub fn correction_rows(answer: &Answer) -> Vec<Vec<String>> {
+    let row = |own: &Correction| {
+        let half = 0.5 * (own.interval.1 - own.interval.0);
+        vec![
+            own.path(),
+            number(own.declared),
+            rounded(own.value, half),
+            rounded(half, half),
+            format!("{:+.1}", own.moved / own.tolerance),
+        ]
+    };
+    answer.corrections.iter().map(row).collect()
 }
 
 /// A score as a whole number, in powers of ten where it is long.

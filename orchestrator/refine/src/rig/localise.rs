@@ -52,6 +52,8 @@ pub struct Findings {
     pub channel: Option<String>,
     /// Variables it depends on.
     pub variables: Vec<String>,
+    /// Whether position and angle follow the measured force to the noise, with `effects` if any.
+    pub explained: bool,
 }
 
 /// Traces what the candidates cannot explain.
@@ -99,7 +101,8 @@ pub fn localise(
             model.fit.covariance += scatter(&observer, &records, &model.fit) * FEW_RECORDS;
             model
         });
-        return Findings { effects, tried, declared, channel: Some(channel.into()), variables };
+        let (channel, explained) = (Some(channel.into()), explained && force_measured);
+        return Findings { effects, tried, declared, channel, variables, explained };
     }
     let [force, .., rate] = if force_measured { walk } else { [0.0; 4] };
     let cart = best_walk(rig, &[0.03, 0.1, 0.3].map(|c| [force, c, 0.0, rate]), p);
@@ -111,7 +114,7 @@ pub fn localise(
         let friction = names.iter().any(|name| name == "xdot");
         (if friction { "cart_friction" } else { "cart" }.to_owned(), names)
     };
-    Findings { effects: None, tried, declared, channel: Some(channel), variables }
+    Findings { effects: None, tried, declared, channel: Some(channel), variables, explained: false }
 }
 
 /// The pair that explains position and angle best, given the measured force: for a search over the whole rig.

@@ -216,8 +216,6 @@ fn assemble(fits: &Fits, judge: &Judge, selection: &Selection, seed: u64) -> Ans
         verdict,
         effects,
         unexplained,
-        corrections: Vec::new(),
-        cylinder: false,
         fitted: fitted(study, shown),
         limit: judge.limit(),
         parameters: [&selection.declared, shown].map(|model| model.fit.parameters.clone()),
@@ -228,6 +226,7 @@ fn assemble(fits: &Fits, judge: &Judge, selection: &Selection, seed: u64) -> Ans
         floor,
         not_testable: study.not_testable.clone(),
         notes,
+        ..Answer::default()
     }
 }
 
