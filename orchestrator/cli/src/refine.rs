@@ -17,6 +17,7 @@ use airloop_refine::amend;
 use airloop_refine::answer::{Answer, Settings, Verdict, answer};
 use airloop_refine::case::{Case, Role};
 use airloop_refine::engine::parallel;
+use airloop_refine::engine::settings::Rough;
 use airloop_refine::evidence::{self, Evidence};
 use airloop_refine::rig::open::{Rig, open};
 use airloop_refine::study;
@@ -49,6 +50,9 @@ pub struct Args {
     /// Most effects that are added to the declared model.
     #[arg(long, value_name = "NUMBER", default_value_t = 3, value_parser = clap::value_parser!(u8).range(1..=3))]
     pub max_effects: u8,
+    /// A number that decides the answer, from the table of settings in report.json (settings.table); may be repeated.
+    #[arg(long, value_name = "NAME=VALUE", value_parser = setting)]
+    pub set: Vec<(String, f64)>,
     /// Threads of the search [default: one per processor]; the report does not depend on it.
     #[arg(long, value_name = "NUMBER", value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub threads: Option<u16>,
@@ -84,7 +88,11 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
     };
     check_folder(path, &args.output)?;
     parallel::use_threads(args.threads.map_or(0, usize::from));
-    let settings = Settings { seed: args.seed, max_effects: args.max_effects.into(), ..Settings::default() };
+    // Checked when the command line was read.
+    let changed = |rough: Rough, (name, value): &(String, f64)| rough.with(name, *value).unwrap_or(rough);
+    let rough = args.set.iter().fold(Rough::default(), changed);
+    let settings =
+        Settings { seed: args.seed, max_effects: args.max_effects.into(), rough, ..Settings::default() };
     let question = Question::read(path)?;
     let made = folder::make(&args.output)?;
     let interrupt = Interrupt::new(&args.output, made);
@@ -115,6 +123,15 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
         return Ok(ExitCode::from(super::INTERRUPTED));
     }
     Ok(exit(&found))
+}
+
+/// A setting of the command line.
+fn setting(text: &str) -> Result<(String, f64), String> {
+    let (name, value) = text.split_once('=').ok_or("write NAME=VALUE")?;
+    let value =
+        value.trim().parse::<f64>().map_err(|_| format!("`{value}` is no number; write NAME=VALUE"))?;
+    Rough::default().with(name.trim(), value)?;
+    Ok((name.trim().to_owned(), value))
 }
 
 /// What is asked: a rig of the vocabulary, or a study of any system.

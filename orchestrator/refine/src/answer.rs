@@ -278,8 +278,10 @@ pub fn answer(rig: &Rig, groups: &[String], settings: &Settings, listener: Liste
     }
     let exact_part = !selection.explained && trace(rig, &search, &selection, groups, &mut found);
     hold_back(&mut found);
-    if found.verdict == Verdict::Unexplained && cylinder.is_none() && !exact_part {
-        rough_answer::improve(rig, &search, &declared, groups, settings, &mut found);
+    let rough = !selection.explained && !exact_part && cylinder.is_none();
+    let improved = rough && rough_answer::improve(rig, &search, &declared, groups, settings, &mut found);
+    if !improved && found.verdict == Verdict::Effect {
+        rough_answer::shares(rig, &mut found);
     }
     found
 }

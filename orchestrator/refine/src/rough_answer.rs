@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use super::answer::{Answer, Correction, Effect, Settings, Step, Tried, Verdict, errors};
 use super::engine::System;
+use super::engine::candidate::Candidate;
 use super::engine::held_out::HeldOut;
 use super::engine::rough::{self, Question};
 use super::engine::search::{Model, Search};
@@ -14,16 +15,14 @@ use super::rig::sense;
 /// Units in which errors of signals are compared [SI].
 const UNITS: [(&str, f64); 4] = [("F_hat", 0.3), ("F_p", 0.3), ("x", 2e-3), ("theta", 1e-2)];
 
-/// Share of the error on validation records below which an answer is withdrawn.
-const MIN_VALIDATED_SHARE: f64 = 0.05;
-
 /// Signals that are judged with their units; in a sweep the motion is given and only the force is predicted.
 fn units(rig: &Rig) -> BTreeMap<String, f64> {
     let all = UNITS.iter().filter(|(name, _)| rig.series.is_some() || *name == "F_p");
     all.map(|&(name, unit)| (name.to_owned(), unit)).collect()
 }
 
-/// Replaces an answer that explains nothing by one that explains most of the error, if there is one.
+/// Puts effects and corrections that take away most of the error into an answer that does not reach the noise; whether
+/// there is anything better than before.
 pub fn improve(
     rig: &Rig,
     exact: &Search<dyn System + '_>,
@@ -31,7 +30,7 @@ pub fn improve(
     groups: &[String],
     settings: &Settings,
     found: &mut Answer,
-) {
+) -> bool {
     let windowed = rig.series.as_ref().map(super::rig::coupled::Coupled::windowed);
     let system: &dyn System = match &windowed {
         Some(windowed) => windowed,
@@ -66,7 +65,35 @@ pub fn improve(
         most: settings.max_effects,
     };
     let result = rough::search(&question);
-    tell(rig, exact, &result, &units, windowed.as_ref(), found);
+    // Effects behind an actuator that does not follow its model stand where the whole rig shows none.
+    if result.best.added.is_empty() && found.verdict == Verdict::Effect {
+        return false;
+    }
+    tell(rig, exact, &result, &units, (windowed.as_ref(), rules.min_validated_share), found);
+    true
+}
+
+/// Shares of the error on validation records that the selected effects of an answer take away, alone and together.
+pub fn shares(rig: &Rig, found: &mut Answer) {
+    let windowed = rig.series.as_ref().map(|own| own.windowed().with_sensors(&found.parameters[1]));
+    let system: &dyn System = match &windowed {
+        Some(windowed) => windowed,
+        None => rig.system.as_ref(),
+    };
+    let units = units(rig);
+    let held_out = HeldOut::new(system, &units);
+    let validation: Vec<usize> = (0..system.records()).filter(|&r| !system.estimation(r)).collect();
+    let [declared, answered] = &found.parameters;
+    let before = held_out.error(declared, &validation);
+    let share = |p: &[f64]| 1.0 - held_out.error(p, &validation) / before;
+    found.share = Some(share(answered));
+    for effect in found.effects.iter_mut().filter(|effect| effect.selected) {
+        let same = |c: &&Candidate| c.id == effect.id && c.signal == effect.signal.as_deref();
+        let Some(own) = rig.candidates.iter().find(same) else { continue };
+        let mut p = declared.clone();
+        own.free.iter().for_each(|free| p[free.index] = answered[free.index]);
+        effect.share = Some(share(&p));
+    }
 }
 
 /// Positions of the records in groups that repeat one command; halves where there is one group.
@@ -93,7 +120,7 @@ fn tell(
     exact: &Search<dyn System + '_>,
     result: &rough::Found,
     units: &BTreeMap<String, f64>,
-    windowed: Option<&super::rig::coupled::Coupled>,
+    (windowed, least): (Option<&super::rig::coupled::Coupled>, f64),
     found: &mut Answer,
 ) {
     let system = rig.system.as_ref();
@@ -150,8 +177,7 @@ fn tell(
     let accepted = |c: usize| {
         result.steps.iter().flat_map(|s| &s.tried).find(|t| t.candidate == c && t.rejected.is_none())
     };
-    let helps = whole >= MIN_VALIDATED_SHARE
-        && best.added.iter().all(|&c| alone(c, &best.fit.parameters) >= MIN_VALIDATED_SHARE);
+    let helps = whole >= least && best.added.iter().all(|&c| alone(c, &best.fit.parameters) >= least);
     let mut effects: Vec<Effect> = Vec::new();
     for &c in best.added.iter().filter(|_| helps) {
         let own = effect(c, best, accepted(c).map_or(0.0, |t| t.gain), true, String::new());
@@ -169,9 +195,12 @@ fn tell(
             effects.push(Effect { group, ..own });
         }
     }
-    if helps && !effects.is_empty() {
+    if effects.is_empty() {
+        found.verdict = Verdict::Unexplained;
+    } else {
         found.verdict = Verdict::Effect;
         found.unexplained = None;
+        found.notes.clear();
     }
     for tried in result.steps.iter().flat_map(|step| &step.tried) {
         let own = &rig.candidates[tried.candidate];

@@ -41,6 +41,26 @@ struct Settings {
     seed: u64,
     draws: usize,
     max_effects: usize,
+    table: Vec<Row>,
+    study: &'static str,
+}
+
+#[derive(Serialize)]
+struct Row {
+    name: &'static str,
+    value: f64,
+    default: f64,
+    range: [f64; 2],
+    meaning: &'static str,
+}
+
+/// The numbers that decided the answer.
+fn table(settings: &answer::Settings) -> Vec<Row> {
+    let row = |own: airloop_refine::engine::settings::Row| {
+        let (name, value, default, meaning) = (own.name, own.value, own.default, own.meaning);
+        Row { name, value, default, range: [own.range.0, own.range.1], meaning }
+    };
+    settings.rough.table().into_iter().map(row).collect()
 }
 
 #[derive(Serialize)]
@@ -250,6 +270,8 @@ pub fn text(report: &Report) -> String {
             seed: report.settings.seed,
             draws: report.settings.draws,
             max_effects: report.settings.max_effects,
+            table: table(report.settings),
+            study: airloop_refine::engine::settings::STUDY,
         },
         verdict: word(answer.verdict),
         complete: answer.complete,

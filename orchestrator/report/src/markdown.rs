@@ -88,6 +88,12 @@ pub fn text(report: &Report) -> String {
         });
         table(&mut out, &["signal", "largest before", "largest after", "white noise (99 %)"], rows);
     }
+    let rows = words::step_rows(answer);
+    if !rows.is_empty() {
+        heading(&mut out, "Steps of the search");
+        let _ = writeln!(out, "{}\n", words::STEP_NOTE);
+        table(&mut out, &words::STEP_HEADER, rows);
+    }
     if !answer.effects.is_empty() {
         heading(&mut out, "Candidates");
         table(&mut out, &words::CANDIDATE_HEADER, words::candidate_rows(answer));

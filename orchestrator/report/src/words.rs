@@ -91,6 +91,9 @@ pub fn sentence(answer: &Answer) -> String {
             format!("{moving} Nothing else is missing.")
         }
         (Verdict::Nothing, _) => "Nothing is missing: what the declared model leaves is sensor noise.".into(),
+        (Verdict::Effect, None) if !answer.complete && answer.share.is_some() => {
+            format!("The declared model lacks {list}. {}", share_and_remainder(answer))
+        }
         (Verdict::Effect, None) => format!("The declared model lacks {list}."),
         (Verdict::Effect, Some(rest)) => format!("The declared model lacks {list}. It also lacks {rest}."),
         (Verdict::Unexplained, rest) => {
@@ -102,9 +105,54 @@ pub fn sentence(answer: &Answer) -> String {
     }
 }
 
+/// How much of the error effects and corrections take away, and where the rest is.
+fn share_and_remainder(answer: &Answer) -> String {
+    let chosen: Vec<&Effect> = answer.effects.iter().filter(|effect| effect.selected).collect();
+    let percent = |share: f64| format!("{:.0} %", 100.0 * share);
+    let alone = match chosen[..] {
+        [one] => one.share.map(|share| format!("It takes away {} of the error", percent(share))),
+        _ => None,
+    };
+    let whole = answer.share.map(percent).unwrap_or_default();
+    let taken = match alone {
+        Some(alone) if answer.corrections.is_empty() => alone,
+        Some(alone) => format!("{alone}, with corrections of declared parameters {whole}"),
+        None => format!("Together they take away {whole} of the error"),
+    };
+    let floors = |(signal, rms): (&String, &f64)| Some((signal.clone(), rms / answer.floor_of(signal)?));
+    let worst = answer.after[1].rms.iter().filter_map(floors).max_by(|a, b| a.1.total_cmp(&b.1));
+    match worst {
+        Some((signal, times)) if times > 1.05 => {
+            format!(
+                "{taken}; what is left, {} times the noise, sits in {signal}.",
+                super::chart::short(times)
+            )
+        }
+        _ => format!("{taken}; what is left is about the noise."),
+    }
+}
+
+/// Header of [`step_rows`].
+pub const STEP_HEADER: [&str; 4] = ["beside", "candidate", "held-out share", "not accepted because"];
+
+/// Candidates of every step of a search for a share of the error.
+pub fn step_rows(answer: &Answer) -> Vec<Vec<String>> {
+    let rows = answer.steps.iter().flat_map(|step| {
+        let model = if step.model.is_empty() { "corrections".into() } else { step.model.join(", ") };
+        step.candidates.iter().map(move |own| {
+            let share = format!("{:.0} %", 100.0 * own.held_out_gain);
+            vec![model.clone(), own.id.clone(), share, own.rejected.clone().unwrap_or_default()]
+        })
+    });
+    rows.collect()
+}
+
+/// What the table of steps shows.
+pub const STEP_NOTE: &str = "No model of the vocabulary reaches the noise, so an effect counts for the share of the declared model's error that it takes away on held-out records, beyond what corrections of declared parameters within their tolerances do. Predictions of the coupled rig begin again every half second from the measured motion.";
+
 /// What the amended model does to the error, in one sentence: the signal that improves most.
 pub fn effect_on_error(answer: &Answer) -> Option<String> {
-    if answer.verdict != Verdict::Effect {
+    if answer.verdict != Verdict::Effect || !answer.complete && answer.share.is_some() {
         return None;
     }
     let (before, after) = (&answer.before[1].rms, &answer.after[1].rms);
@@ -222,6 +270,15 @@ fn count(value: f64) -> String {
 
 /// Header of [`candidate_rows`].
 pub const CANDIDATE_HEADER: [&str; 6] = ["effect", "what", "improvement", "margin", "parameters", "why"];
+
+/// What the improvement of a candidate is.
+pub fn candidate_note(answer: &Answer) -> &'static str {
+    if answer.steps.is_empty() {
+        "Improvement: decrease of the Bayesian information criterion against the declared model on the estimation records. Margin: how much less than the best; candidates within some 12 of each other cannot be told apart."
+    } else {
+        "Improvement: decrease of the sum of squares beyond the corrections, on the estimation records, each residual counted as many independent samples as it holds. Margin: how much less than the best."
+    }
+}
 
 /// All candidates that were fitted, in the order of the report.
 pub fn candidate_rows(answer: &Answer) -> Vec<Vec<String>> {

@@ -124,7 +124,9 @@ pub fn search(question: &Question) -> Found {
             weights = reweighed;
         }
         found.steps.push(step);
-        if accepted.is_none() {
+        // What is left must hold at least what the next effect has to take away.
+        let worth = |accepted: Tried| accepted.error >= question.settings.min_held_out_share * declared_error;
+        if !accepted.is_some_and(worth) {
             break;
         }
     }
@@ -385,4 +387,106 @@ fn distinct(promises: Vec<Promise>) -> Vec<Promise> {
         }
     }
     found
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::engine::Span;
+    use crate::engine::candidate::Start;
+    use crate::engine::noise::Noise;
+
+    /// `y = p0 t + p1 t^2 + p2 t` and something that no parameter can do, plus unit noise, t in [0, 1).
+    struct Wavy(Vec<Vec<f64>>);
+
+    impl Wavy {
+        fn new(slope: f64, square: f64, wave: f64) -> Wavy {
+            let record = |r: u64| {
+                let mut noise = Noise::new(7, r);
+                let t = (0..1024).map(|k| f64::from(k) / 1024.0);
+                t.map(|t| slope * t + square * t * t + wave * (25.0 * t + r as f64).sin() + noise.normal())
+                    .collect()
+            };
+            Wavy((0..4).map(record).collect())
+        }
+    }
+
+    impl System for Wavy {
+        fn records(&self) -> usize {
+            4
+        }
+        fn estimation(&self, _: usize) -> bool {
+            true
+        }
+        fn locals(&self, _: usize) -> Vec<(f64, f64)> {
+            Vec::new()
+        }
+        fn signals(&self, _: usize) -> Vec<Span> {
+            vec![Span { signal: "y".into(), range: 0..1024, noise: 1.0 }]
+        }
+        fn predict(&self, _: usize, p: &[f64], _: &[f64]) -> Vec<f64> {
+            let t = (0..1024).map(|k| f64::from(k) / 1024.0);
+            t.map(|t| (p[0] + p[2]) * t + p[1] * t * t).collect()
+        }
+        fn measured(&self, record: usize) -> Vec<f64> {
+            self.0[record].clone()
+        }
+        fn whiten(&self, record: usize, predicted: &[f64]) -> Vec<f64> {
+            self.0[record].iter().zip(predicted).map(|(y, p)| y - p).collect()
+        }
+        fn redraw(&self, _: usize, predicted: &[f64], noise: &mut Noise) -> Vec<f64> {
+            predicted.iter().map(|_| noise.normal()).collect()
+        }
+    }
+
+    /// Effects found in a system whose slope is known to `tolerance`, by candidate, and the correction of the slope.
+    fn found(system: &Wavy, tolerance: f64) -> (Vec<usize>, f64) {
+        let free = |index: usize| Free { index, bounds: (-1e3, 1e3), step: 1e-3, prior: None };
+        let candidate = |id: &'static str, index: usize| Candidate {
+            id,
+            channel: "c",
+            signal: None,
+            free: vec![free(index)],
+            starts: vec![Start { values: Vec::new(), open: vec![0], idle: true }],
+            contains: None,
+        };
+        let candidates = [candidate("slope", 0), candidate("square", 1)];
+        let bounds = (-3.0 * tolerance, 3.0 * tolerance);
+        let known = Free { prior: Some(tolerance), bounds, ..free(2) };
+        let corrections = [Correction { free: known, effect: Some(0), declared: 1.0 }];
+        let units = BTreeMap::from([("y".to_owned(), 1.0)]);
+        let question = Question {
+            system,
+            held_out: &HeldOut::new(system, &units),
+            candidates: &candidates,
+            corrections: &corrections,
+            declared: &[0.0; 3],
+            records: (0..4).collect(),
+            screened: (0..4).collect(),
+            folds: vec![vec![0, 1], vec![2, 3]],
+            sense: &|_, _| None,
+            settings: Settings::default(),
+            most: 2,
+        };
+        let result = search(&question);
+        (result.best.added.clone(), result.best.fit.parameters[2])
+    }
+
+    #[test]
+    fn an_effect_that_leaves_several_times_the_noise_is_found_for_its_share() {
+        let (added, _) = found(&Wavy::new(0.0, 40.0, 6.0), 1.0);
+        assert_eq!(added, [1]);
+    }
+
+    #[test]
+    fn a_parameter_within_its_tolerance_is_corrected_and_one_beyond_it_is_an_effect() {
+        let (added, slope) = found(&Wavy::new(1.5, 0.0, 6.0), 1.0);
+        assert!(added.is_empty() && (0.1..3.0).contains(&slope), "{added:?} {slope}");
+        assert_eq!(found(&Wavy::new(40.0, 0.0, 6.0), 1.0).0, [0]);
+    }
+
+    #[test]
+    fn what_no_candidate_can_do_is_left() {
+        assert!(found(&Wavy::new(0.0, 0.0, 20.0), 1.0).0.is_empty());
+    }
 }

@@ -52,7 +52,7 @@ pub struct Findings {
     pub channel: Option<String>,
     /// Variables it depends on.
     pub variables: Vec<String>,
-    /// Whether position and angle follow the measured force to the noise, with `effects` if any.
+    /// Whether position and angle follow the measured force, with `effects` if any, whatever the declared model leaves.
     pub explained: bool,
 }
 
@@ -95,14 +95,15 @@ pub fn localise(
     let explained = best.model.worst() < limit;
     if let Some(channel) = front.or((force_measured && explained).then_some("actuator")) {
         let Tuned { observer, mut model } = best;
+        let follows = force_measured && model.worst() < EXPLAINED;
         let variables = variables(&observer, &records, &model.fit.parameters, 4, channel);
         let effects = (explained && !model.added.is_empty()).then(|| {
             // What the actuator does otherwise is no white noise; few records make the quantile of their scatter wider.
             model.fit.covariance += scatter(&observer, &records, &model.fit) * FEW_RECORDS;
             model
         });
-        let (channel, explained) = (Some(channel.into()), explained && force_measured);
-        return Findings { effects, tried, declared, channel, variables, explained };
+        let channel = Some(channel.into());
+        return Findings { effects, tried, declared, channel, variables, explained: follows };
     }
     let [force, .., rate] = if force_measured { walk } else { [0.0; 4] };
     let cart = best_walk(rig, &[0.03, 0.1, 0.3].map(|c| [force, c, 0.0, rate]), p);

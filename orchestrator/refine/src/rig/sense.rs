@@ -47,10 +47,8 @@ pub fn objection(candidate: &Candidate, model: &Model, reach: &Reach) -> Option<
                 return Some("its Stribeck speed is that of fast motion, where it is no peak".into());
             }
         }
-        "sensor.gain" => {
-            if candidate.free.iter().any(|free| p[free.index].abs() > MAX_SENSOR_GAIN) {
-                return Some("no sensor is that wrong".into());
-            }
+        "sensor.gain" if candidate.free.iter().any(|free| p[free.index].abs() > MAX_SENSOR_GAIN) => {
+            return Some("no sensor is that wrong".into());
         }
         _ => {}
     }
@@ -64,4 +62,42 @@ pub fn objection(candidate: &Candidate, model: &Model, reach: &Reach) -> Option<
         .zip(&model.fit.at_bound)
         .find(|(free, at)| **at && own(free.index) && !may_be_at_bound(free.index));
     stuck.map(|(free, _)| format!("{} ends at a bound", TABLE[free.index].name))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::engine::fit::Fit;
+    use crate::rig::catalogue::free;
+
+    /// Whether a model of one candidate with these values makes no sense on records from 0 to 0.1 m.
+    fn refused(id: &'static str, values: &[(usize, f64)]) -> bool {
+        let mut parameters = neutral();
+        values.iter().for_each(|&(index, value)| parameters[index] = value);
+        let own: Vec<_> = values.iter().map(|&(index, _)| free(index)).collect();
+        let at_bound =
+            values.iter().map(|&(i, v)| v <= TABLE[i].bounds.0 || v >= TABLE[i].bounds.1).collect();
+        let covariance = nalgebra::DMatrix::zeros(own.len(), own.len());
+        let fit = Fit { parameters, free: own.clone(), locals: Vec::new(), chi2: 0.0, covariance, at_bound };
+        let model = Model { added: vec![0], fit, left: Vec::new() };
+        let starts = Vec::new();
+        let candidate = Candidate { id, channel: "c", signal: None, free: own, starts, contains: None };
+        let positions = (0..1000).map(|k| 1e-4 * f64::from(k)).collect();
+        objection(&candidate, &model, &Reach { positions, speed: 0.5 }).is_some()
+    }
+
+    #[test]
+    fn an_end_stop_is_touched_in_some_samples_but_not_in_most() {
+        let stop = |position: f64| [(STOP_STIFFNESS, 200.0), (STOP_DAMPING, 0.0), (STOP_POS, position)];
+        assert!(!refused("cart.endstop", &stop(0.09)));
+        assert!(refused("cart.endstop", &stop(0.02)) && refused("cart.endstop", &stop(0.2)));
+    }
+
+    #[test]
+    fn a_parameter_at_a_bound_imitates() {
+        assert!(!refused("cart.cogging", &[(COG_SIN, 1.0), (COG_PERIOD, 0.03)]));
+        assert!(refused("cart.cogging", &[(COG_SIN, 1.0), (COG_PERIOD, 0.08)]));
+        assert!(refused("pf.presliding", &[(PF_PRESLIDING, 0.05)]));
+        assert!(refused("sensor.gain", &[(SENSOR_GAIN_X, 0.6)]));
+    }
 }
