@@ -97,8 +97,14 @@ pub fn sentence(answer: &Answer) -> String {
         (Verdict::Effect, None) => format!("The declared model lacks {list}."),
         (Verdict::Effect, Some(rest)) => format!("The declared model lacks {list}. It also lacks {rest}."),
         (Verdict::Unexplained, rest) => {
+            let corrected = answer.share.filter(|_| !answer.corrections.is_empty()).map_or(String::new(), |share| {
+                format!(
+                    " Corrections of declared parameters within their tolerances take away {:.0} % of the error.",
+                    100.0 * share
+                )
+            });
             format!(
-                "The declared model lacks {}.",
+                "The declared model lacks {}.{corrected}",
                 rest.unwrap_or_else(|| "something that is none of the known effects".into())
             )
         }

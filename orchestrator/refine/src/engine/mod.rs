@@ -13,6 +13,7 @@ pub mod rough;
 pub mod search;
 pub mod select;
 pub mod settings;
+pub mod stop;
 pub mod system;
 pub mod weighted;
 

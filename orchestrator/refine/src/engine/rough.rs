@@ -15,7 +15,7 @@ use super::normal::residuals;
 use super::search::{Model, Promise, Search};
 use super::settings::Rough as Settings;
 use super::weighted::{Weighted, long_run};
-use super::{System, parallel};
+use super::{System, parallel, stop};
 
 /// A declared parameter that may be off within its tolerance.
 #[derive(Debug, Clone, Copy)]
@@ -112,7 +112,7 @@ pub fn search(question: &Question) -> Found {
     }
     let mut found = Found { best: base.clone(), base, steps: Vec::new(), equals: Vec::new(), declared_error };
     question.system.stage("effects beside corrections");
-    while found.best.added.len() < question.most {
+    while found.best.added.len() < question.most && !stop::asked() {
         let added = found.best.added.clone();
         let (tried, reweighed) = run.step(&found.best, &weights);
         let accepted = tried.iter().find(|t| t.rejected.is_none()).cloned();
@@ -219,7 +219,7 @@ impl Run<'_> {
     /// Error on folds that a model, fitted again without them, has not seen.
     fn held_out_error(&self, weights: &Weights, model: &Model) -> f64 {
         let q = self.question;
-        if q.folds.len() < 2 {
+        if q.folds.len() < 2 || stop::asked() {
             return q.held_out.error(&model.fit.parameters, &q.records);
         }
         let squares = q.folds.iter().map(|fold| {
@@ -269,7 +269,9 @@ impl Run<'_> {
         let mut fitted: Vec<(f64, Model)> = self
             .promising(base, weights)
             .into_iter()
-            .map(|promise| {
+            .enumerate()
+            .take_while(|(rank, _)| *rank == 0 || !stop::asked())
+            .map(|(_, promise)| {
                 let mut added = base.added.clone();
                 added.push(promise.candidate);
                 let model = self.fit(weights, &added, &promise.parameters, ROUNDS);
@@ -281,13 +283,14 @@ impl Run<'_> {
         let weights = self.weights(&best.1.fit.parameters);
         let base = self.fit(&weights, &base.added, &base.fit.parameters, REFINED);
         let base_error = self.held_out_error(&weights, &base);
+        let base_fitted = q.held_out.error(&base.fit.parameters, &q.records);
         let before = q.held_out.error(&q.without_corrections(&base.fit.parameters, &base.added), &q.records);
         let mut tried: Vec<Tried> = Vec::new();
         for (rank, (error, model)) in fitted.into_iter().enumerate() {
             let candidate = model.added[model.added.len() - 1];
             let (mut model, mut error) = (model, error);
-            let mut reference = (base.fit.chi2, base_error);
             let again = rank < AGAIN;
+            let mut reference = (base.fit.chi2, if again { base_error } else { base_fitted });
             if again {
                 model = self.fit(&weights, &model.added, &model.fit.parameters, REFINED);
                 error = self.held_out_error(&weights, &model);
@@ -309,7 +312,11 @@ impl Run<'_> {
                 if again { self.objection(&own) } else { Some("others take more of the error away".into()) };
             tried.push(own);
         }
-        tried.sort_by(|a, b| a.error.total_cmp(&b.error));
+        // Those that were not fitted again have an error of the fit, which is no match for one on held-out folds.
+        let judged = AGAIN.min(tried.len());
+        let (again, once) = tried.split_at_mut(judged);
+        again.sort_by(|a, b| a.error.total_cmp(&b.error));
+        once.sort_by(|a, b| a.error.total_cmp(&b.error));
         (tried, weights)
     }
 

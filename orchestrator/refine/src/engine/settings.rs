@@ -54,7 +54,7 @@ pub struct Row {
 }
 
 /// Command that shows what moving a setting does: false findings against missed ones on cases of one's own.
-pub const STUDY: &str = "make study-refine-messy SET=NAME=VALUE";
+pub const STUDY: &str = "make study-refine-messy SET='--set NAME=VALUE'";
 
 impl Rough {
     /// Every setting with its value here.

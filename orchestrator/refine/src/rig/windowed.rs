@@ -6,7 +6,6 @@
 
 use super::coupled::{Coupled, Trial};
 use super::parameters::{OFFSET_THETA, SENSOR_DELAY_THETA, SENSOR_DELAY_X, SENSOR_GAIN_THETA, SENSOR_GAIN_X};
-use super::record::Measured;
 
 /// Length of a window \[s\].
 pub const WINDOW: f64 = 0.5;
@@ -18,8 +17,10 @@ const HALF_WIDTHS: [f64; 2] = [0.012, 0.025];
 pub struct Restart {
     /// Samples per window.
     pub every: usize,
-    /// Value, rate and second derivative of position \[m\] and angle \[rad\] as measured, for every window.
-    motion: Vec<[[f64; 3]; 2]>,
+    /// Position \[m\] and angle \[rad\] as measured, each of shape \[n\].
+    measured: [Vec<f64>; 2],
+    /// Sample time \[s\].
+    dt: f64,
     /// Parameters of the sensors that the measured motion is corrected with; none: those of the simulation.
     sensors: Option<Vec<f64>>,
 }
@@ -27,41 +28,39 @@ pub struct Restart {
 impl Restart {
     /// Of a trial with position and angle, sampled every `dt` \[s\]; `None` where one is missing.
     fn new(trial: &Trial, dt: f64) -> Option<Restart> {
-        let signal = |name: &str| trial.measured.iter().find(|m| m.name == name);
-        let (x, theta) = (signal("x")?, signal("theta")?);
+        let signal = |name: &str| trial.measured.iter().find(|m| m.name == name).map(|m| m.values.clone());
         let every = (WINDOW / dt).round().max(1.0) as usize;
-        let at = |m: &Measured, k: usize, half: f64| {
-            let half = ((half / dt).round() as usize).max(2);
-            let found = parabola(&m.values, k, half, dt);
-            // Records begin at rest.
-            if k == 0 { [found[0], 0.0, 0.0] } else { found }
-        };
-        let motion = (0..trial.u.len())
-            .step_by(every)
-            .map(|k| [at(x, k, HALF_WIDTHS[0]), at(theta, k, HALF_WIDTHS[1])])
-            .collect();
-        Some(Restart { every, motion, sensors: None })
+        Some(Restart { every, measured: [signal("x")?, signal("theta")?], dt, sensors: None })
     }
 
     /// States x, v, theta, omega at the beginnings of the windows, under the sensors of the parameters `p`.
     pub fn states(&self, p: &[f64]) -> Vec<[f64; 4]> {
         let p = self.sensors.as_deref().unwrap_or(p);
-        let truth = |[value, rate, second]: [f64; 3], offset: f64, delay: f64, gain: f64| {
-            let now = value + delay * (rate + 0.5 * delay * second);
-            [(now - offset) / (1.0 + gain), (rate + delay * second) / (1.0 + gain)]
+        let truth = |i: usize, k: usize, (offset, delay, gain): (f64, f64, f64)| {
+            let half = ((HALF_WIDTHS[i] / self.dt).round() as usize).max(2);
+            // A late sensor shows the state of now when the delay is over.
+            let late = (delay / self.dt).round();
+            let [value, rate, second] = parabola(&self.measured[i], k + late as usize, half, self.dt);
+            let rest = delay - late * self.dt;
+            let (value, rate) = (value + rest * (rate + 0.5 * rest * second), rate + rest * second);
+            // Records begin at rest.
+            [(value - offset) / (1.0 + gain), if k == 0 { 0.0 } else { rate / (1.0 + gain) }]
         };
-        let state = |[x, theta]: &[[f64; 3]; 2]| {
-            let [x, v] = truth(*x, 0.0, p[SENSOR_DELAY_X], p[SENSOR_GAIN_X]);
-            let [theta, omega] = truth(*theta, p[OFFSET_THETA], p[SENSOR_DELAY_THETA], p[SENSOR_GAIN_THETA]);
+        let state = |k: usize| {
+            let [x, v] = truth(0, k, (0.0, p[SENSOR_DELAY_X], p[SENSOR_GAIN_X]));
+            let of_theta = (p[OFFSET_THETA], p[SENSOR_DELAY_THETA], p[SENSOR_GAIN_THETA]);
+            let [theta, omega] = truth(1, k, of_theta);
             [x, v, theta, omega]
         };
-        self.motion.iter().map(state).collect()
+        (0..self.measured[0].len()).step_by(self.every).map(state).collect()
     }
 }
 
 /// Value, rate and second derivative at sample `k` of the parabola through `half` samples to either side.
 fn parabola(values: &[f64], k: usize, half: usize, dt: f64) -> [f64; 3] {
-    let (low, high) = (k.saturating_sub(half), (k + half).min(values.len().saturating_sub(1)));
+    let last = values.len().saturating_sub(1);
+    let k = k.min(last);
+    let (low, high) = (k.saturating_sub(half), (k + half).min(last));
     let (mut matrix, mut right) = (nalgebra::Matrix3::zeros(), nalgebra::Vector3::zeros());
     for (i, value) in values.iter().enumerate().take(high + 1).skip(low) {
         // In units of the half width, so that the equations are well scaled.

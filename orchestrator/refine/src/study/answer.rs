@@ -15,8 +15,8 @@ use super::simulate::Piece;
 use super::smoothed;
 use crate::Error;
 use crate::answer::{Answer, Effect, Errors, Settings, Verdict};
-use crate::engine::System;
 use crate::engine::fit::{Fit, fit};
+use crate::engine::{System, stop};
 use crate::evidence::{Evidence, study as evidence};
 
 /// Error in rms of the noise from which on something is missing even if what is left depends on nothing that is known:
@@ -237,6 +237,7 @@ fn assemble(fits: &Fits, judge: &Judge, selection: &Selection, seed: u64) -> Ans
         effects,
         unexplained,
         complete: judge.explained(fits, shown),
+        partial: stop::ended(),
         share: chosen.then_some(share),
         fitted: fitted(study, &printed[1]),
         limit: judge.limit(),
