@@ -84,8 +84,11 @@ pub fn shares(rig: &Rig, found: &mut Answer) {
     let held_out = HeldOut::new(system, &units);
     let validation: Vec<usize> = (0..system.records()).filter(|&r| !system.estimation(r)).collect();
     let [declared, answered] = &found.parameters;
-    let before = held_out.error(declared, &validation);
-    let share = |p: &[f64]| 1.0 - held_out.error(p, &validation) / before;
+    // What an answer leaves that explains the records to the noise is the noise of the states that windows begin with.
+    let floor = if found.complete { held_out.error(answered, &validation) } else { 0.0 };
+    let error = |p: &[f64]| (held_out.error(p, &validation).powi(2) - floor * floor).max(0.0).sqrt();
+    let before = error(declared);
+    let share = |p: &[f64]| 1.0 - error(p) / before.max(f64::MIN_POSITIVE);
     found.share = Some(share(answered));
     for effect in found.effects.iter_mut().filter(|effect| effect.selected) {
         let same = |c: &&Candidate| c.id == effect.id && c.signal == effect.signal.as_deref();

@@ -61,8 +61,13 @@ pub fn rounded(value: f64, half: f64) -> String {
     }
 }
 
-/// The answer in one sentence, or two.
+/// The answer in one sentence, or two; of a search that ended early the best so far.
 pub fn sentence(answer: &Answer) -> String {
+    let found = answered(answer);
+    if answer.partial { format!("{found} The search ended before it was through.") } else { found }
+}
+
+fn answered(answer: &Answer) -> String {
     let chosen: Vec<&Effect> = answer.effects.iter().filter(|effect| effect.selected).collect();
     let list = chosen.iter().map(|e| format!("{}: {}", told(e), size(e))).collect::<Vec<_>>().join("; and ");
     let rest = answer.unexplained.as_ref().map(|(channel, variables)| {
