@@ -1,5 +1,5 @@
 # `make demo` and `make test` work on a fresh machine with Rust, a C compiler and Python 3: each sets up what is missing first.
-.PHONY: demo test check bench study study-refine study-systems study-swing-up study-walker fmu setup setup-build clean
+.PHONY: demo test check bench study study-refine study-refine-messy study-systems study-swing-up study-walker fmu setup setup-build clean
 export CARGO_NET_RETRY ?= 10
 
 demo: fmu            ## replay a measured record through the coupled FMUs, then find what a declared model lacks
@@ -29,6 +29,15 @@ study-refine: fmu    ## cases with known missing effects, and what `airloop refi
 	scripts/setup.sh study
 	.venv/bin/python tests/study/refine/make_cases.py out/study-refine/cases --seed $(strip $(SEED)) --only '$(strip $(ONLY))'
 	.venv/bin/python tests/study/refine/score.py target/release/airloop out/study-refine/cases out/study-refine/reports --left --bound
+
+SET ?=               # settings of the search: `make study-refine-messy SET='--set min_share_alone=0.4'`
+study-refine-messy: fmu ## rigs that nothing fits to the noise, and controls: out/study-refine-messy
+	scripts/setup.sh study
+	.venv/bin/python tests/study/refine/make_messy.py out/study-refine-messy/cases --seed $(strip $(SEED)) --only '$(strip $(ONLY))'
+	rm -rf out/study-refine-messy/reports
+	printf '#!/bin/sh\nexec $(CURDIR)/target/release/airloop "$$@" $(strip $(SET))\n' > out/study-refine-messy/airloop
+	chmod +x out/study-refine-messy/airloop
+	.venv/bin/python tests/study/refine/score_messy.py out/study-refine-messy/airloop out/study-refine-messy/cases out/study-refine-messy/reports
 
 study-systems: fmu   ## pendulums, axes, seals and actuators with known truth, and what `airloop refine` makes of them: out/study-systems
 	scripts/setup.sh study

@@ -6,6 +6,7 @@
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
+use std::time::Duration;
 
 use clap::{Args as ClapArgs, ValueEnum};
 
@@ -17,11 +18,14 @@ use airloop_refine::amend;
 use airloop_refine::answer::{Answer, Settings, Verdict, answer};
 use airloop_refine::case::{Case, Role};
 use airloop_refine::engine::parallel;
+use airloop_refine::engine::settings::Rough;
+use airloop_refine::engine::stop;
 use airloop_refine::evidence::{self, Evidence};
 use airloop_refine::rig::open::{Rig, open};
 use airloop_refine::study;
 use airloop_refine::watch::Event;
 use airloop_report::{Report, words};
+use airloop_series::units::parse_duration;
 
 /// Exit code when nothing is missing.
 pub const NOTHING: u8 = 10;
@@ -49,6 +53,12 @@ pub struct Args {
     /// Most effects that are added to the declared model.
     #[arg(long, value_name = "NUMBER", default_value_t = 3, value_parser = clap::value_parser!(u8).range(1..=3))]
     pub max_effects: u8,
+    /// A number that decides the answer, from the table of settings in report.json (settings.table); may be repeated.
+    #[arg(long, value_name = "NAME=VALUE", value_parser = setting)]
+    pub set: Vec<(String, f64)>,
+    /// Time for the search (`30 s`, `2 min`); the report then has the best answer so far and says that it is partial.
+    #[arg(long, value_name = "TIME", value_parser = budget)]
+    pub budget: Option<Duration>,
     /// Threads of the search [default: one per processor]; the report does not depend on it.
     #[arg(long, value_name = "NUMBER", value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub threads: Option<u16>,
@@ -84,14 +94,19 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
     };
     check_folder(path, &args.output)?;
     parallel::use_threads(args.threads.map_or(0, usize::from));
-    let settings = Settings { seed: args.seed, max_effects: args.max_effects.into(), ..Settings::default() };
+    // Checked when the command line was read.
+    let changed = |rough: Rough, (name, value): &(String, f64)| rough.with(name, *value).unwrap_or(rough);
+    let rough = args.set.iter().fold(Rough::default(), changed);
+    let settings =
+        Settings { seed: args.seed, max_effects: args.max_effects.into(), rough, ..Settings::default() };
     let question = Question::read(path)?;
     let made = folder::make(&args.output)?;
     let interrupt = Interrupt::new(&args.output, made);
-    let (mut found, evidence) = question.answer(&settings, args.quiet)?;
-    if interrupt.begin_to_write() {
-        return Ok(ExitCode::from(super::INTERRUPTED));
+    if let Some(time) = args.budget {
+        stop::within(time);
     }
+    let (mut found, evidence) = question.answer(&settings, args.quiet)?;
+    let interrupted = interrupt.begin_to_write();
     let system = write_system(&question, &mut found, &args.output)?;
     let name = match &question {
         Question::Rig { case, .. } => case.declaration.id.clone(),
@@ -109,12 +124,32 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
     if !args.quiet {
         print(&found, &evidence, &args.output, system)?;
     }
-    if interrupt.came() {
+    if interrupted || interrupt.came() {
         let kept = args.output.join("report.json");
-        output::complain(&format!("interrupted after the search; its report is in {}", kept.display()));
+        let when = if interrupted {
+            "during the search; the best answer so far"
+        } else {
+            "after the search; its report"
+        };
+        output::complain(&format!("interrupted {when} is in {}", kept.display()));
         return Ok(ExitCode::from(super::INTERRUPTED));
     }
     Ok(exit(&found))
+}
+
+/// A time limit of the command line.
+fn budget(text: &str) -> Result<Duration, String> {
+    let seconds = parse_duration(text).map_err(|error| error.to_string())?;
+    Duration::try_from_secs_f64(seconds).map_err(|error| error.to_string())
+}
+
+/// A setting of the command line.
+fn setting(text: &str) -> Result<(String, f64), String> {
+    let (name, value) = text.split_once('=').ok_or("write NAME=VALUE")?;
+    let value =
+        value.trim().parse::<f64>().map_err(|_| format!("`{value}` is no number; write NAME=VALUE"))?;
+    Rough::default().with(name.trim(), value)?;
+    Ok((name.trim().to_owned(), value))
 }
 
 /// What is asked: a rig of the vocabulary, or a study of any system.

@@ -9,6 +9,7 @@ use std::time::Duration;
 use indicatif::{ProgressBar, ProgressStyle};
 
 use super::output;
+use airloop_refine::engine::stop;
 use airloop_refine::watch::Event;
 
 /// A line that names the stage of the search, with draws or simulations counted.
@@ -61,9 +62,10 @@ impl Progress {
 const SEARCHING: u8 = 0;
 const WRITING: u8 = 1;
 const ASKED: u8 = 2;
+const ENDING: u8 = 3;
 
-/// Ctrl-C, SIGTERM and SIGHUP: during the search the program ends at once, since nothing is written yet; once it writes,
-/// it finishes. A second signal always ends it.
+/// Ctrl-C, SIGTERM and SIGHUP: during the search it ends and the best answer so far is written; once the program writes, it
+/// finishes. A second signal always ends it.
 pub struct Interrupt {
     state: Arc<AtomicU8>,
 }
@@ -75,22 +77,26 @@ impl Interrupt {
         let (own, folder) = (Arc::clone(&state), folder.to_owned());
         // Without a handler a signal ends the program as usual, so a failure here is no reason not to search.
         let _ = ctrlc::set_handler(move || {
-            match own.compare_exchange(WRITING, ASKED, Ordering::SeqCst, Ordering::SeqCst) {
-                Ok(_) => {}
-                Err(state) => {
-                    if state == SEARCHING {
-                        leave(&folder, made);
-                    }
-                    std::process::exit(i32::from(super::INTERRUPTED));
-                }
+            let change = |from, to| own.compare_exchange(from, to, Ordering::SeqCst, Ordering::SeqCst);
+            if change(WRITING, ASKED).is_ok() {
+                return;
             }
+            if change(SEARCHING, ENDING).is_ok() {
+                stop::ask();
+                return;
+            }
+            if own.load(Ordering::SeqCst) == ENDING {
+                leave(&folder, made);
+            }
+            std::process::exit(i32::from(super::INTERRUPTED));
         });
         Interrupt { state }
     }
 
     /// Nothing ends the program any more until the report is complete. Whether it was asked to end before.
     pub fn begin_to_write(&self) -> bool {
-        self.state.compare_exchange(SEARCHING, WRITING, Ordering::SeqCst, Ordering::SeqCst).is_err()
+        let change = |from| self.state.compare_exchange(from, WRITING, Ordering::SeqCst, Ordering::SeqCst);
+        change(SEARCHING).is_err() && change(ENDING).is_ok()
     }
 
     /// Whether a signal came since.

@@ -6,7 +6,7 @@ use std::process::Command;
 
 use airloop_fmi::{Fmu, VariableKind};
 use airloop_refine::amend::{self, rig};
-use airloop_refine::answer::{Answer, Effect, Parameter, Verdict};
+use airloop_refine::answer::{Answer, Correction, Effect, Parameter, Verdict};
 use airloop_refine::case::Case;
 use airloop_refine::engine::System;
 use airloop_refine::engine::candidate::Candidate;
@@ -14,7 +14,7 @@ use airloop_refine::rig::coupled::Coupled;
 use airloop_refine::rig::cylinder::{Chambers, Cylinder};
 use airloop_refine::rig::open::open;
 use airloop_refine::rig::parameters::{self, TABLE};
-use airloop_refine::rig::physical::{correction, quantities};
+use airloop_refine::rig::physical::quantities;
 use airloop_refine::study::declaration::File;
 use airloop_series::csv;
 
@@ -48,24 +48,8 @@ fn switched_on(candidate: &Candidate, p: &mut [f64]) {
     }
 }
 
-fn answer(effects: Vec<Effect>, corrections: Vec<(String, f64, f64)>) -> Answer {
-    Answer {
-        verdict: Verdict::Effect,
-        effects,
-        unexplained: None,
-        corrections,
-        cylinder: false,
-        fitted: Vec::new(),
-        before: Default::default(),
-        after: Default::default(),
-        noise: BTreeMap::new(),
-        floor: Default::default(),
-        left: Default::default(),
-        limit: 1.0,
-        parameters: Default::default(),
-        not_testable: Vec::new(),
-        notes: Vec::new(),
-    }
+fn answer(effects: Vec<Effect>, corrections: Vec<Correction>) -> Answer {
+    Answer { verdict: Verdict::Effect, effects, corrections, limit: 1.0, ..Answer::default() }
 }
 
 fn effect(candidate: &Candidate, p: &[f64]) -> Effect {
@@ -79,7 +63,7 @@ fn effect(candidate: &Candidate, p: &[f64]) -> Effect {
         score: 1.0,
         parameters: quantities(candidate, p).into_iter().map(parameter).collect(),
         reason: String::new(),
-        stability: None,
+        ..Effect::default()
     }
 }
 
@@ -208,10 +192,11 @@ fn corrections_of_declared_parameters_move_as_in_the_search() {
     let rig = opened.coupled.as_ref().unwrap();
     let mut p = parameters::neutral();
     let mut corrections = Vec::new();
-    for (k, free) in opened.corrections.iter().enumerate() {
-        p[free.index] = 0.01 * (1.0 + 0.1 * k as f64) * if k % 2 == 0 { 1.0 } else { -1.0 };
-        let (name, relative) = correction(free.index, &p);
-        corrections.push((name, relative, 1e-3));
+    for (k, own) in opened.corrections.iter().enumerate() {
+        let size = if own.absolute() { 1e-4 } else { 0.01 };
+        let moved = size * (1.0 + 0.1 * k as f64) * if k % 2 == 0 { 1.0 } else { -1.0 };
+        p[own.entry.index] = moved;
+        corrections.push(Correction::new(own, moved, 1e-3));
     }
     // Effects that count from corrected values: presliding replaces the corrected Coulomb friction, a payload is added to
     // the corrected pole.
@@ -284,7 +269,7 @@ fn chosen(id: &str, channel: &str, parameters: &[(&str, f64)]) -> Effect {
         score: 1.0,
         parameters: parameters.iter().map(parameter).collect(),
         reason: String::new(),
-        stability: None,
+        ..Effect::default()
     }
 }
 

@@ -285,7 +285,7 @@ fn what_no_candidate_explains_is_told_with_its_channel() {
 
 #[test]
 #[cfg(unix)]
-fn an_interrupted_search_leaves_nothing_behind_and_says_so() {
+fn an_interrupted_search_keeps_its_best_answer_and_says_that_it_is_partial() {
     let case = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data/rig/v01");
     let parent = tempfile::tempdir().unwrap();
     let folder = parent.path().join("out");
@@ -304,8 +304,21 @@ fn an_interrupted_search_leaves_nothing_behind_and_says_so() {
     let output = child.wait_with_output().unwrap();
     let message = String::from_utf8_lossy(&output.stderr).into_owned();
     assert_eq!(output.status.code(), Some(130), "{message}");
-    assert!(message.contains("interrupted during the search; nothing was written"), "{message}");
-    assert_eq!(fs::read_dir(parent.path()).unwrap().count(), 0, "the new folder is gone");
+    assert!(message.contains("interrupted during the search; the best answer so far"), "{message}");
+    assert_eq!(report(&folder)["partial"], true);
+}
+
+#[test]
+fn a_search_out_of_time_gives_its_best_answer_so_far() {
+    let case = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data/rig/v01");
+    let folder = tempfile::tempdir().unwrap();
+    let output = Command::new(env!("CARGO_BIN_EXE_airloop"))
+        .args(["refine", "--quiet", "--budget", "0.1 s"])
+        .args([&case, Path::new("-o"), folder.path()])
+        .output()
+        .unwrap();
+    assert!(matches!(output.status.code(), Some(0 | 10 | 11 | 12)), "{output:?}");
+    assert_eq!(report(folder.path())["partial"], true);
 }
 
 #[test]

@@ -3,16 +3,18 @@
 use std::collections::BTreeMap;
 
 use super::engine::candidate::Candidate;
+use super::engine::fit::Free;
 use super::engine::goodness::Null;
 use super::engine::search::{Model, Promise, Search};
-use super::engine::select::{Effort, MARGIN, NOTICEABLE, Proposal, Selection, Stage, select};
-use super::engine::{System, parallel};
+use super::engine::select::{Effort, MARGIN, NOTICEABLE, Proposal, SUSPICIOUS, Selection, Stage, select};
+use super::engine::{System, parallel, stop};
 use super::interval;
 use super::moving::{self, with_cylinder, without_actuator};
+use super::rig::corrections;
 use super::rig::localise::{localise, pair_behind};
 use super::rig::open::Rig;
-use super::rig::physical::correction;
 use super::rig::replay::{BLUNTED, left, proposals};
+use super::rough_answer;
 use super::watch::{Listener, Watched};
 
 /// Settings of the search.
@@ -24,27 +26,30 @@ pub struct Settings {
     pub draws: usize,
     /// Most effects that are added.
     pub max_effects: usize,
+    /// Settings where the noise is not reached.
+    pub rough: super::engine::settings::Rough,
 }
 
 impl Default for Settings {
     fn default() -> Settings {
-        Settings { seed: 1, draws: 400, max_effects: 3 }
+        Settings { seed: 1, draws: 400, max_effects: 3, rough: Default::default() }
     }
 }
 
 /// What the records say.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum Verdict {
     /// Effects were found.
     Effect,
     /// Nothing is missing.
+    #[default]
     Nothing,
     /// Something is missing that is none of the candidates.
     Unexplained,
 }
 
 /// A parameter with its 95 % interval.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Parameter {
     /// Name in the vocabulary.
     pub name: String,
@@ -57,7 +62,7 @@ pub struct Parameter {
 }
 
 /// An effect of the answer.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub struct Effect {
     /// Id of the vocabulary.
     pub id: String,
@@ -71,6 +76,8 @@ pub struct Effect {
     pub group: Option<usize>,
     /// Improvement of the information criterion over the declared model.
     pub score: f64,
+    /// Share of the declared model's error on validation records that it takes away alone; none: not asked.
+    pub share: Option<f64>,
     /// Parameters.
     pub parameters: Vec<Parameter>,
     /// Why it was chosen or not, one sentence.
@@ -92,6 +99,80 @@ pub struct Stability {
     pub ranges: Vec<(f64, f64)>,
 }
 
+/// A declared parameter that is slightly off.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Correction {
+    /// Id of the effect of the vocabulary that does the same, if there is one.
+    pub id: Option<String>,
+    /// Component.
+    pub component: String,
+    /// Parameter of the component.
+    pub parameter: String,
+    /// Declared value.
+    pub declared: f64,
+    /// Corrected value.
+    pub value: f64,
+    /// 95 % interval of `value`.
+    pub interval: (f64, f64),
+    /// Entry of the parameter vector: relative change, of poles absolute.
+    pub moved: f64,
+    /// One standard deviation of what is known beforehand, as `moved`.
+    pub tolerance: f64,
+    /// Parameter of the effect that does the same.
+    pub parameters: Vec<Parameter>,
+}
+
+impl Correction {
+    /// `component.parameter`.
+    pub fn path(&self) -> String {
+        format!("{}.{}", self.component, self.parameter)
+    }
+
+    /// A correction by `moved` with the standard deviation `deviation`, both as entries of the parameter vector.
+    pub fn new(own: &corrections::Correction, moved: f64, deviation: f64) -> Correction {
+        let (value, half) = (own.value(moved), 1.96 * (own.value(deviation) - own.declared).abs());
+        let parameter = own.entry.effect.map(|(_, name)| Parameter {
+            name: name.into(),
+            unit: String::new(),
+            value: value - own.declared,
+            interval: (value - half - own.declared, value + half - own.declared),
+        });
+        Correction {
+            id: own.entry.effect.map(|(id, _)| id.into()),
+            component: own.component().into(),
+            parameter: own.parameter().into(),
+            declared: own.declared,
+            value,
+            interval: (value - half, value + half),
+            moved,
+            tolerance: own.exact().prior.unwrap_or(0.0),
+            parameters: parameter.into_iter().collect(),
+        }
+    }
+}
+
+/// A candidate of one step of the search.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Tried {
+    /// Id, with the signal for sensors.
+    pub id: String,
+    /// Channel.
+    pub channel: String,
+    /// Share of the declared model's error on held-out estimation records that it takes away beyond the model before it.
+    pub held_out_gain: f64,
+    /// Why it was not accepted.
+    pub rejected: Option<String>,
+}
+
+/// One step of the search.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Step {
+    /// Effects found before.
+    pub model: Vec<String>,
+    /// Candidates, best first.
+    pub candidates: Vec<Tried>,
+}
+
 /// Errors of a set of records, by signal.
 #[derive(Debug, Clone, Default)]
 pub struct Errors {
@@ -102,16 +183,27 @@ pub struct Errors {
 }
 
 /// The answer.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub struct Answer {
     /// What the records say.
     pub verdict: Verdict,
+    /// Whether every signal is within its noise limit with the answer.
+    pub complete: bool,
+    /// Whether the search ended before it was through.
+    pub partial: bool,
+    /// Share of the declared model's error on validation records that effects and corrections take away together.
+    pub share: Option<f64>,
+    /// Steps of the search for a share of the error; empty where the noise was reached.
+    pub steps: Vec<Step>,
+    /// Share of the variance of the force or torque behind [`Answer::unexplained`] that a free form over its first variable
+    /// explains, where the records show it.
+    pub share_of_free_form: Option<f64>,
     /// Effects, selected ones first.
     pub effects: Vec<Effect>,
     /// Channel and variables of what no candidate explains.
     pub unexplained: Option<(String, Vec<String>)>,
-    /// Corrections of declared parameters: name, relative change, standard deviation.
-    pub corrections: Vec<(String, f64, f64)>,
+    /// Corrections of declared parameters.
+    pub corrections: Vec<Correction>,
     /// Whether the declared actuator gave way to a pneumatic cylinder from first principles.
     pub cylinder: bool,
     /// Values of declared parameters that every fit was free to choose, in the corrected model.
@@ -145,6 +237,9 @@ impl Answer {
     }
 }
 
+/// Share of a limited time that the search for an explanation to the noise may use.
+const EXACT_SHARE_OF_TIME: f64 = 0.5;
+
 /// Finds what a rig's declared model lacks; `listener` hears how far it is.
 pub fn answer(rig: &Rig, groups: &[String], settings: &Settings, listener: Listener) -> Answer {
     let watched = Watched::new(rig.system.as_ref(), listener);
@@ -176,20 +271,26 @@ pub fn answer(rig: &Rig, groups: &[String], settings: &Settings, listener: Liste
         );
         found
     };
+    let exact: Vec<Free> = rig.corrections.iter().map(corrections::Correction::exact).collect();
+    // What is left of a limited time is for effects that leave more than noise.
+    stop::stage(EXACT_SHARE_OF_TIME);
     let selection = match &cylinder {
-        Some(moving) => {
-            select(&search, moving.clone(), &without_actuator(&rig.corrections), effort, &proposed)
-        }
-        None => select(&search, declared.clone(), &rig.corrections, effort, &proposed),
+        Some(moving) => select(&search, moving.clone(), &without_actuator(&exact), effort, &proposed),
+        None => select(&search, declared.clone(), &exact, effort, &proposed),
     };
     let mut found = assemble(rig, &search, &declared, &selection);
     if cylinder.is_some() && selection.explained {
         moving::tell(&mut found);
     }
-    if !selection.explained {
-        trace(rig, &search, &selection, groups, &mut found);
-    }
+    let exact_part = !selection.explained && trace(rig, &search, &selection, groups, &mut found);
     hold_back(&mut found);
+    stop::stage(1.0);
+    let rough = !selection.explained && !exact_part && cylinder.is_none();
+    let improved = rough && rough_answer::improve(rig, &search, &declared, groups, settings, &mut found);
+    if !improved && found.verdict == Verdict::Effect {
+        rough_answer::shares(rig, &mut found);
+    }
+    found.partial = stop::ended();
     found
 }
 
@@ -232,13 +333,16 @@ fn hold_back(found: &mut Answer) {
 }
 
 /// Names the channel of what no candidate explains; behind a wrong actuator, effects of the mechanics are still found.
+///
+/// Whether a part of the rig follows its declared model to the noise: then the rest must do so as well, and an effect that
+/// leaves more is none.
 fn trace(
     rig: &Rig,
     search: &Search<dyn System + '_>,
     selection: &Selection,
     groups: &[String],
     found: &mut Answer,
-) {
+) -> bool {
     search.system.stage("place of what is left");
     let Some(coupled) = &rig.coupled else {
         let worst = selection.best.left.iter().max_by(|a, b| a.1.total_cmp(&b.1));
@@ -247,7 +351,7 @@ fn trace(
         let channel =
             if rig.candidates.iter().any(|c| c.channel == "piston_friction") { channel } else { "actuator" };
         found.unexplained = Some((channel.into(), Vec::new()));
-        return;
+        return false;
     };
     let left = left(coupled, &super::rig::parameters::neutral());
     let beyond = |signal: &str, limit: f64| left.iter().any(|(name, z)| name == signal && *z > limit);
@@ -261,8 +365,13 @@ fn trace(
     let groups = numbered(groups);
     let candidates: Vec<_> = rig.candidates.iter().filter(|c| behind(c)).cloned().collect();
     let findings = localise(coupled, &candidates, front, &groups, &super::rig::parameters::neutral());
+    found.share_of_free_form = Some(findings.share_of_free_form);
     found.unexplained = findings.channel.map(|channel| (channel, findings.variables));
-    let Some(model) = findings.effects else { return };
+    // On a rig that is off everywhere by little the pressure force may come near the limit, but not down to the noise.
+    let noise = search.null.quantile + SUSPICIOUS;
+    let actuator = left.iter().any(|(name, z)| name == "F_hat" && *z < noise);
+    let exact = actuator || findings.explained;
+    let Some(model) = findings.effects else { return exact };
     found.verdict = Verdict::Effect;
     found.notes.push("The actuator does not follow its declared model, so the mechanics were searched with the measured force of the load cell.".into());
     let gain = findings.declared.fit.chi2 - model.fit.chi2;
@@ -278,7 +387,7 @@ fn trace(
             score: gain,
             parameters: interval::parameters(own, &model.fit, 1.0),
             reason: "with it, position and angle follow the measured force".into(),
-            stability: None,
+            ..Effect::default()
         });
     }
     found.effects.retain(|e| !chosen.iter().any(|c| c.id == e.id && c.signal == e.signal));
@@ -290,6 +399,7 @@ fn trace(
     });
     found.after = [0, 1].map(|i| errors(system, &sets[i], &model.fit.parameters));
     found.parameters[1] = model.fit.parameters.clone();
+    exact
 }
 
 /// Fits the local parameters of records alone.
@@ -304,7 +414,7 @@ pub(super) fn fit_locals<S: System + ?Sized>(
 }
 
 /// Errors of a model on records, their initial states fitted.
-fn errors<S: System + ?Sized>(system: &S, records: &[usize], p: &[f64]) -> Errors {
+pub(super) fn errors<S: System + ?Sized>(system: &S, records: &[usize], p: &[f64]) -> Errors {
     let fit = fit_locals(system, records, p);
     let parts = parallel::map(records.len(), |i| {
         let predicted = system.predict(records[i], p, &fit.locals[i]);
@@ -351,6 +461,7 @@ fn screened(own: &Candidate, promise: &Promise, (declared, best): (&Model, &Mode
         score: gain - penalty * own.free.len() as f64,
         parameters: Vec::new(),
         stability: None,
+        share: None,
         reason: if gain < NOTICEABLE {
             "it promises no more than fitting noise gives".into()
         } else {
@@ -382,7 +493,7 @@ fn assemble(rig: &Rig, search: &Search<dyn System + '_>, stated: &Model, selecti
             score: score(model),
             parameters: interval::parameters(own, &model.fit, penalty.exp()),
             reason,
-            stability: None,
+            ..Effect::default()
         });
     };
     let verdict = match (selection.explained, best.added.is_empty()) {
@@ -428,18 +539,16 @@ fn assemble(rig: &Rig, search: &Search<dyn System + '_>, stated: &Model, selecti
         seen.push(promise.candidate);
         effects.push(screened(own, promise, (declared, best), penalty));
     }
-    let corrections: Vec<(String, f64, f64)> = if selection.stage == Stage::Corrected {
+    let corrections: Vec<Correction> = if selection.stage == Stage::Corrected {
         let deviations = |index: usize| {
             let a = best.fit.free.iter().position(|f| f.index == index)?;
             Some(best.fit.covariance[(a, a)].max(0.0).sqrt())
         };
-        let one = |index: usize| {
-            deviations(index).map(|sd| {
-                let (name, value) = correction(index, &best.fit.parameters);
-                (name, value, sd)
-            })
+        let one = |own: &corrections::Correction| {
+            let index = own.entry.index;
+            deviations(index).map(|sd| Correction::new(own, best.fit.parameters[index], sd))
         };
-        rig.corrections.iter().filter_map(|f| one(f.index)).collect()
+        rig.corrections.iter().filter_map(one).collect()
     } else {
         Vec::new()
     };
@@ -471,16 +580,15 @@ fn assemble(rig: &Rig, search: &Search<dyn System + '_>, stated: &Model, selecti
         effects,
         unexplained: (verdict == Verdict::Unexplained).then(|| ("actuator".to_owned(), Vec::new())),
         corrections,
-        cylinder: false,
-        fitted: Vec::new(),
+        complete: selection.explained,
         before,
         after,
         noise,
-        floor: Default::default(),
         left: [stated.left.clone(), best.left.clone()],
         limit: search.null.quantile + MARGIN,
         parameters: [stated.fit.parameters.clone(), after_parameters.clone()],
         not_testable: rig.not_testable.clone(),
         notes,
+        ..Answer::default()
     }
 }

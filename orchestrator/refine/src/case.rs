@@ -6,6 +6,7 @@ use std::path::Path;
 use serde::Deserialize;
 
 use super::Error;
+use super::rig::corrections;
 use super::rig::cylinder::Cylinder;
 use airloop_series::{TimeSeries, csv};
 
@@ -21,6 +22,9 @@ pub struct Declaration {
     pub sample_rate_hz: f64,
     /// Declared parameters.
     pub model: Declared,
+    /// Standard deviations of declared parameters by path (`cart_pole.m_c`), relative to their values; poles: absolute.
+    #[serde(default)]
+    pub tolerance: BTreeMap<String, f64>,
     /// Sensors by the name of their column.
     pub sensors: BTreeMap<String, Sensor>,
     /// Records.
@@ -70,6 +74,47 @@ pub struct Actuator {
     /// Shape \[2\].
     pub B1: [f64; 2],
 }
+
+impl Actuator {
+    /// The actuator with an output larger by `gain`, relatively, and with moved poles: their mean by `decay`, half their
+    /// distance (along the real axis, or along the imaginary one for a complex pair) by `turn`.
+    ///
+    /// With F = -A1, its mean pole a and G = F - a I, which has the poles +-q: F' = (a + decay) I + (1 + turn/q) G, and
+    /// B' = (1 + gain) (I - F') (I - F)^-1 B, so that the static gain changes by `gain` alone.
+    pub fn moved(&self, gain: f64, decay: f64, turn: f64) -> Actuator {
+        let mut moved = self.clone();
+        if (decay, turn) != (0.0, 0.0) {
+            let f = -nalgebra::Matrix2::from_fn(|i, j| self.A1[i][j]);
+            let unit = nalgebra::Matrix2::identity();
+            let mean = f.trace() / 2.0;
+            let spread = f - unit * mean;
+            // Poles that coincide have no direction to move apart in.
+            let q = spread.determinant().abs().sqrt().max(LEAST_SPREAD);
+            let new = unit * (mean + decay) + spread * (1.0 + turn / q);
+            moved.A1 = std::array::from_fn(|i| std::array::from_fn(|j| -new[(i, j)]));
+            // An integrator has no static gain that could stay.
+            let same_gain = (unit - f).try_inverse().map_or(unit, |inverse| (unit - new) * inverse);
+            for b in [&mut moved.B0, &mut moved.B1] {
+                let own = same_gain * nalgebra::Vector2::from(*b);
+                *b = own.into();
+            }
+        }
+        for b in moved.B0.iter_mut().chain(&mut moved.B1) {
+            *b *= 1.0 + gain;
+        }
+        moved
+    }
+
+    /// Mean of the poles and half their distance.
+    pub fn poles(&self) -> [f64; 2] {
+        let f = -nalgebra::Matrix2::from_fn(|i, j| self.A1[i][j]);
+        let mean = f.trace() / 2.0;
+        [mean, (f - nalgebra::Matrix2::identity() * mean).determinant().abs().sqrt()]
+    }
+}
+
+/// Half the distance of two poles below which they count as one.
+const LEAST_SPREAD: f64 = 1e-4;
 
 /// `c1 tanh(c2 (v - c3)) + c4 v + c5`, eq. 2; N, s/m, m/s, N s/m, N.
 #[derive(Debug, Clone, Default, Deserialize)]
@@ -198,12 +243,32 @@ impl Case {
                 )));
             }
         }
+        check_tolerances(&declaration.tolerance).map_err(refused)?;
         let mut records = Vec::new();
         for file in &declaration.files {
             records.push(read_record(&folder.join(&file.name), &declaration)?);
         }
         Ok(Case { declaration, records })
     }
+}
+
+/// Every tolerance belongs to a declared parameter and is a standard deviation.
+fn check_tolerances(tolerances: &BTreeMap<String, f64>) -> Result<(), String> {
+    for (path, value) in tolerances {
+        if !corrections::TABLE.iter().any(|kind| kind.path == path) {
+            let known: Vec<&str> = corrections::TABLE.iter().map(|kind| kind.path).collect();
+            return Err(format!(
+                "[tolerance] \"{path}\" is none of the declared parameters that may be off: {}",
+                known.join(", ")
+            ));
+        }
+        if !(*value > 0.0 && value.is_finite()) {
+            return Err(format!(
+                "[tolerance] \"{path}\" is {value}: give one standard deviation relative to the value (for poles: absolute), larger than 0"
+            ));
+        }
+    }
+    Ok(())
 }
 
 fn read_record(path: &Path, declaration: &Declaration) -> Result<TimeSeries, Error> {

@@ -9,7 +9,7 @@ use super::engine::System;
 use super::engine::fit::Free;
 use super::engine::search::{Model, Search};
 use super::engine::select::MARGIN;
-use super::rig::parameters::{CYLINDER, D_ACT_GAIN, D_ACT_RATE};
+use super::rig::parameters::{CYLINDER, D_ACT_DECAY, D_ACT_GAIN, D_ACT_TURN};
 
 /// Share of the normalised power that the declared actuator leaves in the pressure force below which the cylinder takes its
 /// place.
@@ -34,7 +34,11 @@ pub fn with_cylinder<S: System + ?Sized>(search: &Search<S>, declared: &Model) -
 
 /// Corrections that the cylinder knows: those of the declared actuator mean nothing to it.
 pub fn without_actuator(corrections: &[Free]) -> Vec<Free> {
-    corrections.iter().filter(|f| ![D_ACT_GAIN, D_ACT_RATE].contains(&f.index)).copied().collect()
+    corrections
+        .iter()
+        .filter(|f| ![D_ACT_GAIN, D_ACT_DECAY, D_ACT_TURN].contains(&f.index))
+        .copied()
+        .collect()
 }
 
 /// Says in the answer that the cylinder took the place of the declared actuator. That alone is no effect: without one the

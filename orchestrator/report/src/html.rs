@@ -76,6 +76,7 @@ pub fn text(report: &Report) -> String {
         figures::residuals(record, evidence).iter().for_each(|svg| figure(&mut out, svg));
     }
     dependence(&mut out, report);
+    steps(&mut out, report);
     candidates(&mut out, report);
     out.push_str("<h2>What to measure next</h2>\n");
     list(&mut out, &next::advice(answer));
@@ -143,11 +144,25 @@ fn dependence(out: &mut String, report: &Report) {
     }
 }
 
+fn steps(out: &mut String, report: &Report) {
+    let rows = words::step_rows(report.answer);
+    if rows.is_empty() {
+        return;
+    }
+    let _ = writeln!(out, "<h2>Steps of the search</h2>\n<p class=\"how\">{}</p>", escape(words::STEP_NOTE));
+    let rows: Vec<(bool, Vec<String>)> = rows.into_iter().map(|row| (row[3].is_empty(), row)).collect();
+    table(out, &words::STEP_HEADER, &[2], &rows);
+}
+
 fn candidates(out: &mut String, report: &Report) {
     if report.answer.effects.is_empty() {
         return;
     }
-    out.push_str("<h2>Candidates</h2>\n<p class=\"how\">Improvement: decrease of the Bayesian information criterion against the declared model on the estimation records. Margin: how much less than the best; candidates within some 12 of each other cannot be told apart.</p>\n");
+    let _ = writeln!(
+        out,
+        "<h2>Candidates</h2>\n<p class=\"how\">{}</p>",
+        escape(words::candidate_note(report.answer))
+    );
     let rows: Vec<(bool, Vec<String>)> = words::candidate_rows(report.answer)
         .into_iter()
         .zip(&report.answer.effects)
@@ -168,14 +183,7 @@ fn remarks(out: &mut String, report: &Report) {
     }
     if !answer.corrections.is_empty() {
         out.push_str("<h2>Corrections of declared parameters</h2>\n");
-        let rows = answer.corrections.iter().map(|(name, relative, deviation)| {
-            vec![
-                name.clone(),
-                format!("{:+.2} %", 100.0 * relative),
-                format!("\u{b1} {:.2} %", 196.0 * deviation),
-            ]
-        });
-        table(out, &["parameter", "correction", "95 %"], &[1, 2], &plain(rows));
+        table(out, &words::CORRECTION_HEADER, &[1, 2, 3, 4], &plain(words::correction_rows(answer)));
     }
     let tested: Vec<String> =
         answer.not_testable.iter().map(|(id, why)| format!("{} ({id}): {why}.", names::effect(id))).collect();

@@ -8,7 +8,7 @@ use super::{Report, next};
 use airloop_refine::answer::{self, Answer, Errors, Verdict};
 
 /// Version of the layout of `report.json`.
-pub const SCHEMA_VERSION: u32 = 1;
+pub const SCHEMA_VERSION: u32 = 2;
 
 #[derive(Serialize)]
 struct Document<'a> {
@@ -17,13 +17,18 @@ struct Document<'a> {
     case: &'a str,
     settings: Settings,
     verdict: &'static str,
+    complete: bool,
+    partial: bool,
+    share: Option<f64>,
     effects: Vec<Effect<'a>>,
     unexplained: Option<Unexplained<'a>>,
     residual: Residual<'a>,
     noise_floor: &'a BTreeMap<String, f64>,
     error_floor: Floor<'a>,
     score_kind: &'static str,
-    declared_corrections: BTreeMap<&'a str, Correction>,
+    corrections: Vec<Correction<'a>>,
+    remaining: Remaining<'a>,
+    steps: Vec<Step<'a>>,
     not_testable: BTreeMap<&'a str, &'a str>,
     localisation: Vec<Localised<'a>>,
     measure_next: Vec<String>,
@@ -36,6 +41,26 @@ struct Settings {
     seed: u64,
     draws: usize,
     max_effects: usize,
+    table: Vec<Row>,
+    study: &'static str,
+}
+
+#[derive(Serialize)]
+struct Row {
+    name: &'static str,
+    value: f64,
+    default: f64,
+    range: [f64; 2],
+    meaning: &'static str,
+}
+
+/// The numbers that decided the answer.
+fn table(settings: &answer::Settings) -> Vec<Row> {
+    let row = |own: airloop_refine::engine::settings::Row| {
+        let (name, value, default, meaning) = (own.name, own.value, own.default, own.meaning);
+        Row { name, value, default, range: [own.range.0, own.range.1], meaning }
+    };
+    settings.rough.table().into_iter().map(row).collect()
 }
 
 #[derive(Serialize)]
@@ -58,6 +83,9 @@ struct Effect<'a> {
     id: &'a str,
     channel: &'a str,
     signal: Option<&'a str>,
+    kind: &'a str,
+    port: Option<&'a str>,
+    share: Option<f64>,
     selected: bool,
     group: Option<usize>,
     score: f64,
@@ -84,7 +112,41 @@ struct Parameter<'a> {
 #[derive(Serialize)]
 struct Unexplained<'a> {
     channel: &'a str,
+    port: Option<&'a str>,
     variables: &'a [String],
+    share_of_free_form: Option<f64>,
+}
+
+#[derive(Serialize)]
+struct Remaining<'a> {
+    signals: BTreeMap<&'a str, Left>,
+    ports: BTreeMap<String, Port>,
+}
+
+#[derive(Serialize)]
+struct Left {
+    rms: f64,
+    floors: Option<f64>,
+    ratio: Option<f64>,
+}
+
+#[derive(Serialize)]
+struct Port {
+    floors: f64,
+}
+
+#[derive(Serialize)]
+struct Step<'a> {
+    model: &'a [String],
+    candidates: Vec<Tried<'a>>,
+}
+
+#[derive(Serialize)]
+struct Tried<'a> {
+    id: &'a str,
+    port: Option<&'a str>,
+    held_out_gain: f64,
+    rejected: Option<&'a str>,
 }
 
 #[derive(Serialize)]
@@ -102,9 +164,50 @@ struct Set<'a> {
 }
 
 #[derive(Serialize)]
-struct Correction {
-    relative: f64,
-    standard_deviation: f64,
+struct Correction<'a> {
+    id: Option<&'a str>,
+    component: &'a str,
+    parameter: &'a str,
+    declared: f64,
+    value: f64,
+    ci95: [f64; 2],
+    tolerance: f64,
+    params: BTreeMap<&'a str, Parameter<'a>>,
+}
+
+fn parameters(own: &[answer::Parameter]) -> BTreeMap<&str, Parameter<'_>> {
+    let one = |p: &'_ answer::Parameter| [p.interval.0, p.interval.1];
+    own.iter().map(|p| (p.name.as_str(), Parameter { value: p.value, unit: &p.unit, ci95: one(p) })).collect()
+}
+
+/// Signals and ports where something is left, on validation records.
+fn remaining<'a>(report: &Report<'a>) -> Remaining<'a> {
+    let answer = report.answer;
+    let left = |(signal, rms): (&'a String, &f64)| {
+        let before = answer.before[1].rms.get(signal).filter(|before| **before > 0.0);
+        let floors = answer.floor_of(signal).map(|floor| rms / floor);
+        (signal.as_str(), Left { rms: *rms, floors, ratio: before.map(|before| rms / before) })
+    };
+    // Normalised powers stand for standard deviations of a sum of squares; the root is about multiples of the noise.
+    let port = |port: &airloop_refine::evidence::Port| {
+        let floors = port.left[1].max(0.0).sqrt();
+        floors.is_finite().then(|| (format!("{} -> {}", port.from, port.to), Port { floors }))
+    };
+    Remaining {
+        signals: answer.after[1].rms.iter().map(left).collect(),
+        ports: report.evidence.ports.iter().filter_map(port).collect(),
+    }
+}
+
+/// Port of a system at which a channel of the rig acts.
+fn port(channel: &str) -> Option<&'static str> {
+    Some(match channel {
+        "actuator" => "actuator.u",
+        "piston_friction" => "piston_friction.F_out",
+        "cart_friction" | "cart" => "cart_pole.F",
+        "pole" => "cart_pole.tau_ext",
+        _ => return None,
+    })
 }
 
 fn set<'a>(before: &'a Errors, after: &'a Errors) -> Set<'a> {
@@ -143,20 +246,14 @@ pub fn text(report: &Report) -> String {
         id: &e.id,
         channel: &e.channel,
         signal: e.signal.as_deref(),
+        kind: e.id.split(['.', '@']).next_back().unwrap_or_default(),
+        port: port(&e.channel),
+        share: e.share,
         selected: e.selected,
         group: e.group,
         score: e.score,
         margin: best - e.score,
-        params: e
-            .parameters
-            .iter()
-            .map(|p| {
-                (
-                    p.name.as_str(),
-                    Parameter { value: p.value, unit: &p.unit, ci95: [p.interval.0, p.interval.1] },
-                )
-            })
-            .collect(),
+        params: parameters(&e.parameters),
         stability: e.stability.as_ref().map(|own| Stability {
             parts: own.parts,
             better: own.better,
@@ -173,25 +270,57 @@ pub fn text(report: &Report) -> String {
             seed: report.settings.seed,
             draws: report.settings.draws,
             max_effects: report.settings.max_effects,
+            table: table(report.settings),
+            study: airloop_refine::engine::settings::STUDY,
         },
         verdict: word(answer.verdict),
+        complete: answer.complete,
+        partial: answer.partial,
+        share: answer.share,
         effects: effects.collect(),
-        unexplained: answer
-            .unexplained
-            .as_ref()
-            .map(|(channel, variables)| Unexplained { channel, variables }),
+        unexplained: answer.unexplained.as_ref().map(|(channel, variables)| Unexplained {
+            channel,
+            port: port(channel),
+            variables,
+            share_of_free_form: answer.share_of_free_form,
+        }),
         residual: Residual {
             estimation: set(&answer.before[0], &answer.after[0]),
             validation: set(&answer.before[1], &answer.after[1]),
         },
         noise_floor: &answer.noise,
         error_floor: Floor { estimation: floor(answer, 0), validation: floor(answer, 1) },
-        score_kind: "delta BIC",
-        declared_corrections: answer
+        score_kind: if answer.steps.is_empty() { "delta BIC" } else { "delta weighted chi2" },
+        corrections: answer
             .corrections
             .iter()
-            .map(|(name, relative, sd)| {
-                (name.as_str(), Correction { relative: *relative, standard_deviation: *sd })
+            .map(|own| Correction {
+                id: own.id.as_deref(),
+                component: &own.component,
+                parameter: &own.parameter,
+                declared: own.declared,
+                value: own.value,
+                ci95: [own.interval.0, own.interval.1],
+                tolerance: own.tolerance,
+                params: parameters(&own.parameters),
+            })
+            .collect(),
+        remaining: remaining(report),
+        steps: answer
+            .steps
+            .iter()
+            .map(|step| Step {
+                model: &step.model,
+                candidates: step
+                    .candidates
+                    .iter()
+                    .map(|own| Tried {
+                        id: &own.id,
+                        port: port(&own.channel),
+                        held_out_gain: own.held_out_gain,
+                        rejected: own.rejected.as_deref(),
+                    })
+                    .collect(),
             })
             .collect(),
         not_testable: answer.not_testable.iter().map(|(id, why)| (id.as_str(), why.as_str())).collect(),

@@ -88,6 +88,12 @@ pub fn text(report: &Report) -> String {
         });
         table(&mut out, &["signal", "largest before", "largest after", "white noise (99 %)"], rows);
     }
+    let rows = words::step_rows(answer);
+    if !rows.is_empty() {
+        heading(&mut out, "Steps of the search");
+        let _ = writeln!(out, "{}\n", words::STEP_NOTE);
+        table(&mut out, &words::STEP_HEADER, rows);
+    }
     if !answer.effects.is_empty() {
         heading(&mut out, "Candidates");
         table(&mut out, &words::CANDIDATE_HEADER, words::candidate_rows(answer));
@@ -104,10 +110,7 @@ pub fn text(report: &Report) -> String {
     }
     if !answer.corrections.is_empty() {
         heading(&mut out, "Corrections of declared parameters");
-        let one = |(name, relative, deviation): &(String, f64, f64)| {
-            format!("{name}: {:+.2} % (\u{b1} {:.2} %)", 100.0 * relative, 196.0 * deviation)
-        };
-        list(&mut out, answer.corrections.iter().map(one));
+        table(&mut out, &words::CORRECTION_HEADER, words::correction_rows(answer));
     }
     if !answer.not_testable.is_empty() {
         heading(&mut out, "Not testable with these records");

@@ -1,7 +1,7 @@
 //! The sentences of a report.
 
 use super::names;
-use airloop_refine::answer::{Answer, Effect, Parameter, Verdict};
+use airloop_refine::answer::{Answer, Correction, Effect, Parameter, Verdict};
 use airloop_refine::evidence::Signal;
 
 /// A number with enough digits to read.
@@ -61,8 +61,13 @@ pub fn rounded(value: f64, half: f64) -> String {
     }
 }
 
-/// The answer in one sentence, or two.
+/// The answer in one sentence, or two; of a search that ended early the best so far.
 pub fn sentence(answer: &Answer) -> String {
+    let found = answered(answer);
+    if answer.partial { format!("{found} The search ended before it was through.") } else { found }
+}
+
+fn answered(answer: &Answer) -> String {
     let chosen: Vec<&Effect> = answer.effects.iter().filter(|effect| effect.selected).collect();
     let list = chosen.iter().map(|e| format!("{}: {}", told(e), size(e))).collect::<Vec<_>>().join("; and ");
     let rest = answer.unexplained.as_ref().map(|(channel, variables)| {
@@ -91,20 +96,74 @@ pub fn sentence(answer: &Answer) -> String {
             format!("{moving} Nothing else is missing.")
         }
         (Verdict::Nothing, _) => "Nothing is missing: what the declared model leaves is sensor noise.".into(),
+        (Verdict::Effect, None) if !answer.complete && answer.share.is_some() => {
+            format!("The declared model lacks {list}. {}", share_and_remainder(answer))
+        }
         (Verdict::Effect, None) => format!("The declared model lacks {list}."),
         (Verdict::Effect, Some(rest)) => format!("The declared model lacks {list}. It also lacks {rest}."),
         (Verdict::Unexplained, rest) => {
+            let corrected = answer.share.filter(|_| !answer.corrections.is_empty()).map_or(String::new(), |share| {
+                format!(
+                    " Corrections of declared parameters within their tolerances take away {:.0} % of the error.",
+                    100.0 * share
+                )
+            });
             format!(
-                "The declared model lacks {}.",
+                "The declared model lacks {}.{corrected}",
                 rest.unwrap_or_else(|| "something that is none of the known effects".into())
             )
         }
     }
 }
 
+/// How much of the error effects and corrections take away, and where the rest is.
+fn share_and_remainder(answer: &Answer) -> String {
+    let chosen: Vec<&Effect> = answer.effects.iter().filter(|effect| effect.selected).collect();
+    let percent = |share: f64| format!("{:.0} %", 100.0 * share);
+    let alone = match chosen[..] {
+        [one] => one.share.map(|share| format!("It takes away {} of the error", percent(share))),
+        _ => None,
+    };
+    let whole = answer.share.map(percent).unwrap_or_default();
+    let taken = match alone {
+        Some(alone) if answer.corrections.is_empty() => alone,
+        Some(alone) => format!("{alone}, with corrections of declared parameters {whole}"),
+        None => format!("Together they take away {whole} of the error"),
+    };
+    let floors = |(signal, rms): (&String, &f64)| Some((signal.clone(), rms / answer.floor_of(signal)?));
+    let worst = answer.after[1].rms.iter().filter_map(floors).max_by(|a, b| a.1.total_cmp(&b.1));
+    match worst {
+        Some((signal, times)) if times > 1.05 => {
+            format!(
+                "{taken}; what is left, {} times the noise, sits in {signal}.",
+                super::chart::short(times)
+            )
+        }
+        _ => format!("{taken}; what is left is about the noise."),
+    }
+}
+
+/// Header of [`step_rows`].
+pub const STEP_HEADER: [&str; 4] = ["beside", "candidate", "held-out share", "not accepted because"];
+
+/// Candidates of every step of a search for a share of the error.
+pub fn step_rows(answer: &Answer) -> Vec<Vec<String>> {
+    let rows = answer.steps.iter().flat_map(|step| {
+        let model = if step.model.is_empty() { "corrections".into() } else { step.model.join(", ") };
+        step.candidates.iter().map(move |own| {
+            let share = format!("{:.0} %", 100.0 * own.held_out_gain);
+            vec![model.clone(), own.id.clone(), share, own.rejected.clone().unwrap_or_default()]
+        })
+    });
+    rows.collect()
+}
+
+/// What the table of steps shows.
+pub const STEP_NOTE: &str = "No model of the vocabulary reaches the noise, so an effect counts for the share of the declared model's error that it takes away on held-out records, beyond what corrections of declared parameters within their tolerances do. Predictions of the coupled rig begin again every half second from the measured motion.";
+
 /// What the amended model does to the error, in one sentence: the signal that improves most.
 pub fn effect_on_error(answer: &Answer) -> Option<String> {
-    if answer.verdict != Verdict::Effect {
+    if answer.verdict != Verdict::Effect || !answer.complete && answer.share.is_some() {
         return None;
     }
     let (before, after) = (&answer.before[1].rms, &answer.after[1].rms);
@@ -196,6 +255,25 @@ pub fn stability_rows(answer: &Answer) -> Vec<Vec<String>> {
     rows.collect()
 }
 
+/// Header of [`correction_rows`].
+pub const CORRECTION_HEADER: [&str; 5] =
+    ["parameter", "declared", "corrected", "\u{b1} (95 %)", "in tolerances"];
+
+/// Declared parameters that were corrected.
+pub fn correction_rows(answer: &Answer) -> Vec<Vec<String>> {
+    let row = |own: &Correction| {
+        let half = 0.5 * (own.interval.1 - own.interval.0);
+        vec![
+            own.path(),
+            number(own.declared),
+            rounded(own.value, half),
+            rounded(half, half),
+            format!("{:+.1}", own.moved / own.tolerance),
+        ]
+    };
+    answer.corrections.iter().map(row).collect()
+}
+
 /// A score as a whole number, in powers of ten where it is long.
 fn count(value: f64) -> String {
     if value.abs() < 1e5 { format!("{value:.0}") } else { format!("{value:.2e}") }
@@ -203,6 +281,15 @@ fn count(value: f64) -> String {
 
 /// Header of [`candidate_rows`].
 pub const CANDIDATE_HEADER: [&str; 6] = ["effect", "what", "improvement", "margin", "parameters", "why"];
+
+/// What the improvement of a candidate is.
+pub fn candidate_note(answer: &Answer) -> &'static str {
+    if answer.steps.is_empty() {
+        "Improvement: decrease of the Bayesian information criterion against the declared model on the estimation records. Margin: how much less than the best; candidates within some 12 of each other cannot be told apart."
+    } else {
+        "Improvement: decrease of the sum of squares beyond the corrections, on the estimation records, each residual counted as many independent samples as it holds. Margin: how much less than the best."
+    }
+}
 
 /// All candidates that were fitted, in the order of the report.
 pub fn candidate_rows(answer: &Answer) -> Vec<Vec<String>> {

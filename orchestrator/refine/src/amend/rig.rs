@@ -24,12 +24,11 @@ pub fn network(declaration: &Declaration, answer: &Answer) -> Network {
 /// Declared parameters with the corrections of an answer, and with the effects that change masses and lengths.
 fn corrected(declared: &Declared, answer: &Answer) -> Declared {
     let mut model = declared.clone();
-    let share = |name: &str| {
-        answer.corrections.iter().find(|(own, ..)| own == name).map_or(0.0, |(_, relative, _)| *relative)
-    };
+    let share =
+        |name: &str| answer.corrections.iter().find(|own| own.path() == name).map_or(0.0, |own| own.moved);
     let scale = |value: &mut f64, name: &str| *value *= 1.0 + share(name);
     if let Some(actuator) = &mut model.actuator {
-        rescale(actuator, share("actuator.gain"), share("actuator.rate"));
+        *actuator = actuator.moved(share("actuator.gain"), share("actuator.poles"), share("actuator.spread"));
     }
     for (name, friction) in
         [("piston_friction", &mut model.piston_friction), ("cart_friction", &mut model.cart_friction)]
@@ -44,7 +43,7 @@ fn corrected(declared: &Declared, answer: &Answer) -> Declared {
         for (value, name) in
             [(&mut body.m_c, "m_c"), (&mut body.m_p, "m_p"), (&mut body.l, "l"), (&mut body.b_p, "b_p")]
         {
-            scale(value, name);
+            scale(value, &format!("cart_pole.{name}"));
         }
         for effect in answer.effects.iter().filter(|effect| effect.selected) {
             match effect.id.as_str() {
@@ -58,21 +57,6 @@ fn corrected(declared: &Declared, answer: &Answer) -> Declared {
         }
     }
     model
-}
-
-/// An actuator whose output is larger by `gain` and faster by `rate`, relatively: the poles move, the static gain is
-/// that of `gain` alone.
-fn rescale(actuator: &mut Actuator, gain: f64, rate: f64) {
-    let rate = 1.0 + rate;
-    for (i, row) in actuator.A1.iter_mut().enumerate() {
-        for (j, a) in row.iter_mut().enumerate() {
-            let unit = f64::from(i == j);
-            *a = rate * (*a + unit) - unit;
-        }
-    }
-    for b in actuator.B0.iter_mut().chain(&mut actuator.B1) {
-        *b *= rate * (1.0 + gain);
-    }
 }
 
 /// A point mass at the free end of the rod: the masses and the length that have the same mass, first and second moment.

@@ -5,8 +5,8 @@
 
 use nalgebra::{Cholesky, DMatrix, DVector};
 
-use super::System;
 use super::normal::{Normal, cost, gradients, residuals};
+use super::{System, stop};
 
 /// A shared parameter that is fitted.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -86,7 +86,7 @@ pub fn fit<S: System + ?Sized>(
     let samples = records.iter().map(count).sum::<usize>() as f64;
     let mut normal = Normal::new(system, records, &p, free, &locals);
     let (mut round, mut refused, mut served, mut settled) = (0, 0, 0, false);
-    while round < iterations && refused < 6 {
+    while round < iterations && refused < 6 && !stop::asked() {
         let (matrix, right, chi2) = (&normal.matrix, &normal.right, normal.chi2);
         let held: Vec<bool> = free
             .iter()

@@ -4,11 +4,11 @@
 //! once too often has no useful derivative. What does not follow the beginning does not follow the whole either, and is
 //! given up at a fraction of the cost.
 
-use super::System;
 use super::candidate::Candidate;
 use super::fit::Free;
 use super::goodness::Null;
 use super::search::{Model, Promise, Search};
+use super::{System, stop};
 
 /// Shares of the records that are fitted before the whole.
 const SHARES: [f64; 2] = [0.25, 0.5];
@@ -107,7 +107,7 @@ impl<'a, S: System + ?Sized> Ladder<'a, S> {
             if found.iter().any(|other| other.model.added == added) {
                 continue;
             }
-            if found.len() >= count || promise.chi2 > enough {
+            if found.len() >= count || promise.chi2 > enough || stop::asked() {
                 break;
             }
             let mut start = (*start).clone();
@@ -132,7 +132,7 @@ impl<'a, S: System + ?Sized> Ladder<'a, S> {
     ) -> Reached {
         let mut model = self.fit(from, added, extra, start, rounds);
         let mut rung = from;
-        while rung < self.top() && model.worst() < HOPEFUL * self.limit(rung) {
+        while rung < self.top() && !stop::asked() && model.worst() < HOPEFUL * self.limit(rung) {
             rung += 1;
             model = self.fit(rung, added, extra, &model, rounds);
         }

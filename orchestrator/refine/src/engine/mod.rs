@@ -4,12 +4,17 @@ pub mod candidate;
 pub mod corrected;
 pub mod fit;
 pub mod goodness;
+pub mod held_out;
 pub mod ladder;
 pub mod noise;
 pub mod normal;
 pub mod parallel;
+pub mod rough;
 pub mod search;
 pub mod select;
+pub mod settings;
+pub mod stop;
 pub mod system;
+pub mod weighted;
 
 pub use system::{Span, System};

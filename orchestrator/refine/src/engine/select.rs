@@ -5,12 +5,12 @@
 //! model leaves only noise decides. Within it the Bayesian information criterion chooses, and what comes within
 //! [`TIE`] of the best cannot be told apart from it by these records.
 
-use super::System;
 use super::candidate::Candidate;
 use super::corrected::{as_declared, with_corrections};
 use super::fit::Free;
 use super::ladder::{Ladder, Reached, beginnings};
 use super::search::{Model, Promise, Search};
+use super::{System, stop};
 
 /// A model leaves only noise when no normalised power exceeds the largest of the null by more than this.
 pub const MARGIN: f64 = 8.0;
@@ -135,6 +135,9 @@ pub fn select<S: System + ?Sized>(
     search.system.stage("single effects");
     let singles = attempt(search, &declared, &promises, effort.singles, limit);
     tried.extend(singles.iter().cloned());
+    if stop::asked() {
+        return unexplained(tried, declared);
+    }
     let systems = beginnings(search.system);
     let ladder = Ladder::new(search, &systems, &declared, MARGIN);
     let passes = |m: &Model| m.worst() < limit;
@@ -145,7 +148,7 @@ pub fn select<S: System + ?Sized>(
         tried.extend(climbed);
     }
     let mut bases = Vec::new();
-    if passing.is_empty() {
+    if passing.is_empty() && !stop::asked() {
         let proposed = proposed(&ladder, &declared, &proposals());
         let whole = proposed.iter().filter(|reached| reached.rung == ladder.top());
         let mut whole: Vec<Model> = whole.map(|reached| reached.model.clone()).collect();
@@ -157,7 +160,7 @@ pub fn select<S: System + ?Sized>(
         tried.extend(whole);
         bases.extend(proposed.into_iter().map(|reached| reached.model).filter(|m| m.added.len() == 1));
     }
-    if passing.is_empty() && effort.max_effects >= 2 {
+    if passing.is_empty() && effort.max_effects >= 2 && !stop::asked() {
         search.system.stage("pairs of effects");
         bases.extend(singles.iter().cloned());
         let pairs = pairs(&ladder, &bases, effort.pairs);
@@ -175,6 +178,12 @@ pub fn select<S: System + ?Sized>(
     let best = passing.iter().min_by(|a, b| criterion(a).total_cmp(&criterion(b))).cloned();
     if best.as_ref().is_some_and(|best| best.worst() < search.null.quantile + SUSPICIOUS) {
         return end(Stage::Effects, passing, tried);
+    }
+    if stop::asked() {
+        return match passing.is_empty() {
+            true => unexplained(tried, declared),
+            false => end(Stage::Effects, passing, tried),
+        };
     }
     search.system.stage("declared parameters");
     let rivals = with_corrections(&ladder, &declared, corrections, (effort.max_effects, penalty), &mut tried);
@@ -226,7 +235,7 @@ pub fn attempt<S: System + ?Sized>(
         if seen.contains(&promise.candidate) {
             continue;
         }
-        if seen.len() >= count || promise.chi2 > enough {
+        if seen.len() >= count || promise.chi2 > enough || stop::asked() {
             break;
         }
         seen.push(promise.candidate);

@@ -186,7 +186,7 @@ mod tests {
             score: 0.0,
             parameters: vec![parameter("stiffness", 20.0, 1.0), parameter("rest", 0.0, 0.0)],
             reason: String::new(),
-            stability: None,
+            ..Effect::default()
         };
         let drawn = drawn(&effect, &Friction::default()).unwrap();
         let curve = sampled(&effect, &drawn, -0.1, 0.1);

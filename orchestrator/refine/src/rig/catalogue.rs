@@ -211,17 +211,3 @@ pub fn candidates(scope: &Scope) -> Vec<Candidate> {
     sensors(scope, &mut found);
     found
 }
-
-/// Corrections of the declared parameters, each known to `share` of its value.
-pub fn corrections(scope: &Scope, share: f64) -> Vec<Free> {
-    let actuator: &[usize] = &[D_ACT_GAIN, D_ACT_RATE];
-    let friction: &[usize] = &[D_PF_C1, D_PF_C2, D_PF_C4, D_CF_C1, D_CF_C2, D_CF_C3, D_CF_C5, D_M_C];
-    let pole: &[usize] = &[D_M_P, D_L, D_B_P];
-    let chosen: Vec<&[usize]> = match scope.kind {
-        Kind::Actuator => vec![actuator],
-        Kind::Friction => vec![friction],
-        Kind::Cartpole => vec![actuator, friction, pole],
-    };
-    let known = |&index: &usize| Free { prior: Some(share), ..free(index) };
-    chosen.into_iter().flatten().map(known).collect()
-}

@@ -8,6 +8,7 @@ use super::lanes::Lanes;
 use super::parameters::*;
 use super::plant::{ActuatorTerms, Mechanics, State, actuator, mechanics};
 use super::record::{Measured, spans, values, whitened};
+use super::windowed::Restart;
 use crate::case::{Actuator, Declared};
 use crate::engine::System;
 use crate::engine::noise::Noise;
@@ -29,6 +30,8 @@ pub struct Trial {
     pub estimation: bool,
     /// Whether the rod is fixed: no mechanics.
     pub fixed: bool,
+    /// Where the simulation begins again from the measured motion; none: nowhere.
+    pub restart: Option<Restart>,
 }
 
 /// Predicted signals of a record, each of shape \[n\].
@@ -89,7 +92,8 @@ impl<'a> Running<'a> {
     }
 }
 
-/// Simulates records side by side from positions and angles `start` \[m, rad\] at rest.
+/// Simulates records side by side from positions and angles `start` \[m, rad\] at rest, or in `windows`: states of the
+/// mechanics at the beginnings of windows of so many samples (0: one window).
 ///
 /// The first sample of the actuator has no past: y(-1) = u(-1) = 0.
 #[multiversion::multiversion(targets("x86_64+avx2"))]
@@ -100,6 +104,7 @@ fn simulate<const L: usize>(
     u: [&[f64]; L],
     dt: f64,
     start: [Lanes<L>; 2],
+    (every, windows): (usize, &[Vec<[f64; 4]>; L]),
 ) -> [Prediction; L] {
     let mut out: [Prediction; L] = from_fn(|i| {
         let room = || Vec::with_capacity(u[i].len());
@@ -114,6 +119,13 @@ fn simulate<const L: usize>(
     let samples = u.iter().map(|command| command.len()).max().unwrap_or(0);
     let mut cylinder = chambers.map(|chambers| Driven::new(chambers, substeps * samples, h));
     for k in 0..samples {
+        if every > 0 && k % every == 0 {
+            for (i, states) in windows.iter().enumerate() {
+                if let Some(state) = states.get(k / every) {
+                    (0..4).for_each(|j| s[j].0[i] = state[j]);
+                }
+            }
+        }
         let (mut f_hat, mut f_act) = (none, none);
         match &mut cylinder {
             Some(cylinder) => {
@@ -191,7 +203,13 @@ impl Coupled {
         let start = [0, 1].map(|j| Lanes(from_fn(|i| job(i).locals.get(j).copied().unwrap_or(0.0))));
         let u = from_fn(|i| jobs.get(i).map_or(&[][..], |job| &self.trials[job.record].u[..]));
         let terms = from_fn(|i| actuator(&self.actuator, &job(i).parameters));
-        let mut found = Vec::from(simulate(&terms, cylinder, &plant, u, dt, start));
+        let windows = from_fn(|i| {
+            let restart = jobs.get(i).and_then(|job| self.trials[job.record].restart.as_ref());
+            restart.map_or(Vec::new(), |restart| restart.states(&job(i).parameters))
+        });
+        let every = jobs.iter().find_map(|job| Some(self.trials[job.record].restart.as_ref()?.every));
+        let mut found =
+            Vec::from(simulate(&terms, cylinder, &plant, u, dt, start, (every.unwrap_or(0), &windows)));
         found.truncate(jobs.len());
         found
     }
@@ -254,16 +272,21 @@ impl System for Coupled {
     fn locals(&self, record: usize) -> Vec<(f64, f64)> {
         let trial = &self.trials[record];
         let first = |name: &str| trial.measured.iter().find(|m| m.name == name).map_or(0.0, |m| m.values[0]);
-        if trial.fixed { Vec::new() } else { vec![(first("x"), 2e-5), (first("theta"), 1e-4)] }
+        if trial.fixed || trial.restart.is_some() {
+            Vec::new()
+        } else {
+            vec![(first("x"), 2e-5), (first("theta"), 1e-4)]
+        }
     }
 
     fn beginning(&self, share: f64) -> Option<Box<dyn System + '_>> {
         let cut = |trial: &Trial| {
             let n = (share * trial.u.len() as f64) as usize;
             let measured = trial.measured.iter().map(|m| m.beginning(n)).collect();
-            Trial { u: trial.u[..n].to_vec(), measured, ..*trial }
+            let (estimation, fixed) = (trial.estimation, trial.fixed);
+            Trial { u: trial.u[..n].to_vec(), measured, estimation, fixed, restart: None }
         };
-        if self.trials.iter().any(|trial| trial.fixed) {
+        if self.trials.iter().any(|trial| trial.fixed || trial.restart.is_some()) {
             return None;
         }
         Some(Box::new(Coupled {
@@ -329,7 +352,7 @@ mod tests {
         let trial = |n: usize| {
             let measured = ["F_hat", "F_p", "x", "theta"].map(|name| Measured::new(name, vec![0.0; n], 0.1));
             let u = (0..n).map(|k| 30.0 * (0.02 * k as f64).sin()).collect();
-            Trial { u, measured: measured.into(), estimation: true, fixed: false }
+            Trial { u, measured: measured.into(), estimation: true, fixed: false, restart: None }
         };
         let cylinder = Chambers::new(&Cylinder::default());
         Coupled { declared, actuator, cylinder, trials: vec![trial(300), trial(200)] }

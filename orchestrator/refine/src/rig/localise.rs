@@ -52,6 +52,10 @@ pub struct Findings {
     pub channel: Option<String>,
     /// Variables it depends on.
     pub variables: Vec<String>,
+    /// Share of the variance of the estimated force or torque that a free form over the first of them explains.
+    pub share_of_free_form: f64,
+    /// Whether position and angle follow the measured force, with `effects` if any, whatever the declared model leaves.
+    pub explained: bool,
 }
 
 /// Traces what the candidates cannot explain.
@@ -93,25 +97,37 @@ pub fn localise(
     let explained = best.model.worst() < limit;
     if let Some(channel) = front.or((force_measured && explained).then_some("actuator")) {
         let Tuned { observer, mut model } = best;
-        let variables = variables(&observer, &records, &model.fit.parameters, 4, channel);
+        let follows = force_measured && model.worst() < EXPLAINED;
+        let (variables, share_of_free_form) =
+            variables(&observer, &records, &model.fit.parameters, 4, channel);
         let effects = (explained && !model.added.is_empty()).then(|| {
             // What the actuator does otherwise is no white noise; few records make the quantile of their scatter wider.
             model.fit.covariance += scatter(&observer, &records, &model.fit) * FEW_RECORDS;
             model
         });
-        return Findings { effects, tried, declared, channel: Some(channel.into()), variables };
+        let channel = Some(channel.into());
+        return Findings {
+            effects,
+            tried,
+            declared,
+            channel,
+            variables,
+            share_of_free_form,
+            explained: follows,
+        };
     }
     let [force, .., rate] = if force_measured { walk } else { [0.0; 4] };
     let cart = best_walk(rig, &[0.03, 0.1, 0.3].map(|c| [force, c, 0.0, rate]), p);
     let pole = best_walk(rig, &[3e-4, 1e-3, 3e-3].map(|t| [force, 0.0, t, rate]), p);
-    let (channel, variables) = if pole.cost < cart.cost {
+    let (channel, (variables, share_of_free_form)) = if pole.cost < cart.cost {
         ("pole".to_owned(), variables(&pole, &records, p, 6, "pole"))
     } else {
-        let names = variables(&cart, &records, p, 5, "cart");
-        let friction = names.iter().any(|name| name == "xdot");
-        (if friction { "cart_friction" } else { "cart" }.to_owned(), names)
+        let found = variables(&cart, &records, p, 5, "cart");
+        let friction = found.0.iter().any(|name| name == "xdot");
+        (if friction { "cart_friction" } else { "cart" }.to_owned(), found)
     };
-    Findings { effects: None, tried, declared, channel: Some(channel), variables }
+    let channel = Some(channel);
+    Findings { effects: None, tried, declared, channel, variables, share_of_free_form, explained: false }
 }
 
 /// The pair that explains position and angle best, given the measured force: for a search over the whole rig.
@@ -186,14 +202,15 @@ fn best_walk<'a>(rig: &'a Coupled, walks: &[Walk], p: &[f64]) -> Observer<'a> {
     LEADS[1..].iter().fold(best, |best, &lead| likelier(best, around(walk, lead)))
 }
 
-/// Variables that the estimated disturbance depends on: those whose bins tell most of its variance.
+/// Variables that the estimated disturbance depends on: those whose bins explain most of its variance, and the share of it
+/// that the bins of the first explain.
 fn variables(
     observer: &Observer,
     records: &[usize],
     p: &[f64],
     disturbance: usize,
     channel: &str,
-) -> Vec<String> {
+) -> (Vec<String>, f64) {
     let passes = parallel::map(records.len(), |i| observer.pass(records[i], p));
     let mut table: Vec<(&str, Vec<f64>)> =
         ["x", "xdot", "theta", "thetadot", "F"].map(|name| (name, Vec::new())).into();
@@ -221,7 +238,8 @@ fn variables(
         .collect();
     shares.sort_by(|a, b| b.1.total_cmp(&a.1));
     let best = shares.first().map_or(0.0, |share| share.1);
-    shares.into_iter().filter(|(_, share)| *share > 0.7 * best).map(|(name, _)| name.to_owned()).collect()
+    let near = shares.into_iter().filter(|(_, share)| *share > 0.7 * best);
+    (near.map(|(name, _)| name.to_owned()).collect(), best)
 }
 
 /// Share of the variance of `values` that the mean over 24 bins of equal count of `variable` tells.

@@ -5,6 +5,7 @@
 //! and a call through FMI costs as much as the whole right-hand side. What is added in the end are FMUs.
 
 pub mod catalogue;
+pub mod corrections;
 pub mod coupled;
 pub mod cylinder;
 pub mod driven;
@@ -18,6 +19,8 @@ pub mod physical;
 pub mod plant;
 pub mod record;
 pub mod replay;
+pub mod sense;
 pub mod sweep;
 #[cfg(test)]
 pub mod testing;
+pub mod windowed;

@@ -1,31 +1,33 @@
 //! From a case to the system, its candidates and the corrections of its declared parameters.
 
-use super::catalogue::{Scope, candidates, corrections};
+use super::catalogue::{Scope, candidates};
+use super::corrections::{Correction, corrections};
 use super::coupled::{Coupled, Trial};
 use super::cylinder::Chambers;
 use super::motion::skew;
 use super::record::Measured;
+use super::sense::Reach;
 use super::sweep::{Sweep, Sweeps};
 use crate::Error;
 use crate::case::{Actuator, Case, Experiment, Kind, Role};
 use crate::engine::System;
 use crate::engine::candidate::Candidate;
-use crate::engine::fit::Free;
 use airloop_series::TimeSeries;
-
-/// How well declared parameters are taken to be known, relative to their value.
-pub const DECLARED_SHARE: f64 = 0.01;
 
 /// A case ready for the search.
 pub struct Rig {
     /// System.
     pub system: Box<dyn System>,
+    /// The same, if it has an actuator: a coupled rig, or one with the rod fixed.
+    pub series: Option<Coupled>,
     /// The same, if it is a coupled rig: for the trace by measured forces.
     pub coupled: Option<Coupled>,
     /// Candidates that its records can show.
     pub candidates: Vec<Candidate>,
-    /// Corrections of declared parameters.
-    pub corrections: Vec<Free>,
+    /// Declared parameters that may be off.
+    pub corrections: Vec<Correction>,
+    /// What the estimation records moved through.
+    pub reach: Reach,
     /// Effects of the vocabulary that cannot be looked for, and why.
     pub not_testable: Vec<(String, String)>,
 }
@@ -69,7 +71,7 @@ pub fn coupled(case: &Case, actuator: Actuator) -> Result<Coupled, Error> {
             )));
         }
         let (estimation, fixed) = (file.role == Role::Estimation, declaration.kind == Kind::Actuator);
-        trials.push(Trial { u: u.values.clone(), measured, estimation, fixed });
+        trials.push(Trial { u: u.values.clone(), measured, estimation, fixed, restart: None });
     }
     let cylinder = Chambers::new(&declaration.model.cylinder.unwrap_or_default());
     Ok(Coupled { declared: declaration.model.clone(), actuator, cylinder, trials })
@@ -118,6 +120,25 @@ fn sweeps(case: &Case) -> Result<Sweeps, Error> {
     Ok(Sweeps { declared: declaration.model.clone(), dt, sweeps })
 }
 
+/// What records moved through; the speed where none is measured from the positions, over 20 ms.
+fn reach<'a>(records: impl Iterator<Item = &'a TimeSeries>, rate: f64) -> Reach {
+    let mut found = Reach::default();
+    let over = ((0.02 * rate).round() as usize).max(1);
+    for record in records {
+        let values = |name: &str| record.channel(name).map_or(&[][..], |channel| &channel.values[..]);
+        let (x, v) = (values("x"), values("v"));
+        found.positions.extend_from_slice(x);
+        let steps = x.windows(over + 1).map(|window| (window[over] - window[0]) * rate / over as f64);
+        let fastest = |speed: f64, own: f64| speed.max(own.abs());
+        found.speed = match v.is_empty() {
+            true => steps.fold(found.speed, fastest),
+            false => v.iter().copied().fold(found.speed, fastest),
+        };
+    }
+    found.positions.sort_by(f64::total_cmp);
+    found
+}
+
 /// Makes the system of a case.
 ///
 /// # Errors
@@ -154,7 +175,7 @@ pub fn open(case: &Case) -> Result<Rig, Error> {
         Some(series) => Box::new(series.clone()),
         None => Box::new(sweeps(case)?),
     };
-    let coupled = series.filter(|_| declaration.kind == Kind::Cartpole);
+    let coupled = series.clone().filter(|_| declaration.kind == Kind::Cartpole);
     let fitted = || {
         case.records
             .iter()
@@ -170,7 +191,9 @@ pub fn open(case: &Case) -> Result<Rig, Error> {
         command: low.abs().max(high.abs()),
         positions: values(fitted(), "x"),
     };
-    let (candidates, corrections) = (candidates(&scope), corrections(&scope, DECLARED_SHARE));
+    let corrections = corrections(&scope, &declaration.tolerance);
+    let candidates = candidates(&scope);
+    let reach = reach(fitted(), declaration.sample_rate_hz);
     let mut not_testable = Vec::new();
     if declaration.kind != Kind::Friction {
         not_testable
@@ -184,5 +207,5 @@ pub fn open(case: &Case) -> Result<Rig, Error> {
         not_testable.push(("sensor.offset(x)".into(), "only its changes tell of friction".into()));
         not_testable.push(("pf.pressure".into(), "the cylinder is vented".into()));
     }
-    Ok(Rig { system, coupled, candidates, corrections, not_testable })
+    Ok(Rig { system, series, coupled, candidates, corrections, reach, not_testable })
 }

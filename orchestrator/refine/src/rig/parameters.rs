@@ -95,7 +95,8 @@ parameters! {
     SENSOR_GAIN_V "sensor.gain.v" "1" 0.0, -0.5, 1.0, 0.01;
     CYLINDER "actuator.cylinder" "1" 0.0, 0.0, 1.0, 1.0;
     D_ACT_GAIN "declared.actuator.gain" "1" 0.0, -0.5, 1.0, 0.01;
-    D_ACT_RATE "declared.actuator.rate" "1" 0.0, -0.5, 1.0, 0.01;
+    D_ACT_DECAY "declared.actuator.decay" "1" 0.0, -0.01, 0.01, 1e-4;
+    D_ACT_TURN "declared.actuator.turn" "1" 0.0, -0.01, 0.01, 1e-4;
     D_PF_C1 "declared.piston_friction.c1" "1" 0.0, -0.5, 1.0, 0.01;
     D_PF_C2 "declared.piston_friction.c2" "1" 0.0, -0.5, 1.0, 0.01;
     D_PF_C4 "declared.piston_friction.c4" "1" 0.0, -0.5, 1.0, 0.01;

@@ -42,8 +42,3 @@ pub fn quantities(candidate: &Candidate, p: &[f64]) -> Vec<Quantity> {
             .collect(),
     }
 }
-
-/// What corrects a declared parameter: its name and the relative correction.
-pub fn correction(index: usize, p: &[f64]) -> (String, f64) {
-    (TABLE[index].name.trim_start_matches("declared.").to_owned(), p[index])
-}

@@ -196,16 +196,11 @@ impl<const L: usize> Mechanics<L> {
 
 /// Actuator of the parameter vector `p`.
 pub fn actuator(declared: &Actuator, p: &[f64]) -> ActuatorTerms {
-    // Slower or faster by a common factor: y(k) - y(k-1) = -(I + A1) y(k-1) + ...; the static gain stays.
-    let rate = 1.0 + p[D_ACT_RATE];
-    let a: [[f64; 2]; 2] = std::array::from_fn(|i| {
-        std::array::from_fn(|j| rate * (declared.A1[i][j] + f64::from(i == j)) - f64::from(i == j))
-    });
-    let scale = rate * (1.0 + p[D_ACT_GAIN]);
+    let moved = declared.moved(p[D_ACT_GAIN], p[D_ACT_DECAY], p[D_ACT_TURN]);
     ActuatorTerms {
-        a,
-        b0: declared.B0.map(|value| scale * value),
-        b1: declared.B1.map(|value| scale * value),
+        a: moved.A1,
+        b0: moved.B0,
+        b1: moved.B1,
         gain: p[GAIN],
         delay: p[DELAY] / declared.sample_time,
         deadband: p[DEADBAND],

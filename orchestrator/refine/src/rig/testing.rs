@@ -23,7 +23,7 @@ pub fn rig(actuator: Actuator, n: usize, noises: &[(&str, f64)], values: &[(usiz
         let w = 0.008 + 0.003 * r as f64;
         let u = (0..n).map(|k| 30.0 * (w * k as f64).sin() + 10.0 * (2.7 * w * k as f64).sin()).collect();
         let measured = noises.iter().map(|&(name, noise)| Measured::new(name, vec![0.0; n], noise)).collect();
-        Trial { u, measured, estimation: true, fixed: false }
+        Trial { u, measured, estimation: true, fixed: false, restart: None }
     };
     let cylinder = Chambers::new(&Cylinder::default());
     let mut rig = Coupled { declared, actuator, cylinder, trials: (0..RECORDS).map(trial).collect() };

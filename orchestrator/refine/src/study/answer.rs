@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use super::catalogue;
 use super::declaration::{File, Role};
-use super::effects::effects;
+use super::effects::{effects, physical};
 use super::errors::{errors, floor, force, force_noise};
 use super::explain::{Judge, Rest, depends};
 use super::fits::{Fits, Model, pieces};
@@ -14,9 +14,9 @@ use super::search::{Say, Selection, confirm, search};
 use super::simulate::Piece;
 use super::smoothed;
 use crate::Error;
-use crate::answer::{Answer, Errors, Settings, Verdict};
-use crate::engine::System;
+use crate::answer::{Answer, Effect, Errors, Settings, Verdict};
 use crate::engine::fit::{Fit, fit};
+use crate::engine::{System, stop};
 use crate::evidence::{Evidence, study as evidence};
 
 /// Error in rms of the noise from which on something is missing even if what is left depends on nothing that is known:
@@ -127,15 +127,23 @@ fn steps(study: &mut Study, scale: &[f64], declared: &Fit) -> Model {
     let mut kept = Vec::new();
     for (c, steps) in found.into_iter().enumerate() {
         let candidate = study.candidates[c].clone();
-        if steps.iter().any(Option::is_none) {
+        // A parameter without influence stays as it is; a candidate of such parameters only is none.
+        if steps.iter().all(Option::is_none) || candidate.probe && steps.iter().any(Option::is_none) {
             let why = "it changes nothing in the estimation records";
             if !candidate.probe {
                 study.not_testable.push((candidate.name(), why.into()));
             }
             continue;
         }
-        for (index, step) in candidate.entries.clone().zip(steps.into_iter().flatten()) {
-            study.entries[index].free.step = step;
+        for (k, (index, step)) in candidate.entries.clone().zip(steps).enumerate() {
+            let own = &mut study.entries[index].free;
+            match step {
+                Some(step) => own.step = step,
+                None => {
+                    let start = candidate.starts[candidate.starts.len() / 2][k];
+                    own.bounds = (start, start);
+                }
+            }
         }
         kept.push((c, candidate));
     }
@@ -176,9 +184,21 @@ fn assemble(fits: &Fits, judge: &Judge, selection: &Selection, seed: u64) -> Ans
     };
     let before = all(&selection.declared);
     let mut after = all(&selection.best);
-    let Ruling { verdict, rest, helps } = rule(fits, judge, selection, [&before[1], &after[1]]);
+    let floors =
+        [&selection.declared, &selection.best].map(|model| floor(fits, model, Role::Validation, seed));
+    let share = share(study, [&before[1], &after[1]], &floors);
+    let Ruling { verdict, rest, helps } =
+        rule(fits, judge, selection, [&before[1], &after[1]], &floors[0], share);
     let chosen = verdict == Verdict::Effect;
     let mut effects = effects(fits, selection, chosen);
+    let printed = [&selection.declared, if chosen { &selection.best } else { &selection.declared }]
+        .map(|model| fits.as_declared(model).parameters);
+    if chosen {
+        as_printed(study, selection, &printed[1], &mut effects);
+        if let [only] = &mut effects.iter_mut().filter(|effect| effect.selected).collect::<Vec<_>>()[..] {
+            only.share = Some(share);
+        }
+    }
     if !chosen {
         let why = if helps {
             "it takes away less than what is left depends on: something else is missing"
@@ -216,11 +236,12 @@ fn assemble(fits: &Fits, judge: &Judge, selection: &Selection, seed: u64) -> Ans
         verdict,
         effects,
         unexplained,
-        corrections: Vec::new(),
-        cylinder: false,
-        fitted: fitted(study, shown),
+        complete: judge.explained(fits, shown),
+        partial: stop::ended(),
+        share: chosen.then_some(share),
+        fitted: fitted(study, &printed[1]),
         limit: judge.limit(),
-        parameters: [&selection.declared, shown].map(|model| model.fit.parameters.clone()),
+        parameters: printed,
         left: [judge.left(fits, &selection.declared), judge.left(fits, shown)],
         before,
         after,
@@ -228,6 +249,7 @@ fn assemble(fits: &Fits, judge: &Judge, selection: &Selection, seed: u64) -> Ans
         floor,
         not_testable: study.not_testable.clone(),
         notes,
+        ..Answer::default()
     }
 }
 
@@ -238,7 +260,49 @@ struct Ruling {
     helps: bool,
 }
 
-fn rule(fits: &Fits, judge: &Judge, selection: &Selection, validation: [&Errors; 2]) -> Ruling {
+/// Share of the error on validation records above its floor that a model takes away; outputs in units of the declared
+/// model's error.
+fn share(study: &Study, [before, after]: [&Errors; 2], floors: &[BTreeMap<String, f64>; 2]) -> f64 {
+    let total = |errors: &Errors, floor: &BTreeMap<String, f64>| -> f64 {
+        let one = |o: &super::model::Output| {
+            let [own, unit] = [errors, before].map(|e| e.rms.get(&o.name).copied().unwrap_or(0.0));
+            let floor = floor.get(&o.name).copied().unwrap_or(o.noise);
+            if unit > 0.0 { (own * own - floor * floor) / (unit * unit) } else { 0.0 }
+        };
+        study.outputs.iter().map(one).sum::<f64>().max(0.0)
+    };
+    let (declared, best) = (total(before, &floors[0]), total(after, &floors[1]));
+    if declared > 0.0 { 1.0 - (best / declared).sqrt() } else { 0.0 }
+}
+
+/// Gives the selected effects the parameters that the errors of the answer belong to.
+fn as_printed(study: &Study, selection: &Selection, p: &[f64], effects: &mut [Effect]) {
+    for effect in effects.iter_mut().filter(|effect| effect.selected) {
+        let same = |&&c: &&usize| {
+            let own = &study.candidates[c];
+            own.id == effect.id && own.signal == effect.signal && own.channel == effect.channel
+        };
+        let Some(&c) = selection.best.added.iter().find(same) else { continue };
+        for (own, value) in effect.parameters.iter_mut().zip(physical(study, c, p)) {
+            let half = 0.5 * (own.interval.1 - own.interval.0);
+            (own.value, own.interval) = (value, (value - half, value + half));
+        }
+    }
+}
+
+/// Multiples of the floor on validation records up to which nothing may be missing.
+const MAX_FLOORS: f64 = 3.0;
+/// Share of the error on validation records below which effects are withdrawn.
+const MIN_VALIDATED_SHARE: f64 = 0.05;
+
+fn rule(
+    fits: &Fits,
+    judge: &Judge,
+    selection: &Selection,
+    validation: [&Errors; 2],
+    floor: &BTreeMap<String, f64>,
+    share: f64,
+) -> Ruling {
     let (declared, best) = (&selection.declared, &selection.best);
     let total = |errors: &Errors| -> f64 {
         let share = |(o, scale): (&super::model::Output, &f64)| {
@@ -247,7 +311,13 @@ fn rule(fits: &Fits, judge: &Judge, selection: &Selection, validation: [&Errors;
         fits.study.outputs.iter().zip(&fits.scale).map(share).sum()
     };
     let nothing = Rest { place: None, gain: 0.0 };
-    let helps = !best.added.is_empty() && total(validation[1]) < total(validation[0]);
+    let helps =
+        !best.added.is_empty() && total(validation[1]) < total(validation[0]) && share >= MIN_VALIDATED_SHARE;
+    let beyond = |o: &super::model::Output| {
+        let floor = floor.get(&o.name).copied().unwrap_or(o.noise);
+        validation[0].rms.get(&o.name).is_some_and(|rms| *rms > MAX_FLOORS * floor)
+    };
+    let beyond = fits.study.outputs.iter().any(beyond);
     if judge.explained(fits, declared) {
         return Ruling { verdict: Verdict::Nothing, rest: nothing, helps };
     }
@@ -273,12 +343,12 @@ fn rule(fits: &Fits, judge: &Judge, selection: &Selection, validation: [&Errors;
             return Ruling { verdict: Verdict::Effect, rest, helps };
         }
     }
-    if judge.tolerable(fits, declared) {
+    if judge.tolerable(fits, declared) && !beyond {
         return Ruling { verdict: Verdict::Nothing, rest: Rest { place: None, gain: 0.0 }, helps };
     }
     let rest = judge.rest(fits, declared);
     let far = declared.error > FAR * judge.tolerated.sqrt();
-    let verdict = if rest.place.is_some() || far { Verdict::Unexplained } else { Verdict::Nothing };
+    let verdict = if rest.place.is_some() || far || beyond { Verdict::Unexplained } else { Verdict::Nothing };
     Ruling { verdict, rest, helps }
 }
 
@@ -308,8 +378,8 @@ fn leftover(fits: &Fits, judge: &Judge, model: &Model, rest: &Rest) -> Vec<Strin
 }
 
 /// Values of the free parameters of the declared system.
-fn fitted(study: &Study, model: &Model) -> Vec<(String, f64)> {
-    let own = study.entries.iter().zip(&model.fit.parameters);
+fn fitted(study: &Study, p: &[f64]) -> Vec<(String, f64)> {
+    let own = study.entries.iter().zip(p);
     let own = own.filter(|(entry, _)| matches!(entry.target, Target::Declared(_)));
     own.map(|(entry, value)| (entry.name.clone(), *value)).collect()
 }

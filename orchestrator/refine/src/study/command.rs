@@ -1,9 +1,10 @@
-//! Effects on a measured command that have a memory: computed on the samples before the simulation.
+//! Effects on a measured command that have a memory: computed on the samples before the simulation. Before the first sample
+//! the command counts as the first, at which everything has settled: a pump need not have stood still.
 
 /// Kind of the change.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Command {
-    /// `u(t - delay)`, linear between samples, 0 before the first.
+    /// `u(t - delay)`, linear between samples.
     Delay,
     /// Play of half-width `width`.
     Hysteresis,
@@ -22,7 +23,7 @@ impl Command {
         match self {
             Command::Delay => delayed(values, p[0] / step),
             Command::Hysteresis => {
-                let mut out = 0.0;
+                let mut out = values.first().copied().unwrap_or(0.0);
                 let width = p[0].abs();
                 let play = |u: &f64| {
                     out = (u - width).max(f64::min(out, u + width));
@@ -35,9 +36,9 @@ impl Command {
     }
 }
 
-/// Values `samples` later, linear between samples, 0 before the first.
+/// Values `samples` later, linear between samples, the first value before the first sample.
 pub fn delayed(values: &[f64], samples: f64) -> Vec<f64> {
-    let value = |k: isize| if k < 0 { 0.0 } else { values[(k as usize).min(values.len() - 1)] };
+    let value = |k: isize| values[(k.max(0) as usize).min(values.len() - 1)];
     let one = |k: usize| {
         let at = k as f64 - samples.max(0.0);
         let floor = at.floor();
@@ -53,7 +54,7 @@ fn mode(values: &[f64], freq: f64, zeta: f64, step: f64) -> Vec<f64> {
     // Sub-steps of classical Runge-Kutta short against the mode.
     let count = (w * step / 0.2).ceil().clamp(1.0, 200.0) as usize;
     let h = step / count as f64;
-    let (mut y, mut v) = (0.0, 0.0);
+    let (mut y, mut v) = (values.first().copied().unwrap_or(0.0), 0.0);
     let mut found = Vec::with_capacity(values.len());
     for &u in values {
         found.push(y);
@@ -77,7 +78,7 @@ mod tests {
     #[test]
     fn a_delay_of_one_and_a_half_samples_lies_between_two() {
         let delayed = Command::Delay.apply(&[0.015], &[1.0, 3.0, 5.0, 7.0], 0.01);
-        for (value, expected) in delayed.iter().zip([0.0, 0.5, 2.0, 4.0]) {
+        for (value, expected) in delayed.iter().zip([1.0, 1.0, 2.0, 4.0]) {
             assert!((value - expected).abs() < 1e-12, "{delayed:?}");
         }
     }
@@ -85,12 +86,14 @@ mod tests {
     #[test]
     fn play_follows_behind_by_its_half_width() {
         assert_eq!(Command::Hysteresis.apply(&[1.0], &[0.0, 3.0, 2.0, 0.0], 1.0), [0.0, 2.0, 2.0, 1.0]);
+        assert_eq!(Command::Hysteresis.apply(&[1.0], &[6.0, 6.5, 9.0], 1.0), [6.0, 6.0, 8.0]);
     }
 
     #[test]
     fn a_mode_answers_a_step_as_the_closed_form() {
         let (f, zeta): (f64, f64) = (5.0, 0.3);
-        let values = Command::Mode.apply(&[f, zeta], &[1.0; 200], 1e-3);
+        let step: Vec<f64> = (0..201).map(|k| if k == 0 { 0.0 } else { 1.0 }).collect();
+        let values = &Command::Mode.apply(&[f, zeta], &step, 1e-3)[1..];
         let (w, t) = (std::f64::consts::TAU * f, 0.15);
         let wd = w * (1.0 - zeta * zeta).sqrt();
         let expected = 1.0 - (-zeta * w * t).exp() * ((wd * t).cos() + zeta * w / wd * (wd * t).sin());

@@ -62,6 +62,7 @@ fn effect(fits: &Fits, selection: &Selection, model: &Model, c: usize, widen: f6
         parameters: parameters.collect(),
         reason: String::new(),
         stability: None,
+        share: None,
     }
 }
 

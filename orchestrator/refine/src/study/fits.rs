@@ -383,14 +383,30 @@ impl<'a> Fits<'a> {
     /// Step of a change that moves the residuals by a thousandth; none if nothing moves them.
     fn scaled_step(&self, base: &Model, own: &[usize], change: impl Fn(&mut [f64], f64)) -> Option<f64> {
         let added: Vec<usize> = base.added.iter().chain(own).copied().collect();
-        let view = self.view(&added, &self.pieces[..1]);
+        // The first record shows most candidates; what it does not touch, another may.
+        let first = self.step_over(&added, base, &self.pieces[..1], &change);
+        first.or_else(|| self.step_over(&added, base, &self.pieces, &change))
+    }
+
+    /// The same over some pieces.
+    fn step_over(
+        &self,
+        added: &[usize],
+        base: &Model,
+        pieces: &[Piece],
+        change: &impl Fn(&mut [f64], f64),
+    ) -> Option<f64> {
+        let view = self.view(added, pieces);
+        let residuals = |p: &[f64]| -> Vec<f64> {
+            (0..pieces.len()).flat_map(|r| view.residuals(r, p, &base.fit.locals[r])).collect()
+        };
         let mut p = base.fit.parameters.clone();
         change(&mut p, 0.0);
-        let before = view.residuals(0, &p, &base.fit.locals[0]);
+        let before = residuals(&p);
         let mut step = 1e-3;
         for _ in 0..12 {
             change(&mut p, step);
-            let moved = view.residuals(0, &p, &base.fit.locals[0]);
+            let moved = residuals(&p);
             let square = moved.iter().zip(&before).map(|(a, b)| (a - b).powi(2)).sum::<f64>();
             let size = rms(square, before.len()) / 1e-3;
             if (0.2..5.0).contains(&size) {

@@ -4,6 +4,9 @@ use super::fits::Model;
 use super::law::{Law, Variable};
 use super::model::{Action, Study};
 
+/// Largest gain error of a sensor.
+const MAX_SENSOR_GAIN: f64 = 0.5;
+
 /// Whether a model may stand while it grows: those before the candidate added last are exchanged in the end.
 pub fn fitting(study: &Study, model: &Model) -> bool {
     passive(study, model) && model.added.last().is_none_or(|&c| shown(study, model, c))
@@ -18,7 +21,9 @@ pub fn physical(study: &Study, model: &Model) -> bool {
 /// so is an end stop, a long wave is a spring, a wide friction peak is Coulomb friction.
 fn shown(study: &Study, model: &Model, c: usize) -> bool {
     let (p, own) = (&model.fit.parameters, &study.candidates[c]);
-    let Action::Block { law, tap } = own.action else { return true };
+    let Action::Block { law, tap } = own.action else {
+        return own.id != "sensor.gain" || p[own.entries.start].abs() <= MAX_SENSOR_GAIN;
+    };
     let (low, high) = study.range(tap, Variable::Position);
     let (travel, first) = (high - low, own.entries.start);
     let (slowest, fastest) = study.range(tap, Variable::Velocity);
@@ -27,8 +32,8 @@ fn shown(study: &Study, model: &Model, c: usize) -> bool {
             let rest = -p[first + 1] / p[first];
             p[first] > 0.0 && (low - travel..=high + travel).contains(&rest)
         }
-        Law::EndStop => (low + 0.25 * travel..=high).contains(&p[first + 2]),
-        Law::Cogging => p[first + 2] <= travel,
+        Law::EndStop => (low + 0.5 * travel..=high).contains(&p[first + 2]),
+        Law::Cogging => p[first + 2] <= 0.5 * travel,
         Law::Stribeck => p[first + 1] <= 0.5 * fastest.abs().max(slowest.abs()),
         Law::Presliding => travel <= 0.0 || p[first] <= 0.25 * travel,
         _ => true,

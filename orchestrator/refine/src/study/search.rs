@@ -7,7 +7,7 @@ use super::fits::{Fits, Model};
 use super::model::Study;
 use super::physical::{fitting, physical};
 use crate::answer::Stability;
-use crate::engine::parallel;
+use crate::engine::{parallel, stop};
 
 /// Share by which the error on what is kept back has to fall for an effect to be added.
 pub const WORTH: f64 = 0.05;
@@ -79,7 +79,7 @@ impl Search<'_> {
         let mut exchanged = 0;
         'again: loop {
             let mut equals = Vec::new();
-            for &c in &best.added {
+            for &c in best.added.iter().take_while(|_| !stop::asked()) {
                 let candidates = &self.study().candidates;
                 let rest: Vec<usize> = best.added.iter().copied().filter(|&other| other != c).collect();
                 if rest.iter().any(|&other| candidates[other].needs == Some(c)) {
@@ -132,7 +132,8 @@ impl Search<'_> {
             !own.probe && !base.added.contains(c) && own.needs.is_none_or(|needs| base.added.contains(&needs))
         };
         let open: Vec<usize> = (0..self.study().candidates.len()).filter(may).collect();
-        let found = parallel::map(open.len(), |i| self.fits.add(base, open[i]));
+        let found =
+            parallel::map(open.len(), |i| if stop::asked() { None } else { self.fits.add(base, open[i]) });
         let mut found: Vec<Model> =
             found.into_iter().flatten().filter(|model| fitting(self.study(), model)).collect();
         found.sort_by(|a, b| a.error.total_cmp(&b.error));
@@ -163,7 +164,9 @@ impl Search<'_> {
                 .filter(|&c| self.study().candidates[c].needs.is_some_and(|needs| Some(needs) == own));
             jobs.extend(needing.map(|c| (i, c)));
         }
-        let models = parallel::map(jobs.len(), |j| self.fits.add(&singles[jobs[j].0], jobs[j].1));
+        let models = parallel::map(jobs.len(), |j| {
+            if stop::asked() { None } else { self.fits.add(&singles[jobs[j].0], jobs[j].1) }
+        });
         found.extend(models.into_iter().flatten().filter(|model| fitting(self.study(), model)));
         found.retain(|model| model.added.len() == base.added.len() + 2);
         found.sort_by(|a, b| a.error.total_cmp(&b.error));
@@ -175,7 +178,7 @@ impl Search<'_> {
         // What takes away next to nothing of the declared model's error is no finding, however little is left.
         let least = path.first().map_or(0.0, |(_, error)| NOTEWORTHY * error);
         let mut best = from;
-        while best.added.len() < most && !self.enough(&best) {
+        while best.added.len() < most && !stop::asked() && !self.enough(&best) {
             (self.say)(&format!("searching effect {}", best.added.len() + 1));
             let worth = ((1.0 - WORTH) * best.held_back).min(best.held_back - least);
             let singles = self.extend(&best);
@@ -214,7 +217,7 @@ impl Search<'_> {
 
     /// Leaves effects out again that the others have made superfluous.
     fn prune(&self, mut best: Model) -> Model {
-        'again: while best.added.len() > 1 {
+        'again: while best.added.len() > 1 && !stop::asked() {
             for &c in &best.added {
                 let rest: Vec<usize> = best.added.iter().copied().filter(|&other| other != c).collect();
                 let needs = |&other: &usize| self.study().candidates[other].needs == Some(c);
@@ -271,6 +274,9 @@ impl Search<'_> {
     fn steady(&self, mut best: Model) -> (Model, Vec<Stability>, Vec<(usize, Stability)>) {
         let mut refused = Vec::new();
         loop {
+            if stop::asked() {
+                return (best, Vec::new(), refused);
+            }
             let stability = self.stability(&mut best);
             let company = best.added.len() > 1;
             let unsteady = |(k, own): (usize, &Stability)| {
@@ -354,6 +360,6 @@ pub fn search(fits: &Fits, judge: &Judge, declared: Model, most: usize, say: Say
     let (best, equals) = search.exchange(best);
     say("stability over parts of the records");
     let (best, stability, refused) = search.steady(best);
-    let best = fits.polish(&best).unwrap_or(best);
+    let best = if stop::asked() { best } else { fits.polish(&best).unwrap_or(best) };
     Selection { declared, best, equals, singles, path, stability, refused }
 }

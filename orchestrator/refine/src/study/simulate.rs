@@ -392,10 +392,8 @@ impl<'a> View<'a> {
                     Sensor::Offset => own.iter_mut().for_each(|y| *y += value),
                     Sensor::Gain => own.iter_mut().for_each(|y| *y *= 1.0 + value),
                     Sensor::Delay => {
-                        let first = own[0];
-                        let late: Vec<f64> =
-                            delayed(&own.iter().map(|y| y - first).collect::<Vec<_>>(), value / step);
-                        own.iter_mut().zip(late).for_each(|(y, late)| *y = first + late);
+                        let late = delayed(own, value / step);
+                        own.copy_from_slice(&late);
                     }
                 }
             }

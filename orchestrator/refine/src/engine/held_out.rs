@@ -1,0 +1,101 @@
+//! The error of a model on records, in units that make signals comparable.
+
+use std::collections::BTreeMap;
+
+use super::{System, parallel};
+
+/// How far a model is from some records: each signal divided by its unit, root mean square over signals, the variance of
+/// the sensor noise taken off.
+pub struct HeldOut<'a> {
+    system: &'a dyn System,
+    /// Unit by signal; signals without one are not judged.
+    units: &'a BTreeMap<String, f64>,
+}
+
+impl<'a> HeldOut<'a> {
+    /// The error of predictions of `system`, which must have no local parameters; `units` by signal.
+    pub fn new(system: &'a dyn System, units: &'a BTreeMap<String, f64>) -> HeldOut<'a> {
+        HeldOut { system, units }
+    }
+
+    /// Mean square of every judged signal above the variance of its noise \[unit^2\].
+    pub fn squares(&self, p: &[f64], records: &[usize]) -> BTreeMap<String, f64> {
+        let parts = parallel::map(records.len(), |i| {
+            let record = records[i];
+            let (predicted, measured) = (self.system.predict(record, p, &[]), self.system.measured(record));
+            let square = |range: std::ops::Range<usize>| -> f64 {
+                measured[range.clone()].iter().zip(&predicted[range]).map(|(a, b)| (a - b).powi(2)).sum()
+            };
+            let spans = self.system.signals(record).into_iter();
+            spans
+                .map(|span| (span.signal, span.range.len(), square(span.range), span.noise))
+                .collect::<Vec<_>>()
+        });
+        let mut sums: BTreeMap<String, (f64, f64)> = BTreeMap::new();
+        for (signal, samples, square, noise) in parts.into_iter().flatten() {
+            let Some(unit) = self.units.get(&signal) else { continue };
+            let sum = sums.entry(signal).or_default();
+            sum.0 += (square - samples as f64 * noise * noise) / (unit * unit);
+            sum.1 += samples as f64;
+        }
+        sums.into_iter().map(|(signal, (sum, samples))| (signal, (sum / samples).max(0.0))).collect()
+    }
+
+    /// Root mean square over signals \[units\]; infinite where a prediction is no number.
+    pub fn error(&self, p: &[f64], records: &[usize]) -> f64 {
+        let squares = self.squares(p, records);
+        let mean = squares.values().sum::<f64>() / squares.len().max(1) as f64;
+        if mean.is_finite() { mean.sqrt() } else { f64::INFINITY }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::engine::fit::{Free, fit};
+    use crate::engine::noise::Noise;
+    use crate::engine::system::testing::Lines;
+
+    /// Lines through the origin of all records, which have no local parameters.
+    struct Fixed(Lines);
+
+    impl System for Fixed {
+        fn records(&self) -> usize {
+            self.0.records()
+        }
+        fn estimation(&self, record: usize) -> bool {
+            self.0.estimation(record)
+        }
+        fn locals(&self, _: usize) -> Vec<(f64, f64)> {
+            Vec::new()
+        }
+        fn signals(&self, record: usize) -> Vec<crate::engine::Span> {
+            self.0.signals(record)
+        }
+        fn predict(&self, record: usize, p: &[f64], _: &[f64]) -> Vec<f64> {
+            self.0.predict(record, p, &[40.0 * record as f64])
+        }
+        fn measured(&self, record: usize) -> Vec<f64> {
+            self.0.measured(record)
+        }
+        fn whiten(&self, record: usize, predicted: &[f64]) -> Vec<f64> {
+            self.0.whiten(record, predicted)
+        }
+        fn redraw(&self, record: usize, predicted: &[f64], noise: &mut Noise) -> Vec<f64> {
+            self.0.redraw(record, predicted, noise)
+        }
+    }
+
+    #[test]
+    fn the_error_is_that_of_the_model_without_the_noise() {
+        let system = Fixed(Lines::new(12.0, 0.0));
+        let units = BTreeMap::from([("y".to_owned(), 2.0)]);
+        let held = HeldOut::new(&system, &units);
+        // 12 t over [0, 1) has the rms 12/sqrt(3) = 6.93; the noise of 1 is taken off.
+        assert!((held.error(&[0.0, 0.0], &[0, 1]) * 2.0 / 6.93 - 1.0).abs() < 0.02);
+        let free = [Free { index: 0, bounds: (-1e3, 1e3), step: 1e-3, prior: None }];
+        let found = fit(&system, &[0, 1], &[0.0, 0.0], &free, &[Vec::new(), Vec::new()], 5);
+        // The mean square of 512 samples of unit noise scatters by 0.06.
+        assert!(held.error(&found.parameters, &[2]) < 0.25);
+    }
+}

@@ -1,0 +1,199 @@
+//! Every number that decides an answer, in one table: name, meaning, default, range, and the command that shows its effect.
+
+use super::select::{MARGIN, NOTICEABLE, SUSPICIOUS, TIE};
+
+/// Settings of the search where no model reaches the sensor noise; meanings and ranges in [`Rough::table`].
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Rough {
+    /// Fall of the weighted sum of squares that an effect must bring.
+    pub min_gain: f64,
+    /// Share of the error on held-out folds that an effect must take away beyond the corrections.
+    pub min_held_out_share: f64,
+    /// Share of the error that an effect must take away without corrections.
+    pub min_share_alone: f64,
+    /// Share of the error from which on a change within the tolerance of a declared parameter is an effect.
+    pub min_share_of_correction: f64,
+    /// Standard deviations of a declared parameter up to which a change of it is a correction.
+    pub max_tolerances: f64,
+    /// Difference of the weighted sum of squares within which two effects count as equal.
+    pub tie: f64,
+    /// Difference of the error, as a share, within which two effects count as equal.
+    pub tie_share: f64,
+    /// Share of the error on validation records below which an answer is withdrawn.
+    pub min_validated_share: f64,
+}
+
+impl Default for Rough {
+    fn default() -> Rough {
+        Rough {
+            min_gain: 20.0,
+            min_held_out_share: 0.2,
+            min_share_alone: 0.2,
+            min_share_of_correction: 0.5,
+            max_tolerances: 3.0,
+            tie: 12.0,
+            tie_share: 0.03,
+            min_validated_share: 0.05,
+        }
+    }
+}
+
+/// A row of the table.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Row {
+    /// Name, as in `--set NAME=VALUE`.
+    pub name: &'static str,
+    /// Value used.
+    pub value: f64,
+    /// Value without `--set`.
+    pub default: f64,
+    /// Allowed values; equal where the value is fixed.
+    pub range: (f64, f64),
+    /// Meaning, with unit.
+    pub meaning: &'static str,
+}
+
+/// Command that shows what moving a setting does: false findings against missed ones on cases of one's own.
+pub const STUDY: &str = "make study-refine-messy SET='--set NAME=VALUE'";
+
+impl Rough {
+    /// Every setting with its value here.
+    pub fn table(&self) -> Vec<Row> {
+        let usual = Rough::default();
+        let row = |name, of: fn(&Rough) -> f64, range, meaning| {
+            let (value, default) = (of(self), of(&usual));
+            Row { name, value, default, range, meaning }
+        };
+        let fixed =
+            |name, value, meaning| Row { name, value, default: value, range: (value, value), meaning };
+        vec![
+            row(
+                "min_gain",
+                |s| s.min_gain,
+                (0.0, 1e6),
+                "fall of the weighted sum of squares that an effect must bring: the largest that 40 tries with 3 parameters reach by chance with 1 %",
+            ),
+            row(
+                "min_held_out_share",
+                |s| s.min_held_out_share,
+                (0.0, 1.0),
+                "share of the error on held-out folds that an effect must take away beyond the corrections",
+            ),
+            row(
+                "min_share_alone",
+                |s| s.min_share_alone,
+                (0.0, 1.0),
+                "share of the error that an effect must take away without any correction: one that needs them imitates",
+            ),
+            row(
+                "min_share_of_correction",
+                |s| s.min_share_of_correction,
+                (0.0, 1.0),
+                "share of the error from which on a change within the tolerance of a declared parameter is an effect",
+            ),
+            row(
+                "max_tolerances",
+                |s| s.max_tolerances,
+                (1.0, 10.0),
+                "standard deviations of a declared parameter up to which a change of it is a correction",
+            ),
+            row(
+                "tie",
+                |s| s.tie,
+                (0.0, 1e3),
+                "difference of the weighted sum of squares within which two effects count as equal",
+            ),
+            row(
+                "tie_share",
+                |s| s.tie_share,
+                (0.0, 1.0),
+                "difference of the error on held-out folds, as a share of the declared model's, within which two effects count as equal",
+            ),
+            row(
+                "min_validated_share",
+                |s| s.min_validated_share,
+                (0.0, 1.0),
+                "share of the error on validation records below which an answer is withdrawn",
+            ),
+            fixed(
+                "noise_margin",
+                MARGIN,
+                "standard deviations above the largest power of the simulated noise up to which a residual is noise",
+            ),
+            fixed(
+                "suspicious_margin",
+                SUSPICIOUS,
+                "the same, from which on an explanation is compared with corrected parameters",
+            ),
+            fixed(
+                "noticeable_gain",
+                NOTICEABLE,
+                "fall of the sum of squares in units of the noise below which an effect is not looked at",
+            ),
+            fixed(
+                "noise_tie",
+                TIE,
+                "difference of the Bayesian information criterion within which two explanations to the noise count as equal",
+            ),
+            fixed(
+                "window",
+                crate::rig::windowed::WINDOW,
+                "length of a windowed prediction of the coupled rig [s]",
+            ),
+        ]
+    }
+
+    /// The settings with one changed.
+    ///
+    /// # Errors
+    /// A name that is none of those that can be changed, or a value out of its range: a sentence that says which are.
+    pub fn with(mut self, name: &str, value: f64) -> Result<Rough, String> {
+        let place = match name {
+            "min_gain" => &mut self.min_gain,
+            "min_held_out_share" => &mut self.min_held_out_share,
+            "min_share_alone" => &mut self.min_share_alone,
+            "min_share_of_correction" => &mut self.min_share_of_correction,
+            "max_tolerances" => &mut self.max_tolerances,
+            "tie" => &mut self.tie,
+            "tie_share" => &mut self.tie_share,
+            "min_validated_share" => &mut self.min_validated_share,
+            _ => {
+                let rows = Rough::default().table();
+                let free: Vec<&str> = rows.iter().filter(|r| r.range.0 < r.range.1).map(|r| r.name).collect();
+                return Err(format!(
+                    "`{name}` is none of the settings that can be changed: {}",
+                    free.join(", ")
+                ));
+            }
+        };
+        *place = value;
+        let row = self.table().into_iter().find(|row| row.name == name);
+        match row {
+            Some(row) if !(row.range.0..=row.range.1).contains(&value) => {
+                Err(format!("`{name}` is {value}; it must be between {} and {}", row.range.0, row.range.1))
+            }
+            _ => Ok(self),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_setting_that_the_table_gives_a_range_can_be_changed_within_it() {
+        for row in Rough::default().table() {
+            assert_eq!(row.value.to_bits(), row.default.to_bits());
+            let changed = Rough::default().with(row.name, row.range.1);
+            if row.range.0 < row.range.1 {
+                let found = changed.unwrap().table();
+                let other: Vec<&Row> = found.iter().filter(|own| own.value != own.default).collect();
+                assert!(other.len() == 1 && other[0].name == row.name, "{}", row.name);
+                assert!(Rough::default().with(row.name, row.range.1 + 1.0).is_err());
+            } else {
+                assert!(changed.is_err());
+            }
+        }
+    }
+}
