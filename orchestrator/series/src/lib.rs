@@ -5,6 +5,7 @@
 
 pub mod csv;
 pub mod file;
+mod header;
 pub mod random;
 pub mod resample;
 pub mod rows;

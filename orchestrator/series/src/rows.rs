@@ -2,8 +2,6 @@
 
 use std::io::{Result, Write};
 
-use super::csv::write_number;
-
 /// Writes the header: `time`, then the names.
 ///
 /// # Errors
@@ -30,4 +28,14 @@ pub fn write_row(out: &mut impl Write, time: f64, values: impl IntoIterator<Item
         write_number(value, out)?;
     }
     out.write_all(b"\n")
+}
+
+/// The shortest text that reads back to the same value, without long runs of zeros.
+fn write_number(value: f64, out: &mut impl Write) -> std::io::Result<()> {
+    let size = value.abs();
+    if size != 0.0 && !(1e-5..1e16).contains(&size) {
+        write!(out, ",{value:e}")
+    } else {
+        write!(out, ",{value}")
+    }
 }

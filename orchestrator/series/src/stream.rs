@@ -8,7 +8,7 @@ use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
-use super::csv::{Error, Seconds, header_cells};
+use super::header::{Error, Seconds, header_cells};
 
 /// Bytes read at once.
 const CHUNK: usize = 1 << 18;
