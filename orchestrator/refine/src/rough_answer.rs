@@ -10,6 +10,7 @@ use super::engine::rough::{self, Question};
 use super::engine::search::{Model, Search};
 use super::interval;
 use super::rig::open::Rig;
+use super::rig::parameters::D_ACT_GAIN;
 use super::rig::sense;
 
 /// Units in which errors of signals are compared [SI].
@@ -60,7 +61,9 @@ pub fn improve(
         records: exact.records.clone(),
         screened: exact.screened.clone(),
         folds: folds(&exact.records, groups),
-        sense: &|candidate, model| sense::objection(candidate, model, &rig.reach),
+        sense: &|candidate, model| {
+            within_actuator(rig, candidate, model).or_else(|| sense::objection(candidate, model, &rig.reach))
+        },
         settings: rules,
         most: settings.max_effects,
     };
@@ -71,6 +74,15 @@ pub fn improve(
     }
     tell(rig, exact, &result, &units, (windowed.as_ref(), rules.min_validated_share), found);
     true
+}
+
+/// Whether the gain of a force sensor is off by less than the declared actuator is known to: either may be the reason.
+fn within_actuator(rig: &Rig, candidate: &Candidate, model: &Model) -> Option<String> {
+    let force = candidate.id == "sensor.gain" && candidate.signal.is_some_and(|name| name.starts_with('F'));
+    let known = rig.corrections.iter().find(|own| own.entry.index == D_ACT_GAIN)?.tolerance?;
+    let moved = candidate.free.iter().map(|free| model.fit.parameters[free.index].abs());
+    (force && moved.fold(0.0, f64::max) < known)
+        .then(|| "it is within the tolerance of the gain of the declared actuator".to_owned())
 }
 
 /// Shares of the error on validation records that the selected effects of an answer take away, alone and together.
