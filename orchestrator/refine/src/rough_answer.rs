@@ -109,6 +109,12 @@ pub fn shares(rig: &Rig, found: &mut Answer) {
         own.free.iter().for_each(|free| p[free.index] = answered[free.index]);
         effect.share = Some(share(&p));
     }
+    // Selected effects come first, the one that takes away most before the others.
+    found.effects.sort_by(|a, b| {
+        let of =
+            |effect: &Effect| if effect.selected { effect.share.unwrap_or(0.0) } else { f64::NEG_INFINITY };
+        of(b).total_cmp(&of(a))
+    });
 }
 
 /// Positions of the records in groups that repeat one command; halves where there is one group.
