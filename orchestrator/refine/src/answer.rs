@@ -289,7 +289,8 @@ pub fn answer(rig: &Rig, groups: &[String], settings: &Settings, listener: Liste
     let exact_part = !selection.explained && trace(rig, &search, &selection, groups, &mut found);
     hold_back(&mut found);
     stop::stage(1.0);
-    let rough = !selection.explained && !exact_part && cylinder.is_none();
+    let doubtful = selection.explained && rough_answer::doubtful(rig, settings, &mut found);
+    let rough = doubtful || !selection.explained && !exact_part && cylinder.is_none();
     let improved = rough && rough_answer::improve(rig, &search, &declared, groups, settings, &mut found);
     if !improved && found.verdict == Verdict::Effect {
         rough_answer::shares(rig, &mut found);
