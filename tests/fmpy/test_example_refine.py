@@ -154,7 +154,7 @@ def test_exit_codes_say_the_verdict_and_every_report_follows_the_schema(schema, 
     for group in groups:
         assert sum(effect["group"] == group for effect in report["effects"]) > 1
     assert (report["amended_system"] is not None) == (tmp_path / "out" / "system" / "system.ssd").is_file()
-    assert (report["amended_system"] is not None) == (verdict == "effect" or bool(report["declared_corrections"]))
+    assert (report["amended_system"] is not None) == (verdict == "effect" or bool(report["corrections"]))
 
 
 def test_the_report_of_the_example_follows_the_schema(schema, example):

@@ -131,9 +131,13 @@ impl Correction {
     /// A correction by `moved` with the standard deviation `deviation`, both as entries of the parameter vector.
     pub fn new(own: &corrections::Correction, moved: f64, deviation: f64) -> Correction {
         let (value, half) = (own.value(moved), 1.96 * (own.value(deviation) - own.declared).abs());
-        let parameter = own.entry.effect.map(|(_, name)| Parameter {
+        let unit = |id: &str, name: &str| {
+            let known = super::rig::parameters::TABLE.iter().find(|own| own.name == format!("{id}.{name}"));
+            known.map_or(String::new(), |own| own.unit.to_owned())
+        };
+        let parameter = own.entry.effect.map(|(id, name)| Parameter {
             name: name.into(),
-            unit: String::new(),
+            unit: unit(id, name),
             value: value - own.declared,
             interval: (value - half - own.declared, value + half - own.declared),
         });
@@ -285,7 +289,8 @@ pub fn answer(rig: &Rig, groups: &[String], settings: &Settings, listener: Liste
     let exact_part = !selection.explained && trace(rig, &search, &selection, groups, &mut found);
     hold_back(&mut found);
     stop::stage(1.0);
-    let rough = !selection.explained && !exact_part && cylinder.is_none();
+    let doubtful = selection.explained && rough_answer::doubtful(rig, settings, &mut found);
+    let rough = doubtful || !selection.explained && !exact_part && cylinder.is_none();
     let improved = rough && rough_answer::improve(rig, &search, &declared, groups, settings, &mut found);
     if !improved && found.verdict == Verdict::Effect {
         rough_answer::shares(rig, &mut found);

@@ -10,6 +10,7 @@ use super::engine::rough::{self, Question};
 use super::engine::search::{Model, Search};
 use super::interval;
 use super::rig::open::Rig;
+use super::rig::parameters::D_ACT_GAIN;
 use super::rig::sense;
 
 /// Units in which errors of signals are compared [SI].
@@ -60,7 +61,9 @@ pub fn improve(
         records: exact.records.clone(),
         screened: exact.screened.clone(),
         folds: folds(&exact.records, groups),
-        sense: &|candidate, model| sense::objection(candidate, model, &rig.reach),
+        sense: &|candidate, model| {
+            within_actuator(rig, candidate, model).or_else(|| sense::objection(candidate, model, &rig.reach))
+        },
         settings: rules,
         most: settings.max_effects,
     };
@@ -71,6 +74,44 @@ pub fn improve(
     }
     tell(rig, exact, &result, &units, (windowed.as_ref(), rules.min_validated_share), found);
     true
+}
+
+/// Takes an answer back that explains a part of the rig to the noise with effects that take next to nothing of the error
+/// away alone, or that are within what is known of the declared actuator; whether it did.
+///
+/// With the whole rig recorded several effects may need each other; the actuator alone and a sweep hold too little against
+/// which imitations would fail.
+pub fn doubtful(rig: &Rig, settings: &Settings, found: &mut Answer) -> bool {
+    if rig.coupled.is_some() || found.verdict != Verdict::Effect {
+        return false;
+    }
+    shares(rig, found);
+    let known =
+        rig.corrections.iter().find(|own| own.entry.index == D_ACT_GAIN).and_then(|own| own.tolerance);
+    let small = |effect: &Effect| {
+        let force =
+            effect.id == "sensor.gain" && effect.signal.as_deref().is_some_and(|s| s.starts_with('F'));
+        let moved = effect.parameters.first().map_or(f64::INFINITY, |p| p.value.abs());
+        effect.share.is_some_and(|share| share < settings.rough.min_share_alone)
+            || force && known.is_some_and(|known| moved < known)
+    };
+    let selected = || found.effects.iter().filter(|effect| effect.selected);
+    if !selected().any(small) {
+        return false;
+    }
+    let channel = selected().map(|effect| effect.channel.as_str()).find(|channel| *channel != "sensor");
+    found.unexplained = Some((channel.unwrap_or("actuator").to_owned(), Vec::new()));
+    found.verdict = Verdict::Unexplained;
+    true
+}
+
+/// Whether the gain of a force sensor is off by less than the declared actuator is known to: either may be the reason.
+fn within_actuator(rig: &Rig, candidate: &Candidate, model: &Model) -> Option<String> {
+    let force = candidate.id == "sensor.gain" && candidate.signal.is_some_and(|name| name.starts_with('F'));
+    let known = rig.corrections.iter().find(|own| own.entry.index == D_ACT_GAIN)?.tolerance?;
+    let moved = candidate.free.iter().map(|free| model.fit.parameters[free.index].abs());
+    (force && moved.fold(0.0, f64::max) < known)
+        .then(|| "it is within the tolerance of the gain of the declared actuator".to_owned())
 }
 
 /// Shares of the error on validation records that the selected effects of an answer take away, alone and together.
@@ -97,6 +138,12 @@ pub fn shares(rig: &Rig, found: &mut Answer) {
         own.free.iter().for_each(|free| p[free.index] = answered[free.index]);
         effect.share = Some(share(&p));
     }
+    // Selected effects come first, the one that takes away most before the others.
+    found.effects.sort_by(|a, b| {
+        let of =
+            |effect: &Effect| if effect.selected { effect.share.unwrap_or(0.0) } else { f64::NEG_INFINITY };
+        of(b).total_cmp(&of(a))
+    });
 }
 
 /// Positions of the records in groups that repeat one command; halves where there is one group.
@@ -233,4 +280,7 @@ fn tell(
         exact.records.iter().map(|&r| system.locals(r).iter().map(|l| l.0).collect()).collect();
     found.left[1] = exact.fit(&[], &[], p, &locals, 5).left;
     found.complete = found.left[1].iter().all(|(_, z)| *z < found.limit);
+    if found.complete && found.verdict == Verdict::Unexplained {
+        (found.verdict, found.unexplained) = (Verdict::Nothing, None);
+    }
 }

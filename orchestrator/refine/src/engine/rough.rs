@@ -115,7 +115,7 @@ pub fn search(question: &Question) -> Found {
     while found.best.added.len() < question.most && !stop::asked() {
         let added = found.best.added.clone();
         let (tried, reweighed) = run.step(&found.best, &weights);
-        let accepted = tried.iter().find(|t| t.rejected.is_none()).cloned();
+        let accepted = run.accepted(&tried).cloned();
         let step = Step { added, tried };
         if let Some(accepted) = &accepted {
             let equals = run.equals(&step, accepted);
@@ -343,7 +343,10 @@ impl Run<'_> {
                 tried.gain
             ));
         }
-        if tried.held_out < s.min_held_out_share {
+        // An effect that takes most of the error by itself, with a significantly smaller sum, stands even where several
+        // corrections together could do the same.
+        let dominant = tried.alone >= s.min_share_of_correction;
+        if tried.held_out < s.min_held_out_share && !dominant {
             return Some(format!(
                 "it takes away {:.0} % of the error on held-out records beyond the corrections, less than {:.0} %",
                 100.0 * tried.held_out,
@@ -366,6 +369,14 @@ impl Run<'_> {
             }
         }
         (q.sense)(own, &tried.model)
+    }
+
+    /// The best of the candidates without objection: of those that leave about the least error the likeliest.
+    fn accepted<'t>(&self, tried: &'t [Tried]) -> Option<&'t Tried> {
+        let sound = || tried.iter().filter(|t| t.rejected.is_none());
+        let least = sound().map(|t| t.error).fold(f64::INFINITY, f64::min);
+        let near = least + self.question.settings.tie_share * self.declared_error;
+        sound().filter(|t| t.error <= near).min_by(|a, b| a.model.fit.chi2.total_cmp(&b.model.fit.chi2))
     }
 
     /// Candidates of a step that do as well as the accepted one with as many parameters.

@@ -11,7 +11,7 @@ pub struct Rough {
     pub min_held_out_share: f64,
     /// Share of the error that an effect must take away without corrections.
     pub min_share_alone: f64,
-    /// Share of the error from which on a change within the tolerance of a declared parameter is an effect.
+    /// Share of the error that an effect must take away alone to count although corrections could do the same.
     pub min_share_of_correction: f64,
     /// Standard deviations of a declared parameter up to which a change of it is a correction.
     pub max_tolerances: f64,
@@ -89,7 +89,7 @@ impl Rough {
                 "min_share_of_correction",
                 |s| s.min_share_of_correction,
                 (0.0, 1.0),
-                "share of the error from which on a change within the tolerance of a declared parameter is an effect",
+                "share of the error that an effect must take away alone to count although corrections of declared parameters within their tolerances could do the same",
             ),
             row(
                 "max_tolerances",
