@@ -31,7 +31,8 @@ def row_of(case, report, run):
     true = next(iter(truth.get("effects", [])), None)
     selected = [e for e in report.get("effects", []) if e.get("selected")]
     others = [e for e in selected if true is None or key(e) != key(true)]
-    corrections = {c["id"] for c in report.get("corrections", [])} | {e["id"] for e in others if e["id"] in CORRECTIONS}
+    # A corrected parameter that no effect of the vocabulary changes has no id.
+    corrections = {c["id"] or f"{c['component']}.{c['parameter']}" for c in report.get("corrections", [])} | {e["id"] for e in others if e["id"] in CORRECTIONS}
     row = dict(case=case.name, truth=label(true) if true else "none", verdict=report.get("verdict", "no report"), exit=run[2] if len(run) > 2 else NONE,
                selected=" ".join(map(label, selected)) or NONE, first=bool(true and selected and key(selected[0]) == key(true)),
                listed=bool(true and report.get("effects") and key(report["effects"][0]) == key(true)), right=False,
