@@ -371,12 +371,19 @@ impl Run<'_> {
         (q.sense)(own, &tried.model)
     }
 
-    /// The best of the candidates without objection: of those that leave about the least error the likeliest.
+    /// The best of the candidates without objection: of those that leave about the least error the likeliest, or one with
+    /// fewer parameters that takes as much away without corrections.
     fn accepted<'t>(&self, tried: &'t [Tried]) -> Option<&'t Tried> {
+        let (q, tie) = (self.question, self.question.settings.tie_share);
+        let size = |t: &Tried| q.candidates[t.candidate].free.len();
         let sound = || tried.iter().filter(|t| t.rejected.is_none());
         let least = sound().map(|t| t.error).fold(f64::INFINITY, f64::min);
-        let near = least + self.question.settings.tie_share * self.declared_error;
-        sound().filter(|t| t.error <= near).min_by(|a, b| a.model.fit.chi2.total_cmp(&b.model.fit.chi2))
+        let near = || sound().filter(|t| t.error <= least + tie * self.declared_error);
+        let likelier = |a: &&Tried, b: &&Tried| a.model.fit.chi2.total_cmp(&b.model.fit.chi2);
+        let likeliest = near().min_by(likelier)?;
+        let simpler = |t: &&Tried| size(t) < size(likeliest) && t.alone >= likeliest.alone - tie;
+        let simplest = near().filter(simpler).min_by(|a, b| size(a).cmp(&size(b)).then(likelier(a, b)));
+        simplest.or(Some(likeliest))
     }
 
     /// Candidates of a step that do as well as the accepted one with as many parameters.
