@@ -42,6 +42,7 @@ study-refine-messy: fmu ## rigs that nothing fits to the noise, and controls: ou
 	printf '#!/bin/sh\nexec $(CURDIR)/target/release/airloop "$$@" $(strip $(SET))\n' > out/study-refine-messy/airloop
 	chmod +x out/study-refine-messy/airloop
 	.venv/bin/python tests/study/refine/score_messy.py out/study-refine-messy/airloop out/study-refine-messy/cases out/study-refine-messy/reports
+	cargo test --release -p airloop-cli --test refine_messy -- --include-ignored
 
 study-systems: fmu   ## pendulums, axes, seals and actuators with known truth, and what `airloop refine` makes of them: out/study-systems
 	scripts/setup.sh study
