@@ -18,7 +18,7 @@ use airloop_refine::amend;
 use airloop_refine::answer::{Answer, Settings, Verdict, answer};
 use airloop_refine::case::{Case, Role};
 use airloop_refine::engine::parallel;
-use airloop_refine::engine::settings::Rough;
+use airloop_refine::engine::settings::ForwardSelection;
 use airloop_refine::engine::stop;
 use airloop_refine::evidence::{self, Evidence};
 use airloop_refine::rig::open::{Rig, open};
@@ -95,10 +95,15 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
     check_folder(path, &args.output)?;
     parallel::use_threads(args.threads.map_or(0, usize::from));
     // Checked when the command line was read.
-    let changed = |rough: Rough, (name, value): &(String, f64)| rough.with(name, *value).unwrap_or(rough);
-    let rough = args.set.iter().fold(Rough::default(), changed);
-    let settings =
-        Settings { seed: args.seed, max_effects: args.max_effects.into(), rough, ..Settings::default() };
+    let changed =
+        |own: ForwardSelection, (name, value): &(String, f64)| own.with(name, *value).unwrap_or(own);
+    let forward_selection = args.set.iter().fold(ForwardSelection::default(), changed);
+    let settings = Settings {
+        seed: args.seed,
+        max_effects: args.max_effects.into(),
+        forward_selection,
+        ..Settings::default()
+    };
     let question = Question::read(path)?;
     let made = folder::make(&args.output)?;
     let interrupt = Interrupt::new(&args.output, made);
@@ -148,7 +153,7 @@ fn setting(text: &str) -> Result<(String, f64), String> {
     let (name, value) = text.split_once('=').ok_or("write NAME=VALUE")?;
     let value =
         value.trim().parse::<f64>().map_err(|_| format!("`{value}` is no number; write NAME=VALUE"))?;
-    Rough::default().with(name.trim(), value)?;
+    ForwardSelection::default().with(name.trim(), value)?;
     Ok((name.trim().to_owned(), value))
 }
 

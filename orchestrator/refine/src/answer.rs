@@ -14,7 +14,7 @@ use super::rig::corrections;
 use super::rig::localise::{localise, pair_behind};
 use super::rig::open::Rig;
 use super::rig::replay::{BLUNTED, left, proposals};
-use super::rough_answer;
+use super::selection_answer;
 use super::watch::{Listener, Watched};
 
 /// Settings of the search.
@@ -27,12 +27,12 @@ pub struct Settings {
     /// Most effects that are added.
     pub max_effects: usize,
     /// Settings where the noise is not reached.
-    pub rough: super::engine::settings::Rough,
+    pub forward_selection: super::engine::settings::ForwardSelection,
 }
 
 impl Default for Settings {
     fn default() -> Settings {
-        Settings { seed: 1, draws: 400, max_effects: 3, rough: Default::default() }
+        Settings { seed: 1, draws: 400, max_effects: 3, forward_selection: Default::default() }
     }
 }
 
@@ -289,11 +289,12 @@ pub fn answer(rig: &Rig, groups: &[String], settings: &Settings, listener: Liste
     let exact_part = !selection.explained && trace(rig, &search, &selection, groups, &mut found);
     hold_back(&mut found);
     stop::stage(1.0);
-    let doubtful = selection.explained && rough_answer::doubtful(rig, settings, &mut found);
-    let rough = doubtful || !selection.explained && !exact_part && cylinder.is_none();
-    let improved = rough && rough_answer::improve(rig, &search, &declared, groups, settings, &mut found);
+    let withdrawn = selection.explained && selection_answer::withdraw_small_shares(rig, settings, &mut found);
+    let open = withdrawn || !selection.explained && !exact_part && cylinder.is_none();
+    let improved =
+        open && selection_answer::select_by_share(rig, &search, &declared, groups, settings, &mut found);
     if !improved && found.verdict == Verdict::Effect {
-        rough_answer::shares(rig, &mut found);
+        selection_answer::shares(rig, &mut found);
     }
     found.partial = stop::ended();
     found

@@ -11,7 +11,7 @@ pub mod evidence;
 pub mod interval;
 pub mod moving;
 pub mod rig;
-pub mod rough_answer;
+pub mod selection_answer;
 pub mod study;
 pub mod watch;
 

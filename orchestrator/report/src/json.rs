@@ -60,7 +60,7 @@ fn table(settings: &answer::Settings) -> Vec<Row> {
         let (name, value, default, meaning) = (own.name, own.value, own.default, own.meaning);
         Row { name, value, default, range: [own.range.0, own.range.1], meaning }
     };
-    settings.rough.table().into_iter().map(row).collect()
+    settings.forward_selection.table().into_iter().map(row).collect()
 }
 
 #[derive(Serialize)]

@@ -3,13 +3,13 @@
 pub mod candidate;
 pub mod corrected;
 pub mod fit;
+pub mod forward_selection;
 pub mod goodness;
 pub mod held_out;
 pub mod ladder;
 pub mod noise;
 pub mod normal;
 pub mod parallel;
-pub mod rough;
 pub mod search;
 pub mod select;
 pub mod settings;

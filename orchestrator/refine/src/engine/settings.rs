@@ -2,9 +2,9 @@
 
 use super::select::{MARGIN, NOTICEABLE, SUSPICIOUS, TIE};
 
-/// Settings of the search where no model reaches the sensor noise; meanings and ranges in [`Rough::table`].
+/// Settings of the search where no model reaches the sensor noise; meanings and ranges in [`ForwardSelection::table`].
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Rough {
+pub struct ForwardSelection {
     /// Fall of the weighted sum of squares that an effect must bring.
     pub min_gain: f64,
     /// Share of the error on held-out folds that an effect must take away beyond the corrections.
@@ -23,9 +23,9 @@ pub struct Rough {
     pub min_validated_share: f64,
 }
 
-impl Default for Rough {
-    fn default() -> Rough {
-        Rough {
+impl Default for ForwardSelection {
+    fn default() -> ForwardSelection {
+        ForwardSelection {
             min_gain: 20.0,
             min_held_out_share: 0.2,
             min_share_alone: 0.2,
@@ -56,11 +56,11 @@ pub struct Row {
 /// Command that shows what moving a setting does: false findings against missed ones on cases of one's own.
 pub const STUDY: &str = "make study-refine-messy SET='--set NAME=VALUE'";
 
-impl Rough {
+impl ForwardSelection {
     /// Every setting with its value here.
     pub fn table(&self) -> Vec<Row> {
-        let usual = Rough::default();
-        let row = |name, of: fn(&Rough) -> f64, range, meaning| {
+        let usual = ForwardSelection::default();
+        let row = |name, of: fn(&ForwardSelection) -> f64, range, meaning| {
             let (value, default) = (of(self), of(&usual));
             Row { name, value, default, range, meaning }
         };
@@ -147,7 +147,7 @@ impl Rough {
     ///
     /// # Errors
     /// A name that is none of those that can be changed, or a value out of its range: a sentence that says which are.
-    pub fn with(mut self, name: &str, value: f64) -> Result<Rough, String> {
+    pub fn with(mut self, name: &str, value: f64) -> Result<ForwardSelection, String> {
         let place = match name {
             "min_gain" => &mut self.min_gain,
             "min_held_out_share" => &mut self.min_held_out_share,
@@ -158,7 +158,7 @@ impl Rough {
             "tie_share" => &mut self.tie_share,
             "min_validated_share" => &mut self.min_validated_share,
             _ => {
-                let rows = Rough::default().table();
+                let rows = ForwardSelection::default().table();
                 let free: Vec<&str> = rows.iter().filter(|r| r.range.0 < r.range.1).map(|r| r.name).collect();
                 return Err(format!(
                     "`{name}` is none of the settings that can be changed: {}",
@@ -183,14 +183,14 @@ mod tests {
 
     #[test]
     fn every_setting_that_the_table_gives_a_range_can_be_changed_within_it() {
-        for row in Rough::default().table() {
+        for row in ForwardSelection::default().table() {
             assert_eq!(row.value.to_bits(), row.default.to_bits());
-            let changed = Rough::default().with(row.name, row.range.1);
+            let changed = ForwardSelection::default().with(row.name, row.range.1);
             if row.range.0 < row.range.1 {
                 let found = changed.unwrap().table();
                 let other: Vec<&Row> = found.iter().filter(|own| own.value != own.default).collect();
                 assert!(other.len() == 1 && other[0].name == row.name, "{}", row.name);
-                assert!(Rough::default().with(row.name, row.range.1 + 1.0).is_err());
+                assert!(ForwardSelection::default().with(row.name, row.range.1 + 1.0).is_err());
             } else {
                 assert!(changed.is_err());
             }

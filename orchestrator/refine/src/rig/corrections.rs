@@ -81,7 +81,7 @@ impl Correction {
     }
 
     /// Free parameter of a search for a share of the error, up to `most` standard deviations.
-    pub fn rough(&self, most: f64) -> Option<Free> {
+    pub fn bounded(&self, most: f64) -> Option<Free> {
         let tolerance = self.tolerance?;
         let own = free(self.entry.index);
         let bounds = (own.bounds.0.max(-most * tolerance), own.bounds.1.min(most * tolerance));

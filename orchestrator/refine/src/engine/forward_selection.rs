@@ -13,7 +13,7 @@ use super::goodness::Null;
 use super::held_out::HeldOut;
 use super::normal::residuals;
 use super::search::{Model, Promise, Search};
-use super::settings::Rough as Settings;
+use super::settings::ForwardSelection as Settings;
 use super::weighted::{Weighted, long_run};
 use super::{System, parallel, stop};
 

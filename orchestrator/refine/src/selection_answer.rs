@@ -5,8 +5,8 @@ use std::collections::BTreeMap;
 use super::answer::{Answer, Correction, Effect, Settings, Step, Tried, Verdict, errors};
 use super::engine::System;
 use super::engine::candidate::Candidate;
+use super::engine::forward_selection::{self, Question};
 use super::engine::held_out::HeldOut;
-use super::engine::rough::{self, Question};
 use super::engine::search::{Model, Search};
 use super::interval;
 use super::rig::open::Rig;
@@ -24,7 +24,7 @@ fn units(rig: &Rig) -> BTreeMap<String, f64> {
 
 /// Puts effects and corrections that take away most of the error into an answer that does not reach the noise; whether
 /// there is anything better than before.
-pub fn improve(
+pub fn select_by_share(
     rig: &Rig,
     exact: &Search<dyn System + '_>,
     declared: &Model,
@@ -39,14 +39,14 @@ pub fn improve(
     };
     let units = units(rig);
     let held_out = HeldOut::new(system, &units);
-    let rules = settings.rough;
+    let rules = settings.forward_selection;
     let place = |id: &str| rig.candidates.iter().position(|c| c.id == id);
-    let corrections: Vec<rough::Correction> = rig
+    let corrections: Vec<forward_selection::Correction> = rig
         .corrections
         .iter()
         .filter_map(|own| {
-            Some(rough::Correction {
-                free: own.rough(rules.max_tolerances)?,
+            Some(forward_selection::Correction {
+                free: own.bounded(rules.max_tolerances)?,
                 effect: own.entry.effect.and_then(|(id, _)| place(id)),
                 declared: own.declared,
             })
@@ -67,12 +67,12 @@ pub fn improve(
         settings: rules,
         most: settings.max_effects,
     };
-    let result = rough::search(&question);
+    let result = forward_selection::search(&question);
     // Effects behind an actuator that does not follow its model stand where the whole rig shows none.
     if result.best.added.is_empty() && found.verdict == Verdict::Effect {
         return false;
     }
-    tell(rig, exact, &result, &units, (windowed.as_ref(), rules.min_validated_share), found);
+    write_answer(rig, exact, &result, &units, (windowed.as_ref(), rules.min_validated_share), found);
     true
 }
 
@@ -81,7 +81,7 @@ pub fn improve(
 ///
 /// With the whole rig recorded several effects may need each other; the actuator alone and a sweep hold too little against
 /// which imitations would fail.
-pub fn doubtful(rig: &Rig, settings: &Settings, found: &mut Answer) -> bool {
+pub fn withdraw_small_shares(rig: &Rig, settings: &Settings, found: &mut Answer) -> bool {
     if rig.coupled.is_some() || found.verdict != Verdict::Effect {
         return false;
     }
@@ -92,7 +92,7 @@ pub fn doubtful(rig: &Rig, settings: &Settings, found: &mut Answer) -> bool {
         let force =
             effect.id == "sensor.gain" && effect.signal.as_deref().is_some_and(|s| s.starts_with('F'));
         let moved = effect.parameters.first().map_or(f64::INFINITY, |p| p.value.abs());
-        effect.share.is_some_and(|share| share < settings.rough.min_share_alone)
+        effect.share.is_some_and(|share| share < settings.forward_selection.min_share_alone)
             || force && known.is_some_and(|known| moved < known)
     };
     let selected = || found.effects.iter().filter(|effect| effect.selected);
@@ -165,10 +165,10 @@ fn folds(records: &[usize], groups: &[String]) -> Vec<Vec<usize>> {
 }
 
 /// Writes what was found into the answer.
-fn tell(
+fn write_answer(
     rig: &Rig,
     exact: &Search<dyn System + '_>,
-    result: &rough::Found,
+    result: &forward_selection::Found,
     units: &BTreeMap<String, f64>,
     (windowed, least): (Option<&super::rig::coupled::Coupled>, f64),
     found: &mut Answer,
@@ -235,7 +235,7 @@ fn tell(
             "alone it takes away {:.0} % of the error on validation records",
             100.0 * own.share.unwrap_or(0.0)
         );
-        let rivals: Vec<&rough::Tried> =
+        let rivals: Vec<&forward_selection::Tried> =
             result.equals.iter().filter(|(accepted, _)| *accepted == c).map(|(_, t)| t).collect();
         let group = (!rivals.is_empty()).then_some(c);
         effects.push(Effect { reason, group, ..own });
