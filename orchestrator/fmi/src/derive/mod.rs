@@ -67,6 +67,11 @@ struct Member {
     bytes: Vec<u8>,
 }
 
+/// Whether FMUs can be derived from one with this description: it is of this project.
+pub fn can_derive(description: &ModelDescription) -> bool {
+    description.generation_tool.contains(EXPORTER)
+}
+
 /// Writes the FMU at `out` (its folder must be there; a file of that name is replaced in one move) and gives its GUID.
 ///
 /// `modelIdentifier`, binaries, variables and structure are those of the template; its other resources stay, its
@@ -79,7 +84,7 @@ struct Member {
 pub fn derive(template: &Path, out: &Path, derivation: &Derivation) -> Result<String, DeriveError> {
     check_texts(derivation)?;
     let fmu = Fmu::open(template).map_err(|source| DeriveError::Template(Box::new(source)))?;
-    if !fmu.description.generation_tool.contains(EXPORTER) {
+    if !can_derive(&fmu.description) {
         let tool = fmu.description.generation_tool.clone();
         return Err(DeriveError::Exporter { path: template.to_owned(), tool });
     }

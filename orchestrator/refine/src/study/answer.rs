@@ -278,10 +278,7 @@ fn share(study: &Study, [before, after]: [&Errors; 2], floors: &[BTreeMap<String
 /// Gives the selected effects the parameters that the errors of the answer belong to.
 fn as_printed(study: &Study, selection: &Selection, p: &[f64], effects: &mut [Effect]) {
     for effect in effects.iter_mut().filter(|effect| effect.selected) {
-        let same = |&&c: &&usize| {
-            let own = &study.candidates[c];
-            own.id == effect.id && own.signal == effect.signal && own.channel == effect.channel
-        };
+        let same = |&&c: &&usize| study.candidates[c].is(effect);
         let Some(&c) = selection.best.added.iter().find(same) else { continue };
         for (own, value) in effect.parameters.iter_mut().zip(physical(study, c, p)) {
             let half = 0.5 * (own.interval.1 - own.interval.0);

@@ -251,6 +251,14 @@ pub struct Attachment {
     pub effects: Option<Vec<String>>,
 }
 
+impl Attachment {
+    /// Velocity over which friction changes its sign.
+    pub fn sign_velocity(&self) -> f64 {
+        let pole = self.channels.iter().any(|channel| channel == "pole");
+        self.vt.unwrap_or(if pole { 0.05 } else { 1e-3 })
+    }
+}
+
 /// Which error is fitted and reported.
 #[derive(Debug, Clone, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]

@@ -53,8 +53,9 @@ fn effect(fits: &Fits, selection: &Selection, model: &Model, c: usize, widen: f6
     let samples: usize = fits.pieces.iter().map(|piece| piece.range.len()).sum();
     let score = samples as f64 * (selection.declared.error / model.error).powi(2).ln();
     Effect {
-        id: own.id.to_owned(),
+        id: own.id.clone(),
         channel: own.channel.to_owned(),
+        port: Some(own.port.clone()),
         signal: own.signal.clone(),
         selected: false,
         group: None,
@@ -141,7 +142,7 @@ pub fn effects(fits: &Fits, selection: &Selection, chosen: bool) -> Vec<Effect> 
     for model in &selection.singles {
         let c = model.added[0];
         let own = &fits.study.candidates[c];
-        let same = |e: &Effect| e.id == own.id && e.signal == own.signal;
+        let same = |e: &Effect| own.is(e);
         let gains = model.error < 0.999 * selection.declared.error;
         if gains && !found.iter().any(same) {
             let held = if model.held_back.is_nan() {

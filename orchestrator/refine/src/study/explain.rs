@@ -161,7 +161,7 @@ impl Judge {
                 best = (vec![first, second], both);
             }
         }
-        let channel = study.candidates[first].channel.to_owned();
+        let channel = study.candidates[first].place();
         let variables = best.0.iter().map(|&c| name(study, c).to_owned()).collect();
         Rest { place: Some((channel, variables)), gain: best.1 }
     }

@@ -17,6 +17,8 @@ use airloop_cosim::system::SystemGraph;
 pub struct Output {
     /// Column.
     pub name: String,
+    /// Output of the system.
+    pub port: String,
     /// Slot of the system's signal.
     pub slot: usize,
     /// Unit.

@@ -241,7 +241,7 @@ fn taps(
             Some(entry.map_or(Level::Value(set.unwrap_or(value)), Level::Entry))
         });
         let pole = attachment.channels.iter().any(|channel| channel == "pole");
-        let vt = attachment.vt.unwrap_or(if pole { 0.05 } else { 1e-3 });
+        let vt = attachment.sign_velocity();
         if !(vt > 0.0 && vt.is_finite()) {
             return Err(file.refuse(spanned, "vt must be above zero"));
         }
@@ -333,7 +333,8 @@ pub fn open(file: &File) -> Result<(Study, Vec<Attachment>), Error> {
             entries.push(Entry { name, unit: unit.clone(), target: Target::Offset, start: 0.0, free });
             index
         });
-        outputs.push(Output { name: output.column.clone(), slot, unit, noise, offset });
+        let (column, port) = (output.column.clone(), name.clone());
+        outputs.push(Output { name: column, port, slot, unit, noise, offset });
     }
     let taps = taps(file, &graph, &plant, &entries, &fixed)?;
     let force = match &layout.force {
