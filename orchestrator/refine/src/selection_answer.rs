@@ -61,6 +61,7 @@ pub fn select_by_share(
         always: &[],
         locals: vec![Vec::new(); exact.records.len()],
         may_join: &|_, _| true,
+        free_forms: &[],
         records: exact.records.clone(),
         screened: exact.screened.clone(),
         folds: folds(&exact.records, groups),

@@ -46,6 +46,8 @@ pub struct Question<'a> {
     pub locals: Vec<Vec<f64>>,
     /// Whether a candidate may join the effects found before.
     pub may_join: &'a (dyn Fn(usize, &[usize]) -> bool + Sync),
+    /// Candidates that are free forms over one variable: they join nothing, but tell whether effects have the right form.
+    pub free_forms: &'a [usize],
     /// Estimation records.
     pub records: Vec<usize>,
     /// Positions in `records` of those that candidates are screened on.
@@ -101,6 +103,17 @@ pub struct Found {
     pub equals: Vec<(usize, Tried)>,
     /// Error of the declared model on the estimation records \[units\].
     pub declared_error: f64,
+    /// The free form that takes away much more than the effects do, if one does.
+    pub free_form: Option<FreeForm>,
+}
+
+/// A free form that takes away more of the error than the effects.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct FreeForm {
+    /// Candidate.
+    pub candidate: usize,
+    /// Share of the error on held-out records, beyond the corrections, that it takes away.
+    pub share: f64,
 }
 
 /// Finds the effects that take away most of the error.
@@ -117,7 +130,7 @@ pub fn search(question: &Question) -> Found {
         weights = run.weights(&base.fit.parameters, &base.fit.locals);
         base = run.fit(&weights, &[], &base.fit.parameters, &base.fit.locals, ROUNDS);
     }
-    let mut found = Found { best: base.clone(), base, steps: Vec::new(), equals: Vec::new(), declared_error };
+    let mut found = Found { best: base.clone(), base, steps: Vec::new(), equals: Vec::new(), declared_error, free_form: None };
     question.system.stage("effects beside corrections");
     while found.best.added.len() < question.most && !stop::asked() {
         let added = found.best.added.clone();
@@ -137,6 +150,10 @@ pub fn search(question: &Question) -> Found {
             break;
         }
     }
+    if !stop::asked() {
+        question.system.stage("form of the effects");
+        found.free_form = run.free_form(&found.base, &found.best);
+    }
     found
 }
 
@@ -146,6 +163,8 @@ const REFINED: usize = 4;
 const FOLDED: usize = 2;
 /// Rounds of a fit of local parameters alone.
 const LOCALIZED: usize = 3;
+/// Free forms that are fitted.
+const FORMS: usize = 2;
 /// Candidates that are fitted for what they promise beside the corrections, and for what they do without them.
 const PROMISING: (usize, usize) = (5, 5);
 /// Candidates that are fitted again under the weights of the best.
@@ -285,11 +304,10 @@ impl Run<'_> {
             },
             ..base.clone()
         };
-        let [mut beside, mut without] = self
-            .with(weights, &q.records, |search| [base, &held].map(|model| distinct(search.screen(model))));
-        for promises in [&mut beside, &mut without] {
-            promises.retain(|promise| (q.may_join)(promise.candidate, &base.added));
-        }
+        let wanted = |c: usize| !q.free_forms.contains(&c) && (q.may_join)(c, &base.added);
+        let [beside, without] = self.with(weights, &q.records, |search| {
+            [base, &held].map(|model| distinct(search.screen_some(model, &wanted)))
+        });
         let records: Vec<usize> = q.screened.iter().map(|&i| q.records[i]).collect();
         let locals: Vec<Vec<f64>> = q.screened.iter().map(|&i| base.fit.locals[i].clone()).collect();
         let errors = parallel::map(without.len(), |i| {
@@ -380,6 +398,43 @@ impl Run<'_> {
         let model =
             self.with(weights, &q.records, |search| search.fit(&base.added, &extra, &start, locals, REFINED));
         (model.fit.chi2, self.fitted_error(&model))
+    }
+
+    /// The free form that takes away much more of the error than the effects of `best`, if one does.
+    fn free_form(&self, base: &Model, best: &Model) -> Option<FreeForm> {
+        let q = self.question;
+        if q.free_forms.is_empty() {
+            return None;
+        }
+        let weights = self.weights(&best.fit.parameters, &best.fit.locals);
+        let refit = |model: &Model| {
+            self.fit(&weights, &model.added, &model.fit.parameters, &model.fit.locals, REFINED)
+        };
+        let (base, best) = (refit(base), refit(best));
+        let wanted = |c: usize| q.free_forms.contains(&c);
+        let promises = self.with(&weights, &q.records, |search| search.screen_some(&base, &wanted));
+        let [without, with] = [&base, &best].map(|model| self.held_out_error(&weights, model));
+        let share = |error: f64| 1.0 - error / without;
+        let enough = q.settings.min_form_share;
+        let gained = base.fit.chi2 - best.fit.chi2;
+        let hopeful = |promise: &&Promise| {
+            let gain = base.fit.chi2 - promise.chi2;
+            gain > q.settings.min_gain && enough * gain > gained
+        };
+        promises
+            .iter()
+            .filter(hopeful)
+            .take(FORMS)
+            .map(|promise| {
+                let locals = &base.fit.locals;
+                let model = self.fit(&weights, &[promise.candidate], &promise.parameters, locals, ROUNDS);
+                FreeForm {
+                    candidate: promise.candidate,
+                    share: share(self.held_out_error(&weights, &model)),
+                }
+            })
+            .filter(|form| share(with) < enough * form.share && form.share > q.settings.min_held_out_share)
+            .max_by(|a, b| a.share.total_cmp(&b.share))
     }
 
     /// Why a candidate is no effect that matters, if it is none.
@@ -538,6 +593,7 @@ mod tests {
             always: &[],
             locals: vec![Vec::new(); 4],
             may_join: &|_, _| true,
+            free_forms: &[],
             records: (0..4).collect(),
             screened: (0..4).collect(),
             folds: vec![vec![0, 1], vec![2, 3]],

@@ -281,6 +281,7 @@ fn assemble(
         steps: by_share.map_or_else(Vec::new, |found| found.steps.clone()),
         partial: stop::ended(),
         share: chosen.then_some(share),
+        share_of_free_form: by_share.and_then(|found| found.free_form.as_ref()).map(|form| form.2),
         fitted: fitted(study, &printed[1]),
         limit: judge.limit(),
         parameters: printed,
@@ -357,6 +358,10 @@ fn rule_by_share(
 ) -> Ruling {
     let best = &found.selection.best;
     let helps = !best.added.is_empty() && share >= rules.min_validated_share;
+    if let Some((channel, variables, _)) = found.free_form.clone() {
+        let gain = best.error.powi(2);
+        return Ruling { verdict: Verdict::Unexplained, rest: Rest { place: Some((channel, variables)), gain }, helps };
+    }
     if helps {
         let known = judge.explained(fits, best) || judge.tolerable(fits, best);
         let rest = if known { Rest { place: None, gain: 0.0 } } else { judge.rest(fits, best) };

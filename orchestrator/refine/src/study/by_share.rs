@@ -3,7 +3,7 @@
 
 use std::collections::BTreeMap;
 
-use super::explain::Judge;
+use super::explain::{self, Judge};
 use super::fits::{self, Fits};
 use super::model::{Action, Study, Target};
 use super::physical::physical;
@@ -38,8 +38,8 @@ pub struct ByShare {
     pub corrections: Vec<Correction>,
     /// What was tried.
     pub steps: Vec<Step>,
-    /// Share of the error on held-out estimation records that effects and corrections leave.
-    pub left: f64,
+    /// Channel and variable of a free form that takes away much more than the effects, and the share that it takes.
+    pub free_form: Option<(String, Vec<String>, f64)>,
 }
 
 /// Searches from the fitted declared model; `units`: unit of the error by output.
@@ -64,6 +64,8 @@ pub fn search(
     let rules = settings.forward_selection;
     let known = known(study, &whole, (p, &locals), &candidates, rules.max_tolerances);
     let always = study.declared_free();
+    let free_forms: Vec<usize> =
+        (0..study.candidates.len()).filter(|&c| study.candidates[c].probe).collect();
     let question = Question {
         system: &whole,
         held_out: &held_out,
@@ -73,6 +75,7 @@ pub fn search(
         always: &always,
         locals,
         may_join: &|c, added| study.candidates[c].needs.is_none_or(|needs| added.contains(&needs)),
+        free_forms: &free_forms,
         records: (0..pieces.len()).collect(),
         screened: (0..pieces.len()).collect(),
         folds,
@@ -81,9 +84,7 @@ pub fn search(
         most: settings.max_effects,
     };
     let found = forward_selection::search(&question);
-    let left = held_out.error_from(&found.best.fit.parameters, &question.records, &found.best.fit.locals)
-        / found.declared_error;
-    answer(fits, declared, &known, &found, left)
+    answer(fits, declared, &known, &found)
 }
 
 /// What is fitted, and folds of it that are held out in turn: whole records, or spans where there are few.
@@ -104,7 +105,7 @@ fn pieces(fits: &Fits) -> (Vec<Piece>, Vec<Vec<usize>>) {
     (spans, folds)
 }
 
-/// A candidate as the engine sees it; free forms are never tried.
+/// A candidate as the engine sees it.
 fn candidate(study: &Study, c: usize) -> Candidate {
     let own = &study.candidates[c];
     let free: Vec<Free> = own.entries.clone().map(|index| study.entries[index].free).collect();
@@ -114,7 +115,7 @@ fn candidate(study: &Study, c: usize) -> Candidate {
         let idle = !open.is_empty();
         Start { values: set.into_iter().map(|k| (first + k, values[k])).collect(), open, idle }
     };
-    let starts = if own.probe { Vec::new() } else { own.starts.iter().map(start).collect() };
+    let starts = own.starts.iter().map(start).collect();
     Candidate { id: own.id, channel: own.channel, signal: None, free, starts, contains: None }
 }
 
@@ -211,7 +212,6 @@ fn answer(
     declared: &fits::Model,
     known: &[forward_selection::Correction],
     found: &Found,
-    left: f64,
 ) -> ByShare {
     let study = fits.study;
     let best = model(fits, &found.best);
@@ -248,7 +248,11 @@ fn answer(
         refused: Vec::new(),
     };
     let corrections = corrections(study, &selection.best, known);
-    ByShare { selection, corrected, corrections, steps, left }
+    let free_form = found.free_form.map(|form| {
+        let own = &study.candidates[form.candidate];
+        (own.channel.to_owned(), vec![explain::name(study, form.candidate).to_owned()], form.share)
+    });
+    ByShare { selection, corrected, corrections, steps, free_form }
 }
 
 /// The corrections of a model.

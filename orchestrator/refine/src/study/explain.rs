@@ -196,7 +196,7 @@ fn word(study: &Study, tap: usize, variable: Variable) -> &'static str {
 }
 
 /// Name of the variable of a probe.
-fn name(study: &Study, c: usize) -> &'static str {
+pub fn name(study: &Study, c: usize) -> &'static str {
     match study.candidates[c].action {
         Action::Block { law: Law::Shape(variable), tap } => word(study, tap, variable),
         _ => "time",
