@@ -23,6 +23,9 @@ pub struct Declaration {
     /// Values of parameters of the system, in their units.
     #[serde(default)]
     pub parameters: BTreeMap<String, Spanned<Value>>,
+    /// How well declared parameters are known: one standard deviation relative to the value.
+    #[serde(default)]
+    pub tolerance: BTreeMap<String, Spanned<f64>>,
     /// Inputs of the system and the columns they are fed with.
     #[serde(default)]
     pub inputs: BTreeMap<String, Spanned<Signal>>,

@@ -7,6 +7,7 @@
 //! sensors are known, has a search of its own in `rig`.
 
 pub mod answer;
+pub mod by_share;
 pub mod catalogue;
 pub mod command;
 pub mod dataset;
@@ -27,6 +28,8 @@ pub mod search;
 pub mod signal;
 pub mod simulate;
 pub mod smoothed;
+pub mod tolerance;
+pub mod whole;
 
 use std::path::Path;
 

@@ -34,6 +34,13 @@ pub struct Output {
 pub enum Target {
     /// A parameter of the system.
     Declared(Parameter),
+    /// Relative change of a parameter of the system that is known to a tolerance.
+    Correction {
+        /// Parameter of the system.
+        parameter: Parameter,
+        /// Its declared value.
+        declared: f64,
+    },
     /// Offset of an output.
     Offset,
     /// Parameter of a candidate.

@@ -11,6 +11,7 @@ use super::model::{Entry, Level, Output, Study, Tap, Target};
 use super::noise::SensorNoise;
 use super::plant::{self, Plant};
 use super::read::{self, Layout};
+use super::tolerance;
 use crate::Error;
 use crate::engine::fit::Free;
 use airloop_cosim::system::SystemGraph;
@@ -264,6 +265,7 @@ pub fn open(file: &File) -> Result<(Study, Vec<Attachment>), Error> {
             graph.set_start(name, &text, "[parameters]").map_err(|error| file.refuse(value, error))?;
         }
     }
+    tolerance::check(file, &graph)?;
     let attachments: Vec<Attachment> =
         declaration.attachment.iter().map(|spanned| spanned.get_ref().clone()).collect();
     // One attachment after the other, so that an unknown input is told with its place.
