@@ -13,8 +13,8 @@ use crate::engine::fit::Free;
 /// A candidate.
 #[derive(Debug, Clone)]
 pub struct Candidate {
-    /// Id of the vocabulary, `kind@port` where no channel is declared.
-    pub id: String,
+    /// Id of the vocabulary; its kind where no channel is declared.
+    pub id: &'static str,
     /// Channel; empty where none is declared.
     pub channel: &'static str,
     /// Input where it acts, or output that a sensor shows.
@@ -38,12 +38,17 @@ pub struct Candidate {
 }
 
 impl Candidate {
+    /// Id in an answer: that of the vocabulary, or `kind@port`.
+    pub fn full_id(&self) -> String {
+        if self.channel.is_empty() { format!("{}@{}", self.id, self.port) } else { self.id.to_owned() }
+    }
+
     /// Unique name.
     pub fn name(&self) -> String {
         match &self.signal {
             Some(signal) => format!("{}({signal})", self.id),
             None if self.twin => format!("{}@{}", self.id, self.port),
-            None => self.id.clone(),
+            None => self.full_id(),
         }
     }
 
@@ -54,7 +59,7 @@ impl Candidate {
 
     /// Whether an effect of an answer is this one.
     pub fn is(&self, effect: &Effect) -> bool {
-        self.id == effect.id && self.signal == effect.signal && effect.port.as_ref() == Some(&self.port)
+        self.full_id() == effect.id && self.signal == effect.signal && effect.port.as_ref() == Some(&self.port)
     }
 }
 
@@ -257,8 +262,8 @@ pub fn fill(
         study.candidates[candidate].needs = needs;
     }
     sensors(study);
-    let all: Vec<(String, Option<String>)> =
-        study.candidates.iter().map(|own| (own.id.clone(), own.signal.clone())).collect();
+    let all: Vec<(&str, Option<String>)> =
+        study.candidates.iter().map(|own| (own.id, own.signal.clone())).collect();
     for own in &mut study.candidates {
         own.twin = all.iter().filter(|(id, signal)| (id, signal) == (&own.id, &own.signal)).count() > 1;
     }
@@ -272,10 +277,10 @@ pub fn fill(
 }
 
 /// Takes the port from names that need none: no other attachment has this id.
-fn plain_names(found: &mut [(String, String)], candidates: &[(String, Option<String>)]) {
+fn plain_names(found: &mut [(String, String)], candidates: &[(&str, Option<String>)]) {
     let ids: Vec<String> = found.iter().map(|(name, _)| name.split('@').next().unwrap_or(name).to_owned()).collect();
     for ((name, _), id) in found.iter_mut().zip(&ids) {
-        let others = ids.iter().filter(|own| *own == id).count() + candidates.iter().filter(|own| own.0 == *id).count();
+        let others = ids.iter().filter(|own| *own == id).count() + candidates.iter().filter(|own| own.0 == id.as_str()).count();
         if others == 1 {
             name.clone_from(id);
         }
@@ -322,7 +327,7 @@ fn push(study: &mut Study, kind: &Kind, channel: &'static str, tap: usize, start
     let range = entries(study, kind.id, kind.parameters, bounds);
     let memory = usize::from(kind.law == Law::Presliding);
     study.candidates.push(Candidate {
-        id: kind.id.to_owned(),
+        id: kind.id,
         channel,
         port: study.taps[tap].name.clone(),
         twin: false,
@@ -360,7 +365,7 @@ fn probes(study: &mut Study, tap: usize, attachment: &Attachment, command: bool)
         let names = [("height", "1"); KNOTS];
         let range = entries(study, "free form", &names, |_| all);
         study.candidates.push(Candidate {
-            id: "free form".to_owned(),
+            id: "free form",
             channel,
             port: study.taps[tap].name.clone(),
             twin: false,
@@ -400,7 +405,7 @@ fn memory(
     };
     let range = entries(study, id, parameters, |k| bounds[k]);
     study.candidates.push(Candidate {
-        id: id.to_owned(),
+        id,
         channel: "actuator",
         port: study.graph.inputs[input].name.clone(),
         twin: false,
@@ -449,7 +454,7 @@ fn sensors(study: &mut Study) {
             let action = Action::Sensor { kind, output };
             let signal = Some(name.clone());
             let own = Candidate {
-                id: id.to_owned(),
+                id,
                 channel: "sensor",
                 port: study.outputs[output].port.clone(),
                 twin: false,

@@ -54,7 +54,7 @@ fn effect(fits: &Fits, selection: &Selection, model: &Model, c: usize, widen: f6
     let samples: usize = fits.pieces.iter().map(|piece| piece.range.len()).sum();
     let score = samples as f64 * (selection.declared.error / model.error).powi(2).ln();
     Effect {
-        id: own.id.clone(),
+        id: own.full_id(),
         channel: own.channel.to_owned(),
         port: Some(own.port.clone()),
         signal: own.signal.clone(),
