@@ -88,7 +88,7 @@ SYSTEMS = {s.name: s for s in [
         inputs={"tau_m": ("N.m", 0.5), "tau_l": ("N.m", 0.0)},
         parameters={"J_m": (2e-3, "kg.m2", 0.01), "J_l": (6e-3, "kg.m2", 0.01), "k": (8.0, "N.m/rad", 0.01), "d": (0.01, "N.m.s/rad", 0.03),
                     "b_m": (0.012, "N.m.s/rad", 0.03), "b_l": (0.008, "N.m.s/rad", 0.03), "tau_c": (0.03, "N.m", 0.03), "w_c": (0.5, SPEED, 0.0)},
-        measured={"w_m": (0.05, 0.01), "w_l": (0.05, 0.01)},
+        measured={"w_m": (0.02, 0.005), "w_l": (0.02, 0.005)},
         ports={"tau_m": Port(0, ("actuator", "piston_friction"), "w_m", "phi_m", "b_m", "tau_c", 0.5),
                "tau_l": Port(1, ("cart_friction", "cart"), "w_l", "phi_l", "b_l", "", 0.05)},
         excite=mixed(0.3, 6.0, 0.4, 1.2)),
