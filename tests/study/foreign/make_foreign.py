@@ -160,7 +160,8 @@ class Draw:
     def scaled(self):
         """Figures at strengths that fit the class of the case; None where there are none."""
         if not self.names:
-            return self.with_strengths([])
+            figures = self.with_strengths([])
+            return None if self.messy and figures["floors"] < LEFT else figures
         rng = self.rng
         ratio = np.exp(rng.uniform(-0.3, 0.3, len(self.names)))
         target = rng.uniform(*(SHARES if self.messy else np.log(FLOORS)))
