@@ -24,6 +24,7 @@ pub mod open;
 pub mod physical;
 pub mod plant;
 pub mod read;
+pub mod replay;
 pub mod search;
 pub mod signal;
 pub mod simulate;
