@@ -94,7 +94,10 @@ fn beside_corrections(
         (found.selection, found.corrections, found.weighted) = (exact.clone(), Vec::new(), false);
         return (exact, Some(found));
     }
-    let simpler = found.selection.best.added.len() < exact.best.added.len();
+    // A parameter that is off by as much as a correction may be is an effect.
+    let reach = 0.98 * settings.forward_selection.max_tolerances;
+    let known = found.corrections.iter().all(|own| own.moved.abs() < reach * own.tolerance);
+    let simpler = known && found.selection.best.added.len() < exact.best.added.len();
     if explained && !(simpler && judge.explained(fits, &found.selection.best)) {
         return (exact, None);
     }
