@@ -50,12 +50,7 @@ impl Command {
             gain: t.parameter("gain").about("gain error").real(0.0),
             slope: t.parameter("posgain_slope").about("growth of the gain with x").real(0.0),
             depth: t.parameter("droop_depth").about("share of the value that is lost in the end").real(0.0),
-            tau: t
-                .parameter("droop_tau")
-                .unit("s")
-                .about("time constant of the loss")
-                .min(1e-9)
-                .real(1.0),
+            tau: t.parameter("droop_tau").unit("s").about("time constant of the loss").min(1e-9).real(1.0),
             up: t
                 .parameter("lag_up")
                 .unit("s")
