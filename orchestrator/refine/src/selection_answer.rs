@@ -61,6 +61,8 @@ pub fn select_by_share(
         always: &[],
         locals: vec![Vec::new(); exact.records.len()],
         may_join: &|_, _| true,
+        proposals: &[],
+        pairs: false,
         free_forms: &[],
         records: exact.records.clone(),
         screened: exact.screened.clone(),

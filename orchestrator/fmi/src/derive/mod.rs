@@ -12,7 +12,7 @@ use std::path::Path;
 
 use super::archive::bad_name;
 use super::open::Fmu;
-use crate::ModelDescription;
+use crate::{Causality, Initial, ModelDescription, Variable};
 
 pub use error::DeriveError;
 
@@ -67,9 +67,14 @@ struct Member {
     bytes: Vec<u8>,
 }
 
-/// Whether FMUs can be derived from one with this description: it is of this project.
-pub fn can_derive(description: &ModelDescription) -> bool {
+/// Whether the library of an FMU reads start values from its resources, so that others can be derived from it.
+pub fn is_template(description: &ModelDescription) -> bool {
     description.generation_tool.contains(EXPORTER)
+}
+
+/// Whether a derived FMU may have another start value of this variable: an input, or one whose `initial` is exact.
+pub fn has_start(variable: &Variable) -> bool {
+    variable.causality == Causality::Input || variable.initial == Some(Initial::Exact)
 }
 
 /// Writes the FMU at `out` (its folder must be there; a file of that name is replaced in one move) and gives its GUID.
@@ -84,7 +89,7 @@ pub fn can_derive(description: &ModelDescription) -> bool {
 pub fn derive(template: &Path, out: &Path, derivation: &Derivation) -> Result<String, DeriveError> {
     check_texts(derivation)?;
     let fmu = Fmu::open(template).map_err(|source| DeriveError::Template(Box::new(source)))?;
-    if !can_derive(&fmu.description) {
+    if !is_template(&fmu.description) {
         let tool = fmu.description.generation_tool.clone();
         return Err(DeriveError::Exporter { path: template.to_owned(), tool });
     }

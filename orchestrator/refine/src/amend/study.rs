@@ -182,7 +182,7 @@ fn take_files(network: &mut Network, graph: &SystemGraph) {
 /// Values that the system gives the parameters of a component, where its FMU can have start values of its own.
 fn baked(component: &Component) -> Vec<(String, Value)> {
     let description = &component.fmu.description;
-    if !derive::can_derive(description) {
+    if !derive::is_template(description) {
         return Vec::new();
     }
     let one = |start: &StartValue| {

@@ -46,6 +46,10 @@ pub struct Question<'a> {
     pub locals: Vec<Vec<f64>>,
     /// Whether a candidate may join the effects found before.
     pub may_join: &'a (dyn Fn(usize, &[usize]) -> bool + Sync),
+    /// Sets of effects that another search found, with parameters to start from.
+    pub proposals: &'a [(Vec<usize>, Vec<f64>)],
+    /// Whether two effects are tried together where none is accepted alone.
+    pub pairs: bool,
     /// Candidates that are free forms over one variable: they join nothing, but tell whether effects have the right form.
     pub free_forms: &'a [usize],
     /// Estimation records.
@@ -151,6 +155,10 @@ pub fn search(question: &Question) -> Found {
         }
     }
     if !stop::asked() {
+        question.system.stage("several effects at once");
+        run.sets(&mut found);
+    }
+    if !stop::asked() {
         question.system.stage("form of the effects");
         found.free_form = run.free_form(&found.base, &found.best);
     }
@@ -163,6 +171,11 @@ const REFINED: usize = 4;
 const FOLDED: usize = 2;
 /// Rounds of a fit of local parameters alone.
 const LOCALIZED: usize = 3;
+/// Candidates that pairs are made of.
+const PAIRED: usize = 3;
+/// Fall of the error on held-out folds that each effect of a set must bring: as a share of it, and of that of the declared
+/// model.
+const SET: (f64, f64) = (0.05, 0.02);
 /// Free forms that are fitted.
 const FORMS: usize = 2;
 /// Candidates that are fitted for what they promise beside the corrections, and for what they do without them.
@@ -400,6 +413,86 @@ impl Run<'_> {
         (model.fit.chi2, self.fitted_error(&model))
     }
 
+    /// Sets of effects that were proposed, and pairs of those that were not accepted alone, in place of the best model.
+    fn sets(&self, found: &mut Found) {
+        let q = self.question;
+        let mut sets: Vec<(Vec<usize>, Vec<f64>)> = q.proposals.to_vec();
+        if let Some(last) = found.steps.last().filter(|_| q.pairs && found.best.added.len() + 2 <= q.most) {
+            let notable = |t: &&Tried| t.gain >= q.settings.min_gain && t.held_out > 0.0;
+            let few: Vec<&Tried> = last.tried.iter().filter(notable).take(PAIRED).collect();
+            for (i, a) in few.iter().enumerate() {
+                for b in &few[i + 1..] {
+                    let mut p = a.model.fit.parameters.clone();
+                    let own = &q.candidates[b.candidate].free;
+                    own.iter().for_each(|free| p[free.index] = b.model.fit.parameters[free.index]);
+                    sets.push(([&a.model.added[..], &[b.candidate]].concat(), p));
+                }
+            }
+        }
+        for (set, p) in sets {
+            let known = set.iter().all(|c| found.best.added.contains(c));
+            if set.len() > q.most || known || stop::asked() {
+                continue;
+            }
+            if let Some(step) = self.instead(&found.base, &found.best, &set, &p) {
+                found.best = step.tried[0].model.clone();
+                found.equals.clear();
+                found.steps.push(step);
+            }
+        }
+    }
+
+    /// A set of effects, without those that it does not need, if it does clearly better than `best`.
+    fn instead(&self, base: &Model, best: &Model, set: &[usize], p: &[f64]) -> Option<Step> {
+        let q = self.question;
+        let first = self.fit(&self.weights(&best.fit.parameters, &best.fit.locals), set, p, &best.fit.locals, ROUNDS);
+        let weights = self.weights(&first.fit.parameters, &first.fit.locals);
+        let again = |model: &Model| {
+            self.fit(&weights, &model.added, &model.fit.parameters, &model.fit.locals, REFINED)
+        };
+        let mut model = again(&first);
+        let mut error = self.held_out_error(&weights, &model);
+        let (base, best) = (again(base), again(best));
+        let [base_error, best_error] = [&base, &best].map(|own| self.held_out_error(&weights, own));
+        let most = |extra: usize, from: f64| {
+            let extra = extra as f64;
+            ((1.0 - extra * SET.0) * from).min(from - extra * SET.1 * self.declared_error)
+        };
+        let mut without: Vec<(f64, f64)> = Vec::new();
+        'again: while model.added.len() > 1 {
+            without.clear();
+            for &c in &model.added {
+                let rest: Vec<usize> = model.added.iter().copied().filter(|&other| other != c).collect();
+                let mut start = model.fit.parameters.clone();
+                q.candidates[c].free.iter().for_each(|free| start[free.index] = q.declared[free.index]);
+                let own = self.fit(&weights, &rest, &start, &model.fit.locals, ROUNDS);
+                let left = self.held_out_error(&weights, &own);
+                let may_stay = rest.iter().all(|&other| (q.may_join)(other, &rest));
+                if may_stay && error > most(1, left) {
+                    (model, error) = (own, left);
+                    continue 'again;
+                }
+                without.push((own.fit.chi2 - model.fit.chi2, (left - error) / self.declared_error));
+            }
+            break;
+        }
+        let extra = model.added.len().saturating_sub(best.added.len()).max(1);
+        let enough = base_error - error >= q.settings.min_held_out_share * self.declared_error;
+        let objection = model.added.iter().find_map(|&c| (q.sense)(&q.candidates[c], &model));
+        let known = model.added.iter().all(|c| best.added.contains(c));
+        if !enough || error > most(extra, best_error) || objection.is_some() || known {
+            return None;
+        }
+        let tried = model.added.iter().enumerate().map(|(k, &candidate)| {
+            let (gain, held_out) = without.get(k).copied().unwrap_or((
+                base.fit.chi2 - model.fit.chi2,
+                (base_error - error) / self.declared_error,
+            ));
+            Tried { candidate, model: model.clone(), gain, held_out, error, alone: f64::NAN, rejected: None }
+        });
+        Some(Step { added: Vec::new(), tried: tried.collect() })
+    }
+
     /// The free form that takes away much more of the error than the effects of `best`, if one does.
     fn free_form(&self, base: &Model, best: &Model) -> Option<FreeForm> {
         let q = self.question;
@@ -593,6 +686,8 @@ mod tests {
             always: &[],
             locals: vec![Vec::new(); 4],
             may_join: &|_, _| true,
+            proposals: &[],
+            pairs: false,
             free_forms: &[],
             records: (0..4).collect(),
             screened: (0..4).collect(),

@@ -97,7 +97,7 @@ fn beside_corrections(
     if explained && exact.best.added.len() < 2 || stop::asked() {
         return (exact, None);
     }
-    let found = by_share::search(fits, judge, &exact.declared, units, settings, say);
+    let found = by_share::search(fits, judge, &exact, units, settings, say);
     let simpler = found.selection.best.added.len() < exact.best.added.len();
     if explained && !(simpler && judge.explained(fits, &found.selection.best)) {
         return (exact, None);

@@ -42,16 +42,16 @@ pub struct ByShare {
     pub free_form: Option<(String, Vec<String>, f64)>,
 }
 
-/// Searches from the fitted declared model; `units`: unit of the error by output.
+/// Searches from the fitted declared model beside what effects alone give; `units`: unit of the error by output.
 pub fn search(
     fits: &Fits,
     judge: &Judge,
-    declared: &fits::Model,
+    exact: &Selection,
     units: &[f64],
     settings: &Settings,
     say: Say,
 ) -> ByShare {
-    let study = fits.study;
+    let (study, declared) = (fits.study, &exact.declared);
     let (pieces, folds) = pieces(fits);
     let view = fits.view(&[], &pieces);
     let whole = Whole::new(&view, judge.floor(fits), say);
@@ -74,6 +74,8 @@ pub fn search(
         always: &always,
         locals,
         may_join: &|c, added| study.candidates[c].needs.is_none_or(|needs| added.contains(&needs)),
+        proposals: &[(exact.best.added.clone(), exact.best.fit.parameters.clone())],
+        pairs: true,
         free_forms: &free_forms,
         records: (0..pieces.len()).collect(),
         screened: (0..pieces.len()).collect(),
