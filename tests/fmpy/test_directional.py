@@ -83,6 +83,9 @@ MOST_GENERAL = {
         "cogging_period": 0.2,
         "area_coef": 1e-5,
         "gain": 0.1,
+        "posgain_slope": 0.5,
+        "lag_up": 0.3,
+        "lag_down": 0.2,
     },
     "torque-effect": {
         "viscous_coef": 0.2,
@@ -105,6 +108,12 @@ ANY_START = {"compass-gait": {"contact_mode": 2}}
 # (unknown, known) pairs that are declared and have no slope in continuous time: the command acts at samples only, the
 # controllers' integrators are switched by their own value.
 WITHOUT_SLOPE = {
+    # With a lag nothing passes directly, without a mode nothing moves it.
+    "port-effect": {
+        ("y", "u"),
+        ("y", "mode"),
+        *((rate, known) for rate in ("der(mode)", "der(mode_rate)") for known in ("u", "x", "lag", "mode", "mode_rate")),
+    },
     "pneumatic-cylinder": {("der(c1)", "u"), ("der(c2)", "u"), ("der(q1)", "q1"), ("der(q2)", "q2")},
 }
 

@@ -105,10 +105,10 @@ impl Model for PortEffect {
         Ok(())
     }
 
-    /// Inside end stop, overflow and limits, without memory in every other draw, so that the dependencies show.
+    /// Inside of the end stop, with lag and mode and without, so that the dependencies show.
     fn probe(&self, draw: usize, table: &Table, q: &mut Values<f64>) {
         table.spread(draw, q);
         self.force.probe(q);
-        self.command.probe(q, draw.is_multiple_of(2));
+        self.command.probe(q, draw);
     }
 }
