@@ -79,8 +79,7 @@ pub fn search(
     let rules = settings.forward_selection;
     let known = known(study, &whole, (p, &locals), &candidates, rules.max_tolerances);
     let always = study.declared_free();
-    let free_forms: Vec<usize> =
-        (0..study.candidates.len()).filter(|&c| study.candidates[c].probe).collect();
+    let free_forms: Vec<usize> = (0..study.candidates.len()).filter(|&c| study.candidates[c].probe).collect();
     let question = Question {
         system: &whole,
         held_out: &held_out,
@@ -201,7 +200,10 @@ fn sense(study: &Study, candidate: &Candidate, model: &Model) -> Option<String> 
     let last = model.added.last().map(|&c| study.candidates[c].action);
     Some(match last {
         Some(Action::Sensor { .. }) => "a sensor is not off by half of what it shows".into(),
-        _ => format!("`{}` would give energy where it must take some, or its shape lies outside of what the records show", candidate.id),
+        _ => format!(
+            "`{}` would give energy where it must take some, or its shape lies outside of what the records show",
+            candidate.id
+        ),
     })
 }
 
@@ -251,9 +253,10 @@ fn answer(
                 .collect(),
         })
         .collect();
-    let singles = found.steps.first().map_or_else(Vec::new, |step| {
-        step.tried.iter().map(|own| model(fits, &own.model)).collect()
-    });
+    let singles = found
+        .steps
+        .first()
+        .map_or_else(Vec::new, |step| step.tried.iter().map(|own| model(fits, &own.model)).collect());
     let equals = found.equals.iter().map(|(lacking, own)| (*lacking, model(fits, &own.model))).collect();
     let selection = Selection {
         declared: declared.clone(),
@@ -267,7 +270,7 @@ fn answer(
     let corrections = corrections(study, &selection.best, known);
     let free_form = found.free_form.map(|form| {
         let own = &study.candidates[form.candidate];
-        (own.channel.to_owned(), vec![explain::name(study, form.candidate).to_owned()], form.share)
+        (own.place(), vec![explain::name(study, form.candidate).to_owned()], form.share)
     });
     ByShare { selection, corrected, corrections, weighted: true, steps, free_form }
 }
