@@ -42,7 +42,7 @@ class Case:
             r["x"] = Machine(system, system.declared(), []).run(r)
         self.estimation, self.validation = ([r for r in self.records if r["role"] == role] for role in ("estimation", "validation"))
         self.scale = {port: scales(system, port, self.records) for port in system.ports}
-        ones = dict(F=1.0, V=1.0, X=1.0, U=1.0, step=system.step)
+        ones = dict(F=1.0, V=1.0, X=1.0, U=1.0, step=system.step, pace=system.pace)
         self.scale |= {name: dict(ones, Y=np.ptp(np.concatenate([r["y"][:, k] for r in self.records]))) for k, name in enumerate(system.measured)}
         self.messy = self.truth["kind"] == "messy"
         self.tolerance = {name: own[2] for name, own in system.parameters.items() if own[2]} if self.messy else {}
@@ -52,10 +52,9 @@ class Case:
         for r in records:
             try:
                 y = machine.sense(machine.run(r))
-                assert max(np.abs(own).max() for own in y.values()) < 1e12
-            except (ArithmeticError, AssertionError):
+            except ArithmeticError:
                 return np.full(sum(r["y"][::2].size for r in records), 1e4)
-            found.append((((np.array(list(y.values())).T - r["y"]) / self.noise)[::2]).ravel())
+            found.append((((np.array(list(y.values())).T - r["y"]) / self.noise)[::2]).ravel().clip(-1e4, 1e4))
         return np.concatenate(found)
 
     def slopes(self, records):
@@ -76,7 +75,7 @@ class Case:
         best = None
         starts = [(s, z) for z in SHAPES.get(kind, [(0.5, 0.5, 1)]) for s in (0.5,)]
         if kind in ("delay", "sensor_delay"):
-            starts = [(n / 3.0, (0.5, 0.5, 1)) for n in (1, 2, 3, 4, 6, 8, 12, 16, 24)]
+            starts = [(n / self.system.pace, (0.5, 0.5, 1)) for n in range(1, 41)]
         for strength, z in starts:
             own = parameters(kind, strength, z, self.scale[port])
             keys, x0 = list(own), np.array(list(own.values()))

@@ -23,6 +23,8 @@ from truth import MAIN, PARAMETERS, Machine, parameters, scales
 
 FLOORS, SHARES = (6.0, 30.0), (0.66, 0.94)
 LEFT = 1.5
+# Times what is typical of a listed effect: a gain error of 30 %, friction of half the drive.
+STRONGEST = 6.0
 TRIES = 12
 
 SINGLES = {
@@ -97,8 +99,8 @@ def errors(system, truth, model):
 class Draw:
     """A case before it is written: records, true parameters, effects with shapes, small terms."""
 
-    def __init__(self, system, names, messy, rng):
-        self.system, self.names, self.messy, self.rng = system, names, messy, rng
+    def __init__(self, system, names, messy, rng, foreign=False):
+        self.system, self.names, self.messy, self.rng, self.foreign = system, names, messy, rng, foreign
         self.count = int(rng.integers(4, 6))
         self.roles = ["estimation"] * (self.count - 1 - (self.count > 4)) + ["validation"] * (1 + (self.count > 4))
         self.records = [excitation(system, rng, k) for k in range(self.count)]
@@ -110,8 +112,8 @@ class Draw:
             r["x"] = Machine(system, self.values, []).run(r, closed=True)
         ranges = {name: np.ptp(np.concatenate([r["x"][:, list(system.states).index(name)] for r in self.records])) for name in system.measured}
         self.scale = {port: scales(system, port, self.records) for port in system.ports}
-        self.scale |= {name: dict(Y=width, F=1.0, V=1.0, X=1.0, U=1.0, step=system.step) for name, width in ranges.items()}
-        self.scale |= {name: dict(F=1.0, V=1.0, X=1.0, U=1.0, step=system.step) for name in system.parameters}
+        self.scale |= {name: dict(Y=width, F=1.0, V=1.0, X=1.0, U=1.0, step=system.step, pace=system.pace) for name, width in ranges.items()}
+        self.scale |= {name: dict(F=1.0, V=1.0, X=1.0, U=1.0, step=system.step, pace=system.pace) for name in system.parameters}
         self.validation = [r for r, role in zip(self.records, self.roles) if role == "validation"]
         self.small = self.small_terms() if messy else []
 
@@ -170,18 +172,19 @@ class Draw:
             # Each of a pair alone reaches about the same error.
             ratio = ratio / np.array([max(self.alone(k), 1e-9) for k in range(len(self.names))])
             ratio /= ratio.max()
-        tried = list(np.geomspace(0.01, 12.0, 10))
-        for k, strength in enumerate(tried):
-            try:
-                own = self.with_strengths(strength * ratio)
-            except ArithmeticError:
-                continue
-            value = own["share"] if self.messy else np.log(own["floors"])
-            if best is None or abs(value - target) < abs(best[0] - target):
-                best = value, strength
-            if len(tried) - 1 == k < 16 and best:
-                # Between the best one and its neighbors.
-                tried += [best[1] * 1.7 ** (0.5 ** (k - 9) * sign) for sign in (-1, 1)]
+        # First over the whole range, then between the best one and its neighbors.
+        for part in (None, 1.0, 0.25, 0.0625, 0.015625):
+            tried = [best[1] * 1.7 ** (sign * part) for sign in (-1, 1)] if part and best else np.geomspace(0.01, 12.0, 10) if not part else []
+            for strength in tried:
+                if strength > STRONGEST and not self.foreign:
+                    continue
+                try:
+                    own = self.with_strengths(strength * ratio)
+                except ArithmeticError:
+                    continue
+                value = own["share"] if self.messy else np.log(own["floors"])
+                if best is None or abs(value - target) < abs(best[0] - target):
+                    best = value, strength
         if best is None or not limits[0] <= best[0] <= limits[1]:
             return None
         figures = self.with_strengths(best[1] * ratio)
@@ -303,7 +306,7 @@ def main():
         figures = None
         for _ in range(TRIES):
             try:
-                draw = Draw(system, effects, messy, rng)
+                draw = Draw(system, effects, messy, rng, cls == "outside")
                 figures = draw.scaled()
             except ArithmeticError:
                 continue

@@ -1,6 +1,6 @@
 """Judges the answers of `airloop refine` on the cases of make_foreign.py.
 
-    python score_foreign.py AIRLOOP CASES OUT [--flavor study|plain] [--only REGEX] [--sample N] [--limit SECONDS] [--jobs 1] [--again]
+    python score_foreign.py AIRLOOP CASES OUT [--flavor study|plain] [--only REGEX] [--sample N] [--limit SECONDS] [--jobs 1] [--done] [--again]
 
 Runs the program on every case that has no answer yet (all with --again), writes OUT/FLAVOR.csv (a row per case) and prints that table and counts per class. Rules:
 
@@ -22,6 +22,7 @@ import json
 import pathlib
 import re
 import resource
+import signal
 import subprocess
 import time
 
@@ -143,9 +144,13 @@ def answer(args, case, truth):
             (out / old).unlink(missing_ok=True)
         begin, before, failed, code = time.time(), resource.getrusage(resource.RUSAGE_CHILDREN), "no report", NONE
         try:
-            result = subprocess.run(["nice", args.program, "refine", str(case / f"{args.flavor}.toml"), "-q", "-o", str(out), "--threads", str(args.threads)],
-                                    capture_output=True, text=True, timeout=args.limit)
+            # A limit of CPU time: the answers do not depend on what else the machine does.
+            limit = lambda: resource.setrlimit(resource.RLIMIT_CPU, (int(args.limit), int(args.limit) + 5))
+            result = subprocess.run([args.program, "refine", str(case / f"{args.flavor}.toml"), "-q", "-o", str(out), "--threads", str(args.threads)],
+                                    capture_output=True, text=True, timeout=20 * args.limit, preexec_fn=limit)
             code = result.returncode
+            if code == -signal.SIGXCPU:
+                failed = "time-out"
             (out / "stderr.txt").write_text(result.stderr)
         except subprocess.TimeoutExpired:
             failed = "time-out"
@@ -204,7 +209,7 @@ def sampled(cases, count):
         for own in order:
             if own and len(chosen) < count:
                 chosen.append(own.pop())
-    return sorted(chosen)
+    return chosen
 
 
 def main():
@@ -215,9 +220,10 @@ def main():
     parser.add_argument("--flavor", choices=("study", "plain"), default="study")
     parser.add_argument("--only", default="", help="regular expression on the names")
     parser.add_argument("--sample", type=int, default=0, help="number of cases, spread over systems and classes")
-    parser.add_argument("--limit", type=float, default=300.0, help="wall time of a case [s]")
+    parser.add_argument("--limit", type=float, default=300.0, help="CPU time of a case [s]")
     parser.add_argument("--jobs", type=int, default=1, choices=(1, 2))
     parser.add_argument("--threads", type=int, default=1, choices=(1, 2))
+    parser.add_argument("--done", action="store_true", help="only cases that have an answer")
     parser.add_argument("--again", action="store_true", help="run the program on cases that have an answer, too")
     args = parser.parse_args()
     args.program = str(pathlib.Path(args.program).resolve())
@@ -230,8 +236,9 @@ def main():
         return row
 
     cases = sampled(sorted(p.parent for p in args.cases.glob("*/truth.json") if re.search(args.only, p.parent.name)), args.sample)
+    cases = [case for case in cases if not args.done or (args.out / args.flavor / case.name / "run.json").exists()]
     with concurrent.futures.ThreadPoolExecutor(args.jobs) as pool:
-        rows = list(pool.map(judged, cases))
+        rows = sorted(pool.map(judged, cases), key=lambda row: row["case"])
     with (args.out / f"{args.flavor}.csv").open("w", newline="") as file:
         writer = csv.DictWriter(file, rows[0])
         writer.writeheader()
