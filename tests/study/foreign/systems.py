@@ -9,7 +9,8 @@ import numpy as np
 
 @dataclasses.dataclass
 class Port:
-    """A place where effects act. `index`: its number in truth.c; `channels`: of the attachment in study.toml; `vt`: speed over which friction changes its sign."""
+    """A place where effects act. `index`: its number in truth.c; `channels`: of the attachment in study.toml; `vt`:
+    speed over which friction changes its sign."""
     index: int
     channels: tuple
     velocity: str = ""
@@ -21,8 +22,9 @@ class Port:
 
 @dataclasses.dataclass
 class System:
-    """`states`: name -> (unit, nominal, state whose derivative it is); `inputs`: name -> (unit, amplitude that the records use; 0: not fed);
-    `parameters`: name -> (value, unit, tolerance); `measured`: state -> (rms of the sensor noise, quantum)."""
+    """`states`: name -> (unit, nominal, state whose derivative it is); `inputs`: name -> (unit, amplitude that the
+    records use; 0: not fed); `parameters`: name -> (value, unit, tolerance); `measured`: state -> (rms of the sensor
+    noise, quantum)."""
     name: str
     step: float
     duration: float

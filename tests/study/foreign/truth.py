@@ -1,4 +1,5 @@
-"""Effects with their parameters for a system, and noise-free records of the real machine (truth.c)."""
+"""Effects with their parameters for a system, and noise-free records of the real machine (truth.c).
+"""
 import ctypes
 import os
 import pathlib
@@ -16,7 +17,8 @@ CODES |= {name: 20 + k for k, name in enumerate("cubic bump speedbump product wa
 CODES |= {name: 40 + k for k, name in enumerate("gain command_offset deadband saturation hysteresis delay lag mode ratelimit droop".split())}
 CODES |= {name: 60 + k for k, name in enumerate("kink command_cubic command_wander command_bump heatgain".split())}
 
-# Kind: parameters and their units; the first is the main one. F: unit of the force at the port, V of its velocity, X of its position, U of the command, Y of the sensor.
+# Kind: parameters and their units; the first is the main one. Units: F of the force at the port, V of its velocity, X of
+# its position, U of the command, Y of the sensor.
 PARAMETERS = {
     "viscous": {"coef": "F/V"}, "coulomb": {"force": "F"}, "stribeck": {"force": "F", "vs": "V"}, "spring": {"stiffness": "F/X", "rest": "X"},
     "endstop": {"stiffness": "F/X", "damping": "F/V", "pos": "X"}, "cogging": {"amp": "F", "period": "X", "phase": "rad"}, "quaddrag": {"coef": "F/V2"},
