@@ -186,7 +186,7 @@ fn remarks(out: &mut String, report: &Report) {
         table(out, &words::CORRECTION_HEADER, &[1, 2, 3, 4], &plain(words::correction_rows(answer)));
     }
     let tested: Vec<String> =
-        answer.not_testable.iter().map(|(id, why)| format!("{} ({id}): {why}.", names::effect(id))).collect();
+        answer.not_testable.iter().map(|(id, why)| format!("{} ({id}): {why}.", names::named(id))).collect();
     if !tested.is_empty() {
         out.push_str("<h2>Not testable with these records</h2>\n");
         list(out, &tested);

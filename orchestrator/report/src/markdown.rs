@@ -116,7 +116,7 @@ pub fn text(report: &Report) -> String {
         heading(&mut out, "Not testable with these records");
         list(
             &mut out,
-            answer.not_testable.iter().map(|(id, why)| format!("{} ({id}): {why}.", names::effect(id))),
+            answer.not_testable.iter().map(|(id, why)| format!("{} ({id}): {why}.", names::named(id))),
         );
     }
     if !answer.notes.is_empty() {

@@ -24,7 +24,8 @@ pub fn advice(answer: &Answer) -> Vec<String> {
             ));
         }
     }
-    if let Some((channel, variables)) = answer.unexplained.as_ref().filter(|_| !answer.cylinder) {
+    if let Some((place, variables)) = answer.unexplained.as_ref().filter(|_| !answer.cylinder) {
+        let (channel, port) = names::place(place);
         let on = match &variables[..] {
             [] => "over the whole range of the motion, slowly and fast".to_owned(),
             [one] => format!(
@@ -39,7 +40,8 @@ pub fn advice(answer: &Answer) -> Vec<String> {
                 )
             }
         };
-        found.push(format!("To learn what is missing at {}: records {on}.", names::channel(channel)));
+        let at = port.unwrap_or(names::channel(channel));
+        found.push(format!("To learn what is missing at {at}: records {on}."));
     }
     for effect in answer.effects.iter().filter(|effect| effect.selected) {
         for p in &effect.parameters {

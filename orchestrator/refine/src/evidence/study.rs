@@ -72,7 +72,7 @@ fn curves(friction: &dyn Fn(&Effect) -> Friction, answer: &Answer, records: &[Re
 
 /// The declared friction at the attachment of an effect.
 fn friction(study: &Study, model: &Model, effect: &Effect) -> Friction {
-    let own = study.candidates.iter().find(|c| c.id == effect.id && c.signal == effect.signal);
+    let own = study.candidates.iter().find(|c| c.is(effect));
     let tap = own.and_then(|c| match c.action {
         crate::study::model::Action::Block { tap, .. } => study.taps.get(tap),
         _ => None,

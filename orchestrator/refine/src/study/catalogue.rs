@@ -7,15 +7,20 @@ use super::declaration::Attachment;
 use super::law::{KNOTS, Law, Variable};
 use super::model::{Action, Entry, Sensor, Study, Target};
 use super::simulate::Survey;
+use crate::answer::Effect;
 use crate::engine::fit::Free;
 
 /// A candidate.
 #[derive(Debug, Clone)]
 pub struct Candidate {
-    /// Id of the vocabulary.
+    /// Id of the vocabulary; its kind where no channel is declared.
     pub id: &'static str,
-    /// Channel.
+    /// Channel; empty where none is declared.
     pub channel: &'static str,
+    /// Input where it acts, or output that a sensor shows.
+    pub port: String,
+    /// Whether another candidate has the same id: names then say the port.
+    pub twin: bool,
     /// Measured signal of a sensor effect.
     pub signal: Option<String>,
     /// What it does.
@@ -33,9 +38,28 @@ pub struct Candidate {
 }
 
 impl Candidate {
+    /// Id in an answer: that of the vocabulary, or `kind@port`.
+    pub fn full_id(&self) -> String {
+        if self.channel.is_empty() { format!("{}@{}", self.id, self.port) } else { self.id.to_owned() }
+    }
+
     /// Unique name.
     pub fn name(&self) -> String {
-        self.signal.as_ref().map_or_else(|| self.id.to_owned(), |signal| format!("{}({signal})", self.id))
+        match &self.signal {
+            Some(signal) => format!("{}({signal})", self.id),
+            None if self.twin => format!("{}@{}", self.id, self.port),
+            None => self.full_id(),
+        }
+    }
+
+    /// Where it acts: `channel@port`.
+    pub fn place(&self) -> String {
+        format!("{}@{}", self.channel, self.port)
+    }
+
+    /// Whether an effect of an answer is this one.
+    pub fn is(&self, effect: &Effect) -> bool {
+        self.full_id() == effect.id && self.signal == effect.signal && effect.port.as_ref() == Some(&self.port)
     }
 }
 
@@ -217,7 +241,9 @@ pub fn fill(
                     continue;
                 }
                 match starts(kind.law, &ranges) {
-                    Err(why) => study.not_testable.push((kind.id.into(), why.into())),
+                    Err(why) => {
+                        study.not_testable.push((format!("{}@{}", kind.id, attachment.input), why.into()));
+                    }
                     Ok(starts) => push(study, kind, channel, tap, starts),
                 }
             }
@@ -236,10 +262,27 @@ pub fn fill(
         study.candidates[candidate].needs = needs;
     }
     sensors(study);
+    let all: Vec<(&str, Option<String>)> =
+        study.candidates.iter().map(|own| (own.id, own.signal.clone())).collect();
+    for own in &mut study.candidates {
+        own.twin = all.iter().filter(|(id, signal)| (id, signal) == (&own.id, &own.signal)).count() > 1;
+    }
+    plain_names(&mut study.not_testable, &all);
     // Without candidates there is nothing to search, and nothing to explain.
     if !study.candidates.is_empty() {
         for (tap, attachment) in attachments.iter().enumerate() {
             probes(study, tap, attachment, fed(&attachment.input).is_some());
+        }
+    }
+}
+
+/// Takes the port from names that need none: no other attachment has this id.
+fn plain_names(found: &mut [(String, String)], candidates: &[(&str, Option<String>)]) {
+    let ids: Vec<String> = found.iter().map(|(name, _)| name.split('@').next().unwrap_or(name).to_owned()).collect();
+    for ((name, _), id) in found.iter_mut().zip(&ids) {
+        let others = ids.iter().filter(|own| *own == id).count() + candidates.iter().filter(|own| own.0 == id.as_str()).count();
+        if others == 1 {
+            name.clone_from(id);
         }
     }
 }
@@ -286,6 +329,8 @@ fn push(study: &mut Study, kind: &Kind, channel: &'static str, tap: usize, start
     study.candidates.push(Candidate {
         id: kind.id,
         channel,
+        port: study.taps[tap].name.clone(),
+        twin: false,
         signal: None,
         action: Action::Block { law: kind.law, tap },
         entries: range,
@@ -322,6 +367,8 @@ fn probes(study: &mut Study, tap: usize, attachment: &Attachment, command: bool)
         study.candidates.push(Candidate {
             id: "free form",
             channel,
+            port: study.taps[tap].name.clone(),
+            twin: false,
             signal: None,
             action: Action::Block { law: Law::Shape(variable), tap },
             entries: range,
@@ -343,7 +390,8 @@ fn memory(
 ) {
     let size = range.0.abs().max(range.1.abs());
     if range.1 <= range.0 || range.1.is_nan() {
-        study.not_testable.push((id.into(), "the command does not change".into()));
+        let port = &study.graph.inputs[input].name;
+        study.not_testable.push((format!("{id}@{port}"), "the command does not change".into()));
         return;
     }
     let step = study.records.first().map_or(1e-3, |record| record.step);
@@ -359,6 +407,8 @@ fn memory(
     study.candidates.push(Candidate {
         id,
         channel: "actuator",
+        port: study.graph.inputs[input].name.clone(),
+        twin: false,
         signal: None,
         action: Action::Command { kind: command, input },
         entries: range,
@@ -406,6 +456,8 @@ fn sensors(study: &mut Study) {
             let own = Candidate {
                 id,
                 channel: "sensor",
+                port: study.outputs[output].port.clone(),
+                twin: false,
                 signal,
                 action,
                 entries,

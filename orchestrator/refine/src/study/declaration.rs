@@ -23,6 +23,9 @@ pub struct Declaration {
     /// Values of parameters of the system, in their units.
     #[serde(default)]
     pub parameters: BTreeMap<String, Spanned<Value>>,
+    /// How well declared parameters are known: one standard deviation relative to the value.
+    #[serde(default)]
+    pub tolerance: BTreeMap<String, Spanned<f64>>,
     /// Inputs of the system and the columns they are fed with.
     #[serde(default)]
     pub inputs: BTreeMap<String, Spanned<Signal>>,
@@ -249,6 +252,14 @@ pub struct Attachment {
     /// Ids of effects to look for; all of the channels without it.
     #[serde(default)]
     pub effects: Option<Vec<String>>,
+}
+
+impl Attachment {
+    /// Velocity over which friction changes its sign.
+    pub fn sign_velocity(&self) -> f64 {
+        let pole = self.channels.iter().any(|channel| channel == "pole");
+        self.vt.unwrap_or(if pole { 0.05 } else { 1e-3 })
+    }
 }
 
 /// Which error is fitted and reported.

@@ -68,6 +68,15 @@ impl Judge {
         Judge { null, bias, power, tolerated }
     }
 
+    /// Error that sensors and smoothed derivatives give, by output, in its unit.
+    pub fn floor(&self, fits: &Fits) -> Vec<f64> {
+        let samples: usize = fits.pieces.iter().map(|piece| piece.range.len()).sum();
+        let powers = self.null.means().iter().zip(&self.bias);
+        let power = powers.map(|(mean, bias)| (mean[0] + bias[0]) / samples.max(1) as f64);
+        let outputs = fits.study.outputs.iter().zip(power);
+        outputs.map(|(output, power)| output.noise * power.sqrt().max(1e-6)).collect()
+    }
+
     /// Draws made.
     pub fn draws(&self) -> usize {
         self.null.draws
@@ -161,7 +170,7 @@ impl Judge {
                 best = (vec![first, second], both);
             }
         }
-        let channel = study.candidates[first].channel.to_owned();
+        let channel = study.candidates[first].place();
         let variables = best.0.iter().map(|&c| name(study, c).to_owned()).collect();
         Rest { place: Some((channel, variables)), gain: best.1 }
     }
@@ -187,7 +196,7 @@ fn word(study: &Study, tap: usize, variable: Variable) -> &'static str {
 }
 
 /// Name of the variable of a probe.
-fn name(study: &Study, c: usize) -> &'static str {
+pub fn name(study: &Study, c: usize) -> &'static str {
     match study.candidates[c].action {
         Action::Block { law: Law::Shape(variable), tap } => word(study, tap, variable),
         _ => "time",

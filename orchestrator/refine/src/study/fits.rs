@@ -106,6 +106,14 @@ fn folds(study: &Study, pieces: &[Piece]) -> Vec<(Vec<Piece>, Vec<Piece>)> {
     (0..SPANS).map(fold).collect()
 }
 
+/// Local parameters of a model on other pieces of the estimation records than those it was fitted to.
+pub fn locals_of(fits: &Fits, pieces: &[Piece], model: &Model) -> Vec<Vec<f64>> {
+    if pieces == fits.pieces {
+        return model.fit.locals.clone();
+    }
+    fits.grow(&model.added, pieces, &model.fit.parameters, &[], &[1.0], 8).locals
+}
+
 fn rms(chi2: f64, count: usize) -> f64 {
     (chi2 / count.max(1) as f64).sqrt()
 }
@@ -139,6 +147,11 @@ impl<'a> Fits<'a> {
         let (active, pieces) = (added.to_vec(), pieces.to_vec());
         let (scale, quick) = (self.scale.clone(), self.quick);
         View { study: self.study, active, pieces, scale, quick, corrected: true }
+    }
+
+    /// Root mean square of residuals with the sum of squares `chi2` over all estimation records.
+    pub fn rms(&self, chi2: f64) -> f64 {
+        rms(chi2, self.count(&self.pieces))
     }
 
     fn count(&self, pieces: &[Piece]) -> usize {

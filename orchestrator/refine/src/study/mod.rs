@@ -7,6 +7,7 @@
 //! sensors are known, has a search of its own in `rig`.
 
 pub mod answer;
+pub mod by_share;
 pub mod catalogue;
 pub mod command;
 pub mod dataset;
@@ -23,10 +24,13 @@ pub mod open;
 pub mod physical;
 pub mod plant;
 pub mod read;
+pub mod replay;
 pub mod search;
 pub mod signal;
 pub mod simulate;
 pub mod smoothed;
+pub mod tolerance;
+pub mod whole;
 
 use std::path::Path;
 

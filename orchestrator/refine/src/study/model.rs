@@ -17,6 +17,8 @@ use airloop_cosim::system::SystemGraph;
 pub struct Output {
     /// Column.
     pub name: String,
+    /// Output of the system.
+    pub port: String,
     /// Slot of the system's signal.
     pub slot: usize,
     /// Unit.
@@ -32,6 +34,13 @@ pub struct Output {
 pub enum Target {
     /// A parameter of the system.
     Declared(Parameter),
+    /// Relative change of a parameter of the system that is known to a tolerance.
+    Correction {
+        /// Parameter of the system.
+        parameter: Parameter,
+        /// Its declared value.
+        declared: f64,
+    },
     /// Offset of an output.
     Offset,
     /// Parameter of a candidate.

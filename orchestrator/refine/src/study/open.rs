@@ -11,6 +11,7 @@ use super::model::{Entry, Level, Output, Study, Tap, Target};
 use super::noise::SensorNoise;
 use super::plant::{self, Plant};
 use super::read::{self, Layout};
+use super::tolerance;
 use crate::Error;
 use crate::engine::fit::Free;
 use airloop_cosim::system::SystemGraph;
@@ -241,7 +242,7 @@ fn taps(
             Some(entry.map_or(Level::Value(set.unwrap_or(value)), Level::Entry))
         });
         let pole = attachment.channels.iter().any(|channel| channel == "pole");
-        let vt = attachment.vt.unwrap_or(if pole { 0.05 } else { 1e-3 });
+        let vt = attachment.sign_velocity();
         if !(vt > 0.0 && vt.is_finite()) {
             return Err(file.refuse(spanned, "vt must be above zero"));
         }
@@ -264,6 +265,7 @@ pub fn open(file: &File) -> Result<(Study, Vec<Attachment>), Error> {
             graph.set_start(name, &text, "[parameters]").map_err(|error| file.refuse(value, error))?;
         }
     }
+    tolerance::check(file, &graph)?;
     let attachments: Vec<Attachment> =
         declaration.attachment.iter().map(|spanned| spanned.get_ref().clone()).collect();
     // One attachment after the other, so that an unknown input is told with its place.
@@ -333,7 +335,8 @@ pub fn open(file: &File) -> Result<(Study, Vec<Attachment>), Error> {
             entries.push(Entry { name, unit: unit.clone(), target: Target::Offset, start: 0.0, free });
             index
         });
-        outputs.push(Output { name: output.column.clone(), slot, unit, noise, offset });
+        let (column, port) = (output.column.clone(), name.clone());
+        outputs.push(Output { name: column, port, slot, unit, noise, offset });
     }
     let taps = taps(file, &graph, &plant, &entries, &fixed)?;
     let force = match &layout.force {

@@ -27,7 +27,7 @@ const BETTER: f64 = 0.99;
 const CLEAR: f64 = 0.15;
 
 /// Outcome.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub struct Selection {
     /// The declared model.
     pub declared: Model,

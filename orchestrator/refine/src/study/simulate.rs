@@ -6,7 +6,7 @@ use std::ops::Range;
 use super::command::delayed;
 use super::declaration::{Initial, InitialWord};
 use super::law::{Law, Point, preslide, shape};
-use super::model::{Action, Sensor, Study};
+use super::model::{Action, Sensor, Study, Target};
 use super::plant::Plant;
 use super::read::Record;
 use crate::engine::noise::Noise;
@@ -369,7 +369,10 @@ impl<'a> View<'a> {
     /// Values of the parameters of the system.
     pub fn parameters(&self, p: &[f64]) -> Vec<(super::plant::Parameter, f64)> {
         let declared = self.study.entries.iter().zip(p).filter_map(|(entry, value)| match entry.target {
-            super::model::Target::Declared(parameter) => Some((parameter, *value)),
+            Target::Declared(parameter) => Some((parameter, *value)),
+            Target::Correction { parameter, declared } if *value != 0.0 => {
+                Some((parameter, declared * (1.0 + value)))
+            }
             _ => None,
         });
         self.study.fixed.iter().copied().chain(declared).collect()
