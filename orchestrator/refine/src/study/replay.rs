@@ -102,7 +102,7 @@ fn with_system(file: &File, system: &Path) -> Result<File, Error> {
     declaration.error.force = None;
     let graph = open::system(&own)?;
     let plant =
-        Plant::new(&graph, &[], &[]).map_err(|problem| file.refuse(&file.declaration.system, problem))?;
+        Plant::new(&graph, &[], &[], &[]).map_err(|problem| file.refuse(&file.declaration.system, problem))?;
     let named = |name: &str| -> String {
         if plant.state(name).is_some() {
             return name.to_owned();
