@@ -176,6 +176,8 @@ const PAIRED: usize = 3;
 /// Fall of the error on held-out folds that each effect of a set must bring: as a share of it, and of that of the declared
 /// model.
 const SET: (f64, f64) = (0.05, 0.02);
+/// Ratio of the errors of a proposed set and of the best model from which on it is not looked at further.
+const HOPELESS_SET: f64 = 1.1;
 /// Free forms that are fitted.
 const FORMS: usize = 2;
 /// Candidates that are fitted for what they promise beside the corrections, and for what they do without them.
@@ -458,6 +460,10 @@ impl Run<'_> {
             let extra = extra as f64;
             ((1.0 - extra * SET.0) * from).min(from - extra * SET.1 * self.declared_error)
         };
+        // One effect too many may hide what the others bring, but not all of it.
+        if error > HOPELESS_SET * best_error {
+            return None;
+        }
         let mut without: Vec<(f64, f64)> = Vec::new();
         'again: while model.added.len() > 1 {
             without.clear();

@@ -99,7 +99,9 @@ fn beside_corrections(
     }
     let mut found = by_share::search(fits, judge, &exact, units, settings, say);
     if found.is_without_corrections(&exact) {
-        // The fit without them went on until nothing moved.
+        // The fit without them goes on until nothing moves.
+        let mut exact = exact;
+        exact.best = fits.polish(&exact.best).unwrap_or(exact.best);
         (found.selection, found.corrections, found.weighted) = (exact.clone(), Vec::new(), false);
         return (exact, Some(found));
     }
