@@ -117,7 +117,12 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
     if let Some(time) = args.budget {
         stop::within(time);
     }
-    let (mut found, evidence) = question.answer(&settings, args.quiet)?;
+    let (mut found, evidence) = question.answer(&settings, args.quiet).inspect_err(|_| {
+        if made {
+            // Only an empty folder can be removed this way.
+            let _ = std::fs::remove_dir(&args.output);
+        }
+    })?;
     let interrupted = interrupt.begin_to_write();
     let system = write_system(&question, &mut found, &args.output)?;
     let name = match &question {

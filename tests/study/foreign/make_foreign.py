@@ -1,14 +1,19 @@
-"""Makes the cases of the foreign systems: records of six machines with known truth, the FMU of each declared model, and two studies per case.
+"""Makes the cases of the foreign systems: records of six machines with known truth, the FMU of each declared model, and
+two studies per case.
 
     python make_foreign.py DIR [--seed S] [--only REGEX]
 
-A case DIR/SYSTEM_E_NAME: E is `e`, exact: the declared values are right, an effect and white sensor noise; or `m`, messy: every declared value is off by its
-tolerance, small forces of no listed form act at every port, and the noise is colored. Names: `KIND_PORT` an effect, `pair_...`, `none` a control, `outside_...` an effect
-that no vocabulary has. `study.toml` attaches channels to inputs, `plain.toml` leaves the places to the program. truth.json holds the answer; see score_foreign.py.
+A case DIR/SYSTEM_E_NAME: E is `e`, exact: the declared values are right, an effect and white sensor noise; or `m`,
+messy: every declared value is off by its tolerance, small forces of no listed form act at every port, and the noise is
+colored. Names: `KIND_PORT` an effect, `pair_...`, `none` a control, `outside_...` an effect that no vocabulary has.
+`study.toml` attaches channels to inputs, `plain.toml` leaves the places to the program. truth.json holds the answer;
+see score_foreign.py.
 
-An exact effect is scaled so that the error of the declared model on validation records is 6 to 30 times the sensor noise; a messy one takes 62 to 96 % of the
-validation error when it is put into the declared model with its true parameters, and leaves an error of 1.5 times the noise or more. Draws that cannot be scaled so are drawn again.
+An exact effect is scaled so that the error of the declared model on validation records is 6 to 30 times the sensor
+noise; a messy one takes 62 to 96 % of the validation error when it is put into the declared model with its true
+parameters, and leaves an error of 1.5 times the noise or more. Draws that cannot be scaled so are drawn again.
 """
+
 import argparse
 import json
 import pathlib
@@ -18,46 +23,15 @@ import zlib
 import numpy as np
 
 import fmu
+from catalogue import ALIKE, CONTROLS, IDS, OUTSIDE, PAIRS, SAME, SINGLES, SMALL, SMALL_COMMAND
 from systems import SYSTEMS, multisine
 from truth import MAIN, PARAMETERS, Machine, parameters, scales
 
 FLOORS, SHARES = (6.0, 30.0), (0.66, 0.94)
 LEFT = 1.5
+# Times what is typical of a listed effect: a gain error of 30 %, friction of half the drive.
+STRONGEST = 6.0
 TRIES = 12
-
-SINGLES = {
-    "servo": "coulomb@tau_l viscous@tau_l stribeck@tau_l spring@tau_l endstop@tau_l cogging@tau_l coulomb@tau_m viscous@tau_m gain@tau_m delay@tau_m deadband@tau_m saturation@tau_m sensor_gain@w_l parameter@J_l",
-    "arm": "coulomb@tau_1 coulomb@tau_2 viscous@tau_1 viscous@tau_2 stribeck@tau_2 spring@tau_1 spring@tau_2 endstop@tau_2 cogging@tau_1 gain@tau_2 delay@tau_1 saturation@tau_1 deadband@tau_2 hysteresis@tau_2",
-    "tanks": "gain@u saturation@u delay@u lag@u droop@u command_offset@u leakage@q_1 offset@q_2 sensor_gain@h_2 sensor_offset@h_1",
-    "motor": "coulomb@tau_load viscous@tau_load stribeck@tau_load quaddrag@tau_load offset@tau_load gain@V deadband@V saturation@V delay@V lag@V sensor_gain@i parameter@J",
-    "cylinder": "coulomb@F_ext viscous@F_ext stribeck@F_ext spring@F_ext endstop@F_ext cogging@F_ext gain@u deadband@u delay@u hysteresis@u command_offset@u sensor_gain@x parameter@c_i",
-    "furuta": "coulomb@tau viscous@tau spring@tau endstop@tau cogging@tau coulomb@tau_p viscous@tau_p quaddrag@tau_p gain@tau delay@tau deadband@tau sensor_offset@alpha parameter@J_p",
-}
-PAIRS = {
-    "servo": "coulomb@tau_l+deadband@tau_m spring@tau_l+viscous@tau_m", "arm": "coulomb@tau_1+coulomb@tau_2 spring@tau_2+coulomb@tau_1", "tanks": "gain@u+leakage@q_1 delay@u+sensor_gain@h_2",
-    "motor": "viscous@tau_load+deadband@V offset@tau_load+gain@V", "cylinder": "coulomb@F_ext+deadband@u spring@F_ext+delay@u", "furuta": "spring@tau+coulomb@tau_p coulomb@tau+delay@tau",
-}
-OUTSIDE = {
-    "servo": "cubic@tau_l speedbump@tau_m", "arm": "cross@tau_1 bump@tau_2", "tanks": "overflow@q_1 bump@q_2", "motor": "heat@tau_load heatgain@V speedbump@tau_load",
-    "cylinder": "bump@F_ext product@F_ext", "furuta": "cubic@tau bump@tau_p wander@tau",
-}
-CONTROLS = 2
-# Small forces and torques of messy machines.
-SMALL, SMALL_COMMAND = ("bump", "power", "product", "wander", "teeth"), ("kink", "command_cubic", "command_wander", "command_bump")
-# The declared parameter that does the same.
-SAME = {("servo", "viscous@tau_l"): "b_l", ("servo", "viscous@tau_m"): "b_m", ("servo", "coulomb@tau_m"): "tau_c", ("arm", "viscous@tau_1"): "b_1", ("arm", "viscous@tau_2"): "b_2",
-        ("tanks", "gain@u"): "k_p", ("motor", "viscous@tau_load"): "b", ("motor", "coulomb@tau_load"): "tau_c", ("cylinder", "viscous@F_ext"): "b", ("cylinder", "gain@u"): "q_n",
-        ("furuta", "viscous@tau"): "b_a", ("furuta", "viscous@tau_p"): "b_p"}
-# Effects that data cannot tell from another one at the same port.
-ALIKE = {"lag": ["act.mode", "mode", "delay", "act.delay"], "command_offset": ["offset", "bias"], "offset": ["bias", "command_offset", "leakage"], "cubic": ["cubic_spring", "spring_cubic"],
-         "overflow": ["overflow", "cart.endstop", "endstop"], "leakage": ["level_leakage", "level_dependent_leakage"]}
-IDS = {
-    "piston_friction": {k: f"pf.{k}" for k in ("viscous", "coulomb", "stribeck", "offset", "asymmetry")},
-    "cart_friction": {k: f"cf.{k}" for k in ("viscous", "coulomb", "stribeck", "offset", "asymmetry", "poscoulomb")},
-    "cart": {k: f"cart.{k}" for k in ("spring", "endstop", "cogging")},
-    "pole": {k: f"pole.{k}" for k in ("viscous", "coulomb", "quaddrag")},
-    "actuator": {k: f"act.{k}" for k in ("gain", "deadband", "saturation", "droop", "delay", "hysteresis", "mode")},
-}
 
 
 def excitation(system, rng, k):
@@ -97,21 +71,29 @@ def errors(system, truth, model):
 class Draw:
     """A case before it is written: records, true parameters, effects with shapes, small terms."""
 
-    def __init__(self, system, names, messy, rng):
-        self.system, self.names, self.messy, self.rng = system, names, messy, rng
+    def __init__(self, system, names, messy, rng, foreign=False):
+        self.system, self.names, self.messy, self.rng, self.foreign = system, names, messy, rng, foreign
         self.count = int(rng.integers(4, 6))
         self.roles = ["estimation"] * (self.count - 1 - (self.count > 4)) + ["validation"] * (1 + (self.count > 4))
         self.records = [excitation(system, rng, k) for k in range(self.count)]
-        self.values = {name: value * (1 + tolerance * rng.standard_normal() * messy) for name, (value, _, tolerance) in system.parameters.items()}
-        self.noise = np.array([np.hypot(noise, quantum / np.sqrt(12)) * (np.sqrt(2) if messy else 1) for noise, quantum in system.measured.values()])
+        self.values = {
+            name: value * (1 + tolerance * rng.standard_normal() * messy) for name, (value, _, tolerance) in system.parameters.items()
+        }
+        self.noise = np.array(
+            [np.hypot(noise, quantum / np.sqrt(12)) * (np.sqrt(2) if messy else 1) for noise, quantum in system.measured.values()]
+        )
         self.shapes = {name: rng.uniform(0, 1, 3) for name in names}
         for r in self.records:
             settled(system, self.values, r)
             r["x"] = Machine(system, self.values, []).run(r, closed=True)
-        ranges = {name: np.ptp(np.concatenate([r["x"][:, list(system.states).index(name)] for r in self.records])) for name in system.measured}
+        ranges = {
+            name: np.ptp(np.concatenate([r["x"][:, list(system.states).index(name)] for r in self.records])) for name in system.measured
+        }
         self.scale = {port: scales(system, port, self.records) for port in system.ports}
-        self.scale |= {name: dict(Y=width, F=1.0, V=1.0, X=1.0, U=1.0, step=system.step) for name, width in ranges.items()}
-        self.scale |= {name: dict(F=1.0, V=1.0, X=1.0, U=1.0, step=system.step) for name in system.parameters}
+        self.scale |= {
+            name: dict(Y=width, F=1.0, V=1.0, X=1.0, U=1.0, step=system.step, pace=system.pace) for name, width in ranges.items()
+        }
+        self.scale |= {name: dict(F=1.0, V=1.0, X=1.0, U=1.0, step=system.step, pace=system.pace) for name in system.parameters}
         self.validation = [r for r, role in zip(self.records, self.roles) if role == "validation"]
         self.small = self.small_terms() if messy else []
 
@@ -125,7 +107,9 @@ class Draw:
         truth = runs(Machine(system, self.values, []), self.validation)
         off = self.size(errors(system, truth, runs(Machine(system, system.declared(), []), self.validation)))
         for port, own in system.ports.items():
-            forms = ([rng.choice(SMALL)] if own.velocity else [rng.choice(["bump", "wander"])] if port not in system.commands else []) + ([rng.choice(SMALL_COMMAND)] if port in system.commands else [])
+            forms = ([rng.choice(SMALL)] if own.velocity else [rng.choice(["bump", "wander"])] if port not in system.commands else []) + (
+                [rng.choice(SMALL_COMMAND)] if port in system.commands else []
+            )
             for form in forms:
                 z, target, strength = rng.uniform(0, 1, 3), off * rng.uniform(0.2, 0.6), 0.3
                 for _ in range(4):
@@ -152,10 +136,17 @@ class Draw:
         truth = runs(true, self.validation)
         before = errors(system, truth, runs(Machine(system, system.declared(), []), self.validation))
         unit = np.hypot(before, self.noise)
-        share = lambda own: 1 - rms(errors(system, truth, runs(Machine(system, system.declared(), own), self.validation)) / unit) / rms(before / unit)
+        share = lambda own: 1 - rms(errors(system, truth, runs(Machine(system, system.declared(), own), self.validation)) / unit) / rms(
+            before / unit
+        )
         self.effects = effects
-        return dict(before=before, floors=self.size(before), share=share(effects) if effects else 0.0, each=[share([one]) for one in effects],
-                    after=errors(system, truth, runs(Machine(system, system.declared(), effects), self.validation)))
+        return dict(
+            before=before,
+            floors=self.size(before),
+            share=share(effects) if effects else 0.0,
+            each=[share([one]) for one in effects],
+            after=errors(system, truth, runs(Machine(system, system.declared(), effects), self.validation)),
+        )
 
     def scaled(self):
         """Figures at strengths that fit the class of the case; None where there are none."""
@@ -170,18 +161,21 @@ class Draw:
             # Each of a pair alone reaches about the same error.
             ratio = ratio / np.array([max(self.alone(k), 1e-9) for k in range(len(self.names))])
             ratio /= ratio.max()
-        tried = list(np.geomspace(0.01, 12.0, 10))
-        for k, strength in enumerate(tried):
-            try:
-                own = self.with_strengths(strength * ratio)
-            except ArithmeticError:
-                continue
-            value = own["share"] if self.messy else np.log(own["floors"])
-            if best is None or abs(value - target) < abs(best[0] - target):
-                best = value, strength
-            if len(tried) - 1 == k < 16 and best:
-                # Between the best one and its neighbors.
-                tried += [best[1] * 1.7 ** (0.5 ** (k - 9) * sign) for sign in (-1, 1)]
+        # First over the whole range, then between the best one and its neighbors.
+        for part in (None, 1.0, 0.25, 0.0625, 0.015625):
+            tried = (
+                [best[1] * 1.7 ** (sign * part) for sign in (-1, 1)] if part and best else np.geomspace(0.01, 12.0, 10) if not part else []
+            )
+            for strength in tried:
+                if strength > STRONGEST and not self.foreign:
+                    continue
+                try:
+                    own = self.with_strengths(strength * ratio)
+                except ArithmeticError:
+                    continue
+                value = own["share"] if self.messy else np.log(own["floors"])
+                if best is None or abs(value - target) < abs(best[0] - target):
+                    best = value, strength
         if best is None or not limits[0] <= best[0] <= limits[1]:
             return None
         figures = self.with_strengths(best[1] * ratio)
@@ -220,7 +214,14 @@ def write(folder, draw, figures, cls):
     time = np.arange(len(draw.records[0]["u"])) * system.step
     for k, (r, y) in enumerate(zip(draw.records, signals(draw, draw.rng))):
         columns = [time, *r["u"].T, *y.values()]
-        np.savetxt(folder / f"record_{k}.csv", np.array(columns).T, fmt="%.9g", delimiter=",", header=",".join(["time", *system.commands, *y]), comments="")
+        np.savetxt(
+            folder / f"record_{k}.csv",
+            np.array(columns).T,
+            fmt="%.9g",
+            delimiter=",",
+            header=",".join(["time", *system.commands, *y]),
+            comments="",
+        )
     (folder / "study.toml").write_text(study(draw, folder.name, True))
     (folder / "plain.toml").write_text(study(draw, folder.name, False))
     (folder / "truth.json").write_text(json.dumps(truth(draw, figures, cls), indent=1) + "\n")
@@ -248,8 +249,13 @@ def study(draw, name, attached):
 def units(system, port, kind):
     own = system.ports.get(port)
     force = system.inputs[port][0] if port in system.inputs else "1"
-    unit = dict(F=force, V=system.states[own.velocity][0] if own and own.velocity else "1", X=system.states[own.position][0] if own and own.position else "1", U=force,
-                Y=system.states[port][0] if port in system.states else "1")
+    unit = dict(
+        F=force,
+        V=system.states[own.velocity][0] if own and own.velocity else "1",
+        X=system.states[own.position][0] if own and own.position else "1",
+        U=force,
+        Y=system.states[port][0] if port in system.states else "1",
+    )
     one = lambda text: re.sub(r"[FVXUY]", lambda m: f"({unit[m[0]]})", text) if text not in unit else unit[text]
     return {name: one(text) for name, text in PARAMETERS.get(kind, {}).items()}
 
@@ -261,16 +267,36 @@ def truth(draw, figures, cls):
         own, unit = system.ports.get(port), units(system, port, kind)
         channel = next((c for c in own.channels if kind in IDS[c]), None) if own else "sensor" if port in system.measured else None
         identity = IDS[channel][kind] if own and channel else kind.replace("_", ".") if channel else None
-        effects.append({"kind": kind.removeprefix("sensor_").removeprefix("command_"), "port": port, "id": identity, "channel": channel, "signal": port if channel == "sensor" else None,
-                        "params": {k: {"value": float(v), "unit": unit.get(k, "1")} for k, v in values.items()}, "main": MAIN.get(kind, next(iter(values))), "share": round(share, 4),
-                        "parameter": port if kind == "parameter" else SAME.get((system.name, f"{kind}@{port}")), "alike": ALIKE.get(kind, [])})
+        effects.append(
+            {
+                "kind": kind.removeprefix("sensor_").removeprefix("command_"),
+                "port": port,
+                "id": identity,
+                "channel": channel,
+                "signal": port if channel == "sensor" else None,
+                "params": {k: {"value": float(v), "unit": unit.get(k, "1")} for k, v in values.items()},
+                "main": MAIN.get(kind, next(iter(values))),
+                "share": round(share, 4),
+                "parameter": port if kind == "parameter" else SAME.get((system.name, f"{kind}@{port}")),
+                "alike": ALIKE.get(kind, []),
+            }
+        )
     verdict = {"outside": "unexplained", "control": "none"}.get(cls, "effect")
     inside = verdict == "effect" and all(e["id"] for e in effects)
     figure = lambda values: dict(zip(system.measured, (float(f"{v:.4g}") for v in values)))
-    return {"system": system.name, "kind": "messy" if draw.messy else "exact", "class": cls, "verdict": {"study": verdict if inside or verdict != "effect" else "unexplained", "plain": verdict},
-            "effects": effects, "share": round(figures["share"], 4), "noise": figure(draw.noise), "floors_before": figure(figures["before"] / draw.noise),
-            "floors_after": figure(figures["after"] / draw.noise), "off": {k: round(v / system.parameters[k][0] - 1, 5) for k, v in draw.values.items()} if draw.messy else {},
-            "small": [{"kind": kind, "port": port, "params": {k: float(v) for k, v in values.items()}} for kind, port, values, _ in draw.small]}
+    return {
+        "system": system.name,
+        "kind": "messy" if draw.messy else "exact",
+        "class": cls,
+        "verdict": {"study": verdict if inside or verdict != "effect" else "unexplained", "plain": verdict},
+        "effects": effects,
+        "share": round(figures["share"], 4),
+        "noise": figure(draw.noise),
+        "floors_before": figure(figures["before"] / draw.noise),
+        "floors_after": figure(figures["after"] / draw.noise),
+        "off": {k: round(v / system.parameters[k][0] - 1, 5) for k, v in draw.values.items()} if draw.messy else {},
+        "small": [{"kind": kind, "port": port, "params": {k: float(v) for k, v in values.items()}} for kind, port, values, _ in draw.small],
+    }
 
 
 def cases():
@@ -303,7 +329,7 @@ def main():
         figures = None
         for _ in range(TRIES):
             try:
-                draw = Draw(system, effects, messy, rng)
+                draw = Draw(system, effects, messy, rng, cls == "outside")
                 figures = draw.scaled()
             except ArithmeticError:
                 continue

@@ -9,7 +9,8 @@ import numpy as np
 
 @dataclasses.dataclass
 class Port:
-    """A place where effects act. `index`: its number in truth.c; `channels`: of the attachment in study.toml; `vt`: speed over which friction changes its sign."""
+    """A place where effects act. `index`: its number in truth.c; `channels`: of the attachment in study.toml; `vt`:
+    speed over which friction changes its sign."""
     index: int
     channels: tuple
     velocity: str = ""
@@ -21,8 +22,9 @@ class Port:
 
 @dataclasses.dataclass
 class System:
-    """`states`: name -> (unit, nominal, state whose derivative it is); `inputs`: name -> (unit, amplitude that the records use; 0: not fed);
-    `parameters`: name -> (value, unit, tolerance); `measured`: state -> (rms of the sensor noise, quantum)."""
+    """`states`: name -> (unit, nominal, state whose derivative it is); `inputs`: name -> (unit, amplitude that the
+    records use; 0: not fed); `parameters`: name -> (value, unit, tolerance); `measured`: state -> (rms of the sensor
+    noise, quantum)."""
     name: str
     step: float
     duration: float
@@ -35,6 +37,8 @@ class System:
     excite: object
     start: dict = dataclasses.field(default_factory=dict)
     gain: float = 0.0
+    # Steps that a typical delay or lag takes.
+    pace: float = 3.0
     # Whether velocities stand for the derivatives of positions in the model description, or `der(...)` does.
     short: bool = True
 
@@ -111,13 +115,13 @@ SYSTEMS = {s.name: s for s in [
                     "k_p": (8e-6, "m3/(s.V)", 0.01), "g": (9.81, "m/s2", 0.0)},
         measured={"h_1": (4e-4, 1e-4), "h_2": (4e-4, 1e-4)},
         ports={"u": Port(0, ("actuator",)), "q_1": Port(1, (), "", "h_1"), "q_2": Port(2, (), "", "h_2")},
-        excite=mixed(0.004, 0.06, 12.0, 35.0), short=False),
+        excite=mixed(0.004, 0.06, 12.0, 35.0), pace=12.0, short=False),
     System(
         "motor", 0.0025, 12.0, 8,
         states={"phi": (RAD, 100.0, ""), "w": (SPEED, 100.0, "phi"), "i": ("A", 1.0, ""), "T": ("K", 300.0, "")},
         inputs={"V": ("V", 12.0), "tau_load": ("N.m", 0.0)},
         parameters={"R": (1.2, "Ohm", 0.01), "L": (0.012, "H", 0.01), "K": (0.05, "N.m/A", 0.005), "J": (2.5e-4, "kg.m2", 0.01), "b": (4e-5, "N.m.s/rad", 0.03),
-                    "tau_c": (0.015, "N.m", 0.03), "w_c": (2.0, SPEED, 0.0), "alpha": (0.0039, "1/K", 0.01), "C_th": (5.0, "J/K", 0.01), "R_th": (3.0, "K/W", 0.01),
+                    "tau_c": (0.015, "N.m", 0.03), "w_c": (2.0, SPEED, 0.0), "alpha": (0.0039, "1/K", 0.01), "C_th": (1.5, "J/K", 0.01), "R_th": (3.0, "K/W", 0.01),
                     "T_a": (293.15, "K", 0.0)},
         measured={"w": (0.3, 0.05), "i": (0.015, 0.005), "T": (0.1, 0.02)},
         ports={"V": Port(0, ("actuator",)), "tau_load": Port(1, ("cart_friction", "cart"), "w", "phi", "b", "tau_c", 2.0)},

@@ -1,4 +1,5 @@
-"""Effects with their parameters for a system, and noise-free records of the real machine (truth.c)."""
+"""Effects with their parameters for a system, and noise-free records of the real machine (truth.c).
+"""
 import ctypes
 import os
 import pathlib
@@ -16,7 +17,8 @@ CODES |= {name: 20 + k for k, name in enumerate("cubic bump speedbump product wa
 CODES |= {name: 40 + k for k, name in enumerate("gain command_offset deadband saturation hysteresis delay lag mode ratelimit droop".split())}
 CODES |= {name: 60 + k for k, name in enumerate("kink command_cubic command_wander command_bump heatgain".split())}
 
-# Kind: parameters and their units; the first is the main one. F: unit of the force at the port, V of its velocity, X of its position, U of the command, Y of the sensor.
+# Kind: parameters and their units; the first is the main one. Units: F of the force at the port, V of its velocity, X of
+# its position, U of the command, Y of the sensor.
 PARAMETERS = {
     "viscous": {"coef": "F/V"}, "coulomb": {"force": "F"}, "stribeck": {"force": "F", "vs": "V"}, "spring": {"stiffness": "F/X", "rest": "X"},
     "endstop": {"stiffness": "F/X", "damping": "F/V", "pos": "X"}, "cogging": {"amp": "F", "period": "X", "phase": "rad"}, "quaddrag": {"coef": "F/V2"},
@@ -57,7 +59,7 @@ def scales(system, port, records):
     if port in system.commands:
         command = max(np.abs(r["u"][:, system.commands.index(port)]).max() for r in records)
     low, high = np.quantile(position, [0.002, 0.998])
-    return dict(F=force, V=np.sqrt(np.mean(velocity**2)), low=low, X=high - low, U=command, step=system.step, T=len(records[0]["x"]) * system.step,
+    return dict(F=force, V=np.sqrt(np.mean(velocity**2)), low=low, X=high - low, U=command, step=system.step, pace=system.pace, T=len(records[0]["x"]) * system.step,
                 vt=own.vt or 1.0, swing=np.ptp(np.concatenate([r["u"] for r in records])[:, 0]))
 
 
@@ -65,7 +67,7 @@ def parameters(kind, strength, z, s):
     """Parameters of an effect; z: three numbers within 0 ... 1 that decide its shape, s: see scales."""
     F, V, X, U, step = s["F"] * strength, s["V"], s["X"], s["U"], s["step"]
     sign = 1.0 if z[2] > 0.5 else -1.0
-    whole = max(1.0, np.round(strength * 3.0))
+    whole = max(1.0, np.round(strength * s.get("pace", 1.0)))
     match kind:
         case "viscous": return dict(coef=0.1 * F / V)
         case "coulomb": return dict(force=0.1 * F)
@@ -85,7 +87,7 @@ def parameters(kind, strength, z, s):
         case "saturation": return dict(limit=U * max(0.35, 1.0 - 0.12 * strength))
         case "hysteresis": return dict(width=0.02 * strength * s["swing"])
         case "delay" | "sensor_delay": return dict(delay=whole * step)
-        case "lag": return dict(tau=3.0 * strength * step)
+        case "lag": return dict(tau=s["pace"] * strength * step)
         case "mode": return dict(freq=0.05 / step / strength, zeta=0.3 + 0.5 * z[0])
         case "ratelimit": return dict(rate=s["swing"] / (0.02 * s["T"]) / strength)
         case "droop": return dict(depth=0.08 * strength, tau=s["T"] * (0.08 + 0.15 * z[0]))

@@ -97,8 +97,16 @@ fn beside_corrections(
     if explained && exact.best.added.len() < 2 || stop::asked() {
         return (exact, None);
     }
-    let found = by_share::search(fits, judge, &exact, units, settings, say);
-    let simpler = found.selection.best.added.len() < exact.best.added.len();
+    let mut found = by_share::search(fits, judge, &exact, units, settings, say);
+    if found.is_without_corrections(&exact) {
+        // The fit without them went on until nothing moved.
+        (found.selection, found.corrections, found.weighted) = (exact.clone(), Vec::new(), false);
+        return (exact, Some(found));
+    }
+    // A parameter that is off by as much as a correction may be is an effect.
+    let reach = 0.98 * settings.forward_selection.max_tolerances;
+    let known = found.corrections.iter().all(|own| own.moved.abs() < reach * own.tolerance);
+    let simpler = known && found.selection.best.added.len() < exact.best.added.len();
     if explained && !(simpler && judge.explained(fits, &found.selection.best)) {
         return (exact, None);
     }
@@ -233,7 +241,7 @@ fn assemble(
         None => rule(fits, judge, selection, [&before[1], &after[1]], &floors[0], share),
     };
     let chosen = verdict == Verdict::Effect;
-    let mut effects = effects(fits, selection, chosen, by_share.is_some());
+    let mut effects = effects(fits, selection, chosen, by_share.is_some_and(|found| found.weighted));
     if let Some(found) = by_share {
         explain_tried(found, &mut effects);
     }
@@ -244,8 +252,11 @@ fn assemble(
         let shares = alone(fits, selection, &before[1], &floors[0]);
         for (effect, share) in effects.iter_mut().filter(|effect| effect.selected).zip(shares) {
             effect.share = Some(share);
-            effect.reason =
-                format!("alone it takes away {:.0} % of the error on validation records", 100.0 * share);
+            effect.reason = if share > 0.0 {
+                format!("alone it takes away {:.0} % of the error on validation records", 100.0 * share)
+            } else {
+                "only together with the other effects it lowers the error on validation records".into()
+            };
         }
     }
     if !chosen {

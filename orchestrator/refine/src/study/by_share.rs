@@ -36,10 +36,25 @@ pub struct ByShare {
     pub corrected: fits::Model,
     /// Corrections beside the effects.
     pub corrections: Vec<Correction>,
+    /// Whether the fits counted residuals as the independent samples that they hold.
+    pub weighted: bool,
     /// What was tried.
     pub steps: Vec<Step>,
     /// Channel and variable of a free form that takes away much more than the effects, and the share that it takes.
     pub free_form: Option<(String, Vec<String>, f64)>,
+}
+
+impl ByShare {
+    /// Whether it found the effects of another search with every correction within one tolerance.
+    pub fn is_without_corrections(&self, other: &Selection) -> bool {
+        let sorted = |selection: &Selection| {
+            let mut added = selection.best.added.clone();
+            added.sort_unstable();
+            added
+        };
+        let small = self.corrections.iter().all(|own| own.moved.abs() < own.tolerance);
+        small && !other.best.added.is_empty() && sorted(&self.selection) == sorted(other)
+    }
 }
 
 /// Searches from the fitted declared model beside what effects alone give; `units`: unit of the error by output.
@@ -257,7 +272,7 @@ fn answer(
         let own = &study.candidates[form.candidate];
         (own.place(), vec![explain::name(study, form.candidate).to_owned()], form.share)
     });
-    ByShare { selection, corrected, corrections, steps, free_form }
+    ByShare { selection, corrected, corrections, weighted: true, steps, free_form }
 }
 
 /// The corrections of a model.

@@ -26,6 +26,7 @@ pub mod plan;
 pub mod plant;
 pub mod ports;
 pub mod read;
+pub mod replay;
 pub mod search;
 pub mod signal;
 pub mod simulate;
