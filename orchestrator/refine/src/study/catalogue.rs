@@ -338,8 +338,9 @@ pub fn fill(
             let mechanical = duty.is_some_and(|duty| duty.kind == ports::Kind::Mechanical);
             let list = if mechanical { &MECHANICAL[..] } else { &FLOW[..] };
             let constant = |law: Law| matches!(law, Law::Bias | Law::Drift);
+            let sums = duty.is_some_and(|duty| duty.kind != ports::Kind::Signal);
             let here = |kind: &&Kind| {
-                duty.is_none_or(|duty| if constant(kind.law) { duty.constants } else { duty.forces })
+                duty.is_none_or(|duty| if constant(kind.law) { duty.constants } else { duty.forces && sums })
             };
             let blocks: Vec<&Kind> =
                 list.iter().filter(here).chain(COMMAND.iter().filter(|_| command.is_some())).collect();

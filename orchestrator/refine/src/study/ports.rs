@@ -20,7 +20,7 @@ use airloop_fmi::Causality;
 pub enum Kind {
     /// A force or torque: it acts along a velocity.
     Mechanical,
-    /// Anything else that a state sums up, without being the velocity of another one: flow into a level, heat, voltage.
+    /// What a state sums up without being the velocity of another one: flow into a level, heat, or a value without unit.
     Flow,
     /// Anything else.
     Signal,
@@ -75,6 +75,12 @@ fn base(graph: &SystemGraph, component: usize, variable: usize) -> Option<Unit> 
 fn is_mechanical(unit: &Unit) -> bool {
     let Exponents { kg, m, s, A, K, mol, cd, .. } = unit.exponents;
     (kg, s) == (1, -2) && (m == 1 || m == 2) && (A, K, mol, cd) == (0, 0, 0, 0)
+}
+
+fn is_flow(unit: &Unit) -> bool {
+    let Exponents { kg, m, s, A, K, mol, cd, .. } = unit.exponents;
+    let matter = [(1, 0, -1, 0), (0, 3, -1, 0), (0, 0, -1, 1)].contains(&(kg, m, s, mol));
+    (A, K, cd) == (0, 0, 0) && (matter || (kg, m, s, mol) == (1, 2, -3, 0))
 }
 
 /// Inputs of the system, then inputs of components that other components drive or nothing drives: name, component, variable.
@@ -152,7 +158,8 @@ pub fn find(graph: &SystemGraph) -> Result<Vec<Port>, Problem> {
                     .iter()
                     .copied()
                     .max_by(|&a, &b| influence(&sense, port, a).total_cmp(&influence(&sense, port, b)));
-                let kind = if most.is_some() { Kind::Flow } else { Kind::Signal };
+                let flows = most.is_some() && units[port].is_none_or(|unit| is_flow(&unit));
+                let kind = if flows { Kind::Flow } else { Kind::Signal };
                 (kind, None, most.map(signal), most)
             }
         };
@@ -298,6 +305,9 @@ mod tests {
     fn forces_and_torques_are_mechanical_whatever_their_prefix() {
         for (name, expected) in [("N", true), ("kN", true), ("mN.m", true), ("V", false), ("l/min", false)] {
             assert_eq!(is_mechanical(&lookup(name).unwrap()), expected, "{name}");
+        }
+        for (name, expected) in [("l/min", true), ("kg/s", true), ("W", true), ("V", false), ("N", false)] {
+            assert_eq!(is_flow(&lookup(name).unwrap()), expected, "{name}");
         }
     }
 }
