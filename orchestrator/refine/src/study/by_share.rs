@@ -110,11 +110,10 @@ fn pieces(fits: &Fits) -> (Vec<Piece>, Vec<Vec<usize>>) {
         let of = |group: usize| (0..fits.pieces.len()).filter(|i| i % groups == group).collect();
         return (fits.pieces.clone(), (0..groups).map(of).collect());
     }
-    let mut spans = Vec::new();
-    let mut folds = vec![Vec::new(); 2];
-    for (_, inside) in fits.folds.iter().take(fits.folds.len()) {
+    let (mut spans, mut folds) = (Vec::new(), vec![Vec::new(); 2]);
+    for (k, (_, inside)) in fits.folds.iter().enumerate() {
         for piece in inside {
-            folds[(spans.len() / fits.pieces.len()) % 2].push(spans.len());
+            folds[k % 2].push(spans.len());
             spans.push(piece.clone());
         }
     }

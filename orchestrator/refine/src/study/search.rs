@@ -133,10 +133,10 @@ impl Search<'_> {
             let own = &self.study().candidates[*c];
             !own.probe && !base.added.contains(c) && own.needs.is_none_or(|needs| base.added.contains(&needs))
         };
-        let mut open: Vec<usize> =
-            (0..self.study().candidates.len()).filter(may).collect();
+        let mut open: Vec<usize> = (0..self.study().candidates.len()).filter(may).collect();
         if !base.added.is_empty() && open.len() > HOPEFUL {
-            let mut ranked: Vec<(f64, usize)> = self.fits.promises(base, &open).into_iter().zip(open).collect();
+            let mut ranked: Vec<(f64, usize)> =
+                self.fits.promises(base, &open).into_iter().zip(open).collect();
             ranked.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
             open = ranked.into_iter().take(HOPEFUL).map(|(_, c)| c).collect();
         }
