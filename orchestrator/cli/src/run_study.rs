@@ -11,8 +11,8 @@ use super::table::table;
 use super::{folder, output};
 use airloop::Error;
 use airloop_refine::answer::Errors;
-use airloop_refine::study::replay::{Replay, replay};
 use airloop_refine::study;
+use airloop_refine::study::replay::{Replay, replay};
 use airloop_series::csv;
 
 /// File of all errors.
@@ -61,7 +61,8 @@ pub fn run(args: &RunArgs, study: &Path) -> Result<ExitCode, Error> {
     let Some(file) = study::find(study)? else {
         return Err(airloop_refine::Error::Case {
             path: study.into(),
-            problem: "this is no study: give a study.toml, or a folder with study.toml or dataset.toml".into(),
+            problem: "this is no study: give a study.toml, or a folder with study.toml or dataset.toml"
+                .into(),
         }
         .into());
     };

@@ -70,6 +70,8 @@ pub struct Effect {
     pub channel: String,
     /// Input of the system or of a component where it acts, or the output that a sensor shows; none: that of the channel.
     pub port: Option<String>,
+    /// How its block is connected at the port; none: as the channel says.
+    pub wiring: Option<Wiring>,
     /// Measured signal of a sensor effect.
     pub signal: Option<String>,
     /// Whether it is part of the corrected model.
@@ -86,6 +88,25 @@ pub struct Effect {
     pub reason: String,
     /// How it holds on parts of the estimation records; none: not asked.
     pub stability: Option<Stability>,
+}
+
+/// How a block is connected at a port of a study.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Wiring {
+    /// Signal: velocity along the port.
+    pub velocity: Option<String>,
+    /// Signal: position along the port.
+    pub position: Option<String>,
+    /// Signal: load that friction grows with.
+    pub load: Option<String>,
+    /// Signal: pressure of a chamber.
+    pub pressure: Option<String>,
+    /// Velocity over which friction changes its sign.
+    pub vt: f64,
+    /// -1 where what is taken off is added.
+    pub sign: f64,
+    /// Coulomb level that presliding acts on.
+    pub level: f64,
 }
 
 impl Effect {
@@ -472,6 +493,7 @@ fn screened(own: &Candidate, promise: &Promise, (declared, best): (&Model, &Mode
         id: own.id.into(),
         channel: own.channel.into(),
         port: None,
+        wiring: None,
         signal: own.signal.map(str::to_owned),
         selected: false,
         group: None,

@@ -149,7 +149,11 @@ fn steps(out: &mut String, report: &Report) {
     if rows.is_empty() {
         return;
     }
-    let _ = writeln!(out, "<h2>Steps of the search</h2>\n<p class=\"how\">{}</p>", escape(words::STEP_NOTE));
+    let _ = writeln!(
+        out,
+        "<h2>Steps of the search</h2>\n<p class=\"how\">{}</p>",
+        escape(&words::step_note(report.answer))
+    );
     let rows: Vec<(bool, Vec<String>)> = rows.into_iter().map(|row| (row[3].is_empty(), row)).collect();
     table(out, &words::STEP_HEADER, &[2], &rows);
 }

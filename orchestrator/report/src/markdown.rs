@@ -91,7 +91,7 @@ pub fn text(report: &Report) -> String {
     let rows = words::step_rows(answer);
     if !rows.is_empty() {
         heading(&mut out, "Steps of the search");
-        let _ = writeln!(out, "{}\n", words::STEP_NOTE);
+        let _ = writeln!(out, "{}\n", words::step_note(answer));
         table(&mut out, &words::STEP_HEADER, rows);
     }
     if !answer.effects.is_empty() {

@@ -171,7 +171,13 @@ pub fn step_rows(answer: &Answer) -> Vec<Vec<String>> {
 }
 
 /// What the table of steps shows.
-pub const STEP_NOTE: &str = "No model of the vocabulary reaches the noise, so an effect counts for the share of the declared model's error that it takes away on held-out records, beyond what corrections of declared parameters within their tolerances do. Predictions of the coupled rig begin again every half second from the measured motion.";
+pub fn step_note(answer: &Answer) -> String {
+    let note = "No model of the vocabulary reaches the noise, so an effect counts for the share of the declared model's error that it takes away on held-out records, beyond what corrections of declared parameters within their tolerances do.";
+    // Studies carry the noise to a floor and say themselves when they begin again.
+    let rig = answer.floor[1].is_empty();
+    let windows = " Predictions of the coupled rig begin again every half second from the measured motion.";
+    format!("{note}{}", if rig { windows } else { "" })
+}
 
 /// What the amended model does to the error, in one sentence: the signal that improves most.
 pub fn effect_on_error(answer: &Answer) -> Option<String> {

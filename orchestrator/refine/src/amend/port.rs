@@ -5,23 +5,38 @@ use airloop_fmi::derive::Value;
 
 use super::blocks::Sources;
 use super::network::{Block, Part};
-use crate::answer::Effect;
+use crate::answer::{Effect, Wiring};
 
-/// Declared friction at a port: Coulomb level, velocity over which its sign changes.
-#[derive(Debug, Clone, Copy)]
-pub struct Friction {
-    /// Coulomb level that presliding acts on, with what other effects add to it.
-    pub level: f64,
-    /// Velocity of the change of the sign.
-    pub vt: f64,
-}
+/// Order of the kinds that change the value that passes, as the search has them; all others add up behind them.
+pub const ORDER: [&str; 11] = [
+    "delay",
+    "hysteresis",
+    "lag",
+    "fill",
+    "rate_limit",
+    "mode",
+    "deadband",
+    "saturation",
+    "gain",
+    "posgain",
+    "droop",
+];
 
 /// The block, with the name of its component; none for an effect that is no block.
-pub fn block(effect: &Effect, name: String, friction: Friction, sources: &Sources) -> Option<Block> {
+pub fn block(effect: &Effect, name: String, wiring: &Wiring, step: f64, sources: &Sources) -> Option<Block> {
     let value = |index: usize| effect.parameters.get(index).map_or(0.0, |p| p.value);
     let (names, inputs): (&[&str], &[&'static str]) = match effect.kind() {
         "viscous" => (&["viscous_coef"], &["v"]),
         "coulomb" => (&["coulomb_level"], &["v"]),
+        "cubic_spring" => (&["cubic_stiffness", "cubic_rest"], &["x"]),
+        "leakage" => (&["spring_stiffness"], &["x"]),
+        "outlet" => (&["outlet_coef"], &["x"]),
+        "overflow" => (&["endstop_stiffness", "endstop_pos"], &["x"]),
+        "drift" => (&["drift_slope"], &[]),
+        "bias" => (&["offset_value"], &[]),
+        "lag" => (&["lag_up", "lag_down"], &[]),
+        "fill" => (&["lag_up", "lag_down"], &[]),
+        "rate_limit" => (&["rate_limit"], &[]),
         "stribeck" => (&["stribeck_level", "stribeck_vs"], &["v"]),
         "presliding" => (&["presliding_disp"], &["v"]),
         "pressure" => (&["load_coef"], &["v", "load"]),
@@ -41,11 +56,24 @@ pub fn block(effect: &Effect, name: String, friction: Friction, sources: &Source
         "mode" => (&["mode_freq", "mode_zeta"], &[]),
         _ => return None,
     };
-    let mut start: Vec<(String, Value)> =
-        names.iter().enumerate().map(|(index, name)| ((*name).to_owned(), Value::Real(value(index)))).collect();
-    start.push(("vt".into(), Value::Real(friction.vt)));
-    if effect.kind() == "presliding" {
-        start.push(("presliding_level".into(), Value::Real(friction.level)));
+    let mut start: Vec<(String, Value)> = names
+        .iter()
+        .enumerate()
+        .map(|(index, name)| ((*name).to_owned(), Value::Real(value(index))))
+        .collect();
+    let mut set = |name: &str, value: f64| {
+        start.retain(|(own, _)| own != name);
+        start.push((name.into(), Value::Real(value)));
+    };
+    set("vt", wiring.vt);
+    set("sign", if effect.kind() == "bias" { 1.0 } else { wiring.sign });
+    match effect.kind() {
+        "presliding" => set("presliding_level", wiring.level),
+        "bias" => set("offset_value", -value(0)),
+        "lag" => set("lag_down", value(0)),
+        // Fast enough to follow anything below the limit.
+        "rate_limit" => ["lag_up", "lag_down"].iter().for_each(|name| set(name, 0.1 * step)),
+        _ => {}
     }
     let description = description(effect);
     let part = Part { name, template: "port-effect", description, start };

@@ -3,10 +3,10 @@
 use std::path::{Path, PathBuf};
 
 use super::Error;
-use super::blocks::{self, COMMAND_ORDER, Sources};
+use super::blocks::{self, Sources};
 use super::network::{Baked, Block, Network, end};
 use super::port;
-use crate::answer::{Answer, Effect};
+use crate::answer::{Answer, Effect, Wiring};
 use crate::study::declaration::{Attachment, File, Signal};
 use crate::study::open;
 use airloop_cosim::system::SystemGraph;
@@ -47,13 +47,14 @@ pub fn network(file: &File, answer: &Answer, work: &Path) -> Result<Network, Err
     take_files(&mut network, &graph);
     let mut selected: Vec<&Effect> = answer.effects.iter().filter(|effect| effect.selected).collect();
     // Effects of a command path act in a fixed order; all others add up.
-    selected.sort_by_key(|effect| COMMAND_ORDER.iter().position(|id| id.split('.').nth(1) == Some(effect.kind())));
+    let rank = |effect: &&Effect| port::ORDER.iter().position(|kind| *kind == effect.kind());
+    selected.sort_by_key(|effect| rank(effect).unwrap_or(usize::MAX));
     let step = file.declaration.step_s.as_ref().map_or(STEP, |step| *step.get_ref());
     for effect in &selected {
         if let Some(column) = &effect.signal {
             sense(&mut network, (file, &graph), column, effect, step);
-        } else if let Some(attachment) = attachment(file, effect) {
-            place(&mut network, (file, &graph), &attachment, (effect, &selected), step);
+        } else if let Some((input, wiring)) = wiring(file, &graph, &network, effect, &selected) {
+            place(&mut network, (file, &graph), (&input, &wiring), (effect, &selected), step);
         }
     }
     Ok(network)
@@ -68,6 +69,27 @@ fn attachment(file: &File, effect: &Effect) -> Option<Attachment> {
     };
     let at = |attachment: &&Attachment| effect.port.as_ref().is_none_or(|port| *port == attachment.input);
     all().find(|own| at(own) && may(own)).or_else(|| all().find(may)).cloned()
+}
+
+/// Input and wiring of an effect: its own, or those of its attachment.
+fn wiring(
+    file: &File,
+    graph: &SystemGraph,
+    network: &Network,
+    effect: &Effect,
+    selected: &[&Effect],
+) -> Option<(String, Wiring)> {
+    if let (Some(port), Some(wiring)) = (&effect.port, &effect.wiring) {
+        return Some((port.clone(), wiring.clone()));
+    }
+    let attachment = attachment(file, effect)?;
+    let here = |other: &&&Effect| other.port == effect.port && other.kind() == "coulomb";
+    let added: f64 =
+        selected.iter().filter(here).filter_map(|other| Some(other.parameters.first()?.value)).sum();
+    let declared = attachment.coulomb.as_ref().and_then(|name| start(network, graph, name)).unwrap_or(0.0);
+    let (vt, level) = (attachment.sign_velocity(), declared + added);
+    let Attachment { input, velocity, position, pressure_force: load, pressure, .. } = attachment;
+    Some((input, Wiring { velocity, position, load, pressure, vt, sign: 1.0, level }))
 }
 
 /// Writes what connections convert between units into them: blocks have none.
@@ -110,9 +132,15 @@ fn sense(
         let to = end("", name);
         let shown = network.structure.connections.iter().any(|connection| connection.end == to);
         let sampled = graph.outputs.iter().any(|output| output.name == *name && is_sampled(graph, output));
-        let Some(mut block) = blocks::sensor(effect, step, sampled, false).filter(|_| shown) else {
-            continue;
+        let lagging = || {
+            let wiring = Wiring { vt: 1.0, sign: 1.0, ..Wiring::default() };
+            port::block(effect, blocks::name(effect), &wiring, step, &Sources::default())
         };
+        let block = match effect.kind() {
+            "lag" => lagging(),
+            _ => blocks::sensor(effect, step, sampled, false),
+        };
+        let Some(mut block) = block.filter(|_| shown) else { continue };
         if index > 0 {
             block.part.name += &format!("_{}", index + 1);
         }
@@ -174,37 +202,33 @@ fn baked(component: &Component) -> Vec<(String, Value)> {
 fn place(
     network: &mut Network,
     (file, graph): (&File, &SystemGraph),
-    attachment: &Attachment,
+    (input, wiring): (&str, &Wiring),
     (effect, selected): (&Effect, &[&Effect]),
     step: f64,
 ) {
     let sources = Sources {
-        x: source(network, graph, attachment.position.as_ref()),
-        v: source(network, graph, attachment.velocity.as_ref()),
-        f_hat: source(network, graph, attachment.pressure_force.as_ref()),
-        p: source(network, graph, attachment.pressure.as_ref()),
+        x: source(network, graph, wiring.position.as_ref()),
+        v: source(network, graph, wiring.velocity.as_ref()),
+        f_hat: source(network, graph, wiring.load.as_ref()),
+        p: source(network, graph, wiring.pressure.as_ref()),
         ..Sources::default()
     };
-    let here = |other: &&&Effect| other.port == effect.port && other.kind() == "coulomb";
-    let added: f64 = selected.iter().filter(here).filter_map(|other| Some(other.parameters.first()?.value)).sum();
-    let declared = attachment.coulomb.as_ref().and_then(|name| start(network, graph, name)).unwrap_or(0.0);
-    let friction = port::Friction { level: declared + added, vt: attachment.sign_velocity() };
-    let input = graph.inputs.iter().position(|input| input.name == attachment.input);
-    let held = input.is_some_and(|index| {
-        let stated = file.declaration.inputs.get(&attachment.input).is_some_and(|own| own.get_ref().hold);
+    let index = graph.inputs.iter().position(|own| own.name == input);
+    let held = index.is_some_and(|index| {
+        let stated = file.declaration.inputs.get(input).is_some_and(|own| own.get_ref().hold);
         stated || graph.input_is_held(index)
     });
     let twin = selected.iter().filter(|other| other.id == effect.id).count() > 1;
     let mut name = blocks::name(effect).split('@').next().unwrap_or("effect").to_owned();
     if twin || effect.id.contains('@') {
-        name += &format!("_{}", plain(&attachment.input));
+        name += &format!("_{}", plain(input));
     }
     let block = match blocks::memory(effect, &name, step, held) {
         Some(block) => Some(block),
-        None => port::block(effect, name, friction, &sources),
+        None => port::block(effect, name, wiring, step, &sources),
     };
     let Some(block) = block else { return };
-    for (index, target) in targets(network, graph, &attachment.input).iter().enumerate() {
+    for (index, target) in targets(network, graph, input).iter().enumerate() {
         let mut own: Block = block.clone();
         if index > 0 {
             own.part.name += &format!("_{}", index + 1);

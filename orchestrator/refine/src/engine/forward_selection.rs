@@ -123,10 +123,8 @@ pub struct FreeForm {
 /// Finds the effects that take away most of the error.
 pub fn search(question: &Question) -> Found {
     question.system.stage("corrections");
-    let null =
-        Null::simulate(question.system, &question.records, question.declared, &question.locals, 4, 1);
-    let declared_error =
-        question.held_out.error_from(question.declared, &question.records, &question.locals);
+    let null = Null::simulate(question.system, &question.records, question.declared, &question.locals, 4, 1);
+    let declared_error = question.held_out.error_from(question.declared, &question.records, &question.locals);
     let run = Run { question, null, declared_error };
     let mut weights = run.weights(question.declared, &question.locals);
     let mut base = run.fit(&weights, &[], question.declared, &question.locals, ROUNDS);
@@ -134,7 +132,14 @@ pub fn search(question: &Question) -> Found {
         weights = run.weights(&base.fit.parameters, &base.fit.locals);
         base = run.fit(&weights, &[], &base.fit.parameters, &base.fit.locals, ROUNDS);
     }
-    let mut found = Found { best: base.clone(), base, steps: Vec::new(), equals: Vec::new(), declared_error, free_form: None };
+    let mut found = Found {
+        best: base.clone(),
+        base,
+        steps: Vec::new(),
+        equals: Vec::new(),
+        declared_error,
+        free_form: None,
+    };
     question.system.stage("effects beside corrections");
     while found.best.added.len() < question.most && !stop::asked() {
         let added = found.best.added.clone();
@@ -176,6 +181,8 @@ const PAIRED: usize = 3;
 /// Fall of the error on held-out folds that each effect of a set must bring: as a share of it, and of that of the declared
 /// model.
 const SET: (f64, f64) = (0.05, 0.02);
+/// Ratio of the errors of a proposed set and of the best model from which on it is not looked at further.
+const HOPELESS_SET: f64 = 1.1;
 /// Free forms that are fitted.
 const FORMS: usize = 2;
 /// Candidates that are fitted for what they promise beside the corrections, and for what they do without them.
@@ -261,7 +268,13 @@ impl Run<'_> {
     }
 
     /// Local parameters that fit some records best at `p`, from those given.
-    fn localized(&self, weights: &Weights, records: &[usize], p: &[f64], locals: &[Vec<f64>]) -> Vec<Vec<f64>> {
+    fn localized(
+        &self,
+        weights: &Weights,
+        records: &[usize],
+        p: &[f64],
+        locals: &[Vec<f64>],
+    ) -> Vec<Vec<f64>> {
         if locals.iter().all(Vec::is_empty) {
             return locals.to_vec();
         }
@@ -445,7 +458,8 @@ impl Run<'_> {
     /// A set of effects, without those that it does not need, if it does clearly better than `best`.
     fn instead(&self, base: &Model, best: &Model, set: &[usize], p: &[f64]) -> Option<Step> {
         let q = self.question;
-        let first = self.fit(&self.weights(&best.fit.parameters, &best.fit.locals), set, p, &best.fit.locals, ROUNDS);
+        let first =
+            self.fit(&self.weights(&best.fit.parameters, &best.fit.locals), set, p, &best.fit.locals, ROUNDS);
         let weights = self.weights(&first.fit.parameters, &first.fit.locals);
         let again = |model: &Model| {
             self.fit(&weights, &model.added, &model.fit.parameters, &model.fit.locals, REFINED)
@@ -458,6 +472,10 @@ impl Run<'_> {
             let extra = extra as f64;
             ((1.0 - extra * SET.0) * from).min(from - extra * SET.1 * self.declared_error)
         };
+        // One effect too many may hide what the others bring, but not all of it.
+        if error > HOPELESS_SET * best_error {
+            return None;
+        }
         let mut without: Vec<(f64, f64)> = Vec::new();
         'again: while model.added.len() > 1 {
             without.clear();
@@ -484,10 +502,10 @@ impl Run<'_> {
             return None;
         }
         let tried = model.added.iter().enumerate().map(|(k, &candidate)| {
-            let (gain, held_out) = without.get(k).copied().unwrap_or((
-                base.fit.chi2 - model.fit.chi2,
-                (base_error - error) / self.declared_error,
-            ));
+            let (gain, held_out) = without
+                .get(k)
+                .copied()
+                .unwrap_or((base.fit.chi2 - model.fit.chi2, (base_error - error) / self.declared_error));
             Tried { candidate, model: model.clone(), gain, held_out, error, alone: f64::NAN, rejected: None }
         });
         Some(Step { added: Vec::new(), tried: tried.collect() })
@@ -521,10 +539,7 @@ impl Run<'_> {
             .map(|promise| {
                 let locals = &base.fit.locals;
                 let model = self.fit(&weights, &[promise.candidate], &promise.parameters, locals, ROUNDS);
-                FreeForm {
-                    candidate: promise.candidate,
-                    share: share(self.held_out_error(&weights, &model)),
-                }
+                FreeForm { candidate: promise.candidate, share: share(self.held_out_error(&weights, &model)) }
             })
             .filter(|form| share(with) < enough * form.share && form.share > q.settings.min_held_out_share)
             .max_by(|a, b| a.share.total_cmp(&b.share))

@@ -2,9 +2,9 @@
 
 use std::collections::BTreeMap;
 
-use super::catalogue;
-use super::declaration::{File, Role};
 use super::by_share::{self, ByShare};
+use super::catalogue;
+use super::declaration::{Attachment, File, Role};
 use super::effects::{effects, order, physical};
 use super::errors::{errors, floor, force, force_noise};
 use super::explain::{Judge, Rest, depends};
@@ -33,25 +33,7 @@ const HALF: f64 = 0.5;
 /// # Errors
 /// Whatever does not fit in the declaration, the records or the system, and a declared model that cannot be simulated.
 pub fn answer(file: &File, settings: &Settings, say: Say) -> Result<(Answer, Evidence), Error> {
-    let (mut study, attachments) = open(file)?;
-    say("fitting the declared model");
-    let declared = declared(file, &study)?;
-    let survey = {
-        let fits = Fits::new(&study, vec![1.0; study.outputs.len()]);
-        fits.view(&[], &fits.pieces).survey(&declared.parameters, &declared.locals)
-    };
-    study.ranges.clone_from(&survey.ranges);
-    let inputs: Vec<String> = study.graph.inputs.iter().map(|input| input.name.clone()).collect();
-    let fed: Vec<bool> =
-        (0..inputs.len()).map(|i| study.records.iter().all(|record| record.inputs[i].is_some())).collect();
-    let place = |name: &str| inputs.iter().position(|input| input == name).filter(|&i| fed[i]);
-    catalogue::fill(&mut study, &attachments, &survey, &place);
-    tolerance::fill(&mut study, file);
-    if study.candidates.is_empty() {
-        return Err(file.refuse_all(
-            "there is no effect to look for; add an [[attachment]] with an input, its channels, and the signals of velocity and position",
-        ));
-    }
+    let (mut study, _, declared) = prepared(file, say)?;
     let scale = scales(&study, &declared);
     correct(&mut study, &scale, &[], &declared.parameters);
     let model = steps(&mut study, &scale, &declared);
@@ -74,6 +56,33 @@ pub fn answer(file: &File, settings: &Settings, say: Say) -> Result<(Answer, Evi
     Ok((found, evidence))
 }
 
+/// A study with its candidates, its attachments, and the fit of the declared model.
+///
+/// # Errors
+/// As [`answer`].
+pub fn prepared(file: &File, say: Say) -> Result<(Study, Vec<Attachment>, Fit), Error> {
+    let (mut study, attachments) = open(file)?;
+    say("fitting the declared model");
+    let declared = declared(file, &study)?;
+    let survey = {
+        let fits = Fits::new(&study, vec![1.0; study.outputs.len()]);
+        fits.view(&[], &fits.pieces).survey(&declared.parameters, &declared.locals)
+    };
+    study.ranges.clone_from(&survey.ranges);
+    let inputs: Vec<String> = study.graph.inputs.iter().map(|input| input.name.clone()).collect();
+    let fed: Vec<bool> =
+        (0..inputs.len()).map(|i| study.records.iter().all(|record| record.inputs[i].is_some())).collect();
+    let place = |name: &str| inputs.iter().position(|input| input == name).filter(|&i| fed[i]);
+    catalogue::fill(&mut study, &attachments, &survey, &place);
+    tolerance::fill(&mut study, file);
+    if study.candidates.is_empty() {
+        return Err(file.refuse_all(
+            "there is no effect to look for; add an [[attachment]] with an input, its channels, and the signals of velocity and position",
+        ));
+    }
+    Ok((study, attachments, declared))
+}
+
 /// The search for a share of the error beside corrections of declared parameters, where effects alone do not reach the
 /// noise or several of them do, which may stand for parameters that are slightly off.
 fn beside_corrections(
@@ -90,11 +99,16 @@ fn beside_corrections(
     }
     let mut found = by_share::search(fits, judge, &exact, units, settings, say);
     if found.is_without_corrections(&exact) {
-        // The fit without them went on until nothing moved.
+        // The fit without them goes on until nothing moves.
+        let mut exact = exact;
+        exact.best = fits.polish(&exact.best).unwrap_or(exact.best);
         (found.selection, found.corrections, found.weighted) = (exact.clone(), Vec::new(), false);
         return (exact, Some(found));
     }
-    let simpler = found.selection.best.added.len() < exact.best.added.len();
+    // A parameter that is off by as much as a correction may be is an effect.
+    let reach = 0.98 * settings.forward_selection.max_tolerances;
+    let known = found.corrections.iter().all(|own| own.moved.abs() < reach * own.tolerance);
+    let simpler = known && found.selection.best.added.len() < exact.best.added.len();
     if explained && !(simpler && judge.explained(fits, &found.selection.best)) {
         return (exact, None);
     }
@@ -277,8 +291,8 @@ fn assemble(
     }
     notes.extend(leftover(fits, judge, shown, &rest));
     let unexplained = (verdict == Verdict::Unexplained).then(|| {
-        let channel = study.candidates.first().map_or("actuator", |c| c.channel);
-        rest.place.unwrap_or_else(|| (channel.to_owned(), Vec::new()))
+        let place = study.candidates.first().map_or_else(|| "actuator".to_owned(), |c| c.place());
+        rest.place.unwrap_or_else(|| (place, Vec::new()))
     });
     Answer {
         verdict,
@@ -349,7 +363,8 @@ fn alone(fits: &Fits, selection: &Selection, before: &Errors, floor: &BTreeMap<S
 fn explain_tried(found: &ByShare, effects: &mut [Effect]) {
     let tried: Vec<_> = found.steps.iter().flat_map(|step| &step.candidates).collect();
     for effect in effects.iter_mut().filter(|effect| !effect.selected) {
-        let name = effect.signal.as_ref().map_or_else(|| effect.id.clone(), |s| format!("{}({s})", effect.id));
+        let name =
+            effect.signal.as_ref().map_or_else(|| effect.id.clone(), |s| format!("{}({s})", effect.id));
         if let Some(reason) = tried.iter().filter(|own| own.id == name).find_map(|own| own.rejected.clone()) {
             effect.reason = reason;
         }
@@ -368,7 +383,11 @@ fn rule_by_share(
     let helps = !best.added.is_empty() && share >= rules.min_validated_share;
     if let Some((channel, variables, _)) = found.free_form.clone() {
         let gain = best.error.powi(2);
-        return Ruling { verdict: Verdict::Unexplained, rest: Rest { place: Some((channel, variables)), gain }, helps };
+        return Ruling {
+            verdict: Verdict::Unexplained,
+            rest: Rest { place: Some((channel, variables)), gain },
+            helps,
+        };
     }
     if helps {
         let known = judge.explained(fits, best) || judge.tolerable(fits, best);
@@ -470,10 +489,11 @@ fn leftover(fits: &Fits, judge: &Judge, model: &Model, rest: &Rest) -> Vec<Strin
             "Smoothing of measured derivatives gives up to {share:.2} of the error on estimation records: where the motion is sharper than the filter, the model is not to blame."
         ));
     }
-    if let Some((channel, variables)) = &rest.place {
+    if let Some((place, variables)) = &rest.place {
+        let at = place.split_once('@').map_or(place.as_str(), |(_, port)| port);
         let share = 100.0 * (rest.gain / model.error.powi(2)).min(1.0);
         found.push(format!(
-            "A free form over {} at channel {channel} would take away {share:.0} % of the power that is left on estimation records.",
+            "A free form over {} at {at} would take away {share:.0} % of the power that is left on estimation records.",
             variables.join(" and ")
         ));
     } else if !judge.explained(fits, model) {

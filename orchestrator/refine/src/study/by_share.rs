@@ -79,8 +79,7 @@ pub fn search(
     let rules = settings.forward_selection;
     let known = known(study, &whole, (p, &locals), &candidates, rules.max_tolerances);
     let always = study.declared_free();
-    let free_forms: Vec<usize> =
-        (0..study.candidates.len()).filter(|&c| study.candidates[c].probe).collect();
+    let free_forms: Vec<usize> = (0..study.candidates.len()).filter(|&c| study.candidates[c].probe).collect();
     let question = Question {
         system: &whole,
         held_out: &held_out,
@@ -111,11 +110,10 @@ fn pieces(fits: &Fits) -> (Vec<Piece>, Vec<Vec<usize>>) {
         let of = |group: usize| (0..fits.pieces.len()).filter(|i| i % groups == group).collect();
         return (fits.pieces.clone(), (0..groups).map(of).collect());
     }
-    let mut spans = Vec::new();
-    let mut folds = vec![Vec::new(); 2];
-    for (_, inside) in fits.folds.iter().take(fits.folds.len()) {
+    let (mut spans, mut folds) = (Vec::new(), vec![Vec::new(); 2]);
+    for (k, (_, inside)) in fits.folds.iter().enumerate() {
         for piece in inside {
-            folds[(spans.len() / fits.pieces.len()) % 2].push(spans.len());
+            folds[k % 2].push(spans.len());
             spans.push(piece.clone());
         }
     }
@@ -201,7 +199,10 @@ fn sense(study: &Study, candidate: &Candidate, model: &Model) -> Option<String> 
     let last = model.added.last().map(|&c| study.candidates[c].action);
     Some(match last {
         Some(Action::Sensor { .. }) => "a sensor is not off by half of what it shows".into(),
-        _ => format!("`{}` would give energy where it must take some, or its shape lies outside of what the records show", candidate.id),
+        _ => format!(
+            "`{}` would give energy where it must take some, or its shape lies outside of what the records show",
+            candidate.id
+        ),
     })
 }
 
@@ -251,9 +252,10 @@ fn answer(
                 .collect(),
         })
         .collect();
-    let singles = found.steps.first().map_or_else(Vec::new, |step| {
-        step.tried.iter().map(|own| model(fits, &own.model)).collect()
-    });
+    let singles = found
+        .steps
+        .first()
+        .map_or_else(Vec::new, |step| step.tried.iter().map(|own| model(fits, &own.model)).collect());
     let equals = found.equals.iter().map(|(lacking, own)| (*lacking, model(fits, &own.model))).collect();
     let selection = Selection {
         declared: declared.clone(),
@@ -267,7 +269,7 @@ fn answer(
     let corrections = corrections(study, &selection.best, known);
     let free_form = found.free_form.map(|form| {
         let own = &study.candidates[form.candidate];
-        (own.channel.to_owned(), vec![explain::name(study, form.candidate).to_owned()], form.share)
+        (own.place(), vec![explain::name(study, form.candidate).to_owned()], form.share)
     });
     ByShare { selection, corrected, corrections, weighted: true, steps, free_form }
 }

@@ -4,7 +4,7 @@ use super::fits::{Fits, Model};
 use super::law::Law;
 use super::model::{Action, Study};
 use super::search::Selection;
-use crate::answer::{Effect, Parameter};
+use crate::answer::{Effect, Parameter, Wiring};
 use crate::engine::System;
 
 /// Factor by which residuals that hang together widen intervals: power of sums over blocks against that of samples.
@@ -57,6 +57,7 @@ fn effect(fits: &Fits, selection: &Selection, model: &Model, c: usize, widen: f6
         id: own.full_id(),
         channel: own.channel.to_owned(),
         port: Some(own.port.clone()),
+        wiring: wiring(study, model, c),
         signal: own.signal.clone(),
         selected: false,
         group: None,
@@ -66,6 +67,33 @@ fn effect(fits: &Fits, selection: &Selection, model: &Model, c: usize, widen: f6
         stability: None,
         share: None,
     }
+}
+
+/// How the block of a candidate is connected, with the friction that a model has at its port.
+fn wiring(study: &Study, model: &Model, c: usize) -> Option<Wiring> {
+    let name = &study.candidates[c].port;
+    let index = match study.candidates[c].action {
+        Action::Block { tap, .. } => tap,
+        Action::Command { .. } => study.taps.iter().position(|tap| tap.name == *name)?,
+        Action::Sensor { .. } => return None,
+    };
+    let (tap, p) = (&study.taps[index], &model.fit.parameters);
+    let coulomb = model.added.iter().map(|&c| &study.candidates[c]);
+    let coulomb = coulomb
+        .filter(|own| own.action == Action::Block { law: Law::Coulomb, tap: index })
+        .map(|own| &p[own.entries.clone()])
+        .next();
+    let declared = tap.coulomb.map_or(0.0, |level| level.of(p));
+    let at = tap.attachment.clone();
+    Some(Wiring {
+        velocity: at.velocity,
+        position: at.position,
+        load: at.pressure_force,
+        pressure: at.pressure,
+        vt: coulomb.and_then(|own| own.get(1)).copied().unwrap_or(tap.vt),
+        sign: tap.sign,
+        level: declared + coulomb.map_or(0.0, |own| own[0]),
+    })
 }
 
 /// Places of effects, first what costs most if it is left out: `gains`; `needs`: the place of the Coulomb friction that an

@@ -183,20 +183,20 @@ fn in_noise<'a>(fits: &Fits<'a>, model: &Model) -> View<'a> {
 }
 
 /// Name of a variable at an attachment in the vocabulary.
-fn word(study: &Study, tap: usize, variable: Variable) -> &'static str {
-    match (variable, study.taps[tap].angular) {
-        (Variable::Velocity, false) => "xdot",
-        (Variable::Velocity, true) => "thetadot",
-        (Variable::Position, false) => "x",
-        (Variable::Position, true) => "theta",
-        (Variable::PressureForce, _) => "F",
-        (Variable::Value, _) => "u",
-        (Variable::Time, _) => "time",
+fn word(study: &Study, tap: usize, variable: Variable) -> &str {
+    let own = &study.taps[tap];
+    match variable {
+        Variable::Velocity => &own.words[0],
+        Variable::Position => &own.words[1],
+        Variable::PressureForce => "F",
+        Variable::Value if own.stated => "u",
+        Variable::Value => &own.name,
+        Variable::Time => "time",
     }
 }
 
 /// Name of the variable of a probe.
-pub fn name(study: &Study, c: usize) -> &'static str {
+pub fn name(study: &Study, c: usize) -> &str {
     match study.candidates[c].action {
         Action::Block { law: Law::Shape(variable), tap } => word(study, tap, variable),
         _ => "time",
@@ -204,7 +204,7 @@ pub fn name(study: &Study, c: usize) -> &'static str {
 }
 
 /// Variables that a candidate depends on; commands and sensors count as depending on all that moves.
-pub fn depends(study: &Study, c: usize) -> Vec<&'static str> {
+pub fn depends(study: &Study, c: usize) -> Vec<&str> {
     let all = [Variable::Velocity, Variable::Position, Variable::PressureForce, Variable::Value];
     let Action::Block { law, tap } = study.candidates[c].action else {
         return all.iter().map(|&own| word(study, 0, own)).collect();

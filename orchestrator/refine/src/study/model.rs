@@ -4,7 +4,7 @@ use std::sync::{Mutex, PoisonError};
 
 use super::Problem;
 use super::catalogue::Candidate;
-use super::declaration::{ForceRule, Initial, InitialWord};
+use super::declaration::{Attachment, ForceRule, Initial, InitialWord};
 use super::law::{Law, Variable};
 use super::noise::SensorNoise;
 use super::plant::{Parameter, Plant};
@@ -69,6 +69,16 @@ pub struct Tap {
     pub name: String,
     /// Slots of velocity, position, pressure force and pressure.
     pub signals: [Option<usize>; 4],
+    /// Names of velocity and position in words: those of the vocabulary where a channel is declared, else of the system.
+    pub words: [String; 2],
+    /// Units of the value that passes, of velocity and position.
+    pub units: [String; 3],
+    /// Whether a channel is declared.
+    pub stated: bool,
+    /// Where its signals come from.
+    pub attachment: Attachment,
+    /// -1 where a larger value makes the velocity fall: what is taken off is added then.
+    pub sign: f64,
     /// Velocity over which friction changes its sign.
     pub vt: f64,
     /// Its motion is a rotation.
@@ -131,6 +141,8 @@ pub enum Sensor {
     Gain,
     /// `y(t - delay)`
     Delay,
+    /// `tau y' = value - y`
+    Lag,
 }
 
 /// A study.
@@ -144,6 +156,8 @@ pub struct Study {
     pub records: Vec<Record>,
     /// Names of further signals.
     pub extra: Vec<String>,
+    /// Variables that attachments name; they are shown although they may be no outputs.
+    pub shown: Vec<String>,
     /// Whether system inputs are held between samples.
     pub held: Vec<bool>,
     /// Measured outputs.
@@ -186,7 +200,7 @@ impl Study {
             return Ok(plant);
         }
         let names: Vec<String> = self.taps.iter().map(|tap| tap.name.clone()).collect();
-        Plant::new(&self.graph, &names, &self.extra)
+        Plant::new(&self.graph, &names, &self.extra, &self.shown)
     }
 
     /// Gives an instance back.

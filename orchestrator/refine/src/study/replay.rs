@@ -89,10 +89,9 @@ pub fn replay(file: &File, system: &Path) -> Result<Replay, Error> {
 fn with_system(file: &File, system: &Path) -> Result<File, Error> {
     let mut own = file.clone();
     let span = file.declaration.system.span();
-    let path = system.canonicalize().map_err(|error| Error::Case {
-        path: system.into(),
-        problem: error.to_string(),
-    })?;
+    let path = system
+        .canonicalize()
+        .map_err(|error| Error::Case { path: system.into(), problem: error.to_string() })?;
     let declaration = &mut own.declaration;
     declaration.system = Spanned::new(span, path.to_string_lossy().into_owned());
     declaration.parameters.clear();
@@ -101,8 +100,8 @@ fn with_system(file: &File, system: &Path) -> Result<File, Error> {
     declaration.attachment.clear();
     declaration.error.force = None;
     let graph = open::system(&own)?;
-    let plant =
-        Plant::new(&graph, &[], &[]).map_err(|problem| file.refuse(&file.declaration.system, problem))?;
+    let plant = Plant::new(&graph, &[], &[], &[])
+        .map_err(|problem| file.refuse(&file.declaration.system, problem))?;
     let named = |name: &str| -> String {
         if plant.state(name).is_some() {
             return name.to_owned();

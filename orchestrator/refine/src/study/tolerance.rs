@@ -93,7 +93,13 @@ pub fn fill(study: &mut Study, file: &File) {
         let free =
             Free { index, bounds: (low.max(-0.9), high), step: 0.05 * tolerance, prior: Some(tolerance) };
         let target = Target::Correction { parameter, declared };
-        study.entries.push(Entry { name, unit: unit.unwrap_or_else(|| "1".into()), target, start: 0.0, free });
+        study.entries.push(Entry {
+            name,
+            unit: unit.unwrap_or_else(|| "1".into()),
+            target,
+            start: 0.0,
+            free,
+        });
     }
 }
 

@@ -50,12 +50,7 @@ impl Command {
             gain: t.parameter("gain").about("gain error").real(0.0),
             slope: t.parameter("posgain_slope").about("growth of the gain with x").real(0.0),
             depth: t.parameter("droop_depth").about("share of the value that is lost in the end").real(0.0),
-            tau: t
-                .parameter("droop_tau")
-                .unit("s")
-                .about("time constant of the loss")
-                .min(1e-9)
-                .real(1.0),
+            tau: t.parameter("droop_tau").unit("s").about("time constant of the loss").min(1e-9).real(1.0),
             up: t
                 .parameter("lag_up")
                 .unit("s")
@@ -128,12 +123,10 @@ impl Command {
         value
     }
 
-    pub fn probe(&self, q: &mut Values<f64>, direct: bool) {
-        (q[self.deadband], q[self.limit]) = (0.0, 0.0);
-        if direct {
-            (q[self.up], q[self.freq]) = (0.0, 0.0);
-        } else {
-            (q[self.up], q[self.down], q[self.rate], q[self.freq]) = (0.3, 0.2, 0.0, 1.5);
-        }
+    /// Lag and mode in every combination, one after the other.
+    pub fn probe(&self, q: &mut Values<f64>, draw: usize) {
+        (q[self.deadband], q[self.limit], q[self.rate]) = (0.0, 0.0, 0.0);
+        (q[self.up], q[self.down]) = (if draw % 2 == 1 { 0.3 } else { 0.0 }, 0.2);
+        q[self.freq] = if draw % 4 > 1 { 1.5 } else { 0.0 };
     }
 }

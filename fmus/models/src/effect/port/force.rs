@@ -45,9 +45,8 @@ pub struct Force {
 
 impl Force {
     pub fn declare(t: &mut Table) -> Self {
-        let any = |t: &mut Table, name: &'static str, about: &'static str| {
-            t.parameter(name).about(about).real(0.0)
-        };
+        let any =
+            |t: &mut Table, name: &'static str, about: &'static str| t.parameter(name).about(about).real(0.0);
         let above_zero = |t: &mut Table, name: &'static str, about: &'static str| {
             t.parameter(name).about(about).min(1e-30).real(1.0)
         };

@@ -27,7 +27,7 @@ struct Point<S> {
     p: S,
 }
 
-/// `y = command(u) - f`
+/// `y = command(u) - sign f`
 ///
 /// | name | meaning |
 /// |---|---|
@@ -37,6 +37,7 @@ struct Point<S> {
 /// | `p` | pressure of a chamber |
 /// | `f` | what is taken off |
 /// | `vt` | velocity over which friction changes its sign |
+/// | `sign` | 1, or -1 where a larger value makes the velocity fall |
 pub struct PortEffect {
     u: Real,
     x: Real,
@@ -46,6 +47,7 @@ pub struct PortEffect {
     y: Real,
     f: Real,
     vt: Real,
+    sign: Real,
     command: Command,
     force: Force,
 }
@@ -54,7 +56,7 @@ impl Model for PortEffect {
     const IDENTITY: Identity = Identity {
         model_identifier: "port_effect",
         model_name: "port-effect",
-        description: "What a declared model lacks at a port of any unit, in series: y = command(u) - f",
+        description: "What a declared model lacks at a port of any unit, in series: y = command(u) - sign f",
         version: crate::VERSION,
         author: crate::AUTHOR,
         generation_tool: crate::GENERATION_TOOL,
@@ -77,6 +79,10 @@ impl Model for PortEffect {
                 .min(1e-12)
                 .nominal(0.001)
                 .real(0.001),
+            sign: t
+                .parameter("sign")
+                .about("-1 where a larger value makes the velocity fall: f is added then")
+                .real(1.0),
             command: Command::declare(t),
             force: Force::declare(t),
         }
@@ -95,14 +101,14 @@ impl Model for PortEffect {
         self.force.rate(q, &point);
         let f = self.force.total(q, &point);
         q[self.f] = f;
-        q[self.y] = passed - f;
+        q[self.y] = passed - q[self.sign] * f;
         Ok(())
     }
 
-    /// Inside end stop, overflow and limits, without memory in every other draw, so that the dependencies show.
+    /// Inside of the end stop, with lag and mode and without, so that the dependencies show.
     fn probe(&self, draw: usize, table: &Table, q: &mut Values<f64>) {
         table.spread(draw, q);
         self.force.probe(q);
-        self.command.probe(q, draw.is_multiple_of(2));
+        self.command.probe(q, draw);
     }
 }
