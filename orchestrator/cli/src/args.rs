@@ -163,6 +163,11 @@ pub struct RunArgs {
     /// TOML file with a [signals] table: connector = "column", for columns of another name.
     #[arg(long, value_name = "FILE", requires = "data")]
     pub signals: Option<PathBuf>,
+    /// Study whose records are simulated as the study compares them: its inputs (scaled, filtered or derived), initial
+    /// states (given, measured or fitted) and windows. Of the amended system of a refine report the errors are those of
+    /// the report. Simulated through Model Exchange with the step of the study.
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["data", "set", "stop", "step", "start", "tolerance"])]
+    pub study: Option<PathBuf>,
     /// Folder for the results; it is made if it is not there.
     #[arg(short, long, value_name = "DIR", default_value = "out/run")]
     pub output: PathBuf,

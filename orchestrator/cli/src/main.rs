@@ -22,6 +22,7 @@ mod refine_progress;
 mod report;
 pub mod rig;
 pub mod run;
+mod run_study;
 pub mod stabilize;
 mod table;
 pub mod trials;

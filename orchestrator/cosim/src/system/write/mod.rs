@@ -53,10 +53,10 @@ pub fn write(graph: &SystemGraph, file: &Path, version: Version) -> Result<(), E
     write_for(graph, file, version, Tool::Any)
 }
 
-/// Same as [`write`], in the form that `tool` reads.
+/// Same as [`write()`], in the form that `tool` reads.
 ///
 /// # Errors
-/// Same as [`write`], and what the tool cannot take.
+/// Same as [`write()`], and what the tool cannot take.
 pub fn write_for(graph: &SystemGraph, file: &Path, version: Version, tool: Tool) -> Result<(), Error> {
     let graph = &*tool.form(graph, file)?;
     let how = document::How { version, tool };
