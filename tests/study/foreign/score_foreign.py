@@ -127,7 +127,7 @@ def row_of(case, truth, report, run, flavor):
         if pick:
             effect, true = pick[0]
             value = effect.get("params", {}).get(true["main"], {}).get("value")
-            row["share"] = effect.get("share", NONE)
+            row["share"], row["true_share"] = effect.get("share", NONE), true["share"]
             if value is not None and true["params"][true["main"]]["value"]:
                 row["error"] = abs(value / true["params"][true["main"]]["value"] - 1)
     elif truth["class"] == "control":
