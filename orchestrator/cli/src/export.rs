@@ -91,7 +91,7 @@ impl From<VersionChoice> for Version {
     }
 }
 
-fn parse_step(text: &str) -> Result<f64, String> {
+pub(super) fn parse_step(text: &str) -> Result<f64, String> {
     let step = parse_duration(text).map_err(|error| error.to_string())?;
     if step > 0.0 { Ok(step) } else { Err("a step is longer than 0 s".into()) }
 }

@@ -7,10 +7,12 @@ pub mod coupling;
 pub mod derive;
 pub mod excite;
 pub mod export;
+pub mod export_fmu;
 mod folder;
 pub mod identify;
 pub mod inspect;
 pub mod inspect_system;
+mod inspect_worker;
 pub mod optimize;
 pub mod output;
 #[cfg(test)]
@@ -46,6 +48,7 @@ pub fn main() -> ExitCode {
         Command::Run(args) => run::run(&args),
         Command::Inspect(args) => inspect::run(&args),
         Command::Export(args) => export::run(&args),
+        Command::ExportFmu(args) => export_fmu::run(&args),
         Command::Derive(args) => derive::run(&args),
         Command::Excite(args) => excite::run(&args),
         Command::Rig { command } => rig::run(&command),

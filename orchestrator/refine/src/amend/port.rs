@@ -29,11 +29,10 @@ pub fn block(effect: &Effect, name: String, wiring: &Wiring, step: f64, sources:
         "viscous" => (&["viscous_coef"], &["v"]),
         "coulomb" => (&["coulomb_level"], &["v"]),
         "cubic_spring" => (&["cubic_stiffness", "cubic_rest"], &["x"]),
-        "leakage" => (&["spring_stiffness"], &["x"]),
-        "outlet" => (&["outlet_coef"], &["x"]),
+        "linear_leakage" => (&["spring_stiffness"], &["x"]),
+        "leakage" => (&["outlet_coef"], &["x"]),
         "overflow" => (&["endstop_stiffness", "endstop_pos"], &["x"]),
         "drift" => (&["drift_slope"], &[]),
-        "bias" => (&["offset_value"], &[]),
         "lag" => (&["lag_up", "lag_down"], &[]),
         "fill" => (&["lag_up", "lag_down"], &[]),
         "rate_limit" => (&["rate_limit"], &[]),
@@ -66,10 +65,9 @@ pub fn block(effect: &Effect, name: String, wiring: &Wiring, step: f64, sources:
         start.push((name.into(), Value::Real(value)));
     };
     set("vt", wiring.vt);
-    set("sign", if effect.kind() == "bias" { 1.0 } else { wiring.sign });
+    set("sign", wiring.sign);
     match effect.kind() {
         "presliding" => set("presliding_level", wiring.level),
-        "bias" => set("offset_value", -value(0)),
         "lag" => set("lag_down", value(0)),
         // Fast enough to follow anything below the limit.
         "rate_limit" => ["lag_up", "lag_down"].iter().for_each(|name| set(name, 0.1 * step)),

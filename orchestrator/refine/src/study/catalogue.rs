@@ -143,9 +143,9 @@ const MECHANICAL: [Kind; 13] = [
 
 /// What a flow into a level, or anything else that a state sums up, may lack.
 const FLOW: [Kind; 5] = [
-    kind("bias", Law::Bias, &[("value", "E")], &[]),
-    kind("leakage", Law::Leakage, &[("coef", "E/X")], &[0]),
-    kind("outlet", Law::Outlet, &[("coef", "E/X0.5")], &[0]),
+    kind("offset", Law::Bias, &[("value", "E")], &[]),
+    kind("linear_leakage", Law::Leakage, &[("coef", "E/X")], &[0]),
+    kind("leakage", Law::Outlet, &[("coef", "E/X0.5")], &[0]),
     kind("overflow", Law::Overflow, &[("coef", "E/X"), ("level", "X")], &[0]),
     kind("drift", Law::Drift, &[("slope", "E/s")], &[]),
 ];

@@ -83,6 +83,7 @@ fn wiring(study: &Study, model: &Model, c: usize) -> Option<Wiring> {
         .filter(|own| own.action == Action::Block { law: Law::Coulomb, tap: index })
         .map(|own| &p[own.entries.clone()])
         .next();
+    let bias = Action::Block { law: Law::Bias, tap: index };
     let declared = tap.coulomb.map_or(0.0, |level| level.of(p));
     let at = tap.attachment.clone();
     Some(Wiring {
@@ -91,7 +92,8 @@ fn wiring(study: &Study, model: &Model, c: usize) -> Option<Wiring> {
         load: at.pressure_force,
         pressure: at.pressure,
         vt: coulomb.and_then(|own| own.get(1)).copied().unwrap_or(tap.vt),
-        sign: tap.sign,
+        // A constant is added to a value whatever it drives.
+        sign: if study.candidates[c].action == bias { -1.0 } else { tap.sign },
         level: declared + coulomb.map_or(0.0, |own| own[0]),
     })
 }
