@@ -1,7 +1,7 @@
-//! The model description of an FMU as typed data, with the defaults of FMI 2.0.5 filled in.
+//! The model description of an FMU of FMI 2.0 or 3.0 as typed data, with the defaults of the standard filled in.
 //!
 //! Indices into [`ModelDescription::variables`] are 0-based everywhere, while the XML counts from 1. Reading is in
-//! `read.rs`; judging what was read (beyond what makes the file unusable) is left to `fmu::check`.
+//! `read.rs`, for FMI 3.0 in `fmi3`; judging what was read (beyond what makes the file unusable) is left to `fmu::check`.
 
 use serde::Serialize;
 
@@ -10,7 +10,9 @@ pub use initial::allowed_initials;
 
 mod attributes;
 mod error;
+mod fmi3;
 mod initial;
+pub(crate) mod layout;
 mod read;
 mod structure;
 mod variables;
@@ -18,7 +20,7 @@ mod variables;
 /// Content of `modelDescription.xml` (FMI 2.0.4 section 2.2).
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct ModelDescription {
-    /// Always "2.0".
+    /// "2.0", or "3.0" and its minor versions.
     pub fmi_version: String,
     /// Name of the model as used in the tool that made it.
     pub model_name: String,
@@ -58,11 +60,64 @@ pub struct ModelDescription {
     pub derivatives: Vec<Unknown>,
     /// `ModelStructure/InitialUnknowns`.
     pub initial_unknowns: Vec<Unknown>,
+    /// Variables of types that are not carried (Binary and Clock, FMI 3.0).
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub unread: Vec<UnreadVariable>,
     #[serde(skip)]
     pub(crate) index: std::collections::HashMap<String, usize>,
+    /// Where the variables lie in the FMU (FMI 3.0 only).
+    #[serde(skip)]
+    pub(crate) layout: Option<layout::Layout>,
+}
+
+/// A variable of a type that is not carried: it keeps its start value.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct UnreadVariable {
+    /// Unique name.
+    pub name: String,
+    /// Type as in the XML.
+    pub kind: String,
+    /// Whether it is an input.
+    pub is_input: bool,
 }
 
 impl ModelDescription {
+    /// Whether the FMU speaks FMI 3.0.
+    pub fn is_fmi3(&self) -> bool {
+        self.layout.is_some()
+    }
+
+    /// Whether the variable at `position` is a structural parameter that is the length of a dimension (FMI 3.0).
+    pub fn sizes_arrays(&self, position: usize) -> bool {
+        let place = |layout: &layout::Layout| {
+            let slot = layout.find(self.variables[position].value_reference)?;
+            Some(layout.wholes[slot.whole].structural && layout.wholes[slot.whole].sizes_arrays)
+        };
+        self.layout.as_ref().and_then(place).unwrap_or(false)
+    }
+
+    /// Structural parameters that are lengths of arrays, with their values (FMI 3.0).
+    pub fn lengths(&self) -> Vec<(String, i32)> {
+        let positions = (0..self.variables.len()).filter(|&position| self.sizes_arrays(position));
+        positions.map(|position| (self.variables[position].name.clone(), self.length(position))).collect()
+    }
+
+    /// Same as [`Self::lengths`] with another value of the variable at `position`.
+    pub fn lengths_with(&self, position: usize, value: i32) -> Vec<(String, i32)> {
+        let mut lengths = self.lengths();
+        for (_, length) in lengths.iter_mut().filter(|(name, _)| *name == self.variables[position].name) {
+            *length = value;
+        }
+        lengths
+    }
+
+    fn length(&self, position: usize) -> i32 {
+        match self.variables[position].kind {
+            VariableKind::Integer { start, .. } => start.unwrap_or(0),
+            _ => 0,
+        }
+    }
+
     /// The variable called `name`, if there is one.
     pub fn variable(&self, name: &str) -> Option<&Variable> {
         self.index_of(name).map(|index| &self.variables[index])
