@@ -96,6 +96,15 @@ impl ModelDescription {
         self.layout.as_ref().and_then(place).unwrap_or(false)
     }
 
+    /// Whether the variable at `position` is a float of single precision (FMI 3.0).
+    pub(crate) fn is_single(&self, position: usize) -> bool {
+        let base = |layout: &layout::Layout| {
+            let slot = layout.find(self.variables[position].value_reference)?;
+            Some(layout.wholes[slot.whole].base)
+        };
+        self.layout.as_ref().and_then(base) == Some(layout::BaseType::Float32)
+    }
+
     /// Structural parameters that are lengths of arrays, with their values (FMI 3.0).
     pub fn lengths(&self) -> Vec<(String, i32)> {
         let positions = (0..self.variables.len()).filter(|&position| self.sizes_arrays(position));
@@ -138,7 +147,7 @@ impl ModelDescription {
 }
 
 /// Capabilities of one interface (`CoSimulation` or `ModelExchange` element).
-#[derive(Debug, Clone, PartialEq, Eq, Default, Serialize)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize)]
 pub struct Interface {
     /// Name of the library file without its ending.
     pub model_identifier: String,
@@ -146,6 +155,9 @@ pub struct Interface {
     pub needs_execution_tool: bool,
     /// Steps may have different lengths (Co-Simulation).
     pub can_handle_variable_communication_step_size: bool,
+    /// Length of the steps inside of a communication step \[s\] (Co-Simulation, FMI 3.0), if they all have it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub fixed_internal_step_size: Option<f64>,
     /// Inputs may be given derivatives (Co-Simulation).
     pub can_interpolate_inputs: bool,
     /// Highest order of output derivatives (Co-Simulation).
@@ -355,6 +367,16 @@ impl VariableKind {
             VariableKind::Boolean { .. } => "Boolean",
             VariableKind::String { .. } => "String",
             VariableKind::Enumeration { .. } => "Enumeration",
+        }
+    }
+
+    /// Takes the start value away.
+    pub(crate) fn clear_start(&mut self) {
+        match self {
+            VariableKind::Real(real) => real.start = None,
+            VariableKind::Integer { start, .. } | VariableKind::Enumeration { start, .. } => *start = None,
+            VariableKind::Boolean { start } => *start = None,
+            VariableKind::String { start } => *start = None,
         }
     }
 

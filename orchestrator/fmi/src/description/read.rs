@@ -110,6 +110,7 @@ fn interface(element: &Element) -> Result<Interface, DescriptionError> {
         model_identifier: element.required("modelIdentifier")?.to_owned(),
         needs_execution_tool: flag("needsExecutionTool")?,
         can_handle_variable_communication_step_size: flag("canHandleVariableCommunicationStepSize")?,
+        fixed_internal_step_size: None,
         can_interpolate_inputs: flag("canInterpolateInputs")?,
         max_output_derivative_order: element.integer("maxOutputDerivativeOrder")?.unwrap_or(0),
         can_run_asynchronuously: flag("canRunAsynchronuously")?,

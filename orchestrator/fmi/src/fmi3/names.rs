@@ -42,3 +42,29 @@ const NAMES: [(&str, &str); 35] = [
 pub(crate) fn of(function: &'static str) -> &'static str {
     NAMES.iter().find(|(two, _)| *two == function).map_or(function, |(_, three)| three)
 }
+
+/// What the standard calls otherwise in FMI 3.0, for texts about FMI 2.0.
+const WORDS: [(&str, &str); 7] = [
+    ("FMI 2.0.4 section 2.2.8", "FMI 3.0 section 2.4.8"),
+    ("ModelStructure/Outputs", "Output elements of ModelStructure"),
+    ("ModelStructure/Derivatives", "ContinuousStateDerivative elements of ModelStructure"),
+    ("ModelStructure/InitialUnknowns", "InitialUnknown elements of ModelStructure"),
+    ("guid", "instantiationToken"),
+    ("canSerializeFMUstate", "canSerializeFMUState"),
+    ("canGetAndSetFMUstate", "canGetAndSetFMUState"),
+];
+
+/// A text about an FMU of FMI 2.0 as one about FMI 3.0.
+pub(crate) fn in_text(text: &str) -> String {
+    let mut text = text.to_owned();
+    for (two, three) in WORDS {
+        text = text.replace(two, three);
+    }
+    // Longer names first, since some begin with others.
+    let mut names = NAMES;
+    names.sort_by_key(|(two, _)| std::cmp::Reverse(two.len()));
+    for (two, three) in names {
+        text = text.replace(two, three);
+    }
+    text
+}

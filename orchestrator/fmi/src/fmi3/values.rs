@@ -5,7 +5,7 @@
 use std::ffi::{CStr, CString, c_void};
 
 use super::{Component, DISCARD, ERROR, OK, Text, WARNING, component};
-use crate::description::layout::{BaseType, Slot};
+use crate::description::layout::{BaseType, Layout, Slot};
 
 /// Memory of a call, kept so that a step allocates nothing.
 #[derive(Default)]
@@ -20,6 +20,8 @@ pub(super) struct Scratch {
     seeds: Vec<f64>,
     sensitivities: Vec<f64>,
     knowns: Vec<u32>,
+    /// Arrays of a call, with the place of their first element.
+    offsets: Vec<(usize, usize)>,
 }
 
 /// Values of an array, as [`read`] gives them.
@@ -522,56 +524,68 @@ pub(super) unsafe extern "C" fn directional_derivative(
         return component.lacks("fmi3GetDirectionalDerivative");
     };
     let Component { scratch, layout, .. } = component;
-    // Arrays are differentiated as a whole: elements that are not asked for have no seed, or are left out.
-    scratch.seeds.clear();
-    scratch.knowns.clear();
-    let mut last = None;
-    for (&reference, &seed) in knowns.iter().zip(seed) {
-        let Some(slot) = layout.find(reference) else { return ERROR };
-        let whole = &layout.wholes[slot.whole];
-        if last != Some(slot.whole) {
-            last = Some(slot.whole);
-            scratch.knowns.push(whole.reference);
-            scratch.seeds.resize(scratch.seeds.len() + whole.elements, 0.0);
-        }
-        let first = scratch.seeds.len() - whole.elements;
-        scratch.seeds[first + slot.element] = seed;
-    }
-    scratch.references.clear();
-    scratch.places.clear();
-    scratch.sensitivities.clear();
-    last = None;
-    for &reference in unknowns {
-        let Some(slot) = layout.find(reference) else { return ERROR };
-        let whole = &layout.wholes[slot.whole];
-        if last != Some(slot.whole) {
-            last = Some(slot.whole);
-            scratch.references.push(whole.reference);
-            scratch.sensitivities.resize(scratch.sensitivities.len() + whole.elements, 0.0);
-        }
-        scratch.places.push(scratch.sensitivities.len() - whole.elements + slot.element);
-    }
+    let Scratch { references, places, seeds, sensitivities, knowns: known_wholes, offsets, .. } = scratch;
+    // Arrays are differentiated as a whole, each once: elements that are not asked for have no seed, or are left out.
+    places.clear();
+    let Some(seed_count) = gather(layout, knowns, known_wholes, offsets, places) else { return ERROR };
+    seeds.clear();
+    seeds.resize(seed_count, 0.0);
+    places.iter().zip(seed).for_each(|(&place, &seed)| seeds[place] = seed);
+    places.clear();
+    let Some(sensitivity_count) = gather(layout, unknowns, references, offsets, places) else { return ERROR };
+    sensitivities.clear();
+    sensitivities.resize(sensitivity_count, 0.0);
     // SAFETY: the instance is alive; all arrays have the lengths passed.
     let status = unsafe {
         call(
             component.instance,
-            scratch.references.as_ptr(),
-            scratch.references.len(),
-            scratch.knowns.as_ptr(),
-            scratch.knowns.len(),
-            scratch.seeds.as_ptr(),
-            scratch.seeds.len(),
-            scratch.sensitivities.as_mut_ptr(),
-            scratch.sensitivities.len(),
+            references.as_ptr(),
+            references.len(),
+            known_wholes.as_ptr(),
+            known_wholes.len(),
+            seeds.as_ptr(),
+            seeds.len(),
+            sensitivities.as_mut_ptr(),
+            sensitivities.len(),
         )
     };
     if status <= WARNING {
-        for (index, &place) in scratch.places.iter().enumerate() {
+        for (index, &place) in places.iter().enumerate() {
             // SAFETY: there are as many places as unknowns, the length of the array.
-            unsafe { out.add(index).write(scratch.sensitivities[place]) };
+            unsafe { out.add(index).write(sensitivities[place]) };
         }
     }
     status
+}
+
+/// The variables of the FMU behind scalars, each once, and the place of each scalar in their values one after another;
+/// yields the number of these values, or `None` where a reference is unknown.
+fn gather(
+    layout: &Layout,
+    scalars: &[u32],
+    wholes: &mut Vec<u32>,
+    offsets: &mut Vec<(usize, usize)>,
+    places: &mut Vec<usize>,
+) -> Option<usize> {
+    wholes.clear();
+    offsets.clear();
+    let mut count = 0;
+    for &scalar in scalars {
+        let slot = layout.find(scalar)?;
+        let whole = &layout.wholes[slot.whole];
+        // Scalars stand once in a call; only arrays are looked for.
+        let known = offsets.iter().rev().find(|(index, _)| *index == slot.whole);
+        let offset = known.map_or(count, |&(_, offset)| offset);
+        if known.is_none() {
+            wholes.push(whole.reference);
+            if whole.elements > 1 {
+                offsets.push((slot.whole, count));
+            }
+            count += whole.elements;
+        }
+        places.push(offset + slot.element);
+    }
+    Some(count)
 }
 
 /// Derivatives of outputs, one variable at a time, since an order belongs to a whole array.

@@ -4,6 +4,7 @@
 //! the layout. Floats become Reals, integers of any width Integers of 32 bits, since nothing above carries more.
 //! Variables of the types Binary and Clock are listed as unread. Terminals and icons are not read.
 
+use super::attributes::Range;
 use super::{DescriptionError, Interface, ModelDescription, NamingConvention, UnreadVariable};
 use crate::xml::Element;
 
@@ -82,11 +83,12 @@ fn interface(element: &Element) -> Result<Interface, DescriptionError> {
         model_identifier: element.required("modelIdentifier")?.to_owned(),
         needs_execution_tool: flag("needsExecutionTool")?,
         can_handle_variable_communication_step_size: flag("canHandleVariableCommunicationStepSize")?,
+        fixed_internal_step_size: element.real("fixedInternalStepSize", Range::Finite)?,
         can_interpolate_inputs: false,
         max_output_derivative_order: element.integer("maxOutputDerivativeOrder")?.unwrap_or(0),
         can_run_asynchronuously: false,
         can_be_instantiated_only_once_per_process: flag("canBeInstantiatedOnlyOncePerProcess")?,
-        can_not_use_memory_management_functions: true,
+        can_not_use_memory_management_functions: false,
         can_get_and_set_fmu_state: flag("canGetAndSetFMUState")?,
         can_serialize_fmu_state: flag("canSerializeFMUState")?,
         provides_directional_derivative: flag("providesDirectionalDerivatives")?,

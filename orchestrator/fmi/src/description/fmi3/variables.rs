@@ -239,42 +239,44 @@ impl Flat {
         }
         let positions = first..self.variables.len();
         for alias in element.children("Alias") {
-            self.add_alias(alias, declared, &references, &model)?;
+            self.add_alias(alias, declared, positions.clone())?;
         }
         Ok(positions)
     }
 
-    /// Another name of a variable: it can be read, with a display unit of its own.
+    /// Another name of the variables at `positions`: it can be read, with a display unit of its own.
     fn add_alias(
         &mut self,
         alias: &Element,
         declared: &Declared<'_>,
-        references: &[u32],
-        model: &Variable,
+        positions: Range<usize>,
     ) -> Result<(), DescriptionError> {
-        let mut kind = model.kind.clone();
-        if let (VariableKind::Real(real), Some(unit)) = (&mut kind, alias.attribute("displayUnit")) {
-            real.display_unit = Some(unit.to_owned());
-        }
-        if let VariableKind::Real(real) = &mut kind {
-            real.reinit = false;
-        }
-        let variability = match model.causality {
-            // What the importer sets may change at any time for who only reads it.
-            Causality::Parameter | Causality::CalculatedParameter => Variability::Tunable,
-            _ => model.variability,
-        };
-        for (number, &value_reference) in references.iter().enumerate() {
-            let name = alias.required("name")?.to_owned() + &index_text(number, &declared.shape);
+        for (number, position) in positions.enumerate() {
+            let of = &self.variables[position];
+            let variability = match of.causality {
+                // What the importer sets may change at any time for who only reads it.
+                Causality::Parameter | Causality::CalculatedParameter => Variability::Tunable,
+                _ => of.variability,
+            };
+            let is_constant = variability == Variability::Constant;
+            let mut kind = of.kind.clone();
+            if !is_constant {
+                kind.clear_start();
+            }
+            if let VariableKind::Real(real) = &mut kind {
+                (real.reinit, real.derivative) = (false, None);
+                real.display_unit =
+                    alias.attribute("displayUnit").map(str::to_owned).or(real.display_unit.take());
+            }
             let one = Variable {
-                name,
-                value_reference,
+                name: alias.required("name")?.to_owned() + &index_text(number, &declared.shape),
+                value_reference: of.value_reference,
                 description: alias.text("description"),
                 causality: Causality::Local,
                 variability,
-                initial: (variability != Variability::Constant).then_some(Initial::Calculated),
+                initial: Some(if is_constant { Initial::Exact } else { Initial::Calculated }),
                 declared_initial: None,
-                kind: kind.clone(),
+                kind,
                 can_handle_multiple_set: None,
                 line: alias.line,
             };
@@ -343,7 +345,6 @@ fn variable(
                 ("output", Causality::Output),
                 ("local", Causality::Local),
                 ("independent", Causality::Independent),
-                ("dependent", Causality::Local),
             ],
         )?
         .unwrap_or(Causality::Local);
