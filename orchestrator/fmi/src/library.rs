@@ -46,8 +46,8 @@ pub(super) enum Origin {
 
 /// The loaded code, which the function tables point into.
 enum Binding {
-    Two { _code: Fmi2Binding },
-    Three { _code: Fmi3Binding },
+    Two { _code: Box<Fmi2Binding> },
+    Three { _code: Box<Fmi3Binding> },
 }
 
 /// A loaded library with the functions of the interfaces that it has.
@@ -90,7 +90,7 @@ impl Library {
                 return Err(Error::Header { path: path.to_owned(), function, answer, expected });
             }
         }
-        let (origin, binding) = (Origin::Two(first), Binding::Two { _code: binding });
+        let (origin, binding) = (Origin::Two(first), Binding::Two { _code: Box::new(binding) });
         Ok(Library { common, slave, model, occupied: AtomicBool::new(false), origin, _binding: binding })
     }
 
@@ -119,7 +119,7 @@ impl Library {
             model: model.map(|_| fmi3::tables::MODEL),
             occupied: AtomicBool::new(false),
             origin: Origin::Three(Box::new(three)),
-            _binding: Binding::Three { _code: binding },
+            _binding: Binding::Three { _code: Box::new(binding) },
         })
     }
 }

@@ -305,8 +305,8 @@ impl Component {
                 }
             }
         }
-        for index in first..first + count {
-            let element = self.layout.find(references[index]).map_or(0, |slot| slot.element);
+        for (index, &reference) in references.iter().enumerate().skip(first).take(count) {
+            let element = self.layout.find(reference).map_or(0, |slot| slot.element);
             match value(self, index, base) {
                 Ok(value) => bits[element] = value,
                 Err(status) => return (status, 0),
