@@ -38,7 +38,7 @@ pub fn work(file: &Path, folder: &Path) -> Result<(), Error> {
 /// The worker cannot be started.
 pub fn findings(fmu: &Fmu, limit: Duration) -> Result<Vec<Finding>, Error> {
     let io = |source| airloop_cosim::system::Error::Io { file: fmu.shown.clone(), source };
-    let folder = tempfile::tempdir().map_err(io)?;
+    let folder = airloop_series::scratch::folder().map_err(io)?;
     let mut child = Command::new(std::env::current_exe().map_err(io)?)
         .args(["inspect", "--check", "--worker"])
         .arg(folder.path())

@@ -108,10 +108,7 @@ impl Interrupt {
 /// Says what is left of an interrupted search.
 fn leave(folder: &Path, made: bool) {
     let report: PathBuf = folder.join("report.json");
-    if made {
-        // Only an empty folder can be removed this way.
-        let _ = std::fs::remove_dir(folder);
-    }
+    super::folder::abandon(folder, made);
     let kept = match report.is_file() {
         true => format!("the earlier report in {} is as it was", folder.display()),
         false => "nothing was written".into(),

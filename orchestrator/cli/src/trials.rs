@@ -106,10 +106,9 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
     }
     let interrupted = stop.load(Ordering::Relaxed);
 
-    folder::make(&args.output)?;
-    folder::clear(&args.output)?;
-    write_trials(&ready, &done, &args.output.join(TRIALS))?;
-    csv::write(&trajectories(&done)?, &args.output.join(TRAJECTORIES))?;
+    let results = folder::Results::open(&args.output, &[system.clone(), file.clone()], &names)?;
+    write_trials(&ready, &done, &results.path().join(TRIALS))?;
+    csv::write(&trajectories(&done)?, &results.path().join(TRAJECTORIES))?;
     let shown = ready.shown();
     let number = |closed: bool| done.iter().filter(|trial| trial.closed == closed).count();
     let kept = |name: &String, closed: bool| {
@@ -145,10 +144,11 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
         files: vec![TRIALS.into(), TRAJECTORIES.into()],
         figures: if args.no_plots { Vec::new() } else { plot::stabilize::trial_figures(&shown) },
     };
-    record::write(&summary, &args.output.join("summary.json"))?;
+    record::write(&summary, &results.path().join("summary.json"))?;
     if !args.no_plots {
-        plot::stabilize::draw_trials(&args.output, &summary, &shown)?;
+        plot::stabilize::draw_trials(results.path(), &summary, &shown)?;
     }
+    results.commit()?;
     if !args.quiet {
         output::print(&report(&summary, &args.output))?;
     }
