@@ -1,15 +1,14 @@
 //! The folder of the results: it never holds files of two runs, files of the user stay, and an earlier result is there
 //! until the new one is complete.
 //!
-//! Results are written into a hidden folder next to their place and moved when all are there. A [`Manifest`] in the
-//! folder lists what was written, with sizes and times: only that may be replaced. A command that is killed leaves the
-//! earlier result, or a move that the next command completes.
+//! Results are written into a hidden folder and moved when all are there. Only what the summary of an earlier result
+//! lists may be replaced. A command that is killed leaves the earlier result, or a move that the next command completes.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
 use std::fs::{File, TryLockError};
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
-use std::time::{Duration, Instant, UNIX_EPOCH};
+use std::time::{Duration, Instant};
 
 use airloop::Error;
 use serde::{Deserialize, Serialize};
@@ -19,8 +18,6 @@ use tempfile::TempDir;
 const STAGE: &str = ".airloop-new-";
 /// File in the hidden folder that says that all is there: the list of what is moved.
 const COMPLETE: &str = ".complete.json";
-/// List of the files that are airloop's.
-const MANIFEST: &str = ".airloop-files.json";
 /// Begin of the names of single files that are being written.
 const WRITING: &str = ".writing-";
 /// Rows of a run that goes on, or was killed.
@@ -30,38 +27,11 @@ const HEADS: [&str; 3] = ["summary.json", "report.json", "index.html"];
 /// Time to wait for another command that writes into the folder.
 const PATIENCE: Duration = Duration::from_secs(3);
 
-/// Size and time of a file as it was written.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-struct Print {
-    bytes: u64,
-    modified_ns: u128,
-}
-
-impl Print {
-    fn of(path: &Path) -> Option<Print> {
-        let file = path.symlink_metadata().ok().filter(std::fs::Metadata::is_file)?;
-        let modified = file.modified().ok()?.duration_since(UNIX_EPOCH).ok()?;
-        Some(Print { bytes: file.len(), modified_ns: modified.as_nanos() })
-    }
-}
-
-/// What airloop wrote into a folder, by the path inside of it.
-#[derive(Debug, Default, Serialize, Deserialize)]
-struct Manifest {
-    airloop_version: String,
-    files: BTreeMap<String, Print>,
-}
-
-impl Manifest {
-    fn read(folder: &Path) -> Option<Manifest> {
-        serde_json::from_slice(&std::fs::read(folder.join(MANIFEST)).ok()?).ok()
-    }
-
-    /// Files that still are as they were written.
-    fn untouched(&self, folder: &Path) -> BTreeSet<String> {
-        let same = |(name, print): &(&String, &Print)| Print::of(&folder.join(name)).as_ref() == Some(*print);
-        self.files.iter().filter(same).map(|(name, _)| name.clone()).collect()
-    }
+/// Results that are all there: what is moved, and what goes.
+#[derive(Debug, Serialize, Deserialize)]
+struct Move {
+    files: BTreeSet<String>,
+    earlier: BTreeSet<String>,
 }
 
 /// New results of a command on their way into its folder. Dropped without [`Results::commit`], nothing changes.
@@ -95,8 +65,7 @@ impl Results {
         Results::open_in(folder, parent.unwrap_or(Path::new(".")), inputs, names, earlier)
     }
 
-    /// Same as [`Results::open`], where what may be replaced is known otherwise than by a summary, if there is no
-    /// manifest: `earlier` tells.
+    /// Same as [`Results::open`], where what may be replaced is known otherwise than by a summary: `earlier` tells.
     ///
     /// # Errors
     /// Same as [`Results::open`].
@@ -121,7 +90,7 @@ impl Results {
         let lock = lock(folder)?;
         let prefix = stage_prefix(folder, place);
         finish_or_sweep(folder, place, &prefix)?;
-        let ours = ours(folder, earlier);
+        let ours = earlier(folder);
         check_against(folder, inputs, names, &ours)?;
         let stage = tempfile::Builder::new().prefix(&prefix).tempdir_in(place);
         let stage = stage.map_err(|error| refused(format!("nothing can be written there: {error}")))?;
@@ -156,18 +125,12 @@ impl Results {
             let moved = std::fs::rename(stage.path(), &kept);
             let kept = moved.map_or_else(|error| error.to_string(), |()| kept.display().to_string());
             return Err(refused(format!(
-                "`{name}` is there and is not of airloop, or was changed since; the new results are in {kept}"
+                "`{name}` is there and is not part of an earlier result; the new results are in {kept}"
             )));
         }
-        let files = names.into_iter().map(|name| {
-            let print = Print::of(&stage.path().join(&name));
-            print.map(|print| (name.clone(), print)).ok_or(name)
-        });
-        let files = files.collect::<Result<_, String>>();
-        let files = files.map_err(|name| refused(format!("the new {name} is no file any more")))?;
-        let manifest = Manifest { airloop_version: env!("CARGO_PKG_VERSION").into(), files };
-        airloop_series::file::write_json(&stage.path().join(COMPLETE), &manifest)
-            .and_then(|()| place(&self.folder, stage.path(), &manifest, &self.ours))
+        let change = Move { files: names, earlier: std::mem::take(&mut self.ours) };
+        airloop_series::file::write_json(&stage.path().join(COMPLETE), &change)
+            .and_then(|()| place(&self.folder, stage.path(), &change))
             .map_err(|error| refused(format!("the new results cannot be put there: {error}")))
     }
 }
@@ -182,17 +145,19 @@ impl Drop for Results {
     }
 }
 
-/// Moves complete results from `stage`; of `ours` nothing stays that is not new. Also completes a move that was begun.
-fn place(folder: &Path, stage: &Path, manifest: &Manifest, ours: &BTreeSet<String>) -> std::io::Result<()> {
+/// Moves complete results from `stage`; of the earlier ones nothing stays. Also completes a move that was begun.
+fn place(folder: &Path, stage: &Path, change: &Move) -> std::io::Result<()> {
     let head = |name: &&String| HEADS.contains(&name.as_str());
     let gone = |outcome: std::io::Result<()>| match outcome {
         Err(error) if error.kind() != ErrorKind::NotFound => Err(error),
         _ => Ok(()),
     };
-    for name in ours.iter().filter(head) {
+    // A head that is no longer in the stage is the new one already.
+    let old = |name: &&String| !change.files.contains(*name) || stage.join(name).exists();
+    for name in change.earlier.iter().filter(head).filter(old) {
         gone(std::fs::remove_file(folder.join(name)))?;
     }
-    let (last, first): (Vec<&String>, Vec<&String>) = manifest.files.keys().partition(head);
+    let (last, first): (Vec<&String>, Vec<&String>) = change.files.iter().partition(head);
     for name in first.into_iter().chain(last) {
         let to = folder.join(name);
         if let Some(parent) = to.parent() {
@@ -200,14 +165,13 @@ fn place(folder: &Path, stage: &Path, manifest: &Manifest, ours: &BTreeSet<Strin
         }
         gone(std::fs::rename(stage.join(name), to))?;
     }
-    for name in ours.iter().filter(|name| !manifest.files.contains_key(*name) && !head(name)) {
+    for name in change.earlier.iter().filter(|name| !change.files.contains(*name) && !head(name)) {
         gone(std::fs::remove_file(folder.join(name)))?;
         // Folders that are empty now.
         for parent in Path::new(name).ancestors().skip(1).filter(|parent| !parent.as_os_str().is_empty()) {
             let _ = std::fs::remove_dir(folder.join(parent));
         }
     }
-    airloop_series::file::write_json(&folder.join(MANIFEST), manifest)?;
     std::fs::remove_dir_all(stage)
 }
 
@@ -224,10 +188,8 @@ fn finish_or_sweep(folder: &Path, stages: &Path, prefix: &str) -> Result<(), Err
             let _ = std::fs::remove_file(&path).or_else(|_| std::fs::remove_dir_all(&path));
         } else if name.starts_with(prefix) {
             let complete = std::fs::read(path.join(COMPLETE)).ok();
-            match complete.and_then(|text| serde_json::from_slice::<Manifest>(&text).ok()) {
-                Some(manifest) => {
-                    place(folder, &path, &manifest, &ours(folder, earlier)).map_err(refused)?;
-                }
+            match complete.and_then(|text| serde_json::from_slice::<Move>(&text).ok()) {
+                Some(change) => place(folder, &path, &change).map_err(refused)?,
                 None => drop(std::fs::remove_dir_all(&path)),
             }
         }
@@ -312,10 +274,10 @@ fn make(folder: &Path) -> Result<bool, Error> {
 /// # Errors
 /// [`Error::OutputFolder`] names the file.
 pub fn check(folder: &Path, inputs: &[PathBuf], names: &[String]) -> Result<(), Error> {
-    check_against(folder, inputs, names, &ours(folder, earlier))
+    check_against(folder, inputs, names, &earlier(folder))
 }
 
-/// Same as [`check()`], where what may be replaced is known otherwise than by a summary, if there is no manifest.
+/// Same as [`check()`], where what may be replaced is known otherwise than by a summary.
 ///
 /// # Errors
 /// Same as [`check()`].
@@ -325,7 +287,7 @@ pub fn check_where(
     names: &[String],
     earlier: impl Fn(&Path) -> BTreeSet<String>,
 ) -> Result<(), Error> {
-    check_against(folder, inputs, names, &ours(folder, earlier))
+    check_against(folder, inputs, names, &earlier(folder))
 }
 
 fn check_against(
@@ -353,16 +315,7 @@ fn check_against(
     Ok(())
 }
 
-/// Files of the earlier result in the folder: those of the manifest that nobody changed; where there is none, what
-/// `earlier` finds.
-fn ours(folder: &Path, earlier: impl Fn(&Path) -> BTreeSet<String>) -> BTreeSet<String> {
-    match Manifest::read(folder) {
-        Some(manifest) => manifest.untouched(folder),
-        None => earlier(folder),
-    }
-}
-
-/// Files of a result without manifest: result, summary, page, and what the summary lists.
+/// Files of the earlier result in the folder: result, summary, page, and what the summary lists.
 fn earlier(folder: &Path) -> BTreeSet<String> {
     let summary = std::fs::read(folder.join("summary.json")).unwrap_or_default();
     let summary: serde_json::Value = serde_json::from_slice(&summary).unwrap_or_default();
@@ -417,17 +370,21 @@ mod tests {
     use super::*;
 
     fn names(folder: &Path) -> Vec<String> {
-        let all = files(folder).unwrap().into_iter();
-        all.filter(|name| name != MANIFEST).collect()
+        files(folder).unwrap().into_iter().collect()
     }
 
-    fn write(folder: &Path, files: &[(&str, &str)]) -> Result<(), Error> {
-        let results = Results::open(folder, &[], &[])?;
-        for (name, text) in files {
+    fn write(folder: &Path, names: &[&str], text: &str) -> Result<(), Error> {
+        let results = Results::open_where(folder, &[], &[], |folder| {
+            let list = std::fs::read_to_string(folder.join("summary.json")).unwrap_or_default();
+            list.lines().skip(1).map(str::to_owned).collect()
+        })?;
+        for name in names {
             let path = results.path().join(name);
             std::fs::create_dir_all(path.parent().unwrap()).unwrap();
             std::fs::write(path, text).unwrap();
         }
+        let list = format!("{text}\n{}\nsummary.json\n", names.join("\n"));
+        std::fs::write(results.path().join("summary.json"), list).unwrap();
         results.commit()
     }
 
@@ -435,45 +392,43 @@ mod tests {
     fn a_result_replaces_the_earlier_one_and_nothing_else() {
         let folder = tempfile::tempdir().unwrap();
         let folder = folder.path();
-        write(folder, &[("result.csv", "1"), ("a.svg", "1"), ("system/x.fmu", "1")]).unwrap();
+        write(folder, &["result.csv", "a.svg", "system/x.fmu"], "1").unwrap();
         std::fs::write(folder.join("system/mine.txt"), "mine").unwrap();
-        write(folder, &[("result.csv", "2"), ("system/y.fmu", "2")]).unwrap();
-        assert_eq!(names(folder), ["result.csv", "system/mine.txt", "system/y.fmu"]);
+        write(folder, &["result.csv", "system/y.fmu"], "2").unwrap();
+        assert_eq!(names(folder), ["result.csv", "summary.json", "system/mine.txt", "system/y.fmu"]);
         assert_eq!(std::fs::read_to_string(folder.join("result.csv")).unwrap(), "2");
     }
 
     #[test]
-    fn what_the_user_put_there_or_changed_is_refused_by_name() {
+    fn what_the_user_put_there_is_refused_by_name_and_the_new_result_is_kept() {
         let folder = tempfile::tempdir().unwrap();
         let folder = folder.path();
-        write(folder, &[("result.csv", "1")]).unwrap();
+        write(folder, &["result.csv"], "1").unwrap();
         std::fs::write(folder.join("x.svg"), "mine").unwrap();
-        std::fs::write(folder.join("result.csv"), "changed by hand").unwrap();
-        for name in ["x.svg", "result.csv"] {
-            let message = write(folder, &[(name, "2")]).unwrap_err().to_string();
-            assert!(message.contains(&format!("`{name}`")), "{message}");
-            assert!(message.contains("new-results-"), "{message}");
-        }
+        let message = write(folder, &["result.csv", "x.svg"], "2").unwrap_err().to_string();
+        assert!(message.contains("`x.svg`") && message.contains("new-results-1"), "{message}");
         assert_eq!(std::fs::read_to_string(folder.join("x.svg")).unwrap(), "mine");
-        assert_eq!(std::fs::read_to_string(folder.join("result.csv")).unwrap(), "changed by hand");
-        assert!(check(folder, &[], &["result.csv".into()]).is_err());
+        assert_eq!(std::fs::read_to_string(folder.join("result.csv")).unwrap(), "1");
+        assert_eq!(std::fs::read_to_string(folder.join("new-results-1/x.svg")).unwrap(), "2");
+        assert!(check(folder, &[], &["x.svg".into()]).is_err());
     }
 
     #[test]
     fn a_move_that_was_begun_is_completed_and_one_that_was_not_is_forgotten() {
         let folder = tempfile::tempdir().unwrap();
         let folder = folder.path();
-        write(folder, &[("result.csv", "1"), ("summary.json", "1"), ("old.svg", "1")]).unwrap();
+        write(folder, &["result.csv", "old.svg"], "1").unwrap();
         let stage = folder.join(".airloop-new-1");
         std::fs::create_dir(&stage).unwrap();
         for name in ["result.csv", "summary.json"] {
             std::fs::write(stage.join(name), "2").unwrap();
         }
-        let files =
-            ["result.csv", "summary.json"].map(|n| (n.to_owned(), Print::of(&stage.join(n)).unwrap()));
-        let manifest = Manifest { airloop_version: "0".into(), files: files.into() };
-        airloop_series::file::write_json(&stage.join(COMPLETE), &manifest).unwrap();
+        let set = |names: &[&str]| names.iter().map(|name| (*name).to_owned()).collect();
+        let files = set(&["result.csv", "summary.json"]);
+        let change = Move { files, earlier: set(&["result.csv", "old.svg", "summary.json"]) };
+        airloop_series::file::write_json(&stage.join(COMPLETE), &change).unwrap();
         // Killed after the first file.
+        std::fs::remove_file(folder.join("summary.json")).unwrap();
         std::fs::rename(stage.join("result.csv"), folder.join("result.csv")).unwrap();
         std::fs::create_dir(folder.join(".airloop-new-2")).unwrap();
         std::fs::write(folder.join(".airloop-new-2/result.csv"), "half").unwrap();

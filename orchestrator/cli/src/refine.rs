@@ -69,6 +69,9 @@ pub struct Args {
     /// study.
     #[arg(long)]
     pub plan: bool,
+    /// Processes of FMUs.
+    #[command(flatten)]
+    pub isolate: super::isolate::IsolateArgs,
     /// Print nothing but errors.
     #[arg(short, long)]
     pub quiet: bool,
@@ -100,6 +103,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
         return plan(path);
     }
     check_folder(path, &args.output)?;
+    args.isolate.choose()?;
     parallel::use_threads(args.threads.map_or(0, usize::from));
     // Checked when the command line was read.
     let changed =
@@ -265,8 +269,10 @@ fn earlier(folder: &Path) -> BTreeSet<String> {
     if earlier["amended_system"].is_string() {
         let files = std::fs::read_dir(folder.join(amend::FOLDER)).into_iter().flatten().flatten();
         let files = files.map(|file| file.file_name().to_string_lossy().into_owned());
+        let text = std::fs::read_to_string(folder.join(amend::FOLDER).join("system.ssd")).unwrap_or_default();
         let system = |name: &String| {
-            [".fmu", "system.ssd", "system.ssp", amend::SIGNALS].iter().any(|end| name.ends_with(end))
+            ["system.ssd", "system.ssp", amend::SIGNALS].contains(&name.as_str())
+                || text.contains(&format!("source=\"{name}\""))
         };
         ours.extend(files.filter(system).map(|name| format!("{}/{name}", amend::FOLDER)));
     }

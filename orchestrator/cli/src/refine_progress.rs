@@ -77,6 +77,7 @@ impl Interrupt {
         let (own, folder) = (Arc::clone(&state), folder.to_owned());
         // Without a handler a signal ends the program as usual, so a failure here is no reason not to search.
         let _ = ctrlc::set_handler(move || {
+            airloop_fmi::isolate::interrupt();
             let change = |from, to| own.compare_exchange(from, to, Ordering::SeqCst, Ordering::SeqCst);
             if change(WRITING, ASKED).is_ok() {
                 return;

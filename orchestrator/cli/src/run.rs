@@ -49,6 +49,7 @@ impl Record {
 /// # Errors
 /// Fails if the run cannot start, or its results cannot be written.
 pub fn run(args: &RunArgs) -> Result<ExitCode, Error> {
+    args.isolate.choose()?;
     if let Some(study) = &args.study {
         return run_study::run(args, study);
     }
@@ -343,6 +344,7 @@ pub(super) fn stop_flag() -> Arc<AtomicBool> {
     let flag = Arc::clone(&stop);
     // Without a handler a signal ends the program as usual, so a failure here is no reason not to run.
     let _ = ctrlc::set_handler(move || {
+        airloop_fmi::isolate::interrupt();
         if flag.swap(true, Ordering::Relaxed) {
             std::process::exit(i32::from(super::INTERRUPTED));
         }

@@ -55,6 +55,9 @@ pub struct Args {
     /// Threads; default: one per processor, at most 8. Results do not depend on it.
     #[arg(long, value_name = "NUMBER", value_parser = clap::value_parser!(u32).range(1..=256))]
     pub threads: Option<u32>,
+    /// Processes of FMUs.
+    #[command(flatten)]
+    pub isolate: super::isolate::IsolateArgs,
     /// Folder for the results; it is made if it is not there.
     #[arg(short, long, value_name = "DIR", default_value = "out/trials")]
     pub output: PathBuf,
@@ -72,6 +75,7 @@ pub struct Args {
 /// Fails if the trials cannot be prepared or begun, or the results cannot be written.
 pub fn run(args: &Args) -> Result<ExitCode, Error> {
     let stop = run::stop_flag();
+    args.isolate.choose()?;
     if !(args.scale.is_finite() && args.scale >= 0.0) {
         let problem = format!("{}; allowed: a finite number of at least 0", args.scale);
         return Err(PlanError::Place { place: "--scale".into(), problem }.into());

@@ -12,6 +12,7 @@ pub mod description;
 mod error;
 mod functions;
 mod instance;
+pub mod isolate;
 mod library;
 mod log;
 mod model;
@@ -28,7 +29,7 @@ pub use description::{
     LogCategory, ModelDescription, NamingConvention, RealAttributes, TypeDefinition, UnitDefinition, Unknown,
     Variability, Variable, VariableKind,
 };
-pub use error::{CallError, Error, Status};
+pub use error::{CallError, Error, LostError, Status};
 pub use instance::{Instance, StateHandle};
 pub use log::LogMessage;
 pub use model::{EventInfo, Model, StepEvent};

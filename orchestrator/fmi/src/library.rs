@@ -4,12 +4,14 @@
 
 use std::ffi::{CStr, c_char};
 use std::path::Path;
+use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 use fmi::fmi2::binding::Fmi2Binding;
 
-use super::error::Error;
+use super::error::{Error, LostError};
 use super::functions::{CommonFunctions, ModelFunctions, SlaveFunctions};
+use super::isolate::{self, Channel, Isolation};
 
 /// Names of the folder below `binaries/` that fit this machine, best first. FMI 2.0 names only the 32 and 64 bit
 /// x86 platforms; for others the tuples of FMI 3.0 are usual.
@@ -33,8 +35,10 @@ pub(super) struct Library {
     pub(super) model: Result<ModelFunctions, &'static str>,
     /// Whether an instance exists of an FMU that allows one only.
     pub(super) occupied: AtomicBool,
+    /// The process that the functions reach, where the library is not in this one.
+    pub(super) remote: Option<Arc<Channel>>,
     // Keeps the code loaded that the function tables point into.
-    _binding: Fmi2Binding,
+    _binding: Option<Fmi2Binding>,
 }
 
 impl Library {
@@ -65,7 +69,29 @@ impl Library {
                 return Err(Error::Header { path: path.to_owned(), function, answer, expected });
             }
         }
-        Ok(Library { common, slave, model, occupied: AtomicBool::new(false), _binding: binding })
+        let occupied = AtomicBool::new(false);
+        Ok(Library { common, slave, model, occupied, remote: None, _binding: Some(binding) })
+    }
+
+    /// Loads `folder/inner` for the archive `path` in a process of its own.
+    pub(super) fn in_worker(
+        path: &Path,
+        folder: &Path,
+        inner: &str,
+        isolation: &Isolation,
+    ) -> Result<Self, Error> {
+        let refused = |reason| Error::Load { path: path.to_owned(), library: inner.to_owned(), reason };
+        let channel = Channel::open(isolation, path)
+            .map_err(|error| refused(format!("no process of its own can be started: {error}")))?;
+        let texts = [path.to_string_lossy(), folder.to_string_lossy(), inner.into()];
+        let Some(found) = isolate::functions(&channel, texts.each_ref().map(AsRef::as_ref)) else {
+            let death = channel.death().cloned().unwrap_or_default();
+            let component = path.file_stem().unwrap_or_default().to_string_lossy();
+            return Err(Error::Lost(Box::new(LostError::new(&component, path, None, &death))));
+        };
+        let (common, slave, model) = found.map_err(refused)?;
+        let occupied = AtomicBool::new(false);
+        Ok(Library { common, slave, model, occupied, remote: Some(channel), _binding: None })
     }
 }
 

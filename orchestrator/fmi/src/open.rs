@@ -9,6 +9,7 @@ use tempfile::TempDir;
 use super::archive::{Archive, ArchiveError, Limits, Unpacked};
 use super::description::{Interface, ModelDescription};
 use super::error::Error;
+use super::isolate;
 use super::library::{Library, platform_folders};
 
 /// One of the two interfaces of FMI 2.0.
@@ -220,7 +221,11 @@ impl Fmu {
             return Ok(Arc::clone(library));
         }
         let inner = self.binary(identifier)?;
-        let library = Arc::new(Library::load(&self.shown, self.folder.path(), &inner)?);
+        let (shown, folder) = (&self.shown, self.folder.path());
+        let library = Arc::new(match isolate::choice(&self.description.generation_tool) {
+            Some(isolation) => Library::in_worker(shown, folder, &inner, &isolation)?,
+            None => Library::load(shown, folder, &inner)?,
+        });
         libraries.push((identifier.clone(), Arc::clone(&library)));
         Ok(library)
     }
