@@ -13,6 +13,7 @@ pub mod identify;
 pub mod inspect;
 pub mod inspect_system;
 mod inspect_worker;
+pub mod isolate;
 pub mod optimize;
 pub mod output;
 #[cfg(test)]
@@ -57,12 +58,16 @@ pub fn main() -> ExitCode {
         Command::Trials(args) => trials::run(&args),
         Command::Optimize(args) => optimize::run(&args),
         Command::Refine(args) => refine::run(&args),
+        Command::FmuWorker => Ok(isolate::work()),
         Command::Completions { shell } => {
             let mut script = Vec::new();
             clap_complete::generate(shell, &mut Cli::command(), "airloop", &mut script);
             output::print(&String::from_utf8_lossy(&script)).map(|()| ExitCode::SUCCESS)
         }
     };
+    for note in airloop_fmi::isolate::take_notes() {
+        output::complain(&format!("note: {note}"));
+    }
     outcome.unwrap_or_else(|error| {
         output::complain(&format!("error: {error}"));
         // A setting out of range is wrong usage, be it a word on its own or only together with others.

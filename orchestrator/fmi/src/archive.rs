@@ -176,7 +176,7 @@ impl Archive {
 
     /// Writes all files into a new temporary folder.
     pub(super) fn unpack(mut self) -> Result<Unpacked, ArchiveError> {
-        let folder = tempfile::Builder::new().prefix("airloop-").tempdir().map_err(ArchiveError::Folder)?;
+        let folder = airloop_series::scratch::folder().map_err(ArchiveError::Folder)?;
         let (mut files, mut folders) = (Vec::new(), Vec::new());
         for index in 0..self.zip.len() {
             let name = self.zip.name_for_index(index).expect("index is below len").to_owned();

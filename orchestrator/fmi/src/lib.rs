@@ -13,6 +13,7 @@ mod error;
 mod fmi3;
 mod functions;
 mod instance;
+pub mod isolate;
 mod library;
 mod log;
 mod model;
@@ -29,7 +30,7 @@ pub use description::{
     LogCategory, ModelDescription, NamingConvention, RealAttributes, TypeDefinition, UnitDefinition, Unknown,
     UnreadVariable, Variability, Variable, VariableKind,
 };
-pub use error::{CallError, Error, Status};
+pub use error::{CallError, Error, LostError, Status};
 pub use instance::{Instance, StateHandle};
 pub use log::LogMessage;
 pub use model::{EventInfo, Model, StepEvent};

@@ -4,14 +4,16 @@
 
 use std::ffi::{CStr, c_char};
 use std::path::Path;
+use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 use fmi::fmi2::binding::Fmi2Binding;
 use fmi::fmi3::binding::Fmi3Binding;
 
-use super::error::Error;
+use super::error::{Error, LostError};
 use super::fmi3;
 use super::functions::{CommonFunctions, FirstFunctions, ModelFunctions, SlaveFunctions};
+use super::isolate::{self, Channel, Isolation};
 
 /// Names of the folder below `binaries/` that fit this machine, best first. FMI 2.0 names only the 32 and 64 bit
 /// x86 platforms; for others the tuples of FMI 3.0 are usual.
@@ -57,8 +59,12 @@ pub(super) struct Library {
     pub(super) model: Result<ModelFunctions, &'static str>,
     /// Whether an instance exists of an FMU that allows one only.
     pub(super) occupied: AtomicBool,
+    /// Where the functions come from.
     pub(super) origin: Origin,
-    _binding: Binding,
+    /// The process that the functions reach, where the library is not in this one.
+    pub(super) remote: Option<Arc<Channel>>,
+    // Keeps the code loaded that the function tables point into.
+    _binding: Option<Binding>,
 }
 
 impl Library {
@@ -91,7 +97,8 @@ impl Library {
             }
         }
         let (origin, binding) = (Origin::Two(first), Binding::Two { _code: Box::new(binding) });
-        Ok(Library { common, slave, model, occupied: AtomicBool::new(false), origin, _binding: binding })
+        let occupied = AtomicBool::new(false);
+        Ok(Library { common, slave, model, occupied, origin, remote: None, _binding: Some(binding) })
     }
 
     /// Same as [`Self::load`] for a library of FMI 3.0.
@@ -119,8 +126,30 @@ impl Library {
             model: model.map(|_| fmi3::tables::MODEL),
             occupied: AtomicBool::new(false),
             origin: Origin::Three(Box::new(three)),
-            _binding: Binding::Three { _code: Box::new(binding) },
+            remote: None,
+            _binding: Some(Binding::Three { _code: Box::new(binding) }),
         })
+    }
+
+    /// Loads `folder/inner` for the archive `path` in a process of its own.
+    pub(super) fn in_worker(
+        path: &Path,
+        folder: &Path,
+        inner: &str,
+        isolation: &Isolation,
+    ) -> Result<Self, Error> {
+        let refused = |reason| Error::Load { path: path.to_owned(), library: inner.to_owned(), reason };
+        let channel = Channel::open(isolation, path)
+            .map_err(|error| refused(format!("no process of its own can be started: {error}")))?;
+        let texts = [path.to_string_lossy(), folder.to_string_lossy(), inner.into()];
+        let Some(found) = isolate::functions(&channel, texts.each_ref().map(AsRef::as_ref)) else {
+            let death = channel.death().cloned().unwrap_or_default();
+            let component = path.file_stem().unwrap_or_default().to_string_lossy();
+            return Err(Error::Lost(Box::new(LostError::new(&component, path, None, &death))));
+        };
+        let (first, common, slave, model) = found.map_err(refused)?;
+        let (occupied, origin) = (AtomicBool::new(false), Origin::Two(first));
+        Ok(Library { common, slave, model, occupied, origin, remote: Some(channel), _binding: None })
     }
 }
 

@@ -10,9 +10,10 @@ use std::sync::atomic::Ordering;
 
 use fmi::fmi2::binding::{fmi2CallbackFunctions, fmi2Type_fmi2CoSimulation, fmi2Type_fmi2ModelExchange};
 
-use super::error::Error;
+use super::error::{Error, LostError};
 use super::fmi3::{self, Component};
 use super::functions::{CommonFunctions, ModelFunctions, SlaveFunctions};
+use super::isolate;
 use super::library::{Library, Origin};
 use super::log::{LogBuffer, LogMessage, airloop_fmi2_logger};
 use super::open::{Fmu, InterfaceKind};
@@ -30,6 +31,14 @@ mod values;
 unsafe extern "C" {
     fn calloc(count: usize, size: usize) -> *mut c_void;
     fn free(memory: *mut c_void);
+}
+
+/// Allocation and release of memory for FMUs.
+type Memory = (unsafe extern "C" fn(usize, usize) -> *mut c_void, unsafe extern "C" fn(*mut c_void));
+
+/// The functions that FMUs get for their memory.
+pub(super) fn memory() -> Memory {
+    (calloc, free)
 }
 
 /// Phase in the life of an instance, as far as dropping it depends on it.
@@ -125,7 +134,7 @@ impl Instance {
                 let resources = string(&fmu.resources_uri(), "the path of the resources")?;
                 trace::enter("fmi2Instantiate");
                 // SAFETY: the strings live during the call, callbacks and log buffer until the component is freed.
-                unsafe {
+                let instantiate = || unsafe {
                     (functions.instantiate)(
                         c_name.as_ptr(),
                         fmi_type,
@@ -135,6 +144,10 @@ impl Instance {
                         0,
                         logging.into(),
                     )
+                };
+                match &library.remote {
+                    Some(channel) => isolate::with_channel(channel, instantiate),
+                    None => instantiate(),
                 }
             }
             Origin::Three(functions) => {
@@ -143,6 +156,9 @@ impl Instance {
                 Component::instantiate(fmu, **functions, kind, names, logging, &raw const *log)
             }
         };
+        if let Some(death) = library.remote.as_ref().and_then(|channel| channel.death()) {
+            return Err(Error::Lost(Box::new(LostError::new(name, &fmu.shown, None, death))));
+        }
         if component.is_null() {
             library.occupied.store(false, Ordering::Release);
             let hint = if interface.needs_execution_tool {
@@ -338,6 +354,10 @@ impl Instance {
 
 impl Drop for Instance {
     fn drop(&mut self) {
+        if self.library.remote.is_some() && matches!(self.phase, Phase::Abandoned(_)) {
+            isolate::forget(self.component);
+            return;
+        }
         if let Phase::Abandoned(_) = self.phase {
             // The FMU may still compute or log in the background: its code and what it was given stay.
             std::mem::forget(Arc::clone(&self.library));
@@ -352,6 +372,9 @@ impl Drop for Instance {
             // SAFETY: the component is alive and initialized. A refusal changes nothing about what follows.
             let status = unsafe { (self.functions.terminate)(self.component) };
             if status > 3 {
+                if self.library.remote.is_some() {
+                    isolate::forget(self.component);
+                }
                 return;
             }
         }
