@@ -37,19 +37,15 @@ class System:
     def run(
         self,
         options: dict[str, Any],
-        set: list[tuple[str, str]],
         input: Record | None = None,
         measured: Record | None = None,
-        signals: dict[str, str] | None = None,
         progress: Callable[[int, int], object] | None = None,
     ) -> dict[str, Any]: ...
     def fit(
         self, master: str, result: Record, measured: Record, signals: dict[str, str]
     ) -> list[tuple[str, str | None, str, float | None, float, int]]: ...
-    def instantiate(self, options: dict[str, Any], set: list[tuple[str, str]]) -> Simulation: ...
-    def instantiate_batch(
-        self, options: dict[str, Any], set: list[tuple[str, str]], batch: int, threads: int | None
-    ) -> Batch: ...
+    def instantiate(self, options: dict[str, Any]) -> Simulation: ...
+    def instantiate_batch(self, options: dict[str, Any], batch: int, threads: int | None) -> Batch: ...
     def rhs(
         self,
         states: list[str] | None,

@@ -186,12 +186,12 @@ class System:
             corrections=corrections,
             iterate=iterate,
             coupling_inputs=coupling_inputs,
+            set=_start_values(set),
+            signals=dict(signals or {}),
         )
         driving = None if inputs is None else data.record(inputs, "inputs")
         compared = None if measured is None else data.record(measured, "measured")
-        answer = self._graph_of(master).run(
-            options, _start_values(set), driving, compared, dict(signals or {}), progress
-        )
+        answer = self._graph_of(master).run(options, driving, compared, progress)
         result = Result(self, master, answer)
         if answer["error"] is not None:
             error: Exception = answer["error"]
@@ -266,11 +266,13 @@ class System:
             corrections=None,
             iterate=None,
             coupling_inputs=None,
+            set=_start_values(set),
+            signals={},
         )
         graph = self._graph_of(master)
         if batch is None:
-            return Simulation(graph.instantiate(options, _start_values(set)))
-        return Batch(graph.instantiate_batch(options, _start_values(set), batch, threads))
+            return Simulation(graph.instantiate(options))
+        return Batch(graph.instantiate_batch(options, batch, threads))
 
     def rhs(
         self,

@@ -55,8 +55,11 @@ def _fill():
     if shutil.which("strip"):
         subprocess.run(["strip", str(program)], check=True)
     into = _fresh("fmu")
-    for file in fmus.glob("*.fmu"):
-        shutil.copy2(file, into)
+    # Those of folder `test` are for our own tests only; `template` holds the parts of which export-fmu makes FMUs.
+    for file in [*fmus.glob("*.fmu"), *fmus.glob("template/*.fmu")]:
+        copy = into / file.relative_to(fmus)
+        copy.parent.mkdir(exist_ok=True)
+        shutil.copy2(file, copy)
     into = _fresh("examples")
     for name in EXAMPLE:
         text = (ROOT / "examples" / "01_run" / name).read_text(encoding="utf-8")

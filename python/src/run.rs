@@ -45,6 +45,10 @@ pub struct Options {
     corrections: Option<u32>,
     iterate: Option<f64>,
     coupling_inputs: Option<String>,
+    /// Start values by name, as texts.
+    pub set: Vec<(String, String)>,
+    /// Columns of another name, by connector.
+    signals: BTreeMap<String, String>,
 }
 
 /// Records of a run.
@@ -53,8 +57,6 @@ pub struct Data<'a> {
     pub input: Option<&'a Record>,
     /// Measurement, with the inputs where there are no others.
     pub measured: Option<&'a Record>,
-    /// Columns by connector.
-    pub signals: BTreeMap<String, String>,
 }
 
 /// The master of this name.
@@ -124,8 +126,7 @@ struct Linked<'a> {
 }
 
 impl<'a> Linked<'a> {
-    fn new(graph: &SystemGraph, data: &Data<'a>) -> Result<Linked<'a>, airloop::Error> {
-        let table = SignalTable(data.signals.clone());
+    fn new(graph: &SystemGraph, data: &Data<'a>, table: SignalTable) -> Result<Linked<'a>, airloop::Error> {
         let link = |record: &'a Record, table: &SignalTable| {
             signals::link(graph, &record.series, table, &record.label).map(|links| (record, links))
         };
@@ -167,19 +168,18 @@ pub fn run<'py>(
     py: Python<'py>,
     graph: &SystemGraph,
     options: &Options,
-    set: &[(String, String)],
     data: &Data<'_>,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Bound<'py, PyDict>> {
     let mut graph = graph.clone();
-    let linked = Linked::new(&graph, data).map_err(raise)?;
+    let linked = Linked::new(&graph, data, SignalTable(options.signals.clone())).map_err(raise)?;
     let settings = settings(options, &graph, linked.driver().map(|(record, _)| &record.series))?;
     let mut started = Vec::new();
     let from_measured = one_of("initial", &options.initial, [("measured", true), ("zero", false)])?;
     if let Some((record, links)) = linked.measured.as_ref().filter(|_| from_measured) {
         started = signals::start_at_measured(&mut graph, &record.series, links, settings.start_time);
     }
-    for (name, value) in set {
+    for (name, value) in &options.set {
         let place = format!("set={{\"{name}\": {value}}}");
         let drives =
             |links: &Links| links.inputs.iter().any(|link| graph.inputs[link.connector].name == *name);

@@ -79,20 +79,17 @@ impl System {
     }
 
     /// Simulates; see [`run::run`].
-    #[pyo3(signature = (options, set, input=None, measured=None, signals=None, progress=None))]
+    #[pyo3(signature = (options, input=None, measured=None, progress=None))]
     fn run<'py>(
         &self,
         py: Python<'py>,
         options: &Bound<'py, PyDict>,
-        set: Vec<(String, String)>,
         input: Option<&Record>,
         measured: Option<&Record>,
-        signals: Option<std::collections::BTreeMap<String, String>>,
         progress: Option<Py<PyAny>>,
     ) -> PyResult<Bound<'py, PyDict>> {
         let options = run::Options::read(options)?;
-        let data = run::Data { input, measured, signals: signals.unwrap_or_default() };
-        run::run(py, &self.graph, &options, &set, &data, progress)
+        run::run(py, &self.graph, &options, &run::Data { input, measured }, progress)
     }
 
     /// Fit of the columns of a result to a measurement, as (name, unit, column, fit \[%\], RMS error, samples).
@@ -107,13 +104,8 @@ impl System {
     }
 
     /// Instances whose steps the caller commands.
-    fn instantiate(
-        &self,
-        py: Python<'_>,
-        options: &Bound<'_, PyDict>,
-        set: Vec<(String, String)>,
-    ) -> PyResult<Simulation> {
-        let (graph, settings) = self.prepared(options, &set)?;
+    fn instantiate(&self, py: Python<'_>, options: &Bound<'_, PyDict>) -> PyResult<Simulation> {
+        let (graph, settings) = self.prepared(options)?;
         Simulation::open(py, graph, &settings)
     }
 
@@ -122,11 +114,10 @@ impl System {
         &self,
         py: Python<'_>,
         options: &Bound<'_, PyDict>,
-        set: Vec<(String, String)>,
         batch: usize,
         threads: Option<usize>,
     ) -> PyResult<Batch> {
-        let (graph, settings) = self.prepared(options, &set)?;
+        let (graph, settings) = self.prepared(options)?;
         Batch::open(py, graph, &settings, batch, threads)
     }
 
@@ -150,10 +141,9 @@ impl System {
     fn prepared(
         &self,
         options: &Bound<'_, PyDict>,
-        set: &[(String, String)],
     ) -> PyResult<(Arc<SystemGraph>, airloop_cosim::master::Settings)> {
         let options = run::Options::read(options)?;
-        let graph = started(&self.graph, set)?;
+        let graph = started(&self.graph, &options.set)?;
         let experiment = &graph.experiment;
         let start = options.start.or(experiment.start).unwrap_or(0.0);
         let settings = options.settings(&graph, start, options.stop.unwrap_or(start + run::OPEN_END))?;

@@ -52,7 +52,7 @@ def test_options_mean_what_they_mean_on_the_command_line(system, examples, comma
 
 def test_records_come_as_file_frame_index_or_dictionary(system, examples):
     file = examples / "record.csv"
-    frame = pandas.read_csv(file, float_precision="round_trip")
+    frame = pandas.read_csv(file)
     by_index = frame.set_index("time")
     by_delta = frame.set_index(pandas.to_timedelta(frame["time"], unit="s")).drop(columns="time")
     results = [system.run(measured=one, stop=0.2) for one in (file, frame, by_index, dict(frame.items()), by_delta)]
