@@ -25,7 +25,7 @@ if TYPE_CHECKING:
         SystemFileError,
         __version__,
     )
-    from .commands import Outcome, excite, new_study, optimize, stabilize, trials
+    from .commands import Outcome, excite, new_study, optimize, read_toml, stabilize, trials
     from .fmu import Finding, Fmu
     from .program import CommandError
     from .refinement import Report, refine
@@ -60,6 +60,7 @@ _WHERE = {
     "identify": "",
     "new_study": "commands",
     "optimize": "commands",
+    "read_toml": "commands",
     "refine": "refinement",
     "stabilize": "commands",
     "trials": "commands",
@@ -90,6 +91,7 @@ __all__ = [
     "identify",
     "new_study",
     "optimize",
+    "read_toml",
     "refine",
     "stabilize",
     "trials",

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from . import data, program
-from ._native import to_toml
+from ._native import from_toml, to_toml
 
 if TYPE_CHECKING:
     import pandas
@@ -81,6 +81,12 @@ def table_file(table: "str | os.PathLike[str] | Mapping[str, Any]", folder: Path
         yield name
     finally:
         os.unlink(name)
+
+
+def read_toml(path: "str | os.PathLike[str]") -> dict[str, Any]:
+    """Content of a TOML file (study, problem, settings) as dictionary, to be changed and given to a command."""
+    content: dict[str, Any] = json.loads(from_toml(Path(path).read_text(encoding="utf-8")))
+    return content
 
 
 def into(output: "str | os.PathLike[str] | None") -> tuple[Path, Any]:
@@ -231,7 +237,8 @@ def new_study(
     folder: "str | os.PathLike[str]",
     records: "data.Signals | Sequence[data.Signals]",
     *,
-    system: "str | os.PathLike[str] | None" = None,
+    system: "str | os.PathLike[str]",
+    signals: Mapping[str, str] | None = None,
 ) -> Path:
     """Writes a commented ``study.toml`` from the columns of records (``airloop new study``).
 
@@ -243,6 +250,8 @@ def new_study(
         CSV file, DataFrame or mapping, or a list of them.
     system
         System or FMU of the study; ``airloop:NAME`` for one of this project.
+    signals
+        Columns of another name, ``{input or output: column}``.
 
     Returns
     -------
@@ -254,7 +263,7 @@ def new_study(
         files = [
             data.write(one, Path(scratch) / f"record_{index + 1}.csv", "records") for index, one in enumerate(several)
         ]
-        named = None if system is None else os.fspath(system)
-        options = program.words({"from": [str(file) for file in files], "system": named})
+        named = {"from": [str(file) for file in files], "system": os.fspath(system), "signal": signals}
+        options = program.words(named)
         program.run(["new", "study", os.fspath(folder), *options])
     return Path(folder) / "study.toml"

@@ -4,7 +4,6 @@ Every function takes the records as CSV files, DataFrames or mappings, and the o
 arguments. What it returns has ``summary`` (fits, orders, residual tests), ``model`` and the figures.
 """
 
-import json
 import os
 import tempfile
 from collections.abc import Sequence
@@ -12,8 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from . import data
-from ._native import from_toml
-from .commands import Outcome, command
+from .commands import Outcome, command, read_toml
 
 
 class Identified(Outcome):
@@ -23,8 +21,7 @@ class Identified(Outcome):
     def model(self) -> dict[str, Any]:
         """Content of the model file, empty where there is none."""
         file = next(iter(sorted(self.folder.glob("*.toml"))), None)
-        content: dict[str, Any] = {} if file is None else json.loads(from_toml(file.read_text()))
-        return content
+        return {} if file is None else read_toml(file)
 
     @property
     def fmu(self) -> Path | None:

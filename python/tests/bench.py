@@ -5,6 +5,7 @@ One table on the standard output. Every figure is the best of five repetitions.
 
 import os
 import sys
+import tempfile
 import time
 from pathlib import Path
 
@@ -57,62 +58,68 @@ def airloop_steps(path, batch):
     return one_call, call_each, full, stepped, rolled
 
 
-def fmpy_step(path):
-    """Time per step [s] of FMPy: set one input, step, get one output, through its slave class."""
+def fmpy_step(*paths):
+    """Time per step [s] of FMPy: for every FMU set one input, step, get one output, through its slave class."""
     import fmpy
     from fmpy.fmi2 import FMU2Slave
 
-    description = fmpy.read_model_description(path)
-    folder = fmpy.extract(path)
-    slave = FMU2Slave(
-        guid=description.guid,
-        unzipDirectory=folder,
-        modelIdentifier=description.coSimulation.modelIdentifier,
-        instanceName="bench",
-    )
-    slave.instantiate()
-    slave.setupExperiment(startTime=0.0)
-    slave.enterInitializationMode()
-    slave.exitInitializationMode()
-    reals = [one for one in description.modelVariables if one.type == "Real"]
-    inputs = [one.valueReference for one in reals if one.causality == "input"][:1]
-    outputs = [one.valueReference for one in reals if one.causality == "output"][:1]
+    slaves = []
+    for path in map(str, paths):
+        description = fmpy.read_model_description(path)
+        slave = FMU2Slave(
+            guid=description.guid,
+            unzipDirectory=fmpy.extract(path),
+            modelIdentifier=description.coSimulation.modelIdentifier,
+            instanceName="bench",
+        )
+        slave.instantiate()
+        slave.setupExperiment(startTime=0.0)
+        slave.enterInitializationMode()
+        slave.exitInitializationMode()
+        reals = [one for one in description.modelVariables if one.type == "Real"]
+        inputs = [one.valueReference for one in reals if one.causality == "input"][:1]
+        outputs = [one.valueReference for one in reals if one.causality == "output"][:1]
+        slaves.append((slave, inputs, outputs))
     clock = [0.0]
 
     def loop():
         for _ in range(STEPS):
-            if inputs:
-                slave.setReal(inputs, [0.0])
-            slave.doStep(currentCommunicationPoint=clock[0], communicationStepSize=STEP)
+            for slave, inputs, outputs in slaves:
+                if inputs:
+                    slave.setReal(inputs, [0.0])
+                slave.doStep(currentCommunicationPoint=clock[0], communicationStepSize=STEP)
+                slave.getReal(outputs)
             clock[0] += STEP
-            slave.getReal(outputs)
 
     duration = best(loop) / STEPS
-    slave.terminate()
-    slave.freeInstance()
+    for slave, _, _ in slaves:
+        slave.terminate()
+        slave.freeInstance()
     return duration
 
 
 def main():
     """Prints the table."""
     batch = 64
-    cases = [(file, file) for file in sys.argv[1:]]
-    # FMPy steps single FMUs only: example 01 is exported as one, which both tools then step.
-    with_system = Path(airloop.__file__).parent / "examples" / "system.ssd"
-    one = Path(os.environ.get("TMPDIR", "/tmp")) / "airloop_bench.fmu"
-    airloop.System(with_system).export(one)
-    cases = [("example 01", one), ("friction", airloop.System("airloop:friction").path), *cases]
-    print(f"us per instance and step; batch of {batch}, {os.cpu_count()} processors, step {STEP} s")
-    print("| case | count=N | step() | set, step, get | batch: set, step, get | batch: rollout | FMPy | rollout against FMPy |")
-    print("|---|---|---|---|---|---|---|---|")
-    for name, path in cases:
-        found = airloop_steps(path, batch)
-        other = fmpy_step(str(path))
-        numbers = " | ".join(f"{1e6 * one:.2f}" for one in (*found, other))
-        print(f"| {Path(name).name} | {numbers} | {other / found[-1]:.1f} |")
-    found = airloop_steps(with_system, batch)
-    print(f"| example 01 (four FMUs) | {' | '.join(f'{1e6 * one:.2f}' for one in found)} | | |")
-    os.unlink(one)
+    example = Path(airloop.__file__).parent / "examples" / "system.ssd"
+    parts = [airloop.System(f"airloop:{name}").path for name in ("arx-actuator", "friction", "friction", "cart-pole")]
+    with tempfile.TemporaryDirectory() as folder:
+        one = Path(folder) / "example_01.fmu"
+        airloop.System(example).export(one)
+        cases = [
+            ("example 01, four FMUs", example, parts),
+            ("example 01 as one FMU", one, [one]),
+            ("friction", parts[1], parts[1:2]),
+            *((Path(file).name, file, [file]) for file in sys.argv[1:]),
+        ]
+        print(f"us per instance and step; batch of {batch}, {os.cpu_count()} processors, step {STEP} s")
+        print("| case | count=N | step() | set, step, get | batch: set, step, get | batch: rollout | FMPy | rollout against FMPy |")
+        print("|---|---|---|---|---|---|---|---|")
+        for name, path, alone in cases:
+            found = airloop_steps(path, batch)
+            other = fmpy_step(*alone)
+            numbers = " | ".join(f"{1e6 * value:.2f}" for value in (*found, other))
+            print(f"| {name} | {numbers} | {other / found[-1]:.1f} |")
 
 
 if __name__ == "__main__":

@@ -171,3 +171,30 @@ def test_import_is_fast_and_needs_no_numpy():
 def test_the_program_of_the_environment_wins(monkeypatch):
     monkeypatch.setenv("AIRLOOP", "/no/such/program")
     assert program.path() == "/no/such/program"
+
+
+def test_a_new_study_is_written_from_columns_and_can_be_searched(tmp_path, command, examples):
+    swing = examples / "swing.csv"
+    file = airloop.new_study(tmp_path / "one", swing, system="airloop:pendulum", signals={"theta": "angle"})
+    text = file.read_text()
+    assert 'theta = { column = "angle", unit = "rad" }' in text and 'omega = { derivative_of = "angle"' in text
+    assert (tmp_path / "one" / "swing.csv").read_text() == swing.read_text() and text.count("[[segment]]") == 2
+    planned = command("refine", "--plan", tmp_path / "one")
+    assert planned.returncode == 0 and "tau_ext" in planned.stdout, planned.stderr
+    frame = pandas.read_csv(swing).rename(columns={"angle": "theta [deg]"})
+    frame["theta [deg]"] = np.degrees(frame["theta [deg]"])
+    second = airloop.new_study(tmp_path / "two", [frame, frame], system=airloop.Fmu("airloop:pendulum").path)
+    assert 'theta = { column = "theta" }' in second.read_text()
+    assert command("refine", "--plan", tmp_path / "two").returncode == 0
+    bad = [
+        ({"system": "airloop:pendulum"}, "none of its columns (angle) is an output of the system"),
+        ({"system": "airloop:pendulum", "signals": {"phi": "angle"}}, "no input or output `phi`; it has:"),
+        ({"system": "airloop:pendulum", "signals": {"theta": "x"}}, "has no column `x`; it has: angle"),
+        ({"system": "airloop:none"}, "none.fmu"),
+    ]
+    for options, expected in bad:
+        with pytest.raises(airloop.CommandError, match="(?s)" + expected.replace("(", r"\(").replace(")", r"\)")):
+            airloop.new_study(tmp_path / "bad", swing, **options)
+    assert not (tmp_path / "bad").exists()
+    with pytest.raises(airloop.CommandError, match="is there already"):
+        airloop.new_study(tmp_path / "one", swing, system="airloop:pendulum", signals={"theta": "angle"})

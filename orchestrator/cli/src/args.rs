@@ -94,6 +94,12 @@ pub enum Command {
     /// Writes report.json, report.md and report.html. Candidates are fitted in simulation on the estimation records;
     /// errors are reported on the validation records.
     Refine(super::refine::Args),
+    /// Begin something of one's own with a file that explains itself.
+    New {
+        /// Beginning.
+        #[command(subcommand)]
+        command: super::new::Command,
+    },
     /// Print a completion script for a shell, e.g. `airloop completions bash >
     /// ~/.local/share/bash-completion/completions/airloop`.
     Completions {

@@ -13,6 +13,7 @@ pub mod identify;
 pub mod inspect;
 pub mod inspect_system;
 mod inspect_worker;
+pub mod new;
 pub mod optimize;
 pub mod output;
 #[cfg(test)]
@@ -57,6 +58,7 @@ pub fn main() -> ExitCode {
         Command::Trials(args) => trials::run(&args),
         Command::Optimize(args) => optimize::run(&args),
         Command::Refine(args) => refine::run(&args),
+        Command::New { command } => new::run(&command),
         Command::Completions { shell } => {
             let mut script = Vec::new();
             clap_complete::generate(shell, &mut Cli::command(), "airloop", &mut script);
