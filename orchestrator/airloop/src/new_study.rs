@@ -388,6 +388,12 @@ fn text(graph: &SystemGraph, system: &str, matched: &Matched, names: &[String]) 
     line("# min = 0.0");
     line("");
     line(
+        "# A system that drifts away (an axis that only a force moves) is compared in windows that begin anew:",
+    );
+    line("# [error]");
+    line("# windows_s = 1.0");
+    line("");
+    line(
         "# Records: effects are chosen on estimation, and judged on validation. initial = \"fit\" fits the states at the",
     );
     line("# begin of each, \"measured\" takes them from [states].");
