@@ -102,6 +102,9 @@ pub enum Error {
     /// Missing effects.
     #[error(transparent)]
     Refine(#[from] airloop_refine::Error),
+    /// New studies.
+    #[error(transparent)]
+    NewStudy(#[from] crate::new_study::Error),
     /// Plans.
     #[error(transparent)]
     Plan(#[from] airloop_plan::Error),

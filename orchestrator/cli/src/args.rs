@@ -97,6 +97,12 @@ pub enum Command {
     /// The process of an FMU; other commands start it.
     #[command(hide = true)]
     FmuWorker,
+    /// Begin something of one's own with a file that explains itself.
+    New {
+        /// Beginning.
+        #[command(subcommand)]
+        command: super::new::Command,
+    },
     /// Print a completion script for a shell, e.g. `airloop completions bash >
     /// ~/.local/share/bash-completion/completions/airloop`.
     Completions {

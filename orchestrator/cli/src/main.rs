@@ -14,6 +14,7 @@ pub mod inspect;
 pub mod inspect_system;
 mod inspect_worker;
 pub mod isolate;
+pub mod new;
 pub mod optimize;
 pub mod output;
 #[cfg(test)]
@@ -59,6 +60,7 @@ pub fn main() -> ExitCode {
         Command::Optimize(args) => optimize::run(&args),
         Command::Refine(args) => refine::run(&args),
         Command::FmuWorker => Ok(isolate::work()),
+        Command::New { command } => new::run(&command),
         Command::Completions { shell } => {
             let mut script = Vec::new();
             clap_complete::generate(shell, &mut Cli::command(), "airloop", &mut script);

@@ -5,6 +5,7 @@
 
 pub mod csv;
 pub mod file;
+pub mod frame;
 mod header;
 pub mod random;
 pub mod resample;
