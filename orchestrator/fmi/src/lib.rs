@@ -13,6 +13,7 @@ mod error;
 mod functions;
 mod instance;
 pub mod isolate;
+pub mod last_words;
 mod library;
 mod log;
 mod model;

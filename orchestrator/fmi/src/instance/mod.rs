@@ -13,6 +13,7 @@ use fmi::fmi2::binding::{fmi2CallbackFunctions, fmi2Type_fmi2CoSimulation, fmi2T
 use super::error::{Error, LostError};
 use super::functions::{CommonFunctions, ModelFunctions, SlaveFunctions};
 use super::isolate;
+use super::last_words;
 use super::library::Library;
 use super::log::{LogBuffer, LogMessage, airloop_fmi2_logger};
 use super::open::{Fmu, InterfaceKind};
@@ -62,6 +63,8 @@ pub struct Instance {
     slave: Option<SlaveFunctions>,
     model: Option<ModelFunctions>,
     name: String,
+    /// Component and FMU in messages.
+    label: Box<str>,
     kind: InterfaceKind,
     phase: Phase,
     time: Option<f64>,
@@ -129,7 +132,9 @@ impl Instance {
             stepFinished: None,
             componentEnvironment: (&raw mut *log).cast(),
         });
+        let label: Box<str> = format!("{name}: the FMU {}", fmu.shown.display()).into();
         trace::enter("fmi2Instantiate");
+        last_words::enter(&label, "fmi2Instantiate");
         // SAFETY: the strings live during the call, callbacks and log buffer until the component is freed.
         let instantiate = || unsafe {
             (library.common.instantiate)(
@@ -146,6 +151,7 @@ impl Instance {
             Some(channel) => isolate::with_channel(channel, instantiate),
             None => instantiate(),
         };
+        last_words::leave();
         if let Some(death) = library.remote.as_ref().and_then(|channel| channel.death()) {
             return Err(Error::Lost(Box::new(LostError::new(name, &fmu.shown, None, death))));
         }
@@ -171,6 +177,7 @@ impl Instance {
             slave,
             model,
             name: name.to_owned(),
+            label,
             kind,
             phase: Phase::Passive,
             time: None,
@@ -309,10 +316,17 @@ impl Instance {
         match self.phase {
             Phase::Abandoned(cause) => Err(self.dead(function, cause)),
             _ => {
-                trace::enter(function);
+                self.enter(function);
                 Ok(())
             }
         }
+    }
+
+    /// Notes that `function` is called next.
+    #[inline]
+    fn enter(&self, function: &'static str) {
+        trace::enter(function);
+        last_words::enter(&self.label, function);
     }
 
     #[cold]
@@ -349,9 +363,10 @@ impl Drop for Instance {
             return;
         }
         if self.phase == Phase::Active {
-            trace::enter("fmi2Terminate");
+            self.enter("fmi2Terminate");
             // SAFETY: the component is alive and initialized. A refusal changes nothing about what follows.
             let status = unsafe { (self.functions.terminate)(self.component) };
+            last_words::leave();
             if status > 3 {
                 if self.library.remote.is_some() {
                     isolate::forget(self.component);
@@ -360,15 +375,16 @@ impl Drop for Instance {
             }
         }
         if let Some(free_state) = self.functions.free_state {
-            trace::enter("fmi2FreeFMUstate");
+            self.enter("fmi2FreeFMUstate");
             for mut state in self.states.drain() {
                 // SAFETY: the component is alive; each state was made by it and is freed once.
                 unsafe { free_state(self.component, &raw mut state) };
             }
         }
-        trace::enter("fmi2FreeInstance");
+        self.enter("fmi2FreeInstance");
         // SAFETY: the component is alive and not used after this.
         unsafe { (self.functions.free_instance)(self.component) };
+        last_words::leave();
         self.library.occupied.store(false, Ordering::Release);
     }
 }
