@@ -24,6 +24,8 @@ const WRITING: &str = ".writing-";
 pub const PARTIAL: &str = "result.partial.csv";
 /// These go first and come last: who sees them sees a result that belongs to them.
 const HEADS: [&str; 3] = ["summary.json", "report.json", "index.html"];
+/// A single file that nobody went on with for this long is of a command that was killed.
+const ABANDONED: Duration = Duration::from_secs(24 * 3600);
 /// Time to wait for another command that writes into the folder.
 const PATIENCE: Duration = Duration::from_secs(3);
 
@@ -116,9 +118,10 @@ impl Results {
         let refused = |problem: String| Error::OutputFolder { folder: self.folder.clone(), problem };
         let stage = self.stage.take().expect("there until the results are moved");
         let names = files(stage.path()).map_err(|error| refused(error.to_string()))?;
-        let theirs = names
-            .iter()
-            .find(|name| !self.ours.contains(*name) && self.folder.join(name).symlink_metadata().is_ok());
+        let theirs = names.iter().find(|name| {
+            let there = self.folder.join(name);
+            !self.ours.contains(*name) && there.symlink_metadata().is_ok() && !is_figure(&there)
+        });
         if let Some(name) = theirs {
             let kept = (1..).map(|number| self.folder.join(format!("new-results-{number}")));
             let kept = kept.into_iter().find(|kept| kept.symlink_metadata().is_err()).unwrap_or_default();
@@ -184,7 +187,8 @@ fn finish_or_sweep(folder: &Path, stages: &Path, prefix: &str) -> Result<(), Err
     for entry in std::fs::read_dir(stages).into_iter().flatten().flatten() {
         let (path, name) = (entry.path(), entry.file_name());
         let name = name.to_string_lossy();
-        if name.starts_with(WRITING) && stages == folder {
+        let age = || path.metadata().and_then(|file| file.modified()).ok()?.elapsed().ok();
+        if name.starts_with(WRITING) && stages == folder && age().is_some_and(|age| age > ABANDONED) {
             let _ = std::fs::remove_file(&path).or_else(|_| std::fs::remove_dir_all(&path));
         } else if name.starts_with(prefix) {
             let complete = std::fs::read(path.join(COMPLETE)).ok();
@@ -350,6 +354,14 @@ pub fn check_file(file: &Path, inputs: &[&Path]) -> Result<(), Error> {
         return refused("it is there and is not of airloop: it would be replaced; choose another name");
     }
     Ok(())
+}
+
+/// Whether this is a figure as airloop draws them, of a result whose summary does not name it any more.
+fn is_figure(file: &Path) -> bool {
+    const BEGIN: &str = "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 ";
+    const ROLE: &str = "role=\"img\">\n<title>";
+    let drawn = |text: String| text.starts_with(BEGIN) && text.contains(ROLE);
+    file.extension().is_some_and(|ending| ending == "svg") && std::fs::read_to_string(file).is_ok_and(drawn)
 }
 
 /// Whether a system or an FMU says that airloop wrote it.

@@ -46,6 +46,9 @@ pub fn main() -> ExitCode {
         Ok(cli) => cli,
         Err(message) => return usage(&message),
     };
+    if !matches!(cli.command, Command::FmuWorker) {
+        airloop_fmi::last_words::install();
+    }
     let outcome = match cli.command {
         Command::Run(args) => run::run(&args),
         Command::Inspect(args) => inspect::run(&args),

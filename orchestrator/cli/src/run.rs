@@ -1,5 +1,6 @@
 //! `airloop run`: simulate, write, compare, draw.
 
+use std::collections::HashSet;
 use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -24,6 +25,7 @@ use airloop_cosim::results::summary::{
 use airloop_cosim::system;
 use airloop_cosim::system::SystemGraph;
 use airloop_cosim::system::graph::{DataType, Source};
+use airloop_fmi::Causality;
 use airloop_report::plot;
 use airloop_series::{Interpolation, TimeSeries, csv};
 
@@ -115,9 +117,10 @@ pub fn run(args: &RunArgs) -> Result<ExitCode, Error> {
     note_inputs(&graph, stimulus.as_ref(), &settings, &mut notes);
     let inputs = [&args.input, &args.measured, &args.signals].into_iter().flatten().chain([&args.system]);
     let names = ["result.csv", "summary.json", "index.html"].map(str::to_owned);
+    let needed = measured.is_some() || goal.is_some() || !args.no_plots;
+    check_size(&graph, &grid, args, needed)?;
     let results = folder::Results::open(&args.output, &inputs.cloned().collect::<Vec<_>>(), &names)?;
     let partial = Partial::new(&args.output)?;
-    let needed = measured.is_some() || goal.is_some() || !args.no_plots;
     let record = simulate::Record {
         keep: Keep { interval: args.output_step, only_in_file: !needed },
         file: Some(partial.file.try_clone().map_err(|error| partial.refused(&error))?),
@@ -167,6 +170,38 @@ pub fn run(args: &RunArgs) -> Result<ExitCode, Error> {
         return Ok(ExitCode::from(super::INTERRUPTED));
     }
     Ok(exit(&run, args))
+}
+
+/// Refuses a result that does not fit into the memory, where it has to be there as a whole (`whole`).
+fn check_size(graph: &SystemGraph, grid: &master::Grid, args: &RunArgs, whole: bool) -> Result<(), Error> {
+    let variables = graph.components.iter().map(|component| &component.fmu.description.variables);
+    let outputs = variables.flatten().filter(|variable| variable.causality == Causality::Output).count();
+    let columns = (1 + graph.inputs.len() + graph.outputs.len() + outputs) as f64;
+    let step = args.output_step.map_or(grid.step(), |step| step.max(grid.step()));
+    let rows = if args.adaptive.adaptive { 0.0 } else { ((grid.stop() - grid.start()) / step).ceil() + 1.0 };
+    // Once as recorded, once as a table, once as read for the figures.
+    let bytes = 3.0 * 8.0 * rows * columns;
+    let free = free_memory();
+    if !whole || bytes <= free {
+        return Ok(());
+    }
+    let gib = |bytes: f64| format!("{:.1} GiB", bytes / f64::from(1 << 30));
+    Err(Error::OutputFolder {
+        folder: args.output.clone(),
+        problem: format!(
+            "{rows} rows of {columns} columns need about {} of memory, and {} are free; give a longer --output-step or --step, or --no-plots and no measurement, with which rows only go to the file",
+            gib(bytes),
+            gib(free)
+        ),
+    })
+}
+
+/// Memory that is free \[bytes\]; where the system does not say, without end.
+fn free_memory() -> f64 {
+    let text = std::fs::read_to_string("/proc/meminfo").unwrap_or_default();
+    let line = text.lines().find_map(|line| line.strip_prefix("MemAvailable:"));
+    let kib = line.and_then(|line| line.trim().strip_suffix("kB")?.trim().parse::<f64>().ok());
+    kib.map_or(f64::INFINITY, |kib| 1024.0 * kib)
 }
 
 /// The rows of a run that goes on, under a name that says so; removed if the run cannot start.
@@ -396,7 +431,8 @@ fn connectors(graph: &SystemGraph, run: &Run) -> Vec<ConnectorRecord> {
         };
         record(&output.name, "output", &output.unit, held)
     });
-    inputs.chain(outputs).filter(|connector| run.result.channel(&connector.name).is_some()).collect()
+    let recorded: HashSet<&str> = run.result.channels().iter().map(|channel| channel.name.as_str()).collect();
+    inputs.chain(outputs).filter(|connector| recorded.contains(connector.name.as_str())).collect()
 }
 
 fn summarize(

@@ -14,6 +14,7 @@ mod fmi3;
 mod functions;
 mod instance;
 pub mod isolate;
+pub mod last_words;
 mod library;
 mod log;
 mod model;

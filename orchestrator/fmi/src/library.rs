@@ -70,6 +70,11 @@ pub(super) struct Library {
 impl Library {
     /// Loads `folder/inner` for the archive `path` and checks that it speaks FMI 2.0.
     pub(super) fn load(path: &Path, folder: &Path, inner: &str) -> Result<Self, Error> {
+        whole(&folder.join(inner)).map_err(|reason| Error::Load {
+            path: path.to_owned(),
+            library: inner.to_owned(),
+            reason,
+        })?;
         // SAFETY: loading runs the initializers of third-party code; whoever opens an FMU to run it trusts that code.
         let binding = unsafe { Fmi2Binding::new(folder.join(inner)) }.map_err(|error| Error::Load {
             path: path.to_owned(),
@@ -150,6 +155,37 @@ impl Library {
         let (first, common, slave, model) = found.map_err(refused)?;
         let (occupied, origin) = (AtomicBool::new(false), Origin::Two(first));
         Ok(Library { common, slave, model, occupied, origin, remote: Some(channel), _binding: None })
+    }
+}
+
+/// Refuses a file of the ELF format that is cut off: the system maps it and the first use of what is missing ends the
+/// process.
+fn whole(file: &Path) -> Result<(), String> {
+    use std::io::{Read, Seek, SeekFrom};
+    // A file that cannot be read is left to the loader, which says why.
+    let Ok(mut open) = std::fs::File::open(file) else { return Ok(()) };
+    let size = open.metadata().map_or(0, |data| data.len());
+    let mut head = [0_u8; 64];
+    if open.read_exact(&mut head).is_err() || head[..5] != *b"\x7fELF\x02" || head[5] != 1 {
+        return Ok(());
+    }
+    let number = |bytes: &[u8]| bytes.iter().rev().fold(0_u64, |sum, &byte| sum << 8 | u64::from(byte));
+    let (headers, count) = (number(&head[32..40]), number(&head[56..58]));
+    let mut table = vec![0_u8; 56 * usize::try_from(count).unwrap_or(0)];
+    let cut = |end: u64| {
+        format!(
+            "the file has {size} bytes where its header speaks of {end}: it is cut off; pack the FMU again"
+        )
+    };
+    if open.seek(SeekFrom::Start(headers)).and_then(|_| open.read_exact(&mut table)).is_err() {
+        return Err(cut(headers.saturating_add(56 * count)));
+    }
+    let end = |entry: &[u8]| number(&entry[8..16]).saturating_add(number(&entry[32..40]));
+    // Type 1: mapped into the memory.
+    let ends = table.chunks_exact(56).filter(|entry| number(&entry[..4]) == 1).map(end);
+    match ends.max().filter(|&end| end > size) {
+        Some(end) => Err(cut(end)),
+        None => Ok(()),
     }
 }
 

@@ -14,6 +14,7 @@ use super::error::{Error, LostError};
 use super::fmi3::{self, Component};
 use super::functions::{CommonFunctions, ModelFunctions, SlaveFunctions};
 use super::isolate;
+use super::last_words;
 use super::library::{Library, Origin};
 use super::log::{LogBuffer, LogMessage, airloop_fmi2_logger};
 use super::open::{Fmu, InterfaceKind};
@@ -63,6 +64,8 @@ pub struct Instance {
     slave: Option<SlaveFunctions>,
     model: Option<ModelFunctions>,
     name: String,
+    /// Component and FMU in messages.
+    label: Box<str>,
     kind: InterfaceKind,
     phase: Phase,
     time: Option<f64>,
@@ -129,10 +132,12 @@ impl Instance {
             stepFinished: None,
             componentEnvironment: (&raw mut *log).cast(),
         });
+        let label: Box<str> = format!("{name}: the FMU {}", fmu.shown.display()).into();
         let component = match &library.origin {
             Origin::Two(functions) => {
                 let resources = string(&fmu.resources_uri(), "the path of the resources")?;
                 trace::enter("fmi2Instantiate");
+                last_words::enter(&label, "fmi2Instantiate");
                 // SAFETY: the strings live during the call, callbacks and log buffer until the component is freed.
                 let instantiate = || unsafe {
                     (functions.instantiate)(
@@ -151,11 +156,17 @@ impl Instance {
                 }
             }
             Origin::Three(functions) => {
-                trace::enter("fmi3Instantiate");
+                let function = match kind {
+                    InterfaceKind::CoSimulation => "fmi3InstantiateCoSimulation",
+                    InterfaceKind::ModelExchange => "fmi3InstantiateModelExchange",
+                };
+                trace::enter(function);
+                last_words::enter(&label, function);
                 let names = (&c_name, &c_guid);
                 Component::instantiate(fmu, **functions, kind, names, logging, &raw const *log)
             }
         };
+        last_words::leave();
         if let Some(death) = library.remote.as_ref().and_then(|channel| channel.death()) {
             return Err(Error::Lost(Box::new(LostError::new(name, &fmu.shown, None, death))));
         }
@@ -182,6 +193,7 @@ impl Instance {
             slave,
             model,
             name: name.to_owned(),
+            label,
             kind,
             phase: Phase::Passive,
             time: None,
@@ -320,12 +332,18 @@ impl Instance {
         match self.phase {
             Phase::Abandoned(cause) => Err(self.dead(function, cause)),
             _ => {
-                if trace::is_on() {
-                    trace::enter(self.c_name(function));
-                }
+                self.enter(function);
                 Ok(())
             }
         }
+    }
+
+    /// Notes that `function` is called next.
+    #[inline]
+    fn enter(&self, function: &'static str) {
+        let function = self.c_name(function);
+        trace::enter(function);
+        last_words::enter(&self.label, function);
     }
 
     #[cold]
@@ -368,9 +386,10 @@ impl Drop for Instance {
             return;
         }
         if self.phase == Phase::Active {
-            trace::enter(self.c_name("fmi2Terminate"));
+            self.enter("fmi2Terminate");
             // SAFETY: the component is alive and initialized. A refusal changes nothing about what follows.
             let status = unsafe { (self.functions.terminate)(self.component) };
+            last_words::leave();
             if status > 3 {
                 if self.library.remote.is_some() {
                     isolate::forget(self.component);
@@ -379,15 +398,16 @@ impl Drop for Instance {
             }
         }
         if let Some(free_state) = self.functions.free_state {
-            trace::enter(self.c_name("fmi2FreeFMUstate"));
+            self.enter("fmi2FreeFMUstate");
             for mut state in self.states.drain() {
                 // SAFETY: the component is alive; each state was made by it and is freed once.
                 unsafe { free_state(self.component, &raw mut state) };
             }
         }
-        trace::enter(self.c_name("fmi2FreeInstance"));
+        self.enter("fmi2FreeInstance");
         // SAFETY: the component is alive and not used after this.
         unsafe { (self.functions.free_instance)(self.component) };
+        last_words::leave();
         self.library.occupied.store(false, Ordering::Release);
     }
 }

@@ -4,6 +4,7 @@ use super::{Instance, Phase};
 use crate::description::VariableKind;
 use crate::error::{CallError, Error, LostError, Status};
 use crate::isolate::{LOST, kept_back};
+use crate::last_words;
 use crate::log::{self, LogMessage};
 use crate::open::Fmu;
 
@@ -59,6 +60,7 @@ impl Instance {
 
     #[inline]
     pub(crate) fn check(&mut self, function: &'static str, status: u32) -> Result<(), Error> {
+        last_words::leave();
         if status <= WARNING { Ok(()) } else { Err(self.failure(function, status, None, Vec::new())) }
     }
 
@@ -70,6 +72,7 @@ impl Instance {
         references: &[u32],
         values: Option<&[f64]>,
     ) -> Result<(), Error> {
+        last_words::leave();
         if status <= WARNING { Ok(()) } else { self.reals_refused(function, status, references, values) }
     }
 
@@ -96,6 +99,7 @@ impl Instance {
         references: &[u32],
         value: impl Fn(usize) -> Option<String>,
     ) -> Result<(), Error> {
+        last_words::leave();
         if status <= WARNING {
             return Ok(());
         }
