@@ -87,6 +87,12 @@ pub enum Command {
     /// Writes report.json, report.md and report.html. Candidates are fitted in simulation on the estimation records;
     /// errors are reported on the validation records.
     Refine(super::refine::Args),
+    /// Effects of one's own, written as formulas: for `airloop refine --effects`.
+    Effects {
+        /// Action to perform.
+        #[command(subcommand)]
+        command: super::effects::Command,
+    },
     /// Print a completion script for a shell, e.g. `airloop completions bash >
     /// ~/.local/share/bash-completion/completions/airloop`.
     Completions {

@@ -5,6 +5,7 @@
 pub mod args;
 pub mod coupling;
 pub mod derive;
+pub mod effects;
 pub mod excite;
 pub mod export;
 mod folder;
@@ -53,6 +54,7 @@ pub fn main() -> ExitCode {
         Command::Trials(args) => trials::run(&args),
         Command::Optimize(args) => optimize::run(&args),
         Command::Refine(args) => refine::run(&args),
+        Command::Effects { command } => effects::run(&command),
         Command::Completions { shell } => {
             let mut script = Vec::new();
             clap_complete::generate(shell, &mut Cli::command(), "airloop", &mut script);

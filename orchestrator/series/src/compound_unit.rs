@@ -36,10 +36,13 @@ fn divided(text: &str) -> Option<Vec<&str>> {
         }
     }
     parts.push(&text[begin..]);
-    let bare = |part: &'_ str| -> Option<&'_ str> { part.trim().strip_prefix('(')?.strip_suffix(')') };
     let plain = |part: &str| !part.contains(['(', ')']);
-    let parts: Vec<&str> = parts.into_iter().map(|part| bare(part).unwrap_or(part)).collect();
+    let parts: Vec<&str> = parts.into_iter().map(without_brackets).collect();
     (depth == 0 && parts.iter().all(|part| plain(part) && !part.trim().is_empty())).then_some(parts)
+}
+
+fn without_brackets(part: &str) -> &str {
+    part.trim().strip_prefix('(').and_then(|own| own.strip_suffix(')')).unwrap_or(part)
 }
 
 /// A name with a whole power: `m2`, `m^2`, `s-1`.

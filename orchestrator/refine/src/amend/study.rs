@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use super::Error;
 use super::blocks::{self, COMMAND_ORDER, Sources};
 use super::network::{Block, Network, end};
+use super::own;
 use crate::answer::{Answer, Effect};
 use crate::case::Friction;
 use crate::study::declaration::{Attachment, File, Signal};
@@ -51,12 +52,18 @@ pub fn network(file: &File, answer: &Answer, work: &Path) -> Result<Network, Err
             continue;
         }
         let own = attachments.iter().find(|attachment| {
-            let named = attachment.effects.as_ref().is_none_or(|list| list.contains(&effect.id));
+            let named = effect.own.is_some()
+                || attachment.effects.as_ref().is_none_or(|list| list.contains(&effect.id));
             named && attachment.channels.contains(&effect.channel)
         });
         if let Some(attachment) = own {
             place(&mut network, &graph, attachment, effect, step);
         }
+    }
+    if let Some(law) = &answer.law
+        && let Some(attachment) = attachments.iter().find(|attachment| attachment.input == law.port)
+    {
+        place(&mut network, &graph, attachment, &law.effect, step);
     }
     Ok(network)
 }
@@ -136,7 +143,10 @@ fn place(network: &mut Network, graph: &SystemGraph, attachment: &Attachment, ef
         f_hat: source(network, graph, attachment.pressure_force.as_ref()),
         p: source(network, graph, attachment.pressure.as_ref()),
     };
-    let block = blocks::command(effect, step, &sources)
+    let formula = effect.own.as_ref();
+    let block = formula
+        .map(|formula| own::block(formula, effect, &sources))
+        .or_else(|| blocks::command(effect, step, &sources))
         .or_else(|| blocks::area(effect, &sources))
         .or_else(|| blocks::friction(effect, &friction, &sources))
         .or_else(|| blocks::cart(effect, 0.0, &sources))
@@ -173,7 +183,7 @@ fn first_source(network: &Network, place: &Endpoint) -> Endpoint {
     if !is_block(network, place) {
         return place.clone();
     }
-    let way = ["F_in", "tau_in", "u"];
+    let way = ["F_in", "tau_in", "f_in", "u"];
     let into = network.structure.connections.iter().find(|connection| {
         connection.end.element == place.element && way.contains(&connection.end.connector.as_str())
     });

@@ -12,8 +12,8 @@ use crate::engine::fit::Free;
 /// A candidate.
 #[derive(Debug, Clone)]
 pub struct Candidate {
-    /// Id of the vocabulary.
-    pub id: &'static str,
+    /// Id of the vocabulary, or name of an effect of one's own.
+    pub id: String,
     /// Channel.
     pub channel: &'static str,
     /// Measured signal of a sensor effect.
@@ -35,7 +35,7 @@ pub struct Candidate {
 impl Candidate {
     /// Unique name.
     pub fn name(&self) -> String {
-        self.signal.as_ref().map_or_else(|| self.id.to_owned(), |signal| format!("{}({signal})", self.id))
+        self.signal.as_ref().map_or_else(|| self.id.clone(), |signal| format!("{}({signal})", self.id))
     }
 }
 
@@ -284,7 +284,7 @@ fn push(study: &mut Study, kind: &Kind, channel: &'static str, tap: usize, start
     let range = entries(study, kind.id, kind.parameters, bounds);
     let memory = usize::from(kind.law == Law::Presliding);
     study.candidates.push(Candidate {
-        id: kind.id,
+        id: kind.id.to_owned(),
         channel,
         signal: None,
         action: Action::Block { law: kind.law, tap },
@@ -320,7 +320,7 @@ fn probes(study: &mut Study, tap: usize, attachment: &Attachment, command: bool)
         let names = [("height", "1"); KNOTS];
         let range = entries(study, "free form", &names, |_| all);
         study.candidates.push(Candidate {
-            id: "free form",
+            id: "free form".to_owned(),
             channel,
             signal: None,
             action: Action::Block { law: Law::Shape(variable), tap },
@@ -357,7 +357,7 @@ fn memory(
     };
     let range = entries(study, id, parameters, |k| bounds[k]);
     study.candidates.push(Candidate {
-        id,
+        id: id.to_owned(),
         channel: "actuator",
         signal: None,
         action: Action::Command { kind: command, input },
@@ -404,7 +404,7 @@ fn sensors(study: &mut Study) {
             let action = Action::Sensor { kind, output };
             let signal = Some(name.clone());
             let own = Candidate {
-                id,
+                id: id.to_owned(),
                 channel: "sensor",
                 signal,
                 action,

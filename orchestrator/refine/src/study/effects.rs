@@ -1,5 +1,7 @@
 //! The effects of an answer: those chosen, those that cannot be told from them, and those that were tried.
 
+use std::sync::Arc;
+
 use super::fits::{Fits, Model};
 use super::law::Law;
 use super::model::{Action, Study};
@@ -53,7 +55,7 @@ fn effect(fits: &Fits, selection: &Selection, model: &Model, c: usize, widen: f6
     let samples: usize = fits.pieces.iter().map(|piece| piece.range.len()).sum();
     let score = samples as f64 * (selection.declared.error / model.error).powi(2).ln();
     Effect {
-        id: own.id.to_owned(),
+        id: own.id.clone(),
         channel: own.channel.to_owned(),
         signal: own.signal.clone(),
         selected: false,
@@ -63,6 +65,10 @@ fn effect(fits: &Fits, selection: &Selection, model: &Model, c: usize, widen: f6
         reason: String::new(),
         stability: None,
         share: None,
+        own: match own.action {
+            Action::Block { law: Law::Own(index), .. } => Some(Arc::clone(&study.own[index])),
+            _ => None,
+        },
     }
 }
 

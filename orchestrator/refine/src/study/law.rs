@@ -106,10 +106,14 @@ pub enum Law {
     Droop,
     /// Free form over a variable: heights at knots over its range; see [`shape`]
     Shape(Variable),
+    /// An effect of one's own: index into [`super::model::Study::own`].
+    Own(usize),
+    /// Heights of a free form: index into [`super::model::Study::surfaces`].
+    Surface(usize),
 }
 
 impl Law {
-    /// Number of parameters.
+    /// Number of parameters; that of an effect of one's own is known to the study alone.
     pub fn parameters(self) -> usize {
         match self {
             Law::Stribeck | Law::Asymmetry | Law::Spring | Law::Droop => 2,
@@ -134,6 +138,7 @@ impl Law {
             Law::PositionGain => vec![Value, Position],
             Law::Droop => vec![Value, Time],
             Law::Shape(variable) => vec![variable],
+            Law::Own(_) | Law::Surface(_) => vec![Velocity, Position, Value, Time],
         }
     }
 
@@ -175,9 +180,9 @@ impl Law {
                 p[0] * phase.sin() + p[1] * phase.cos()
             }
             Law::Area => -p[0] * at.pressure,
-            Law::Gain | Law::DeadBand | Law::Saturation | Law::PositionGain | Law::Droop | Law::Shape(_) => {
-                0.0
-            }
+            Law::Gain | Law::DeadBand | Law::Saturation | Law::PositionGain | Law::Droop => 0.0,
+            // Computed by the study, which has their formulas.
+            Law::Shape(_) | Law::Own(_) | Law::Surface(_) => 0.0,
         }
     }
 

@@ -1,6 +1,6 @@
 //! Pieces of records as the engine sees them: the system with the blocks of some candidates, simulated.
 
-use std::cell::RefCell;
+use std::cell::{Cell, RefCell};
 use std::ops::Range;
 
 use super::command::delayed;
@@ -75,10 +75,15 @@ impl Survey {
 pub(super) struct Blocks<'a> {
     study: &'a Study,
     p: &'a [f64],
-    /// For each tap: law, its parameters, index into `z`.
-    laws: Vec<Vec<(Law, Range<usize>, usize)>>,
+    /// For each tap: law, its parameters, its states in `z`.
+    laws: Vec<Vec<(Law, Range<usize>, Range<usize>)>>,
     z: Vec<f64>,
+    /// Time of the sample \[s\].
     time: f64,
+    /// Time of the evaluation \[s\].
+    now: Cell<f64>,
+    /// For each tap: the value that came in last.
+    seen: Vec<Cell<f64>>,
     survey: Option<RefCell<Survey>>,
     /// What the laws depend on at every sample, `[taps][n]`; empty: not asked for.
     trace: Vec<Vec<Point>>,
@@ -89,7 +94,8 @@ impl Blocks<'_> {
     pub(super) fn point(&self, tap: usize, slots: &[f64]) -> Point {
         let at = |slot: Option<usize>| slot.map_or(0.0, |slot| slots[slot]);
         let [velocity, position, pressure_force, pressure] = self.study.taps[tap].signals.map(at);
-        Point { velocity, position, pressure_force, pressure, time: self.time, value: 0.0 }
+        let value = self.seen[tap].get();
+        Point { velocity, position, pressure_force, pressure, time: self.time, value }
     }
 
     /// Coulomb level that presliding acts on: declared and added.
@@ -101,7 +107,8 @@ impl Blocks<'_> {
 
     /// The value behind an attachment.
     pub(super) fn pass(&self, tap: usize, value: f64, slots: &[f64]) -> f64 {
-        let point = Point { value, ..self.point(tap, slots) };
+        self.seen[tap].set(value);
+        let point = self.point(tap, slots);
         if let Some(survey) = &self.survey {
             let Point { velocity, position, pressure_force, pressure, .. } = point;
             survey.borrow_mut().see(tap, [velocity, position, pressure_force, pressure, value]);
@@ -111,30 +118,44 @@ impl Blocks<'_> {
         }
         let s = (point.velocity / self.study.taps[tap].vt).tanh();
         let mut value = value;
-        for (law, range, state) in &self.laws[tap] {
+        for (law, range, states) in &self.laws[tap] {
             let p = &self.p[range.clone()];
-            if law.changes_command() {
+            if let Law::Own(index) = *law {
+                let (own, z) = (&self.study.own[index], &self.z[states.clone()]);
+                let found = own.value([point.position, point.velocity, value, self.now.get()], z, p);
+                value = if own.port.replaces() { found } else { value - found };
+            } else if let Law::Surface(index) = *law {
+                let at = Point { value, time: self.now.get(), ..point };
+                value -= self.study.surfaces[index].value(p, &at);
+            } else if law.changes_command() {
                 value = law.command(p, &point, value);
             } else if let Law::Shape(variable) = *law {
                 value -= shape(variable, p, self.study.range(tap, variable), point.of(variable));
             } else {
                 let level = if *law == Law::Presliding { self.level(tap) } else { 0.0 };
-                value -= law.force(p, &point, s, self.z[*state], level);
+                value -= law.force(p, &point, s, self.z[states.start], level);
             }
         }
         value
     }
 
-    /// Moves the states of presliding on.
-    pub(super) fn advance(&mut self, step: f64, velocities: &[f64]) {
-        for (tap, laws) in self.laws.iter().enumerate() {
-            for (law, range, state) in laws {
-                if *law == Law::Presliding {
-                    self.z[*state] = preslide(self.z[*state], velocities[tap], self.p[range.start], step);
+    /// Moves the states of the laws on, from what the attachments showed at the sample.
+    pub(super) fn advance(&mut self, step: f64, points: &[Point]) {
+        for (point, laws) in points.iter().zip(&self.laws) {
+            for (law, range, states) in laws {
+                let z = &mut self.z[states.clone()];
+                match *law {
+                    Law::Presliding => z[0] = preslide(z[0], point.velocity, self.p[range.start], step),
+                    Law::Own(index) => {
+                        let at = [point.position, point.velocity, point.value, point.time];
+                        self.study.own[index].advance(at, z, &self.p[range.clone()], step);
+                    }
+                    _ => {}
                 }
             }
         }
         self.time += step;
+        self.now.set(self.time);
     }
 }
 
@@ -149,13 +170,28 @@ impl<'a> View<'a> {
         for &c in &self.active {
             let own = &study.candidates[c];
             if let Action::Block { law, tap } = own.action {
-                laws[tap].push((law, own.entries.clone(), count));
-                count += 1;
+                let states = match law {
+                    Law::Own(index) => study.own[index].states.len(),
+                    Law::Surface(_) => 0,
+                    _ => 1,
+                };
+                laws[tap].push((law, own.entries.clone(), count..count + states));
+                count += states;
             }
         }
         let seen = [(f64::INFINITY, f64::NEG_INFINITY); 5];
         let survey = survey.then(|| RefCell::new(Survey { ranges: vec![seen; study.taps.len()] }));
-        Blocks { study, p, laws, z: vec![0.0; count], time: 0.0, survey, trace: Vec::new() }
+        Blocks {
+            study,
+            p,
+            laws,
+            z: vec![0.0; count],
+            time: 0.0,
+            now: Cell::new(0.0),
+            seen: vec![Cell::new(0.0); study.taps.len()],
+            survey,
+            trace: Vec::new(),
+        }
     }
 
     /// Ranges of what passes the attachments in a simulation of all pieces.
@@ -232,7 +268,7 @@ impl<'a> View<'a> {
         let nx = plant.nx;
         let (mut x, mut dx) = (vec![0.0; nx], [vec![0.0; nx], vec![0.0; nx], vec![0.0; nx], vec![0.0; nx]]);
         let mut trial = vec![0.0; nx];
-        let mut velocities = vec![0.0; study.taps.len()];
+        let mut points = vec![Point::default(); study.taps.len()];
         let (n, step) = (piece.range.len(), record.step);
         let window = study.windows.map(|window| ((window / step).round() as usize).max(2));
         let set = |plant: &mut Plant, k: usize, part: f64| {
@@ -250,6 +286,7 @@ impl<'a> View<'a> {
         let begin = if study.from_start(record) { 0 } else { piece.range.start };
         set(plant, begin, 0.0);
         blocks.time = begin as f64 * step;
+        blocks.now.set(blocks.time);
         let fixed = self.parameters(p);
         plant.initialise(&fixed, begin as f64 * step, &mut x, &|tap, value, slots| {
             blocks.pass(tap, value, slots)
@@ -279,10 +316,12 @@ impl<'a> View<'a> {
             let t = k as f64 * step;
             let at = |plant: &mut Plant, time: f64, x: &[f64], dx: &mut [f64], blocks: &Blocks| {
                 set(plant, k, (time - t) / step);
+                blocks.now.set(time);
                 plant.evaluate(time, x, dx, &|tap, value, slots| blocks.pass(tap, value, slots))
             };
             let event = |plant: &mut Plant, time: f64, x: &mut [f64], blocks: &Blocks| {
                 set(plant, k, (time - t) / step);
+                blocks.now.set(time);
                 plant.event(time, x, &|tap, value, slots| blocks.pass(tap, value, slots))
             };
             if let Some(time) = due(plant, t + near) {
@@ -294,9 +333,9 @@ impl<'a> View<'a> {
                     out[o * n + j] = plant.slots[output.slot];
                 }
             }
-            for (tap, velocity) in velocities.iter_mut().enumerate() {
+            for (tap, known) in points.iter_mut().enumerate() {
                 let point = blocks.point(tap, &plant.slots);
-                *velocity = point.velocity;
+                *known = point;
                 if let Some(trace) = blocks.trace.get_mut(tap).filter(|_| j.is_some()) {
                     trace.push(point);
                 }
@@ -338,7 +377,7 @@ impl<'a> View<'a> {
                 }
                 plant.step_done().map_err(super::Problem::fmu)?;
             }
-            blocks.advance(step, &velocities);
+            blocks.advance(step, &points);
         }
         Ok(())
     }

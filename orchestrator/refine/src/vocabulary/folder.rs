@@ -33,7 +33,9 @@ impl Folder {
             files.sort();
         }
         if files.is_empty() {
-            return Err(io("no effect is in this folder; an effect is a .toml file, see `airloop effects --help`".into()));
+            return Err(io(
+                "no effect is in this folder; an effect is a .toml file, see `airloop effects --help`".into(),
+            ));
         }
         let mut found = Folder::default();
         for file in files {

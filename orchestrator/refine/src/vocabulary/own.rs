@@ -335,7 +335,9 @@ impl Reader<'_> {
         let mut units = port.units().map(str::to_owned);
         for (name, unit) in &file.variables {
             let Some(place) = VARIABLES[..3].iter().position(|own| own == name) else {
-                return Err(self.refuse(unit, format!("[variables] has no `{name}`; it gives units of x, v, f")));
+                return Err(
+                    self.refuse(unit, format!("[variables] has no `{name}`; it gives units of x, v, f"))
+                );
             };
             units[place].clone_from(unit.get_ref());
         }
@@ -383,8 +385,10 @@ impl Reader<'_> {
                 Some(Starts::Several(values)) => values.clone(),
             };
             if let Some(out) = starts.iter().find(|value| !(bounds.0..=bounds.1).contains(*value)) {
-                let problem =
-                    format!("start = {out} of `{name}` is outside of its bounds, {} to {}", bounds.0, bounds.1);
+                let problem = format!(
+                    "start = {out} of `{name}` is outside of its bounds, {} to {}",
+                    bounds.0, bounds.1
+                );
                 return Err(self.refuse(at, problem));
             }
             let (name, unit) = (name.clone(), entry.unit.clone());
@@ -497,12 +501,24 @@ dissipative = true
     #[test]
     fn what_does_not_fit_is_told_with_line_and_column() {
         for (old, new, words) in [
-            ("formula = \"k*z\"", "formula = \"k*y\"", "line 3, column 11: formula = `k*y`, column 3: there is no `y`"),
-            ("\"k*z\"", "\"k*v\"", "line 3, column 11: the formula `k*v` has the unit kg.m.s-3, the port kg.m.s-2"),
-            ("\"force\"", "\"forces\"", "line 2, column 8: there is no port `forces`; known are force, torque"),
+            (
+                "formula = \"k*z\"",
+                "formula = \"k*y\"",
+                "line 3, column 11: formula = `k*y`, column 3: there is no `y`",
+            ),
+            (
+                "\"k*z\"",
+                "\"k*v\"",
+                "line 3, column 11: the formula `k*v` has the unit kg.m.s-3, the port kg.m.s-2",
+            ),
+            (
+                "\"force\"",
+                "\"forces\"",
+                "line 2, column 8: there is no port `forces`; known are force, torque",
+            ),
             ("unit = \"N/m\"", "unit = \"N/mm\"", "line 7, column 1: N/mm is 1000 times the SI unit"),
             ("unit = \"N/m\"", "unit = \"furlong\"", "unit `furlong` is not known"),
-            ("z/d", "x/d", "cannot be told"),
+            ("z/d", "z/k", "cannot be told"),
             ("v - abs", "x - abs", "line 6, column 5"),
             ("start = [1e-4, 1e-3]", "", "`d` needs `start`"),
             ("start = [1e-4, 1e-3]", "start = 1.0", "outside of its bounds, 0.000001 to 0.01"),

@@ -72,13 +72,15 @@ pub fn check(
         let all = [variables, &states, parameters].concat();
         match fits(own, &all, &variables[2], &states) {
             Ok(()) => return Ok(()),
-            Err(error) => problem = problem.or(Some(error)),
+            // A fault of the formula with rates that fit says more than one of a rate.
+            Err(error) if problem.is_none() || error.0.is_none() => problem = Some(error),
+            Err(_) => {}
         }
     }
     let (state, text) = problem.unwrap_or_default();
     let open = given.iter().position(Option::is_none);
     Err(match (state, open) {
-        (_, Some(open)) => {
+        (Some(_), Some(open)) => {
             let name = &own.states[open].0;
             (
                 Some(open),
@@ -88,21 +90,28 @@ pub fn check(
                 ),
             )
         }
-        (state, None) => (state, text),
+        (state, _) => (state, text),
     })
 }
 
-fn fits(own: &Own, all: &[Dimension], port: &Dimension, states: &[Dimension]) -> Result<(), (Option<usize>, String)> {
+fn fits(
+    own: &Own,
+    all: &[Dimension],
+    port: &Dimension,
+    states: &[Dimension],
+) -> Result<(), (Option<usize>, String)> {
     let second = Dimension::new(0.0, 0.0, 1.0);
     for (i, ((name, text), rate)) in own.states.iter().zip(&own.rates).enumerate() {
         let wanted = times(&states[i], &second, -1.0);
         let found = rate.dimension(all).map_err(|e| (Some(i), format!("rate of {name} = `{text}`, {e}")))?;
         if let Some(found) = found.filter(|found| !found.same(&wanted)) {
-            let problem = format!("the rate `{text}` has the unit {found}, the state {name} per second {wanted}");
+            let problem =
+                format!("the rate `{text}` has the unit {found}, the state {name} per second {wanted}");
             return Err((Some(i), problem));
         }
     }
-    let found = own.expression.dimension(all).map_err(|e| (None, format!("formula = `{}`, {e}", own.formula)))?;
+    let found =
+        own.expression.dimension(all).map_err(|e| (None, format!("formula = `{}`, {e}", own.formula)))?;
     match found.filter(|found| !found.same(port)) {
         Some(found) => {
             Err((None, format!("the formula `{}` has the unit {found}, the port {port}", own.formula)))
