@@ -19,6 +19,7 @@ use crate::study::law::{Law as Block, Point, Variable};
 use crate::study::model::{Action, Entry, Study, Target};
 use crate::study::plant;
 use crate::study::search::Say;
+use crate::study::simulate::Piece;
 use crate::vocabulary::Own;
 use crate::vocabulary::own::Parameter as OwnParameter;
 
@@ -28,10 +29,20 @@ const WORTH_A_LAW: f64 = 0.2;
 pub const OF_FREE_FORM: f64 = 0.95;
 /// Share of the error on validation records below which a law is none.
 const MIN_VALIDATED_SHARE: f64 = 0.05;
+/// Share of what effects leave that a law may leave to take their place.
+const MUCH_LESS: f64 = 0.5;
 /// Share of a second variable in what one leaves, from which on both are needed.
 const SECOND: f64 = 0.15;
+/// Parts of the records, from their beginning, that a free form is brought to before the whole.
+const PARTS: [f64; 2] = [0.1, 0.35];
+/// Knots of a variable while variables are compared, of the one that is chosen, and of each of two.
+const SCREENED: usize = 10;
+const FINE: usize = 20;
+const COARSE: usize = 6;
+/// Share of the best variable's gain from which on another is looked at closely.
+const WORTH_TRYING: f64 = 0.5;
 /// Steps of the free form towards its optimum.
-const ROUNDS: usize = 4;
+const ROUNDS: usize = 3;
 /// Formulas whose stability over parts of the records is asked for.
 const JUDGED: usize = 3;
 /// Errors within this share of each other are equal.
@@ -80,6 +91,8 @@ struct Finder<'a> {
     attachments: &'a [Attachment],
     scale: &'a [f64],
     say: Say<'a>,
+    /// Simulations with steps of second order, where they change the error of the declared model by next to nothing.
+    quick: bool,
     /// What the attachments show, `[taps][n]`.
     trace: Vec<Vec<Point>>,
 }
@@ -93,10 +106,11 @@ pub fn explain(
     found: &mut Answer,
     say: Say,
 ) -> Option<Model> {
-    if found.verdict != Verdict::Unexplained || stop::asked() {
+    let partly = found.verdict == Verdict::Effect && !found.complete;
+    if !(found.verdict == Verdict::Unexplained || partly) || stop::asked() {
         return None;
     }
-    let trace = {
+    let (quick, trace) = {
         let fits = Fits::new(study, scale.to_vec());
         let view = fits.view(&[], &fits.pieces);
         let mut all: Vec<Vec<Point>> = vec![Vec::new(); study.taps.len()];
@@ -104,10 +118,25 @@ pub fn explain(
             let own = view.trace(r, &declared.fit.parameters, &declared.fit.locals[r]);
             all.iter_mut().zip(own).for_each(|(all, own)| all.extend(own));
         }
-        all
+        (fits.quickened(declared).quick, all)
     };
-    let finder = Finder { attachments, scale, say, trace };
+    let finder = Finder { attachments, scale, say, quick, trace };
     let Outcome { law, model, after } = finder.find(study, judge, declared, found)?;
+    // Effects of the list stay unless a law leaves much less than they do.
+    if partly {
+        let left = 1.0 - found.share.unwrap_or(0.0);
+        if 1.0 - law.share > MUCH_LESS * left {
+            return None;
+        }
+        for effect in found.effects.iter_mut().filter(|effect| effect.selected) {
+            (effect.selected, effect.group) = (false, None);
+            effect.reason = format!(
+                "a law at {} leaves less than {:.0} % of the error that it leaves",
+                law.port,
+                100.0 * MUCH_LESS
+            );
+        }
+    }
     found.notes.extend(told(&law));
     found.unexplained = Some((law.channel.clone(), law.variables.clone()));
     found.verdict = Verdict::Law;
@@ -176,6 +205,10 @@ fn push(study: &mut Study, action: Action, entries: Vec<Entry>, channel: &'stati
 }
 
 impl Finder<'_> {
+    fn fits<'s>(&self, study: &'s Study) -> Fits<'s> {
+        Fits { quick: self.quick, ..Fits::new(study, self.scale.to_vec()) }
+    }
+
     fn channel(&self, tap: usize) -> &'static str {
         let own = &self.attachments[tap].channels;
         CHANNELS.into_iter().find(|channel| own.first().is_some_and(|c| c == channel)).unwrap_or(CHANNELS[0])
@@ -218,7 +251,7 @@ impl Finder<'_> {
         let mut singles = Vec::new();
         for tap in 0..study.taps.len() {
             for variable in [Variable::Position, Variable::Velocity, Variable::Value, Variable::Time] {
-                let count = if variable == Variable::Time { 30 } else { 20 };
+                let count = if variable == Variable::Time { 16 } else { SCREENED };
                 let Some(knots) = self.knots(study, tap, variable, count) else { continue };
                 let surface = Surface { variables: vec![variable], knots: vec![knots] };
                 if let Some(form) = self.form(study, declared, tap, surface) {
@@ -237,14 +270,21 @@ impl Finder<'_> {
             }
         }
         let best = singles.first()?;
+        let most = gain(best);
         let excess = judge.excess(declared) / declared.error.powi(2);
         let enough = |form: &FreeForm| gain(form) > WORTH_A_LAW * excess * form.at.smooth.without;
         let (tap, first) = (best.tap, best.surface.variables[0]);
         let mut forms: Vec<FreeForm> = Vec::new();
-        for form in singles.into_iter().take(2) {
-            if form.tap == tap {
-                forms.extend(self.towards(study, form));
+        for form in singles.iter().take(2).filter(|form| form.tap == tap) {
+            if gain(form) < WORTH_TRYING * most {
+                continue;
             }
+            let variable = form.surface.variables[0];
+            let count = if variable == Variable::Time { 30 } else { FINE };
+            let Some(knots) = self.knots(study, tap, variable, count) else { continue };
+            let surface = Surface { variables: vec![variable], knots: vec![knots] };
+            let fine = self.form(study, declared, tap, surface);
+            forms.extend(fine.and_then(|form| self.towards(study, form)));
         }
         // Two variables where one leaves much.
         let mut pairs = Vec::new();
@@ -255,7 +295,7 @@ impl Finder<'_> {
             let mut variables = [first, second];
             variables.sort_by_key(|own| name(*own) != "x");
             let knots: Option<Vec<Vec<f64>>> =
-                variables.iter().map(|own| self.knots(study, tap, *own, 8)).collect();
+                variables.iter().map(|own| self.knots(study, tap, *own, COARSE)).collect();
             let Some(knots) = knots else { continue };
             let surface = Surface { variables: variables.into(), knots };
             let left = forms.iter().map(|own| own.at.smooth.held_out).fold(f64::INFINITY, f64::min);
@@ -311,23 +351,38 @@ impl Finder<'_> {
         let action = Action::Block { law: Block::Surface(index), tap };
         let candidate = push(study, action, entries.collect(), self.channel(tap), "free form".to_owned());
         let base = extended(declared, study);
-        let fits = Fits::new(study, self.scale.to_vec());
+        let fits = self.fits(study);
         let step = fits.probe_step(&base, candidate)?;
         study.entries[first..first + count].iter_mut().for_each(|entry| entry.free.step = step);
-        let fits = Fits::new(study, self.scale.to_vec());
+        let fits = self.fits(study);
         let own: Vec<Free> = study.entries[first..first + count].iter().map(|entry| entry.free).collect();
-        let (view, shared) = (fits.view(&[candidate], &fits.pieces), study.declared_free());
+        let (view, shared) =
+            (fits.view(&[candidate], &beginnings(&fits.pieces, PARTS[1])), study.declared_free());
         let at = Approach::begin(&view, &surface, &base.fit.parameters, [&own, &shared], &base.fit.locals)?;
         Some(FreeForm { tap, surface, candidate, at, error: declared.error })
     }
 
     /// The free form at its optimum.
     fn towards(&self, study: &Study, form: FreeForm) -> Option<FreeForm> {
-        let fits = Fits::new(study, self.scale.to_vec());
+        let fits = self.fits(study);
         let own = study.candidates[form.candidate].entries.clone();
         let heights: Vec<Free> = own.map(|index| study.entries[index].free).collect();
-        let (view, shared) = (fits.view(&[form.candidate], &fits.pieces), study.declared_free());
-        let at = form.at.towards(&view, &form.surface, [&heights, &shared], ROUNDS)?;
+        let shared = study.declared_free();
+        let free = [&heights[..], &shared[..]];
+        let whole = fits.view(&[form.candidate], &fits.pieces);
+        // What leaves the declared model leaves it far behind at the end of a record: the beginning is understood first.
+        let base = Approach::begin(&whole, &form.surface, &form.at.parameters, free, &form.at.locals)?;
+        let without = base.smooth.without;
+        let (mut p, mut locals) = (base.parameters, base.locals);
+        for part in PARTS {
+            let view = fits.view(&[form.candidate], &beginnings(&fits.pieces, part));
+            let at = Approach::begin(&view, &form.surface, &p, free, &locals)?;
+            let at = at.towards(&view, &form.surface, free, ROUNDS)?;
+            (p, locals) = (at.parameters, at.locals);
+        }
+        let at = Approach::begin(&whole, &form.surface, &p, free, &locals)?;
+        let mut at = at.towards(&whole, &form.surface, free, ROUNDS)?;
+        at.smooth.without = without;
         let count: usize =
             fits.pieces.iter().map(|piece| piece.range.len()).sum::<usize>() * study.outputs.len();
         let error = (at.chi2 / count.max(1) as f64).sqrt();
@@ -372,7 +427,7 @@ impl Finder<'_> {
             let mut p = self.longer(&form, study);
             study.candidates[form.candidate].entries.clone().for_each(|index| p[index] = 0.0);
             study.candidates[c].entries.clone().zip(&values).for_each(|(index, value)| p[index] = *value);
-            let fits = Fits::new(study, self.scale.to_vec());
+            let fits = self.fits(study);
             if let Some(model) = fits.fit_from(vec![c], &p, &form.at.locals) {
                 if std::env::var_os("LAW_TRACE").is_some() {
                     eprintln!("   exact error {} (free form {})", model.error, form.error);
@@ -388,7 +443,7 @@ impl Finder<'_> {
         let mut best: Option<(Model, Arc<Own>, f64)> = None;
         let mut rivals = Vec::new();
         for (model, effect, share, _) in tried.iter().take(JUDGED) {
-            let fits = Fits::new(study, self.scale.to_vec());
+            let fits = self.fits(study);
             let mut model = extended(model, study);
             fits.hold_back(&mut model);
             let stable =
@@ -411,7 +466,7 @@ impl Finder<'_> {
                 let mut p = self.longer(&form, study);
                 study.candidates[form.candidate].entries.clone().for_each(|index| p[index] = 0.0);
                 p[study.candidates[c].entries.start] = 1.0;
-                let fits = Fits::new(study, self.scale.to_vec());
+                let fits = self.fits(study);
                 (fits.fit_from(vec![c], &p, &form.at.locals)?, effect, 1.0)
             }
         };
@@ -452,6 +507,8 @@ impl Finder<'_> {
     ) -> Option<Outcome> {
         let fits = Fits::new(study, self.scale.to_vec());
         let model = extended(&found.model, study);
+        let again = fits.fit_from(model.added.clone(), &model.fit.parameters, &model.fit.locals);
+        let model = again.unwrap_or(model);
         let declared = extended(declared, study);
         let validation = pieces(study, Role::Validation);
         let of = |model: &Model, pieces: &[_], locals| {
@@ -558,6 +615,15 @@ struct Outcome {
     law: Law,
     model: Model,
     after: [Errors; 2],
+}
+
+/// Pieces of which only this part of the beginning counts.
+fn beginnings(pieces: &[Piece], part: f64) -> Vec<Piece> {
+    let short = |piece: &Piece| {
+        let n = ((piece.range.len() as f64 * part) as usize).max(16).min(piece.range.len());
+        Piece { record: piece.record, range: piece.range.start..piece.range.start + n }
+    };
+    pieces.iter().map(short).collect()
 }
 
 /// What was chosen, before it is said.
