@@ -1,5 +1,5 @@
 # `make demo` and `make test` work on a fresh machine with Rust, a C compiler and Python 3: each sets up what is missing first.
-.PHONY: demo test check bench study study-refine study-refine-messy study-systems study-laws study-swing-up study-walker fmu setup setup-build clean
+.PHONY: demo test check bench study study-refine study-refine-messy study-systems study-laws study-foreign study-swing-up study-walker fmu setup setup-build clean
 export CARGO_NET_RETRY ?= 10
 # A build that happens once gains nothing from files for the next one; they cost a fifth of its time.
 ifdef CI
@@ -56,6 +56,14 @@ study-laws: fmu      ## laws that no list holds, in six families, against PySIND
 	rm -rf out/study-laws
 	.venv/bin/python tests/study/laws/make_laws.py out/study-laws/cases --count $(strip $(N)) --seed $(strip $(SEED))
 	.venv/bin/python tests/study/laws/score_laws.py target/release/airloop out/study-laws/cases out/study-laws/reports
+
+SAMPLE ?= 0          # so many cases of study-foreign, spread over systems and classes; 0: all
+FLAVOR ?= study      # study: with attachments; plain: without
+study-foreign: fmu   ## machines of other kinds as FMUs in C, and what `airloop refine` makes of them: out/study-foreign
+	scripts/setup.sh study
+	.venv/bin/python tests/study/foreign/make_foreign.py out/study-foreign/cases --seed $(strip $(SEED)) --only '$(strip $(ONLY))'
+	.venv/bin/python tests/study/foreign/score_foreign.py target/release/airloop out/study-foreign/cases out/study-foreign/reports \
+		--flavor $(strip $(FLAVOR)) --only '$(strip $(ONLY))' --sample $(strip $(SAMPLE))
 
 study-swing-up: fmu  ## swing-up over the FMUs against CasADi with IPOPT, time and optimum: out/study/swing_up.csv
 	scripts/setup.sh study

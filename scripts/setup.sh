@@ -60,6 +60,21 @@ if [ "$(cat "$stamp" 2>/dev/null)" != "$digest" ]; then
     echo "$digest" >"$stamp"
 fi
 
+# Ecos (ecospy) links against Debian's libtbb12. Where the system does not have it, the package is unpacked into .venv; the
+# tests that run Ecos are skipped where that is not possible either.
+if [ "$purpose" != build ] && [ ! -e .venv/lib/libtbb.so.12 ] && command -v apt-get >/dev/null && command -v dpkg-deb >/dev/null; then
+    present=$(ldconfig -p 2>/dev/null | sed -n 's/.*libtbb\.so\.12 .*=> //p' | head -n 1)
+    folder=$(mktemp -d)
+    if [ -n "$present" ]; then
+        ln -s "$present" .venv/lib/libtbb.so.12
+    elif (cd "$folder" && apt-get download -qq libtbb12 && dpkg-deb -x libtbb12_*.deb .) 2>/dev/null; then
+        find "$folder" -name 'libtbb.so.12*' -exec cp -P {} .venv/lib/ \;
+    else
+        echo "setup: no libtbb.so.12: the tests that run Ecos will be skipped (as root: apt-get install libtbb12)"
+    fi
+    rm -rf "$folder"
+fi
+
 # Plain `cargo build` finds libclang through .cargo/config.toml. The package holds the library without clang's own
 # headers (stddef.h ...), so those of the C compiler are named. Written only when it changes.
 libclang=$(.venv/bin/python -c 'import os, clang; print(os.path.join(os.path.dirname(clang.__file__), "native"))')

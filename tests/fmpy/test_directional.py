@@ -62,6 +62,31 @@ MOST_GENERAL = {
         "tilt_weight": 5.0,
         "tilt_angle": 0.02,
     },
+    "port-effect": {
+        "viscous_coef": 3.0,
+        "coulomb_level": 2.0,
+        "load_coef": 0.1,
+        "poscoulomb_slope": 4.0,
+        "stribeck_level": 1.0,
+        "stribeck_vs": 0.1,
+        "asymmetry_level": 0.5,
+        "presliding_disp": 0.01,
+        "presliding_level": 2.0,
+        "vt": 0.2,
+        "drag_coef": 0.4,
+        "spring_stiffness": 20.0,
+        "cubic_stiffness": 3.0,
+        "endstop_pos": -10.0,
+        "endstop_stiffness": 30.0,
+        "endstop_damping": 2.0,
+        "cogging_amp": 0.7,
+        "cogging_period": 0.2,
+        "area_coef": 1e-5,
+        "gain": 0.1,
+        "posgain_slope": 0.5,
+        "lag_up": 0.3,
+        "lag_down": 0.2,
+    },
     "torque-effect": {
         "viscous_coef": 0.2,
         "coulomb_torque": 0.3,
@@ -83,6 +108,12 @@ ANY_START = {"compass-gait": {"contact_mode": 2}}
 # (unknown, known) pairs that are declared and have no slope in continuous time: the command acts at samples only, the
 # controllers' integrators are switched by their own value.
 WITHOUT_SLOPE = {
+    # With a lag nothing passes directly, without a mode nothing moves it.
+    "port-effect": {
+        ("y", "u"),
+        ("y", "mode"),
+        *((rate, known) for rate in ("der(mode)", "der(mode_rate)") for known in ("u", "x", "lag", "mode", "mode_rate")),
+    },
     "pneumatic-cylinder": {("der(c1)", "u"), ("der(c2)", "u"), ("der(q1)", "q1"), ("der(q2)", "q2")},
 }
 

@@ -37,6 +37,18 @@ FORCES = {
     "tilt": ({"tilt_angle": 0.03, "tilt_weight": 4.9}, np.full_like(X, 4.9 * np.sin(0.03))),
 }
 
+SIGN = np.tanh(V / 0.02)
+AT_PORTS = {
+    "viscous": ({"viscous_coef": 3.0, "drag_coef": 2.0}, 3.0 * V + 2.0 * np.abs(V) * V),
+    "coulomb": ({"coulomb_level": 2.0, "load_coef": 0.05, "poscoulomb_slope": 9.0}, (2.0 + 0.05 * np.abs(F_HAT) + 9.0 * X) * SIGN),
+    "stribeck": ({"stribeck_level": 1.5, "stribeck_vs": 0.08}, 1.5 * np.exp(-((V / 0.08) ** 2)) * SIGN),
+    "asymmetry": ({"asymmetry_level": 0.8, "asymmetry_coef": 2.0}, np.where(V > 0, 0.8 * SIGN + 2.0 * V, 0.0)),
+    "cubic": ({"cubic_stiffness": 9e3, "cubic_rest": 0.01, "offset_value": 0.3}, 9e3 * (X - 0.01) ** 3 + 0.3),
+    "outlet": ({"outlet_coef": 4.0}, 4.0 * np.sqrt(np.maximum(X, 0.0))),
+    "overflow": ({"endstop_pos": 0.02, "endstop_stiffness": 800.0}, np.maximum(0.0, 800.0 * (X - 0.02))),
+    "added": ({"spring_stiffness": 25.0, "sign": -1.0}, 25.0 * X),
+}
+
 
 @pytest.fixture(scope="module")
 def derived(shipped, tmp_path_factory):
@@ -73,6 +85,17 @@ def test_forces_are_their_equations(derived, effect):
     found = co_simulation(fmu, inputs, ["F_out", "f"])
     assert np.max(np.abs(found[:, 1] - expected)) < 1e-12
     assert np.max(np.abs(found[:, 0] - (10 * X - expected))) < 1e-12
+    assert np.max(np.abs(expected)) > 0.1
+
+
+@pytest.mark.parametrize("effect", AT_PORTS)
+def test_effects_at_ports_are_their_equations(derived, effect):
+    values, expected = AT_PORTS[effect]
+    fmu = derived("port-effect", {"vt": 0.02, **values})
+    inputs = {"u": 10 * X, "x": X, "v": V, "load": F_HAT, "p": 2e5 + 1e4 * X}
+    found = co_simulation(fmu, inputs, ["y", "f"])
+    assert np.max(np.abs(found[:, 1] - expected)) < 1e-12
+    assert np.max(np.abs(found[:, 0] - (10 * X - values.get("sign", 1.0) * expected))) < 1e-12
     assert np.max(np.abs(expected)) > 0.1
 
 

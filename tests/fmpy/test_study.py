@@ -57,6 +57,8 @@ def test_dry_friction_and_drag_are_found_together_with_their_values(tmp_path):
         ('unit = "rad", offset', 'unit = "N", offset', ["rad", "line"]),
         ('input = "tau_ext"', 'input = "tau"', ["tau", "tau_ext", "line"]),
         ('parameter = "I"', 'parameter = "J"', ["J", "I", "line"]),
+        ("[outputs]", "[tolerance]\nmass = 0.01\n[outputs]", ["tolerance", "mass", "m", "line"]),
+        ("[outputs]", "[tolerance]\nm = -1\n[outputs]", ["tolerance", "-1", "between 0 and 1", "line"]),
         ('channels = ["pole"]', 'channels = ["poles"]', ["poles", "pole", "line"]),
         ("to_s = 14.0", "to_s = -14.0", ["samples", "line"]),
         ("m = 0.15", 'm = "heavy"', ["line", "column"]),

@@ -18,9 +18,8 @@ from libcosimpy.CosimLogging import CosimLogLevel, log_output_level  # noqa: E40
 from libcosimpy.CosimManipulator import CosimManipulator  # noqa: E402
 from libcosimpy.CosimObserver import CosimObserver  # noqa: E402
 from libcosimpy.CosimSlave import CosimLocalSlave  # noqa: E402
-from lxml import etree  # noqa: E402
 
-from pneumatic import CART, CONNECTIONS, FMUS, SYSTEM, airloop, run, sine  # noqa: E402
+from pneumatic import CART, CONNECTIONS, FMUS, SYSTEM, run, sine  # noqa: E402
 from pneumatic import at_start_of_interval, differences  # noqa: E402
 
 RECORDED = {
@@ -107,26 +106,3 @@ def test_libcosim_agrees_with_the_jacobi_master(
     # The serial master is another thing, so the agreement says something.
     serial = run(tmp_path / "serial", SYSTEM, step, times, command, "gauss-seidel")
     assert np.max(np.abs(serial["cart_pole.v"] - ours["cart_pole.v"])) > 1e-6
-
-
-def test_libcosim_runs_a_package_that_airloop_wrote(references, tmp_path):
-    """libcosim reads no connectors of the system itself, so here the command is a constant start value."""
-    tree = etree.parse(str(SYSTEM))
-    space = {"ssd": tree.getroot().nsmap["ssd"]}
-    for path in ("//ssd:System/ssd:Connectors", "//ssd:Connection[not(@startElement) or not(@endElement)]"):
-        for element in tree.xpath(path, namespaces=space):
-            element.getparent().remove(element)
-    for component in tree.xpath("//*[@source]"):
-        component.set("source", str((SYSTEM.parent / component.get("source")).resolve()))
-    tree.write(str(tmp_path / "closed.ssd"))
-    package = tmp_path / "closed.ssp"
-    airloop("export", tmp_path / "closed.ssd", "--set", "actuator.u=15", "--ssp-version", "1.0", "-o", package)
-    times = [k / 512 for k in range(513)]
-    ours = run(tmp_path, package, repr(2.0**-9), times, None, "jacobi")
-
-    execution = CosimExecution.from_ssp_file(str(package), 1953125)
-    indices = {name: execution.slave_index_from_instance_name(name) for name in FMUS}
-    theirs = simulate(execution, indices, references, None, len(times) - 1)
-    found = after_first_step(ours, theirs)
-    assert found == dict.fromkeys(found, 0.0)
-    assert ours["cart_pole.x"][-1] > 0.01

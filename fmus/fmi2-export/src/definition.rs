@@ -58,7 +58,7 @@ impl<M: Model> Default for Definition<M> {
 /// FNV-1a hash of 128 bits in the usual form of a GUID.
 ///
 /// Fixed by its definition on every platform and toolchain, which the hasher of the standard library is not.
-fn fingerprint(text: &str) -> String {
+pub fn fingerprint(text: &str) -> String {
     const OFFSET: u128 = 0x6c62_272e_07bb_0142_62b8_2175_6295_c58d;
     const PRIME: u128 = 0x0000_0000_0100_0000_0000_0000_0000_013b;
     let hash = text.bytes().fold(OFFSET, |h, byte| (h ^ u128::from(byte)).wrapping_mul(PRIME));

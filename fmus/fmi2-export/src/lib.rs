@@ -37,7 +37,7 @@ mod values;
 mod variables;
 
 pub use declaration::{Declaration, Enumeration};
-pub use definition::Definition;
+pub use definition::{Definition, fingerprint};
 pub use dual::Dual;
 pub use logger::CATEGORIES as LOG_CATEGORIES;
 pub use model::{Event, Identity, Model, Outcome, Refusal};

@@ -3,7 +3,7 @@
 use crate::arx_actuator::{self, ArxActuator, FirstOrder};
 use crate::cart_pole::CartPole;
 use crate::compass_gait::CompassGait;
-use crate::effect::{ExpressionEffect, ForceEffect, SensorEffect, SignalEffect, TorqueEffect};
+use crate::effect::{ExpressionEffect, ForceEffect, PortEffect, SensorEffect, SignalEffect, TorqueEffect};
 use crate::friction::{self, Friction};
 use crate::linear_state_space::LinearStateSpace;
 use crate::pendulum::Pendulum;
@@ -79,6 +79,7 @@ pub fn all() -> Vec<Entry> {
         entry::<PistonForce>("fmu-piston-force", true, include_str!("../../piston-force/README.md")),
         entry::<ForceEffect>("fmu-force-effect", true, include_str!("../../force-effect/README.md")),
         entry::<TorqueEffect>("fmu-torque-effect", true, include_str!("../../torque-effect/README.md")),
+        entry::<PortEffect>("fmu-port-effect", true, include_str!("../../port-effect/README.md")),
         entry::<SignalEffect>("fmu-signal-effect", true, include_str!("../../signal-effect/README.md")),
         entry::<SensorEffect>("fmu-sensor-effect", true, include_str!("../../sensor-effect/README.md")),
         entry::<ExpressionEffect>(

@@ -13,6 +13,7 @@ pub mod documentation;
 mod error;
 pub mod libraries;
 pub mod parameter_set;
+pub mod system;
 
 pub use error::Error;
 
@@ -60,6 +61,7 @@ pub fn package(request: &Request) -> Result<Vec<PathBuf>, Error> {
         archive::write(&path, &contents::of(&request.root, entry, &of_entry, &licenses)?)?;
         written.push(path);
     }
+    written.push(system::package(request)?);
     Ok(written)
 }
 

@@ -25,13 +25,23 @@ fn host_platform() -> &'static str {
 /// # Errors
 /// Cargo that does not start or does not succeed.
 pub fn build(root: &Path, entries: &[Entry]) -> Result<Vec<Library>, Error> {
+    let named: Vec<(&str, &str)> =
+        entries.iter().map(|entry| (entry.package, entry.identity.model_identifier)).collect();
+    build_named(root, &named)
+}
+
+/// Builds the libraries of packages, given with their names, without symbols and debug information.
+///
+/// # Errors
+/// Same as [`build`].
+pub fn build_named(root: &Path, packages: &[(&str, &str)]) -> Result<Vec<Library>, Error> {
     // Set by `cargo run`, so that the same toolchain is used.
     let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
     let mut command = Command::new(&cargo);
     command.current_dir(root).args(["build", "--release", "--message-format=json-render-diagnostics"]);
-    for entry in entries {
-        command.args(["-p", entry.package]);
-        command.arg("--config").arg(format!("profile.release.package.{}.strip='symbols'", entry.package));
+    for (package, _) in packages {
+        command.args(["-p", package]);
+        command.arg("--config").arg(format!("profile.release.package.{package}.strip='symbols'"));
     }
     let output = command
         .stderr(Stdio::inherit())
@@ -41,15 +51,14 @@ pub fn build(root: &Path, entries: &[Entry]) -> Result<Vec<Library>, Error> {
         return Err(Error::Build(format!("cargo ended with {}", output.status)));
     }
     let messages = String::from_utf8_lossy(&output.stdout);
-    entries
+    packages
         .iter()
-        .map(|entry| {
-            let identifier = entry.identity.model_identifier;
+        .map(|(_, identifier)| {
             let path = messages
                 .lines()
                 .find_map(|line| artifact(line, identifier))
                 .ok_or_else(|| Error::Build(format!("cargo names no library `{identifier}`")))?;
-            Ok(library(entry, path))
+            Ok(library(identifier, path))
         })
         .collect()
 }
@@ -66,8 +75,8 @@ fn artifact(line: &str, target: &str) -> Option<PathBuf> {
     files.iter().filter_map(|f| f.as_str()).map(PathBuf::from).find(is_library)
 }
 
-fn library(entry: &Entry, path: PathBuf) -> Library {
-    let model_identifier = entry.identity.model_identifier.to_owned();
+fn library(identifier: &str, path: PathBuf) -> Library {
+    let model_identifier = identifier.to_owned();
     Library { platform: host_platform().to_owned(), model_identifier, path }
 }
 
@@ -76,18 +85,23 @@ fn library(entry: &Entry, path: PathBuf) -> Library {
 /// # Errors
 /// The first library that is not there.
 pub fn in_folder(folder: &Path, entries: &[Entry]) -> Result<Vec<Library>, Error> {
-    use std::env::consts::{DLL_PREFIX, DLL_SUFFIX};
     entries
         .iter()
-        .map(|entry| {
-            let name = format!("{DLL_PREFIX}{}{DLL_SUFFIX}", entry.identity.model_identifier);
-            let path = folder.join(name);
-            if !path.is_file() {
-                return Err(Error::NoLibrary { path, package: entry.package });
-            }
-            Ok(library(entry, path))
-        })
+        .map(|entry| named_in_folder(folder, entry.package, entry.identity.model_identifier))
         .collect()
+}
+
+/// Finds the library of one package in a folder, as cargo names it.
+///
+/// # Errors
+/// It is not there.
+pub fn named_in_folder(folder: &Path, package: &'static str, identifier: &str) -> Result<Library, Error> {
+    use std::env::consts::{DLL_PREFIX, DLL_SUFFIX};
+    let path = folder.join(format!("{DLL_PREFIX}{identifier}{DLL_SUFFIX}"));
+    if !path.is_file() {
+        return Err(Error::NoLibrary { path, package });
+    }
+    Ok(library(identifier, path))
 }
 
 /// Finds libraries that were built elsewhere: `<platform>/<modelIdentifier>.<extension>` in each folder or in its
@@ -102,18 +116,11 @@ pub fn of_platforms(folders: &[PathBuf], entries: &[Entry]) -> Result<Vec<Librar
     for folder in folders {
         let before = found.len();
         for entry in entries {
-            for (platform, extension) in PLATFORMS {
-                let identifier = entry.identity.model_identifier;
-                let candidates = ["", "lib"].map(|prefix| format!("{prefix}{identifier}.{extension}"));
-                let path = [folder.join(platform), folder.join("binaries").join(platform)]
-                    .iter()
-                    .flat_map(|place| candidates.iter().map(move |name| place.join(name)))
-                    .find(|path| path.is_file());
-                let is_new =
-                    |p: &str| !found.iter().any(|l| l.platform == p && l.model_identifier == identifier);
-                if let Some(path) = path.filter(|_| is_new(platform)) {
-                    let (platform, model_identifier) = (platform.to_owned(), identifier.to_owned());
-                    found.push(Library { platform, model_identifier, path });
+            for new in named_of_platforms(folder, entry.identity.model_identifier) {
+                let same =
+                    |l: &Library| l.platform == new.platform && l.model_identifier == new.model_identifier;
+                if !found.iter().any(same) {
+                    found.push(new);
                 }
             }
         }
@@ -122,6 +129,19 @@ pub fn of_platforms(folders: &[PathBuf], entries: &[Entry]) -> Result<Vec<Librar
         }
     }
     Ok(found)
+}
+
+/// The binaries of one library in a folder, for every platform; see [`of_platforms`].
+pub fn named_of_platforms(folder: &Path, identifier: &str) -> Vec<Library> {
+    let of = |(platform, extension): (&str, &str)| {
+        let candidates = ["", "lib"].map(|prefix| format!("{prefix}{identifier}.{extension}"));
+        let path = [folder.join(platform), folder.join("binaries").join(platform)]
+            .iter()
+            .flat_map(|place| candidates.iter().map(move |name| place.join(name)))
+            .find(|path| path.is_file())?;
+        Some(Library { platform: platform.to_owned(), ..library(identifier, path) })
+    };
+    PLATFORMS.into_iter().filter_map(of).collect()
 }
 
 #[cfg(test)]

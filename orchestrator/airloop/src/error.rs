@@ -18,6 +18,9 @@ pub enum Error {
     /// Derived FMUs.
     #[error(transparent)]
     Derive(#[from] airloop_fmi::derive::DeriveError),
+    /// Systems as FMUs.
+    #[error(transparent)]
+    SystemFmu(#[from] airloop_system::Error),
     /// FMUs to derive from.
     #[error(transparent)]
     Template(#[from] airloop_fmi::template_folder::TemplateNotFound),

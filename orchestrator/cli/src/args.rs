@@ -51,6 +51,13 @@ pub enum Command {
     /// The written system gives the same results, bit for bit. Geometry, annotations, connectors that are not
     /// connected, and the step size and tolerance of a single FMU are not kept.
     Export(super::export::Args),
+    /// Write a whole system as one FMU: its FMUs, its parameters and a master inside.
+    ///
+    /// Co-Simulation steps the components as `airloop run` does, with the same numbers; Model Exchange is the system as
+    /// one differential equation, without coupling error. Inputs and outputs of the system are those of the FMU;
+    /// parameters, outputs and states of the components are its variables component.variable. The FMU runs on the
+    /// platforms that all components have, and can be a component itself.
+    ExportFmu(super::export_fmu::Args),
     /// Write one of our FMUs with start values, name and GUID of its own, for any FMI tool.
     Derive(super::derive::Args),
     /// Write a command for an experiment: chirp, random stairs, multisine or pseudo-random binary sequence.
@@ -162,6 +169,11 @@ pub struct RunArgs {
     /// TOML file with a [signals] table: connector = "column", for columns of another name.
     #[arg(long, value_name = "FILE", requires = "data")]
     pub signals: Option<PathBuf>,
+    /// Study whose records are simulated as the study compares them: its inputs (scaled, filtered or derived), initial
+    /// states (given, measured or fitted) and windows. Of the amended system of a refine report the errors are those of
+    /// the report. Simulated through Model Exchange with the step of the study.
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["data", "set", "stop", "step", "start", "tolerance"])]
+    pub study: Option<PathBuf>,
     /// Folder for the results; it is made if it is not there.
     #[arg(short, long, value_name = "DIR", default_value = "out/run")]
     pub output: PathBuf,

@@ -3,8 +3,10 @@
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::Arc;
+use std::time::Duration;
 
 use super::inspect_system;
+use super::inspect_worker;
 use super::output::print;
 use super::table::table;
 use airloop::Error;
@@ -27,12 +29,27 @@ pub struct Args {
     #[arg(long)]
     pub json: bool,
     /// Check the FMU, or each FMU of the system, against the standard: archive and description, then by running its
-    /// library in this process. Errors make the exit code 1.
+    /// library in a process of its own. Errors make the exit code 1.
     #[arg(long)]
     pub check: bool,
     /// With --check: only archive and description; runs no third-party code.
     #[arg(long, requires = "check")]
     pub no_run: bool,
+    /// With --check: time \[s\] that the library of an FMU may take in all before its process is ended.
+    #[arg(long, requires = "check", value_name = "SECONDS", default_value_t = 60.0, value_parser = parse_limit)]
+    pub time_limit: f64,
+    /// Runs the library and leaves its findings in this folder: the process that --check starts.
+    #[arg(long, hide = true, requires = "check", value_name = "FOLDER")]
+    pub worker: Option<PathBuf>,
+}
+
+fn parse_limit(text: &str) -> Result<f64, String> {
+    let limit: f64 = text.parse().map_err(|_| "write a number of seconds".to_owned())?;
+    if limit > 0.0 && limit <= 1e6 {
+        Ok(limit)
+    } else {
+        Err("allowed are more than 0 s, at most 1e6 s".into())
+    }
 }
 
 /// Prints what the file consists of, or what the checker finds in it.
@@ -40,6 +57,10 @@ pub struct Args {
 /// # Errors
 /// The file cannot be opened or is refused.
 pub fn run(args: &Args) -> Result<ExitCode, Error> {
+    if let Some(folder) = &args.worker {
+        inspect_worker::work(&args.file, folder)?;
+        return Ok(ExitCode::SUCCESS);
+    }
     let is_fmu = args.file.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("fmu"));
     let (fmus, text, mut value) = if is_fmu {
         let fmu = Fmu::open(&args.file)?;
@@ -80,9 +101,8 @@ fn check(fmu: &Arc<Fmu>, args: &Args) -> Result<Vec<Finding>, Error> {
     show(&format!("{}\n", fmu.shown.display()))?;
     let mut findings = check::static_findings(fmu);
     show(&text(&findings))?;
-    // What follows runs third-party code and may end the process: what is known is printed before.
     if !args.no_run {
-        let dynamic = check::dynamic_findings(fmu);
+        let dynamic = inspect_worker::findings(fmu, Duration::from_secs_f64(args.time_limit))?;
         show(&text(&dynamic))?;
         findings.extend(dynamic);
     }

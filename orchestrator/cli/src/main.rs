@@ -8,10 +8,12 @@ pub mod derive;
 pub mod effects;
 pub mod excite;
 pub mod export;
+pub mod export_fmu;
 mod folder;
 pub mod identify;
 pub mod inspect;
 pub mod inspect_system;
+mod inspect_worker;
 pub mod optimize;
 pub mod output;
 #[cfg(test)]
@@ -21,6 +23,7 @@ mod refine_progress;
 mod report;
 pub mod rig;
 pub mod run;
+mod run_study;
 pub mod stabilize;
 mod table;
 pub mod trials;
@@ -46,6 +49,7 @@ pub fn main() -> ExitCode {
         Command::Run(args) => run::run(&args),
         Command::Inspect(args) => inspect::run(&args),
         Command::Export(args) => export::run(&args),
+        Command::ExportFmu(args) => export_fmu::run(&args),
         Command::Derive(args) => derive::run(&args),
         Command::Excite(args) => excite::run(&args),
         Command::Rig { command } => rig::run(&command),

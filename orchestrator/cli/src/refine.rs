@@ -76,6 +76,10 @@ pub struct Args {
     /// Print the JSON schema of report.json, or that of study.toml, and do nothing else.
     #[arg(long, value_enum, value_name = "FILE", num_args = 0..=1, default_missing_value = "report")]
     pub schema: Option<Schema>,
+    /// Print the places where something may be missing, with the effects that would be looked for, and search nothing; for a
+    /// study.
+    #[arg(long)]
+    pub plan: bool,
     /// Print nothing but errors.
     #[arg(short, long)]
     pub quiet: bool,
@@ -103,6 +107,9 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
         })?;
         return Ok(ExitCode::SUCCESS);
     };
+    if args.plan {
+        return plan(path);
+    }
     check_folder(path, &args.output)?;
     parallel::use_threads(args.threads.map_or(0, usize::from));
     // Checked when the command line was read.
@@ -124,7 +131,12 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
     if let Some(time) = args.budget {
         stop::within(time);
     }
-    let (mut found, evidence) = question.answer(&settings, args.quiet)?;
+    let (mut found, evidence) = question.answer(&settings, args.quiet).inspect_err(|_| {
+        if made {
+            // Only an empty folder can be removed this way.
+            let _ = std::fs::remove_dir(&args.output);
+        }
+    })?;
     let interrupted = interrupt.begin_to_write();
     let system = write_system(&question, &mut found, &args.output)?;
     let name = match &question {
@@ -154,6 +166,45 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
         return Ok(ExitCode::from(super::INTERRUPTED));
     }
     Ok(exit(&found))
+}
+
+/// Prints what a search would look for.
+fn plan(path: &Path) -> Result<ExitCode, Error> {
+    let Some(file) = study::find(path)? else {
+        let problem =
+            "--plan lists the places of a study; those of a case are the channels of its rig".into();
+        return Err(airloop_refine::Error::Case { path: path.into(), problem }.into());
+    };
+    let found = study::plan::plan(&file)?;
+    let stated = |unit: &str| if unit == "1" { String::new() } else { format!(" [{unit}]") };
+    let rows: Vec<Vec<String>> = found
+        .places
+        .iter()
+        .map(|place| {
+            let signal = |name: &Option<String>, unit: &str| {
+                name.as_ref().map_or_else(|| "-".into(), |name| format!("{name}{}", stated(unit)))
+            };
+            vec![
+                format!("{}{}", place.port, stated(&place.units[0])),
+                signal(&place.velocity, &place.units[1]),
+                signal(&place.position, &place.units[2]),
+                place.kinds.join(", "),
+            ]
+        })
+        .collect();
+    let mut text =
+        format!("{}\n", super::table::table(&["port", "velocity", "position", "effects"], &rows, &[]));
+    let rows: Vec<Vec<String>> =
+        found.sensors.iter().map(|(name, kinds)| vec![name.clone(), kinds.join(", ")]).collect();
+    if !rows.is_empty() {
+        text += &format!("\n{}\n", super::table::table(&["output", "effects"], &rows, &[]));
+    }
+    for (name, why) in &found.not_testable {
+        text += &format!("\nnot testable: {name}: {why}");
+    }
+    output::print(text.trim_end())?;
+    output::print("\n")?;
+    Ok(ExitCode::SUCCESS)
 }
 
 /// A time limit of the command line.

@@ -9,7 +9,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use indicatif::{ProgressBar, ProgressStyle};
 
 use super::args::{InitialChoice, MasterChoice, RunArgs};
-use super::{coupling, folder, output, report};
+use super::{coupling, folder, output, report, run_study};
 use airloop::Error;
 use airloop::discrepancy::signals::{self, Links, SignalTable};
 use airloop::discrepancy::{self, residual};
@@ -48,6 +48,9 @@ impl Record {
 /// # Errors
 /// Fails if the run cannot start, or its results cannot be written.
 pub fn run(args: &RunArgs) -> Result<ExitCode, Error> {
+    if let Some(study) = &args.study {
+        return run_study::run(args, study);
+    }
     // From here on: unpacked FMUs are to be removed, also if the program is asked to end.
     let stop = stop_flag();
     let mut graph = SystemGraph::open_for(&args.system, args.master.interface())?;

@@ -24,6 +24,27 @@ fn the_command_fails_for_errors_and_prints_json() {
     assert_eq!(code, Some(0), "{text}");
     assert!(text.contains("0 errors, 0 warnings"), "{text}");
 
+    // What an FMU prints goes to the standard error, and a crash, an exit and an endless call are findings.
+    let json = |words: &[&str]| {
+        let (code, text) = airloop(&[&["inspect", "--check", "--json", "m.fmu"], words].concat());
+        (code, serde_json::from_str::<serde_json::Value>(&text).expect(&text))
+    };
+    compiled(&folder, "first_order.c", SOUND, &["-DPRINTS"]);
+    assert_eq!(json(&[]).0, Some(0));
+    for (fault, words, expected) in [
+        ("-DCRASHES", &[][..], "signal"),
+        ("-DEXITS", &[][..], "exit code 0"),
+        ("-DHANGS", &["--time-limit", "1"][..], "1 s"),
+    ] {
+        compiled(&folder, "first_order.c", SOUND, &[fault]);
+        let (code, value) = json(words);
+        assert_eq!(code, Some(1), "{fault}");
+        let finding = &value["checks"][0]["findings"][0];
+        assert_eq!(finding["rule"], "process-lost", "{fault}");
+        assert!(finding["element"].as_str().unwrap().contains("fmi2ExitInitializationMode"), "{finding}");
+        assert!(finding["message"].as_str().unwrap().contains(expected), "{finding}");
+    }
+
     compiled(&folder, "first_order.c", &SOUND.replace("stopTime=\"1\"", "stopTime=\"-1\""), &[]);
     let (code, text) = airloop(&["inspect", "--check", "--no-run", "--json", "m.fmu"]);
     assert_eq!(code, Some(1));

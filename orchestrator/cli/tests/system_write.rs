@@ -4,9 +4,10 @@
 use std::path::Path;
 use std::process::{Command, Output};
 
-use airloop_cosim::system::graph::Start;
-use airloop_cosim::system::write::{Version, write as write_system};
+use airloop_cosim::system::graph::{Source, Start};
+use airloop_cosim::system::write::{Tool, Version, write as write_system, write_for};
 use airloop_cosim::system::{Error, SystemGraph};
+use airloop_fmi::VariableKind;
 use airloop_series::csv;
 use airloop_testing::slave::{
     component, connection, description, folder, folder_without_library, pack, ssd, write,
@@ -141,6 +142,73 @@ fn a_package_holds_each_fmu_once_and_a_set_per_component_with_start_values() {
     let mut fmu = Vec::new();
     std::io::Read::read_to_end(&mut zip.by_name("resources/slave.fmu").unwrap(), &mut fmu).unwrap();
     assert_eq!(fmu, std::fs::read(folder.path().join("slave.fmu")).unwrap());
+    for name in &expected[1..] {
+        let mut set = String::new();
+        std::io::Read::read_to_string(&mut zip.by_name(name).unwrap(), &mut set).unwrap();
+        assert!(set.contains(" version=\"1.0\" name=\"initialValues\""), "{set}");
+    }
+}
+
+#[test]
+fn tools_without_connectors_of_the_system_get_constant_inputs_and_every_conversion() {
+    let folder = folder_without_library();
+    let graph = rich(&folder);
+    let file = folder.path().join("closed.ssp");
+    write_for(&graph, &file, Version::default(), Tool::Ecos).unwrap();
+    let closed = SystemGraph::open(&file).unwrap();
+    assert!(closed.inputs.is_empty() && closed.outputs.is_empty());
+    let inner: Vec<_> = graph
+        .connections
+        .iter()
+        .filter(|connection| !matches!(connection.source, Source::Input(_)))
+        .cloned()
+        .collect();
+    assert_eq!(closed.connections, inner);
+    for (one, other) in closed.components.iter().zip(&graph.components) {
+        assert_eq!(one.start_values, other.start_values);
+    }
+    let mut zip = zip::ZipArchive::new(std::fs::File::open(&file).unwrap()).unwrap();
+    let mut text = String::new();
+    std::io::Read::read_to_string(&mut zip.by_name("SystemStructure.ssd").unwrap(), &mut text).unwrap();
+    let connections = text.split_once("<ssd:Connections>").unwrap().1;
+    let starts = connections.matches("startElement=").count();
+    assert_eq!((starts, connections.matches("endElement=").count()), (inner.len(), inner.len()));
+    let notes = Tool::Ecos.notes(&graph);
+    assert!(notes.iter().any(|note| note.contains("`u` became constant start values")), "{notes:?}");
+}
+
+#[test]
+fn start_values_are_put_into_fmus_that_can_hold_them() {
+    let folder = folder_without_library();
+    let ours = description().replacen(
+        "<fmiModelDescription",
+        "<fmiModelDescription generationTool=\"fmi2-export\"",
+        1,
+    );
+    pack(&folder.path().join("slave.fmu"), &ours, None);
+    let text = ssd("", &[component("a", ""), component("b", "")].concat(), "", "");
+    let mut graph = SystemGraph::open(&write(&folder, "system.ssd", &text)).unwrap();
+    graph.set_start("b.gain", "0.1", "test").unwrap();
+    let file = folder.path().join("system.ssp");
+    write_system(&graph, &file, Version::default()).unwrap();
+    let again = SystemGraph::open(&file).unwrap();
+    let start = |component: usize| match &again.components[component]
+        .fmu
+        .description
+        .variable("gain")
+        .unwrap()
+        .kind
+    {
+        VariableKind::Real(real) => real.start,
+        _ => None,
+    };
+    assert_eq!((start(0), start(1)), (Some(1.0), Some(0.1)));
+    assert_eq!(again.components[1].start_values, graph.components[1].start_values);
+    assert!(Tool::Any.notes(&again).is_empty(), "{:?}", Tool::Any.notes(&again));
+    // A package of that package is the same file.
+    let second = folder.path().join("second.ssp");
+    write_system(&again, &second, Version::default()).unwrap();
+    assert_eq!(std::fs::read(&second).unwrap(), std::fs::read(&file).unwrap());
 }
 
 #[test]
@@ -268,7 +336,7 @@ fn the_command_refuses_what_it_cannot_write() {
     let folder = folder();
     converting(&folder);
     let cases: [(&[&str], i32, &str); 4] = [
-        (&["-o", "x.ssd", "--ssp-version", "3.0"], 2, "possible values: 2.0, 1.0"),
+        (&["-o", "x.ssd", "--ssp-version", "3.0"], 2, "possible values: 1.0, 2.0"),
         (&["-o", "x.txt"], 1, "choose one of these endings"),
         (&["-o", "x.ssd", "--set", "a.nope=1"], 1, "--set a.nope=1: there is no variable `nope`"),
         (&["-o", "x.ssd", "--set", "u"], 2, "write component.variable=value"),

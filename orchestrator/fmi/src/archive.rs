@@ -267,10 +267,11 @@ fn stored_names(file: File, start: u64) -> Result<Vec<String>, ArchiveError> {
     Ok(names)
 }
 
-/// Refuses names that lead out of the folder, that not every system can store, or that meet in one file.
+/// Refuses names that lead out of the folder, that not every system can store, or that meet in one file. A folder may
+/// appear twice: it is one folder.
 fn check_names<'a>(names: impl Iterator<Item = &'a str>) -> Result<(), ArchiveError> {
-    // Folded path of every file and folder -> (path, whether an entry of its own, whether a file).
-    let mut seen: HashMap<String, (String, bool, bool)> = HashMap::new();
+    // Folded path of every file and folder -> (path, whether a file).
+    let mut seen: HashMap<String, (String, bool)> = HashMap::new();
     for name in names {
         if let Some(reason) = bad_name(name) {
             return Err(ArchiveError::Name { name: name.to_owned(), reason });
@@ -280,20 +281,18 @@ fn check_names<'a>(names: impl Iterator<Item = &'a str>) -> Result<(), ArchiveEr
         let ends = path.match_indices('/').map(|(at, _)| at).chain([path.len()]);
         for end in ends {
             let (part, whole) = (&path[..end], end == path.len());
-            let (part_is_file, own) = (whole && is_file, whole);
+            let part_is_file = whole && is_file;
             match seen.get_mut(&part.to_lowercase()) {
                 None => {
-                    seen.insert(part.to_lowercase(), (part.to_owned(), own, part_is_file));
+                    seen.insert(part.to_lowercase(), (part.to_owned(), part_is_file));
                 }
-                Some((earlier, earlier_own, earlier_file)) => {
-                    let clash = earlier != part || *earlier_file || part_is_file || (own && *earlier_own);
-                    if clash {
+                Some((earlier, earlier_file)) => {
+                    if earlier != part || *earlier_file || part_is_file {
                         return Err(ArchiveError::Collision {
                             first: earlier.clone(),
                             second: name.to_owned(),
                         });
                     }
-                    *earlier_own |= own;
                 }
             }
         }

@@ -83,7 +83,8 @@ pub enum Error {
     },
     /// The FMU may exist only once per process.
     #[error(
-        "{component}: {} declares canBeInstantiatedOnlyOncePerProcess and has an instance already; free that one first",
+        "{component}: {} declares canBeInstantiatedOnlyOncePerProcess and has an instance already; give this component a \
+         copy of the .fmu file under another name, which is loaded as a library of its own",
         path.display()
     )]
     OnlyOnce {

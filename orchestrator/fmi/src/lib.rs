@@ -19,6 +19,7 @@ mod open;
 mod package;
 mod slave;
 pub mod template_folder;
+pub mod trace;
 pub mod xml;
 
 pub use archive::{ArchiveError, Limits};

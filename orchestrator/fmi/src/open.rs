@@ -4,7 +4,9 @@ use std::fmt;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 
-use super::archive::{Archive, Limits, Unpacked};
+use tempfile::TempDir;
+
+use super::archive::{Archive, ArchiveError, Limits, Unpacked};
 use super::description::{Interface, ModelDescription};
 use super::error::Error;
 use super::library::{Library, platform_folders};
@@ -33,7 +35,25 @@ impl InterfaceKind {
     }
 }
 
-/// An opened FMU. Its files lie in a temporary folder that goes when the last user (instances included) is dropped.
+/// Place of the files of an FMU.
+enum Folder {
+    /// Unpacked here; removed when dropped.
+    Temporary(TempDir),
+    /// Of the user.
+    Kept(PathBuf),
+}
+
+impl Folder {
+    fn path(&self) -> &Path {
+        match self {
+            Folder::Temporary(folder) => folder.path(),
+            Folder::Kept(folder) => folder,
+        }
+    }
+}
+
+/// An opened FMU. Its files lie in a temporary folder that goes when the last user (instances included) is dropped, or
+/// in the folder that was opened.
 pub struct Fmu {
     /// The archive.
     pub path: PathBuf,
@@ -41,9 +61,11 @@ pub struct Fmu {
     pub shown: PathBuf,
     /// Content of `modelDescription.xml`.
     pub description: ModelDescription,
-    // Dropped before `unpacked`: a library is closed before its file is removed.
+    // Dropped before `folder`: a library is closed before its file is removed.
     libraries: Mutex<Vec<(String, Arc<Library>)>>,
-    unpacked: Unpacked,
+    folder: Folder,
+    files: Vec<String>,
+    folders: Vec<String>,
 }
 
 impl fmt::Debug for Fmu {
@@ -53,7 +75,8 @@ impl fmt::Debug for Fmu {
 }
 
 impl Fmu {
-    /// Checks and unpacks the archive at `path` and reads its model description, with the default [`Limits`].
+    /// Checks and unpacks the archive at `path` and reads its model description, with the default [`Limits`]; a folder
+    /// with a `modelDescription.xml` is taken for an FMU that is unpacked already.
     ///
     /// The library is loaded when the first instance is made, so an FMU without a binary for this platform can be
     /// opened and inspected.
@@ -81,18 +104,53 @@ impl Fmu {
     }
 
     fn open_as(path: &Path, shown: &Path, limits: &Limits) -> Result<Arc<Fmu>, Error> {
+        if path.join("modelDescription.xml").is_file() {
+            return Fmu::open_folder(path, shown, limits);
+        }
         let refuse = |source| Error::Archive { path: shown.to_owned(), source };
         let mut archive = Archive::open(path, limits).map_err(refuse)?;
         let description = ModelDescription::parse(&archive.description().map_err(refuse)?)
             .map_err(|source| Error::Description { path: shown.to_owned(), source })?;
-        let unpacked = archive.unpack().map_err(refuse)?;
-        let (path, shown) = (path.to_owned(), shown.to_owned());
-        Ok(Arc::new(Fmu { path, shown, description, libraries: Mutex::default(), unpacked }))
+        let Unpacked { folder, files, folders } = archive.unpack().map_err(refuse)?;
+        let (path, shown, folder) = (path.to_owned(), shown.to_owned(), Folder::Temporary(folder));
+        Ok(Arc::new(Fmu { path, shown, description, libraries: Mutex::default(), folder, files, folders }))
+    }
+
+    fn open_folder(path: &Path, shown: &Path, limits: &Limits) -> Result<Arc<Fmu>, Error> {
+        let refuse = |source| Error::Archive { path: shown.to_owned(), source: ArchiveError::Read(source) };
+        let folder = path.canonicalize().map_err(refuse)?;
+        let (mut files, mut folders) = (Vec::new(), Vec::new());
+        let mut open = vec![String::new()];
+        while let Some(inner) = open.pop() {
+            for entry in std::fs::read_dir(folder.join(&inner)).map_err(refuse)? {
+                let entry = entry.map_err(refuse)?;
+                let name = format!("{inner}{}", entry.file_name().to_string_lossy());
+                if entry.file_type().map_err(refuse)?.is_dir() {
+                    open.push(format!("{name}/"));
+                    folders.push(format!("{name}/"));
+                } else {
+                    files.push(name);
+                }
+            }
+            if files.len() + folders.len() > limits.entries {
+                let (what, found) = ("the number of entries".to_owned(), files.len() + folders.len());
+                let (found, limit) = (found as u64, limits.entries as u64);
+                let source = ArchiveError::TooLarge { what, found, limit };
+                return Err(Error::Archive { path: shown.to_owned(), source });
+            }
+        }
+        files.sort();
+        folders.sort();
+        let xml = std::fs::read(folder.join("modelDescription.xml")).map_err(refuse)?;
+        let description = ModelDescription::parse(&xml)
+            .map_err(|source| Error::Description { path: shown.to_owned(), source })?;
+        let (path, shown, folder) = (path.to_owned(), shown.to_owned(), Folder::Kept(folder));
+        Ok(Arc::new(Fmu { path, shown, description, libraries: Mutex::default(), folder, files, folders }))
     }
 
     /// The unpacked `resources` folder as a `file:///` URI, as fmi2Instantiate wants it.
     pub fn resources_uri(&self) -> String {
-        let path = self.unpacked.folder.path().join("resources");
+        let path = self.folder.path().join("resources");
         let mut uri = String::from("file://");
         for byte in path.to_string_lossy().bytes() {
             match byte {
@@ -107,22 +165,22 @@ impl Fmu {
 
     /// The unpacked `resources` folder.
     pub fn resources(&self) -> PathBuf {
-        self.unpacked.folder.path().join("resources")
+        self.folder.path().join("resources")
     }
 
     /// The folder with the unpacked files.
-    pub(super) fn folder(&self) -> &Path {
-        self.unpacked.folder.path()
+    pub fn folder(&self) -> &Path {
+        self.folder.path()
     }
 
     /// Names of all files in the archive, with forward slashes, in archive order.
     pub fn files(&self) -> &[String] {
-        &self.unpacked.files
+        &self.files
     }
 
     /// Whether the archive has the folder `name` (with a slash at the end), be it empty.
     pub(super) fn has_folder(&self, name: &str) -> bool {
-        let mut entries = self.files().iter().chain(&self.unpacked.folders);
+        let mut entries = self.files().iter().chain(&self.folders);
         entries.any(|entry| entry.starts_with(name))
     }
 
@@ -162,7 +220,7 @@ impl Fmu {
             return Ok(Arc::clone(library));
         }
         let inner = self.binary(identifier)?;
-        let library = Arc::new(Library::load(&self.shown, self.unpacked.folder.path(), &inner)?);
+        let library = Arc::new(Library::load(&self.shown, self.folder.path(), &inner)?);
         libraries.push((identifier.clone(), Arc::clone(&library)));
         Ok(library)
     }

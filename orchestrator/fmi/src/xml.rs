@@ -56,17 +56,25 @@ pub struct XmlError {
     pub line: usize,
     /// Fault.
     pub message: String,
+    /// The text is not UTF-8.
+    pub is_encoding: bool,
 }
 
 /// Reads a whole document and returns its root.
 pub fn parse(bytes: &[u8]) -> Result<Element, XmlError> {
-    if bytes.starts_with(&[0xFE, 0xFF]) || bytes.starts_with(&[0xFF, 0xFE]) {
-        return Err(XmlError { line: 1, message: "the file is UTF-16; save it in UTF-8".to_owned() });
+    const UTF_16: [&[u8]; 4] = [b"\xFE\xFF", b"\xFF\xFE", b"<\0", b"\0<"];
+    if UTF_16.iter().any(|start| bytes.starts_with(start)) {
+        let message = "the file is UTF-16; save it in UTF-8".to_owned();
+        return Err(XmlError { line: 1, message, is_encoding: true });
     }
     let bytes = bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(bytes);
     let text = std::str::from_utf8(bytes).map_err(|error| XmlError {
         line: Lines::new(bytes).at(error.valid_up_to()),
-        message: "a byte that is not UTF-8; save the file in UTF-8".to_owned(),
+        message: match declared_encoding(bytes) {
+            Some(encoding) => format!("the file is written in {encoding}; save it in UTF-8"),
+            None => "a byte that is not UTF-8; save the file in UTF-8".to_owned(),
+        },
+        is_encoding: true,
     })?;
     let mut lines = Lines::new(bytes);
     let mut reader = NsReader::from_str(text);
@@ -75,7 +83,7 @@ pub fn parse(bytes: &[u8]) -> Result<Element, XmlError> {
     let mut count = 0;
     loop {
         let line = lines.at(usize::try_from(reader.buffer_position()).unwrap_or(usize::MAX));
-        let error = |message: String| XmlError { line, message };
+        let error = |message: String| XmlError { line, message, is_encoding: false };
         let (namespace, event) =
             reader.read_resolved_event().map_err(|e| error(format!("this is not well-formed XML: {e}")))?;
         let namespace = match namespace {
@@ -117,10 +125,23 @@ pub fn parse(bytes: &[u8]) -> Result<Element, XmlError> {
         (Some(element), _) => Err(XmlError {
             line: element.line,
             message: format!("the element {} is not closed; the file may be truncated", element.name),
+            is_encoding: false,
         }),
         (None, Some(root)) => Ok(root),
-        (None, None) => Err(XmlError { line: 1, message: "the file has no element".to_owned() }),
+        (None, None) => {
+            Err(XmlError { line: 1, message: "the file has no element".to_owned(), is_encoding: false })
+        }
     }
+}
+
+/// The encoding that the XML declaration names, unless it is UTF-8.
+fn declared_encoding(bytes: &[u8]) -> Option<String> {
+    let declaration = String::from_utf8_lossy(&bytes[..bytes.len().min(200)]).into_owned();
+    let declaration = declaration.strip_prefix("<?xml")?.split("?>").next()?.to_owned();
+    let value = declaration.split_once("encoding")?.1.trim_start().strip_prefix('=')?.trim_start().to_owned();
+    let quote = value.chars().next().filter(|quote| matches!(quote, '"' | '\''))?;
+    let encoding = value[1..].split(quote).next()?.to_owned();
+    (!encoding.eq_ignore_ascii_case("utf-8")).then_some(encoding)
 }
 
 fn close(element: Element, open: &mut [Element], root: &mut Option<Element>) {
@@ -204,6 +225,12 @@ mod tests {
             ("<a k=\"&nope;\"/>", 1, "nope"),
             ("<a/><b/>", 1, "second root"),
         ];
+        let latin = b"<?xml version=\"1.0\" encoding='ISO-8859-1'?>\n<a k=\"\xE4\"/>";
+        let error = parse(latin).unwrap_err();
+        assert!(error.is_encoding && error.line == 2, "{error:?}");
+        assert_eq!(error.message, "the file is written in ISO-8859-1; save it in UTF-8");
+        let wide: Vec<u8> = "<a/>".encode_utf16().flat_map(u16::to_le_bytes).collect();
+        assert!(parse(&wide).unwrap_err().message.contains("UTF-16"));
         for (text, line, expected) in cases {
             let error = parse(text.as_bytes()).unwrap_err();
             assert!(error.line == line && error.message.contains(expected), "{text:.30}: {error:?}");

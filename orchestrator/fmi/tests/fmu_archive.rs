@@ -88,6 +88,20 @@ fn entries_that_meet_in_one_file_are_refused() {
 }
 
 #[test]
+fn a_folder_that_appears_twice_is_one_folder() {
+    let mut writer = ZipWriter::new(Cursor::new(Vec::new()));
+    writer.start_file("modelDescription.xml", SimpleFileOptions::default()).unwrap();
+    writer.write_all(description(INPUT).as_bytes()).unwrap();
+    for name in ["aaaaaaa/", "sources/", "sources/x.c"] {
+        writer.start_file(name, SimpleFileOptions::default()).unwrap();
+    }
+    let bytes = forge(&writer.finish().unwrap().into_inner(), "aaaaaaa/", "sources/");
+    let folder = TempDir::new().unwrap();
+    let fmu = Fmu::open(&save(&folder, "m.fmu", &bytes)).unwrap();
+    assert_eq!(fmu.files(), ["modelDescription.xml", "sources/x.c"]);
+}
+
+#[test]
 fn a_symbolic_link_is_refused() {
     let mut writer = ZipWriter::new(Cursor::new(Vec::new()));
     writer.start_file("modelDescription.xml", SimpleFileOptions::default()).unwrap();

@@ -179,6 +179,48 @@ fn a_dependency_that_is_not_declared_is_found() {
 }
 
 #[test]
+fn a_derivative_of_a_non_state_before_a_state_is_a_finding() {
+    // States are counted among all derivatives, of which the first is that of a parameter.
+    let extra = "<ScalarVariable name=\"der(p)\" valueReference=\"2\"><Real derivative=\"5\"/></ScalarVariable></ModelVariables>";
+    let xml = SOUND.replace("</ModelVariables>", extra);
+    let xml = xml.replace("<Derivatives>", "<Derivatives><Unknown index=\"6\"/>");
+    assert!(static_troubles(&xml).iter().any(|finding| finding.rule == "derivative-of-non-state"));
+    // The library has one state and refuses two.
+    assert!(dynamic_troubles(&xml, &[]).iter().any(|finding| finding.severity == Severity::Error));
+}
+
+#[test]
+fn an_absurd_number_of_event_indicators_is_refused_by_name() {
+    let xml = SOUND.replace("numberOfEventIndicators=\"0\"", "numberOfEventIndicators=\"4294967295\"");
+    let folder = TempDir::new().unwrap();
+    let files = archive(&[("modelDescription.xml", xml.as_bytes())]);
+    let message = Fmu::open(&save(&folder, "m.fmu", &files)).unwrap_err().to_string();
+    assert!(
+        message.contains("numberOfEventIndicators=\"4294967295\"") && message.contains("1000000"),
+        "{message}"
+    );
+}
+
+#[test]
+fn descriptions_that_are_not_utf_8_are_refused_with_what_fmi_asks_for() {
+    let folder = TempDir::new().unwrap();
+    let message = |bytes: &[u8]| {
+        let files = archive(&[("modelDescription.xml", bytes)]);
+        Fmu::open(&save(&folder, "m.fmu", &files)).unwrap_err().to_string()
+    };
+    let latin: Vec<u8> = SOUND
+        .replace("UTF-8", "ISO-8859-1")
+        .replace("modelName=\"m\"", "modelName=\"\u{e4}\"")
+        .chars()
+        .map(|c| c as u8)
+        .collect();
+    let found = message(&latin);
+    assert!(found.contains("written in ISO-8859-1") && found.contains("FMI 2.0 asks for UTF-8"), "{found}");
+    let wide: Vec<u8> = SOUND.encode_utf16().flat_map(u16::to_le_bytes).collect();
+    assert!(message(&wide).contains("UTF-16"));
+}
+
+#[test]
 fn reference_fmus_have_no_errors() {
     let Some(folder) = std::env::var_os("AIRLOOP_REFERENCE_FMUS") else {
         eprintln!("skipped: AIRLOOP_REFERENCE_FMUS does not name the folder of the Reference FMUs");

@@ -71,8 +71,12 @@ pub struct Parameter {
 pub struct Effect {
     /// Id of the vocabulary.
     pub id: String,
-    /// Channel.
+    /// Channel; empty where none is declared.
     pub channel: String,
+    /// Input of the system or of a component where it acts, or the output that a sensor shows; none: that of the channel.
+    pub port: Option<String>,
+    /// How its block is connected at the port; none: as the channel says.
+    pub wiring: Option<Wiring>,
     /// Measured signal of a sensor effect.
     pub signal: Option<String>,
     /// Whether it is part of the corrected model.
@@ -91,6 +95,33 @@ pub struct Effect {
     pub stability: Option<Stability>,
     /// Its formula, where it is an effect of one's own.
     pub own: Option<Arc<Own>>,
+}
+
+/// How a block is connected at a port of a study.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Wiring {
+    /// Signal: velocity along the port.
+    pub velocity: Option<String>,
+    /// Signal: position along the port.
+    pub position: Option<String>,
+    /// Signal: load that friction grows with.
+    pub load: Option<String>,
+    /// Signal: pressure of a chamber.
+    pub pressure: Option<String>,
+    /// Velocity over which friction changes its sign.
+    pub vt: f64,
+    /// -1 where what is taken off is added.
+    pub sign: f64,
+    /// Coulomb level that presliding acts on.
+    pub level: f64,
+}
+
+impl Effect {
+    /// Kind without its place: `coulomb` of `cf.coulomb` and of `coulomb@arm.tau_2`.
+    pub fn kind(&self) -> &str {
+        let own = self.id.split_once('@').map_or(self.id.as_str(), |(kind, _)| kind);
+        own.rsplit_once('.').map_or(own, |(_, kind)| kind)
+    }
 }
 
 /// An effect on parts of the estimation records, each kept back in turn.
@@ -211,7 +242,7 @@ pub struct Answer {
     pub share_of_free_form: Option<f64>,
     /// Effects, selected ones first.
     pub effects: Vec<Effect>,
-    /// Channel and variables of what no candidate explains.
+    /// Place and variables of what no candidate explains; the place is a channel, `channel@port`, or `@port`.
     pub unexplained: Option<(String, Vec<String>)>,
     /// Law of what no candidate explains.
     pub law: Option<Law>,
@@ -471,6 +502,8 @@ fn screened(own: &Candidate, promise: &Promise, (declared, best): (&Model, &Mode
     Effect {
         id: own.id.into(),
         channel: own.channel.into(),
+        port: None,
+        wiring: None,
         signal: own.signal.map(str::to_owned),
         selected: false,
         group: None,

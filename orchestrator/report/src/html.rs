@@ -153,7 +153,11 @@ fn steps(out: &mut String, report: &Report) {
     if rows.is_empty() {
         return;
     }
-    let _ = writeln!(out, "<h2>Steps of the search</h2>\n<p class=\"how\">{}</p>", escape(words::STEP_NOTE));
+    let _ = writeln!(
+        out,
+        "<h2>Steps of the search</h2>\n<p class=\"how\">{}</p>",
+        escape(&words::step_note(report.answer))
+    );
     let rows: Vec<(bool, Vec<String>)> = rows.into_iter().map(|row| (row[3].is_empty(), row)).collect();
     table(out, &words::STEP_HEADER, &[2], &rows);
 }
@@ -190,7 +194,7 @@ fn remarks(out: &mut String, report: &Report) {
         table(out, &words::CORRECTION_HEADER, &[1, 2, 3, 4], &plain(words::correction_rows(answer)));
     }
     let tested: Vec<String> =
-        answer.not_testable.iter().map(|(id, why)| format!("{} ({id}): {why}.", names::effect(id))).collect();
+        answer.not_testable.iter().map(|(id, why)| format!("{} ({id}): {why}.", names::named(id))).collect();
     if !tested.is_empty() {
         out.push_str("<h2>Not testable with these records</h2>\n");
         list(out, &tested);

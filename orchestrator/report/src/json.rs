@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use serde::Serialize;
 
-use super::{Report, next};
+use super::{Report, names, next};
 use airloop_refine::answer::{self, Answer, Errors, Verdict};
 
 /// Version of the layout of `report.json`.
@@ -82,7 +82,7 @@ struct Localised<'a> {
 #[derive(Serialize)]
 struct Effect<'a> {
     id: &'a str,
-    channel: &'a str,
+    channel: Option<&'a str>,
     signal: Option<&'a str>,
     kind: &'a str,
     port: Option<&'a str>,
@@ -114,7 +114,7 @@ struct Parameter<'a> {
 
 #[derive(Serialize)]
 struct Unexplained<'a> {
-    channel: &'a str,
+    channel: Option<&'a str>,
     port: Option<&'a str>,
     variables: &'a [String],
     share_of_free_form: Option<f64>,
@@ -269,6 +269,11 @@ fn remaining<'a>(report: &Report<'a>) -> Remaining<'a> {
     }
 }
 
+/// A channel, if one is declared.
+fn stated(channel: &str) -> Option<&str> {
+    (!channel.is_empty()).then_some(channel)
+}
+
 /// Port of a system at which a channel of the rig acts.
 fn port(channel: &str) -> Option<&'static str> {
     Some(match channel {
@@ -295,7 +300,7 @@ fn floor(answer: &Answer, set: usize) -> &BTreeMap<String, f64> {
 }
 
 /// Names of the parameters of an effect.
-fn names(effect: &answer::Effect) -> impl Iterator<Item = &str> {
+fn parameter_names(effect: &answer::Effect) -> impl Iterator<Item = &str> {
     effect.parameters.iter().map(|p| p.name.as_str())
 }
 
@@ -315,10 +320,10 @@ pub fn text(report: &Report) -> String {
     let best = answer.effects.iter().map(|effect| effect.score).fold(f64::MIN, f64::max);
     let effects = answer.effects.iter().map(|e| Effect {
         id: &e.id,
-        channel: &e.channel,
+        channel: stated(&e.channel),
         signal: e.signal.as_deref(),
-        kind: e.id.split(['.', '@']).next_back().unwrap_or_default(),
-        port: port(&e.channel),
+        kind: e.kind(),
+        port: e.port.as_deref().or_else(|| port(&e.channel)),
         share: e.share,
         selected: e.selected,
         group: e.group,
@@ -328,7 +333,7 @@ pub fn text(report: &Report) -> String {
         stability: e.stability.as_ref().map(|own| Stability {
             parts: own.parts,
             better: own.better,
-            ranges: names(e).zip(own.ranges.iter().map(|range| [range.0, range.1])).collect(),
+            ranges: parameter_names(e).zip(own.ranges.iter().map(|range| [range.0, range.1])).collect(),
         }),
         reason: &e.reason,
         formula: e.own.as_ref().map(|own| own.formula.as_str()),
@@ -350,11 +355,14 @@ pub fn text(report: &Report) -> String {
         partial: answer.partial,
         share: answer.share,
         effects: effects.collect(),
-        unexplained: answer.unexplained.as_ref().map(|(channel, variables)| Unexplained {
-            channel,
-            port: port(channel),
-            variables,
-            share_of_free_form: answer.share_of_free_form,
+        unexplained: answer.unexplained.as_ref().map(|(place, variables)| {
+            let (channel, at) = names::place(place);
+            Unexplained {
+                channel: stated(channel),
+                port: at.or_else(|| port(channel)),
+                variables,
+                share_of_free_form: answer.share_of_free_form,
+            }
         }),
         law: answer.law.as_ref().map(law),
         residual: Residual {

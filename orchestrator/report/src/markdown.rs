@@ -91,7 +91,7 @@ pub fn text(report: &Report) -> String {
     let rows = words::step_rows(answer);
     if !rows.is_empty() {
         heading(&mut out, "Steps of the search");
-        let _ = writeln!(out, "{}\n", words::STEP_NOTE);
+        let _ = writeln!(out, "{}\n", words::step_note(answer));
         table(&mut out, &words::STEP_HEADER, rows);
     }
     if !answer.effects.is_empty() {
@@ -116,7 +116,7 @@ pub fn text(report: &Report) -> String {
         heading(&mut out, "Not testable with these records");
         list(
             &mut out,
-            answer.not_testable.iter().map(|(id, why)| format!("{} ({id}): {why}.", names::effect(id))),
+            answer.not_testable.iter().map(|(id, why)| format!("{} ({id}): {why}.", names::named(id))),
         );
     }
     if !answer.notes.is_empty() {

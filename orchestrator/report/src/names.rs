@@ -39,9 +39,59 @@ pub fn effect(id: &str) -> &str {
         "pole.length" => "another length of the pole",
         "sensor.offset" => "an offset of the sensor",
         "sensor.delay" => "a delay of the sensor",
+        "sensor.lag" => "a lag of the sensor",
         "sensor.gain" => "a gain error of the sensor",
         other => other,
     }
+}
+
+/// Kind of effect as it follows "the model lacks", before its port; an unknown kind is its own name.
+pub fn kind(kind: &str) -> &str {
+    match kind {
+        "viscous" => "viscous friction",
+        "coulomb" => "Coulomb (dry) friction",
+        "stribeck" => "a friction peak at low speed",
+        "presliding" => "presliding (hysteretic) friction",
+        "pressure" => "friction that grows with the load",
+        "offset" => "a constant offset",
+        "asymmetry" => "friction that depends on the direction",
+        "poscoulomb" => "Coulomb friction that varies along the way",
+        "quaddrag" => "quadratic drag",
+        "spring" => "a spring",
+        "cubic_spring" => "a spring that stiffens with the cube of the way",
+        "endstop" => "an end stop",
+        "leakage" => "leakage with the square root of the level",
+        "linear_leakage" => "leakage in proportion to the level",
+        "overflow" => "an overflow above a level",
+        "drift" => "a drift with time",
+        "lag" => "a first-order lag",
+        "fill" => "a lag with different rates up and down (filling and emptying)",
+        "rate_limit" => "a limited rate",
+        "cogging" => "a term that is periodic along the way",
+        "area" => "an error of the effective area",
+        "gain" => "a gain error",
+        "deadband" => "a dead band",
+        "saturation" => "a limit",
+        "posgain" => "a gain that varies with the position",
+        "droop" => "a value that falls during the run",
+        "delay" => "a delay",
+        "hysteresis" => "play (hysteresis)",
+        "mode" => "a second-order mode",
+        other => other,
+    }
+}
+
+/// An id or `id@port` as it follows "the model lacks".
+pub fn named(name: &str) -> String {
+    match name.split_once('@') {
+        Some((id, port)) => format!("{} at {port}", kind(id.rsplit_once('.').map_or(id, |(_, kind)| kind))),
+        None => effect(name).to_owned(),
+    }
+}
+
+/// Channel and port of a place: a channel, `channel@port` or `@port`.
+pub fn place(place: &str) -> (&str, Option<&str>) {
+    place.split_once('@').map_or((place, None), |(channel, port)| (channel, Some(port)))
 }
 
 /// Location of a channel in words.

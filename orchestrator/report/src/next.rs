@@ -24,7 +24,8 @@ pub fn advice(answer: &Answer) -> Vec<String> {
             ));
         }
     }
-    if let Some((channel, variables)) = answer.unexplained.as_ref().filter(|_| !answer.cylinder) {
+    if let Some((place, variables)) = answer.unexplained.as_ref().filter(|_| !answer.cylinder) {
+        let (channel, port) = names::place(place);
         let on = match &variables[..] {
             [] => "over the whole range of the motion, slowly and fast".to_owned(),
             [one] => format!(
@@ -39,7 +40,8 @@ pub fn advice(answer: &Answer) -> Vec<String> {
                 )
             }
         };
-        found.push(format!("To learn what is missing at {}: records {on}.", names::channel(channel)));
+        let at = port.unwrap_or(names::channel(channel));
+        found.push(format!("To learn what is missing at {at}: records {on}."));
     }
     for effect in answer.effects.iter().filter(|effect| effect.selected) {
         for p in &effect.parameters {
@@ -57,7 +59,8 @@ pub fn advice(answer: &Answer) -> Vec<String> {
     }
     let measured: BTreeSet<&str> = answer.noise.keys().map(String::as_str).collect();
     let coupled = measured.contains("x") && measured.contains("theta");
-    if coupled && !measured.contains("F_p") && answer.verdict != Verdict::Nothing {
+    let rig = answer.effects.iter().all(|effect| effect.port.is_none());
+    if rig && coupled && !measured.contains("F_p") && answer.verdict != Verdict::Nothing {
         found.push("A load cell between piston rod and cart (F_p) would separate the actuator and the piston from the cart.".into());
     }
     if answer.not_testable.iter().any(|(id, _)| id == "act.area") && answer.verdict == Verdict::Unexplained {
@@ -88,6 +91,7 @@ fn separation(one: &Effect, other: &Effect, answer: &Answer) -> String {
     let both = |a: &str, b: &str| ids.contains(&a) && ids.contains(&b);
     let load_cell = !answer.noise.contains_key("F_p");
     let across = one.channel != other.channel;
+    let rig = one.port.is_none() && other.port.is_none();
     if both("pole.payload", "pole.length") {
         return "weigh the pole, or measure where it balances".into();
     }
@@ -100,7 +104,15 @@ fn separation(one: &Effect, other: &Effect, answer: &Answer) -> String {
     if ids.contains(&"cart.tilt") && ids.contains(&"sensor.offset") {
         return "put a spirit level on the guide, or record the pole at rest".into();
     }
-    if across && load_cell {
+    if let (Some(a), Some(b)) = (&one.port, &other.port)
+        && a != b
+        && ids.iter().all(|id| !id.starts_with("sensor."))
+    {
+        return format!(
+            "move what {a} drives and what {b} drives apart from each other, or measure between them"
+        );
+    }
+    if rig && across && load_cell {
         return "add a load cell between piston rod and cart (F_p), or pressure sensors (F_hat)".into();
     }
     if ids.iter().all(|id| id.starts_with("sensor.")) {
@@ -109,7 +121,7 @@ fn separation(one: &Effect, other: &Effect, answer: &Answer) -> String {
     if ids.iter().any(|id| id.starts_with("sensor.")) {
         return "check the sensor against a second one, or at known values".into();
     }
-    if ids.iter().all(|id| id.starts_with("pf.") || id.starts_with("cf.")) {
+    if rig && ids.iter().all(|id| id.starts_with("pf.") || id.starts_with("cf.")) {
         return "move the part alone through its load cell, slowly through standstill and fast in both directions".into();
     }
     "record commands with other amplitudes and speeds, in which the two act differently".into()

@@ -22,21 +22,30 @@ pub fn number(value: f64) -> String {
     }
 }
 
-/// Name of an effect, with the signal for sensors.
+/// Name of an effect, with the signal for sensors and the port where it is known.
 pub fn name(effect: &Effect) -> String {
-    match &effect.signal {
-        Some(signal) => format!("{} of {signal}", effect.id),
-        None => effect.id.clone(),
+    match (&effect.signal, &effect.port) {
+        (Some(signal), _) => format!("{} of {signal}", effect.id),
+        (None, Some(port)) if !effect.id.contains('@') => format!("{} at {port}", effect.id),
+        _ => effect.id.clone(),
+    }
+}
+
+/// An effect in the words of a reader: at a port in those of any system, else in those of the rig.
+pub fn what(effect: &Effect) -> String {
+    match (&effect.signal, &effect.port) {
+        (Some(signal), _) => format!("{} of {signal}", names::effect(&effect.id)),
+        (None, Some(port)) => format!("{} at {port}", names::kind(effect.kind())),
+        (None, None) => names::effect(&effect.id).to_owned(),
     }
 }
 
 /// An effect in the words of a reader, with its id.
 fn told(effect: &Effect) -> String {
-    let of = effect.signal.as_ref().map_or(String::new(), |signal| format!(" of {signal}"));
     match &effect.own {
         Some(own) if own.words.is_empty() => format!("{} ({})", effect.id, own.formula),
         Some(own) => format!("{} ({}: {})", own.words, effect.id, own.formula),
-        None => format!("{}{of} ({})", names::effect(&effect.id), effect.id),
+        None => format!("{} ({})", what(effect), effect.id),
     }
 }
 
@@ -75,7 +84,8 @@ pub fn sentence(answer: &Answer) -> String {
 fn answered(answer: &Answer) -> String {
     let chosen: Vec<&Effect> = answer.effects.iter().filter(|effect| effect.selected).collect();
     let list = chosen.iter().map(|e| format!("{}: {}", told(e), size(e))).collect::<Vec<_>>().join("; and ");
-    let rest = answer.unexplained.as_ref().map(|(channel, variables)| {
+    let rest = answer.unexplained.as_ref().map(|(place, variables)| {
+        let (channel, port) = names::place(place);
         let on = match variables.is_empty() {
             true => String::new(),
             false => {
@@ -88,10 +98,12 @@ fn answered(answer: &Answer) -> String {
                 "The actuator does not follow its declared model where the piston moves (channel {channel}{on}): a pneumatic cylinder from first principles takes its place."
             );
         }
-        format!(
-            "something at {} (channel {channel}){on}, that is none of the known effects",
-            names::channel(channel)
-        )
+        let at = match (port, channel) {
+            (Some(port), "") => port.to_owned(),
+            (Some(port), channel) => format!("{port} (channel {channel})"),
+            (None, channel) => format!("{} (channel {channel})", names::channel(channel)),
+        };
+        format!("something at {at}{on}, that is none of the known effects")
     });
     match (answer.verdict, rest) {
         (Verdict::Effect, Some(moving)) if answer.cylinder => {
@@ -184,7 +196,13 @@ pub fn step_rows(answer: &Answer) -> Vec<Vec<String>> {
 }
 
 /// What the table of steps shows.
-pub const STEP_NOTE: &str = "No model of the vocabulary reaches the noise, so an effect counts for the share of the declared model's error that it takes away on held-out records, beyond what corrections of declared parameters within their tolerances do. Predictions of the coupled rig begin again every half second from the measured motion.";
+pub fn step_note(answer: &Answer) -> String {
+    let note = "No model of the vocabulary reaches the noise, so an effect counts for the share of the declared model's error that it takes away on held-out records, beyond what corrections of declared parameters within their tolerances do.";
+    // Studies carry the noise to a floor and say themselves when they begin again.
+    let rig = answer.floor[1].is_empty();
+    let windows = " Predictions of the coupled rig begin again every half second from the measured motion.";
+    format!("{note}{}", if rig { windows } else { "" })
+}
 
 /// What the amended model does to the error, in one sentence: the signal that improves most.
 pub fn effect_on_error(answer: &Answer) -> Option<String> {
@@ -323,7 +341,7 @@ pub fn candidate_rows(answer: &Answer) -> Vec<Vec<String>> {
     let row = |effect: &Effect| {
         vec![
             name(effect),
-            names::effect(&effect.id).to_owned(),
+            what(effect),
             count(effect.score),
             count(best - effect.score),
             size(effect),

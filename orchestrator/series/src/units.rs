@@ -102,8 +102,48 @@ impl Exponents {
     }
 }
 
-/// The unit of a usual name such as `N.m` or `kPa`; `None` for names that are not in the table.
+/// The unit of a usual name such as `N.m` or `kPa`, or of a product of them such as `m3/(s.V)`; `None` for other names.
 pub fn lookup(name: &str) -> Option<Unit> {
+    simple(name).or_else(|| product(name))
+}
+
+/// A product of simple units: factors behind `.`, `*` or a space, divisors behind `/`, each with an exponent of one digit.
+fn product(name: &str) -> Option<Unit> {
+    let mut found = Unit { exponents: Exponents::default(), factor: 1.0, offset: 0.0 };
+    let (above, below) = name.split_once('/').map_or((name, None), |(above, below)| (above, Some(below)));
+    let below =
+        below.map(|text| text.strip_prefix('(').and_then(|own| own.strip_suffix(')')).unwrap_or(text));
+    for (text, sign) in [(Some(above), 1), (below, -1)] {
+        for part in text.into_iter().flat_map(|text| text.split(['.', '*', ' ', '/'])) {
+            let digits = part.trim_end_matches(|c: char| c.is_ascii_digit());
+            let (symbol, power) = match simple(part) {
+                Some(unit) => (unit, 1),
+                None => (simple(digits.trim_end_matches('^'))?, part[digits.len()..].parse::<i32>().ok()?),
+            };
+            if symbol.offset != 0.0 || part.is_empty() || !(1..10).contains(&power) {
+                return None;
+            }
+            let (e, own) = (&mut found.exponents, symbol.exponents);
+            for (sum, exponent) in [
+                (&mut e.kg, own.kg),
+                (&mut e.m, own.m),
+                (&mut e.s, own.s),
+                (&mut e.A, own.A),
+                (&mut e.K, own.K),
+                (&mut e.mol, own.mol),
+                (&mut e.cd, own.cd),
+                (&mut e.rad, own.rad),
+            ] {
+                *sum += sign * power * exponent;
+            }
+            found.factor *= symbol.factor.powi(sign * power);
+        }
+    }
+    Some(found)
+}
+
+/// A unit of the table.
+fn simple(name: &str) -> Option<Unit> {
     const ONE: Exponents = Exponents { kg: 0, m: 0, s: 0, A: 0, K: 0, mol: 0, cd: 0, rad: 0 };
     let kg_m_s = |kg, m, s| Exponents { kg, m, s, ..ONE };
     let rad_s = |rad, s| Exponents { rad, s, ..ONE };
@@ -132,12 +172,16 @@ pub fn lookup(name: &str) -> Option<Unit> {
         "s/m" => (kg_m_s(0, -1, 1), 1.0, 0.0),
         "m/s2" => (kg_m_s(0, 1, -2), 1.0, 0.0),
         "m3/s" => (kg_m_s(0, 3, -1), 1.0, 0.0),
+        "m3/h" => (kg_m_s(0, 3, -1), 1.0 / 3600.0, 0.0),
+        "l/min" | "L/min" => (kg_m_s(0, 3, -1), 1e-3 / 60.0, 0.0),
+        "ml" | "mL" => (kg_m_s(0, 3, 0), 1e-6, 0.0),
         "kg/s" => (kg_m_s(1, 0, -1), 1.0, 0.0),
         "kg/m3" => (kg_m_s(1, -3, 0), 1.0, 0.0),
         "kg.m2" => (kg_m_s(1, 2, 0), 1.0, 0.0),
         "N" => (kg_m_s(1, 1, -2), 1.0, 0.0),
         "mN" => (kg_m_s(1, 1, -2), 1e-3, 0.0),
         "kN" => (kg_m_s(1, 1, -2), 1e3, 0.0),
+        "mN.m" | "mN*m" | "N.mm" | "mJ" => (kg_m_s(1, 2, -2), 1e-3, 0.0),
         "N.m" | "N*m" | "J" => (kg_m_s(1, 2, -2), 1.0, 0.0),
         "N/m" => (kg_m_s(1, 0, -2), 1.0, 0.0),
         "N.s/m" | "N*s/m" => (kg_m_s(1, 0, -1), 1.0, 0.0),
@@ -147,8 +191,12 @@ pub fn lookup(name: &str) -> Option<Unit> {
         "Pa" => (kg_m_s(1, -1, -2), 1.0, 0.0),
         "kPa" => (kg_m_s(1, -1, -2), 1e3, 0.0),
         "MPa" => (kg_m_s(1, -1, -2), 1e6, 0.0),
+        "hPa" | "mbar" => (kg_m_s(1, -1, -2), 1e2, 0.0),
         "bar" => (kg_m_s(1, -1, -2), 1e5, 0.0),
         "rad" => (rad_s(1, 0), 1.0, 0.0),
+        "mrad" => (rad_s(1, 0), 1e-3, 0.0),
+        "rev" => (rad_s(1, 0), std::f64::consts::TAU, 0.0),
+        "rev/s" => (rad_s(1, -1), std::f64::consts::TAU, 0.0),
         "deg" => (rad_s(1, 0), std::f64::consts::PI / 180.0, 0.0),
         "rad/s" => (rad_s(1, -1), 1.0, 0.0),
         "deg/s" => (rad_s(1, -1), std::f64::consts::PI / 180.0, 0.0),
@@ -156,6 +204,12 @@ pub fn lookup(name: &str) -> Option<Unit> {
         "rad/s2" => (rad_s(1, -2), 1.0, 0.0),
         "A" => (Exponents { A: 1, ..ONE }, 1.0, 0.0),
         "V" => (Exponents { A: -1, ..kg_m_s(1, 2, -3) }, 1.0, 0.0),
+        "mA" => (Exponents { A: 1, ..ONE }, 1e-3, 0.0),
+        "mV" => (Exponents { A: -1, ..kg_m_s(1, 2, -3) }, 1e-3, 0.0),
+        "Ohm" | "ohm" => (Exponents { A: -2, ..kg_m_s(1, 2, -3) }, 1.0, 0.0),
+        "H" => (Exponents { A: -2, ..kg_m_s(1, 2, -2) }, 1.0, 0.0),
+        "F" => (Exponents { A: 2, ..kg_m_s(-1, -2, 4) }, 1.0, 0.0),
+        "kW" => (kg_m_s(1, 2, -3), 1e3, 0.0),
         "K" => (Exponents { K: 1, ..ONE }, 1.0, 0.0),
         "degC" => (Exponents { K: 1, ..ONE }, 1.0, 273.15),
         "mol" => (Exponents { mol: 1, ..ONE }, 1.0, 0.0),
@@ -222,6 +276,27 @@ mod tests {
 
     fn relation(a: &str, b: &str) -> Compatibility {
         compatible(&lookup(a).unwrap(), &lookup(b).unwrap())
+    }
+
+    #[test]
+    fn products_of_units_are_known() {
+        let same = |a: &str, b: &str, factor: f64| {
+            let (a, b) = (lookup(a).unwrap(), lookup(b).unwrap());
+            assert_eq!(a.exponents, b.exponents, "{a:?} {b:?}");
+            assert!((a.factor / b.factor / factor - 1.0).abs() < 1e-12, "{a:?} {b:?}");
+        };
+        same("m3/(s.Pa)", "m3/s/Pa", 1.0);
+        same("N.m.s/rad", "N*m*s/rad", 1.0);
+        same("l/min", "m3/h", 0.06);
+        same("mN.m", "N.m", 1e-3);
+        same("mbar", "Pa", 100.0);
+        same("rev/min", "rad/s", std::f64::consts::TAU / 60.0);
+        same("kg.m2/s2", "J", 1.0);
+        same("N s^2/m^2", "kg/m", 1.0);
+        same("V/A", "Ohm", 1.0);
+        for none in ["degC/s", "m/", "foo", "m3/(s.bar.x)", "N..m", "/"] {
+            assert!(lookup(none).is_none(), "{none}");
+        }
     }
 
     #[test]

@@ -2,9 +2,11 @@
  * Value references: 0 u, 1 x, 2 der(x), 3 y, 4 p. Co-Simulation steps by explicit Euler.
  * Each macro plants one fault:
  *   ANY_GUID RESET_KEEPS_X SHARED_X STATE_WITHOUT_X WRONG_DERIVATIVE NAN_OUTPUT WRONG_START ENDLESS_EVENTS STEP_FAILS
- *   CURVED (der(x) = p * x * x + u) */
+ *   CURVED (der(x) = p * x * x + u) PRINTS CRASHES EXITS HANGS (at the end of initialization) */
 
 #include <math.h>
+#include <signal.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -75,7 +77,23 @@ int fmi2EnterInitializationMode(Instance *it) {
     (void)it;
     return 0;
 }
-int fmi2ExitInitializationMode(Instance *it) { return (void)it, 0; }
+int fmi2ExitInitializationMode(Instance *it) {
+    (void)it;
+#ifdef PRINTS
+    printf("this is not JSON {\n");
+#endif
+#ifdef CRASHES
+    raise(SIGSEGV);
+#endif
+#ifdef EXITS
+    exit(0);
+#endif
+#ifdef HANGS
+    for (volatile int forever = 1; forever;) {
+    }
+#endif
+    return 0;
+}
 int fmi2Terminate(Instance *it) { return (void)it, 0; }
 int fmi2SetDebugLogging(Instance *it, int on, size_t n, const char *const *c) { return (void)it, (void)on, (void)n, (void)c, 0; }
 

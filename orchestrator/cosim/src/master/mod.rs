@@ -13,6 +13,7 @@
 
 mod adaptive;
 mod driver;
+pub mod embedded;
 mod error;
 mod exchange;
 mod extrapolation;

@@ -40,6 +40,11 @@ impl Values {
         rows.record(time, &self.reals, &self.integers, &self.booleans);
     }
 
+    /// Adds these values to the last row, see [`Recorder::close`].
+    pub(in crate::master) fn close(&self, rows: &mut Recorder) {
+        rows.close(&self.reals, &self.integers, &self.booleans);
+    }
+
     /// Takes over all values of a buffer of the same layout, without new memory (unless there are texts).
     pub(in crate::master) fn copy_from(&mut self, from: &Values) {
         self.reals.copy_from_slice(&from.reals);

@@ -42,6 +42,8 @@ pub struct Recorder {
     integers: Vec<i32>,
     booleans: Vec<bool>,
     width: [usize; 3],
+    /// There are values after the last row.
+    closed: bool,
 }
 
 /// Values reserved at most before the run (per type); longer runs grow while they run.
@@ -60,6 +62,7 @@ impl Recorder {
             integers: Vec::with_capacity(values(width[1])),
             booleans: Vec::with_capacity(values(width[2])),
             width,
+            closed: false,
         }
     }
 
@@ -71,6 +74,15 @@ impl Recorder {
         self.reals.extend_from_slice(reals);
         self.integers.extend_from_slice(integers);
         self.booleans.extend_from_slice(booleans);
+    }
+
+    /// Adds the values after the events of the last row, which held columns have there.
+    pub fn close(&mut self, reals: &[f64], integers: &[i32], booleans: &[bool]) {
+        debug_assert_eq!([reals.len(), integers.len(), booleans.len()], self.width);
+        self.reals.extend_from_slice(reals);
+        self.integers.extend_from_slice(integers);
+        self.booleans.extend_from_slice(booleans);
+        self.closed = true;
     }
 
     /// Number of rows so far.
@@ -89,17 +101,18 @@ impl Recorder {
     }
 
     /// The recorded series. Held columns are moved to the start of the interval they were held over; their
-    /// last row repeats the last value.
+    /// last row repeats the last value, or has that of [`Recorder::close`].
     ///
     /// # Errors
     /// [`airloop_series::Error`] if times or column names repeat.
     pub fn finish(&self) -> Result<TimeSeries, airloop_series::Error> {
         let rows = self.rows();
+        let last = if self.closed { rows } else { rows.saturating_sub(1) };
         let mut series = TimeSeries::new(self.time.clone())?;
         for column in &self.columns {
             let values = (0..rows)
                 .map(|row| {
-                    let row = if column.held { (row + 1).min(rows - 1) } else { row };
+                    let row = if column.held { (row + 1).min(last) } else { row };
                     let value = match column.slot {
                         Slot::Real(index) => self.reals[row * self.width[0] + index],
                         Slot::Integer(index) => f64::from(self.integers[row * self.width[1] + index]),
@@ -135,6 +148,11 @@ mod tests {
         let series = recorder.finish().unwrap();
         assert_eq!(series.channel("x").unwrap().values, [1.0, 2.0, 3.0]);
         assert_eq!(series.channel("y").unwrap().values, [10.0, 20.0, 20.0]);
+        // An event at the end that nothing follows.
+        recorder.close(&[3.0, 30.0], &[], &[]);
+        let series = recorder.finish().unwrap();
+        assert_eq!(series.channel("x").unwrap().values, [1.0, 2.0, 3.0]);
+        assert_eq!(series.channel("y").unwrap().values, [10.0, 20.0, 30.0]);
     }
 
     #[test]

@@ -48,6 +48,9 @@ pub enum Error {
     /// A component's FMU cannot be used.
     #[error("{}: component `{component}`: {source}", file.display())]
     Fmu { file: PathBuf, component: String, source: Box<airloop_fmi::Error> },
+    /// Start values cannot be put into a component's FMU.
+    #[error("{}: component `{component}`: {source}", file.display())]
+    Derive { file: PathBuf, component: String, source: Box<airloop_fmi::derive::DeriveError> },
     /// An archive cannot be opened.
     #[error(transparent)]
     Archive(Box<airloop_fmi::Error>),

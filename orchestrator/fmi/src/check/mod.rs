@@ -17,16 +17,17 @@ mod roles;
 mod state;
 mod structure;
 
+use std::borrow::Cow;
 use std::fmt;
 use std::sync::Arc;
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::description::Variable;
 use super::{Fmu, InterfaceKind};
 
 /// Severity of a finding.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Severity {
     /// Allowed, but worth knowing.
@@ -48,12 +49,12 @@ impl fmt::Display for Severity {
 }
 
 /// One thing that the checker found.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Finding {
     /// Severity.
     pub severity: Severity,
     /// Short name of the rule, stable between versions.
-    pub rule: &'static str,
+    pub rule: Cow<'static, str>,
     /// Place: a variable with its line, an element, a file, or an interface.
     pub element: String,
     /// Fault, and what is allowed.
@@ -71,7 +72,8 @@ pub fn static_findings(fmu: &Fmu) -> Vec<Finding> {
     findings.0
 }
 
-/// Runs the library of the FMU and checks how it behaves. A crash of the library ends this process.
+/// Runs the library of the FMU and checks how it behaves. A crash of the library ends this process; `airloop inspect`
+/// calls this in a process of its own.
 pub fn dynamic_findings(fmu: &Arc<Fmu>) -> Vec<Finding> {
     let mut findings = Findings::default();
     for kind in [InterfaceKind::CoSimulation, InterfaceKind::ModelExchange] {
@@ -96,7 +98,12 @@ impl Findings {
         element: impl Into<String>,
         message: impl Into<String>,
     ) {
-        self.0.push(Finding { severity, rule, element: element.into(), message: message.into() });
+        self.0.push(Finding {
+            severity,
+            rule: rule.into(),
+            element: element.into(),
+            message: message.into(),
+        });
     }
 
     fn error(&mut self, rule: &'static str, element: impl Into<String>, message: impl Into<String>) {

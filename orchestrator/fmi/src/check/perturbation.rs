@@ -25,13 +25,15 @@ pub(super) struct Perturbation {
     pub(super) unknowns: Vec<Output>,
     point: Vec<f64>,
     start: Vec<f64>,
+    /// All continuous states, `[state_count]`; those that are no knowns keep their start.
+    states: Vec<f64>,
 }
 
 /// A real continuous known.
 pub(super) struct Known {
     pub(super) variable: usize,
     pub(super) reference: u32,
-    /// Position among the states; inputs have none.
+    /// Position among all continuous states, known or not; inputs have none.
     state: Option<usize>,
     /// Typical size.
     pub(super) scale: f64,
@@ -87,7 +89,12 @@ impl Perturbation {
         let mut start = vec![0.0; knowns.len()];
         let references: Vec<u32> = knowns.iter().map(|known| known.reference).collect();
         probe.instance().get_real(&references, &mut start)?;
-        Ok(Some(Perturbation { probe, knowns, unknowns, point: start.clone(), start }))
+        let mut states = Vec::new();
+        if let Some(model) = probe.model() {
+            states.resize(model.state_count(), 0.0);
+            model.get_continuous_states(&mut states)?;
+        }
+        Ok(Some(Perturbation { probe, knowns, unknowns, point: start.clone(), start, states }))
     }
 
     /// Goes to one of the [`POINTS`] points near the start.
@@ -104,11 +111,16 @@ impl Perturbation {
     pub(super) fn evaluate(&mut self, index: usize, change: f64) -> Result<Vec<f64>, Error> {
         let mut point = self.point.clone();
         point[index] += change;
-        let mut states = vec![0.0; self.knowns.iter().filter(|known| known.state.is_some()).count()];
+        let mut states = self.states.clone();
         let (mut references, mut inputs) = (Vec::new(), Vec::new());
         for (known, value) in self.knowns.iter().zip(point) {
             match known.state {
-                Some(position) => states[position] = value,
+                // A description may name more states than the model has.
+                Some(position) => {
+                    if let Some(state) = states.get_mut(position) {
+                        *state = value;
+                    }
+                }
                 None => {
                     references.push(known.reference);
                     inputs.push(value);

@@ -12,7 +12,7 @@ use std::path::Path;
 
 use super::archive::bad_name;
 use super::open::Fmu;
-use crate::ModelDescription;
+use crate::{Causality, Initial, ModelDescription, Variable};
 
 pub use error::DeriveError;
 
@@ -67,6 +67,16 @@ struct Member {
     bytes: Vec<u8>,
 }
 
+/// Whether the library of an FMU reads start values from its resources, so that others can be derived from it.
+pub fn is_template(description: &ModelDescription) -> bool {
+    description.generation_tool.contains(EXPORTER)
+}
+
+/// Whether a derived FMU may have another start value of this variable: an input, or one whose `initial` is exact.
+pub fn has_start(variable: &Variable) -> bool {
+    variable.causality == Causality::Input || variable.initial == Some(Initial::Exact)
+}
+
 /// Writes the FMU at `out` (its folder must be there; a file of that name is replaced in one move) and gives its GUID.
 ///
 /// `modelIdentifier`, binaries, variables and structure are those of the template; its other resources stay, its
@@ -79,7 +89,7 @@ struct Member {
 pub fn derive(template: &Path, out: &Path, derivation: &Derivation) -> Result<String, DeriveError> {
     check_texts(derivation)?;
     let fmu = Fmu::open(template).map_err(|source| DeriveError::Template(Box::new(source)))?;
-    if !fmu.description.generation_tool.contains(EXPORTER) {
+    if !is_template(&fmu.description) {
         let tool = fmu.description.generation_tool.clone();
         return Err(DeriveError::Exporter { path: template.to_owned(), tool });
     }

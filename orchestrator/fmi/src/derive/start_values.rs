@@ -3,8 +3,8 @@
 use std::fmt::Write;
 use std::path::Path;
 
-use super::{DeriveError, Start, Value};
-use crate::{Causality, Initial, ModelDescription, Variable, VariableKind};
+use super::{DeriveError, Start, Value, has_start};
+use crate::{ModelDescription, Variable, VariableKind};
 
 /// GUID of the library and start values out of the resource of a template that is derived itself.
 pub(super) fn read(text: &[u8], template: &Path) -> Result<(String, Vec<(String, Value)>), DeriveError> {
@@ -76,8 +76,7 @@ pub(super) fn check(
             return Err(DeriveError::Unknown { path: template.to_owned(), variable: name.clone(), hint });
         };
         let variable = &description.variables[position];
-        let settable = variable.causality == Causality::Input || variable.initial == Some(Initial::Exact);
-        if !settable {
+        if !has_start(variable) {
             return Err(DeriveError::Computed { path: template.to_owned(), variable: name.clone() });
         }
         let value = fitting(variable, value, description).map_err(|allowed| DeriveError::Value {

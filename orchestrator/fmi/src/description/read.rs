@@ -9,6 +9,9 @@ use super::{
 use crate::xml::{self, Element};
 use airloop_series::units::{Exponents, Unit};
 
+/// More event indicators than this are taken for a mistake; each takes memory in every importer.
+const MAX_EVENT_INDICATORS: usize = 1_000_000;
+
 impl ModelDescription {
     /// Reads the bytes of a `modelDescription.xml`.
     ///
@@ -19,7 +22,10 @@ impl ModelDescription {
         let root = xml::parse(xml).map_err(|error| DescriptionError {
             line: error.line,
             element: "the XML".to_owned(),
-            message: error.message,
+            message: match error.is_encoding {
+                true => format!("{}: FMI 2.0 asks for UTF-8 (section 2.2)", error.message),
+                false => error.message,
+            },
         })?;
         if root.name != "fmiModelDescription" {
             return Err(root.error("the root element must be fmiModelDescription"));
@@ -31,6 +37,10 @@ impl ModelDescription {
         let (outputs, derivatives) = (structure("Outputs")?, structure("Derivatives")?);
         let initial_unknowns = structure("InitialUnknowns")?;
         let event_indicators = root.integer("numberOfEventIndicators")?;
+        if let Some(count) = event_indicators.filter(|&count: &usize| count > MAX_EVENT_INDICATORS) {
+            let allowed = format_args!("at most {MAX_EVENT_INDICATORS}, the limit of this importer");
+            return Err(root.bad("numberOfEventIndicators", &count.to_string(), allowed));
+        }
         let description = ModelDescription {
             fmi_version: "2.0".to_owned(),
             model_name: root.text("modelName"),

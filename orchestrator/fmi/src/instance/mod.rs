@@ -15,6 +15,7 @@ use super::functions::{CommonFunctions, ModelFunctions, SlaveFunctions};
 use super::library::Library;
 use super::log::{LogBuffer, LogMessage, airloop_fmi2_logger};
 use super::open::{Fmu, InterfaceKind};
+use super::trace;
 use state::States;
 use status::{SHOWN_MESSAGES, named};
 
@@ -119,6 +120,7 @@ impl Instance {
             stepFinished: None,
             componentEnvironment: (&raw mut *log).cast(),
         });
+        trace::enter("fmi2Instantiate");
         // SAFETY: the strings live during the call, callbacks and log buffer until the component is freed.
         let component = unsafe {
             (library.common.instantiate)(
@@ -290,7 +292,10 @@ impl Instance {
     fn alive(&self, function: &'static str) -> Result<(), Error> {
         match self.phase {
             Phase::Abandoned(cause) => Err(self.dead(function, cause)),
-            _ => Ok(()),
+            _ => {
+                trace::enter(function);
+                Ok(())
+            }
         }
     }
 
@@ -324,6 +329,7 @@ impl Drop for Instance {
             return;
         }
         if self.phase == Phase::Active {
+            trace::enter("fmi2Terminate");
             // SAFETY: the component is alive and initialized. A refusal changes nothing about what follows.
             let status = unsafe { (self.functions.terminate)(self.component) };
             if status > 3 {
@@ -331,11 +337,13 @@ impl Drop for Instance {
             }
         }
         if let Some(free_state) = self.functions.free_state {
+            trace::enter("fmi2FreeFMUstate");
             for mut state in self.states.drain() {
                 // SAFETY: the component is alive; each state was made by it and is freed once.
                 unsafe { free_state(self.component, &raw mut state) };
             }
         }
+        trace::enter("fmi2FreeInstance");
         // SAFETY: the component is alive and not used after this.
         unsafe { (self.functions.free_instance)(self.component) };
         self.library.occupied.store(false, Ordering::Release);

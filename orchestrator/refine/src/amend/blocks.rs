@@ -111,6 +111,20 @@ pub fn command(effect: &Effect, sample_time: f64, sources: &Sources) -> Option<B
     Some(signal(effect, "", &start, inputs, sources))
 }
 
+/// The block of an effect on a command that remembers samples: held between them, or linear.
+pub fn memory(effect: &Effect, name: &str, sample_time: f64, held: bool) -> Option<Block> {
+    let own = |name: &str| value(effect, name);
+    let (template, start) = match (effect.kind(), held) {
+        ("delay", true) => ("signal-effect", ("delay", own("delay"))),
+        ("delay", false) => ("sensor-effect", ("delay", own("delay"))),
+        ("hysteresis", _) => ("signal-effect", ("hysteresis_width", own("width"))),
+        _ => return None,
+    };
+    let mut part = part(name.to_owned(), effect, template, &[("sample_time", sample_time), start]);
+    part.start.push(("starts_at_zero".into(), Value::Boolean(false)));
+    Some(block(part, ("u", "y", None), &[], &Sources::default()))
+}
+
 /// The order in which effects of the command path act.
 pub const COMMAND_ORDER: [&str; 8] = [
     "act.delay",

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use tempfile::TempDir;
 
 use airloop_cosim::system::ssp::{ComponentElement, ConnectionElement, Connector, Endpoint, Structure};
-use airloop_fmi::derive::Value;
+use airloop_fmi::derive::{Derivation, Value};
 
 /// An FMU to derive; its file is `name.fmu`.
 #[derive(Debug, Clone, PartialEq)]
@@ -19,6 +19,17 @@ pub struct Part {
     pub description: String,
     /// Start values.
     pub start: Vec<(String, Value)>,
+}
+
+/// An FMU of the system that gets start values of its own.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Baked {
+    /// Its file.
+    pub source: PathBuf,
+    /// Name beside the description.
+    pub file: PathBuf,
+    /// Name and start values.
+    pub derivation: Derivation,
 }
 
 /// A block that goes in series.
@@ -41,6 +52,9 @@ pub struct Network {
     pub parts: Vec<Part>,
     /// FMUs that are taken as they are: file, and name beside the description.
     pub copies: Vec<(PathBuf, PathBuf)>,
+    /// FMUs of this project that get the values that the system gives their parameters, so that tools that read no
+    /// parameter binding have them as well.
+    pub baked: Vec<Baked>,
     /// Unpacked archive that holds them.
     pub package: Option<Arc<TempDir>>,
     /// Connectors of the system whose columns in the records have another name: connector, column.
@@ -69,6 +83,7 @@ impl Network {
             },
             parts: Vec::new(),
             copies: Vec::new(),
+            baked: Vec::new(),
             package: None,
             columns: Vec::new(),
         }
@@ -104,6 +119,13 @@ impl Network {
         });
     }
 
+    /// What the connection to an input makes of its value, which it does no more.
+    fn take_conversion(&mut self, to: &Endpoint) -> Option<(f64, f64)> {
+        let own = self.structure.connections.iter_mut().find(|connection| connection.end == *to)?;
+        to.element.as_ref()?;
+        own.transformation.take()
+    }
+
     fn declare(&mut self, place: &Endpoint, kind: &str, unit: Option<&str>) {
         let list = match &place.element {
             None => &mut self.structure.connectors,
@@ -125,9 +147,15 @@ impl Network {
 
     /// Puts a block in front of `to`, behind the blocks that are there already. An input without connection is driven
     /// by the block alone. `outputs`: outputs of the system that showed the signal show it behind the block.
+    ///
+    /// A block without units works in those of `to`: what a connection converts, it converts in front of the block.
     pub fn insert(&mut self, to: &Endpoint, block: Block, outputs: bool) {
         let (input, output, unit) = block.way;
         let name = block.part.name.clone();
+        let factor = match unit {
+            None => self.take_conversion(to),
+            Some(_) => None,
+        };
         self.add(block.part);
         let behind = end(&name, output);
         self.declare(&behind, "output", unit);
@@ -141,6 +169,9 @@ impl Network {
                     }
                 }
                 self.connect(start, end(&name, input), unit, 1.0);
+                if let Some(own) = self.structure.connections.last_mut() {
+                    own.transformation = factor;
+                }
             }
             None => self.connect(behind, to.clone(), unit, 1.0),
         }

@@ -3,19 +3,18 @@
 use std::path::{Path, PathBuf};
 
 use super::Error;
-use super::blocks::{self, COMMAND_ORDER, Sources};
-use super::network::{Block, Network, end};
-use super::own;
-use crate::answer::{Answer, Effect};
-use crate::case::Friction;
+use super::blocks::{self, Sources};
+use super::network::{Baked, Block, Network, end};
+use super::{own, port};
+use crate::answer::{Answer, Effect, Wiring};
 use crate::study::declaration::{Attachment, File, Signal};
 use crate::study::open;
 use airloop_cosim::system::SystemGraph;
-use airloop_cosim::system::graph::{Source, SystemOutput};
+use airloop_cosim::system::graph::{Component, Conversion, Source, Start, StartValue, SystemOutput};
 use airloop_cosim::system::ssp::{self, Endpoint};
 use airloop_cosim::system::write::{self, Version};
-use airloop_fmi::Variability;
-use airloop_fmi::derive::Value;
+use airloop_fmi::derive::{self, Derivation, Value};
+use airloop_fmi::{Causality, Variability};
 
 /// Step of sampled blocks where the study states none \[s\].
 const STEP: f64 = 1e-3;
@@ -36,36 +35,80 @@ pub fn network(file: &File, answer: &Answer, work: &Path) -> Result<Network, Err
     let path = work.join(".declared.ssd");
     let written = write::write(&graph, &path, Version::V1_0).and_then(|()| ssp::read(&path));
     let _ = std::fs::remove_file(&path);
-    let package = graph.package.clone();
-    let columns = columns(file, &graph);
-    let mut network =
-        Network { structure: written?, parts: Vec::new(), copies: Vec::new(), package, columns };
-    take_files(&mut network);
-    let attachments: Vec<&Attachment> = file.declaration.attachment.iter().map(|a| a.get_ref()).collect();
+    let mut network = Network {
+        structure: written?,
+        parts: Vec::new(),
+        copies: Vec::new(),
+        baked: Vec::new(),
+        package: graph.package.clone(),
+        columns: columns(file, &graph),
+    };
+    convert(&mut network, &graph);
+    take_files(&mut network, &graph);
     let mut selected: Vec<&Effect> = answer.effects.iter().filter(|effect| effect.selected).collect();
     // Effects of a command path act in a fixed order; all others add up.
-    selected.sort_by_key(|effect| COMMAND_ORDER.iter().position(|id| *id == effect.id));
+    let rank = |effect: &&Effect| port::ORDER.iter().position(|kind| *kind == effect.kind());
+    selected.sort_by_key(|effect| rank(effect).unwrap_or(usize::MAX));
     let step = file.declaration.step_s.as_ref().map_or(STEP, |step| *step.get_ref());
-    for effect in selected {
+    for effect in &selected {
         if let Some(column) = &effect.signal {
             sense(&mut network, (file, &graph), column, effect, step);
-            continue;
-        }
-        let own = attachments.iter().find(|attachment| {
-            let named = effect.own.is_some()
-                || attachment.effects.as_ref().is_none_or(|list| list.contains(&effect.id));
-            named && attachment.channels.contains(&effect.channel)
-        });
-        if let Some(attachment) = own {
-            place(&mut network, &graph, attachment, effect, step);
+        } else if let Some((input, wiring)) = wiring(file, &graph, &network, effect, &selected) {
+            place(&mut network, (file, &graph), (&input, &wiring), (effect, &selected), step);
         }
     }
     if let Some(law) = &answer.law
-        && let Some(attachment) = attachments.iter().find(|attachment| attachment.input == law.port)
+        && let Some((input, wiring)) = wiring(file, &graph, &network, &law.effect, &selected)
     {
-        place(&mut network, &graph, attachment, &law.effect, step);
+        place(&mut network, (file, &graph), (&input, &wiring), (&law.effect, &selected), step);
     }
     Ok(network)
+}
+
+/// Attachment of an effect: that of its port, or the first that may have it.
+fn attachment(file: &File, effect: &Effect) -> Option<Attachment> {
+    let all = || file.declaration.attachment.iter().map(|attachment| attachment.get_ref());
+    let may = |attachment: &&Attachment| {
+        let named = attachment.effects.as_ref().is_none_or(|list| list.contains(&effect.id));
+        named && attachment.channels.contains(&effect.channel)
+    };
+    let at = |attachment: &&Attachment| effect.port.as_ref().is_none_or(|port| *port == attachment.input);
+    all().find(|own| at(own) && may(own)).or_else(|| all().find(may)).cloned()
+}
+
+/// Input and wiring of an effect: its own, or those of its attachment.
+fn wiring(
+    file: &File,
+    graph: &SystemGraph,
+    network: &Network,
+    effect: &Effect,
+    selected: &[&Effect],
+) -> Option<(String, Wiring)> {
+    if let (Some(port), Some(wiring)) = (&effect.port, &effect.wiring) {
+        return Some((port.clone(), wiring.clone()));
+    }
+    let attachment = attachment(file, effect)?;
+    let here = |other: &&&Effect| other.port == effect.port && other.kind() == "coulomb";
+    let added: f64 =
+        selected.iter().filter(here).filter_map(|other| Some(other.parameters.first()?.value)).sum();
+    let declared = attachment.coulomb.as_ref().and_then(|name| start(network, graph, name)).unwrap_or(0.0);
+    let (vt, level) = (attachment.sign_velocity(), declared + added);
+    let Attachment { input, velocity, position, pressure_force: load, pressure, .. } = attachment;
+    Some((input, Wiring { velocity, position, load, pressure, vt, sign: 1.0, level }))
+}
+
+/// Writes what connections convert between units into them: blocks have none.
+fn convert(network: &mut Network, graph: &SystemGraph) {
+    for own in &graph.connections {
+        let component = &graph.components[own.component];
+        let name = &component.fmu.description.variables[own.variable].name;
+        let to = end(&component.name, name);
+        let found = network.structure.connections.iter_mut().find(|connection| connection.end == to);
+        if let Some(connection) = found.filter(|_| own.conversion != Conversion::IDENTITY) {
+            connection.transformation = Some((own.conversion.factor, own.conversion.offset));
+            connection.suppress_unit_conversion = true;
+        }
+    }
 }
 
 /// Inputs and outputs of the system with the columns that they are in the records as they stand.
@@ -94,9 +137,15 @@ fn sense(
         let to = end("", name);
         let shown = network.structure.connections.iter().any(|connection| connection.end == to);
         let sampled = graph.outputs.iter().any(|output| output.name == *name && is_sampled(graph, output));
-        let Some(mut block) = blocks::sensor(effect, step, sampled, false).filter(|_| shown) else {
-            continue;
+        let lagging = || {
+            let wiring = Wiring { vt: 1.0, sign: 1.0, ..Wiring::default() };
+            port::block(effect, blocks::name(effect), &wiring, step, &Sources::default())
         };
+        let block = match effect.kind() {
+            "lag" => lagging(),
+            _ => blocks::sensor(effect, step, sampled, false),
+        };
+        let Some(mut block) = block.filter(|_| shown) else { continue };
         if index > 0 {
             block.part.name += &format!("_{}", index + 1);
         }
@@ -111,57 +160,92 @@ fn is_sampled(graph: &SystemGraph, output: &SystemOutput) -> bool {
     description.variables[variable].variability == Variability::Discrete
 }
 
-/// Names the FMUs of the system as files beside the description.
-fn take_files(network: &mut Network) {
+/// Names the FMUs of the system as files beside the description; those of this project get the values of their
+/// parameters as start values.
+fn take_files(network: &mut Network, graph: &SystemGraph) {
     let mut known: Vec<(PathBuf, PathBuf)> = Vec::new();
     for component in &mut network.structure.components {
-        let same = known.iter().find(|(source, _)| *source == component.source).map(|(_, name)| name.clone());
-        let name = same.unwrap_or_else(|| {
-            let name = PathBuf::from(format!("{}.fmu", component.name));
+        let name = PathBuf::from(format!("{}.fmu", component.name));
+        let declared = graph.components.iter().find(|own| own.name == component.name);
+        let start = declared.map_or_else(Vec::new, baked);
+        if !start.is_empty() {
+            let (source, file) = (component.source.clone(), name.clone());
+            let derivation = Derivation { name: component.name.clone(), start, ..Derivation::default() };
+            network.baked.push(Baked { source, file, derivation });
+        } else if let Some((_, same)) = known.iter().find(|(source, _)| *source == component.source) {
+            (component.source, component.shown) = (same.clone(), same.clone());
+            continue;
+        } else {
             known.push((component.source.clone(), name.clone()));
-            name
-        });
+        }
         component.source.clone_from(&name);
         component.shown = name;
     }
     network.copies = known;
 }
 
-/// Puts the block of an effect in front of every input that the attachment feeds.
-fn place(network: &mut Network, graph: &SystemGraph, attachment: &Attachment, effect: &Effect, step: f64) {
-    let targets = targets(network, graph, &attachment.input);
-    let friction = Friction {
-        c1: attachment.coulomb.as_ref().and_then(|name| start(network, graph, name)).unwrap_or(0.0),
-        c2: 1.0 / attachment.vt.unwrap_or(1e-3),
-        ..Friction::default()
-    };
-    let sources = Sources {
-        x: source(network, graph, attachment.position.as_ref()),
-        v: source(network, graph, attachment.velocity.as_ref()),
-        theta: source(network, graph, attachment.position.as_ref()),
-        omega: source(network, graph, attachment.velocity.as_ref()),
-        f_hat: source(network, graph, attachment.pressure_force.as_ref()),
-        p: source(network, graph, attachment.pressure.as_ref()),
-    };
-    let formula = effect.own.as_ref();
-    let block = formula
-        .map(|formula| own::block(formula, effect, &sources))
-        .or_else(|| blocks::command(effect, step, &sources))
-        .or_else(|| blocks::area(effect, &sources))
-        .or_else(|| blocks::friction(effect, &friction, &sources))
-        .or_else(|| blocks::cart(effect, 0.0, &sources))
-        .or_else(|| blocks::pole(effect, 0.0, &sources));
-    let Some(mut block) = block else { return };
-    if block.part.template == "torque-effect" {
-        block.part.start.push(("coulomb_rate".into(), Value::Real(attachment.vt.unwrap_or(0.05))));
+/// Values that the system gives the parameters of a component, where its FMU can have start values of its own.
+fn baked(component: &Component) -> Vec<(String, Value)> {
+    let description = &component.fmu.description;
+    if !derive::is_template(description) {
+        return Vec::new();
     }
-    for (index, target) in targets.iter().enumerate() {
+    let one = |start: &StartValue| {
+        let variable = &description.variables[start.variable];
+        let value = match &start.value {
+            Start::Real(value) => Value::Real(*value),
+            Start::Integer(value) => Value::Integer(*value),
+            Start::Boolean(value) => Value::Boolean(*value),
+            Start::String(value) => Value::String(value.clone()),
+        };
+        (variable.causality == Causality::Parameter).then(|| (variable.name.clone(), value))
+    };
+    component.start_values.iter().filter_map(one).collect()
+}
+
+/// Puts the block of an effect in front of every input that the attachment feeds.
+fn place(
+    network: &mut Network,
+    (file, graph): (&File, &SystemGraph),
+    (input, wiring): (&str, &Wiring),
+    (effect, selected): (&Effect, &[&Effect]),
+    step: f64,
+) {
+    let sources = Sources {
+        x: source(network, graph, wiring.position.as_ref()),
+        v: source(network, graph, wiring.velocity.as_ref()),
+        f_hat: source(network, graph, wiring.load.as_ref()),
+        p: source(network, graph, wiring.pressure.as_ref()),
+        ..Sources::default()
+    };
+    let index = graph.inputs.iter().position(|own| own.name == input);
+    let held = index.is_some_and(|index| {
+        let stated = file.declaration.inputs.get(input).is_some_and(|own| own.get_ref().hold);
+        stated || graph.input_is_held(index)
+    });
+    let twin = selected.iter().filter(|other| other.id == effect.id).count() > 1;
+    let mut name = blocks::name(effect).split('@').next().unwrap_or("effect").to_owned();
+    if twin || effect.id.contains('@') {
+        name += &format!("_{}", plain(input));
+    }
+    let block = match &effect.own {
+        Some(formula) => Some(own::block(formula, effect, &sources)),
+        None => blocks::memory(effect, &name, step, held)
+            .or_else(|| port::block(effect, name, wiring, step, &sources)),
+    };
+    let Some(block) = block else { return };
+    for (index, target) in targets(network, graph, input).iter().enumerate() {
         let mut own: Block = block.clone();
         if index > 0 {
             own.part.name += &format!("_{}", index + 1);
         }
         network.insert(target, own, false);
     }
+}
+
+/// A name as part of that of a component.
+fn plain(name: &str) -> String {
+    name.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '_' }).collect()
 }
 
 /// Inputs of components that an attachment names: one of them, or those that an input of the system feeds.
@@ -205,6 +289,9 @@ fn component(graph: &SystemGraph, name: &str) -> Option<Endpoint> {
 /// Where a signal comes from: a system output shows it, a component has it, or else it comes from outside.
 fn source(network: &Network, graph: &SystemGraph, name: Option<&String>) -> Option<Endpoint> {
     let name = name?;
+    if graph.inputs.iter().any(|input| input.name == *name) {
+        return Some(end("", name));
+    }
     let shown = network.structure.connections.iter().find(|connection| connection.end == end("", name));
     let found = shown.map(|connection| connection.start.clone()).or_else(|| component(graph, name));
     Some(found.unwrap_or_else(|| end("", name)))

@@ -30,7 +30,7 @@ pub struct Correction {
 
 /// What is searched.
 pub struct Question<'a> {
-    /// System without local parameters.
+    /// System.
     pub system: &'a dyn System,
     /// Error of its predictions.
     pub held_out: &'a HeldOut<'a>,
@@ -40,6 +40,18 @@ pub struct Question<'a> {
     pub corrections: &'a [Correction],
     /// Parameter vector of the declared model.
     pub declared: &'a [f64],
+    /// Declared parameters that every fit is free to choose.
+    pub always: &'a [Free],
+    /// Local parameters of the declared model, by position in `records`; empty vectors where there are none.
+    pub locals: Vec<Vec<f64>>,
+    /// Whether a candidate may join the effects found before.
+    pub may_join: &'a (dyn Fn(usize, &[usize]) -> bool + Sync),
+    /// Sets of effects that another search found, with parameters to start from.
+    pub proposals: &'a [(Vec<usize>, Vec<f64>)],
+    /// Whether two effects are tried together where none is accepted alone.
+    pub pairs: bool,
+    /// Candidates that are free forms over one variable: they join nothing, but tell whether effects have the right form.
+    pub free_forms: &'a [usize],
     /// Estimation records.
     pub records: Vec<usize>,
     /// Positions in `records` of those that candidates are screened on.
@@ -95,22 +107,39 @@ pub struct Found {
     pub equals: Vec<(usize, Tried)>,
     /// Error of the declared model on the estimation records \[units\].
     pub declared_error: f64,
+    /// The free form that takes away much more than the effects do, if one does.
+    pub free_form: Option<FreeForm>,
+}
+
+/// A free form that takes away more of the error than the effects.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct FreeForm {
+    /// Candidate.
+    pub candidate: usize,
+    /// Share of the error on held-out records, beyond the corrections, that it takes away.
+    pub share: f64,
 }
 
 /// Finds the effects that take away most of the error.
 pub fn search(question: &Question) -> Found {
     question.system.stage("corrections");
-    let null =
-        Null::simulate(question.system, &question.records, question.declared, &question.no_locals(), 4, 1);
-    let declared_error = question.held_out.error(question.declared, &question.records);
+    let null = Null::simulate(question.system, &question.records, question.declared, &question.locals, 4, 1);
+    let declared_error = question.held_out.error_from(question.declared, &question.records, &question.locals);
     let run = Run { question, null, declared_error };
-    let mut weights = run.weights(question.declared);
-    let mut base = run.fit(&weights, &[], question.declared, ROUNDS);
+    let mut weights = run.weights(question.declared, &question.locals);
+    let mut base = run.fit(&weights, &[], question.declared, &question.locals, ROUNDS);
     for _ in 0..2 {
-        weights = run.weights(&base.fit.parameters);
-        base = run.fit(&weights, &[], &base.fit.parameters, ROUNDS);
+        weights = run.weights(&base.fit.parameters, &base.fit.locals);
+        base = run.fit(&weights, &[], &base.fit.parameters, &base.fit.locals, ROUNDS);
     }
-    let mut found = Found { best: base.clone(), base, steps: Vec::new(), equals: Vec::new(), declared_error };
+    let mut found = Found {
+        best: base.clone(),
+        base,
+        steps: Vec::new(),
+        equals: Vec::new(),
+        declared_error,
+        free_form: None,
+    };
     question.system.stage("effects beside corrections");
     while found.best.added.len() < question.most && !stop::asked() {
         let added = found.best.added.clone();
@@ -130,6 +159,14 @@ pub fn search(question: &Question) -> Found {
             break;
         }
     }
+    if !stop::asked() {
+        question.system.stage("several effects at once");
+        run.sets(&mut found);
+    }
+    if !stop::asked() {
+        question.system.stage("form of the effects");
+        found.free_form = run.free_form(&found.base, &found.best);
+    }
     found
 }
 
@@ -137,6 +174,17 @@ pub fn search(question: &Question) -> Found {
 const ROUNDS: usize = 6;
 const REFINED: usize = 4;
 const FOLDED: usize = 2;
+/// Rounds of a fit of local parameters alone.
+const LOCALIZED: usize = 3;
+/// Candidates that pairs are made of.
+const PAIRED: usize = 3;
+/// Fall of the error on held-out folds that each effect of a set must bring: as a share of it, and of that of the declared
+/// model.
+const SET: (f64, f64) = (0.05, 0.02);
+/// Ratio of the errors of a proposed set and of the best model from which on it is not looked at further.
+const HOPELESS_SET: f64 = 1.1;
+/// Free forms that are fitted.
+const FORMS: usize = 2;
 /// Candidates that are fitted for what they promise beside the corrections, and for what they do without them.
 const PROMISING: (usize, usize) = (5, 5);
 /// Candidates that are fitted again under the weights of the best.
@@ -152,14 +200,10 @@ struct Run<'a> {
 }
 
 impl Question<'_> {
-    fn no_locals(&self) -> Vec<Vec<f64>> {
-        vec![Vec::new(); self.records.len()]
-    }
-
-    /// Corrections beside the effects `added`, without those that an effect takes the place of.
+    /// Corrections beside the effects `added`, without those that an effect takes the place of, and what is always free.
     fn beside(&self, added: &[usize]) -> Vec<Free> {
         let kept = |c: &&Correction| !c.effect.is_some_and(|effect| added.contains(&effect));
-        self.corrections.iter().filter(kept).map(|c| c.free).collect()
+        self.always.iter().copied().chain(self.corrections.iter().filter(kept).map(|c| c.free)).collect()
     }
 
     /// The correction that a candidate takes the place of.
@@ -170,7 +214,7 @@ impl Question<'_> {
     /// Parameters with only these effects: every correction as declared.
     fn without_corrections(&self, p: &[f64], added: &[usize]) -> Vec<f64> {
         let mut q = self.declared.to_vec();
-        for free in added.iter().flat_map(|&c| &self.candidates[c].free) {
+        for free in added.iter().flat_map(|&c| &self.candidates[c].free).chain(self.always) {
             q[free.index] = p[free.index];
         }
         q
@@ -178,10 +222,10 @@ impl Question<'_> {
 }
 
 impl Run<'_> {
-    /// Long-run variances of the residuals at `p`.
-    fn weights(&self, p: &[f64]) -> Weights {
+    /// Long-run variances of the residuals at `p` and `locals`.
+    fn weights(&self, p: &[f64], locals: &[Vec<f64>]) -> Weights {
         let q = self.question;
-        let own = residuals(q.system, &q.records, p, &q.no_locals());
+        let own = residuals(q.system, &q.records, p, locals);
         long_run(q.system, &q.records, &own)
     }
 
@@ -193,14 +237,22 @@ impl Run<'_> {
     }
 
     /// A fit of effects and corrections.
-    fn fit(&self, weights: &Weights, added: &[usize], start: &[f64], rounds: usize) -> Model {
-        self.fit_records(weights, &self.question.records, added, start, rounds)
+    fn fit(
+        &self,
+        weights: &Weights,
+        added: &[usize],
+        start: &[f64],
+        locals: &[Vec<f64>],
+        rounds: usize,
+    ) -> Model {
+        self.fit_records(weights, (&self.question.records, locals), added, start, rounds)
     }
 
+    /// A fit to some records with their local parameters to start from.
     fn fit_records(
         &self,
         weights: &Weights,
-        records: &[usize],
+        (records, locals): (&[usize], &[Vec<f64>]),
         added: &[usize],
         start: &[f64],
         rounds: usize,
@@ -212,22 +264,51 @@ impl Run<'_> {
             }
         }
         let extra = self.question.beside(added);
-        let locals = vec![Vec::new(); records.len()];
-        self.with(weights, records, |search| search.fit(added, &extra, &start, &locals, rounds))
+        self.with(weights, records, |search| search.fit(added, &extra, &start, locals, rounds))
+    }
+
+    /// Local parameters that fit some records best at `p`, from those given.
+    fn localized(
+        &self,
+        weights: &Weights,
+        records: &[usize],
+        p: &[f64],
+        locals: &[Vec<f64>],
+    ) -> Vec<Vec<f64>> {
+        if locals.iter().all(Vec::is_empty) {
+            return locals.to_vec();
+        }
+        self.with(weights, records, |search| search.fit(&[], &[], p, locals, LOCALIZED)).fit.locals
+    }
+
+    /// Error at `p` on all records, with the local parameters that fit best.
+    fn error_at(&self, weights: &Weights, p: &[f64], locals: &[Vec<f64>]) -> f64 {
+        let q = self.question;
+        q.held_out.error_from(p, &q.records, &self.localized(weights, &q.records, p, locals))
+    }
+
+    /// Error of a model on the records that it was fitted to.
+    fn fitted_error(&self, model: &Model) -> f64 {
+        self.question.held_out.error_from(&model.fit.parameters, &self.question.records, &model.fit.locals)
     }
 
     /// Error on folds that a model, fitted again without them, has not seen.
     fn held_out_error(&self, weights: &Weights, model: &Model) -> f64 {
         let q = self.question;
         if q.folds.len() < 2 || stop::asked() {
-            return q.held_out.error(&model.fit.parameters, &q.records);
+            return self.fitted_error(model);
         }
+        let part = |chosen: Vec<usize>| -> (Vec<usize>, Vec<Vec<f64>>) {
+            chosen.into_iter().map(|i| (q.records[i], model.fit.locals[i].clone())).unzip()
+        };
         let squares = q.folds.iter().map(|fold| {
-            let rest: Vec<usize> =
-                (0..q.records.len()).filter(|i| !fold.contains(i)).map(|i| q.records[i]).collect();
-            let own: Vec<usize> = fold.iter().map(|&i| q.records[i]).collect();
-            let refit = self.fit_records(weights, &rest, &model.added, &model.fit.parameters, FOLDED);
-            own.len() as f64 * q.held_out.error(&refit.fit.parameters, &own).powi(2)
+            let (rest, locals) = part((0..q.records.len()).filter(|i| !fold.contains(i)).collect());
+            let (own, own_locals) = part(fold.clone());
+            let refit =
+                self.fit_records(weights, (&rest, &locals), &model.added, &model.fit.parameters, FOLDED);
+            let p = &refit.fit.parameters;
+            let own_locals = self.localized(weights, &own, p, &own_locals);
+            own.len() as f64 * q.held_out.error_from(p, &own, &own_locals).powi(2)
         });
         (squares.sum::<f64>() / q.records.len() as f64).sqrt()
     }
@@ -238,15 +319,26 @@ impl Run<'_> {
         let held = Model {
             fit: Fit {
                 parameters: q.without_corrections(&base.fit.parameters, &base.added),
-                free: base.added.iter().flat_map(|&c| q.candidates[c].free.iter().copied()).collect(),
+                free: base
+                    .added
+                    .iter()
+                    .flat_map(|&c| &q.candidates[c].free)
+                    .chain(q.always)
+                    .copied()
+                    .collect(),
                 ..base.fit.clone()
             },
             ..base.clone()
         };
-        let [beside, without] = self
-            .with(weights, &q.records, |search| [base, &held].map(|model| distinct(search.screen(model))));
+        let wanted = |c: usize| !q.free_forms.contains(&c) && (q.may_join)(c, &base.added);
+        let [beside, without] = self.with(weights, &q.records, |search| {
+            [base, &held].map(|model| distinct(search.screen_some(model, &wanted)))
+        });
         let records: Vec<usize> = q.screened.iter().map(|&i| q.records[i]).collect();
-        let errors = parallel::map(without.len(), |i| q.held_out.error(&without[i].parameters, &records));
+        let locals: Vec<Vec<f64>> = q.screened.iter().map(|&i| base.fit.locals[i].clone()).collect();
+        let errors = parallel::map(without.len(), |i| {
+            q.held_out.error_from(&without[i].parameters, &records, &locals)
+        });
         let mut alone: Vec<(f64, Promise)> = errors.into_iter().zip(without).collect();
         alone.sort_by(|a, b| a.0.total_cmp(&b.0));
         let mut chosen: Vec<Promise> = beside.into_iter().take(PROMISING.0).collect();
@@ -274,17 +366,18 @@ impl Run<'_> {
             .map(|(_, promise)| {
                 let mut added = base.added.clone();
                 added.push(promise.candidate);
-                let model = self.fit(weights, &added, &promise.parameters, ROUNDS);
-                (q.held_out.error(&model.fit.parameters, &q.records), model)
+                let model = self.fit(weights, &added, &promise.parameters, &base.fit.locals, ROUNDS);
+                (self.fitted_error(&model), model)
             })
             .collect();
         fitted.sort_by(|a, b| a.0.total_cmp(&b.0));
         let Some(best) = fitted.first() else { return (Vec::new(), weights.clone()) };
-        let weights = self.weights(&best.1.fit.parameters);
-        let base = self.fit(&weights, &base.added, &base.fit.parameters, REFINED);
+        let weights = self.weights(&best.1.fit.parameters, &best.1.fit.locals);
+        let base = self.fit(&weights, &base.added, &base.fit.parameters, &base.fit.locals, REFINED);
         let base_error = self.held_out_error(&weights, &base);
-        let base_fitted = q.held_out.error(&base.fit.parameters, &q.records);
-        let before = q.held_out.error(&q.without_corrections(&base.fit.parameters, &base.added), &q.records);
+        let base_fitted = self.fitted_error(&base);
+        let uncorrected = q.without_corrections(&base.fit.parameters, &base.added);
+        let before = self.error_at(&weights, &uncorrected, &base.fit.locals);
         let mut tried: Vec<Tried> = Vec::new();
         for (rank, (error, model)) in fitted.into_iter().enumerate() {
             let candidate = model.added[model.added.len() - 1];
@@ -292,7 +385,7 @@ impl Run<'_> {
             let again = rank < AGAIN;
             let mut reference = (base.fit.chi2, if again { base_error } else { base_fitted });
             if again {
-                model = self.fit(&weights, &model.added, &model.fit.parameters, REFINED);
+                model = self.fit(&weights, &model.added, &model.fit.parameters, &model.fit.locals, REFINED);
                 error = self.held_out_error(&weights, &model);
             }
             if let Some(same) = q.same(candidate).filter(|_| again) {
@@ -304,7 +397,7 @@ impl Run<'_> {
                 gain: reference.0 - model.fit.chi2,
                 held_out: (reference.1 - error) / self.declared_error,
                 error,
-                alone: 1.0 - q.held_out.error(&p, &q.records) / before,
+                alone: 1.0 - self.error_at(&weights, &p, &model.fit.locals) / before,
                 model,
                 rejected: None,
             };
@@ -327,10 +420,129 @@ impl Run<'_> {
         let q = self.question;
         let extra: Vec<Free> =
             q.beside(&base.added).into_iter().filter(|f| f.index != correction.free.index).collect();
-        let locals = q.no_locals();
-        let model = self
-            .with(weights, &q.records, |search| search.fit(&base.added, &extra, &start, &locals, REFINED));
-        (model.fit.chi2, q.held_out.error(&model.fit.parameters, &q.records))
+        let locals = &base.fit.locals;
+        let model =
+            self.with(weights, &q.records, |search| search.fit(&base.added, &extra, &start, locals, REFINED));
+        (model.fit.chi2, self.fitted_error(&model))
+    }
+
+    /// Sets of effects that were proposed, and pairs of those that were not accepted alone, in place of the best model.
+    fn sets(&self, found: &mut Found) {
+        let q = self.question;
+        let mut sets: Vec<(Vec<usize>, Vec<f64>)> = q.proposals.to_vec();
+        if let Some(last) = found.steps.last().filter(|_| q.pairs && found.best.added.len() + 2 <= q.most) {
+            let notable = |t: &&Tried| t.gain >= q.settings.min_gain && t.held_out > 0.0;
+            let few: Vec<&Tried> = last.tried.iter().filter(notable).take(PAIRED).collect();
+            for (i, a) in few.iter().enumerate() {
+                for b in &few[i + 1..] {
+                    let mut p = a.model.fit.parameters.clone();
+                    let own = &q.candidates[b.candidate].free;
+                    own.iter().for_each(|free| p[free.index] = b.model.fit.parameters[free.index]);
+                    sets.push(([&a.model.added[..], &[b.candidate]].concat(), p));
+                }
+            }
+        }
+        for (set, p) in sets {
+            let known = set.iter().all(|c| found.best.added.contains(c));
+            if set.len() > q.most || known || stop::asked() {
+                continue;
+            }
+            if let Some(step) = self.instead(&found.base, &found.best, &set, &p) {
+                found.best = step.tried[0].model.clone();
+                found.equals.clear();
+                found.steps.push(step);
+            }
+        }
+    }
+
+    /// A set of effects, without those that it does not need, if it does clearly better than `best`.
+    fn instead(&self, base: &Model, best: &Model, set: &[usize], p: &[f64]) -> Option<Step> {
+        let q = self.question;
+        let first =
+            self.fit(&self.weights(&best.fit.parameters, &best.fit.locals), set, p, &best.fit.locals, ROUNDS);
+        let weights = self.weights(&first.fit.parameters, &first.fit.locals);
+        let again = |model: &Model| {
+            self.fit(&weights, &model.added, &model.fit.parameters, &model.fit.locals, REFINED)
+        };
+        let mut model = again(&first);
+        let mut error = self.held_out_error(&weights, &model);
+        let (base, best) = (again(base), again(best));
+        let [base_error, best_error] = [&base, &best].map(|own| self.held_out_error(&weights, own));
+        let most = |extra: usize, from: f64| {
+            let extra = extra as f64;
+            ((1.0 - extra * SET.0) * from).min(from - extra * SET.1 * self.declared_error)
+        };
+        // One effect too many may hide what the others bring, but not all of it.
+        if error > HOPELESS_SET * best_error {
+            return None;
+        }
+        let mut without: Vec<(f64, f64)> = Vec::new();
+        'again: while model.added.len() > 1 {
+            without.clear();
+            for &c in &model.added {
+                let rest: Vec<usize> = model.added.iter().copied().filter(|&other| other != c).collect();
+                let mut start = model.fit.parameters.clone();
+                q.candidates[c].free.iter().for_each(|free| start[free.index] = q.declared[free.index]);
+                let own = self.fit(&weights, &rest, &start, &model.fit.locals, ROUNDS);
+                let left = self.held_out_error(&weights, &own);
+                let may_stay = rest.iter().all(|&other| (q.may_join)(other, &rest));
+                if may_stay && error > most(1, left) {
+                    (model, error) = (own, left);
+                    continue 'again;
+                }
+                without.push((own.fit.chi2 - model.fit.chi2, (left - error) / self.declared_error));
+            }
+            break;
+        }
+        let extra = model.added.len().saturating_sub(best.added.len()).max(1);
+        let enough = base_error - error >= q.settings.min_held_out_share * self.declared_error;
+        let objection = model.added.iter().find_map(|&c| (q.sense)(&q.candidates[c], &model));
+        let known = model.added.iter().all(|c| best.added.contains(c));
+        if !enough || error > most(extra, best_error) || objection.is_some() || known {
+            return None;
+        }
+        let tried = model.added.iter().enumerate().map(|(k, &candidate)| {
+            let (gain, held_out) = without
+                .get(k)
+                .copied()
+                .unwrap_or((base.fit.chi2 - model.fit.chi2, (base_error - error) / self.declared_error));
+            Tried { candidate, model: model.clone(), gain, held_out, error, alone: f64::NAN, rejected: None }
+        });
+        Some(Step { added: Vec::new(), tried: tried.collect() })
+    }
+
+    /// The free form that takes away much more of the error than the effects of `best`, if one does.
+    fn free_form(&self, base: &Model, best: &Model) -> Option<FreeForm> {
+        let q = self.question;
+        if q.free_forms.is_empty() {
+            return None;
+        }
+        let weights = self.weights(&best.fit.parameters, &best.fit.locals);
+        let refit = |model: &Model| {
+            self.fit(&weights, &model.added, &model.fit.parameters, &model.fit.locals, REFINED)
+        };
+        let (base, best) = (refit(base), refit(best));
+        let wanted = |c: usize| q.free_forms.contains(&c);
+        let promises = self.with(&weights, &q.records, |search| search.screen_some(&base, &wanted));
+        let [without, with] = [&base, &best].map(|model| self.held_out_error(&weights, model));
+        let share = |error: f64| 1.0 - error / without;
+        let enough = q.settings.min_form_share;
+        let gained = base.fit.chi2 - best.fit.chi2;
+        let hopeful = |promise: &&Promise| {
+            let gain = base.fit.chi2 - promise.chi2;
+            gain > q.settings.min_gain && enough * gain > gained
+        };
+        promises
+            .iter()
+            .filter(hopeful)
+            .take(FORMS)
+            .map(|promise| {
+                let locals = &base.fit.locals;
+                let model = self.fit(&weights, &[promise.candidate], &promise.parameters, locals, ROUNDS);
+                FreeForm { candidate: promise.candidate, share: share(self.held_out_error(&weights, &model)) }
+            })
+            .filter(|form| share(with) < enough * form.share && form.share > q.settings.min_held_out_share)
+            .max_by(|a, b| a.share.total_cmp(&b.share))
     }
 
     /// Why a candidate is no effect that matters, if it is none.
@@ -486,6 +698,12 @@ mod tests {
             candidates: &candidates,
             corrections: &corrections,
             declared: &[0.0; 3],
+            always: &[],
+            locals: vec![Vec::new(); 4],
+            may_join: &|_, _| true,
+            proposals: &[],
+            pairs: false,
+            free_forms: &[],
             records: (0..4).collect(),
             screened: (0..4).collect(),
             folds: vec![vec![0, 1], vec![2, 3]],

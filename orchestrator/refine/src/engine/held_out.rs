@@ -13,16 +13,17 @@ pub struct HeldOut<'a> {
 }
 
 impl<'a> HeldOut<'a> {
-    /// The error of predictions of `system`, which must have no local parameters; `units` by signal.
+    /// The error of predictions of `system`; `units` by signal.
     pub fn new(system: &'a dyn System, units: &'a BTreeMap<String, f64>) -> HeldOut<'a> {
         HeldOut { system, units }
     }
 
-    /// Mean square of every judged signal above the variance of its noise \[unit^2\].
-    pub fn squares(&self, p: &[f64], records: &[usize]) -> BTreeMap<String, f64> {
+    /// Mean square of every judged signal above the variance of its noise \[unit^2\]; `locals`: local parameters of each
+    /// record, where it has any.
+    pub fn squares(&self, p: &[f64], records: &[usize], locals: &[Vec<f64>]) -> BTreeMap<String, f64> {
         let parts = parallel::map(records.len(), |i| {
-            let record = records[i];
-            let (predicted, measured) = (self.system.predict(record, p, &[]), self.system.measured(record));
+            let (record, own) = (records[i], locals.get(i).map_or(&[][..], Vec::as_slice));
+            let (predicted, measured) = (self.system.predict(record, p, own), self.system.measured(record));
             let square = |range: std::ops::Range<usize>| -> f64 {
                 measured[range.clone()].iter().zip(&predicted[range]).map(|(a, b)| (a - b).powi(2)).sum()
             };
@@ -41,9 +42,14 @@ impl<'a> HeldOut<'a> {
         sums.into_iter().map(|(signal, (sum, samples))| (signal, (sum / samples).max(0.0))).collect()
     }
 
-    /// Root mean square over signals \[units\]; infinite where a prediction is no number.
+    /// Root mean square over signals \[units\] of a system without local parameters; infinite where a prediction is no number.
     pub fn error(&self, p: &[f64], records: &[usize]) -> f64 {
-        let squares = self.squares(p, records);
+        self.error_from(p, records, &[])
+    }
+
+    /// The same with the local parameters of each record.
+    pub fn error_from(&self, p: &[f64], records: &[usize], locals: &[Vec<f64>]) -> f64 {
+        let squares = self.squares(p, records, locals);
         let mean = squares.values().sum::<f64>() / squares.len().max(1) as f64;
         if mean.is_finite() { mean.sqrt() } else { f64::INFINITY }
     }

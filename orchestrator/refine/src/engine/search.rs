@@ -101,15 +101,20 @@ impl<S: System + ?Sized> Search<'_, S> {
         self.null.normalised(&pooled(self.system, &self.records, &residuals))
     }
 
-    /// What every start of every candidate that `base` lacks promises, best start of each candidate, best first.
+    /// What every start of every candidate that `base` lacks promises, best first.
     pub fn screen(&self, base: &Model) -> Vec<Promise> {
+        self.screen_some(base, &|_| true)
+    }
+
+    /// The same for the candidates that are `wanted`.
+    pub fn screen_some(&self, base: &Model, wanted: &dyn Fn(usize) -> bool) -> Vec<Promise> {
         let fit = &base.fit;
         let around = |screened: &[usize]| Around {
             screened: screened.to_vec(),
             columns: self.screened_columns(screened, &fit.parameters, &fit.free, fit, true, None),
         };
         let all = around(&self.screened);
-        let lacking = (0..self.candidates.len()).filter(|c| !base.added.contains(c));
+        let lacking = (0..self.candidates.len()).filter(|&c| !base.added.contains(&c) && wanted(c));
         let mut starts: Vec<(usize, usize)> = Vec::new();
         for c in lacking {
             let own: Vec<(usize, usize)> = (0..self.candidates[c].starts.len()).map(|s| (c, s)).collect();

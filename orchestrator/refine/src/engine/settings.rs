@@ -19,6 +19,8 @@ pub struct ForwardSelection {
     pub tie: f64,
     /// Difference of the error, as a share, within which two effects count as equal.
     pub tie_share: f64,
+    /// Share of what a free form takes away that effects must take away to have the right form.
+    pub min_form_share: f64,
     /// Share of the error on validation records below which an answer is withdrawn.
     pub min_validated_share: f64,
 }
@@ -33,6 +35,7 @@ impl Default for ForwardSelection {
             max_tolerances: 3.0,
             tie: 12.0,
             tie_share: 0.03,
+            min_form_share: 0.9,
             min_validated_share: 0.05,
         }
     }
@@ -110,6 +113,12 @@ impl ForwardSelection {
                 "difference of the error on held-out folds, as a share of the declared model's, within which two effects count as equal",
             ),
             row(
+                "min_form_share",
+                |s| s.min_form_share,
+                (0.0, 1.0),
+                "share of what a free form over one variable takes away on held-out folds that effects must take away to have the right form",
+            ),
+            row(
                 "min_validated_share",
                 |s| s.min_validated_share,
                 (0.0, 1.0),
@@ -156,6 +165,7 @@ impl ForwardSelection {
             "max_tolerances" => &mut self.max_tolerances,
             "tie" => &mut self.tie,
             "tie_share" => &mut self.tie_share,
+            "min_form_share" => &mut self.min_form_share,
             "min_validated_share" => &mut self.min_validated_share,
             _ => {
                 let rows = ForwardSelection::default().table();

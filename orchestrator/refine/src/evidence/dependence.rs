@@ -43,9 +43,9 @@ pub fn of(signals: &[Signal], records: &[Record]) -> Vec<Dependence> {
     found
 }
 
-fn variables(records: &[Record]) -> Vec<(&'static str, &'static str)> {
+fn variables(records: &[Record]) -> Vec<(&str, &str)> {
     let first = records.first();
-    let own = first.iter().flat_map(|r| r.variables.iter()).map(|v| (v.name, v.unit));
+    let own = first.iter().flat_map(|r| r.variables.iter()).map(|v| (v.name.as_str(), v.unit.as_str()));
     std::iter::once(("time", "s")).chain(own).collect()
 }
 
@@ -100,7 +100,7 @@ mod tests {
             sample_time: 1e-3,
             residuals: vec![Residual { signal: 0, measured: before.clone(), values: [before, vec![0.0; n]] }],
             variables: [("x", x), ("xdot", v)]
-                .map(|(name, values)| Variable { name, unit: "m", values })
+                .map(|(name, values)| Variable { name: name.into(), unit: "m".into(), values })
                 .into(),
         };
         let signal = Signal { name: "F_p".into(), unit: "N".into(), noise: 0.1 };

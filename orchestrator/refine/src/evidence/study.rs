@@ -72,7 +72,7 @@ fn curves(friction: &dyn Fn(&Effect) -> Friction, answer: &Answer, records: &[Re
 
 /// The declared friction at the attachment of an effect.
 fn friction(study: &Study, model: &Model, effect: &Effect) -> Friction {
-    let own = study.candidates.iter().find(|c| c.id == effect.id && c.signal == effect.signal);
+    let own = study.candidates.iter().find(|c| c.is(effect));
     let tap = own.and_then(|c| match c.action {
         crate::study::model::Action::Block { tap, .. } => study.taps.get(tap),
         _ => None,
@@ -96,30 +96,31 @@ fn ports(study: &Study, answer: &Answer) -> Vec<Port> {
 /// What residuals may depend on: commands, and what is known at the attachments under the corrected model.
 fn variables(study: &Study, n: usize, traces: &[Vec<Point>], inputs: &[Option<Vec<f64>>]) -> Vec<Variable> {
     let mut found: Vec<Variable> = Vec::new();
-    let mut add = |name: &'static str, unit: &'static str, values: Vec<f64>| {
+    let mut add = |name: &str, unit: &str, values: Vec<f64>| {
         let (low, high) =
             values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), &v| (a.min(v), b.max(v)));
         if values.len() == n && low < high && !found.iter().any(|known| known.name == name) {
-            found.push(Variable { name, unit, values });
+            found.push(Variable { name: name.into(), unit: unit.into(), values });
         }
     };
     for (tap, trace) in study.taps.iter().zip(traces) {
         let of = |pick: fn(&Point) -> f64| trace.iter().map(pick).collect::<Vec<f64>>();
         let [velocity, position, pressure_force, _] = tap.signals;
         if velocity.is_some() {
-            let (name, unit) = if tap.angular { ("thetadot", "rad/s") } else { ("xdot", "m/s") };
-            add(name, unit, of(|p| p.velocity));
+            add(&tap.words[0], &tap.units[1], of(|p| p.velocity));
         }
         if position.is_some() {
-            let (name, unit) = if tap.angular { ("theta", "rad") } else { ("x", "m") };
-            add(name, unit, of(|p| p.position));
+            add(&tap.words[1], &tap.units[2], of(|p| p.position));
         }
         if pressure_force.is_some() {
             add("F", "N", of(|p| p.pressure_force));
         }
     }
-    if let Some(values) = inputs.iter().flatten().next() {
-        add("u", "", values.clone());
+    for (input, values) in study.graph.inputs.iter().zip(inputs) {
+        let Some(values) = values else { continue };
+        let stated = study.taps.iter().any(|tap| tap.stated);
+        let name = if stated { "u" } else { input.name.as_str() };
+        add(name, input.unit.as_deref().unwrap_or_default(), values.clone());
     }
     found
 }

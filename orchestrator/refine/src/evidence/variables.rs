@@ -6,10 +6,10 @@ use crate::case::Case;
 /// A quantity over the time of a record.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Variable {
-    /// Name in the vocabulary: `u`, `F`, `x`, `xdot`, `theta`, `thetadot`.
-    pub name: &'static str,
+    /// Name in the vocabulary: `u`, `F`, `x`, `xdot`, `theta`, `thetadot`; or that of a signal of the system.
+    pub name: String,
     /// Unit.
-    pub unit: &'static str,
+    pub unit: String,
     /// Values, shape \[n\].
     pub values: Vec<f64>,
 }
@@ -33,7 +33,9 @@ pub fn of(case: &Case, record: usize, signals: &[Signal], residuals: &[Residual]
         ("theta", "rad", theta),
     ];
     all.into_iter()
-        .filter_map(|(name, unit, values)| Some(Variable { name, unit, values: values? }))
+        .filter_map(|(name, unit, values)| {
+            Some(Variable { name: name.into(), unit: unit.into(), values: values? })
+        })
         .collect()
 }
 

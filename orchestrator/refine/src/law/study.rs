@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use super::formula::{self, PRICE};
-use super::grammar::Axis;
+use super::grammar::{Axis, product};
 use super::surface::{Surface, knots};
 use super::surrogate::Approach;
 use crate::answer::{Answer, Effect, Errors, Parameter, Verdict};
@@ -45,6 +45,10 @@ const WORTH_TRYING: f64 = 0.5;
 const ROUNDS: usize = 3;
 /// Formulas whose stability over parts of the records is asked for.
 const JUDGED: usize = 3;
+/// Error in rms of the noise from which on a law with a memory is tried.
+const FAR: f64 = 1.5;
+/// Ratio of the error of a law with a memory to the least without one, below which it is taken.
+const MEMORY: f64 = 0.6;
 /// Errors within this share of each other are equal.
 const EQUAL: f64 = 0.03;
 
@@ -85,6 +89,15 @@ struct FreeForm {
     at: Approach,
     /// Rms of the residuals.
     error: f64,
+}
+
+impl FreeForm {
+    /// Place, height and half of the 95 % band at every knot; empty for two variables.
+    fn curve(&self, residual: f64) -> Vec<[f64; 3]> {
+        let [knots] = &self.surface.knots[..] else { return Vec::new() };
+        let heights = self.at.smooth.heights.iter().zip(&self.at.smooth.deviation);
+        knots.iter().zip(heights).map(|(x, (y, s))| [*x, *y, 1.96 * residual * s]).collect()
+    }
 }
 
 struct Finder<'a> {
@@ -157,11 +170,13 @@ pub fn told(law: &Law) -> Vec<String> {
         format!("{name} from {low:.4} to {high:.4} {unit}")
     };
     let covered: Vec<String> = law.covered.iter().map(range).collect();
-    found.push(format!(
+    if !covered.is_empty() {
+        found.push(format!(
         "The law at {} is known where the estimation records have been: {}; beyond it is an extrapolation (a curve goes on straight).",
         law.port,
         covered.join(", ")
     ));
+    }
     if let Some(part) = law.dissipation {
         found.push(if part > 0.5 {
             format!("It takes energy out of the motion: mean power over mean magnitude of power {part:.2}.")
@@ -190,9 +205,15 @@ fn push(study: &mut Study, action: Action, entries: Vec<Entry>, channel: &'stati
     let first = study.entries.len();
     let count = entries.len();
     study.entries.extend(entries);
+    let port = match action {
+        Action::Block { tap, .. } => study.taps[tap].name.clone(),
+        _ => String::new(),
+    };
     study.candidates.push(Candidate {
         id,
         channel,
+        port,
+        twin: false,
         signal: None,
         action,
         entries: first..first + count,
@@ -319,6 +340,17 @@ impl Finder<'_> {
                     s.surface.variables, s.at.smooth.without, s.at.smooth.held_out, s.error
                 );
             }
+        }
+        let left = forms.iter().map(|own| own.error).fold(declared.error, f64::min);
+        if left > FAR * judge.tolerated.sqrt()
+            && let Some((tap, model, own)) = self.memory(study, declared)
+            && model.error < MEMORY * left
+        {
+            let (axes, variables) = (Vec::new(), vec![Variable::Velocity]);
+            let (named, share, rivals) = (true, 1.0, Vec::new());
+            let found =
+                Found { tap, variables, curve: Vec::new(), effect: own, model, named, share, rivals, axes };
+            return self.say_law(study, judge, declared, found, answer);
         }
         let least = forms.first()?.at.smooth.held_out;
         let simple = |form: &FreeForm| {
@@ -470,8 +502,70 @@ impl Finder<'_> {
                 (fits.fit_from(vec![c], &p, &form.at.locals)?, effect, 1.0)
             }
         };
-        let found = Found { form, effect, model, named, share, rivals, axes };
+        let found = Found {
+            tap: form.tap,
+            variables: form.surface.variables.clone(),
+            curve: form.curve(model.error.max(judge.power.sqrt())),
+            effect,
+            model,
+            named,
+            share,
+            rivals,
+            axes,
+        };
         self.say_law(study, judge, declared, found, answer)
+    }
+
+    /// The best law with a memory, at any attachment whose motion is known.
+    fn memory(&self, study: &mut Study, declared: &Model) -> Option<(usize, Model, Arc<Own>)> {
+        (self.say)("laws with a memory");
+        let mut best: Option<(usize, Model, Arc<Own>)> = None;
+        for tap in 0..study.taps.len() {
+            let units = [Variable::Position, Variable::Velocity, Variable::Value]
+                .map(|variable| self.unit(study, tap, variable));
+            let Some(places) = self.knots(study, tap, Variable::Velocity, FINE) else { continue };
+            let fastest = places.iter().fold(0.0f64, |a, b| a.max(b.abs()));
+            let travel = self
+                .knots(study, tap, Variable::Position, FINE)
+                .map_or(0.1 * fastest, |own| own[own.len() - 1] - own[0]);
+            let stiffness = product(&[(&units[2], 1), (&units[1], -1), ("s", -1)]);
+            let length = product(&[(&units[1], 1), ("s", 1)]);
+            let times = [0.05, 0.3, 1.5].to_vec();
+            let lengths = [0.01, 0.05, 0.25].map(|part| part * travel).to_vec();
+            for (rate, unit, starts) in
+                [("v - z/s", "s".to_owned(), times), ("v - abs(v)*z/s", length, lengths)]
+            {
+                let toml = format!(
+                    "kind = \"law\"\nport = {:?}\nformula = \"k*z\"\nwords = \"law with a memory\"\n[variables]\nx = {:?}\nv = {:?}\nf = {:?}\n[states]\nz = {rate:?}\n[parameters]\nk = {{ unit = {stiffness:?} }}\ns = {{ unit = {unit:?}, start = {starts:?} }}\n",
+                    port_word(&units[2]),
+                    units[0],
+                    units[1],
+                    units[2]
+                );
+                let Ok(own) = Own::read(&toml).map(Arc::new) else { continue };
+                let c = self.push_own(study, tap, &own, &[1.0, starts[1]]);
+                study.candidates[c].starts = own.starts();
+                let base = extended(declared, study);
+                for index in study.candidates[c].entries.clone() {
+                    let step = self.fits(study).step(&base, c, index);
+                    study.entries[index].free.step = step.unwrap_or(1e-6);
+                    let first = study.candidates[c].entries.start;
+                    if own.parameters[index - first].name == "s" {
+                        let (least, most) = (starts[0], starts[starts.len() - 1]);
+                        study.entries[index].free.bounds = (0.05 * least, 20.0 * most);
+                    }
+                }
+                let found = self.fits(study).add(&base, c);
+                if std::env::var_os("LAW_TRACE").is_some() {
+                    eprintln!("memory {rate} error {:?}", found.as_ref().map(|own| own.error));
+                }
+                let better = |own: &Model| best.as_ref().is_none_or(|known| own.error < known.1.error);
+                if let Some(model) = found.filter(better) {
+                    best = Some((tap, model, own));
+                }
+            }
+        }
+        best
     }
 
     /// Parameter vector of a free form, as long as there are entries.
@@ -527,7 +621,7 @@ impl Finder<'_> {
         if !(share >= MIN_VALIDATED_SHARE && share > 0.5 * gained) {
             return None;
         }
-        let tap = found.form.tap;
+        let tap = found.tap;
         let widen = model.error.max(judge.power.sqrt());
         let c = model.added[0];
         let place = |index: usize| model.fit.free.iter().position(|free| free.index == index);
@@ -555,15 +649,6 @@ impl Finder<'_> {
             own: Some(Arc::clone(&found.effect)),
             ..Effect::default()
         };
-        let curve = match &found.form.surface.knots[..] {
-            [knots] => knots
-                .iter()
-                .zip(&found.form.at.smooth.heights)
-                .zip(&found.form.at.smooth.deviation)
-                .map(|((x, y), s)| [*x, *y, 1.96 * widen * s])
-                .collect(),
-            _ => Vec::new(),
-        };
         let covered = found
             .axes
             .iter()
@@ -581,8 +666,8 @@ impl Finder<'_> {
         let law = Law {
             port: study.taps[tap].name.clone(),
             channel: self.channel(tap).to_owned(),
-            variables: found.form.surface.variables.iter().map(|own| word(own).to_owned()).collect(),
-            curve,
+            variables: found.variables.iter().map(|own| word(own).to_owned()).collect(),
+            curve: found.curve,
             named: found.named,
             of_free_form: found.share,
             share,
@@ -628,7 +713,9 @@ fn beginnings(pieces: &[Piece], part: f64) -> Vec<Piece> {
 
 /// What was chosen, before it is said.
 struct Found {
-    form: FreeForm,
+    tap: usize,
+    variables: Vec<Variable>,
+    curve: Vec<[f64; 3]>,
     effect: Arc<Own>,
     model: Model,
     named: bool,

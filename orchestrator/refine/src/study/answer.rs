@@ -2,9 +2,10 @@
 
 use std::collections::BTreeMap;
 
+use super::by_share::{self, ByShare};
 use super::catalogue;
-use super::declaration::{File, Role};
-use super::effects::{effects, physical};
+use super::declaration::{Attachment, File, Role};
+use super::effects::{effects, order, physical};
 use super::errors::{errors, floor, force, force_noise};
 use super::explain::{Judge, Rest, depends};
 use super::fits::{Fits, Model, pieces};
@@ -14,6 +15,7 @@ use super::open::open;
 use super::search::{Say, Selection, confirm, search};
 use super::simulate::Piece;
 use super::smoothed;
+use super::tolerance;
 use crate::Error;
 use crate::answer::{Answer, Effect, Errors, Settings, Verdict};
 use crate::engine::fit::{Fit, fit};
@@ -34,6 +36,39 @@ const HALF: f64 = 0.5;
 /// # Errors
 /// Whatever does not fit in the declaration, the records or the system, and a declared model that cannot be simulated.
 pub fn answer(file: &File, settings: &Settings, say: Say) -> Result<(Answer, Evidence), Error> {
+    let (mut study, attachments, declared) = prepared(file, say)?;
+    let scale = scales(&study, &declared);
+    correct(&mut study, &scale, &[], &declared.parameters);
+    let model = steps(&mut study, &scale, &declared);
+    let fits = Fits::new(&study, scale.clone()).quickened(&model);
+    say("noise floor");
+    let judge = Judge::new(&fits, &model, settings.draws, settings.seed);
+    let selection = search(&fits, &judge, model, settings.max_effects, say);
+    let best = &selection.best;
+    if !best.added.is_empty() {
+        correct(&mut study, &scale, &best.added, &best.fit.parameters);
+    }
+    let fits = Fits::new(&study, scale.clone());
+    let selection = confirm(&fits, &judge, selection, say);
+    let (selection, by_share) = beside_corrections(&fits, &judge, selection, &scale, settings, say);
+    say("errors on all records");
+    let mut found = assemble(&fits, &judge, &selection, by_share.as_ref(), settings);
+    let scale = fits.scale.clone();
+    let base = by_share.as_ref().map_or(&selection.declared, |found| &found.corrected);
+    let with_law = law::explain(&mut study, &attachments, &scale, (&judge, base), &mut found, say);
+    let fits = Fits::new(&study, scale);
+    say("figures");
+    let shown = if found.verdict == Verdict::Effect { &selection.best } else { &selection.declared };
+    let shown = with_law.as_ref().unwrap_or(shown);
+    let evidence = evidence::gather(&fits, [&selection.declared, shown], &found);
+    Ok((found, evidence))
+}
+
+/// A study with its candidates, its attachments, and the fit of the declared model.
+///
+/// # Errors
+/// As [`answer`].
+pub fn prepared(file: &File, say: Say) -> Result<(Study, Vec<Attachment>, Fit), Error> {
     let (mut study, attachments) = open(file)?;
     say("fitting the declared model");
     let declared = declared(file, &study)?;
@@ -49,35 +84,45 @@ pub fn answer(file: &File, settings: &Settings, say: Say) -> Result<(Answer, Evi
     catalogue::fill(&mut study, &attachments, &survey, &place);
     let trace = if file.effects.is_empty() { Vec::new() } else { trace(&study, &declared) };
     attach::fill(&mut study, &attachments, &file.effects, &trace);
+    tolerance::fill(&mut study, file);
     if study.candidates.is_empty() {
         return Err(file.refuse_all(
             "there is no effect to look for; add an [[attachment]] with an input, its channels, and the signals of velocity and position",
         ));
     }
-    let scale = scales(&study, &declared);
-    correct(&mut study, &scale, &[], &declared.parameters);
-    let model = steps(&mut study, &scale, &declared);
-    let fits = Fits::new(&study, scale.clone()).quickened(&model);
-    say("noise floor");
-    let judge = Judge::new(&fits, &model, settings.draws, settings.seed);
-    let selection = search(&fits, &judge, model, settings.max_effects, say);
-    let best = &selection.best;
-    if !best.added.is_empty() {
-        correct(&mut study, &scale, &best.added, &best.fit.parameters);
+    Ok((study, attachments, declared))
+}
+
+/// The search for a share of the error beside corrections of declared parameters, where effects alone do not reach the
+/// noise or several of them do, which may stand for parameters that are slightly off.
+fn beside_corrections(
+    fits: &Fits,
+    judge: &Judge,
+    exact: Selection,
+    units: &[f64],
+    settings: &Settings,
+    say: Say,
+) -> (Selection, Option<ByShare>) {
+    let explained = judge.explained(fits, &exact.best);
+    if explained && exact.best.added.len() < 2 || stop::asked() {
+        return (exact, None);
     }
-    let fits = Fits::new(&study, scale);
-    let selection = confirm(&fits, &judge, selection, say);
-    say("errors on all records");
-    let mut found = assemble(&fits, &judge, &selection, settings.seed);
-    let scale = fits.scale.clone();
-    let with_law =
-        law::explain(&mut study, &attachments, &scale, (&judge, &selection.declared), &mut found, say);
-    let fits = Fits::new(&study, scale);
-    say("figures");
-    let shown = if found.verdict == Verdict::Effect { &selection.best } else { &selection.declared };
-    let shown = with_law.as_ref().unwrap_or(shown);
-    let evidence = evidence::gather(&fits, [&selection.declared, shown], &found);
-    Ok((found, evidence))
+    let mut found = by_share::search(fits, judge, &exact, units, settings, say);
+    if found.is_without_corrections(&exact) {
+        // The fit without them goes on until nothing moves.
+        let mut exact = exact;
+        exact.best = fits.polish(&exact.best).unwrap_or(exact.best);
+        (found.selection, found.corrections, found.weighted) = (exact.clone(), Vec::new(), false);
+        return (exact, Some(found));
+    }
+    // A parameter that is off by as much as a correction may be is an effect.
+    let reach = 0.98 * settings.forward_selection.max_tolerances;
+    let known = found.corrections.iter().all(|own| own.moved.abs() < reach * own.tolerance);
+    let simpler = known && found.selection.best.added.len() < exact.best.added.len();
+    if explained && !(simpler && judge.explained(fits, &found.selection.best)) {
+        return (exact, None);
+    }
+    (found.selection.clone(), Some(found))
 }
 
 /// Step and what the attachments show with the declared model, `[records][taps][n]`.
@@ -185,8 +230,14 @@ fn model(fits: &Fits, p: &[f64], locals: &[Vec<f64>]) -> Model {
     Model::new(Vec::new(), found, error)
 }
 
-fn assemble(fits: &Fits, judge: &Judge, selection: &Selection, seed: u64) -> Answer {
-    let study = fits.study;
+fn assemble(
+    fits: &Fits,
+    judge: &Judge,
+    selection: &Selection,
+    by_share: Option<&ByShare>,
+    settings: &Settings,
+) -> Answer {
+    let (study, seed) = (fits.study, settings.seed);
     let roles = [Role::Estimation, Role::Validation];
     let all = |model: &Model| {
         let added = &model.added;
@@ -208,16 +259,27 @@ fn assemble(fits: &Fits, judge: &Judge, selection: &Selection, seed: u64) -> Ans
     let floors =
         [&selection.declared, &selection.best].map(|model| floor(fits, model, Role::Validation, seed));
     let share = share(study, [&before[1], &after[1]], &floors);
-    let Ruling { verdict, rest, helps } =
-        rule(fits, judge, selection, [&before[1], &after[1]], &floors[0], share);
+    let Ruling { verdict, rest, helps } = match by_share {
+        Some(found) => rule_by_share(fits, judge, found, share, &settings.forward_selection),
+        None => rule(fits, judge, selection, [&before[1], &after[1]], &floors[0], share),
+    };
     let chosen = verdict == Verdict::Effect;
-    let mut effects = effects(fits, selection, chosen);
+    let mut effects = effects(fits, selection, chosen, by_share.is_some_and(|found| found.weighted));
+    if let Some(found) = by_share {
+        explain_tried(found, &mut effects);
+    }
     let printed = [&selection.declared, if chosen { &selection.best } else { &selection.declared }]
         .map(|model| fits.as_declared(model).parameters);
     if chosen {
         as_printed(study, selection, &printed[1], &mut effects);
-        if let [only] = &mut effects.iter_mut().filter(|effect| effect.selected).collect::<Vec<_>>()[..] {
-            only.share = Some(share);
+        let shares = alone(fits, selection, &before[1], &floors[0]);
+        for (effect, share) in effects.iter_mut().filter(|effect| effect.selected).zip(shares) {
+            effect.share = Some(share);
+            effect.reason = if share > 0.0 {
+                format!("alone it takes away {:.0} % of the error on validation records", 100.0 * share)
+            } else {
+                "only together with the other effects it lowers the error on validation records".into()
+            };
         }
     }
     if !chosen {
@@ -250,16 +312,19 @@ fn assemble(fits: &Fits, judge: &Judge, selection: &Selection, seed: u64) -> Ans
     }
     notes.extend(leftover(fits, judge, shown, &rest));
     let unexplained = (verdict == Verdict::Unexplained).then(|| {
-        let channel = study.candidates.first().map_or("actuator", |c| c.channel);
-        rest.place.unwrap_or_else(|| (channel.to_owned(), Vec::new()))
+        let place = study.candidates.first().map_or_else(|| "actuator".to_owned(), |c| c.place());
+        rest.place.unwrap_or_else(|| (place, Vec::new()))
     });
     Answer {
         verdict,
         effects,
         unexplained,
-        complete: judge.explained(fits, shown),
+        complete: judge.explained(fits, by_share.filter(|_| !chosen).map_or(shown, |found| &found.corrected)),
+        corrections: by_share.map_or_else(Vec::new, |found| found.corrections.clone()),
+        steps: by_share.map_or_else(Vec::new, |found| found.steps.clone()),
         partial: stop::ended(),
         share: chosen.then_some(share),
+        share_of_free_form: by_share.and_then(|found| found.free_form.as_ref()).map(|form| form.2),
         fitted: fitted(study, &printed[1]),
         limit: judge.limit(),
         parameters: printed,
@@ -296,13 +361,72 @@ fn share(study: &Study, [before, after]: [&Errors; 2], floors: &[BTreeMap<String
     if declared > 0.0 { 1.0 - (best / declared).sqrt() } else { 0.0 }
 }
 
+/// Shares of the error on validation records that each effect of the answer takes away without the others and without
+/// corrections, in the order in which they are printed.
+fn alone(fits: &Fits, selection: &Selection, before: &Errors, floor: &BTreeMap<String, f64>) -> Vec<f64> {
+    let study = fits.study;
+    let validation = pieces(study, Role::Validation);
+    let (declared, best) = (&selection.declared.fit.parameters, &selection.best.fit.parameters);
+    let one = |&c: &usize| {
+        let mut p = declared.clone();
+        let own = &study.candidates[c];
+        let mut added = vec![c];
+        added.extend(own.needs.filter(|needs| selection.best.added.contains(needs)));
+        let entries = added.iter().flat_map(|&c| study.candidates[c].entries.clone());
+        entries.chain(0..study.declared).for_each(|index| p[index] = best[index]);
+        let after = errors(fits, &added, &validation, &p, None);
+        share(study, [before, &after], &[floor.clone(), floor.clone()])
+    };
+    order(fits, selection).iter().map(one).collect()
+}
+
+/// Says of every effect why the forward selection did not accept it.
+fn explain_tried(found: &ByShare, effects: &mut [Effect]) {
+    let tried: Vec<_> = found.steps.iter().flat_map(|step| &step.candidates).collect();
+    for effect in effects.iter_mut().filter(|effect| !effect.selected) {
+        let name =
+            effect.signal.as_ref().map_or_else(|| effect.id.clone(), |s| format!("{}({s})", effect.id));
+        if let Some(reason) = tried.iter().filter(|own| own.id == name).find_map(|own| own.rejected.clone()) {
+            effect.reason = reason;
+        }
+    }
+}
+
+/// The verdict on effects that were chosen for their share of the error.
+fn rule_by_share(
+    fits: &Fits,
+    judge: &Judge,
+    found: &ByShare,
+    share: f64,
+    rules: &crate::engine::settings::ForwardSelection,
+) -> Ruling {
+    let best = &found.selection.best;
+    let helps = !best.added.is_empty() && share >= rules.min_validated_share;
+    if let Some((channel, variables, _)) = found.free_form.clone() {
+        let gain = best.error.powi(2);
+        return Ruling {
+            verdict: Verdict::Unexplained,
+            rest: Rest { place: Some((channel, variables)), gain },
+            helps,
+        };
+    }
+    if helps {
+        let known = judge.explained(fits, best) || judge.tolerable(fits, best);
+        let rest = if known { Rest { place: None, gain: 0.0 } } else { judge.rest(fits, best) };
+        return Ruling { verdict: Verdict::Effect, rest, helps };
+    }
+    let corrected = &found.corrected;
+    if judge.explained(fits, corrected) || judge.tolerable(fits, corrected) {
+        return Ruling { verdict: Verdict::Nothing, rest: Rest { place: None, gain: 0.0 }, helps };
+    }
+    let rest = judge.rest(fits, corrected);
+    Ruling { verdict: Verdict::Unexplained, rest, helps }
+}
+
 /// Gives the selected effects the parameters that the errors of the answer belong to.
 fn as_printed(study: &Study, selection: &Selection, p: &[f64], effects: &mut [Effect]) {
     for effect in effects.iter_mut().filter(|effect| effect.selected) {
-        let same = |&&c: &&usize| {
-            let own = &study.candidates[c];
-            own.id == effect.id && own.signal == effect.signal && own.channel == effect.channel
-        };
+        let same = |&&c: &&usize| study.candidates[c].is(effect);
         let Some(&c) = selection.best.added.iter().find(same) else { continue };
         for (own, value) in effect.parameters.iter_mut().zip(physical(study, c, p)) {
             let half = 0.5 * (own.interval.1 - own.interval.0);
@@ -386,10 +510,11 @@ fn leftover(fits: &Fits, judge: &Judge, model: &Model, rest: &Rest) -> Vec<Strin
             "Smoothing of measured derivatives gives up to {share:.2} of the error on estimation records: where the motion is sharper than the filter, the model is not to blame."
         ));
     }
-    if let Some((channel, variables)) = &rest.place {
+    if let Some((place, variables)) = &rest.place {
+        let at = place.split_once('@').map_or(place.as_str(), |(_, port)| port);
         let share = 100.0 * (rest.gain / model.error.powi(2)).min(1.0);
         found.push(format!(
-            "A free form over {} at channel {channel} would take away {share:.0} % of the power that is left on estimation records.",
+            "A free form over {} at {at} would take away {share:.0} % of the power that is left on estimation records.",
             variables.join(" and ")
         ));
     } else if !judge.explained(fits, model) {
@@ -398,11 +523,17 @@ fn leftover(fits: &Fits, judge: &Judge, model: &Model, rest: &Rest) -> Vec<Strin
     found
 }
 
-/// Values of the free parameters of the declared system.
+/// Values of the free and of the corrected parameters of the declared system.
 fn fitted(study: &Study, p: &[f64]) -> Vec<(String, f64)> {
     let own = study.entries.iter().zip(p);
-    let own = own.filter(|(entry, _)| matches!(entry.target, Target::Declared(_)));
-    own.map(|(entry, value)| (entry.name.clone(), *value)).collect()
+    let value = |(entry, value): (&super::model::Entry, &f64)| match entry.target {
+        Target::Declared(_) => Some((entry.name.clone(), *value)),
+        Target::Correction { declared, .. } if *value != 0.0 => {
+            Some((entry.name.clone(), declared * (1.0 + value)))
+        }
+        _ => None,
+    };
+    own.filter_map(value).collect()
 }
 
 /// Sentences on declared parameters, on other records and on what is left.

@@ -6,16 +6,22 @@ use super::command::Command;
 use super::declaration::Attachment;
 use super::law::{KNOTS, Law, Variable};
 use super::model::{Action, Entry, Sensor, Study, Target};
+use super::ports;
 use super::simulate::Survey;
+use crate::answer::Effect;
 use crate::engine::fit::Free;
 
 /// A candidate.
 #[derive(Debug, Clone)]
 pub struct Candidate {
-    /// Id of the vocabulary, or name of an effect of one's own.
+    /// Id of the vocabulary, its kind where no channel is declared, or name of an effect of one's own.
     pub id: String,
-    /// Channel.
+    /// Channel; empty where none is declared.
     pub channel: &'static str,
+    /// Input where it acts, or output that a sensor shows.
+    pub port: String,
+    /// Whether another candidate has the same id: names then say the port.
+    pub twin: bool,
     /// Measured signal of a sensor effect.
     pub signal: Option<String>,
     /// What it does.
@@ -33,9 +39,30 @@ pub struct Candidate {
 }
 
 impl Candidate {
+    /// Id in an answer: that of the vocabulary, or `kind@port`.
+    pub fn full_id(&self) -> String {
+        if self.channel.is_empty() { format!("{}@{}", self.id, self.port) } else { self.id.to_owned() }
+    }
+
     /// Unique name.
     pub fn name(&self) -> String {
-        self.signal.as_ref().map_or_else(|| self.id.clone(), |signal| format!("{}({signal})", self.id))
+        match &self.signal {
+            Some(signal) => format!("{}({signal})", self.id),
+            None if self.twin => format!("{}@{}", self.id, self.port),
+            None => self.full_id(),
+        }
+    }
+
+    /// Where it acts: `channel@port`.
+    pub fn place(&self) -> String {
+        format!("{}@{}", self.channel, self.port)
+    }
+
+    /// Whether an effect of an answer is this one.
+    pub fn is(&self, effect: &Effect) -> bool {
+        self.full_id() == effect.id
+            && self.signal == effect.signal
+            && effect.port.as_ref() == Some(&self.port)
     }
 }
 
@@ -57,44 +84,78 @@ const fn kind(
 }
 
 const PISTON: [Kind; 7] = [
-    kind("pf.viscous", Law::Viscous, &[("coef", "N s/m")], &[0]),
-    kind("pf.coulomb", Law::Coulomb, &[("force", "N")], &[0]),
-    kind("pf.stribeck", Law::Stribeck, &[("force", "N"), ("vs", "m/s")], &[0, 1]),
-    kind("pf.presliding", Law::Presliding, &[("disp", "m")], &[0]),
+    kind("pf.viscous", Law::Viscous, &[("coef", "E/V")], &[0]),
+    kind("pf.coulomb", Law::Coulomb, &[("force", "E")], &[0]),
+    kind("pf.stribeck", Law::Stribeck, &[("force", "E"), ("vs", "V")], &[0, 1]),
+    kind("pf.presliding", Law::Presliding, &[("disp", "X")], &[0]),
     kind("pf.pressure", Law::Pressure, &[("coef", "1")], &[0]),
-    kind("pf.offset", Law::Offset, &[("value", "N")], &[]),
-    kind("pf.asymmetry", Law::Asymmetry, &[("force", "N"), ("coef", "N s/m")], &[]),
+    kind("pf.offset", Law::Offset, &[("value", "E")], &[]),
+    kind("pf.asymmetry", Law::Asymmetry, &[("force", "E"), ("coef", "E/V")], &[]),
 ];
 
 const CART_FRICTION: [Kind; 7] = [
-    kind("cf.viscous", Law::Viscous, &[("coef", "N s/m")], &[0]),
-    kind("cf.coulomb", Law::Coulomb, &[("force", "N")], &[0]),
-    kind("cf.stribeck", Law::Stribeck, &[("force", "N"), ("vs", "m/s")], &[0, 1]),
-    kind("cf.presliding", Law::Presliding, &[("disp", "m")], &[0]),
-    kind("cf.offset", Law::Offset, &[("value", "N")], &[]),
-    kind("cf.asymmetry", Law::Asymmetry, &[("force", "N"), ("coef", "N s/m")], &[]),
-    kind("cf.poscoulomb", Law::PositionCoulomb, &[("slope", "N/m")], &[]),
+    kind("cf.viscous", Law::Viscous, &[("coef", "E/V")], &[0]),
+    kind("cf.coulomb", Law::Coulomb, &[("force", "E")], &[0]),
+    kind("cf.stribeck", Law::Stribeck, &[("force", "E"), ("vs", "V")], &[0, 1]),
+    kind("cf.presliding", Law::Presliding, &[("disp", "X")], &[0]),
+    kind("cf.offset", Law::Offset, &[("value", "E")], &[]),
+    kind("cf.asymmetry", Law::Asymmetry, &[("force", "E"), ("coef", "E/V")], &[]),
+    kind("cf.poscoulomb", Law::PositionCoulomb, &[("slope", "E/X")], &[]),
 ];
 
 const CART: [Kind; 3] = [
-    kind("cart.spring", Law::Spring, &[("stiffness", "N/m"), ("rest", "m")], &[0]),
-    kind("cart.endstop", Law::EndStop, &[("stiffness", "N/m"), ("damping", "N s/m"), ("pos", "m")], &[0, 1]),
-    kind("cart.cogging", Law::Cogging, &[("amp", "N"), ("phase", "rad"), ("period", "m")], &[2]),
+    kind("cart.spring", Law::Spring, &[("stiffness", "E/X"), ("rest", "X")], &[0]),
+    kind("cart.endstop", Law::EndStop, &[("stiffness", "E/X"), ("damping", "E/V"), ("pos", "X")], &[0, 1]),
+    kind("cart.cogging", Law::Cogging, &[("amp", "E"), ("phase", "rad"), ("period", "X")], &[2]),
 ];
 
 const POLE: [Kind; 3] = [
-    kind("pole.viscous", Law::Viscous, &[("coef", "N m s/rad")], &[0]),
-    kind("pole.coulomb", Law::Coulomb, &[("torque", "N m")], &[0]),
-    kind("pole.quaddrag", Law::Drag, &[("coef", "N m s^2/rad^2")], &[0]),
+    kind("pole.viscous", Law::Viscous, &[("coef", "E/V")], &[0]),
+    kind("pole.coulomb", Law::Coulomb, &[("torque", "E")], &[0]),
+    kind("pole.quaddrag", Law::Drag, &[("coef", "E/V2")], &[0]),
 ];
 
 const ACTUATOR: [Kind; 6] = [
     kind("act.area", Law::Area, &[("coef", "m2")], &[]),
     kind("act.gain", Law::Gain, &[("gain", "1")], &[]),
-    kind("act.deadband", Law::DeadBand, &[("width", "N")], &[0]),
-    kind("act.saturation", Law::Saturation, &[("limit", "N")], &[0]),
-    kind("act.posgain", Law::PositionGain, &[("slope", "1/m")], &[]),
+    kind("act.deadband", Law::DeadBand, &[("width", "E")], &[0]),
+    kind("act.saturation", Law::Saturation, &[("limit", "E")], &[0]),
+    kind("act.posgain", Law::PositionGain, &[("slope", "1/X")], &[]),
     kind("act.droop", Law::Droop, &[("depth", "1"), ("tau", "s")], &[1]),
+];
+
+/// What a force or torque may lack. Units: E of the value that passes, V of the velocity, X of the position.
+const MECHANICAL: [Kind; 13] = [
+    kind("viscous", Law::Viscous, &[("coef", "E/V")], &[0]),
+    kind("coulomb", Law::Coulomb, &[("force", "E"), ("vt", "V")], &[0, 1]),
+    kind("stribeck", Law::Stribeck, &[("force", "E"), ("vs", "V")], &[0, 1]),
+    kind("presliding", Law::Presliding, &[("disp", "X")], &[0]),
+    kind("pressure", Law::Pressure, &[("coef", "1")], &[0]),
+    kind("offset", Law::Offset, &[("value", "E")], &[]),
+    kind("asymmetry", Law::Asymmetry, &[("force", "E"), ("coef", "E/V")], &[]),
+    kind("poscoulomb", Law::PositionCoulomb, &[("slope", "E/X")], &[]),
+    kind("quaddrag", Law::Drag, &[("coef", "E/V2")], &[0]),
+    kind("spring", Law::Spring, &[("stiffness", "E/X"), ("rest", "X")], &[0]),
+    kind("cubic_spring", Law::CubicSpring, &[("stiffness", "E/X3"), ("rest", "X")], &[0]),
+    kind("endstop", Law::EndStop, &[("stiffness", "E/X"), ("damping", "E/V"), ("pos", "X")], &[0, 1]),
+    kind("cogging", Law::Cogging, &[("amp", "E"), ("phase", "rad"), ("period", "X")], &[2]),
+];
+
+/// What a flow into a level, or anything else that a state sums up, may lack.
+const FLOW: [Kind; 5] = [
+    kind("offset", Law::Bias, &[("value", "E")], &[]),
+    kind("linear_leakage", Law::Leakage, &[("coef", "E/X")], &[0]),
+    kind("leakage", Law::Outlet, &[("coef", "E/X0.5")], &[0]),
+    kind("overflow", Law::Overflow, &[("coef", "E/X"), ("level", "X")], &[0]),
+    kind("drift", Law::Drift, &[("slope", "E/s")], &[]),
+];
+
+/// What a command of any kind may lack.
+const COMMAND: [Kind; 4] = [
+    kind("gain", Law::Gain, &[("gain", "1")], &[]),
+    kind("deadband", Law::DeadBand, &[("width", "E")], &[0]),
+    kind("saturation", Law::Saturation, &[("limit", "E")], &[0]),
+    kind("droop", Law::Droop, &[("depth", "1"), ("tau", "s")], &[1]),
 ];
 
 /// An effect on a command, with a memory: id, kind, names with units.
@@ -102,9 +163,59 @@ type Memory = (&'static str, Command, &'static [(&'static str, &'static str)]);
 
 const COMMANDS: [Memory; 3] = [
     ("act.delay", Command::Delay, &[("delay", "s")]),
-    ("act.hysteresis", Command::Hysteresis, &[("width", "N")]),
+    ("act.hysteresis", Command::Hysteresis, &[("width", "E")]),
     ("act.mode", Command::Mode, &[("freq", "Hz"), ("zeta", "1")]),
 ];
+
+/// The same at ports without a channel.
+const PORT_COMMANDS: [Memory; 6] = [
+    ("delay", Command::Delay, &[("delay", "s")]),
+    ("hysteresis", Command::Hysteresis, &[("width", "E")]),
+    ("mode", Command::Mode, &[("freq", "Hz"), ("zeta", "1")]),
+    ("lag", Command::Lag, &[("tau", "s")]),
+    ("fill", Command::Fill, &[("up", "s"), ("down", "s")]),
+    ("rate_limit", Command::RateLimit, &[("rate", "E/s")]),
+];
+
+/// Share of the largest speed at a port over which friction changes its sign, where nothing is stated.
+const SIGN_CHANGE: f64 = 0.01;
+
+/// Kinds that attachments without a channel may name.
+pub fn kinds_of_ports() -> Vec<&'static str> {
+    let blocks = MECHANICAL.iter().chain(&FLOW).chain(&COMMAND).map(|kind| kind.id);
+    blocks.chain(PORT_COMMANDS.iter().map(|own| own.0)).collect()
+}
+
+/// Unit of a parameter from those of the value that passes, of velocity and position.
+fn unit(template: &str, [value, velocity, position]: &[String; 3]) -> String {
+    let spaced = |unit: &str| unit.replace(['.', '*'], " ");
+    let over = |unit: &str, power: &str| {
+        let raised = |own: &str| if own == "1" { String::new() } else { format!("{own}{power}") };
+        // A velocity in the denominator: N s/m.
+        match unit.split_once('/') {
+            Some((length, "s")) => (format!(" s{power}"), raised(length)),
+            _ if unit.contains(['/', '.', '*']) => (String::new(), format!("({unit}){power}")),
+            _ => (String::new(), raised(unit)),
+        }
+    };
+    let ratio = |(times, below): (String, String)| {
+        let own = spaced(value);
+        if below.is_empty() { format!("{own}{times}") } else { format!("{own}{times}/{below}") }
+    };
+    match template {
+        "E" => spaced(value),
+        "V" => velocity.clone(),
+        "X" => position.clone(),
+        "E/V" => ratio(over(velocity, "")),
+        "E/V2" => ratio(over(velocity, "^2")),
+        "E/X" => ratio(over(position, "")),
+        "E/X3" => ratio(over(position, "^3")),
+        "E/X0.5" => ratio(over(position, "^0.5")),
+        "1/X" => format!("1/{position}"),
+        "E/s" => format!("{}/s", spaced(value)),
+        other => other.to_owned(),
+    }
+}
 
 /// Channels of the vocabulary that attachments may name.
 pub const CHANNELS: [&str; 5] = ["actuator", "piston_friction", "cart_friction", "cart", "pole"];
@@ -126,8 +237,9 @@ pub fn ids(channels: &[String]) -> Vec<&'static str> {
     blocks.chain(commands.into_iter().flatten()).collect()
 }
 
-/// Points to start from, zeros where the linear step finds the value; none: the records do not excite it.
-fn starts(law: Law, ranges: &[(f64, f64); 5]) -> Result<Vec<Vec<f64>>, &'static str> {
+/// Points to start from, zeros where the linear step finds the value; none: the records do not excite it. `count`:
+/// parameters.
+fn starts(law: Law, count: usize, ranges: &[(f64, f64); 5]) -> Result<Vec<Vec<f64>>, &'static str> {
     let [velocity, position, pressure_force, pressure, value] = *ranges;
     let width = |range: (f64, f64)| range.1 - range.0;
     let size = |range: (f64, f64)| range.0.abs().max(range.1.abs());
@@ -142,7 +254,15 @@ fn starts(law: Law, ranges: &[(f64, f64); 5]) -> Result<Vec<Vec<f64>>, &'static 
             return Err(needs_motion);
         }
         Law::PositionCoulomb | Law::Cogging if v <= 0.0 || x <= 0.0 => return Err(needs_position),
-        Law::Spring | Law::EndStop | Law::PositionGain if x <= 0.0 => return Err(needs_position),
+        Law::Spring | Law::EndStop | Law::PositionGain | Law::CubicSpring if x <= 0.0 => {
+            return Err(needs_position);
+        }
+        Law::Leakage | Law::Outlet | Law::Overflow if x <= 0.0 => {
+            return Err("the level does not change in the estimation records, or none is known at the port");
+        }
+        Law::Outlet | Law::Overflow if position.0 < -0.01 * x || position.1 <= 0.0 => {
+            return Err("it is below zero at times, so that it is no level");
+        }
         Law::Pressure if v <= 0.0 || width(pressure_force) <= 0.1 * size(pressure_force) => {
             return Err("the pressure force hardly changes, or none is known at the attachment");
         }
@@ -155,6 +275,13 @@ fn starts(law: Law, ranges: &[(f64, f64); 5]) -> Result<Vec<Vec<f64>>, &'static 
         _ => {}
     }
     Ok(match law {
+        Law::Coulomb if count == 2 => [0.003, 0.03].map(|part| vec![0.0, part * v]).into(),
+        Law::CubicSpring => {
+            let middle = 0.5 * (position.0 + position.1);
+            let slack = if position.0 < 0.0 && position.1 > 0.0 { 1e-3 * x } else { middle };
+            [slack, middle + 1e-3 * x].map(|rest| vec![0.0, rest]).into()
+        }
+        Law::Overflow => [0.4, 0.6, 0.75, 0.9].map(|part| vec![0.0, position.0 + part * x]).into(),
         Law::Stribeck => [0.02, 0.06, 0.2].map(|part| vec![0.0, part * v]).into(),
         Law::Presliding => {
             let travel = if x > 0.0 { x } else { v };
@@ -201,33 +328,36 @@ pub fn fill(
     let empty = [(0.0, 0.0); 5];
     for (tap, attachment) in attachments.iter().enumerate() {
         let ranges = survey.ranges.get(tap).copied().unwrap_or(empty);
-        let wanted = |id: &str| attachment.effects.as_ref().is_none_or(|list| list.iter().any(|e| e == id));
+        let command = fed(&attachment.input);
+        if attachment.channels.is_empty() {
+            if attachment.vt.is_none() {
+                let fastest = ranges[0].0.abs().max(ranges[0].1.abs());
+                study.taps[tap].vt = if fastest > 0.0 { SIGN_CHANGE * fastest } else { 1e-3 };
+            }
+            let duty = attachment.port;
+            let mechanical = duty.is_some_and(|duty| duty.kind == ports::Kind::Mechanical);
+            let list = if mechanical { &MECHANICAL[..] } else { &FLOW[..] };
+            let constant = |law: Law| matches!(law, Law::Bias | Law::Drift);
+            let sums = duty.is_some_and(|duty| duty.kind != ports::Kind::Signal);
+            let here = |kind: &&Kind| {
+                duty.is_none_or(|duty| if constant(kind.law) { duty.constants } else { duty.forces && sums })
+            };
+            let blocks: Vec<&Kind> =
+                list.iter().filter(here).chain(COMMAND.iter().filter(|_| command.is_some())).collect();
+            blocks_at(study, tap, attachment, "", &blocks, &ranges);
+            let memories = PORT_COMMANDS.iter().filter(|_| command.is_some());
+            memories_at(study, tap, attachment, (command, "", &ranges), memories);
+            continue;
+        }
         for channel in &attachment.channels {
             let (channel, list) = kinds(channel);
-            for kind in list.iter().filter(|kind| wanted(kind.id)) {
-                let names: Vec<String> =
-                    study.entries[..study.declared].iter().map(|entry| entry.name.clone()).collect();
-                let free = |name: &Option<String>| name.as_ref().is_some_and(|name| names.contains(name));
-                if declared_twin(attachment, kind.law, &free) {
-                    continue;
-                }
-                // Behind a command only its own effects, before a force only those with a force law.
-                let command = fed(&attachment.input).is_some() && channel == "actuator";
-                if kind.law.changes_command() && !command {
-                    continue;
-                }
-                match starts(kind.law, &ranges) {
-                    Err(why) => study.not_testable.push((kind.id.into(), why.into())),
-                    Ok(starts) => push(study, kind, channel, tap, starts),
-                }
-            }
-            if channel == "actuator"
-                && let Some(input) = fed(&attachment.input)
-            {
-                for (id, command, parameters) in COMMANDS.iter().filter(|entry| wanted(entry.0)) {
-                    memory(study, id, *command, parameters, input, ranges[4]);
-                }
-            }
+            // Behind a command only its own effects, before a force only those with a force law.
+            let fitting =
+                |kind: &&Kind| !kind.law.changes_command() || command.is_some() && channel == "actuator";
+            let blocks: Vec<&Kind> = list.iter().filter(fitting).collect();
+            blocks_at(study, tap, attachment, channel, &blocks, &ranges);
+            let memories = COMMANDS.iter().filter(|_| channel == "actuator");
+            memories_at(study, tap, attachment, (command, channel, &ranges), memories);
         }
     }
     let pairs: Vec<(usize, Option<usize>)> =
@@ -236,10 +366,70 @@ pub fn fill(
         study.candidates[candidate].needs = needs;
     }
     sensors(study);
+    let all: Vec<(String, Option<String>)> =
+        study.candidates.iter().map(|own| (own.id.clone(), own.signal.clone())).collect();
+    for own in &mut study.candidates {
+        own.twin = all.iter().filter(|(id, signal)| (id, signal) == (&own.id, &own.signal)).count() > 1;
+    }
+    plain_names(&mut study.not_testable, &all);
     // Without candidates there is nothing to search, and nothing to explain.
     if !study.candidates.is_empty() {
         for (tap, attachment) in attachments.iter().enumerate() {
             probes(study, tap, attachment, fed(&attachment.input).is_some());
+        }
+    }
+}
+
+fn wanted(attachment: &Attachment, id: &str) -> bool {
+    attachment.effects.as_ref().is_none_or(|list| list.iter().any(|own| own == id))
+}
+
+fn blocks_at(
+    study: &mut Study,
+    tap: usize,
+    attachment: &Attachment,
+    channel: &'static str,
+    list: &[&Kind],
+    ranges: &[(f64, f64); 5],
+) {
+    let names: Vec<String> = study.entries[..study.declared].iter().map(|entry| entry.name.clone()).collect();
+    let free = |name: &Option<String>| name.as_ref().is_some_and(|name| names.contains(name));
+    for kind in list.iter().filter(|kind| wanted(attachment, kind.id)) {
+        if declared_twin(attachment, kind.law, &free) {
+            continue;
+        }
+        match starts(kind.law, kind.parameters.len(), ranges) {
+            Err(why) => study.not_testable.push((format!("{}@{}", kind.id, attachment.input), why.into())),
+            Ok(starts) => push(study, kind, channel, tap, starts),
+        }
+    }
+}
+
+fn memories_at<'a>(
+    study: &mut Study,
+    tap: usize,
+    attachment: &Attachment,
+    (input, channel, ranges): (Option<usize>, &'static str, &[(f64, f64); 5]),
+    list: impl Iterator<Item = &'a Memory>,
+) {
+    let Some(input) = input else { return };
+    let units = study.taps[tap].units.clone();
+    for (id, command, parameters) in list.filter(|own| wanted(attachment, own.0)) {
+        let parameters: Vec<(&str, String)> =
+            parameters.iter().map(|(name, template)| (*name, unit(template, &units))).collect();
+        memory(study, (id, channel), *command, &parameters, input, ranges[4]);
+    }
+}
+
+/// Takes the port from names that need none: no other attachment has this id.
+fn plain_names(found: &mut [(String, String)], candidates: &[(String, Option<String>)]) {
+    let ids: Vec<String> =
+        found.iter().map(|(name, _)| name.split('@').next().unwrap_or(name).to_owned()).collect();
+    for ((name, _), id) in found.iter_mut().zip(&ids) {
+        let others = ids.iter().filter(|own| *own == id).count()
+            + candidates.iter().filter(|own| own.0 == id.as_str()).count();
+        if others == 1 {
+            name.clone_from(id);
         }
     }
 }
@@ -258,13 +448,13 @@ fn coulomb_beside(study: &Study, candidate: usize) -> Option<usize> {
 fn entries(
     study: &mut Study,
     id: &str,
-    parameters: &[(&str, &str)],
+    parameters: &[(&str, String)],
     bounds: impl Fn(usize) -> (f64, f64),
 ) -> Range<usize> {
     let first = study.entries.len();
     for (k, (name, unit)) in parameters.iter().enumerate() {
         let free = Free { index: first + k, bounds: bounds(k), step: 1e-6, prior: None };
-        let (name, unit) = (format!("{id} {name}"), (*unit).to_owned());
+        let (name, unit) = (format!("{id} {name}"), unit.clone());
         study.entries.push(Entry { name, unit, target: Target::Effect, start: 0.0, free });
     }
     first..study.entries.len()
@@ -281,11 +471,16 @@ fn push(study: &mut Study, kind: &Kind, channel: &'static str, tap: usize, start
             (false, _) => (f64::NEG_INFINITY, f64::INFINITY),
         }
     };
-    let range = entries(study, kind.id, kind.parameters, bounds);
+    let units = study.taps[tap].units.clone();
+    let parameters: Vec<(&str, String)> =
+        kind.parameters.iter().map(|(name, template)| (*name, unit(template, &units))).collect();
+    let range = entries(study, kind.id, &parameters, bounds);
     let memory = usize::from(kind.law == Law::Presliding);
     study.candidates.push(Candidate {
         id: kind.id.to_owned(),
         channel,
+        port: study.taps[tap].name.clone(),
+        twin: false,
         signal: None,
         action: Action::Block { law: kind.law, tap },
         entries: range,
@@ -315,13 +510,17 @@ fn probes(study: &mut Study, tap: usize, attachment: &Attachment, command: bool)
     ];
     for (variable, there, order) in variables {
         let (low, high) = study.range(tap, variable);
-        let Some(channel) = channel(&order).filter(|_| there && low < high) else { continue };
+        let stated = !attachment.channels.is_empty();
+        let channel = if stated { channel(&order) } else { Some("") };
+        let Some(channel) = channel.filter(|_| there && low < high) else { continue };
         let all = (f64::NEG_INFINITY, f64::INFINITY);
-        let names = [("height", "1"); KNOTS];
+        let names: Vec<(&str, String)> = vec![("height", "1".into()); KNOTS];
         let range = entries(study, "free form", &names, |_| all);
         study.candidates.push(Candidate {
             id: "free form".to_owned(),
             channel,
+            port: study.taps[tap].name.clone(),
+            twin: false,
             signal: None,
             action: Action::Block { law: Law::Shape(variable), tap },
             entries: range,
@@ -335,15 +534,16 @@ fn probes(study: &mut Study, tap: usize, attachment: &Attachment, command: bool)
 
 fn memory(
     study: &mut Study,
-    id: &'static str,
+    (id, channel): (&'static str, &'static str),
     command: Command,
-    parameters: &[(&str, &str)],
+    parameters: &[(&str, String)],
     input: usize,
     range: (f64, f64),
 ) {
     let size = range.0.abs().max(range.1.abs());
     if range.1 <= range.0 || range.1.is_nan() {
-        study.not_testable.push((id.into(), "the command does not change".into()));
+        let port = &study.graph.inputs[input].name;
+        study.not_testable.push((format!("{id}@{port}"), "the command does not change".into()));
         return;
     }
     let step = study.records.first().map_or(1e-3, |record| record.step);
@@ -354,11 +554,23 @@ fn memory(
             let grid = [(0.06, 0.7), (0.025, 0.7), (0.01, 0.7), (0.025, 0.2), (0.01, 0.2), (0.005, 0.3)];
             (grid.map(|(f, z)| vec![f / step, z]).into(), [(1e-4 / step, 0.4 / step), (0.01, 3.0)])
         }
+        Command::Lag => ([3.0, 15.0, 60.0].map(|k| vec![k * step]).into(), [(0.3 * step, 2000.0 * step); 2]),
+        Command::Fill => {
+            let grid = [(3.0, 8.0), (8.0, 3.0), (20.0, 60.0), (60.0, 20.0)];
+            (grid.map(|(up, down)| vec![up * step, down * step]).into(), [(0.3 * step, 2000.0 * step); 2])
+        }
+        Command::RateLimit => {
+            let fastest = fastest(study, input);
+            let start = [0.9, 0.5, 0.2].map(|part| vec![part * fastest]);
+            (start.into(), [(1e-3 * fastest, 10.0 * fastest); 2])
+        }
     };
     let range = entries(study, id, parameters, |k| bounds[k]);
     study.candidates.push(Candidate {
         id: id.to_owned(),
-        channel: "actuator",
+        channel,
+        port: study.graph.inputs[input].name.clone(),
+        twin: false,
         signal: None,
         action: Action::Command { kind: command, input },
         entries: range,
@@ -367,6 +579,16 @@ fn memory(
         probe: false,
         needs: None,
     });
+}
+
+/// Largest rate of a command in the estimation records, over some samples: a step has none of its own.
+fn fastest(study: &Study, input: usize) -> f64 {
+    const SPAN: usize = 10;
+    let own = study.records.iter().filter_map(|record| Some((record.inputs[input].as_ref()?, record.step)));
+    let rates = own.flat_map(|(values, step)| {
+        values.windows(SPAN + 1).map(move |part| (part[SPAN] - part[0]).abs() / (SPAN as f64 * step))
+    });
+    rates.fold(0.0, f64::max)
 }
 
 fn sensors(study: &mut Study) {
@@ -385,7 +607,16 @@ fn sensors(study: &mut Study) {
     let all = (f64::NEG_INFINITY, f64::INFINITY);
     for output in 0..study.outputs.len() {
         let (name, unit) = (study.outputs[output].name.clone(), study.outputs[output].unit.clone());
+        // A lag is asked for where the ports were: effects.md has none.
+        let lag = study.taps.iter().all(|tap| !tap.stated);
         let kinds = [
+            (
+                "sensor.lag",
+                Sensor::Lag,
+                ("tau", "s"),
+                vec![vec![3.0 * step], vec![15.0 * step]],
+                (0.0, 500.0 * step),
+            ),
             ("sensor.offset", Sensor::Offset, ("value", unit.as_str()), vec![vec![0.0]], all),
             ("sensor.gain", Sensor::Gain, ("gain", "1"), vec![vec![0.0]], all),
             (
@@ -397,15 +628,19 @@ fn sensors(study: &mut Study) {
             ),
         ];
         for (id, kind, parameter, starts, bounds) in kinds {
-            if kind == Sensor::Offset && study.outputs[output].offset.is_some() {
+            if kind == Sensor::Offset && study.outputs[output].offset.is_some() || kind == Sensor::Lag && !lag
+            {
                 continue;
             }
+            let parameter = (parameter.0, parameter.1.to_owned());
             let entries = entries(study, id, &[parameter], |_| bounds);
             let action = Action::Sensor { kind, output };
             let signal = Some(name.clone());
             let own = Candidate {
                 id: id.to_owned(),
                 channel: "sensor",
+                port: study.outputs[output].port.clone(),
+                twin: false,
                 signal,
                 action,
                 entries,
@@ -416,5 +651,22 @@ fn sensors(study: &mut Study) {
             };
             study.candidates.push(own);
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn units_of_parameters_follow_those_of_the_port() {
+        let of = |template: &str, units: [&str; 3]| unit(template, &units.map(str::to_owned));
+        let axis = ["N", "m/s", "m"];
+        assert_eq!(["E/V", "E/X", "E/V2", "1/X"].map(|t| of(t, axis)), ["N s/m", "N/m", "N s^2/m^2", "1/m"]);
+        let joint = ["N.m", "rad/s", "rad"];
+        assert_eq!(["E", "E/V", "E/V2"].map(|t| of(t, joint)), ["N m", "N m s/rad", "N m s^2/rad^2"]);
+        assert_eq!(of("E/X", ["m3/s", "1", "m"]), "m3/s/m");
+        assert_eq!(of("E/V", ["V", "A", "1"]), "V/A");
+        assert_eq!(of("E/V", ["1", "1", "1"]), "1");
     }
 }

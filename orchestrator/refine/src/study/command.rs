@@ -10,16 +10,39 @@ pub enum Command {
     Hysteresis,
     /// Second order: `freq` \[Hz\], `zeta`.
     Mode,
+    /// First order: `tau` \[s\].
+    Lag,
+    /// First order with a time constant for a rising and one for a falling value: `up`, `down` \[s\].
+    Fill,
+    /// Limited rate: `rate` \[1/s\] in units of the command.
+    RateLimit,
 }
 
 impl Command {
     /// Number of parameters.
     pub fn parameters(self) -> usize {
-        if self == Command::Mode { 2 } else { 1 }
+        if matches!(self, Command::Mode | Command::Fill) { 2 } else { 1 }
     }
 
-    /// The changed command, `[n]` at `step` \[s\].
-    pub fn apply(self, p: &[f64], values: &[f64], step: f64) -> Vec<f64> {
+    /// Whether the changed command moves between its samples even if the one before is held.
+    pub fn moves_between_samples(self) -> bool {
+        matches!(self, Command::Lag | Command::Fill | Command::RateLimit | Command::Mode)
+    }
+
+    /// Place in the order in which they act, as the amended system has them.
+    pub fn rank(self) -> usize {
+        match self {
+            Command::Delay => 0,
+            Command::Hysteresis => 1,
+            Command::Lag => 2,
+            Command::Fill => 3,
+            Command::RateLimit => 4,
+            Command::Mode => 5,
+        }
+    }
+
+    /// The changed command, `[n]` at `step` \[s\]; `held`: between samples it stays where it is, else it moves in a line.
+    pub fn apply(self, p: &[f64], values: &[f64], step: f64, held: bool) -> Vec<f64> {
         match self {
             Command::Delay => delayed(values, p[0] / step),
             Command::Hysteresis => {
@@ -31,7 +54,18 @@ impl Command {
                 };
                 values.iter().map(play).collect()
             }
-            Command::Mode => mode(values, p[0], p[1], step),
+            Command::Mode => mode(values, p[0], p[1], step, held),
+            Command::Lag => lag(values, p[0], p[0], step, held),
+            Command::Fill => lag(values, p[0], p[1], step, held),
+            Command::RateLimit => {
+                let (mut out, most) = (values.first().copied().unwrap_or(0.0), p[0].abs() * step);
+                let limited = |u: &f64| {
+                    let found = out;
+                    out += (u - out).clamp(-most, most);
+                    if held { found } else { out }
+                };
+                values.iter().map(limited).collect()
+            }
         }
     }
 }
@@ -48,22 +82,40 @@ pub fn delayed(values: &[f64], samples: f64) -> Vec<f64> {
     (0..values.len()).map(one).collect()
 }
 
-/// `y'' + 2 zeta w y' + w^2 y = w^2 u` with u held over each sample, exact.
-fn mode(values: &[f64], freq: f64, zeta: f64, step: f64) -> Vec<f64> {
+/// `y' = (u - y)/tau` with `tau` by the sign of `u - y`, settled at the first value; exact but for samples in which the sign
+/// changes.
+fn lag(values: &[f64], up: f64, down: f64, step: f64, held: bool) -> Vec<f64> {
+    let mut y = values.first().copied().unwrap_or(0.0);
+    let mut found = Vec::with_capacity(values.len());
+    for (k, &u) in values.iter().enumerate() {
+        found.push(y);
+        let next = values.get(k + 1).copied().filter(|_| !held).unwrap_or(u);
+        let tau = if 0.5 * (u + next) > y { up } else { down }.max(1e-9);
+        let (decay, slope) = ((-step / tau).exp(), (next - u) / step);
+        // The particular solution of a line is the line, late by the time constant.
+        y = (u - slope * (tau - step)) + (y - (u - slope * tau)) * decay;
+    }
+    found
+}
+
+/// `y'' + 2 zeta w y' + w^2 y = w^2 u` with u held over each sample or linear between samples.
+fn mode(values: &[f64], freq: f64, zeta: f64, step: f64, held: bool) -> Vec<f64> {
     let w = std::f64::consts::TAU * freq.max(1e-6);
     // Sub-steps of classical Runge-Kutta short against the mode.
     let count = (w * step / 0.2).ceil().clamp(1.0, 200.0) as usize;
     let h = step / count as f64;
     let (mut y, mut v) = (values.first().copied().unwrap_or(0.0), 0.0);
     let mut found = Vec::with_capacity(values.len());
-    for &u in values {
+    for (k, &u) in values.iter().enumerate() {
         found.push(y);
-        for _ in 0..count {
-            let rate = |y: f64, v: f64| (v, w * w * (u - y) - 2.0 * zeta * w * v);
-            let (a1, b1) = rate(y, v);
-            let (a2, b2) = rate(y + 0.5 * h * a1, v + 0.5 * h * b1);
-            let (a3, b3) = rate(y + 0.5 * h * a2, v + 0.5 * h * b2);
-            let (a4, b4) = rate(y + h * a3, v + h * b3);
+        let next = values.get(k + 1).copied().filter(|_| !held).unwrap_or(u);
+        for part in 0..count {
+            let input = |ahead: f64| u + (next - u) * (part as f64 + ahead) / count as f64;
+            let rate = |at: f64, y: f64, v: f64| (v, w * w * (input(at) - y) - 2.0 * zeta * w * v);
+            let (a1, b1) = rate(0.0, y, v);
+            let (a2, b2) = rate(0.5, y + 0.5 * h * a1, v + 0.5 * h * b1);
+            let (a3, b3) = rate(0.5, y + 0.5 * h * a2, v + 0.5 * h * b2);
+            let (a4, b4) = rate(1.0, y + h * a3, v + h * b3);
             y += h / 6.0 * (a1 + 2.0 * (a2 + a3) + a4);
             v += h / 6.0 * (b1 + 2.0 * (b2 + b3) + b4);
         }
@@ -77,7 +129,7 @@ mod tests {
 
     #[test]
     fn a_delay_of_one_and_a_half_samples_lies_between_two() {
-        let delayed = Command::Delay.apply(&[0.015], &[1.0, 3.0, 5.0, 7.0], 0.01);
+        let delayed = Command::Delay.apply(&[0.015], &[1.0, 3.0, 5.0, 7.0], 0.01, true);
         for (value, expected) in delayed.iter().zip([1.0, 1.0, 2.0, 4.0]) {
             assert!((value - expected).abs() < 1e-12, "{delayed:?}");
         }
@@ -85,18 +137,45 @@ mod tests {
 
     #[test]
     fn play_follows_behind_by_its_half_width() {
-        assert_eq!(Command::Hysteresis.apply(&[1.0], &[0.0, 3.0, 2.0, 0.0], 1.0), [0.0, 2.0, 2.0, 1.0]);
-        assert_eq!(Command::Hysteresis.apply(&[1.0], &[6.0, 6.5, 9.0], 1.0), [6.0, 6.0, 8.0]);
+        assert_eq!(Command::Hysteresis.apply(&[1.0], &[0.0, 3.0, 2.0, 0.0], 1.0, true), [0.0, 2.0, 2.0, 1.0]);
+        assert_eq!(Command::Hysteresis.apply(&[1.0], &[6.0, 6.5, 9.0], 1.0, true), [6.0, 6.0, 8.0]);
     }
 
     #[test]
     fn a_mode_answers_a_step_as_the_closed_form() {
         let (f, zeta): (f64, f64) = (5.0, 0.3);
         let step: Vec<f64> = (0..201).map(|k| if k == 0 { 0.0 } else { 1.0 }).collect();
-        let values = &Command::Mode.apply(&[f, zeta], &step, 1e-3)[1..];
+        let values = &Command::Mode.apply(&[f, zeta], &step, 1e-3, true)[1..];
         let (w, t) = (std::f64::consts::TAU * f, 0.15);
         let wd = w * (1.0 - zeta * zeta).sqrt();
         let expected = 1.0 - (-zeta * w * t).exp() * ((wd * t).cos() + zeta * w / wd * (wd * t).sin());
         assert!((values[150] - expected).abs() < 1e-6, "{} {expected}", values[150]);
+    }
+
+    #[test]
+    fn a_lag_follows_a_ramp_late_by_its_time_constant() {
+        let ramp: Vec<f64> = (0..400).map(|k| 2.0 * f64::from(k) * 0.01).collect();
+        let y = Command::Lag.apply(&[0.2], &ramp, 0.01, false);
+        // y = 2 (t - tau + tau exp(-t/tau))
+        for k in [1, 10, 60, 399] {
+            let t = k as f64 * 0.01;
+            assert!((y[k] - 2.0 * (t - 0.2 + 0.2 * (-t / 0.2).exp())).abs() < 1e-12, "{k}");
+        }
+        let step = [0.0, 1.0, 1.0, 1.0];
+        let y = Command::Lag.apply(&[0.2], &step, 0.1, true);
+        assert_eq!(y[..2], [0.0, 0.0]);
+        assert!((y[3] - (1.0 - (-1.0f64).exp())).abs() < 1e-12);
+    }
+
+    #[test]
+    fn filling_and_emptying_take_their_own_time_and_a_rate_has_a_limit() {
+        let mut u = vec![1.0; 100];
+        u[0] = 0.0;
+        u.extend(vec![0.0; 100]);
+        let y = Command::Fill.apply(&[0.1, 0.4], &u, 0.01, true);
+        assert!((y[51] - (1.0 - (-5.0f64).exp())).abs() < 1e-9);
+        assert!((y[150] / y[100] - (-0.5 / 0.4f64).exp()).abs() < 1e-9);
+        let y = Command::RateLimit.apply(&[3.0], &u, 0.01, true);
+        assert!((y[11] - 0.3).abs() < 1e-12 && y[99] == 1.0);
     }
 }

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use serde::Deserialize;
 use toml::Spanned;
 
+use super::ports::Duty;
 use crate::Error;
 
 /// Contents of a `study.toml`.
@@ -23,6 +24,9 @@ pub struct Declaration {
     /// Values of parameters of the system, in their units.
     #[serde(default)]
     pub parameters: BTreeMap<String, Spanned<Value>>,
+    /// How well declared parameters are known: one standard deviation relative to the value.
+    #[serde(default)]
+    pub tolerance: BTreeMap<String, Spanned<f64>>,
     /// Inputs of the system and the columns they are fed with.
     #[serde(default)]
     pub inputs: BTreeMap<String, Spanned<Signal>>,
@@ -220,7 +224,8 @@ pub struct FreeParameter {
 pub struct Attachment {
     /// Input whose value a block changes: `value - f(v, x, p)` for forces, `f(value)` for commands.
     pub input: String,
-    /// Channels of the vocabulary that may be missing here.
+    /// Channels of the vocabulary that may be missing here; without any, all that such a port can lack.
+    #[serde(default)]
     pub channels: Vec<String>,
     /// Signal: velocity along the force.
     #[serde(default)]
@@ -246,9 +251,30 @@ pub struct Attachment {
     /// Velocity over which friction changes its sign: `s(v) = tanh(v/vt)`; 1 mm/s, or 0.05 rad/s for the pole.
     #[serde(default)]
     pub vt: Option<f64>,
-    /// Ids of effects to look for; all of the channels without it.
+    /// Ids of effects to look for; all of the channels without it. Kinds where there is no channel.
     #[serde(default)]
     pub effects: Option<Vec<String>>,
+    /// What the system shows of the port, and the sign of its influence; none where channels are declared.
+    #[serde(skip)]
+    pub port: Option<Duty>,
+}
+
+impl Attachment {
+    /// An attachment of which only the input is known.
+    pub fn at(input: &str) -> Attachment {
+        Attachment { input: input.to_owned(), ..Attachment::default() }
+    }
+
+    /// Signals that it names.
+    pub fn signals(&self) -> impl Iterator<Item = &String> {
+        [&self.velocity, &self.position, &self.pressure_force, &self.pressure].into_iter().flatten()
+    }
+
+    /// Velocity over which friction changes its sign.
+    pub fn sign_velocity(&self) -> f64 {
+        let pole = self.channels.iter().any(|channel| channel == "pole");
+        self.vt.unwrap_or(if pole { 0.05 } else { 1e-3 })
+    }
 }
 
 /// Which error is fitted and reported.

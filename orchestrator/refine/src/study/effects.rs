@@ -6,7 +6,7 @@ use super::fits::{Fits, Model};
 use super::law::Law;
 use super::model::{Action, Study};
 use super::search::Selection;
-use crate::answer::{Effect, Parameter};
+use crate::answer::{Effect, Parameter, Wiring};
 use crate::engine::System;
 
 /// Factor by which residuals that hang together widen intervals: power of sums over blocks against that of samples.
@@ -30,6 +30,7 @@ pub fn physical(study: &Study, c: usize, p: &[f64]) -> Vec<f64> {
     }
 }
 
+/// An effect of a model; `widen`: factor of the standard deviations that the covariance of its fit gives.
 fn effect(fits: &Fits, selection: &Selection, model: &Model, c: usize, widen: f64) -> Effect {
     let study = fits.study;
     let own = &study.candidates[c];
@@ -48,15 +49,17 @@ fn effect(fits: &Fits, selection: &Selection, model: &Model, c: usize, widen: f6
                 variance += slopes[a] * model.fit.covariance[(a, b)] * slopes[b];
             }
         }
-        let half = 1.96 * widen * model.error * variance.max(0.0).sqrt();
+        let half = 1.96 * widen * variance.max(0.0).sqrt();
         let name = entry.name.rsplit(' ').next().unwrap_or(&entry.name).to_owned();
         Parameter { name, unit: entry.unit.clone(), value: *value, interval: (value - half, value + half) }
     });
     let samples: usize = fits.pieces.iter().map(|piece| piece.range.len()).sum();
     let score = samples as f64 * (selection.declared.error / model.error).powi(2).ln();
     Effect {
-        id: own.id.clone(),
+        id: own.full_id(),
         channel: own.channel.to_owned(),
+        port: Some(own.port.clone()),
+        wiring: wiring(study, model, c),
         signal: own.signal.clone(),
         selected: false,
         group: None,
@@ -70,6 +73,35 @@ fn effect(fits: &Fits, selection: &Selection, model: &Model, c: usize, widen: f6
             _ => None,
         },
     }
+}
+
+/// How the block of a candidate is connected, with the friction that a model has at its port.
+fn wiring(study: &Study, model: &Model, c: usize) -> Option<Wiring> {
+    let name = &study.candidates[c].port;
+    let index = match study.candidates[c].action {
+        Action::Block { tap, .. } => tap,
+        Action::Command { .. } => study.taps.iter().position(|tap| tap.name == *name)?,
+        Action::Sensor { .. } => return None,
+    };
+    let (tap, p) = (&study.taps[index], &model.fit.parameters);
+    let coulomb = model.added.iter().map(|&c| &study.candidates[c]);
+    let coulomb = coulomb
+        .filter(|own| own.action == Action::Block { law: Law::Coulomb, tap: index })
+        .map(|own| &p[own.entries.clone()])
+        .next();
+    let bias = Action::Block { law: Law::Bias, tap: index };
+    let declared = tap.coulomb.map_or(0.0, |level| level.of(p));
+    let at = tap.attachment.clone();
+    Some(Wiring {
+        velocity: at.velocity,
+        position: at.position,
+        load: at.pressure_force,
+        pressure: at.pressure,
+        vt: coulomb.and_then(|own| own.get(1)).copied().unwrap_or(tap.vt),
+        // A constant is added to a value whatever it drives.
+        sign: if study.candidates[c].action == bias { -1.0 } else { tap.sign },
+        level: declared + coulomb.map_or(0.0, |own| own[0]),
+    })
 }
 
 /// Places of effects, first what costs most if it is left out: `gains`; `needs`: the place of the Coulomb friction that an
@@ -90,22 +122,29 @@ fn ranked(gains: &[f64], needs: &[Option<usize>]) -> Vec<usize> {
     order
 }
 
-/// Effects, chosen ones first.
-pub fn effects(fits: &Fits, selection: &Selection, chosen: bool) -> Vec<Effect> {
+/// Effects of the best model in the order in which they are printed: first what costs most if it is left out.
+pub fn order(fits: &Fits, selection: &Selection) -> Vec<usize> {
+    let best = &selection.best;
+    let gains: Vec<f64> =
+        (0..best.added.len()).map(|k| selection.stability.get(k).map_or(0.0, |own| own.gain)).collect();
+    let needed = |&c: &usize| best.added.iter().position(|&own| fits.study.candidates[c].needs == Some(own));
+    let needs: Vec<Option<usize>> = best.added.iter().map(needed).collect();
+    ranked(&gains, &needs).into_iter().map(|k| best.added[k]).collect()
+}
+
+/// Effects, chosen ones first; `weighted`: the fits counted residuals as the independent samples that they hold.
+pub fn effects(fits: &Fits, selection: &Selection, chosen: bool, weighted: bool) -> Vec<Effect> {
     let best = &selection.best;
     let view = fits.view(&best.added, &fits.pieces);
     let residuals: Vec<Vec<f64>> = (0..fits.pieces.len())
         .map(|r| view.residuals(r, &best.fit.parameters, &best.fit.locals[r]))
         .collect();
     let widen = widening(&residuals);
+    let widen = |model: &Model| if weighted { 1.0 } else { widen * model.error };
     let percent = |from: f64, to: f64| format!("{:.1} %", 100.0 * (1.0 - to / from));
     let mut found = Vec::new();
-    let gains: Vec<f64> =
-        (0..best.added.len()).map(|k| selection.stability.get(k).map_or(0.0, |own| own.gain)).collect();
-    let needed = |&c: &usize| best.added.iter().position(|&own| fits.study.candidates[c].needs == Some(own));
-    let needs: Vec<Option<usize>> = best.added.iter().map(needed).collect();
-    for k in ranked(&gains, &needs) {
-        let c = best.added[k];
+    for c in order(fits, selection) {
+        let k = best.added.iter().position(|&own| own == c).unwrap_or(0);
         let step = selection.path.iter().position(|(added, _)| added.contains(&c));
         let reason = match step {
             Some(k) if k > 0 => {
@@ -121,14 +160,14 @@ pub fn effects(fits: &Fits, selection: &Selection, chosen: bool) -> Vec<Effect> 
         let rivals = selection.equals.iter().any(|(lacking, _)| *lacking == c);
         let group = (chosen && rivals).then_some(c);
         let stability = selection.stability.get(k).cloned();
-        let own = effect(fits, selection, best, c, widen);
+        let own = effect(fits, selection, best, c, widen(best));
         found.push(Effect { selected: chosen, group, reason, stability, ..own });
     }
     for (lacking, model) in &selection.equals {
         for &c in model.added.iter().filter(|c| !best.added.contains(c)) {
             let reason = "these records cannot tell it from the selected effect".to_owned();
             let group = chosen.then_some(*lacking);
-            found.push(Effect { group, reason, ..effect(fits, selection, model, c, widen) });
+            found.push(Effect { group, reason, ..effect(fits, selection, model, c, widen(model)) });
         }
     }
     for (c, own) in &selection.refused {
@@ -141,13 +180,13 @@ pub fn effects(fits: &Fits, selection: &Selection, chosen: bool) -> Vec<Effect> 
         found.extend(alone.map(|model| Effect {
             stability,
             reason,
-            ..effect(fits, selection, model, *c, widen)
+            ..effect(fits, selection, model, *c, widen(model))
         }));
     }
     for model in &selection.singles {
         let c = model.added[0];
         let own = &fits.study.candidates[c];
-        let same = |e: &Effect| e.id == own.id && e.signal == own.signal;
+        let same = |e: &Effect| own.is(e);
         let gains = model.error < 0.999 * selection.declared.error;
         if gains && !found.iter().any(same) {
             let held = if model.held_back.is_nan() {
@@ -162,7 +201,7 @@ pub fn effects(fits: &Fits, selection: &Selection, chosen: bool) -> Vec<Effect> 
                 "alone it lowers the estimation error by {}{held}",
                 percent(selection.declared.error, model.error)
             );
-            let one = Effect { reason, ..effect(fits, selection, model, c, widen) };
+            let one = Effect { reason, ..effect(fits, selection, model, c, widen(model)) };
             // A spring without stiffness has no rest position: it was fitted as something else.
             let known = |p: &Parameter| [p.value, p.interval.0, p.interval.1].iter().all(|v| v.is_finite());
             if one.parameters.iter().all(known) {

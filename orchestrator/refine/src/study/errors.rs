@@ -49,7 +49,7 @@ pub fn errors(
 }
 
 /// Initial states of pieces, fitted where the study says so.
-fn initial(fits: &Fits, added: &[usize], pieces: &[Piece], p: &[f64]) -> Vec<Vec<f64>> {
+pub fn initial(fits: &Fits, added: &[usize], pieces: &[Piece], p: &[f64]) -> Vec<Vec<f64>> {
     fits.grow(added, pieces, p, &[], &[0.1, 0.3, 1.0], 12).locals
 }
 

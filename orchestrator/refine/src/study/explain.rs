@@ -68,6 +68,15 @@ impl Judge {
         Judge { null, bias, power, tolerated }
     }
 
+    /// Error that sensors and smoothed derivatives give, by output, in its unit.
+    pub fn floor(&self, fits: &Fits) -> Vec<f64> {
+        let samples: usize = fits.pieces.iter().map(|piece| piece.range.len()).sum();
+        let powers = self.null.means().iter().zip(&self.bias);
+        let power = powers.map(|(mean, bias)| (mean[0] + bias[0]) / samples.max(1) as f64);
+        let outputs = fits.study.outputs.iter().zip(power);
+        outputs.map(|(output, power)| output.noise * power.sqrt().max(1e-6)).collect()
+    }
+
     /// Draws made.
     pub fn draws(&self) -> usize {
         self.null.draws
@@ -161,7 +170,7 @@ impl Judge {
                 best = (vec![first, second], both);
             }
         }
-        let channel = study.candidates[first].channel.to_owned();
+        let channel = study.candidates[first].place();
         let variables = best.0.iter().map(|&c| name(study, c).to_owned()).collect();
         Rest { place: Some((channel, variables)), gain: best.1 }
     }
@@ -174,20 +183,20 @@ fn in_noise<'a>(fits: &Fits<'a>, model: &Model) -> View<'a> {
 }
 
 /// Name of a variable at an attachment in the vocabulary.
-fn word(study: &Study, tap: usize, variable: Variable) -> &'static str {
-    match (variable, study.taps[tap].angular) {
-        (Variable::Velocity, false) => "xdot",
-        (Variable::Velocity, true) => "thetadot",
-        (Variable::Position, false) => "x",
-        (Variable::Position, true) => "theta",
-        (Variable::PressureForce, _) => "F",
-        (Variable::Value, _) => "u",
-        (Variable::Time, _) => "time",
+fn word(study: &Study, tap: usize, variable: Variable) -> &str {
+    let own = &study.taps[tap];
+    match variable {
+        Variable::Velocity => &own.words[0],
+        Variable::Position => &own.words[1],
+        Variable::PressureForce => "F",
+        Variable::Value if own.stated => "u",
+        Variable::Value => &own.name,
+        Variable::Time => "time",
     }
 }
 
 /// Name of the variable of a probe.
-fn name(study: &Study, c: usize) -> &'static str {
+pub fn name(study: &Study, c: usize) -> &str {
     match study.candidates[c].action {
         Action::Block { law: Law::Shape(variable), tap } => word(study, tap, variable),
         _ => "time",
@@ -195,7 +204,7 @@ fn name(study: &Study, c: usize) -> &'static str {
 }
 
 /// Variables that a candidate depends on; commands and sensors count as depending on all that moves.
-pub fn depends(study: &Study, c: usize) -> Vec<&'static str> {
+pub fn depends(study: &Study, c: usize) -> Vec<&str> {
     let all = [Variable::Velocity, Variable::Position, Variable::PressureForce, Variable::Value];
     let Action::Block { law, tap } = study.candidates[c].action else {
         return all.iter().map(|&own| word(study, 0, own)).collect();

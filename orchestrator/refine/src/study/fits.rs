@@ -8,7 +8,7 @@ use super::model::{Action, Study};
 use super::simulate::{Piece, View};
 use crate::engine::System;
 use crate::engine::fit::{Fit, Free, fit};
-use crate::engine::normal::{Columns, columns};
+use crate::engine::normal::{Columns, columns, dot};
 use crate::engine::parallel;
 
 /// Records from which on whole records are kept back; with fewer, spans of every record are, so that what is kept back
@@ -106,6 +106,14 @@ fn folds(study: &Study, pieces: &[Piece]) -> Vec<(Vec<Piece>, Vec<Piece>)> {
     (0..SPANS).map(fold).collect()
 }
 
+/// Local parameters of a model on other pieces of the estimation records than those it was fitted to.
+pub fn locals_of(fits: &Fits, pieces: &[Piece], model: &Model) -> Vec<Vec<f64>> {
+    if pieces == fits.pieces {
+        return model.fit.locals.clone();
+    }
+    fits.grow(&model.added, pieces, &model.fit.parameters, &[], &[1.0], 8).locals
+}
+
 fn rms(chi2: f64, count: usize) -> f64 {
     (chi2 / count.max(1) as f64).sqrt()
 }
@@ -139,6 +147,11 @@ impl<'a> Fits<'a> {
         let (active, pieces) = (added.to_vec(), pieces.to_vec());
         let (scale, quick) = (self.scale.clone(), self.quick);
         View { study: self.study, active, pieces, scale, quick, corrected: true }
+    }
+
+    /// Root mean square of residuals with the sum of squares `chi2` over all estimation records.
+    pub fn rms(&self, chi2: f64) -> f64 {
+        rms(chi2, self.count(&self.pieces))
     }
 
     fn count(&self, pieces: &[Piece]) -> usize {
@@ -214,6 +227,34 @@ impl<'a> Fits<'a> {
         self.fit_from(added, &p, &locals)
     }
 
+    /// Share of the sum of squares that the linear step from the best start of each candidate promises to leave beside
+    /// `base`.
+    pub fn promises(&self, base: &Model, list: &[usize]) -> Vec<f64> {
+        let starts = |c: usize| self.study.candidates[c].starts.len();
+        let many = |c: usize| self.study.windows.is_some() && starts(c) > MANY;
+        let around = |starts: usize| {
+            let (pieces, locals) = self.screened(&base.fit, starts);
+            let columns = self.columns_of(base, &pieces, &locals);
+            (pieces, locals, columns)
+        };
+        let few = around(1);
+        let rare = list.iter().any(|&c| many(c)).then(|| around(MANY + 1));
+        parallel::map(list.len(), |i| {
+            let (pieces, locals, shared) = if many(list[i]) { rare.as_ref().unwrap_or(&few) } else { &few };
+            let before: f64 = shared.iter().map(|own| dot(&own.residuals, &own.residuals)).sum();
+            let best = self.best_start(base, list[i], (pieces, locals, shared));
+            best.map_or(f64::INFINITY, |(chi2, _)| chi2 / before)
+        })
+    }
+
+    /// Residuals on some pieces with derivatives by the free parameters of `base`.
+    fn columns_of(&self, base: &Model, pieces: &[Piece], locals: &[Vec<f64>]) -> Vec<Columns> {
+        let view = self.view(&base.added, pieces);
+        let records: Vec<usize> = (0..pieces.len()).collect();
+        let locals: Vec<&[f64]> = locals.iter().map(Vec::as_slice).collect();
+        columns(&view, &records, &base.fit.parameters, &base.fit.free, &locals, true, None)
+    }
+
     /// Error that the linear step over the entries of some candidates beside `base` promises.
     pub fn promised(&self, base: &Model, own: &[usize]) -> Option<f64> {
         let mut added = base.added.clone();
@@ -284,8 +325,6 @@ impl<'a> Fits<'a> {
     /// Start of a candidate beside `base` that promises the smallest sum of squares, after the linear step.
     fn promise(&self, base: &Model, c: usize) -> Option<(Vec<f64>, Vec<Vec<f64>>)> {
         let own = &self.study.candidates[c];
-        let mut added = base.added.clone();
-        added.push(c);
         if let [only] = &own.starts[..]
             && only.iter().all(|value| *value == 0.0)
         {
@@ -298,11 +337,25 @@ impl<'a> Fits<'a> {
         } else {
             self.screened(&base.fit, own.starts.len())
         };
-        let before = self.view(&base.added, &pieces);
+        let shared = self.columns_of(base, &pieces, &own_locals);
+        let best = self.best_start(base, c, (&pieces, &own_locals, &shared))?;
+        Some((best.1, base.fit.locals.clone()))
+    }
+
+    /// The start of a candidate whose linear step promises the smallest sum of squares on some pieces, and that sum.
+    fn best_start(
+        &self,
+        base: &Model,
+        c: usize,
+        (pieces, own_locals, shared): (&[Piece], &[Vec<f64>], &[Columns]),
+    ) -> Option<(f64, Vec<f64>)> {
+        let own = &self.study.candidates[c];
+        let changed = matches!(own.action, Action::Block { law: Law::Presliding, .. });
+        let mut added = base.added.clone();
+        added.push(c);
         let records: Vec<usize> = (0..pieces.len()).collect();
         let locals: Vec<&[f64]> = own_locals.iter().map(Vec::as_slice).collect();
-        let shared = columns(&before, &records, &base.fit.parameters, &base.fit.free, &locals, true, None);
-        let view = self.view(&added, &pieces);
+        let view = self.view(&added, pieces);
         let promises: Vec<Option<(f64, Vec<f64>)>> = parallel::map(own.starts.len(), |s| {
             let mut p = base.fit.parameters.clone();
             let start = &own.starts[s];
@@ -316,10 +369,9 @@ impl<'a> Fits<'a> {
                 .collect();
             let fresh: Option<Vec<Columns>> =
                 changed.then(|| columns(&view, &records, &p, &base.fit.free, &locals, true, None));
-            linear_step(&view, fresh.as_ref().unwrap_or(&shared), (&base.fit, &own_locals), &open, p)
+            linear_step(&view, fresh.as_deref().unwrap_or(shared), (&base.fit, own_locals), &open, p)
         });
-        let best = promises.into_iter().flatten().min_by(|a, b| a.0.total_cmp(&b.0))?;
-        Some((best.1, base.fit.locals.clone()))
+        promises.into_iter().flatten().min_by(|a, b| a.0.total_cmp(&b.0))
     }
 
     /// What starts are compared on: all estimation records; where the study has windows, short ones, in which the motion stays

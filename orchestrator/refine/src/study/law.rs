@@ -127,6 +127,18 @@ pub enum Law {
     PositionGain,
     /// gain that falls with time
     Droop,
+    /// `stiffness (x - rest)^3`
+    CubicSpring,
+    /// `coef x`
+    Leakage,
+    /// `coef sqrt(max(x, 0))`
+    Outlet,
+    /// `coef max(0, x - level)`
+    Overflow,
+    /// `slope t`
+    Drift,
+    /// `-value`
+    Bias,
     /// Free form over a variable: heights at knots over its range; see [`shape`]
     Shape(Variable),
     /// An effect of one's own: index into [`super::model::Study::own`].
@@ -140,6 +152,7 @@ impl Law {
     pub fn parameters(self) -> usize {
         match self {
             Law::Stribeck | Law::Asymmetry | Law::Spring | Law::Droop => 2,
+            Law::CubicSpring | Law::Overflow => 2,
             Law::EndStop | Law::Cogging => 3,
             Law::Shape(_) => KNOTS,
             _ => 1,
@@ -156,6 +169,9 @@ impl Law {
             Law::Offset => vec![Velocity, Position],
             Law::PositionCoulomb => vec![Velocity, Position],
             Law::Spring | Law::EndStop | Law::Cogging => vec![Position],
+            Law::CubicSpring | Law::Leakage | Law::Outlet | Law::Overflow => vec![Position],
+            Law::Drift => vec![Time],
+            Law::Bias => vec![Value, Position],
             Law::Area => vec![PressureForce],
             Law::Gain | Law::DeadBand | Law::Saturation => vec![Value],
             Law::PositionGain => vec![Value, Position],
@@ -168,6 +184,18 @@ impl Law {
     /// Whether the law changes a command instead of taking a force from it.
     pub fn changes_command(self) -> bool {
         matches!(self, Law::Gain | Law::DeadBand | Law::Saturation | Law::PositionGain | Law::Droop)
+    }
+
+    /// Place in the order in which laws act at one attachment: changes of a command first, as the amended system has them.
+    pub fn rank(self) -> usize {
+        match self {
+            Law::DeadBand => 0,
+            Law::Saturation => 1,
+            Law::Gain => 2,
+            Law::PositionGain => 3,
+            Law::Droop => 4,
+            _ => 5,
+        }
     }
 
     /// What is taken from the value that passes the attachment. `s` is the factor that changes sign with the velocity,
@@ -203,6 +231,12 @@ impl Law {
                 p[0] * phase.sin() + p[1] * phase.cos()
             }
             Law::Area => -p[0] * at.pressure,
+            Law::CubicSpring => p[0] * (x - p[1]).powi(3),
+            Law::Leakage => p[0] * x,
+            Law::Outlet => p[0] * x.max(0.0).sqrt(),
+            Law::Overflow => p[0] * (x - p[1]).max(0.0),
+            Law::Drift => p[0] * at.time,
+            Law::Bias => -p[0],
             Law::Gain | Law::DeadBand | Law::Saturation | Law::PositionGain | Law::Droop => 0.0,
             // Computed by the study, which has their formulas.
             Law::Shape(_) | Law::Own(_) | Law::Surface(_) => 0.0,

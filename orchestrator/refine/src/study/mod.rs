@@ -1,12 +1,13 @@
 //! What any declared system lacks: a `study.toml` names a system of FMUs, records and places where effects may act.
 //!
 //! [`declaration`] is the file, [`dataset`] reads folders of measured data that come without one, [`read`] makes records,
-//! [`plant`] evaluates the FMUs, [`simulate`] integrates them for the engine, [`fits`] fits, [`catalogue`] lists the candidates,
+//! [`plant`] evaluates the FMUs, [`ports`] finds where something may be missing, [`plan`] lists that, [`simulate`] integrates them for the engine, [`fits`] fits, [`catalogue`] lists the candidates,
 //! [`search`] chooses among them by the error on records that are kept back, [`physical`] what no model may be, [`noise`] carries the noise of the sensors to
 //! that error, [`smoothed`] what filters take from measured derivatives, [`explain`] finds on what depends what is left, [`answer`] says it. The rig of the vocabulary, whose
 //! sensors are known, has a search of its own in `rig`.
 
 pub mod answer;
+pub mod by_share;
 pub mod catalogue;
 pub mod command;
 pub mod dataset;
@@ -21,12 +22,17 @@ pub mod model;
 pub mod noise;
 pub mod open;
 pub mod physical;
+pub mod plan;
 pub mod plant;
+pub mod ports;
 pub mod read;
+pub mod replay;
 pub mod search;
 pub mod signal;
 pub mod simulate;
 pub mod smoothed;
+pub mod tolerance;
+pub mod whole;
 
 use std::path::Path;
 

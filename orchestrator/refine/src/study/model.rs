@@ -4,7 +4,7 @@ use std::sync::{Mutex, PoisonError};
 
 use super::Problem;
 use super::catalogue::Candidate;
-use super::declaration::{ForceRule, Initial, InitialWord};
+use super::declaration::{Attachment, ForceRule, Initial, InitialWord};
 use super::law::{Law, Variable};
 use super::noise::SensorNoise;
 use super::plant::{Parameter, Plant};
@@ -17,6 +17,8 @@ use airloop_cosim::system::SystemGraph;
 pub struct Output {
     /// Column.
     pub name: String,
+    /// Output of the system.
+    pub port: String,
     /// Slot of the system's signal.
     pub slot: usize,
     /// Unit.
@@ -32,6 +34,13 @@ pub struct Output {
 pub enum Target {
     /// A parameter of the system.
     Declared(Parameter),
+    /// Relative change of a parameter of the system that is known to a tolerance.
+    Correction {
+        /// Parameter of the system.
+        parameter: Parameter,
+        /// Its declared value.
+        declared: f64,
+    },
     /// Offset of an output.
     Offset,
     /// Parameter of a candidate.
@@ -60,6 +69,16 @@ pub struct Tap {
     pub name: String,
     /// Slots of velocity, position, pressure force and pressure.
     pub signals: [Option<usize>; 4],
+    /// Names of velocity and position in words: those of the vocabulary where a channel is declared, else of the system.
+    pub words: [String; 2],
+    /// Units of the value that passes, of velocity and position.
+    pub units: [String; 3],
+    /// Whether a channel is declared.
+    pub stated: bool,
+    /// Where its signals come from.
+    pub attachment: Attachment,
+    /// -1 where a larger value makes the velocity fall: what is taken off is added then.
+    pub sign: f64,
     /// Velocity over which friction changes its sign.
     pub vt: f64,
     /// Its motion is a rotation.
@@ -122,6 +141,8 @@ pub enum Sensor {
     Gain,
     /// `y(t - delay)`
     Delay,
+    /// `tau y' = value - y`
+    Lag,
 }
 
 /// A study.
@@ -135,6 +156,8 @@ pub struct Study {
     pub records: Vec<Record>,
     /// Names of further signals.
     pub extra: Vec<String>,
+    /// Variables that attachments name; they are shown although they may be no outputs.
+    pub shown: Vec<String>,
     /// Whether system inputs are held between samples.
     pub held: Vec<bool>,
     /// Measured outputs.
@@ -181,7 +204,7 @@ impl Study {
             return Ok(plant);
         }
         let names: Vec<String> = self.taps.iter().map(|tap| tap.name.clone()).collect();
-        Plant::new(&self.graph, &names, &self.extra)
+        Plant::new(&self.graph, &names, &self.extra, &self.shown)
     }
 
     /// Gives an instance back.

@@ -10,7 +10,9 @@ use super::declaration::{Attachment, Declaration, File, Initial, Role, Value};
 use super::model::{Entry, Level, Output, Study, Tap, Target};
 use super::noise::SensorNoise;
 use super::plant::{self, Plant};
+use super::ports;
 use super::read::{self, Layout};
+use super::tolerance;
 use crate::Error;
 use crate::engine::fit::Free;
 use airloop_cosim::system::SystemGraph;
@@ -127,13 +129,18 @@ fn check(file: &File) -> Result<(), Error> {
             }
         }
         let known = catalogue::ids(&attachment.channels);
+        let known = if attachment.channels.is_empty() { catalogue::kinds_of_ports() } else { known };
         for id in attachment.effects.iter().flatten() {
             if !known.contains(&id.as_str()) {
                 return Err(file.refuse(
                     spanned,
                     format!(
-                        "effect `{id}` is none of the channels {:?}; known are: {}",
-                        attachment.channels,
+                        "effect `{id}` is none of {}; known are: {}",
+                        if attachment.channels.is_empty() {
+                            "a port without channels".to_owned()
+                        } else {
+                            format!("the channels {:?}", attachment.channels)
+                        },
                         known.join(", ")
                     ),
                 ));
@@ -204,19 +211,23 @@ fn parameters(file: &File, graph: &SystemGraph) -> Result<Values, Error> {
 
 fn taps(
     file: &File,
+    attachments: &[Attachment],
     graph: &SystemGraph,
     plant: &Plant,
     entries: &[Entry],
     fixed: &[(plant::Parameter, f64)],
 ) -> Result<Vec<Tap>, Error> {
     let mut found = Vec::new();
-    for spanned in &file.declaration.attachment {
-        let attachment = spanned.get_ref();
+    for (index, attachment) in attachments.iter().enumerate() {
+        let refuse = |problem: String| match file.declaration.attachment.get(index) {
+            Some(spanned) => file.refuse(spanned, problem),
+            None => file.refuse_all(problem),
+        };
         let slot = |name: &Option<String>| -> Result<Option<usize>, Error> {
             let Some(name) = name else { return Ok(None) };
             let known = || plant.signal_names();
             let slot = plant.slot(name).ok_or_else(|| {
-                file.refuse(spanned, Problem::Name { what: "signal", name: name.clone(), known: known() })
+                refuse(Problem::Name { what: "signal", name: name.clone(), known: known() }.to_string())
             })?;
             Ok(Some(slot))
         };
@@ -229,9 +240,8 @@ fn taps(
         for name in [&attachment.coulomb, &attachment.viscous, &attachment.bias].into_iter().flatten() {
             if Plant::parameter(graph, name).is_none() {
                 let known = plant::known(graph, &[Causality::Parameter]);
-                return Err(
-                    file.refuse(spanned, Problem::Name { what: "Real parameter", name: name.clone(), known })
-                );
+                let problem = Problem::Name { what: "Real parameter", name: name.clone(), known };
+                return Err(refuse(problem.to_string()));
             }
         }
         let coulomb = attachment.coulomb.as_ref().and_then(|name| {
@@ -241,11 +251,41 @@ fn taps(
             Some(entry.map_or(Level::Value(set.unwrap_or(value)), Level::Entry))
         });
         let pole = attachment.channels.iter().any(|channel| channel == "pole");
-        let vt = attachment.vt.unwrap_or(if pole { 0.05 } else { 1e-3 });
+        let vt = attachment.sign_velocity();
         if !(vt > 0.0 && vt.is_finite()) {
-            return Err(file.refuse(spanned, "vt must be above zero"));
+            return Err(refuse("vt must be above zero".into()));
         }
-        found.push(Tap { name: attachment.input.clone(), signals: slots, vt, angular: pole, coulomb });
+        let unit = |name: &Option<String>| name.as_ref().and_then(|name| plant::unit_of(graph, name));
+        let units =
+            [Some(attachment.input.clone()), attachment.velocity.clone(), attachment.position.clone()];
+        let usual = if pole { ["N m", "rad/s", "rad"] } else { ["N", "m/s", "m"] };
+        let stated = !attachment.channels.is_empty();
+        let units = std::array::from_fn(|i| {
+            let fallback = if stated { usual[i] } else { "1" };
+            unit(&units[i]).unwrap_or_else(|| fallback.to_owned())
+        });
+        let words = match (stated, pole) {
+            (true, false) => ["xdot", "x"].map(str::to_owned),
+            (true, true) => ["thetadot", "theta"].map(str::to_owned),
+            (false, _) => {
+                [&attachment.velocity, &attachment.position].map(|name| name.clone().unwrap_or_default())
+            }
+        };
+        let sign = attachment.port.map_or(1.0, |port| port.sign);
+        let name = attachment.input.clone();
+        let attachment = attachment.clone();
+        found.push(Tap {
+            name,
+            signals: slots,
+            words,
+            units,
+            stated,
+            attachment,
+            sign,
+            vt,
+            angular: pole,
+            coulomb,
+        });
     }
     Ok(found)
 }
@@ -264,17 +304,22 @@ pub fn open(file: &File) -> Result<(Study, Vec<Attachment>), Error> {
             graph.set_start(name, &text, "[parameters]").map_err(|error| file.refuse(value, error))?;
         }
     }
-    let attachments: Vec<Attachment> =
-        declaration.attachment.iter().map(|spanned| spanned.get_ref().clone()).collect();
+    tolerance::check(file, &graph)?;
+    let stated = declaration.attachment.iter().map(|spanned| spanned.get_ref());
+    let mut shown: Vec<String> =
+        stated.flat_map(Attachment::signals).chain(declaration.outputs.keys()).cloned().collect();
     // One attachment after the other, so that an unknown input is told with its place.
     for spanned in &declaration.attachment {
-        Plant::new(&graph, std::slice::from_ref(&spanned.get_ref().input), &[])
+        Plant::new(&graph, std::slice::from_ref(&spanned.get_ref().input), &[], &[])
             .map_err(|problem| file.refuse(spanned, problem))?;
     }
+    let attachments =
+        ports::attachments(file, &graph).map_err(|problem| file.refuse(&declaration.system, problem))?;
+    shown.extend(attachments.iter().flat_map(Attachment::signals).cloned());
     let names: Vec<String> = attachments.iter().map(|attachment| attachment.input.clone()).collect();
     let extra: Vec<String> = declaration.signals.keys().cloned().collect();
-    let mut plant =
-        Plant::new(&graph, &names, &extra).map_err(|problem| file.refuse(&declaration.system, problem))?;
+    let mut plant = Plant::new(&graph, &names, &extra, &shown)
+        .map_err(|problem| file.refuse(&declaration.system, problem))?;
     let mut states = vec![0.0; plant.nx];
     plant
         .initialise(&[], 0.0, &mut states, &|_, value, _| value)
@@ -333,9 +378,10 @@ pub fn open(file: &File) -> Result<(Study, Vec<Attachment>), Error> {
             entries.push(Entry { name, unit: unit.clone(), target: Target::Offset, start: 0.0, free });
             index
         });
-        outputs.push(Output { name: output.column.clone(), slot, unit, noise, offset });
+        let (column, port) = (output.column.clone(), name.clone());
+        outputs.push(Output { name: column, port, slot, unit, noise, offset });
     }
-    let taps = taps(file, &graph, &plant, &entries, &fixed)?;
+    let taps = taps(file, &attachments, &graph, &plant, &entries, &fixed)?;
     let force = match &layout.force {
         None => None,
         Some((rule, state)) => {
@@ -367,6 +413,7 @@ pub fn open(file: &File) -> Result<(Study, Vec<Attachment>), Error> {
         name: declaration.name.clone(),
         records,
         extra,
+        shown,
         held,
         outputs,
         declared: entries.len(),

@@ -41,6 +41,20 @@ struct Part {
     next_event: Option<f64>,
     /// It wants to hear of every accepted step.
     told_of_steps: bool,
+    /// Event indicators: their number, and whether each was positive after the last event.
+    indicators: usize,
+    positive: Vec<bool>,
+    /// It is in event mode.
+    in_event: bool,
+}
+
+/// What the rates of the states depend on.
+#[derive(Debug, Clone, Default)]
+pub struct Sense {
+    /// States and their rates at some points.
+    pub points: Vec<(Vec<f64>, Vec<f64>)>,
+    /// Change of the rate of each state with the value at each attachment, `[attachments][nx]`; only its proportions count.
+    pub influence: Vec<Vec<f64>>,
 }
 
 /// A parameter of the system: component in evaluation order and value reference.
@@ -120,14 +134,19 @@ fn attachment_target(graph: &SystemGraph, name: &str) -> Option<Vec<(usize, usiz
 
 impl Plant {
     /// Instantiates the components of a graph opened for Model Exchange; `attachments` are the inputs where blocks act,
-    /// `extra` further signals, which have the last slots.
+    /// `extra` further signals, which have the last slots; `wanted`: variables that are shown although they are no outputs.
     ///
     /// # Errors
-    /// Algebraic loops, FMUs with state events, names that are no inputs, FMUs that fail.
-    pub fn new(graph: &SystemGraph, attachments: &[String], extra: &[String]) -> Result<Plant, Problem> {
+    /// Algebraic loops, names that are no inputs, FMUs that fail.
+    pub fn new(
+        graph: &SystemGraph,
+        attachments: &[String],
+        extra: &[String],
+        wanted: &[String],
+    ) -> Result<Plant, Problem> {
         if let Some(one) = graph.loops.first() {
             return Err(Problem::System(format!(
-                "the system has the algebraic loop {}; studies need systems without",
+                "the system has the algebraic loop {}; a study needs a system without: join these components in one FMU, or put a first-order lag much faster than the step into the loop",
                 graph.loop_names(one).join(" -> ")
             )));
         }
@@ -155,12 +174,16 @@ impl Plant {
         for &index in &graph.order {
             let component = &graph.components[index];
             let variables = &component.fmu.description.variables;
+            let asked = |v: usize| {
+                let name = if graph.single { variables[v].name.clone() } else { component.path_of(v) };
+                variables[v].causality == Causality::Local && wanted.contains(&name)
+            };
             let outputs = (0..variables.len())
-                .filter(|&v| variables[v].causality == Causality::Output && real(component, v));
+                .filter(|&v| real(component, v) && (variables[v].causality == Causality::Output || asked(v)));
             let own: Vec<usize> = component.fmu.description.continuous_states().collect();
             let (states, outputs): (Vec<usize>, Vec<usize>) = outputs.partition(|v| own.contains(v));
             let (early, late): (Vec<usize>, Vec<usize>) =
-                outputs.into_iter().partition(|&v| feed_through(component, v).is_empty());
+                outputs.into_iter().partition(|&v| asked(v) || feed_through(component, v).is_empty());
             let mut range = |list: &[usize]| {
                 let first = count;
                 for &variable in list {
@@ -192,12 +215,6 @@ impl Plant {
         for (&index, (early, late, shown)) in graph.order.iter().zip(ranges) {
             let component = &graph.components[index];
             let description = &component.fmu.description;
-            if description.number_of_event_indicators > 0 {
-                return Err(Problem::System(format!(
-                    "component `{}` has state events; studies simulate continuous systems",
-                    component.name
-                )));
-            }
             let mut feeds = Vec::new();
             for (variable, declared) in description.variables.iter().enumerate() {
                 if declared.causality != Causality::Input || !real(component, variable) {
@@ -252,6 +269,9 @@ impl Plant {
                 late,
                 shown,
                 next_event: None,
+                indicators: description.number_of_event_indicators,
+                positive: vec![false; description.number_of_event_indicators],
+                in_event: false,
                 told_of_steps: interface.is_some_and(|own| !own.completed_integrator_step_not_needed),
             });
         }
@@ -282,6 +302,63 @@ impl Plant {
     /// Place of a state.
     pub fn state(&self, name: &str) -> Option<usize> {
         self.states.get(name).copied()
+    }
+
+    /// Names of the states in their order: that of the system where it has one.
+    pub fn states_by_place(&self) -> Vec<String> {
+        let mut found = vec![String::new(); self.nx];
+        for (name, &place) in &self.states {
+            let own = &mut found[place];
+            // Of several names the one that is a signal, then the shortest.
+            let better = own.is_empty()
+                || (self.names.contains_key(name), std::cmp::Reverse(name.len()))
+                    > (self.names.contains_key(own), std::cmp::Reverse(own.len()));
+            if better {
+                own.clone_from(name);
+            }
+        }
+        found
+    }
+
+    /// What the rates of the states depend on: the system at some points, and the influence of every attachment.
+    ///
+    /// # Errors
+    /// An FMU that fails.
+    pub fn sense(&mut self) -> Result<Sense, Problem> {
+        let pass = |_: usize, value: f64, _: &[f64]| value;
+        let (mut x, nx) = (vec![0.0; self.nx], self.nx);
+        self.initialise(&[], 0.0, &mut x, &pass)?;
+        let start = x.clone();
+        let attachments = self.parts.iter().flat_map(|part| &part.feeds).flat_map(|feed| &feed.blocks);
+        let count = attachments.max().map_or(0, |last| last + 1);
+        let mut found = Sense { points: Vec::new(), influence: vec![vec![0.0; nx]; count] };
+        for round in 1..=3 {
+            // Somewhere else, in no relation that a system could have by itself.
+            for (i, value) in x.iter_mut().enumerate() {
+                // Levels and pressures are not below zero.
+                let odd = ((7 * i + 3 * round) as f64).sin().abs();
+                *value = start[i] + odd * if start[i] == 0.0 { 0.1 } else { 0.05 * start[i].abs() };
+            }
+            let mut dx = vec![0.0; nx];
+            self.evaluate(0.0, &x, &mut dx, &pass).map_err(Problem::fmu)?;
+            if dx.iter().any(|rate| !rate.is_finite()) {
+                continue;
+            }
+            for (port, influence) in found.influence.iter_mut().enumerate() {
+                let mut moved = vec![0.0; nx];
+                let push = |own: usize, value: f64, _: &[f64]| {
+                    value + if own == port { 0.01 * value.abs().max(1.0) } else { 0.0 }
+                };
+                self.evaluate(0.0, &x, &mut moved, &push).map_err(Problem::fmu)?;
+                let changes = moved.iter().zip(&dx).map(|(a, b)| a - b);
+                influence.iter_mut().zip(changes).for_each(|(sum, change)| {
+                    *sum += if change.is_finite() { change } else { 0.0 };
+                });
+            }
+            found.points.push((x.clone(), dx));
+        }
+        self.initialised = true;
+        Ok(found)
     }
 
     /// Names of all signals, for messages.
@@ -340,7 +417,8 @@ impl Plant {
             if !part.states.is_empty() {
                 model.get_continuous_states(&mut x[part.states.clone()]).map_err(Problem::fmu)?;
             }
-            part.next_event = Some(time);
+            // Instances leave initialization in event mode.
+            part.in_event = true;
         }
         self.initialised = true;
         self.settle(time, x, block).map_err(Problem::fmu)
@@ -351,13 +429,34 @@ impl Plant {
         self.parts.iter().filter_map(|part| part.next_event).min_by(f64::total_cmp)
     }
 
-    /// The time events of `time` \[s\], one component after the other; they may change the states `x`, `[nx]`.
+    /// Whether components have state events.
+    pub fn has_state_events(&self) -> bool {
+        self.parts.iter().any(|part| part.indicators > 0)
+    }
+
+    /// Whether an event indicator has another sign than after the last event, where the system was evaluated last.
+    ///
+    /// # Errors
+    /// An FMU that fails.
+    pub fn crossed(&mut self) -> Result<bool, airloop_fmi::Error> {
+        for part in self.parts.iter_mut().filter(|part| part.indicators > 0) {
+            let mut values = vec![0.0; part.indicators];
+            part.model.get_event_indicators(&mut values)?;
+            if values.iter().zip(&part.positive).any(|(value, positive)| (*value > 0.0) != *positive) {
+                return Ok(true);
+            }
+        }
+        Ok(false)
+    }
+
+    /// The events of `time` \[s\], one component after the other; they may change the states `x`, `[nx]`. `state`: a state
+    /// event, which concerns all components that have some; else those whose time has come.
     ///
     /// # Errors
     /// An FMU that fails.
     pub fn event(
         &mut self,
-        time: f64,
+        (time, state): (f64, bool),
         x: &mut [f64],
         block: &impl Fn(usize, f64, &[f64]) -> f64,
     ) -> Result<(), airloop_fmi::Error> {
@@ -366,8 +465,9 @@ impl Plant {
             if !part.states.is_empty() {
                 part.model.set_continuous_states(&x[part.states.clone()])?;
             }
-            if part.next_event.is_some_and(|next| next <= time) {
+            if part.next_event.is_some_and(|next| next <= time) || state && part.indicators > 0 {
                 part.model.enter_event_mode()?;
+                part.in_event = true;
             }
         }
         self.settle(time, x, block)
@@ -386,7 +486,7 @@ impl Plant {
         }
         for part in &mut self.parts {
             part.feed(slots, block)?;
-            if part.next_event.is_some_and(|next| next <= time) {
+            if part.in_event {
                 let mut event = part.model.new_discrete_states()?;
                 while event.new_discrete_states_needed {
                     event = part.model.new_discrete_states()?;
@@ -394,6 +494,12 @@ impl Plant {
                 // An event that stays where it is would never end.
                 part.next_event = event.next_event_time.filter(|next| *next > time);
                 part.model.enter_continuous_time_mode()?;
+                part.in_event = false;
+                if part.indicators > 0 {
+                    let mut values = vec![0.0; part.indicators];
+                    part.model.get_event_indicators(&mut values)?;
+                    part.positive = values.into_iter().map(|value| value > 0.0).collect();
+                }
                 if !part.states.is_empty() {
                     part.model.get_continuous_states(&mut x[part.states.clone()])?;
                 }

@@ -17,6 +17,8 @@ pub const NOTEWORTHY: f64 = 0.02;
 pub const EQUAL: f64 = 0.03;
 /// Models of each step whose error on what is kept back is computed.
 const LOOKED_AT: usize = 3;
+/// Candidates that are fitted beside effects found before: those whose linear step promises most.
+const HOPEFUL: usize = 16;
 /// Singles that pairs are made of.
 const PAIRED: usize = 6;
 /// Effects that are exchanged at most.
@@ -27,7 +29,7 @@ const BETTER: f64 = 0.99;
 const CLEAR: f64 = 0.15;
 
 /// Outcome.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub struct Selection {
     /// The declared model.
     pub declared: Model,
@@ -131,7 +133,13 @@ impl Search<'_> {
             let own = &self.study().candidates[*c];
             !own.probe && !base.added.contains(c) && own.needs.is_none_or(|needs| base.added.contains(&needs))
         };
-        let open: Vec<usize> = (0..self.study().candidates.len()).filter(may).collect();
+        let mut open: Vec<usize> = (0..self.study().candidates.len()).filter(may).collect();
+        if !base.added.is_empty() && open.len() > HOPEFUL {
+            let mut ranked: Vec<(f64, usize)> =
+                self.fits.promises(base, &open).into_iter().zip(open).collect();
+            ranked.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+            open = ranked.into_iter().take(HOPEFUL).map(|(_, c)| c).collect();
+        }
         let found =
             parallel::map(open.len(), |i| if stop::asked() { None } else { self.fits.add(base, open[i]) });
         let mut found: Vec<Model> =
@@ -356,6 +364,11 @@ pub fn search(fits: &Fits, judge: &Judge, declared: Model, most: usize, say: Say
         }
     }
     let best = search.prune(best);
+    if !search.enough(&best) {
+        // No explanation to the noise: a proposal to the search for a share of the error, which judges it.
+        let (equals, stability, refused) = (Vec::new(), Vec::new(), Vec::new());
+        return Selection { declared, best, equals, singles, path, stability, refused };
+    }
     say("trying other effects in their place");
     let (best, equals) = search.exchange(best);
     say("stability over parts of the records");

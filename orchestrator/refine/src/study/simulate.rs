@@ -3,15 +3,24 @@
 use std::cell::{Cell, RefCell};
 use std::ops::Range;
 
-use super::command::delayed;
+use super::command::{Command, delayed};
 use super::declaration::{Initial, InitialWord};
 use super::law::{Law, Point, preslide, shape};
-use super::model::{Action, Sensor, Study};
+use super::model::{Action, Sensor, Study, Target};
 use super::plant::Plant;
 use super::read::Record;
 use crate::engine::noise::Noise;
 use crate::engine::{Span, System};
 use crate::vocabulary::own::STATES;
+
+/// State events in one step from which on the rest of it is integrated without: a part that rests between two of them.
+const MOST_EVENTS: usize = 20;
+
+/// Slopes of the four stages, and a trial point.
+type Slopes = [Vec<f64>; 5];
+
+/// Rates of the system at a time and a point.
+type Rates<'a> = dyn Fn(&mut Plant, f64, &[f64], &mut [f64]) -> Result<(), airloop_fmi::Error> + 'a;
 
 /// A span of a record.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -119,7 +128,11 @@ impl Blocks<'_> {
         if self.laws[tap].is_empty() {
             return value;
         }
-        let s = (point.velocity / self.study.taps[tap].vt).tanh();
+        let own = &self.study.taps[tap];
+        // Coulomb friction that is fitted with the velocity of its sign change gives it to all friction here.
+        let fitted = self.laws[tap].iter().find(|(law, range, _)| *law == Law::Coulomb && range.len() == 2);
+        let vt = fitted.map_or(own.vt, |(_, range, _)| self.p[range.start + 1]);
+        let s = (point.velocity / vt).tanh();
         let mut value = value;
         for (law, range, states) in &self.laws[tap] {
             let p = &self.p[range.clone()];
@@ -142,7 +155,9 @@ impl Blocks<'_> {
                 value -= shape(variable, p, self.study.range(tap, variable), point.of(variable));
             } else {
                 let level = if *law == Law::Presliding { self.level(tap) } else { 0.0 };
-                value -= law.force(p, &point, s, self.z[states.start], level);
+                // What is added to a value is added to it whatever it drives.
+                let sign = if *law == Law::Bias { 1.0 } else { own.sign };
+                value -= sign * law.force(p, &point, s, self.z[states.start], level);
             }
         }
         value
@@ -202,6 +217,7 @@ impl<'a> View<'a> {
                 count += states;
             }
         }
+        laws.iter_mut().for_each(|own| own.sort_by_key(|(law, ..): &(Law, Range<usize>, Range<usize>)| law.rank()));
         let seen = [(f64::INFINITY, f64::NEG_INFINITY); 5];
         let survey = survey.then(|| RefCell::new(Survey { ranges: vec![seen; study.taps.len()] }));
         Blocks {
@@ -264,12 +280,19 @@ impl<'a> View<'a> {
         for (index, values) in inputs.iter_mut().enumerate() {
             values.iter_mut().for_each(|values| add(values, shift.inputs.get(index)));
         }
-        for &c in &self.active {
-            let own = &self.study.candidates[c];
-            if let Action::Command { kind, input } = own.action
-                && let Some(values) = &mut inputs[input]
-            {
-                *values = kind.apply(&p[own.entries.clone()], values, record.step);
+        let mut commands: Vec<_> = self
+            .active
+            .iter()
+            .map(|&c| &self.study.candidates[c])
+            .filter_map(|own| match own.action {
+                Action::Command { kind, input } => Some((kind, input, own.entries.clone())),
+                _ => None,
+            })
+            .collect();
+        commands.sort_by_key(|(kind, ..)| kind.rank());
+        for (kind, input, entries) in commands {
+            if let Some(values) = &mut inputs[input] {
+                *values = kind.apply(&p[entries], values, record.step, self.study.held[input]);
             }
         }
         inputs
@@ -290,17 +313,25 @@ impl<'a> View<'a> {
         let mut extra = record.extra.clone();
         extra.iter_mut().enumerate().for_each(|(index, values)| add(values, shift.extra.get(index)));
         let nx = plant.nx;
-        let (mut x, mut dx) = (vec![0.0; nx], [vec![0.0; nx], vec![0.0; nx], vec![0.0; nx], vec![0.0; nx]]);
-        let mut trial = vec![0.0; nx];
-        let mut points = vec![Point::default(); study.taps.len()];
+        let (mut x, mut dx): (Vec<f64>, Slopes) = (vec![0.0; nx], std::array::from_fn(|_| vec![0.0; nx]));
+        let (mut points, mut saved) = (vec![Point::default(); study.taps.len()], vec![0.0; nx]);
         let (n, step) = (piece.range.len(), record.step);
         let window = study.windows.map(|window| ((window / step).round() as usize).max(2));
+        // A command behind a lag moves between its samples.
+        let smooth = |slot: usize| {
+            self.active.iter().any(|&c| match study.candidates[c].action {
+                Action::Command { kind, input } => input == slot && kind.moves_between_samples(),
+                _ => false,
+            })
+        };
+        let held: Vec<bool> =
+            study.held.iter().enumerate().map(|(slot, own)| *own && !smooth(slot)).collect();
         let set = |plant: &mut Plant, k: usize, part: f64| {
             for (slot, values) in inputs.iter().enumerate() {
                 let Some(values) = values else { continue };
                 let here = values[k];
                 let next = values[(k + 1).min(record.n - 1)];
-                plant.slots[slot] = if study.held[slot] { here } else { here + part * (next - here) };
+                plant.slots[slot] = if held[slot] { here } else { here + part * (next - here) };
             }
             let first = plant.extra_first;
             for (slot, values) in extra.iter().enumerate() {
@@ -345,13 +376,13 @@ impl<'a> View<'a> {
                 blocks.now.set(time);
                 plant.evaluate(time, x, dx, &|tap, value, slots| blocks.pass(tap, value, slots))
             };
-            let event = |plant: &mut Plant, time: f64, x: &mut [f64], blocks: &Blocks| {
+            let event = |plant: &mut Plant, (time, state): (f64, bool), x: &mut [f64], blocks: &Blocks| {
                 set(plant, k, (time - t) / step);
                 blocks.now.set(time);
-                plant.event(time, x, &|tap, value, slots| blocks.pass(tap, value, slots))
+                plant.event((time, state), x, &|tap, value, slots| blocks.pass(tap, value, slots))
             };
             if let Some(time) = due(plant, t + near) {
-                event(plant, time.max(t), &mut x, blocks).map_err(super::Problem::fmu)?;
+                event(plant, (time.max(t), false), &mut x, blocks).map_err(super::Problem::fmu)?;
             }
             at(plant, t, &x, &mut dx[0], blocks).map_err(super::Problem::fmu)?;
             if let Some(j) = j {
@@ -368,42 +399,93 @@ impl<'a> View<'a> {
             }
             if k + 1 < piece.range.end {
                 let (mut from, end) = (t, t + step);
+                let (mut events, mut before) = (0, std::mem::take(&mut saved));
                 loop {
                     let between = due(plant, end - near).filter(|time| *time > from);
-                    let to = between.unwrap_or(end);
-                    if nx > 0 {
-                        let [d1, d2, d3, d4] = &mut dx;
-                        let length = to - from;
-                        let mut stage = |part: f64, slope: &[f64], found: &mut [f64], x: &[f64]| {
-                            for (i, value) in trial.iter_mut().enumerate() {
-                                *value = x[i] + part * length * slope[i];
-                            }
-                            at(plant, from + part * length, &trial, found, blocks)
+                    let mut to = between.unwrap_or(end);
+                    before.copy_from_slice(&x);
+                    let move_to = |plant: &mut Plant, to: f64, x: &mut [f64], dx: &mut Slopes| {
+                        self.step(
+                            &|plant, time, x, dx| at(plant, time, x, dx, blocks),
+                            plant,
+                            (from, to),
+                            x,
+                            dx,
+                        )
+                    };
+                    move_to(plant, to, &mut x, &mut dx).map_err(super::Problem::fmu)?;
+                    if x.iter().any(|value| !value.is_finite()) {
+                        return Ok(());
+                    }
+                    let mut state = false;
+                    if plant.has_state_events() && events < MOST_EVENTS {
+                        let crossed = |plant: &mut Plant, to: f64, x: &mut [f64], dx: &mut Slopes| {
+                            x.copy_from_slice(&before);
+                            move_to(plant, to, x, dx)?;
+                            at(plant, to, x, &mut dx[1], blocks)?;
+                            plant.crossed()
                         };
-                        stage(0.5, d1, d2, &x).map_err(super::Problem::fmu)?;
-                        if self.quick {
-                            x.iter_mut().zip(d2.iter()).for_each(|(x, slope)| *x += length * slope);
-                        } else {
-                            stage(0.5, d2, d3, &x).map_err(super::Problem::fmu)?;
-                            stage(1.0, d3, d4, &x).map_err(super::Problem::fmu)?;
-                            for i in 0..nx {
-                                x[i] += length / 6.0 * (d1[i] + 2.0 * (d2[i] + d3[i]) + d4[i]);
+                        state = crossed(plant, to, &mut x, &mut dx).map_err(super::Problem::fmu)?;
+                        let (mut low, mut high) = (from, to);
+                        while state && high - low > near {
+                            let middle = 0.5 * (low + high);
+                            match crossed(plant, middle, &mut x, &mut dx).map_err(super::Problem::fmu)? {
+                                true => high = middle,
+                                false => low = middle,
                             }
                         }
-                        if x.iter().any(|value| !value.is_finite()) {
-                            return Ok(());
+                        if state {
+                            to = high;
+                            crossed(plant, to, &mut x, &mut dx).map_err(super::Problem::fmu)?;
                         }
                     }
-                    if between.is_none() {
+                    if between.is_none() && !state {
                         break;
                     }
-                    event(plant, to, &mut x, blocks).map_err(super::Problem::fmu)?;
+                    events += usize::from(state);
+                    event(plant, (to, state), &mut x, blocks).map_err(super::Problem::fmu)?;
+                    if to >= end {
+                        break;
+                    }
                     at(plant, to, &x, &mut dx[0], blocks).map_err(super::Problem::fmu)?;
                     from = to;
                 }
+                saved = before;
                 plant.step_done().map_err(super::Problem::fmu)?;
             }
             blocks.advance(step, &points);
+        }
+        Ok(())
+    }
+
+    /// One Runge-Kutta step between two times; the first slopes are there.
+    fn step(
+        &self,
+        at: &Rates,
+        plant: &mut Plant,
+        (from, to): (f64, f64),
+        x: &mut [f64],
+        [d1, d2, d3, d4, trial]: &mut Slopes,
+    ) -> Result<(), airloop_fmi::Error> {
+        if x.is_empty() {
+            return Ok(());
+        }
+        let length = to - from;
+        let mut stage = |part: f64, slope: &[f64], found: &mut [f64], x: &[f64]| {
+            for (i, value) in trial.iter_mut().enumerate() {
+                *value = x[i] + part * length * slope[i];
+            }
+            at(plant, from + part * length, trial, found)
+        };
+        stage(0.5, d1, d2, x)?;
+        if self.quick {
+            x.iter_mut().zip(d2.iter()).for_each(|(x, slope)| *x += length * slope);
+            return Ok(());
+        }
+        stage(0.5, d2, d3, x)?;
+        stage(1.0, d3, d4, x)?;
+        for (i, value) in x.iter_mut().enumerate() {
+            *value += length / 6.0 * (d1[i] + 2.0 * (d2[i] + d3[i]) + d4[i]);
         }
         Ok(())
     }
@@ -434,7 +516,10 @@ impl<'a> View<'a> {
     /// Values of the parameters of the system.
     pub fn parameters(&self, p: &[f64]) -> Vec<(super::plant::Parameter, f64)> {
         let declared = self.study.entries.iter().zip(p).filter_map(|(entry, value)| match entry.target {
-            super::model::Target::Declared(parameter) => Some((parameter, *value)),
+            Target::Declared(parameter) => Some((parameter, *value)),
+            Target::Correction { parameter, declared } if *value != 0.0 => {
+                Some((parameter, declared * (1.0 + value)))
+            }
             _ => None,
         });
         self.study.fixed.iter().copied().chain(declared).collect()
@@ -458,6 +543,10 @@ impl<'a> View<'a> {
                     Sensor::Gain => own.iter_mut().for_each(|y| *y *= 1.0 + value),
                     Sensor::Delay => {
                         let late = delayed(own, value / step);
+                        own.copy_from_slice(&late);
+                    }
+                    Sensor::Lag => {
+                        let late = Command::Lag.apply(&[value], own, step, false);
                         own.copy_from_slice(&late);
                     }
                 }

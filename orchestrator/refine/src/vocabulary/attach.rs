@@ -160,7 +160,9 @@ fn push(study: &mut Study, attachment: &Attachment, tap: usize, own: &Arc<Own>, 
     let entries = first..study.entries.len();
     study.candidates.push(Candidate {
         id: own.kind.clone(),
-        channel: channel.unwrap_or(CHANNELS[0]),
+        channel: channel.unwrap_or(""),
+        port: study.taps[tap].name.clone(),
+        twin: false,
         signal: None,
         action: Action::Block { law: Law::Own(index), tap },
         entries,

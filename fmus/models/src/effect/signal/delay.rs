@@ -2,7 +2,7 @@
 
 use fmi2_export::{MemoryBlock, Outcome, Real, Refusal, Scalar, Table, Values};
 
-/// `u(t - delay)`, linear between samples and 0 before the first.
+/// `u(t - delay)`, linear between samples and 0 before the first unless it is filled.
 pub struct Delay {
     delay: Real,
     /// Signals of the last samples, youngest first.
@@ -40,6 +40,11 @@ impl Delay {
         let i = whole as usize;
         let (near, far) = (back(i), back(i + 1));
         near + part * (far - near)
+    }
+
+    /// The signal had this value for long.
+    pub fn fill<S: Scalar>(&self, q: &mut Values<S>, u: S) {
+        (0..self.line.len()).for_each(|i| q[self.line.at(i)] = u);
     }
 
     pub fn push(&self, q: &mut Values<f64>, u: f64) {

@@ -20,6 +20,11 @@ impl Hysteresis {
         q[self.play.at(0)].max(u - width).min(u + width)
     }
 
+    /// The play stands at this value.
+    pub fn rest_at<S: Scalar>(&self, q: &mut Values<S>, u: S) {
+        q[self.play.at(0)] = u;
+    }
+
     pub fn keep(&self, q: &mut Values<f64>, play: f64) {
         q[self.play.at(0)] = play;
     }

@@ -9,7 +9,7 @@ mod mode;
 #[cfg(test)]
 mod tests;
 
-use fmi2_export::{Identity, MemoryBlock, Model, Outcome, Real, Scalar, Table, Values};
+use fmi2_export::{Boolean, Identity, MemoryBlock, Model, Outcome, Real, Scalar, Table, Values};
 
 use delay::Delay;
 use hysteresis::Hysteresis;
@@ -24,7 +24,7 @@ const LONGEST: usize = 256;
 ///
 /// | effect | equation | off |
 /// |---|---|---|
-/// | delay | `u(t - delay)`, linear between samples, 0 before the first | `delay = 0` |
+/// | delay | `u(t - delay)`, linear between samples, before the first 0 or the first value | `delay = 0` |
 /// | hysteresis | `h(k) = min(max(h(k-1), u - width), u + width)` | `hysteresis_width = 0` |
 /// | dead band | `u - clip(u, -width, width)` | `deadband_width = 0` |
 /// | saturation | `clip(u, -limit, limit)` | `saturation_limit = 0` |
@@ -54,6 +54,7 @@ pub struct SignalEffect {
     mode: Mode,
     backpressure: Real,
     offset: Real,
+    starts_at_zero: Boolean,
     held: MemoryBlock,
 }
 
@@ -138,6 +139,10 @@ impl Model for SignalEffect {
                 .about("force lost with the velocity")
                 .real(0.0),
             offset: t.parameter("offset_value").about("constant offset, unit of u").real(0.0),
+            starts_at_zero: t
+                .parameter("starts_at_zero")
+                .about("before the start u was 0; else it had its first value, which delay, play and mode then hold")
+                .boolean(true),
             held: t.memory(1),
         }
     }
@@ -146,6 +151,17 @@ impl Model for SignalEffect {
         let sample_time = q[self.sample_time];
         self.delay.check(q, sample_time)?;
         self.mode.prepare(q, sample_time);
+        Ok(())
+    }
+
+    fn initialize<S: Scalar>(&self, q: &mut Values<S>) -> Outcome {
+        if !q[self.starts_at_zero] {
+            let first = q[self.u];
+            self.delay.fill(q, first);
+            self.hysteresis.rest_at(q, first);
+            let settled = self.sampled(q).mode_input;
+            self.mode.rest_at(q, settled);
+        }
         Ok(())
     }
 

@@ -65,6 +65,11 @@ impl Mode {
         }
     }
 
+    /// The mode has settled at this value.
+    pub fn rest_at<S: Scalar>(&self, q: &mut Values<S>, u: S) {
+        (q[self.state.at(0)], q[self.state.at(1)]) = (u, S::zero());
+    }
+
     pub fn switch_off(&self, q: &mut Values<f64>) {
         q[self.freq] = 0.0;
     }

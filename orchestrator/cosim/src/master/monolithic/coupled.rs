@@ -274,6 +274,48 @@ impl Coupled {
             .map(|(slot, _)| *slot)
     }
 
+    /// State derivatives where the instances stand, in event mode, into `dx`, `[n]`.
+    pub fn rates_at_event(&mut self, dx: &mut [f64]) -> Result<(), LoopFailure> {
+        self.pass(|coupled| &mut coupled.all)?;
+        for (model, states) in self.models.iter_mut().zip(&self.states) {
+            if !states.is_empty() {
+                model.get_derivatives(&mut dx[states.clone()])?;
+            }
+        }
+        Ok(())
+    }
+
+    /// The states that the instances have, into `x`, `[n]`.
+    pub fn states_of_models(&mut self, x: &mut [f64]) -> Result<(), FmuError> {
+        for (model, states) in self.models.iter_mut().zip(&self.states) {
+            if !states.is_empty() {
+                model.get_continuous_states(&mut x[states.clone()])?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Values of the system inputs; 0 for a String.
+    pub fn input_values(&self) -> Vec<f64> {
+        let value = |slot: &Option<Slot>| match *slot {
+            Some(Slot::Real(index)) => self.values.reals[index],
+            Some(Slot::Integer(index)) => f64::from(self.values.integers[index]),
+            Some(Slot::Boolean(index)) => f64::from(u8::from(self.values.booleans[index])),
+            None => 0.0,
+        };
+        self.wiring.inputs.iter().map(value).collect()
+    }
+
+    /// Place of the states of a model in those of the system.
+    pub fn states_of(&self, model: usize) -> Range<usize> {
+        self.states[model].clone()
+    }
+
+    /// Place of a value in the buffer of its type.
+    pub fn index_of(&self, source: Source) -> usize {
+        self.wiring.index_of(source)
+    }
+
     /// Nominal values of the states, `[n]`.
     pub fn nominals(&mut self, nominals: &mut [f64]) -> Result<(), FmuError> {
         for (model, states) in self.models.iter_mut().zip(&self.states) {

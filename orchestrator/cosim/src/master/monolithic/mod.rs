@@ -11,6 +11,7 @@ mod coupled;
 mod dop853;
 mod inputs;
 mod integrate;
+mod models;
 
 use super::driver::{End, Run, Simulation};
 use super::propagation::LoopFailure;
@@ -21,6 +22,7 @@ use crate::system::SystemGraph;
 use coupled::{Coupled, Event};
 pub(super) use inputs::Inputs;
 use integrate::{Failure, Integrator, Reached};
+pub use models::{EventReport, Models, Tangent};
 
 /// Relative tolerance where nothing else is said.
 pub const DEFAULT_TOLERANCE: f64 = 1e-10;
@@ -115,6 +117,10 @@ impl<'a> Simulation<'a> for Monolith<'a> {
             // The row of the end itself, unless it is there already.
             if rows.ends_before(self.time) {
                 self.record(rows, self.time)?;
+            }
+            // No interval follows in which a value could stand that the last event has set. It may be refused.
+            if self.coupled.read_results(self.graph, self.time).is_ok() {
+                self.coupled.values.close(rows);
             }
             return Err(End::Terminated { component, time: None });
         }

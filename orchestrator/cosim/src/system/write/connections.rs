@@ -22,13 +22,15 @@ pub(super) type Ends<'a> = (Option<Named<'a>>, Option<Named<'a>>);
 /// Attributes of a connection whose ends have the units of any of the `readings`.
 ///
 /// Tools may disagree on the order of unit conversion and transformation and on the last bits of a conversion; so a
-/// transformation between ends with units is written as one that replaces the conversion.
-pub(super) fn said(wanted: Conversion, readings: &[Ends]) -> Said {
+/// transformation between ends with units is written as one that replaces the conversion. `converts`: the reader
+/// converts units.
+pub(super) fn said(wanted: Conversion, readings: &[Ends], converts: bool) -> Said {
     let by_units = |(start, end): &Ends| match (start, end) {
         (Some(start), Some(end)) => conversion(*start, *end).ok(),
         _ => Some(Conversion::IDENTITY),
     };
-    if readings.iter().all(|ends| by_units(ends) == Some(wanted)) {
+    let left_to_units = converts || wanted == Conversion::IDENTITY;
+    if left_to_units && readings.iter().all(|ends| by_units(ends) == Some(wanted)) {
         return Said { suppress: false, transformation: None };
     }
     Said {
@@ -81,7 +83,7 @@ mod tests {
         let milli = Conversion { factor: 1e-3, offset: 0.0 };
         let twice = Conversion { factor: 2.0, offset: -1.0 };
         let said = |wanted, start, end| {
-            let said = super::said(wanted, &[(start, end)]);
+            let said = super::said(wanted, &[(start, end)], true);
             (said.suppress, said.transformation)
         };
         assert_eq!(said(milli, named("mN"), named("N")), (false, None));
@@ -94,10 +96,19 @@ mod tests {
     }
 
     #[test]
+    fn a_reader_that_knows_no_units_gets_every_conversion() {
+        let milli = Conversion { factor: 1e-3, offset: 0.0 };
+        let ends = [(named("mN"), named("N"))];
+        assert_eq!(said(milli, &ends, false), Said { suppress: true, transformation: Some(milli) });
+        let ends = [(named("N"), named("N"))];
+        assert_eq!(said(Conversion::IDENTITY, &ends, false), Said { suppress: false, transformation: None });
+    }
+
+    #[test]
     fn a_conversion_that_depends_on_whose_units_count_is_written_out() {
         let double = Conversion { factor: 2.0, offset: 0.0 };
         let half = Unit { factor: 0.5, ..units::lookup("N").unwrap() };
         let readings = [(named("N"), named("N")), (named("N"), Some(("N", Some(half))))];
-        assert_eq!(said(double, &readings), Said { suppress: true, transformation: Some(double) });
+        assert_eq!(said(double, &readings, true), Said { suppress: true, transformation: Some(double) });
     }
 }

@@ -5,7 +5,7 @@ use std::path::Path;
 use super::connections::{Said, of_source, of_system, of_variable, said};
 use super::types::{Enumerations, Units, component_connector, items, system_connector};
 use super::xml::Xml;
-use super::{Error, Version};
+use super::{Error, Tool, Version};
 use crate::system::graph::{Component, Source, Start, SystemGraph, unit_of};
 use crate::system::validate::UnitTable;
 use crate::system::{ssp, ssv};
@@ -13,6 +13,22 @@ use airloop_fmi::{Causality, VariableKind};
 
 const COMMON: &str = "http://ssp-standard.org/SSP1/SystemStructureCommon";
 const TOOL: &str = concat!("airloop ", env!("CARGO_PKG_VERSION"));
+/// Namespace of the annotation that OMSimulator reads.
+const OPEN_MODELICA: &str =
+    "https://raw.githubusercontent.com/OpenModelica/OMSimulator/master/schema/oms.xsd";
+/// Name of every parameter set: Ecos applies all sets of the one name that it is given.
+pub const SET: &str = "initialValues";
+/// Step size where the system suggests none \[s\]; that of the masters.
+const STEP_SIZE: f64 = 1e-3;
+
+/// Form of a document.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct How {
+    /// Version of the standard.
+    pub version: Version,
+    /// Reader.
+    pub tool: Tool,
+}
 
 /// The `.ssd` text. `sources` are the URIs of the FMUs, `sets` those of the parameter sets of all components that have
 /// start values; without `sets` the values are written into the description.
@@ -20,18 +36,19 @@ pub(super) fn description(
     graph: &SystemGraph,
     sources: &[String],
     sets: Option<&[Option<String>]>,
-    version: Version,
+    how: How,
     file: &Path,
 ) -> Result<String, Error> {
     let used = connected(graph);
     let units = Units::of(graph, &used);
     let mut enumerations = Enumerations::default();
     let mut xml = Xml::new();
-    let version = version.to_string();
+    let version = how.version.to_string();
     let mut root = vec![("xmlns:ssd", ssp::NAMESPACE), ("xmlns:ssc", COMMON)];
     if sets.is_none() {
         root.push(("xmlns:ssv", ssv::NAMESPACE));
     }
+    root.push(("xmlns:oms", OPEN_MODELICA));
     root.extend([("version", version.as_str()), ("name", &graph.name), ("generationTool", TOOL)]);
     xml.open("ssd:SystemStructureDescription", &root);
     xml.open("ssd:System", &[("name", &graph.name)]);
@@ -59,12 +76,13 @@ pub(super) fn description(
                 }
                 xml.close();
             }
-            binding(&mut xml, component, &name, sets.map(|sets| sets[index].as_deref()), &version);
+            binding(&mut xml, component, sets.map(|sets| sets[index].as_deref()), how);
             xml.close();
         }
         xml.close();
     }
-    connections(&mut xml, graph, &units);
+    connections(&mut xml, graph, &units, how.tool);
+    fixed_step(&mut xml, graph.experiment.step_size.unwrap_or(STEP_SIZE));
     xml.close();
     enumerations.write(&mut xml);
     units.write(&mut xml, "ssd:Units");
@@ -82,15 +100,10 @@ pub(super) fn description(
 }
 
 /// The `.ssv` text of the start values of a component.
-pub(super) fn parameter_set(
-    component: &Component,
-    name: &str,
-    version: Version,
-    file: &Path,
-) -> Result<String, Error> {
+pub(super) fn parameter_set(component: &Component, how: How, file: &Path) -> Result<String, Error> {
     let mut xml = Xml::new();
     let root = [("xmlns:ssv", ssv::NAMESPACE), ("xmlns:ssc", COMMON)];
-    set(&mut xml, component, name, &version.to_string(), &root);
+    set(&mut xml, component, how, &root);
     xml.finish(file)
 }
 
@@ -137,7 +150,22 @@ fn system_connectors(xml: &mut Xml, graph: &SystemGraph, enumerations: &mut Enum
     xml.close();
 }
 
-fn connections(xml: &mut Xml, graph: &SystemGraph, units: &Units) {
+/// The annotation by which OMSimulator knows that the components are stepped by a master, and its step \[s\].
+fn fixed_step(xml: &mut Xml, step_size: f64) {
+    xml.open("ssd:Annotations", &[]);
+    xml.open("ssc:Annotation", &[("type", "org.openmodelica")]);
+    xml.open("oms:Annotations", &[]);
+    xml.open("oms:SimulationInformation", &[]);
+    let step_size = format!("{step_size:?}");
+    let master =
+        [("description", "oms-ma"), ("stepSize", step_size.as_str()), ("relativeTolerance", "0.0001")];
+    xml.empty("oms:FixedStepMaster", &master);
+    for _ in 0..4 {
+        xml.close();
+    }
+}
+
+fn connections(xml: &mut Xml, graph: &SystemGraph, units: &Units, tool: Tool) {
     if graph.connections.is_empty() && graph.outputs.is_empty() {
         return;
     }
@@ -152,7 +180,7 @@ fn connections(xml: &mut Xml, graph: &SystemGraph, units: &Units) {
             let end = of_variable(graph, table, component, variable);
             (of_source(graph, table, connection.source), end)
         });
-        let how = said(connection.conversion, &readings);
+        let how = said(connection.conversion, &readings, tool.reads_units());
         let end = Source::Output { component, variable };
         write_connection(xml, graph, connection.source, (Some(end), ""), how);
     }
@@ -161,7 +189,7 @@ fn connections(xml: &mut Xml, graph: &SystemGraph, units: &Units) {
             let end = of_system(output.unit.as_deref(), table);
             (of_source(graph, table, output.source), end)
         });
-        let how = said(output.conversion, &readings);
+        let how = said(output.conversion, &readings, tool.reads_units());
         write_connection(xml, graph, output.source, (None, &output.name), how);
     }
     xml.close();
@@ -200,7 +228,7 @@ fn write_connection(
 }
 
 /// The binding of the start values: a reference to a set, or the set itself.
-fn binding(xml: &mut Xml, component: &Component, name: &str, source: Option<Option<&str>>, version: &str) {
+fn binding(xml: &mut Xml, component: &Component, source: Option<Option<&str>>, how: How) {
     if component.start_values.is_empty() {
         return;
     }
@@ -211,7 +239,7 @@ fn binding(xml: &mut Xml, component: &Component, name: &str, source: Option<Opti
         None => {
             xml.open("ssd:ParameterBinding", &[kind]);
             xml.open("ssd:ParameterValues", &[]);
-            set(xml, component, name, version, &[]);
+            set(xml, component, how, &[]);
             xml.close();
             xml.close();
         }
@@ -219,11 +247,12 @@ fn binding(xml: &mut Xml, component: &Component, name: &str, source: Option<Opti
     xml.close();
 }
 
-fn set(xml: &mut Xml, component: &Component, name: &str, version: &str, namespaces: &[(&str, &str)]) {
+fn set(xml: &mut Xml, component: &Component, how: How, namespaces: &[(&str, &str)]) {
+    let version = how.version.to_string();
     let description = &component.fmu.description;
     let mut units = Units::default();
     let mut attributes = namespaces.to_vec();
-    attributes.extend([("version", version), ("name", name)]);
+    attributes.extend([("version", version.as_str()), ("name", SET)]);
     xml.open("ssv:ParameterSet", &attributes);
     xml.open("ssv:Parameters", &[]);
     for start in &component.start_values {
@@ -244,7 +273,9 @@ fn set(xml: &mut Xml, component: &Component, name: &str, version: &str, namespac
                     None => xml.empty("ssv:Real", &[("value", &number)]),
                 }
             }
-            (Start::Integer(value), VariableKind::Enumeration { declared_type, .. }) => {
+            (Start::Integer(value), VariableKind::Enumeration { declared_type, .. })
+                if how.tool.reads_enumerations() =>
+            {
                 let items = items(description, declared_type);
                 let item = items.iter().find(|(_, known)| known == value).map_or(&number, |(name, _)| name);
                 xml.empty("ssv:Enumeration", &[("value", item)]);

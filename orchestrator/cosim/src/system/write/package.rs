@@ -1,4 +1,7 @@
 //! An `.ssp` archive: the description, the FMUs and a parameter set per component that has start values.
+//!
+//! FMUs that can hold start values get those of their component ([`baked`]); the parameter set says the same once more, for
+//! readers that know FMUs by their files.
 
 use std::fs::File;
 use std::io::{self, Seek, Write};
@@ -7,9 +10,11 @@ use std::path::{Path, PathBuf};
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, DateTime, ZipWriter};
 
-use super::document::{component_name, description, parameter_set};
+use tempfile::TempDir;
+
+use super::document::{How, component_name, description, parameter_set};
 use super::source::{encoded, unique};
-use super::{Error, Version};
+use super::{Error, baked};
 use crate::system::SystemGraph;
 
 /// Planned content of an archive: all texts are made, the FMUs are found.
@@ -18,15 +23,27 @@ pub(super) struct Package {
     texts: Vec<(String, String)>,
     /// Name in the archive and file.
     fmus: Vec<(String, PathBuf)>,
+    /// Holds the derived FMUs until they are packed.
+    _derived: TempDir,
 }
 
 impl Package {
-    pub fn new(graph: &SystemGraph, version: Version, file: &Path) -> Result<Package, Error> {
+    pub fn new(graph: &SystemGraph, how: How, file: &Path) -> Result<Package, Error> {
+        let derived = tempfile::tempdir().map_err(|source| Error::Io { file: file.into(), source })?;
         let mut taken: Vec<PathBuf> = Vec::new();
         let mut known: Vec<(PathBuf, PathBuf)> = Vec::new();
         let (mut sources, mut sets, mut texts) = (Vec::new(), Vec::new(), Vec::new());
-        for component in &graph.components {
+        for (index, component) in graph.components.iter().enumerate() {
             let path = &component.fmu.path;
+            let own = component_name(graph, index);
+            let out = derived.path().join(format!("{index}.fmu"));
+            if baked::derive(component, &own, file, &out)? {
+                let name = unique(&own, "fmu", &taken);
+                taken.push(name.clone());
+                sources.push(format!("resources/{}", encoded(&name.to_string_lossy())));
+                known.push((out, name));
+                continue;
+            }
             let real = path.canonicalize().map_err(|source| Error::Io { file: path.clone(), source })?;
             let name = match known.iter().find(|(other, _)| *other == real) {
                 Some((_, name)) => name.clone(),
@@ -50,14 +67,14 @@ impl Package {
             taken.push(inside.clone());
             let inside = inside.to_string_lossy().into_owned();
             sets.push(Some(format!("resources/{}", encoded(&inside))));
-            let text = parameter_set(component, &name, version, file)?;
+            let text = parameter_set(component, how, file)?;
             texts.push((format!("resources/{inside}"), text));
         }
-        let text = description(graph, &sources, Some(&sets), version, file)?;
+        let text = description(graph, &sources, Some(&sets), how, file)?;
         texts.insert(0, ("SystemStructure.ssd".into(), text));
         let fmus =
             known.into_iter().map(|(path, name)| (format!("resources/{}", name.display()), path)).collect();
-        Ok(Package { texts, fmus })
+        Ok(Package { texts, fmus, _derived: derived })
     }
 
     /// Writes the archive; time stamps are the earliest that zip has, permissions are fixed.

@@ -1,0 +1,91 @@
+//! `airloop export-fmu`: a whole system as one FMU.
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use clap::ValueEnum;
+
+use super::args::parse_assignment;
+use super::export::parse_step;
+use airloop::Error;
+use airloop_cosim::system::SystemGraph;
+use airloop_fmi::template_folder;
+use airloop_system::{Master, Recipe};
+
+/// Name of the archive with the library that runs a system.
+const TEMPLATE: &str = "template/airloop-system";
+
+/// `airloop export-fmu`
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Examples:\n  \
+    airloop export-fmu examples/01_run/system.ssd -o cart_pole.fmu\n  \
+    airloop export-fmu system.ssd --set cart_pole.m_p=0.12 --master jacobi --step 0.5ms -o amended.fmu")]
+pub struct Args {
+    /// System: .ssd, .ssp, or a single .fmu.
+    pub system: PathBuf,
+    /// File to write.
+    #[arg(short, long, value_name = "FILE")]
+    pub output: PathBuf,
+    /// Master that steps the components in Co-Simulation; Model Exchange has none.
+    #[arg(long, value_enum, default_value_t = MasterChoice::GaussSeidel)]
+    pub master: MasterChoice,
+    /// Communication step size inside [s], e.g. 1ms or 0.001; a step of the importer is made of these. Default: that
+    /// of the default experiment of a single FMU, else 1ms.
+    #[arg(long, value_name = "TIME", value_parser = parse_step, allow_hyphen_values = true)]
+    pub step: Option<f64>,
+    /// Name of the model. Default: that of the system.
+    #[arg(long)]
+    pub name: Option<String>,
+    /// Start value of a parameter, input or state, in the unit of the variable: component.variable=value (or
+    /// variable=value for a single FMU). May be repeated.
+    #[arg(long, value_name = "NAME=VALUE", value_parser = parse_assignment)]
+    pub set: Vec<(String, String)>,
+    /// Print nothing but errors.
+    #[arg(short, long)]
+    pub quiet: bool,
+}
+
+/// `--master`
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum MasterChoice {
+    /// Serial: each component gets the new outputs of those before it.
+    GaussSeidel,
+    /// Parallel: all get the outputs at the communication point.
+    Jacobi,
+    /// Linearly implicit, with one correction.
+    InterfaceJacobian,
+}
+
+/// Runs the command.
+///
+/// # Errors
+/// Fails if the system cannot be read, has no interface or platform in common, or the FMU not be written.
+pub fn run(args: &Args) -> Result<ExitCode, Error> {
+    let mut graph = SystemGraph::open_to_read(&args.system)?;
+    for (name, value) in &args.set {
+        graph.set_start(name, value, &format!("--set {name}={value}"))?;
+    }
+    let default = Recipe::new(&graph);
+    let recipe = Recipe {
+        name: args.name.clone().unwrap_or_else(|| default.name.clone()),
+        master: match args.master {
+            MasterChoice::GaussSeidel => Master::GaussSeidel,
+            MasterChoice::Jacobi => Master::Jacobi,
+            MasterChoice::InterfaceJacobian => Master::InterfaceJacobian,
+        },
+        step: args.step.unwrap_or(default.step),
+        ..default
+    };
+    let template = template_folder::template(TEMPLATE, None)?;
+    let platforms = airloop_system::write(&graph, &recipe, &template, &args.output)?;
+    if !args.quiet {
+        super::output::print(&format!(
+            "{}: {}, components: {}, platforms: {}\n",
+            args.output.display(),
+            recipe.name,
+            graph.components.len(),
+            platforms.join(", ")
+        ))?;
+    }
+    Ok(ExitCode::SUCCESS)
+}

@@ -1,0 +1,92 @@
+//! The checker's runs of an FMU in a process of its own: what the library prints stays out of our output, and a crash,
+//! an `exit` and an endless call become findings.
+
+use std::path::Path;
+use std::process::{Command, ExitStatus, Stdio};
+use std::time::{Duration, Instant};
+
+use airloop::Error;
+use airloop_fmi::check::{self, Finding, Severity};
+use airloop_fmi::{Fmu, trace};
+
+/// Files in the folder that both processes share.
+const FINDINGS: &str = "findings.json";
+const CALL: &str = "call";
+/// Time between two looks at the process.
+const LOOK: Duration = Duration::from_millis(5);
+
+/// The worker: runs the library of the FMU at `file` and writes its findings into `folder`.
+///
+/// # Errors
+/// The FMU cannot be opened, or the folder not be written.
+pub fn work(file: &Path, folder: &Path) -> Result<(), Error> {
+    let io = |path: &Path| {
+        let file = path.to_owned();
+        move |source| airloop_cosim::system::Error::Io { file, source }
+    };
+    let (call, result) = (folder.join(CALL), folder.join(FINDINGS));
+    trace::write_calls_to(&call).map_err(io(&call))?;
+    let findings = check::dynamic_findings(&Fmu::open(file)?);
+    let text = serde_json::to_string(&findings).unwrap_or_default();
+    std::fs::write(&result, text).map_err(io(&result))?;
+    Ok(())
+}
+
+/// Findings of a worker that runs the library of an FMU for at most `limit`.
+///
+/// # Errors
+/// The worker cannot be started.
+pub fn findings(fmu: &Fmu, limit: Duration) -> Result<Vec<Finding>, Error> {
+    let io = |source| airloop_cosim::system::Error::Io { file: fmu.shown.clone(), source };
+    let folder = tempfile::tempdir().map_err(io)?;
+    let mut child = Command::new(std::env::current_exe().map_err(io)?)
+        .args(["inspect", "--check", "--worker"])
+        .arg(folder.path())
+        .arg("--")
+        .arg(&fmu.path)
+        .stdin(Stdio::null())
+        // What the FMU prints is no part of our output.
+        .stdout(Stdio::from(std::io::stderr()))
+        .spawn()
+        .map_err(io)?;
+    let began = Instant::now();
+    let status = loop {
+        match child.try_wait().map_err(io)? {
+            Some(status) => break Some(status),
+            None if began.elapsed() > limit => {
+                // It may have ended by itself in the meantime.
+                let _ = child.kill();
+                child.wait().map_err(io)?;
+                break None;
+            }
+            None => std::thread::sleep(LOOK),
+        }
+    };
+    let written = std::fs::read_to_string(folder.path().join(FINDINGS)).ok();
+    if let Some(found) = written.and_then(|text| serde_json::from_str(&text).ok()) {
+        return Ok(found);
+    }
+    let call = trace::last_call(&folder.path().join(CALL));
+    let element = call.map_or_else(|| "before the first call".to_owned(), |call| format!("call of {call}"));
+    let message = match status {
+        None => format!("it did not return within {} s; --time-limit allows more", limit.as_secs_f64()),
+        Some(status) => format!("the process of the FMU ended there by {}", cause(status)),
+    };
+    Ok(vec![Finding { severity: Severity::Error, rule: "process-lost".into(), element, message }])
+}
+
+fn cause(status: ExitStatus) -> String {
+    #[cfg(unix)]
+    if let Some(signal) = std::os::unix::process::ExitStatusExt::signal(&status) {
+        let name = match signal {
+            4 => " (SIGILL)",
+            6 => " (SIGABRT)",
+            7 => " (SIGBUS)",
+            8 => " (SIGFPE)",
+            11 => " (SIGSEGV)",
+            _ => "",
+        };
+        return format!("signal {signal}{name}");
+    }
+    status.code().map_or_else(|| status.to_string(), |code| format!("exit code {code}"))
+}

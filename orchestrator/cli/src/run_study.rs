@@ -1,0 +1,123 @@
+//! `airloop run SYSTEM --study FILE`: a system on the records of a study, compared as the study compares them.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::process::ExitCode;
+
+use serde::Serialize;
+
+use super::args::RunArgs;
+use super::table::table;
+use super::{folder, output};
+use airloop::Error;
+use airloop_refine::answer::Errors;
+use airloop_refine::study;
+use airloop_refine::study::replay::{Replay, replay};
+use airloop_series::csv;
+
+/// File of all errors.
+const SUMMARY: &str = "summary.json";
+
+/// Errors of some records.
+#[derive(Serialize)]
+struct ErrorsRecord<'a> {
+    rms: &'a BTreeMap<String, f64>,
+    nrmse: &'a BTreeMap<String, f64>,
+}
+
+impl<'a> From<&'a Errors> for ErrorsRecord<'a> {
+    fn from(own: &'a Errors) -> ErrorsRecord<'a> {
+        ErrorsRecord { rms: &own.rms, nrmse: &own.nrmse }
+    }
+}
+
+/// One record.
+#[derive(Serialize)]
+struct Record<'a> {
+    name: &'a str,
+    role: &'a str,
+    file: String,
+    #[serde(flatten)]
+    errors: ErrorsRecord<'a>,
+}
+
+/// `summary.json`.
+#[derive(Serialize)]
+struct Summary<'a> {
+    airloop_version: &'a str,
+    system: String,
+    study: String,
+    estimation: ErrorsRecord<'a>,
+    validation: ErrorsRecord<'a>,
+    records: Vec<Record<'a>>,
+    files: Vec<String>,
+}
+
+/// Runs the command.
+///
+/// # Errors
+/// A file that is no study, names that the system does not have, and results that cannot be written.
+pub fn run(args: &RunArgs, study: &Path) -> Result<ExitCode, Error> {
+    let Some(file) = study::find(study)? else {
+        return Err(airloop_refine::Error::Case {
+            path: study.into(),
+            problem: "this is no study: give a study.toml, or a folder with study.toml or dataset.toml"
+                .into(),
+        }
+        .into());
+    };
+    let found = replay(&file, &args.system)?;
+    let names: Vec<String> =
+        (0..found.records.len()).map(|k| format!("record_{}.csv", k + 1)).chain([SUMMARY.into()]).collect();
+    folder::make(&args.output)?;
+    folder::check(&args.output, &[args.system.clone(), study.to_owned()], &names)?;
+    folder::clear(&args.output)?;
+    for (own, name) in found.records.iter().zip(&names) {
+        csv::write(&own.series, &args.output.join(name))?;
+    }
+    let records = found.records.iter().zip(&names).map(|(own, name)| Record {
+        name: &own.record,
+        role: own.role.word(),
+        file: name.clone(),
+        errors: (&own.errors).into(),
+    });
+    let summary = Summary {
+        airloop_version: env!("CARGO_PKG_VERSION"),
+        system: args.system.display().to_string(),
+        study: study.display().to_string(),
+        estimation: (&found.errors[0]).into(),
+        validation: (&found.errors[1]).into(),
+        records: records.collect(),
+        files: names.clone(),
+    };
+    let path = args.output.join(SUMMARY);
+    airloop_series::file::write_json(&path, &summary)
+        .map_err(|source| airloop_series::csv::Error::Io { path: path.clone(), source })?;
+    if !args.quiet {
+        output::print(&text(&found))?;
+        output::print(&format!("\nresults  {}\n", args.output.display()))?;
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+/// The errors as a table.
+fn text(found: &Replay) -> String {
+    let row = |name: &str, role: &str, signal: &String, errors: &Errors| {
+        let percent = 100.0 * errors.nrmse.get(signal).copied().unwrap_or(f64::NAN);
+        vec![
+            name.to_owned(),
+            role.to_owned(),
+            signal.clone(),
+            format!("{:.5e}", errors.rms[signal]),
+            format!("{percent:.2} %"),
+        ]
+    };
+    let mut rows = Vec::new();
+    for (errors, role) in found.errors.iter().zip(["estimation", "validation"]) {
+        rows.extend(errors.rms.keys().map(|signal| row("all", role, signal, errors)));
+    }
+    for own in &found.records {
+        rows.extend(own.errors.rms.keys().map(|s| row(&own.record, own.role.word(), s, &own.errors)));
+    }
+    table(&["record", "role", "signal", "rms", "NRMSE"], &rows, &[3, 4])
+}

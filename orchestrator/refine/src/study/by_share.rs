@@ -1,0 +1,304 @@
+//! The effects of a study that no model explains to the noise: for their share of the error, beside corrections of the
+//! declared parameters within their tolerances.
+
+use std::collections::BTreeMap;
+
+use super::explain::{self, Judge};
+use super::fits::{self, Fits};
+use super::model::{Action, Study, Target};
+use super::physical::physical;
+use super::search::{Say, Selection};
+use super::simulate::Piece;
+use super::whole::Whole;
+use crate::answer::{Correction, Settings, Step, Tried};
+use crate::engine::System;
+use crate::engine::candidate::{Candidate, Start};
+use crate::engine::fit::Free;
+use crate::engine::forward_selection::{self, Found, Question};
+use crate::engine::held_out::HeldOut;
+use crate::engine::normal::{columns, dot};
+use crate::engine::search::Model;
+
+/// Corrections that are fitted at most: those that move the residuals most within their tolerance.
+const MAX_CORRECTIONS: usize = 16;
+/// Fall of the sum of squares, residuals in units of the floor, that a correction of one tolerance must be able to bring.
+const MIN_INFLUENCE: f64 = 4.0;
+/// Cosine of the angle between what a correction and an effect change from which on they are the same.
+const SAME: f64 = 0.999;
+/// Records up to which spans of them are held out instead of whole ones.
+const FEW_RECORDS: usize = 2;
+
+/// Outcome of the forward selection in the terms of a study.
+pub struct ByShare {
+    /// Effects with corrections, and the single ones; `declared` is the declared model as it stands.
+    pub selection: Selection,
+    /// The corrections alone.
+    pub corrected: fits::Model,
+    /// Corrections beside the effects.
+    pub corrections: Vec<Correction>,
+    /// Whether the fits counted residuals as the independent samples that they hold.
+    pub weighted: bool,
+    /// What was tried.
+    pub steps: Vec<Step>,
+    /// Channel and variable of a free form that takes away much more than the effects, and the share that it takes.
+    pub free_form: Option<(String, Vec<String>, f64)>,
+}
+
+impl ByShare {
+    /// Whether it found the effects of another search with every correction within one tolerance.
+    pub fn is_without_corrections(&self, other: &Selection) -> bool {
+        let sorted = |selection: &Selection| {
+            let mut added = selection.best.added.clone();
+            added.sort_unstable();
+            added
+        };
+        let small = self.corrections.iter().all(|own| own.moved.abs() < own.tolerance);
+        small && !other.best.added.is_empty() && sorted(&self.selection) == sorted(other)
+    }
+}
+
+/// Searches from the fitted declared model beside what effects alone give; `units`: unit of the error by output.
+pub fn search(
+    fits: &Fits,
+    judge: &Judge,
+    exact: &Selection,
+    units: &[f64],
+    settings: &Settings,
+    say: Say,
+) -> ByShare {
+    let (study, declared) = (fits.study, &exact.declared);
+    let (pieces, folds) = pieces(fits);
+    let view = fits.view(&[], &pieces);
+    let whole = Whole::new(&view, judge.floor(fits), say);
+    let units: BTreeMap<String, f64> =
+        study.outputs.iter().zip(units).map(|(output, unit)| (output.name.clone(), *unit)).collect();
+    let held_out = HeldOut::new(&whole, &units);
+    let candidates: Vec<Candidate> = (0..study.candidates.len()).map(|c| candidate(study, c)).collect();
+    let p = &declared.fit.parameters;
+    let locals = fits::locals_of(fits, &pieces, declared);
+    let rules = settings.forward_selection;
+    let known = known(study, &whole, (p, &locals), &candidates, rules.max_tolerances);
+    let always = study.declared_free();
+    let free_forms: Vec<usize> = (0..study.candidates.len()).filter(|&c| study.candidates[c].probe).collect();
+    let question = Question {
+        system: &whole,
+        held_out: &held_out,
+        candidates: &candidates,
+        corrections: &known,
+        declared: p,
+        always: &always,
+        locals,
+        may_join: &|c, added| study.candidates[c].needs.is_none_or(|needs| added.contains(&needs)),
+        proposals: &[(exact.best.added.clone(), exact.best.fit.parameters.clone())],
+        pairs: true,
+        free_forms: &free_forms,
+        records: (0..pieces.len()).collect(),
+        screened: (0..pieces.len()).collect(),
+        folds,
+        sense: &|_, model| sense(study, model),
+        settings: rules,
+        most: settings.max_effects,
+    };
+    let found = forward_selection::search(&question);
+    answer(fits, declared, &known, &found)
+}
+
+/// What is fitted, and folds of it that are held out in turn: whole records, or spans where there are few.
+fn pieces(fits: &Fits) -> (Vec<Piece>, Vec<Vec<usize>>) {
+    if fits.pieces.len() > FEW_RECORDS {
+        let groups = fits.pieces.len().min(4);
+        let of = |group: usize| (0..fits.pieces.len()).filter(|i| i % groups == group).collect();
+        return (fits.pieces.clone(), (0..groups).map(of).collect());
+    }
+    let (mut spans, mut folds) = (Vec::new(), vec![Vec::new(); 2]);
+    for (k, (_, inside)) in fits.folds.iter().enumerate() {
+        for piece in inside {
+            folds[k % 2].push(spans.len());
+            spans.push(piece.clone());
+        }
+    }
+    (spans, folds)
+}
+
+/// A candidate as the engine sees it; names stay in the study.
+fn candidate(study: &Study, c: usize) -> Candidate {
+    let own = &study.candidates[c];
+    let free: Vec<Free> = own.entries.clone().map(|index| study.entries[index].free).collect();
+    let first = own.entries.start;
+    let start = |values: &Vec<f64>| {
+        let (open, set): (Vec<usize>, Vec<usize>) = (0..values.len()).partition(|&k| values[k] == 0.0);
+        let idle = !open.is_empty();
+        Start { values: set.into_iter().map(|k| (first + k, values[k])).collect(), open, idle }
+    };
+    let starts = own.starts.iter().map(start).collect();
+    Candidate { id: "", channel: own.channel, signal: None, free, starts, contains: None }
+}
+
+/// The corrections that the records show, most influential first, with the effects that do the same.
+fn known(
+    study: &Study,
+    whole: &Whole,
+    (p, locals): (&[f64], &[Vec<f64>]),
+    candidates: &[Candidate],
+    most: f64,
+) -> Vec<forward_selection::Correction> {
+    let bounded = |free: &Free| {
+        let reach = most * free.prior.unwrap_or(0.0);
+        Free { bounds: (free.bounds.0.max(-reach), free.bounds.1.min(reach)), ..*free }
+    };
+    let own: Vec<(Free, f64)> = study
+        .entries
+        .iter()
+        .filter_map(|entry| match entry.target {
+            Target::Correction { declared, .. } => Some((bounded(&entry.free), declared)),
+            _ => None,
+        })
+        .collect();
+    let single: Vec<usize> = (0..candidates.len())
+        .filter(|&c| matches!(&study.candidates[c].starts[..], [only] if only == &[0.0]))
+        .filter(|&c| !study.candidates[c].probe)
+        .collect();
+    let free: Vec<Free> =
+        own.iter().map(|own| own.0).chain(single.iter().map(|&c| candidates[c].free[0])).collect();
+    let records: Vec<usize> = (0..whole.records()).collect();
+    let locals: Vec<&[f64]> = locals.iter().map(Vec::as_slice).collect();
+    let found = columns(whole, &records, p, &free, &locals, false, None);
+    let product = |a: usize, b: usize| -> f64 {
+        found.iter().map(|record| dot(&record.columns[a], &record.columns[b])).sum()
+    };
+    let mut kept: Vec<(f64, usize)> = own
+        .iter()
+        .enumerate()
+        .map(|(k, (free, _))| (product(k, k) * free.prior.unwrap_or(0.0).powi(2), k))
+        .filter(|(influence, _)| influence.is_finite() && *influence > MIN_INFLUENCE)
+        .collect();
+    kept.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+    kept.truncate(MAX_CORRECTIONS);
+    kept.into_iter()
+        .map(|(_, k)| {
+            let size = product(k, k);
+            let twin = single.iter().enumerate().find_map(|(s, &c)| {
+                let (both, other) = (product(k, own.len() + s), product(own.len() + s, own.len() + s));
+                (both.abs() > SAME * (size * other).sqrt() && other > 0.0).then(|| (c, both / other))
+            });
+            forward_selection::Correction {
+                free: own[k].0,
+                effect: twin.map(|(c, _)| c),
+                declared: twin.map_or(own[k].1, |(_, ratio)| ratio),
+            }
+        })
+        .collect()
+}
+
+/// Why a fitted candidate makes no sense, if it does not.
+fn sense(study: &Study, model: &Model) -> Option<String> {
+    let own = fits::Model::new(model.added.clone(), model.fit.clone(), f64::NAN);
+    if physical(study, &own) {
+        return None;
+    }
+    let last = study.candidates.get(*model.added.last()?)?;
+    Some(match last.action {
+        Action::Sensor { .. } => "a sensor is not off by half of what it shows".into(),
+        _ => format!(
+            "`{}` would give energy where it must take some, or its shape lies outside of what the records show",
+            last.name()
+        ),
+    })
+}
+
+/// The model of the engine as one of the study.
+fn model(fits: &Fits, own: &Model) -> fits::Model {
+    let p = &own.fit.parameters;
+    let records: Vec<usize> = (0..fits.pieces.len()).collect();
+    let view = fits.view(&own.added, &fits.pieces);
+    // Local parameters of whole records; spans of them had their own.
+    let locals = if own.fit.locals.len() == fits.pieces.len() {
+        own.fit.locals.clone()
+    } else {
+        fits.grow(&own.added, &fits.pieces, p, &[], &[1.0], 8).locals
+    };
+    let chi2: f64 =
+        records.iter().flat_map(|&r| view.residuals(r, p, &locals[r])).map(|value| value * value).sum();
+    let mut fit = own.fit.clone();
+    (fit.locals, fit.chi2) = (locals, chi2);
+    let error = fits.rms(chi2);
+    fits::Model::new(own.added.clone(), fit, error)
+}
+
+fn answer(
+    fits: &Fits,
+    declared: &fits::Model,
+    known: &[forward_selection::Correction],
+    found: &Found,
+) -> ByShare {
+    let study = fits.study;
+    let best = model(fits, &found.best);
+    let corrected = model(fits, &found.base);
+    let names = |added: &[usize]| added.iter().map(|&c| study.candidates[c].name()).collect();
+    let steps = found
+        .steps
+        .iter()
+        .map(|step| Step {
+            model: names(&step.added),
+            candidates: step
+                .tried
+                .iter()
+                .map(|own| Tried {
+                    id: study.candidates[own.candidate].name(),
+                    channel: study.candidates[own.candidate].channel.into(),
+                    held_out_gain: own.held_out,
+                    rejected: own.rejected.clone(),
+                })
+                .collect(),
+        })
+        .collect();
+    let singles = found
+        .steps
+        .first()
+        .map_or_else(Vec::new, |step| step.tried.iter().map(|own| model(fits, &own.model)).collect());
+    let equals = found.equals.iter().map(|(lacking, own)| (*lacking, model(fits, &own.model))).collect();
+    let selection = Selection {
+        declared: declared.clone(),
+        path: vec![(Vec::new(), f64::NAN)],
+        best,
+        equals,
+        singles,
+        stability: Vec::new(),
+        refused: Vec::new(),
+    };
+    let corrections = corrections(study, &selection.best, known);
+    let free_form = found.free_form.map(|form| {
+        let own = &study.candidates[form.candidate];
+        (own.place(), vec![explain::name(study, form.candidate).to_owned()], form.share)
+    });
+    ByShare { selection, corrected, corrections, weighted: true, steps, free_form }
+}
+
+/// The corrections of a model.
+pub fn corrections(
+    study: &Study,
+    model: &fits::Model,
+    known: &[forward_selection::Correction],
+) -> Vec<Correction> {
+    let one = |(a, free): (usize, &Free)| {
+        let entry = &study.entries[free.index];
+        let Target::Correction { declared, .. } = entry.target else { return None };
+        let moved = model.fit.parameters[free.index];
+        let half = 1.96 * (declared * model.fit.covariance[(a, a)].max(0.0).sqrt()).abs();
+        let value = declared * (1.0 + moved);
+        let (component, parameter) = entry.name.rsplit_once('.').unwrap_or(("", &entry.name));
+        let twin = known.iter().find(|own| own.free.index == free.index).and_then(|own| own.effect);
+        Some(Correction {
+            id: twin.map(|c| study.candidates[c].id.to_owned()),
+            component: component.into(),
+            parameter: parameter.into(),
+            declared,
+            value,
+            interval: (value - half, value + half),
+            moved,
+            tolerance: free.prior.unwrap_or(0.0),
+            parameters: Vec::new(),
+        })
+    };
+    model.fit.free.iter().enumerate().filter_map(one).collect()
+}

@@ -1,0 +1,313 @@
+//! Ports of a system that its graph and its equations show: inputs where something may be missing, and the velocity and
+//! position, or flow and level, that belong to them.
+//!
+//! Units say what kind an input is. What it acts on is seen from the right-hand side: the velocity along a force is the state
+//! whose rate the force changes, the position is the state whose rate that velocity is. Of several forces and velocities
+//! those belong together whose product of influences is largest: the inverse of a mass matrix is positive definite, so
+//! that the force of a joint moves its own joint more than it moves others. What a study states wins.
+
+use airloop_series::units::{Exponents, Unit, lookup};
+
+use super::Problem;
+use super::declaration::{Attachment, File};
+use super::plant::{self, Plant, Sense};
+use airloop_cosim::system::SystemGraph;
+use airloop_cosim::system::graph::{DataType, Source, unit_of};
+use airloop_fmi::Causality;
+
+/// What passes a port.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Kind {
+    /// A force or torque: it acts along a velocity.
+    Mechanical,
+    /// What a state sums up without being the velocity of another one: flow into a level, heat, or a value without unit.
+    Flow,
+    /// Anything else.
+    Signal,
+}
+
+/// A port.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Port {
+    /// Input of the system or of a component.
+    pub name: String,
+    /// What passes.
+    pub kind: Kind,
+    /// Its unit.
+    pub unit: Option<String>,
+    /// Signal: velocity along a force.
+    pub velocity: Option<String>,
+    /// Signal: position along a force, or level that a flow changes.
+    pub position: Option<String>,
+    /// -1 where a larger value makes the velocity or the level fall.
+    pub sign: f64,
+    /// Port that acts on the same states in the same way.
+    pub like: Option<String>,
+    /// Nothing is connected to it.
+    pub free: bool,
+}
+
+/// What is looked for at a port. Ports that act alike share it, so that nothing is looked for twice.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Duty {
+    /// What passes.
+    pub kind: Kind,
+    /// See [`Port::sign`].
+    pub sign: f64,
+    /// Whether what depends on velocity and position is looked for here: at a port that nothing drives, if there is one.
+    pub forces: bool,
+    /// Whether a constant and a drift are looked for here: at a port that a command drives, if there is one.
+    pub constants: bool,
+}
+
+/// Influence of a port on a state below this share of its largest one is rounding.
+const NOTHING: f64 = 1e-9;
+/// Ports whose assignment to velocities is tried in every order; more take the velocity that each moves most.
+const MOST_ASSIGNED: usize = 6;
+
+fn base(graph: &SystemGraph, component: usize, variable: usize) -> Option<Unit> {
+    let description = &graph.components[component].fmu.description;
+    let name = unit_of(&description.variables[variable])?;
+    let own = description.units.iter().find(|unit| unit.name == name).and_then(|unit| unit.base);
+    own.or_else(|| lookup(name))
+}
+
+fn is_mechanical(unit: &Unit) -> bool {
+    let Exponents { kg, m, s, A, K, mol, cd, .. } = unit.exponents;
+    (kg, s) == (1, -2) && (m == 1 || m == 2) && (A, K, mol, cd) == (0, 0, 0, 0)
+}
+
+fn is_flow(unit: &Unit) -> bool {
+    let Exponents { kg, m, s, A, K, mol, cd, .. } = unit.exponents;
+    let matter = [(1, 0, -1, 0), (0, 3, -1, 0), (0, 0, -1, 1)].contains(&(kg, m, s, mol));
+    (A, K, cd) == (0, 0, 0) && (matter || (kg, m, s, mol) == (1, 2, -3, 0))
+}
+
+/// Inputs of the system, then inputs of components that other components drive or nothing drives: name, component, variable.
+fn inputs(graph: &SystemGraph) -> Vec<(String, usize, usize)> {
+    let real = |component: usize, variable: usize| {
+        DataType::of(&graph.components[component].fmu.description.variables[variable]) == DataType::Real
+    };
+    let mut found = Vec::new();
+    for (index, input) in graph.inputs.iter().enumerate() {
+        let fed = graph.connections.iter().find(|c| c.source == Source::Input(index));
+        let own = fed.map(|c| (c.component, c.variable));
+        found.extend(own.filter(|&(c, v)| real(c, v)).map(|(c, v)| (input.name.clone(), c, v)));
+    }
+    for (index, component) in graph.components.iter().enumerate() {
+        for (variable, declared) in component.fmu.description.variables.iter().enumerate() {
+            let driven = graph.connections.iter().find(|c| (c.component, c.variable) == (index, variable));
+            let outside = driven.is_some_and(|c| matches!(c.source, Source::Input(_)));
+            if declared.causality == Causality::Input && real(index, variable) && !outside {
+                let name = if graph.single { declared.name.clone() } else { component.path_of(variable) };
+                found.push((name, index, variable));
+            }
+        }
+    }
+    found
+}
+
+/// The ports of a system.
+///
+/// # Errors
+/// An FMU that fails.
+pub fn find(graph: &SystemGraph) -> Result<Vec<Port>, Problem> {
+    let inputs = inputs(graph);
+    let names: Vec<String> = inputs.iter().map(|(name, ..)| name.clone()).collect();
+    let mut plant = Plant::new(graph, &names, &[], &[])?;
+    let sense = plant.sense()?;
+    let states = plant.states_by_place();
+    let units: Vec<Option<Unit>> = inputs.iter().map(|&(_, c, v)| base(graph, c, v)).collect();
+    let rates: Vec<Option<usize>> = (0..plant.nx).map(|state| integral(&sense, state)).collect();
+    let velocity_like = |port: usize, state: usize| {
+        let shares_unit = match units[port] {
+            Some(unit) if is_mechanical(&unit) => true,
+            None => rates[state].is_some(),
+            Some(_) => false,
+        };
+        shares_unit && (rates[state].is_some() || is_speed(graph, &states[state]))
+    };
+    let moved: Vec<Vec<usize>> = (0..inputs.len())
+        .map(|port| (0..plant.nx).filter(|&state| influence(&sense, port, state) > 0.0).collect())
+        .collect();
+    let mechanical: Vec<usize> =
+        (0..inputs.len()).filter(|&port| moved[port].iter().any(|&s| velocity_like(port, s))).collect();
+    let like: Vec<Option<usize>> = (0..inputs.len())
+        .map(|port| (0..port).find(|&other| !moved[port].is_empty() && parallel(&sense, port, other)))
+        .collect();
+    let own: Vec<usize> = mechanical.iter().copied().filter(|&port| like[port].is_none()).collect();
+    let choices: Vec<Vec<(usize, f64)>> = own
+        .iter()
+        .map(|&port| {
+            let fitting = moved[port].iter().filter(|&&state| velocity_like(port, state));
+            fitting.map(|&state| (state, influence(&sense, port, state))).collect()
+        })
+        .collect();
+    let velocities = assigned(&choices);
+    let found = inputs.iter().enumerate().map(|(port, (name, component, variable))| {
+        let first = like[port].unwrap_or(port);
+        let velocity = own.iter().position(|&p| p == first).and_then(|index| velocities[index]);
+        let variables = &graph.components[*component].fmu.description.variables;
+        let unit = unit_of(&variables[*variable]).map(str::to_owned);
+        let signal = |state: usize| states[state].clone();
+        let like = like[port].map(|other| inputs[other].0.clone());
+        let (kind, velocity, position, state) = match velocity {
+            Some(state) => (Kind::Mechanical, Some(signal(state)), rates[state].map(signal), Some(state)),
+            None => {
+                let most = moved[port]
+                    .iter()
+                    .copied()
+                    .max_by(|&a, &b| influence(&sense, port, a).total_cmp(&influence(&sense, port, b)));
+                let flows = most.is_some() && units[port].is_none_or(|unit| is_flow(&unit));
+                let kind = if flows { Kind::Flow } else { Kind::Signal };
+                (kind, None, most.map(signal), most)
+            }
+        };
+        let sign = state.map_or(1.0, |state| if sense.influence[port][state] < 0.0 { -1.0 } else { 1.0 });
+        let driven = graph.connections.iter().any(|c| {
+            (c.component, c.variable) == (*component, *variable) && !matches!(c.source, Source::Input(_))
+        });
+        Port { name: name.clone(), kind, unit, velocity, position, sign, like, free: !driven }
+    });
+    Ok(found.collect())
+}
+
+/// Influence of a port on the rate of a state, 0 where it is rounding.
+fn influence(sense: &Sense, port: usize, state: usize) -> f64 {
+    let own = &sense.influence[port];
+    let largest = own.iter().fold(0.0f64, |a, b| a.max(b.abs()));
+    let value = own[state].abs();
+    if value > NOTHING * largest { value } else { 0.0 }
+}
+
+/// State whose rate is this state, wherever the system is.
+fn integral(sense: &Sense, velocity: usize) -> Option<usize> {
+    let same = |state: &usize| {
+        *state != velocity
+            && !sense.points.is_empty()
+            && sense
+                .points
+                .iter()
+                .all(|(x, dx)| (dx[*state] - x[velocity]).abs() <= 1e-9 * x[velocity].abs().max(1e-12))
+    };
+    (0..sense.points.first().map_or(0, |point| point.0.len())).find(same)
+}
+
+fn is_speed(graph: &SystemGraph, name: &str) -> bool {
+    let unit = plant::unit_of(graph, name).and_then(|unit| lookup(&unit));
+    unit.is_some_and(|unit| {
+        let Exponents { kg, m, s, .. } = unit.exponents;
+        (kg, s) == (0, -1) && (m == 1 || m == 0 && unit.exponents.rad != 0)
+    })
+}
+
+/// Whether two ports move the same states in the same proportion.
+fn parallel(sense: &Sense, a: usize, b: usize) -> bool {
+    let (a, b) = (&sense.influence[a], &sense.influence[b]);
+    let dot = |x: &[f64], y: &[f64]| x.iter().zip(y).map(|(x, y)| x * y).sum::<f64>();
+    let size = (dot(a, a) * dot(b, b)).sqrt();
+    size > 0.0 && dot(a, b).abs() > (1.0 - 1e-9) * size
+}
+
+/// One state for each port, so that the product of the influences is largest; ports without a choice stay without.
+fn assigned(choices: &[Vec<(usize, f64)>]) -> Vec<Option<usize>> {
+    let most = |own: &Vec<(usize, f64)>| own.iter().max_by(|a, b| a.1.total_cmp(&b.1)).map(|own| own.0);
+    if choices.len() > MOST_ASSIGNED {
+        return choices.iter().map(most).collect();
+    }
+    let mut best = (f64::NEG_INFINITY, Vec::new());
+    try_all(choices, &mut Vec::new(), 0.0, &mut best);
+    if best.1.is_empty() {
+        choices.iter().map(most).collect()
+    } else {
+        best.1.into_iter().map(Some).collect()
+    }
+}
+
+fn try_all(choices: &[Vec<(usize, f64)>], taken: &mut Vec<usize>, sum: f64, best: &mut (f64, Vec<usize>)) {
+    let Some(own) = choices.get(taken.len()) else {
+        if sum > best.0 {
+            *best = (sum, taken.clone());
+        }
+        return;
+    };
+    for &(state, influence) in own {
+        if !taken.contains(&state) {
+            taken.push(state);
+            try_all(choices, taken, sum + influence.ln(), best);
+            taken.pop();
+        }
+    }
+}
+
+/// The attachments of a study: those that it states, completed where they name no channel, or one for each port of the
+/// system where it states none.
+///
+/// # Errors
+/// An FMU that fails.
+pub fn attachments(file: &File, graph: &SystemGraph) -> Result<Vec<Attachment>, Problem> {
+    let stated = &file.declaration.attachment;
+    let complete = !stated.is_empty() && stated.iter().all(|own| !own.get_ref().channels.is_empty());
+    if complete {
+        return Ok(stated.iter().map(|own| own.get_ref().clone()).collect());
+    }
+    let ports = find(graph)?;
+    let fed = |port: &Port| file.declaration.inputs.contains_key(&port.name);
+    if stated.is_empty() {
+        let own = ports.iter().map(|port| (port, duty(&ports, port, &fed)));
+        let own = own.filter(|(port, duty)| duty.forces || duty.constants || fed(port));
+        return Ok(own.map(|(port, duty)| filled(&Attachment::at(&port.name), port, duty)).collect());
+    }
+    let one = |own: &Attachment| {
+        let port = ports.iter().find(|port| port.name == own.input).filter(|_| own.channels.is_empty());
+        let all = |port: &Port| Duty { kind: port.kind, sign: port.sign, forces: true, constants: true };
+        port.map_or_else(|| own.clone(), |port| filled(own, port, all(port)))
+    };
+    Ok(stated.iter().map(|own| one(own.get_ref())).collect())
+}
+
+/// What is looked for at a port among those that act alike.
+fn duty(ports: &[Port], port: &Port, fed: &dyn Fn(&Port) -> bool) -> Duty {
+    let first = port.like.as_ref().unwrap_or(&port.name);
+    let alike = || ports.iter().filter(|other| other.name == *first || other.like.as_ref() == Some(first));
+    let quiet = |other: &&Port| other.free && !fed(other);
+    let forces = alike().find(quiet).or_else(|| alike().next()).is_none_or(|own| own.name == port.name);
+    let constants =
+        alike().find(|own| fed(own)).or_else(|| alike().next()).is_none_or(|own| own.name == port.name);
+    Duty { kind: port.kind, sign: port.sign, forces, constants }
+}
+
+/// What is stated, else what the system shows.
+fn filled(stated: &Attachment, port: &Port, duty: Duty) -> Attachment {
+    let own = stated.clone();
+    Attachment {
+        velocity: own.velocity.clone().or_else(|| port.velocity.clone()),
+        position: own.position.clone().or_else(|| port.position.clone()),
+        port: Some(duty),
+        ..own
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_force_of_a_joint_belongs_to_its_own_joint() {
+        // Inverse mass matrix of an arm: the second torque moves the first joint, too.
+        let choices = [vec![(2, 0.9), (3, 1.6)], vec![(2, 1.6), (3, 5.0)]];
+        assert_eq!(assigned(&choices), [Some(2), Some(3)]);
+        // The other way round, and a port without a velocity of its own.
+        assert_eq!(assigned(&[vec![(1, 2.0)], vec![(1, 1.0)]]), [Some(1), Some(1)]);
+    }
+
+    #[test]
+    fn forces_and_torques_are_mechanical_whatever_their_prefix() {
+        for (name, expected) in [("N", true), ("kN", true), ("mN.m", true), ("V", false), ("l/min", false)] {
+            assert_eq!(is_mechanical(&lookup(name).unwrap()), expected, "{name}");
+        }
+        for (name, expected) in [("l/min", true), ("kg/s", true), ("W", true), ("V", false), ("N", false)] {
+            assert_eq!(is_flow(&lookup(name).unwrap()), expected, "{name}");
+        }
+    }
+}

@@ -1,0 +1,124 @@
+//! A system of FMUs on the records of a study, as the study compares them: windows, fitted initial states, derived inputs.
+//!
+//! With the amended system of a report the errors are those that the report prints.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use toml::Spanned;
+
+use super::declaration::{File, Initial, Role};
+use super::errors::{errors, initial};
+use super::fits::{Fits, pieces};
+use super::open::{self, open};
+use super::plant::Plant;
+use crate::Error;
+use crate::answer::Errors;
+use crate::engine::System;
+use airloop_series::TimeSeries;
+
+/// A system on one record.
+#[derive(Debug, Clone)]
+pub struct Replayed {
+    /// Name of the record.
+    pub record: String,
+    /// What it is for.
+    pub role: Role,
+    /// Errors by output.
+    pub errors: Errors,
+    /// Time \[s\]; each output as measured (its column) and as simulated (`COLUMN simulated`).
+    pub series: TimeSeries,
+}
+
+/// Errors on all estimation and on all validation records, and every record alone.
+#[derive(Debug, Clone)]
+pub struct Replay {
+    /// Estimation, validation.
+    pub errors: [Errors; 2],
+    /// Records in the order of the study.
+    pub records: Vec<Replayed>,
+}
+
+/// Simulates `system` (`.ssd`, `.ssp` or `.fmu`) with the inputs, initial states and windows of a study.
+///
+/// Parameters are those of the system: what the study declares or leaves free has its values there. Only offsets of
+/// sensors and initial states that the study fits are fitted.
+///
+/// # Errors
+/// Names of the study that the system does not have, and whatever cannot be simulated.
+pub fn replay(file: &File, system: &Path) -> Result<Replay, Error> {
+    let file = with_system(file, system)?;
+    let (study, _) = open(&file)?;
+    let fits = Fits::new(&study, study.outputs.iter().map(|output| output.noise).collect());
+    let p = if study.declared > 0 { fits.declared().fit.parameters } else { study.start() };
+    let of_role = |role: Role| errors(&fits, &[], &pieces(&study, role), &p, None);
+    let roles = [of_role(Role::Estimation), of_role(Role::Validation)];
+    let mut records = Vec::new();
+    for role in [Role::Estimation, Role::Validation, Role::Repeat, Role::Rest] {
+        for piece in pieces(&study, role) {
+            let record = &study.records[piece.record];
+            let own = [piece];
+            let locals = initial(&fits, &[], &own, &p);
+            let view = super::simulate::View { corrected: false, ..fits.view(&[], &own) };
+            let (predicted, measured) = (view.predict(0, &p, &locals[0]), view.measured(0));
+            if let Some(at) = predicted.iter().position(|value| !value.is_finite()) {
+                return Err(file.refuse_all(format!(
+                    "the system cannot be simulated on {}: it diverges after {:.3} s",
+                    record.name,
+                    (at % record.n) as f64 * record.step
+                )));
+            }
+            let refused = |error: airloop_series::Error| file.refuse_all(format!("{}: {error}", record.name));
+            let time = (0..record.n).map(|k| k as f64 * record.step).collect();
+            let mut series = TimeSeries::new(time).map_err(refused)?;
+            for (span, output) in view.signals(0).into_iter().zip(&study.outputs) {
+                let unit = Some(output.unit.clone());
+                let simulated = format!("{} simulated", span.signal);
+                let values = measured[span.range.clone()].to_vec();
+                series.push(span.signal, unit.clone(), values).map_err(refused)?;
+                series.push(simulated, unit, predicted[span.range].to_vec()).map_err(refused)?;
+            }
+            let errors = errors(&fits, &[], &own, &p, Some(&locals));
+            records.push(Replayed { record: record.name.clone(), role, errors, series });
+        }
+    }
+    Ok(Replay { errors: roles, records })
+}
+
+/// The study of another system: no parameters, nothing to look for; states by the names that they have there.
+fn with_system(file: &File, system: &Path) -> Result<File, Error> {
+    let mut own = file.clone();
+    let span = file.declaration.system.span();
+    let path = system
+        .canonicalize()
+        .map_err(|error| Error::Case { path: system.into(), problem: error.to_string() })?;
+    let declaration = &mut own.declaration;
+    declaration.system = Spanned::new(span, path.to_string_lossy().into_owned());
+    declaration.parameters.clear();
+    declaration.tolerance.clear();
+    declaration.free.clear();
+    declaration.attachment.clear();
+    declaration.error.force = None;
+    let graph = open::system(&own)?;
+    let plant = Plant::new(&graph, &[], &[], &[])
+        .map_err(|problem| file.refuse(&file.declaration.system, problem))?;
+    let named = |name: &str| -> String {
+        if plant.state(name).is_some() {
+            return name.to_owned();
+        }
+        let owners = graph.components.iter().map(|component| format!("{}.{name}", component.name));
+        owners.into_iter().find(|path| plant.state(path).is_some()).unwrap_or_else(|| name.to_owned())
+    };
+    let states = std::mem::take(&mut own.declaration.states);
+    own.declaration.states = states.into_iter().map(|(name, signal)| (named(&name), signal)).collect();
+    for segment in &mut own.declaration.segment {
+        let span = segment.span();
+        let mut inner = segment.get_ref().clone();
+        if let Some(Initial::Given(values)) = &mut inner.initial {
+            let old = std::mem::take(values);
+            *values = old.into_iter().map(|(name, value)| (named(&name), value)).collect::<BTreeMap<_, _>>();
+        }
+        *segment = Spanned::new(span, inner);
+    }
+    Ok(own)
+}

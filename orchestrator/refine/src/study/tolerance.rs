@@ -1,0 +1,123 @@
+//! How well declared parameters of a study are known, and the entries of the parameter vector that correct them.
+
+use airloop_series::units::{Exponents, lookup};
+
+use super::declaration::File;
+use super::model::{Entry, Study, Target};
+use super::plant::{self, Plant};
+use crate::Error;
+use crate::engine::fit::Free;
+use airloop_cosim::system::SystemGraph;
+use airloop_fmi::{Causality, VariableKind};
+
+/// Standard deviations of parameters by what they are, relative to the value.
+const MASS_OR_LENGTH: f64 = 0.01;
+const FRICTION: f64 = 0.03;
+const SLOPE: f64 = 0.1;
+
+/// Relative standard deviation of a declared parameter that the study says nothing about, by its unit; none for constants
+/// of nature and for counts of time that are no property of a machine.
+fn usual(unit: Option<&str>) -> Option<f64> {
+    let Some(own) = unit.and_then(lookup).map(|unit| unit.exponents) else { return Some(MASS_OR_LENGTH) };
+    let Exponents { kg, m, s, .. } = own;
+    let plain = own.A == 0 && own.K == 0 && own.mol == 0 && own.cd == 0;
+    Some(match (kg, m, s) {
+        // Acceleration of gravity.
+        (0, 1, -2) if plain => return None,
+        // Forces and torques, and their slopes by speed.
+        (1, 1 | 2, -2) | (1, 0 | 2, -1) if plain => FRICTION,
+        // The speed over which a friction law changes its sign, and its inverse.
+        (0, 1, -1) | (0, -1, 1) if plain => SLOPE,
+        (0, 0, -1) | (0, 0, 1) if plain && own.rad != 0 => SLOPE,
+        _ => MASS_OR_LENGTH,
+    })
+}
+
+/// Real parameters of the system by name, as a study names them; elements of matrices are left out, as an identified model
+/// is never scaled one coefficient at a time.
+fn parameters(graph: &SystemGraph) -> Vec<String> {
+    let mut found = Vec::new();
+    for component in &graph.components {
+        for (index, variable) in component.fmu.description.variables.iter().enumerate() {
+            let real = matches!(variable.kind, VariableKind::Real(_));
+            if real && variable.causality == Causality::Parameter && !variable.name.contains('[') {
+                found.push(if graph.single { variable.name.clone() } else { component.path_of(index) });
+            }
+        }
+    }
+    found
+}
+
+/// Refuses tolerances that belong to no parameter or are no standard deviation.
+///
+/// # Errors
+/// File, place and what is wrong.
+pub fn check(file: &File, graph: &SystemGraph) -> Result<(), Error> {
+    for (name, spanned) in &file.declaration.tolerance {
+        let value = *spanned.get_ref();
+        if Plant::parameter(graph, name).is_none() {
+            let known = plant::known(graph, &[Causality::Parameter]);
+            return Err(file.refuse(
+                spanned,
+                format!("[tolerance]: there is no Real parameter `{name}`; known are: {known}"),
+            ));
+        }
+        if !(value > 0.0 && value < 1.0) {
+            return Err(file.refuse(
+                spanned,
+                format!("[tolerance]: `{name}` = {value}; give one standard deviation relative to the value, between 0 and 1"),
+            ));
+        }
+    }
+    Ok(())
+}
+
+/// Adds an entry for every declared parameter that may be slightly off: relative change, 0 as declared.
+pub fn fill(study: &mut Study, file: &File) {
+    let free: Vec<String> = study.entries[..study.declared].iter().map(|entry| entry.name.clone()).collect();
+    for name in parameters(&study.graph) {
+        if free.contains(&name) {
+            continue;
+        }
+        let Some((parameter, start, bounds)) = Plant::parameter(&study.graph, &name) else { continue };
+        let set = study.fixed.iter().find(|(own, _)| *own == parameter).map(|(_, value)| *value);
+        let declared = set.unwrap_or(start);
+        let unit = plant::unit_of(&study.graph, &name);
+        let stated = file.declaration.tolerance.get(&name).map(|spanned| *spanned.get_ref());
+        let Some(tolerance) = stated.or_else(|| usual(unit.as_deref())).filter(|_| declared != 0.0) else {
+            continue;
+        };
+        let least = (bounds.0 / declared - 1.0, bounds.1 / declared - 1.0);
+        let (low, high) = if declared > 0.0 { least } else { (least.1, least.0) };
+        let index = study.entries.len();
+        let free =
+            Free { index, bounds: (low.max(-0.9), high), step: 0.05 * tolerance, prior: Some(tolerance) };
+        let target = Target::Correction { parameter, declared };
+        study.entries.push(Entry {
+            name,
+            unit: unit.unwrap_or_else(|| "1".into()),
+            target,
+            start: 0.0,
+            free,
+        });
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_usual_tolerance_follows_the_unit() {
+        let of = |unit: &str| usual(Some(unit));
+        assert_eq!(of("kg"), Some(0.01));
+        assert_eq!(of("kg.m2"), Some(0.01));
+        assert_eq!(of("N"), Some(0.03));
+        assert_eq!(of("N.m"), Some(0.03));
+        assert_eq!(of("N.m.s/rad"), Some(0.03));
+        assert_eq!(of("m/s"), Some(0.1));
+        assert_eq!(of("s/m"), Some(0.1));
+        assert_eq!(of("m/s2"), None);
+        assert_eq!(usual(None), Some(0.01));
+    }
+}

@@ -1,0 +1,21 @@
+//! A whole system of FMUs as one FMU 2.0, Co-Simulation and Model Exchange.
+//!
+//! [`write()`] makes the archive from a [`SystemGraph`](airloop_cosim::system::SystemGraph) and the library of this crate;
+//! the same library, inside the archive, opens the system again and runs it under an importer (`abi`, `instance`).
+//! Both sides find the same variables (`table`), because both derive them from the system. This is the one crate that
+//! knows FMUs as importer and as exporter.
+
+mod abi;
+mod archive;
+mod description;
+mod instance;
+mod recipe;
+mod state;
+mod table;
+
+pub use archive::{Error, write};
+pub use recipe::{Master, Recipe};
+
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

@@ -1,0 +1,65 @@
+//! How the system inside an FMU is run: `resources/system.toml`.
+
+use std::path::Path;
+
+use airloop_cosim::master::{Algorithm, Settings};
+use airloop_cosim::system::SystemGraph;
+use serde::{Deserialize, Serialize};
+
+/// Name of the file in the resources.
+pub(crate) const FILE: &str = "system.toml";
+/// Folder of the system in the resources, and its description there.
+pub(crate) const SYSTEM: &str = "system";
+pub(crate) const STRUCTURE: &str = "SystemStructure.ssd";
+
+/// Master that steps the components in Co-Simulation.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Master {
+    /// Serial.
+    GaussSeidel,
+    /// Parallel.
+    Jacobi,
+    /// Linearly implicit.
+    InterfaceJacobian,
+}
+
+/// Identity of the FMU and settings of its master.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Recipe {
+    /// `modelName`.
+    pub name: String,
+    /// Master of Co-Simulation; its options are those of `airloop run`.
+    pub master: Master,
+    /// Communication step size inside \[s\]; a step of the importer is made of these.
+    pub step: f64,
+    /// Identity of the archive; made by [`crate::write`].
+    #[serde(default)]
+    pub guid: String,
+}
+
+impl Recipe {
+    /// Gauss-Seidel at the step that the system suggests, or 1 ms.
+    pub fn new(graph: &SystemGraph) -> Recipe {
+        let step = graph.experiment.step_size.unwrap_or(Settings::default().step_size);
+        Recipe { name: graph.name.clone(), master: Master::GaussSeidel, step, guid: String::new() }
+    }
+
+    /// Reads the recipe of an FMU.
+    pub(crate) fn read(resources: &Path) -> Result<Recipe, String> {
+        let path = resources.join(FILE);
+        let text = std::fs::read_to_string(&path).map_err(|error| format!("{}: {error}", path.display()))?;
+        toml::from_str(&text).map_err(|error| format!("{}: {error}", path.display()))
+    }
+
+    /// Settings of the master from `start` to `stop` \[s\].
+    pub(crate) fn settings(&self, start: f64, stop: f64, tolerance: Option<f64>) -> Settings {
+        let algorithm = match self.master {
+            Master::GaussSeidel => Algorithm::GaussSeidel,
+            Master::Jacobi => Algorithm::Jacobi,
+            Master::InterfaceJacobian => Algorithm::InterfaceJacobian,
+        };
+        let (start_time, stop_time, step_size) = (start, stop, self.step);
+        Settings { start_time, stop_time, step_size, algorithm, tolerance, ..Settings::default() }
+    }
+}

@@ -1,0 +1,227 @@
+"""`airloop export-fmu`: a whole system as one FMU, against `airloop run` with the same master, and in the other interface
+against the monolithic master."""
+
+import ctypes
+import resource
+
+import casadi
+import fmpy
+import numpy as np
+import pytest
+from fmpy.fmi2 import FMU2Model, FMU2Slave
+from fmpy.validation import validate_fmu
+
+from command import airloop, start
+from pneumatic import SYSTEM, run, sine
+from test_packages import amended, stabilized  # noqa: F401  (fixtures)
+
+STEP, STEPS = 1e-3, 500
+TIMES = [k / 1000 for k in range(STEPS + 1)]
+STATES = ["cart_pole.x", "cart_pole.theta", "cart_pole.v", "cart_pole.omega"]
+
+
+def exported(system, path, *options):
+    airloop("export-fmu", system, "-o", path, *options)
+    return path
+
+
+class Unit:
+    """An FMU in FMPy with its variables by name."""
+
+    def __init__(self, path, folder, kind=FMU2Slave):
+        self.description = fmpy.read_model_description(str(path))
+        fmpy.extract(str(path), str(folder))
+        self.references = {v.name: v.valueReference for v in self.description.modelVariables}
+        interface = self.description.coSimulation if kind is FMU2Slave else self.description.modelExchange
+        self.fmu = kind(
+            guid=self.description.guid,
+            unzipDirectory=str(folder),
+            modelIdentifier=interface.modelIdentifier,
+            instanceName="system",
+        )
+        self.fmu.instantiate()
+
+    def start(self, **values):
+        self.fmu.setupExperiment(startTime=0.0)
+        self.set(**values)
+        self.fmu.enterInitializationMode()
+        self.fmu.exitInitializationMode()
+
+    def set(self, **values):
+        if values:
+            self.fmu.setReal([self.references[name] for name in values], list(values.values()))
+
+    def get(self, names):
+        return self.fmu.getReal([self.references[name] for name in names])
+
+    def free(self):
+        self.fmu.terminate()
+        # Without FMPy's unloading of the library, which other tests of this process use.
+        self.fmu.fmi2FreeInstance(self.fmu.component)
+
+
+def co_simulated(unit, names, command, steps=STEPS, step=STEP):
+    unit.start(**({} if command is None else {"u": command[0]}))
+    rows = [unit.get(names)]
+    for k in range(steps):
+        if command is not None:
+            unit.set(u=command[k])
+        unit.fmu.doStep(currentCommunicationPoint=k * step, communicationStepSize=step)
+        rows.append(unit.get(names))
+    return dict(zip(names, np.array(rows).T))
+
+
+@pytest.mark.parametrize("master", ["gauss-seidel", "jacobi", "interface-jacobian"])
+@pytest.mark.parametrize("system", ["01", "amended"])
+def test_co_simulation_gives_the_bits_of_a_run(system, master, tmp_path, request):
+    system = SYSTEM if system == "01" else request.getfixturevalue(system)
+    path = exported(system, tmp_path / "system.fmu", "--master", master)
+    command = sine(TIMES)
+    ours = run(tmp_path, system, "1ms", TIMES, command, master)
+    names = [*STATES, "x", "theta", "v", "omega"]
+    theirs = co_simulated(Unit(path, tmp_path / "unpacked"), names, command)
+    found = {name: float(np.max(np.abs(theirs[name] - ours[name]))) for name in names}
+    assert found == dict.fromkeys(names, 0.0)
+    assert np.ptp(ours["cart_pole.x"]) > 1e-3
+
+
+@pytest.mark.parametrize("system", ["01", "amended", "stabilized"])
+def test_fmpy_validates_and_simulates_both_interfaces(system, tmp_path, request):
+    system = SYSTEM if system == "01" else request.getfixturevalue(system)
+    path = exported(system, tmp_path / "system.fmu")
+    assert validate_fmu(str(path)) == []
+    output = airloop("inspect", "--check", path)
+    assert " 0 errors" in "\n " + output.splitlines()[-1], output
+    for kind in ("CoSimulation", "ModelExchange"):
+        result = fmpy.simulate_fmu(str(path), stop_time=0.05, step_size=1e-3, fmi_type=kind)
+        assert len(result) > 10 and result["time"][-1] == pytest.approx(0.05)
+
+
+def test_model_exchange_follows_the_monolithic_master(tmp_path):
+    """CVode of FMPy at 1e-10 against DOP853 at 1e-10; the sampled actuator takes its samples as time events."""
+    path = exported(SYSTEM, tmp_path / "system.fmu")
+    times = TIMES[:51]
+    ours = run(tmp_path, SYSTEM, "1ms", times, [15.0] * len(times), "monolithic", "--tolerance", "1e-10")
+    theirs = fmpy.simulate_fmu(
+        str(path),
+        fmi_type="ModelExchange",
+        stop_time=times[-1],
+        output_interval=STEP,
+        relative_tolerance=1e-10,
+        start_values={"u": 15.0},
+        output=STATES,
+        record_events=False,
+    )
+    assert len(theirs) == len(times)
+    for name in STATES:
+        assert np.max(np.abs(theirs[name] - ours[name])) <= 1e-8, name
+
+
+def test_a_step_of_the_importer_is_made_of_steps_inside(tmp_path):
+    path = exported(SYSTEM, tmp_path / "system.fmu", "--step", "1ms")
+    fine = co_simulated(Unit(path, tmp_path / "a"), STATES, [15.0] * STEPS)
+    coarse = co_simulated(Unit(path, tmp_path / "b"), STATES, [15.0] * STEPS, STEPS // 5, 5 * STEP)
+    for name in STATES:
+        assert np.array_equal(fine[name][::5], coarse[name]), name
+
+
+def test_parameters_are_those_of_set(tmp_path):
+    """A parameter set before the start is the same as `--set` in the export, bit for bit."""
+    plain = Unit(exported(SYSTEM, tmp_path / "plain.fmu"), tmp_path / "a")
+    plain.set(**{"cart_pole.m_p": 0.12})
+    amended = Unit(exported(SYSTEM, tmp_path / "set.fmu", "--set", "cart_pole.m_p=0.12"), tmp_path / "b")
+    one, other = (co_simulated(unit, STATES, [15.0] * STEPS, 100) for unit in (plain, amended))
+    assert all(np.array_equal(one[name], other[name]) for name in STATES)
+    third = co_simulated(Unit(tmp_path / "plain.fmu", tmp_path / "c"), STATES, [15.0] * STEPS, 100)
+    assert not np.array_equal(one["cart_pole.theta"], third["cart_pole.theta"])
+
+
+def test_states_are_saved_and_serialized(tmp_path):
+    unit = Unit(exported(SYSTEM, tmp_path / "system.fmu"), tmp_path / "unpacked")
+    unit.start(u=10.0)
+
+    def on(first, count):
+        for k in range(first, first + count):
+            unit.set(u=10.0 + k % 7)
+            unit.fmu.doStep(currentCommunicationPoint=k * STEP, communicationStepSize=STEP)
+        return unit.get([*STATES, "actuator.F_hat"])
+
+    on(0, 50)
+    state = unit.fmu.getFMUstate()
+    first = on(50, 50)
+    unit.fmu.setFMUstate(state)
+    assert on(50, 50) == first
+    # As bytes, into an instance that was reset.
+    data = unit.fmu.serializeFMUstate(state)
+    unit.fmu.freeFMUstate(state)
+    unit.fmu.reset()
+    restored = unit.fmu.deSerializeFMUstate(data)
+    unit.fmu.setFMUstate(restored)
+    unit.fmu.freeFMUstate(restored)
+    assert on(50, 50) == first
+    unit.free()
+
+
+def test_a_system_can_be_a_component_and_be_exported_again(tmp_path):
+    inner = exported(SYSTEM, tmp_path / "inner.fmu")
+    outer = exported(inner, tmp_path / "outer.fmu", "--step", "1ms")
+    command = sine(TIMES)
+    one = co_simulated(Unit(inner, tmp_path / "a"), ["x", "theta"], command, 200)
+    other = co_simulated(Unit(outer, tmp_path / "b"), ["x", "theta"], command, 200)
+    assert all(np.array_equal(one[name], other[name]) for name in one)
+    ours = run(tmp_path / "run", inner, "1ms", TIMES, command, "gauss-seidel")
+    assert np.array_equal(ours["x"][:201], one["x"])
+
+
+def test_directional_derivatives_are_those_of_differences_and_casadi_uses_them(tmp_path):
+    path = exported(SYSTEM, tmp_path / "system.fmu")
+    unit = Unit(path, tmp_path / "unpacked", FMU2Model)
+    unit.start(u=10.0)
+    unit.fmu.newDiscreteStates()
+    unit.fmu.enterContinuousTimeMode()
+    rates = [v for v in unit.description.modelVariables if v.derivative is not None]
+    states = [v.derivative.valueReference for v in rates]
+    unknowns = [*(v.valueReference for v in rates), unit.references["F_p"]]
+    point = np.linspace(0.1, 0.3, len(states))
+
+    def values(x):
+        unit.fmu.setContinuousStates((ctypes.c_double * len(x))(*x), len(x))
+        return np.array(unit.fmu.getReal(unknowns))
+
+    step = 1e-6
+    differences = np.array([(values(point + d) - values(point - d)) / (2 * step) for d in step * np.eye(len(point))]).T
+    values(point)
+    exact = np.array([unit.fmu.getDirectionalDerivative(unknowns, [state], [1.0]) for state in states]).T
+    assert np.max(np.abs(exact - differences)) <= 1e-7 * np.max(np.abs(exact))
+    function = casadi.DaeBuilder("system", str(tmp_path / "unpacked")).create("f", ["x", "u"], ["ode"])
+    jacobian = function.factory("J", ["x", "u"], ["jac:ode:x"])
+    found = np.array(casadi.DM.full(jacobian(point, [10.0])))
+    assert np.max(np.abs(found - exact[:-1])) <= 1e-10 * np.max(np.abs(exact))
+    unit.free()
+
+
+def test_life_cycles_are_flat(tmp_path):
+    """Memory after 500 and after 10 500 life cycles."""
+    path = exported(SYSTEM, tmp_path / "system.fmu")
+    unit = Unit(path, tmp_path / "unpacked")
+    unit.start()
+    unit.free()
+
+    def cycles(count):
+        for _ in range(count):
+            unit.fmu.instantiate()
+            unit.start(u=1.0)
+            unit.fmu.doStep(currentCommunicationPoint=0.0, communicationStepSize=STEP)
+            unit.free()
+        return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+
+    before = cycles(500)
+    assert cycles(10_000) - before < 1024  # KiB
+
+
+def test_what_cannot_be_exported_is_refused(tmp_path):
+    result = start("export-fmu", SYSTEM, "--step", "0", "-o", tmp_path / "x.fmu")
+    assert result.returncode == 2 and "longer than 0 s" in result.stderr
+    result = start("export-fmu", SYSTEM, "--set", "cart_pole.nope=1", "-o", tmp_path / "x.fmu")
+    assert result.returncode == 1 and "nope" in result.stderr
+    assert not (tmp_path / "x.fmu").exists()

@@ -1,0 +1,14 @@
+/* Two-joint arm in a vertical plane; angles of the joints, both 0: hanging down. M(q) q'' + c(q, q') + g(q) = tau - b q'. */
+const double m11 = I_1 + I_2 + m_1 * a_1 * a_1 + m_2 * (l_1 * l_1 + a_2 * a_2 + 2.0 * l_1 * a_2 * cos(q_2));
+const double m12 = I_2 + m_2 * (a_2 * a_2 + l_1 * a_2 * cos(q_2));
+const double m22 = I_2 + m_2 * a_2 * a_2;
+const double h = m_2 * l_1 * a_2 * sin(q_2);
+const double g_2 = m_2 * g * a_2 * sin(q_1 + q_2);
+const double g_1 = (m_1 * a_1 + m_2 * l_1) * g * sin(q_1) + g_2;
+const double r_1 = tau_1 - b_1 * w_1 + h * (2.0 * w_1 * w_2 + w_2 * w_2) - g_1;
+const double r_2 = tau_2 - b_2 * w_2 - h * w_1 * w_1 - g_2;
+const double determinant = m11 * m22 - m12 * m12;
+der_q_1 = w_1;
+der_q_2 = w_2;
+der_w_1 = (m22 * r_1 - m12 * r_2) / determinant;
+der_w_2 = (m11 * r_2 - m12 * r_1) / determinant;
