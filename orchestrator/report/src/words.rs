@@ -246,7 +246,8 @@ pub const PARAMETER_HEADER: [&str; 6] = ["effect", "parameter", "value", "95 % f
 
 /// Parameters of the selected effects.
 pub fn parameter_rows(answer: &Answer) -> Vec<Vec<String>> {
-    let rows = answer.effects.iter().filter(|effect| effect.selected).flat_map(|effect| {
+    let law = answer.law.iter().map(|law| &law.effect);
+    let rows = answer.effects.iter().filter(|effect| effect.selected).chain(law).flat_map(|effect| {
         effect.parameters.iter().map(|p| {
             let half = 0.5 * (p.interval.1 - p.interval.0);
             let [value, low, high] = [p.value, p.interval.0, p.interval.1].map(|v| rounded(v, half));

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use super::formula::{self, PRICE};
-use super::grammar::Axis;
+use super::grammar::{Axis, product};
 use super::surface::{Surface, knots};
 use super::surrogate::Approach;
 use crate::answer::{Answer, Effect, Errors, Parameter, Verdict};
@@ -19,6 +19,7 @@ use crate::study::law::{Law as Block, Point, Variable};
 use crate::study::model::{Action, Entry, Study, Target};
 use crate::study::plant;
 use crate::study::search::Say;
+use crate::study::simulate::Piece;
 use crate::vocabulary::Own;
 use crate::vocabulary::own::Parameter as OwnParameter;
 
@@ -28,12 +29,28 @@ const WORTH_A_LAW: f64 = 0.2;
 pub const OF_FREE_FORM: f64 = 0.95;
 /// Share of the error on validation records below which a law is none.
 const MIN_VALIDATED_SHARE: f64 = 0.05;
+/// Share of what effects leave that a law may leave to take their place.
+const MUCH_LESS: f64 = 0.5;
 /// Share of a second variable in what one leaves, from which on both are needed.
 const SECOND: f64 = 0.15;
+/// Parts of the records, from their beginning, that a free form is brought to before the whole.
+const PARTS: [f64; 2] = [0.1, 0.35];
+/// Knots of a variable while variables are compared, of the one that is chosen, and of each of two.
+const SCREENED: usize = 10;
+const FINE: usize = 20;
+const COARSE: usize = 6;
+/// Weight of the gain of a form over the value that passes.
+const DRIVING: f64 = 0.5;
+/// Share of the best variable's gain from which on another is looked at closely.
+const WORTH_TRYING: f64 = 0.5;
 /// Steps of the free form towards its optimum.
-const ROUNDS: usize = 4;
+const ROUNDS: usize = 3;
 /// Formulas whose stability over parts of the records is asked for.
 const JUDGED: usize = 3;
+/// Error in rms of the noise from which on a law with a memory is tried.
+const FAR: f64 = 1.5;
+/// Ratio of the error of a law with a memory to the least without one, below which it is taken.
+const MEMORY: f64 = 0.6;
 /// Errors within this share of each other are equal.
 const EQUAL: f64 = 0.03;
 
@@ -76,10 +93,21 @@ struct FreeForm {
     error: f64,
 }
 
+impl FreeForm {
+    /// Place, height and half of the 95 % band at every knot; empty for two variables.
+    fn curve(&self, residual: f64) -> Vec<[f64; 3]> {
+        let [knots] = &self.surface.knots[..] else { return Vec::new() };
+        let heights = self.at.smooth.heights.iter().zip(&self.at.smooth.deviation);
+        knots.iter().zip(heights).map(|(x, (y, s))| [*x, *y, 1.96 * residual * s]).collect()
+    }
+}
+
 struct Finder<'a> {
     attachments: &'a [Attachment],
     scale: &'a [f64],
     say: Say<'a>,
+    /// Simulations with steps of second order, where they change the error of the declared model by next to nothing.
+    quick: bool,
     /// What the attachments show, `[taps][n]`.
     trace: Vec<Vec<Point>>,
 }
@@ -93,10 +121,11 @@ pub fn explain(
     found: &mut Answer,
     say: Say,
 ) -> Option<Model> {
-    if found.verdict != Verdict::Unexplained || stop::asked() {
+    let partly = found.verdict == Verdict::Effect && !found.complete;
+    if !(found.verdict == Verdict::Unexplained || partly) || stop::asked() {
         return None;
     }
-    let trace = {
+    let (quick, trace) = {
         let fits = Fits::new(study, scale.to_vec());
         let view = fits.view(&[], &fits.pieces);
         let mut all: Vec<Vec<Point>> = vec![Vec::new(); study.taps.len()];
@@ -104,10 +133,25 @@ pub fn explain(
             let own = view.trace(r, &declared.fit.parameters, &declared.fit.locals[r]);
             all.iter_mut().zip(own).for_each(|(all, own)| all.extend(own));
         }
-        all
+        (fits.quickened(declared).quick, all)
     };
-    let finder = Finder { attachments, scale, say, trace };
+    let finder = Finder { attachments, scale, say, quick, trace };
     let Outcome { law, model, after } = finder.find(study, judge, declared, found)?;
+    // Effects of the list stay unless a law leaves much less than they do.
+    if partly {
+        let left = 1.0 - found.share.unwrap_or(0.0);
+        if 1.0 - law.share > MUCH_LESS * left {
+            return None;
+        }
+        for effect in found.effects.iter_mut().filter(|effect| effect.selected) {
+            (effect.selected, effect.group) = (false, None);
+            effect.reason = format!(
+                "a law at {} leaves less than {:.0} % of the error that it leaves",
+                law.port,
+                100.0 * MUCH_LESS
+            );
+        }
+    }
     found.notes.extend(told(&law));
     found.unexplained = Some((law.channel.clone(), law.variables.clone()));
     found.verdict = Verdict::Law;
@@ -128,11 +172,13 @@ pub fn told(law: &Law) -> Vec<String> {
         format!("{name} from {low:.4} to {high:.4} {unit}")
     };
     let covered: Vec<String> = law.covered.iter().map(range).collect();
-    found.push(format!(
+    if !covered.is_empty() {
+        found.push(format!(
         "The law at {} is known where the estimation records have been: {}; beyond it is an extrapolation (a curve goes on straight).",
         law.port,
         covered.join(", ")
     ));
+    }
     if let Some(part) = law.dissipation {
         found.push(if part > 0.5 {
             format!("It takes energy out of the motion: mean power over mean magnitude of power {part:.2}.")
@@ -176,6 +222,10 @@ fn push(study: &mut Study, action: Action, entries: Vec<Entry>, channel: &'stati
 }
 
 impl Finder<'_> {
+    fn fits<'s>(&self, study: &'s Study) -> Fits<'s> {
+        Fits { quick: self.quick, ..Fits::new(study, self.scale.to_vec()) }
+    }
+
     fn channel(&self, tap: usize) -> &'static str {
         let own = &self.attachments[tap].channels;
         CHANNELS.into_iter().find(|channel| own.first().is_some_and(|c| c == channel)).unwrap_or(CHANNELS[0])
@@ -218,7 +268,7 @@ impl Finder<'_> {
         let mut singles = Vec::new();
         for tap in 0..study.taps.len() {
             for variable in [Variable::Position, Variable::Velocity, Variable::Value, Variable::Time] {
-                let count = if variable == Variable::Time { 30 } else { 20 };
+                let count = if variable == Variable::Time { 16 } else { SCREENED };
                 let Some(knots) = self.knots(study, tap, variable, count) else { continue };
                 let surface = Surface { variables: vec![variable], knots: vec![knots] };
                 if let Some(form) = self.form(study, declared, tap, surface) {
@@ -226,7 +276,11 @@ impl Finder<'_> {
                 }
             }
         }
-        let gain = |form: &FreeForm| form.at.gain();
+        // The value that passes drives the motion, so that it seems to tell what the motion tells.
+        let gain = |form: &FreeForm| {
+            let drives = form.surface.variables == [Variable::Value];
+            form.at.gain() * if drives { DRIVING } else { 1.0 }
+        };
         singles.sort_by(|a, b| gain(b).total_cmp(&gain(a)));
         if std::env::var_os("LAW_TRACE").is_some() {
             for s in &singles {
@@ -237,25 +291,39 @@ impl Finder<'_> {
             }
         }
         let best = singles.first()?;
+        let most = gain(best);
         let excess = judge.excess(declared) / declared.error.powi(2);
         let enough = |form: &FreeForm| gain(form) > WORTH_A_LAW * excess * form.at.smooth.without;
         let (tap, first) = (best.tap, best.surface.variables[0]);
         let mut forms: Vec<FreeForm> = Vec::new();
-        for form in singles.into_iter().take(2) {
-            if form.tap == tap {
-                forms.extend(self.towards(study, form));
+        for form in singles.iter().take(2).filter(|form| form.tap == tap) {
+            if gain(form) < WORTH_TRYING * most {
+                continue;
             }
+            let variable = form.surface.variables[0];
+            let count = if variable == Variable::Time { 30 } else { FINE };
+            let Some(knots) = self.knots(study, tap, variable, count) else { continue };
+            let surface = Surface { variables: vec![variable], knots: vec![knots] };
+            let fine = self.form(study, declared, tap, surface);
+            forms.extend(fine.and_then(|form| self.towards(study, form)));
         }
         // Two variables where one leaves much.
         let mut pairs = Vec::new();
-        for second in [Variable::Position, Variable::Velocity, Variable::Value, Variable::Time] {
-            if second == first || stop::asked() {
+        let (x, v) = (Variable::Position, Variable::Velocity);
+        let mut combined = vec![[x, v]];
+        for second in [x, v, Variable::Value, Variable::Time] {
+            let mut both = [first, second];
+            both.sort_by_key(|own| [x, v, Variable::Value].iter().position(|known| known == own).unwrap_or(3));
+            if second != first && !combined.contains(&both) {
+                combined.push(both);
+            }
+        }
+        for variables in combined {
+            if stop::asked() {
                 continue;
             }
-            let mut variables = [first, second];
-            variables.sort_by_key(|own| name(*own) != "x");
             let knots: Option<Vec<Vec<f64>>> =
-                variables.iter().map(|own| self.knots(study, tap, *own, 8)).collect();
+                variables.iter().map(|own| self.knots(study, tap, *own, COARSE)).collect();
             let Some(knots) = knots else { continue };
             let surface = Surface { variables: variables.into(), knots };
             let left = forms.iter().map(|own| own.at.smooth.held_out).fold(f64::INFINITY, f64::min);
@@ -279,6 +347,17 @@ impl Finder<'_> {
                     s.surface.variables, s.at.smooth.without, s.at.smooth.held_out, s.error
                 );
             }
+        }
+        let left = forms.iter().map(|own| own.error).fold(declared.error, f64::min);
+        if left > FAR * judge.tolerated.sqrt()
+            && let Some((tap, model, own)) = self.memory(study, declared)
+            && model.error < MEMORY * left
+        {
+            let (axes, variables) = (Vec::new(), vec![Variable::Velocity]);
+            let (named, share, rivals) = (true, 1.0, Vec::new());
+            let found =
+                Found { tap, variables, curve: Vec::new(), effect: own, model, named, share, rivals, axes };
+            return self.say_law(study, judge, declared, found, answer);
         }
         let least = forms.first()?.at.smooth.held_out;
         let simple = |form: &FreeForm| {
@@ -311,23 +390,38 @@ impl Finder<'_> {
         let action = Action::Block { law: Block::Surface(index), tap };
         let candidate = push(study, action, entries.collect(), self.channel(tap), "free form".to_owned());
         let base = extended(declared, study);
-        let fits = Fits::new(study, self.scale.to_vec());
+        let fits = self.fits(study);
         let step = fits.probe_step(&base, candidate)?;
         study.entries[first..first + count].iter_mut().for_each(|entry| entry.free.step = step);
-        let fits = Fits::new(study, self.scale.to_vec());
+        let fits = self.fits(study);
         let own: Vec<Free> = study.entries[first..first + count].iter().map(|entry| entry.free).collect();
-        let (view, shared) = (fits.view(&[candidate], &fits.pieces), study.declared_free());
+        let (view, shared) =
+            (fits.view(&[candidate], &beginnings(&fits.pieces, PARTS[1])), study.declared_free());
         let at = Approach::begin(&view, &surface, &base.fit.parameters, [&own, &shared], &base.fit.locals)?;
         Some(FreeForm { tap, surface, candidate, at, error: declared.error })
     }
 
     /// The free form at its optimum.
     fn towards(&self, study: &Study, form: FreeForm) -> Option<FreeForm> {
-        let fits = Fits::new(study, self.scale.to_vec());
+        let fits = self.fits(study);
         let own = study.candidates[form.candidate].entries.clone();
         let heights: Vec<Free> = own.map(|index| study.entries[index].free).collect();
-        let (view, shared) = (fits.view(&[form.candidate], &fits.pieces), study.declared_free());
-        let at = form.at.towards(&view, &form.surface, [&heights, &shared], ROUNDS)?;
+        let shared = study.declared_free();
+        let free = [&heights[..], &shared[..]];
+        let whole = fits.view(&[form.candidate], &fits.pieces);
+        // What leaves the declared model leaves it far behind at the end of a record: the beginning is understood first.
+        let base = Approach::begin(&whole, &form.surface, &form.at.parameters, free, &form.at.locals)?;
+        let without = base.smooth.without;
+        let (mut p, mut locals) = (base.parameters, base.locals);
+        for part in PARTS {
+            let view = fits.view(&[form.candidate], &beginnings(&fits.pieces, part));
+            let at = Approach::begin(&view, &form.surface, &p, free, &locals)?;
+            let at = at.towards(&view, &form.surface, free, ROUNDS)?;
+            (p, locals) = (at.parameters, at.locals);
+        }
+        let at = Approach::begin(&whole, &form.surface, &p, free, &locals)?;
+        let mut at = at.towards(&whole, &form.surface, free, ROUNDS)?;
+        at.smooth.without = without;
         let count: usize =
             fits.pieces.iter().map(|piece| piece.range.len()).sum::<usize>() * study.outputs.len();
         let error = (at.chi2 / count.max(1) as f64).sqrt();
@@ -372,7 +466,7 @@ impl Finder<'_> {
             let mut p = self.longer(&form, study);
             study.candidates[form.candidate].entries.clone().for_each(|index| p[index] = 0.0);
             study.candidates[c].entries.clone().zip(&values).for_each(|(index, value)| p[index] = *value);
-            let fits = Fits::new(study, self.scale.to_vec());
+            let fits = self.fits(study);
             if let Some(model) = fits.fit_from(vec![c], &p, &form.at.locals) {
                 if std::env::var_os("LAW_TRACE").is_some() {
                     eprintln!("   exact error {} (free form {})", model.error, form.error);
@@ -388,7 +482,7 @@ impl Finder<'_> {
         let mut best: Option<(Model, Arc<Own>, f64)> = None;
         let mut rivals = Vec::new();
         for (model, effect, share, _) in tried.iter().take(JUDGED) {
-            let fits = Fits::new(study, self.scale.to_vec());
+            let fits = self.fits(study);
             let mut model = extended(model, study);
             fits.hold_back(&mut model);
             let stable =
@@ -411,12 +505,74 @@ impl Finder<'_> {
                 let mut p = self.longer(&form, study);
                 study.candidates[form.candidate].entries.clone().for_each(|index| p[index] = 0.0);
                 p[study.candidates[c].entries.start] = 1.0;
-                let fits = Fits::new(study, self.scale.to_vec());
+                let fits = self.fits(study);
                 (fits.fit_from(vec![c], &p, &form.at.locals)?, effect, 1.0)
             }
         };
-        let found = Found { form, effect, model, named, share, rivals, axes };
+        let found = Found {
+            tap: form.tap,
+            variables: form.surface.variables.clone(),
+            curve: form.curve(model.error.max(judge.power.sqrt())),
+            effect,
+            model,
+            named,
+            share,
+            rivals,
+            axes,
+        };
         self.say_law(study, judge, declared, found, answer)
+    }
+
+    /// The best law with a memory, at any attachment whose motion is known.
+    fn memory(&self, study: &mut Study, declared: &Model) -> Option<(usize, Model, Arc<Own>)> {
+        (self.say)("laws with a memory");
+        let mut best: Option<(usize, Model, Arc<Own>)> = None;
+        for tap in 0..study.taps.len() {
+            let units = [Variable::Position, Variable::Velocity, Variable::Value]
+                .map(|variable| self.unit(study, tap, variable));
+            let Some(places) = self.knots(study, tap, Variable::Velocity, FINE) else { continue };
+            let fastest = places.iter().fold(0.0f64, |a, b| a.max(b.abs()));
+            let travel = self
+                .knots(study, tap, Variable::Position, FINE)
+                .map_or(0.1 * fastest, |own| own[own.len() - 1] - own[0]);
+            let stiffness = product(&[(&units[2], 1), (&units[1], -1), ("s", -1)]);
+            let length = product(&[(&units[1], 1), ("s", 1)]);
+            let times = [0.05, 0.3, 1.5].to_vec();
+            let lengths = [0.01, 0.05, 0.25].map(|part| part * travel).to_vec();
+            for (rate, unit, starts) in
+                [("v - z/s", "s".to_owned(), times), ("v - abs(v)*z/s", length, lengths)]
+            {
+                let toml = format!(
+                    "kind = \"law\"\nport = {:?}\nformula = \"k*z\"\nwords = \"law with a memory\"\n[variables]\nx = {:?}\nv = {:?}\nf = {:?}\n[states]\nz = {rate:?}\n[parameters]\nk = {{ unit = {stiffness:?} }}\ns = {{ unit = {unit:?}, start = {starts:?} }}\n",
+                    port_word(&units[2]),
+                    units[0],
+                    units[1],
+                    units[2]
+                );
+                let Ok(own) = Own::read(&toml).map(Arc::new) else { continue };
+                let c = self.push_own(study, tap, &own, &[1.0, starts[1]]);
+                study.candidates[c].starts = own.starts();
+                let base = extended(declared, study);
+                for index in study.candidates[c].entries.clone() {
+                    let step = self.fits(study).step(&base, c, index);
+                    study.entries[index].free.step = step.unwrap_or(1e-6);
+                    let first = study.candidates[c].entries.start;
+                    if own.parameters[index - first].name == "s" {
+                        let (least, most) = (starts[0], starts[starts.len() - 1]);
+                        study.entries[index].free.bounds = (0.05 * least, 20.0 * most);
+                    }
+                }
+                let found = self.fits(study).add(&base, c);
+                if std::env::var_os("LAW_TRACE").is_some() {
+                    eprintln!("memory {rate} error {:?}", found.as_ref().map(|own| own.error));
+                }
+                let better = |own: &Model| best.as_ref().is_none_or(|known| own.error < known.1.error);
+                if let Some(model) = found.filter(better) {
+                    best = Some((tap, model, own));
+                }
+            }
+        }
+        best
     }
 
     /// Parameter vector of a free form, as long as there are entries.
@@ -452,6 +608,8 @@ impl Finder<'_> {
     ) -> Option<Outcome> {
         let fits = Fits::new(study, self.scale.to_vec());
         let model = extended(&found.model, study);
+        let again = fits.fit_from(model.added.clone(), &model.fit.parameters, &model.fit.locals);
+        let model = again.unwrap_or(model);
         let declared = extended(declared, study);
         let validation = pieces(study, Role::Validation);
         let of = |model: &Model, pieces: &[_], locals| {
@@ -470,7 +628,7 @@ impl Finder<'_> {
         if !(share >= MIN_VALIDATED_SHARE && share > 0.5 * gained) {
             return None;
         }
-        let tap = found.form.tap;
+        let tap = found.tap;
         let widen = model.error.max(judge.power.sqrt());
         let c = model.added[0];
         let place = |index: usize| model.fit.free.iter().position(|free| free.index == index);
@@ -498,15 +656,6 @@ impl Finder<'_> {
             own: Some(Arc::clone(&found.effect)),
             ..Effect::default()
         };
-        let curve = match &found.form.surface.knots[..] {
-            [knots] => knots
-                .iter()
-                .zip(&found.form.at.smooth.heights)
-                .zip(&found.form.at.smooth.deviation)
-                .map(|((x, y), s)| [*x, *y, 1.96 * widen * s])
-                .collect(),
-            _ => Vec::new(),
-        };
         let covered = found
             .axes
             .iter()
@@ -524,8 +673,8 @@ impl Finder<'_> {
         let law = Law {
             port: study.taps[tap].name.clone(),
             channel: self.channel(tap).to_owned(),
-            variables: found.form.surface.variables.iter().map(|own| word(own).to_owned()).collect(),
-            curve,
+            variables: found.variables.iter().map(|own| word(own).to_owned()).collect(),
+            curve: found.curve,
             named: found.named,
             of_free_form: found.share,
             share,
@@ -560,9 +709,20 @@ struct Outcome {
     after: [Errors; 2],
 }
 
+/// Pieces of which only this part of the beginning counts.
+fn beginnings(pieces: &[Piece], part: f64) -> Vec<Piece> {
+    let short = |piece: &Piece| {
+        let n = ((piece.range.len() as f64 * part) as usize).max(16).min(piece.range.len());
+        Piece { record: piece.record, range: piece.range.start..piece.range.start + n }
+    };
+    pieces.iter().map(short).collect()
+}
+
 /// What was chosen, before it is said.
 struct Found {
-    form: FreeForm,
+    tap: usize,
+    variables: Vec<Variable>,
+    curve: Vec<[f64; 3]>,
     effect: Arc<Own>,
     model: Model,
     named: bool,

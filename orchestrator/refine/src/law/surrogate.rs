@@ -12,9 +12,12 @@ use crate::engine::System;
 use crate::engine::fit::{Free, fit};
 use crate::engine::normal::{Columns, columns, dot};
 use crate::engine::{parallel, stop};
+use crate::study::law::Variable;
 
 /// Parts of the records.
 pub const PARTS: usize = 5;
+/// Records from which on whole ones are kept back.
+const WHOLE: usize = 4;
 /// Penalties that are tried: powers of ten around the mean curvature of the error.
 const PENALTIES: [f64; 9] = [1e-7, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1, 1.0, 10.0];
 /// Ratio of errors from which on another step gains nothing.
@@ -91,7 +94,9 @@ impl Surrogate {
         let records: Vec<usize> = (0..locals.len()).collect();
         let starts: Vec<&[f64]> = locals.iter().map(Vec::as_slice).collect();
         let found = columns(system, &records, p, &free, &starts, true, None);
-        let whole = records.len() >= PARTS;
+        // A law in time is the same in every record: only another record can tell whether it is one.
+        let whole =
+            records.len() >= WHOLE || records.len() > 1 && surface.variables.contains(&Variable::Time);
         let pieces = parallel::map(found.len(), |r| {
             let signals: Vec<(usize, usize)> =
                 system.signals(r).iter().map(|span| (span.range.start, span.range.end)).collect();

@@ -18,6 +18,29 @@ pub struct Point {
 }
 
 impl Point {
+    /// Variables of formulas: position, velocity, value, time.
+    pub fn variables(&self) -> [f64; 4] {
+        [self.position, self.velocity, self.value, self.time]
+    }
+
+    /// A point on the way to another, this part of it.
+    pub fn towards(self, other: Point, part: f64) -> Point {
+        let between = |a: f64, b: f64| a + part * (b - a);
+        Point {
+            velocity: between(self.velocity, other.velocity),
+            position: between(self.position, other.position),
+            pressure_force: between(self.pressure_force, other.pressure_force),
+            pressure: between(self.pressure, other.pressure),
+            time: between(self.time, other.time),
+            value: between(self.value, other.value),
+        }
+    }
+
+    /// The point between two.
+    pub fn mean(self, other: Point) -> Point {
+        self.towards(other, 0.5)
+    }
+
     /// Value of a variable.
     pub fn of(&self, variable: Variable) -> f64 {
         match variable {

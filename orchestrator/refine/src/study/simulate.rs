@@ -11,6 +11,7 @@ use super::plant::Plant;
 use super::read::Record;
 use crate::engine::noise::Noise;
 use crate::engine::{Span, System};
+use crate::vocabulary::own::STATES;
 
 /// A span of a record.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -84,6 +85,8 @@ pub(super) struct Blocks<'a> {
     now: Cell<f64>,
     /// For each tap: the value that came in last.
     seen: Vec<Cell<f64>>,
+    /// For each tap: what was seen at the sample, and last, with the time of that.
+    within: Vec<[Cell<Point>; 2]>,
     survey: Option<RefCell<Survey>>,
     /// What the laws depend on at every sample, `[taps][n]`; empty: not asked for.
     trace: Vec<Vec<Point>>,
@@ -121,8 +124,14 @@ impl Blocks<'_> {
         for (law, range, states) in &self.laws[tap] {
             let p = &self.p[range.clone()];
             if let Law::Own(index) = *law {
-                let (own, z) = (&self.study.own[index], &self.z[states.clone()]);
-                let found = own.value([point.position, point.velocity, value, self.now.get()], z, p);
+                let (own, at) = (&self.study.own[index], Point { value, time: self.now.get(), ..point });
+                let mut z = [0.0; STATES];
+                z[..states.len()].copy_from_slice(&self.z[states.clone()]);
+                if !states.is_empty() {
+                    let mean = self.see(tap, at).mean(at);
+                    own.advance(mean.variables(), &mut z[..states.len()], p, at.time - self.time);
+                }
+                let found = own.value(at.variables(), &z, p);
                 value = if own.port.replaces() { found } else { value - found };
             } else if let Law::Surface(index) = *law {
                 let at = Point { value, time: self.now.get(), ..point };
@@ -139,16 +148,30 @@ impl Blocks<'_> {
         value
     }
 
+    /// Keeps what a tap shows; gives what it showed at the sample.
+    fn see(&self, tap: usize, at: Point) -> Point {
+        let [sample, last] = &self.within[tap];
+        if at.time <= self.time {
+            sample.set(at);
+        }
+        last.set(at);
+        sample.get()
+    }
+
     /// Moves the states of the laws on, from what the attachments showed at the sample.
     pub(super) fn advance(&mut self, step: f64, points: &[Point]) {
-        for (point, laws) in points.iter().zip(&self.laws) {
+        for ((point, laws), [sample, last]) in points.iter().zip(&self.laws).zip(&self.within) {
             for (law, range, states) in laws {
                 let z = &mut self.z[states.clone()];
                 match *law {
                     Law::Presliding => z[0] = preslide(z[0], point.velocity, self.p[range.start], step),
                     Law::Own(index) => {
-                        let at = [point.position, point.velocity, point.value, point.time];
-                        self.study.own[index].advance(at, z, &self.p[range.clone()], step);
+                        // The mean over the step, from what the stages of the integration have shown.
+                        let (sample, last) = (sample.get(), last.get());
+                        let part =
+                            if last.time > self.time { 0.5 * step / (last.time - self.time) } else { 0.0 };
+                        let mean = sample.towards(last, part);
+                        self.study.own[index].advance(mean.variables(), z, &self.p[range.clone()], step);
                     }
                     _ => {}
                 }
@@ -189,6 +212,7 @@ impl<'a> View<'a> {
             time: 0.0,
             now: Cell::new(0.0),
             seen: vec![Cell::new(0.0); study.taps.len()],
+            within: vec![[Cell::new(Point::default()), Cell::new(Point::default())]; study.taps.len()],
             survey,
             trace: Vec::new(),
         }
@@ -314,6 +338,8 @@ impl<'a> View<'a> {
                 blocks.z.fill(0.0);
             }
             let t = k as f64 * step;
+            // Sums of steps are not their multiples to the last bit.
+            blocks.time = t;
             let at = |plant: &mut Plant, time: f64, x: &[f64], dx: &mut [f64], blocks: &Blocks| {
                 set(plant, k, (time - t) / step);
                 blocks.now.set(time);
