@@ -1,4 +1,4 @@
-"""Makes studies of systems that lack a law which no list holds, with known truth: a mass-spring-damper, a pendulum and a tank, six
+"""Makes studies of systems that lack a law which no list holds, with known truth: a pendulum and a slow arm, six
 families of laws, exact and messy records, and nulls.
 
 Equations and noise are typed here; nothing of the library is used.
@@ -11,7 +11,6 @@ import json
 import pathlib
 
 import numpy as np
-from scipy.linalg import expm
 
 RECORDS, ESTIMATION = 5, 3
 
@@ -43,13 +42,13 @@ def laws(family, size, rng):
         m, w = u(-0.3, 0.3) * X, u(0.2, 0.4) * X
         return f"{F}*exp(-((x - {m})/{w})^2)", lambda x, v, t, z: F * np.exp(-(((x - m) / w) ** 2)), none
     if family == "velocity":
-        kind = pick("cubic", "square", "bump")
+        kind = pick("cubic", "fifth", "bump")
         if kind == "cubic":
             a = F / V**3
             return f"{a}*v^3", lambda x, v, t, z: a * v**3, none
-        if kind == "square":
-            a = F / V**2
-            return f"{a}*abs(v)*v", lambda x, v, t, z: a * abs(v) * v, none
+        if kind == "fifth":
+            a = F / V**5
+            return f"{a}*v^5", lambda x, v, t, z: a * v**5, none
         m, w = u(0.2, 0.5) * V, u(0.15, 0.3) * V
         return f"{F}*exp(-((v - {m})/{w})^2)", lambda x, v, t, z: F * np.exp(-(((v - m) / w) ** 2)), none
     if family == "product":
@@ -105,50 +104,16 @@ def segments(initial):
     return "".join(f'\n[[segment]]\nfile = "r{i}.csv"\nrole = "{role(i)}"\ninitial = {{ {initial} }}\n' for i in range(RECORDS))
 
 
-def mass(folder, law, noise, rng, messy):
-    """Mass, spring and damper as a linear state space."""
-    m, b, k, h, n = 1.3, 0.9, 40.0, 0.005, 2000
-    text, force, rates = law
-    a, bb = np.array([[0, 1], [-k / m, -b / m]]), np.array([[0], [1 / m]])
-    step = expm(np.block([[a, bb], [np.zeros((1, 3))]]) * h)
-    off = (1 + 0.004 * rng.standard_normal(2)) if messy else np.ones(2)
-    points = []
-    for i in range(RECORDS):
-        t = np.arange(n) * h
-        u, y, found = drive(rng, t, 3.0, (0.2, 2.0)), None, []
-        for j in range(n):
-            y = np.zeros(2 + len(rates(0, 0, 0, [0.0]))) if y is None else y
-            found.append(y)
-
-            def rate(time, y):
-                f = force(y[0], y[1], time, y[2:])
-                return np.array([y[1], (u[j] - k * off[0] * y[0] - b * off[1] * y[1] - f) / m, *rates(y[0], y[1], time, y[2:])])
-
-            y = runge_kutta(rate, runge_kutta(rate, y, t[j], h / 2), t[j] + h / 2, h / 2)
-        found = np.array(found)
-        x = found[:, 0] + noise * np.std(found[:, 0]) * rng.standard_normal(n)
-        write(folder, {"time": t, "force": u, "position": x}, i)
-        points += [[*row[:2], time, force(row[0], row[1], time, row[2:])] for row, time in zip(found, t)][::5]
-    values = {"n_x": 2, "n_u": 1, "n_y": 2, "sample_time": h, "realization": 2, "D[1,1]": 0.0, "D[2,1]": 0.0}
-    for i in range(2):
-        values |= {f"A[{i + 1},{j + 1}]": float(step[i, j]) for j in range(2)}
-        values |= {f"C[{i + 1},{j + 1}]": float(i == j) for j in range(2)} | {f"B[{i + 1},1]": float(step[i, 2])}
-    study = 'system = "airloop:linear-state-space"\n[parameters]\n' + "".join(f'"{name}" = {value}\n' for name, value in values.items())
-    study += '[inputs]\n"u[1]" = { column = "force", hold = true }\n[outputs]\n"y[1]" = { column = "position" }\n'
-    study += '[[attachment]]\ninput = "u[1]"\nchannels = ["cart"]\nvelocity = "y[2]"\nposition = "y[1]"\n'
-    return study + segments('"x[1]" = 0.0, "x[2]" = 0.0'), points
-
-
-def pendulum(folder, law, noise, rng, messy):
-    """Driven pendulum; its inertia and damping are declared with an error where the records are messy."""
-    m, l, b, g, h, n = 0.4, 0.25, 0.008, 9.81, 0.005, 2000
+def pendulum(folder, law, noise, rng, messy, values, size):
+    """Driven pendulum or a slow arm; its damping and weight are declared with an error where the records are messy."""
+    (m, l, b), (g, h, n) = values, (9.81, 0.005, 2000)
     text, force, rates = law
     inertia = m * l * l
     off = (1 + 0.004 * rng.standard_normal(2)) if messy else np.ones(2)
     points = []
     for i in range(RECORDS):
         t = np.arange(n) * h
-        u, y, found = drive(rng, t, 0.12, (0.3, 1.6)), None, []
+        u, y, found = drive(rng, t, size, (0.2, 1.6)), None, []
         for j in range(n):
             y = np.zeros(2 + len(rates(0, 0, 0, [0.0]))) if y is None else y
             found.append(y)
@@ -169,7 +134,11 @@ def pendulum(folder, law, noise, rng, messy):
     return study + segments("theta = 0.0, omega = 0.0"), points
 
 
-SYSTEMS = {"mass": (mass, (0.2, 1.2, 1.2)), "pendulum": (pendulum, (0.35, 1.8, 0.06))}
+# Mass [kg], length [m], damping [N m s/rad] and drive [N m]; ranges of angle and speed, torque of a law.
+SYSTEMS = {
+    "pendulum": (((0.4, 0.25, 0.008), 0.12), (0.5, 2.5, 0.08)),
+    "arm": (((2.0, 0.4, 0.6), 2.0), (0.5, 2.0, 1.0)),
+}
 
 
 def main():
@@ -182,13 +151,13 @@ def main():
     cases = [(FAMILIES[i % 6], list(SYSTEMS)[(i // 6) % 2], (i // 12) % 2 == 1) for i in range(args.count)]
     cases += [("null", list(SYSTEMS)[i % 2], (i // 2) % 2 == 1) for i in range(max(1, args.count // 3))]
     for i, (family, system, messy) in enumerate(cases):
-        make, size = SYSTEMS[system]
+        (values, driven), size = SYSTEMS[system]
         strength = rng.uniform(0.3, 1.0)
         none = ("0", lambda x, v, t, z: 0.0, lambda x, v, t, z: [])
         law = none if family == "null" else laws(family, (*size[:2], strength * size[2]), rng)
         folder = args.folder / f"{i:03d}_{family}_{system}_{'messy' if messy else 'exact'}"
         folder.mkdir(parents=True, exist_ok=True)
-        study, points = make(folder, law, 0.02 if messy else 2e-4, rng, messy)
+        study, points = pendulum(folder, law, 0.02 if messy else 2e-4, rng, messy, values, driven)
         (folder / "study.toml").write_text(f'name = "{folder.name}"\n' + study)
         truth = {"family": family, "system": system, "messy": messy, "law": law[0], "points": np.round(points, 9).tolist()}
         (folder / "truth.json").write_text(json.dumps(truth))

@@ -39,6 +39,8 @@ const PARTS: [f64; 2] = [0.1, 0.35];
 const SCREENED: usize = 10;
 const FINE: usize = 20;
 const COARSE: usize = 6;
+/// Weight of the gain of a form over the value that passes.
+const DRIVING: f64 = 0.5;
 /// Share of the best variable's gain from which on another is looked at closely.
 const WORTH_TRYING: f64 = 0.5;
 /// Steps of the free form towards its optimum.
@@ -280,7 +282,11 @@ impl Finder<'_> {
                 }
             }
         }
-        let gain = |form: &FreeForm| form.at.gain();
+        // The value that passes drives the motion, so that it seems to tell what the motion tells.
+        let gain = |form: &FreeForm| {
+            let drives = form.surface.variables == [Variable::Value];
+            form.at.gain() * if drives { DRIVING } else { 1.0 }
+        };
         singles.sort_by(|a, b| gain(b).total_cmp(&gain(a)));
         if std::env::var_os("LAW_TRACE").is_some() {
             for s in &singles {
@@ -309,12 +315,19 @@ impl Finder<'_> {
         }
         // Two variables where one leaves much.
         let mut pairs = Vec::new();
-        for second in [Variable::Position, Variable::Velocity, Variable::Value, Variable::Time] {
-            if second == first || stop::asked() {
+        let (x, v) = (Variable::Position, Variable::Velocity);
+        let mut combined = vec![[x, v]];
+        for second in [x, v, Variable::Value, Variable::Time] {
+            let mut both = [first, second];
+            both.sort_by_key(|own| [x, v, Variable::Value].iter().position(|known| known == own).unwrap_or(3));
+            if second != first && !combined.contains(&both) {
+                combined.push(both);
+            }
+        }
+        for variables in combined {
+            if stop::asked() {
                 continue;
             }
-            let mut variables = [first, second];
-            variables.sort_by_key(|own| name(*own) != "x");
             let knots: Option<Vec<Vec<f64>>> =
                 variables.iter().map(|own| self.knots(study, tap, *own, COARSE)).collect();
             let Some(knots) = knots else { continue };
