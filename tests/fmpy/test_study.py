@@ -186,9 +186,10 @@ def test_free_pendulum(tmp_path):
 
 def test_seal(tmp_path):
     found = measured("pneumatic_seal_friction", tmp_path)
-    assert named(found)[:2] == ["pf.pressure", "act.area"]
+    # Presliding takes the place of act.area and a third effect at the same error.
+    assert named(found) == ["pf.pressure", "pf.presliding"]
     assert found["residual"]["validation"]["rms_before"]["force"] == pytest.approx(1.33, abs=0.01)
-    assert found["residual"]["validation"]["rms_after"]["force"] <= 1.0
+    assert found["residual"]["validation"]["rms_after"]["force"] <= 0.88
 
 
 def test_linear_axis(tmp_path):

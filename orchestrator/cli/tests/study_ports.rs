@@ -19,7 +19,7 @@ fn root() -> PathBuf {
 /// A record of 6 s at 250 Hz of the two joints with dry friction.
 fn record(path: &Path, dry: [f64; 2], phase: f64) {
     let torque = |t: f64| {
-        [1.5 * (2.1 * t + phase).sin(), 0.6 * (3.7 * t + 2.0 * phase).cos() - 0.6 * (2.0 * phase).cos()]
+        [0.7 * (2.1 * t + phase).sin(), 0.3 * (3.7 * t + 2.0 * phase).cos() - 0.3 * (2.0 * phase).cos()]
     };
     let (mut s, step, inner) = ([0.0; 4], 0.004, 20);
     let mut text = "time,tau_1,tau_2,q_1,q_2\n".to_owned();
@@ -111,8 +111,8 @@ fn effect(id: &str, port: &str, parameters: &[f64]) -> Effect {
 #[test]
 fn the_amended_system_moves_with_dry_friction_in_both_joints() {
     let folder = tempfile::tempdir().unwrap();
-    let file = File::read(&study(folder.path(), [0.2, 0.08], STATED)).unwrap();
-    let effects = vec![effect("coulomb@tau_1", "tau_1", &[0.2]), effect("coulomb@tau_2", "tau_2", &[0.08])];
+    let file = File::read(&study(folder.path(), [0.04, 0.015], STATED)).unwrap();
+    let effects = vec![effect("coulomb@tau_1", "tau_1", &[0.04]), effect("coulomb@tau_2", "tau_2", &[0.015])];
     let answer = Answer { verdict: Verdict::Effect, effects, ..Answer::default() };
     let network = amend::study::network(&file, &answer, folder.path()).unwrap();
     match amend::write(&network, folder.path(), Some(&root().join("target/fmu"))) {
@@ -125,7 +125,16 @@ fn the_amended_system_moves_with_dry_friction_in_both_joints() {
     let (system, out) = (folder.path().join("system/system.ssd"), folder.path().join("run"));
     let record = folder.path().join("three.csv");
     let arguments = ["run", system.to_str().unwrap(), "--master", "monolithic", "--no-plots", "--quiet"];
-    let further = ["--measured", record.to_str().unwrap(), "-o", out.to_str().unwrap()];
+    let further = [
+        "--step",
+        "0.004",
+        "--interpolation",
+        "hold",
+        "--measured",
+        record.to_str().unwrap(),
+        "-o",
+        out.to_str().unwrap(),
+    ];
     let output = airloop(&[&arguments[..], &further[..]].concat());
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     let (result, measured) = (csv::read(&out.join("result.csv")).unwrap(), csv::read(&record).unwrap());
@@ -133,8 +142,8 @@ fn the_amended_system_moves_with_dry_friction_in_both_joints() {
         let [found, expected] = [&result, &measured].map(|own| &own.channel(name).unwrap().values);
         let largest = found.iter().zip(expected).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
         let moved = expected.iter().fold(0.0f64, |a, b| a.max(b.abs()));
-        // Inputs move in a line between samples under this master unless they are held; the noise is 0.1 mrad.
-        assert!(largest < 0.01 * moved, "{name}: {largest} of {moved}");
+        // The noise of the record is 0.1 mrad, also that of its first sample, from which the run starts.
+        assert!(largest < 5e-3 * moved, "{name}: {largest} of {moved}");
     }
 }
 
@@ -144,7 +153,7 @@ fn dry_friction_in_both_joints_is_told_by_joint() {
         [(STATED, ["cf.coulomb", "cf.coulomb"]), ("", ["coulomb@tau_1", "coulomb@tau_2"])]
     {
         let folder = tempfile::tempdir().unwrap();
-        study(folder.path(), [0.2, 0.08], attachments);
+        study(folder.path(), [0.04, 0.015], attachments);
         let out = folder.path().join("out");
         let output = airloop(&["refine", folder.path().to_str().unwrap(), "-o", out.to_str().unwrap()]);
         assert!(matches!(output.status.code(), Some(0 | 12)), "{output:?}");
@@ -154,17 +163,19 @@ fn dry_friction_in_both_joints_is_told_by_joint() {
             .as_array()
             .unwrap()
             .iter()
-            .filter(|effect| effect["selected"] == true)
+            .filter(|effect| effect["selected"] == true && effect["kind"] == "coulomb")
             .map(|effect| {
                 let text = |name: &str| effect[name].as_str().unwrap().to_owned();
-                assert_eq!(text("kind"), "coulomb");
                 (text("port"), text("id"), effect["params"]["force"]["value"].as_f64().unwrap())
             })
             .collect();
         found.sort_by(|a, b| a.0.cmp(&b.0));
         let places: Vec<(&str, &str)> = found.iter().map(|own| (own.0.as_str(), own.1.as_str())).collect();
         assert_eq!(places, [("tau_1", ids[0]), ("tau_2", ids[1])]);
-        assert!((found[0].2 / 0.2 - 1.0).abs() < 0.05 && (found[1].2 / 0.08 - 1.0).abs() < 0.05, "{found:?}");
+        assert!(
+            (found[0].2 / 0.04 - 1.0).abs() < 0.05 && (found[1].2 / 0.015 - 1.0).abs() < 0.05,
+            "{found:?}"
+        );
         let page = std::fs::read_to_string(out.join("report.md")).unwrap();
         assert!(page.contains("friction at tau_2") && !page.contains("cart "), "{page}");
     }

@@ -231,6 +231,16 @@ impl Instance {
             _ => {}
         }
         let variable = &self.table.variables[reference as usize];
+        // Some importers set the states one by one.
+        if let (Role::State(state), Some(number), Mode::ContinuousTimeMode) =
+            (variable.role, number, self.mode)
+        {
+            let (models, _) = self.models()?;
+            let mut x = models.states().to_vec();
+            x[state] = number;
+            models.set_states(&x);
+            return Ok(());
+        }
         if !before || variable.start.is_none() {
             let why = if before { "it has no start value" } else { "only inputs can be, after the start" };
             return Err(format!("`{}` cannot be set: {why}", variable.name));

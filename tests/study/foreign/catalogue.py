@@ -61,12 +61,12 @@ SAME = {
 }
 # Effects that data cannot tell from another one at the same port.
 ALIKE = {
-    "lag": ["act.mode", "mode", "delay", "act.delay"],
-    "command_offset": ["offset", "bias"],
-    "offset": ["bias", "command_offset", "leakage"],
-    "cubic": ["cubic_spring", "spring_cubic"],
-    "overflow": ["overflow", "cart.endstop", "endstop"],
-    "leakage": ["level_leakage", "level_dependent_leakage"],
+    "lag": ["act.mode", "mode"],
+    "command_offset": ["bias"],
+    "offset": ["bias", "leakage"],
+    "cubic": ["cubic_spring"],
+    "overflow": ["cart.endstop", "endstop"],
+    "leakage": ["outlet"],
 }
 IDS = {
     "piston_friction": {k: f"pf.{k}" for k in ("viscous", "coulomb", "stribeck", "offset", "asymmetry")},

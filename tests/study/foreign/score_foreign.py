@@ -15,7 +15,7 @@ prints that table and counts per class. Rules:
 * control: right when nothing is selected, and the verdict is "none", on messy machines "none" or "unexplained".
 * outside: right when the verdict is "unexplained" or "law", and nothing wrong is selected.
 * error: of the main parameter of the first true effect, relative. system: whether the amended system was written, and
-  whether `airloop run` can run it on the first record.
+  whether `airloop run --study` runs it.
 """
 
 import argparse
@@ -127,7 +127,7 @@ def row_of(case, truth, report, run, flavor):
         if pick:
             effect, true = pick[0]
             value = effect.get("params", {}).get(true["main"], {}).get("value")
-            row["share"] = effect.get("share", NONE)
+            row["share"], row["true_share"] = effect.get("share", NONE), true["share"]
             if value is not None and true["params"][true["main"]]["value"]:
                 row["error"] = abs(value / true["params"][true["main"]]["value"] - 1)
     elif truth["class"] == "control":
@@ -140,22 +140,17 @@ def row_of(case, truth, report, run, flavor):
     return row
 
 
-def runs_amended(program, case, out, truth, limit):
-    """Whether the amended system was written and runs on the first record."""
-    folder = out / "system"
-    if not folder.exists():
-        return "none"
-    found = sorted(folder.glob("*.ssd")) + sorted(folder.glob("*.ssp"))
-    signals = [["--signals", str(folder / "signals.toml")]] if (folder / "signals.toml").exists() else [[]]
+def runs_amended(program, study, out, limit):
+    """Whether the amended system was written, and whether it simulates the records of the study."""
+    found = sorted((out / "system").glob("*.ss[dp]"))
     if not found:
-        return "empty"
-    command = [program, "run", str(found[0]), "--measured", str(case / "record_0.csv"), *signals[0], "-o", str(out / "run")]
+        return "none"
     try:
-        result = subprocess.run(command, capture_output=True, text=True, timeout=limit)
+        command = [program, "run", str(found[0]), "--study", str(study), "-o", str(out / "run")]
+        result = subprocess.run(command, capture_output=True, text=True, timeout=20 * limit)
     except subprocess.TimeoutExpired:
         return "slow"
-    if result.returncode:
-        (out / "run.txt").write_text(result.stderr)
+    (out / "run.txt").write_text(result.stderr)
     return "runs" if result.returncode == 0 else "fails"
 
 
@@ -188,7 +183,7 @@ def answer(args, case, truth):
         cpu = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
         run = dict(code=code, failed=failed, wall=round(time.time() - begin, 1), cpu=round(cpu, 1) if args.jobs == 1 else NONE)
         if truth["verdict"]["plain"] == "effect":
-            run["system"] = runs_amended(args.program, case, out, truth, args.limit)
+            run["system"] = runs_amended(args.program, case / f"{args.flavor}.toml", out, args.limit)
         kept.write_text(json.dumps(run))
     report = out / "report.json"
     return json.loads(report.read_text()) if report.exists() else {}, json.loads(kept.read_text())

@@ -275,7 +275,7 @@ fn starts(law: Law, count: usize, ranges: &[(f64, f64); 5]) -> Result<Vec<Vec<f6
         _ => {}
     }
     Ok(match law {
-        Law::Coulomb if count == 2 => [0.003, 0.03].map(|part| vec![0.0, part * v]).into(),
+        Law::Coulomb if count == 2 => [0.005, 0.03].map(|part| vec![0.0, part * v]).into(),
         Law::CubicSpring => {
             let middle = 0.5 * (position.0 + position.1);
             let slack = if position.0 < 0.0 && position.1 > 0.0 { 1e-3 * x } else { middle };
@@ -461,12 +461,15 @@ fn entries(
 }
 
 fn push(study: &mut Study, kind: &Kind, channel: &'static str, tap: usize, starts: Vec<Vec<f64>>) {
+    let smallest = |k: usize| starts.iter().map(|start| start[k]).fold(f64::INFINITY, f64::min);
     let largest = |k: usize| starts.iter().map(|start| start[k]).fold(0.0, f64::max);
     let bounds = |k: usize| {
         let shape = largest(k);
         match (kind.positive.contains(&k), shape > 0.0) {
+            // Slower than this a sign changes within a step, faster than this it is no sign.
+            (true, true) if kind.law == Law::Coulomb => (0.2 * smallest(k), 5.0 * shape),
             // A shape stays within what the records can show.
-            (true, true) => (1e-3 * starts.iter().map(|s| s[k]).fold(f64::INFINITY, f64::min), 20.0 * shape),
+            (true, true) => (1e-3 * smallest(k), 20.0 * shape),
             (true, false) => (0.0, f64::INFINITY),
             (false, _) => (f64::NEG_INFINITY, f64::INFINITY),
         }

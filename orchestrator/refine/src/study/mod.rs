@@ -1,10 +1,15 @@
 //! What any declared system lacks: a `study.toml` names a system of FMUs, records and places where effects may act.
 //!
 //! [`declaration`] is the file, [`dataset`] reads folders of measured data that come without one, [`read`] makes records,
-//! [`plant`] evaluates the FMUs, [`ports`] finds where something may be missing, [`plan`] lists that, [`simulate`] integrates them for the engine, [`fits`] fits, [`catalogue`] lists the candidates,
-//! [`search`] chooses among them by the error on records that are kept back, [`physical`] what no model may be, [`noise`] carries the noise of the sensors to
-//! that error, [`smoothed`] what filters take from measured derivatives, [`explain`] finds on what depends what is left, [`answer`] says it. The rig of the vocabulary, whose
-//! sensors are known, has a search of its own in `rig`.
+//! [`plant`] evaluates the FMUs, [`ports`] finds where something may be missing, [`plan`] lists that, [`simulate`] integrates
+//! them for the engine, [`fits`] fits, [`catalogue`] lists the candidates, [`search`] chooses among them by the error on
+//! records that are held out, [`physical`] what no model may be, [`noise`] carries the noise of the sensors to that error,
+//! [`smoothed`] what filters take from measured derivatives, [`explain`] finds on what depends what is left.
+//!
+//! Where that search ends above the noise, [`by_share`] asks the engine's forward selection for the effects that matter
+//! beside corrections of declared parameters ([`tolerance`]); [`whole`] is the study as one system of the engine. [`answer`]
+//! says what was found, [`replay`] simulates another system on the same records. The rig of the vocabulary, whose sensors
+//! are known, has a search of its own in `rig`.
 
 pub mod answer;
 pub mod by_share;
