@@ -136,7 +136,7 @@ def pendulum(folder, law, noise, rng, messy, values, size):
 
 # Mass [kg], length [m], damping [N m s/rad] and drive [N m]; ranges of angle and speed, torque of a law.
 SYSTEMS = {
-    "pendulum": (((0.4, 0.25, 0.008), 0.12), (0.5, 2.5, 0.08)),
+    "pendulum": (((0.4, 0.25, 0.02), 0.1), (0.5, 2.5, 0.08)),
     "arm": (((2.0, 0.4, 0.6), 2.0), (0.5, 2.0, 1.0)),
 }
 
@@ -157,7 +157,7 @@ def main():
         law = none if family == "null" else laws(family, (*size[:2], strength * size[2]), rng)
         folder = args.folder / f"{i:03d}_{family}_{system}_{'messy' if messy else 'exact'}"
         folder.mkdir(parents=True, exist_ok=True)
-        study, points = pendulum(folder, law, 0.02 if messy else 2e-4, rng, messy, values, driven)
+        study, points = pendulum(folder, law, 0.02 if messy else 1e-3, rng, messy, values, driven)
         (folder / "study.toml").write_text(f'name = "{folder.name}"\n' + study)
         truth = {"family": family, "system": system, "messy": messy, "law": law[0], "points": np.round(points, 9).tolist()}
         (folder / "truth.json").write_text(json.dumps(truth))

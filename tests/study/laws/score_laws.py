@@ -104,7 +104,7 @@ def main():
         error = judge(report, out, truth) if truth["family"] != "null" else None
         other = None if args.no_peers or truth["family"] == "null" else peer(truth)
         if truth["family"] == "null":
-            right = report["verdict"] == "none"
+            right = report["verdict"] != "law"
         else:
             right = report["verdict"] == "law" and error is not None and error <= RIGHT
         formula = (report["law"] or {}).get("formula") if report.get("law") else None

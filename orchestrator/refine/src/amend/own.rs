@@ -6,11 +6,14 @@ use crate::answer::Effect;
 use crate::vocabulary::Own;
 use airloop_fmi::derive::Value;
 
-/// The block of an effect of one's own with the values that its parameters have in the answer.
-pub fn block(own: &Own, effect: &Effect, sources: &Sources) -> Block {
+/// The block of an effect of one's own, with the name of its component and the values that its parameters have in the answer.
+pub fn block(own: &Own, (effect, name): (&Effect, String), sign: f64, sources: &Sources) -> Block {
     let names = |list: Vec<&str>| Value::String(list.join(" "));
+    // What is taken off is added where a larger value makes the velocity or the level fall.
+    let added = sign < 0.0 && !own.port.replaces();
+    let formula = if added { format!("-({})", own.formula) } else { own.formula.clone() };
     let mut start = vec![
-        ("formula".to_owned(), Value::String(own.formula.clone())),
+        ("formula".to_owned(), Value::String(formula)),
         ("replaces".to_owned(), Value::Boolean(own.port.replaces())),
         ("states".to_owned(), names(own.states.iter().map(|(name, _)| name.as_str()).collect())),
         ("parameters".to_owned(), names(own.parameters.iter().map(|p| p.name.as_str()).collect())),
@@ -26,6 +29,6 @@ pub fn block(own: &Own, effect: &Effect, sources: &Sources) -> Block {
     let further = known.into_iter().filter(|(i, ..)| used(*i));
     let further = further.filter_map(|(_, name, source)| Some((name, None, source.clone()?))).collect();
     let description = format!("What the declared model lacks: {} = {}", own.kind, own.formula);
-    let part = Part { name: blocks::name(effect), template: "expression-effect", description, start };
+    let part = Part { name, template: "expression-effect", description, start };
     Block { part, way: ("f_in", "f_out", None), further }
 }

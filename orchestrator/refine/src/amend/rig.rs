@@ -194,7 +194,9 @@ fn cart_pole(model: &Declared, selected: &[&Effect], cylinder: bool, law: Option
         let pole = law.channel == "pole";
         let to = end("cart_pole", if pole { "tau_ext" } else { "F" });
         let angular = Sources { x: plant("theta"), v: plant("omega"), ..Sources::default() };
-        network.insert(&to, own::block(own, &law.effect, if pole { &angular } else { &sources }), false);
+        let sources = if pole { &angular } else { &sources };
+        let block = own::block(own, (&law.effect, blocks::name(&law.effect)), 1.0, sources);
+        network.insert(&to, block, false);
     }
     for block in selected.iter().filter_map(|effect| blocks::pole(effect, moment, &sources)) {
         network.insert(&end("cart_pole", "tau_ext"), block, false);

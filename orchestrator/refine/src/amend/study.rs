@@ -229,7 +229,7 @@ fn place(
         name += &format!("_{}", plain(input));
     }
     let block = match &effect.own {
-        Some(formula) => Some(own::block(formula, effect, &sources)),
+        Some(formula) => Some(own::block(formula, (effect, name), wiring.sign, &sources)),
         None => blocks::memory(effect, &name, step, held)
             .or_else(|| port::block(effect, name, wiring, step, &sources)),
     };

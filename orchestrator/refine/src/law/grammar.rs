@@ -215,6 +215,15 @@ impl Formula {
         self.terms.iter().map(Term::complexity).sum()
     }
 
+    /// The formula without a term.
+    pub fn without(&self, term: usize) -> Formula {
+        let mut found = self.clone();
+        let first: usize = self.terms[..term].iter().map(Term::count).sum();
+        found.p.drain(first..first + self.terms[term].count());
+        found.terms.remove(term);
+        found
+    }
+
     /// Whether two have the same terms, in whatever order.
     pub fn same_form(&self, other: &Formula) -> bool {
         self.terms.len() == other.terms.len() && self.terms.iter().all(|term| other.terms.contains(term))

@@ -3,9 +3,10 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
+use super::exact::OF_FREE_FORM;
 use super::formula::{self, PRICE};
 use super::grammar::Axis;
-use super::study::{Law, OF_FREE_FORM, curve_text, effect};
+use super::study::{Law, curve_text, effect};
 use super::surface::{Surface, knots};
 use super::surrogate::Approach;
 use crate::answer::{Answer, Effect, Parameter, Verdict};
@@ -157,7 +158,7 @@ impl Finder<'_> {
         let p = [&self.base[..], &vec![0.0; heights.len()]].concat();
         let locals = vec![Vec::new(); self.records.len()];
         let free = [&heights[..], &self.shared[..]];
-        let at = Approach::begin(&system, &surface, &p, free, &locals)?;
+        let at = Approach::begin(&system, &surface, &p, free, &locals, None)?;
         let at = if rounds > 0 { at.towards(&system, &surface, free, rounds)? } else { at };
         Some(FreeForm { surface, at })
     }
@@ -184,14 +185,6 @@ impl Finder<'_> {
         forms.extend(self.form(&[x, v], 7, 2));
         forms.sort_by(|a, b| a.at.smooth.held_out.total_cmp(&b.at.smooth.held_out));
         let least = forms.first()?.at.smooth.held_out;
-        if std::env::var_os("LAW_TRACE").is_some() {
-            for own in &forms {
-                eprintln!(
-                    "rig form {:?} without {} held {}",
-                    own.surface.variables, own.at.smooth.without, own.at.smooth.held_out
-                );
-            }
-        }
         let simple = |form: &FreeForm| {
             form.surface.variables.len() == 1 && form.at.smooth.held_out < (1.0 + SECOND) * least
         };
@@ -212,9 +205,6 @@ impl Finder<'_> {
         for own in &list {
             let share = (form.at.smooth.without - own.held_out) / form.at.gain();
             let (text, parameters) = own.formula.written(&axes, &units[2]);
-            if std::env::var_os("LAW_TRACE").is_some() {
-                eprintln!("rig formula {text} share {share} {parameters:?}");
-            }
             if share < OF_FREE_FORM || tried.len() >= 4 || stop::asked() {
                 continue;
             }
@@ -297,9 +287,6 @@ impl Finder<'_> {
         let before = HeldOut::new(&self.windowed, self.units).error(&self.base, &validation);
         let after = HeldOut::new(&rig, self.units).error(&best.parameters, &validation);
         let share = 1.0 - after / before.max(f64::MIN_POSITIVE);
-        if std::env::var_os("LAW_TRACE").is_some() {
-            eprintln!("rig validation {before} -> {after}");
-        }
         if share < MIN_VALIDATED_SHARE {
             return None;
         }
@@ -340,6 +327,7 @@ impl Finder<'_> {
             (_, true) => "theta",
         };
         Some(Law {
+            place: channel.to_owned(),
             port: if self.pole { "cart_pole.tau_ext" } else { "cart_pole.F" }.into(),
             channel: channel.to_owned(),
             variables: form.surface.variables.iter().map(|own| word(own).to_owned()).collect(),

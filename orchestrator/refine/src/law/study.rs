@@ -3,56 +3,62 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use super::formula::{self, PRICE};
-use super::grammar::{Axis, product};
+use super::grammar::Axis;
 use super::surface::{Surface, knots};
 use super::surrogate::Approach;
+use super::windows::{Windows, velocity};
 use crate::answer::{Answer, Effect, Errors, Parameter, Verdict};
 use crate::engine::fit::Free;
 use crate::engine::stop;
-use crate::study::catalogue::{CHANNELS, Candidate};
-use crate::study::declaration::{Attachment, Role};
+use crate::study::answer;
+use crate::study::by_share;
+use crate::study::catalogue::{self, Candidate};
+use crate::study::declaration::Role;
+use crate::study::effects;
 use crate::study::errors::errors;
-use crate::study::explain::Judge;
+use crate::study::explain::{self, Judge};
 use crate::study::fits::{Fits, Model, pieces};
 use crate::study::law::{Law as Block, Point, Variable};
 use crate::study::model::{Action, Entry, Study, Target};
-use crate::study::plant;
 use crate::study::search::Say;
 use crate::study::simulate::Piece;
 use crate::vocabulary::Own;
-use crate::vocabulary::own::Parameter as OwnParameter;
 
 /// Share of what is left above noise that a free form has to take away for a law to be looked for.
 const WORTH_A_LAW: f64 = 0.2;
-/// Share of the free form's gain that a formula must reach to be named.
-pub const OF_FREE_FORM: f64 = 0.95;
 /// Share of the error on validation records below which a law is none.
 const MIN_VALIDATED_SHARE: f64 = 0.05;
-/// Share of what effects leave that a law may leave to take their place.
+/// Share of the error on validation records that effects have to leave for a law to be looked for in their place.
+const MUCH: f64 = 0.02;
+/// Share of what effects leave that a law may leave to take their place: one that leaves noise, and any other.
 const MUCH_LESS: f64 = 0.5;
+const FAR_LESS: f64 = 0.1;
 /// Share of a second variable in what one leaves, from which on both are needed.
 const SECOND: f64 = 0.15;
 /// Parts of the records, from their beginning, that a free form is brought to before the whole.
-const PARTS: [f64; 2] = [0.1, 0.35];
+pub(super) const PARTS: [f64; 5] = [0.03, 0.07, 0.15, 0.3, 0.6];
+/// Part of the records, from their beginning, on which variables are compared.
+const SCREENED_PART: f64 = 0.35;
+/// Ratio of the error of a free form to what its quadratic form promises, up to which it is at its optimum.
+const CONSISTENT: f64 = 1.5;
 /// Knots of a variable while variables are compared, of the one that is chosen, and of each of two.
 const SCREENED: usize = 10;
-const FINE: usize = 20;
+pub(super) const FINE: usize = 20;
 const COARSE: usize = 6;
 /// Weight of the gain of a form over the value that passes.
 const DRIVING: f64 = 0.5;
 /// Share of the best variable's gain from which on another is looked at closely.
 const WORTH_TRYING: f64 = 0.5;
+/// Fall of the held-out error that a free form must bring, in variances of the noise.
+const SIGNIFICANT: f64 = 30.0;
+/// Share of the least error that counts as above noise where it is at the noise.
+const NEAR_NOISE: f64 = 0.03;
 /// Steps of the free form towards its optimum.
 const ROUNDS: usize = 3;
-/// Formulas whose stability over parts of the records is asked for.
-const JUDGED: usize = 3;
 /// Error in rms of the noise from which on a law with a memory is tried.
 const FAR: f64 = 1.5;
 /// Ratio of the error of a law with a memory to the least without one, below which it is taken.
 const MEMORY: f64 = 0.6;
-/// Errors within this share of each other are equal.
-const EQUAL: f64 = 0.03;
 
 /// A law that was found at a port.
 #[derive(Debug, Clone)]
@@ -61,6 +67,8 @@ pub struct Law {
     pub port: String,
     /// Channel; empty where none is declared.
     pub channel: String,
+    /// Where it acts: `channel@port`, `@port`, or a channel alone.
+    pub place: String,
     /// Variables in the words of the vocabulary.
     pub variables: Vec<String>,
     /// The law as an effect, with its formula and parameters.
@@ -84,85 +92,121 @@ pub struct Law {
 }
 
 /// One free form, fitted.
-struct FreeForm {
-    tap: usize,
-    surface: Surface,
-    candidate: usize,
-    at: Approach,
-    /// Rms of the residuals.
-    error: f64,
+#[derive(Clone)]
+pub(super) struct FreeForm {
+    pub(super) tap: usize,
+    pub(super) surface: Surface,
+    pub(super) candidate: usize,
+    pub(super) at: Approach,
+    /// Rms of the residuals of whole records.
+    pub(super) error: f64,
+    /// Local parameters of whole records.
+    pub(super) locals: Vec<Vec<f64>>,
 }
 
 impl FreeForm {
     /// Place, height and half of the 95 % band at every knot; empty for two variables.
-    fn curve(&self, residual: f64) -> Vec<[f64; 3]> {
+    pub(super) fn curve(&self, residual: f64) -> Vec<[f64; 3]> {
         let [knots] = &self.surface.knots[..] else { return Vec::new() };
         let heights = self.at.smooth.heights.iter().zip(&self.at.smooth.deviation);
         knots.iter().zip(heights).map(|(x, (y, s))| [*x, *y, 1.96 * residual * s]).collect()
     }
 }
 
-struct Finder<'a> {
-    attachments: &'a [Attachment],
-    scale: &'a [f64],
-    say: Say<'a>,
+pub(super) struct Finder<'a> {
+    pub(super) scale: &'a [f64],
+    pub(super) say: Say<'a>,
+    /// Corrections of the declared model that are fitted beside a law.
+    pub(super) corrections: Vec<Free>,
     /// Simulations with steps of second order, where they change the error of the declared model by next to nothing.
-    quick: bool,
+    pub(super) quick: bool,
     /// What the attachments show, `[taps][n]`.
-    trace: Vec<Vec<Point>>,
+    pub(super) trace: Vec<Vec<Point>>,
+    /// Windows in which free forms are compared; none: whole records.
+    pub(super) windows: Option<Windows>,
+    /// Sum of squares that the noise of the sensors gives.
+    pub(super) noise: f64,
 }
 
-/// Puts a law into an answer that found nothing to name; the model with it, if there is one.
+/// Puts a law into an answer that found nothing to name, or effects that leave much; the model with it, if there is one.
+/// `base`: the declared model with its corrections, beside which the law is fitted.
 pub fn explain(
     study: &mut Study,
-    attachments: &[Attachment],
     scale: &[f64],
-    (judge, declared): (&Judge, &Model),
+    (judge, base): (&Judge, &Model),
     found: &mut Answer,
     say: Say,
 ) -> Option<Model> {
-    let partly = found.verdict == Verdict::Effect && !found.complete;
+    let left = 1.0 - found.share.unwrap_or(0.0);
+    let partly = found.verdict == Verdict::Effect && !found.complete && left > MUCH;
     if !(found.verdict == Verdict::Unexplained || partly) || stop::asked() {
         return None;
     }
-    let (quick, trace) = {
+    let is_correction = |free: &&Free| matches!(study.entries[free.index].target, Target::Correction { .. });
+    let corrections = base.fit.free.iter().filter(is_correction).copied().collect();
+    let (quick, trace, windows, noise) = {
         let fits = Fits::new(study, scale.to_vec());
-        let view = fits.view(&[], &fits.pieces);
-        let mut all: Vec<Vec<Point>> = vec![Vec::new(); study.taps.len()];
-        for r in 0..fits.pieces.len() {
-            let own = view.trace(r, &declared.fit.parameters, &declared.fit.locals[r]);
-            all.iter_mut().zip(own).for_each(|(all, own)| all.extend(own));
-        }
-        (fits.quickened(declared).quick, all)
+        let (trace, windows) = (motion(&fits, base), Windows::new(&fits, base));
+        let samples: usize = fits.pieces.iter().map(|piece| piece.range.len()).sum();
+        let noise: f64 = study.outputs.iter().zip(scale).map(|(o, s)| (o.noise / s).powi(2)).sum();
+        (fits.quickened(base).quick, trace, windows, noise * samples as f64)
     };
-    let finder = Finder { attachments, scale, say, quick, trace };
-    let Outcome { law, model, after } = finder.find(study, judge, declared, found)?;
-    // Effects of the list stay unless a law leaves much less than they do.
+    let finder = Finder { scale, say, corrections, quick, trace, windows, noise };
+    let Outcome { law, model, after } = finder.find(study, judge, base, found)?;
+    let fits = finder.fits(study);
+    let complete = judge.explained(&fits, &model);
     if partly {
-        let left = 1.0 - found.share.unwrap_or(0.0);
-        if 1.0 - law.share > MUCH_LESS * left {
+        // Effects of the list stay unless a law leaves much less than they do.
+        if !law.named || 1.0 - law.share > if complete { MUCH_LESS } else { FAR_LESS } * left {
             return None;
         }
         for effect in found.effects.iter_mut().filter(|effect| effect.selected) {
             (effect.selected, effect.group) = (false, None);
-            effect.reason = format!(
-                "a law at {} leaves less than {:.0} % of the error that it leaves",
-                law.port,
-                100.0 * MUCH_LESS
-            );
+            effect.reason =
+                format!("a law at {} takes away {:.0} % of the error", law.port, 100.0 * law.share);
         }
     }
     found.notes.extend(told(&law));
-    found.unexplained = Some((law.channel.clone(), law.variables.clone()));
+    found.unexplained = Some((law.place.clone(), law.variables.clone()));
     found.verdict = Verdict::Law;
     found.share = Some(law.share);
+    found.complete = complete;
+    found.left[1] = judge.left(&fits, &model);
     found.law = Some(law);
-    let fitted = study.entries[..study.declared].iter().zip(&model.fit.parameters);
-    let fitted = fitted.filter(|(entry, _)| matches!(entry.target, Target::Declared(_)));
-    found.fitted = fitted.map(|(entry, value)| (entry.name.clone(), *value)).collect();
+    found.fitted = answer::fitted(study, &model.fit.parameters);
+    found.corrections = by_share::corrections_beside(study, &model, &found.corrections);
     found.after = after;
     found.parameters[1].clone_from(&model.fit.parameters);
     Some(model)
+}
+
+/// What the attachments show in the estimation records, `[taps][n]`: measured where an output shows it, of a model
+/// otherwise.
+fn motion(fits: &Fits, model: &Model) -> Vec<Vec<Point>> {
+    let study = fits.study;
+    let view = fits.view(&[], &fits.pieces);
+    let mut all: Vec<Vec<Point>> = vec![Vec::new(); study.taps.len()];
+    for (r, piece) in fits.pieces.iter().enumerate() {
+        let record = &study.records[piece.record];
+        let measured = |slot: Option<usize>| {
+            let output = study.outputs.iter().position(|output| Some(output.slot) == slot)?;
+            Some(&record.outputs[output][piece.range.clone()])
+        };
+        let mut traces = view.trace(r, &model.fit.parameters, &model.fit.locals[r]);
+        for ((tap, trace), all) in study.taps.iter().zip(&mut traces).zip(&mut all) {
+            let (v, x) = (measured(tap.signals[0]), measured(tap.signals[1]));
+            for (k, point) in trace.iter_mut().enumerate() {
+                if let Some(x) = x {
+                    (point.position, point.velocity) = (x[k], velocity(x, k, record.step));
+                }
+                if let Some(v) = v {
+                    point.velocity = v[k];
+                }
+            }
+            all.append(trace);
+        }
+    }
+    all
 }
 
 /// Sentences on a law.
@@ -196,14 +240,47 @@ pub fn told(law: &Law) -> Vec<String> {
 }
 
 /// Model for a parameter vector that has become longer.
-fn extended(model: &Model, study: &Study) -> Model {
+pub(super) fn extended(model: &Model, study: &Study) -> Model {
     let mut found = model.clone();
     let known = found.fit.parameters.len();
     found.fit.parameters.extend(study.entries[known..].iter().map(|entry| entry.start));
     found
 }
 
-fn push(study: &mut Study, action: Action, entries: Vec<Entry>, channel: &'static str, id: String) -> usize {
+/// Attachments and variables over which free forms are looked for.
+fn places(study: &Study) -> Vec<(usize, Variable)> {
+    let mut found = Vec::new();
+    for (tap, own) in study.taps.iter().enumerate() {
+        let input = study.graph.inputs.iter().position(|input| input.name == own.name);
+        let fed = input.is_some_and(|i| study.records.iter().all(|record| record.inputs[i].is_some()));
+        // Of ports that act alike one stands for all.
+        let forces = own.attachment.port.is_none_or(|duty| duty.forces);
+        let variables = [
+            (Variable::Position, forces && own.signals[1].is_some()),
+            (Variable::Velocity, forces && own.signals[0].is_some()),
+            (Variable::Value, fed),
+            (Variable::Time, forces),
+        ];
+        let here = variables.into_iter().filter(|(variable, there)| {
+            *there && catalogue::channel_of(&own.attachment, *variable).is_some()
+        });
+        found.extend(here.map(|(variable, _)| (tap, variable)));
+    }
+    found
+}
+
+/// Channel of a law over a variable at an attachment; empty where none is declared.
+fn channel(study: &Study, tap: usize, variable: Variable) -> &'static str {
+    catalogue::channel_of(&study.taps[tap].attachment, variable).unwrap_or_default()
+}
+
+pub(super) fn push(
+    study: &mut Study,
+    action: Action,
+    entries: Vec<Entry>,
+    channel: &'static str,
+    id: String,
+) -> usize {
     let first = study.entries.len();
     let count = entries.len();
     study.entries.extend(entries);
@@ -228,37 +305,43 @@ fn push(study: &mut Study, action: Action, entries: Vec<Entry>, channel: &'stati
 }
 
 impl Finder<'_> {
-    fn fits<'s>(&self, study: &'s Study) -> Fits<'s> {
-        Fits { quick: self.quick, ..Fits::new(study, self.scale.to_vec()) }
+    pub(super) fn fits<'s>(&self, study: &'s Study) -> Fits<'s> {
+        let corrections = self.corrections.clone();
+        Fits { quick: self.quick, corrections, ..Fits::new(study, self.scale.to_vec()) }
     }
 
-    fn channel(&self, tap: usize) -> &'static str {
-        let own = &self.attachments[tap].channels;
-        CHANNELS.into_iter().find(|channel| own.first().is_some_and(|c| c == channel)).unwrap_or(CHANNELS[0])
+    pub(super) fn unit(study: &Study, tap: usize, variable: Variable) -> String {
+        let [value, velocity, position] = &study.taps[tap].units;
+        match variable {
+            Variable::Velocity => velocity.clone(),
+            Variable::Position => position.clone(),
+            Variable::Time => "s".into(),
+            _ => value.clone(),
+        }
     }
 
-    fn unit(&self, study: &Study, tap: usize, variable: Variable) -> String {
-        let own = &self.attachments[tap];
-        let signal = match variable {
-            Variable::Velocity => own.velocity.as_ref(),
-            Variable::Position => own.position.as_ref(),
-            Variable::Time => return "s".into(),
-            _ => Some(&own.input),
-        };
-        signal.and_then(|name| plant::unit_of(&study.graph, name)).unwrap_or_else(|| "1".into())
+    /// Parameters that are fitted beside a law.
+    fn shared(&self, study: &Study) -> Vec<Free> {
+        study.declared_free().into_iter().chain(self.corrections.iter().copied()).collect()
     }
 
-    fn axes(&self, study: &Study, tap: usize, surface: &Surface) -> Vec<Axis> {
+    pub(super) fn axes(&self, study: &Study, tap: usize, surface: &Surface) -> Vec<Axis> {
         let axis = |(variable, knots): (&Variable, &Vec<f64>)| Axis {
             name: name(*variable),
-            unit: self.unit(study, tap, *variable),
+            unit: Self::unit(study, tap, *variable),
             range: (knots[0], knots[knots.len() - 1]),
         };
         surface.variables.iter().zip(&surface.knots).map(axis).collect()
     }
 
     /// Knots of a variable that moves at an attachment and is known there.
-    fn knots(&self, study: &Study, tap: usize, variable: Variable, count: usize) -> Option<Vec<f64>> {
+    pub(super) fn knots(
+        &self,
+        study: &Study,
+        tap: usize,
+        variable: Variable,
+        count: usize,
+    ) -> Option<Vec<f64>> {
         let known = study.taps[tap].signals;
         let there = match variable {
             Variable::Velocity => known[0].is_some(),
@@ -272,14 +355,12 @@ impl Finder<'_> {
     fn find(&self, study: &mut Study, judge: &Judge, declared: &Model, answer: &Answer) -> Option<Outcome> {
         (self.say)("free forms at the ports");
         let mut singles = Vec::new();
-        for tap in 0..study.taps.len() {
-            for variable in [Variable::Position, Variable::Velocity, Variable::Value, Variable::Time] {
-                let count = if variable == Variable::Time { 16 } else { SCREENED };
-                let Some(knots) = self.knots(study, tap, variable, count) else { continue };
-                let surface = Surface { variables: vec![variable], knots: vec![knots] };
-                if let Some(form) = self.form(study, declared, tap, surface) {
-                    singles.push(form);
-                }
+        for (tap, variable) in places(study) {
+            let count = if variable == Variable::Time { 16 } else { SCREENED };
+            let Some(knots) = self.knots(study, tap, variable, count) else { continue };
+            let surface = Surface { variables: vec![variable], knots: vec![knots] };
+            if let Some(form) = self.form(study, declared, tap, surface) {
+                singles.push(form);
             }
         }
         // The value that passes drives the motion, so that it seems to tell what the motion tells.
@@ -288,18 +369,13 @@ impl Finder<'_> {
             form.at.gain() * if drives { DRIVING } else { 1.0 }
         };
         singles.sort_by(|a, b| gain(b).total_cmp(&gain(a)));
-        if std::env::var_os("LAW_TRACE").is_some() {
-            for s in &singles {
-                eprintln!(
-                    "single {:?} without {} held {}",
-                    s.surface.variables, s.at.smooth.without, s.at.smooth.held_out
-                );
-            }
-        }
         let best = singles.first()?;
         let most = gain(best);
-        let excess = judge.excess(declared) / declared.error.powi(2);
-        let enough = |form: &FreeForm| gain(form) > WORTH_A_LAW * excess * form.at.smooth.without;
+        let one = self.noise / self.samples(study).max(1) as f64;
+        let enough = |form: &FreeForm| {
+            let excess = (form.at.smooth.without - self.noise).max(0.0);
+            gain(form) > (WORTH_A_LAW * excess).max(SIGNIFICANT * one)
+        };
         let (tap, first) = (best.tap, best.surface.variables[0]);
         let mut forms: Vec<FreeForm> = Vec::new();
         for form in singles.iter().take(2).filter(|form| form.tap == tap) {
@@ -319,7 +395,9 @@ impl Finder<'_> {
         let mut combined = vec![[x, v]];
         for second in [x, v, Variable::Value, Variable::Time] {
             let mut both = [first, second];
-            both.sort_by_key(|own| [x, v, Variable::Value].iter().position(|known| known == own).unwrap_or(3));
+            both.sort_by_key(|own| {
+                [x, v, Variable::Value].iter().position(|known| known == own).unwrap_or(3)
+            });
             if second != first && !combined.contains(&both) {
                 combined.push(both);
             }
@@ -333,8 +411,7 @@ impl Finder<'_> {
             let Some(knots) = knots else { continue };
             let surface = Surface { variables: variables.into(), knots };
             let left = forms.iter().map(|own| own.at.smooth.held_out).fold(f64::INFINITY, f64::min);
-            let noise = judge.tolerated / declared.error.powi(2) * own_without(&forms);
-            if left < 1.5 * noise {
+            if left < 1.2 * self.noise {
                 break;
             }
             if let Some(form) = self.form(study, declared, tap, surface) {
@@ -346,35 +423,38 @@ impl Finder<'_> {
             forms.extend(self.towards(study, pair));
         }
         forms.sort_by(|a, b| a.at.smooth.held_out.total_cmp(&b.at.smooth.held_out));
-        if std::env::var_os("LAW_TRACE").is_some() {
-            for s in &forms {
-                eprintln!(
-                    "form {:?} without {} held {} error {} excess {excess}",
-                    s.surface.variables, s.at.smooth.without, s.at.smooth.held_out, s.error
-                );
-            }
-        }
-        let left = forms.iter().map(|own| own.error).fold(declared.error, f64::min);
-        if left > FAR * judge.tolerated.sqrt()
-            && let Some((tap, model, own)) = self.memory(study, declared)
-            && model.error < MEMORY * left
-        {
-            let (axes, variables) = (Vec::new(), vec![Variable::Velocity]);
-            let (named, share, rivals) = (true, 1.0, Vec::new());
-            let found =
-                Found { tap, variables, curve: Vec::new(), effect: own, model, named, share, rivals, axes };
-            return self.say_law(study, judge, declared, found, answer);
-        }
         let least = forms.first()?.at.smooth.held_out;
-        let simple = |form: &FreeForm| {
-            form.surface.variables.len() == 1 && form.at.smooth.held_out < (1.0 + SECOND) * least
-        };
+        // What one variable leaves may be as much more than what two leave.
+        let more = SECOND * (least - self.noise).max(NEAR_NOISE * least);
+        let simple =
+            |form: &FreeForm| form.surface.variables.len() == 1 && form.at.smooth.held_out < least + more;
         let at = forms.iter().position(simple).unwrap_or(0);
         let form = forms.swap_remove(at);
-        if !enough(&form) {
-            return None;
-        }
-        self.law(study, judge, declared, form, answer)
+        let law = if enough(&form) { self.law(study, judge, declared, &form) } else { None };
+        let left = law.as_ref().map_or(declared.error, |own| own.model.error);
+        let memory = if left > FAR * judge.tolerated.sqrt() { self.memory(study, declared) } else { None };
+        let found = match memory {
+            Some((tap, model, effect)) if model.error < MEMORY * left => {
+                let (axes, variables) = (Vec::new(), vec![Variable::Velocity]);
+                let (named, share, rivals) = (true, 1.0, Vec::new());
+                Found { tap, variables, curve: Vec::new(), effect, model, named, share, rivals, axes }
+            }
+            _ => law?,
+        };
+        self.say_law(study, judge, declared, found, answer)
+    }
+
+    /// Samples of the estimation records, of all outputs.
+    fn samples(&self, study: &Study) -> usize {
+        self.trace.first().map_or(0, Vec::len) * study.outputs.len()
+    }
+
+    /// Records of the windows that are kept back together for a form over some variables.
+    fn groups(&self, variables: &[Variable]) -> Option<Vec<usize>> {
+        // A law in time is the same in every record: only another record can tell whether it is one.
+        let time = variables.contains(&Variable::Time);
+        let of = |(i, piece): (usize, &Piece)| if time { piece.record } else { i };
+        self.windows.as_ref().map(|own| own.pieces.iter().enumerate().map(of).collect())
     }
 
     /// A free form beside the declared model, around zero heights.
@@ -394,214 +474,86 @@ impl Finder<'_> {
             Entry { name, unit: "1".into(), target: Target::Effect, start: 0.0, free }
         });
         let action = Action::Block { law: Block::Surface(index), tap };
-        let candidate = push(study, action, entries.collect(), self.channel(tap), "free form".to_owned());
+        let candidate = push(study, action, entries.collect(), "", "free form".to_owned());
         let base = extended(declared, study);
         let fits = self.fits(study);
         let step = fits.probe_step(&base, candidate)?;
         study.entries[first..first + count].iter_mut().for_each(|entry| entry.free.step = step);
         let fits = self.fits(study);
         let own: Vec<Free> = study.entries[first..first + count].iter().map(|entry| entry.free).collect();
-        let (view, shared) =
-            (fits.view(&[candidate], &beginnings(&fits.pieces, PARTS[1])), study.declared_free());
-        let at = Approach::begin(&view, &surface, &base.fit.parameters, [&own, &shared], &base.fit.locals)?;
-        Some(FreeForm { tap, surface, candidate, at, error: declared.error })
+        let (view, locals) = match &self.windows {
+            Some(windows) => (windows.view(&fits, candidate), windows.begins.clone()),
+            None => {
+                (fits.view(&[candidate], &beginnings(&fits.pieces, SCREENED_PART)), base.fit.locals.clone())
+            }
+        };
+        let free = [&own[..], &self.shared(study)[..]];
+        let groups = self.groups(&surface.variables);
+        let at = Approach::begin(&view, &surface, &base.fit.parameters, free, &locals, groups)?;
+        Some(FreeForm { tap, surface, candidate, at, error: declared.error, locals: base.fit.locals })
     }
 
     /// The free form at its optimum.
     fn towards(&self, study: &Study, form: FreeForm) -> Option<FreeForm> {
+        let Some(windows) = &self.windows else { return self.whole(study, form) };
         let fits = self.fits(study);
         let own = study.candidates[form.candidate].entries.clone();
         let heights: Vec<Free> = own.map(|index| study.entries[index].free).collect();
-        let shared = study.declared_free();
+        let free = [&heights[..], &self.shared(study)[..]];
+        let at = form.at.towards(&windows.view(&fits, form.candidate), &form.surface, free, 2 * ROUNDS)?;
+        Some(FreeForm { at, ..form })
+    }
+
+    /// The free form at its optimum for whole records.
+    pub(super) fn whole(&self, study: &Study, form: FreeForm) -> Option<FreeForm> {
+        let fits = self.fits(study);
+        let own = study.candidates[form.candidate].entries.clone();
+        let heights: Vec<Free> = own.map(|index| study.entries[index].free).collect();
+        let shared = self.shared(study);
         let free = [&heights[..], &shared[..]];
         let whole = fits.view(&[form.candidate], &fits.pieces);
-        // What leaves the declared model leaves it far behind at the end of a record: the beginning is understood first.
-        let base = Approach::begin(&whole, &form.surface, &form.at.parameters, free, &form.at.locals)?;
+        let base = Approach::begin(&whole, &form.surface, &form.at.parameters, free, &form.locals, None)?;
         let without = base.smooth.without;
-        let (mut p, mut locals) = (base.parameters, base.locals);
-        for part in PARTS {
-            let view = fits.view(&[form.candidate], &beginnings(&fits.pieces, part));
-            let at = Approach::begin(&view, &form.surface, &p, free, &locals)?;
-            let at = at.towards(&view, &form.surface, free, ROUNDS)?;
-            (p, locals) = (at.parameters, at.locals);
-        }
-        let at = Approach::begin(&whole, &form.surface, &p, free, &locals)?;
-        let mut at = at.towards(&whole, &form.surface, free, ROUNDS)?;
+        let (p, locals) = (base.parameters.clone(), base.locals.clone());
+        let direct = base.towards(&whole, &form.surface, free, ROUNDS);
+        let consistent =
+            |at: &Approach| at.chi2 < CONSISTENT * at.smooth.held_out && at.smooth.held_out < without;
+        let mut at = match direct {
+            Some(at) if consistent(&at) => at,
+            // What leaves the declared model leaves it far behind at the end of a record: the beginning is understood first.
+            direct => {
+                let grown = self.grown(&fits, &form, free, (p, locals));
+                match (direct, grown) {
+                    (Some(a), Some(b)) if a.chi2 < b.chi2 => a,
+                    (a, b) => b.or(a)?,
+                }
+            }
+        };
         at.smooth.without = without;
         let count: usize =
             fits.pieces.iter().map(|piece| piece.range.len()).sum::<usize>() * study.outputs.len();
         let error = (at.chi2 / count.max(1) as f64).sqrt();
-        Some(FreeForm { at, error, ..form })
+        let locals = at.locals.clone();
+        Some(FreeForm { at, error, locals, ..form })
     }
 
-    /// Formulas for a free form, fitted exactly; the law.
-    fn law(
+    /// The free form over growing parts of the records.
+    fn grown(
         &self,
-        study: &mut Study,
-        judge: &Judge,
-        declared: &Model,
-        form: FreeForm,
-        answer: &Answer,
-    ) -> Option<Outcome> {
-        (self.say)("formulas for the free form");
-        let axes = self.axes(study, form.tap, &form.surface);
-        let list = formula::Search::new(&form.at.surrogate, &form.surface, &axes)
-            .map_or(Vec::new(), |own| own.run());
-        let unit = self.unit(study, form.tap, Variable::Value);
-        let units = [Variable::Position, Variable::Velocity, Variable::Value]
-            .map(|variable| self.unit(study, form.tap, variable));
-        let gain = form.at.gain();
-        let mut tried: Vec<(Model, Arc<Own>, f64, usize)> = Vec::new();
-        (self.say)("exact fits of formulas");
-        for own in &list {
-            let share = (form.at.smooth.without - own.held_out) / gain;
-            let (text, parameters) = own.formula.written(&axes, &unit);
-            if std::env::var_os("LAW_TRACE").is_some() {
-                eprintln!("formula {text} held {} share {share} {parameters:?}", own.held_out);
-            }
-            if share < OF_FREE_FORM || stop::asked() {
-                continue;
-            }
-            let Some(effect) = effect(&text, &parameters, &units) else { continue };
-            let values: Vec<f64> = effect
-                .parameters
-                .iter()
-                .map(|p| parameters.iter().find(|own| own.0 == p.name).map_or(0.0, |own| own.2))
-                .collect();
-            let c = self.push_own(study, form.tap, &effect, &values);
-            let mut p = self.longer(&form, study);
-            study.candidates[form.candidate].entries.clone().for_each(|index| p[index] = 0.0);
-            study.candidates[c].entries.clone().zip(&values).for_each(|(index, value)| p[index] = *value);
-            let fits = self.fits(study);
-            if let Some(model) = fits.fit_from(vec![c], &p, &form.at.locals) {
-                if std::env::var_os("LAW_TRACE").is_some() {
-                    eprintln!("   exact error {} (free form {})", model.error, form.error);
-                }
-                tried.push((model, effect, share, own.formula.complexity()));
-            }
+        fits: &Fits,
+        form: &FreeForm,
+        free: [&[Free]; 2],
+        (mut p, mut locals): (Vec<f64>, Vec<Vec<f64>>),
+    ) -> Option<Approach> {
+        for part in PARTS {
+            let view = fits.view(&[form.candidate], &beginnings(&fits.pieces, part));
+            let at = Approach::begin(&view, &form.surface, &p, free, &locals, None)?;
+            let at = at.towards(&view, &form.surface, free, ROUNDS)?;
+            (p, locals) = (at.parameters, at.locals);
         }
-        let power = |error: f64| error.powi(2);
-        let ceiling = power(declared.error) - power(form.error);
-        tried.retain(|(model, ..)| power(declared.error) - power(model.error) >= OF_FREE_FORM * ceiling);
-        let rank = |own: &(Model, Arc<Own>, f64, usize)| own.0.error.ln() + PRICE * own.3 as f64;
-        tried.sort_by(|a, b| rank(a).total_cmp(&rank(b)));
-        let mut best: Option<(Model, Arc<Own>, f64)> = None;
-        let mut rivals = Vec::new();
-        for (model, effect, share, _) in tried.iter().take(JUDGED) {
-            let fits = self.fits(study);
-            let mut model = extended(model, study);
-            fits.hold_back(&mut model);
-            let stable =
-                model.held_back.is_finite() && model.held_back < 1.5 * model.error.max(judge.power.sqrt());
-            match &best {
-                None if stable => best = Some((model, Arc::clone(effect), *share)),
-                Some((own, ..)) if model.held_back < (1.0 + EQUAL) * own.held_back => {
-                    rivals.push((effect.formula.clone(), *share));
-                }
-                _ => {}
-            }
-        }
-        let named = best.is_some();
-        let (model, effect, share) = match best {
-            Some(own) => own,
-            None => {
-                let text = curve_text(&form.surface, &form.at.smooth.heights, &axes)?;
-                let effect = effect(&text, &[("a".into(), "1".into(), 1.0)], &units)?;
-                let c = self.push_own(study, form.tap, &effect, &[1.0]);
-                let mut p = self.longer(&form, study);
-                study.candidates[form.candidate].entries.clone().for_each(|index| p[index] = 0.0);
-                p[study.candidates[c].entries.start] = 1.0;
-                let fits = self.fits(study);
-                (fits.fit_from(vec![c], &p, &form.at.locals)?, effect, 1.0)
-            }
-        };
-        let found = Found {
-            tap: form.tap,
-            variables: form.surface.variables.clone(),
-            curve: form.curve(model.error.max(judge.power.sqrt())),
-            effect,
-            model,
-            named,
-            share,
-            rivals,
-            axes,
-        };
-        self.say_law(study, judge, declared, found, answer)
-    }
-
-    /// The best law with a memory, at any attachment whose motion is known.
-    fn memory(&self, study: &mut Study, declared: &Model) -> Option<(usize, Model, Arc<Own>)> {
-        (self.say)("laws with a memory");
-        let mut best: Option<(usize, Model, Arc<Own>)> = None;
-        for tap in 0..study.taps.len() {
-            let units = [Variable::Position, Variable::Velocity, Variable::Value]
-                .map(|variable| self.unit(study, tap, variable));
-            let Some(places) = self.knots(study, tap, Variable::Velocity, FINE) else { continue };
-            let fastest = places.iter().fold(0.0f64, |a, b| a.max(b.abs()));
-            let travel = self
-                .knots(study, tap, Variable::Position, FINE)
-                .map_or(0.1 * fastest, |own| own[own.len() - 1] - own[0]);
-            let stiffness = product(&[(&units[2], 1), (&units[1], -1), ("s", -1)]);
-            let length = product(&[(&units[1], 1), ("s", 1)]);
-            let times = [0.05, 0.3, 1.5].to_vec();
-            let lengths = [0.01, 0.05, 0.25].map(|part| part * travel).to_vec();
-            for (rate, unit, starts) in
-                [("v - z/s", "s".to_owned(), times), ("v - abs(v)*z/s", length, lengths)]
-            {
-                let toml = format!(
-                    "kind = \"law\"\nport = {:?}\nformula = \"k*z\"\nwords = \"law with a memory\"\n[variables]\nx = {:?}\nv = {:?}\nf = {:?}\n[states]\nz = {rate:?}\n[parameters]\nk = {{ unit = {stiffness:?} }}\ns = {{ unit = {unit:?}, start = {starts:?} }}\n",
-                    port_word(&units[2]),
-                    units[0],
-                    units[1],
-                    units[2]
-                );
-                let Ok(own) = Own::read(&toml).map(Arc::new) else { continue };
-                let c = self.push_own(study, tap, &own, &[1.0, starts[1]]);
-                study.candidates[c].starts = own.starts();
-                let base = extended(declared, study);
-                for index in study.candidates[c].entries.clone() {
-                    let step = self.fits(study).step(&base, c, index);
-                    study.entries[index].free.step = step.unwrap_or(1e-6);
-                    let first = study.candidates[c].entries.start;
-                    if own.parameters[index - first].name == "s" {
-                        let (least, most) = (starts[0], starts[starts.len() - 1]);
-                        study.entries[index].free.bounds = (0.05 * least, 20.0 * most);
-                    }
-                }
-                let found = self.fits(study).add(&base, c);
-                if std::env::var_os("LAW_TRACE").is_some() {
-                    eprintln!("memory {rate} error {:?}", found.as_ref().map(|own| own.error));
-                }
-                let better = |own: &Model| best.as_ref().is_none_or(|known| own.error < known.1.error);
-                if let Some(model) = found.filter(better) {
-                    best = Some((tap, model, own));
-                }
-            }
-        }
-        best
-    }
-
-    /// Parameter vector of a free form, as long as there are entries.
-    fn longer(&self, form: &FreeForm, study: &Study) -> Vec<f64> {
-        let mut p = form.at.parameters.clone();
-        let known = p.len();
-        p.extend(study.entries[known..].iter().map(|entry| entry.start));
-        p
-    }
-
-    fn push_own(&self, study: &mut Study, tap: usize, own: &Arc<Own>, values: &[f64]) -> usize {
-        study.own.push(Arc::clone(own));
-        let index = study.own.len() - 1;
-        let first = study.entries.len();
-        let entry = |(k, (p, value)): (usize, (&OwnParameter, &f64))| {
-            let step = 1e-4 * value.abs().max(1e-9);
-            let free = Free { index: first + k, bounds: p.bounds, step, prior: None };
-            let name = format!("{} {}", own.kind, p.name);
-            Entry { name, unit: p.unit.clone(), target: Target::Effect, start: 0.0, free }
-        };
-        let entries = own.parameters.iter().zip(values).enumerate().map(entry).collect();
-        let action = Action::Block { law: Block::Own(index), tap };
-        push(study, action, entries, self.channel(tap), own.kind.clone())
+        let whole = fits.view(&[form.candidate], &fits.pieces);
+        let at = Approach::begin(&whole, &form.surface, &p, free, &locals, None)?;
+        at.towards(&whole, &form.surface, free, 2 * ROUNDS)
     }
 
     fn say_law(
@@ -612,7 +564,7 @@ impl Finder<'_> {
         found: Found,
         answer: &Answer,
     ) -> Option<Outcome> {
-        let fits = Fits::new(study, self.scale.to_vec());
+        let fits = Fits { quick: false, ..self.fits(study) };
         let model = extended(&found.model, study);
         let again = fits.fit_from(model.added.clone(), &model.fit.parameters, &model.fit.locals);
         let model = again.unwrap_or(model);
@@ -627,14 +579,12 @@ impl Finder<'_> {
             of(&model, &validation, None),
         ];
         let share = share(study, [&answer.before[1].rms, &after[1].rms], &answer.floor[1]);
-        if std::env::var_os("LAW_TRACE").is_some() {
-            eprintln!("validation share {share} {:?} -> {:?}", answer.before[1].rms, after[1].rms);
-        }
         let gained = 1.0 - model.error / declared.error;
         if !(share >= MIN_VALIDATED_SHARE && share > 0.5 * gained) {
             return None;
         }
         let tap = found.tap;
+        let channel = found.variables.first().map_or("", |own| channel(study, tap, *own));
         let widen = model.error.max(judge.power.sqrt());
         let c = model.added[0];
         let place = |index: usize| model.fit.free.iter().position(|free| free.index == index);
@@ -654,12 +604,14 @@ impl Finder<'_> {
         let values: Vec<f64> = parameters.iter().map(|p| p.value).collect();
         let effect = Effect {
             id: found.effect.kind.clone(),
-            channel: self.channel(tap).to_owned(),
+            channel: channel.to_owned(),
             selected: true,
             share: Some(share),
             parameters,
             reason: "it takes what a free form takes".into(),
             own: Some(Arc::clone(&found.effect)),
+            port: Some(study.taps[tap].name.clone()),
+            wiring: effects::wiring(study, &model, c),
             ..Effect::default()
         };
         let covered = found
@@ -667,19 +619,12 @@ impl Finder<'_> {
             .iter()
             .map(|axis| (axis.name.to_owned(), axis.range.0, axis.range.1, axis.unit.clone()))
             .collect();
-        let angular = study.taps[tap].angular;
-        let word = |variable: &Variable| match (variable, angular) {
-            (Variable::Velocity, false) => "xdot",
-            (Variable::Velocity, true) => "thetadot",
-            (Variable::Position, false) => "x",
-            (Variable::Position, true) => "theta",
-            (Variable::Time, _) => "time",
-            _ => "F",
-        };
+        let word = |variable: &Variable| explain::word(study, tap, *variable).to_owned();
         let law = Law {
             port: study.taps[tap].name.clone(),
-            channel: self.channel(tap).to_owned(),
-            variables: found.variables.iter().map(|own| word(own).to_owned()).collect(),
+            channel: channel.to_owned(),
+            place: format!("{channel}@{}", study.taps[tap].name),
+            variables: found.variables.iter().map(word).collect(),
             curve: found.curve,
             named: found.named,
             of_free_form: found.share,
@@ -725,21 +670,16 @@ fn beginnings(pieces: &[Piece], part: f64) -> Vec<Piece> {
 }
 
 /// What was chosen, before it is said.
-struct Found {
-    tap: usize,
-    variables: Vec<Variable>,
-    curve: Vec<[f64; 3]>,
-    effect: Arc<Own>,
-    model: Model,
-    named: bool,
-    share: f64,
-    rivals: Vec<(String, f64)>,
-    axes: Vec<Axis>,
-}
-
-/// Largest held-out error without a form.
-fn own_without(forms: &[FreeForm]) -> f64 {
-    forms.iter().map(|own| own.at.smooth.without).fold(0.0, f64::max)
+pub(super) struct Found {
+    pub(super) tap: usize,
+    pub(super) variables: Vec<Variable>,
+    pub(super) curve: Vec<[f64; 3]>,
+    pub(super) effect: Arc<Own>,
+    pub(super) model: Model,
+    pub(super) named: bool,
+    pub(super) share: f64,
+    pub(super) rivals: Vec<(String, f64)>,
+    pub(super) axes: Vec<Axis>,
 }
 
 /// Name of a variable in formulas.
@@ -767,7 +707,7 @@ fn share(study: &Study, [before, after]: [&BTreeMap<String, f64>; 2], floor: &BT
 }
 
 /// Kind of the port for its unit.
-fn port_word(unit: &str) -> &'static str {
+pub(super) fn port_word(unit: &str) -> &'static str {
     match unit {
         "N" => "force",
         "N.m" | "N*m" => "torque",
@@ -788,11 +728,6 @@ pub fn effect(text: &str, parameters: &[(String, String, f64)], units: &[String;
         toml += &format!("{name} = {{ unit = {unit:?}, start = {value:?} }}\n");
     }
     let own = Own::read(&toml);
-    if std::env::var_os("LAW_TRACE").is_some()
-        && let Err(e) = &own
-    {
-        eprintln!("not an effect: {e}\n{toml}");
-    }
     own.ok().map(Arc::new)
 }
 

@@ -123,7 +123,7 @@ pub fn knots(variable: Variable, values: &[f64], count: usize) -> Option<Vec<f64
     let mut sorted: Vec<f64> = values.iter().copied().filter(|v| v.is_finite()).collect();
     sorted.sort_by(f64::total_cmp);
     let (low, high) = (*sorted.first()?, *sorted.last()?);
-    if !(high - low > 1e-12 * high.abs().max(low.abs())) {
+    if high - low <= 1e-12 * high.abs().max(low.abs()) {
         return None;
     }
     let quantile =

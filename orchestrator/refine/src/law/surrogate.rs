@@ -81,7 +81,8 @@ pub struct Smooth {
 }
 
 impl Surrogate {
-    /// Simulates around `p`, whose heights stand at `heights`; `shared`: parameters that are fitted along with them.
+    /// Simulates around `p`, whose heights stand at `heights`; `shared`: parameters that are fitted along with them. Records of
+    /// one of the `groups` are kept back together; without any, by their number.
     pub fn new<S: System + ?Sized>(
         system: &S,
         surface: &Surface,
@@ -89,18 +90,21 @@ impl Surrogate {
         heights: &[Free],
         shared: &[Free],
         locals: &[Vec<f64>],
+        groups: Option<&[usize]>,
     ) -> Surrogate {
         let free: Vec<Free> = heights.iter().chain(shared).copied().collect();
         let records: Vec<usize> = (0..locals.len()).collect();
         let starts: Vec<&[f64]> = locals.iter().map(Vec::as_slice).collect();
         let found = columns(system, &records, p, &free, &starts, true, None);
         // A law in time is the same in every record: only another record can tell whether it is one.
-        let whole =
-            records.len() >= WHOLE || records.len() > 1 && surface.variables.contains(&Variable::Time);
+        let whole = groups.is_some()
+            || records.len() >= WHOLE
+            || records.len() > 1 && surface.variables.contains(&Variable::Time);
         let pieces = parallel::map(found.len(), |r| {
             let signals: Vec<(usize, usize)> =
                 system.signals(r).iter().map(|span| (span.range.start, span.range.end)).collect();
-            parts_of(&found[r], free.len(), &signals, whole.then_some(r % PARTS))
+            let group = groups.map_or(r, |own| own[r]);
+            parts_of(&found[r], free.len(), &signals, whole.then_some(group % PARTS))
         });
         let mut parts = vec![Quadratic::zero(free.len()); PARTS];
         for piece in &pieces {
@@ -142,7 +146,7 @@ impl Surrogate {
         for i in 0..n {
             matrix[(i, i)] += 1e-9 * if i < self.count { mean } else { own.matrix[(i, i)].max(1e-300) };
         }
-        Some(solve(matrix, &right)?)
+        solve(matrix, &right)
     }
 
     /// Change of the shared parameters alone.
@@ -243,6 +247,8 @@ pub struct Approach {
     pub surrogate: Surrogate,
     /// The form that they ask for.
     pub smooth: Smooth,
+    /// Records that are kept back together.
+    groups: Option<Vec<usize>>,
 }
 
 impl Approach {
@@ -253,11 +259,12 @@ impl Approach {
         p: &[f64],
         free: [&[Free]; 2],
         locals: &[Vec<f64>],
+        groups: Option<Vec<usize>>,
     ) -> Option<Approach> {
-        let surrogate = Surrogate::new(system, surface, p, free[0], free[1], locals);
+        let surrogate = Surrogate::new(system, surface, p, free[0], free[1], locals, groups.as_deref());
         let smooth = surrogate.smooth()?;
         let (parameters, locals) = (p.to_vec(), locals.to_vec());
-        Some(Approach { parameters, locals, chi2: f64::INFINITY, surrogate, smooth })
+        Some(Approach { parameters, locals, chi2: f64::INFINITY, surrogate, smooth, groups })
     }
 
     /// Goes to the optimum in some steps, each simulated; `free`: heights and shared parameters.
@@ -292,8 +299,9 @@ impl Approach {
             let Some(found) = next else { break };
             let settled = found.chi2 > SETTLED * self.chi2;
             (self.chi2, self.parameters, self.locals) = (found.chi2, found.parameters, found.locals);
+            let groups = self.groups.as_deref();
             self.surrogate =
-                Surrogate::new(system, surface, &self.parameters, free[0], free[1], &self.locals);
+                Surrogate::new(system, surface, &self.parameters, free[0], free[1], &self.locals, groups);
             self.smooth = self.surrogate.smooth()?;
             // The error of the declared model is that around no form.
             self.smooth.without = without;

@@ -36,7 +36,7 @@ const HALF: f64 = 0.5;
 /// # Errors
 /// Whatever does not fit in the declaration, the records or the system, and a declared model that cannot be simulated.
 pub fn answer(file: &File, settings: &Settings, say: Say) -> Result<(Answer, Evidence), Error> {
-    let (mut study, attachments, declared) = prepared(file, say)?;
+    let (mut study, _, declared) = prepared(file, say)?;
     let scale = scales(&study, &declared);
     correct(&mut study, &scale, &[], &declared.parameters);
     let model = steps(&mut study, &scale, &declared);
@@ -55,7 +55,7 @@ pub fn answer(file: &File, settings: &Settings, say: Say) -> Result<(Answer, Evi
     let mut found = assemble(&fits, &judge, &selection, by_share.as_ref(), settings);
     let scale = fits.scale.clone();
     let base = by_share.as_ref().map_or(&selection.declared, |found| &found.corrected);
-    let with_law = law::explain(&mut study, &attachments, &scale, (&judge, base), &mut found, say);
+    let with_law = law::explain(&mut study, &scale, (&judge, base), &mut found, say);
     let fits = Fits::new(&study, scale);
     say("figures");
     let shown = if found.verdict == Verdict::Effect { &selection.best } else { &selection.declared };
@@ -524,7 +524,7 @@ fn leftover(fits: &Fits, judge: &Judge, model: &Model, rest: &Rest) -> Vec<Strin
 }
 
 /// Values of the free and of the corrected parameters of the declared system.
-fn fitted(study: &Study, p: &[f64]) -> Vec<(String, f64)> {
+pub(crate) fn fitted(study: &Study, p: &[f64]) -> Vec<(String, f64)> {
     let own = study.entries.iter().zip(p);
     let value = |(entry, value): (&super::model::Entry, &f64)| match entry.target {
         Target::Declared(_) => Some((entry.name.clone(), *value)),

@@ -302,3 +302,14 @@ pub fn corrections(
     };
     model.fit.free.iter().enumerate().filter_map(one).collect()
 }
+
+/// The corrections of a model, with the ids of those known before.
+pub fn corrections_beside(study: &Study, model: &fits::Model, before: &[Correction]) -> Vec<Correction> {
+    let mut found = corrections(study, model, &[]);
+    for own in &mut found {
+        let same =
+            |other: &&Correction| (&other.component, &other.parameter) == (&own.component, &own.parameter);
+        own.id = before.iter().find(same).and_then(|other| other.id.clone());
+    }
+    found
+}

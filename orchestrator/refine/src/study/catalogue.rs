@@ -495,26 +495,33 @@ fn push(study: &mut Study, kind: &Kind, channel: &'static str, tap: usize, start
 }
 
 /// Free forms over the variables of an attachment, each at the channel where such a force would belong.
-fn probes(study: &mut Study, tap: usize, attachment: &Attachment, command: bool) {
-    let channel = |order: &[&str]| {
-        let own = order.iter().find(|channel| attachment.channels.iter().any(|c| c == *channel));
-        CHANNELS.into_iter().find(|channel| Some(channel) == own)
+/// Channel of a free form over a variable at an attachment; empty where none is declared, none where no declared channel fits.
+pub fn channel_of(attachment: &Attachment, variable: Variable) -> Option<&'static str> {
+    if attachment.channels.is_empty() {
+        return Some("");
+    }
+    let order = match variable {
+        Variable::Velocity => ["piston_friction", "cart_friction", "pole", "cart", "actuator"],
+        Variable::Position | Variable::Time => {
+            ["cart", "pole", "piston_friction", "cart_friction", "actuator"]
+        }
+        _ => ["actuator", "piston_friction", "pole", "cart_friction", "cart"],
     };
-    let friction = ["piston_friction", "cart_friction", "pole", "cart", "actuator"];
-    let place = ["cart", "pole", "piston_friction", "cart_friction", "actuator"];
-    let drive = ["actuator", "piston_friction", "pole", "cart_friction", "cart"];
+    order.into_iter().find(|own| attachment.channels.iter().any(|channel| channel == own))
+}
+
+fn probes(study: &mut Study, tap: usize, attachment: &Attachment, command: bool) {
     let known = study.taps[tap].signals;
     let variables = [
-        (Variable::Velocity, known[0].is_some(), friction),
-        (Variable::Position, known[1].is_some(), place),
-        (Variable::PressureForce, known[2].is_some(), drive),
-        (Variable::Value, command, drive),
-        (Variable::Time, true, place),
+        (Variable::Velocity, known[0].is_some()),
+        (Variable::Position, known[1].is_some()),
+        (Variable::PressureForce, known[2].is_some()),
+        (Variable::Value, command),
+        (Variable::Time, true),
     ];
-    for (variable, there, order) in variables {
+    for (variable, there) in variables {
         let (low, high) = study.range(tap, variable);
-        let stated = !attachment.channels.is_empty();
-        let channel = if stated { channel(&order) } else { Some("") };
+        let channel = channel_of(attachment, variable);
         let Some(channel) = channel.filter(|_| there && low < high) else { continue };
         let all = (f64::NEG_INFINITY, f64::INFINITY);
         let names: Vec<(&str, String)> = vec![("height", "1".into()); KNOTS];

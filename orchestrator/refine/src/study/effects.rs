@@ -76,7 +76,7 @@ fn effect(fits: &Fits, selection: &Selection, model: &Model, c: usize, widen: f6
 }
 
 /// How the block of a candidate is connected, with the friction that a model has at its port.
-fn wiring(study: &Study, model: &Model, c: usize) -> Option<Wiring> {
+pub(crate) fn wiring(study: &Study, model: &Model, c: usize) -> Option<Wiring> {
     let name = &study.candidates[c].port;
     let index = match study.candidates[c].action {
         Action::Block { tap, .. } => tap,

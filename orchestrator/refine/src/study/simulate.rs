@@ -46,6 +46,9 @@ pub struct View<'a> {
     pub quick: bool,
     /// Measured initial states without what smoothing adds to them; otherwise as the study says.
     pub corrected: bool,
+    /// States from which each piece starts, where it is, `[pieces][nx]`: local parameters that are fitted along. Empty: pieces
+    /// start as the study says.
+    pub begins: Vec<Vec<f64>>,
 }
 
 /// What is added to measured signals.
@@ -81,12 +84,15 @@ impl Survey {
     }
 }
 
+/// A law that acts: its parameters, its states in those of the blocks.
+type Acting = (Law, Range<usize>, Range<usize>);
+
 /// States of the blocks and what they need besides the slots.
 pub(super) struct Blocks<'a> {
     study: &'a Study,
     p: &'a [f64],
     /// For each tap: law, its parameters, its states in `z`.
-    laws: Vec<Vec<(Law, Range<usize>, Range<usize>)>>,
+    laws: Vec<Vec<Acting>>,
     z: Vec<f64>,
     /// Time of the sample \[s\].
     time: f64,
@@ -99,6 +105,8 @@ pub(super) struct Blocks<'a> {
     survey: Option<RefCell<Survey>>,
     /// What the laws depend on at every sample, `[taps][n]`; empty: not asked for.
     trace: Vec<Vec<Point>>,
+    /// States at every sample of a trace, `[n][nx]`.
+    states: Vec<Vec<f64>>,
 }
 
 impl Blocks<'_> {
@@ -145,10 +153,10 @@ impl Blocks<'_> {
                     own.advance(mean.variables(), &mut z[..states.len()], p, at.time - self.time);
                 }
                 let found = own.value(at.variables(), &z, p);
-                value = if own.port.replaces() { found } else { value - found };
+                value = if own.port.replaces() { found } else { value - self.study.taps[tap].sign * found };
             } else if let Law::Surface(index) = *law {
                 let at = Point { value, time: self.now.get(), ..point };
-                value -= self.study.surfaces[index].value(p, &at);
+                value -= own.sign * self.study.surfaces[index].value(p, &at);
             } else if law.changes_command() {
                 value = law.command(p, &point, value);
             } else if let Law::Shape(variable) = *law {
@@ -217,7 +225,7 @@ impl<'a> View<'a> {
                 count += states;
             }
         }
-        laws.iter_mut().for_each(|own| own.sort_by_key(|(law, ..): &(Law, Range<usize>, Range<usize>)| law.rank()));
+        laws.iter_mut().for_each(|own| own.sort_by_key(|(law, ..): &Acting| law.rank()));
         let seen = [(f64::INFINITY, f64::NEG_INFINITY); 5];
         let survey = survey.then(|| RefCell::new(Survey { ranges: vec![seen; study.taps.len()] }));
         Blocks {
@@ -231,6 +239,7 @@ impl<'a> View<'a> {
             within: vec![[Cell::new(Point::default()), Cell::new(Point::default())]; study.taps.len()],
             survey,
             trace: Vec::new(),
+            states: Vec::new(),
         }
     }
 
@@ -338,7 +347,8 @@ impl<'a> View<'a> {
                 plant.slots[first + slot] = values[k];
             }
         };
-        let begin = if study.from_start(record) { 0 } else { piece.range.start };
+        let own = !self.begins.is_empty();
+        let begin = if study.from_start(record) && !own { 0 } else { piece.range.start };
         set(plant, begin, 0.0);
         blocks.time = begin as f64 * step;
         blocks.now.set(blocks.time);
@@ -348,6 +358,7 @@ impl<'a> View<'a> {
         })?;
         let start = x.clone();
         match &record.initial {
+            _ if own => x.copy_from_slice(locals),
             _ if window.is_some() => {}
             Initial::Word(InitialWord::Fit) if nx > 0 => x.copy_from_slice(locals),
             Initial::Given(values) => {
@@ -364,7 +375,7 @@ impl<'a> View<'a> {
         let due = |plant: &Plant, until: f64| plant.next_event().filter(|next| *next <= until);
         for k in begin..piece.range.end {
             let j = k.checked_sub(piece.range.start);
-            if window.is_some_and(|window| (k - piece.range.start).is_multiple_of(window)) {
+            if !own && window.is_some_and(|window| (k - piece.range.start).is_multiple_of(window)) {
                 self.measured_states((record, k), &start, shift, &mut x);
                 blocks.z.fill(0.0);
             }
@@ -389,6 +400,9 @@ impl<'a> View<'a> {
                 for (o, output) in study.outputs.iter().enumerate() {
                     out[o * n + j] = plant.slots[output.slot];
                 }
+            }
+            if !blocks.trace.is_empty() && j.is_some() {
+                blocks.states.push(x.clone());
             }
             for (tap, known) in points.iter_mut().enumerate() {
                 let point = blocks.point(tap, &plant.slots);
@@ -502,10 +516,15 @@ impl<'a> View<'a> {
 
     /// What the laws at each attachment depend on, `[taps][n]`; shorter where the simulation cannot go on.
     pub fn trace(&self, record: usize, p: &[f64], locals: &[f64]) -> Vec<Vec<Point>> {
+        self.traced(record, p, locals).0
+    }
+
+    /// The same with the states, `[n][nx]`; none where there is no attachment.
+    pub fn traced(&self, record: usize, p: &[f64], locals: &[f64]) -> (Vec<Vec<Point>>, Vec<Vec<f64>>) {
         let mut blocks = self.blocks(p, false);
         blocks.trace = vec![Vec::new(); self.study.taps.len()];
         self.simulate(&self.pieces[record], p, locals, &mut blocks, &Shift::default());
-        blocks.trace
+        (blocks.trace, blocks.states)
     }
 
     /// As [`System::predict`], with something added to measured signals.
@@ -572,6 +591,10 @@ impl System for View<'_> {
     }
 
     fn locals(&self, record: usize) -> Vec<(f64, f64)> {
+        if let Some(own) = self.begins.get(record) {
+            let size = |i: usize| self.begins.iter().fold(0.0f64, |a, b| a.max(b[i].abs()));
+            return own.iter().enumerate().map(|(i, x)| (*x, 1e-5 * size(i).max(1e-6))).collect();
+        }
         let piece = &self.pieces[record];
         let record = &self.study.records[piece.record];
         if !self.fitted(record) {

@@ -55,7 +55,8 @@ pub fn fill(
 /// Whether the variables of an effect are known at an attachment, in units that fit.
 fn fits(study: &Study, attachment: &Attachment, own: &Own) -> Result<(), String> {
     let signals = [attachment.position.as_ref(), attachment.velocity.as_ref(), Some(&attachment.input)];
-    for (i, (signal, wanted)) in signals.into_iter().zip(&own.units).enumerate() {
+    // The port first: where that is another one, nothing else matters.
+    for (i, (signal, wanted)) in signals.into_iter().zip(&own.units).enumerate().rev() {
         let used = i == 2 || own.expression.uses(i) || own.rates.iter().any(|rate| rate.uses(i));
         if !used {
             continue;
@@ -119,7 +120,7 @@ fn fault(own: &Own, p: &[f64], step: f64, points: &[Point]) -> Option<String> {
             ));
         }
         own.advance(at, &mut z, p, step);
-        if let Some(i) = z.iter().position(|z| !(z.abs() < RUN_AWAY)) {
+        if let Some(i) = z.iter().position(|z| z.is_nan() || z.abs() >= RUN_AWAY) {
             let (name, rate) = &own.states[i];
             return Some(format!(
                 "state {name} with the rate `{rate}` runs away {:.4} s after the beginning of a record",

@@ -424,7 +424,7 @@ impl Reader<'_> {
         // Two factors of one product cannot both be found by a linear step.
         let mut first = true;
         for own in &mut own.parameters {
-            let shown = own.linear && !own.starts.iter().any(|start| *start == 0.0);
+            let shown = own.linear && !own.starts.contains(&0.0);
             if own.linear && !first && shown && !own.starts.is_empty() {
                 own.linear = false;
             }
