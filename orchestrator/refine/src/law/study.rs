@@ -28,6 +28,8 @@ use crate::vocabulary::Own;
 const WORTH_A_LAW: f64 = 0.2;
 /// Share of the error on validation records below which a law is none.
 const MIN_VALIDATED_SHARE: f64 = 0.05;
+/// Share of the error on validation records that a law has to take away where it leaves more than noise.
+const MOST: f64 = 0.9;
 /// Share of the error on validation records that effects have to leave for a law to be looked for in their place.
 const MUCH: f64 = 0.02;
 /// Share of what effects leave that a law may leave to take their place: one that leaves noise, and any other.
@@ -154,7 +156,12 @@ pub fn explain(
     let finder = Finder { scale, say, corrections, quick, trace, windows, noise };
     let Outcome { law, model, after } = finder.find(study, judge, base, found)?;
     let fits = finder.fits(study);
-    let complete = judge.explained(&fits, &model);
+    let complete = judge.explained(&fits, &model) || judge.tolerable(&fits, &model);
+    // A residual of many small causes looks like something in time, or takes some of any shape.
+    let most = law.share >= MOST && !law.variables.iter().any(|name| name == "time");
+    if !complete && !most {
+        return None;
+    }
     if partly {
         // Effects of the list stay unless a law leaves much less than they do.
         if !law.named || 1.0 - law.share > if complete { MUCH_LESS } else { FAR_LESS } * left {

@@ -115,6 +115,7 @@ impl Surrogate {
             for part in &mut parts {
                 part.matrix[(k, k)] += prior.powi(-2) / PARTS as f64;
                 part.gradient[k] += p[f.index] * prior.powi(-2) / PARTS as f64;
+                part.chi2 += (p[f.index] / prior).powi(2) / PARTS as f64;
             }
         }
         let n = free.len();
