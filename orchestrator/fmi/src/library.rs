@@ -7,9 +7,11 @@ use std::path::Path;
 use std::sync::atomic::AtomicBool;
 
 use fmi::fmi2::binding::Fmi2Binding;
+use fmi::fmi3::binding::Fmi3Binding;
 
 use super::error::Error;
-use super::functions::{CommonFunctions, ModelFunctions, SlaveFunctions};
+use super::fmi3;
+use super::functions::{CommonFunctions, FirstFunctions, ModelFunctions, SlaveFunctions};
 
 /// Names of the folder below `binaries/` that fit this machine, best first. FMI 2.0 names only the 32 and 64 bit
 /// x86 platforms; for others the tuples of FMI 3.0 are usual.
@@ -26,6 +28,28 @@ pub(super) fn platform_folders() -> &'static [&'static str] {
     }
 }
 
+/// The functions of an FMI 3.0 library.
+#[derive(Clone, Copy)]
+pub(super) struct ThreeFunctions {
+    pub(super) common: fmi3::functions::Functions,
+    pub(super) slave: Option<fmi3::functions::SlaveFunctions>,
+    pub(super) model: Option<fmi3::functions::ModelFunctions>,
+}
+
+/// How instances of a library are made.
+pub(super) enum Origin {
+    /// By fmi2Instantiate.
+    Two(FirstFunctions),
+    /// By a component that translates.
+    Three(Box<ThreeFunctions>),
+}
+
+/// The loaded code, which the function tables point into.
+enum Binding {
+    Two { _code: Box<Fmi2Binding> },
+    Three { _code: Box<Fmi3Binding> },
+}
+
 /// A loaded library with the functions of the interfaces that it has.
 pub(super) struct Library {
     pub(super) common: CommonFunctions,
@@ -33,8 +57,8 @@ pub(super) struct Library {
     pub(super) model: Result<ModelFunctions, &'static str>,
     /// Whether an instance exists of an FMU that allows one only.
     pub(super) occupied: AtomicBool,
-    // Keeps the code loaded that the function tables point into.
-    _binding: Fmi2Binding,
+    pub(super) origin: Origin,
+    _binding: Binding,
 }
 
 impl Library {
@@ -48,6 +72,7 @@ impl Library {
         })?;
         let missing =
             |function, interface| Error::MissingFunction { path: path.to_owned(), function, interface };
+        let first = FirstFunctions::new(&binding).map_err(|f| missing(f, "FMI 2.0"))?;
         let common = CommonFunctions::new(&binding).map_err(|f| missing(f, "FMI 2.0"))?;
         let slave = SlaveFunctions::new(&binding);
         let model = ModelFunctions::new(&binding);
@@ -55,8 +80,8 @@ impl Library {
         // SAFETY: both functions take nothing and return a static C string (FMI 2.0.5 section 2.1.4).
         let answers = unsafe {
             [
-                ("fmi2GetTypesPlatform", (common.get_types_platform)(), "default"),
-                ("fmi2GetVersion", (common.get_version)(), "2.0"),
+                ("fmi2GetTypesPlatform", (first.get_types_platform)(), "default"),
+                ("fmi2GetVersion", (first.get_version)(), "2.0"),
             ]
         };
         for (function, answer, expected) in answers {
@@ -65,7 +90,37 @@ impl Library {
                 return Err(Error::Header { path: path.to_owned(), function, answer, expected });
             }
         }
-        Ok(Library { common, slave, model, occupied: AtomicBool::new(false), _binding: binding })
+        let (origin, binding) = (Origin::Two(first), Binding::Two { _code: Box::new(binding) });
+        Ok(Library { common, slave, model, occupied: AtomicBool::new(false), origin, _binding: binding })
+    }
+
+    /// Same as [`Self::load`] for a library of FMI 3.0.
+    pub(super) fn load_fmi3(path: &Path, folder: &Path, inner: &str) -> Result<Self, Error> {
+        // SAFETY: as for FMI 2.0.
+        let binding = unsafe { Fmi3Binding::new(folder.join(inner)) }.map_err(|error| Error::Load {
+            path: path.to_owned(),
+            library: inner.to_owned(),
+            reason: reason(&error, folder),
+        })?;
+        let missing =
+            |function, interface| Error::MissingFunction { path: path.to_owned(), function, interface };
+        let functions = fmi3::functions::Functions::new(&binding).map_err(|f| missing(f, "FMI 3.0"))?;
+        let slave = fmi3::functions::SlaveFunctions::new(&binding);
+        let model = fmi3::functions::ModelFunctions::new(&binding);
+        let answer = functions.version();
+        if !answer.starts_with("3.") {
+            let (path, function, expected) = (path.to_owned(), "fmi3GetVersion", "3.0");
+            return Err(Error::Header { path, function, answer, expected });
+        }
+        let three = ThreeFunctions { common: functions, slave: slave.ok(), model: model.ok() };
+        Ok(Library {
+            common: fmi3::tables::common(&three),
+            slave: slave.map(|_| fmi3::tables::slave(&three)),
+            model: model.map(|_| fmi3::tables::MODEL),
+            occupied: AtomicBool::new(false),
+            origin: Origin::Three(Box::new(three)),
+            _binding: Binding::Three { _code: Box::new(binding) },
+        })
     }
 }
 
@@ -84,7 +139,8 @@ fn reason(error: &dyn std::error::Error, folder: &Path) -> String {
     reason.replace(&folder, "")
 }
 
-fn text(pointer: *const c_char) -> String {
+/// An answer of a library as text.
+pub(super) fn text(pointer: *const c_char) -> String {
     if pointer.is_null() {
         return "NULL".to_owned();
     }

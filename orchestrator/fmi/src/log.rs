@@ -76,7 +76,8 @@ pub(super) fn resolve(text: &str, name: impl Fn(char, u32) -> Option<String>) ->
 pub(super) struct LogBuffer(Mutex<VecDeque<LogMessage>>);
 
 impl LogBuffer {
-    fn push(&self, message: LogMessage) {
+    /// Adds a message; the oldest goes where there is no place.
+    pub(super) fn push(&self, message: LogMessage) {
         let mut messages = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         if messages.len() == CAPACITY {
             messages.pop_front();
@@ -133,7 +134,7 @@ extern "C" fn airloop_fmu_log(
 }
 
 /// A C string as text; NULL is empty, bytes that are not UTF-8 are replaced.
-fn text(pointer: *const c_char) -> String {
+pub(super) fn text(pointer: *const c_char) -> String {
     if pointer.is_null() {
         return String::new();
     }

@@ -11,7 +11,7 @@ use super::description::{Interface, ModelDescription};
 use super::error::Error;
 use super::library::{Library, platform_folders};
 
-/// One of the two interfaces of FMI 2.0.
+/// One of the two interfaces that are imported.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum InterfaceKind {
     /// The FMU steps itself.
@@ -41,6 +41,8 @@ enum Folder {
     Temporary(TempDir),
     /// Of the user.
     Kept(PathBuf),
+    /// Those of another FMU.
+    Of(Arc<Fmu>),
 }
 
 impl Folder {
@@ -48,6 +50,7 @@ impl Folder {
         match self {
             Folder::Temporary(folder) => folder.path(),
             Folder::Kept(folder) => folder,
+            Folder::Of(other) => other.folder(),
         }
     }
 }
@@ -148,6 +151,28 @@ impl Fmu {
         Ok(Arc::new(Fmu { path, shown, description, libraries: Mutex::default(), folder, files, folders }))
     }
 
+    /// The same FMU with other lengths of its arrays: values of structural parameters, by name (FMI 3.0). They are set
+    /// in every instance before anything else.
+    ///
+    /// # Errors
+    /// [`Error::Description`] where the description makes no sense with these values.
+    pub fn resized(self: &Arc<Fmu>, structure: &[(String, i32)]) -> Result<Arc<Fmu>, Error> {
+        let shown = self.shown.clone();
+        let refuse = |source| Error::Archive { path: shown.clone(), source: ArchiveError::Read(source) };
+        let xml = std::fs::read(self.folder().join("modelDescription.xml")).map_err(refuse)?;
+        let description = ModelDescription::parse_resized(&xml, structure)
+            .map_err(|source| Error::Description { path: shown.clone(), source })?;
+        Ok(Arc::new(Fmu {
+            path: self.path.clone(),
+            shown,
+            description,
+            libraries: Mutex::default(),
+            folder: Folder::Of(Arc::clone(self)),
+            files: self.files.clone(),
+            folders: self.folders.clone(),
+        }))
+    }
+
     /// The unpacked `resources` folder as a `file:///` URI, as fmi2Instantiate wants it.
     pub fn resources_uri(&self) -> String {
         let path = self.folder.path().join("resources");
@@ -214,13 +239,17 @@ impl Fmu {
             let (path, offered) = (self.shown.clone(), offered.to_owned());
             return Err(Error::Interface { path, wanted: kind.name(), offered });
         };
+        if let Folder::Of(other) = &self.folder {
+            return other.library(kind);
+        }
         let identifier = &interface.model_identifier;
         let mut libraries = self.libraries.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some((_, library)) = libraries.iter().find(|(name, _)| name == identifier) {
             return Ok(Arc::clone(library));
         }
         let inner = self.binary(identifier)?;
-        let library = Arc::new(Library::load(&self.shown, self.folder.path(), &inner)?);
+        let load = if self.description.is_fmi3() { Library::load_fmi3 } else { Library::load };
+        let library = Arc::new(load(&self.shown, self.folder.path(), &inner)?);
         libraries.push((identifier.clone(), Arc::clone(&library)));
         Ok(library)
     }

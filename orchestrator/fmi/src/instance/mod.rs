@@ -11,8 +11,9 @@ use std::sync::atomic::Ordering;
 use fmi::fmi2::binding::{fmi2CallbackFunctions, fmi2Type_fmi2CoSimulation, fmi2Type_fmi2ModelExchange};
 
 use super::error::Error;
+use super::fmi3::{self, Component};
 use super::functions::{CommonFunctions, ModelFunctions, SlaveFunctions};
-use super::library::Library;
+use super::library::{Library, Origin};
 use super::log::{LogBuffer, LogMessage, airloop_fmi2_logger};
 use super::open::{Fmu, InterfaceKind};
 use super::trace;
@@ -106,7 +107,6 @@ impl Instance {
                 .map_err(|_| Error::NulCharacter { component: name.to_owned(), what: what.to_owned() })
         };
         let (c_name, c_guid) = (string(name, "the instance name")?, string(guid, "the guid")?);
-        let resources = string(&fmu.resources_uri(), "the path of the resources")?;
         let only_once = interface.can_be_instantiated_only_once_per_process;
         if only_once && library.occupied.swap(true, Ordering::AcqRel) {
             return Err(Error::OnlyOnce { component: name.to_owned(), path: fmu.shown.clone() });
@@ -120,18 +120,28 @@ impl Instance {
             stepFinished: None,
             componentEnvironment: (&raw mut *log).cast(),
         });
-        trace::enter("fmi2Instantiate");
-        // SAFETY: the strings live during the call, callbacks and log buffer until the component is freed.
-        let component = unsafe {
-            (library.common.instantiate)(
-                c_name.as_ptr(),
-                fmi_type,
-                c_guid.as_ptr(),
-                resources.as_ptr(),
-                &raw const *callbacks,
-                0,
-                logging.into(),
-            )
+        let component = match &library.origin {
+            Origin::Two(functions) => {
+                let resources = string(&fmu.resources_uri(), "the path of the resources")?;
+                trace::enter("fmi2Instantiate");
+                // SAFETY: the strings live during the call, callbacks and log buffer until the component is freed.
+                unsafe {
+                    (functions.instantiate)(
+                        c_name.as_ptr(),
+                        fmi_type,
+                        c_guid.as_ptr(),
+                        resources.as_ptr(),
+                        &raw const *callbacks,
+                        0,
+                        logging.into(),
+                    )
+                }
+            }
+            Origin::Three(functions) => {
+                trace::enter("fmi3Instantiate");
+                let names = (&c_name, &c_guid);
+                Component::instantiate(fmu, **functions, kind, names, logging, &raw const *log)
+            }
         };
         if component.is_null() {
             library.occupied.store(false, Ordering::Release);
@@ -142,6 +152,7 @@ impl Instance {
                  build and package them together"
             };
             return Err(Error::Instantiate {
+                function: if fmu.description.is_fmi3() { "fmi3Instantiate" } else { "fmi2Instantiate" },
                 component: name.to_owned(),
                 path: fmu.shown.clone(),
                 guid: guid.to_owned(),
@@ -293,7 +304,9 @@ impl Instance {
         match self.phase {
             Phase::Abandoned(cause) => Err(self.dead(function, cause)),
             _ => {
-                trace::enter(function);
+                if trace::is_on() {
+                    trace::enter(self.c_name(function));
+                }
                 Ok(())
             }
         }
@@ -302,7 +315,13 @@ impl Instance {
     #[cold]
     #[inline(never)]
     fn dead(&self, function: &'static str, cause: &'static str) -> Error {
+        let (function, cause) = (self.c_name(function), self.c_name(cause));
         Error::Dead { component: self.name.clone(), function, cause }
+    }
+
+    /// Name of a function in the FMI version of the FMU, given that of 2.0.
+    pub(super) fn c_name(&self, function: &'static str) -> &'static str {
+        if self.fmu.description.is_fmi3() { fmi3::names::of(function) } else { function }
     }
 
     fn simple(
@@ -329,7 +348,7 @@ impl Drop for Instance {
             return;
         }
         if self.phase == Phase::Active {
-            trace::enter("fmi2Terminate");
+            trace::enter(self.c_name("fmi2Terminate"));
             // SAFETY: the component is alive and initialized. A refusal changes nothing about what follows.
             let status = unsafe { (self.functions.terminate)(self.component) };
             if status > 3 {
@@ -337,13 +356,13 @@ impl Drop for Instance {
             }
         }
         if let Some(free_state) = self.functions.free_state {
-            trace::enter("fmi2FreeFMUstate");
+            trace::enter(self.c_name("fmi2FreeFMUstate"));
             for mut state in self.states.drain() {
                 // SAFETY: the component is alive; each state was made by it and is freed once.
                 unsafe { free_state(self.component, &raw mut state) };
             }
         }
-        trace::enter("fmi2FreeInstance");
+        trace::enter(self.c_name("fmi2FreeInstance"));
         // SAFETY: the component is alive and not used after this.
         unsafe { (self.functions.free_instance)(self.component) };
         self.library.occupied.store(false, Ordering::Release);

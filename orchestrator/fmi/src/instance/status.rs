@@ -35,6 +35,7 @@ impl Base {
 impl Instance {
     #[cold]
     pub(crate) fn missing(&self, function: &'static str) -> Error {
+        let function = self.c_name(function);
         Error::MissingFunction { path: self.fmu.shown.clone(), function, interface: self.kind.name() }
     }
 
@@ -51,6 +52,7 @@ impl Instance {
     #[cold]
     #[inline(never)]
     fn wrong_length(&self, function: &'static str, given: usize, expected: usize) -> Error {
+        let function = self.c_name(function);
         Error::Length { component: self.name.clone(), function, given, expected }
     }
 
@@ -137,7 +139,7 @@ impl Instance {
         }
         Error::Call(Box::new(CallError {
             component: self.name.clone(),
-            function,
+            function: self.c_name(function),
             status,
             time: self.time,
             step,
