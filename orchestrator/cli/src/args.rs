@@ -103,6 +103,12 @@ pub enum Command {
         #[command(subcommand)]
         command: super::new::Command,
     },
+    /// Effects of one's own, written as formulas: for `airloop refine --effects`.
+    Effects {
+        /// Action to perform.
+        #[command(subcommand)]
+        command: super::effects::Command,
+    },
     /// Print a completion script for a shell, e.g. `airloop completions bash >
     /// ~/.local/share/bash-completion/completions/airloop`.
     Completions {

@@ -5,6 +5,7 @@
 pub mod args;
 pub mod coupling;
 pub mod derive;
+pub mod effects;
 pub mod excite;
 pub mod export;
 pub mod export_fmu;
@@ -64,6 +65,7 @@ pub fn main() -> ExitCode {
         Command::Refine(args) => refine::run(&args),
         Command::FmuWorker => Ok(isolate::work()),
         Command::New { command } => new::run(&command),
+        Command::Effects { command } => effects::run(&command),
         Command::Completions { shell } => {
             let mut script = Vec::new();
             clap_complete::generate(shell, &mut Cli::command(), "airloop", &mut script);

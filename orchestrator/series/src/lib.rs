@@ -3,6 +3,7 @@
 //! Everything measured or simulated passes through [`TimeSeries`]. What a signal means (which component, which
 //! connector) is left to the layers above. Start with [`TimeSeries::new`] or [`csv::read`].
 
+pub mod compound_unit;
 pub mod csv;
 pub mod file;
 pub mod frame;

@@ -420,6 +420,8 @@ pub fn open(file: &File) -> Result<(Study, Vec<Attachment>), Error> {
         entries,
         fixed,
         taps,
+        own: Vec::new(),
+        surfaces: Vec::new(),
         candidates: Vec::new(),
         ranges: Vec::new(),
         windows: declaration.error.windows_s,
