@@ -14,7 +14,7 @@ use airloop_fmi::InterfaceKind;
 use airloop_series::Interpolation;
 use airloop_series::units::{parse_duration, parse_time};
 
-/// Couple FMI 2.0 units and simulate them, identify models from measurements, optimize and stabilize motions, and find
+/// Couple FMI 2.0 and 3.0 units and simulate them, identify models from measurements, optimize and stabilize motions, and find
 /// the physical effects that a model lacks.
 #[derive(Debug, Parser)]
 #[command(

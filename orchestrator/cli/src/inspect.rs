@@ -175,6 +175,10 @@ pub fn describe(fmu: &Fmu) -> String {
     let header =
         ["name", "causality", "variability", "initial", "type", "unit", "start", "range", "description"];
     text += &indented(&table(&header, &rows, &[]));
+    if !description.unread.is_empty() {
+        let named = description.unread.iter().map(|unread| format!("{} ({})", unread.name, unread.kind));
+        text += &format!("\nVariables that are not carried\n  {}\n", named.collect::<Vec<_>>().join(", "));
+    }
     text += &unknowns(description, "Derivatives (<- what they depend on)", &description.derivatives, false);
     text += &unknowns(description, "Direct feed-through (output <- inputs)", &description.outputs, true);
     text

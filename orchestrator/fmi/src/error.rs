@@ -60,7 +60,7 @@ pub enum Error {
         reason: String,
     },
     /// The library lacks a function.
-    #[error("{}: the library does not export {function}, which {interface} needs; export it with all functions of FMI 2.0", path.display())]
+    #[error("{}: the library does not export {function}, which {interface} needs; export it with all functions of FMI", path.display())]
     MissingFunction {
         /// The archive.
         path: PathBuf,
@@ -69,8 +69,8 @@ pub enum Error {
         /// Interface.
         interface: &'static str,
     },
-    /// The library is not an FMI 2.0 library.
-    #[error("{}: {function} of the library answers \"{answer}\" where FMI 2.0 asks for \"{expected}\"", path.display())]
+    /// The library is of another version of FMI than the model description.
+    #[error("{}: {function} of the library answers \"{answer}\" where \"{expected}\" is needed", path.display())]
     Header {
         /// The archive.
         path: PathBuf,
@@ -78,7 +78,7 @@ pub enum Error {
         function: &'static str,
         /// Answer of the library.
         answer: String,
-        /// Answer of an FMI 2.0 library.
+        /// Answer of a library of the right version.
         expected: &'static str,
     },
     /// The FMU may exist only once per process.
@@ -101,11 +101,13 @@ pub enum Error {
         /// Given value.
         what: String,
     },
-    /// `fmi2Instantiate` returned NULL.
+    /// `fmi2Instantiate`, or a function of FMI 3.0 that instantiates, returned NULL.
     #[error(
-        "{component}: fmi2Instantiate of {} returned NULL (guid \"{guid}\"){hint}{}", path.display(), LogTail(log)
+        "{component}: {function} of {} returned NULL (guid \"{guid}\"){hint}{}", path.display(), LogTail(log)
     )]
     Instantiate {
+        /// C name.
+        function: &'static str,
         /// Instance name.
         component: String,
         /// The archive.
@@ -179,13 +181,15 @@ pub struct LostError {
 impl LostError {
     pub(crate) fn new(
         component: &str,
-        path: &std::path::Path,
+        fmu: &crate::Fmu,
         time: Option<f64>,
         death: &crate::isolate::Death,
     ) -> LostError {
-        let (component, path) = (component.to_owned(), path.to_owned());
+        let (component, path) = (component.to_owned(), fmu.shown.clone());
+        let is_fmi3 = fmu.description.is_fmi3();
+        let function = if is_fmi3 { crate::fmi3::names::of(death.function) } else { death.function };
         let (cause, printed) = (death.cause.clone(), death.printed.clone());
-        LostError { component, path, function: death.function, time, cause, printed }
+        LostError { component, path, function, time, cause, printed }
     }
 }
 
@@ -209,7 +213,7 @@ impl fmt::Display for LostError {
 
 impl std::error::Error for LostError {}
 
-/// A status of FMI 2.0 that is not good.
+/// A status that is not good, by its name in FMI 2.0.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Status {
     /// `fmi2Discard`.
@@ -260,7 +264,9 @@ const SHOWN_VARIABLES: usize = 5;
 
 impl fmt::Display for CallError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{}: {} returned {}", self.component, self.function, self.status)?;
+        let status = self.status.to_string();
+        let status = if self.function.starts_with("fmi3") { status.replace("fmi2", "fmi3") } else { status };
+        write!(f, "{}: {} returned {status}", self.component, self.function)?;
         for (index, (name, value)) in self.variables.iter().take(SHOWN_VARIABLES).enumerate() {
             f.write_str(if index == 0 { " for " } else { ", " })?;
             f.write_str(name)?;
@@ -285,8 +291,10 @@ impl CallError {
     /// Remedy to try next.
     fn advice(&self) -> &'static str {
         match (self.status, self.function) {
-            (Status::Discard, "fmi2DoStep") => "try a smaller communication step",
-            (Status::Discard, function) if function.starts_with("fmi2Set") => {
+            (Status::Discard, "fmi2DoStep" | "fmi3DoStep") => "try a smaller communication step",
+            (Status::Discard, function)
+                if function.starts_with("fmi2Set") || function.starts_with("fmi3Set") =>
+            {
                 "the value was refused: check it against the variable's range (airloop inspect)"
             }
             (Status::Discard, _) => "the FMU cannot compute this here: try a smaller step or other values",
@@ -300,7 +308,7 @@ impl CallError {
                 "the FMU computes in the background, which is not supported: export it with \
                  canRunAsynchronuously = false"
             }
-            (Status::Unknown(_), _) => "the library does not follow FMI 2.0: report it to its author",
+            (Status::Unknown(_), _) => "the library does not follow FMI: report it to its author",
         }
     }
 }

@@ -37,14 +37,23 @@ macro_rules! function_table {
 }
 
 function_table! {
-    /// Functions that both interfaces share.
-    CommonFunctions {
+    /// Functions that exist before an instance does.
+    FirstFunctions {
         required {
             get_types_platform: fmi2GetTypesPlatform() -> *const std::ffi::c_char,
             get_version: fmi2GetVersion() -> *const std::ffi::c_char,
             instantiate: fmi2Instantiate(
                 fmi2String, fmi2Type, fmi2String, fmi2String, *const fmi2CallbackFunctions, fmi2Boolean, fmi2Boolean
             ) -> Component,
+        }
+        optional {}
+    }
+}
+
+function_table! {
+    /// Functions that both interfaces share.
+    CommonFunctions {
+        required {
             free_instance: fmi2FreeInstance(Component),
             setup_experiment: fmi2SetupExperiment(
                 Component, fmi2Boolean, fmi2Real, fmi2Real, fmi2Boolean, fmi2Real

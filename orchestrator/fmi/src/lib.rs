@@ -1,8 +1,8 @@
-//! Import of FMI 2.0 units: archive, model description, library, instances.
+//! Import of units of FMI 2.0 and 3.0: archive, model description, library, instances.
 //!
 //! [`Fmu::open`] checks and unpacks an archive and reads its model description; [`Slave`] is a Co-Simulation
 //! instance, [`Model`] a Model Exchange instance. Connections between instances, stepping order and results are left
-//! to the modules above. Start reading at [`Fmu`], then [`Instance`], which holds what both interfaces share.
+//! to the modules above. An FMU of FMI 3.0 looks like one of 2.0 from here on (module `fmi3`). Start reading at [`Fmu`], then [`Instance`], which holds what both interfaces share.
 //! Section numbers are those of the FMI standard, version 2.0.5.
 
 mod archive;
@@ -10,6 +10,7 @@ pub mod check;
 pub mod derive;
 pub mod description;
 mod error;
+mod fmi3;
 mod functions;
 mod instance;
 pub mod isolate;
@@ -28,7 +29,7 @@ pub use archive::{ArchiveError, Limits};
 pub use description::{
     Causality, DefaultExperiment, Dependency, DependencyKind, DescriptionError, Initial, Interface,
     LogCategory, ModelDescription, NamingConvention, RealAttributes, TypeDefinition, UnitDefinition, Unknown,
-    Variability, Variable, VariableKind,
+    UnreadVariable, Variability, Variable, VariableKind,
 };
 pub use error::{CallError, Error, LostError, Status};
 pub use instance::{Instance, StateHandle};

@@ -8,10 +8,13 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 use fmi::fmi2::binding::Fmi2Binding;
+use fmi::fmi3::binding::Fmi3Binding;
 
 use super::error::{Error, LostError};
-use super::functions::{CommonFunctions, ModelFunctions, SlaveFunctions};
+use super::fmi3;
+use super::functions::{CommonFunctions, FirstFunctions, ModelFunctions, SlaveFunctions};
 use super::isolate::{self, Channel, Isolation};
+use super::open::{Fmu, InterfaceKind};
 
 /// Names of the folder below `binaries/` that fit this machine, best first. FMI 2.0 names only the 32 and 64 bit
 /// x86 platforms; for others the tuples of FMI 3.0 are usual.
@@ -28,6 +31,36 @@ pub(super) fn platform_folders() -> &'static [&'static str] {
     }
 }
 
+/// The functions of an FMI 3.0 library.
+#[derive(Clone, Copy)]
+pub(super) struct ThreeFunctions {
+    pub(super) common: fmi3::functions::Functions,
+    pub(super) slave: Option<fmi3::functions::SlaveFunctions>,
+    pub(super) model: Option<fmi3::functions::ModelFunctions>,
+}
+
+/// How instances of a library are made.
+pub(super) enum Origin {
+    /// By fmi2Instantiate.
+    Two(FirstFunctions),
+    /// By a component that translates.
+    Three(Box<ThreeFunctions>),
+    /// By a worker process.
+    Worker(Arc<Channel>),
+}
+
+/// The loaded code, which the function tables point into.
+enum Binding {
+    Two {
+        _code: Box<Fmi2Binding>,
+    },
+    Three {
+        _code: Box<Fmi3Binding>,
+    },
+    /// In a worker.
+    Elsewhere,
+}
+
 /// A loaded library with the functions of the interfaces that it has.
 pub(super) struct Library {
     pub(super) common: CommonFunctions,
@@ -35,10 +68,8 @@ pub(super) struct Library {
     pub(super) model: Result<ModelFunctions, &'static str>,
     /// Whether an instance exists of an FMU that allows one only.
     pub(super) occupied: AtomicBool,
-    /// The process that the functions reach, where the library is not in this one.
-    pub(super) remote: Option<Arc<Channel>>,
-    // Keeps the code loaded that the function tables point into.
-    _binding: Option<Fmi2Binding>,
+    pub(super) origin: Origin,
+    _binding: Binding,
 }
 
 impl Library {
@@ -57,6 +88,7 @@ impl Library {
         })?;
         let missing =
             |function, interface| Error::MissingFunction { path: path.to_owned(), function, interface };
+        let first = FirstFunctions::new(&binding).map_err(|f| missing(f, "FMI 2.0"))?;
         let common = CommonFunctions::new(&binding).map_err(|f| missing(f, "FMI 2.0"))?;
         let slave = SlaveFunctions::new(&binding);
         let model = ModelFunctions::new(&binding);
@@ -64,8 +96,8 @@ impl Library {
         // SAFETY: both functions take nothing and return a static C string (FMI 2.0.5 section 2.1.4).
         let answers = unsafe {
             [
-                ("fmi2GetTypesPlatform", (common.get_types_platform)(), "default"),
-                ("fmi2GetVersion", (common.get_version)(), "2.0"),
+                ("fmi2GetTypesPlatform", (first.get_types_platform)(), "default"),
+                ("fmi2GetVersion", (first.get_version)(), "2.0"),
             ]
         };
         for (function, answer, expected) in answers {
@@ -74,29 +106,70 @@ impl Library {
                 return Err(Error::Header { path: path.to_owned(), function, answer, expected });
             }
         }
-        let occupied = AtomicBool::new(false);
-        Ok(Library { common, slave, model, occupied, remote: None, _binding: Some(binding) })
+        let (origin, binding) = (Origin::Two(first), Binding::Two { _code: Box::new(binding) });
+        Ok(Library { common, slave, model, occupied: AtomicBool::new(false), origin, _binding: binding })
     }
 
-    /// Loads `folder/inner` for the archive `path` in a process of its own.
+    /// Same as [`Self::load`] for a library of FMI 3.0.
+    pub(super) fn load_fmi3(path: &Path, folder: &Path, inner: &str) -> Result<Self, Error> {
+        whole(&folder.join(inner)).map_err(|reason| Error::Load {
+            path: path.to_owned(),
+            library: inner.to_owned(),
+            reason,
+        })?;
+        // SAFETY: as for FMI 2.0.
+        let binding = unsafe { Fmi3Binding::new(folder.join(inner)) }.map_err(|error| Error::Load {
+            path: path.to_owned(),
+            library: inner.to_owned(),
+            reason: reason(&error, folder),
+        })?;
+        let missing =
+            |function, interface| Error::MissingFunction { path: path.to_owned(), function, interface };
+        let functions = fmi3::functions::Functions::new(&binding).map_err(|f| missing(f, "FMI 3.0"))?;
+        let slave = fmi3::functions::SlaveFunctions::new(&binding);
+        let model = fmi3::functions::ModelFunctions::new(&binding);
+        let answer = functions.version();
+        if !answer.starts_with("3.") {
+            let (path, function, expected) = (path.to_owned(), "fmi3GetVersion", "3.0");
+            return Err(Error::Header { path, function, answer, expected });
+        }
+        let three = ThreeFunctions { common: functions, slave: slave.ok(), model: model.ok() };
+        Ok(Library {
+            common: fmi3::tables::common(&three),
+            slave: slave.map(|_| fmi3::tables::slave(&three)),
+            model: model.map(|_| fmi3::tables::MODEL),
+            occupied: AtomicBool::new(false),
+            origin: Origin::Three(Box::new(three)),
+            _binding: Binding::Three { _code: Box::new(binding) },
+        })
+    }
+
+    /// The worker that has the library, if it is not in this process.
+    pub(super) fn remote(&self) -> Option<&Arc<Channel>> {
+        match &self.origin {
+            Origin::Worker(channel) => Some(channel),
+            Origin::Two(_) | Origin::Three(_) => None,
+        }
+    }
+
+    /// Has the library of an interface loaded by a process of its own.
     pub(super) fn in_worker(
-        path: &Path,
-        folder: &Path,
+        fmu: &Fmu,
+        kind: InterfaceKind,
         inner: &str,
         isolation: &Isolation,
     ) -> Result<Self, Error> {
-        let refused = |reason| Error::Load { path: path.to_owned(), library: inner.to_owned(), reason };
-        let channel = Channel::open(isolation, path)
+        let refused = |reason| Error::Load { path: fmu.shown.clone(), library: inner.to_owned(), reason };
+        let channel = Channel::open(isolation, &fmu.shown)
             .map_err(|error| refused(format!("no process of its own can be started: {error}")))?;
-        let texts = [path.to_string_lossy(), folder.to_string_lossy(), inner.into()];
-        let Some(found) = isolate::functions(&channel, texts.each_ref().map(AsRef::as_ref)) else {
+        let Some(found) = isolate::functions(&channel, fmu, kind) else {
             let death = channel.death().cloned().unwrap_or_default();
-            let component = path.file_stem().unwrap_or_default().to_string_lossy();
-            return Err(Error::Lost(Box::new(LostError::new(&component, path, None, &death))));
+            let component = fmu.shown.file_stem().unwrap_or_default().to_string_lossy();
+            return Err(Error::Lost(Box::new(LostError::new(&component, fmu, None, &death))));
         };
         let (common, slave, model) = found.map_err(refused)?;
-        let occupied = AtomicBool::new(false);
-        Ok(Library { common, slave, model, occupied, remote: Some(channel), _binding: None })
+        let (occupied, origin) = (AtomicBool::new(false), Origin::Worker(channel));
+        Ok(Library { common, slave, model, occupied, origin, _binding: Binding::Elsewhere })
     }
 }
 
@@ -146,7 +219,8 @@ fn reason(error: &dyn std::error::Error, folder: &Path) -> String {
     reason.replace(&folder, "")
 }
 
-fn text(pointer: *const c_char) -> String {
+/// An answer of a library as text.
+pub(super) fn text(pointer: *const c_char) -> String {
     if pointer.is_null() {
         return "NULL".to_owned();
     }

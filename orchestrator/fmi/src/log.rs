@@ -89,6 +89,7 @@ impl LogBuffer {
         LogBuffer(Mutex::default(), Some(Box::new(mirror)))
     }
 
+    /// Adds a message; the oldest goes where there is no place.
     pub(super) fn push(&self, message: LogMessage) {
         let mut messages = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         if messages.len() == CAPACITY {
@@ -149,7 +150,7 @@ extern "C" fn airloop_fmu_log(
 }
 
 /// A C string as text; NULL is empty, bytes that are not UTF-8 are replaced.
-fn text(pointer: *const c_char) -> String {
+pub(super) fn text(pointer: *const c_char) -> String {
     if pointer.is_null() {
         return String::new();
     }

@@ -12,7 +12,7 @@ use super::error::Error;
 use super::isolate;
 use super::library::{Library, platform_folders};
 
-/// One of the two interfaces of FMI 2.0.
+/// One of the two interfaces that are imported.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum InterfaceKind {
     /// The FMU steps itself.
@@ -42,6 +42,8 @@ enum Folder {
     Temporary(TempDir),
     /// Of the user.
     Kept(PathBuf),
+    /// Those of another FMU.
+    Of(Arc<Fmu>),
 }
 
 impl Folder {
@@ -49,6 +51,7 @@ impl Folder {
         match self {
             Folder::Temporary(folder) => folder.path(),
             Folder::Kept(folder) => folder,
+            Folder::Of(other) => other.folder(),
         }
     }
 }
@@ -67,6 +70,8 @@ pub struct Fmu {
     folder: Folder,
     files: Vec<String>,
     folders: Vec<String>,
+    /// Lengths that structural parameters have here and not in the archive.
+    pub(super) sizes: Vec<(String, i32)>,
 }
 
 impl fmt::Debug for Fmu {
@@ -114,7 +119,16 @@ impl Fmu {
             .map_err(|source| Error::Description { path: shown.to_owned(), source })?;
         let Unpacked { folder, files, folders } = archive.unpack().map_err(refuse)?;
         let (path, shown, folder) = (path.to_owned(), shown.to_owned(), Folder::Temporary(folder));
-        Ok(Arc::new(Fmu { path, shown, description, libraries: Mutex::default(), folder, files, folders }))
+        Ok(Arc::new(Fmu {
+            path,
+            shown,
+            description,
+            libraries: Mutex::default(),
+            folder,
+            files,
+            folders,
+            sizes: Vec::new(),
+        }))
     }
 
     fn open_folder(path: &Path, shown: &Path, limits: &Limits) -> Result<Arc<Fmu>, Error> {
@@ -146,7 +160,39 @@ impl Fmu {
         let description = ModelDescription::parse(&xml)
             .map_err(|source| Error::Description { path: shown.to_owned(), source })?;
         let (path, shown, folder) = (path.to_owned(), shown.to_owned(), Folder::Kept(folder));
-        Ok(Arc::new(Fmu { path, shown, description, libraries: Mutex::default(), folder, files, folders }))
+        Ok(Arc::new(Fmu {
+            path,
+            shown,
+            description,
+            libraries: Mutex::default(),
+            folder,
+            files,
+            folders,
+            sizes: Vec::new(),
+        }))
+    }
+
+    /// The same FMU with other lengths of its arrays: values of structural parameters, by name (FMI 3.0). They are set
+    /// in every instance before anything else.
+    ///
+    /// # Errors
+    /// [`Error::Description`] where the description makes no sense with these values.
+    pub fn resized(self: &Arc<Fmu>, structure: &[(String, i32)]) -> Result<Arc<Fmu>, Error> {
+        let shown = self.shown.clone();
+        let refuse = |source| Error::Archive { path: shown.clone(), source: ArchiveError::Read(source) };
+        let xml = std::fs::read(self.folder().join("modelDescription.xml")).map_err(refuse)?;
+        let description = ModelDescription::parse_resized(&xml, structure)
+            .map_err(|source| Error::Description { path: shown.clone(), source })?;
+        Ok(Arc::new(Fmu {
+            path: self.path.clone(),
+            shown,
+            description,
+            libraries: Mutex::default(),
+            folder: Folder::Of(Arc::clone(self)),
+            files: self.files.clone(),
+            folders: self.folders.clone(),
+            sizes: structure.to_vec(),
+        }))
     }
 
     /// The unpacked `resources` folder as a `file:///` URI, as fmi2Instantiate wants it.
@@ -215,16 +261,21 @@ impl Fmu {
             let (path, offered) = (self.shown.clone(), offered.to_owned());
             return Err(Error::Interface { path, wanted: kind.name(), offered });
         };
+        if let Folder::Of(other) = &self.folder {
+            return other.library(kind);
+        }
         let identifier = &interface.model_identifier;
         let mut libraries = self.libraries.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some((_, library)) = libraries.iter().find(|(name, _)| name == identifier) {
             return Ok(Arc::clone(library));
         }
         let inner = self.binary(identifier)?;
-        let (shown, folder) = (&self.shown, self.folder.path());
         let library = Arc::new(match isolate::choice(&self.description.generation_tool) {
-            Some(isolation) => Library::in_worker(shown, folder, &inner, &isolation)?,
-            None => Library::load(shown, folder, &inner)?,
+            Some(isolation) => Library::in_worker(self, kind, &inner, &isolation)?,
+            None => {
+                let load = if self.description.is_fmi3() { Library::load_fmi3 } else { Library::load };
+                load(&self.shown, self.folder.path(), &inner)?
+            }
         });
         libraries.push((identifier.clone(), Arc::clone(&library)));
         Ok(library)

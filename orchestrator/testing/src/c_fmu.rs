@@ -28,6 +28,11 @@ pub fn compile(source: impl AsRef<Path>, target: &Path, macros: &[&str]) {
 
 /// Writes an FMU with this description and, if given, the library as `identifier`.so.
 pub fn pack(path: &Path, description: &str, library: Option<(&str, &Path)>) {
+    pack_for(path, description, library, PLATFORM);
+}
+
+/// Same as [`pack`] with another name of the folder of the library.
+pub fn pack_for(path: &Path, description: &str, library: Option<(&str, &Path)>, platform: &str) {
     let mut writer = ZipWriter::new(std::fs::File::create(path).unwrap());
     let mut add = |name: &str, bytes: &[u8]| {
         writer.start_file(name, SimpleFileOptions::default()).unwrap();
@@ -35,7 +40,7 @@ pub fn pack(path: &Path, description: &str, library: Option<(&str, &Path)>) {
     };
     add("modelDescription.xml", description.as_bytes());
     if let Some((identifier, library)) = library {
-        add(&format!("binaries/{PLATFORM}/{identifier}.so"), &std::fs::read(library).unwrap());
+        add(&format!("binaries/{platform}/{identifier}.so"), &std::fs::read(library).unwrap());
     }
     writer.finish().unwrap();
 }

@@ -15,6 +15,7 @@ pub mod looped;
 pub mod mechanics;
 pub mod model;
 pub mod slave;
+pub mod vector;
 
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]

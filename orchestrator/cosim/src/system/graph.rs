@@ -8,7 +8,7 @@ use tempfile::TempDir;
 
 use super::order::{self, Loop};
 use super::ssp::{self, Structure};
-use super::{Error, start, validate};
+use super::{Error, resize, start, validate};
 use airloop_fmi::{Causality, Fmu, InterfaceKind, Variability, Variable, VariableKind};
 
 /// Type of a connector or variable.
@@ -307,7 +307,7 @@ impl SystemGraph {
                 }
             };
             opened.insert(component.source.clone(), Arc::clone(&fmu));
-            fmus.push(fmu);
+            fmus.push(resize::resized(&structure, fmus.len(), fmu)?);
         }
         validate::resolve(&structure, fmus, interface)
     }
@@ -319,6 +319,11 @@ impl SystemGraph {
     pub fn from_fmu(file: &Path, interface: Option<InterfaceKind>) -> Result<SystemGraph, Error> {
         let stem = file.file_stem().map_or("fmu".into(), |stem| stem.to_string_lossy().into_owned());
         let fmu = open_fmu(file, &stem, (file, file), interface)?;
+        Ok(SystemGraph::single(file, stem, fmu))
+    }
+
+    /// The system of one opened FMU, which is called `stem`.
+    pub(super) fn single(file: &Path, stem: String, fmu: Arc<Fmu>) -> SystemGraph {
         let description = &fmu.description;
         let (mut inputs, mut outputs, mut connections) = (Vec::new(), Vec::new(), Vec::new());
         for (index, variable) in description.variables.iter().enumerate() {
@@ -345,7 +350,7 @@ impl SystemGraph {
             }
         }
         let default = description.default_experiment;
-        Ok(SystemGraph {
+        SystemGraph {
             name: description.model_name.clone(),
             file: file.into(),
             single: true,
@@ -364,7 +369,7 @@ impl SystemGraph {
             notes: Vec::new(),
             units: Vec::new(),
             package: None,
-        })
+        }
     }
 
     /// Name of a source, as in results.

@@ -8,6 +8,7 @@ pub mod error;
 pub mod graph;
 mod notes;
 pub mod order;
+mod resize;
 pub mod ssp;
 pub mod ssv;
 mod start;

@@ -151,7 +151,45 @@ pub fn set_start_text(graph: &mut SystemGraph, name: &str, text: &str, place: &s
         }
         _ => find_path(graph, name, place)?,
     };
+    if graph.components[component].fmu.description.sizes_arrays(variable) {
+        return set_length(graph, (component, variable), text, place);
+    }
     set_text(graph, (component, variable, Conversion::IDENTITY), text, place)
+}
+
+/// Gives the arrays of a single FMU another length, before other values are set; in a larger system, whose connections
+/// stand, only the value that the parameter has is accepted.
+fn set_length(
+    graph: &mut SystemGraph,
+    (component, variable): (usize, usize),
+    text: &str,
+    place: &str,
+) -> Result<(), Error> {
+    let fmu = std::sync::Arc::clone(&graph.components[component].fmu);
+    let description = &fmu.description;
+    let target = &description.variables[variable];
+    let value = length(target, description, text.parse().ok(), place)?;
+    let lengths = description.lengths_with(variable, value);
+    if lengths == description.lengths() {
+        return Ok(());
+    }
+    if !graph.single || !graph.components[component].start_values.is_empty() {
+        let allowed = if graph.single {
+            "a value that is given before all others, since it is the length of an array"
+        } else {
+            "the value that it has, since it is the length of an array; write another one into a parameter set of the system"
+        };
+        return Err(start_error(place, &target.name, text.to_owned(), allowed.into()));
+    }
+    let failed = |source| Error::Fmu {
+        file: graph.file.clone(),
+        component: graph.components[component].name.clone(),
+        source: Box::new(source),
+    };
+    let resized = fmu.resized(&lengths).map_err(failed)?;
+    let (file, name) = (graph.file.clone(), graph.components[component].name.clone());
+    *graph = SystemGraph::single(&file, name, resized);
+    Ok(())
 }
 
 fn set_text(
@@ -258,6 +296,19 @@ fn in_range(value: &Start, variable: &Variable, description: &ModelDescription) 
         }
         _ => true,
     }
+}
+
+/// A length of arrays, checked against the range of its parameter.
+pub(super) fn length(
+    variable: &Variable,
+    description: &ModelDescription,
+    value: Option<i32>,
+    place: &str,
+) -> Result<i32, Error> {
+    let refuse = |value: String| start_error(place, &variable.name, value, allowed(variable, description));
+    let value = value.ok_or_else(|| refuse("this value".to_owned()))?;
+    check_range(&Start::Integer(value), variable, description, place)?;
+    if value < 0 { Err(refuse(value.to_string())) } else { Ok(value) }
 }
 
 fn start_error(place: &str, name: &str, value: String, allowed: String) -> Error {

@@ -55,7 +55,7 @@ fn compare(fmu: &Arc<Fmu>, kind: InterfaceKind, findings: &mut Findings) -> Resu
                     findings.error("dependency-undeclared", place(), message);
                 }
                 Some(_) if !changes[row][column] => unobserved.push(name(known.variable)),
-                Some(dependency) if is_linear(dependency.kind) => {
+                Some(dependency) if is_linear(dependency.kind) && !known.is_single && !unknown.is_single => {
                     let rounding = 1e-8 * unknown.scale / known.scale;
                     if let Some((a, b)) = unlike(&slopes[row][column], rounding) {
                         let kind = format!("{:?}", dependency.kind).to_lowercase();

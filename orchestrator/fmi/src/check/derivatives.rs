@@ -40,7 +40,11 @@ fn compare(fmu: &Arc<Fmu>, kind: InterfaceKind, findings: &mut Findings) -> Resu
                 let (exact, central) = (column[row], slope.central[row]);
                 let rounding = 1e-8 * (slope.values[row].abs() + unknown.scale) / known.scale;
                 let tolerance = RELATIVE_TOLERANCE * exact.abs().max(central.abs()) + rounding;
-                if !is_smooth(&slope, row, rounding) || (exact - central).abs() <= tolerance {
+                if known.is_single
+                    || unknown.is_single
+                    || !is_smooth(&slope, row, rounding)
+                    || (exact - central).abs() <= tolerance
+                {
                     continue;
                 }
                 let place =

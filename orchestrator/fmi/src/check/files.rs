@@ -34,6 +34,10 @@ pub(super) fn check(fmu: &Fmu, findings: &mut Findings) {
                 "linux32" | "linux64" => "so",
                 "darwin64" => "dylib",
                 "win32" | "win64" => "dll",
+                // The tuples of FMI 3.0 section 2.5.1.4.1.
+                tuple if tuple.ends_with("-linux") => "so",
+                tuple if tuple.ends_with("-darwin") => "dylib",
+                tuple if tuple.ends_with("-windows") => "dll",
                 _ => continue,
             };
             let path = format!("binaries/{platform}/{identifier}.{ending}");
@@ -66,6 +70,6 @@ pub(super) fn check(fmu: &Fmu, findings: &mut Findings) {
     roots.sort_unstable();
     roots.dedup();
     for root in roots.into_iter().filter(|root| !ROOT.contains(root)) {
-        findings.note("unknown-file", root, "FMI 2.0 does not know this at the root of the archive");
+        findings.note("unknown-file", root, "FMI does not know this at the root of the archive");
     }
 }

@@ -24,7 +24,7 @@ use std::sync::Arc;
 use serde::{Deserialize, Serialize};
 
 use super::description::Variable;
-use super::{Fmu, InterfaceKind};
+use super::{Fmu, InterfaceKind, fmi3};
 
 /// Severity of a finding.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
@@ -69,7 +69,7 @@ pub fn static_findings(fmu: &Fmu) -> Vec<Finding> {
     attributes::check(&fmu.description, &mut findings);
     roles::check(&fmu.description, &mut findings);
     structure::check(&fmu.description, &mut findings);
-    findings.0
+    findings.of(fmu)
 }
 
 /// Runs the library of the FMU and checks how it behaves. A crash of the library ends this process; `airloop inspect`
@@ -83,7 +83,7 @@ pub fn dynamic_findings(fmu: &Arc<Fmu>) -> Vec<Finding> {
             dependencies::check(fmu, kind, &mut findings);
         }
     }
-    findings.0
+    findings.of(fmu)
 }
 
 /// Findings so far.
@@ -91,6 +91,15 @@ pub fn dynamic_findings(fmu: &Arc<Fmu>) -> Vec<Finding> {
 struct Findings(Vec<Finding>);
 
 impl Findings {
+    /// The findings in the words of the FMI version of the FMU.
+    fn of(self, fmu: &Fmu) -> Vec<Finding> {
+        let mut findings = self.0;
+        if fmu.description.is_fmi3() {
+            findings.iter_mut().for_each(|finding| finding.message = fmi3::names::in_text(&finding.message));
+        }
+        findings
+    }
+
     fn add(
         &mut self,
         severity: Severity,

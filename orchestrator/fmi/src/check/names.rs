@@ -3,14 +3,19 @@
 use std::collections::HashSet;
 
 use super::{Findings, element};
-use crate::{ModelDescription, NamingConvention};
+use crate::{ModelDescription, NamingConvention, Variable};
 
 pub(super) fn check(description: &ModelDescription, findings: &mut Findings) {
     if description.model_name.is_empty() {
         findings.error("model-name", "fmiModelDescription", "the attribute modelName is missing or empty");
     }
     if description.variable_naming_convention == NamingConvention::Structured {
-        for variable in description.variables.iter().filter(|variable| !is_structured(&variable.name)) {
+        // Indices of elements of arrays are ours in FMI 3.0.
+        let is_fmi3 = description.is_fmi3();
+        let unstructured = |variable: &&Variable| {
+            !is_structured(if is_fmi3 { without_index(&variable.name) } else { &variable.name })
+        };
+        for variable in description.variables.iter().filter(unstructured) {
             findings.error(
                 "naming-convention",
                 element(variable),
@@ -22,11 +27,26 @@ pub(super) fn check(description: &ModelDescription, findings: &mut Findings) {
     let units = description.units.iter().map(|unit| ("Unit", unit.name.as_str()));
     let types = description.types.iter().map(|declared| ("SimpleType", declared.name.as_str()));
     let categories = description.log_categories.iter().map(|category| ("Category", category.name.as_str()));
+    for unread in &description.unread {
+        findings.note(
+            "unread-type",
+            format!("variable {}", unread.name),
+            format!("variables of type {} are not carried; it keeps its start value", unread.kind),
+        );
+    }
     let mut seen = HashSet::new();
     for (kind, name) in units.chain(types).chain(categories) {
         if !seen.insert((kind, name)) {
             findings.error("duplicate-definition", format!("{kind} {name}"), "it is defined twice");
         }
+    }
+}
+
+/// A name without the indices at its end.
+fn without_index(name: &str) -> &str {
+    match name.rsplit_once('[') {
+        Some((before, indices)) if indices.ends_with(']') => before,
+        _ => name,
     }
 }
 

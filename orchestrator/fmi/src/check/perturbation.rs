@@ -37,6 +37,8 @@ pub(super) struct Known {
     state: Option<usize>,
     /// Typical size.
     pub(super) scale: f64,
+    /// Of single precision (FMI 3.0): differences say little of derivatives.
+    pub(super) is_single: bool,
     min: f64,
     max: f64,
 }
@@ -47,6 +49,8 @@ pub(super) struct Output {
     pub(super) reference: u32,
     pub(super) dependencies: Option<Vec<Dependency>>,
     pub(super) scale: f64,
+    /// As for a known.
+    pub(super) is_single: bool,
 }
 
 /// Change of all unknowns with one known.
@@ -187,6 +191,7 @@ fn outputs(description: &ModelDescription, list: &[Unknown], only_outputs: bool)
             reference: variable.value_reference,
             dependencies: unknown.dependencies.clone(),
             scale: real.nominal.unwrap_or(1.0).abs(),
+            is_single: description.is_single(unknown.variable),
         })
     };
     list.iter().filter_map(unknown).collect()
@@ -201,6 +206,7 @@ fn known(description: &ModelDescription, position: usize, state: Option<usize>) 
         reference: variable.value_reference,
         state,
         scale: if typical > 0.0 { typical } else { 1.0 },
+        is_single: description.is_single(position),
         min: real.min.unwrap_or(f64::NEG_INFINITY),
         max: real.max.unwrap_or(f64::INFINITY).max(real.min.unwrap_or(f64::NEG_INFINITY)),
     })

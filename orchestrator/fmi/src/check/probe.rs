@@ -9,6 +9,9 @@ use crate::{Error, Fmu, Instance, InterfaceKind, Model, Slave, StepStatus};
 /// More event iterations than this are taken for an endless loop.
 const MAX_EVENT_ITERATIONS: usize = 100;
 
+/// A step of the check takes at most this many steps inside of the FMU.
+const MAX_INNER_STEPS: f64 = 100.0;
+
 /// An instance and its time.
 pub(super) struct Probe {
     runner: Runner,
@@ -59,6 +62,10 @@ impl Probe {
         let start = experiment.start.unwrap_or(0.0);
         let span = experiment.stop.map(|stop| stop - start).filter(|span| *span > 0.0);
         let step = experiment.step_size.filter(|step| *step > 0.0).or(span.map(|span| span / 100.0));
+        // An FMU may take tiny steps inside and suggest an experiment of years.
+        let inner = fmu.interface(kind).and_then(|interface| interface.fixed_internal_step_size);
+        let limit = inner.filter(|inner| *inner > 0.0).map_or(f64::INFINITY, |inner| MAX_INNER_STEPS * inner);
+        let step = step.map(|step| step.min(limit));
         let runner = match kind {
             InterfaceKind::CoSimulation => Runner::Slave(Slave::instantiate(fmu, "check", false)?),
             InterfaceKind::ModelExchange => Runner::Model(Model::instantiate(fmu, "check", false)?),

@@ -10,7 +10,7 @@ pub enum DeriveError {
     Template(#[source] Box<crate::Error>),
     /// A library that would not look at the start values.
     #[error(
-        "{}: its generationTool is \"{tool}\", but only libraries made with {} read start values from their resources; \
+        "{}: its generationTool is \"{tool}\", but only FMI 2.0 libraries made with {} read start values from their resources; \
          use one of the FMUs of `make fmu`, or set the values in a parameter set (.ssv) instead",
         path.display(), super::EXPORTER
     )]

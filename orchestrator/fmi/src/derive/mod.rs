@@ -69,7 +69,7 @@ struct Member {
 
 /// Whether the library of an FMU reads start values from its resources, so that others can be derived from it.
 pub fn is_template(description: &ModelDescription) -> bool {
-    description.generation_tool.contains(EXPORTER)
+    description.generation_tool.contains(EXPORTER) && !description.is_fmi3()
 }
 
 /// Whether a derived FMU may have another start value of this variable: an input, or one whose `initial` is exact.

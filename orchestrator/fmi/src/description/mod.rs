@@ -1,7 +1,7 @@
-//! The model description of an FMU as typed data, with the defaults of FMI 2.0.5 filled in.
+//! The model description of an FMU of FMI 2.0 or 3.0 as typed data, with the defaults of the standard filled in.
 //!
 //! Indices into [`ModelDescription::variables`] are 0-based everywhere, while the XML counts from 1. Reading is in
-//! `read.rs`; judging what was read (beyond what makes the file unusable) is left to `fmu::check`.
+//! `read.rs`, for FMI 3.0 in `fmi3`; judging what was read (beyond what makes the file unusable) is left to `fmu::check`.
 
 use serde::Serialize;
 
@@ -10,7 +10,9 @@ pub use initial::allowed_initials;
 
 mod attributes;
 mod error;
+mod fmi3;
 mod initial;
+pub(crate) mod layout;
 mod read;
 mod structure;
 mod variables;
@@ -18,7 +20,7 @@ mod variables;
 /// Content of `modelDescription.xml` (FMI 2.0.4 section 2.2).
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct ModelDescription {
-    /// Always "2.0".
+    /// "2.0", or "3.0" and its minor versions.
     pub fmi_version: String,
     /// Name of the model as used in the tool that made it.
     pub model_name: String,
@@ -58,11 +60,73 @@ pub struct ModelDescription {
     pub derivatives: Vec<Unknown>,
     /// `ModelStructure/InitialUnknowns`.
     pub initial_unknowns: Vec<Unknown>,
+    /// Variables of types that are not carried (Binary and Clock, FMI 3.0).
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub unread: Vec<UnreadVariable>,
     #[serde(skip)]
     pub(crate) index: std::collections::HashMap<String, usize>,
+    /// Where the variables lie in the FMU (FMI 3.0 only).
+    #[serde(skip)]
+    pub(crate) layout: Option<layout::Layout>,
+}
+
+/// A variable of a type that is not carried: it keeps its start value.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct UnreadVariable {
+    /// Unique name.
+    pub name: String,
+    /// Type as in the XML.
+    pub kind: String,
+    /// Whether it is an input.
+    pub is_input: bool,
 }
 
 impl ModelDescription {
+    /// Whether the FMU speaks FMI 3.0.
+    pub fn is_fmi3(&self) -> bool {
+        self.layout.is_some()
+    }
+
+    /// Whether the variable at `position` is a structural parameter that is the length of a dimension (FMI 3.0).
+    pub fn sizes_arrays(&self, position: usize) -> bool {
+        let place = |layout: &layout::Layout| {
+            let slot = layout.find(self.variables[position].value_reference)?;
+            Some(layout.wholes[slot.whole].structural && layout.wholes[slot.whole].sizes_arrays)
+        };
+        self.layout.as_ref().and_then(place).unwrap_or(false)
+    }
+
+    /// Whether the variable at `position` is a float of single precision (FMI 3.0).
+    pub(crate) fn is_single(&self, position: usize) -> bool {
+        let base = |layout: &layout::Layout| {
+            let slot = layout.find(self.variables[position].value_reference)?;
+            Some(layout.wholes[slot.whole].base)
+        };
+        self.layout.as_ref().and_then(base) == Some(layout::BaseType::Float32)
+    }
+
+    /// Structural parameters that are lengths of arrays, with their values (FMI 3.0).
+    pub fn lengths(&self) -> Vec<(String, i32)> {
+        let positions = (0..self.variables.len()).filter(|&position| self.sizes_arrays(position));
+        positions.map(|position| (self.variables[position].name.clone(), self.length(position))).collect()
+    }
+
+    /// Same as [`Self::lengths`] with another value of the variable at `position`.
+    pub fn lengths_with(&self, position: usize, value: i32) -> Vec<(String, i32)> {
+        let mut lengths = self.lengths();
+        for (_, length) in lengths.iter_mut().filter(|(name, _)| *name == self.variables[position].name) {
+            *length = value;
+        }
+        lengths
+    }
+
+    fn length(&self, position: usize) -> i32 {
+        match self.variables[position].kind {
+            VariableKind::Integer { start, .. } => start.unwrap_or(0),
+            _ => 0,
+        }
+    }
+
     /// The variable called `name`, if there is one.
     pub fn variable(&self, name: &str) -> Option<&Variable> {
         self.index_of(name).map(|index| &self.variables[index])
@@ -83,7 +147,7 @@ impl ModelDescription {
 }
 
 /// Capabilities of one interface (`CoSimulation` or `ModelExchange` element).
-#[derive(Debug, Clone, PartialEq, Eq, Default, Serialize)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize)]
 pub struct Interface {
     /// Name of the library file without its ending.
     pub model_identifier: String,
@@ -91,6 +155,9 @@ pub struct Interface {
     pub needs_execution_tool: bool,
     /// Steps may have different lengths (Co-Simulation).
     pub can_handle_variable_communication_step_size: bool,
+    /// Length of the steps inside of a communication step \[s\] (Co-Simulation, FMI 3.0), if they all have it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub fixed_internal_step_size: Option<f64>,
     /// Inputs may be given derivatives (Co-Simulation).
     pub can_interpolate_inputs: bool,
     /// Highest order of output derivatives (Co-Simulation).
@@ -300,6 +367,16 @@ impl VariableKind {
             VariableKind::Boolean { .. } => "Boolean",
             VariableKind::String { .. } => "String",
             VariableKind::Enumeration { .. } => "Enumeration",
+        }
+    }
+
+    /// Takes the start value away.
+    pub(crate) fn clear_start(&mut self) {
+        match self {
+            VariableKind::Real(real) => real.start = None,
+            VariableKind::Integer { start, .. } | VariableKind::Enumeration { start, .. } => *start = None,
+            VariableKind::Boolean { start } => *start = None,
+            VariableKind::String { start } => *start = None,
         }
     }
 

@@ -4,7 +4,7 @@
 use super::attributes::Range;
 use super::{
     DefaultExperiment, DescriptionError, DisplayUnit, Interface, LogCategory, ModelDescription,
-    NamingConvention, UnitDefinition, structure, variables,
+    NamingConvention, UnitDefinition, fmi3, structure, variables,
 };
 use crate::xml::{self, Element};
 use airloop_series::units::{Exponents, Unit};
@@ -19,6 +19,17 @@ impl ModelDescription {
     /// The first defect that makes the FMU unusable, with line and element. Defects that leave it usable are findings
     /// of `airloop inspect --check`.
     pub fn parse(xml: &[u8]) -> Result<ModelDescription, DescriptionError> {
+        ModelDescription::parse_resized(xml, &[])
+    }
+
+    /// Same as [`Self::parse`] with other values of structural parameters than the file gives, by name (FMI 3.0).
+    ///
+    /// # Errors
+    /// Same as [`Self::parse`].
+    pub(crate) fn parse_resized(
+        xml: &[u8],
+        structure: &[(String, i32)],
+    ) -> Result<ModelDescription, DescriptionError> {
         let root = xml::parse(xml).map_err(|error| DescriptionError {
             line: error.line,
             element: "the XML".to_owned(),
@@ -30,7 +41,9 @@ impl ModelDescription {
         if root.name != "fmiModelDescription" {
             return Err(root.error("the root element must be fmiModelDescription"));
         }
-        check_version(&root)?;
+        if is_fmi3(&root)? {
+            return fmi3::read(&root, structure);
+        }
         let types = variables::types(&root)?;
         let (variables, index) = variables::read(&root, &types)?;
         let structure = |name| structure::read(&root, name, variables.len());
@@ -67,7 +80,9 @@ impl ModelDescription {
             outputs,
             derivatives,
             initial_unknowns,
+            unread: Vec::new(),
             index,
+            layout: None,
         };
         if description.co_simulation.is_none() && description.model_exchange.is_none() {
             return Err(root.error("there is neither a CoSimulation nor a ModelExchange element"));
@@ -76,11 +91,16 @@ impl ModelDescription {
     }
 }
 
-fn check_version(root: &Element) -> Result<(), DescriptionError> {
+/// Whether the file is of FMI 3.0 or one of its minor versions, rather than 2.0.
+fn is_fmi3(root: &Element) -> Result<bool, DescriptionError> {
     match root.required("fmiVersion")? {
-        "2.0" => Ok(()),
-        other => Err(root
-            .error(format!("this is an FMU of FMI {other}; only FMI 2.0 can be imported: export it as 2.0"))),
+        "2.0" => Ok(false),
+        // Minor versions add elements and attributes only (FMI 3.0 section 2.6).
+        "3.0" => Ok(true),
+        other if other.strip_prefix("3.").is_some_and(|minor| !minor.contains('-')) => Ok(true),
+        other => Err(root.error(format!(
+            "this is an FMU of FMI {other}; only FMI 2.0 and 3.0 can be imported: export it as one of them"
+        ))),
     }
 }
 
@@ -90,6 +110,7 @@ fn interface(element: &Element) -> Result<Interface, DescriptionError> {
         model_identifier: element.required("modelIdentifier")?.to_owned(),
         needs_execution_tool: flag("needsExecutionTool")?,
         can_handle_variable_communication_step_size: flag("canHandleVariableCommunicationStepSize")?,
+        fixed_internal_step_size: None,
         can_interpolate_inputs: flag("canInterpolateInputs")?,
         max_output_derivative_order: element.integer("maxOutputDerivativeOrder")?.unwrap_or(0),
         can_run_asynchronuously: flag("canRunAsynchronuously")?,
@@ -102,7 +123,7 @@ fn interface(element: &Element) -> Result<Interface, DescriptionError> {
     })
 }
 
-fn units(root: &Element) -> Result<Vec<UnitDefinition>, DescriptionError> {
+pub(super) fn units(root: &Element) -> Result<Vec<UnitDefinition>, DescriptionError> {
     let Some(definitions) = root.child("UnitDefinitions") else { return Ok(Vec::new()) };
     definitions.children("Unit").map(unit).collect()
 }
@@ -139,7 +160,7 @@ fn unit(element: &Element) -> Result<UnitDefinition, DescriptionError> {
     })
 }
 
-fn log_categories(root: &Element) -> Result<Vec<LogCategory>, DescriptionError> {
+pub(super) fn log_categories(root: &Element) -> Result<Vec<LogCategory>, DescriptionError> {
     let Some(categories) = root.child("LogCategories") else { return Ok(Vec::new()) };
     let read = |element: &Element| {
         Ok(LogCategory {
@@ -150,7 +171,7 @@ fn log_categories(root: &Element) -> Result<Vec<LogCategory>, DescriptionError> 
     categories.children("Category").map(read).collect()
 }
 
-fn default_experiment(root: &Element) -> Result<DefaultExperiment, DescriptionError> {
+pub(super) fn default_experiment(root: &Element) -> Result<DefaultExperiment, DescriptionError> {
     let Some(element) = root.child("DefaultExperiment") else { return Ok(DefaultExperiment::default()) };
     let time = |name| element.real(name, Range::Finite);
     Ok(DefaultExperiment {

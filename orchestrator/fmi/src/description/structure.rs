@@ -56,7 +56,8 @@ fn unknown(list: &str, element: &Element, count: usize) -> Result<Unknown, Descr
     Ok(Unknown { variable, dependencies: Some(dependencies.collect()) })
 }
 
-fn kind(word: &str) -> Result<DependencyKind, String> {
+/// The kind of a dependence by its word.
+pub(super) fn kind(word: &str) -> Result<DependencyKind, String> {
     match word {
         "dependent" => Ok(DependencyKind::Dependent),
         "constant" => Ok(DependencyKind::Constant),

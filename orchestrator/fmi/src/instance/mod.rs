@@ -11,10 +11,11 @@ use std::sync::atomic::Ordering;
 use fmi::fmi2::binding::{fmi2CallbackFunctions, fmi2Type_fmi2CoSimulation, fmi2Type_fmi2ModelExchange};
 
 use super::error::{Error, LostError};
+use super::fmi3::{self, Component};
 use super::functions::{CommonFunctions, ModelFunctions, SlaveFunctions};
 use super::isolate;
 use super::last_words;
-use super::library::Library;
+use super::library::{Library, Origin};
 use super::log::{LogBuffer, LogMessage, airloop_fmi2_logger};
 use super::open::{Fmu, InterfaceKind};
 use super::trace;
@@ -118,7 +119,6 @@ impl Instance {
                 .map_err(|_| Error::NulCharacter { component: name.to_owned(), what: what.to_owned() })
         };
         let (c_name, c_guid) = (string(name, "the instance name")?, string(guid, "the guid")?);
-        let resources = string(&fmu.resources_uri(), "the path of the resources")?;
         let only_once = interface.can_be_instantiated_only_once_per_process;
         if only_once && library.occupied.swap(true, Ordering::AcqRel) {
             return Err(Error::OnlyOnce { component: name.to_owned(), path: fmu.shown.clone() });
@@ -133,27 +133,37 @@ impl Instance {
             componentEnvironment: (&raw mut *log).cast(),
         });
         let label: Box<str> = format!("{name}: the FMU {}", fmu.shown.display()).into();
-        trace::enter("fmi2Instantiate");
-        last_words::enter(&label, "fmi2Instantiate");
-        // SAFETY: the strings live during the call, callbacks and log buffer until the component is freed.
-        let instantiate = || unsafe {
-            (library.common.instantiate)(
-                c_name.as_ptr(),
-                fmi_type,
-                c_guid.as_ptr(),
-                resources.as_ptr(),
-                &raw const *callbacks,
-                0,
-                logging.into(),
-            )
-        };
-        let component = match &library.remote {
-            Some(channel) => isolate::with_channel(channel, instantiate),
-            None => instantiate(),
+        let component = match &library.origin {
+            Origin::Two(functions) => {
+                let resources = string(&fmu.resources_uri(), "the path of the resources")?;
+                trace::enter("fmi2Instantiate");
+                last_words::enter(&label, "fmi2Instantiate");
+                // SAFETY: the strings live during the call, callbacks and log buffer until the component is freed.
+                unsafe {
+                    (functions.instantiate)(
+                        c_name.as_ptr(),
+                        fmi_type,
+                        c_guid.as_ptr(),
+                        resources.as_ptr(),
+                        &raw const *callbacks,
+                        0,
+                        logging.into(),
+                    )
+                }
+            }
+            Origin::Three(functions) => {
+                trace::enter("fmi3Instantiate");
+                last_words::enter(&label, "fmi3Instantiate");
+                let names = (&c_name, &c_guid);
+                Component::instantiate(fmu, **functions, kind, names, logging, &raw const *log)
+            }
+            Origin::Worker(channel) => {
+                isolate::instantiate(channel, fmu, (&c_name, &c_guid), kind, logging, &raw const *log)
+            }
         };
         last_words::leave();
-        if let Some(death) = library.remote.as_ref().and_then(|channel| channel.death()) {
-            return Err(Error::Lost(Box::new(LostError::new(name, &fmu.shown, None, death))));
+        if let Some(death) = library.remote().and_then(|channel| channel.death()) {
+            return Err(Error::Lost(Box::new(LostError::new(name, fmu, None, death))));
         }
         if component.is_null() {
             library.occupied.store(false, Ordering::Release);
@@ -164,6 +174,7 @@ impl Instance {
                  build and package them together"
             };
             return Err(Error::Instantiate {
+                function: if fmu.description.is_fmi3() { "fmi3Instantiate" } else { "fmi2Instantiate" },
                 component: name.to_owned(),
                 path: fmu.shown.clone(),
                 guid: guid.to_owned(),
@@ -325,14 +336,22 @@ impl Instance {
     /// Notes that `function` is called next.
     #[inline]
     fn enter(&self, function: &'static str) {
-        trace::enter(function);
+        if trace::is_on() {
+            trace::enter(self.c_name(function));
+        }
         last_words::enter(&self.label, function);
     }
 
     #[cold]
     #[inline(never)]
     fn dead(&self, function: &'static str, cause: &'static str) -> Error {
+        let (function, cause) = (self.c_name(function), self.c_name(cause));
         Error::Dead { component: self.name.clone(), function, cause }
+    }
+
+    /// Name of a function in the FMI version of the FMU, given that of 2.0.
+    pub(super) fn c_name(&self, function: &'static str) -> &'static str {
+        if self.fmu.description.is_fmi3() { fmi3::names::of(function) } else { function }
     }
 
     fn simple(
@@ -349,7 +368,7 @@ impl Instance {
 
 impl Drop for Instance {
     fn drop(&mut self) {
-        if self.library.remote.is_some() && matches!(self.phase, Phase::Abandoned(_)) {
+        if self.library.remote().is_some() && matches!(self.phase, Phase::Abandoned(_)) {
             isolate::forget(self.component);
             return;
         }
@@ -368,7 +387,7 @@ impl Drop for Instance {
             let status = unsafe { (self.functions.terminate)(self.component) };
             last_words::leave();
             if status > 3 {
-                if self.library.remote.is_some() {
+                if self.library.remote().is_some() {
                     isolate::forget(self.component);
                 }
                 return;

@@ -37,6 +37,7 @@ impl Base {
 impl Instance {
     #[cold]
     pub(crate) fn missing(&self, function: &'static str) -> Error {
+        let function = self.c_name(function);
         Error::MissingFunction { path: self.fmu.shown.clone(), function, interface: self.kind.name() }
     }
 
@@ -53,6 +54,7 @@ impl Instance {
     #[cold]
     #[inline(never)]
     fn wrong_length(&self, function: &'static str, given: usize, expected: usize) -> Error {
+        let function = self.c_name(function);
         Error::Length { component: self.name.clone(), function, given, expected }
     }
 
@@ -127,10 +129,10 @@ impl Instance {
         step: Option<f64>,
         variables: Vec<(String, Option<String>)>,
     ) -> Error {
-        let remote = self.library.remote.as_ref();
+        let remote = self.library.remote();
         if let Some(death) = remote.filter(|_| status == LOST).and_then(|channel| channel.death()) {
             self.phase = Phase::Abandoned(function);
-            return Error::Lost(Box::new(LostError::new(&self.name, &self.fmu.shown, self.time, death)));
+            return Error::Lost(Box::new(LostError::new(&self.name, &self.fmu, self.time, death)));
         }
         // A setter that was sent together with the call.
         let (function, status, variables) = match remote.and_then(|_| kept_back()) {
@@ -152,7 +154,7 @@ impl Instance {
         }
         Error::Call(Box::new(CallError {
             component: self.name.clone(),
-            function,
+            function: self.c_name(function),
             status,
             time: self.time,
             step,
