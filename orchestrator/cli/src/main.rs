@@ -68,6 +68,7 @@ pub fn main() -> ExitCode {
             output::print(&String::from_utf8_lossy(&script)).map(|()| ExitCode::SUCCESS)
         }
     };
+    airloop_fmi::last_words::leave();
     for note in airloop_fmi::isolate::take_notes() {
         output::complain(&format!("note: {note}"));
     }

@@ -368,6 +368,8 @@ impl Instance {
 
 impl Drop for Instance {
     fn drop(&mut self) {
+        // The note of a call that was refused before it was made must not outlive the label.
+        last_words::leave();
         if self.library.remote().is_some() && matches!(self.phase, Phase::Abandoned(_)) {
             isolate::forget(self.component);
             return;

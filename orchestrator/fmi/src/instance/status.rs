@@ -129,6 +129,7 @@ impl Instance {
         step: Option<f64>,
         variables: Vec<(String, Option<String>)>,
     ) -> Error {
+        last_words::leave();
         let remote = self.library.remote();
         if let Some(death) = remote.filter(|_| status == LOST).and_then(|channel| channel.death()) {
             self.phase = Phase::Abandoned(function);
