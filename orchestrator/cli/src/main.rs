@@ -47,7 +47,7 @@ pub fn main() -> ExitCode {
         Ok(cli) => cli,
         Err(message) => return usage(&message),
     };
-    if !matches!(cli.command, Command::FmuWorker) {
+    if !matches!(&cli.command, Command::FmuWorker) && !is_check_worker(&cli.command) {
         airloop_fmi::last_words::install();
     }
     let outcome = match cli.command {
@@ -72,6 +72,7 @@ pub fn main() -> ExitCode {
             output::print(&String::from_utf8_lossy(&script)).map(|()| ExitCode::SUCCESS)
         }
     };
+    airloop_fmi::last_words::leave();
     for note in airloop_fmi::isolate::take_notes() {
         output::complain(&format!("note: {note}"));
     }
@@ -86,6 +87,11 @@ pub fn main() -> ExitCode {
         );
         if usage { ExitCode::from(USAGE) } else { ExitCode::FAILURE }
     })
+}
+
+/// Whether this is the process that a check runs a library in: there the end of the process is what is looked for.
+fn is_check_worker(command: &Command) -> bool {
+    matches!(command, Command::Inspect(args) if args.worker.is_some())
 }
 
 /// Prints help, version, or what is wrong with the command line.

@@ -169,7 +169,10 @@ pub fn run(args: &RunArgs) -> Result<ExitCode, Error> {
         eprintln!("interrupted after the run; its result is in {}", args.output.join("result.csv").display());
         return Ok(ExitCode::from(super::INTERRUPTED));
     }
-    Ok(exit(&run, args))
+    let code = exit(&run, args);
+    // A call that Ctrl-C had to end is an interrupt.
+    let interrupted = matches!(run.end, End::Failed(_)) && stop.load(Ordering::Relaxed);
+    Ok(if interrupted { ExitCode::from(super::INTERRUPTED) } else { code })
 }
 
 /// Refuses a result that does not fit into the memory, where it has to be there as a whole (`whole`).

@@ -181,13 +181,15 @@ pub struct LostError {
 impl LostError {
     pub(crate) fn new(
         component: &str,
-        path: &std::path::Path,
+        fmu: &crate::Fmu,
         time: Option<f64>,
         death: &crate::isolate::Death,
     ) -> LostError {
-        let (component, path) = (component.to_owned(), path.to_owned());
+        let (component, path) = (component.to_owned(), fmu.shown.clone());
+        let is_fmi3 = fmu.description.is_fmi3();
+        let function = if is_fmi3 { crate::fmi3::names::of(death.function) } else { death.function };
         let (cause, printed) = (death.cause.clone(), death.printed.clone());
-        LostError { component, path, function: death.function, time, cause, printed }
+        LostError { component, path, function, time, cause, printed }
     }
 }
 

@@ -25,9 +25,9 @@ pub(crate) fn enter(label: &str, function: &'static str) {
     IN_CALL.set(Some(Site { label: label.as_ptr(), length: label.len(), function }));
 }
 
-/// The call came back.
+/// The call came back, or was not made: this thread is in no call.
 #[inline]
-pub(crate) fn leave() {
+pub fn leave() {
     IN_CALL.set(None);
 }
 

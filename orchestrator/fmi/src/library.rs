@@ -14,6 +14,7 @@ use super::error::{Error, LostError};
 use super::fmi3;
 use super::functions::{CommonFunctions, FirstFunctions, ModelFunctions, SlaveFunctions};
 use super::isolate::{self, Channel, Isolation};
+use super::open::{Fmu, InterfaceKind};
 
 /// Names of the folder below `binaries/` that fit this machine, best first. FMI 2.0 names only the 32 and 64 bit
 /// x86 platforms; for others the tuples of FMI 3.0 are usual.
@@ -44,12 +45,20 @@ pub(super) enum Origin {
     Two(FirstFunctions),
     /// By a component that translates.
     Three(Box<ThreeFunctions>),
+    /// By a worker process.
+    Worker(Arc<Channel>),
 }
 
 /// The loaded code, which the function tables point into.
 enum Binding {
-    Two { _code: Box<Fmi2Binding> },
-    Three { _code: Box<Fmi3Binding> },
+    Two {
+        _code: Box<Fmi2Binding>,
+    },
+    Three {
+        _code: Box<Fmi3Binding>,
+    },
+    /// In a worker.
+    Elsewhere,
 }
 
 /// A loaded library with the functions of the interfaces that it has.
@@ -59,12 +68,8 @@ pub(super) struct Library {
     pub(super) model: Result<ModelFunctions, &'static str>,
     /// Whether an instance exists of an FMU that allows one only.
     pub(super) occupied: AtomicBool,
-    /// Where the functions come from.
     pub(super) origin: Origin,
-    /// The process that the functions reach, where the library is not in this one.
-    pub(super) remote: Option<Arc<Channel>>,
-    // Keeps the code loaded that the function tables point into.
-    _binding: Option<Binding>,
+    _binding: Binding,
 }
 
 impl Library {
@@ -108,6 +113,11 @@ impl Library {
 
     /// Same as [`Self::load`] for a library of FMI 3.0.
     pub(super) fn load_fmi3(path: &Path, folder: &Path, inner: &str) -> Result<Self, Error> {
+        whole(&folder.join(inner)).map_err(|reason| Error::Load {
+            path: path.to_owned(),
+            library: inner.to_owned(),
+            reason,
+        })?;
         // SAFETY: as for FMI 2.0.
         let binding = unsafe { Fmi3Binding::new(folder.join(inner)) }.map_err(|error| Error::Load {
             path: path.to_owned(),
@@ -136,25 +146,32 @@ impl Library {
         })
     }
 
-    /// Loads `folder/inner` for the archive `path` in a process of its own.
+    /// The worker that has the library, if it is not in this process.
+    pub(super) fn remote(&self) -> Option<&Arc<Channel>> {
+        match &self.origin {
+            Origin::Worker(channel) => Some(channel),
+            Origin::Two(_) | Origin::Three(_) => None,
+        }
+    }
+
+    /// Has the library of an interface loaded by a process of its own.
     pub(super) fn in_worker(
-        path: &Path,
-        folder: &Path,
+        fmu: &Fmu,
+        kind: InterfaceKind,
         inner: &str,
         isolation: &Isolation,
     ) -> Result<Self, Error> {
-        let refused = |reason| Error::Load { path: path.to_owned(), library: inner.to_owned(), reason };
-        let channel = Channel::open(isolation, path)
+        let refused = |reason| Error::Load { path: fmu.shown.clone(), library: inner.to_owned(), reason };
+        let channel = Channel::open(isolation, &fmu.shown)
             .map_err(|error| refused(format!("no process of its own can be started: {error}")))?;
-        let texts = [path.to_string_lossy(), folder.to_string_lossy(), inner.into()];
-        let Some(found) = isolate::functions(&channel, texts.each_ref().map(AsRef::as_ref)) else {
+        let Some(found) = isolate::functions(&channel, fmu, kind) else {
             let death = channel.death().cloned().unwrap_or_default();
-            let component = path.file_stem().unwrap_or_default().to_string_lossy();
-            return Err(Error::Lost(Box::new(LostError::new(&component, path, None, &death))));
+            let component = fmu.shown.file_stem().unwrap_or_default().to_string_lossy();
+            return Err(Error::Lost(Box::new(LostError::new(&component, fmu, None, &death))));
         };
-        let (first, common, slave, model) = found.map_err(refused)?;
-        let (occupied, origin) = (AtomicBool::new(false), Origin::Two(first));
-        Ok(Library { common, slave, model, occupied, origin, remote: Some(channel), _binding: None })
+        let (common, slave, model) = found.map_err(refused)?;
+        let (occupied, origin) = (AtomicBool::new(false), Origin::Worker(channel));
+        Ok(Library { common, slave, model, occupied, origin, _binding: Binding::Elsewhere })
     }
 }
 

@@ -70,6 +70,8 @@ pub struct Fmu {
     folder: Folder,
     files: Vec<String>,
     folders: Vec<String>,
+    /// Lengths that structural parameters have here and not in the archive.
+    pub(super) sizes: Vec<(String, i32)>,
 }
 
 impl fmt::Debug for Fmu {
@@ -117,7 +119,16 @@ impl Fmu {
             .map_err(|source| Error::Description { path: shown.to_owned(), source })?;
         let Unpacked { folder, files, folders } = archive.unpack().map_err(refuse)?;
         let (path, shown, folder) = (path.to_owned(), shown.to_owned(), Folder::Temporary(folder));
-        Ok(Arc::new(Fmu { path, shown, description, libraries: Mutex::default(), folder, files, folders }))
+        Ok(Arc::new(Fmu {
+            path,
+            shown,
+            description,
+            libraries: Mutex::default(),
+            folder,
+            files,
+            folders,
+            sizes: Vec::new(),
+        }))
     }
 
     fn open_folder(path: &Path, shown: &Path, limits: &Limits) -> Result<Arc<Fmu>, Error> {
@@ -149,7 +160,16 @@ impl Fmu {
         let description = ModelDescription::parse(&xml)
             .map_err(|source| Error::Description { path: shown.to_owned(), source })?;
         let (path, shown, folder) = (path.to_owned(), shown.to_owned(), Folder::Kept(folder));
-        Ok(Arc::new(Fmu { path, shown, description, libraries: Mutex::default(), folder, files, folders }))
+        Ok(Arc::new(Fmu {
+            path,
+            shown,
+            description,
+            libraries: Mutex::default(),
+            folder,
+            files,
+            folders,
+            sizes: Vec::new(),
+        }))
     }
 
     /// The same FMU with other lengths of its arrays: values of structural parameters, by name (FMI 3.0). They are set
@@ -171,6 +191,7 @@ impl Fmu {
             folder: Folder::Of(Arc::clone(self)),
             files: self.files.clone(),
             folders: self.folders.clone(),
+            sizes: structure.to_vec(),
         }))
     }
 
@@ -249,17 +270,12 @@ impl Fmu {
             return Ok(Arc::clone(library));
         }
         let inner = self.binary(identifier)?;
-        let (shown, folder) = (&self.shown, self.folder.path());
-        let isolation = isolate::choice(&self.description.generation_tool);
-        let library = Arc::new(match isolation {
-            Some(_) if self.description.is_fmi3() => {
-                let reason =
-                    "FMUs of FMI 3.0 cannot run in a process of their own yet; leave out --isolate".into();
-                return Err(Error::Load { path: shown.clone(), library: inner, reason });
+        let library = Arc::new(match isolate::choice(&self.description.generation_tool) {
+            Some(isolation) => Library::in_worker(self, kind, &inner, &isolation)?,
+            None => {
+                let load = if self.description.is_fmi3() { Library::load_fmi3 } else { Library::load };
+                load(&self.shown, self.folder.path(), &inner)?
             }
-            Some(isolation) => Library::in_worker(shown, folder, &inner, &isolation)?,
-            None if self.description.is_fmi3() => Library::load_fmi3(shown, folder, &inner)?,
-            None => Library::load(shown, folder, &inner)?,
         });
         libraries.push((identifier.clone(), Arc::clone(&library)));
         Ok(library)

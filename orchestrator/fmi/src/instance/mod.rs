@@ -156,19 +156,18 @@ impl Instance {
                 }
             }
             Origin::Three(functions) => {
-                let function = match kind {
-                    InterfaceKind::CoSimulation => "fmi3InstantiateCoSimulation",
-                    InterfaceKind::ModelExchange => "fmi3InstantiateModelExchange",
-                };
-                trace::enter(function);
-                last_words::enter(&label, function);
+                trace::enter("fmi3Instantiate");
+                last_words::enter(&label, "fmi3Instantiate");
                 let names = (&c_name, &c_guid);
                 Component::instantiate(fmu, **functions, kind, names, logging, &raw const *log)
             }
+            Origin::Worker(channel) => {
+                isolate::instantiate(channel, fmu, (&c_name, &c_guid), kind, logging, &raw const *log)
+            }
         };
         last_words::leave();
-        if let Some(death) = library.remote.as_ref().and_then(|channel| channel.death()) {
-            return Err(Error::Lost(Box::new(LostError::new(name, &fmu.shown, None, death))));
+        if let Some(death) = library.remote().and_then(|channel| channel.death()) {
+            return Err(Error::Lost(Box::new(LostError::new(name, fmu, None, death))));
         }
         if component.is_null() {
             library.occupied.store(false, Ordering::Release);
@@ -341,8 +340,9 @@ impl Instance {
     /// Notes that `function` is called next.
     #[inline]
     fn enter(&self, function: &'static str) {
-        let function = self.c_name(function);
-        trace::enter(function);
+        if trace::is_on() {
+            trace::enter(self.c_name(function));
+        }
         last_words::enter(&self.label, function);
     }
 
@@ -372,7 +372,9 @@ impl Instance {
 
 impl Drop for Instance {
     fn drop(&mut self) {
-        if self.library.remote.is_some() && matches!(self.phase, Phase::Abandoned(_)) {
+        // The note of a call that was refused before it was made must not outlive the label.
+        last_words::leave();
+        if self.library.remote().is_some() && matches!(self.phase, Phase::Abandoned(_)) {
             isolate::forget(self.component);
             return;
         }
@@ -391,7 +393,7 @@ impl Drop for Instance {
             let status = unsafe { (self.functions.terminate)(self.component) };
             last_words::leave();
             if status > 3 {
-                if self.library.remote.is_some() {
+                if self.library.remote().is_some() {
                     isolate::forget(self.component);
                 }
                 return;

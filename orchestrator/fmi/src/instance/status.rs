@@ -129,10 +129,11 @@ impl Instance {
         step: Option<f64>,
         variables: Vec<(String, Option<String>)>,
     ) -> Error {
-        let remote = self.library.remote.as_ref();
+        last_words::leave();
+        let remote = self.library.remote();
         if let Some(death) = remote.filter(|_| status == LOST).and_then(|channel| channel.death()) {
             self.phase = Phase::Abandoned(function);
-            return Error::Lost(Box::new(LostError::new(&self.name, &self.fmu.shown, self.time, death)));
+            return Error::Lost(Box::new(LostError::new(&self.name, &self.fmu, self.time, death)));
         }
         // A setter that was sent together with the call.
         let (function, status, variables) = match remote.and_then(|_| kept_back()) {

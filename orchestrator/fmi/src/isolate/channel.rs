@@ -21,6 +21,8 @@ const TURNS: u32 = 4000;
 const LOOK: Duration = Duration::from_millis(20);
 /// Time that a call may still take after Ctrl-C.
 const GRACE: Duration = Duration::from_secs(1);
+/// Messages of the FMU that are told with its end.
+const SHOWN: usize = 5;
 /// Time to unload the library.
 const UNLOADING: Duration = Duration::from_secs(2);
 
@@ -163,6 +165,7 @@ impl Line {
         let cause = reason.unwrap_or_else(|| format!("its process ended by {how}"));
         let mut printed: Vec<String> =
             messages(&self.area.take_log()).iter().map(ToString::to_string).collect();
+        printed.drain(..printed.len().saturating_sub(SHOWN));
         printed.extend(self.process.printed().into_iter().map(|line| format!("printed: {line}")));
         Death { function, cause, printed }
     }

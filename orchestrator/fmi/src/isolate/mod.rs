@@ -26,7 +26,7 @@ use std::time::Duration;
 pub(crate) use calls::LOST;
 pub(crate) use channel::{Channel, Death};
 pub use process::{cause, confine};
-pub(crate) use proxy::{forget, functions, kept_back, with_channel};
+pub(crate) use proxy::{forget, functions, instantiate, kept_back};
 pub use worker::serve;
 
 /// FMUs that run in processes of their own.

@@ -104,6 +104,9 @@ impl Process {
 impl Drop for Process {
     fn drop(&mut self) {
         self.kill();
+        // Also what it started and did not end.
+        // SAFETY: a system call; the group has this number as long as one process is in it.
+        unsafe { libc::kill(-(self.child.id() as libc::pid_t), libc::SIGKILL) };
     }
 }
 

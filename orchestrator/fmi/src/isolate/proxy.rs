@@ -3,8 +3,8 @@
 //! The component that they take is a [`Remote`]. Setters and steps of a running instance are handled as the parent
 //! module says; all else is one turn of the worker.
 
-use std::cell::{Cell, RefCell};
-use std::ffi::{CStr, CString, c_char, c_void};
+use std::cell::Cell;
+use std::ffi::{CStr, CString, c_void};
 use std::sync::Arc;
 
 use fmi::fmi2::binding::*;
@@ -14,6 +14,7 @@ use super::channel::{Answer, Channel};
 use crate::functions::{CommonFunctions, FirstFunctions, ModelFunctions, SlaveFunctions};
 use crate::library::Library;
 use crate::log::LogBuffer;
+use crate::open::{Fmu, InterfaceKind};
 
 /// Setters that are kept back at most \[bytes\].
 const MOST_KEPT: usize = 1 << 16;
@@ -21,16 +22,7 @@ const MOST_KEPT: usize = 1 << 16;
 const HABIT: u32 = 2;
 
 thread_local! {
-    static OPENING: RefCell<Option<Arc<Channel>>> = const { RefCell::new(None) };
     static KEPT_BACK: Cell<Option<(&'static str, u32)>> = const { Cell::new(None) };
-}
-
-/// Runs `work`, in which [`instantiate`] makes instances in this worker.
-pub(crate) fn with_channel<T>(channel: &Arc<Channel>, work: impl FnOnce() -> T) -> T {
-    OPENING.set(Some(Arc::clone(channel)));
-    let made = work();
-    OPENING.set(None);
-    made
 }
 
 /// The setter that failed when it was sent with the call that failed last in this thread, with its status.
@@ -49,7 +41,7 @@ struct Remote {
     channel: Arc<Channel>,
     instance: u64,
     /// Where messages go.
-    log: *mut c_void,
+    log: *const LogBuffer,
     /// Setters that are kept back, and which they are.
     kept: Calls,
     functions: Vec<u32>,
@@ -114,7 +106,7 @@ impl Remote {
         };
         if !self.log.is_null() {
             // SAFETY: the environment that `instantiate` was given: a log buffer that outlives the component.
-            let buffer = unsafe { &*self.log.cast::<LogBuffer>() };
+            let buffer = unsafe { &*self.log };
             log.into_iter().for_each(|message| buffer.push(message));
         }
         let status = if index < kept {
@@ -158,7 +150,7 @@ impl Remote {
 /// The instance behind a component.
 ///
 /// # Safety
-/// `component` was made by [`instantiate`] and not freed, and nobody else uses it now.
+/// `component` was made by [`instantiate()`] and not freed, and nobody else uses it now.
 unsafe fn remote<'a>(component: *mut c_void) -> &'a mut Remote {
     // SAFETY: as the caller promises.
     unsafe { &mut *component.cast::<Remote>() }
@@ -213,11 +205,57 @@ pub(crate) type Tables = (
     Result<ModelFunctions, &'static str>,
 );
 
-/// Loads a library in a worker; `None` if the worker is lost. The error is the message of the worker.
-pub(crate) fn functions(channel: &Channel, texts: [&str; 3]) -> Option<Result<Tables, String>> {
+/// Makes an instance in a worker; NULL if the FMU refuses or the worker is lost. `log` has to outlive the component.
+pub(crate) fn instantiate(
+    channel: &Arc<Channel>,
+    fmu: &Fmu,
+    (name, guid): (&CStr, &CStr),
+    kind: InterfaceKind,
+    logging: bool,
+    log: *const LogBuffer,
+) -> *mut c_void {
+    let mut remote = Box::new(Remote {
+        channel: Arc::clone(channel),
+        instance: 0,
+        log,
+        kept: Calls::default(),
+        functions: Vec::new(),
+        calls: Calls::default(),
+        running: false,
+        after_step: false,
+        reading: Vec::new(),
+        habit: 0,
+        values: Vec::new(),
+        ready: false,
+        texts: Vec::new(),
+    });
+    let calls = remote.begin(INSTANTIATE);
+    calls.block(name.to_bytes());
+    calls.block(guid.to_bytes());
+    calls.number(u64::from(kind == InterfaceKind::CoSimulation));
+    calls.number(u64::from(logging));
+    calls.number(fmu.sizes.len() as u64);
+    for (name, size) in &fmu.sizes {
+        calls.block(name.as_bytes());
+        calls.number(u64::from(size.cast_unsigned()));
+    }
+    let (status, payload) = remote.send();
+    match (Parts { bytes: &payload }).number() {
+        Some(instance) if status == 0 => {
+            remote.instance = instance;
+            Box::into_raw(remote).cast()
+        }
+        _ => std::ptr::null_mut(),
+    }
+}
+
+/// Loads the library of an interface in a worker; `None` if the worker is lost. The error is the message of the worker.
+pub(crate) fn functions(channel: &Channel, fmu: &Fmu, kind: InterfaceKind) -> Option<Result<Tables, String>> {
     let mut calls = Calls::default();
     calls.begin(LOAD, 0);
-    texts.iter().for_each(|text| calls.block(text.as_bytes()));
+    calls.block(fmu.shown.to_string_lossy().as_bytes());
+    calls.block(fmu.folder().to_string_lossy().as_bytes());
+    calls.number(u64::from(kind == InterfaceKind::CoSimulation));
     let answer = channel.call(&calls)?;
     let mut parts = Parts { bytes: &answer.payload };
     if answer.status != 0 {
@@ -276,59 +314,6 @@ pub(crate) fn functions(channel: &Channel, texts: [&str; 3]) -> Option<Result<Ta
 }
 
 type Component = *mut c_void;
-
-extern "C" fn get_types_platform() -> *const c_char {
-    c"default".as_ptr()
-}
-
-extern "C" fn get_version() -> *const c_char {
-    c"2.0".as_ptr()
-}
-
-unsafe extern "C" fn instantiate(
-    name: fmi2String,
-    fmi_type: fmi2Type,
-    guid: fmi2String,
-    resources: fmi2String,
-    callbacks: *const fmi2CallbackFunctions,
-    visible: fmi2Boolean,
-    logging: fmi2Boolean,
-) -> Component {
-    let Some(channel) = OPENING.with_borrow(Clone::clone) else { return std::ptr::null_mut() };
-    // SAFETY: our importer passes callbacks that live as long as the component.
-    let log = unsafe { (*callbacks).componentEnvironment };
-    let mut remote = Box::new(Remote {
-        channel,
-        instance: 0,
-        log,
-        kept: Calls::default(),
-        functions: Vec::new(),
-        calls: Calls::default(),
-        running: false,
-        after_step: false,
-        reading: Vec::new(),
-        habit: 0,
-        values: Vec::new(),
-        ready: false,
-        texts: Vec::new(),
-    });
-    let calls = remote.begin(INSTANTIATE);
-    for text in [name, guid, resources] {
-        // SAFETY: strings of our importer.
-        calls.block(unsafe { CStr::from_ptr(text) }.to_bytes());
-    }
-    for number in [fmi_type, visible as u32, logging as u32] {
-        calls.number(number.into());
-    }
-    let (status, payload) = remote.send();
-    match (Parts { bytes: &payload }).number() {
-        Some(instance) if status == 0 => {
-            remote.instance = instance;
-            Box::into_raw(remote).cast()
-        }
-        _ => std::ptr::null_mut(),
-    }
-}
 
 unsafe extern "C" fn free_instance(component: Component) {
     // SAFETY: our importer frees a component once.

@@ -2,16 +2,21 @@
 
 use std::ffi::{CStr, CString, c_char, c_void};
 use std::path::Path;
+use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
-use fmi::fmi2::binding::{fmi2CallbackFunctions, fmi2EventInfo};
+use fmi::fmi2::binding::{
+    fmi2CallbackFunctions, fmi2EventInfo, fmi2Type_fmi2CoSimulation, fmi2Type_fmi2ModelExchange,
+};
 
 use super::area::{Area, tell, wait};
 use super::calls::*;
 use super::process::SHARED;
+use crate::fmi3::Component;
 use crate::instance::memory;
 use crate::library::{Library, Origin};
 use crate::log::{LogBuffer, LogMessage, airloop_fmi2_logger};
+use crate::open::{Fmu, InterfaceKind};
 
 /// Status of a call that the library does not have, as far as the library is concerned.
 const WARNING: u32 = 1;
@@ -32,8 +37,12 @@ pub fn serve() -> std::io::Result<()> {
         }
         place.add(&bytes.bytes);
     };
-    let mut worker =
-        Worker { library: None, instances: Vec::new(), log: Box::new(LogBuffer::mirrored(mirror)) };
+    let mut worker = Worker {
+        library: None,
+        fmu: None,
+        instances: Vec::new(),
+        log: Box::new(LogBuffer::mirrored(mirror)),
+    };
     // The first mapping stays: messages are written there.
     let first = Area::of_owner(area_again(&area)?)?;
     std::mem::forget(first);
@@ -84,7 +93,8 @@ struct Held {
 struct Worker {
     // Dropped in this order: no instance outlives its library, and the log outlives both.
     instances: Vec<Option<Held>>,
-    library: Option<Library>,
+    library: Option<Arc<Library>>,
+    fmu: Option<Arc<Fmu>>,
     log: Box<LogBuffer>,
 }
 
@@ -326,11 +336,13 @@ impl Worker {
 
     /// Loads the library; answers which optional functions there are, or what is wrong.
     fn load(&mut self, parts: &mut Parts, out: &mut Calls) -> Option<u32> {
-        let [shown, folder, inner] = [text(parts)?, text(parts)?, text(parts)?];
-        match Library::load(Path::new(&shown), Path::new(&folder), &inner) {
-            Ok(library) => {
+        let [shown, folder] = [text(parts)?, text(parts)?];
+        let kind = kind(parts)?;
+        let opened = Fmu::open_shown(Path::new(&folder), Path::new(&shown));
+        match opened.and_then(|fmu| fmu.library(kind).map(|library| (fmu, library))) {
+            Ok((fmu, library)) => {
                 out.number(super::proxy::offered(&library));
-                self.library = Some(library);
+                (self.fmu, self.library) = (Some(fmu), Some(library));
                 Some(0)
             }
             Err(error) => {
@@ -341,8 +353,14 @@ impl Worker {
     }
 
     fn instantiate(&mut self, parts: &mut Parts, out: &mut Calls) -> Option<u32> {
-        let texts = texts(parts, 3)?;
-        let (fmi_type, visible, logging) = (parts.number()?, parts.number()?, parts.number()?);
+        let texts = texts(parts, 2)?;
+        let (kind, logging) = (kind(parts)?, parts.number()? != 0);
+        let count = parts.number()?;
+        let size = |_| Some((text(parts)?, u32::try_from(parts.number()?).ok()?.cast_signed()));
+        let sizes: Vec<(String, i32)> = (0..count).map(size).collect::<Option<_>>()?;
+        let fmu = self.fmu.as_ref()?;
+        let resized = if sizes.is_empty() { Ok(Arc::clone(fmu)) } else { fmu.resized(&sizes) };
+        let fmu = resized.ok()?;
         let (allocate, release) = memory();
         let callbacks = Box::new(fmi2CallbackFunctions {
             logger: Some(airloop_fmi2_logger),
@@ -351,18 +369,31 @@ impl Worker {
             stepFinished: None,
             componentEnvironment: (&raw mut *self.log).cast(),
         });
-        let Origin::Two(first) = &self.library.as_ref()?.origin else { return Some(3) };
-        // SAFETY: the strings live during the call, callbacks and log buffer until the component is freed.
-        let component = unsafe {
-            (first.instantiate)(
-                texts[0].as_ptr(),
-                fmi_type as u32,
-                texts[1].as_ptr(),
-                texts[2].as_ptr(),
-                &raw const *callbacks,
-                visible as i32,
-                logging as i32,
-            )
+        let fmi_type = match kind {
+            InterfaceKind::CoSimulation => fmi2Type_fmi2CoSimulation,
+            InterfaceKind::ModelExchange => fmi2Type_fmi2ModelExchange,
+        };
+        let component = match &self.library.as_ref()?.origin {
+            Origin::Two(first) => {
+                let resources = CString::new(fmu.resources_uri()).ok()?;
+                // SAFETY: the strings live during the call, callbacks and log buffer until the component is freed.
+                unsafe {
+                    (first.instantiate)(
+                        texts[0].as_ptr(),
+                        fmi_type,
+                        texts[1].as_ptr(),
+                        resources.as_ptr(),
+                        &raw const *callbacks,
+                        0,
+                        logging.into(),
+                    )
+                }
+            }
+            Origin::Three(functions) => {
+                let names = (&texts[0], &texts[1]);
+                Component::instantiate(&fmu, **functions, kind, names, logging, &raw const *self.log)
+            }
+            Origin::Worker(_) => return None,
         };
         if component.is_null() {
             return Some(3);
@@ -382,6 +413,11 @@ impl Worker {
 fn same_length<T: Plain + Default>(parts: &mut Parts, length: usize) -> Option<Vec<T>> {
     let values = values_of::<T>(parts.block()?);
     (values.len() == length).then_some(values)
+}
+
+fn kind(parts: &mut Parts) -> Option<InterfaceKind> {
+    let co_simulation = parts.number()? != 0;
+    Some(if co_simulation { InterfaceKind::CoSimulation } else { InterfaceKind::ModelExchange })
 }
 
 fn text(parts: &mut Parts) -> Option<String> {
