@@ -107,8 +107,7 @@ impl Library {
             }
         }
         let (origin, binding) = (Origin::Two(first), Binding::Two { _code: Box::new(binding) });
-        let occupied = AtomicBool::new(false);
-        Ok(Library { common, slave, model, occupied, origin, remote: None, _binding: Some(binding) })
+        Ok(Library { common, slave, model, occupied: AtomicBool::new(false), origin, _binding: binding })
     }
 
     /// Same as [`Self::load`] for a library of FMI 3.0.
@@ -141,8 +140,7 @@ impl Library {
             model: model.map(|_| fmi3::tables::MODEL),
             occupied: AtomicBool::new(false),
             origin: Origin::Three(Box::new(three)),
-            remote: None,
-            _binding: Some(Binding::Three { _code: Box::new(binding) }),
+            _binding: Binding::Three { _code: Box::new(binding) },
         })
     }
 

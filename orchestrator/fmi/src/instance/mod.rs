@@ -139,7 +139,7 @@ impl Instance {
                 trace::enter("fmi2Instantiate");
                 last_words::enter(&label, "fmi2Instantiate");
                 // SAFETY: the strings live during the call, callbacks and log buffer until the component is freed.
-                let instantiate = || unsafe {
+                unsafe {
                     (functions.instantiate)(
                         c_name.as_ptr(),
                         fmi_type,
@@ -149,10 +149,6 @@ impl Instance {
                         0,
                         logging.into(),
                     )
-                };
-                match &library.remote {
-                    Some(channel) => isolate::with_channel(channel, instantiate),
-                    None => instantiate(),
                 }
             }
             Origin::Three(functions) => {

@@ -11,7 +11,7 @@ use fmi::fmi2::binding::*;
 
 use super::calls::*;
 use super::channel::{Answer, Channel};
-use crate::functions::{CommonFunctions, FirstFunctions, ModelFunctions, SlaveFunctions};
+use crate::functions::{CommonFunctions, ModelFunctions, SlaveFunctions};
 use crate::library::Library;
 use crate::log::LogBuffer;
 use crate::open::{Fmu, InterfaceKind};
@@ -197,13 +197,9 @@ pub(super) fn offered(library: &Library) -> u64 {
     bits.iter().enumerate().map(|(index, &there)| u64::from(there) << index).sum()
 }
 
-/// Tables of functions of one library: those before there is an instance, common ones, and those of each interface.
-pub(crate) type Tables = (
-    FirstFunctions,
-    CommonFunctions,
-    Result<SlaveFunctions, &'static str>,
-    Result<ModelFunctions, &'static str>,
-);
+/// Tables of functions of one library: common ones, and those of each interface.
+pub(crate) type Tables =
+    (CommonFunctions, Result<SlaveFunctions, &'static str>, Result<ModelFunctions, &'static str>);
 
 /// Makes an instance in a worker; NULL if the FMU refuses or the worker is lost. `log` has to outlive the component.
 pub(crate) fn instantiate(
@@ -264,7 +260,6 @@ pub(crate) fn functions(channel: &Channel, fmu: &Fmu, kind: InterfaceKind) -> Op
     }
     let bits = parts.number().unwrap_or_default();
     let has = |index: u32| bits >> index & 1 == 1;
-    let first = FirstFunctions { get_types_platform, get_version, instantiate };
     let common = CommonFunctions {
         free_instance,
         setup_experiment,
@@ -310,7 +305,7 @@ pub(crate) fn functions(channel: &Channel, fmu: &Fmu, kind: InterfaceKind) -> Op
     };
     let slave = has(0).then_some(slave).ok_or("fmi2DoStep");
     let model = has(1).then_some(model).ok_or("fmi2GetDerivatives");
-    Some(Ok((first, common, slave, model)))
+    Some(Ok((common, slave, model)))
 }
 
 type Component = *mut c_void;
