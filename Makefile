@@ -1,5 +1,5 @@
 # `make demo` and `make test` work on a fresh machine with Rust, a C compiler and Python 3: each sets up what is missing first.
-.PHONY: demo test check bench study study-refine study-refine-messy study-systems study-foreign study-swing-up study-walker fmu windows setup setup-build clean
+.PHONY: demo docs test test-wheel wheel check bench study study-refine study-refine-messy study-systems study-laws study-foreign study-swing-up study-walker fmu windows setup setup-build clean
 export CARGO_NET_RETRY ?= 10
 # A build that happens once gains nothing from files for the next one; they cost a fifth of its time.
 ifdef CI
@@ -16,6 +16,19 @@ test: check          ## everything CI runs: checks, FMUs, Rust tests, FMI tests
 	cargo run --quiet -p packager
 	cargo test --workspace
 	AIRLOOP=target/debug/airloop .venv/bin/python -m pytest tests/fmpy
+
+wheel: setup-build   ## the Python package, with program and FMUs: out/wheel/airloop-*.whl
+	rm -rf out/wheel
+	cargo run --release --quiet -p packager
+	.venv/bin/python -m pip wheel --quiet --disable-pip-version-check --no-deps -w out/wheel ./python
+
+test-wheel: wheel    ## the wheel in a fresh environment, with its type stubs: python/tests
+	python/test.sh out/wheel
+
+docs: setup-build    ## the documentation site, every link checked: out/site/index.html
+	.venv/bin/python -m pip install --quiet --disable-pip-version-check -r docs/site/requirements.txt
+	.venv/bin/python docs/site/stage.py out/site-pages
+	.venv/bin/python -m mkdocs build --strict --quiet
 
 check: setup         ## formatting, lints, documentation, generated files, licenses
 	./check.sh
@@ -48,6 +61,14 @@ study-systems: fmu   ## pendulums, axes, seals and actuators with known truth, a
 	scripts/setup.sh study
 	.venv/bin/python tests/study/systems/make_systems.py out/study-systems/sets
 	.venv/bin/python tests/study/systems/score_systems.py target/release/airloop out/study-systems/sets out/study-systems/reports
+
+N ?= 60              # cases with a law of `make study-laws`; a third as many nulls
+study-laws: fmu      ## laws that no list holds, in six families, against PySINDy: out/study-laws
+	scripts/setup.sh study
+	.venv/bin/python -m pip install --quiet --disable-pip-version-check pysindy==2.0.0
+	rm -rf out/study-laws
+	.venv/bin/python tests/study/laws/make_laws.py out/study-laws/cases --count $(strip $(N)) --seed $(strip $(SEED))
+	.venv/bin/python tests/study/laws/score_laws.py target/release/airloop out/study-laws/cases out/study-laws/reports
 
 SAMPLE ?= 0          # so many cases of study-foreign, spread over systems and classes; 0: all
 FLAVOR ?= study      # study: with attachments; plain: without

@@ -20,7 +20,7 @@ def refine(path, out):
 
 def report(path, out):
     result = refine(path, out)
-    assert result.returncode in (0, 10, 11, 12), result.stdout + result.stderr
+    assert result.returncode in (0, 10, 11, 12, 13), result.stdout + result.stderr
     return json.loads((out / "report.json").read_text())
 
 

@@ -52,7 +52,7 @@ mod tvlqr_controller;
 pub use arx_actuator::ArxActuator;
 pub use cart_pole::CartPole;
 pub use compass_gait::CompassGait;
-pub use effect::{ForceEffect, PortEffect, SensorEffect, SignalEffect, TorqueEffect};
+pub use effect::{ExpressionEffect, ForceEffect, PortEffect, SensorEffect, SignalEffect, TorqueEffect};
 pub use friction::Friction;
 pub use linear_state_space::LinearStateSpace;
 pub use pendulum::Pendulum;

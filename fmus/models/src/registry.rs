@@ -3,7 +3,7 @@
 use crate::arx_actuator::{self, ArxActuator, FirstOrder};
 use crate::cart_pole::CartPole;
 use crate::compass_gait::CompassGait;
-use crate::effect::{ForceEffect, PortEffect, SensorEffect, SignalEffect, TorqueEffect};
+use crate::effect::{ExpressionEffect, ForceEffect, PortEffect, SensorEffect, SignalEffect, TorqueEffect};
 use crate::friction::{self, Friction};
 use crate::linear_state_space::LinearStateSpace;
 use crate::pendulum::Pendulum;
@@ -84,6 +84,11 @@ pub fn all() -> Vec<Entry> {
         entry::<PortEffect>("fmu-port-effect", true, include_str!("../../port-effect/README.md")),
         entry::<SignalEffect>("fmu-signal-effect", true, include_str!("../../signal-effect/README.md")),
         entry::<SensorEffect>("fmu-sensor-effect", true, include_str!("../../sensor-effect/README.md")),
+        entry::<ExpressionEffect>(
+            "fmu-expression-effect",
+            true,
+            include_str!("../../expression-effect/README.md"),
+        ),
         Entry {
             resources: &[("controller.csv", include_str!("../../tvlqr-controller/example.csv"))],
             ..entry::<TvlqrController>(

@@ -1,11 +1,12 @@
 //! `airloop refine`: what a declared model lacks, from measured records.
 //!
 //! Exit codes: 0 effect found, 10 nothing missing, 11 unexplained, 12 effect found that the records cannot tell from
-//! others; 1, 2 and 130 as everywhere.
+//! others, 13 a law found that no list holds; 1, 2 and 130 as everywhere.
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
+use std::sync::Arc;
 use std::time::Duration;
 
 use clap::{Args as ClapArgs, ValueEnum};
@@ -23,6 +24,7 @@ use airloop_refine::engine::stop;
 use airloop_refine::evidence::{self, Evidence};
 use airloop_refine::rig::open::{Rig, open};
 use airloop_refine::study;
+use airloop_refine::vocabulary::folder::Folder;
 use airloop_refine::watch::Event;
 use airloop_report::{Report, words};
 use airloop_series::units::parse_duration;
@@ -33,11 +35,16 @@ pub const NOTHING: u8 = 10;
 pub const UNEXPLAINED: u8 = 11;
 /// Exit code when effects cannot be told apart.
 pub const GROUP: u8 = 12;
+/// Exit code when the law of what is missing was found.
+pub const LAW: u8 = 13;
+
+/// File of a law beside the amended system, for `--effects`.
+const LAW_FILE: &str = "law.toml";
 
 /// `airloop refine`
 #[derive(Debug, ClapArgs)]
 #[command(
-    after_help = "Exit codes: 0 effect found, 10 nothing missing, 11 unexplained, 12 effect found that these records cannot tell from others (see its group in report.json), 1 failure, 2 wrong usage, 130 interrupted.\n\nExample: airloop refine data/rig/v01 -o out/refine"
+    after_help = "Exit codes: 0 effect found, 10 nothing missing, 11 unexplained, 12 effect found that these records cannot tell from others (see its group in report.json), 13 a law found that no list holds (formula or curve, see law in report.json), 1 failure, 2 wrong usage, 130 interrupted.\n\nExample: airloop refine data/rig/v01 -o out/refine"
 )]
 pub struct Args {
     /// Folder with case.toml (declared parameters, sensors, files with their role), study.toml (any system) or
@@ -56,6 +63,10 @@ pub struct Args {
     /// A number that decides the answer, from the table of settings in report.json (settings.table); may be repeated.
     #[arg(long, value_name = "NAME=VALUE", value_parser = setting)]
     pub set: Vec<(String, f64)>,
+    /// Folder with effects of one's own as .toml files (or one such file), which are looked for as well; see `airloop
+    /// effects check --help`. Files that are no effects are named, and the others are used.
+    #[arg(long, value_name = "DIR")]
+    pub effects: Option<PathBuf>,
     /// Time for the search (`30 s`, `2 min`); the report then has the best answer so far and says that it is partial.
     #[arg(long, value_name = "TIME", value_parser = budget)]
     pub budget: Option<Duration>,
@@ -69,6 +80,9 @@ pub struct Args {
     /// study.
     #[arg(long)]
     pub plan: bool,
+    /// Processes of FMUs.
+    #[command(flatten)]
+    pub isolate: super::isolate::IsolateArgs,
     /// Print nothing but errors.
     #[arg(short, long)]
     pub quiet: bool,
@@ -100,6 +114,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
         return plan(path);
     }
     check_folder(path, &args.output)?;
+    args.isolate.choose()?;
     parallel::use_threads(args.threads.map_or(0, usize::from));
     // Checked when the command line was read.
     let changed =
@@ -111,20 +126,18 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
         forward_selection,
         ..Settings::default()
     };
-    let question = Question::read(path)?;
-    let made = folder::make(&args.output)?;
-    let interrupt = Interrupt::new(&args.output, made);
+    let mut question = Question::read(path)?;
+    if let Some(folder) = &args.effects {
+        question.take_effects(folder)?;
+    }
+    let results = results_folder(path, &args.output)?;
+    let interrupt = Interrupt::new(&args.output, results.made());
     if let Some(time) = args.budget {
         stop::within(time);
     }
-    let (mut found, evidence) = question.answer(&settings, args.quiet).inspect_err(|_| {
-        if made {
-            // Only an empty folder can be removed this way.
-            let _ = std::fs::remove_dir(&args.output);
-        }
-    })?;
+    let (mut found, evidence) = question.answer(&settings, args.quiet)?;
     let interrupted = interrupt.begin_to_write();
-    let system = write_system(&question, &mut found, &args.output)?;
+    let system = write_system(&question, &mut found, results.path())?;
     let name = match &question {
         Question::Rig { case, .. } => case.declaration.id.clone(),
         Question::Study(file) => file.name(),
@@ -135,9 +148,10 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
         evidence: &evidence,
         settings: &settings,
         system: system.then_some(amend::FOLDER),
-        signals: args.output.join(amend::FOLDER).join(amend::SIGNALS).is_file(),
+        signals: results.path().join(amend::FOLDER).join(amend::SIGNALS).is_file(),
     };
-    airloop_report::write(&written, &args.output)?;
+    airloop_report::write(&written, results.path())?;
+    results.commit()?;
     if !args.quiet {
         print(&found, &evidence, &args.output, system)?;
     }
@@ -224,6 +238,27 @@ impl Question {
         Ok(Question::Rig { case: Box::new(case), rig: Box::new(rig) })
     }
 
+    /// Adds effects of one's own; those that are none become notes.
+    fn take_effects(&mut self, path: &Path) -> Result<(), Error> {
+        let folder = Folder::read(path)?;
+        folder.problems().iter().for_each(|problem| output::complain(&format!("warning: {problem}")));
+        match self {
+            Question::Study(file) => {
+                file.effects.extend(folder.effects.iter().map(|(_, own)| Arc::clone(own)));
+                let none = |problem: String| format!("Not an effect, left out: {problem}.");
+                file.notes.extend(folder.problems().into_iter().map(none));
+            }
+            Question::Rig { .. } => {
+                return Err(airloop_refine::Error::Case {
+                    path: path.to_owned(),
+                    problem: "effects of one's own are looked for in a study.toml, not in a case.toml; describe the system as a study".into(),
+                }
+                .into());
+            }
+        }
+        Ok(())
+    }
+
     fn answer(&self, settings: &Settings, quiet: bool) -> Result<(Answer, Evidence), Error> {
         match self {
             Question::Study(file) => {
@@ -249,8 +284,17 @@ impl Question {
 
 /// Only an earlier report may be replaced.
 fn check_folder(case: &Path, folder: &Path) -> Result<(), Error> {
-    let mut names: BTreeSet<String> = airloop_report::FILES.map(str::to_owned).into();
-    names.insert(amend::FOLDER.into());
+    folder::check_where(folder, &[case.into()], &airloop_report::FILES.map(str::to_owned), earlier)
+}
+
+/// The folder of the report, taken for this command.
+fn results_folder(case: &Path, folder: &Path) -> Result<folder::Results, Error> {
+    let names = airloop_report::FILES.map(str::to_owned);
+    folder::Results::open_where(folder, &[case.into()], &names, earlier)
+}
+
+/// Files of a report without a list of its files.
+fn earlier(folder: &Path) -> BTreeSet<String> {
     let earlier = std::fs::read(folder.join("report.json")).unwrap_or_default();
     let earlier: serde_json::Value = serde_json::from_slice(&earlier).unwrap_or_default();
     let mut ours = BTreeSet::new();
@@ -258,15 +302,22 @@ fn check_folder(case: &Path, folder: &Path) -> Result<(), Error> {
         ours.extend(airloop_report::FILES.map(str::to_owned));
     }
     if earlier["amended_system"].is_string() {
-        ours.insert(amend::FOLDER.to_owned());
+        let files = std::fs::read_dir(folder.join(amend::FOLDER)).into_iter().flatten().flatten();
+        let files = files.map(|file| file.file_name().to_string_lossy().into_owned());
+        let text = std::fs::read_to_string(folder.join(amend::FOLDER).join("system.ssd")).unwrap_or_default();
+        let system = |name: &String| {
+            ["system.ssd", "system.ssp", amend::SIGNALS].contains(&name.as_str())
+                || text.contains(&format!("source=\"{name}\""))
+        };
+        ours.extend(files.filter(system).map(|name| format!("{}/{name}", amend::FOLDER)));
     }
-    folder::check_against(folder, &[case.into()], &names.into_iter().collect::<Vec<_>>(), &ours)
+    ours
 }
 
 /// Writes the amended system if there is anything to amend; where it cannot be, a note says why.
 fn write_system(question: &Question, found: &mut Answer, folder: &Path) -> Result<bool, Error> {
     let selected = found.effects.iter().any(|effect| effect.selected);
-    let amended = selected || found.cylinder || !found.corrections.is_empty();
+    let amended = selected || found.law.is_some() || found.cylinder || !found.corrections.is_empty();
     if !amended {
         amend::remove(folder)?;
         return Ok(false);
@@ -276,7 +327,17 @@ fn write_system(question: &Question, found: &mut Answer, folder: &Path) -> Resul
         Question::Study(file) => amend::study::network(file, found, folder),
     };
     let problem = match network.and_then(|network| amend::write(&network, folder, None)) {
-        Ok(()) => return Ok(true),
+        Ok(()) => {
+            if let Some(law) = &found.law {
+                let path = folder.join(amend::FOLDER).join(LAW_FILE);
+                let problem = |source: std::io::Error| airloop_refine::Error::Case {
+                    path: path.clone(),
+                    problem: format!("the law cannot be written: {source}"),
+                };
+                std::fs::write(&path, &law.toml).map_err(problem)?;
+            }
+            return Ok(true);
+        }
         Err(amend::Error::Template(missing)) => format!(
             "the FMU {}.fmu was not found; run `make fmu`, or name the folder that holds it in the environment variable {}",
             missing.name, VARIABLE
@@ -310,6 +371,7 @@ fn exit(found: &Answer) -> ExitCode {
     match found.verdict {
         Verdict::Nothing => ExitCode::from(NOTHING),
         Verdict::Unexplained => ExitCode::from(UNEXPLAINED),
+        Verdict::Law => ExitCode::from(LAW),
         Verdict::Effect if group => ExitCode::from(GROUP),
         Verdict::Effect => ExitCode::SUCCESS,
     }

@@ -1,6 +1,7 @@
 //! The answer of a search in the terms of the vocabulary: what is missing, how well it is known, what it improves.
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 use super::engine::candidate::Candidate;
 use super::engine::fit::Free;
@@ -9,12 +10,14 @@ use super::engine::search::{Model, Promise, Search};
 use super::engine::select::{Effort, MARGIN, NOTICEABLE, Proposal, SUSPICIOUS, Selection, Stage, select};
 use super::engine::{System, parallel, stop};
 use super::interval;
+use super::law::study::Law;
 use super::moving::{self, with_cylinder, without_actuator};
 use super::rig::corrections;
 use super::rig::localise::{localise, pair_behind};
 use super::rig::open::Rig;
 use super::rig::replay::{BLUNTED, left, proposals};
 use super::selection_answer;
+use super::vocabulary::Own;
 use super::watch::{Listener, Watched};
 
 /// Settings of the search.
@@ -46,6 +49,8 @@ pub enum Verdict {
     Nothing,
     /// Something is missing that is none of the candidates.
     Unexplained,
+    /// What is missing is none of the candidates, and its law was found.
+    Law,
 }
 
 /// A parameter with its 95 % interval.
@@ -88,6 +93,8 @@ pub struct Effect {
     pub reason: String,
     /// How it holds on parts of the estimation records; none: not asked.
     pub stability: Option<Stability>,
+    /// Its formula, where it is an effect of one's own.
+    pub own: Option<Arc<Own>>,
 }
 
 /// How a block is connected at a port of a study.
@@ -237,6 +244,8 @@ pub struct Answer {
     pub effects: Vec<Effect>,
     /// Place and variables of what no candidate explains; the place is a channel, `channel@port`, or `@port`.
     pub unexplained: Option<(String, Vec<String>)>,
+    /// Law of what no candidate explains.
+    pub law: Option<Law>,
     /// Corrections of declared parameters.
     pub corrections: Vec<Correction>,
     /// Whether the declared actuator gave way to a pneumatic cylinder from first principles.
@@ -327,6 +336,7 @@ pub fn answer(rig: &Rig, groups: &[String], settings: &Settings, listener: Liste
     if !improved && found.verdict == Verdict::Effect {
         selection_answer::shares(rig, &mut found);
     }
+    selection_answer::explain_by_law(rig, settings, &mut found);
     found.partial = stop::ended();
     found
 }
@@ -500,6 +510,7 @@ fn screened(own: &Candidate, promise: &Promise, (declared, best): (&Model, &Mode
         score: gain - penalty * own.free.len() as f64,
         parameters: Vec::new(),
         stability: None,
+        own: None,
         share: None,
         reason: if gain < NOTICEABLE {
             "it promises no more than fitting noise gives".into()

@@ -9,10 +9,12 @@ pub mod case;
 pub mod engine;
 pub mod evidence;
 pub mod interval;
+pub mod law;
 pub mod moving;
 pub mod rig;
 pub mod selection_answer;
 pub mod study;
+pub mod vocabulary;
 pub mod watch;
 
 use std::path::PathBuf;

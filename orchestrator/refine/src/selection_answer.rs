@@ -5,10 +5,12 @@ use std::collections::BTreeMap;
 use super::answer::{Answer, Correction, Effect, Settings, Step, Tried, Verdict, errors};
 use super::engine::System;
 use super::engine::candidate::Candidate;
+use super::engine::fit::Free;
 use super::engine::forward_selection::{self, Question};
 use super::engine::held_out::HeldOut;
 use super::engine::search::{Model, Search};
 use super::interval;
+use super::law::rig as law;
 use super::rig::open::Rig;
 use super::rig::parameters::D_ACT_GAIN;
 use super::rig::sense;
@@ -109,6 +111,14 @@ pub fn withdraw_small_shares(rig: &Rig, settings: &Settings, found: &mut Answer)
     found.unexplained = Some((channel.unwrap_or("actuator").to_owned(), Vec::new()));
     found.verdict = Verdict::Unexplained;
     true
+}
+
+/// Puts the law of what is left into an answer that names nothing.
+pub fn explain_by_law(rig: &Rig, settings: &Settings, found: &mut Answer) {
+    let rules = settings.forward_selection;
+    let corrected: Vec<Free> =
+        rig.corrections.iter().filter_map(|own| own.bounded(rules.max_tolerances)).collect();
+    law::explain(rig, &units(rig), &corrected, found);
 }
 
 /// Whether the gain of a force sensor is off by less than the declared actuator is known to: either may be the reason.

@@ -4,6 +4,8 @@ use super::chart::{Chart, Mark, bars};
 use super::{names, words};
 use airloop_refine::answer::Answer;
 use airloop_refine::evidence::{Correlation, Curve, Dependence, Evidence, Port, Record};
+use airloop_refine::law::study::Law;
+use airloop_refine::vocabulary::own::VARIABLES;
 
 /// Size of a chart over the whole width, and of one of a pair \[px\].
 const WIDE: (f64, f64) = (920.0, 230.0);
@@ -104,6 +106,45 @@ pub fn dependence(dependence: &Dependence) -> String {
         linked: None,
     };
     chart.svg()
+}
+
+/// The free form of a law over its variable with its 95 % band, and the law through it; none for two variables.
+pub fn law(law: &Law) -> Option<String> {
+    let own = law.effect.own.as_ref()?;
+    let (name, _, _, unit) = law.covered.first()?;
+    let place = VARIABLES.iter().position(|known| known == name)?;
+    let p: Vec<f64> = law.effect.parameters.iter().map(|p| p.value).collect();
+    let value = |at: f64| {
+        let mut variables = [0.0; 4];
+        variables[place] = at;
+        own.value(variables, &[0.0; 3], &p)
+    };
+    let (first, last) = (law.curve.first()?[0], law.curve.last()?[0]);
+    let points = (0..=200).map(|k| first + (last - first) * f64::from(k) / 200.0);
+    let mut marks = vec![
+        Mark::Band {
+            name: "95 % of the free form",
+            points: law.curve.iter().map(|[at, y, half]| (*at, y - half, y + half)).collect(),
+        },
+        Mark::Dots {
+            name: "free form",
+            class: "before",
+            points: law.curve.iter().map(|[at, y, _]| (*at, *y)).collect(),
+        },
+    ];
+    if own.states.is_empty() {
+        let points = points.map(|at| (at, value(at))).collect();
+        marks.push(Mark::Line { name: "law", class: "after", points });
+    }
+    let chart = Chart {
+        title: format!("What is missing at {}", law.port),
+        labels: (format!("{name} [{unit}]"), format!("[{}]", own.units[2])),
+        size: WIDE,
+        marks,
+        noise: None,
+        linked: None,
+    };
+    Some(chart.svg())
 }
 
 /// Autocorrelation of one signal.

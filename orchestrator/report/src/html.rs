@@ -102,6 +102,10 @@ fn parameters(out: &mut String, report: &Report) {
     }
     out.push_str("<h2>Parameters</h2>\n");
     table(out, &words::PARAMETER_HEADER, &[2, 3, 4], &plain(rows));
+    if let Some(svg) = report.answer.law.as_ref().and_then(figures::law) {
+        figure(out, &svg);
+        out.push_str("<p class=\"how\">Dots: a smooth form of this variable, fitted in simulation on the estimation records, with its 95 % band; where the band is wide the records have hardly been. Line: the law.</p>\n");
+    }
     for curve in &report.evidence.curves {
         figure(out, &figures::curve(curve));
     }

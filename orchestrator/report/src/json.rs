@@ -22,6 +22,7 @@ struct Document<'a> {
     share: Option<f64>,
     effects: Vec<Effect<'a>>,
     unexplained: Option<Unexplained<'a>>,
+    law: Option<Law<'a>>,
     residual: Residual<'a>,
     noise_floor: &'a BTreeMap<String, f64>,
     error_floor: Floor<'a>,
@@ -93,6 +94,8 @@ struct Effect<'a> {
     params: BTreeMap<&'a str, Parameter<'a>>,
     stability: Option<Stability<'a>>,
     reason: &'a str,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    formula: Option<&'a str>,
 }
 
 #[derive(Serialize)]
@@ -115,6 +118,73 @@ struct Unexplained<'a> {
     port: Option<&'a str>,
     variables: &'a [String],
     share_of_free_form: Option<f64>,
+}
+
+#[derive(Serialize)]
+struct Law<'a> {
+    port: &'a str,
+    channel: &'a str,
+    variables: &'a [String],
+    formula: Option<&'a str>,
+    params: BTreeMap<&'a str, Parameter<'a>>,
+    curve: Option<Vec<CurvePoint>>,
+    share: f64,
+    share_of_free_form: f64,
+    rivals: Vec<Rival<'a>>,
+    covered: BTreeMap<&'a str, Range<'a>>,
+    dissipation: Option<f64>,
+}
+
+#[derive(Serialize)]
+struct CurvePoint {
+    at: f64,
+    value: f64,
+    half_width: Option<f64>,
+}
+
+#[derive(Serialize)]
+struct Rival<'a> {
+    formula: &'a str,
+    share_of_free_form: f64,
+}
+
+#[derive(Serialize)]
+struct Range<'a> {
+    from: f64,
+    to: f64,
+    unit: &'a str,
+}
+
+/// The law of an answer.
+fn law(own: &airloop_refine::law::study::Law) -> Law<'_> {
+    let formula = own.effect.own.as_ref().map(|own| own.formula.as_str());
+    let finite = |value: f64| value.is_finite().then_some(value);
+    let points = own.curve.iter().map(|[at, value, half]| CurvePoint {
+        at: *at,
+        value: *value,
+        half_width: finite(*half),
+    });
+    Law {
+        port: &own.port,
+        channel: &own.channel,
+        variables: &own.variables,
+        formula: formula.filter(|_| own.named),
+        params: parameters(&own.effect.parameters),
+        curve: (!own.curve.is_empty()).then(|| points.collect()),
+        share: own.share,
+        share_of_free_form: own.of_free_form,
+        rivals: own
+            .rivals
+            .iter()
+            .map(|(formula, share)| Rival { formula, share_of_free_form: *share })
+            .collect(),
+        covered: own
+            .covered
+            .iter()
+            .map(|(name, from, to, unit)| (name.as_str(), Range { from: *from, to: *to, unit }))
+            .collect(),
+        dissipation: own.dissipation,
+    }
 }
 
 #[derive(Serialize)]
@@ -240,6 +310,7 @@ pub fn word(verdict: Verdict) -> &'static str {
         Verdict::Effect => "effect",
         Verdict::Nothing => "none",
         Verdict::Unexplained => "unexplained",
+        Verdict::Law => "law",
     }
 }
 
@@ -265,6 +336,7 @@ pub fn text(report: &Report) -> String {
             ranges: parameter_names(e).zip(own.ranges.iter().map(|range| [range.0, range.1])).collect(),
         }),
         reason: &e.reason,
+        formula: e.own.as_ref().map(|own| own.formula.as_str()),
     });
     let finite = |value: f64| value.is_finite().then_some(value);
     let document = Document {
@@ -292,6 +364,7 @@ pub fn text(report: &Report) -> String {
                 share_of_free_form: answer.share_of_free_form,
             }
         }),
+        law: answer.law.as_ref().map(law),
         residual: Residual {
             estimation: set(&answer.before[0], &answer.after[0]),
             validation: set(&answer.before[1], &answer.after[1]),

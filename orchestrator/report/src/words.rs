@@ -3,6 +3,7 @@
 use super::names;
 use airloop_refine::answer::{Answer, Correction, Effect, Parameter, Verdict};
 use airloop_refine::evidence::Signal;
+use airloop_refine::law::study::Law;
 
 /// A number with enough digits to read.
 pub fn number(value: f64) -> String {
@@ -41,7 +42,11 @@ pub fn what(effect: &Effect) -> String {
 
 /// An effect in the words of a reader, with its id.
 fn told(effect: &Effect) -> String {
-    format!("{} ({})", what(effect), effect.id)
+    match &effect.own {
+        Some(own) if own.words.is_empty() => format!("{} ({})", effect.id, own.formula),
+        Some(own) => format!("{} ({}: {})", own.words, effect.id, own.formula),
+        None => format!("{} ({})", what(effect), effect.id),
+    }
 }
 
 /// Parameters of an effect with half of their 95 % intervals.
@@ -113,6 +118,7 @@ fn answered(answer: &Answer) -> String {
         }
         (Verdict::Effect, None) => format!("The declared model lacks {list}."),
         (Verdict::Effect, Some(rest)) => format!("The declared model lacks {list}. It also lacks {rest}."),
+        (Verdict::Law, _) => answer.law.as_ref().map_or_else(String::new, law),
         (Verdict::Unexplained, rest) => {
             let corrected = answer.share.filter(|_| !answer.corrections.is_empty()).map_or(String::new(), |share| {
                 format!(
@@ -125,6 +131,25 @@ fn answered(answer: &Answer) -> String {
                 rest.unwrap_or_else(|| "something that is none of the known effects".into())
             )
         }
+    }
+}
+
+/// A law in one sentence, or two.
+fn law(own: &Law) -> String {
+    let text = own.effect.own.as_ref().map_or("", |own| own.formula.as_str());
+    let on = own.variables.iter().map(|name| names::variable(name)).collect::<Vec<_>>().join(" and ");
+    let share = format!("It takes away {:.0} % of the error on validation records.", 100.0 * own.share);
+    if own.named {
+        format!(
+            "The declared model lacks a law at {}, over {on}: {text}, with {}. {share}",
+            own.port,
+            size(&own.effect)
+        )
+    } else {
+        format!(
+            "The declared model lacks a law at {}, over {on}, that no short formula says: a curve. {share}",
+            own.port
+        )
     }
 }
 
@@ -239,7 +264,8 @@ pub const PARAMETER_HEADER: [&str; 6] = ["effect", "parameter", "value", "95 % f
 
 /// Parameters of the selected effects.
 pub fn parameter_rows(answer: &Answer) -> Vec<Vec<String>> {
-    let rows = answer.effects.iter().filter(|effect| effect.selected).flat_map(|effect| {
+    let law = answer.law.iter().map(|law| &law.effect);
+    let rows = answer.effects.iter().filter(|effect| effect.selected).chain(law).flat_map(|effect| {
         effect.parameters.iter().map(|p| {
             let half = 0.5 * (p.interval.1 - p.interval.0);
             let [value, low, high] = [p.value, p.interval.0, p.interval.1].map(|v| rounded(v, half));

@@ -20,7 +20,9 @@ def right(truth, report):
     beside = {e["id"] for e in report["effects"] if e["group"] is not None}
     if truth["verdict"] != "effect":
         where = truth["verdict"] == "none" or (report["unexplained"] or {}).get("channel") == truth["channel"]
-        return report["verdict"] == truth["verdict"] and where
+        # A law is an explanation of one's own making.
+        same = report["verdict"] == truth["verdict"] or (truth["verdict"], report["verdict"]) == ("unexplained", "law")
+        return same and where
     true = set(truth["effects"])
     return report["verdict"] == "effect" and (named == true or len(named) == len(true) and true <= named | beside)
 
@@ -45,7 +47,7 @@ def main():
             after = resource.getrusage(resource.RUSAGE_CHILDREN)
             seconds = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
             code = result.returncode
-            if code not in (0, 10, 11, 12):
+            if code not in (0, 10, 11, 12, 13):
                 print(f"{folder.name}: {result.stderr.strip()}")
                 counts[folder.name.split("_")[0], "failed"] += 1
                 continue

@@ -1,12 +1,13 @@
 //! The amended system: the declared one with what it lacks, as FMUs that any tool runs.
 //!
 //! [`network`] puts blocks in series into a system, [`blocks`] says which block an effect of the vocabulary becomes in the
-//! rig, [`port`] at any port of a study,
+//! rig, [`port`] at any port of a study, [`own`] that of a formula,
 //! [`rig`] has the declared rig and [`study`] the system of a study, and where blocks go in them. [`write()`] derives the
 //! FMUs and writes `.ssd`, `.ssp` and the table of the columns of a study's records. The declared FMUs keep their equations: an effect is a block beside them, or other values of their parameters.
 
 pub mod blocks;
 pub mod network;
+pub mod own;
 pub mod port;
 pub mod rig;
 pub mod study;

@@ -2,8 +2,10 @@
 
 use super::blocks::{self, COMMAND_ORDER, Sources, output, value};
 use super::network::{Network, Part, end};
+use super::own;
 use crate::answer::{Answer, Effect};
 use crate::case::{Actuator, CartPole, Declaration, Declared, Friction, Kind};
+use crate::law::study::Law;
 use crate::rig::cylinder::Cylinder;
 use airloop_fmi::derive::Value;
 
@@ -15,7 +17,7 @@ pub fn network(declaration: &Declaration, answer: &Answer) -> Network {
     let corrected = corrected(&declaration.model, answer);
     let selected: Vec<&Effect> = answer.effects.iter().filter(|effect| effect.selected).collect();
     match declaration.kind {
-        Kind::Cartpole => cart_pole(&corrected, &selected, answer.cylinder),
+        Kind::Cartpole => cart_pole(&corrected, &selected, answer.cylinder, answer.law.as_ref()),
         Kind::Actuator => rod_fixed(&corrected, &selected),
         Kind::Friction => frictions(&corrected, &selected),
     }
@@ -112,7 +114,7 @@ fn friction(name: &str, c: &Friction) -> Part {
 }
 
 /// `cylinder`: a pneumatic cylinder from first principles stands in for the declared actuator.
-fn cart_pole(model: &Declared, selected: &[&Effect], cylinder: bool) -> Network {
+fn cart_pole(model: &Declared, selected: &[&Effect], cylinder: bool, law: Option<&Law>) -> Network {
     let mut network = Network::new("amended_cart_pole", STOP_TIME);
     let (piston, cart) =
         (model.piston_friction.clone().unwrap_or_default(), model.cart_friction.clone().unwrap_or_default());
@@ -185,6 +187,16 @@ fn cart_pole(model: &Declared, selected: &[&Effect], cylinder: bool) -> Network 
         if let Some(block) = block {
             network.insert(&to, block, outputs);
         }
+    }
+    if let Some(law) = law
+        && let Some(own) = &law.effect.own
+    {
+        let pole = law.channel == "pole";
+        let to = end("cart_pole", if pole { "tau_ext" } else { "F" });
+        let angular = Sources { x: plant("theta"), v: plant("omega"), ..Sources::default() };
+        let sources = if pole { &angular } else { &sources };
+        let block = own::block(own, (&law.effect, blocks::name(&law.effect)), 1.0, sources);
+        network.insert(&to, block, false);
     }
     for block in selected.iter().filter_map(|effect| blocks::pole(effect, moment, &sources)) {
         network.insert(&end("cart_pole", "tau_ext"), block, false);

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use super::Error;
 use super::blocks::{self, Sources};
 use super::network::{Baked, Block, Network, end};
-use super::port;
+use super::{own, port};
 use crate::answer::{Answer, Effect, Wiring};
 use crate::study::declaration::{Attachment, File, Signal};
 use crate::study::open;
@@ -56,6 +56,11 @@ pub fn network(file: &File, answer: &Answer, work: &Path) -> Result<Network, Err
         } else if let Some((input, wiring)) = wiring(file, &graph, &network, effect, &selected) {
             place(&mut network, (file, &graph), (&input, &wiring), (effect, &selected), step);
         }
+    }
+    if let Some(law) = &answer.law
+        && let Some((input, wiring)) = wiring(file, &graph, &network, &law.effect, &selected)
+    {
+        place(&mut network, (file, &graph), (&input, &wiring), (&law.effect, &selected), step);
     }
     Ok(network)
 }
@@ -223,9 +228,10 @@ fn place(
     if twin || effect.id.contains('@') {
         name += &format!("_{}", plain(input));
     }
-    let block = match blocks::memory(effect, &name, step, held) {
-        Some(block) => Some(block),
-        None => port::block(effect, name, wiring, step, &sources),
+    let block = match &effect.own {
+        Some(formula) => Some(own::block(formula, (effect, name), wiring.sign, &sources)),
+        None => blocks::memory(effect, &name, step, held)
+            .or_else(|| port::block(effect, name, wiring, step, &sources)),
     };
     let Some(block) = block else { return };
     for (index, target) in targets(network, graph, input).iter().enumerate() {
@@ -261,7 +267,7 @@ fn first_source(network: &Network, place: &Endpoint) -> Endpoint {
     if !is_block(network, place) {
         return place.clone();
     }
-    let way = ["F_in", "tau_in", "u"];
+    let way = ["F_in", "tau_in", "f_in", "u"];
     let into = network.structure.connections.iter().find(|connection| {
         connection.end.element == place.element && way.contains(&connection.end.connector.as_str())
     });

@@ -1,9 +1,11 @@
 //! Simulation of the coupled rig, and of the actuator with the rod fixed.
 
 use std::array::from_fn;
+use std::sync::Arc;
 
 use super::cylinder::Chambers;
 use super::driven::Driven;
+use super::extra::Extra;
 use super::lanes::Lanes;
 use super::parameters::*;
 use super::plant::{ActuatorTerms, Mechanics, State, actuator, mechanics};
@@ -175,6 +177,8 @@ pub struct Coupled {
     pub cylinder: Chambers,
     /// Records.
     pub trials: Vec<Trial>,
+    /// A law that the vocabulary does not have; its parameters stand behind those of the rig.
+    pub extra: Option<Arc<Extra>>,
 }
 
 /// Simulations that run side by side: four keep the registers of any processor busy.
@@ -199,7 +203,12 @@ impl Coupled {
         let cylinder = cylinder.then_some(&self.cylinder);
         // Idle lanes repeat the last job, over no samples.
         let job = |i: usize| &jobs[i.min(jobs.len() - 1)];
-        let plant: Mechanics<SIDE_BY_SIDE> = mechanics(&self.declared, from_fn(|i| &job(i).parameters[..]));
+        let mut plant: Mechanics<SIDE_BY_SIDE> =
+            mechanics(&self.declared, from_fn(|i| &job(i).parameters[..]));
+        if let Some(extra) = &self.extra {
+            let own = from_fn(|i| job(i).parameters[TABLE.len()..].to_vec());
+            plant.extra = Some((Arc::clone(extra), own));
+        }
         let start = [0, 1].map(|j| Lanes(from_fn(|i| job(i).locals.get(j).copied().unwrap_or(0.0))));
         let u = from_fn(|i| jobs.get(i).map_or(&[][..], |job| &self.trials[job.record].u[..]));
         let terms = from_fn(|i| actuator(&self.actuator, &job(i).parameters));
@@ -294,6 +303,7 @@ impl System for Coupled {
             actuator: self.actuator.clone(),
             cylinder: self.cylinder.clone(),
             trials: self.trials.iter().map(cut).collect(),
+            extra: self.extra.clone(),
         }))
     }
 
@@ -355,7 +365,7 @@ mod tests {
             Trial { u, measured: measured.into(), estimation: true, fixed: false, restart: None }
         };
         let cylinder = Chambers::new(&Cylinder::default());
-        Coupled { declared, actuator, cylinder, trials: vec![trial(300), trial(200)] }
+        Coupled { declared, actuator, cylinder, trials: vec![trial(300), trial(200)], extra: None }
     }
 
     #[test]

@@ -9,6 +9,7 @@ pub mod corrections;
 pub mod coupled;
 pub mod cylinder;
 pub mod driven;
+pub mod extra;
 pub mod lanes;
 pub mod localise;
 pub mod motion;

@@ -74,7 +74,7 @@ pub fn coupled(case: &Case, actuator: Actuator) -> Result<Coupled, Error> {
         trials.push(Trial { u: u.values.clone(), measured, estimation, fixed, restart: None });
     }
     let cylinder = Chambers::new(&declaration.model.cylinder.unwrap_or_default());
-    Ok(Coupled { declared: declaration.model.clone(), actuator, cylinder, trials })
+    Ok(Coupled { declared: declaration.model.clone(), actuator, cylinder, trials, extra: None })
 }
 
 /// Friction sweeps.

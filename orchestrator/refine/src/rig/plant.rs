@@ -1,5 +1,8 @@
 //! The declared rig with candidate effects, resolved from the parameter vector to coefficients.
 
+use std::sync::Arc;
+
+use super::extra::Extra;
 use super::lanes::{Lanes, each};
 use super::parameters::*;
 use crate::case::{Actuator, CartPole, Declared, Friction};
@@ -136,6 +139,8 @@ pub struct Mechanics<const L: usize> {
     tilt: Option<(Lanes<L>, Lanes<L>)>,
     /// Cart alone (pole taken off) \[kg\].
     pub cart_mass: Lanes<L>,
+    /// A law that the vocabulary does not have, with its parameters.
+    pub extra: Option<(Arc<Extra>, [Vec<f64>; L])>,
 }
 
 /// States of the mechanics: x, v, theta, omega, presliding of piston and cart.
@@ -167,6 +172,15 @@ impl<const L: usize> Mechanics<L> {
         let mut torque = extra - self.damping * om - weight - self.pole_drag * om.abs() * om;
         if let Some(dry) = self.pole_coulomb {
             torque = torque - dry * (om * (1.0 / 0.05)).tanh();
+        }
+        if let Some((extra, p)) = &self.extra {
+            let (position, velocity) = if extra.pole { (th, om) } else { (x, v) };
+            let taken = each(|i| extra.value(&p[i], position.0[i], velocity.0[i]));
+            if extra.pole {
+                torque = torque - taken;
+            } else {
+                f = f - taken;
+            }
         }
         let row = f + self.ml * om * om * sin; // eq. 4
         let (m, c, j) = (self.mass, self.ml * cos, self.inertia);
@@ -291,6 +305,7 @@ pub fn mechanics<const L: usize>(declared: &Declared, vectors: [&[f64]; L]) -> M
             .then(|| [p(COG_SIN), p(COG_COS), Lanes::all(std::f64::consts::TAU) / p(COG_PERIOD)]),
         tilt: used(TILT).then(|| (p(TILT), mass * uphill * body.g)),
         cart_mass,
+        extra: None,
     }
 }
 

@@ -26,7 +26,8 @@ pub fn rig(actuator: Actuator, n: usize, noises: &[(&str, f64)], values: &[(usiz
         Trial { u, measured, estimation: true, fixed: false, restart: None }
     };
     let cylinder = Chambers::new(&Cylinder::default());
-    let mut rig = Coupled { declared, actuator, cylinder, trials: (0..RECORDS).map(trial).collect() };
+    let mut rig =
+        Coupled { declared, actuator, cylinder, trials: (0..RECORDS).map(trial).collect(), extra: None };
     let mut p = neutral();
     values.iter().for_each(|&(index, value)| p[index] = value);
     for r in 0..RECORDS {

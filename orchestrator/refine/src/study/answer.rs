@@ -9,6 +9,7 @@ use super::effects::{effects, order, physical};
 use super::errors::{errors, floor, force, force_noise};
 use super::explain::{Judge, Rest, depends};
 use super::fits::{Fits, Model, pieces};
+use super::law::Point;
 use super::model::{Study, Target};
 use super::open::open;
 use super::search::{Say, Selection, confirm, search};
@@ -20,6 +21,8 @@ use crate::answer::{Answer, Effect, Errors, Settings, Verdict};
 use crate::engine::fit::{Fit, fit};
 use crate::engine::{System, stop};
 use crate::evidence::{Evidence, study as evidence};
+use crate::law::study as law;
+use crate::vocabulary::attach;
 
 /// Error in rms of the noise from which on something is missing even if what is left depends on nothing that is known:
 /// the noise may be coloured, which its scatter from sample to sample does not show.
@@ -49,9 +52,14 @@ pub fn answer(file: &File, settings: &Settings, say: Say) -> Result<(Answer, Evi
     let selection = confirm(&fits, &judge, selection, say);
     let (selection, by_share) = beside_corrections(&fits, &judge, selection, &scale, settings, say);
     say("errors on all records");
-    let found = assemble(&fits, &judge, &selection, by_share.as_ref(), settings);
+    let mut found = assemble(&fits, &judge, &selection, by_share.as_ref(), settings);
+    let scale = fits.scale.clone();
+    let base = by_share.as_ref().map_or(&selection.declared, |found| &found.corrected);
+    let with_law = law::explain(&mut study, &scale, (&judge, base), &mut found, say);
+    let fits = Fits::new(&study, scale);
     say("figures");
     let shown = if found.verdict == Verdict::Effect { &selection.best } else { &selection.declared };
+    let shown = with_law.as_ref().unwrap_or(shown);
     let evidence = evidence::gather(&fits, [&selection.declared, shown], &found);
     Ok((found, evidence))
 }
@@ -74,6 +82,8 @@ pub fn prepared(file: &File, say: Say) -> Result<(Study, Vec<Attachment>, Fit), 
         (0..inputs.len()).map(|i| study.records.iter().all(|record| record.inputs[i].is_some())).collect();
     let place = |name: &str| inputs.iter().position(|input| input == name).filter(|&i| fed[i]);
     catalogue::fill(&mut study, &attachments, &survey, &place);
+    let trace = if file.effects.is_empty() { Vec::new() } else { trace(&study, &declared) };
+    attach::fill(&mut study, &attachments, &file.effects, &trace);
     tolerance::fill(&mut study, file);
     if study.candidates.is_empty() {
         return Err(file.refuse_all(
@@ -113,6 +123,17 @@ fn beside_corrections(
         return (exact, None);
     }
     (found.selection.clone(), Some(found))
+}
+
+/// Step and what the attachments show with the declared model, `[records][taps][n]`.
+fn trace(study: &Study, declared: &Fit) -> Vec<(f64, Vec<Vec<Point>>)> {
+    let fits = Fits::new(study, vec![1.0; study.outputs.len()]);
+    let view = fits.view(&[], &fits.pieces);
+    let one = |(r, piece): (usize, &Piece)| {
+        let step = study.records[piece.record].step;
+        (step, view.trace(r, &declared.parameters, &declared.locals[r]))
+    };
+    fits.pieces.iter().enumerate().map(one).collect()
 }
 
 /// Takes what smoothing adds to measured states from the model with the candidates `added`.
@@ -503,7 +524,7 @@ fn leftover(fits: &Fits, judge: &Judge, model: &Model, rest: &Rest) -> Vec<Strin
 }
 
 /// Values of the free and of the corrected parameters of the declared system.
-fn fitted(study: &Study, p: &[f64]) -> Vec<(String, f64)> {
+pub(crate) fn fitted(study: &Study, p: &[f64]) -> Vec<(String, f64)> {
     let own = study.entries.iter().zip(p);
     let value = |(entry, value): (&super::model::Entry, &f64)| match entry.target {
         Target::Declared(_) => Some((entry.name.clone(), *value)),

@@ -95,7 +95,7 @@ pub fn search(
         records: (0..pieces.len()).collect(),
         screened: (0..pieces.len()).collect(),
         folds,
-        sense: &|candidate, model| sense(study, candidate, model),
+        sense: &|_, model| sense(study, model),
         settings: rules,
         most: settings.max_effects,
     };
@@ -120,7 +120,7 @@ fn pieces(fits: &Fits) -> (Vec<Piece>, Vec<Vec<usize>>) {
     (spans, folds)
 }
 
-/// A candidate as the engine sees it.
+/// A candidate as the engine sees it; names stay in the study.
 fn candidate(study: &Study, c: usize) -> Candidate {
     let own = &study.candidates[c];
     let free: Vec<Free> = own.entries.clone().map(|index| study.entries[index].free).collect();
@@ -131,7 +131,7 @@ fn candidate(study: &Study, c: usize) -> Candidate {
         Start { values: set.into_iter().map(|k| (first + k, values[k])).collect(), open, idle }
     };
     let starts = own.starts.iter().map(start).collect();
-    Candidate { id: own.id, channel: own.channel, signal: None, free, starts, contains: None }
+    Candidate { id: "", channel: own.channel, signal: None, free, starts, contains: None }
 }
 
 /// The corrections that the records show, most influential first, with the effects that do the same.
@@ -191,17 +191,17 @@ fn known(
 }
 
 /// Why a fitted candidate makes no sense, if it does not.
-fn sense(study: &Study, candidate: &Candidate, model: &Model) -> Option<String> {
+fn sense(study: &Study, model: &Model) -> Option<String> {
     let own = fits::Model::new(model.added.clone(), model.fit.clone(), f64::NAN);
     if physical(study, &own) {
         return None;
     }
-    let last = model.added.last().map(|&c| study.candidates[c].action);
-    Some(match last {
-        Some(Action::Sensor { .. }) => "a sensor is not off by half of what it shows".into(),
+    let last = study.candidates.get(*model.added.last()?)?;
+    Some(match last.action {
+        Action::Sensor { .. } => "a sensor is not off by half of what it shows".into(),
         _ => format!(
             "`{}` would give energy where it must take some, or its shape lies outside of what the records show",
-            candidate.id
+            last.name()
         ),
     })
 }
@@ -301,4 +301,15 @@ pub fn corrections(
         })
     };
     model.fit.free.iter().enumerate().filter_map(one).collect()
+}
+
+/// The corrections of a model, with the ids of those known before.
+pub fn corrections_beside(study: &Study, model: &fits::Model, before: &[Correction]) -> Vec<Correction> {
+    let mut found = corrections(study, model, &[]);
+    for own in &mut found {
+        let same =
+            |other: &&Correction| (&other.component, &other.parameter) == (&own.component, &own.parameter);
+        own.id = before.iter().find(same).and_then(|other| other.id.clone());
+    }
+    found
 }

@@ -14,8 +14,8 @@ use crate::engine::fit::Free;
 /// A candidate.
 #[derive(Debug, Clone)]
 pub struct Candidate {
-    /// Id of the vocabulary; its kind where no channel is declared.
-    pub id: &'static str,
+    /// Id of the vocabulary, its kind where no channel is declared, or name of an effect of one's own.
+    pub id: String,
     /// Channel; empty where none is declared.
     pub channel: &'static str,
     /// Input where it acts, or output that a sensor shows.
@@ -366,8 +366,8 @@ pub fn fill(
         study.candidates[candidate].needs = needs;
     }
     sensors(study);
-    let all: Vec<(&str, Option<String>)> =
-        study.candidates.iter().map(|own| (own.id, own.signal.clone())).collect();
+    let all: Vec<(String, Option<String>)> =
+        study.candidates.iter().map(|own| (own.id.clone(), own.signal.clone())).collect();
     for own in &mut study.candidates {
         own.twin = all.iter().filter(|(id, signal)| (id, signal) == (&own.id, &own.signal)).count() > 1;
     }
@@ -422,7 +422,7 @@ fn memories_at<'a>(
 }
 
 /// Takes the port from names that need none: no other attachment has this id.
-fn plain_names(found: &mut [(String, String)], candidates: &[(&str, Option<String>)]) {
+fn plain_names(found: &mut [(String, String)], candidates: &[(String, Option<String>)]) {
     let ids: Vec<String> =
         found.iter().map(|(name, _)| name.split('@').next().unwrap_or(name).to_owned()).collect();
     for ((name, _), id) in found.iter_mut().zip(&ids) {
@@ -480,7 +480,7 @@ fn push(study: &mut Study, kind: &Kind, channel: &'static str, tap: usize, start
     let range = entries(study, kind.id, &parameters, bounds);
     let memory = usize::from(kind.law == Law::Presliding);
     study.candidates.push(Candidate {
-        id: kind.id,
+        id: kind.id.to_owned(),
         channel,
         port: study.taps[tap].name.clone(),
         twin: false,
@@ -495,32 +495,39 @@ fn push(study: &mut Study, kind: &Kind, channel: &'static str, tap: usize, start
 }
 
 /// Free forms over the variables of an attachment, each at the channel where such a force would belong.
-fn probes(study: &mut Study, tap: usize, attachment: &Attachment, command: bool) {
-    let channel = |order: &[&str]| {
-        let own = order.iter().find(|channel| attachment.channels.iter().any(|c| c == *channel));
-        CHANNELS.into_iter().find(|channel| Some(channel) == own)
+/// Channel of a free form over a variable at an attachment; empty where none is declared, none where no declared channel fits.
+pub fn channel_of(attachment: &Attachment, variable: Variable) -> Option<&'static str> {
+    if attachment.channels.is_empty() {
+        return Some("");
+    }
+    let order = match variable {
+        Variable::Velocity => ["piston_friction", "cart_friction", "pole", "cart", "actuator"],
+        Variable::Position | Variable::Time => {
+            ["cart", "pole", "piston_friction", "cart_friction", "actuator"]
+        }
+        _ => ["actuator", "piston_friction", "pole", "cart_friction", "cart"],
     };
-    let friction = ["piston_friction", "cart_friction", "pole", "cart", "actuator"];
-    let place = ["cart", "pole", "piston_friction", "cart_friction", "actuator"];
-    let drive = ["actuator", "piston_friction", "pole", "cart_friction", "cart"];
+    order.into_iter().find(|own| attachment.channels.iter().any(|channel| channel == own))
+}
+
+fn probes(study: &mut Study, tap: usize, attachment: &Attachment, command: bool) {
     let known = study.taps[tap].signals;
     let variables = [
-        (Variable::Velocity, known[0].is_some(), friction),
-        (Variable::Position, known[1].is_some(), place),
-        (Variable::PressureForce, known[2].is_some(), drive),
-        (Variable::Value, command, drive),
-        (Variable::Time, true, place),
+        (Variable::Velocity, known[0].is_some()),
+        (Variable::Position, known[1].is_some()),
+        (Variable::PressureForce, known[2].is_some()),
+        (Variable::Value, command),
+        (Variable::Time, true),
     ];
-    for (variable, there, order) in variables {
+    for (variable, there) in variables {
         let (low, high) = study.range(tap, variable);
-        let stated = !attachment.channels.is_empty();
-        let channel = if stated { channel(&order) } else { Some("") };
+        let channel = channel_of(attachment, variable);
         let Some(channel) = channel.filter(|_| there && low < high) else { continue };
         let all = (f64::NEG_INFINITY, f64::INFINITY);
         let names: Vec<(&str, String)> = vec![("height", "1".into()); KNOTS];
         let range = entries(study, "free form", &names, |_| all);
         study.candidates.push(Candidate {
-            id: "free form",
+            id: "free form".to_owned(),
             channel,
             port: study.taps[tap].name.clone(),
             twin: false,
@@ -570,7 +577,7 @@ fn memory(
     };
     let range = entries(study, id, parameters, |k| bounds[k]);
     study.candidates.push(Candidate {
-        id,
+        id: id.to_owned(),
         channel,
         port: study.graph.inputs[input].name.clone(),
         twin: false,
@@ -640,7 +647,7 @@ fn sensors(study: &mut Study) {
             let action = Action::Sensor { kind, output };
             let signal = Some(name.clone());
             let own = Candidate {
-                id,
+                id: id.to_owned(),
                 channel: "sensor",
                 port: study.outputs[output].port.clone(),
                 twin: false,

@@ -160,7 +160,14 @@ pub fn read(folder: &Path) -> Result<File, Error> {
     }
     let declaration: Declaration =
         toml::from_str(&study).map_err(|error| refused(error.message().to_owned()))?;
-    Ok(File { path, text: String::new(), folder: folder.to_owned(), declaration, notes: vec![note] })
+    Ok(File {
+        path,
+        text: String::new(),
+        folder: folder.to_owned(),
+        declaration,
+        notes: vec![note],
+        effects: Vec::new(),
+    })
 }
 
 fn pendulum(set: &Dataset, folder: &Path, angle: &str) -> Result<(String, String), Error> {

@@ -320,6 +320,8 @@ pub struct File {
     pub declaration: Declaration,
     /// What was assumed, one sentence each.
     pub notes: Vec<String>,
+    /// Effects of one's own that are looked for as well.
+    pub effects: Vec<std::sync::Arc<crate::vocabulary::Own>>,
 }
 
 impl File {
@@ -339,7 +341,7 @@ impl File {
             }
         })?;
         let folder = path.parent().map_or_else(PathBuf::new, Path::to_owned);
-        Ok(File { path: path.into(), text, folder, declaration, notes: Vec::new() })
+        Ok(File { path: path.into(), text, folder, declaration, notes: Vec::new(), effects: Vec::new() })
     }
 
     /// Name of the study: as declared, or that of its folder.

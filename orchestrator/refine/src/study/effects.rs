@@ -1,5 +1,7 @@
 //! The effects of an answer: those chosen, those that cannot be told from them, and those that were tried.
 
+use std::sync::Arc;
+
 use super::fits::{Fits, Model};
 use super::law::Law;
 use super::model::{Action, Study};
@@ -66,11 +68,15 @@ fn effect(fits: &Fits, selection: &Selection, model: &Model, c: usize, widen: f6
         reason: String::new(),
         stability: None,
         share: None,
+        own: match own.action {
+            Action::Block { law: Law::Own(index), .. } => Some(Arc::clone(&study.own[index])),
+            _ => None,
+        },
     }
 }
 
 /// How the block of a candidate is connected, with the friction that a model has at its port.
-fn wiring(study: &Study, model: &Model, c: usize) -> Option<Wiring> {
+pub(crate) fn wiring(study: &Study, model: &Model, c: usize) -> Option<Wiring> {
     let name = &study.candidates[c].port;
     let index = match study.candidates[c].action {
         Action::Block { tap, .. } => tap,

@@ -183,7 +183,7 @@ fn in_noise<'a>(fits: &Fits<'a>, model: &Model) -> View<'a> {
 }
 
 /// Name of a variable at an attachment in the vocabulary.
-fn word(study: &Study, tap: usize, variable: Variable) -> &str {
+pub(crate) fn word(study: &Study, tap: usize, variable: Variable) -> &str {
     let own = &study.taps[tap];
     match variable {
         Variable::Velocity => &own.words[0],

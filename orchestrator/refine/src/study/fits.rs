@@ -60,6 +60,8 @@ pub struct Fits<'a> {
     pub folds: Vec<(Vec<Piece>, Vec<Piece>)>,
     /// Simulations with steps of second order.
     pub quick: bool,
+    /// Corrections of the declared model that are fitted along.
+    pub corrections: Vec<Free>,
 }
 
 /// Pieces of all records of a role.
@@ -124,7 +126,7 @@ impl<'a> Fits<'a> {
         let mut pieces = pieces(study, Role::Estimation);
         pieces.iter_mut().for_each(|piece| piece.range.start = settled(study, piece));
         let folds = folds(study, &pieces);
-        Fits { study, scale, pieces, folds, quick: false }
+        Fits { study, scale, pieces, folds, quick: false, corrections: Vec::new() }
     }
 
     /// With steps of second order where they change the error of a model by next to nothing.
@@ -146,7 +148,7 @@ impl<'a> Fits<'a> {
     pub fn view(&self, added: &[usize], pieces: &[Piece]) -> View<'a> {
         let (active, pieces) = (added.to_vec(), pieces.to_vec());
         let (scale, quick) = (self.scale.clone(), self.quick);
-        View { study: self.study, active, pieces, scale, quick, corrected: true }
+        View { study: self.study, active, pieces, scale, quick, corrected: true, begins: Vec::new() }
     }
 
     /// Root mean square of residuals with the sum of squares `chi2` over all estimation records.
@@ -207,6 +209,7 @@ impl<'a> Fits<'a> {
         self.study
             .declared_free()
             .into_iter()
+            .chain(self.corrections.iter().copied())
             .chain(own.map(|index| self.study.entries[index].free))
             .collect()
     }

@@ -3,6 +3,7 @@
 //!
 //! `r = (dv/dt measured - dv/dt of the model) / (d (dv/dt) / d force)` at the filtered states and inputs of a record.
 
+use super::law::Point;
 use super::model::Study;
 use super::plant::Plant;
 use super::read::ForceRecord;
@@ -41,7 +42,7 @@ impl ForceView<'_> {
         plant.initialise(&self.view.parameters(p), 0.0, &mut x, &|_, value, _| value)?;
         let mut blocks = self.view.blocks(p, false);
         let mut found = Vec::with_capacity(n);
-        let mut velocities = vec![0.0; self.study().taps.len()];
+        let mut points = vec![Point::default(); self.study().taps.len()];
         let mut slope = 0.0;
         for k in 0..n {
             for (slot, values) in record.inputs.iter().enumerate() {
@@ -71,10 +72,10 @@ impl ForceView<'_> {
                 slope = rate(1.0, &mut dx)? - rate(0.0, &mut dx)?;
             }
             found.push((record.acceleration[k] - rate(0.0, &mut dx)?) / slope);
-            for (own, velocity) in velocities.iter_mut().enumerate() {
-                *velocity = blocks.point(own, &plant.slots).velocity;
+            for (own, point) in points.iter_mut().enumerate() {
+                *point = blocks.point(own, &plant.slots);
             }
-            blocks.advance(step, &velocities);
+            blocks.advance(step, &points);
         }
         Ok(found)
     }

@@ -18,6 +18,29 @@ pub struct Point {
 }
 
 impl Point {
+    /// Variables of formulas: position, velocity, value, time.
+    pub fn variables(&self) -> [f64; 4] {
+        [self.position, self.velocity, self.value, self.time]
+    }
+
+    /// A point on the way to another, this part of it.
+    pub fn towards(self, other: Point, part: f64) -> Point {
+        let between = |a: f64, b: f64| a + part * (b - a);
+        Point {
+            velocity: between(self.velocity, other.velocity),
+            position: between(self.position, other.position),
+            pressure_force: between(self.pressure_force, other.pressure_force),
+            pressure: between(self.pressure, other.pressure),
+            time: between(self.time, other.time),
+            value: between(self.value, other.value),
+        }
+    }
+
+    /// The point between two.
+    pub fn mean(self, other: Point) -> Point {
+        self.towards(other, 0.5)
+    }
+
     /// Value of a variable.
     pub fn of(&self, variable: Variable) -> f64 {
         match variable {
@@ -118,10 +141,14 @@ pub enum Law {
     Bias,
     /// Free form over a variable: heights at knots over its range; see [`shape`]
     Shape(Variable),
+    /// An effect of one's own: index into [`super::model::Study::own`].
+    Own(usize),
+    /// Heights of a free form: index into [`super::model::Study::surfaces`].
+    Surface(usize),
 }
 
 impl Law {
-    /// Number of parameters.
+    /// Number of parameters; that of an effect of one's own is known to the study alone.
     pub fn parameters(self) -> usize {
         match self {
             Law::Stribeck | Law::Asymmetry | Law::Spring | Law::Droop => 2,
@@ -150,6 +177,7 @@ impl Law {
             Law::PositionGain => vec![Value, Position],
             Law::Droop => vec![Value, Time],
             Law::Shape(variable) => vec![variable],
+            Law::Own(_) | Law::Surface(_) => vec![Velocity, Position, Value, Time],
         }
     }
 
@@ -209,9 +237,9 @@ impl Law {
             Law::Overflow => p[0] * (x - p[1]).max(0.0),
             Law::Drift => p[0] * at.time,
             Law::Bias => -p[0],
-            Law::Gain | Law::DeadBand | Law::Saturation | Law::PositionGain | Law::Droop | Law::Shape(_) => {
-                0.0
-            }
+            Law::Gain | Law::DeadBand | Law::Saturation | Law::PositionGain | Law::Droop => 0.0,
+            // Computed by the study, which has their formulas.
+            Law::Shape(_) | Law::Own(_) | Law::Surface(_) => 0.0,
         }
     }
 

@@ -170,6 +170,10 @@ pub struct Study {
     pub fixed: Vec<(Parameter, f64)>,
     /// Where blocks act.
     pub taps: Vec<Tap>,
+    /// Effects of one's own, which [`Law::Own`] names by their place.
+    pub own: Vec<std::sync::Arc<crate::vocabulary::Own>>,
+    /// Free forms that laws are made of, which [`Law::Surface`] names by their place.
+    pub surfaces: Vec<crate::law::surface::Surface>,
     /// Candidates.
     pub candidates: Vec<Candidate>,
     /// Ranges at each attachment: velocity, position, pressure force, pressure, the value that passes.

@@ -55,6 +55,8 @@ pub struct Sense {
     pub points: Vec<(Vec<f64>, Vec<f64>)>,
     /// Change of the rate of each state with the value at each attachment, `[attachments][nx]`; only its proportions count.
     pub influence: Vec<Vec<f64>>,
+    /// Change of each measured signal at the same instant, `[attachments][measured]`.
+    pub shown: Vec<Vec<f64>>,
 }
 
 /// A parameter of the system: component in evaluation order and value reference.
@@ -320,18 +322,21 @@ impl Plant {
         found
     }
 
-    /// What the rates of the states depend on: the system at some points, and the influence of every attachment.
+    /// What the rates of the states depend on: the system at some points, and the influence of every attachment, also on the
+    /// signals `measured`.
     ///
     /// # Errors
     /// An FMU that fails.
-    pub fn sense(&mut self) -> Result<Sense, Problem> {
+    pub fn sense(&mut self, measured: &[&str]) -> Result<Sense, Problem> {
         let pass = |_: usize, value: f64, _: &[f64]| value;
         let (mut x, nx) = (vec![0.0; self.nx], self.nx);
         self.initialise(&[], 0.0, &mut x, &pass)?;
         let start = x.clone();
         let attachments = self.parts.iter().flat_map(|part| &part.feeds).flat_map(|feed| &feed.blocks);
         let count = attachments.max().map_or(0, |last| last + 1);
-        let mut found = Sense { points: Vec::new(), influence: vec![vec![0.0; nx]; count] };
+        let places: Vec<usize> = measured.iter().filter_map(|name| self.slot(name)).collect();
+        let none = |size: usize| vec![vec![0.0; size]; count];
+        let mut found = Sense { points: Vec::new(), influence: none(nx), shown: none(places.len()) };
         for round in 1..=3 {
             // Somewhere else, in no relation that a system could have by itself.
             for (i, value) in x.iter_mut().enumerate() {
@@ -344,7 +349,8 @@ impl Plant {
             if dx.iter().any(|rate| !rate.is_finite()) {
                 continue;
             }
-            for (port, influence) in found.influence.iter_mut().enumerate() {
+            let before: Vec<f64> = places.iter().map(|&slot| self.slots[slot]).collect();
+            for (port, (influence, shown)) in found.influence.iter_mut().zip(&mut found.shown).enumerate() {
                 let mut moved = vec![0.0; nx];
                 let push = |own: usize, value: f64, _: &[f64]| {
                     value + if own == port { 0.01 * value.abs().max(1.0) } else { 0.0 }
@@ -352,6 +358,10 @@ impl Plant {
                 self.evaluate(0.0, &x, &mut moved, &push).map_err(Problem::fmu)?;
                 let changes = moved.iter().zip(&dx).map(|(a, b)| a - b);
                 influence.iter_mut().zip(changes).for_each(|(sum, change)| {
+                    *sum += if change.is_finite() { change } else { 0.0 };
+                });
+                let changes = places.iter().zip(&before).map(|(&slot, before)| self.slots[slot] - before);
+                shown.iter_mut().zip(changes).for_each(|(sum, change)| {
                     *sum += if change.is_finite() { change } else { 0.0 };
                 });
             }

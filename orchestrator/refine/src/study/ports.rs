@@ -107,15 +107,15 @@ fn inputs(graph: &SystemGraph) -> Vec<(String, usize, usize)> {
     found
 }
 
-/// The ports of a system.
+/// The ports of a system whose signals `measured` are seen.
 ///
 /// # Errors
 /// An FMU that fails.
-pub fn find(graph: &SystemGraph) -> Result<Vec<Port>, Problem> {
+pub fn find(graph: &SystemGraph, measured: &[&str]) -> Result<Vec<Port>, Problem> {
     let inputs = inputs(graph);
     let names: Vec<String> = inputs.iter().map(|(name, ..)| name.clone()).collect();
     let mut plant = Plant::new(graph, &names, &[], &[])?;
-    let sense = plant.sense()?;
+    let sense = plant.sense(measured)?;
     let states = plant.states_by_place();
     let units: Vec<Option<Unit>> = inputs.iter().map(|&(_, c, v)| base(graph, c, v)).collect();
     let rates: Vec<Option<usize>> = (0..plant.nx).map(|state| integral(&sense, state)).collect();
@@ -132,10 +132,13 @@ pub fn find(graph: &SystemGraph) -> Result<Vec<Port>, Problem> {
         .collect();
     let mechanical: Vec<usize> =
         (0..inputs.len()).filter(|&port| moved[port].iter().any(|&s| velocity_like(port, s))).collect();
-    let like: Vec<Option<usize>> = (0..inputs.len())
-        .map(|port| (0..port).find(|&other| !moved[port].is_empty() && parallel(&sense, port, other)))
-        .collect();
-    let own: Vec<usize> = mechanical.iter().copied().filter(|&port| like[port].is_none()).collect();
+    let first = |alike: fn(&Sense, usize, usize) -> bool| -> Vec<Option<usize>> {
+        let one =
+            |port: usize| (0..port).find(|&other| !moved[port].is_empty() && alike(&sense, port, other));
+        (0..inputs.len()).map(one).collect()
+    };
+    let (moves, like) = (first(moves_alike), first(is_alike));
+    let own: Vec<usize> = mechanical.iter().copied().filter(|&port| moves[port].is_none()).collect();
     let choices: Vec<Vec<(usize, f64)>> = own
         .iter()
         .map(|&port| {
@@ -145,7 +148,7 @@ pub fn find(graph: &SystemGraph) -> Result<Vec<Port>, Problem> {
         .collect();
     let velocities = assigned(&choices);
     let found = inputs.iter().enumerate().map(|(port, (name, component, variable))| {
-        let first = like[port].unwrap_or(port);
+        let first = moves[port].unwrap_or(port);
         let velocity = own.iter().position(|&p| p == first).and_then(|index| velocities[index]);
         let variables = &graph.components[*component].fmu.description.variables;
         let unit = unit_of(&variables[*variable]).map(str::to_owned);
@@ -201,12 +204,27 @@ fn is_speed(graph: &SystemGraph, name: &str) -> bool {
     })
 }
 
-/// Whether two ports move the same states in the same proportion.
-fn parallel(sense: &Sense, a: usize, b: usize) -> bool {
-    let (a, b) = (&sense.influence[a], &sense.influence[b]);
+/// Factor from the influence of one port on the states to that of another, if there is one.
+fn ratio(sense: &Sense, a: usize, b: usize) -> Option<f64> {
+    let (x, y) = (&sense.influence[a], &sense.influence[b]);
     let dot = |x: &[f64], y: &[f64]| x.iter().zip(y).map(|(x, y)| x * y).sum::<f64>();
-    let size = (dot(a, a) * dot(b, b)).sqrt();
-    size > 0.0 && dot(a, b).abs() > (1.0 - 1e-9) * size
+    let (own, both) = (dot(x, x), dot(x, y));
+    let size = (own * dot(y, y)).sqrt();
+    (size > 0.0 && both.abs() > (1.0 - 1e-9) * size).then(|| both / own)
+}
+
+/// Whether two ports move the same states in the same proportion.
+fn moves_alike(sense: &Sense, a: usize, b: usize) -> bool {
+    ratio(sense, a, b).is_some()
+}
+
+/// Whether two ports move the same states and change what is measured in the same proportion: a force in front of a load cell
+/// is another one than a force behind it.
+fn is_alike(sense: &Sense, a: usize, b: usize) -> bool {
+    ratio(sense, a, b).is_some_and(|ratio| {
+        let near = |(u, v): (&f64, &f64)| (v - ratio * u).abs() <= 1e-6 * v.abs().max((ratio * u).abs());
+        sense.shown[a].iter().zip(&sense.shown[b]).all(near)
+    })
 }
 
 /// One state for each port, so that the product of the influences is largest; ports without a choice stay without.
@@ -251,7 +269,8 @@ pub fn attachments(file: &File, graph: &SystemGraph) -> Result<Vec<Attachment>, 
     if complete {
         return Ok(stated.iter().map(|own| own.get_ref().clone()).collect());
     }
-    let ports = find(graph)?;
+    let measured: Vec<&str> = file.declaration.outputs.keys().map(String::as_str).collect();
+    let ports = find(graph, &measured)?;
     let fed = |port: &Port| file.declaration.inputs.contains_key(&port.name);
     if stated.is_empty() {
         let own = ports.iter().map(|port| (port, duty(&ports, port, &fed)));

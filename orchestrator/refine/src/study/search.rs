@@ -1,5 +1,7 @@
 //! Which candidates are missing: step by step with a look ahead to pairs, judged on what was kept back.
 
+use std::sync::OnceLock;
+
 use super::catalogue::Candidate;
 use super::effects;
 use super::explain::Judge;
@@ -17,8 +19,9 @@ pub const NOTEWORTHY: f64 = 0.02;
 pub const EQUAL: f64 = 0.03;
 /// Models of each step whose error on what is kept back is computed.
 const LOOKED_AT: usize = 3;
-/// Candidates that are fitted beside effects found before: those whose linear step promises most.
-const HOPEFUL: usize = 16;
+/// Candidates that are fitted on top of the declared model, and beside effects found before: those whose linear step
+/// promises most.
+const HOPEFUL: (usize, usize) = (24, 16);
 /// Singles that pairs are made of.
 const PAIRED: usize = 6;
 /// Effects that are exchanged at most.
@@ -68,9 +71,16 @@ struct Search<'a> {
     fits: &'a Fits<'a>,
     judge: &'a Judge,
     say: Say<'a>,
+    /// Candidates and pairs on top of the declared model, which several stages ask for.
+    singles: OnceLock<Vec<Model>>,
+    pairs: OnceLock<Vec<Model>>,
 }
 
-impl Search<'_> {
+impl<'a> Search<'a> {
+    fn new(fits: &'a Fits<'a>, judge: &'a Judge, say: Say<'a>) -> Search<'a> {
+        Search { fits, judge, say, singles: OnceLock::new(), pairs: OnceLock::new() }
+    }
+
     fn study(&self) -> &Study {
         self.fits.study
     }
@@ -129,16 +139,25 @@ impl Search<'_> {
 
     /// `base` with each candidate that it lacks, best fit first.
     fn extend(&self, base: &Model) -> Vec<Model> {
+        if base.added.is_empty() {
+            self.singles.get_or_init(|| self.extended(base)).clone()
+        } else {
+            self.extended(base)
+        }
+    }
+
+    fn extended(&self, base: &Model) -> Vec<Model> {
         let may = |c: &usize| {
             let own = &self.study().candidates[*c];
             !own.probe && !base.added.contains(c) && own.needs.is_none_or(|needs| base.added.contains(&needs))
         };
         let mut open: Vec<usize> = (0..self.study().candidates.len()).filter(may).collect();
-        if !base.added.is_empty() && open.len() > HOPEFUL {
+        let most = if base.added.is_empty() { HOPEFUL.0 } else { HOPEFUL.1 };
+        if open.len() > most {
             let mut ranked: Vec<(f64, usize)> =
                 self.fits.promises(base, &open).into_iter().zip(open).collect();
             ranked.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-            open = ranked.into_iter().take(HOPEFUL).map(|(_, c)| c).collect();
+            open = ranked.into_iter().take(most).map(|(_, c)| c).collect();
         }
         let found =
             parallel::map(open.len(), |i| if stop::asked() { None } else { self.fits.add(base, open[i]) });
@@ -160,6 +179,11 @@ impl Search<'_> {
 
     /// Pairs on top of `base`, of the best single ones, best fit first.
     fn pairs(&self, base: &Model, singles: &[Model]) -> Vec<Model> {
+        let found = || self.paired(base, singles);
+        if base.added.is_empty() { self.pairs.get_or_init(found).clone() } else { found() }
+    }
+
+    fn paired(&self, base: &Model, singles: &[Model]) -> Vec<Model> {
         let mut found: Vec<Model> = Vec::new();
         let last = |model: &Model| model.added.last().copied();
         let wanted: Vec<usize> = singles.iter().take(PAIRED).filter_map(last).collect();
@@ -181,7 +205,7 @@ impl Search<'_> {
         found
     }
 
-    /// Adds effects to `from` one by one (two where only the pair is worth it) up to `most`.
+    /// Adds effects to `from` one by one (first two where only the pair is worth it) up to `most`.
     fn climb(&self, from: Model, most: usize, path: &mut Vec<(Vec<usize>, f64)>) -> Model {
         // What takes away next to nothing of the declared model's error is no finding, however little is left.
         let least = path.first().map_or(0.0, |(_, error)| NOTEWORTHY * error);
@@ -201,10 +225,14 @@ impl Search<'_> {
                     && self.judge.falls(best.held_back, model.held_back)
             };
             let halves = |model: &Model| self.judge.halves(best.held_back, model.held_back) || near(model);
-            let single = self.judge(&promising).filter(|model| model.held_back < worth || halves(model));
+            // Beside an effect, the next one has to take away a good part of what is left; less is for the search for shares.
+            let notable =
+                |model: &Model| best.added.is_empty() || self.judge.falls(best.held_back, model.held_back);
+            let single = self.judge(&promising);
+            let single = single.filter(|model| model.held_back < worth && notable(model) || halves(model));
             let next = match single {
                 Some(model) => Some(model),
-                None if best.added.len() + 2 <= most => {
+                None if best.added.is_empty() && most >= 2 => {
                     let pairs = self.pairs(&best, &singles);
                     self.judge(&pairs).filter(|model| model.held_back < (1.0 - 2.0 * WORTH) * best.held_back)
                 }
@@ -311,7 +339,7 @@ impl Search<'_> {
 /// A selection once more under initial states that the model of its answer corrects: what the corrections of the declared
 /// model had left may have looked like an effect.
 pub fn confirm(fits: &Fits, judge: &Judge, mut selection: Selection, say: Say) -> Selection {
-    let search = Search { fits, judge, say };
+    let search = Search::new(fits, judge, say);
     let best = &selection.best;
     let again = fits.fit_from(best.added.clone(), &best.fit.parameters, &best.fit.locals);
     let Some(mut best) = again.filter(|model| !model.added.is_empty()) else { return selection };
@@ -328,7 +356,7 @@ pub fn confirm(fits: &Fits, judge: &Judge, mut selection: Selection, say: Say) -
 
 /// Searches from the fitted declared model, at most `most` effects.
 pub fn search(fits: &Fits, judge: &Judge, declared: Model, most: usize, say: Say) -> Selection {
-    let search = Search { fits, judge, say };
+    let search = Search::new(fits, judge, say);
     let mut declared = declared;
     fits.hold_back(&mut declared);
     if judge.explained(fits, &declared) {
@@ -346,6 +374,7 @@ pub fn search(fits: &Fits, judge: &Judge, declared: Model, most: usize, say: Say
         };
     }
     let mut path = vec![(Vec::new(), declared.held_back)];
+    say("candidates one by one");
     let singles = search.extend(&declared);
     let mut best = search.climb(declared.clone(), most, &mut path);
     // A first step that was wrong shows when a pair beats it.

@@ -1,6 +1,6 @@
 //! Pieces of records as the engine sees them: the system with the blocks of some candidates, simulated.
 
-use std::cell::RefCell;
+use std::cell::{Cell, RefCell};
 use std::ops::Range;
 
 use super::command::{Command, delayed};
@@ -11,6 +11,7 @@ use super::plant::Plant;
 use super::read::Record;
 use crate::engine::noise::Noise;
 use crate::engine::{Span, System};
+use crate::vocabulary::own::STATES;
 
 /// State events in one step from which on the rest of it is integrated without: a part that rests between two of them.
 const MOST_EVENTS: usize = 20;
@@ -45,6 +46,9 @@ pub struct View<'a> {
     pub quick: bool,
     /// Measured initial states without what smoothing adds to them; otherwise as the study says.
     pub corrected: bool,
+    /// States from which each piece starts, where it is, `[pieces][nx]`: local parameters that are fitted along. Empty: pieces
+    /// start as the study says.
+    pub begins: Vec<Vec<f64>>,
 }
 
 /// What is added to measured signals.
@@ -80,17 +84,29 @@ impl Survey {
     }
 }
 
+/// A law that acts: its parameters, its states in those of the blocks.
+type Acting = (Law, Range<usize>, Range<usize>);
+
 /// States of the blocks and what they need besides the slots.
 pub(super) struct Blocks<'a> {
     study: &'a Study,
     p: &'a [f64],
-    /// For each tap: law, its parameters, index into `z`.
-    laws: Vec<Vec<(Law, Range<usize>, usize)>>,
+    /// For each tap: law, its parameters, its states in `z`.
+    laws: Vec<Vec<Acting>>,
     z: Vec<f64>,
+    /// Time of the sample \[s\].
     time: f64,
+    /// Time of the evaluation \[s\].
+    now: Cell<f64>,
+    /// For each tap: the value that came in last.
+    seen: Vec<Cell<f64>>,
+    /// For each tap: what was seen at the sample, and last, with the time of that.
+    within: Vec<[Cell<Point>; 2]>,
     survey: Option<RefCell<Survey>>,
     /// What the laws depend on at every sample, `[taps][n]`; empty: not asked for.
     trace: Vec<Vec<Point>>,
+    /// States at every sample of a trace, `[n][nx]`.
+    states: Vec<Vec<f64>>,
 }
 
 impl Blocks<'_> {
@@ -98,7 +114,8 @@ impl Blocks<'_> {
     pub(super) fn point(&self, tap: usize, slots: &[f64]) -> Point {
         let at = |slot: Option<usize>| slot.map_or(0.0, |slot| slots[slot]);
         let [velocity, position, pressure_force, pressure] = self.study.taps[tap].signals.map(at);
-        Point { velocity, position, pressure_force, pressure, time: self.time, value: 0.0 }
+        let value = self.seen[tap].get();
+        Point { velocity, position, pressure_force, pressure, time: self.time, value }
     }
 
     /// Coulomb level that presliding acts on: declared and added.
@@ -110,7 +127,8 @@ impl Blocks<'_> {
 
     /// The value behind an attachment.
     pub(super) fn pass(&self, tap: usize, value: f64, slots: &[f64]) -> f64 {
-        let point = Point { value, ..self.point(tap, slots) };
+        self.seen[tap].set(value);
+        let point = self.point(tap, slots);
         if let Some(survey) = &self.survey {
             let Point { velocity, position, pressure_force, pressure, .. } = point;
             survey.borrow_mut().see(tap, [velocity, position, pressure_force, pressure, value]);
@@ -124,9 +142,22 @@ impl Blocks<'_> {
         let vt = fitted.map_or(own.vt, |(_, range, _)| self.p[range.start + 1]);
         let s = (point.velocity / vt).tanh();
         let mut value = value;
-        for (law, range, state) in &self.laws[tap] {
+        for (law, range, states) in &self.laws[tap] {
             let p = &self.p[range.clone()];
-            if law.changes_command() {
+            if let Law::Own(index) = *law {
+                let (own, at) = (&self.study.own[index], Point { value, time: self.now.get(), ..point });
+                let mut z = [0.0; STATES];
+                z[..states.len()].copy_from_slice(&self.z[states.clone()]);
+                if !states.is_empty() {
+                    let mean = self.see(tap, at).mean(at);
+                    own.advance(mean.variables(), &mut z[..states.len()], p, at.time - self.time);
+                }
+                let found = own.value(at.variables(), &z, p);
+                value = if own.port.replaces() { found } else { value - self.study.taps[tap].sign * found };
+            } else if let Law::Surface(index) = *law {
+                let at = Point { value, time: self.now.get(), ..point };
+                value -= own.sign * self.study.surfaces[index].value(p, &at);
+            } else if law.changes_command() {
                 value = law.command(p, &point, value);
             } else if let Law::Shape(variable) = *law {
                 value -= shape(variable, p, self.study.range(tap, variable), point.of(variable));
@@ -134,22 +165,43 @@ impl Blocks<'_> {
                 let level = if *law == Law::Presliding { self.level(tap) } else { 0.0 };
                 // What is added to a value is added to it whatever it drives.
                 let sign = if *law == Law::Bias { 1.0 } else { own.sign };
-                value -= sign * law.force(p, &point, s, self.z[*state], level);
+                value -= sign * law.force(p, &point, s, self.z[states.start], level);
             }
         }
         value
     }
 
-    /// Moves the states of presliding on.
-    pub(super) fn advance(&mut self, step: f64, velocities: &[f64]) {
-        for (tap, laws) in self.laws.iter().enumerate() {
-            for (law, range, state) in laws {
-                if *law == Law::Presliding {
-                    self.z[*state] = preslide(self.z[*state], velocities[tap], self.p[range.start], step);
+    /// Keeps what a tap shows; gives what it showed at the sample.
+    fn see(&self, tap: usize, at: Point) -> Point {
+        let [sample, last] = &self.within[tap];
+        if at.time <= self.time {
+            sample.set(at);
+        }
+        last.set(at);
+        sample.get()
+    }
+
+    /// Moves the states of the laws on, from what the attachments showed at the sample.
+    pub(super) fn advance(&mut self, step: f64, points: &[Point]) {
+        for ((point, laws), [sample, last]) in points.iter().zip(&self.laws).zip(&self.within) {
+            for (law, range, states) in laws {
+                let z = &mut self.z[states.clone()];
+                match *law {
+                    Law::Presliding => z[0] = preslide(z[0], point.velocity, self.p[range.start], step),
+                    Law::Own(index) => {
+                        // The mean over the step, from what the stages of the integration have shown.
+                        let (sample, last) = (sample.get(), last.get());
+                        let part =
+                            if last.time > self.time { 0.5 * step / (last.time - self.time) } else { 0.0 };
+                        let mean = sample.towards(last, part);
+                        self.study.own[index].advance(mean.variables(), z, &self.p[range.clone()], step);
+                    }
+                    _ => {}
                 }
             }
         }
         self.time += step;
+        self.now.set(self.time);
     }
 }
 
@@ -164,14 +216,31 @@ impl<'a> View<'a> {
         for &c in &self.active {
             let own = &study.candidates[c];
             if let Action::Block { law, tap } = own.action {
-                laws[tap].push((law, own.entries.clone(), count));
-                count += 1;
+                let states = match law {
+                    Law::Own(index) => study.own[index].states.len(),
+                    Law::Surface(_) => 0,
+                    _ => 1,
+                };
+                laws[tap].push((law, own.entries.clone(), count..count + states));
+                count += states;
             }
         }
-        laws.iter_mut().for_each(|own| own.sort_by_key(|(law, ..): &(Law, Range<usize>, usize)| law.rank()));
+        laws.iter_mut().for_each(|own| own.sort_by_key(|(law, ..): &Acting| law.rank()));
         let seen = [(f64::INFINITY, f64::NEG_INFINITY); 5];
         let survey = survey.then(|| RefCell::new(Survey { ranges: vec![seen; study.taps.len()] }));
-        Blocks { study, p, laws, z: vec![0.0; count], time: 0.0, survey, trace: Vec::new() }
+        Blocks {
+            study,
+            p,
+            laws,
+            z: vec![0.0; count],
+            time: 0.0,
+            now: Cell::new(0.0),
+            seen: vec![Cell::new(0.0); study.taps.len()],
+            within: vec![[Cell::new(Point::default()), Cell::new(Point::default())]; study.taps.len()],
+            survey,
+            trace: Vec::new(),
+            states: Vec::new(),
+        }
     }
 
     /// Ranges of what passes the attachments in a simulation of all pieces.
@@ -254,7 +323,7 @@ impl<'a> View<'a> {
         extra.iter_mut().enumerate().for_each(|(index, values)| add(values, shift.extra.get(index)));
         let nx = plant.nx;
         let (mut x, mut dx): (Vec<f64>, Slopes) = (vec![0.0; nx], std::array::from_fn(|_| vec![0.0; nx]));
-        let (mut velocities, mut saved) = (vec![0.0; study.taps.len()], vec![0.0; nx]);
+        let (mut points, mut saved) = (vec![Point::default(); study.taps.len()], vec![0.0; nx]);
         let (n, step) = (piece.range.len(), record.step);
         let window = study.windows.map(|window| ((window / step).round() as usize).max(2));
         // A command behind a lag moves between its samples.
@@ -278,15 +347,18 @@ impl<'a> View<'a> {
                 plant.slots[first + slot] = values[k];
             }
         };
-        let begin = if study.from_start(record) { 0 } else { piece.range.start };
+        let own = !self.begins.is_empty();
+        let begin = if study.from_start(record) && !own { 0 } else { piece.range.start };
         set(plant, begin, 0.0);
         blocks.time = begin as f64 * step;
+        blocks.now.set(blocks.time);
         let fixed = self.parameters(p);
         plant.initialise(&fixed, begin as f64 * step, &mut x, &|tap, value, slots| {
             blocks.pass(tap, value, slots)
         })?;
         let start = x.clone();
         match &record.initial {
+            _ if own => x.copy_from_slice(locals),
             _ if window.is_some() => {}
             Initial::Word(InitialWord::Fit) if nx > 0 => x.copy_from_slice(locals),
             Initial::Given(values) => {
@@ -303,17 +375,21 @@ impl<'a> View<'a> {
         let due = |plant: &Plant, until: f64| plant.next_event().filter(|next| *next <= until);
         for k in begin..piece.range.end {
             let j = k.checked_sub(piece.range.start);
-            if window.is_some_and(|window| (k - piece.range.start).is_multiple_of(window)) {
+            if !own && window.is_some_and(|window| (k - piece.range.start).is_multiple_of(window)) {
                 self.measured_states((record, k), &start, shift, &mut x);
                 blocks.z.fill(0.0);
             }
             let t = k as f64 * step;
+            // Sums of steps are not their multiples to the last bit.
+            blocks.time = t;
             let at = |plant: &mut Plant, time: f64, x: &[f64], dx: &mut [f64], blocks: &Blocks| {
                 set(plant, k, (time - t) / step);
+                blocks.now.set(time);
                 plant.evaluate(time, x, dx, &|tap, value, slots| blocks.pass(tap, value, slots))
             };
             let event = |plant: &mut Plant, (time, state): (f64, bool), x: &mut [f64], blocks: &Blocks| {
                 set(plant, k, (time - t) / step);
+                blocks.now.set(time);
                 plant.event((time, state), x, &|tap, value, slots| blocks.pass(tap, value, slots))
             };
             if let Some(time) = due(plant, t + near) {
@@ -325,9 +401,12 @@ impl<'a> View<'a> {
                     out[o * n + j] = plant.slots[output.slot];
                 }
             }
-            for (tap, velocity) in velocities.iter_mut().enumerate() {
+            if !blocks.trace.is_empty() && j.is_some() {
+                blocks.states.push(x.clone());
+            }
+            for (tap, known) in points.iter_mut().enumerate() {
                 let point = blocks.point(tap, &plant.slots);
-                *velocity = point.velocity;
+                *known = point;
                 if let Some(trace) = blocks.trace.get_mut(tap).filter(|_| j.is_some()) {
                     trace.push(point);
                 }
@@ -388,7 +467,7 @@ impl<'a> View<'a> {
                 saved = before;
                 plant.step_done().map_err(super::Problem::fmu)?;
             }
-            blocks.advance(step, &velocities);
+            blocks.advance(step, &points);
         }
         Ok(())
     }
@@ -437,10 +516,15 @@ impl<'a> View<'a> {
 
     /// What the laws at each attachment depend on, `[taps][n]`; shorter where the simulation cannot go on.
     pub fn trace(&self, record: usize, p: &[f64], locals: &[f64]) -> Vec<Vec<Point>> {
+        self.traced(record, p, locals).0
+    }
+
+    /// The same with the states, `[n][nx]`; none where there is no attachment.
+    pub fn traced(&self, record: usize, p: &[f64], locals: &[f64]) -> (Vec<Vec<Point>>, Vec<Vec<f64>>) {
         let mut blocks = self.blocks(p, false);
         blocks.trace = vec![Vec::new(); self.study.taps.len()];
         self.simulate(&self.pieces[record], p, locals, &mut blocks, &Shift::default());
-        blocks.trace
+        (blocks.trace, blocks.states)
     }
 
     /// As [`System::predict`], with something added to measured signals.
@@ -507,6 +591,10 @@ impl System for View<'_> {
     }
 
     fn locals(&self, record: usize) -> Vec<(f64, f64)> {
+        if let Some(own) = self.begins.get(record) {
+            let size = |i: usize| self.begins.iter().fold(0.0f64, |a, b| a.max(b[i].abs()));
+            return own.iter().enumerate().map(|(i, x)| (*x, 1e-5 * size(i).max(1e-6))).collect();
+        }
         let piece = &self.pieces[record];
         let record = &self.study.records[piece.record];
         if !self.fitted(record) {

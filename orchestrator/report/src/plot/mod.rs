@@ -7,6 +7,7 @@ pub mod axes;
 pub mod envelope;
 pub mod figures;
 pub mod fit_page;
+pub mod formula;
 pub mod friction;
 pub mod identification;
 pub mod page;

@@ -1,0 +1,251 @@
+//! Formulas for a free form, fitted exactly in simulation, and which of them is the law; laws with a memory.
+
+use std::sync::Arc;
+
+use super::formula::{self, PRICE};
+use super::grammar::{Axis, Formula, product};
+use super::study::{FINE, Finder, Found, FreeForm, PARTS, curve_text, effect, extended, port_word, push};
+use crate::engine::fit::Free;
+use crate::engine::stop;
+use crate::study::explain::Judge;
+use crate::study::fits::Model;
+use crate::study::law::{Law as Block, Variable};
+use crate::study::model::{Action, Entry, Study, Target};
+use crate::vocabulary::Own;
+use crate::vocabulary::own::Parameter as OwnParameter;
+
+/// Share of the free form's gain that a formula must reach to be named.
+pub const OF_FREE_FORM: f64 = 0.95;
+/// Formulas whose stability over parts of the records is asked for.
+const JUDGED: usize = 3;
+/// Errors within this share of each other are equal.
+const EQUAL: f64 = 0.03;
+/// Share of the declared model's error from which on a fit to whole records may have missed its optimum.
+const MISSED: f64 = 0.5;
+
+/// A formula that was fitted exactly.
+struct Tried {
+    model: Model,
+    effect: Arc<Own>,
+    formula: Formula,
+    /// Share of the free form's gain on held-out parts.
+    share: f64,
+}
+
+impl Tried {
+    fn rank(&self) -> f64 {
+        self.model.error.ln() + PRICE * self.formula.complexity() as f64
+    }
+}
+
+/// A free form, its axes, and the units of formulas.
+struct Place<'a> {
+    form: &'a FreeForm,
+    /// The free form at its optimum for whole records.
+    whole: &'a FreeForm,
+    axes: &'a [Axis],
+    units: &'a [String; 3],
+}
+
+impl Finder<'_> {
+    /// Formulas for a free form, fitted exactly; the law.
+    pub(super) fn law(
+        &self,
+        study: &mut Study,
+        judge: &Judge,
+        declared: &Model,
+        form: &FreeForm,
+    ) -> Option<Found> {
+        (self.say)("formulas for the free form");
+        let axes = self.axes(study, form.tap, &form.surface);
+        let list = formula::Search::new(&form.at.surrogate, &form.surface, &axes)
+            .map_or(Vec::new(), |own| own.run());
+        let units = [Variable::Position, Variable::Velocity, Variable::Value]
+            .map(|variable| Self::unit(study, form.tap, variable));
+        // The ceiling of what a formula can do in whole records.
+        let whole = if self.windows.is_some() { self.whole(study, form.clone()) } else { None };
+        let whole = whole.as_ref().unwrap_or(form);
+        let place = Place { form, whole, axes: &axes, units: &units };
+        (self.say)("exact fits of formulas");
+        let mut tried = Vec::new();
+        for own in &list {
+            let share = (form.at.smooth.without - own.held_out) / form.at.gain();
+            if share >= OF_FREE_FORM && !stop::asked() {
+                tried.extend(self.exact(study, declared, &place, own.formula.clone(), share));
+            }
+        }
+        let power = |error: f64| error.powi(2);
+        let ceiling = power(declared.error) - power(whole.error.min(declared.error));
+        tried.retain(|own| power(declared.error) - power(own.model.error) >= OF_FREE_FORM * ceiling);
+        tried.sort_by(|a, b| a.rank().total_cmp(&b.rank()));
+        self.prune(study, declared, &place, &mut tried);
+        let mut best: Option<(Model, Arc<Own>, f64)> = None;
+        let mut rivals = Vec::new();
+        for Tried { model, effect, share, .. } in tried.iter().take(JUDGED) {
+            let fits = self.fits(study);
+            let mut model = extended(model, study);
+            fits.hold_back(&mut model);
+            let stable =
+                model.held_back.is_finite() && model.held_back < 1.5 * model.error.max(judge.power.sqrt());
+            match &best {
+                None if stable => best = Some((model, Arc::clone(effect), *share)),
+                Some((own, ..)) if model.held_back < (1.0 + EQUAL) * own.held_back => {
+                    rivals.push((effect.formula.clone(), *share));
+                }
+                _ => {}
+            }
+        }
+        let named = best.is_some();
+        let (model, effect, share) = match best {
+            Some(own) => own,
+            None => self.curve(study, &place)?,
+        };
+        Some(Found {
+            tap: form.tap,
+            variables: form.surface.variables.clone(),
+            curve: whole.curve(model.error.max(judge.power.sqrt())),
+            effect,
+            model,
+            named,
+            share,
+            rivals,
+            axes,
+        })
+    }
+
+    /// A formula fitted to whole records.
+    fn exact(
+        &self,
+        study: &mut Study,
+        declared: &Model,
+        place: &Place,
+        formula: Formula,
+        share: f64,
+    ) -> Option<Tried> {
+        let (text, parameters) = formula.written(place.axes, &place.units[2]);
+        let effect = effect(&text, &parameters, place.units)?;
+        let value = |p: &OwnParameter| parameters.iter().find(|own| own.0 == p.name).map_or(0.0, |own| own.2);
+        let values: Vec<f64> = effect.parameters.iter().map(value).collect();
+        let (c, p) = self.start(study, place, &effect, &values);
+        let (fits, locals) = (self.fits(study), &place.whole.locals);
+        let direct = fits.fit_from(vec![c], &p, locals);
+        let model = match direct {
+            Some(model) if model.error < MISSED * declared.error => Some(model),
+            // From the beginning of the records on: whole ones may end anywhere.
+            direct => {
+                let grown = fits.grow(&[c], &fits.pieces, &p, &fits.free(&[c]), &PARTS, 8);
+                let again = fits.fit_from(vec![c], &grown.parameters, &grown.locals);
+                let better = |own: &Model| direct.as_ref().is_none_or(|other| own.error < other.error);
+                if again.as_ref().is_some_and(better) { again } else { direct }
+            }
+        };
+        Some(Tried { model: model?, effect, formula, share })
+    }
+
+    /// A candidate for an effect, and the parameter vector with it in place of the free form.
+    fn start(
+        &self,
+        study: &mut Study,
+        place: &Place,
+        effect: &Arc<Own>,
+        values: &[f64],
+    ) -> (usize, Vec<f64>) {
+        let c = self.push_own(study, place.form.tap, effect, values);
+        let mut p = place.whole.at.parameters.clone();
+        let known = p.len();
+        p.extend(study.entries[known..].iter().map(|entry| entry.start));
+        study.candidates[place.form.candidate].entries.clone().for_each(|index| p[index] = 0.0);
+        study.candidates[c].entries.clone().zip(values).for_each(|(index, value)| p[index] = *value);
+        (c, p)
+    }
+
+    /// Leaves terms of the best formula out without which it does as well.
+    fn prune(&self, study: &mut Study, declared: &Model, place: &Place, tried: &mut Vec<Tried>) {
+        while let Some(best) = tried.first().filter(|own| own.formula.terms.len() > 1 && !stop::asked()) {
+            let shorter: Vec<(Formula, f64)> =
+                (0..best.formula.terms.len()).map(|k| (best.formula.without(k), best.share)).collect();
+            let rank = best.rank();
+            let mut found: Vec<Tried> = Vec::new();
+            for (formula, share) in shorter {
+                if !tried.iter().any(|own| own.formula.same_form(&formula)) {
+                    found.extend(self.exact(study, declared, place, formula, share));
+                }
+            }
+            let better = found.into_iter().filter(|own| own.rank() < rank);
+            let Some(better) = better.min_by(|a, b| a.rank().total_cmp(&b.rank())) else { break };
+            tried.insert(0, better);
+        }
+    }
+
+    /// The free form itself as the law.
+    fn curve(&self, study: &mut Study, place: &Place) -> Option<(Model, Arc<Own>, f64)> {
+        let text = curve_text(&place.form.surface, &place.whole.at.smooth.heights, place.axes)?;
+        let effect = effect(&text, &[("a".into(), "1".into(), 1.0)], place.units)?;
+        let (c, p) = self.start(study, place, &effect, &[1.0]);
+        Some((self.fits(study).fit_from(vec![c], &p, &place.whole.locals)?, effect, 1.0))
+    }
+
+    /// The best law with a memory, at any attachment whose motion is known.
+    pub(super) fn memory(&self, study: &mut Study, declared: &Model) -> Option<(usize, Model, Arc<Own>)> {
+        (self.say)("laws with a memory");
+        let mut best: Option<(usize, Model, Arc<Own>)> = None;
+        for tap in 0..study.taps.len() {
+            let units = [Variable::Position, Variable::Velocity, Variable::Value]
+                .map(|variable| Self::unit(study, tap, variable));
+            let Some(places) = self.knots(study, tap, Variable::Velocity, FINE) else { continue };
+            let fastest = places.iter().fold(0.0f64, |a, b| a.max(b.abs()));
+            let travel = self
+                .knots(study, tap, Variable::Position, FINE)
+                .map_or(0.1 * fastest, |own| own[own.len() - 1] - own[0]);
+            let stiffness = product(&[(&units[2], 1), (&units[1], -1), ("s", -1)]);
+            let length = product(&[(&units[1], 1), ("s", 1)]);
+            let times = [0.05, 0.3, 1.5].to_vec();
+            let lengths = [0.01, 0.05, 0.25].map(|part| part * travel).to_vec();
+            for (rate, unit, starts) in
+                [("v - z/s", "s".to_owned(), times), ("v - abs(v)*z/s", length, lengths)]
+            {
+                let toml = format!(
+                    "kind = \"law\"\nport = {:?}\nformula = \"k*z\"\nwords = \"law with a memory\"\n[variables]\nx = {:?}\nv = {:?}\nf = {:?}\n[states]\nz = {rate:?}\n[parameters]\nk = {{ unit = {stiffness:?} }}\ns = {{ unit = {unit:?}, start = {starts:?} }}\n",
+                    port_word(&units[2]),
+                    units[0],
+                    units[1],
+                    units[2]
+                );
+                let Ok(own) = Own::read(&toml).map(Arc::new) else { continue };
+                let c = self.push_own(study, tap, &own, &[1.0, starts[1]]);
+                study.candidates[c].starts = own.starts();
+                let base = extended(declared, study);
+                for index in study.candidates[c].entries.clone() {
+                    let step = self.fits(study).step(&base, c, index);
+                    study.entries[index].free.step = step.unwrap_or(1e-6);
+                    let first = study.candidates[c].entries.start;
+                    if own.parameters[index - first].name == "s" {
+                        let (least, most) = (starts[0], starts[starts.len() - 1]);
+                        study.entries[index].free.bounds = (0.05 * least, 20.0 * most);
+                    }
+                }
+                let found = self.fits(study).add(&base, c);
+                let better = |own: &Model| best.as_ref().is_none_or(|known| own.error < known.1.error);
+                if let Some(model) = found.filter(better) {
+                    best = Some((tap, model, own));
+                }
+            }
+        }
+        best
+    }
+
+    fn push_own(&self, study: &mut Study, tap: usize, own: &Arc<Own>, values: &[f64]) -> usize {
+        study.own.push(Arc::clone(own));
+        let index = study.own.len() - 1;
+        let first = study.entries.len();
+        let entry = |(k, (p, value)): (usize, (&OwnParameter, &f64))| {
+            let step = 1e-4 * value.abs().max(1e-9);
+            let free = Free { index: first + k, bounds: p.bounds, step, prior: None };
+            let name = format!("{} {}", own.kind, p.name);
+            Entry { name, unit: p.unit.clone(), target: Target::Effect, start: 0.0, free }
+        };
+        let entries = own.parameters.iter().zip(values).enumerate().map(entry).collect();
+        let action = Action::Block { law: Block::Own(index), tap };
+        push(study, action, entries, "", own.kind.clone())
+    }
+}

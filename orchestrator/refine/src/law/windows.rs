@@ -1,0 +1,105 @@
+//! Records cut into short windows whose first states are fitted along: a law that leads the motion of a whole record away is
+//! still nearly linear there.
+
+use crate::study::declaration::{Initial, InitialWord};
+use crate::study::fits::{Fits, Model};
+use crate::study::model::Study;
+use crate::study::simulate::{Piece, View};
+
+/// Windows of the longest record.
+const WINDOWS: usize = 20;
+/// Fewest samples of a window.
+const LEAST: usize = 40;
+/// Samples on either side over which a velocity is taken from measured positions.
+pub const OVER: usize = 8;
+
+/// Windows of the estimation records.
+#[derive(Debug, Clone)]
+pub struct Windows {
+    /// Spans.
+    pub pieces: Vec<Piece>,
+    /// States at their beginnings, `[pieces][nx]`.
+    pub begins: Vec<Vec<f64>>,
+}
+
+/// Derivative of measured positions at sample `k`.
+pub fn velocity(positions: &[f64], k: usize, step: f64) -> f64 {
+    let (before, behind) = (k.saturating_sub(OVER), (k + OVER).min(positions.len() - 1));
+    (positions[behind] - positions[before]) / ((behind - before).max(1) as f64 * step)
+}
+
+/// Where a state is seen: the output that is the state, or the output whose derivative it is.
+#[derive(Clone, Copy)]
+enum Seen {
+    Output(usize),
+    Rate(usize),
+}
+
+/// By state, where measured outputs show it.
+fn seen(study: &Study) -> Option<Vec<Option<Seen>>> {
+    let plant = study.take().ok()?;
+    let mut found = vec![None; plant.nx];
+    for (o, output) in study.outputs.iter().enumerate() {
+        if let Some(state) = plant.state(&output.port) {
+            found[state] = Some(Seen::Output(o));
+        }
+    }
+    for tap in &study.taps {
+        let [velocity, position] = [&tap.attachment.velocity, &tap.attachment.position]
+            .map(|name| name.as_ref().and_then(|name| plant.state(name)));
+        if let (Some(velocity), Some(position)) = (velocity, position)
+            && let (None, Some(Seen::Output(o))) = (found[velocity], found[position])
+        {
+            found[velocity] = Some(Seen::Rate(o));
+        }
+    }
+    study.give(plant);
+    Some(found)
+}
+
+impl Windows {
+    /// Windows with states as measured, and of a model where they are not; none where a simulation cannot start anywhere, or
+    /// already restarts in windows.
+    pub fn new(fits: &Fits, base: &Model) -> Option<Windows> {
+        let study = fits.study;
+        if study.sampled || study.windows.is_some() {
+            return None;
+        }
+        let seen = seen(study).filter(|own| !own.is_empty())?;
+        let longest = fits.pieces.iter().map(|piece| piece.range.len()).max()?;
+        let length = (longest / WINDOWS).max(LEAST);
+        let view = fits.view(&base.added, &fits.pieces);
+        let (mut pieces, mut begins) = (Vec::new(), Vec::new());
+        for (r, piece) in fits.pieces.iter().enumerate() {
+            let record = &study.records[piece.record];
+            let (_, states) = view.traced(r, &base.fit.parameters, &base.fit.locals[r]);
+            let known = record.initial == Initial::Word(InitialWord::Measured);
+            let count = (piece.range.len() / length).max(1);
+            for w in 0..count {
+                let edge = |w: usize| piece.range.start + piece.range.len() * w / count;
+                let k = edge(w);
+                let simulated = states.get(k - piece.range.start)?;
+                let own = simulated.iter().enumerate().map(|(i, simulated)| {
+                    let measured = record.states.get(i).and_then(Option::as_ref).map(|values| values[k]);
+                    // The first window starts where the record does.
+                    match (measured, seen[i]) {
+                        _ if w == 0 && !known => *simulated,
+                        (Some(value), _) => value,
+                        (None, Some(Seen::Output(o))) => record.outputs[o][k],
+                        (None, Some(Seen::Rate(o))) => velocity(&record.outputs[o], k, record.step),
+                        (None, None) => *simulated,
+                    }
+                });
+                begins.push(own.collect());
+                pieces.push(Piece { record: piece.record, range: k..edge(w + 1) });
+            }
+        }
+        let finite = begins.iter().flatten().all(|x: &f64| x.is_finite());
+        finite.then_some(Windows { pieces, begins })
+    }
+
+    /// The engine's view of the windows with a candidate beside the declared model.
+    pub fn view<'a>(&self, fits: &Fits<'a>, candidate: usize) -> View<'a> {
+        View { begins: self.begins.clone(), ..fits.view(&[candidate], &self.pieces) }
+    }
+}

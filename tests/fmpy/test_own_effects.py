@@ -1,0 +1,169 @@
+"""Effects of one's own: a formula in a TOML file is found by `airloop refine`, written into the amended system, and runs in FMPy."""
+
+import json
+
+import fmpy.validation
+import numpy as np
+import pytest
+from fmpy.ssp.simulation import simulate_ssp
+from scipy.integrate import solve_ivp
+from scipy.interpolate import interp1d
+
+from command import airloop, start
+from fmu import Fmu
+from test_derived import derive
+import raw
+
+MASS, DAMPING, STIFFNESS, REACH = 1.3, 0.9, 800.0, 0.002
+STEP, COUNT = 0.002, 2000
+
+BRISTLE = """kind = "bristle"
+port = "force"
+formula = "k*z"
+words = "elastic bristles of the seal"
+[states]
+z = "v - abs(v)*z/d"
+[parameters]
+k = { unit = "N/m", bounds = [0, 1e6] }
+d = { unit = "m", bounds = [1e-6, 1e-1], start = [1e-4, 1e-3, 1e-2] }
+"""
+
+BAD = {  # file, what is said of it
+    "name.toml": (BRISTLE.replace('"k*z"', '"k*y"').replace("bristle", "name"), "there is no `y`"),
+    "unit.toml": (BRISTLE.replace("N/m", "N").replace("bristle", "unit"), "unit"),
+}
+NO_VALUE = {  # effects that are well formed, but not on the data
+    "inverse": ('kind = "inverse"\nport = "force"\nformula = "k/x"\nparameters.k.unit = "N.m"\n', "has no value at x = 0"),
+    "runaway": (
+        'kind = "runaway"\nport = "force"\nformula = "k*z"\nstates.z = "v + g*z"\n'
+        'parameters.k.unit = "N/m"\nparameters.g = { unit = "1/s", start = 100 }\n',
+        "runs away",
+    ),
+    "torque": ('kind = "torque"\nport = "torque"\nformula = "c*v"\nparameters.c.unit = "N.m.s/rad"\n', "is in N, the effect takes N.m"),
+}
+
+STUDY = """name = "mass with bristles"
+system = "airloop:rigid-mass"
+[parameters]
+m = 1.3
+b = 0.9
+[inputs]
+F = { column = "force", unit = "N", hold = true }
+[outputs]
+x = { column = "position", unit = "m" }
+[[attachment]]
+input = "F"
+channels = ["cart_friction"]
+velocity = "v"
+position = "x"
+"""
+
+
+def drive(seed):
+    rng = np.random.default_rng(seed)
+    t = STEP * np.arange(COUNT)
+    return sum(rng.uniform(1, 3) * np.sin(2 * np.pi * f * t + rng.uniform(0, 6)) for f in (0.4, 0.9, 1.7))
+
+
+def motion(u):
+    """Position of a mass on bristles under a held force, by an integrator of SciPy."""
+
+    def rate(_, y, force):
+        return [y[1], (force - DAMPING * y[1] - STIFFNESS * y[2]) / MASS, y[1] - abs(y[1]) * y[2] / REACH]
+
+    y, found = [0.0, 0.0, 0.0], []
+    for force in u:
+        found.append(y[0])
+        y = solve_ivp(rate, (0, STEP), y, args=(force,), rtol=1e-8, atol=1e-12).y[:, -1]
+    return np.array(found)
+
+
+@pytest.fixture(scope="module")
+def refined(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("own")
+    text = STUDY
+    for k in range(4):
+        u = drive(k)
+        x = motion(u) + 2e-5 * np.random.default_rng(100 + k).standard_normal(COUNT)
+        rows = np.column_stack([STEP * np.arange(COUNT), u, x])
+        np.savetxt(folder / f"r{k}.csv", rows, delimiter=",", header="time,force,position", comments="", fmt="%.7f")
+        role = "estimation" if k < 3 else "validation"
+        text += f'[[segment]]\nfile = "r{k}.csv"\nrole = "{role}"\ninitial = {{ x = 0.0, v = 0.0 }}\n'
+    (folder / "study.toml").write_text(text)
+    effects = folder / "effects"
+    effects.mkdir()
+    (effects / "bristle.toml").write_text(BRISTLE)
+    for name, (text, _) in {**BAD, **{f"{k}.toml": v for k, v in NO_VALUE.items()}}.items():
+        (effects / name).write_text(text)
+    result = start("refine", folder / "study.toml", "--effects", effects, "-o", folder / "out")
+    assert result.returncode == 0, result.stdout + result.stderr
+    return folder, result, json.loads((folder / "out" / "report.json").read_text())
+
+
+def test_ten_lines_are_found_with_their_parameters(refined):
+    _, result, report = refined
+    selected = [effect for effect in report["effects"] if effect["selected"]]
+    assert [effect["id"].split("@")[0] for effect in selected] == ["bristle"]
+    values = {name: p["value"] for name, p in selected[0]["params"].items()}
+    assert values["k"] == pytest.approx(STIFFNESS, rel=0.02) and values["d"] == pytest.approx(REACH, rel=0.02)
+    assert "elastic bristles of the seal" in result.stdout
+    residual = report["residual"]["validation"]
+    assert residual["rms_after"]["position"] < 0.1 * residual["rms_before"]["position"]
+
+
+def test_what_is_no_effect_is_named_and_the_rest_goes_on(refined):
+    _, result, report = refined
+    for name, (_, words) in BAD.items():
+        assert name in result.stderr and words in result.stderr
+        assert any(name in note for note in report["notes"])
+    for name, (_, words) in NO_VALUE.items():
+        assert words in report["not_testable"][name]
+
+
+def test_the_amended_system_runs_in_fmpy_as_the_truth_does(refined):
+    folder = refined[0] / "out" / "system"
+    for path in folder.glob("*.fmu"):
+        assert fmpy.validation.validate_fmu(str(path)) == [], path
+    u = drive(3)
+    held = {"F": lambda time: u[min(round(time / STEP), COUNT - 1)]}
+    found = simulate_ssp(str(folder / "system.ssp"), stop_time=2.0, step_size=STEP / 4, input=held)
+    name = next(n for n in found.dtype.names if n.endswith(".x") and "effect" not in n)
+    truth = interp1d(STEP * np.arange(COUNT), motion(u), fill_value="extrapolate")(found["time"])
+    assert np.sqrt(np.mean((found[name] - truth) ** 2)) < 0.05 * np.ptp(truth)
+
+
+def test_the_command_explains_and_checks(refined, tmp_path):
+    effects = refined[0] / "effects"
+    result = start("effects", "check", effects)
+    assert result.returncode == 1 and "bristle at a force port" in result.stdout and "name.toml" in result.stderr
+    figure = tmp_path / "bristle.svg"
+    assert "dz/dt = v - abs(v)*z/d" in airloop("effects", "show", effects / "bristle.toml", "--figure", figure)
+    assert figure.read_text().startswith("<svg")
+    assert "quaddrag" in airloop("effects", "list")
+
+
+def test_formulas_have_their_values_and_exact_derivatives(shipped, tmp_path):
+    values = {
+        "formula": "k*z + c*abs(v)*v + curve(x, -1, 2, 0, h, 1, -1) - f*tanh(x/w)",
+        "states": "z",
+        "rate[1]": "(v - z)/tau",
+        "parameters": "k c w tau h",
+        **{f"p[{i + 1}]": value for i, value in enumerate((3.0, 0.7, 0.4, 0.2, 0.5))},
+    }
+    fmu = Fmu(derive(shipped("expression-effect"), tmp_path / "law.fmu", values), tmp_path / "unpacked")
+    with fmu.instantiate(raw.MODEL_EXCHANGE) as instance:
+        instance.setup()
+        names = [fmu.variable(name) for name in ("f_in", "x", "v", "z[1]")]
+        instance.must("EnterInitializationMode")
+        instance.must("ExitInitializationMode")
+
+        def value(at):
+            instance.set(names, list(map(float, at)))
+            return instance.get([fmu.variable(name) for name in ("f", "f_out", "der(z[1])")])
+
+        at = np.array([2.0, 0.3, -0.8, 0.1])
+        f, out, rate = value(at)
+        line = 0.5 + 0.3 * (-1.5) + 0.3 * 0.3 * 0.0
+        expected = 3.0 * 0.1 - 0.7 * 0.64 + line - 2.0 * np.tanh(0.75)
+        assert f == pytest.approx(expected, abs=1e-12) and out == pytest.approx(2.0 - f, abs=1e-12)
+        assert rate == pytest.approx((-0.8 - 0.1) / 0.2, abs=1e-12)

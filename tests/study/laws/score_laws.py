@@ -1,0 +1,124 @@
+"""Runs `airloop refine` on the studies of make_laws.py, scores the laws against their truth, and compares with PySINDy on the residual
+force of the same records.
+
+A law is right when its rms difference from the truth over the states of the records is at most 2 % of the rms of the truth.
+
+    python score_laws.py AIRLOOP CASES REPORTS [--no-peers]
+"""
+
+import argparse
+import collections
+import json
+import pathlib
+import statistics
+import subprocess
+import time
+import tomllib
+
+import numpy as np
+
+RIGHT = 0.02
+FUNCTIONS = {
+    name: getattr(np, name) for name in ("sin", "cos", "tan", "tanh", "exp", "sqrt", "abs", "sign")
+} | {"ln": np.log, "max": np.maximum, "min": np.minimum, "pi": np.pi, "clamp": lambda x, a, b: np.minimum(np.maximum(x, a), b)}
+
+
+def curve(x, *points):
+    """The curve of a formula by its description: cubic pieces with the slopes of parabolas, straight beyond the ends."""
+    from scipy.interpolate import CubicHermiteSpline
+
+    places, heights = np.array(points[::2], float), np.array(points[1::2], float)
+    slopes = np.empty_like(places)
+    h, d = np.diff(places), np.diff(heights) / np.diff(places)
+    slopes[1:-1] = (d[:-1] * h[1:] + d[1:] * h[:-1]) / (h[:-1] + h[1:])
+    bends = (d[1:] - d[:-1]) / (h[:-1] + h[1:])
+    slopes[0], slopes[-1] = d[0] - bends[0] * h[0], d[-1] + bends[-1] * h[-1]
+    inside = CubicHermiteSpline(places, heights, slopes)(np.clip(x, places[0], places[-1]))
+    return inside + np.where(x < places[0], slopes[0] * (x - places[0]), 0) + np.where(x > places[-1], slopes[-1] * (x - places[-1]), 0)
+
+
+def value(law, points):
+    """Values of a memoryless law at the points (x, v, t)."""
+    names = {"x": points[:, 0], "v": points[:, 1], "t": points[:, 2], "f": 0.0, "curve": curve, **FUNCTIONS}
+    names |= {name: p["start"][0] for name, p in law["parameters"].items()}
+    return np.broadcast_to(eval(law["formula"].replace("^", "**"), {"__builtins__": {}}, names), len(points))
+
+
+def judge(report, folder, truth):
+    points = np.array(truth["points"])
+    file = folder / "system" / "law.toml"
+    if not file.exists():
+        return None
+    law = tomllib.loads(file.read_text())
+    if law.get("states"):
+        return None
+    return float(np.sqrt(np.mean((value(law, points) - points[:, 3]) ** 2) / max(np.mean(points[:, 3] ** 2), 1e-300)))
+
+
+def peer(truth):
+    """PySINDy (STLSQ) on the true states with the residual force as it is, the best threshold of several by held-out error."""
+    import pysindy
+
+    points = np.array(truth["points"])
+    x, y = points[:, :2] / np.abs(points[:, :2]).max(0), points[:, 3]
+    if truth["messy"]:
+        y = y + 0.1 * np.std(y) * np.random.default_rng(0).standard_normal(len(y))
+    library = pysindy.ConcatLibrary([pysindy.PolynomialLibrary(degree=5), pysindy.FourierLibrary(n_frequencies=4)])
+    features = library.fit(x).transform(x)
+    half = len(x) * 3 // 5
+    best = None
+    for threshold in (1e-3, 1e-2, 3e-2, 1e-1, 3e-1):
+        optimizer = pysindy.STLSQ(threshold=threshold * np.std(y), alpha=1e-6)
+        try:
+            optimizer.fit(np.asarray(features[:half]), y[:half, None])
+        except Exception:  # noqa: BLE001  (nothing is left above the threshold)
+            continue
+        found = np.asarray(features) @ optimizer.coef_.ravel()
+        error = np.mean((found[half:] - y[half:]) ** 2)
+        if best is None or error < best[0]:
+            best = (error, found)
+    if best is None:
+        return None
+    return float(np.sqrt(np.mean((best[1] - points[:, 3]) ** 2) / max(np.mean(points[:, 3] ** 2), 1e-300)))
+
+
+def main():
+    parser = argparse.ArgumentParser()
+    parser.add_argument("airloop")
+    parser.add_argument("cases", type=pathlib.Path)
+    parser.add_argument("reports", type=pathlib.Path)
+    parser.add_argument("--no-peers", action="store_true")
+    args = parser.parse_args()
+    table, seconds = collections.defaultdict(list), []
+    for case in sorted(args.cases.iterdir()):
+        truth, out = json.loads((case / "truth.json").read_text()), args.reports / case.name
+        out.mkdir(parents=True, exist_ok=True)
+        begin = time.perf_counter()
+        result = subprocess.run([args.airloop, "refine", case, "-q", "-o", out], capture_output=True, text=True)
+        seconds.append(time.perf_counter() - begin)
+        if not (out / "report.json").exists():
+            print(f"{case.name:36s} failed: {result.stderr.strip()[:200]}")
+            table[truth["family"], truth["messy"]].append((False, None, None))
+            continue
+        report = json.loads((out / "report.json").read_text())
+        error = judge(report, out, truth) if truth["family"] != "null" else None
+        other = None if args.no_peers or truth["family"] == "null" else peer(truth)
+        if truth["family"] == "null":
+            right = report["verdict"] != "law"
+        else:
+            right = report["verdict"] == "law" and error is not None and error <= RIGHT
+        formula = (report["law"] or {}).get("formula") if report.get("law") else None
+        named = ",".join(e["id"] for e in report["effects"] if e["selected"])
+        shown = "-" if error is None else f"{100 * error:.2f} %"
+        print(f"{case.name:36s} {report['verdict']:12s} {'right' if right else '     '} {shown:>9s} {seconds[-1]:6.1f} s  {formula or named}", flush=True)
+        table[truth["family"], truth["messy"]].append((right, report["verdict"], None if other is None else other <= RIGHT))
+    print(f"\n{'family':12s} {'':6s} {'right':>8s} {'PySINDy':>8s}  verdicts")
+    for (family, messy), rows in sorted(table.items()):
+        verdicts = collections.Counter(v for _, v, _ in rows)
+        peers = [p for *_, p in rows if p is not None]
+        print(f"{family:12s} {'messy' if messy else 'exact':6s} {sum(r for r, *_ in rows):4d}/{len(rows):<3d} {sum(peers):4d}/{len(peers):<3d}  {dict(verdicts)}")
+    print(f"time: median {statistics.median(seconds):.1f} s, worst {max(seconds):.1f} s")
+
+
+if __name__ == "__main__":
+    main()
