@@ -1,5 +1,5 @@
 # `make demo` and `make test` work on a fresh machine with Rust, a C compiler and Python 3: each sets up what is missing first.
-.PHONY: demo docs test test-wheel wheel check bench study study-refine study-refine-messy study-systems study-laws study-foreign study-swing-up study-walker fmu setup setup-build clean
+.PHONY: demo docs test test-wheel wheel check bench study study-refine study-refine-messy study-systems study-laws study-foreign study-swing-up study-walker fmu windows setup setup-build clean
 export CARGO_NET_RETRY ?= 10
 # A build that happens once gains nothing from files for the next one; they cost a fifth of its time.
 ifdef CI
@@ -92,6 +92,9 @@ study-walker: fmu    ## compass-gait against MuJoCo and Drake; half a step again
 fmu: setup-build     ## target/fmu/*.fmu, modelDescriptions/*.xml and the airloop binary
 	cargo run --release -p packager
 	cargo build --release -p airloop-cli
+
+windows: setup-build ## the FMUs of `make fmu` with Windows libraries in them, by mingw
+	scripts/windows.sh
 
 setup:               ## .venv with all Python packages, .cargo/config.toml
 	scripts/setup.sh test

@@ -11,7 +11,7 @@ import pytest
 from fmpy.fmi2 import FMU2Model, FMU2Slave
 from fmpy.validation import validate_fmu
 
-from command import airloop, start
+from command import ROOT, airloop, start
 from pneumatic import SYSTEM, run, sine
 from test_packages import amended, stabilized  # noqa: F401  (fixtures)
 
@@ -98,23 +98,46 @@ def test_fmpy_validates_and_simulates_both_interfaces(system, tmp_path, request)
 
 
 def test_model_exchange_follows_the_monolithic_master(tmp_path):
-    """CVode of FMPy at 1e-10 against DOP853 at 1e-10; the sampled actuator takes its samples as time events."""
+    """CVode of FMPy against DOP853 at 1e-10; the sampled actuator takes its samples as time events.
+
+    CVode starts again after each of the 100 samples and errs by some 3000 times its tolerance here (rad/s): the difference
+    goes down with that tolerance, so it is CVode's and not that of the FMU.
+    """
     path = exported(SYSTEM, tmp_path / "system.fmu")
-    times = TIMES[:51]
-    ours = run(tmp_path, SYSTEM, "1ms", times, [15.0] * len(times), "monolithic", "--tolerance", "1e-10")
-    theirs = fmpy.simulate_fmu(
-        str(path),
-        fmi_type="ModelExchange",
-        stop_time=times[-1],
-        output_interval=STEP,
-        relative_tolerance=1e-10,
-        start_values={"u": 15.0},
-        output=STATES,
-        record_events=False,
-    )
-    assert len(theirs) == len(times)
-    for name in STATES:
-        assert np.max(np.abs(theirs[name] - ours[name])) <= 1e-8, name
+    ours = run(tmp_path, SYSTEM, "1ms", TIMES, [15.0] * len(TIMES), "monolithic", "--tolerance", "1e-10")
+
+    def difference(tolerance):
+        theirs = fmpy.simulate_fmu(
+            str(path),
+            fmi_type="ModelExchange",
+            stop_time=TIMES[-1],
+            output_interval=STEP,
+            relative_tolerance=tolerance,
+            start_values={"u": 15.0},
+            output=STATES,
+            record_events=False,
+        )
+        assert len(theirs) == len(TIMES)
+        return max(np.max(np.abs(theirs[name] - ours[name])) for name in STATES)
+
+    coarse, fine = difference(1e-10), difference(1e-12)
+    assert fine <= 1e-8
+    assert fine <= coarse / 20
+
+
+@pytest.mark.parametrize("system", ["joint", "toe", "walker"])
+def test_the_systems_of_example_04_run_alike(system, tmp_path):
+    source = ROOT / "examples" / "04_half_step" / f"{system}.ssd"
+    path = exported(source, tmp_path / "system.fmu", "--step", "1ms")
+    assert validate_fmu(str(path)) == []
+    results = []
+    for number, which in enumerate([source, path]):
+        out = tmp_path / str(number)
+        airloop("run", which, "--stop", "0.3", "--step", "1ms", "--no-plots", "-q", "-o", out)
+        results.append(np.genfromtxt(out / "result.csv", delimiter=",", names=True, deletechars=""))
+    names = [name for name in results[1].dtype.names if name in results[0].dtype.names]
+    assert len(names) > 1
+    assert all(np.array_equal(results[0][name], results[1][name]) for name in names)
 
 
 def test_a_step_of_the_importer_is_made_of_steps_inside(tmp_path):

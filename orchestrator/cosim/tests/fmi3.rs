@@ -6,6 +6,7 @@ use std::sync::atomic::AtomicBool;
 use airloop_cosim::master::simulate::{End, Run, Watch, run};
 use airloop_cosim::master::{Algorithm, Settings};
 use airloop_cosim::system::SystemGraph;
+use airloop_cosim::system::write::{Version, write as write_system};
 use airloop_fmi::InterfaceKind;
 use airloop_testing::slave::{connection, ssd, write};
 use airloop_testing::vector;
@@ -131,4 +132,23 @@ fn a_length_that_is_none_is_refused_with_its_place() {
     let text = ssd("", &component("a", 2).replace("u[2]", "u[3]"), "", "");
     let error = SystemGraph::open(&write(&folder, "system.ssd", &text)).unwrap_err().to_string();
     assert!(error.contains("u[3]"), "{error}");
+}
+
+#[test]
+fn components_in_unpacked_folders_are_packed_for_a_package() {
+    let folder = vector::folder();
+    unpack(&folder.path().join("vector.fmu"), &folder.path().join("unpacked"));
+    let text = ssd("", &component("a", 2), "", "").replace("vector.fmu", "unpacked");
+    let graph = SystemGraph::open(&write(&folder, "system.ssd", &text)).unwrap();
+    let package = folder.path().join("system.ssp");
+    write_system(&graph, &package, Version::default()).unwrap();
+    let again = SystemGraph::open(&package).unwrap();
+    let (one, other) = (simulate(&graph, Algorithm::GaussSeidel), simulate(&again, Algorithm::GaussSeidel));
+    assert_eq!(values(&one, "a.y[2]"), values(&other, "a.y[2]"));
+}
+
+/// Unpacks an archive into a folder that is made for it.
+fn unpack(archive: &std::path::Path, folder: &std::path::Path) {
+    let mut zip = zip::ZipArchive::new(std::fs::File::open(archive).unwrap()).unwrap();
+    zip.extract(folder).unwrap();
 }

@@ -147,7 +147,7 @@ fn platforms(graph: &SystemGraph, libraries: &[(String, Vec<u8>)]) -> Result<Vec
         .collect();
     own.sort();
     own.dedup();
-    let of = |fmu: &Fmu| fmu.platforms().into_iter().map(str::to_owned).collect::<Vec<_>>();
+    let of = |fmu: &Fmu| fmu.platforms().into_iter().map(as_in_fmi2).map(str::to_owned).collect::<Vec<_>>();
     let common: Vec<String> = own
         .iter()
         .filter(|platform| graph.components.iter().all(|component| of(&component.fmu).contains(platform)))
@@ -162,6 +162,18 @@ fn platforms(graph: &SystemGraph, libraries: &[(String, Vec<u8>)]) -> Result<Vec
         .map(|component| format!("{} {}", component.name, of(&component.fmu).join(", ")));
     let all: Vec<String> = std::iter::once(format!("library {}", own.join(", "))).chain(each).collect();
     Err(Error::NoPlatform(all.join("; ")))
+}
+
+/// Name of a platform in FMI 2.0, where it has one; components of FMI 3.0 call it otherwise.
+fn as_in_fmi2(platform: &str) -> &str {
+    match platform {
+        "x86_64-linux" => "linux64",
+        "x86-linux" => "linux32",
+        "x86_64-windows" => "win64",
+        "x86-windows" => "win32",
+        "x86_64-darwin" => "darwin64",
+        other => other,
+    }
 }
 
 /// All files of an archive.

@@ -15,6 +15,7 @@ mod package;
 mod source;
 mod tool;
 mod types;
+mod unpacked;
 mod xml;
 
 use std::io::Write;

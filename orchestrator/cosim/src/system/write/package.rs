@@ -14,7 +14,7 @@ use tempfile::TempDir;
 
 use super::document::{How, component_name, description, parameter_set};
 use super::source::{encoded, unique};
-use super::{Error, baked};
+use super::{Error, baked, unpacked};
 use crate::system::SystemGraph;
 
 /// Planned content of an archive: all texts are made, the FMUs are found.
@@ -33,6 +33,8 @@ impl Package {
             airloop_series::scratch::folder().map_err(|source| Error::Io { file: file.into(), source })?;
         let mut taken: Vec<PathBuf> = Vec::new();
         let mut known: Vec<(PathBuf, PathBuf)> = Vec::new();
+        // Archives and unpacked folders of the components as they are, with their names in the package.
+        let mut opened: Vec<(PathBuf, PathBuf)> = Vec::new();
         let (mut sources, mut sets, mut texts) = (Vec::new(), Vec::new(), Vec::new());
         for (index, component) in graph.components.iter().enumerate() {
             let path = &component.fmu.path;
@@ -45,14 +47,22 @@ impl Package {
                 known.push((out, name));
                 continue;
             }
-            let real = path.canonicalize().map_err(|source| Error::Io { file: path.clone(), source })?;
-            let name = match known.iter().find(|(other, _)| *other == real) {
+            let at = |source| Error::Io { file: path.clone(), source };
+            let real = path.canonicalize().map_err(at)?;
+            let name = match opened.iter().find(|(other, _)| *other == real) {
                 Some((_, name)) => name.clone(),
                 None => {
                     let stem = path.file_stem().unwrap_or_default().to_string_lossy();
                     let name = unique(&stem, "fmu", &taken);
                     taken.push(name.clone());
-                    known.push((real, name.clone()));
+                    opened.push((real.clone(), name.clone()));
+                    let packed = if real.is_dir() {
+                        unpacked::pack(&component.fmu, &out).map_err(at)?;
+                        out
+                    } else {
+                        real
+                    };
+                    known.push((packed, name.clone()));
                     name
                 }
             };

@@ -1,0 +1,34 @@
+#!/usr/bin/env bash
+# Builds the libraries of all FMUs for Windows (x86_64) with mingw, and packages every FMU with the binaries of both
+# platforms. Says what is missing, and stops, where the Rust target or the linker is not there.
+set -euo pipefail
+
+target=x86_64-pc-windows-gnu
+cd "$(dirname "${BASH_SOURCE[0]}")/.."
+
+fail() {
+    printf 'windows: %s\n' "$@" >&2
+    exit 1
+}
+
+command -v x86_64-w64-mingw32-gcc >/dev/null ||
+    fail "x86_64-w64-mingw32-gcc is not on the PATH. On Debian: apt-get install gcc-mingw-w64-x86-64-win32"
+[ -d "$(rustc --print sysroot)/lib/rustlib/$target" ] || rustup target add "$target" ||
+    fail "the standard library of Rust for $target is not there and could not be added: rustup target add $target"
+
+packages=()
+names=()
+for manifest in fmus/*/Cargo.toml; do
+    grep -q cdylib "$manifest" || continue
+    packages+=(-p "$(sed -n 's/^name = "\(fmu-.*\)"/\1/p' "$manifest")")
+    names+=("$(sed -n '/^\[lib\]/,/^\[/s/^name = "\(.*\)"/\1/p' "$manifest")")
+done
+cargo build --release --target "$target" "${packages[@]}"
+
+built=${CARGO_TARGET_DIR:-target}
+out=$built/windows
+mkdir -p "$out/win64"
+for name in "${names[@]}"; do
+    cp "$built/$target/release/$name.dll" "$out/win64/"
+done
+cargo run --release -p packager -- --add-platform "$out"
