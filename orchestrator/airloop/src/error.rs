@@ -88,6 +88,14 @@ pub enum Error {
         /// Obstacle.
         problem: String,
     },
+    /// A single file that is to be written.
+    #[error("output file {}: {problem}", file.display())]
+    OutputFile {
+        /// File.
+        file: std::path::PathBuf,
+        /// Obstacle.
+        problem: String,
+    },
     /// The standard output.
     #[error("the standard output cannot be written: {0}")]
     Output(std::io::Error),
