@@ -17,8 +17,8 @@ FIGURES = {".svg", ".png"}
 
 
 def pages():
-    """Pages and figures under version control."""
-    listed = subprocess.run(["git", "ls-files"], cwd=ROOT, check=True, capture_output=True, text=True).stdout
+    """Pages and figures, but for what git ignores."""
+    listed = subprocess.run(["git", "ls-files", "--cached", "--others", "--exclude-standard"], cwd=ROOT, check=True, capture_output=True, text=True).stdout
     files = [Path(line) for line in listed.splitlines()]
     return [file for file in files if file.suffix in {".md", *FIGURES} and file.parts[0] != "modelDescriptions"]
 

@@ -56,9 +56,9 @@ def _fill():
         subprocess.run(["strip", str(program)], check=True)
     into = _fresh("fmu")
     # Those of folder `test` are for our own tests only; `template` holds the parts of which export-fmu makes FMUs.
-    for file in [*fmus.glob("*.fmu"), *fmus.glob("template/*.fmu")]:
+    for file in [*fmus.glob("*.fmu"), *fmus.glob("template/**/*.fmu")]:
         copy = into / file.relative_to(fmus)
-        copy.parent.mkdir(exist_ok=True)
+        copy.parent.mkdir(parents=True, exist_ok=True)
         shutil.copy2(file, copy)
     into = _fresh("examples")
     for name in EXAMPLE:
