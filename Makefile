@@ -1,5 +1,5 @@
 # `make demo` and `make test` work on a fresh machine with Rust, a C compiler and Python 3: each sets up what is missing first.
-.PHONY: demo test check bench study study-refine study-refine-messy study-systems study-laws study-foreign study-swing-up study-walker fmu setup setup-build clean
+.PHONY: demo docs test test-wheel wheel check bench study study-refine study-refine-messy study-systems study-laws study-foreign study-swing-up study-walker fmu setup setup-build clean
 export CARGO_NET_RETRY ?= 10
 # A build that happens once gains nothing from files for the next one; they cost a fifth of its time.
 ifdef CI
@@ -16,6 +16,19 @@ test: check          ## everything CI runs: checks, FMUs, Rust tests, FMI tests
 	cargo run --quiet -p packager
 	cargo test --workspace
 	AIRLOOP=target/debug/airloop .venv/bin/python -m pytest tests/fmpy
+
+wheel: setup-build   ## the Python package, with program and FMUs: out/wheel/airloop-*.whl
+	rm -rf out/wheel
+	cargo run --release --quiet -p packager
+	.venv/bin/python -m pip wheel --quiet --disable-pip-version-check --no-deps -w out/wheel ./python
+
+test-wheel: wheel    ## the wheel in a fresh environment, with its type stubs: python/tests
+	python/test.sh out/wheel
+
+docs: setup-build    ## the documentation site, every link checked: out/site/index.html
+	.venv/bin/python -m pip install --quiet --disable-pip-version-check -r docs/site/requirements.txt
+	.venv/bin/python docs/site/stage.py out/site-pages
+	.venv/bin/python -m mkdocs build --strict --quiet
 
 check: setup         ## formatting, lints, documentation, generated files, licenses
 	./check.sh

@@ -84,10 +84,11 @@ def test_library_needs_no_newer_glibc_than_its_documentation_states(fmu):
 
 
 @pytest.mark.skipif(not LINUX, reason="reads ELF files")
-def test_library_exports_exactly_the_functions_of_fmi_2(fmu):
+def test_library_exports_exactly_the_functions_of_fmi_2_and_3(fmu):
     lines = run("nm", "-D", "--defined-only", str(fmu.binary)).splitlines()
     exported = {line.split()[-1].split("@")[0] for line in lines}
-    assert exported == set(raw.FUNCTIONS)
+    # One library serves the archives of both versions (test_fmi3.py has the list of 3.0).
+    assert {name for name in exported if not name.startswith("fmi3")} == set(raw.FUNCTIONS)
 
 
 def test_version_and_types_platform(fmu):

@@ -1,4 +1,5 @@
-//! C types of FMI 2.0, spelled as in `fmi2TypesPlatform.h` and `fmi2FunctionTypes.h`.
+//! C types of FMI 2.0, spelled as in `fmi2TypesPlatform.h` and `fmi2FunctionTypes.h`; those of FMI 3.0 that differ are
+//! Rust's own, and a Boolean of 3.0 is a byte.
 //!
 //! Written by hand, so that an FMU library needs neither libclang nor a C compiler.
 
@@ -45,6 +46,8 @@ pub mod status_kind {
 
 /// `fmi2CallbackLogger`; variadic in C.
 pub type CallbackLogger = unsafe extern "C" fn(ComponentEnvironment, CString, Status, CString, CString, ...);
+/// `fmi3LogMessageCallback`
+pub type LogMessage = unsafe extern "C" fn(ComponentEnvironment, Status, CString, CString);
 /// `fmi2CallbackAllocateMemory`; not used.
 pub type CallbackAllocateMemory = unsafe extern "C" fn(usize, usize) -> *mut c_void;
 /// `fmi2CallbackFreeMemory`; not used.

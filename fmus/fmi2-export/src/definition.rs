@@ -47,6 +47,14 @@ impl<M: Model> Definition<M> {
     pub fn xml(&self) -> String {
         description::text(&M::IDENTITY, &self.table, &self.structure(), &self.guid)
     }
+
+    /// Text of `modelDescription.xml` of FMI 3.0; its instantiation token is the GUID.
+    ///
+    /// # Panics
+    /// Same as [`Definition::structure`].
+    pub fn xml_fmi3(&self) -> String {
+        crate::fmi3::text(&M::IDENTITY, &self.table, &self.structure(), &self.guid)
+    }
 }
 
 impl<M: Model> Default for Definition<M> {

@@ -11,7 +11,7 @@ use crate::units::Unit;
 use std::fmt::{Display, Write};
 
 /// Relative tolerance of `DefaultExperiment`.
-const TOLERANCE: f64 = 1e-8;
+pub(crate) const TOLERANCE: f64 = 1e-8;
 
 /// `modelDescription.xml` with the given GUID.
 pub fn text(identity: &Identity, table: &Table, structure: &Structure, guid: &str) -> String {
@@ -83,7 +83,8 @@ fn interfaces(x: &mut Xml, identity: &Identity) {
     );
 }
 
-fn units(x: &mut Xml, units: &[&Unit]) {
+/// `UnitDefinitions`, which are the same in all versions.
+pub(crate) fn units(x: &mut Xml, units: &[&Unit]) {
     if units.is_empty() {
         return;
     }
@@ -206,14 +207,16 @@ pub fn variability(v: Variability) -> &'static str {
     }
 }
 
-fn initial(i: Initial) -> &'static str {
+/// FMI spelling of `initial`.
+pub(crate) fn initial(i: Initial) -> &'static str {
     match i {
         Initial::Exact => "exact",
         Initial::Calculated => "calculated",
     }
 }
 
-fn dependency_kind(k: DependencyKind) -> &'static str {
+/// FMI spelling of the kind of a dependency.
+pub(crate) fn dependency_kind(k: DependencyKind) -> &'static str {
     match k {
         DependencyKind::Dependent => "dependent",
         DependencyKind::Constant => "constant",
@@ -248,22 +251,22 @@ pub fn escape(text: &str) -> String {
 }
 
 /// A start tag in the making.
-struct Element {
+pub(crate) struct Element {
     text: String,
 }
 
 impl Element {
-    fn new(name: &str) -> Self {
+    pub(crate) fn new(name: &str) -> Self {
         Self { text: format!("<{name}") }
     }
 
-    fn with(mut self, name: &str, value: impl Display) -> Self {
+    pub(crate) fn with(mut self, name: &str, value: impl Display) -> Self {
         let value = escape(&value.to_string());
         write!(self.text, " {name}=\"{value}\"").expect("writing to a String cannot fail");
         self
     }
 
-    fn with_some(self, name: &str, value: Option<impl Display>) -> Self {
+    pub(crate) fn with_some(self, name: &str, value: Option<impl Display>) -> Self {
         match value {
             Some(value) => self.with(name, value),
             None => self,
@@ -273,13 +276,13 @@ impl Element {
 
 /// Lines with indentation by depth.
 #[derive(Default)]
-struct Xml {
-    text: String,
+pub(crate) struct Xml {
+    pub(crate) text: String,
     depth: usize,
 }
 
 impl Xml {
-    fn line(&mut self, line: &str) {
+    pub(crate) fn line(&mut self, line: &str) {
         for _ in 0..self.depth {
             self.text.push_str("  ");
         }
@@ -287,16 +290,16 @@ impl Xml {
         self.text.push('\n');
     }
 
-    fn open(&mut self, element: Element) {
+    pub(crate) fn open(&mut self, element: Element) {
         self.line(&format!("{}>", element.text));
         self.depth += 1;
     }
 
-    fn empty(&mut self, element: Element) {
+    pub(crate) fn empty(&mut self, element: Element) {
         self.line(&format!("{}/>", element.text));
     }
 
-    fn close(&mut self, name: &str) {
+    pub(crate) fn close(&mut self, name: &str) {
         self.depth -= 1;
         self.line(&format!("</{name}>"));
     }

@@ -1,6 +1,7 @@
 //! The macro that turns a model into the exported C functions of an FMU library.
 
-/// Exports model `$model` as an FMU: all functions of `fmi2Functions.h` under their exact names.
+/// Exports model `$model` as an FMU: all functions of `fmi2Functions.h` and of `fmi3Functions.h` under their exact names,
+/// so that one library serves an archive of each version.
 ///
 /// Goes into a crate of type `cdylib`, once:
 ///
@@ -38,9 +39,10 @@ macro_rules! export_fmu {
             use super::*;
             use $crate::abi;
             use $crate::ctypes::{
-                Bool, CString, CallbackFunctions, Component, EventInfo, FmuState, Status, ValueReference,
+                Bool, CString, CallbackFunctions, Component, ComponentEnvironment, EventInfo, FmuState,
+                LogMessage, Status, ValueReference,
             };
-            use ::std::ffi::{c_char, c_int};
+            use ::std::ffi::{c_char, c_int, c_void};
 
             type Exported = $model;
             static DEFINITION: ::std::sync::OnceLock<$crate::Definition<Exported>> =
@@ -142,6 +144,7 @@ macro_rules! export_fmu {
                 fmi2GetBooleanStatus => get_boolean_status(kind: c_int, value: *mut Bool);
                 fmi2GetStringStatus => get_string_status(kind: c_int, value: *mut CString);
             }
+            $crate::export_fmi3_functions! {}
         }
     };
 }

@@ -1,4 +1,4 @@
-//! FMI 2.0 export for Rust: write one model, get an FMU with Co-Simulation and Model Exchange.
+//! FMI 2.0 and 3.0 export for Rust: write one model, get FMUs with Co-Simulation and Model Exchange.
 //!
 //! A model author implements [`Model`]: a variable table, equations generic over [`Scalar`], and where the model
 //! has them a sampled update, event indicators and events. One line, `fmi2_export::export_fmu!(MyModel);`, in a
@@ -17,6 +17,8 @@ pub mod description;
 mod directional;
 mod dual;
 mod export;
+mod export_fmi3;
+pub mod fmi3;
 mod fmu_state;
 mod inner_solver;
 mod input_ramp;

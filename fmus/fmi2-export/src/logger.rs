@@ -1,6 +1,7 @@
 //! Messages to the importer: categories, the switch of `fmi2SetDebugLogging`, the callback.
 
-use crate::ctypes::{CallbackLogger, ComponentEnvironment, Status};
+use crate::ctypes::{CallbackLogger, ComponentEnvironment, LogMessage, Status};
+use crate::fmi3::names;
 use std::ffi::CString;
 
 /// Log categories, as declared in `LogCategories`.
@@ -51,9 +52,20 @@ impl Category {
 const ALL: u8 = 0b1_1111;
 const STATUS_MESSAGES: u8 = ALL & !1;
 
+/// Callback of the importer.
+#[derive(Clone, Copy)]
+pub(crate) enum Callback {
+    /// None was given.
+    Nobody,
+    /// Of FMI 2.0, printf-like.
+    Two(CallbackLogger),
+    /// Of FMI 3.0, which takes plain text.
+    Three(LogMessage),
+}
+
 /// Destination of the messages of one instance, and the categories that are logged.
 pub(crate) struct Logger {
-    callback: Option<CallbackLogger>,
+    callback: Callback,
     environment: ComponentEnvironment,
     instance: CString,
     enabled: u8,
@@ -62,7 +74,7 @@ pub(crate) struct Logger {
 impl Logger {
     /// Without debug logging only messages about a status go out.
     pub fn new(
-        callback: Option<CallbackLogger>,
+        callback: Callback,
         environment: ComponentEnvironment,
         instance: &str,
         logging_on: bool,
@@ -94,22 +106,26 @@ impl Logger {
 
     /// True where a message of the category would be delivered.
     pub fn wants(&self, category: Category) -> bool {
-        self.callback.is_some() && self.enabled & category.bit() != 0
+        !matches!(self.callback, Callback::Nobody) && self.enabled & category.bit() != 0
     }
 
     pub fn log(&self, category: Category, message: &str) {
-        let Some(callback) = self.callback.filter(|_| self.wants(category)) else { return };
-        // The message is the format string of a printf-like function.
-        let message = to_c(&message.replace('%', "%%"));
-        let name = to_c(category.name());
-        crate::abi::call_logger(
-            callback,
-            self.environment,
-            &self.instance,
-            category.status(),
-            &name,
-            &message,
-        );
+        if !self.wants(category) {
+            return;
+        }
+        let (status, name) = (category.status(), to_c(category.name()));
+        match self.callback {
+            Callback::Nobody => {}
+            Callback::Two(callback) => {
+                // The message is the format string of a printf-like function.
+                let message = to_c(&message.replace('%', "%%"));
+                crate::abi::call_logger(callback, self.environment, &self.instance, status, &name, &message);
+            }
+            Callback::Three(callback) => {
+                let message = to_c(&names::in_message(message));
+                crate::abi::call_log_message(callback, self.environment, status, &name, &message);
+            }
+        }
     }
 }
 

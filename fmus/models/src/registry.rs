@@ -32,6 +32,8 @@ pub struct Entry {
     pub table: fn() -> Table,
     /// Writes `modelDescription.xml`; takes its time, since dependencies are searched for.
     pub xml: fn() -> String,
+    /// The same for FMI 3.0.
+    pub xml_fmi3: fn() -> String,
 }
 
 /// Values of Real parameters under a name.
@@ -118,6 +120,7 @@ fn entry<M: Model>(package: &'static str, shipped: bool, readme: &'static str) -
         resources: &[],
         table: || Table::of::<M>().1,
         xml: || Definition::<M>::new().xml(),
+        xml_fmi3: || Definition::<M>::new().xml_fmi3(),
     }
 }
 

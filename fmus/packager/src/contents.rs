@@ -34,6 +34,36 @@ pub fn licenses(root: &Path) -> Result<Vec<Member>, Error> {
         .collect()
 }
 
+/// Version of FMI of an archive; the library is the same.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Version {
+    /// FMI 2.0.
+    Two,
+    /// FMI 3.0.
+    Three,
+}
+
+impl Version {
+    /// Path of the picture of the model.
+    fn picture(self) -> &'static str {
+        match self {
+            Version::Two => "model.png",
+            Version::Three => "terminalsAndIcons/icon.png",
+        }
+    }
+
+    /// Folder of a platform below `binaries/`, given its name in FMI 2.0.
+    fn platform(self, two: &str) -> &str {
+        match (self, two) {
+            (Version::Two, name) => name,
+            (Version::Three, "linux64") => "x86_64-linux",
+            (Version::Three, "win64") => "x86_64-windows",
+            (Version::Three, "darwin64") => "x86_64-darwin",
+            (Version::Three, name) => name,
+        }
+    }
+}
+
 /// Everything in the FMU of one model, in the order of the archive.
 ///
 /// # Errors
@@ -44,20 +74,41 @@ pub fn of(
     libraries: &[&Library],
     licenses: &[Member],
 ) -> Result<Vec<Member>, Error> {
+    of_version(root, entry, libraries, licenses, Version::Two)
+}
+
+/// Same as [`of`] for either version of FMI.
+///
+/// # Errors
+/// Same as [`of`].
+pub fn of_version(
+    root: &Path,
+    entry: &Entry,
+    libraries: &[&Library],
+    licenses: &[Member],
+    version: Version,
+) -> Result<Vec<Member>, Error> {
     let table = (entry.table)();
-    let mut members = vec![Member::file("modelDescription.xml", (entry.xml)())];
+    let xml = match version {
+        Version::Two => entry.xml,
+        Version::Three => entry.xml_fmi3,
+    };
+    let mut members = vec![Member::file("modelDescription.xml", xml())];
     let mut libraries = libraries.to_vec();
     libraries.sort_by(|a, b| a.platform.cmp(&b.platform));
     for library in libraries {
         let extension = library.path.extension().unwrap_or_default().to_string_lossy();
-        let name = format!("binaries/{}/{}.{extension}", library.platform, library.model_identifier);
+        let platform = version.platform(&library.platform);
+        let name = format!("binaries/{platform}/{}.{extension}", library.model_identifier);
         let bytes = std::fs::read(&library.path).map_err(Error::file(&library.path))?;
         members.push(Member { executable: true, ..Member::file(name, bytes) });
     }
-    members.push(Member::file("documentation/index.html", documentation::page(entry, &table)));
+    let page = documentation::page(entry, &table);
+    let page = page.replace("../model.png", &format!("../{}", version.picture()));
+    members.push(Member::file("documentation/index.html", page));
     members.extend_from_slice(licenses);
     let picture = root.join("fmus").join(entry.identity.model_name).join("model.png");
-    members.push(Member::file("model.png", std::fs::read(&picture).map_err(Error::file(&picture))?));
+    members.push(Member::file(version.picture(), std::fs::read(&picture).map_err(Error::file(&picture))?));
     members.push(Member::folder("resources/"));
     for set in &entry.parameter_sets {
         let text = parameter_set::text(set, &table);

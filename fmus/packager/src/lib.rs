@@ -18,7 +18,7 @@ pub mod system;
 pub use error::Error;
 
 use airloop_models::registry::{self, Entry};
-use contents::Library;
+use contents::{Library, Version};
 use std::path::{Path, PathBuf};
 
 /// Sources of libraries and destination of FMUs.
@@ -58,8 +58,11 @@ pub fn package(request: &Request) -> Result<Vec<PathBuf>, Error> {
         });
         of_entry.extend(own);
         let path = fmu_path(&request.out, entry);
-        archive::write(&path, &contents::of(&request.root, entry, &of_entry, &licenses)?)?;
-        written.push(path);
+        for (version, path) in [(Version::Two, path.clone()), (Version::Three, fmi3_path(&path))] {
+            let members = contents::of_version(&request.root, entry, &of_entry, &licenses, version)?;
+            archive::write(&path, &members)?;
+            written.push(path);
+        }
     }
     written.push(system::package(request)?);
     Ok(written)
@@ -69,4 +72,10 @@ pub fn package(request: &Request) -> Result<Vec<PathBuf>, Error> {
 pub fn fmu_path(out: &Path, entry: &Entry) -> PathBuf {
     let folder = if entry.shipped { out.to_path_buf() } else { out.join("test") };
     folder.join(format!("{}.fmu", entry.identity.model_name))
+}
+
+/// Path of the FMU of FMI 3.0 beside that of 2.0: a folder `fmi3` in the same folder.
+pub fn fmi3_path(two: &Path) -> PathBuf {
+    let folder = two.parent().unwrap_or(Path::new("")).join("fmi3");
+    folder.join(two.file_name().unwrap_or_default())
 }

@@ -88,12 +88,23 @@ pub enum Error {
         /// Obstacle.
         problem: String,
     },
+    /// A single file that is to be written.
+    #[error("output file {}: {problem}", file.display())]
+    OutputFile {
+        /// File.
+        file: std::path::PathBuf,
+        /// Obstacle.
+        problem: String,
+    },
     /// The standard output.
     #[error("the standard output cannot be written: {0}")]
     Output(std::io::Error),
     /// Missing effects.
     #[error(transparent)]
     Refine(#[from] airloop_refine::Error),
+    /// New studies.
+    #[error(transparent)]
+    NewStudy(#[from] crate::new_study::Error),
     /// Plans.
     #[error(transparent)]
     Plan(#[from] airloop_plan::Error),

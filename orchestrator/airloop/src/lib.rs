@@ -9,6 +9,7 @@
 
 pub mod discrepancy;
 pub mod error;
+pub mod new_study;
 pub mod rig;
 
 pub use airloop_cosim as cosim;

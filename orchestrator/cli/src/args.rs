@@ -100,6 +100,15 @@ pub enum Command {
         #[command(subcommand)]
         command: super::effects::Command,
     },
+    /// The process of an FMU; other commands start it.
+    #[command(hide = true)]
+    FmuWorker,
+    /// Begin something of one's own with a file that explains itself.
+    New {
+        /// Beginning.
+        #[command(subcommand)]
+        command: super::new::Command,
+    },
     /// Print a completion script for a shell, e.g. `airloop completions bash >
     /// ~/.local/share/bash-completion/completions/airloop`.
     Completions {
@@ -174,6 +183,13 @@ pub struct RunArgs {
     /// the report. Simulated through Model Exchange with the step of the study.
     #[arg(long, value_name = "FILE", conflicts_with_all = ["data", "set", "stop", "step", "start", "tolerance"])]
     pub study: Option<PathBuf>,
+    /// Time between the rows of the result [s], e.g. 10ms: the communication points nearest to its multiples, with the
+    /// first and the last. Default: every communication point.
+    #[arg(long, value_parser = super::export::parse_step, value_name = "TIME", allow_hyphen_values = true)]
+    pub output_step: Option<f64>,
+    /// Processes of FMUs.
+    #[command(flatten)]
+    pub isolate: super::isolate::IsolateArgs,
     /// Folder for the results; it is made if it is not there.
     #[arg(short, long, value_name = "DIR", default_value = "out/run")]
     pub output: PathBuf,

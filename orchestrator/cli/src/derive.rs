@@ -39,6 +39,7 @@ pub struct Args {
 pub fn run(args: &Args) -> Result<ExitCode, Error> {
     let template = find(&args.template)?;
     let fmu = Fmu::open(&template)?;
+    super::folder::check_file(&args.output, &[&template])?;
     let start = args
         .set
         .iter()

@@ -102,6 +102,7 @@ pub(super) fn parse_step(text: &str) -> Result<f64, String> {
 /// Fails if the system cannot be read, amended or written.
 pub fn run(args: &Args) -> Result<ExitCode, Error> {
     let mut graph = SystemGraph::open_to_read(&args.system)?;
+    super::folder::check_file(&args.output, &[&args.system])?;
     for (name, value) in &args.set {
         graph.set_start(name, value, &format!("--set {name}={value}"))?;
     }

@@ -62,6 +62,7 @@ pub enum MasterChoice {
 /// Fails if the system cannot be read, has no interface or platform in common, or the FMU not be written.
 pub fn run(args: &Args) -> Result<ExitCode, Error> {
     let mut graph = SystemGraph::open_to_read(&args.system)?;
+    super::folder::check_file(&args.output, &[&args.system])?;
     for (name, value) in &args.set {
         graph.set_start(name, value, &format!("--set {name}={value}"))?;
     }

@@ -2,16 +2,19 @@
 //! an `exit` and an endless call become findings.
 
 use std::path::Path;
-use std::process::{Command, ExitStatus, Stdio};
+use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
 use airloop::Error;
 use airloop_fmi::check::{self, Finding, Severity};
+use airloop_fmi::isolate::{cause, confine};
 use airloop_fmi::{Fmu, trace};
 
 /// Files in the folder that both processes share.
 const FINDINGS: &str = "findings.json";
 const CALL: &str = "call";
+/// Most memory (address space) of the process \[bytes\].
+const MEMORY: u64 = 4 << 30;
 /// Time between two looks at the process.
 const LOOK: Duration = Duration::from_millis(5);
 
@@ -38,17 +41,19 @@ pub fn work(file: &Path, folder: &Path) -> Result<(), Error> {
 /// The worker cannot be started.
 pub fn findings(fmu: &Fmu, limit: Duration) -> Result<Vec<Finding>, Error> {
     let io = |source| airloop_cosim::system::Error::Io { file: fmu.shown.clone(), source };
-    let folder = tempfile::tempdir().map_err(io)?;
-    let mut child = Command::new(std::env::current_exe().map_err(io)?)
+    let folder = airloop_series::scratch::folder().map_err(io)?;
+    let mut command = Command::new(std::env::current_exe().map_err(io)?);
+    command
         .args(["inspect", "--check", "--worker"])
         .arg(folder.path())
         .arg("--")
-        .arg(&fmu.path)
+        .arg(std::path::absolute(&fmu.path).map_err(io)?)
+        .current_dir(folder.path())
         .stdin(Stdio::null())
         // What the FMU prints is no part of our output.
-        .stdout(Stdio::from(std::io::stderr()))
-        .spawn()
-        .map_err(io)?;
+        .stdout(Stdio::from(std::io::stderr()));
+    confine(&mut command, MEMORY);
+    let mut child = command.spawn().map_err(io)?;
     let began = Instant::now();
     let status = loop {
         match child.try_wait().map_err(io)? {
@@ -73,20 +78,4 @@ pub fn findings(fmu: &Fmu, limit: Duration) -> Result<Vec<Finding>, Error> {
         Some(status) => format!("the process of the FMU ended there by {}", cause(status)),
     };
     Ok(vec![Finding { severity: Severity::Error, rule: "process-lost".into(), element, message }])
-}
-
-fn cause(status: ExitStatus) -> String {
-    #[cfg(unix)]
-    if let Some(signal) = std::os::unix::process::ExitStatusExt::signal(&status) {
-        let name = match signal {
-            4 => " (SIGILL)",
-            6 => " (SIGABRT)",
-            7 => " (SIGBUS)",
-            8 => " (SIGFPE)",
-            11 => " (SIGSEGV)",
-            _ => "",
-        };
-        return format!("signal {signal}{name}");
-    }
-    status.code().map_or_else(|| status.to_string(), |code| format!("exit code {code}"))
 }

@@ -14,6 +14,8 @@ pub mod identify;
 pub mod inspect;
 pub mod inspect_system;
 mod inspect_worker;
+pub mod isolate;
+pub mod new;
 pub mod optimize;
 pub mod output;
 #[cfg(test)]
@@ -45,6 +47,9 @@ pub fn main() -> ExitCode {
         Ok(cli) => cli,
         Err(message) => return usage(&message),
     };
+    if !matches!(cli.command, Command::FmuWorker) {
+        airloop_fmi::last_words::install();
+    }
     let outcome = match cli.command {
         Command::Run(args) => run::run(&args),
         Command::Inspect(args) => inspect::run(&args),
@@ -59,12 +64,17 @@ pub fn main() -> ExitCode {
         Command::Optimize(args) => optimize::run(&args),
         Command::Refine(args) => refine::run(&args),
         Command::Effects { command } => effects::run(&command),
+        Command::FmuWorker => Ok(isolate::work()),
+        Command::New { command } => new::run(&command),
         Command::Completions { shell } => {
             let mut script = Vec::new();
             clap_complete::generate(shell, &mut Cli::command(), "airloop", &mut script);
             output::print(&String::from_utf8_lossy(&script)).map(|()| ExitCode::SUCCESS)
         }
     };
+    for note in airloop_fmi::isolate::take_notes() {
+        output::complain(&format!("note: {note}"));
+    }
     outcome.unwrap_or_else(|error| {
         output::complain(&format!("error: {error}"));
         // A setting out of range is wrong usage, be it a word on its own or only together with others.

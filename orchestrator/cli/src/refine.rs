@@ -80,6 +80,9 @@ pub struct Args {
     /// study.
     #[arg(long)]
     pub plan: bool,
+    /// Processes of FMUs.
+    #[command(flatten)]
+    pub isolate: super::isolate::IsolateArgs,
     /// Print nothing but errors.
     #[arg(short, long)]
     pub quiet: bool,
@@ -111,6 +114,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
         return plan(path);
     }
     check_folder(path, &args.output)?;
+    args.isolate.choose()?;
     parallel::use_threads(args.threads.map_or(0, usize::from));
     // Checked when the command line was read.
     let changed =
@@ -126,19 +130,14 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
     if let Some(folder) = &args.effects {
         question.take_effects(folder)?;
     }
-    let made = folder::make(&args.output)?;
-    let interrupt = Interrupt::new(&args.output, made);
+    let results = results_folder(path, &args.output)?;
+    let interrupt = Interrupt::new(&args.output, results.made());
     if let Some(time) = args.budget {
         stop::within(time);
     }
-    let (mut found, evidence) = question.answer(&settings, args.quiet).inspect_err(|_| {
-        if made {
-            // Only an empty folder can be removed this way.
-            let _ = std::fs::remove_dir(&args.output);
-        }
-    })?;
+    let (mut found, evidence) = question.answer(&settings, args.quiet)?;
     let interrupted = interrupt.begin_to_write();
-    let system = write_system(&question, &mut found, &args.output)?;
+    let system = write_system(&question, &mut found, results.path())?;
     let name = match &question {
         Question::Rig { case, .. } => case.declaration.id.clone(),
         Question::Study(file) => file.name(),
@@ -149,9 +148,10 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
         evidence: &evidence,
         settings: &settings,
         system: system.then_some(amend::FOLDER),
-        signals: args.output.join(amend::FOLDER).join(amend::SIGNALS).is_file(),
+        signals: results.path().join(amend::FOLDER).join(amend::SIGNALS).is_file(),
     };
-    airloop_report::write(&written, &args.output)?;
+    airloop_report::write(&written, results.path())?;
+    results.commit()?;
     if !args.quiet {
         print(&found, &evidence, &args.output, system)?;
     }
@@ -284,8 +284,17 @@ impl Question {
 
 /// Only an earlier report may be replaced.
 fn check_folder(case: &Path, folder: &Path) -> Result<(), Error> {
-    let mut names: BTreeSet<String> = airloop_report::FILES.map(str::to_owned).into();
-    names.insert(amend::FOLDER.into());
+    folder::check_where(folder, &[case.into()], &airloop_report::FILES.map(str::to_owned), earlier)
+}
+
+/// The folder of the report, taken for this command.
+fn results_folder(case: &Path, folder: &Path) -> Result<folder::Results, Error> {
+    let names = airloop_report::FILES.map(str::to_owned);
+    folder::Results::open_where(folder, &[case.into()], &names, earlier)
+}
+
+/// Files of a report without a list of its files.
+fn earlier(folder: &Path) -> BTreeSet<String> {
     let earlier = std::fs::read(folder.join("report.json")).unwrap_or_default();
     let earlier: serde_json::Value = serde_json::from_slice(&earlier).unwrap_or_default();
     let mut ours = BTreeSet::new();
@@ -293,9 +302,16 @@ fn check_folder(case: &Path, folder: &Path) -> Result<(), Error> {
         ours.extend(airloop_report::FILES.map(str::to_owned));
     }
     if earlier["amended_system"].is_string() {
-        ours.insert(amend::FOLDER.to_owned());
+        let files = std::fs::read_dir(folder.join(amend::FOLDER)).into_iter().flatten().flatten();
+        let files = files.map(|file| file.file_name().to_string_lossy().into_owned());
+        let text = std::fs::read_to_string(folder.join(amend::FOLDER).join("system.ssd")).unwrap_or_default();
+        let system = |name: &String| {
+            ["system.ssd", "system.ssp", amend::SIGNALS].contains(&name.as_str())
+                || text.contains(&format!("source=\"{name}\""))
+        };
+        ours.extend(files.filter(system).map(|name| format!("{}/{name}", amend::FOLDER)));
     }
-    folder::check_against(folder, &[case.into()], &names.into_iter().collect::<Vec<_>>(), &ours)
+    ours
 }
 
 /// Writes the amended system if there is anything to amend; where it cannot be, a note says why.

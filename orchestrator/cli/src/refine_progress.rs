@@ -77,6 +77,7 @@ impl Interrupt {
         let (own, folder) = (Arc::clone(&state), folder.to_owned());
         // Without a handler a signal ends the program as usual, so a failure here is no reason not to search.
         let _ = ctrlc::set_handler(move || {
+            airloop_fmi::isolate::interrupt();
             let change = |from, to| own.compare_exchange(from, to, Ordering::SeqCst, Ordering::SeqCst);
             if change(WRITING, ASKED).is_ok() {
                 return;
@@ -108,10 +109,7 @@ impl Interrupt {
 /// Says what is left of an interrupted search.
 fn leave(folder: &Path, made: bool) {
     let report: PathBuf = folder.join("report.json");
-    if made {
-        // Only an empty folder can be removed this way.
-        let _ = std::fs::remove_dir(folder);
-    }
+    super::folder::abandon(folder, made);
     let kept = match report.is_file() {
         true => format!("the earlier report in {} is as it was", folder.display()),
         false => "nothing was written".into(),

@@ -128,26 +128,30 @@ fn record(args: &RecordArgs) -> Result<ExitCode, Error> {
     sensor::check(&recordings, &sensors)?;
     let names: Vec<String> = recordings.iter().map(|recording| recording.name.clone()).collect();
     let names = [names, vec!["case.toml".to_owned()]].concat();
-    folder::check_against(&args.output, std::slice::from_ref(&source), &names, &earlier(&args.output))?;
-    folder::make(&args.output)?;
+    let results = folder::Results::open_where(&args.output, std::slice::from_ref(&source), &names, earlier)?;
     let mut text = String::new();
     for recording in &recordings {
-        let path = args.output.join(&recording.name);
+        let path = results.path().join(&recording.name);
         let measured = sensor::measure(recording, &sensors, args.seed)?;
         csv::write(&measured, &path)?;
         let role = if recording.estimation { "estimation" } else { "validation" };
         let columns: Vec<&str> = measured.channels().iter().map(|channel| channel.name.as_str()).collect();
-        text +=
-            &format!("{}: {} samples of {}, {role}\n", path.display(), measured.len(), columns.join(", "));
+        text += &format!(
+            "{}: {} samples of {}, {role}\n",
+            args.output.join(&recording.name).display(),
+            measured.len(),
+            columns.join(", ")
+        );
     }
     let id = args.output.file_name().map_or("rig".into(), |name| name.to_string_lossy().into_owned());
     let source = source.file_name().map_or("".into(), |name| name.to_string_lossy().into_owned());
     let case = case::text(&id, kind, &source, args.seed, args.step, &sensors, &recordings);
-    let path = args.output.join("case.toml");
+    let path = results.path().join("case.toml");
     airloop_series::file::write_whole(&path, |out| std::io::Write::write_all(out, case.as_bytes()))
         .map_err(|source| csv::Error::Io { path: path.clone(), source })?;
+    results.commit()?;
     if !args.quiet {
-        output::print(&format!("{text}{}\n", path.display()))?;
+        output::print(&format!("{text}{}\n", args.output.join("case.toml").display()))?;
     }
     Ok(ExitCode::SUCCESS)
 }

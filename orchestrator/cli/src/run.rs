@@ -1,5 +1,6 @@
 //! `airloop run`: simulate, write, compare, draw.
 
+use std::collections::HashSet;
 use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -16,6 +17,7 @@ use airloop::discrepancy::{self, residual};
 use airloop_cosim::master;
 use airloop_cosim::master::simulate::{self, End, Run, Stimulus, Watch};
 use airloop_cosim::master::{Algorithm, Effort};
+use airloop_cosim::results::Keep;
 use airloop_cosim::results::summary::{
     self, ConnectorRecord, CouplingRecord, EffortRecord, FmuRecord, Outcome, SCHEMA_VERSION, SignalRecord,
     Summary, Timings,
@@ -23,6 +25,7 @@ use airloop_cosim::results::summary::{
 use airloop_cosim::system;
 use airloop_cosim::system::SystemGraph;
 use airloop_cosim::system::graph::{DataType, Source};
+use airloop_fmi::Causality;
 use airloop_report::plot;
 use airloop_series::{Interpolation, TimeSeries, csv};
 
@@ -48,6 +51,7 @@ impl Record {
 /// # Errors
 /// Fails if the run cannot start, or its results cannot be written.
 pub fn run(args: &RunArgs) -> Result<ExitCode, Error> {
+    args.isolate.choose()?;
     if let Some(study) = &args.study {
         return run_study::run(args, study);
     }
@@ -111,20 +115,19 @@ pub fn run(args: &RunArgs) -> Result<ExitCode, Error> {
     let stimulus = data.map(|record| stimulus(record, args));
     note_texts(&graph, &mut notes);
     note_inputs(&graph, stimulus.as_ref(), &settings, &mut notes);
-    let made = folder::make(&args.output)?;
     let inputs = [&args.input, &args.measured, &args.signals].into_iter().flatten().chain([&args.system]);
     let names = ["result.csv", "summary.json", "index.html"].map(str::to_owned);
-    folder::check(&args.output, &inputs.cloned().collect::<Vec<_>>(), &names)?;
-
-    let run = simulate(&graph, &settings, stimulus.as_ref(), args.quiet, &stop).inspect_err(|_| {
-        if made {
-            // Only an empty folder can be removed this way.
-            let _ = std::fs::remove_dir(&args.output);
-        }
-    })?;
+    let needed = measured.is_some() || goal.is_some() || !args.no_plots;
+    check_size(&graph, &grid, args, needed)?;
+    let results = folder::Results::open(&args.output, &inputs.cloned().collect::<Vec<_>>(), &names)?;
+    let partial = Partial::new(&args.output)?;
+    let record = simulate::Record {
+        keep: Keep { interval: args.output_step, only_in_file: !needed },
+        file: Some(partial.file.try_clone().map_err(|error| partial.refused(&error))?),
+    };
+    let run = simulate(&graph, &settings, stimulus.as_ref(), args.quiet, &stop, record)?;
     notes.extend_from_slice(&run.notes);
-    folder::clear(&args.output)?;
-    csv::write(&run.result, &args.output.join("result.csv"))?;
+    partial.take(&results.path().join("result.csv"))?;
     let connectors = connectors(&graph, &run);
     let fits = match &measured {
         Some(measured) if run.result.len() > 1 => {
@@ -154,10 +157,11 @@ pub fn run(args: &RunArgs) -> Result<ExitCode, Error> {
     if !args.no_plots {
         summary.figures = plot::run::figure_files(&summary);
     }
-    summary::write(&summary, &args.output.join("summary.json"))?;
+    summary::write(&summary, &results.path().join("summary.json"))?;
     if !args.no_plots {
-        plot::run::draw(&args.output)?;
+        plot::run::draw(results.path())?;
     }
+    results.commit()?;
     if !args.quiet {
         output::print(&report::report(&summary, args))?;
     }
@@ -166,6 +170,74 @@ pub fn run(args: &RunArgs) -> Result<ExitCode, Error> {
         return Ok(ExitCode::from(super::INTERRUPTED));
     }
     Ok(exit(&run, args))
+}
+
+/// Refuses a result that does not fit into the memory, where it has to be there as a whole (`whole`).
+fn check_size(graph: &SystemGraph, grid: &master::Grid, args: &RunArgs, whole: bool) -> Result<(), Error> {
+    let variables = graph.components.iter().map(|component| &component.fmu.description.variables);
+    let outputs = variables.flatten().filter(|variable| variable.causality == Causality::Output).count();
+    let columns = (1 + graph.inputs.len() + graph.outputs.len() + outputs) as f64;
+    let step = args.output_step.map_or(grid.step(), |step| step.max(grid.step()));
+    let rows = if args.adaptive.adaptive { 0.0 } else { ((grid.stop() - grid.start()) / step).ceil() + 1.0 };
+    // Once as recorded, once as a table, once as read for the figures.
+    let bytes = 3.0 * 8.0 * rows * columns;
+    let free = free_memory();
+    if !whole || bytes <= free {
+        return Ok(());
+    }
+    let gib = |bytes: f64| format!("{:.1} GiB", bytes / f64::from(1 << 30));
+    Err(Error::OutputFolder {
+        folder: args.output.clone(),
+        problem: format!(
+            "{rows} rows of {columns} columns need about {} of memory, and {} are free; give a longer --output-step or --step, or --no-plots and no measurement, with which rows only go to the file",
+            gib(bytes),
+            gib(free)
+        ),
+    })
+}
+
+/// Memory that is free \[bytes\]; where the system does not say, without end.
+fn free_memory() -> f64 {
+    let text = std::fs::read_to_string("/proc/meminfo").unwrap_or_default();
+    let line = text.lines().find_map(|line| line.strip_prefix("MemAvailable:"));
+    let kib = line.and_then(|line| line.trim().strip_suffix("kB")?.trim().parse::<f64>().ok());
+    kib.map_or(f64::INFINITY, |kib| 1024.0 * kib)
+}
+
+/// The rows of a run that goes on, under a name that says so; removed if the run cannot start.
+struct Partial {
+    path: PathBuf,
+    file: std::fs::File,
+    taken: bool,
+}
+
+impl Partial {
+    fn new(folder: &Path) -> Result<Partial, Error> {
+        let path = folder.join(folder::PARTIAL);
+        let opened = std::fs::File::create(&path);
+        let file = opened.map_err(|source| csv::Error::Io { path: path.clone(), source })?;
+        Ok(Partial { path, file, taken: false })
+    }
+
+    fn refused(&self, error: &std::io::Error) -> Error {
+        let source = std::io::Error::new(error.kind(), error.to_string());
+        csv::Error::Io { path: self.path.clone(), source }.into()
+    }
+
+    /// Gives the rows the name of a result.
+    fn take(mut self, path: &Path) -> Result<(), Error> {
+        std::fs::rename(&self.path, path).map_err(|error| self.refused(&error))?;
+        self.taken = true;
+        Ok(())
+    }
+}
+
+impl Drop for Partial {
+    fn drop(&mut self) {
+        if !self.taken {
+            let _ = std::fs::remove_file(&self.path);
+        }
+    }
 }
 
 fn read(graph: &SystemGraph, file: &Path, table: &SignalTable) -> Result<Record, Error> {
@@ -307,6 +379,7 @@ pub(super) fn stop_flag() -> Arc<AtomicBool> {
     let flag = Arc::clone(&stop);
     // Without a handler a signal ends the program as usual, so a failure here is no reason not to run.
     let _ = ctrlc::set_handler(move || {
+        airloop_fmi::isolate::interrupt();
         if flag.swap(true, Ordering::Relaxed) {
             std::process::exit(i32::from(super::INTERRUPTED));
         }
@@ -321,6 +394,7 @@ fn simulate(
     stimulus: Option<&Stimulus>,
     quiet: bool,
     stop: &AtomicBool,
+    record: simulate::Record,
 ) -> Result<Run, Error> {
     let bar = match !quiet && std::io::stderr().is_terminal() {
         true => ProgressBar::new(0),
@@ -332,7 +406,8 @@ fn simulate(
         bar.set_length(all);
         bar.set_position(done);
     };
-    let run = simulate::run(graph, settings, stimulus, Watch { stop, progress: &mut progress });
+    let run =
+        simulate::run_recorded(graph, settings, stimulus, Watch { stop, progress: &mut progress }, record);
     bar.finish_and_clear();
     Ok(run?)
 }
@@ -356,7 +431,8 @@ fn connectors(graph: &SystemGraph, run: &Run) -> Vec<ConnectorRecord> {
         };
         record(&output.name, "output", &output.unit, held)
     });
-    inputs.chain(outputs).filter(|connector| run.result.channel(&connector.name).is_some()).collect()
+    let recorded: HashSet<&str> = run.result.channels().iter().map(|channel| channel.name.as_str()).collect();
+    inputs.chain(outputs).filter(|connector| recorded.contains(connector.name.as_str())).collect()
 }
 
 fn summarize(

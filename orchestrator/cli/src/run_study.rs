@@ -69,11 +69,9 @@ pub fn run(args: &RunArgs, study: &Path) -> Result<ExitCode, Error> {
     let found = replay(&file, &args.system)?;
     let names: Vec<String> =
         (0..found.records.len()).map(|k| format!("record_{}.csv", k + 1)).chain([SUMMARY.into()]).collect();
-    folder::make(&args.output)?;
-    folder::check(&args.output, &[args.system.clone(), study.to_owned()], &names)?;
-    folder::clear(&args.output)?;
+    let results = folder::Results::open(&args.output, &[args.system.clone(), study.to_owned()], &names)?;
     for (own, name) in found.records.iter().zip(&names) {
-        csv::write(&own.series, &args.output.join(name))?;
+        csv::write(&own.series, &results.path().join(name))?;
     }
     let records = found.records.iter().zip(&names).map(|(own, name)| Record {
         name: &own.record,
@@ -90,9 +88,10 @@ pub fn run(args: &RunArgs, study: &Path) -> Result<ExitCode, Error> {
         records: records.collect(),
         files: names.clone(),
     };
-    let path = args.output.join(SUMMARY);
+    let path = results.path().join(SUMMARY);
     airloop_series::file::write_json(&path, &summary)
         .map_err(|source| airloop_series::csv::Error::Io { path: path.clone(), source })?;
+    results.commit()?;
     if !args.quiet {
         output::print(&text(&found))?;
         output::print(&format!("\nresults  {}\n", args.output.display()))?;

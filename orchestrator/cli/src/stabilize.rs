@@ -95,9 +95,8 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
     let stabilized = stabilize(&mut prepared, plan, &settings)?;
     let design_time = began.elapsed().as_secs_f64();
 
-    folder::make(&args.output)?;
-    folder::clear(&args.output)?;
-    let (fmu, graph) = (args.output.join(CONTROLLER), &prepared.graph);
+    let results = folder::Results::open_beside(&args.output, &inputs, &names)?;
+    let (fmu, graph) = (results.path().join(CONTROLLER), &prepared.graph);
     let description = format!("Regulator with state estimator for a plan of {}", graph.name);
     write_fmu(&stabilized.controller, "controller", &description, &fmu)?;
     let states = &prepared.task.signals.states;
@@ -107,13 +106,13 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
         &stabilized,
         (states, &settings),
         &fmu,
-        &args.output,
+        results.path(),
     )?;
-    let copied = std::fs::copy(settings_file, args.output.join(SETTINGS));
+    let copied = std::fs::copy(settings_file, results.path().join(SETTINGS));
     copied.map_err(|source| PlanError::Io { file: settings_file.clone(), source })?;
-    csv::write(&record::gains(&stabilized, &prepared.catalog)?, &args.output.join(GAINS))?;
+    csv::write(&record::gains(&stabilized, &prepared.catalog)?, &results.path().join(GAINS))?;
     let result = run_closed_loop(&closed, &stabilized)?;
-    csv::write(&result, &args.output.join(CLOSED_LOOP))?;
+    csv::write(&result, &results.path().join(CLOSED_LOOP))?;
 
     let closed_name = closed.file_name().unwrap_or_default().to_string_lossy().into_owned();
     let files = [CONTROLLER, SETTINGS, GAINS, CLOSED_LOOP].map(String::from).into_iter().chain([closed_name]);
@@ -139,10 +138,12 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
     if !args.no_plots {
         summary.figures = plot::stabilize::figure_files(&summary);
     }
-    record::write(&summary, &args.output.join("summary.json"))?;
+    record::write(&summary, &results.path().join("summary.json"))?;
     if !args.no_plots {
-        plot::stabilize::draw(&args.output, &summary)?;
+        plot::stabilize::draw(results.path(), &summary)?;
     }
+    results.commit()?;
+    let closed = args.output.join(closed.file_name().unwrap_or_default());
     if !args.quiet {
         output::print(&report(&summary, &closed, &args.output))?;
     }

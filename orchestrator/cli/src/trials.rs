@@ -55,6 +55,9 @@ pub struct Args {
     /// Threads; default: one per processor, at most 8. Results do not depend on it.
     #[arg(long, value_name = "NUMBER", value_parser = clap::value_parser!(u32).range(1..=256))]
     pub threads: Option<u32>,
+    /// Processes of FMUs.
+    #[command(flatten)]
+    pub isolate: super::isolate::IsolateArgs,
     /// Folder for the results; it is made if it is not there.
     #[arg(short, long, value_name = "DIR", default_value = "out/trials")]
     pub output: PathBuf,
@@ -72,6 +75,7 @@ pub struct Args {
 /// Fails if the trials cannot be prepared or begun, or the results cannot be written.
 pub fn run(args: &Args) -> Result<ExitCode, Error> {
     let stop = run::stop_flag();
+    args.isolate.choose()?;
     if !(args.scale.is_finite() && args.scale >= 0.0) {
         let problem = format!("{}; allowed: a finite number of at least 0", args.scale);
         return Err(PlanError::Place { place: "--scale".into(), problem }.into());
@@ -106,10 +110,9 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
     }
     let interrupted = stop.load(Ordering::Relaxed);
 
-    folder::make(&args.output)?;
-    folder::clear(&args.output)?;
-    write_trials(&ready, &done, &args.output.join(TRIALS))?;
-    csv::write(&trajectories(&done)?, &args.output.join(TRAJECTORIES))?;
+    let results = folder::Results::open(&args.output, &[system.clone(), file.clone()], &names)?;
+    write_trials(&ready, &done, &results.path().join(TRIALS))?;
+    csv::write(&trajectories(&done)?, &results.path().join(TRAJECTORIES))?;
     let shown = ready.shown();
     let number = |closed: bool| done.iter().filter(|trial| trial.closed == closed).count();
     let kept = |name: &String, closed: bool| {
@@ -145,10 +148,11 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
         files: vec![TRIALS.into(), TRAJECTORIES.into()],
         figures: if args.no_plots { Vec::new() } else { plot::stabilize::trial_figures(&shown) },
     };
-    record::write(&summary, &args.output.join("summary.json"))?;
+    record::write(&summary, &results.path().join("summary.json"))?;
     if !args.no_plots {
-        plot::stabilize::draw_trials(&args.output, &summary, &shown)?;
+        plot::stabilize::draw_trials(results.path(), &summary, &shown)?;
     }
+    results.commit()?;
     if !args.quiet {
         output::print(&report(&summary, &args.output))?;
     }

@@ -131,6 +131,7 @@ impl Archive {
         }
         limit("the size of the archive in bytes", metadata.len(), limits.total_size)?;
         let file = File::open(path).map_err(ArchiveError::Read)?;
+        check_directory(&file, metadata.len(), limits)?;
         let mut zip = ZipArchive::new(BufReader::new(file)).map_err(not_a_zip)?;
         let directory = File::open(path).map_err(ArchiveError::Read)?;
         let stored = stored_names(directory, zip.central_directory_start())?;
@@ -176,7 +177,7 @@ impl Archive {
 
     /// Writes all files into a new temporary folder.
     pub(super) fn unpack(mut self) -> Result<Unpacked, ArchiveError> {
-        let folder = tempfile::Builder::new().prefix("airloop-").tempdir().map_err(ArchiveError::Folder)?;
+        let folder = airloop_series::scratch::folder().map_err(ArchiveError::Folder)?;
         let (mut files, mut folders) = (Vec::new(), Vec::new());
         for index in 0..self.zip.len() {
             let name = self.zip.name_for_index(index).expect("index is below len").to_owned();
@@ -241,6 +242,24 @@ fn limit(what: &str, found: u64, limit: u64) -> Result<(), ArchiveError> {
 
 fn not_a_zip(error: ZipError) -> ArchiveError {
     ArchiveError::NotAZip(error.to_string())
+}
+
+/// Refuses a list of entries that is too long before anything of it is read into memory.
+fn check_directory(mut file: &File, size: u64, limits: &Limits) -> Result<(), ArchiveError> {
+    const SIGNATURE: &[u8] = b"PK\x05\x06";
+    /// Bytes of the record at the end, and of the longest comment behind it.
+    const LONGEST: u64 = 22 + 0xffff;
+    /// Bytes of an entry in the list, with a long name.
+    const ENTRY: u64 = 1024;
+    file.seek(SeekFrom::Start(size.saturating_sub(LONGEST))).map_err(ArchiveError::Read)?;
+    let mut end = Vec::new();
+    file.take(LONGEST).read_to_end(&mut end).map_err(ArchiveError::Read)?;
+    let Some(at) = end.windows(4).rposition(|bytes| bytes == SIGNATURE) else { return Ok(()) };
+    let Some(record) = end.get(at..at + 22) else { return Ok(()) };
+    let entries = u64::from(u16::from_le_bytes([record[10], record[11]]));
+    let bytes = u64::from(u32::from_le_bytes([record[12], record[13], record[14], record[15]]));
+    limit("the number of entries", entries, limits.entries as u64)?;
+    limit("the size of the list of entries in bytes", bytes, limits.entries as u64 * ENTRY)
 }
 
 /// The names in the central directory at `start`, repeated ones included, which [`ZipArchive`] merges silently.

@@ -122,6 +122,9 @@ pub enum Error {
     /// A call returned a status other than OK or Warning.
     #[error(transparent)]
     Call(Box<CallError>),
+    /// The worker process of the FMU ended, or had to be ended.
+    #[error(transparent)]
+    Lost(Box<LostError>),
     /// A call on an instance that returned `fmi2Fatal` before.
     #[error(
         "{component}: {function} not called, since {cause} returned fmi2Fatal before; make a new instance"
@@ -157,6 +160,56 @@ pub enum Error {
         function: &'static str,
     },
 }
+
+/// A worker process that ended in a call, or that was ended because the call exceeded a limit.
+#[derive(Debug, Clone)]
+pub struct LostError {
+    /// Instance name.
+    pub component: String,
+    /// The archive.
+    pub path: PathBuf,
+    /// C name of the function that the FMU was in.
+    pub function: &'static str,
+    /// Time of the instance \[s\], if it has one yet.
+    pub time: Option<f64>,
+    /// Signal, exit code or exceeded limit.
+    pub cause: String,
+    /// Last messages of the FMU, and last lines that it printed.
+    pub printed: Vec<String>,
+}
+
+impl LostError {
+    pub(crate) fn new(
+        component: &str,
+        path: &std::path::Path,
+        time: Option<f64>,
+        death: &crate::isolate::Death,
+    ) -> LostError {
+        let (component, path) = (component.to_owned(), path.to_owned());
+        let (cause, printed) = (death.cause.clone(), death.printed.clone());
+        LostError { component, path, function: death.function, time, cause, printed }
+    }
+}
+
+impl fmt::Display for LostError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}: the FMU {} was lost in {}", self.component, self.path.display(), self.function)?;
+        if let Some(time) = self.time {
+            write!(f, " at t = {time} s")?;
+        }
+        let advice = if self.cause.contains("did not return") {
+            "it may hang there, or need longer: --call-limit allows more"
+        } else if self.cause.contains("exit code") {
+            "a library must not end its process: report it to the author of the FMU"
+        } else {
+            "the library crashed: report it to the author of the FMU; if it needs much memory, --memory-limit allows more"
+        };
+        write!(f, ": {}; {advice}", self.cause)?;
+        self.printed.iter().try_for_each(|line| write!(f, "\n  FMU: {line}"))
+    }
+}
+
+impl std::error::Error for LostError {}
 
 /// A status that is not good, by its name in FMI 2.0.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

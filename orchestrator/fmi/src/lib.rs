@@ -13,6 +13,8 @@ mod error;
 mod fmi3;
 mod functions;
 mod instance;
+pub mod isolate;
+pub mod last_words;
 mod library;
 mod log;
 mod model;
@@ -29,7 +31,7 @@ pub use description::{
     LogCategory, ModelDescription, NamingConvention, RealAttributes, TypeDefinition, UnitDefinition, Unknown,
     UnreadVariable, Variability, Variable, VariableKind,
 };
-pub use error::{CallError, Error, Status};
+pub use error::{CallError, Error, LostError, Status};
 pub use instance::{Instance, StateHandle};
 pub use log::LogMessage;
 pub use model::{EventInfo, Model, StepEvent};

@@ -4,14 +4,16 @@
 
 use std::ffi::{CStr, c_char};
 use std::path::Path;
+use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 use fmi::fmi2::binding::Fmi2Binding;
 use fmi::fmi3::binding::Fmi3Binding;
 
-use super::error::Error;
+use super::error::{Error, LostError};
 use super::fmi3;
 use super::functions::{CommonFunctions, FirstFunctions, ModelFunctions, SlaveFunctions};
+use super::isolate::{self, Channel, Isolation};
 
 /// Names of the folder below `binaries/` that fit this machine, best first. FMI 2.0 names only the 32 and 64 bit
 /// x86 platforms; for others the tuples of FMI 3.0 are usual.
@@ -57,13 +59,22 @@ pub(super) struct Library {
     pub(super) model: Result<ModelFunctions, &'static str>,
     /// Whether an instance exists of an FMU that allows one only.
     pub(super) occupied: AtomicBool,
+    /// Where the functions come from.
     pub(super) origin: Origin,
-    _binding: Binding,
+    /// The process that the functions reach, where the library is not in this one.
+    pub(super) remote: Option<Arc<Channel>>,
+    // Keeps the code loaded that the function tables point into.
+    _binding: Option<Binding>,
 }
 
 impl Library {
     /// Loads `folder/inner` for the archive `path` and checks that it speaks FMI 2.0.
     pub(super) fn load(path: &Path, folder: &Path, inner: &str) -> Result<Self, Error> {
+        whole(&folder.join(inner)).map_err(|reason| Error::Load {
+            path: path.to_owned(),
+            library: inner.to_owned(),
+            reason,
+        })?;
         // SAFETY: loading runs the initializers of third-party code; whoever opens an FMU to run it trusts that code.
         let binding = unsafe { Fmi2Binding::new(folder.join(inner)) }.map_err(|error| Error::Load {
             path: path.to_owned(),
@@ -91,7 +102,8 @@ impl Library {
             }
         }
         let (origin, binding) = (Origin::Two(first), Binding::Two { _code: Box::new(binding) });
-        Ok(Library { common, slave, model, occupied: AtomicBool::new(false), origin, _binding: binding })
+        let occupied = AtomicBool::new(false);
+        Ok(Library { common, slave, model, occupied, origin, remote: None, _binding: Some(binding) })
     }
 
     /// Same as [`Self::load`] for a library of FMI 3.0.
@@ -119,8 +131,61 @@ impl Library {
             model: model.map(|_| fmi3::tables::MODEL),
             occupied: AtomicBool::new(false),
             origin: Origin::Three(Box::new(three)),
-            _binding: Binding::Three { _code: Box::new(binding) },
+            remote: None,
+            _binding: Some(Binding::Three { _code: Box::new(binding) }),
         })
+    }
+
+    /// Loads `folder/inner` for the archive `path` in a process of its own.
+    pub(super) fn in_worker(
+        path: &Path,
+        folder: &Path,
+        inner: &str,
+        isolation: &Isolation,
+    ) -> Result<Self, Error> {
+        let refused = |reason| Error::Load { path: path.to_owned(), library: inner.to_owned(), reason };
+        let channel = Channel::open(isolation, path)
+            .map_err(|error| refused(format!("no process of its own can be started: {error}")))?;
+        let texts = [path.to_string_lossy(), folder.to_string_lossy(), inner.into()];
+        let Some(found) = isolate::functions(&channel, texts.each_ref().map(AsRef::as_ref)) else {
+            let death = channel.death().cloned().unwrap_or_default();
+            let component = path.file_stem().unwrap_or_default().to_string_lossy();
+            return Err(Error::Lost(Box::new(LostError::new(&component, path, None, &death))));
+        };
+        let (first, common, slave, model) = found.map_err(refused)?;
+        let (occupied, origin) = (AtomicBool::new(false), Origin::Two(first));
+        Ok(Library { common, slave, model, occupied, origin, remote: Some(channel), _binding: None })
+    }
+}
+
+/// Refuses a file of the ELF format that is cut off: the system maps it and the first use of what is missing ends the
+/// process.
+fn whole(file: &Path) -> Result<(), String> {
+    use std::io::{Read, Seek, SeekFrom};
+    // A file that cannot be read is left to the loader, which says why.
+    let Ok(mut open) = std::fs::File::open(file) else { return Ok(()) };
+    let size = open.metadata().map_or(0, |data| data.len());
+    let mut head = [0_u8; 64];
+    if open.read_exact(&mut head).is_err() || head[..5] != *b"\x7fELF\x02" || head[5] != 1 {
+        return Ok(());
+    }
+    let number = |bytes: &[u8]| bytes.iter().rev().fold(0_u64, |sum, &byte| sum << 8 | u64::from(byte));
+    let (headers, count) = (number(&head[32..40]), number(&head[56..58]));
+    let mut table = vec![0_u8; 56 * usize::try_from(count).unwrap_or(0)];
+    let cut = |end: u64| {
+        format!(
+            "the file has {size} bytes where its header speaks of {end}: it is cut off; pack the FMU again"
+        )
+    };
+    if open.seek(SeekFrom::Start(headers)).and_then(|_| open.read_exact(&mut table)).is_err() {
+        return Err(cut(headers.saturating_add(56 * count)));
+    }
+    let end = |entry: &[u8]| number(&entry[8..16]).saturating_add(number(&entry[32..40]));
+    // Type 1: mapped into the memory.
+    let ends = table.chunks_exact(56).filter(|entry| number(&entry[..4]) == 1).map(end);
+    match ends.max().filter(|&end| end > size) {
+        Some(end) => Err(cut(end)),
+        None => Ok(()),
     }
 }
 

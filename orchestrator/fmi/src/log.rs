@@ -38,7 +38,7 @@ impl fmt::Display for LogMessage {
         if !self.category.is_empty() {
             write!(f, ", {}", self.category)?;
         }
-        write!(f, "] {}", self.text)
+        write!(f, "] {}", printable(&self.text))
     }
 }
 
@@ -71,16 +71,32 @@ pub(super) fn resolve(text: &str, name: impl Fn(char, u32) -> Option<String>) ->
     resolved + rest
 }
 
+/// Text without control characters, which a terminal would obey.
+pub(crate) fn printable(text: &str) -> String {
+    text.chars().map(|c| if c.is_control() && c != '\n' { '\u{fffd}' } else { c }).collect()
+}
+
+/// Told every message as it comes.
+type Mirror = Box<dyn Fn(&LogMessage) + Send + Sync>;
+
 /// The messages of one instance. The FMU may log from any thread.
-#[derive(Debug, Default)]
-pub(super) struct LogBuffer(Mutex<VecDeque<LogMessage>>);
+#[derive(Default)]
+pub(super) struct LogBuffer(Mutex<VecDeque<LogMessage>>, Option<Mirror>);
 
 impl LogBuffer {
+    /// A buffer that also passes all messages on.
+    pub(super) fn mirrored(mirror: impl Fn(&LogMessage) + Send + Sync + 'static) -> LogBuffer {
+        LogBuffer(Mutex::default(), Some(Box::new(mirror)))
+    }
+
     /// Adds a message; the oldest goes where there is no place.
     pub(super) fn push(&self, message: LogMessage) {
         let mut messages = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         if messages.len() == CAPACITY {
             messages.pop_front();
+        }
+        if let Some(mirror) = &self.1 {
+            mirror(&message);
         }
         messages.push_back(message);
     }

@@ -9,6 +9,7 @@ use tempfile::TempDir;
 use super::archive::{Archive, ArchiveError, Limits, Unpacked};
 use super::description::{Interface, ModelDescription};
 use super::error::Error;
+use super::isolate;
 use super::library::{Library, platform_folders};
 
 /// One of the two interfaces that are imported.
@@ -248,8 +249,18 @@ impl Fmu {
             return Ok(Arc::clone(library));
         }
         let inner = self.binary(identifier)?;
-        let load = if self.description.is_fmi3() { Library::load_fmi3 } else { Library::load };
-        let library = Arc::new(load(&self.shown, self.folder.path(), &inner)?);
+        let (shown, folder) = (&self.shown, self.folder.path());
+        let isolation = isolate::choice(&self.description.generation_tool);
+        let library = Arc::new(match isolation {
+            Some(_) if self.description.is_fmi3() => {
+                let reason =
+                    "FMUs of FMI 3.0 cannot run in a process of their own yet; leave out --isolate".into();
+                return Err(Error::Load { path: shown.clone(), library: inner, reason });
+            }
+            Some(isolation) => Library::in_worker(shown, folder, &inner, &isolation)?,
+            None if self.description.is_fmi3() => Library::load_fmi3(shown, folder, &inner)?,
+            None => Library::load(shown, folder, &inner)?,
+        });
         libraries.push((identifier.clone(), Arc::clone(&library)));
         Ok(library)
     }

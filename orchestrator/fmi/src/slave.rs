@@ -63,6 +63,7 @@ impl Slave {
         let do_step = self.0.slave_functions("fmi2DoStep")?.do_step;
         // SAFETY: the component is alive and belongs to this library.
         let status = unsafe { do_step(self.0.component(), t, h, no_set_state_prior.into()) };
+        super::last_words::leave();
         if status <= super::instance::WARNING {
             self.0.set_known_time(t + h);
             return Ok(StepStatus::Complete);
@@ -93,6 +94,7 @@ impl Slave {
                 terminated = 0;
             }
         }
+        super::last_words::leave();
         if let Some(time) = last_successful_time {
             self.0.set_known_time(time);
         }

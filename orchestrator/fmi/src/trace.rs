@@ -30,12 +30,6 @@ pub fn last_call(path: &Path) -> Option<String> {
     (!name.is_empty()).then(|| name.to_owned())
 }
 
-/// Whether calls are written down.
-#[inline]
-pub(crate) fn is_on() -> bool {
-    FILE.get().is_some()
-}
-
 /// Notes that `function` is called next.
 #[inline]
 pub(crate) fn enter(function: &str) {

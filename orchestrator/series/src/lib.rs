@@ -6,10 +6,12 @@
 pub mod compound_unit;
 pub mod csv;
 pub mod file;
+pub mod frame;
 mod header;
 pub mod random;
 pub mod resample;
 pub mod rows;
+pub mod scratch;
 pub mod stream;
 pub mod units;
 
@@ -89,6 +91,29 @@ impl TimeSeries {
             before = after;
         }
         Ok(TimeSeries { time, channels: Vec::new() })
+    }
+
+    /// A series with all its channels (name, unit, values), however many there are.
+    ///
+    /// # Errors
+    /// Same as [`TimeSeries::new`] and [`TimeSeries::push`].
+    pub fn with_channels(
+        time: Vec<f64>,
+        channels: Vec<(String, Option<String>, Vec<f64>)>,
+    ) -> Result<TimeSeries, Error> {
+        let mut series = TimeSeries::new(time)?;
+        let mut names = std::collections::HashSet::with_capacity(channels.len());
+        if let Some((name, ..)) = channels.iter().find(|(name, ..)| !names.insert(name)) {
+            return Err(Error::Duplicate { name: name.clone() });
+        }
+        drop(names);
+        for (name, unit, values) in channels {
+            if values.len() != series.time.len() {
+                return Err(Error::Length { name, found: values.len(), expected: series.time.len() });
+            }
+            series.channels.push(Channel { name, unit, values, words: false });
+        }
+        Ok(series)
     }
 
     /// Adds a channel with one value per time, shape \[n\], in `unit`.

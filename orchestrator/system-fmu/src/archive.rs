@@ -69,7 +69,7 @@ pub fn write(
         let path = path.to_owned();
         move |source| Error::File { path, source }
     };
-    let work = tempfile::tempdir().map_err(at(out))?;
+    let work = airloop_series::scratch::folder().map_err(at(out))?;
     let package = work.path().join("system.ssp");
     write::write(graph, &package, Version::V1_0)?;
     let mut members = Vec::new();

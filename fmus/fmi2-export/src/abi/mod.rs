@@ -6,12 +6,12 @@
 #![allow(unsafe_code, clippy::missing_safety_doc, missing_docs, clippy::too_many_arguments)]
 
 use crate::ctypes::{
-    Bool, CString as CText, CallbackFunctions, CallbackLogger, Component, ComponentEnvironment, Status,
-    ValueReference,
+    Bool, CString as CText, CallbackFunctions, CallbackLogger, Component, ComponentEnvironment, LogMessage,
+    Status, ValueReference,
 };
 use crate::definition::Definition;
 use crate::instance::Instance;
-use crate::logger::{Category, Logger};
+use crate::logger::{Callback, Category, Logger};
 use crate::model::{Model, Refusal};
 use crate::resources;
 use crate::start_values::{FILE, StartValues};
@@ -19,6 +19,7 @@ use crate::state_machine::{Function, Mode, allowed_states, is_allowed};
 use crate::values::Interface;
 
 mod co_simulation;
+pub mod fmi3;
 mod fmu_state;
 mod model_exchange;
 
@@ -43,6 +44,19 @@ pub(crate) fn call_logger(
     // SAFETY: the importer promises a printf-like logger that lives as long as the instance (section 2.1.5);
     // every pointer is a null-terminated text that outlives the call, and the format has no arguments.
     unsafe { callback(environment, instance.as_ptr(), status, category.as_ptr(), message.as_ptr()) }
+}
+
+/// Passes one message to an importer of FMI 3.0.
+pub(crate) fn call_log_message(
+    callback: LogMessage,
+    environment: ComponentEnvironment,
+    status: Status,
+    category: &CStr,
+    message: &CStr,
+) {
+    // SAFETY: the importer promises a callback that lives as long as the instance (FMI 3.0 section 2.3.1); every pointer
+    // is a null-terminated text that outlives the call.
+    unsafe { callback(environment, status, category.as_ptr(), message.as_ptr()) }
 }
 
 thread_local! {
@@ -166,10 +180,26 @@ pub unsafe fn instantiate<M: Model>(
 ) -> Component {
     // SAFETY: null or a structure of callbacks that is valid during the call (section 2.1.5).
     let functions = unsafe { functions.as_ref() };
-    let (callback, environment) =
-        functions.map_or((None, std::ptr::null_mut()), |f| (f.logger, f.component_environment));
+    let environment = functions.map_or(std::ptr::null_mut(), |f| f.component_environment);
+    let callback = functions.and_then(|f| f.logger).map_or(Callback::Nobody, Callback::Two);
+    let interface = match kind {
+        0 => Ok(Interface::ModelExchange),
+        1 => Ok(Interface::CoSimulation),
+        other => Err(format!("{other} is neither fmi2ModelExchange nor fmi2CoSimulation")),
+    };
+    make(definition, (callback, environment), interface, (name, guid, resource_location), logging_on != 0)
+}
+
+/// Makes an instance for an importer of any version; `texts` are instance name, GUID and place of the resources.
+fn make<M: Model>(
+    definition: &'static OnceLock<Definition<M>>,
+    (callback, environment): (Callback, ComponentEnvironment),
+    interface: Result<Interface, String>,
+    (name, guid, resource_location): (CText, CText, CText),
+    logging_on: bool,
+) -> Component {
     let name = text(name).filter(|n| !n.is_empty()).unwrap_or(M::IDENTITY.model_name);
-    let logger = Logger::new(callback, environment, name, logging_on != 0);
+    let logger = Logger::new(callback, environment, name, logging_on);
     let refuse = |logger: &Logger, message: &str| {
         logger.log(Category::Error, &format!("fmi2Instantiate: {message}"));
         std::ptr::null_mut()
@@ -178,12 +208,9 @@ pub unsafe fn instantiate<M: Model>(
         Ok(definition) => definition,
         Err(panic) => return refuse(&logger, &format!("the model's variable table is wrong: {panic}")),
     };
-    let interface = match kind {
-        0 => Interface::ModelExchange,
-        1 => Interface::CoSimulation,
-        other => {
-            return refuse(&logger, &format!("{other} is neither fmi2ModelExchange nor fmi2CoSimulation"));
-        }
+    let interface = match interface {
+        Ok(interface) => interface,
+        Err(message) => return refuse(&logger, &message),
     };
     let folder = text(resource_location).and_then(resources::folder);
     let derived = match catch(|| StartValues::read(folder.as_deref())) {
@@ -193,7 +220,7 @@ pub unsafe fn instantiate<M: Model>(
     if let Err(message) = check_guid(text(guid).unwrap_or("(none)"), &definition.guid, derived.as_ref()) {
         return refuse(&logger, &message);
     }
-    let (again, callback_logger) = (Logger::new(callback, environment, name, logging_on != 0), logger);
+    let (again, callback_logger) = (Logger::new(callback, environment, name, logging_on), logger);
     match catch(|| Instance::<M>::new(definition, derived, interface, callback_logger, folder)) {
         Ok(Ok(instance)) => Box::into_raw(Box::new(instance)).cast(),
         Ok(Err(Refusal::Discard(message) | Refusal::Error(message))) => refuse(&again, &message),

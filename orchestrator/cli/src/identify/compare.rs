@@ -161,9 +161,8 @@ fn write(
     let folder = &args.output;
     let figures = if args.no_plots { Vec::new() } else { figures(entries) };
     let names = plot::run::unique_files(figures.iter().map(|(name, _)| name.as_str()));
-    folder::check(folder, &[], &names)?;
-    folder::make(folder)?;
-    folder::clear(folder)?;
+    let results = folder::Results::open(folder, &[], &names)?;
+    let folder = results.path();
     let order = |family| compare::enough(entries, family).map(|entry| entry.order);
     let summary = Summary {
         schema_version: SCHEMA_VERSION,
@@ -179,7 +178,6 @@ fn write(
         figures: &names,
         files: ["compare.csv"],
     };
-    // First the summary: it lists what a later run has to remove.
     write_file(&folder.join("summary.json"), |out| {
         serde_json::to_writer_pretty(&mut *out, &summary)?;
         out.write_all(b"\n")
@@ -196,7 +194,8 @@ fn write(
         tables: vec![self::table(entries), notes(entries)],
         figures: figures.into_iter().map(|(_, svg)| svg).collect(),
     };
-    write_file(&folder.join("index.html"), |out| out.write_all(fit_page::html(&page).as_bytes()))
+    write_file(&folder.join("index.html"), |out| out.write_all(fit_page::html(&page).as_bytes()))?;
+    results.commit()
 }
 
 fn write_file(path: &Path, content: impl FnOnce(&mut dyn Write) -> std::io::Result<()>) -> Result<(), Error> {

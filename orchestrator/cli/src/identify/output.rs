@@ -56,12 +56,11 @@ impl Results {
         Results { summary, model, series, ready: Vec::new(), texts: Vec::new(), figures, tables: Vec::new() }
     }
 
-    /// Writes everything into `folder`, which then holds nothing of an earlier result, and gives the summary as
-    /// written.
+    /// Writes everything for `folder`; gives the summary as written, and the files that are still to be put there.
     ///
     /// # Errors
     /// Fails if a file or the folder cannot be made, removed or written.
-    pub fn write(mut self, folder: &Path) -> Result<Summary, Error> {
+    pub fn write(mut self, folder: &Path) -> Result<(Summary, folder::Results), Error> {
         let named = self.figures.iter().map(|(name, _)| name.as_str());
         self.summary.figures = plot::run::unique_files(named);
         let tables = self.series.iter().map(|(name, _)| name.clone());
@@ -71,11 +70,9 @@ impl Results {
         let all = [&self.summary.figures, &self.summary.files].into_iter().flatten().cloned();
         let all: Vec<String> = all.chain(["index.html", "summary.json"].map(str::to_owned)).collect();
         // Names of figures are known only now.
-        folder::check(folder, &[], &all)?;
-        folder::make(folder)?;
-        folder::clear(folder)?;
+        let results = folder::Results::open(folder, &[], &all)?;
+        let folder = results.path();
         let write = |name: &str, text: &str| write_text(&folder.join(name), text);
-        // First the summary: it lists what a later run has to remove.
         let path = folder.join("summary.json");
         summary::write(&self.summary, &path).map_err(|source| csv::Error::Io { path, source })?;
         file::save(&self.model, &folder.join("model.toml"))?;
@@ -93,7 +90,7 @@ impl Results {
             write(name, svg)?;
         }
         write("index.html", &fit_page::html(&self.page()))?;
-        Ok(self.summary)
+        Ok((self.summary, results))
     }
 
     fn page(&self) -> Page {

@@ -181,12 +181,13 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
         fmu.check(refined.model.order(), &[])?;
     }
     results.summary.files.extend(files);
-    let summary = results.write(&args.data.output)?;
+    let (summary, written) = results.write(&args.data.output)?;
     let mut text = report::report(&summary, &args.data.output);
     if let Some(fmu) = &fmu {
-        fmu.write(&refined.model, &report::headline(&summary), &args.data.output)?;
+        fmu.write(&refined.model, &report::headline(&summary), written.path())?;
         text += &format!("FMU:     {}\n", args.data.output.join(fmu.file()).display());
     }
+    written.commit()?;
     if !args.data.quiet {
         output::print(&text)?;
     }

@@ -113,10 +113,11 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
         began,
         plots: !args.no_plots,
     };
-    let summary = results.write(&args.output)?;
+    let (summary, written) = results.write(&args.output)?;
     if !args.no_plots {
-        plot::plan::draw(&args.output)?;
+        plot::plan::draw(written.path())?;
     }
+    written.commit()?;
     if !args.quiet {
         if let Some(table) = table {
             output::print(&table.text)?;

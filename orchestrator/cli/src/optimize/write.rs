@@ -95,12 +95,11 @@ pub struct Results<'a> {
 }
 
 impl Results<'_> {
-    /// Writes everything but the figures into `folder`, which then holds nothing of an earlier result; gives the
-    /// summary.
+    /// Writes everything but the figures for `folder`; gives the summary, and the files that are still to be put there.
     ///
     /// # Errors
     /// Fails if a file or the folder cannot be made, removed or written.
-    pub fn write(&self, folder: &Path) -> Result<Summary, Error> {
+    pub fn write(&self, folder: &Path) -> Result<(Summary, folder::Results), Error> {
         let plan = self.solved.trajectory();
         let trajectory = table::trajectory(self.prepared, plan)?;
         let step = self.step();
@@ -132,9 +131,8 @@ impl Results<'_> {
         let files = tables.iter().map(|(name, _)| *name).chain([ITERATIONS]);
         let files: Vec<&str> = files.chain(self.table.map(|table| table.name)).collect();
         let summary = self.summary(&files, notes);
-        folder::make(folder)?;
-        folder::clear(folder)?;
-        // First the summary: it lists what a later run has to remove.
+        let results = folder::Results::open(folder, &[], &names())?;
+        let folder = results.path();
         record::write(&summary, &folder.join("summary.json")).map_err(airloop_report::plot::Error::from)?;
         for (name, series) in &tables {
             csv::write(series, &folder.join(name))?;
@@ -145,7 +143,7 @@ impl Results<'_> {
             written.map_err(|source| csv::Error::Io { path, source })?;
         }
         iterations(&self.solved.done, &folder.join(ITERATIONS))?;
-        Ok(summary)
+        Ok((summary, results))
     }
 
     /// Step of the command: the sample time, or a millisecond.

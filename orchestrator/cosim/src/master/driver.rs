@@ -4,8 +4,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use super::{Effort, Error, Settings};
-use crate::results::Recorder;
 use crate::results::summary::{AdaptiveRecord, Integration};
+use crate::results::{Keep, Recorder};
 use crate::system::SystemGraph;
 use airloop_series::TimeSeries;
 
@@ -66,8 +66,19 @@ pub struct Watch<'a> {
     pub progress: &'a mut dyn FnMut(u64, u64),
 }
 
-/// Steps between two looks at the clock.
+/// What is kept of a run, and where.
+#[derive(Debug, Default)]
+pub struct Record {
+    /// Rows that are kept.
+    pub keep: Keep,
+    /// File that the rows are written to while the run goes on.
+    pub file: Option<std::fs::File>,
+}
+
+/// Steps between two looks at the clock, where a step is short.
 const STEPS_PER_LOOK: u64 = 16;
+/// A step that takes longer is followed by a look at the clock.
+const LONG_STEP: Duration = Duration::from_millis(2);
 /// Time between two reports of progress.
 const REPORT_EVERY: Duration = Duration::from_millis(50);
 
@@ -104,14 +115,21 @@ pub(super) fn drive<'a, S: Simulation<'a>>(
     settings: &Settings,
     inputs: S::Inputs,
     watch: Watch,
+    record: Record,
 ) -> Result<Run, Error> {
     let began = Instant::now();
     let mut simulation = S::initialize(graph, settings, inputs)?;
     let mut rows = simulation.set_up(graph)?;
+    rows.keep(record.keep);
+    if let Some(file) = record.file {
+        rows.write_to(file).map_err(Error::Rows)?;
+    }
     let initialization = began.elapsed();
     let began = Instant::now();
     let mut reported = began;
-    let (mut end, mut steps) = (End::Completed, 0);
+    let (mut end, mut steps) = (End::Completed, 0_u64);
+    let mut look = STEPS_PER_LOOK;
+    let mut looked = began;
     while !simulation.is_finished() {
         if let Err(reason) = simulation.step(&mut rows) {
             end = reason;
@@ -122,13 +140,28 @@ pub(super) fn drive<'a, S: Simulation<'a>>(
             break;
         }
         steps += 1;
-        if steps % STEPS_PER_LOOK == 0 && reported.elapsed() > REPORT_EVERY {
-            reported = Instant::now();
-            let (done, all) = simulation.progress();
-            (watch.progress)(done, all);
+        // In the first moments of a run the file has at least half of its rows.
+        let mut write = steps.is_power_of_two();
+        if steps % look == 0 {
+            let now = Instant::now();
+            look = if now - looked > LONG_STEP * look as u32 { 1 } else { STEPS_PER_LOOK };
+            looked = now;
+            write |= rows.is_due();
+            if now - reported > REPORT_EVERY {
+                reported = now;
+                let (done, all) = simulation.progress();
+                (watch.progress)(done, all);
+            }
+        }
+        if write && let Err(source) = rows.write_out(false) {
+            end = End::Failed(Error::Rows(source));
+            break;
         }
     }
     let stepping = began.elapsed();
+    if let Err(source) = rows.write_out(true) {
+        end = End::Failed(Error::Rows(source));
+    }
     let mut run = Run {
         result: rows.finish()?,
         end,

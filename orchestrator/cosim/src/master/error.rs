@@ -85,6 +85,9 @@ pub enum Error {
         "{knots} knots of the inputs for {pieces} pieces; knots rise, and there is one more of them than pieces"
     )]
     Curves { knots: usize, pieces: usize },
+    /// The file of the rows cannot be written.
+    #[error("the rows of the result cannot be written: {0}; make room, or choose another folder")]
+    Rows(#[source] std::io::Error),
     /// Two columns of the result have one name.
     #[error("the result cannot be written: {0}")]
     Result(#[from] airloop_series::Error),

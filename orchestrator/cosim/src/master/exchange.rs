@@ -3,7 +3,7 @@
 //! Layout of each buffer: the inputs of the system, then the outputs of the components in evaluation order. All
 //! lists are made before the first step; a macro step only copies numbers.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::ops::{Deref, DerefMut, Range};
 
 use super::{Algorithm, Error, Values};
@@ -62,7 +62,7 @@ impl Wiring {
             .zip(&input_index)
             .map(|(input, &index)| slot(input.data_type, index))
             .collect();
-        let used: Vec<Source> = graph
+        let used: HashSet<Source> = graph
             .connections
             .iter()
             .map(|connection| connection.source)

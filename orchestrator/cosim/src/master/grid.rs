@@ -12,6 +12,8 @@ pub struct Grid {
     /// 0.007000000000000001) and agree bit by bit with times written as decimals.
     rate: Option<f64>,
     steps: u64,
+    /// A remainder below this fraction of a step is rounding.
+    slack: f64,
 }
 
 /// A remainder below this fraction of a step is rounding, not a step of its own.
@@ -43,9 +45,12 @@ impl Grid {
             let allowed = "large enough to move the time on by it (there are too many steps)";
             return Err(Error::Setting { name: "step", value: step, allowed });
         }
-        let steps = (ratio - MIN_FRACTION_OF_STEP).ceil().max(0.0) as u64;
+        // Large times are rounded by themselves: in seconds since 1970 to 0.2 microseconds.
+        let rounded = start.abs().max(stop.abs()) * f64::EPSILON / step;
+        let slack = (MIN_FRACTION_OF_STEP + 2.0 * rounded).min(0.5);
+        let steps = (ratio - slack).ceil().max(0.0) as u64;
         let rate = Some((1.0 / step).round()).filter(|rate| *rate >= 1.0 && 1.0 / rate == step);
-        Ok(Grid { start, stop, step, rate, steps })
+        Ok(Grid { start, stop, step, rate, steps, slack })
     }
 
     /// Number of steps.
@@ -72,7 +77,7 @@ impl Grid {
     /// Size \[s\] of the last step.
     pub fn last_step(&self) -> f64 {
         let last = self.stop - self.time(self.steps.saturating_sub(1));
-        if (last - self.step).abs() <= MIN_FRACTION_OF_STEP * self.step { self.step } else { last }
+        if (last - self.step).abs() <= self.slack * self.step { self.step } else { last }
     }
 
     /// Whether the last step is shorter than the others.
@@ -99,6 +104,17 @@ impl Grid {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn times_since_1970_rise_up_to_the_stop() {
+        let start = 1_700_000_000.0;
+        for (stop, step) in [(0.1, 0.001), (1.0, 0.003), (10.0, 0.01), (0.5, 1e-5)] {
+            let grid = Grid::new(start, start + stop, step).unwrap();
+            assert_eq!(grid.steps(), (stop / step - 0.05).ceil() as u64);
+            let times: Vec<f64> = (0..=grid.steps()).map(|k| grid.time(k)).collect();
+            assert!(times.windows(2).all(|pair| pair[0] < pair[1]), "{stop} {step}");
+        }
+    }
 
     #[test]
     fn points_of_a_millisecond_are_the_decimals() {

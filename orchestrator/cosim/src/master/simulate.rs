@@ -1,6 +1,6 @@
 //! Runs over a time span, with inputs from a series or from curves, by any of the masters.
 
-pub use super::driver::{End, Run, Watch};
+pub use super::driver::{End, Record, Run, Watch};
 pub use super::stimulus::{Curves, Stimulus};
 
 use super::adaptive::AdaptiveSteps;
@@ -22,7 +22,7 @@ pub fn run_along(
     watch: Watch,
 ) -> Result<Run, Error> {
     curves.check()?;
-    drive::<Monolith>(graph, settings, Inputs::along(graph, curves), watch)
+    drive::<Monolith>(graph, settings, Inputs::along(graph, curves), watch, Record::default())
 }
 
 /// Runs a system from start to stop and records all outputs at the communication points.
@@ -46,11 +46,25 @@ pub fn run(
     stimulus: Option<&Stimulus>,
     watch: Watch,
 ) -> Result<Run, Error> {
+    run_recorded(graph, settings, stimulus, watch, Record::default())
+}
+
+/// Same as [`run`], with a choice of rows, and with a file that they are written to while the run goes on.
+///
+/// # Errors
+/// Same as [`run`].
+pub fn run_recorded(
+    graph: &SystemGraph,
+    settings: &Settings,
+    stimulus: Option<&Stimulus>,
+    watch: Watch,
+    record: Record,
+) -> Result<Run, Error> {
     match (settings.algorithm, settings.adaptive) {
         (Algorithm::Monolithic, _) => {
-            drive::<Monolith>(graph, settings, Inputs::sampled(graph, stimulus), watch)
+            drive::<Monolith>(graph, settings, Inputs::sampled(graph, stimulus), watch, record)
         }
-        (_, Some(adaptive)) => drive::<AdaptiveSteps>(graph, settings, (adaptive, stimulus), watch),
-        (_, None) => drive::<FixedSteps>(graph, settings, stimulus, watch),
+        (_, Some(adaptive)) => drive::<AdaptiveSteps>(graph, settings, (adaptive, stimulus), watch, record),
+        (_, None) => drive::<FixedSteps>(graph, settings, stimulus, watch, record),
     }
 }

@@ -4,7 +4,8 @@
 //! JSON file.
 
 pub mod coupling_error;
+mod journal;
 pub mod recorder;
 pub mod summary;
 
-pub use recorder::{Column, Recorder, Slot};
+pub use recorder::{Column, Keep, Recorder, Slot};

@@ -1,12 +1,14 @@
 //! Samples of all values at the communication points.
 //!
-//! A row is a plain copy of the value buffers, into memory reserved before the first step. Names, units and the
-//! shift of discrete variables are only applied when the run is over.
+//! A row is a plain copy of the value buffers, into memory reserved before the first step. Names and units are only
+//! applied when rows are written ([`Recorder::write_out`]) or the run is over ([`Recorder::finish`]).
 
 use airloop_series::TimeSeries;
 
+use super::journal::Journal;
+
 /// Place of a column's value in the recorded buffers.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Slot {
     /// Index into the Real values.
     Real(usize),
@@ -33,59 +35,157 @@ pub struct Column {
     pub held: bool,
 }
 
+/// Which rows a recorder keeps, and where.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Keep {
+    /// Time between kept rows \[s\]; `None` keeps all. The first and the last row are always kept.
+    pub interval: Option<f64>,
+    /// Rows leave the memory once they are in the file of [`Recorder::write_to`].
+    pub only_in_file: bool,
+}
+
 /// Recorded rows.
-#[derive(Debug, Clone)]
+#[derive(Debug)]
 pub struct Recorder {
     columns: Vec<Column>,
+    /// Slots of the columns that are held, each once.
+    held: Vec<Slot>,
     time: Vec<f64>,
     reals: Vec<f64>,
     integers: Vec<i32>,
     booleans: Vec<bool>,
     width: [usize; 3],
-    /// There are values after the last row.
-    closed: bool,
+    keep: Keep,
+    /// Time of the first row \[s\], once it is known.
+    begin: Option<f64>,
+    /// Intervals of [`Keep::interval`] after which the next row is kept.
+    next: f64,
+    /// The last row is there only until another comes.
+    passing: bool,
+    journal: Option<Box<Journal>>,
+    /// Rows in memory that are in the journal.
+    written: usize,
 }
 
 /// Values reserved at most before the run (per type); longer runs grow while they run.
 const RESERVED_VALUES: usize = 1 << 25;
+/// The same where rows leave the memory.
+const RESERVED_IN_PASSING: usize = 1 << 16;
+/// Part of the interval by which a row may come early: times are sums of steps.
+const EARLY: f64 = 1e-6;
 
 impl Recorder {
     /// A recorder for buffers of `width` = \[Real, Integer, Boolean\] values and about `rows` rows.
     ///
     /// Up to 2^25 values (256 MiB of Reals) are reserved here; recording allocates only beyond that.
     pub fn new(columns: Vec<Column>, width: [usize; 3], rows: usize) -> Recorder {
-        let values = |width: usize| rows.saturating_mul(width).min(RESERVED_VALUES);
-        Recorder {
+        let mut held: Vec<Slot> = columns.iter().filter(|column| column.held).map(|c| c.slot).collect();
+        held.sort_unstable();
+        held.dedup();
+        let mut recorder = Recorder {
             columns,
-            time: Vec::with_capacity(values(1)),
-            reals: Vec::with_capacity(values(width[0])),
-            integers: Vec::with_capacity(values(width[1])),
-            booleans: Vec::with_capacity(values(width[2])),
+            held,
+            time: Vec::new(),
+            reals: Vec::new(),
+            integers: Vec::new(),
+            booleans: Vec::new(),
             width,
-            closed: false,
+            keep: Keep::default(),
+            begin: None,
+            next: 0.0,
+            passing: false,
+            journal: None,
+            written: 0,
+        };
+        recorder.reserve(rows, RESERVED_VALUES);
+        recorder
+    }
+
+    fn reserve(&mut self, rows: usize, most: usize) {
+        let values = |width: usize| rows.saturating_mul(width).min(most);
+        self.time.reserve_exact(values(1));
+        self.reals.reserve_exact(values(self.width[0]));
+        self.integers.reserve_exact(values(self.width[1]));
+        self.booleans.reserve_exact(values(self.width[2]));
+    }
+
+    /// Chooses the rows to keep, for a recorder with at most one row.
+    pub fn keep(&mut self, keep: Keep) {
+        self.keep = keep;
+        self.begin = self.time.first().copied();
+        self.next = if self.begin.is_some() { 1.0 } else { 0.0 };
+        if keep.only_in_file {
+            self.time.shrink_to_fit();
+            self.reals.shrink_to_fit();
+            self.integers.shrink_to_fit();
+            self.booleans.shrink_to_fit();
+            self.reserve(RESERVED_IN_PASSING, RESERVED_IN_PASSING);
         }
+    }
+
+    /// Writes the rows to a file, too, whenever [`Recorder::write_out`] is called.
+    ///
+    /// # Errors
+    /// The header cannot be written.
+    pub fn write_to(&mut self, file: std::fs::File) -> std::io::Result<()> {
+        let names = self.columns.iter().map(|column| column.name.as_str());
+        self.journal = Some(Box::new(Journal::new(file, names)?));
+        Ok(())
     }
 
     /// Copies the values at time `time` \[s\]; the buffers have the widths given to [`Recorder::new`].
     #[inline]
     pub fn record(&mut self, time: f64, reals: &[f64], integers: &[i32], booleans: &[bool]) {
         debug_assert_eq!([reals.len(), integers.len(), booleans.len()], self.width);
+        if let Some(last) = self.time.len().checked_sub(1) {
+            if self.passing {
+                self.time.truncate(last);
+                self.reals.truncate(last * self.width[0]);
+                self.integers.truncate(last * self.width[1]);
+                self.booleans.truncate(last * self.width[2]);
+            } else {
+                self.hold(last, reals, integers, booleans);
+            }
+        }
+        if let Some(interval) = self.keep.interval {
+            self.select(time, interval);
+        }
         self.time.push(time);
         self.reals.extend_from_slice(reals);
         self.integers.extend_from_slice(integers);
         self.booleans.extend_from_slice(booleans);
     }
 
+    /// Decides whether the row at `time` stays.
+    fn select(&mut self, time: f64, interval: f64) {
+        let intervals = (time - *self.begin.get_or_insert(time)) / interval;
+        self.passing = intervals < self.next - EARLY;
+        if !self.passing {
+            self.next = (intervals + EARLY).floor() + 1.0;
+        }
+    }
+
+    /// Gives the held columns of a row the values that were read after the step that begins there.
+    #[inline]
+    fn hold(&mut self, row: usize, reals: &[f64], integers: &[i32], booleans: &[bool]) {
+        for slot in &self.held {
+            match *slot {
+                Slot::Real(index) => self.reals[row * self.width[0] + index] = reals[index],
+                Slot::Integer(index) => self.integers[row * self.width[1] + index] = integers[index],
+                Slot::Boolean(index) => self.booleans[row * self.width[2] + index] = booleans[index],
+            }
+        }
+    }
+
     /// Adds the values after the events of the last row, which held columns have there.
     pub fn close(&mut self, reals: &[f64], integers: &[i32], booleans: &[bool]) {
         debug_assert_eq!([reals.len(), integers.len(), booleans.len()], self.width);
-        self.reals.extend_from_slice(reals);
-        self.integers.extend_from_slice(integers);
-        self.booleans.extend_from_slice(booleans);
-        self.closed = true;
+        if let Some(last) = self.time.len().checked_sub(1) {
+            self.hold(last, reals, integers, booleans);
+        }
     }
 
-    /// Number of rows so far.
+    /// Number of rows in memory.
     pub fn rows(&self) -> usize {
         self.time.len()
     }
@@ -100,32 +200,57 @@ impl Recorder {
         &self.columns
     }
 
-    /// The recorded series. Held columns are moved to the start of the interval they were held over; their
-    /// last row repeats the last value, or has that of [`Recorder::close`].
+    /// Whether rows wait for [`Recorder::write_out`] for longer than is good for whom a crash surprises.
+    pub fn is_due(&self) -> bool {
+        self.journal.as_ref().is_some_and(|journal| journal.is_due())
+    }
+
+    /// Writes the rows that do not change any more to the file of [`Recorder::write_to`]; `all`: the last one, too.
+    ///
+    /// # Errors
+    /// The file cannot be written, as on a full disk.
+    pub fn write_out(&mut self, all: bool) -> std::io::Result<()> {
+        let Some(mut journal) = self.journal.take() else { return Ok(()) };
+        let done = if all { self.rows() } else { self.rows().saturating_sub(1) };
+        let outcome = (self.written..done)
+            .try_for_each(|row| {
+                journal.row(self.time[row], self.columns.iter().map(|column| self.value(column, row)))
+            })
+            .and_then(|()| journal.flush());
+        self.journal = Some(journal);
+        self.written = done;
+        if self.keep.only_in_file && !all && done > 0 {
+            self.time.drain(..done);
+            self.reals.drain(..done * self.width[0]);
+            self.integers.drain(..done * self.width[1]);
+            self.booleans.drain(..done * self.width[2]);
+            self.written = 0;
+        }
+        outcome
+    }
+
+    /// Value of a column as it is written.
+    fn value(&self, column: &Column, row: usize) -> f64 {
+        let value = match column.slot {
+            Slot::Real(index) => self.reals[row * self.width[0] + index],
+            Slot::Integer(index) => f64::from(self.integers[row * self.width[1] + index]),
+            Slot::Boolean(index) => f64::from(u8::from(self.booleans[row * self.width[2] + index])),
+        };
+        column.factor * value + column.offset
+    }
+
+    /// The recorded series, as far as it is in memory. A value of a held column stands at the start of the interval it
+    /// was held over; the last row repeats the last value, or has that of [`Recorder::close`].
     ///
     /// # Errors
     /// [`airloop_series::Error`] if times or column names repeat.
     pub fn finish(&self) -> Result<TimeSeries, airloop_series::Error> {
         let rows = self.rows();
-        let last = if self.closed { rows } else { rows.saturating_sub(1) };
-        let mut series = TimeSeries::new(self.time.clone())?;
-        for column in &self.columns {
-            let values = (0..rows)
-                .map(|row| {
-                    let row = if column.held { (row + 1).min(last) } else { row };
-                    let value = match column.slot {
-                        Slot::Real(index) => self.reals[row * self.width[0] + index],
-                        Slot::Integer(index) => f64::from(self.integers[row * self.width[1] + index]),
-                        Slot::Boolean(index) => {
-                            f64::from(u8::from(self.booleans[row * self.width[2] + index]))
-                        }
-                    };
-                    column.factor * value + column.offset
-                })
-                .collect();
-            series.push(column.name.clone(), column.unit.clone(), values)?;
-        }
-        Ok(series)
+        let channels = self.columns.iter().map(|column| {
+            let values = (0..rows).map(|row| self.value(column, row)).collect();
+            (column.name.clone(), column.unit.clone(), values)
+        });
+        TimeSeries::with_channels(self.time.clone(), channels.collect())
     }
 }
 
@@ -176,5 +301,50 @@ mod tests {
             recorder.record(k as f64, &[0.0], &[], &[]);
         }
         assert_eq!(recorder.reals.as_ptr(), before);
+    }
+
+    #[test]
+    fn an_interval_keeps_first_and_last_row_and_held_values_of_their_own_step() {
+        let columns = vec![column("x", Slot::Real(0), false), column("y", Slot::Real(1), true)];
+        let mut recorder = Recorder::new(columns, [2, 0, 0], 12);
+        recorder.keep(Keep { interval: Some(0.3), only_in_file: false });
+        for k in 0..=10 {
+            recorder.record(0.1 * f64::from(k), &[f64::from(k), 10.0 * f64::from(k)], &[], &[]);
+        }
+        let series = recorder.finish().unwrap();
+        assert_eq!(series.channel("x").unwrap().values, [0.0, 3.0, 6.0, 9.0, 10.0]);
+        // Each held value is that of the step that begins in the row, not of the next row that is kept.
+        assert_eq!(series.channel("y").unwrap().values, [10.0, 40.0, 70.0, 100.0, 100.0]);
+    }
+
+    #[test]
+    fn rows_in_a_file_are_those_of_the_series_and_leave_the_memory() {
+        let columns = || vec![column("x", Slot::Real(0), false), column("y", Slot::Real(1), true)];
+        let folder = tempfile::tempdir().unwrap();
+        let mut texts = Vec::new();
+        for only_in_file in [false, true] {
+            let path = folder.path().join(format!("{only_in_file}.csv"));
+            let mut recorder = Recorder::new(columns(), [2, 0, 0], 100);
+            recorder.keep(Keep { interval: None, only_in_file });
+            recorder.record(0.0, &[0.0, 0.0], &[], &[]);
+            recorder.write_to(std::fs::File::create(&path).unwrap()).unwrap();
+            for k in 1..100 {
+                recorder.record(f64::from(k), &[1.0 / f64::from(k), f64::from(k)], &[], &[]);
+                if k % 7 == 0 {
+                    recorder.write_out(false).unwrap();
+                }
+                assert!(!only_in_file || recorder.rows() < 9);
+            }
+            recorder.write_out(true).unwrap();
+            texts.push(std::fs::read_to_string(&path).unwrap());
+            if !only_in_file {
+                let whole = folder.path().join("whole.csv");
+                airloop_series::csv::write(&recorder.finish().unwrap(), &whole).unwrap();
+                texts.push(std::fs::read_to_string(whole).unwrap());
+            }
+        }
+        assert_eq!(texts[0].lines().count(), 101);
+        assert_eq!(texts[0], texts[1]);
+        assert_eq!(texts[0], texts[2]);
     }
 }

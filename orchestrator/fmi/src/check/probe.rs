@@ -63,7 +63,7 @@ impl Probe {
         let span = experiment.stop.map(|stop| stop - start).filter(|span| *span > 0.0);
         let step = experiment.step_size.filter(|step| *step > 0.0).or(span.map(|span| span / 100.0));
         // An FMU may take tiny steps inside and suggest an experiment of years.
-        let inner = fmu.interface(kind).and_then(|interface| interface.fixed_internal_step_size);
+        let inner = fmu.description.co_simulation.as_ref().and_then(|slave| slave.fixed_internal_step_size);
         let limit = inner.filter(|inner| *inner > 0.0).map_or(f64::INFINITY, |inner| MAX_INNER_STEPS * inner);
         let step = step.map(|step| step.min(limit));
         let runner = match kind {

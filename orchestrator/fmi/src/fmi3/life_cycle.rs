@@ -9,6 +9,7 @@ use fmi::fmi2::binding::{
 };
 
 use super::{Component, DISCARD, OK, Text, WARNING, component};
+use crate::description::layout::Resize;
 use crate::trace;
 
 /// An FMU that returns early this often in one step does not get on.
@@ -22,18 +23,21 @@ macro_rules! flag {
 }
 
 impl Component {
-    /// Sets the structural parameters that the description was read with.
+    /// Sets the structural parameters that the description was read with, all at once.
     pub(super) fn resize(&mut self) -> u32 {
-        for resize in self.layout.resizes.clone() {
-            let base = self.layout.wholes[resize.whole].base;
-            let status = self.configure(|component| {
-                component.set_whole(resize.whole, base, &[i64::from(resize.value) as u64])
-            });
-            if status > WARNING {
-                return status;
-            }
+        if self.layout.resizes.is_empty() {
+            return OK;
         }
-        OK
+        let resizes = std::mem::take(&mut self.layout.resizes);
+        let status = self.configure(|component| {
+            let set = |resize: &Resize| {
+                let base = component.layout.wholes[resize.whole].base;
+                component.set_whole(resize.whole, base, &[i64::from(resize.value) as u64])
+            };
+            resizes.iter().map(set).find(|status| *status > WARNING).unwrap_or(OK)
+        });
+        self.layout.resizes = resizes;
+        status
     }
 
     /// Does something in configuration mode.
@@ -52,6 +56,9 @@ impl Component {
             return status;
         }
         let worked = work(self);
+        if worked > WARNING {
+            return worked;
+        }
         trace::enter("fmi3ExitConfigurationMode");
         // SAFETY: as above.
         let status = unsafe { exit(self.instance) };

@@ -10,9 +10,11 @@ use std::sync::atomic::Ordering;
 
 use fmi::fmi2::binding::{fmi2CallbackFunctions, fmi2Type_fmi2CoSimulation, fmi2Type_fmi2ModelExchange};
 
-use super::error::Error;
+use super::error::{Error, LostError};
 use super::fmi3::{self, Component};
 use super::functions::{CommonFunctions, ModelFunctions, SlaveFunctions};
+use super::isolate;
+use super::last_words;
 use super::library::{Library, Origin};
 use super::log::{LogBuffer, LogMessage, airloop_fmi2_logger};
 use super::open::{Fmu, InterfaceKind};
@@ -30,6 +32,14 @@ mod values;
 unsafe extern "C" {
     fn calloc(count: usize, size: usize) -> *mut c_void;
     fn free(memory: *mut c_void);
+}
+
+/// Allocation and release of memory for FMUs.
+type Memory = (unsafe extern "C" fn(usize, usize) -> *mut c_void, unsafe extern "C" fn(*mut c_void));
+
+/// The functions that FMUs get for their memory.
+pub(super) fn memory() -> Memory {
+    (calloc, free)
 }
 
 /// Phase in the life of an instance, as far as dropping it depends on it.
@@ -54,6 +64,8 @@ pub struct Instance {
     slave: Option<SlaveFunctions>,
     model: Option<ModelFunctions>,
     name: String,
+    /// Component and FMU in messages.
+    label: Box<str>,
     kind: InterfaceKind,
     phase: Phase,
     time: Option<f64>,
@@ -120,12 +132,14 @@ impl Instance {
             stepFinished: None,
             componentEnvironment: (&raw mut *log).cast(),
         });
+        let label: Box<str> = format!("{name}: the FMU {}", fmu.shown.display()).into();
         let component = match &library.origin {
             Origin::Two(functions) => {
                 let resources = string(&fmu.resources_uri(), "the path of the resources")?;
                 trace::enter("fmi2Instantiate");
+                last_words::enter(&label, "fmi2Instantiate");
                 // SAFETY: the strings live during the call, callbacks and log buffer until the component is freed.
-                unsafe {
+                let instantiate = || unsafe {
                     (functions.instantiate)(
                         c_name.as_ptr(),
                         fmi_type,
@@ -135,14 +149,27 @@ impl Instance {
                         0,
                         logging.into(),
                     )
+                };
+                match &library.remote {
+                    Some(channel) => isolate::with_channel(channel, instantiate),
+                    None => instantiate(),
                 }
             }
             Origin::Three(functions) => {
-                trace::enter("fmi3Instantiate");
+                let function = match kind {
+                    InterfaceKind::CoSimulation => "fmi3InstantiateCoSimulation",
+                    InterfaceKind::ModelExchange => "fmi3InstantiateModelExchange",
+                };
+                trace::enter(function);
+                last_words::enter(&label, function);
                 let names = (&c_name, &c_guid);
                 Component::instantiate(fmu, **functions, kind, names, logging, &raw const *log)
             }
         };
+        last_words::leave();
+        if let Some(death) = library.remote.as_ref().and_then(|channel| channel.death()) {
+            return Err(Error::Lost(Box::new(LostError::new(name, &fmu.shown, None, death))));
+        }
         if component.is_null() {
             library.occupied.store(false, Ordering::Release);
             let hint = if interface.needs_execution_tool {
@@ -166,6 +193,7 @@ impl Instance {
             slave,
             model,
             name: name.to_owned(),
+            label,
             kind,
             phase: Phase::Passive,
             time: None,
@@ -304,12 +332,18 @@ impl Instance {
         match self.phase {
             Phase::Abandoned(cause) => Err(self.dead(function, cause)),
             _ => {
-                if trace::is_on() {
-                    trace::enter(self.c_name(function));
-                }
+                self.enter(function);
                 Ok(())
             }
         }
+    }
+
+    /// Notes that `function` is called next.
+    #[inline]
+    fn enter(&self, function: &'static str) {
+        let function = self.c_name(function);
+        trace::enter(function);
+        last_words::enter(&self.label, function);
     }
 
     #[cold]
@@ -338,6 +372,10 @@ impl Instance {
 
 impl Drop for Instance {
     fn drop(&mut self) {
+        if self.library.remote.is_some() && matches!(self.phase, Phase::Abandoned(_)) {
+            isolate::forget(self.component);
+            return;
+        }
         if let Phase::Abandoned(_) = self.phase {
             // The FMU may still compute or log in the background: its code and what it was given stay.
             std::mem::forget(Arc::clone(&self.library));
@@ -348,23 +386,28 @@ impl Drop for Instance {
             return;
         }
         if self.phase == Phase::Active {
-            trace::enter(self.c_name("fmi2Terminate"));
+            self.enter("fmi2Terminate");
             // SAFETY: the component is alive and initialized. A refusal changes nothing about what follows.
             let status = unsafe { (self.functions.terminate)(self.component) };
+            last_words::leave();
             if status > 3 {
+                if self.library.remote.is_some() {
+                    isolate::forget(self.component);
+                }
                 return;
             }
         }
         if let Some(free_state) = self.functions.free_state {
-            trace::enter(self.c_name("fmi2FreeFMUstate"));
+            self.enter("fmi2FreeFMUstate");
             for mut state in self.states.drain() {
                 // SAFETY: the component is alive; each state was made by it and is freed once.
                 unsafe { free_state(self.component, &raw mut state) };
             }
         }
-        trace::enter(self.c_name("fmi2FreeInstance"));
+        self.enter("fmi2FreeInstance");
         // SAFETY: the component is alive and not used after this.
         unsafe { (self.functions.free_instance)(self.component) };
+        last_words::leave();
         self.library.occupied.store(false, Ordering::Release);
     }
 }

@@ -2,7 +2,9 @@
 
 use super::{Instance, Phase};
 use crate::description::VariableKind;
-use crate::error::{CallError, Error, Status};
+use crate::error::{CallError, Error, LostError, Status};
+use crate::isolate::{LOST, kept_back};
+use crate::last_words;
 use crate::log::{self, LogMessage};
 use crate::open::Fmu;
 
@@ -58,6 +60,7 @@ impl Instance {
 
     #[inline]
     pub(crate) fn check(&mut self, function: &'static str, status: u32) -> Result<(), Error> {
+        last_words::leave();
         if status <= WARNING { Ok(()) } else { Err(self.failure(function, status, None, Vec::new())) }
     }
 
@@ -69,6 +72,7 @@ impl Instance {
         references: &[u32],
         values: Option<&[f64]>,
     ) -> Result<(), Error> {
+        last_words::leave();
         if status <= WARNING { Ok(()) } else { self.reals_refused(function, status, references, values) }
     }
 
@@ -95,6 +99,7 @@ impl Instance {
         references: &[u32],
         value: impl Fn(usize) -> Option<String>,
     ) -> Result<(), Error> {
+        last_words::leave();
         if status <= WARNING {
             return Ok(());
         }
@@ -124,6 +129,16 @@ impl Instance {
         step: Option<f64>,
         variables: Vec<(String, Option<String>)>,
     ) -> Error {
+        let remote = self.library.remote.as_ref();
+        if let Some(death) = remote.filter(|_| status == LOST).and_then(|channel| channel.death()) {
+            self.phase = Phase::Abandoned(function);
+            return Error::Lost(Box::new(LostError::new(&self.name, &self.fmu.shown, self.time, death)));
+        }
+        // A setter that was sent together with the call.
+        let (function, status, variables) = match remote.and_then(|_| kept_back()) {
+            Some((setter, answer)) => (setter, answer, Vec::new()),
+            None => (function, status, variables),
+        };
         let status = match status {
             DISCARD => Status::Discard,
             3 => Status::Error,

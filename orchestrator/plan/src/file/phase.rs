@@ -7,7 +7,7 @@ use toml::Spanned;
 
 use super::quantity::{Quantity, QuantityOr, Raw};
 use super::source::Place;
-use super::value::{Entries, Parameters, Placed, Text, count, not_negative, one, same_schema};
+use super::value::{Entries, Parameters, Placed, Text, intervals, not_negative, one, same_schema};
 
 /// One phase of a motion.
 #[derive(Debug, Clone, PartialEq, Deserialize, JsonSchema)]
@@ -17,7 +17,7 @@ pub struct Phase {
     #[serde(default)]
     pub name: String,
     /// Intervals; default: those of the settings.
-    #[serde(default, deserialize_with = "count::<_, Option<usize>>")]
+    #[serde(default, deserialize_with = "intervals::<_, Option<usize>>")]
     #[schemars(range(min = 1))]
     pub intervals: Option<usize>,
     /// Start values of parameters in this phase, such as a pinned mode.

@@ -12,7 +12,7 @@ use super::phase::{Bound, Condition, Cost, Duration, Phase, Rate, bounds_schema,
 use super::quantity::Quantity;
 use super::source::{Place, Source};
 use super::stick_figure::StickFigure;
-use super::value::{Choice, Entries, Parameters, Placed, Text, choice, choices, count, tolerance};
+use super::value::{Choice, Entries, Parameters, Placed, Text, choice, choices, count, intervals, tolerance};
 use crate::Error;
 use airloop_cosim::master::Algorithm;
 use airloop_ocp::transcription::Transcription;
@@ -199,7 +199,7 @@ pub struct Settings {
     #[schemars(schema_with = "choices::<Transcription>")]
     pub transcription: Transcription,
     /// Intervals of the last solve; default: 100.
-    #[serde(deserialize_with = "count")]
+    #[serde(deserialize_with = "intervals")]
     #[schemars(range(min = 1))]
     pub intervals: usize,
     /// Solves that lead there, each started from the one before, such as a coarse mesh.
@@ -269,7 +269,7 @@ pub struct Pass {
     #[schemars(schema_with = "choices::<Transcription>")]
     pub transcription: Option<Transcription>,
     /// Intervals.
-    #[serde(deserialize_with = "count")]
+    #[serde(deserialize_with = "intervals")]
     #[schemars(range(min = 1))]
     pub intervals: usize,
 }

@@ -204,6 +204,15 @@ pub fn count<'de, D: Deserializer<'de>, R: From<usize>>(deserializer: D) -> Resu
     checked(deserializer, "a whole number of at least 1", |value| *value >= 1)
 }
 
+/// A number of intervals: 1 to 100,000. A problem with more does not fit into the memory of a machine.
+pub fn intervals<'de, D: Deserializer<'de>, R: From<usize>>(deserializer: D) -> Result<R, D::Error> {
+    let value = count::<_, usize>(deserializer)?;
+    if value <= 100_000 {
+        return Ok(value.into());
+    }
+    Err(serde::de::Error::custom(format!("{value} intervals; allowed is a whole number of 1 to 100000")))
+}
+
 /// The default of factors and weights.
 pub(super) fn one() -> f64 {
     1.0

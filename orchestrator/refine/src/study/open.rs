@@ -51,7 +51,7 @@ fn piston(file: &File) -> Result<SystemGraph, Error> {
         let path = found.to_string_lossy().replace('&', "&amp;").replace('<', "&lt;").replace('"', "&quot;");
         text = text.replace(word, &path);
     }
-    let folder = tempfile::tempdir().map_err(|error| refuse(&error))?;
+    let folder = airloop_series::scratch::folder().map_err(|error| refuse(&error))?;
     let path = folder.path().join("system.ssd");
     std::fs::write(&path, text).map_err(|error| refuse(&error))?;
     SystemGraph::open_for(&path, InterfaceKind::ModelExchange).map_err(|error| refuse(&error))

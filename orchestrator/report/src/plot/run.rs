@@ -107,7 +107,11 @@ fn compare(
     })
 }
 
-/// Connectors that no comparison shows, by kind and unit; outputs first. Each group is one figure.
+/// Figures of groups of connectors; nobody looks at more.
+const MOST_FIGURES: usize = 60;
+
+/// Connectors that no comparison shows, by kind and unit; outputs first. Each group is one figure, at most
+/// [`MOST_FIGURES`].
 fn grouped(summary: &Summary) -> Vec<(String, Vec<&ConnectorRecord>)> {
     let mut groups: BTreeMap<(bool, String), Vec<&ConnectorRecord>> = BTreeMap::new();
     for connector in &summary.connectors {
@@ -125,6 +129,7 @@ fn grouped(summary: &Summary) -> Vec<(String, Vec<&ConnectorRecord>)> {
             figures.push((unit.clone(), some.to_vec()));
         }
     }
+    figures.truncate(MOST_FIGURES);
     figures
 }
 

@@ -18,7 +18,7 @@ use super::data::DataArgs;
 use super::linear_fmu::Wanted;
 use super::output::Results;
 use super::report;
-use crate::{folder, output};
+use crate::output;
 use airloop::Error;
 use airloop_ident::arx::Names;
 use airloop_ident::order_search::{self, Ranges};
@@ -117,24 +117,18 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
             "no validation files: the orders were judged on the last third of every file, the model is estimated from all of it; its estimation fits are no proof, give --validate".to_owned(),
         );
     }
-    let made = folder::make(&args.data.output)?;
-    let results = play::results(args, &loaded, estimated).inspect_err(|_| {
-        if made {
-            // Only an empty folder can be removed this way.
-            let _ = std::fs::remove_dir(&args.data.output);
-        }
-    });
-    let mut results: Results = results?;
+    let mut results: Results = play::results(args, &loaded, estimated)?;
     warnings.append(&mut loaded.data.notes);
     results.summary.warnings.splice(0..0, warnings);
     if let Some(candidates) = &candidates {
         orders::add(&mut results, candidates, &args.data.outputs);
     }
     results.summary.files.extend(fmu.as_ref().map(Wanted::file));
-    let summary = results.write(&args.data.output)?;
+    let (summary, written) = results.write(&args.data.output)?;
     if let (Some(wanted), Some(name)) = (&fmu, &args.fmu) {
-        fmu::write(wanted, name, &model, &args.data.output, &report::headline(&summary))?;
+        fmu::write(wanted, name, &model, written.path(), &report::headline(&summary))?;
     }
+    written.commit()?;
     if !args.data.quiet {
         let table = candidates
             .as_ref()

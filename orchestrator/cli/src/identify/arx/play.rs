@@ -226,7 +226,9 @@ fn table(
     data: &airloop_ident::record::Experiments,
     simulated: bool,
 ) -> Result<TableWriter, Error> {
-    let folder = &args.data.output;
+    // Next to the folder of the results, which is made and taken when they are complete.
+    let folder = args.data.output.ancestors().find(|folder| folder.is_dir());
+    let folder = &folder.unwrap_or(std::path::Path::new(".")).to_path_buf();
     let file = airloop_series::file::temporary(folder);
     let file = file.map_err(|source| csv::Error::Io { path: folder.clone(), source })?;
     let mut out = BufWriter::with_capacity(1 << 16, file);

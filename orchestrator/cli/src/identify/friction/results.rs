@@ -65,8 +65,8 @@ pub fn write(report: &Report, args: &Args) -> Result<String, Error> {
     let mut tables = tables("estimation", &report.estimation_tracks, report)?;
     tables.extend(tables_of_validation(report)?);
     let template = args.fmu.as_ref().map(|_| template_folder::template("friction", None)).transpose()?;
-    folder::make(to)?;
-    folder::clear(to)?;
+    let results = folder::Results::open(to, &[], &[])?;
+    let to = results.path();
     let mut files: Vec<String> = vec!["friction.toml".into()];
     files.extend(tables.iter().map(|(name, _)| name.clone()));
     files.extend(args.fmu.as_ref().map(|name| format!("{name}.fmu")));
@@ -79,7 +79,6 @@ pub fn write(report: &Report, args: &Args) -> Result<String, Error> {
         figures: figure_files.clone(),
         files,
     };
-    // First the summary: it lists what a later run has to remove.
     let json = serde_json::to_string_pretty(&summary).unwrap_or_default();
     write_text(&to.join("summary.json"), &(json + "\n"))?;
     write_text(&to.join("friction.toml"), &toml(report))?;
@@ -106,6 +105,7 @@ pub fn write(report: &Report, args: &Args) -> Result<String, Error> {
     if let (Some(name), Some(template)) = (&args.fmu, &template) {
         derive(template, &to.join(format!("{name}.fmu")), &derivation(name, report))?;
     }
+    results.commit()?;
     Ok(text(report, args, &page))
 }
 

@@ -29,7 +29,8 @@ pub(super) struct Package {
 
 impl Package {
     pub fn new(graph: &SystemGraph, how: How, file: &Path) -> Result<Package, Error> {
-        let derived = tempfile::tempdir().map_err(|source| Error::Io { file: file.into(), source })?;
+        let derived =
+            airloop_series::scratch::folder().map_err(|source| Error::Io { file: file.into(), source })?;
         let mut taken: Vec<PathBuf> = Vec::new();
         let mut known: Vec<(PathBuf, PathBuf)> = Vec::new();
         let (mut sources, mut sets, mut texts) = (Vec::new(), Vec::new(), Vec::new());

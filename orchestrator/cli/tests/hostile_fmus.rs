@@ -1,0 +1,225 @@
+//! FMUs that crash, exit, hang and lie, in processes of their own: each run ends with the right words, keeps what it
+//! has, and leaves nothing behind.
+#![cfg(target_os = "linux")]
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+use std::time::{Duration, Instant};
+
+use airloop_testing::c_fmu;
+use tempfile::TempDir;
+
+const DESCRIPTION: &str = r#"<?xml version="1.0" encoding="UTF-8"?>
+<fmiModelDescription fmiVersion="2.0" modelName="m" guid="g">
+  <ModelExchange modelIdentifier="m"/>
+  <CoSimulation modelIdentifier="m" canHandleVariableCommunicationStepSize="true"/>
+  <ModelVariables>
+    <ScalarVariable name="u" valueReference="0" causality="input"><Real start="0"/></ScalarVariable>
+    <ScalarVariable name="x" valueReference="1" causality="local" initial="exact"><Real start="1"/></ScalarVariable>
+    <ScalarVariable name="der(x)" valueReference="2"><Real derivative="2"/></ScalarVariable>
+    <ScalarVariable name="y" valueReference="3" causality="output"><Real/></ScalarVariable>
+  </ModelVariables>
+  <ModelStructure>
+    <Outputs><Unknown index="4" dependencies="2"/></Outputs>
+    <Derivatives><Unknown index="3" dependencies="1 2"/></Derivatives>
+    <InitialUnknowns><Unknown index="3" dependencies="1 2"/><Unknown index="4" dependencies="2"/></InitialUnknowns>
+  </ModelStructure>
+</fmiModelDescription>
+"#;
+
+/// A folder with `m.fmu` and a folder for temporary files.
+struct Place(TempDir);
+
+impl Place {
+    fn new() -> Place {
+        let folder = TempDir::new().unwrap();
+        let library = folder.path().join("m.so");
+        c_fmu::compile("hostile.c", &library, &["-pthread"]);
+        c_fmu::pack(&folder.path().join("m.fmu"), DESCRIPTION, Some(("m", &library)));
+        std::fs::create_dir(folder.path().join("tmp")).unwrap();
+        Place(folder)
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.0.path().join(name)
+    }
+
+    fn run(&self, hostile: &str, words: &[&str]) -> Output {
+        Command::new(env!("CARGO_BIN_EXE_airloop"))
+            .args(["run", "m.fmu", "--stop", "1", "--step", "10ms", "--no-plots", "-o", "out"])
+            .args(words)
+            .env("HOSTILE", hostile)
+            .env("TMPDIR", self.path("tmp"))
+            .current_dir(self.0.path())
+            .output()
+            .unwrap()
+    }
+
+    /// Runs in a worker and sees that nothing stays; exit code and what was said.
+    fn isolated(&self, hostile: &str, words: &[&str]) -> (Option<i32>, String) {
+        let _ = std::fs::remove_dir_all(self.path("out"));
+        let began = Instant::now();
+        let output = self.run(hostile, &[&["--isolate", "--call-limit", "300ms"], words].concat());
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(began.elapsed() < Duration::from_secs(10), "{hostile}: {said}");
+        assert_eq!(names(&self.path("tmp")), [] as [String; 0], "{hostile}");
+        assert!(!self.path("left_behind.txt").exists(), "{hostile}");
+        let out = names(&self.path("out"));
+        assert!(
+            out.iter().all(|name| !name.starts_with('.') && !name.contains("partial")),
+            "{hostile}: {out:?}"
+        );
+        (output.status.code(), said)
+    }
+
+    fn summary(&self) -> serde_json::Value {
+        serde_json::from_slice(&std::fs::read(self.path("out/summary.json")).unwrap()).unwrap()
+    }
+}
+
+fn names(folder: &Path) -> Vec<String> {
+    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
+    entries.map(|entry| entry.file_name().to_string_lossy().into_owned()).collect()
+}
+
+const FAULTS: [(&str, &str); 12] = [
+    ("segv", "signal 11 (SIGSEGV)"),
+    ("abort", "signal 6 (SIGABRT)"),
+    ("exit0", "exit code 0"),
+    ("exit3", "exit code 3"),
+    ("_exit", "exit code 0"),
+    ("loop", "did not return within 0.3 s"),
+    ("kill", "signal 9 (SIGKILL)"),
+    ("term", "signal 15 (SIGTERM)"),
+    ("trap", "signal 4 (SIGILL)"),
+    ("fpe", "signal 8 (SIGFPE)"),
+    ("stack", "signal 11 (SIGSEGV)"),
+    ("memory", "signal 11 (SIGSEGV)"),
+];
+
+#[test]
+fn a_fault_in_any_call_of_co_simulation_names_component_call_and_cause() {
+    let place = Place::new();
+    let begin =
+        ["load", "fmi2Instantiate", "fmi2SetupExperiment", "fmi2EnterInitializationMode", "fmi2SetReal"];
+    for function in begin {
+        for (fault, cause) in &FAULTS[..6] {
+            let (code, said) = place.isolated(&format!("{function}:{fault}"), &[]);
+            let function = if function == "load" { "the loading of its library" } else { function };
+            assert_eq!(code, Some(1), "{function} {fault}: {said}");
+            assert!(
+                said.contains(&format!("m: the FMU m.fmu was lost in {function}")),
+                "{function} {fault}: {said}"
+            );
+            assert!(said.contains(cause), "{function} {fault}: {said}");
+            assert!(!place.path("out/result.csv").exists(), "{function} {fault}");
+        }
+    }
+    for function in ["fmi2DoStep", "fmi2GetReal", "fmi2SetReal"] {
+        for (fault, cause) in FAULTS {
+            let (code, said) = place.isolated(&format!("{function}:{fault}:0.5"), &[]);
+            assert_eq!(code, Some(1), "{function} {fault}: {said}");
+            assert!(
+                said.contains(&format!("m: the FMU m.fmu was lost in {function} at t = ")),
+                "{fault}: {said}"
+            );
+            assert!(said.contains(cause), "{function} {fault}: {said}");
+            let summary = place.summary();
+            assert_eq!(summary["outcome"]["status"], "failed", "{function} {fault}");
+            assert!(summary["outcome"]["end_time"].as_f64().unwrap() > 0.45, "{function} {fault}");
+            let rows = std::fs::read_to_string(place.path("out/result.csv")).unwrap();
+            assert!(rows.lines().count() > 45 && rows.ends_with('\n'), "{function} {fault}");
+        }
+    }
+}
+
+#[test]
+fn a_fault_in_any_call_of_model_exchange_is_named() {
+    let place = Place::new();
+    for function in [
+        "fmi2SetTime",
+        "fmi2SetContinuousStates",
+        "fmi2GetDerivatives",
+        "fmi2GetContinuousStates",
+        "fmi2NewDiscreteStates",
+        "fmi2EnterContinuousTimeMode",
+        "fmi2GetNominalsOfContinuousStates",
+        "fmi2CompletedIntegratorStep",
+    ] {
+        for (fault, cause) in [FAULTS[0], FAULTS[2]] {
+            let (code, said) = place.isolated(&format!("{function}:{fault}"), &["--master", "monolithic"]);
+            assert_eq!(code, Some(1), "{function} {fault}: {said}");
+            assert!(
+                said.contains(&format!("was lost in {function}")) && said.contains(cause),
+                "{function}: {said}"
+            );
+        }
+    }
+}
+
+#[test]
+fn other_faults_end_with_their_own_words_or_do_no_harm() {
+    let place = Place::new();
+    for (hostile, expected) in [
+        ("fmi2DoStep:stop", "did not return within"),
+        ("fmi2DoStep:sleep", "did not return within"),
+        ("fmi2DoStep:alarm", "did not return within"),
+        ("fmi2DoStep:free", "signal 6 (SIGABRT)"),
+        ("fmi2DoStep:says", "FMU: printed: the valve is stuck"),
+        ("fmi2DoStep:shared", "lost in"),
+        ("fmi2GetReal:over", "signal"),
+        ("fmi2GetReal:nan", "output `y` is NaN"),
+        ("fmi2GetReal:inf", "output `y` is inf"),
+        ("fmi2DoStep:discard", "fmi2DoStep returned fmi2Discard"),
+        ("fmi2DoStep:error", "fmi2DoStep returned fmi2Error"),
+        ("fmi2DoStep:fatal", "fmi2DoStep returned fmi2Fatal"),
+        ("fmi2DoStep:pending", "fmi2DoStep returned fmi2Pending"),
+        ("fmi2DoStep:strange", "fmi2DoStep returned the unknown status 77"),
+        ("fmi2SetReal:error:0.5", "fmi2SetReal returned fmi2Error"),
+        ("fmi2SetReal:discard:0.5", "fmi2SetReal returned fmi2Discard"),
+        ("fmi2Instantiate:error", "fmi2Instantiate of m.fmu returned NULL"),
+    ] {
+        let (code, said) = place.isolated(hostile, &[]);
+        assert_eq!(code, Some(1), "{hostile}: {said}");
+        assert!(said.contains(expected), "{hostile}: {said}");
+    }
+    for (hostile, expected) in [
+        ("none:none", ""),
+        ("fmi2SetupExperiment:flood", ""),
+        ("fmi2DoStep:round", ""),
+        ("fmi2SetupExperiment:thread", ""),
+        ("fmi2SetupExperiment:fork", ""),
+        ("fmi2SetupExperiment:file", ""),
+        ("fmi2SetupExperiment:close", ""),
+        ("fmi2DoStep:logn", ""),
+        ("fmi2DoStep:logs", ""),
+        ("fmi2DoStep:lognull", ""),
+        ("fmi2SetupExperiment:logflood", ""),
+        ("unload:segv", "ended by signal 11 (SIGSEGV) when the library was unloaded"),
+        ("unload:exit3", "ended by exit code 3 when the library was unloaded"),
+        ("unload:loop", "was not unloaded within 2 s"),
+        ("fmi2Terminate:segv", "lost in fmi2Terminate: its process ended by signal 11"),
+        ("fmi2FreeInstance:segv", "lost in fmi2FreeInstance: its process ended by signal 11"),
+        ("fmi2FreeInstance:exit0", "lost in fmi2FreeInstance: its process ended by exit code 0"),
+    ] {
+        let (code, said) = place.isolated(hostile, &[]);
+        assert_eq!(code, Some(0), "{hostile}: {said}");
+        assert!(said.contains(expected), "{hostile}: {said}");
+        assert_eq!(place.summary()["outcome"]["status"], "completed", "{hostile}");
+    }
+}
+
+#[test]
+fn an_fmu_in_a_worker_gives_the_same_bytes() {
+    let place = Place::new();
+    for master in ["gauss-seidel", "jacobi", "monolithic"] {
+        let mut results = Vec::new();
+        for words in [&[][..], &["--isolate"], &["--isolate=third-party"]] {
+            let output = place.run("", &[&["--master", master], words].concat());
+            assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+            results.push(std::fs::read(place.path("out/result.csv")).unwrap());
+        }
+        assert_eq!(results[0], results[1], "{master}");
+        assert_eq!(results[0], results[2], "{master}");
+    }
+}

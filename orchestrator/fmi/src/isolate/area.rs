@@ -1,0 +1,228 @@
+//! Memory that this process and a worker share: a header, messages that the FMU logs, and calls with their answers.
+
+use std::fs::File;
+use std::io;
+use std::os::fd::{AsRawFd, FromRawFd, RawFd};
+use std::sync::atomic::{AtomicU32, Ordering};
+use std::time::Duration;
+
+/// Bytes of the header.
+const HEADER: usize = 4096;
+/// Bytes for messages that the FMU logs.
+const LOG: usize = 1 << 16;
+/// Place of calls and answers.
+const DATA: usize = HEADER + LOG;
+
+/// What both processes look at.
+#[repr(C)]
+pub(super) struct Header {
+    /// Number of the last request.
+    pub(super) request: AtomicU32,
+    /// Number of the last answer.
+    pub(super) answer: AtomicU32,
+    /// Whether one of them sleeps and has to be woken.
+    pub(super) worker_sleeps: AtomicU32,
+    /// See `worker_sleeps`.
+    pub(super) owner_sleeps: AtomicU32,
+    /// Number of the function that the worker is in, in the table of `calls`; 0: in none.
+    pub(super) function: AtomicU32,
+    /// Whether the worker may spin while it waits.
+    pub(super) spin: AtomicU32,
+    /// Bytes of calls in the data.
+    pub(super) length: AtomicU32,
+    /// Bytes of messages.
+    pub(super) logged: AtomicU32,
+    /// Size of the memory in pages of 4 KiB.
+    pub(super) pages: AtomicU32,
+}
+
+/// Shared memory, mapped into this process.
+pub(super) struct Area {
+    file: File,
+    base: *mut u8,
+    size: usize,
+}
+
+// SAFETY: the mapping belongs to the value, and nothing of it is tied to a thread.
+unsafe impl Send for Area {}
+
+impl Area {
+    /// New memory with room for `data` bytes of calls and answers.
+    pub(super) fn new(data: usize) -> io::Result<Area> {
+        // SAFETY: a static name; the descriptor that comes back is nobody else's.
+        let file = unsafe {
+            let file = libc::memfd_create(c"airloop-worker".as_ptr(), libc::MFD_CLOEXEC);
+            if file < 0 {
+                return Err(io::Error::last_os_error());
+            }
+            File::from_raw_fd(file)
+        };
+        let size = (DATA + data).next_multiple_of(HEADER);
+        file.set_len(size as u64)?;
+        let area = Area { base: map(file.as_raw_fd(), size)?, file, size };
+        area.header().pages.store((size / HEADER) as u32, Ordering::Release);
+        Ok(area)
+    }
+
+    /// The memory that the owner handed over.
+    pub(super) fn of_owner(file: RawFd) -> io::Result<Area> {
+        // SAFETY: the descriptor was made for this process, and nobody else uses it.
+        let file = unsafe { File::from_raw_fd(file) };
+        let size = file.metadata()?.len() as usize;
+        Ok(Area { base: map(file.as_raw_fd(), size)?, file, size })
+    }
+
+    pub(super) fn descriptor(&self) -> RawFd {
+        self.file.as_raw_fd()
+    }
+
+    pub(super) fn header(&self) -> &Header {
+        // SAFETY: the mapping is at least a page and lives as long as `self`; atomics may be shared.
+        unsafe { &*self.base.cast::<Header>() }
+    }
+
+    /// Bytes for calls and answers.
+    pub(super) fn capacity(&self) -> usize {
+        self.size - DATA
+    }
+
+    /// Makes room for `data` bytes; the other process follows with [`Area::follow`].
+    pub(super) fn grow(&mut self, data: usize) -> io::Result<()> {
+        let size = (DATA + data).next_multiple_of(HEADER);
+        if size > self.size {
+            self.file.set_len(size as u64)?;
+            self.remap(size)?;
+            self.header().pages.store((size / HEADER) as u32, Ordering::Release);
+        }
+        Ok(())
+    }
+
+    /// Maps what the other process added.
+    pub(super) fn follow(&mut self) -> io::Result<()> {
+        let size = self.header().pages.load(Ordering::Acquire) as usize * HEADER;
+        if size > self.size { self.remap(size) } else { Ok(()) }
+    }
+
+    fn remap(&mut self, size: usize) -> io::Result<()> {
+        let base = map(self.file.as_raw_fd(), size)?;
+        // SAFETY: the old mapping, of which no reference is left: `self` is borrowed mutably.
+        unsafe { libc::munmap(self.base.cast(), self.size) };
+        (self.base, self.size) = (base, size);
+        Ok(())
+    }
+
+    /// Writes into the data; whether it fits.
+    pub(super) fn put(&mut self, at: usize, bytes: &[u8]) -> bool {
+        let fits = at.checked_add(bytes.len()).is_some_and(|end| end <= self.capacity());
+        if fits {
+            // SAFETY: the range lies within the mapping, as just checked; the other process waits for its turn.
+            unsafe {
+                std::ptr::copy_nonoverlapping(bytes.as_ptr(), self.base.add(DATA + at), bytes.len());
+            }
+        }
+        fits
+    }
+
+    /// Start of the data at `at`, if `length` bytes are there.
+    pub(super) fn data(&self, at: usize, length: usize) -> Option<*mut u8> {
+        let fits = at.checked_add(length).is_some_and(|end| end <= self.capacity());
+        // SAFETY: the place lies within the mapping, as just checked.
+        fits.then(|| unsafe { self.base.add(DATA + at) })
+    }
+
+    /// Copies out of the data; `false` if it is not there.
+    pub(super) fn get(&self, at: usize, bytes: &mut [u8]) -> bool {
+        let Some(from) = self.data(at, bytes.len()) else { return false };
+        // SAFETY: the range lies within the mapping.
+        unsafe { std::ptr::copy_nonoverlapping(from, bytes.as_mut_ptr(), bytes.len()) };
+        true
+    }
+
+    /// Place of the messages, for a worker that writes them from any thread.
+    pub(super) fn log_place(&self) -> LogPlace {
+        LogPlace(self.base)
+    }
+
+    /// The messages so far, which are then forgotten.
+    pub(super) fn take_log(&self) -> Vec<u8> {
+        let logged = &self.header().logged;
+        let length = logged.load(Ordering::Acquire) as usize;
+        if length == 0 {
+            return Vec::new();
+        }
+        let mut bytes = vec![0; length.min(LOG)];
+        // SAFETY: the range lies within the mapping.
+        unsafe { std::ptr::copy_nonoverlapping(self.base.add(HEADER), bytes.as_mut_ptr(), bytes.len()) };
+        logged.store(0, Ordering::Release);
+        bytes
+    }
+}
+
+impl Drop for Area {
+    fn drop(&mut self) {
+        // SAFETY: the mapping is this value's, and no reference is left.
+        unsafe { libc::munmap(self.base.cast(), self.size) };
+    }
+}
+
+/// Where a worker writes messages; the first mapping of a worker stays for its life.
+#[derive(Clone, Copy)]
+pub(super) struct LogPlace(*mut u8);
+
+// SAFETY: writers of one process take turns (the lock of the buffer), and the place is only read by the owner.
+unsafe impl Send for LogPlace {}
+// SAFETY: as above.
+unsafe impl Sync for LogPlace {}
+
+impl LogPlace {
+    /// Adds a message if there is room.
+    pub(super) fn add(self, bytes: &[u8]) {
+        // SAFETY: the header lies at the begin of the mapping, which a worker keeps.
+        let header = unsafe { &*self.0.cast::<Header>() };
+        let at = header.logged.load(Ordering::Acquire) as usize;
+        if at + bytes.len() <= LOG {
+            // SAFETY: the range lies within the part for messages.
+            unsafe { std::ptr::copy_nonoverlapping(bytes.as_ptr(), self.0.add(HEADER + at), bytes.len()) };
+            header.logged.store((at + bytes.len()) as u32, Ordering::Release);
+        }
+    }
+}
+
+fn map(file: RawFd, size: usize) -> io::Result<*mut u8> {
+    // SAFETY: a new mapping at a place that the system chooses.
+    let base = unsafe {
+        let access = libc::PROT_READ | libc::PROT_WRITE;
+        libc::mmap(std::ptr::null_mut(), size, access, libc::MAP_SHARED, file, 0)
+    };
+    if base == libc::MAP_FAILED { Err(io::Error::last_os_error()) } else { Ok(base.cast()) }
+}
+
+/// Waits until `word` is no longer `old`, at most for `limit`; `turns`: first looks this often without sleeping.
+pub(super) fn wait(word: &AtomicU32, sleeps: &AtomicU32, old: u32, turns: u32, limit: Option<Duration>) {
+    for _ in 0..turns {
+        if word.load(Ordering::Acquire) != old {
+            return;
+        }
+        std::hint::spin_loop();
+    }
+    sleeps.store(1, Ordering::SeqCst);
+    if word.load(Ordering::SeqCst) == old {
+        let limit = limit.map(|limit| libc::timespec {
+            tv_sec: limit.as_secs() as libc::time_t,
+            tv_nsec: limit.subsec_nanos().into(),
+        });
+        let limit = limit.as_ref().map_or(std::ptr::null(), std::ptr::from_ref);
+        // SAFETY: the word is a futex that lives during the call; the limit is a local.
+        unsafe { libc::syscall(libc::SYS_futex, word.as_ptr(), libc::FUTEX_WAIT, old, limit) };
+    }
+    sleeps.store(0, Ordering::SeqCst);
+}
+
+/// Changes `word` and wakes who waits for that.
+pub(super) fn tell(word: &AtomicU32, sleeps: &AtomicU32, new: u32) {
+    word.store(new, Ordering::SeqCst);
+    if sleeps.load(Ordering::SeqCst) != 0 {
+        // SAFETY: the word is a futex that lives during the call.
+        unsafe { libc::syscall(libc::SYS_futex, word.as_ptr(), libc::FUTEX_WAKE, 1) };
+    }
+}

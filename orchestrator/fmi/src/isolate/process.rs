@@ -1,0 +1,199 @@
+//! The process of a worker: how it is started, what it may take, what it prints, and how it ended.
+
+use std::io::{PipeReader, Read};
+use std::os::fd::RawFd;
+use std::os::unix::process::{CommandExt, ExitStatusExt};
+use std::process::{Child, Command, ExitStatus, Stdio};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Sender, channel};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+use std::time::{Duration, Instant};
+
+use tempfile::TempDir;
+
+use super::Isolation;
+
+/// Descriptor of the shared memory in a worker.
+pub(super) const SHARED: RawFd = 3;
+/// Bytes of output that are kept.
+const KEPT_OUTPUT: usize = 1 << 11;
+/// Time in which the last output of a process that ended comes in.
+const LAST_OUTPUT: Duration = Duration::from_millis(200);
+
+/// A running worker.
+pub(super) struct Process {
+    child: Child,
+    output: Arc<Output>,
+    ended: Option<ExitStatus>,
+    // Working directory; removed after the process.
+    _folder: TempDir,
+}
+
+/// The end of what a worker printed.
+#[derive(Default)]
+struct Output {
+    tail: Mutex<Vec<u8>>,
+    complete: AtomicBool,
+}
+
+impl Process {
+    /// Starts a worker with the shared memory `area`.
+    pub(super) fn start(isolation: &Isolation, area: RawFd) -> std::io::Result<Process> {
+        let folder = airloop_series::scratch::folder()?;
+        let (reader, writer) = std::io::pipe()?;
+        let mut command = Command::new(&isolation.program);
+        command
+            .args(&isolation.arguments)
+            .current_dir(folder.path())
+            .stdin(Stdio::null())
+            .stdout(Stdio::from(writer.try_clone()?))
+            .stderr(Stdio::from(writer));
+        let memory = isolation.memory_limit;
+        // SAFETY: the closure runs between fork and exec and makes only calls that are safe there.
+        unsafe { command.pre_exec(move || prepare(Some(area), memory)) };
+        let child = spawn(command)?;
+        let output = Arc::<Output>::default();
+        let own = Arc::clone(&output);
+        std::thread::Builder::new()
+            .name("output of an FMU".into())
+            .stack_size(1 << 16)
+            .spawn(move || collect(reader, &own))?;
+        Ok(Process { child, output, ended: None, _folder: folder })
+    }
+
+    /// How it ended, if it did.
+    pub(super) fn ended(&mut self) -> Option<ExitStatus> {
+        if self.ended.is_none() {
+            self.ended = self.child.try_wait().ok().flatten();
+        }
+        self.ended
+    }
+
+    /// Ends it with all that it started.
+    pub(super) fn kill(&mut self) {
+        if self.ended().is_none() {
+            // SAFETY: the group of a child that was not waited for, so that its number is not used again.
+            unsafe { libc::kill(-(self.child.id() as libc::pid_t), libc::SIGKILL) };
+            let _ = self.child.kill();
+            self.ended = self.child.wait().ok();
+        }
+    }
+
+    /// Waits for its end; `None` if it does not come within `limit`.
+    pub(super) fn wait(&mut self, limit: Duration) -> Option<ExitStatus> {
+        let began = Instant::now();
+        while self.ended().is_none() && began.elapsed() < limit {
+            std::thread::sleep(Duration::from_micros(200));
+        }
+        self.ended
+    }
+
+    /// Last lines that it printed.
+    pub(super) fn printed(&self) -> Vec<String> {
+        let began = Instant::now();
+        while !self.output.complete.load(Ordering::Acquire) && began.elapsed() < LAST_OUTPUT {
+            std::thread::sleep(Duration::from_millis(1));
+        }
+        let tail = self.output.tail.lock().unwrap_or_else(PoisonError::into_inner);
+        let text = String::from_utf8_lossy(&tail);
+        let lines: Vec<&str> = text.lines().filter(|line| !line.trim().is_empty()).collect();
+        lines[lines.len().saturating_sub(5)..].iter().map(|line| crate::log::printable(line)).collect()
+    }
+}
+
+impl Drop for Process {
+    fn drop(&mut self) {
+        self.kill();
+    }
+}
+
+/// Confines the process that `command` starts: a group of its own, `memory` bytes of address space, no descriptors but
+/// the standard streams, and its end with the thread that starts it.
+pub fn confine(command: &mut Command, memory: u64) {
+    // SAFETY: the closure runs between fork and exec and makes only calls that are safe there.
+    unsafe { command.pre_exec(move || prepare(None, memory)) };
+}
+
+/// What a worker does with itself before it becomes another program.
+fn prepare(area: Option<RawFd>, memory: u64) -> std::io::Result<()> {
+    // SAFETY: plain system calls with numbers and locals.
+    let done = unsafe {
+        let shared = match area {
+            Some(SHARED) => libc::fcntl(SHARED, libc::F_SETFD, 0),
+            Some(area) => libc::dup2(area, SHARED),
+            None => 0,
+        };
+        // Whoever is not a standard stream or the shared memory stays here.
+        let first = SHARED + libc::c_int::from(area.is_some());
+        libc::syscall(libc::SYS_close_range, first, libc::c_uint::MAX, libc::CLOSE_RANGE_CLOEXEC);
+        libc::setsid();
+        let limit = libc::rlimit { rlim_cur: memory, rlim_max: memory };
+        libc::setrlimit(libc::RLIMIT_AS, &raw const limit);
+        let none = libc::rlimit { rlim_cur: 0, rlim_max: 0 };
+        libc::setrlimit(libc::RLIMIT_CORE, &raw const none);
+        libc::prctl(libc::PR_SET_PDEATHSIG, libc::SIGKILL);
+        shared
+    };
+    if done < 0 { Err(std::io::Error::last_os_error()) } else { Ok(()) }
+}
+
+/// A command, and where its child is to be sent.
+type Order = (Command, Sender<std::io::Result<Child>>);
+
+/// Starts a command from a thread that lives as long as the program: a worker ends with the thread that started it.
+fn spawn(command: Command) -> std::io::Result<Child> {
+    static STARTER: OnceLock<Mutex<Sender<Order>>> = OnceLock::new();
+    let starter = STARTER.get_or_init(|| {
+        let (sender, orders) = channel::<Order>();
+        std::thread::spawn(move || {
+            for (mut command, answer) in orders {
+                let _ = answer.send(command.spawn());
+            }
+        });
+        Mutex::new(sender)
+    });
+    let (answer, child) = channel();
+    let gone = || std::io::Error::other("no thread starts workers");
+    starter.lock().unwrap_or_else(PoisonError::into_inner).send((command, answer)).map_err(|_| gone())?;
+    child.recv().map_err(|_| gone())?
+}
+
+/// Reads all that a worker prints and keeps the end.
+fn collect(mut reader: PipeReader, output: &Output) {
+    let mut block = [0_u8; 4096];
+    loop {
+        match reader.read(&mut block) {
+            Ok(0) => break,
+            Ok(length) => {
+                let mut tail = output.tail.lock().unwrap_or_else(PoisonError::into_inner);
+                tail.extend_from_slice(&block[..length]);
+                let surplus = tail.len().saturating_sub(KEPT_OUTPUT);
+                tail.drain(..surplus);
+            }
+            Err(error) if error.kind() == std::io::ErrorKind::Interrupted => {}
+            Err(_) => break,
+        }
+    }
+    output.complete.store(true, Ordering::Release);
+}
+
+/// The end of a process in words: signal or exit code.
+pub fn cause(status: ExitStatus) -> String {
+    if let Some(signal) = status.signal() {
+        let name = match signal {
+            4 => " (SIGILL)",
+            5 => " (SIGTRAP)",
+            6 => " (SIGABRT)",
+            7 => " (SIGBUS)",
+            8 => " (SIGFPE)",
+            9 => " (SIGKILL)",
+            11 => " (SIGSEGV)",
+            13 => " (SIGPIPE)",
+            15 => " (SIGTERM)",
+            31 => " (SIGSYS)",
+            _ => "",
+        };
+        return format!("signal {signal}{name}");
+    }
+    status.code().map_or_else(|| status.to_string(), |code| format!("exit code {code}"))
+}

@@ -1,0 +1,98 @@
+//! What is said when the library of an FMU ends this process: by a crash, or by an `exit` from inside.
+//!
+//! Each thread notes the call that it is in. The handlers only read that note and write to the standard error, which
+//! is safe in a signal handler. Libraries that run in workers ([`isolate`](crate::isolate)) do not need them.
+
+#![allow(unsafe_code, reason = "handlers of signals and of the end of the process")]
+
+use std::cell::Cell;
+
+/// A call into an FMU.
+#[derive(Clone, Copy)]
+struct Site {
+    label: *const u8,
+    length: usize,
+    function: &'static str,
+}
+
+thread_local! {
+    static IN_CALL: Cell<Option<Site>> = const { Cell::new(None) };
+}
+
+/// This thread calls `function` of the instance that messages call `label`, which stays in place until [`leave`].
+#[inline]
+pub(crate) fn enter(label: &str, function: &'static str) {
+    IN_CALL.set(Some(Site { label: label.as_ptr(), length: label.len(), function }));
+}
+
+/// The call came back.
+#[inline]
+pub(crate) fn leave() {
+    IN_CALL.set(None);
+}
+
+const ADVICE: &str = "\n  Rows of a run up to here are in result.partial.csv of its folder; other results in it are of an \
+                      earlier run.\n  With --isolate the FMU has a process of its own, and the run ends as after any error.\n";
+
+/// From now on a crash or an `exit` in a call of an FMU names the FMU and the call; the process still ends as a failure.
+pub fn install() {
+    for signal in [libc::SIGSEGV, libc::SIGBUS, libc::SIGILL, libc::SIGFPE, libc::SIGABRT] {
+        // SAFETY: a zeroed action is one without mask; the handler makes only calls that are safe in it. The threads of
+        // Rust have a stack of their own for handlers.
+        unsafe {
+            let mut action: libc::sigaction = std::mem::zeroed();
+            action.sa_sigaction = crashed as *const () as libc::sighandler_t;
+            action.sa_flags = libc::SA_ONSTACK | libc::SA_RESETHAND;
+            libc::sigaction(signal, &raw const action, std::ptr::null_mut());
+        }
+    }
+    // SAFETY: the handler neither panics nor unwinds.
+    unsafe { libc::atexit(exited) };
+}
+
+/// Writes to the standard error, as far as that is possible.
+fn say(text: &[u8]) {
+    // SAFETY: a system call with a slice; safe in a handler.
+    unsafe { libc::write(2, text.as_ptr().cast(), text.len()) };
+}
+
+fn say_site(site: Site) {
+    // SAFETY: the label of an instance that is in a call, which keeps it in place.
+    let label = unsafe { std::slice::from_raw_parts(site.label, site.length) };
+    say(b"\nerror: ");
+    say(label);
+    say(b" ended the program in ");
+    say(site.function.as_bytes());
+}
+
+extern "C" fn crashed(signal: libc::c_int) {
+    let name: &[u8] = match signal {
+        libc::SIGSEGV => b"signal 11 (SIGSEGV)",
+        libc::SIGBUS => b"signal 7 (SIGBUS)",
+        libc::SIGILL => b"signal 4 (SIGILL)",
+        libc::SIGFPE => b"signal 8 (SIGFPE)",
+        _ => b"signal 6 (SIGABRT)",
+    };
+    match IN_CALL.get() {
+        Some(site) => say_site(site),
+        None => say(
+            b"\nerror: the program crashed outside of any call of an FMU, perhaps in a thread that one left",
+        ),
+    }
+    say(b" by ");
+    say(name);
+    say(ADVICE.as_bytes());
+    // The action is the default one again: the signal ends the process as it would have.
+    // SAFETY: a system call.
+    unsafe { libc::raise(signal) };
+}
+
+extern "C" fn exited() {
+    if let Some(site) = IN_CALL.get() {
+        say_site(site);
+        say(b" by exit, which no library may call");
+        say(ADVICE.as_bytes());
+        // SAFETY: ends the process; nothing of it is used after this.
+        unsafe { libc::_exit(1) };
+    }
+}

@@ -1,0 +1,5 @@
+"""``python -m airloop`` is the command ``airloop``."""
+
+from .program import main
+
+main()

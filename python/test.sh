@@ -1,0 +1,13 @@
+#!/usr/bin/env bash
+# Installs the wheel of a folder into a fresh environment and tests it there: `python/test.sh out/wheel [PYTEST ARGUMENTS]`.
+set -euo pipefail
+wheels=$(realpath "$1")
+shift
+cd "$(dirname "${BASH_SOURCE[0]}")"
+folder=$(mktemp -d)
+trap 'rm -rf "$folder"' EXIT
+"${PYTHON:-python3}" -m venv "$folder/venv"
+python=$folder/venv/bin/python
+"$python" -m pip install --quiet --disable-pip-version-check -r requirements-test.txt "$wheels"/airloop-*.whl
+"$python" -m mypy --config-file pyproject.toml
+"$folder/venv/bin/pytest" --quiet -p no:cacheprovider tests "$@"
