@@ -94,12 +94,6 @@ pub enum Command {
     /// Writes report.json, report.md and report.html. Candidates are fitted in simulation on the estimation records;
     /// errors are reported on the validation records.
     Refine(super::refine::Args),
-    /// Effects of one's own, written as formulas: for `airloop refine --effects`.
-    Effects {
-        /// Action to perform.
-        #[command(subcommand)]
-        command: super::effects::Command,
-    },
     /// The process of an FMU; other commands start it.
     #[command(hide = true)]
     FmuWorker,
@@ -108,6 +102,12 @@ pub enum Command {
         /// Beginning.
         #[command(subcommand)]
         command: super::new::Command,
+    },
+    /// Effects of one's own, written as formulas: for `airloop refine --effects`.
+    Effects {
+        /// Action to perform.
+        #[command(subcommand)]
+        command: super::effects::Command,
     },
     /// Print a completion script for a shell, e.g. `airloop completions bash >
     /// ~/.local/share/bash-completion/completions/airloop`.

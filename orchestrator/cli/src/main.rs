@@ -63,9 +63,9 @@ pub fn main() -> ExitCode {
         Command::Trials(args) => trials::run(&args),
         Command::Optimize(args) => optimize::run(&args),
         Command::Refine(args) => refine::run(&args),
-        Command::Effects { command } => effects::run(&command),
         Command::FmuWorker => Ok(isolate::work()),
         Command::New { command } => new::run(&command),
+        Command::Effects { command } => effects::run(&command),
         Command::Completions { shell } => {
             let mut script = Vec::new();
             clap_complete::generate(shell, &mut Cli::command(), "airloop", &mut script);
