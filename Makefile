@@ -65,7 +65,7 @@ study-systems: fmu   ## pendulums, axes, seals and actuators with known truth, a
 N ?= 60              # cases with a law of `make study-laws`; a third as many nulls
 study-laws: fmu      ## laws that no list holds, in six families, against PySINDy: out/study-laws
 	scripts/setup.sh study
-	.venv/bin/python -m pip install --quiet --disable-pip-version-check pysindy==2.0.0
+	.venv/bin/python -m pip install --quiet --disable-pip-version-check pysindy==2.0.0 scikit-learn==1.6.1
 	rm -rf out/study-laws
 	.venv/bin/python tests/study/laws/make_laws.py out/study-laws/cases --count $(strip $(N)) --seed $(strip $(SEED))
 	.venv/bin/python tests/study/laws/score_laws.py target/release/airloop out/study-laws/cases out/study-laws/reports

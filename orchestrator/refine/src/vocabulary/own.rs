@@ -519,7 +519,12 @@ dissipative = true
             ("unit = \"N/m\"", "unit = \"N/mm\"", "line 7, column 1: N/mm is 1000 times the SI unit"),
             ("unit = \"N/m\"", "unit = \"furlong\"", "unit `furlong` is not known"),
             ("z/d", "z/k", "cannot be told"),
-            ("v - abs", "x - abs", "line 6, column 5"),
+            // A state in m.s has this rate, so that it is the formula that does not fit.
+            (
+                "v - abs",
+                "x - abs",
+                "line 3, column 11: the formula `k*z` has the unit kg.m.s-1, the port kg.m.s-2",
+            ),
             ("start = [1e-4, 1e-3]", "", "`d` needs `start`"),
             ("start = [1e-4, 1e-3]", "start = 1.0", "outside of its bounds, 0.000001 to 0.01"),
             ("bounds = [0, 1e6]", "bounds = [1, 0]", "bounds of `k`"),
