@@ -5,7 +5,7 @@
     reason = "these texts are the help of the program, brackets are units"
 )]
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::{Args, Subcommand};
@@ -123,7 +123,7 @@ fn told(folder: &Folder) -> ExitCode {
     if folder.refused.is_empty() { ExitCode::SUCCESS } else { ExitCode::FAILURE }
 }
 
-fn check(path: &PathBuf) -> Result<ExitCode, Error> {
+fn check(path: &Path) -> Result<ExitCode, Error> {
     let folder = Folder::read(path)?;
     for (file, own) in &folder.effects {
         let (states, parameters) = (own.states.len(), own.parameters.len());
@@ -194,8 +194,10 @@ fn explained(own: &Own) -> String {
     text + "\n"
 }
 
-/// Points of the figure and the labels of its axes.
-fn drawn(own: &Own, args: &Show) -> Result<(Vec<(f64, f64)>, [String; 2]), String> {
+/// Points of a figure and the labels of its axes.
+type Drawn = (Vec<(f64, f64)>, [String; 2]);
+
+fn drawn(own: &Own, args: &Show) -> Result<Drawn, String> {
     if !(args.range > 0.0 && args.range.is_finite()) {
         return Err(format!("--range {} must be above zero", args.range));
     }
