@@ -284,13 +284,23 @@ impl Question {
 
 /// Only an earlier report may be replaced.
 fn check_folder(case: &Path, folder: &Path) -> Result<(), Error> {
-    folder::check_where(folder, &[case.into()], &airloop_report::FILES.map(str::to_owned), earlier)
+    folder::check_where(folder, &[case.into()], &names(folder), earlier)
 }
 
 /// The folder of the report, taken for this command.
 fn results_folder(case: &Path, folder: &Path) -> Result<folder::Results, Error> {
-    let names = airloop_report::FILES.map(str::to_owned);
-    folder::Results::open_where(folder, &[case.into()], &names, earlier)
+    folder::Results::open_where(folder, &[case.into()], &names(folder), earlier)
+}
+
+/// What a report replaces in a folder: its files, and a folder of the user with the name of that of the amended system,
+/// whose parts would lie among other files there.
+fn names(folder: &Path) -> Vec<String> {
+    let mut names: Vec<String> = airloop_report::FILES.map(str::to_owned).into();
+    let begun = std::fs::read_dir(folder.join(amend::FOLDER)).is_ok_and(|mut files| files.next().is_some());
+    if begun && !earlier(folder).iter().any(|name| name.starts_with(amend::FOLDER)) {
+        names.push(amend::FOLDER.into());
+    }
+    names
 }
 
 /// Files of a report without a list of its files.
@@ -306,7 +316,7 @@ fn earlier(folder: &Path) -> BTreeSet<String> {
         let files = files.map(|file| file.file_name().to_string_lossy().into_owned());
         let text = std::fs::read_to_string(folder.join(amend::FOLDER).join("system.ssd")).unwrap_or_default();
         let system = |name: &String| {
-            ["system.ssd", "system.ssp", amend::SIGNALS].contains(&name.as_str())
+            ["system.ssd", "system.ssp", amend::SIGNALS, LAW_FILE].contains(&name.as_str())
                 || text.contains(&format!("source=\"{name}\""))
         };
         ours.extend(files.filter(system).map(|name| format!("{}/{name}", amend::FOLDER)));
