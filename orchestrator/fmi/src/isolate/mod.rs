@@ -1,7 +1,7 @@
 //! FMUs in processes of their own: what a third-party library does to its process is not done to ours.
 //!
 //! One worker process holds the library of one FMU with all its instances. The functions of such a library
-//! ([`proxy`]) have the signatures of FMI and pass each call on through shared memory ([`area`], [`calls`]), so that
+//! (`proxy`) have the signatures of FMI and pass each call on through shared memory (`area`, `calls`), so that
 //! instances and masters know nothing of it. A worker that crashes, exits, or does not answer in time is an
 //! [`Error::Lost`](crate::Error::Lost), which names function, signal or exit code, and what was printed.
 //!
