@@ -143,6 +143,12 @@ impl Judge {
         excess(from) > 0.0 && excess(to) < 0.75 * excess(from)
     }
 
+    /// Whether an error has lost a tenth of what it had above noise and smoothed derivatives.
+    pub fn lessens(&self, from: f64, to: f64) -> bool {
+        let excess = |error: f64| error.powi(2) - self.tolerated;
+        excess(from) > 0.0 && excess(to) < 0.9 * excess(from)
+    }
+
     /// On what depends what a model leaves.
     pub fn rest(&self, fits: &Fits, model: &Model) -> Rest {
         let study = fits.study;

@@ -225,9 +225,9 @@ impl<'a> Search<'a> {
                     && self.judge.falls(best.held_back, model.held_back)
             };
             let halves = |model: &Model| self.judge.halves(best.held_back, model.held_back) || near(model);
-            // Beside an effect, the next one has to take away a good part of what is left; less is for the search for shares.
+            // Beside an effect, the next one has to take away some of what is left; less is for the search for shares.
             let notable =
-                |model: &Model| best.added.is_empty() || self.judge.falls(best.held_back, model.held_back);
+                |model: &Model| best.added.is_empty() || self.judge.lessens(best.held_back, model.held_back);
             let single = self.judge(&promising);
             let single = single.filter(|model| model.held_back < worth && notable(model) || halves(model));
             let next = match single {
