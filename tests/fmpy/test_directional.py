@@ -14,6 +14,12 @@ _POLYNOMIAL = [-2.1, 1.52, -0.444, 0.0432]
 
 # Parameters under which every declared dependency shows, for FMUs whose start values hide some.
 MOST_GENERAL = {
+    # Formulas in which every variable of the port and every state occurs.
+    "expression-effect": {
+        "states": "a b c",
+        "formula": "sin(x)*v + 0.3*f*x + a*b + c*x",
+        **{f"rate[{i}]": f"0.1*(sin(x + {i}) + 0.1*v*f + a*b + c*(a + v))" for i in (1, 2, 3)},
+    },
     "arx-actuator": {
         "na": 4,
         "nb": 5,

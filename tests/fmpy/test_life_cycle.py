@@ -358,14 +358,16 @@ def test_a_string_is_copied_when_it_is_set(fmu, kind):
     inputs = [v for v in fmu.of("input", "parameter") if v.type == "String"]
     if not inputs:
         pytest.skip("no String to set")
+    # A formula has to be one.
+    text = "x*v" if inputs[0].name == "formula" else "first ü"
     with fmu.instantiate(kind) as instance:
-        buffer = ctypes.create_string_buffer("first ü".encode())
+        buffer = ctypes.create_string_buffer(text.encode())
         array = (ctypes.c_char_p * 1)(ctypes.addressof(buffer))
         instance.must("SetString", (ctypes.c_uint * 1)(inputs[0].reference), 1, array)
         buffer.value = b"gone"
         instance.setup()
         instance.must("EnterInitializationMode")
-        assert instance.get(inputs[:1]) == ["first ü"]
+        assert instance.get(inputs[:1]) == [text]
 
 
 def _resident_kilobytes():
