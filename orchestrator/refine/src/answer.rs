@@ -7,7 +7,9 @@ use super::engine::candidate::Candidate;
 use super::engine::fit::Free;
 use super::engine::goodness::Null;
 use super::engine::search::{Model, Promise, Search};
-use super::engine::select::{Effort, MARGIN, NOTICEABLE, Proposal, SUSPICIOUS, Selection, Stage, select};
+use super::engine::select::{
+    Effort, MARGIN, MIN_EXCESS_OF_NULL, MIN_FALL_OF_SQUARES, Proposal, Selection, Stage, select,
+};
 use super::engine::{System, parallel, stop};
 use super::interval;
 use super::law::study::Law;
@@ -15,7 +17,7 @@ use super::moving::{self, with_cylinder, without_actuator};
 use super::rig::corrections;
 use super::rig::localise::{localise, pair_behind};
 use super::rig::open::Rig;
-use super::rig::replay::{BLUNTED, left, proposals};
+use super::rig::replay::{MAX_FALL_AT_REVERSALS, left, proposals};
 use super::selection_answer;
 use super::vocabulary::Own;
 use super::watch::{Listener, Watched};
@@ -124,7 +126,7 @@ impl Effect {
     }
 }
 
-/// An effect on parts of the estimation records, each kept back in turn.
+/// An effect on parts of the estimation records, each held out in turn.
 #[derive(Debug, Clone, Default)]
 pub struct Stability {
     /// Parts.
@@ -327,7 +329,7 @@ pub fn answer(rig: &Rig, groups: &[String], settings: &Settings, listener: Liste
         moving::tell(&mut found);
     }
     let exact_part = !selection.explained && trace(rig, &search, &selection, groups, &mut found);
-    hold_back(&mut found);
+    withdraw_what_does_not_validate(&mut found);
     stop::stage(1.0);
     let withdrawn = selection.explained && selection_answer::withdraw_small_shares(rig, settings, &mut found);
     let open = withdrawn || !selection.explained && !exact_part && cylinder.is_none();
@@ -353,7 +355,7 @@ fn numbered(names: &[String]) -> Vec<usize> {
 }
 
 /// Takes an effect back that makes the validation records worse: it was fitted to something else.
-fn hold_back(found: &mut Answer) {
+fn withdraw_what_does_not_validate(found: &mut Answer) {
     let total = |errors: &Errors| -> f64 {
         let share = |(signal, rms): (&String, &f64)| {
             found.noise.get(signal).map_or(0.0, |noise| (rms / noise).powi(2))
@@ -404,7 +406,7 @@ fn trace(
     let beyond = |signal: &str, limit: f64| left.iter().any(|(name, z)| name == signal && *z > limit);
     let front = if beyond("F_hat", search.null.quantile + MARGIN) {
         Some("actuator")
-    } else if left.iter().any(|(name, _)| name == "F_hat") && beyond("F_p", BLUNTED) {
+    } else if left.iter().any(|(name, _)| name == "F_hat") && beyond("F_p", MAX_FALL_AT_REVERSALS) {
         Some("piston_friction")
     } else {
         None
@@ -415,7 +417,7 @@ fn trace(
     found.share_of_free_form = Some(findings.share_of_free_form);
     found.unexplained = findings.channel.map(|channel| (channel, findings.variables));
     // On a rig that is off everywhere by little the pressure force may come near the limit, but not down to the noise.
-    let noise = search.null.quantile + SUSPICIOUS;
+    let noise = search.null.quantile + MIN_EXCESS_OF_NULL;
     let actuator = left.iter().any(|(name, z)| name == "F_hat" && *z < noise);
     let exact = actuator || findings.explained;
     let Some(model) = findings.effects else { return exact };
@@ -512,7 +514,7 @@ fn screened(own: &Candidate, promise: &Promise, (declared, best): (&Model, &Mode
         stability: None,
         own: None,
         share: None,
-        reason: if gain < NOTICEABLE {
+        reason: if gain < MIN_FALL_OF_SQUARES {
             "it promises no more than fitting noise gives".into()
         } else {
             format!("it promises to take {share:.0} % of the misfit away, less than others that were fitted")

@@ -172,23 +172,23 @@ pub fn search(question: &Question) -> Found {
 
 /// Rounds of a fit, of its refinement, and of the refits without a fold.
 const ROUNDS: usize = 6;
-const REFINED: usize = 4;
-const FOLDED: usize = 2;
+const REFINEMENT_ROUNDS: usize = 4;
+const FOLD_ROUNDS: usize = 2;
 /// Rounds of a fit of local parameters alone.
-const LOCALIZED: usize = 3;
+const LOCAL_ROUNDS: usize = 3;
 /// Candidates that pairs are made of.
-const PAIRED: usize = 3;
+const PAIRED_SINGLES: usize = 3;
 /// Fall of the error on held-out folds that each effect of a set must bring: as a share of it, and of that of the declared
 /// model.
-const SET: (f64, f64) = (0.05, 0.02);
+const MIN_FALL_OF_SET: (f64, f64) = (0.05, 0.02);
 /// Ratio of the errors of a proposed set and of the best model from which on it is not looked at further.
-const HOPELESS_SET: f64 = 1.1;
+const MAX_ERROR_RATIO_OF_SET: f64 = 1.1;
 /// Free forms that are fitted.
-const FORMS: usize = 2;
+const FITTED_FREE_FORMS: usize = 2;
 /// Candidates that are fitted for what they promise beside the corrections, and for what they do without them.
-const PROMISING: (usize, usize) = (5, 5);
+const FITTED_CANDIDATES: (usize, usize) = (5, 5);
 /// Candidates that are fitted again under the weights of the best.
-const AGAIN: usize = 4;
+const REFITTED_CANDIDATES: usize = 4;
 
 type Weights = BTreeMap<String, f64>;
 
@@ -278,7 +278,7 @@ impl Run<'_> {
         if locals.iter().all(Vec::is_empty) {
             return locals.to_vec();
         }
-        self.with(weights, records, |search| search.fit(&[], &[], p, locals, LOCALIZED)).fit.locals
+        self.with(weights, records, |search| search.fit(&[], &[], p, locals, LOCAL_ROUNDS)).fit.locals
     }
 
     /// Error at `p` on all records, with the local parameters that fit best.
@@ -305,7 +305,7 @@ impl Run<'_> {
             let (rest, locals) = part((0..q.records.len()).filter(|i| !fold.contains(i)).collect());
             let (own, own_locals) = part(fold.clone());
             let refit =
-                self.fit_records(weights, (&rest, &locals), &model.added, &model.fit.parameters, FOLDED);
+                self.fit_records(weights, (&rest, &locals), &model.added, &model.fit.parameters, FOLD_ROUNDS);
             let p = &refit.fit.parameters;
             let own_locals = self.localized(weights, &own, p, &own_locals);
             own.len() as f64 * q.held_out.error_from(p, &own, &own_locals).powi(2)
@@ -341,13 +341,13 @@ impl Run<'_> {
         });
         let mut alone: Vec<(f64, Promise)> = errors.into_iter().zip(without).collect();
         alone.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let mut chosen: Vec<Promise> = beside.into_iter().take(PROMISING.0).collect();
+        let mut chosen: Vec<Promise> = beside.into_iter().take(FITTED_CANDIDATES.0).collect();
         for (_, promise) in alone {
             let far = q.same(promise.candidate).is_some_and(|c| {
                 let moved = base.fit.parameters[c.free.index].abs();
                 c.free.prior.is_some_and(|tolerance| moved > 1.5 * tolerance)
             });
-            let few = chosen.len() < PROMISING.0 + PROMISING.1;
+            let few = chosen.len() < FITTED_CANDIDATES.0 + FITTED_CANDIDATES.1;
             if (few || far) && !chosen.iter().any(|other| other.candidate == promise.candidate) {
                 chosen.push(promise);
             }
@@ -373,7 +373,7 @@ impl Run<'_> {
         fitted.sort_by(|a, b| a.0.total_cmp(&b.0));
         let Some(best) = fitted.first() else { return (Vec::new(), weights.clone()) };
         let weights = self.weights(&best.1.fit.parameters, &best.1.fit.locals);
-        let base = self.fit(&weights, &base.added, &base.fit.parameters, &base.fit.locals, REFINED);
+        let base = self.fit(&weights, &base.added, &base.fit.parameters, &base.fit.locals, REFINEMENT_ROUNDS);
         let base_error = self.held_out_error(&weights, &base);
         let base_fitted = self.fitted_error(&base);
         let uncorrected = q.without_corrections(&base.fit.parameters, &base.added);
@@ -382,10 +382,16 @@ impl Run<'_> {
         for (rank, (error, model)) in fitted.into_iter().enumerate() {
             let candidate = model.added[model.added.len() - 1];
             let (mut model, mut error) = (model, error);
-            let again = rank < AGAIN;
+            let again = rank < REFITTED_CANDIDATES;
             let mut reference = (base.fit.chi2, if again { base_error } else { base_fitted });
             if again {
-                model = self.fit(&weights, &model.added, &model.fit.parameters, &model.fit.locals, REFINED);
+                model = self.fit(
+                    &weights,
+                    &model.added,
+                    &model.fit.parameters,
+                    &model.fit.locals,
+                    REFINEMENT_ROUNDS,
+                );
                 error = self.held_out_error(&weights, &model);
             }
             if let Some(same) = q.same(candidate).filter(|_| again) {
@@ -406,7 +412,7 @@ impl Run<'_> {
             tried.push(own);
         }
         // Those that were not fitted again have an error of the fit, which is no match for one on held-out folds.
-        let judged = AGAIN.min(tried.len());
+        let judged = REFITTED_CANDIDATES.min(tried.len());
         let (again, once) = tried.split_at_mut(judged);
         again.sort_by(|a, b| a.error.total_cmp(&b.error));
         once.sort_by(|a, b| a.error.total_cmp(&b.error));
@@ -421,8 +427,9 @@ impl Run<'_> {
         let extra: Vec<Free> =
             q.beside(&base.added).into_iter().filter(|f| f.index != correction.free.index).collect();
         let locals = &base.fit.locals;
-        let model =
-            self.with(weights, &q.records, |search| search.fit(&base.added, &extra, &start, locals, REFINED));
+        let model = self.with(weights, &q.records, |search| {
+            search.fit(&base.added, &extra, &start, locals, REFINEMENT_ROUNDS)
+        });
         (model.fit.chi2, self.fitted_error(&model))
     }
 
@@ -432,7 +439,7 @@ impl Run<'_> {
         let mut sets: Vec<(Vec<usize>, Vec<f64>)> = q.proposals.to_vec();
         if let Some(last) = found.steps.last().filter(|_| q.pairs && found.best.added.len() + 2 <= q.most) {
             let notable = |t: &&Tried| t.gain >= q.settings.min_gain && t.held_out > 0.0;
-            let few: Vec<&Tried> = last.tried.iter().filter(notable).take(PAIRED).collect();
+            let few: Vec<&Tried> = last.tried.iter().filter(notable).take(PAIRED_SINGLES).collect();
             for (i, a) in few.iter().enumerate() {
                 for b in &few[i + 1..] {
                     let mut p = a.model.fit.parameters.clone();
@@ -462,7 +469,7 @@ impl Run<'_> {
             self.fit(&self.weights(&best.fit.parameters, &best.fit.locals), set, p, &best.fit.locals, ROUNDS);
         let weights = self.weights(&first.fit.parameters, &first.fit.locals);
         let again = |model: &Model| {
-            self.fit(&weights, &model.added, &model.fit.parameters, &model.fit.locals, REFINED)
+            self.fit(&weights, &model.added, &model.fit.parameters, &model.fit.locals, REFINEMENT_ROUNDS)
         };
         let mut model = again(&first);
         let mut error = self.held_out_error(&weights, &model);
@@ -470,10 +477,11 @@ impl Run<'_> {
         let [base_error, best_error] = [&base, &best].map(|own| self.held_out_error(&weights, own));
         let most = |extra: usize, from: f64| {
             let extra = extra as f64;
-            ((1.0 - extra * SET.0) * from).min(from - extra * SET.1 * self.declared_error)
+            ((1.0 - extra * MIN_FALL_OF_SET.0) * from)
+                .min(from - extra * MIN_FALL_OF_SET.1 * self.declared_error)
         };
         // One effect too many may hide what the others bring, but not all of it.
-        if error > HOPELESS_SET * best_error {
+        if error > MAX_ERROR_RATIO_OF_SET * best_error {
             return None;
         }
         let mut without: Vec<(f64, f64)> = Vec::new();
@@ -519,7 +527,7 @@ impl Run<'_> {
         }
         let weights = self.weights(&best.fit.parameters, &best.fit.locals);
         let refit = |model: &Model| {
-            self.fit(&weights, &model.added, &model.fit.parameters, &model.fit.locals, REFINED)
+            self.fit(&weights, &model.added, &model.fit.parameters, &model.fit.locals, REFINEMENT_ROUNDS)
         };
         let (base, best) = (refit(base), refit(best));
         let wanted = |c: usize| q.free_forms.contains(&c);
@@ -535,7 +543,7 @@ impl Run<'_> {
         promises
             .iter()
             .filter(hopeful)
-            .take(FORMS)
+            .take(FITTED_FREE_FORMS)
             .map(|promise| {
                 let locals = &base.fit.locals;
                 let model = self.fit(&weights, &[promise.candidate], &promise.parameters, locals, ROUNDS);

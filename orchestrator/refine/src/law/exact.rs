@@ -4,7 +4,9 @@ use std::sync::Arc;
 
 use super::formula::{self, PRICE};
 use super::grammar::{Axis, Formula, product};
-use super::study::{FINE, Finder, Found, FreeForm, PARTS, curve_text, effect, extended, port_word, push};
+use super::study::{
+    CURVE_KNOTS, Finder, Found, FreeForm, GROWING_SHARES, curve_text, effect, extended, port_word, push,
+};
 use crate::engine::fit::Free;
 use crate::engine::stop;
 use crate::study::explain::Judge;
@@ -15,13 +17,13 @@ use crate::vocabulary::Own;
 use crate::vocabulary::own::Parameter as OwnParameter;
 
 /// Share of the free form's gain that a formula must reach to be named.
-pub const OF_FREE_FORM: f64 = 0.95;
+pub const MIN_SHARE_OF_FREE_FORM: f64 = 0.95;
 /// Formulas whose stability over parts of the records is asked for.
 const JUDGED: usize = 3;
 /// Errors within this share of each other are equal.
-const EQUAL: f64 = 0.03;
+const MAX_DIFFERENCE_OF_EQUALS: f64 = 0.03;
 /// Share of the declared model's error from which on a fit to whole records may have missed its optimum.
-const MISSED: f64 = 0.5;
+const MAX_ERROR_OVER_DECLARED: f64 = 0.5;
 
 /// A formula that was fitted exactly.
 struct Tried {
@@ -70,13 +72,14 @@ impl Finder<'_> {
         let mut tried = Vec::new();
         for own in &list {
             let share = (form.at.smooth.without - own.held_out) / form.at.gain();
-            if share >= OF_FREE_FORM && !stop::asked() {
+            if share >= MIN_SHARE_OF_FREE_FORM && !stop::asked() {
                 tried.extend(self.exact(study, declared, &place, own.formula.clone(), share));
             }
         }
         let power = |error: f64| error.powi(2);
         let ceiling = power(declared.error) - power(whole.error.min(declared.error));
-        tried.retain(|own| power(declared.error) - power(own.model.error) >= OF_FREE_FORM * ceiling);
+        tried
+            .retain(|own| power(declared.error) - power(own.model.error) >= MIN_SHARE_OF_FREE_FORM * ceiling);
         tried.sort_by(|a, b| a.rank().total_cmp(&b.rank()));
         self.prune(study, declared, &place, &mut tried);
         let mut best: Option<(Model, Arc<Own>, f64)> = None;
@@ -84,12 +87,12 @@ impl Finder<'_> {
         for Tried { model, effect, share, .. } in tried.iter().take(JUDGED) {
             let fits = self.fits(study);
             let mut model = extended(model, study);
-            fits.hold_back(&mut model);
+            fits.hold_out(&mut model);
             let stable =
-                model.held_back.is_finite() && model.held_back < 1.5 * model.error.max(judge.power.sqrt());
+                model.held_out.is_finite() && model.held_out < 1.5 * model.error.max(judge.power.sqrt());
             match &best {
                 None if stable => best = Some((model, Arc::clone(effect), *share)),
-                Some((own, ..)) if model.held_back < (1.0 + EQUAL) * own.held_back => {
+                Some((own, ..)) if model.held_out < (1.0 + MAX_DIFFERENCE_OF_EQUALS) * own.held_out => {
                     rivals.push((effect.formula.clone(), *share));
                 }
                 _ => {}
@@ -130,10 +133,10 @@ impl Finder<'_> {
         let (fits, locals) = (self.fits(study), &place.whole.locals);
         let direct = fits.fit_from(vec![c], &p, locals);
         let model = match direct {
-            Some(model) if model.error < MISSED * declared.error => Some(model),
+            Some(model) if model.error < MAX_ERROR_OVER_DECLARED * declared.error => Some(model),
             // From the beginning of the records on: whole ones may end anywhere.
             direct => {
-                let grown = fits.grow(&[c], &fits.pieces, &p, &fits.free(&[c]), &PARTS, 8);
+                let grown = fits.grow(&[c], &fits.pieces, &p, &fits.free(&[c]), &GROWING_SHARES, 8);
                 let again = fits.fit_from(vec![c], &grown.parameters, &grown.locals);
                 let better = |own: &Model| direct.as_ref().is_none_or(|other| own.error < other.error);
                 if again.as_ref().is_some_and(better) { again } else { direct }
@@ -192,10 +195,10 @@ impl Finder<'_> {
         for tap in 0..study.taps.len() {
             let units = [Variable::Position, Variable::Velocity, Variable::Value]
                 .map(|variable| Self::unit(study, tap, variable));
-            let Some(places) = self.knots(study, tap, Variable::Velocity, FINE) else { continue };
+            let Some(places) = self.knots(study, tap, Variable::Velocity, CURVE_KNOTS) else { continue };
             let fastest = places.iter().fold(0.0f64, |a, b| a.max(b.abs()));
             let travel = self
-                .knots(study, tap, Variable::Position, FINE)
+                .knots(study, tap, Variable::Position, CURVE_KNOTS)
                 .map_or(0.1 * fastest, |own| own[own.len() - 1] - own[0]);
             let stiffness = product(&[(&units[2], 1), (&units[1], -1), ("s", -1)]);
             let length = product(&[(&units[1], 1), ("s", 1)]);

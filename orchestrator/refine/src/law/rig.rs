@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use super::exact::OF_FREE_FORM;
+use super::exact::MIN_SHARE_OF_FREE_FORM;
 use super::formula::{self, PRICE};
 use super::grammar::Axis;
 use super::study::{Law, curve_text, effect};
@@ -25,15 +25,15 @@ use crate::vocabulary::Own;
 /// Difference steps of heights: of forces \[N\] and torques \[N m\].
 const STEPS: [f64; 2] = [0.05, 1e-3];
 /// Share of the declared model's error that the free form has to take away on held-out parts.
-const WORTH_A_LAW: f64 = 0.1;
+const MIN_SHARE_OF_ERROR: f64 = 0.1;
 /// Share of the error on validation records below which a law is none.
 const MIN_VALIDATED_SHARE: f64 = 0.05;
 /// Share of a second variable in what one leaves, from which on both are needed.
-const SECOND: f64 = 0.1;
+const MIN_SHARE_OF_SECOND_VARIABLE: f64 = 0.1;
 /// Steps of the free form towards its optimum.
 const ROUNDS: usize = 3;
 /// Samples over which the velocity is taken.
-const OVER: usize = 8;
+const VELOCITY_SAMPLES: usize = 8;
 
 /// Some records of a system.
 struct Subset<'a> {
@@ -125,9 +125,12 @@ fn motion(windowed: &Coupled, records: &[usize], pole: bool) -> [Vec<f64>; 2] {
     for &record in records {
         let measured = windowed.trials[record].measured.iter().find(|own| own.name == name);
         let values = measured.map_or(&[][..], |own| &own.values[..]);
-        for k in (OVER..values.len().saturating_sub(OVER)).step_by(4) {
+        for k in (VELOCITY_SAMPLES..values.len().saturating_sub(VELOCITY_SAMPLES)).step_by(4) {
             positions.push(values[k]);
-            velocities.push((values[k + OVER] - values[k - OVER]) / (2.0 * OVER as f64 * dt));
+            velocities.push(
+                (values[k + VELOCITY_SAMPLES] - values[k - VELOCITY_SAMPLES])
+                    / (2.0 * VELOCITY_SAMPLES as f64 * dt),
+            );
         }
     }
     [positions, velocities]
@@ -186,11 +189,12 @@ impl Finder<'_> {
         forms.sort_by(|a, b| a.at.smooth.held_out.total_cmp(&b.at.smooth.held_out));
         let least = forms.first()?.at.smooth.held_out;
         let simple = |form: &FreeForm| {
-            form.surface.variables.len() == 1 && form.at.smooth.held_out < (1.0 + SECOND) * least
+            form.surface.variables.len() == 1
+                && form.at.smooth.held_out < (1.0 + MIN_SHARE_OF_SECOND_VARIABLE) * least
         };
         let at = forms.iter().position(simple).unwrap_or(0);
         let form = forms.swap_remove(at);
-        if form.at.gain() < WORTH_A_LAW * form.at.smooth.without {
+        if form.at.gain() < MIN_SHARE_OF_ERROR * form.at.smooth.without {
             return None;
         }
         let axes = self.axes(&form.surface);
@@ -205,7 +209,7 @@ impl Finder<'_> {
         for own in &list {
             let share = (form.at.smooth.without - own.held_out) / form.at.gain();
             let (text, parameters) = own.formula.written(&axes, &units[2]);
-            if share < OF_FREE_FORM || tried.len() >= 4 || stop::asked() {
+            if share < MIN_SHARE_OF_FREE_FORM || tried.len() >= 4 || stop::asked() {
                 continue;
             }
             let Some(effect) = effect(&text, &parameters, &units) else { continue };
@@ -222,7 +226,7 @@ impl Finder<'_> {
             ));
         }
         let ceiling = form.at.smooth.without - form.at.chi2;
-        tried.retain(|(fit, ..)| form.at.smooth.without - fit.chi2 >= OF_FREE_FORM * ceiling);
+        tried.retain(|(fit, ..)| form.at.smooth.without - fit.chi2 >= MIN_SHARE_OF_FREE_FORM * ceiling);
         let rank = |own: &(Fit, Arc<Own>, f64, usize)| 0.5 * own.0.chi2.ln() + PRICE * own.3 as f64;
         tried.sort_by(|a, b| rank(a).total_cmp(&rank(b)));
         let named = !tried.is_empty();

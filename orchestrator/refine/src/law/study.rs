@@ -25,42 +25,42 @@ use crate::study::simulate::Piece;
 use crate::vocabulary::Own;
 
 /// Share of what is left above noise that a free form has to take away for a law to be looked for.
-const WORTH_A_LAW: f64 = 0.2;
+const MIN_SHARE_OF_EXCESS: f64 = 0.2;
 /// Share of the error on validation records below which a law is none.
 const MIN_VALIDATED_SHARE: f64 = 0.05;
 /// Share of the error on validation records that a law has to take away where it leaves more than noise.
-const MOST: f64 = 0.9;
+const MIN_SHARE_ABOVE_NOISE: f64 = 0.9;
 /// Share of the error on validation records that effects have to leave for a law to be looked for in their place.
-const MUCH: f64 = 0.02;
+const MIN_LEFT_BY_EFFECTS: f64 = 0.02;
 /// Share of what effects leave that a law may leave to take their place: one that leaves noise, and any other.
-const MUCH_LESS: f64 = 0.5;
-const FAR_LESS: f64 = 0.1;
+const MAX_OF_EFFECTS_AT_NOISE: f64 = 0.5;
+const MAX_OF_EFFECTS: f64 = 0.1;
 /// Share of a second variable in what one leaves, from which on both are needed.
-const SECOND: f64 = 0.15;
+const MIN_SHARE_OF_SECOND_VARIABLE: f64 = 0.15;
 /// Parts of the records, from their beginning, that a free form is brought to before the whole.
-pub(super) const PARTS: [f64; 5] = [0.03, 0.07, 0.15, 0.3, 0.6];
+pub(super) const GROWING_SHARES: [f64; 5] = [0.03, 0.07, 0.15, 0.3, 0.6];
 /// Part of the records, from their beginning, on which variables are compared.
-const SCREENED_PART: f64 = 0.35;
+const SCREENED_SHARE_OF_RECORDS: f64 = 0.35;
 /// Ratio of the error of a free form to what its quadratic form promises, up to which it is at its optimum.
-const CONSISTENT: f64 = 1.5;
+const MAX_ERROR_OVER_QUADRATIC: f64 = 1.5;
 /// Knots of a variable while variables are compared, of the one that is chosen, and of each of two.
-const SCREENED: usize = 10;
-pub(super) const FINE: usize = 20;
-const COARSE: usize = 6;
+const SCREENING_KNOTS: usize = 10;
+pub(super) const CURVE_KNOTS: usize = 20;
+const SURFACE_KNOTS: usize = 6;
 /// Weight of the gain of a form over the value that passes.
-const DRIVING: f64 = 0.5;
+const WEIGHT_OF_VALUE: f64 = 0.5;
 /// Share of the best variable's gain from which on another is looked at closely.
-const WORTH_TRYING: f64 = 0.5;
+const MIN_GAIN_OVER_BEST: f64 = 0.5;
 /// Fall of the held-out error that a free form must bring, in variances of the noise.
-const SIGNIFICANT: f64 = 30.0;
+const MIN_GAIN_IN_NOISE: f64 = 30.0;
 /// Share of the least error that counts as above noise where it is at the noise.
-const NEAR_NOISE: f64 = 0.03;
+const MIN_EXCESS_OF_LEAST: f64 = 0.03;
 /// Steps of the free form towards its optimum.
 const ROUNDS: usize = 3;
 /// Error in rms of the noise from which on a law with a memory is tried.
-const FAR: f64 = 1.5;
+const MIN_ERROR_FOR_MEMORY: f64 = 1.5;
 /// Ratio of the error of a law with a memory to the least without one, below which it is taken.
-const MEMORY: f64 = 0.6;
+const MAX_ERROR_WITH_MEMORY: f64 = 0.6;
 
 /// A law that was found at a port.
 #[derive(Debug, Clone)]
@@ -140,7 +140,7 @@ pub fn explain(
     say: Say,
 ) -> Option<Model> {
     let left = 1.0 - found.share.unwrap_or(0.0);
-    let partly = found.verdict == Verdict::Effect && !found.complete && left > MUCH;
+    let partly = found.verdict == Verdict::Effect && !found.complete && left > MIN_LEFT_BY_EFFECTS;
     if !(found.verdict == Verdict::Unexplained || partly) || stop::asked() {
         return None;
     }
@@ -158,13 +158,15 @@ pub fn explain(
     let fits = finder.fits(study);
     let complete = judge.explained(&fits, &model) || judge.tolerable(&fits, &model);
     // A residual of many small causes looks like something in time, or takes some of any shape.
-    let most = law.share >= MOST && !law.variables.iter().any(|name| name == "time");
+    let most = law.share >= MIN_SHARE_ABOVE_NOISE && !law.variables.iter().any(|name| name == "time");
     if !complete && !most {
         return None;
     }
     if partly {
         // Effects of the list stay unless a law leaves much less than they do.
-        if !law.named || 1.0 - law.share > if complete { MUCH_LESS } else { FAR_LESS } * left {
+        if !law.named
+            || 1.0 - law.share > if complete { MAX_OF_EFFECTS_AT_NOISE } else { MAX_OF_EFFECTS } * left
+        {
             return None;
         }
         for effect in found.effects.iter_mut().filter(|effect| effect.selected) {
@@ -363,7 +365,7 @@ impl Finder<'_> {
         (self.say)("free forms at the ports");
         let mut singles = Vec::new();
         for (tap, variable) in places(study) {
-            let count = if variable == Variable::Time { 16 } else { SCREENED };
+            let count = if variable == Variable::Time { 16 } else { SCREENING_KNOTS };
             let Some(knots) = self.knots(study, tap, variable, count) else { continue };
             let surface = Surface { variables: vec![variable], knots: vec![knots] };
             if let Some(form) = self.form(study, declared, tap, surface) {
@@ -373,7 +375,7 @@ impl Finder<'_> {
         // The value that passes drives the motion, so that it seems to tell what the motion tells.
         let gain = |form: &FreeForm| {
             let drives = form.surface.variables == [Variable::Value];
-            form.at.gain() * if drives { DRIVING } else { 1.0 }
+            form.at.gain() * if drives { WEIGHT_OF_VALUE } else { 1.0 }
         };
         singles.sort_by(|a, b| gain(b).total_cmp(&gain(a)));
         let best = singles.first()?;
@@ -381,16 +383,16 @@ impl Finder<'_> {
         let one = self.noise / self.samples(study).max(1) as f64;
         let enough = |form: &FreeForm| {
             let excess = (form.at.smooth.without - self.noise).max(0.0);
-            gain(form) > (WORTH_A_LAW * excess).max(SIGNIFICANT * one)
+            gain(form) > (MIN_SHARE_OF_EXCESS * excess).max(MIN_GAIN_IN_NOISE * one)
         };
         let (tap, first) = (best.tap, best.surface.variables[0]);
         let mut forms: Vec<FreeForm> = Vec::new();
         for form in singles.iter().take(2).filter(|form| form.tap == tap) {
-            if gain(form) < WORTH_TRYING * most {
+            if gain(form) < MIN_GAIN_OVER_BEST * most {
                 continue;
             }
             let variable = form.surface.variables[0];
-            let count = if variable == Variable::Time { 30 } else { FINE };
+            let count = if variable == Variable::Time { 30 } else { CURVE_KNOTS };
             let Some(knots) = self.knots(study, tap, variable, count) else { continue };
             let surface = Surface { variables: vec![variable], knots: vec![knots] };
             let fine = self.form(study, declared, tap, surface);
@@ -414,7 +416,7 @@ impl Finder<'_> {
                 continue;
             }
             let knots: Option<Vec<Vec<f64>>> =
-                variables.iter().map(|own| self.knots(study, tap, *own, COARSE)).collect();
+                variables.iter().map(|own| self.knots(study, tap, *own, SURFACE_KNOTS)).collect();
             let Some(knots) = knots else { continue };
             let surface = Surface { variables: variables.into(), knots };
             let left = forms.iter().map(|own| own.at.smooth.held_out).fold(f64::INFINITY, f64::min);
@@ -432,16 +434,20 @@ impl Finder<'_> {
         forms.sort_by(|a, b| a.at.smooth.held_out.total_cmp(&b.at.smooth.held_out));
         let least = forms.first()?.at.smooth.held_out;
         // What one variable leaves may be as much more than what two leave.
-        let more = SECOND * (least - self.noise).max(NEAR_NOISE * least);
+        let more = MIN_SHARE_OF_SECOND_VARIABLE * (least - self.noise).max(MIN_EXCESS_OF_LEAST * least);
         let simple =
             |form: &FreeForm| form.surface.variables.len() == 1 && form.at.smooth.held_out < least + more;
         let at = forms.iter().position(simple).unwrap_or(0);
         let form = forms.swap_remove(at);
         let law = if enough(&form) { self.law(study, judge, declared, &form) } else { None };
         let left = law.as_ref().map_or(declared.error, |own| own.model.error);
-        let memory = if left > FAR * judge.tolerated.sqrt() { self.memory(study, declared) } else { None };
+        let memory = if left > MIN_ERROR_FOR_MEMORY * judge.tolerated.sqrt() {
+            self.memory(study, declared)
+        } else {
+            None
+        };
         let found = match memory {
-            Some((tap, model, effect)) if model.error < MEMORY * left => {
+            Some((tap, model, effect)) if model.error < MAX_ERROR_WITH_MEMORY * left => {
                 let (axes, variables) = (Vec::new(), vec![Variable::Velocity]);
                 let (named, share, rivals) = (true, 1.0, Vec::new());
                 Found { tap, variables, curve: Vec::new(), effect, model, named, share, rivals, axes }
@@ -456,7 +462,7 @@ impl Finder<'_> {
         self.trace.first().map_or(0, Vec::len) * study.outputs.len()
     }
 
-    /// Records of the windows that are kept back together for a form over some variables.
+    /// Records of the windows that are held out together for a form over some variables.
     fn groups(&self, variables: &[Variable]) -> Option<Vec<usize>> {
         // A law in time is the same in every record: only another record can tell whether it is one.
         let time = variables.contains(&Variable::Time);
@@ -490,9 +496,10 @@ impl Finder<'_> {
         let own: Vec<Free> = study.entries[first..first + count].iter().map(|entry| entry.free).collect();
         let (view, locals) = match &self.windows {
             Some(windows) => (windows.view(&fits, candidate), windows.begins.clone()),
-            None => {
-                (fits.view(&[candidate], &beginnings(&fits.pieces, SCREENED_PART)), base.fit.locals.clone())
-            }
+            None => (
+                fits.view(&[candidate], &beginnings(&fits.pieces, SCREENED_SHARE_OF_RECORDS)),
+                base.fit.locals.clone(),
+            ),
         };
         let free = [&own[..], &self.shared(study)[..]];
         let groups = self.groups(&surface.variables);
@@ -523,8 +530,9 @@ impl Finder<'_> {
         let without = base.smooth.without;
         let (p, locals) = (base.parameters.clone(), base.locals.clone());
         let direct = base.towards(&whole, &form.surface, free, ROUNDS);
-        let consistent =
-            |at: &Approach| at.chi2 < CONSISTENT * at.smooth.held_out && at.smooth.held_out < without;
+        let consistent = |at: &Approach| {
+            at.chi2 < MAX_ERROR_OVER_QUADRATIC * at.smooth.held_out && at.smooth.held_out < without
+        };
         let mut at = match direct {
             Some(at) if consistent(&at) => at,
             // What leaves the declared model leaves it far behind at the end of a record: the beginning is understood first.
@@ -552,7 +560,7 @@ impl Finder<'_> {
         free: [&[Free]; 2],
         (mut p, mut locals): (Vec<f64>, Vec<Vec<f64>>),
     ) -> Option<Approach> {
-        for part in PARTS {
+        for part in GROWING_SHARES {
             let view = fits.view(&[form.candidate], &beginnings(&fits.pieces, part));
             let at = Approach::begin(&view, &form.surface, &p, free, &locals, None)?;
             let at = at.towards(&view, &form.surface, free, ROUNDS)?;

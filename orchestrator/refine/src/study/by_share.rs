@@ -24,7 +24,7 @@ const MAX_CORRECTIONS: usize = 16;
 /// Fall of the sum of squares, residuals in units of the floor, that a correction of one tolerance must be able to bring.
 const MIN_INFLUENCE: f64 = 4.0;
 /// Cosine of the angle between what a correction and an effect change from which on they are the same.
-const SAME: f64 = 0.999;
+const MIN_COSINE_OF_SAME: f64 = 0.999;
 /// Records up to which spans of them are held out instead of whole ones.
 const FEW_RECORDS: usize = 2;
 
@@ -179,7 +179,8 @@ fn known(
             let size = product(k, k);
             let twin = single.iter().enumerate().find_map(|(s, &c)| {
                 let (both, other) = (product(k, own.len() + s), product(own.len() + s, own.len() + s));
-                (both.abs() > SAME * (size * other).sqrt() && other > 0.0).then(|| (c, both / other))
+                (both.abs() > MIN_COSINE_OF_SAME * (size * other).sqrt() && other > 0.0)
+                    .then(|| (c, both / other))
             });
             forward_selection::Correction {
                 free: own[k].0,

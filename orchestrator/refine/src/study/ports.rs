@@ -61,9 +61,9 @@ pub struct Duty {
 }
 
 /// Influence of a port on a state below this share of its largest one is rounding.
-const NOTHING: f64 = 1e-9;
+const MAX_ROUNDED_INFLUENCE: f64 = 1e-9;
 /// Ports whose assignment to velocities is tried in every order; more take the velocity that each moves most.
-const MOST_ASSIGNED: usize = 6;
+const MAX_ASSIGNED_PORTS: usize = 6;
 
 fn base(graph: &SystemGraph, component: usize, variable: usize) -> Option<Unit> {
     let description = &graph.components[component].fmu.description;
@@ -180,7 +180,7 @@ fn influence(sense: &Sense, port: usize, state: usize) -> f64 {
     let own = &sense.influence[port];
     let largest = own.iter().fold(0.0f64, |a, b| a.max(b.abs()));
     let value = own[state].abs();
-    if value > NOTHING * largest { value } else { 0.0 }
+    if value > MAX_ROUNDED_INFLUENCE * largest { value } else { 0.0 }
 }
 
 /// State whose rate is this state, wherever the system is.
@@ -230,7 +230,7 @@ fn is_alike(sense: &Sense, a: usize, b: usize) -> bool {
 /// One state for each port, so that the product of the influences is largest; ports without a choice stay without.
 fn assigned(choices: &[Vec<(usize, f64)>]) -> Vec<Option<usize>> {
     let most = |own: &Vec<(usize, f64)>| own.iter().max_by(|a, b| a.1.total_cmp(&b.1)).map(|own| own.0);
-    if choices.len() > MOST_ASSIGNED {
+    if choices.len() > MAX_ASSIGNED_PORTS {
         return choices.iter().map(most).collect();
     }
     let mut best = (f64::NEG_INFINITY, Vec::new());

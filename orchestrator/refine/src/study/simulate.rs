@@ -14,7 +14,7 @@ use crate::engine::{Span, System};
 use crate::vocabulary::own::STATES;
 
 /// State events in one step from which on the rest of it is integrated without: a part that rests between two of them.
-const MOST_EVENTS: usize = 20;
+const MAX_EVENTS_PER_STEP: usize = 20;
 
 /// Slopes of the four stages, and a trial point.
 type Slopes = [Vec<f64>; 5];
@@ -432,7 +432,7 @@ impl<'a> View<'a> {
                         return Ok(());
                     }
                     let mut state = false;
-                    if plant.has_state_events() && events < MOST_EVENTS {
+                    if plant.has_state_events() && events < MAX_EVENTS_PER_STEP {
                         let crossed = |plant: &mut Plant, to: f64, x: &mut [f64], dx: &mut Slopes| {
                             x.copy_from_slice(&before);
                             move_to(plant, to, x, dx)?;

@@ -14,7 +14,7 @@ use crate::study::model::{Action, Entry, Study, Target};
 use crate::study::plant;
 
 /// Size from which on a state has run away.
-const RUN_AWAY: f64 = 1e12;
+const MAX_STATE: f64 = 1e12;
 /// Ranges that parameters without bounds may take, in sizes of their start.
 const MAX_CHANGE: f64 = 1e3;
 
@@ -120,7 +120,7 @@ fn fault(own: &Own, p: &[f64], step: f64, points: &[Point]) -> Option<String> {
             ));
         }
         own.advance(at, &mut z, p, step);
-        if let Some(i) = z.iter().position(|z| z.is_nan() || z.abs() >= RUN_AWAY) {
+        if let Some(i) = z.iter().position(|z| z.is_nan() || z.abs() >= MAX_STATE) {
             let (name, rate) = &own.states[i];
             return Some(format!(
                 "state {name} with the rate `{rate}` runs away {:.4} s after the beginning of a record",
