@@ -3,7 +3,7 @@
 use super::names;
 use airloop_refine::answer::{Answer, Correction, Effect, Parameter, Verdict};
 use airloop_refine::evidence::Signal;
-use airloop_refine::law::study::Law;
+use airloop_refine::law::found::Law;
 
 /// A number with enough digits to read.
 pub fn number(value: f64) -> String {

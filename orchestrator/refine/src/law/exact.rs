@@ -3,10 +3,11 @@
 use std::sync::Arc;
 
 use super::formula::{self, PRICE};
+use super::free_form::{FreeForm, GROWING_SHARES};
 use super::grammar::{Axis, Formula, product};
-use super::study::{
-    CURVE_KNOTS, Finder, Found, FreeForm, GROWING_SHARES, curve_text, effect, extended, port_word, push,
-};
+use super::place::CURVE_KNOTS;
+use super::study::{Finder, Found, extended, push};
+use super::written::{curve_text, effect, read};
 use crate::engine::fit::Free;
 use crate::engine::stop;
 use crate::study::explain::Judge;
@@ -106,7 +107,7 @@ impl Finder<'_> {
         Some(Found {
             tap: form.tap,
             variables: form.surface.variables.clone(),
-            curve: whole.curve(model.error.max(judge.power.sqrt())),
+            curve: whole.at.curve(&whole.surface, model.error.max(judge.power.sqrt())),
             effect,
             model,
             named,
@@ -126,7 +127,7 @@ impl Finder<'_> {
         share: f64,
     ) -> Option<Tried> {
         let (text, parameters) = formula.written(place.axes, &place.units[2]);
-        let effect = effect(&text, &parameters, place.units)?;
+        let effect = effect(&text, &parameters, place.units, study.taps[place.form.tap].sign)?;
         let value = |p: &OwnParameter| parameters.iter().find(|own| own.0 == p.name).map_or(0.0, |own| own.2);
         let values: Vec<f64> = effect.parameters.iter().map(value).collect();
         let (c, p) = self.start(study, place, &effect, &values);
@@ -183,7 +184,8 @@ impl Finder<'_> {
     /// The free form itself as the law.
     fn curve(&self, study: &mut Study, place: &Place) -> Option<(Model, Arc<Own>, f64)> {
         let text = curve_text(&place.form.surface, &place.whole.at.smooth.heights, place.axes)?;
-        let effect = effect(&text, &[("a".into(), "1".into(), 1.0)], place.units)?;
+        let effect =
+            effect(&text, &[("a".into(), "1".into(), 1.0)], place.units, study.taps[place.form.tap].sign)?;
         let (c, p) = self.start(study, place, &effect, &[1.0]);
         Some((self.fits(study).fit_from(vec![c], &p, &place.whole.locals)?, effect, 1.0))
     }
@@ -207,14 +209,11 @@ impl Finder<'_> {
             for (rate, unit, starts) in
                 [("v - z/s", "s".to_owned(), times), ("v - abs(v)*z/s", length, lengths)]
             {
-                let toml = format!(
-                    "kind = \"law\"\nport = {:?}\nformula = \"k*z\"\nwords = \"law with a memory\"\n[variables]\nx = {:?}\nv = {:?}\nf = {:?}\n[states]\nz = {rate:?}\n[parameters]\nk = {{ unit = {stiffness:?} }}\ns = {{ unit = {unit:?}, start = {starts:?} }}\n",
-                    port_word(&units[2]),
-                    units[0],
-                    units[1],
-                    units[2]
+                let tables = format!(
+                    "[states]\nz = {rate:?}\n[parameters]\nk = {{ unit = {stiffness:?} }}\ns = {{ unit = {unit:?}, start = {starts:?} }}\n"
                 );
-                let Ok(own) = Own::read(&toml).map(Arc::new) else { continue };
+                let sign = study.taps[tap].sign;
+                let Some(own) = read("k*z", "law with a memory", &units, sign, &tables) else { continue };
                 let c = self.push_own(study, tap, &own, &[1.0, starts[1]]);
                 study.candidates[c].starts = own.starts();
                 let base = extended(declared, study);

@@ -5,11 +5,12 @@ use std::sync::Arc;
 
 use super::exact::MIN_SHARE_OF_FREE_FORM;
 use super::formula::{self, PRICE};
+use super::found::{self, Law};
 use super::grammar::Axis;
-use super::study::{Law, curve_text, effect};
 use super::surface::{Surface, knots};
 use super::surrogate::Approach;
-use crate::answer::{Answer, Effect, Parameter, Verdict};
+use super::written::{curve_text, effect};
+use crate::answer::{Answer, Parameter, Verdict};
 use crate::engine::fit::{Fit, Free, fit};
 use crate::engine::held_out::HeldOut;
 use crate::engine::noise::Noise;
@@ -110,7 +111,7 @@ pub fn explain(rig: &Rig, units: &BTreeMap<String, f64>, corrected: &[Free], fou
     let motion = motion(&windowed, &records, pole);
     let finder = Finder { windowed, records, pole, base, shared, motion, units };
     let Some(law) = finder.find(&channel, found) else { return false };
-    found.notes.extend(super::study::told(&law));
+    found.notes.extend(found::told(&law));
     found.unexplained = Some((channel, law.variables.clone()));
     found.verdict = Verdict::Law;
     found.share = Some(law.share);
@@ -212,7 +213,7 @@ impl Finder<'_> {
             if share < MIN_SHARE_OF_FREE_FORM || tried.len() >= 4 || stop::asked() {
                 continue;
             }
-            let Some(effect) = effect(&text, &parameters, &units) else { continue };
+            let Some(effect) = effect(&text, &parameters, &units, 1.0) else { continue };
             let values: Vec<f64> = effect
                 .parameters
                 .iter()
@@ -240,7 +241,7 @@ impl Finder<'_> {
             Some((fit, own, share, _)) => (fit, own, share),
             None => {
                 let text = curve_text(&form.surface, &form.at.smooth.heights, &axes)?;
-                let own = effect(&text, &[("a".into(), "1".into(), 1.0)], &units)?;
+                let own = effect(&text, &[("a".into(), "1".into(), 1.0)], &units, 1.0)?;
                 (self.fit(&own, &[1.0], &form.at.parameters), own, 1.0)
             }
         };
@@ -297,33 +298,14 @@ impl Finder<'_> {
         let samples: usize =
             self.records.iter().map(|&r| rig.signals(r).last().map_or(0, |span| span.range.end)).sum();
         let widen = (best.chi2 / samples.max(1) as f64).sqrt().max(1.0);
-        let parameters = own.parameters.iter().enumerate().map(|(k, p)| {
-            let place = best.free.iter().position(|free| free.index == TABLE.len() + k).unwrap_or(0);
-            let half = 1.96 * widen * best.covariance[(place, place)].max(0.0).sqrt();
-            let value = best.parameters[TABLE.len() + k];
-            Parameter {
-                name: p.name.clone(),
-                unit: p.unit.clone(),
-                value,
-                interval: (value - half, value + half),
-            }
-        });
-        let parameters: Vec<Parameter> = parameters.collect();
         let values = &best.parameters[TABLE.len()..];
-        let curve = match &form.surface.knots[..] {
-            [knots] => knots
-                .iter()
-                .zip(&form.at.smooth.heights)
-                .zip(&form.at.smooth.deviation)
-                .map(|((x, y), s)| [*x, *y, 1.96 * widen * s])
-                .collect(),
-            _ => Vec::new(),
-        };
-        let (mut sum, mut size) = (0.0, 0.0);
-        for (x, v) in self.motion[0].iter().zip(&self.motion[1]) {
-            let power = own.value([*x, *v, 0.0, 0.0], &[], values) * v;
-            (sum, size) = (sum + power, size + power.abs());
-        }
+        let known = values.iter().enumerate().map(|(k, value)| {
+            let place = best.free.iter().position(|free| free.index == TABLE.len() + k).unwrap_or(0);
+            (*value, 1.96 * widen * best.covariance[(place, place)].max(0.0).sqrt())
+        });
+        let parameters: Vec<Parameter> = found::parameters(own, known).collect();
+        let moved = self.motion[0].iter().zip(&self.motion[1]);
+        let powers = moved.map(|(x, v)| own.value([*x, *v, 0.0, 0.0], &[], values) * v);
         let word = |variable: &Variable| match (variable, self.pole) {
             (Variable::Velocity, false) => "xdot",
             (Variable::Velocity, true) => "thetadot",
@@ -335,24 +317,15 @@ impl Finder<'_> {
             port: if self.pole { "cart_pole.tau_ext" } else { "cart_pole.F" }.into(),
             channel: channel.to_owned(),
             variables: form.surface.variables.iter().map(|own| word(own).to_owned()).collect(),
-            curve,
+            curve: form.at.curve(&form.surface, widen),
             named,
             of_free_form,
             share,
             rivals,
             covered: axes.into_iter().map(|a| (a.name.to_owned(), a.range.0, a.range.1, a.unit)).collect(),
-            dissipation: (size > 0.0).then_some(sum / size),
+            dissipation: found::dissipation(powers),
             toml: own.to_toml(values),
-            effect: Effect {
-                id: own.kind.clone(),
-                channel: channel.to_owned(),
-                selected: true,
-                share: Some(share),
-                parameters,
-                reason: "it takes what a free form takes".into(),
-                own: Some(Arc::clone(own)),
-                ..Effect::default()
-            },
+            effect: found::as_effect(own, channel, share, parameters),
         })
     }
 }

@@ -314,6 +314,14 @@ impl Approach {
         Some(self)
     }
 
+    /// Place, height and half of the 95 % band at every knot, where a residual is `residual` in rms; empty for two
+    /// variables.
+    pub fn curve(&self, surface: &Surface, residual: f64) -> Vec<[f64; 3]> {
+        let [knots] = &surface.knots[..] else { return Vec::new() };
+        let heights = self.smooth.heights.iter().zip(&self.smooth.deviation);
+        knots.iter().zip(heights).map(|(x, (y, s))| [*x, *y, 1.96 * residual * s]).collect()
+    }
+
     /// What the form takes away on held-out parts.
     pub fn gain(&self) -> f64 {
         self.smooth.without - self.smooth.held_out

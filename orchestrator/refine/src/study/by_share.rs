@@ -14,9 +14,10 @@ use crate::answer::{Correction, Settings, Step, Tried};
 use crate::engine::System;
 use crate::engine::candidate::{Candidate, Start};
 use crate::engine::fit::Free;
-use crate::engine::forward_selection::{self, Found, Question};
+use crate::engine::forward_selection;
 use crate::engine::held_out::HeldOut;
 use crate::engine::normal::{columns, dot};
+use crate::engine::question::{self, Found, Question};
 use crate::engine::search::Model;
 
 /// Corrections that are fitted at most: those that move the residuals most within their tolerance.
@@ -141,7 +142,7 @@ fn known(
     (p, locals): (&[f64], &[Vec<f64>]),
     candidates: &[Candidate],
     most: f64,
-) -> Vec<forward_selection::Correction> {
+) -> Vec<question::Correction> {
     let bounded = |free: &Free| {
         let reach = most * free.prior.unwrap_or(0.0);
         Free { bounds: (free.bounds.0.max(-reach), free.bounds.1.min(reach)), ..*free }
@@ -182,7 +183,7 @@ fn known(
                 (both.abs() > MIN_COSINE_OF_SAME * (size * other).sqrt() && other > 0.0)
                     .then(|| (c, both / other))
             });
-            forward_selection::Correction {
+            question::Correction {
                 free: own[k].0,
                 effect: twin.map(|(c, _)| c),
                 declared: twin.map_or(own[k].1, |(_, ratio)| ratio),
@@ -226,12 +227,7 @@ fn model(fits: &Fits, own: &Model) -> fits::Model {
     fits::Model::new(own.added.clone(), fit, error)
 }
 
-fn answer(
-    fits: &Fits,
-    declared: &fits::Model,
-    known: &[forward_selection::Correction],
-    found: &Found,
-) -> ByShare {
+fn answer(fits: &Fits, declared: &fits::Model, known: &[question::Correction], found: &Found) -> ByShare {
     let study = fits.study;
     let best = model(fits, &found.best);
     let corrected = model(fits, &found.base);
@@ -276,11 +272,7 @@ fn answer(
 }
 
 /// The corrections of a model.
-pub fn corrections(
-    study: &Study,
-    model: &fits::Model,
-    known: &[forward_selection::Correction],
-) -> Vec<Correction> {
+pub fn corrections(study: &Study, model: &fits::Model, known: &[question::Correction]) -> Vec<Correction> {
     let one = |(a, free): (usize, &Free)| {
         let entry = &study.entries[free.index];
         let Target::Correction { declared, .. } = entry.target else { return None };

@@ -6,11 +6,14 @@
 //! those belong together whose product of influences is largest: the inverse of a mass matrix is positive definite, so
 //! that the force of a joint moves its own joint more than it moves others. What a study states wins.
 
+use airloop_series::compound_unit;
 use airloop_series::units::{Exponents, Unit, lookup};
 
 use super::Problem;
 use super::declaration::{Attachment, File};
-use super::plant::{self, Plant, Sense};
+use super::names;
+use super::plant::{Plant, Sense};
+use crate::vocabulary::own::PortKind;
 use airloop_cosim::system::SystemGraph;
 use airloop_cosim::system::graph::{DataType, Source, unit_of};
 use airloop_fmi::Causality;
@@ -70,6 +73,15 @@ fn base(graph: &SystemGraph, component: usize, variable: usize) -> Option<Unit> 
     let name = unit_of(&description.variables[variable])?;
     let own = description.units.iter().find(|unit| unit.name == name).and_then(|unit| unit.base);
     own.or_else(|| lookup(name))
+}
+
+/// What a port carries, by its unit: a force, a torque, a flow (of volume, mass, amount or heat), or else a signal.
+pub(crate) fn kind(unit: &str) -> PortKind {
+    match compound_unit::parse(unit) {
+        Some(own) if is_mechanical(&own) => [PortKind::Force, PortKind::Torque][own.exponents.m as usize - 1],
+        Some(own) if is_flow(&own) => PortKind::Flow,
+        _ => PortKind::Signal,
+    }
 }
 
 fn is_mechanical(unit: &Unit) -> bool {
@@ -197,7 +209,7 @@ fn integral(sense: &Sense, velocity: usize) -> Option<usize> {
 }
 
 fn is_speed(graph: &SystemGraph, name: &str) -> bool {
-    let unit = plant::unit_of(graph, name).and_then(|unit| lookup(&unit));
+    let unit = names::unit_of(graph, name).and_then(|unit| lookup(&unit));
     unit.is_some_and(|unit| {
         let Exponents { kg, m, s, .. } = unit.exponents;
         (kg, s) == (0, -1) && (m == 1 || m == 0 && unit.exponents.rad != 0)

@@ -7,11 +7,12 @@ use airloop_series::compound_unit;
 use super::own::{Own, VARIABLES};
 use super::units;
 use crate::engine::fit::Free;
-use crate::study::catalogue::{CHANNELS, Candidate};
+use crate::study::catalogue::Candidate;
 use crate::study::declaration::Attachment;
+use crate::study::kinds::CHANNELS;
 use crate::study::law::{Law, Point};
 use crate::study::model::{Action, Entry, Study, Target};
-use crate::study::plant;
+use crate::study::names;
 
 /// Size from which on a state has run away.
 const MAX_STATE: f64 = 1e12;
@@ -66,7 +67,7 @@ fn fits(study: &Study, attachment: &Attachment, own: &Own) -> Result<(), String>
             let key = ["position", "velocity"][i];
             return Err(format!("the formula needs {name}; name its signal with `{key}`"));
         };
-        let Some(unit) = plant::unit_of(&study.graph, signal) else { continue };
+        let Some(unit) = names::unit_of(&study.graph, signal) else { continue };
         let Some(known) = compound_unit::parse(&unit) else {
             return Err(format!("unit `{unit}` of {signal} is not known"));
         };
