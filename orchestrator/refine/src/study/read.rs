@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::ops::Range;
 
 use super::declaration::{File, ForceRule, Initial, InitialWord, Role, Signal};
-use super::{plant, signal};
+use super::{names, signal};
 use crate::Error;
 use airloop_cosim::system::SystemGraph;
 use airloop_series::units::{Compatibility, compatible, lookup};
@@ -439,7 +439,7 @@ fn factors(grid: &Grid, layout: &Layout) -> Result<[Vec<f64>; 4], String> {
 
 /// Unit of a signal of the system, where it has one.
 pub fn unit(graph: &SystemGraph, name: &str) -> Option<String> {
-    plant::unit_of(graph, name).filter(|unit| lookup(unit).is_some())
+    names::unit_of(graph, name).filter(|unit| lookup(unit).is_some())
 }
 
 #[cfg(test)]
