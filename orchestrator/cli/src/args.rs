@@ -94,6 +94,13 @@ pub enum Command {
     /// Writes report.json, report.md and report.html. Candidates are fitted in simulation on the estimation records;
     /// errors are reported on the validation records.
     Refine(super::refine::Args),
+    /// Thousands of independent tasks as one plan: simulations over samples of parameters, trials, fits, searches; on one
+    /// computer or a cluster, with the same results.
+    Sweep {
+        /// Action to perform.
+        #[command(subcommand)]
+        command: super::sweep::Command,
+    },
     /// The process of an FMU; other commands start it.
     #[command(hide = true)]
     FmuWorker,
