@@ -5,7 +5,7 @@ use std::ops::Range;
 
 use super::declaration::{File, ForceRule, Initial, InitialWord, Role, Signal};
 use super::{names, signal};
-use crate::Error;
+use crate::{Error, outliers};
 use airloop_cosim::system::SystemGraph;
 use airloop_series::units::{Compatibility, compatible, lookup};
 use airloop_series::{Interpolation, TimeSeries, csv};
@@ -256,6 +256,9 @@ pub fn records(file: &File, layout: &Layout, notes: &mut Vec<String>) -> Result<
         step => step.as_ref().map(|step| *step.get_ref()),
     };
     separate(file)?;
+    // What stands out in a held command was meant.
+    let measured = layout.signals().into_iter().flatten().flatten().filter(|signal| !signal.hold);
+    let measured: Vec<&str> = measured.filter_map(Signal::source).map(String::as_str).collect();
     let mut grids: BTreeMap<&str, Grid> = BTreeMap::new();
     let mut found = Vec::new();
     for spanned in &declaration.segment {
@@ -263,7 +266,9 @@ pub fn records(file: &File, layout: &Layout, notes: &mut Vec<String>) -> Result<
         let path = file.folder.join(&segment.file);
         let refuse = |problem: String| file.refuse(spanned, format!("{}: {problem}", path.display()));
         if !grids.contains_key(segment.file.as_str()) {
-            let grid = grid(csv::read(&path)?, step).map_err(&refuse)?;
+            let series =
+                outliers::without(csv::read(&path)?, &segment.file, &measured, notes).map_err(&refuse)?;
+            let grid = grid(series, step).map_err(&refuse)?;
             if grid.gaps > 0 {
                 notes.push(format!(
                     "{}: linear interpolation bridges {} of its steps, which are longer than three times the usual one.",
