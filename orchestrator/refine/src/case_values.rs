@@ -40,8 +40,8 @@ fn check(values: &[(&str, f64, Range)]) -> Result<(), String> {
     for &(name, value, range) in values {
         let (is_good, allowed) = match range {
             Range::Finite => (true, "a finite number"),
-            Range::NotNegative => (value >= 0.0, "zero or positive"),
-            Range::Positive => (value > 0.0, "positive"),
+            Range::NotNegative => (value >= 0.0, "a number of at least zero"),
+            Range::Positive => (value > 0.0, "a number above zero"),
         };
         if !(is_good && value.is_finite()) {
             return Err(format!("{name} = {value} where {allowed} is needed; correct it in case.toml"));

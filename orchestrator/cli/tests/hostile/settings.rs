@@ -38,7 +38,6 @@ pub fn cases() -> Vec<Case> {
         "--stop 1 --step 1ms --interpolation cubic",
         "--stop 1 --step 1ms --output-step 0",
         "--stop 1 --step 1ms --output-step -1",
-        "--stop 1 --step 1ms --output-step 0.3ms",
         "--stop 1 --step 1ms --extrapolation 9",
         "--stop 1 --step 1ms --input none.csv",
         "--stop 1 --step 1ms --measured none.csv",
@@ -57,12 +56,12 @@ pub fn cases() -> Vec<Case> {
     .collect();
     found.extend(
         [
-            "chirp --amplitude 0 --from 1 --to 5 --duration 10s",
-            "chirp --amplitude nan --from 1 --to 5 --duration 10s",
-            "chirp --amplitude 1 --from 0 --to 5 --duration 10s",
-            "chirp --amplitude 1 --from 1 --to 5000 --duration 10s",
-            "chirp --amplitude 1 --from 1 --to 5 --duration 0",
-            "chirp --amplitude 1 --from 1 --to 5 --duration 10s --sample-time 1e-9",
+            "chirp --amplitude 0 --band 1..5 --duration 10s",
+            "chirp --amplitude nan --band 1..5 --duration 10s",
+            "chirp --amplitude 1 --band 0..5 --duration 10s",
+            "chirp --amplitude 1 --band 1..5000 --duration 10s",
+            "chirp --amplitude 1 --band 1..5 --duration 0",
+            "chirp --amplitude 1 --band 1..5 --duration 10s --step 1e-9",
             "prbs --amplitude 1 --clock 0 --order 7 --duration 10s",
             "prbs --amplitude 1 --clock 10ms --order 99 --duration 10s",
         ]
@@ -83,7 +82,6 @@ pub fn cases() -> Vec<Case> {
         .map(identify),
     );
     found.extend([
-        Case::new("no command", ""),
         Case::new("an unknown command", "runn m.fmu"),
         Case::new("refine of nothing", "refine none -o out"),
         Case::new("refine of a file of another kind", "refine r.csv -o out").file("r.csv", "time,u\n0,0\n"),

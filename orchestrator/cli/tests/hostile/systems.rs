@@ -71,11 +71,6 @@ pub fn cases() -> Vec<Case> {
             "<ssd:Connector name=\"w\" kind=\"input\"/></ssd:Connectors></ssd:Component>",
         ),
         with("a parameter set that is not there", "source=\"p.ssv\"", "source=\"q.ssv\""),
-        with(
-            "a unit that is not known",
-            "<ssd:Connector name=\"u\" kind=\"input\"/>",
-            "<ssd:Connector name=\"u\" kind=\"input\"><ssc:Real unit=\"furlong\"/></ssd:Connector>",
-        ),
         set("a parameter that is not there", "name=\"x\"", "name=\"mass\""),
         set("a value that is a word", "value=\"2\"", "value=\"two\""),
         set("a value of NaN", "value=\"2\"", "value=\"NaN\""),

@@ -146,7 +146,7 @@ pub enum Error {
     #[error("record `{record}`: {kind} {} is {value} at sample {sample}; cut the record or repair the sample", index + 1)]
     NotFinite { record: String, kind: &'static str, index: usize, sample: usize, value: f64 },
     /// Squares overflow.
-    #[error("record `{record}`: {kind} {} is {value} at sample {sample}, too large for sums of squares; repair the sample, or scale the signal", index + 1)]
+    #[error("record `{record}`: {kind} {} is {value:e} at sample {sample}, too large for sums of squares; repair the sample, or scale the signal", index + 1)]
     TooLarge { record: String, kind: &'static str, index: usize, sample: usize, value: f64 },
     /// Numerics.
     #[error(
