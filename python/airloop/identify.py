@@ -53,8 +53,7 @@ def arx(
     **options
         Options of the command line: ``na=1``, ``nb=2``, ``order="auto"``, ``fmu="actuator"`` ...
     """
-    columns = {"inputs": ",".join(inputs), "outputs": ",".join(outputs)}
-    return _identify("arx", records, validate, {**columns, **options}, output)
+    return _identify("arx", records, validate, {**_columns(inputs, outputs), **options}, output)
 
 
 def state_space(
@@ -70,8 +69,7 @@ def state_space(
 
     Parameters are those of :func:`arx`, with ``order="auto"``, ``weighting="cva"`` ... as options.
     """
-    columns = {"inputs": ",".join(inputs), "outputs": ",".join(outputs)}
-    return _identify("state-space", records, validate, {**columns, **options}, output)
+    return _identify("state-space", records, validate, {**_columns(inputs, outputs), **options}, output)
 
 
 def friction(
@@ -113,8 +111,11 @@ def compare(
 
     Parameters are those of :func:`arx`; ``table("compare")`` has a row per model.
     """
-    columns = {"inputs": ",".join(inputs), "outputs": ",".join(outputs)}
-    return _identify("compare", records, validate, {**columns, **options}, output)
+    return _identify("compare", records, validate, {**_columns(inputs, outputs), **options}, output)
+
+
+def _columns(inputs: Sequence[str], outputs: Sequence[str]) -> dict[str, object]:
+    return {"inputs": ",".join(inputs), "outputs": ",".join(outputs)}
 
 
 def _identify(

@@ -176,7 +176,8 @@ class System:
             Ctrl-C; the interpreter's lock is released while it runs.
         """
         options = dict(
-            _options(start, stop, step, master, tolerance, extrapolation),
+            _options(start, stop, step, master, tolerance, set),
+            extrapolation=extrapolation,
             interpolation=interpolation,
             initial=initial,
             adaptive=adaptive,
@@ -186,7 +187,6 @@ class System:
             corrections=corrections,
             iterate=iterate,
             coupling_inputs=coupling_inputs,
-            set=_start_values(set),
             signals=dict(signals or {}),
         )
         driving = None if inputs is None else data.record(inputs, "inputs")
@@ -255,20 +255,7 @@ class System:
         Simulation or Batch
             To be used in a ``with`` block.
         """
-        options = dict(
-            _options(start, stop, step, master, tolerance, None),
-            interpolation="linear",
-            initial="zero",
-            adaptive=False,
-            step_tolerance=None,
-            min_step=None,
-            max_step=None,
-            corrections=None,
-            iterate=None,
-            coupling_inputs=None,
-            set=_start_values(set),
-            signals={},
-        )
+        options = _options(start, stop, step, master, tolerance, set)
         graph = self._graph_of(master)
         if batch is None:
             return Simulation(graph.instantiate(options))
@@ -344,21 +331,38 @@ class System:
         return file
 
 
+# Options of a simulation that commands its own steps, and of a run where it says nothing else.
+_DEFAULTS: dict[str, Any] = {
+    "extrapolation": None,
+    "interpolation": "linear",
+    "initial": "zero",
+    "adaptive": False,
+    "step_tolerance": None,
+    "min_step": None,
+    "max_step": None,
+    "corrections": None,
+    "iterate": None,
+    "coupling_inputs": None,
+    "signals": {},
+}
+
+
 def _options(
     start: Time | None,
     stop: Time | None,
     step: Time | None,
     master: str,
     tolerance: float | None,
-    extrapolation: int | None,
+    set: Mapping[str, float | int | bool | str] | None,
 ) -> dict[str, Any]:
     return {
+        **_DEFAULTS,
         "start": _seconds(start),
         "stop": _seconds(stop),
         "step": _seconds(step),
         "master": master,
         "tolerance": tolerance,
-        "extrapolation": extrapolation,
+        "set": _start_values(set),
     }
 
 

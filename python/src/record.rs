@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use airloop::simulation::Data;
 use airloop_series::{TimeSeries, csv, frame};
 use numpy::PyReadonlyArray1;
 use pyo3::prelude::*;
@@ -32,5 +33,12 @@ impl Record {
         let columns = columns.iter().map(|column| column.as_array().to_vec()).collect();
         let series = frame::series(header, columns, &label).map_err(raise)?;
         Ok(Record { label, series })
+    }
+}
+
+impl Record {
+    /// The record as the library takes it.
+    pub fn data(&self) -> Data<'_> {
+        Data { label: &self.label, series: &self.series }
     }
 }

@@ -3,21 +3,21 @@
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use airloop::discrepancy::signals::{self, Links, SignalTable};
-use airloop::discrepancy::{self, residual};
-use airloop_cosim::master::simulate::{self, End, Stimulus, Watch};
-use airloop_cosim::master::{self, Adaptive, Algorithm, Coupling, Settings};
-use airloop_cosim::system::{self, SystemGraph};
+use airloop::discrepancy::residual;
+use airloop::discrepancy::signals::SignalTable;
+use airloop::simulation::{self, Request, Setup};
+use airloop_cosim::master::simulate::{self, End, Watch};
+use airloop_cosim::master::{Adaptive, Algorithm};
+use airloop_cosim::results::summary::SignalRecord;
+use airloop_cosim::system::SystemGraph;
 use airloop_series::{Interpolation, TimeSeries, frame};
 use numpy::PyArray1;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
 
-use crate::error::{SettingError, raise};
+use crate::error::raise;
 use crate::record::Record;
 
-/// Step size \[s\] where nothing else is said.
-const DEFAULT_STEP: f64 = 1e-3;
 /// Length \[s\] of a simulation whose caller commands the steps and names no stop time.
 pub const OPEN_END: f64 = 1e9;
 
@@ -61,11 +61,8 @@ pub struct Data<'a> {
 
 /// The master of this name.
 pub fn algorithm(name: &str) -> PyResult<Algorithm> {
-    let all =
-        [Algorithm::GaussSeidel, Algorithm::Jacobi, Algorithm::InterfaceJacobian, Algorithm::Monolithic];
-    let known: Vec<String> = all.iter().map(ToString::to_string).collect();
-    let found = all.into_iter().find(|one| one.to_string() == name);
-    found.ok_or_else(|| crate::system::unknown("master", name, &known))
+    let known = || simulation::ALGORITHMS.map(|one| one.to_string()).to_vec();
+    simulation::algorithm(name).ok_or_else(|| crate::system::unknown("master", name, &known()))
 }
 
 fn one_of<T: Copy>(what: &str, name: &str, choices: [(&str, T); 2]) -> PyResult<T> {
@@ -80,83 +77,32 @@ impl Options {
         options.extract()
     }
 
-    /// Settings of the master.
-    pub fn settings(&self, graph: &SystemGraph, start: f64, stop: f64) -> PyResult<Settings> {
-        let other = |option, master| Err(raise(master::Error::OptionOfOther { option, master }));
-        let algorithm = algorithm(&self.master)?;
-        let given = self.corrections.map(|_| "corrections").or(self.iterate.map(|_| "iterate"));
-        if let Some(option) = given.or(self.coupling_inputs.as_ref().map(|_| "inputs"))
-            && algorithm != Algorithm::InterfaceJacobian
-        {
-            return other(option, "interface-jacobian");
-        }
-        let serial_or_parallel = matches!(algorithm, Algorithm::GaussSeidel | Algorithm::Jacobi);
-        if self.extrapolation.is_some() && !serial_or_parallel {
-            return other("extrapolation", "gauss-seidel` or `--master jacobi");
-        }
-        if self.adaptive && algorithm == Algorithm::Monolithic {
-            return other("adaptive", "gauss-seidel`, `jacobi` or `interface-jacobian");
-        }
-        let default = Coupling::default();
-        let ramped = match &self.coupling_inputs {
-            Some(name) => one_of("coupling_inputs", name, [("ramped", true), ("held", false)])?,
-            None => default.ramped,
-        };
-        let corrections = self.corrections.unwrap_or(default.corrections);
+    /// Choices as the library has them.
+    pub fn choices(&self) -> PyResult<simulation::Options> {
+        let ramped = self.coupling_inputs.as_deref();
+        let ramped = ramped
+            .map(|name| one_of("coupling_inputs", name, [("ramped", true), ("held", false)]))
+            .transpose()?;
         let tolerance = self.step_tolerance.unwrap_or(Adaptive::default().tolerance);
         let adaptive = Adaptive { tolerance, min_step: self.min_step, max_step: self.max_step };
-        Ok(Settings {
-            start_time: start,
-            stop_time: stop,
-            step_size: self.step.or(graph.experiment.step_size).unwrap_or(DEFAULT_STEP),
-            algorithm,
-            coupling: Coupling { corrections, tolerance: self.iterate, ramped },
-            extrapolation: self.extrapolation.unwrap_or(0),
+        Ok(simulation::Options {
+            start: self.start,
+            stop: self.stop,
+            step: self.step,
+            algorithm: algorithm(&self.master)?,
+            extrapolation: self.extrapolation,
             tolerance: self.tolerance,
             adaptive: self.adaptive.then_some(adaptive),
-            read_all_outputs: true,
+            corrections: self.corrections,
+            iterate: self.iterate,
+            ramped,
         })
     }
 }
 
-/// Columns of the records and the connectors that they belong to.
-struct Linked<'a> {
-    input: Option<(&'a Record, Links)>,
-    measured: Option<(&'a Record, Links)>,
-}
-
-impl<'a> Linked<'a> {
-    fn new(graph: &SystemGraph, data: &Data<'a>, table: SignalTable) -> Result<Linked<'a>, airloop::Error> {
-        let link = |record: &'a Record, table: &SignalTable| {
-            signals::link(graph, &record.series, table, &record.label).map(|links| (record, links))
-        };
-        let of_input = table.without_outputs(graph);
-        let input = data.input.map(|record| link(record, &of_input)).transpose()?;
-        if let Some((record, links)) = &input {
-            signals::only_inputs(graph, links, &record.series, &record.label)?;
-        }
-        let table = if input.is_some() { table.without_inputs(graph) } else { table };
-        let measured = data.measured.map(|record| link(record, &table)).transpose()?;
-        if let Some((record, links)) = &measured {
-            comparable(graph, record, links)?;
-        }
-        Ok(Linked { input, measured })
-    }
-
-    /// The record that drives the system.
-    fn driver(&self) -> Option<&(&'a Record, Links)> {
-        self.input.as_ref().or(self.measured.as_ref())
-    }
-}
-
-fn comparable(graph: &SystemGraph, record: &Record, links: &Links) -> Result<(), airloop::Error> {
-    if !links.outputs.is_empty() {
-        return Ok(());
-    }
-    let outputs: Vec<&str> = graph.outputs.iter().map(|output| output.name.as_str()).collect();
-    let (file, known) = (record.label.clone(), outputs.join(", "));
-    let columns = signals::column_names(&record.series);
-    Err(discrepancy::Error::NothingMeasured { file, columns, known }.into())
+/// Place of a start value in messages.
+pub fn place(name: &str, value: &str) -> String {
+    format!("set={{\"{name}\": {value}}}")
 }
 
 /// Simulates a system; the dictionary has the arrays `time` and `columns` (name, unit, array), `status`, `message`,
@@ -171,56 +117,29 @@ pub fn run<'py>(
     data: &Data<'_>,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Bound<'py, PyDict>> {
-    let mut graph = graph.clone();
-    let linked = Linked::new(&graph, data, SignalTable(options.signals.clone())).map_err(raise)?;
-    let settings = settings(options, &graph, linked.driver().map(|(record, _)| &record.series))?;
-    let mut started = Vec::new();
-    let from_measured = one_of("initial", &options.initial, [("measured", true), ("zero", false)])?;
-    if let Some((record, links)) = linked.measured.as_ref().filter(|_| from_measured) {
-        started = signals::start_at_measured(&mut graph, &record.series, links, settings.start_time);
-    }
-    for (name, value) in &options.set {
-        let place = format!("set={{\"{name}\": {value}}}");
-        let drives =
-            |links: &Links| links.inputs.iter().any(|link| graph.inputs[link.connector].name == *name);
-        let driver = linked.driver().filter(|(_, links)| drives(links));
-        let by = driver.map(|(record, _)| format!("the data of {}", record.label.display()));
-        if let Some(by) = by.or_else(|| graph.driver_of(name)) {
-            return Err(raise(system::Error::Driven { place, name: name.clone(), by }));
-        }
-        graph.set_start(name, value, &place).map_err(raise)?;
-    }
     let interpolation = [("linear", Interpolation::Linear), ("hold", Interpolation::Hold)];
-    let interpolation = one_of("interpolation", &options.interpolation, interpolation)?;
-    let stimulus = linked.driver().map(|(record, links)| Stimulus {
-        series: &record.series,
-        links: links
-            .inputs
-            .iter()
-            .map(|link| (link.connector, link.channel, link.conversion.factor, link.conversion.offset))
-            .collect(),
-        interpolation,
-    });
-    let run = simulate(py, &graph, &settings, stimulus.as_ref(), progress)?;
-    let fits = match &linked.measured {
-        Some((record, links)) if run.result.len() > 1 => {
-            let compared = (&graph, settings.algorithm);
-            match (residual::compare(compared, &run.result, &record.series, links, &record.label), &run.end) {
-                (Ok(fits), _) => fits,
-                (Err(error), End::Completed) => return Err(raise(error)),
-                (Err(_), _) => Vec::new(),
-            }
-        }
-        _ => Vec::new(),
+    let request = Request {
+        options: options.choices()?,
+        input: data.input.map(Record::data),
+        measured: data.measured.map(Record::data),
+        signals: SignalTable(options.signals.clone()),
+        start_at_measured: one_of("initial", &options.initial, [("measured", true), ("zero", false)])?,
+        interpolation: one_of("interpolation", &options.interpolation, interpolation)?,
+        set: &options.set,
+        place,
     };
-    let fits: Vec<Fit> = fits
-        .into_iter()
-        .map(|one| (one.name, one.unit, one.column, one.fit_percent, one.rms_error, one.samples))
-        .collect();
+    let setup = Setup::new(graph.clone(), request).map_err(raise)?;
+    let run = simulate(py, &setup, progress)?;
+    let fits = match setup.compare(&run) {
+        _ if run.result.len() < 2 => Vec::new(),
+        Ok(fits) => fits.into_iter().map(flat).collect(),
+        Err(error) if matches!(run.end, End::Completed) => return Err(raise(error)),
+        Err(_) => Vec::new(),
+    };
     let (status, message, error) = match run.end {
         End::Completed => ("completed", None, None),
         End::Terminated { component, time } => {
-            let at = time.or(run.result.time().last().copied()).unwrap_or(settings.start_time);
+            let at = time.or(run.result.time().last().copied()).unwrap_or(setup.settings.start_time);
             ("terminated", Some(format!("component {component} ended the simulation at t = {at} s")), None)
         }
         End::Interrupted => ("interrupted", None, None),
@@ -241,35 +160,16 @@ pub fn run<'py>(
     answer.set_item("message", message)?;
     answer.set_item("error", error.map(|error| error.into_value(py)))?;
     answer.set_item("steps", run.steps)?;
-    answer.set_item("notes", graph.notes.iter().chain(&run.notes).cloned().collect::<Vec<_>>())?;
-    answer.set_item("start_values", started)?;
+    answer.set_item("notes", setup.graph.notes.iter().chain(&run.notes).cloned().collect::<Vec<_>>())?;
+    answer.set_item("start_values", setup.started)?;
     answer.set_item("initialization_s", run.initialization.as_secs_f64())?;
     answer.set_item("simulation_s", run.stepping.as_secs_f64())?;
     answer.set_item("fits", fits)?;
     Ok(answer)
 }
 
-fn settings(options: &Options, graph: &SystemGraph, data: Option<&TimeSeries>) -> PyResult<Settings> {
-    let experiment = &graph.experiment;
-    let first = data.and_then(|data| data.time().first().copied());
-    let last = data.and_then(|data| data.time().last().copied());
-    let start = options.start.or(first).or(experiment.start).unwrap_or(0.0);
-    let stop = options.stop.or(last).or(experiment.stop).ok_or_else(|| {
-        SettingError::new_err("give `stop`, as the system has no default experiment and there are no data")
-    })?;
-    let settings = options.settings(graph, start, stop)?;
-    settings.validate().map_err(raise)?;
-    Ok(settings)
-}
-
 /// Runs without the interpreter's lock; looks for signals (Ctrl-C) and tells the progress now and then.
-fn simulate(
-    py: Python<'_>,
-    graph: &SystemGraph,
-    settings: &Settings,
-    stimulus: Option<&Stimulus<'_>>,
-    progress: Option<Py<PyAny>>,
-) -> PyResult<simulate::Run> {
+fn simulate(py: Python<'_>, setup: &Setup<'_>, progress: Option<Py<PyAny>>) -> PyResult<simulate::Run> {
     let stop = AtomicBool::new(false);
     let mut raised = None;
     let run = py.detach(|| {
@@ -283,7 +183,7 @@ fn simulate(
                 stop.store(true, Ordering::Relaxed);
             }
         };
-        simulate::run(graph, settings, stimulus, Watch { stop: &stop, progress: &mut look })
+        setup.run(Watch { stop: &stop, progress: &mut look }, simulate::Record::default())
     });
     match raised {
         Some(error) => Err(error),
@@ -303,11 +203,12 @@ pub fn fit(
     signals: BTreeMap<String, String>,
 ) -> PyResult<Vec<Fit>> {
     let table = SignalTable(signals).without_inputs(graph);
-    let links = signals::link(graph, &measured.series, &table, &measured.label).map_err(raise)?;
-    comparable(graph, measured, &links).map_err(raise)?;
-    let fits = residual::compare((graph, algorithm), result, &measured.series, &links, &measured.label);
-    let flat = |one: airloop_cosim::results::summary::SignalRecord| {
-        (one.name, one.unit, one.column, one.fit_percent, one.rms_error, one.samples)
-    };
+    let linked = simulation::link_measured(graph, measured.data(), &table).map_err(raise)?;
+    let simulated = (graph, algorithm);
+    let fits = residual::compare(simulated, result, &measured.series, &linked.links, &measured.label);
     Ok(fits.map_err(raise)?.into_iter().map(flat).collect())
+}
+
+fn flat(one: SignalRecord) -> Fit {
+    (one.name, one.unit, one.column, one.fit_percent, one.rms_error, one.samples)
 }

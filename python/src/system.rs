@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
+use airloop::simulation;
 use airloop_cosim::coupled;
 use airloop_cosim::system::SystemGraph;
 use airloop_fmi::InterfaceKind;
@@ -146,7 +147,8 @@ impl System {
         let graph = started(&self.graph, &options.set)?;
         let experiment = &graph.experiment;
         let start = options.start.or(experiment.start).unwrap_or(0.0);
-        let settings = options.settings(&graph, start, options.stop.unwrap_or(start + run::OPEN_END))?;
+        let stop = options.stop.unwrap_or(start + run::OPEN_END);
+        let settings = options.choices()?.settings(&graph, start, stop).map_err(raise)?;
         Ok((Arc::new(graph), settings))
     }
 }
@@ -154,14 +156,7 @@ impl System {
 /// The system with start values.
 fn started(graph: &SystemGraph, set: &[(String, String)]) -> PyResult<SystemGraph> {
     let mut graph = graph.clone();
-    for (name, value) in set {
-        let place = format!("set={{\"{name}\": {value}}}");
-        if let Some(by) = graph.driver_of(name) {
-            let name = name.clone();
-            return Err(raise(airloop_cosim::system::Error::Driven { place, name, by }));
-        }
-        graph.set_start(name, value, &place).map_err(raise)?;
-    }
+    simulation::set_start_values(&mut graph, set, run::place, None).map_err(raise)?;
     Ok(graph)
 }
 

@@ -9,8 +9,8 @@ use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 
-use airloop_cosim::master::{Adaptive, Algorithm, Coupling, Error};
-use airloop_fmi::InterfaceKind;
+use airloop::simulation::Options;
+use airloop_cosim::master::{Adaptive, Algorithm};
 use airloop_series::Interpolation;
 use airloop_series::units::{parse_duration, parse_time};
 
@@ -94,6 +94,13 @@ pub enum Command {
     /// Writes report.json, report.md and report.html. Candidates are fitted in simulation on the estimation records;
     /// errors are reported on the validation records.
     Refine(super::refine::Args),
+    /// Thousands of independent tasks as one plan: simulations over samples of parameters, trials, fits, searches; on one
+    /// computer or a cluster, with the same results.
+    Sweep {
+        /// Action to perform.
+        #[command(subcommand)]
+        command: super::sweep::Command,
+    },
     /// The process of an FMU; other commands start it.
     #[command(hide = true)]
     FmuWorker,
@@ -222,25 +229,6 @@ pub struct CouplingArgs {
     pub inputs: Option<InputsChoice>,
 }
 
-impl CouplingArgs {
-    /// The option that was given, if any.
-    pub fn given(&self) -> Option<&'static str> {
-        let corrections = self.corrections.map(|_| "corrections");
-        corrections.or(self.iterate.map(|_| "iterate")).or(self.inputs.map(|_| "inputs"))
-    }
-}
-
-impl From<&CouplingArgs> for Coupling {
-    fn from(args: &CouplingArgs) -> Coupling {
-        let default = Coupling::default();
-        Coupling {
-            corrections: args.corrections.unwrap_or(default.corrections),
-            tolerance: args.iterate,
-            ramped: args.inputs.map_or(default.ramped, |inputs| inputs == InputsChoice::Ramped),
-        }
-    }
-}
-
 const ADAPTIVE: &str = "Adaptive communication steps";
 
 /// Options of adaptive communication steps.
@@ -265,21 +253,23 @@ pub struct AdaptiveArgs {
     pub max_step: Option<f64>,
 }
 
-impl AdaptiveArgs {
-    /// Settings of the master, if steps are to adapt.
-    ///
-    /// # Errors
-    /// The monolithic master has an error control of its own.
-    pub fn settings(&self, master: MasterChoice) -> Result<Option<Adaptive>, Error> {
-        if !self.adaptive {
-            return Ok(None);
+impl RunArgs {
+    /// Choices for the simulation.
+    pub fn options(&self) -> Options {
+        let tolerance = self.adaptive.step_tolerance.unwrap_or(Adaptive::default().tolerance);
+        let (min_step, max_step) = (self.adaptive.min_step, self.adaptive.max_step);
+        Options {
+            start: self.start,
+            stop: self.stop,
+            step: self.step,
+            algorithm: self.master.into(),
+            extrapolation: self.extrapolation,
+            tolerance: self.tolerance,
+            adaptive: self.adaptive.adaptive.then_some(Adaptive { tolerance, min_step, max_step }),
+            corrections: self.coupling.corrections,
+            iterate: self.coupling.iterate,
+            ramped: self.coupling.inputs.map(|inputs| inputs == InputsChoice::Ramped),
         }
-        if master == MasterChoice::Monolithic {
-            let (option, master) = ("adaptive", "gauss-seidel`, `jacobi` or `interface-jacobian");
-            return Err(Error::OptionOfOther { option, master });
-        }
-        let tolerance = self.step_tolerance.unwrap_or(Adaptive::default().tolerance);
-        Ok(Some(Adaptive { tolerance, min_step: self.min_step, max_step: self.max_step }))
     }
 }
 
@@ -308,16 +298,6 @@ pub enum MasterChoice {
     /// control (--tolerance), state and time events, algebraic loops; no coupling error. --step sets the rows of
     /// the result, and no integrator step is longer.
     Monolithic,
-}
-
-impl MasterChoice {
-    /// Interface of the FMUs that the master uses.
-    pub fn interface(self) -> InterfaceKind {
-        match self {
-            MasterChoice::Monolithic => InterfaceKind::ModelExchange,
-            _ => InterfaceKind::CoSimulation,
-        }
-    }
 }
 
 impl From<MasterChoice> for Algorithm {

@@ -27,6 +27,7 @@ pub mod rig;
 pub mod run;
 mod run_study;
 pub mod stabilize;
+pub mod sweep;
 mod table;
 pub mod trials;
 
@@ -63,6 +64,7 @@ pub fn main() -> ExitCode {
         Command::Trials(args) => trials::run(&args),
         Command::Optimize(args) => optimize::run(&args),
         Command::Refine(args) => refine::run(&args),
+        Command::Sweep { command } => sweep::run(&command),
         Command::FmuWorker => Ok(isolate::work()),
         Command::New { command } => new::run(&command),
         Command::Effects { command } => effects::run(&command),

@@ -9,11 +9,11 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use indicatif::{ProgressBar, ProgressStyle};
 
-use super::args::{InitialChoice, MasterChoice, RunArgs};
+use super::args::{InitialChoice, RunArgs};
 use super::{coupling, folder, output, report, run_study};
 use airloop::Error;
-use airloop::discrepancy::signals::{self, Links, SignalTable};
-use airloop::discrepancy::{self, residual};
+use airloop::discrepancy::signals::{self, SignalTable};
+use airloop::simulation::{self, Data, Request, Setup};
 use airloop_cosim::master;
 use airloop_cosim::master::simulate::{self, End, Run, Stimulus, Watch};
 use airloop_cosim::master::{Algorithm, Effort};
@@ -22,29 +22,11 @@ use airloop_cosim::results::summary::{
     self, ConnectorRecord, CouplingRecord, EffortRecord, FmuRecord, Outcome, SCHEMA_VERSION, SignalRecord,
     Summary, Timings,
 };
-use airloop_cosim::system;
 use airloop_cosim::system::SystemGraph;
 use airloop_cosim::system::graph::{DataType, Source};
 use airloop_fmi::Causality;
 use airloop_report::plot;
 use airloop_series::{Interpolation, TimeSeries, csv};
-
-/// Step size \[s\] where nothing else is said.
-const DEFAULT_STEP: f64 = 1e-3;
-
-/// A file of signals and what it holds for the system.
-struct Record {
-    file: PathBuf,
-    series: TimeSeries,
-    links: Links,
-}
-
-impl Record {
-    /// Whether the file has a column for this input of the system.
-    fn drives(&self, graph: &SystemGraph, name: &str) -> bool {
-        self.links.inputs.iter().any(|link| graph.inputs[link.connector].name == name)
-    }
-}
 
 /// Runs the command; the exit code says how the simulation ended.
 ///
@@ -57,102 +39,57 @@ pub fn run(args: &RunArgs) -> Result<ExitCode, Error> {
     }
     // From here on: unpacked FMUs are to be removed, also if the program is asked to end.
     let stop = stop_flag();
-    let mut graph = SystemGraph::open_for(&args.system, args.master.interface())?;
+    let graph = SystemGraph::open_for(&args.system, simulation::interface(args.master.into()))?;
     let mut notes = graph.notes.clone();
     let signals = match &args.signals {
         Some(file) => SignalTable::read(file)?,
         None => SignalTable::default(),
     };
-    let table = signals.without_outputs(&graph);
-    let input = args.input.as_ref().map(|file| read(&graph, file, &table)).transpose()?;
-    if let Some(input) = &input {
-        signals::only_inputs(&graph, &input.links, &input.series, &input.file)?;
-    }
-    let table = if input.is_some() { signals.without_inputs(&graph) } else { signals };
-    let measured = args.measured.as_ref().map(|file| read(&graph, file, &table)).transpose()?;
-    if let Some(measured) = &measured {
-        check_measured(&graph, measured, &mut notes)?;
-    }
-    let settings = settings(args, &graph, input.as_ref().or(measured.as_ref()))?;
-    if let Some(measured) = &measured {
-        check_overlap(measured, &settings)?;
-    }
-    let grid = settings.validate()?;
-    if grid.steps() == 0 {
-        notes.push("start and stop time are the same: there is no step; give `--stop`".into());
-    }
-    if settings.step_size > settings.stop_time - settings.start_time && grid.steps() > 0 {
-        notes.push(format!(
-            "the step of {} s is longer than the time span: there is one step of {} s",
-            settings.step_size,
-            grid.last_step()
-        ));
-    }
-    let goal = args.coupling_error.goal(&graph, settings.algorithm)?;
-    if let Some(measured) = measured.as_ref().filter(|_| args.initial == InitialChoice::Measured) {
-        let (series, links) = (&measured.series, &measured.links);
-        let set = signals::start_at_measured(&mut graph, series, links, settings.start_time);
-        if !set.is_empty() {
-            notes.push(format!("start values from the measurement: {}", set.join(", ")));
-        }
-    }
-    let data = input.as_ref().or(measured.as_ref());
-    for (index, (name, value)) in args.set.iter().enumerate() {
-        if args.set[..index].iter().any(|(earlier, _)| earlier == name) {
-            notes.push(format!("`--set {name}` is given more than once: the last value holds"));
-        }
-        let place = format!("--set {name}={value}");
-        let data = data.filter(|data| data.drives(&graph, name));
-        let by = data.map(|data| format!("the data of {}", data.file.display()));
-        if let Some(by) = by.or_else(|| graph.driver_of(name)) {
-            return Err(system::Error::Driven { place, name: name.clone(), by }.into());
-        }
-        graph.set_start(name, value, &place)?;
-    }
-    if let Some(measured) = &measured {
-        note_states(&graph, measured, &settings, &mut notes);
-    }
-    let stimulus = data.map(|record| stimulus(record, args));
-    note_texts(&graph, &mut notes);
-    note_inputs(&graph, stimulus.as_ref(), &settings, &mut notes);
+    let input = args.input.as_ref().map(|file| csv::read(file)).transpose()?;
+    let measured = args.measured.as_ref().map(|file| csv::read(file)).transpose()?;
+    let setup = Setup::new(
+        graph,
+        Request {
+            options: args.options(),
+            input: data(&args.input, &input),
+            measured: data(&args.measured, &measured),
+            signals,
+            start_at_measured: args.initial == InitialChoice::Measured,
+            interpolation: args.interpolation.into(),
+            set: &args.set,
+            place: |name, value| format!("--set {name}={value}"),
+        },
+    )?;
+    note(&setup, args, &mut notes);
+    let (graph, settings) = (&setup.graph, &setup.settings);
+    let goal = args.coupling_error.goal(graph, settings.algorithm)?;
     let inputs = [&args.input, &args.measured, &args.signals].into_iter().flatten().chain([&args.system]);
     let names = ["result.csv", "summary.json", "index.html"].map(str::to_owned);
     let needed = measured.is_some() || goal.is_some() || !args.no_plots;
-    check_size(&graph, &grid, args, needed)?;
+    check_size(graph, &setup.grid, args, needed)?;
     let results = folder::Results::open(&args.output, &inputs.cloned().collect::<Vec<_>>(), &names)?;
     let partial = Partial::new(&args.output)?;
     let record = simulate::Record {
         keep: Keep { interval: args.output_step, only_in_file: !needed },
         file: Some(partial.file.try_clone().map_err(|error| partial.refused(&error))?),
     };
-    let run = simulate(&graph, &settings, stimulus.as_ref(), args.quiet, &stop, record)?;
+    let run = simulate(&setup, args.quiet, &stop, record)?;
     notes.extend_from_slice(&run.notes);
     partial.take(&results.path().join("result.csv"))?;
-    let connectors = connectors(&graph, &run);
-    let fits = match &measured {
-        Some(measured) if run.result.len() > 1 => {
-            let fits = residual::compare(
-                (&graph, settings.algorithm),
-                &run.result,
-                &measured.series,
-                &measured.links,
-                &measured.file,
-            );
-            match (fits, &run.end) {
-                (Ok(fits), _) => fits,
-                (Err(error), End::Completed) => return Err(error.into()),
-                // It ended before the first sample: what there is of the result is still worth a summary.
-                (Err(error), _) => {
-                    notes.push(format!("nothing is compared: {error}"));
-                    Vec::new()
-                }
-            }
+    let connectors = connectors(graph, &run);
+    let fits = match setup.compare(&run) {
+        _ if run.result.len() < 2 => Vec::new(),
+        Ok(fits) => fits,
+        Err(error) if matches!(run.end, End::Completed) => return Err(error.into()),
+        // It ended before the first sample: what there is of the result is still worth a summary.
+        Err(error) => {
+            notes.push(format!("nothing is compared: {error}"));
+            Vec::new()
         }
-        _ => Vec::new(),
     };
     let coupling_error =
-        goal.and_then(|goal| coupling::estimate(&graph, &settings, &run, &goal, &stop, &mut notes));
-    let mut summary = summarize(args, &graph, &settings, &run, connectors, fits, notes);
+        goal.and_then(|goal| coupling::estimate(graph, settings, &run, &goal, &stop, &mut notes));
+    let mut summary = summarize(args, graph, settings, &run, connectors, fits, notes);
     summary.coupling_error = coupling_error;
     if !args.no_plots {
         summary.figures = plot::run::figure_files(&summary);
@@ -243,92 +180,50 @@ impl Drop for Partial {
     }
 }
 
-fn read(graph: &SystemGraph, file: &Path, table: &SignalTable) -> Result<Record, Error> {
-    let series = csv::read(file)?;
-    let links = signals::link(graph, &series, table, file)?;
-    Ok(Record { file: file.into(), series, links })
+fn data<'a>(file: &'a Option<PathBuf>, series: &'a Option<TimeSeries>) -> Option<Data<'a>> {
+    Some(Data { label: file.as_ref()?, series: series.as_ref()? })
 }
 
-fn check_measured(graph: &SystemGraph, measured: &Record, notes: &mut Vec<String>) -> Result<(), Error> {
-    if measured.links.outputs.is_empty() {
-        let outputs: Vec<&str> = graph.outputs.iter().map(|output| output.name.as_str()).collect();
-        return Err(discrepancy::Error::NothingMeasured {
-            file: measured.file.clone(),
-            columns: signals::column_names(&measured.series),
-            known: outputs.join(", "),
-        }
-        .into());
-    }
-    if !measured.links.unused.is_empty() {
+/// Notes on what the simulation begins with.
+fn note(setup: &Setup, args: &RunArgs, notes: &mut Vec<String>) {
+    let (graph, settings) = (&setup.graph, &setup.settings);
+    if let Some(measured) = setup.measured.as_ref().filter(|measured| !measured.links.unused.is_empty()) {
         notes.push(format!("measured columns without a connector: {}", measured.links.unused.join(", ")));
     }
-    Ok(())
-}
-
-/// There must be something to compare, which is known before anything is simulated.
-fn check_overlap(measured: &Record, settings: &master::Settings) -> Result<(), Error> {
-    let (time, span) = (measured.series.time(), settings.start_time..=settings.stop_time);
-    let inside = time.iter().any(|t| span.contains(t));
-    match (time.first(), time.last()) {
-        (Some(&first), Some(&last)) if !inside => Err(discrepancy::Error::NoOverlap {
-            file: measured.file.clone(),
-            first,
-            last,
-            start: settings.start_time,
-            stop: settings.stop_time,
+    if setup.grid.steps() == 0 {
+        notes.push("start and stop time are the same: there is no step; give `--stop`".into());
+    }
+    if settings.step_size > settings.stop_time - settings.start_time && setup.grid.steps() > 0 {
+        notes.push(format!(
+            "the step of {} s is longer than the time span: there is one step of {} s",
+            settings.step_size,
+            setup.grid.last_step()
+        ));
+    }
+    if !setup.started.is_empty() {
+        notes.push(format!("start values from the measurement: {}", setup.started.join(", ")));
+    }
+    for (index, (name, _)) in args.set.iter().enumerate() {
+        if args.set[..index].iter().any(|(earlier, _)| earlier == name) {
+            notes.push(format!("`--set {name}` is given more than once: the last value holds"));
         }
-        .into()),
-        _ => Ok(()),
     }
-}
-
-fn settings(args: &RunArgs, graph: &SystemGraph, data: Option<&Record>) -> Result<master::Settings, Error> {
-    let experiment = &graph.experiment;
-    let first = data.and_then(|data| data.series.time().first().copied());
-    let last = data.and_then(|data| data.series.time().last().copied());
-    let missing = master::Error::Setting {
-        name: "stop time",
-        value: f64::NAN,
-        allowed: "given with --stop, as the system has no default experiment and there are no data",
-    };
-    if let Some(option) = args.coupling.given()
-        && args.master != MasterChoice::InterfaceJacobian
-    {
-        return Err(master::Error::OptionOfOther { option, master: "interface-jacobian" }.into());
+    if let Some(measured) = &setup.measured {
+        note_states(graph, measured.data.series, settings, notes);
     }
-    if args.extrapolation.is_some()
-        && !matches!(args.master, MasterChoice::GaussSeidel | MasterChoice::Jacobi)
-    {
-        let (option, master) = ("extrapolation", "gauss-seidel` or `--master jacobi");
-        return Err(master::Error::OptionOfOther { option, master }.into());
-    }
-    Ok(master::Settings {
-        start_time: args.start.or(first).or(experiment.start).unwrap_or(0.0),
-        stop_time: args.stop.or(last).or(experiment.stop).ok_or(missing)?,
-        step_size: args.step.or(experiment.step_size).unwrap_or(DEFAULT_STEP),
-        algorithm: args.master.into(),
-        coupling: (&args.coupling).into(),
-        extrapolation: args.extrapolation.unwrap_or(0),
-        tolerance: args.tolerance,
-        adaptive: args.adaptive.settings(args.master)?,
-        read_all_outputs: true,
-    })
-}
-
-fn stimulus<'a>(record: &'a Record, args: &RunArgs) -> Stimulus<'a> {
-    let link =
-        |link: &signals::Link| (link.connector, link.channel, link.conversion.factor, link.conversion.offset);
-    Stimulus {
-        series: &record.series,
-        links: record.links.inputs.iter().map(link).collect(),
-        interpolation: args.interpolation.into(),
-    }
+    note_texts(graph, notes);
+    note_inputs(graph, setup.stimulus().as_ref(), settings, notes);
 }
 
 /// A run that begins inside of the record begins with states that nobody measured.
-fn note_states(graph: &SystemGraph, measured: &Record, settings: &master::Settings, notes: &mut Vec<String>) {
+fn note_states(
+    graph: &SystemGraph,
+    measured: &TimeSeries,
+    settings: &master::Settings,
+    notes: &mut Vec<String>,
+) {
     const SHOWN_STATES: usize = 8;
-    let inside = measured.series.time().first().is_some_and(|first| settings.start_time > *first);
+    let inside = measured.time().first().is_some_and(|first| settings.start_time > *first);
     let states = signals::states_at_default(graph);
     if inside && !states.is_empty() {
         let more = match states.len() {
@@ -391,14 +286,7 @@ pub(super) fn stop_flag() -> Arc<AtomicBool> {
 }
 
 /// Runs with a progress bar (on a terminal) until `stop` is set.
-fn simulate(
-    graph: &SystemGraph,
-    settings: &master::Settings,
-    stimulus: Option<&Stimulus>,
-    quiet: bool,
-    stop: &AtomicBool,
-    record: simulate::Record,
-) -> Result<Run, Error> {
+fn simulate(setup: &Setup, quiet: bool, stop: &AtomicBool, record: simulate::Record) -> Result<Run, Error> {
     let bar = match !quiet && std::io::stderr().is_terminal() {
         true => ProgressBar::new(0),
         false => ProgressBar::hidden(),
@@ -409,10 +297,9 @@ fn simulate(
         bar.set_length(all);
         bar.set_position(done);
     };
-    let run =
-        simulate::run_recorded(graph, settings, stimulus, Watch { stop, progress: &mut progress }, record);
+    let run = setup.run(Watch { stop, progress: &mut progress }, record);
     bar.finish_and_clear();
-    Ok(run?)
+    run
 }
 
 fn connectors(graph: &SystemGraph, run: &Run) -> Vec<ConnectorRecord> {

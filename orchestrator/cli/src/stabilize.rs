@@ -20,6 +20,7 @@ use airloop_cosim::system::SystemGraph;
 use airloop_plan::prepare::{Prepared, prepare};
 use airloop_plan::stabilize::record::{self, SCHEMA_VERSION, Summary};
 use airloop_plan::stabilize::{Plan, Stabilized, settings, stabilize, wiring, write_fmu};
+use airloop_plan::trials::{SETTINGS, SYSTEMS};
 use airloop_plan::{Error as PlanError, record as plan_record};
 use airloop_report::plot;
 use airloop_report::plot::plan::TRAJECTORY;
@@ -29,10 +30,6 @@ use airloop_series::{Interpolation, TimeSeries, csv};
 
 /// The FMU of the controller.
 const CONTROLLER: &str = "controller.fmu";
-/// The settings, for trials.
-pub const SETTINGS: &str = "settings.toml";
-/// The closed loop.
-pub const SYSTEMS: [&str; 2] = ["closed_loop.ssd", "closed_loop.ssp"];
 
 /// `airloop stabilize`
 #[derive(Debug, clap::Args)]

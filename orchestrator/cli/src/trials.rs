@@ -14,7 +14,6 @@ use std::time::Instant;
 use indicatif::{ProgressBar, ProgressStyle};
 
 use super::args::MasterChoice;
-use super::stabilize::{SETTINGS, SYSTEMS};
 use super::table::table;
 use super::{folder, output, run};
 use airloop::Error;
@@ -80,7 +79,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
         let problem = format!("{}; allowed: a finite number of at least 0", args.scale);
         return Err(PlanError::Place { place: "--scale".into(), problem }.into());
     }
-    let (system, file) = sources(args)?;
+    let (system, file) = trials::sources(&args.system, args.settings.as_deref())?;
     let settings = settings::read(&file)?;
     let names = [TRIALS, TRAJECTORIES, "index.html", "summary.json"].map(String::from);
     folder::check(&args.output, &[system.clone(), file.clone()], &names)?;
@@ -161,22 +160,6 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
         return Ok(ExitCode::from(super::INTERRUPTED));
     }
     Ok(ExitCode::SUCCESS)
-}
-
-/// The closed loop and the settings.
-fn sources(args: &Args) -> Result<(PathBuf, PathBuf), Error> {
-    let refused = |problem: &str| {
-        let place = args.system.display().to_string();
-        Error::from(PlanError::Place { place, problem: problem.to_owned() })
-    };
-    if !args.system.is_dir() {
-        let missing = "a system alone does not say what is perturbed; give --settings FILE";
-        return Ok((args.system.clone(), args.settings.clone().ok_or_else(|| refused(missing))?));
-    }
-    let system = SYSTEMS.iter().map(|name| args.system.join(name)).find(|file| file.exists());
-    let system = system
-        .ok_or_else(|| refused("there is no closed loop in it; give a folder of `airloop stabilize`"))?;
-    Ok((system, args.settings.clone().unwrap_or_else(|| args.system.join(SETTINGS))))
 }
 
 /// One row per trial: seed, loop, every criterion as 0 or 1, and whether it ended early.

@@ -6,6 +6,7 @@
 
 mod judge;
 mod ready;
+mod sources;
 
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
@@ -22,6 +23,7 @@ use airloop_series::{Interpolation, TimeSeries};
 
 pub use judge::Judgment;
 pub use ready::{Ready, prepare};
+pub use sources::{SETTINGS, SYSTEMS, sources};
 
 /// Request for trials.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -84,8 +86,11 @@ pub fn run(
         .install(|| jobs.par_iter().with_max_len(1).filter_map(trial).collect())
 }
 
-/// One trial; none if it was interrupted.
-fn one(
+/// One trial, by (whether the controller has feedback, seed, whether the trajectory is kept); none if it was interrupted.
+///
+/// # Errors
+/// A trial that cannot begin.
+pub fn one(
     ready: &Ready,
     request: &Request,
     (closed, seed, keep): (bool, u64, bool),

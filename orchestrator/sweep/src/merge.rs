@@ -1,0 +1,194 @@
+//! Merged results: one CSV and one Parquet file that depend on plan, program and inputs alone.
+
+use std::io::Write;
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+
+use airloop_series::file::write_whole;
+use serde::Serialize;
+
+use crate::Error;
+use crate::manifest::Manifest;
+use crate::parquet_file::Writer;
+use crate::shard::{self, Foot, Reader};
+use crate::table::{self, Cell};
+
+/// Merged rows as text.
+pub const RESULTS: &str = "results.csv";
+/// Merged rows for other tools.
+pub const PARQUET: &str = "results.parquet";
+/// Numbers about the tasks.
+pub const SUMMARY: &str = "summary.json";
+
+/// `summary.json`
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Summary {
+    /// Content of plan, program and inputs.
+    pub digest: String,
+    /// Version of the program.
+    pub airloop_version: String,
+    /// Tasks.
+    pub tasks: u64,
+    /// Tasks that are not `ok`.
+    pub failed: u64,
+    /// Files.
+    pub files: Vec<String>,
+}
+
+/// How far a sweep is.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Status {
+    /// Tasks.
+    pub tasks: u64,
+    /// Tasks with a row.
+    pub done: u64,
+    /// Tasks with a row that are not `ok`.
+    pub failed: u64,
+    /// First task without a row.
+    pub first_missing: Option<u64>,
+    /// Wall-clock time of the finished shards times their threads \[s\].
+    pub busy: f64,
+    /// Finished shards that another program or plan wrote, or that are damaged, with what is wrong.
+    pub damaged: Vec<String>,
+}
+
+/// Tells how far the sweep of a folder is; every finished shard is read.
+///
+/// # Errors
+/// A folder that is no sweep or cannot be read.
+pub fn status(folder: &Path) -> Result<Status, Error> {
+    let manifest = Manifest::read(folder)?;
+    let mut status = Status {
+        tasks: manifest.tasks,
+        done: 0,
+        failed: 0,
+        first_missing: None,
+        busy: 0.0,
+        damaged: Vec::new(),
+    };
+    let mut next = 0;
+    for (tasks, path) in shard::finished(folder)? {
+        match Reader::open(&path, &manifest).and_then(Reader::check) {
+            Err(Error::Io { path, source }) => return Err(Error::Io { path, source }),
+            Err(error) => status.damaged.push(error.to_string()),
+            Ok(foot) => {
+                if tasks.start > next {
+                    status.first_missing.get_or_insert(next);
+                }
+                status.done += tasks.end.saturating_sub(tasks.start.max(next));
+                status.failed += foot.failed;
+                status.busy += foot.seconds * foot.threads as f64;
+                next = next.max(tasks.end);
+            }
+        }
+    }
+    if next < manifest.tasks {
+        status.first_missing.get_or_insert(next);
+    }
+    Ok(status)
+}
+
+/// Merges the finished shards of a folder into `results.csv`, `results.parquet` and `summary.json`.
+///
+/// # Errors
+/// [`Error::Incomplete`] if rows are missing, [`Error::Damaged`], or a file that cannot be written.
+pub fn merge(folder: &Path) -> Result<Summary, Error> {
+    let manifest = Manifest::read(folder)?;
+    let cover = cover(folder, &manifest)?;
+    let csv = folder.join(RESULTS);
+    let parquet = folder.join(PARQUET);
+    let mut failed = 0;
+    let mut problem = None;
+    let written = write_whole(&csv, |out| {
+        out.write_all(table::header(&manifest.columns).as_bytes())?;
+        let mut rows = |line: &str| writeln!(out, "{line}");
+        match copy(&cover, &manifest, &parquet, &mut rows) {
+            Ok(count) => failed = count,
+            Err(error) => {
+                problem = Some(error);
+                return Err(std::io::Error::other("the rows cannot be read"));
+            }
+        }
+        Ok(())
+    });
+    if let Some(problem) = problem {
+        return Err(problem);
+    }
+    written.map_err(Error::io(&csv))?;
+    let summary = Summary {
+        digest: manifest.digest.clone(),
+        airloop_version: manifest.program.version.clone(),
+        tasks: manifest.tasks,
+        failed,
+        files: [RESULTS, PARQUET, SUMMARY].map(String::from).to_vec(),
+    };
+    let path = folder.join(SUMMARY);
+    airloop_series::file::write_json(&path, &summary).map_err(Error::io(&path))?;
+    Ok(summary)
+}
+
+/// Shards that together hold every task: each begins where rows are needed, or before.
+fn cover(folder: &Path, manifest: &Manifest) -> Result<Vec<(Range<u64>, PathBuf)>, Error> {
+    let mut cover = Vec::new();
+    let (mut next, mut missing, mut first) = (0, 0, None);
+    for (tasks, path) in shard::finished(folder)? {
+        if tasks.end <= next {
+            continue;
+        }
+        if tasks.start > next {
+            first.get_or_insert(next);
+            missing += tasks.start - next;
+        }
+        let begin = tasks.start.max(next);
+        next = tasks.end;
+        cover.push((begin..tasks.end, path));
+    }
+    missing += manifest.tasks - next.min(manifest.tasks);
+    match missing {
+        0 => Ok(cover),
+        _ => Err(Error::Incomplete {
+            folder: folder.into(),
+            missing,
+            all: manifest.tasks,
+            first: first.unwrap_or(next),
+        }),
+    }
+}
+
+/// Passes all rows on in the order of the tasks and writes them as Parquet; the number that is not ok.
+fn copy(
+    cover: &[(Range<u64>, PathBuf)],
+    manifest: &Manifest,
+    parquet: &Path,
+    rows: &mut dyn FnMut(&str) -> std::io::Result<()>,
+) -> Result<u64, Error> {
+    let mut failed = 0;
+    let mut writer = Writer::create(parquet, manifest)?;
+    let status = manifest.columns.len() - 2;
+    for (wanted, path) in cover {
+        let damaged = |problem: &str| Error::Damaged { path: path.clone(), problem: problem.into() };
+        let mut reader = Reader::open(path, manifest)?;
+        let mut next = wanted.start;
+        let _: Foot = loop {
+            let line = match reader.next_row()? {
+                Ok(line) => line,
+                Err(foot) => break foot,
+            };
+            let cells = table::read_row(&line, &manifest.columns);
+            let cells = cells.ok_or_else(|| damaged(&format!("the row `{line}` cannot be read")))?;
+            match cells[0] {
+                Cell::Integer(task) if task < wanted.start => continue,
+                Cell::Integer(task) if task == next => next += 1,
+                _ => return Err(damaged(&format!("the row of task {next} is missing"))),
+            }
+            failed += u64::from(cells[status] != Cell::Text("ok".into()));
+            rows(&line).map_err(Error::io(&parquet.with_file_name(RESULTS)))?;
+            writer.push(cells)?;
+        };
+        if next != wanted.end {
+            return Err(damaged(&format!("the row of task {next} is missing")));
+        }
+    }
+    writer.finish()?;
+    Ok(failed)
+}

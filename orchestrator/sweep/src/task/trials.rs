@@ -1,0 +1,99 @@
+//! Trials of a stabilized system: the rows of `airloop trials`.
+
+use std::path::{Path, PathBuf};
+
+use airloop::simulation;
+use airloop_cosim::master::Algorithm;
+use airloop_plan::stabilize::settings;
+use airloop_plan::trials::{self, Ready, Request};
+
+use super::{Outcome, Place, Task, Work};
+use crate::Error;
+use crate::file::PlanFile;
+use crate::table::{Cell, Column, Type};
+
+/// Trials, closed loop first.
+pub struct Trials {
+    ready: Ready,
+    request: Request,
+    open_loop: bool,
+    files: Vec<PathBuf>,
+}
+
+impl Trials {
+    /// Opens a closed loop and its settings.
+    ///
+    /// # Errors
+    /// A plan without `[trials]` or with factors, files that cannot be opened.
+    pub fn open(plan: &PlanFile, base: &Path) -> Result<Trials, Error> {
+        let wrong = |place: &str, problem: &str| Error::Plan { place: place.into(), problem: problem.into() };
+        let table = plan.trials.as_ref().ok_or_else(|| wrong("[trials]", "add the table, with `count`"))?;
+        if !(table.scale.is_finite() && table.scale >= 0.0) {
+            return Err(wrong("[trials] scale", "give a finite number of at least 0"));
+        }
+        if !plan.factors.is_empty() || !plan.quantities.is_empty() || plan.sample.is_some() {
+            return Err(wrong("trials", "the settings of the controller say what is perturbed and judged"));
+        }
+        let system = plan.system.as_ref();
+        let system = system.ok_or_else(|| wrong("system", "name the folder of `airloop stabilize`"))?;
+        let name = plan.run.master.as_deref();
+        let algorithm = name.map_or(Some(Algorithm::default()), simulation::algorithm);
+        let algorithm = algorithm.ok_or_else(|| wrong("[run] master", "there is no such master"))?;
+        let given = table.settings.as_ref().map(|file| base.join(file));
+        let airloop = |error| Error::Airloop(airloop::Error::Plan(error));
+        let (system, file) = trials::sources(&base.join(system), given.as_deref()).map_err(airloop)?;
+        let settings = settings::read(&file).map_err(airloop)?;
+        let ready = trials::prepare(&system, &settings, algorithm).map_err(airloop)?;
+        let mut files = super::system_files(&system, &ready.graph);
+        files.push(file);
+        files.extend(plan.inputs.iter().map(|name| base.join(name)));
+        let count = usize::try_from(table.count).unwrap_or(usize::MAX);
+        let request = Request { count, seed: plan.seed, scale: table.scale, algorithm, threads: 1, keep: 0 };
+        Ok(Trials { ready, request, open_loop: table.open_loop, files })
+    }
+
+    /// Whether a task has feedback.
+    fn closed(&self, task: &Task) -> bool {
+        task.number < self.request.count as u64
+    }
+}
+
+impl Work for Trials {
+    fn columns(&self) -> Vec<Column> {
+        let criteria = self.ready.criteria_names();
+        let criteria = criteria.iter().map(|name| Column::new(name, Type::Integer));
+        std::iter::once(Column::new("loop", Type::Text)).chain(criteria).collect()
+    }
+
+    fn inputs(&self) -> Vec<PathBuf> {
+        self.files.clone()
+    }
+
+    fn count(&self) -> Option<u64> {
+        Some(self.request.count as u64 * if self.open_loop { 2 } else { 1 })
+    }
+
+    fn check(&self, _: &Task) -> Result<(), Error> {
+        Ok(())
+    }
+
+    fn run(&self, task: &Task, place: Place) -> Option<Outcome> {
+        let closed = self.closed(task);
+        let kind = Cell::Text(if closed { "closed" } else { "open" }.into());
+        let failed = |columns: usize, cause: String| {
+            let mut outcome = Outcome::failed("failed", columns, cause);
+            outcome.cells[0] = kind.clone();
+            outcome
+        };
+        match trials::one(&self.ready, &self.request, (closed, task.seed, false), place.stop) {
+            Ok(None) => None,
+            Ok(Some(trial)) => {
+                let kept = trial.judgment.iter().map(|(_, kept)| Cell::Integer(u64::from(*kept)));
+                let cells = std::iter::once(kind.clone()).chain(kept).collect();
+                let status = if trial.problem.is_some() { "failed" } else { "ok" };
+                Some(Outcome { cells, status, cause: trial.problem })
+            }
+            Err(error) => Some(failed(1 + self.ready.criteria_names().len(), error.to_string())),
+        }
+    }
+}
