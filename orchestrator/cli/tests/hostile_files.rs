@@ -65,7 +65,10 @@ fn run(case: &Case, folder: &Path) -> Result<(i32, String), String> {
 /// The message without what differs from machine to machine.
 fn lasting(message: &str) -> String {
     let free = message.split_once(" GiB are free").and_then(|(before, _)| before.rsplit_once(' '));
-    free.map_or_else(|| message.to_owned(), |(_, number)| message.replace(&format!("{number} GiB are free"), "N GiB are free"))
+    free.map_or_else(
+        || message.to_owned(),
+        |(_, number)| message.replace(&format!("{number} GiB are free"), "N GiB are free"),
+    )
 }
 
 /// Text that a cell of a table can hold, with what is too long for one left out in the middle.

@@ -7,9 +7,9 @@ use serde::Deserialize;
 
 use super::Error;
 use super::outliers;
-use super::study::declaration::words;
 use super::rig::corrections;
 use super::rig::cylinder::Cylinder;
+use super::study::declaration::words;
 use airloop_series::{TimeSeries, csv};
 
 /// What `case.toml` says.
@@ -221,7 +221,8 @@ impl Case {
             return Err(Error::Case { path: folder.into(), problem: problem.into() });
         }
         let text = std::fs::read_to_string(&path).map_err(|error| refused(error.to_string()))?;
-        let declaration: Declaration = toml::from_str(&text).map_err(|error| refused(words(&text, &error)))?;
+        let declaration: Declaration =
+            toml::from_str(&text).map_err(|error| refused(words(&text, &error)))?;
         if !(declaration.sample_rate_hz > 0.0 && declaration.sample_rate_hz.is_finite()) {
             return Err(refused("sample_rate_hz must be positive".into()));
         }
