@@ -10,8 +10,8 @@ import sys
 from pathlib import Path
 
 COUNT = 20
-STEPS = 5000
-TURNS = 15
+STEPS = 1000
+TURNS = 9
 MASTERS = {"serial": "gauss-seidel", "parallel": "jacobi"}
 
 
