@@ -39,7 +39,8 @@ pub fn find(values: &[f64]) -> Vec<Outlier> {
     let mut sorted = values.to_vec();
     sorted.sort_by(f64::total_cmp);
     let range = sorted[(19 * (n - 1)) / 20] - sorted[(n - 1) / 20];
-    let deviation = |k: usize| values[k] - middle(values, k, NEIGHBORS, |j| values[j]);
+    let neighbors = |k: usize| middle(values, k, NEIGHBORS, |j| values[j]);
+    let deviation = |k: usize| values[k] - neighbors(k);
     let mut found: Vec<Outlier> = Vec::new();
     for k in (0..n).filter(|&k| deviation(k).abs() > MIN_SHARE_OF_RANGE * range) {
         let own = deviation(k);
@@ -51,11 +52,11 @@ pub fn find(values: &[f64]) -> Vec<Outlier> {
             Some(last) => {
                 last.count += 1;
                 if own.abs() > (last.value - last.neighbors).abs() {
-                    (last.value, last.neighbors) = (values[k], values[k] - own);
+                    (last.value, last.neighbors) = (values[k], neighbors(k));
                 }
             }
             None => {
-                found.push(Outlier { first: k, count: 1, value: values[k], neighbors: values[k] - own });
+                found.push(Outlier { first: k, count: 1, value: values[k], neighbors: neighbors(k) });
             }
         }
     }
