@@ -15,7 +15,17 @@ pub fn print(text: &str) -> Result<(), Error> {
 
 /// Prints a line to the standard error; if even that is closed, there is nobody to tell.
 pub fn complain(text: &str) {
-    let _ = writeln!(std::io::stderr(), "{text}");
+    let _ = writeln!(std::io::stderr(), "{}", without_controls(text));
+}
+
+/// The text with control characters written out: they come from files of others and could command the terminal.
+fn without_controls(text: &str) -> String {
+    let is_command = |letter: char| letter.is_control() && !matches!(letter, '\n' | '\t');
+    let shown = |letter: char| match is_command(letter) {
+        true => letter.escape_unicode().to_string(),
+        false => letter.to_string(),
+    };
+    if text.chars().any(is_command) { text.chars().map(shown).collect() } else { text.to_owned() }
 }
 
 /// Outcome of writing to the standard output; a closed pipe is not an error.

@@ -274,7 +274,8 @@ impl Question {
                 let groups: Vec<String> = files.iter().map(|file| file.group.clone()).collect();
                 let records = files.iter().filter(|file| file.role == Role::Estimation);
                 let progress = Progress::new(quiet, (settings.draws * records.count()) as u64);
-                let found = answer(rig, &groups, settings, &|event| progress.tell(event));
+                let mut found = answer(rig, &groups, settings, &|event| progress.tell(event));
+                found.notes.extend(case.notes.iter().cloned());
                 let evidence = evidence::gather(case, rig, &found);
                 progress.finish();
                 Ok((found, evidence))

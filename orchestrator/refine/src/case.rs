@@ -6,8 +6,10 @@ use std::path::Path;
 use serde::Deserialize;
 
 use super::Error;
+use super::outliers;
 use super::rig::corrections;
 use super::rig::cylinder::Cylinder;
+use super::study::declaration::words;
 use airloop_series::{TimeSeries, csv};
 
 /// What `case.toml` says.
@@ -201,6 +203,8 @@ pub struct Case {
     pub declaration: Declaration,
     /// One series per file, in the same order.
     pub records: Vec<TimeSeries>,
+    /// What was changed in the records, one sentence each.
+    pub notes: Vec<String>,
 }
 
 impl Case {
@@ -217,10 +221,12 @@ impl Case {
             return Err(Error::Case { path: folder.into(), problem: problem.into() });
         }
         let text = std::fs::read_to_string(&path).map_err(|error| refused(error.to_string()))?;
-        let declaration: Declaration = toml::from_str(&text).map_err(|error| refused(error.to_string()))?;
+        let declaration: Declaration =
+            toml::from_str(&text).map_err(|error| refused(words(&text, &error)))?;
         if !(declaration.sample_rate_hz > 0.0 && declaration.sample_rate_hz.is_finite()) {
             return Err(refused("sample_rate_hz must be positive".into()));
         }
+        declaration.model.check().map_err(refused)?;
         if let Some(Err(problem)) = declaration.model.cylinder.as_ref().map(Cylinder::check) {
             return Err(refused(format!(
                 "[model.cylinder]: {problem}; SI units, and what is left out is as in the FMU pneumatic-cylinder"
@@ -244,11 +250,17 @@ impl Case {
             }
         }
         check_tolerances(&declaration.tolerance).map_err(refused)?;
-        let mut records = Vec::new();
+        // The command is sent, not measured: what stands out in it was meant.
+        let measured = declaration.sensors.iter().filter(|(_, sensor)| sensor.noise_rms > 0.0);
+        let measured: Vec<&str> = measured.map(|(name, _)| name.as_str()).collect();
+        let (mut records, mut notes) = (Vec::new(), Vec::new());
         for file in &declaration.files {
-            records.push(read_record(&folder.join(&file.name), &declaration)?);
+            let path = folder.join(&file.name);
+            let series = read_record(&path, &declaration)?;
+            let series = outliers::without(series, &file.name, &measured, &mut notes);
+            records.push(series.map_err(|problem| Error::Case { path, problem })?);
         }
-        Ok(Case { declaration, records })
+        Ok(Case { declaration, records, notes })
     }
 }
 

@@ -6,11 +6,14 @@
 pub mod amend;
 pub mod answer;
 pub mod case;
+mod case_values;
 pub mod engine;
 pub mod evidence;
+mod explained;
 pub mod interval;
 pub mod law;
 pub mod moving;
+mod outliers;
 pub mod rig;
 pub mod selection_answer;
 pub mod study;

@@ -17,6 +17,8 @@ use airloop::refine::study;
 use airloop::refine::vocabulary::own::Own;
 use airloop::series::{compound_unit, csv, units};
 use airloop_expression::Expression;
+use airloop_sweep::file::PlanFile;
+use airloop_sweep::manifest::Tasks;
 
 /// A reader.
 #[derive(Clone, Copy)]
@@ -33,7 +35,7 @@ pub struct Target {
 
 impl Target {
     /// All of them.
-    pub const ALL: [Target; 15] = [
+    pub const ALL: [Target; 16] = [
         target(
             "description",
             "model descriptions of FMI 2.0 and 3.0, and the checks of them",
@@ -50,6 +52,7 @@ impl Target {
         target("case", "cases of refine", "case.toml", case),
         target("dataset", "folders of measured data", "dataset.toml", dataset),
         target("effects", "effects of one's own", "effect.toml", effects),
+        target("sweep", "plans of sweeps", "plan.toml", sweep),
         target("model", "identified models, and tables of signals", "model.toml", identified),
         target("csv", "records", "record.csv", record),
         target("identify", "records, and models identified from them", "record.csv", identify),
@@ -126,6 +129,14 @@ fn effects(file: &Path) {
     let Ok(Ok(own)) = std::fs::read_to_string(file).map(|text| Own::read(&text)) else { return };
     let _ = own.starts();
     let _ = own.to_toml(&[]);
+}
+
+fn sweep(file: &Path) {
+    let Ok(text) = std::fs::read_to_string(file) else { return };
+    let Ok(plan) = PlanFile::parse(&text, file) else { return };
+    if let Ok(tasks) = Tasks::new(&plan, file.parent().unwrap_or(Path::new(""))) {
+        let _ = tasks.task(0);
+    }
 }
 
 fn identified(file: &Path) {

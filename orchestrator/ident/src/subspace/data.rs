@@ -34,6 +34,9 @@ pub(super) struct Scale {
     pub output: DVector<f64>,
 }
 
+/// Magnitude of a sample from which on sums of squares overflow.
+const MAX_MAGNITUDE: f64 = 1e150;
+
 /// Scaled segments, one per record.
 ///
 /// # Errors
@@ -66,6 +69,10 @@ pub(super) fn scaled(
                 if !value.is_finite() {
                     let record = record.name.clone();
                     return Err(Error::NotFinite { record, kind, index, sample, value });
+                }
+                if !(value.abs() < MAX_MAGNITUDE) {
+                    let record = record.name.clone();
+                    return Err(Error::TooLarge { record, kind, index, sample, value });
                 }
                 sum += (value - offset) * (value - offset);
                 spread |= value != first;

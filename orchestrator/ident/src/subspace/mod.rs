@@ -145,6 +145,9 @@ pub enum Error {
     /// NaN or infinite.
     #[error("record `{record}`: {kind} {} is {value} at sample {sample}; cut the record or repair the sample", index + 1)]
     NotFinite { record: String, kind: &'static str, index: usize, sample: usize, value: f64 },
+    /// Squares overflow.
+    #[error("record `{record}`: {kind} {} is {value:e} at sample {sample}, too large for sums of squares; repair the sample, or scale the signal", index + 1)]
+    TooLarge { record: String, kind: &'static str, index: usize, sample: usize, value: f64 },
     /// Numerics.
     #[error(
         "no model of order {order} came out with finite numbers; choose a lower order or check the data for outliers"

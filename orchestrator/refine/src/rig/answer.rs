@@ -13,6 +13,7 @@ use crate::engine::select::{
     Effort, MARGIN, MIN_EXCESS_OF_NULL, MIN_FALL_OF_SQUARES, Proposal, Selection, Stage, select,
 };
 use crate::engine::{System, stop};
+use crate::explained;
 use crate::interval;
 use crate::moving::{self, with_cylinder, without_actuator};
 use crate::selection_answer;
@@ -74,6 +75,7 @@ pub fn answer(rig: &Rig, groups: &[String], settings: &Settings, listener: Liste
         selection_answer::shares(rig, &mut found);
     }
     selection_answer::explain_by_law(rig, settings, &mut found);
+    explained::refuse_where_nothing_is(&mut found, "actuator");
     found.partial = stop::ended();
     found
 }

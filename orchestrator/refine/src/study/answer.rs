@@ -22,6 +22,7 @@ use crate::answer::{Answer, Effect, Errors, Settings, Verdict};
 use crate::engine::fit::{Fit, fit};
 use crate::engine::{System, stop};
 use crate::evidence::{Evidence, study as evidence};
+use crate::explained;
 use crate::law::study as law;
 use crate::vocabulary::attach;
 
@@ -57,6 +58,7 @@ pub fn answer(file: &File, settings: &Settings, say: Say) -> Result<(Answer, Evi
     let scale = fits.scale.clone();
     let base = by_share.as_ref().map_or(&selection.declared, |found| &found.corrected);
     let with_law = law::explain(&mut study, &scale, (&judge, base), &mut found, say);
+    explained::refuse_where_nothing_is(&mut found, &first_place(&study));
     let fits = Fits::new(&study, scale);
     say("figures");
     let shown = if found.verdict == Verdict::Effect { &selection.best } else { &selection.declared };
@@ -313,10 +315,8 @@ fn assemble(
         }
     }
     notes.extend(leftover(fits, judge, shown, &rest));
-    let unexplained = (verdict == Verdict::Unexplained).then(|| {
-        let place = study.candidates.first().map_or_else(|| "actuator".to_owned(), |c| c.place());
-        rest.place.unwrap_or_else(|| (place, Vec::new()))
-    });
+    let unexplained = (verdict == Verdict::Unexplained)
+        .then(|| rest.place.unwrap_or_else(|| (first_place(study), Vec::new())));
     Answer {
         verdict,
         effects,
@@ -339,6 +339,11 @@ fn assemble(
         notes,
         ..Answer::default()
     }
+}
+
+/// Place of what is left where nothing shows a better one.
+fn first_place(study: &Study) -> String {
+    study.candidates.first().map_or_else(|| "actuator".to_owned(), |c| c.place())
 }
 
 /// A verdict, what is left beside it, and whether the effects lower the error on validation records.

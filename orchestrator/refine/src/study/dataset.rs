@@ -13,7 +13,7 @@ use std::path::Path;
 
 use serde::Deserialize;
 
-use super::declaration::{Declaration, File};
+use super::declaration::{Declaration, File, words};
 use crate::Error;
 use airloop_series::csv;
 use airloop_series::units::lookup;
@@ -132,7 +132,7 @@ pub fn read(folder: &Path) -> Result<File, Error> {
     let path = folder.join(NAME);
     let refused = |problem: String| Error::Case { path: path.clone(), problem };
     let text = std::fs::read_to_string(&path).map_err(|error| refused(error.to_string()))?;
-    let set: Dataset = toml::from_str(&text).map_err(|error| refused(error.to_string()))?;
+    let set: Dataset = toml::from_str(&text).map_err(|error| refused(words(&text, &error)))?;
     let (angles, forces, positions, pressures) =
         (set.columns("rad"), set.columns("N"), set.columns("m"), set.columns("Pa"));
     let others = ["reference", "set", "target", "desired", "command"];

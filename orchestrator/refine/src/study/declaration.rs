@@ -368,6 +368,12 @@ impl File {
     }
 }
 
+/// An error of a TOML file, with its place.
+pub(crate) fn words(text: &str, error: &toml::de::Error) -> String {
+    let place = error.span().map(|span| place(text, span.start)).unwrap_or_default();
+    format!("{place}{}", error.message())
+}
+
 /// `line L, column C: ` of a byte of a text.
 fn place(text: &str, byte: usize) -> String {
     let before = &text.as_bytes()[..byte.min(text.len())];

@@ -29,6 +29,7 @@ pub mod law;
 pub mod model;
 pub mod names;
 pub mod noise;
+mod numbers;
 pub mod open;
 pub mod physical;
 pub mod plan;

@@ -10,6 +10,7 @@ use super::kinds;
 use super::model::{Entry, Level, Output, Study, Tap, Target};
 use super::names;
 use super::noise::SensorNoise;
+use super::numbers;
 use super::plant::{self, Plant};
 use super::ports;
 use super::read::{self, Layout};
@@ -107,6 +108,7 @@ fn layout(file: &File, graph: &SystemGraph, plant: &Plant) -> Result<Layout, Err
 }
 
 fn check(file: &File) -> Result<(), Error> {
+    numbers::check(file)?;
     let declaration = &file.declaration;
     for role in [Role::Estimation, Role::Validation] {
         if !declaration.segment.iter().any(|segment| segment.get_ref().role == role) {

@@ -5,7 +5,7 @@ use std::ops::Range;
 
 use super::declaration::{File, ForceRule, Initial, InitialWord, Role, Signal};
 use super::{names, signal};
-use crate::Error;
+use crate::{Error, outliers};
 use airloop_cosim::system::SystemGraph;
 use airloop_series::units::{Compatibility, compatible, lookup};
 use airloop_series::{Interpolation, TimeSeries, csv};
@@ -117,8 +117,9 @@ fn median_step(time: &[f64]) -> f64 {
 /// Samples by which stamps may be off a uniform grid: more is resampled by the stamps.
 const MAX_DRIFT: f64 = 0.25;
 
-/// Samples of one file that are held at most: more are a slip of the unit of `step_s`.
-const MAX_SAMPLES: f64 = 1e7;
+/// Samples that a step may make of one file, or of each of its rows: more are a slip of the unit of `step_s`.
+const MAX_SAMPLES: f64 = 1e6;
+const MAX_SAMPLES_OF_A_ROW: f64 = 10.0;
 
 /// Step of a file: the median, or the mean where all steps are near it, so that nothing adds up over the file.
 fn own_step(time: &[f64]) -> f64 {
@@ -153,9 +154,10 @@ fn grid(series: TimeSeries, step: Option<f64>) -> Result<Grid, String> {
         return Ok(Grid { held: series.clone(), raw: series.clone(), series, step, gaps: 0 });
     }
     let samples = (span / step).floor() + 1.0;
-    if samples > MAX_SAMPLES {
+    if samples > MAX_SAMPLES.max(MAX_SAMPLES_OF_A_ROW * time.len() as f64) {
         return Err(format!(
-            "a step of {step} s makes {samples:e} samples of a file of {span} s, where at most {MAX_SAMPLES:e} are held; give a longer step_s"
+            "a step of {step:e} s makes {samples:e} samples of a file of {span} s with {} rows; give a longer step_s",
+            time.len()
         ));
     }
     let count = (span / step * (1.0 + 1e-12)) as usize + 1;
@@ -256,6 +258,9 @@ pub fn records(file: &File, layout: &Layout, notes: &mut Vec<String>) -> Result<
         step => step.as_ref().map(|step| *step.get_ref()),
     };
     separate(file)?;
+    // What stands out in a held command was meant.
+    let measured = layout.signals().into_iter().flatten().flatten().filter(|signal| !signal.hold);
+    let measured: Vec<&str> = measured.filter_map(Signal::source).map(String::as_str).collect();
     let mut grids: BTreeMap<&str, Grid> = BTreeMap::new();
     let mut found = Vec::new();
     for spanned in &declaration.segment {
@@ -263,7 +268,9 @@ pub fn records(file: &File, layout: &Layout, notes: &mut Vec<String>) -> Result<
         let path = file.folder.join(&segment.file);
         let refuse = |problem: String| file.refuse(spanned, format!("{}: {problem}", path.display()));
         if !grids.contains_key(segment.file.as_str()) {
-            let grid = grid(csv::read(&path)?, step).map_err(&refuse)?;
+            let series =
+                outliers::without(csv::read(&path)?, &segment.file, &measured, notes).map_err(&refuse)?;
+            let grid = grid(series, step).map_err(&refuse)?;
             if grid.gaps > 0 {
                 notes.push(format!(
                     "{}: linear interpolation bridges {} of its steps, which are longer than three times the usual one.",

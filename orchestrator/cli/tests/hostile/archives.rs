@@ -1,0 +1,131 @@
+//! Archives and model descriptions.
+
+use std::io::{Cursor, Write};
+
+use zip::ZipWriter;
+use zip::write::SimpleFileOptions;
+
+use super::{Case, DESCRIPTION};
+
+fn archive(entries: &[(&str, &[u8])]) -> Vec<u8> {
+    let mut writer = ZipWriter::new(Cursor::new(Vec::new()));
+    for (name, bytes) in entries {
+        writer.start_file(*name, SimpleFileOptions::default()).unwrap();
+        writer.write_all(bytes).unwrap();
+    }
+    writer.finish().unwrap().into_inner()
+}
+
+/// An archive with two entries of one name, which the writer would refuse.
+fn twice(name: &str) -> Vec<u8> {
+    let other: String = name.chars().rev().collect();
+    let bytes = archive(&[(name, b"1"), (&other, b"2")]);
+    let mut found = bytes.clone();
+    for (at, window) in bytes.windows(other.len()).enumerate() {
+        if window == other.as_bytes() {
+            found[at..at + name.len()].copy_from_slice(name.as_bytes());
+        }
+    }
+    found
+}
+
+pub fn archives() -> Vec<Case> {
+    let inspect = |what: &str, bytes: Vec<u8>| Case::new(what, "inspect x.fmu").file("x.fmu", bytes);
+    let xml = DESCRIPTION.as_bytes();
+    let good = archive(&[("modelDescription.xml", xml)]);
+    let library = |bytes: &[u8]| archive(&[("modelDescription.xml", xml), ("binaries/linux64/m.so", bytes)]);
+    let run = |what: &str, bytes: Vec<u8>| {
+        Case::new(what, "run x.fmu --stop 1 --step 10ms -o out").file("x.fmu", bytes)
+    };
+    let cut = good[..good.len() / 2].to_vec();
+    let mut flipped = good.clone();
+    flipped[60] ^= 0xff;
+    let long = "n".repeat(60_000);
+    let mut elf = b"\x7fELF\x02\x01\x01\0".to_vec();
+    elf.resize(64, 0);
+    (elf[16], elf[18], elf[20], elf[32], elf[54], elf[56]) = (3, 62, 1, 64, 56, 9);
+    vec![
+        Case::new("no file", "inspect x.fmu"),
+        inspect("an empty file", Vec::new()),
+        inspect("a text", b"this is no archive\n".to_vec()),
+        inspect("cut in half", cut),
+        inspect("one byte of the description changed", flipped),
+        inspect("without modelDescription.xml", archive(&[("readme.txt", b"x")])),
+        inspect("modelDescription.xml in a folder", archive(&[("m/modelDescription.xml", xml)])),
+        inspect("an entry `../x`", archive(&[("modelDescription.xml", xml), ("../x", b"x")])),
+        inspect("an entry `/tmp/x`", archive(&[("modelDescription.xml", xml), ("/tmp/x", b"x")])),
+        inspect("an entry `C:\\x`", archive(&[("modelDescription.xml", xml), ("C:\\x", b"x")])),
+        inspect("a name of 60,000 letters", archive(&[("modelDescription.xml", xml), (&long, b"x")])),
+        inspect("two different entries of one name", twice("resources/ab")),
+        run("no library", good.clone()),
+        run("a library that is a text", library(b"int main() {}\n")),
+        run("an empty library", library(b"")),
+        run("a library that is cut off", library(&elf)),
+        run(
+            "a library of another machine only",
+            archive(&[("modelDescription.xml", xml), ("binaries/win64/m.dll", b"MZ")]),
+        ),
+    ]
+}
+
+pub fn descriptions() -> Vec<Case> {
+    let inspect = |what: &str, text: Vec<u8>| {
+        Case::new(what, "inspect x.fmu").file("x.fmu", archive(&[("modelDescription.xml", &text)]))
+    };
+    let with = |what: &str, from: &str, to: &str| {
+        assert!(DESCRIPTION.contains(from), "{from}");
+        inspect(what, DESCRIPTION.replacen(from, to, 1).into_bytes())
+    };
+    let utf16 = DESCRIPTION.encode_utf16().flat_map(u16::to_le_bytes);
+    let utf16: Vec<u8> = [0xff, 0xfe].into_iter().chain(utf16).collect();
+    let latin = DESCRIPTION.replace("modelName=\"m\"", "modelName=\"\u{fc}\"");
+    let latin: Vec<u8> = latin.chars().map(|letter| u8::try_from(u32::from(letter)).unwrap()).collect();
+    let bomb = "<!DOCTYPE a [<!ENTITY b \"bbbbbbbb\"><!ENTITY c \"&b;&b;&b;&b;&b;&b;\">]>\n<fmiModelDescription fmiVersion=\"2.0\" modelName=\"&c;\" guid=\"g\"/>";
+    let deep = format!("<?xml version=\"1.0\"?>{}{}", "<a>".repeat(50_000), "</a>".repeat(50_000));
+    vec![
+        inspect("empty", Vec::new()),
+        inspect("no XML", b"fmiVersion = 2.0\n".to_vec()),
+        inspect("UTF-16", utf16),
+        inspect("Latin-1", latin),
+        inspect("entities", bomb.into()),
+        inspect("50,000 elements inside of each other", deep.into_bytes()),
+        inspect("cut in the middle", DESCRIPTION.as_bytes()[..600].to_vec()),
+        with("another root element", "fmiModelDescription fmi", "modelDescription fmi"),
+        with("FMI 1.0", "fmiVersion=\"2.0\"", "fmiVersion=\"1.0\""),
+        with("a beta of FMI 3.0", "fmiVersion=\"2.0\"", "fmiVersion=\"3.0-beta.2\""),
+        with("no GUID", " guid=\"g\"", ""),
+        with(
+            "4,294,967,295 event indicators",
+            " guid=\"g\"",
+            " guid=\"g\" numberOfEventIndicators=\"4294967295\"",
+        ),
+        with("a start value that is a word", "<Real start=\"0\"/>", "<Real start=\"zero\"/>"),
+        with("a start value beyond all numbers", "<Real start=\"0\"/>", "<Real start=\"1e400\"/>"),
+        with("a start value of NaN", "<Real start=\"0\"/>", "<Real start=\"NaN\"/>"),
+        with("a derivative of variable 99", "derivative=\"2\"", "derivative=\"99\""),
+        with("a value reference below zero", "valueReference=\"3\"", "valueReference=\"-3\""),
+        with("a name twice", "name=\"y\"", "name=\"x\""),
+        with(
+            "one value reference for two inputs",
+            "name=\"y\" valueReference=\"3\" causality=\"output\"",
+            "name=\"y\" valueReference=\"0\" causality=\"input\"",
+        ),
+        with("an unknown causality", "causality=\"input\"", "causality=\"imput\""),
+        with("an unknown type", "<Real start=\"0\"/>", "<Float start=\"0\"/>"),
+        with(
+            "an output with index 0",
+            "<Unknown index=\"4\" dependencies=\"2\"/></Outputs>",
+            "<Unknown index=\"0\"/></Outputs>",
+        ),
+        with(
+            "more kinds than dependencies",
+            "index=\"4\" dependencies=\"2\"",
+            "index=\"4\" dependencies=\"2\" dependenciesKind=\"fixed fixed\"",
+        ),
+        with(
+            "a declared type that is not there",
+            "<Real start=\"0\"/>",
+            "<Real start=\"0\" declaredType=\"T\"/>",
+        ),
+    ]
+}

@@ -1,0 +1,93 @@
+//! The cases: files that are written, and the command that reads them.
+
+use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
+
+use airloop_testing::c_fmu;
+
+mod archives;
+mod records;
+mod settings;
+mod systems;
+mod tables;
+
+/// A model with an input, a state and an output.
+const DESCRIPTION: &str = r#"<?xml version="1.0" encoding="UTF-8"?>
+<fmiModelDescription fmiVersion="2.0" modelName="m" guid="g">
+  <ModelExchange modelIdentifier="m"/>
+  <CoSimulation modelIdentifier="m" canHandleVariableCommunicationStepSize="true"/>
+  <ModelVariables>
+    <ScalarVariable name="u" valueReference="0" causality="input"><Real start="0"/></ScalarVariable>
+    <ScalarVariable name="x" valueReference="1" causality="local" initial="exact"><Real start="1"/></ScalarVariable>
+    <ScalarVariable name="der(x)" valueReference="2"><Real derivative="2"/></ScalarVariable>
+    <ScalarVariable name="y" valueReference="3" causality="output"><Real/></ScalarVariable>
+  </ModelVariables>
+  <ModelStructure>
+    <Outputs><Unknown index="4" dependencies="2"/></Outputs>
+    <Derivatives><Unknown index="3" dependencies="1 2"/></Derivatives>
+    <InitialUnknowns><Unknown index="3" dependencies="1 2"/><Unknown index="4" dependencies="2"/></InitialUnknowns>
+  </ModelStructure>
+</fmiModelDescription>
+"#;
+
+/// One line of the table.
+pub struct Case {
+    /// What is wrong.
+    pub what: String,
+    /// Files by name.
+    files: Vec<(String, Vec<u8>)>,
+    /// Whether the good FMU `m.fmu` is there.
+    with_fmu: bool,
+    /// Arguments of the program.
+    pub command: String,
+}
+
+impl Case {
+    fn new(what: &str, command: &str) -> Case {
+        Case { what: what.into(), files: Vec::new(), with_fmu: false, command: command.into() }
+    }
+
+    fn file(mut self, name: &str, bytes: impl Into<Vec<u8>>) -> Case {
+        self.files.push((name.into(), bytes.into()));
+        self
+    }
+
+    fn fmu(mut self) -> Case {
+        self.with_fmu = true;
+        self
+    }
+
+    /// Writes the files.
+    pub fn write(&self, folder: &Path) {
+        if self.with_fmu {
+            c_fmu::pack(&folder.join("m.fmu"), DESCRIPTION, Some(("m", library())));
+        }
+        for (name, bytes) in &self.files {
+            std::fs::write(folder.join(name), bytes).unwrap();
+        }
+    }
+}
+
+/// The library of the good FMU, compiled once.
+fn library() -> &'static Path {
+    static LIBRARY: OnceLock<(tempfile::TempDir, PathBuf)> = OnceLock::new();
+    let made = || {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("m.so");
+        c_fmu::compile("hostile.c", &path, &["-pthread"]);
+        (folder, path)
+    };
+    &LIBRARY.get_or_init(made).1
+}
+
+/// All cases by their title.
+pub fn all() -> Vec<(&'static str, Vec<Case>)> {
+    vec![
+        ("Archives of FMUs", archives::archives()),
+        ("Model descriptions", archives::descriptions()),
+        ("Systems and parameter sets", systems::cases()),
+        ("Records", records::cases()),
+        ("TOML files", tables::cases()),
+        ("Settings", settings::cases()),
+    ]
+}

@@ -1,0 +1,64 @@
+//! FMUs of FMI 3.0 in processes of their own: arrays, all types, events, lengths that differ from those of the file, and a
+//! library that cannot be loaded.
+#![cfg(target_os = "linux")]
+
+use std::path::Path;
+use std::process::{Command, Output};
+
+use airloop_testing::{c_fmu, vector};
+
+fn run(folder: &Path, words: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_airloop"))
+        .args(["run", "vector.fmu", "--stop", "1", "--step", "10ms", "--no-plots", "-o", "out"])
+        .args(words)
+        .current_dir(folder)
+        .output()
+        .unwrap()
+}
+
+#[test]
+fn an_fmu_of_fmi_3_in_a_worker_gives_the_same_bytes() {
+    let folder = vector::folder();
+    let rows = (0..=100).map(|k| {
+        let t = f64::from(k) / 100.0;
+        format!("{t},{},{},{},{}\n", t.sin(), -t, k % 7, k % 2)
+    });
+    let text = "time,u[1],u[2],i32_in,f32_in\n".to_owned() + &rows.collect::<String>();
+    std::fs::write(folder.path().join("input.csv"), text).unwrap();
+    for words in [
+        &["--master", "gauss-seidel"][..],
+        &["--master", "jacobi"],
+        &["--master", "monolithic"],
+        &["--set", "n=3"],
+        &["--set", "A[1,2]=-0.5", "--set", "early=true"],
+    ] {
+        let mut results = Vec::new();
+        for isolate in [&[][..], &["--isolate"]] {
+            let output = run(folder.path(), &[&["--input", "input.csv"], words, isolate].concat());
+            let said = String::from_utf8_lossy(&output.stderr);
+            assert!(output.status.success(), "{words:?} {isolate:?}: {said}");
+            results.push(std::fs::read_to_string(folder.path().join("out/result.csv")).unwrap());
+        }
+        assert!(results[0].lines().count() > 100, "{words:?}: {}", results[0]);
+        assert!(results[0] == results[1], "{words:?}");
+    }
+}
+
+#[test]
+fn a_library_of_fmi_3_that_lacks_its_functions_is_named_from_the_worker() {
+    let folder = vector::folder();
+    let library = folder.path().join("other.so");
+    c_fmu::compile("hostile.c", &library, &["-pthread"]);
+    let description = vector::description();
+    let path = folder.path().join("vector.fmu");
+    c_fmu::pack_for(&path, &description, Some(("vector", &library)), "x86_64-linux");
+    let mut said = Vec::new();
+    for isolate in [&[][..], &["--isolate"]] {
+        let output = run(folder.path(), isolate);
+        assert_eq!(output.status.code(), Some(1));
+        said.push(String::from_utf8_lossy(&output.stderr).into_owned());
+    }
+    for text in &said {
+        assert!(text.contains("vector.fmu") && text.contains("fmi3"), "{text}");
+    }
+}

@@ -1,0 +1,203 @@
+//! Samples of a sensor that no motion explains: they are found, named, and bridged by the line between their neighbors.
+
+use airloop_series::TimeSeries;
+use airloop_series::frame::parts;
+
+/// Samples on each side whose median a sample is compared with: runs of up to three samples show as outliers.
+const NEIGHBORS: usize = 3;
+/// Samples on each side that show the local spread.
+const AROUND: usize = 25;
+/// Least deviation of an outlier from its neighbors, over the local spread.
+const MIN_SPREADS: f64 = 30.0;
+/// Least deviation, over the range of the record without its upmost and lowest twentieth. Steps of a command and impacts stay
+/// below it: none of 1,762 records of rigs and studies has such a sample.
+const MIN_SHARE_OF_RANGE: f64 = 0.5;
+/// Median of the deviations of normal noise over its standard deviation.
+const MEDIAN_OF_NORMAL: f64 = 0.6745;
+/// Magnitude from which on squares of samples overflow in sums.
+const MAX_MAGNITUDE: f64 = 1e100;
+
+/// A run of samples that are outliers.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Outlier {
+    /// Index of the first.
+    pub first: usize,
+    /// Samples.
+    pub count: usize,
+    /// Value that is farthest from the neighbors.
+    pub value: f64,
+    /// Median of the neighbors there.
+    pub neighbors: f64,
+}
+
+/// The outliers of a signal.
+pub fn find(values: &[f64]) -> Vec<Outlier> {
+    let n = values.len();
+    if n < 4 * NEIGHBORS {
+        return Vec::new();
+    }
+    let mut sorted = values.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    let range = sorted[(19 * (n - 1)) / 20] - sorted[(n - 1) / 20];
+    let neighbors = |k: usize| middle(values, k, NEIGHBORS, |j| values[j]);
+    let deviation = |k: usize| values[k] - neighbors(k);
+    let mut found: Vec<Outlier> = Vec::new();
+    for k in (0..n).filter(|&k| deviation(k).abs() > MIN_SHARE_OF_RANGE * range) {
+        let own = deviation(k);
+        let spread = middle(values, k, AROUND, |j| deviation(j).abs()) / MEDIAN_OF_NORMAL;
+        if own.abs() <= MIN_SPREADS * spread {
+            continue;
+        }
+        match found.last_mut().filter(|last| last.first + last.count == k) {
+            Some(last) => {
+                last.count += 1;
+                if own.abs() > (last.value - last.neighbors).abs() {
+                    (last.value, last.neighbors) = (values[k], neighbors(k));
+                }
+            }
+            None => {
+                found.push(Outlier { first: k, count: 1, value: values[k], neighbors: neighbors(k) });
+            }
+        }
+    }
+    found
+}
+
+/// Median of `of` over up to `reach` samples on each side of `k`; near an end as many samples, all of them inside.
+fn middle(values: &[f64], k: usize, reach: usize, of: impl Fn(usize) -> f64) -> f64 {
+    let width = (2 * reach + 1).min(values.len());
+    let first = k.saturating_sub(reach).min(values.len() - width);
+    let mut window: Vec<f64> = (first..first + width).map(of).collect();
+    let (_, median, _) = window.select_nth_unstable_by(width / 2, f64::total_cmp);
+    *median
+}
+
+/// Puts the line between the samples before and after each outlier in its place.
+pub fn bridge(values: &mut [f64], outliers: &[Outlier]) {
+    for outlier in outliers {
+        let end = outlier.first + outlier.count;
+        let before = outlier.first.checked_sub(1).map(|k| values[k]);
+        let (Some(from), Some(to)) =
+            (before.or(values.get(end).copied()), values.get(end).copied().or(before))
+        else {
+            continue;
+        };
+        for k in outlier.first..end {
+            let share = (k + 1 - outlier.first) as f64 / (outlier.count + 1) as f64;
+            values[k] = from + share * (to - from);
+        }
+    }
+}
+
+/// The record `name` without the outliers of its `columns`; a sentence on each goes to `notes`.
+///
+/// # Errors
+/// A sample that is too large to be squared: column, time and value.
+pub fn without(
+    series: TimeSeries,
+    name: &str,
+    columns: &[&str],
+    notes: &mut Vec<String>,
+) -> Result<TimeSeries, String> {
+    for channel in series.channels() {
+        let large = channel.values.iter().position(|value| value.abs() > MAX_MAGNITUDE);
+        if let Some(k) = large {
+            return Err(format!(
+                "column `{}` is {:e} at {} s, beyond {MAX_MAGNITUDE:e}: no sensor shows that; cut the record or repair the sample",
+                channel.name,
+                channel.values[k],
+                series.time()[k]
+            ));
+        }
+    }
+    let found: Vec<(usize, Vec<Outlier>)> = series
+        .channels()
+        .iter()
+        .enumerate()
+        .filter(|(_, channel)| columns.contains(&channel.name.as_str()))
+        .map(|(index, channel)| (index, find(&channel.values)))
+        .filter(|(_, outliers)| !outliers.is_empty())
+        .collect();
+    if found.is_empty() {
+        return Ok(series);
+    }
+    let (time, mut channels) = parts(series);
+    for (index, outliers) in &found {
+        let channel = &mut channels[*index];
+        for outlier in outliers {
+            let unit = channel.unit.as_deref().map(|unit| format!(" {unit}")).unwrap_or_default();
+            notes.push(format!(
+                "Outlier in {name}: `{}` is {}{unit} at {} s, its neighbors are near {}{unit}; {} replaced by the line between the samples before and after.",
+                channel.name,
+                outlier.value,
+                time[outlier.first],
+                outlier.neighbors,
+                match outlier.count {
+                    1 => "the sample was".to_owned(),
+                    count => format!("{count} samples were"),
+                }
+            ));
+        }
+        bridge(&mut channel.values, outliers);
+    }
+    let channels = channels.into_iter().map(|channel| (channel.name, channel.unit, channel.values)).collect();
+    TimeSeries::with_channels(time, channels).map_err(|error| error.to_string())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use airloop_series::random::Random;
+
+    /// A swing with noise of 1e-3.
+    fn swing() -> Vec<f64> {
+        let mut random = Random::new(1);
+        (0..1000).map(|k| 0.1 * (0.02 * f64::from(k)).sin() + 1e-3 * random.normal()).collect()
+    }
+
+    #[test]
+    fn single_samples_and_short_runs_are_found_wherever_they_are() {
+        for (first, count) in [(0, 1), (400, 1), (400, 3), (999, 1)] {
+            let clean = swing();
+            let mut values = clean.clone();
+            values[first..first + count].fill(5.0);
+            let found = find(&values);
+            assert_eq!(found.len(), 1, "{first}, {count}: {found:?}");
+            assert_eq!((found[0].first, found[0].count, found[0].value), (first, count, 5.0));
+            bridge(&mut values, &found);
+            let off = values.iter().zip(&clean).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+            // Noise of the neighbors and the way of the swing over four samples.
+            assert!(off < 0.02, "{first}, {count}: {off}");
+        }
+    }
+
+    #[test]
+    fn noise_steps_pulses_of_a_command_and_quantized_rest_are_none() {
+        assert_eq!(find(&swing()), []);
+        let steps: Vec<f64> = (0..1000).map(|k| f64::from((k / 37) % 5)).collect();
+        assert_eq!(find(&steps), []);
+        let rest: Vec<f64> =
+            (0..1000).map(|k| if k % 211 == 0 { 1e-3 } else { 0.0 } + 1e-4 * f64::from(k / 3)).collect();
+        assert_eq!(find(&rest), []);
+    }
+
+    #[test]
+    fn the_note_names_record_signal_time_and_value() {
+        let mut values = swing();
+        values[400] = 1e7;
+        let time: Vec<f64> = (0..1000).map(|k| 0.001 * f64::from(k)).collect();
+        let series = |values| {
+            let channels = vec![("x".to_owned(), Some("m".to_owned()), values)];
+            TimeSeries::with_channels(time.clone(), channels).unwrap()
+        };
+        let mut notes = Vec::new();
+        let cleaned = without(series(values.clone()), "trial_03.csv", &["x"], &mut notes).unwrap();
+        assert!(cleaned.channels()[0].values.iter().all(|value| value.abs() < 0.2));
+        for part in ["trial_03.csv", "`x` is 10000000 m at 0.4 s"] {
+            assert!(notes[0].contains(part), "{notes:?}");
+        }
+        values[400] = 1e153;
+        let problem = without(series(values), "trial_03.csv", &["x"], &mut notes).unwrap_err();
+        assert!(problem.contains("`x` is 1e153 at 0.4 s"), "{problem}");
+    }
+}
