@@ -255,13 +255,15 @@ fn merge(args: &FolderArgs) -> Result<ExitCode, SweepError> {
 
 fn status(args: &FolderArgs) -> Result<ExitCode, SweepError> {
     let status = merge::status(&args.folder)?;
-    let mut text = format!("{} of {} tasks done, {} of them failed\n", status.done, status.tasks, status.failed);
+    let mut text =
+        format!("{} of {} tasks done, {} of them failed\n", status.done, status.tasks, status.failed);
     if let Some(first) = status.first_missing {
         text += &format!("first task without a row: {first}\n");
     }
     if status.done > 0 {
         let each = 1e3 * status.busy / status.done as f64;
-        text += &format!("time of the finished shards: {:.1} s of threads, {each:.3} ms per task\n", status.busy);
+        text +=
+            &format!("time of the finished shards: {:.1} s of threads, {each:.3} ms per task\n", status.busy);
     }
     for problem in &status.damaged {
         text += &format!("damaged: {problem}\n");
@@ -284,7 +286,8 @@ fn submit(args: &SubmitArgs) -> Result<ExitCode, SweepError> {
         return run_all(&runner, &all(shards), args.quiet);
     }
     let threads = args.threads.map_or(1, |threads| threads as usize);
-    let submission = slurm::submit(&args.folder, (args.shards, threads), &isolation(&args.isolate), args.again)?;
+    let submission =
+        slurm::submit(&args.folder, (args.shards, threads), &isolation(&args.isolate), args.again)?;
     if !args.quiet {
         output::print(&format!(
             "Slurm job {} with {} shards\nsee: airloop sweep status {folder}\nend: airloop sweep cancel {folder}\n",
@@ -303,7 +306,8 @@ fn isolation(args: &IsolateArgs) -> Vec<String> {
         IsolateChoice::All => "all",
         IsolateChoice::ThirdParty => "third-party",
     };
-    let limits = [format!("--call-limit={}", args.call_limit), format!("--memory-limit={}", args.memory_limit)];
+    let limits =
+        [format!("--call-limit={}", args.call_limit), format!("--memory-limit={}", args.memory_limit)];
     std::iter::once(format!("--isolate={which}")).chain(limits).collect()
 }
 

@@ -217,8 +217,8 @@ pub struct Tasks {
     design: Design,
     names: Vec<String>,
     seed: u64,
-    /// Whether the tasks have consecutive seeds, as trials do.
-    counted: bool,
+    /// Number of consecutive seeds that tasks have in turn; trials only.
+    counted: Option<u64>,
 }
 
 impl Tasks {
@@ -231,17 +231,21 @@ impl Tasks {
             design: design(plan, base)?,
             names: plan.factors.iter().map(|factor| factor.name.clone()).collect(),
             seed: plan.seed,
-            counted: plan.kind == Kind::Trials,
+            counted: plan
+                .trials
+                .as_ref()
+                .filter(|_| plan.kind == Kind::Trials)
+                .map(|trials| trials.count.max(1)),
         })
     }
 
     /// A task.
     pub fn task(&self, number: u64) -> Task {
         let seed = match self.counted {
-            true => self.seed.wrapping_add(number),
-            false => Random::numbered(self.seed, number).bits(),
+            Some(count) => self.seed.wrapping_add(number % count),
+            None => Random::numbered(self.seed, number).bits(),
         };
-        let values = if self.counted { Vec::new() } else { self.design.point(number) };
+        let values = if self.counted.is_some() { Vec::new() } else { self.design.point(number) };
         Task { number, seed, values: self.names.iter().cloned().zip(values).collect() }
     }
 }
