@@ -4,6 +4,7 @@
 //! and any machine can begin anywhere.
 
 use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
 
 use airloop_series::random::Random;
 use serde::{Deserialize, Serialize};
@@ -44,8 +45,14 @@ impl Program {
     /// # Errors
     /// Its file cannot be read.
     pub fn this() -> Result<Program, Error> {
+        // It is the program that runs, also where its file is replaced meanwhile.
+        static THIS: OnceLock<Program> = OnceLock::new();
+        if let Some(program) = THIS.get() {
+            return Ok(program.clone());
+        }
         let path = std::env::current_exe().map_err(Error::io(Path::new("this program")))?;
-        Ok(Program { version: env!("CARGO_PKG_VERSION").into(), sha256: digest::of_path(&path)? })
+        let program = Program { version: env!("CARGO_PKG_VERSION").into(), sha256: digest::of_path(&path)? };
+        Ok(THIS.get_or_init(|| program).clone())
     }
 }
 
