@@ -186,7 +186,7 @@ fn plan(args: &PlanArgs) -> Result<ExitCode, SweepError> {
 
 fn run_shards(args: &RunArgs) -> Result<ExitCode, SweepError> {
     let threads = args.threads.map_or_else(processors, |threads| threads as usize);
-    let runner = Runner::open(&args.folder, threads)?;
+    let runner = Runner::open(&args.folder, threads, args.isolate.isolate != IsolateChoice::None)?;
     let shards = match &args.shard {
         Some(shard) => vec![shard.parse()?],
         None => all(runner.manifest.shards),
@@ -292,7 +292,7 @@ fn status(args: &FolderArgs) -> Result<ExitCode, SweepError> {
 fn submit(args: &SubmitArgs) -> Result<ExitCode, SweepError> {
     if args.engine == Engine::Local {
         let threads = args.threads.map_or_else(processors, |threads| threads as usize);
-        let runner = Runner::open(&args.folder, threads)?;
+        let runner = Runner::open(&args.folder, threads, args.isolate.isolate != IsolateChoice::None)?;
         let shards = args.shards.unwrap_or(runner.manifest.shards);
         return run_all(&runner, &all(shards), args.quiet);
     }

@@ -36,7 +36,7 @@ fn planned(place: &TempDir, name: &str) -> PathBuf {
 }
 
 fn run(folder: &Path, shard: &str, threads: usize) -> Result<Done, Error> {
-    let runner = Runner::open(folder, threads)?;
+    let runner = Runner::open(folder, threads, false)?;
     runner.run(shard.parse()?, &AtomicBool::new(false), &|_| {})
 }
 
