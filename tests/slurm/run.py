@@ -1,6 +1,6 @@
 """One plan here and on a Slurm cluster of three nodes, one of which is killed in the middle: the same bytes.
 
-    python tests/slurm/run.py target/release/airloop
+    python tests/slurm/run.py target/release/airloop [PLAN.toml]
 """
 
 import json
@@ -19,7 +19,6 @@ PLAN = """\
 kind = "simulate"
 system = "{system}"
 seed = 1
-shards = {shards}
 [run]
 stop = 4
 step = 0.0005
@@ -45,15 +44,16 @@ of = "final"
 """
 
 
-def main(program):
+def main(program, given=None):
     if os.geteuid() != 0 or cluster.missing():
         print(f"skipped: needs root and {', '.join(cluster.missing()) or 'nothing else'}")
         print("run as root: apt-get install -y slurmctld slurmd slurm-client munge && make test-slurm")
         return 0
     with tempfile.TemporaryDirectory(prefix="airloop-sweep-") as name:
         folder = Path(name)
-        plan = folder / "plan.toml"
-        plan.write_text(PLAN.format(system=ROOT / "examples/01_run/system.ssd", shards=SHARDS))
+        plan = Path(given or folder / "plan.toml")
+        if given is None:
+            plan.write_text(PLAN.format(system=ROOT / "examples/01_run/system.ssd"))
 
         def airloop(*words, environment=None):
             return subprocess.run([program, "sweep", *map(str, words)], check=True, env=environment, text=True,
@@ -62,14 +62,14 @@ def main(program):
         def finished():
             return len(list((folder / "there" / "shards").glob("*.csv")))
 
-        airloop("plan", plan, "-o", folder / "here")
+        airloop("plan", plan, "--shards", SHARDS, "-o", folder / "here")
         began = time.monotonic()
         airloop("run", folder / "here", "--quiet")
         airloop("merge", folder / "here")
         print(f"here: {time.monotonic() - began:.1f} s")
         with cluster.Cluster() as slurm:
             there = folder / "there"
-            airloop("plan", plan, "-o", there)
+            airloop("plan", plan, "--shards", SHARDS, "-o", there)
             began = time.monotonic()
             airloop("submit", there, "--engine", "slurm", environment=slurm.environment)
             job = json.loads((there / "submission.json").read_text())["job"]
@@ -83,7 +83,7 @@ def main(program):
             seconds = time.monotonic() - began
             print(f"node {node} and {killed} processes on it killed after {finished()} shards, {seconds:.1f} s")
             assert killed >= 2, "the node runs a shard"
-            slurm.wait_for_job(job, 150)
+            slurm.wait_for_job(job, 600)
             restarts = slurm.restarts(job)
             assert restarts >= 1, "its shard was queued again"
             airloop("merge", there)
@@ -96,4 +96,4 @@ def main(program):
 
 
 if __name__ == "__main__":
-    sys.exit(main(sys.argv[1]))
+    sys.exit(main(*sys.argv[1:]))

@@ -1,6 +1,6 @@
 """A sweep that is killed at random times and continued has the rows of one that was not: no task is lost or doubled.
 
-    python tests/sweep_kills.py target/release/airloop TRIALS
+    python tests/study/sweep/kills.py target/release/airloop TRIALS
 """
 
 import random
@@ -10,7 +10,7 @@ import tempfile
 import time
 from pathlib import Path
 
-ROOT = Path(__file__).resolve().parents[1]
+ROOT = Path(__file__).resolve().parents[3]
 TASKS, SHARDS = 500, 25
 PLAN = f"""\
 kind = "simulate"
