@@ -1,5 +1,5 @@
 # `make demo` and `make test` work on a fresh machine with Rust, a C compiler and Python 3: each sets up what is missing first.
-.PHONY: demo docs test test-slurm test-wheel wheel check bench study study-refine study-refine-messy study-systems study-laws study-foreign study-sweep study-swing-up study-walker fmu windows setup setup-build clean
+.PHONY: demo docs test test-slurm test-wheel wheel check bench fuzz study study-refine study-refine-messy study-systems study-laws study-foreign study-sweep study-swing-up study-walker fmu windows setup setup-build clean
 export CARGO_NET_RETRY ?= 10
 # A build that happens once gains nothing from files for the next one; they cost a fifth of its time.
 ifdef CI
@@ -44,12 +44,16 @@ check: setup         ## formatting, lints, documentation, generated files, licen
 bench: fmu           ## cost of the master per FMU step
 	cargo bench --workspace --bench "*"
 
+SEED ?= 1
+MINUTES ?= 10
+fuzz: fmu            ## mutated files for every reader, MINUTES in all; inputs that made a fault: out/fuzz
+	cargo run --release --quiet -p airloop-fuzz -- run --minutes $(strip $(MINUTES)) --seed $(strip $(SEED)) --keep out/fuzz
+
 study: fmu           ## error of every master against its FMU steps: out/study/masters.csv, .svg
 	scripts/setup.sh study
 	.venv/bin/python tests/study/masters.py out/study
 
 ONLY ?= .            # regular expression on the names of the cases: `make study-refine ONLY='^[rw]_'` takes minutes
-SEED ?= 1
 study-refine: fmu    ## cases with known missing effects, and what `airloop refine` makes of them: out/study-refine
 	scripts/setup.sh study
 	.venv/bin/python tests/study/refine/make_cases.py out/study-refine/cases --seed $(strip $(SEED)) --only '$(strip $(ONLY))'

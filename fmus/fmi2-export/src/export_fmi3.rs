@@ -9,84 +9,11 @@ macro_rules! export_fmi3_functions {
         pub extern "C" fn fmi3GetVersion() -> CString {
             abi::fmi3::version()
         }
-        #[unsafe(no_mangle)]
-        pub unsafe extern "C" fn fmi3InstantiateModelExchange(
-            name: CString,
-            token: CString,
-            resource_path: CString,
-            _visible: u8,
-            logging_on: u8,
-            environment: ComponentEnvironment,
-            log_message: Option<LogMessage>,
-        ) -> Component {
-            let interface = Some($crate::Interface::ModelExchange);
-            unsafe {
-                abi::fmi3::instantiate::<Exported>(
-                    &DEFINITION,
-                    interface,
-                    name,
-                    token,
-                    resource_path,
-                    logging_on,
-                    environment,
-                    log_message,
-                )
-            }
-        }
-        #[unsafe(no_mangle)]
-        pub unsafe extern "C" fn fmi3InstantiateCoSimulation(
-            name: CString,
-            token: CString,
-            resource_path: CString,
-            _visible: u8,
-            logging_on: u8,
-            _event_mode_used: u8,
-            _early_return_allowed: u8,
-            _required_intermediate_variables: *const ValueReference,
-            _n_required_intermediate_variables: usize,
-            environment: ComponentEnvironment,
-            log_message: Option<LogMessage>,
-            _intermediate_update: *const c_void,
-        ) -> Component {
-            let interface = Some($crate::Interface::CoSimulation);
-            unsafe {
-                abi::fmi3::instantiate::<Exported>(
-                    &DEFINITION,
-                    interface,
-                    name,
-                    token,
-                    resource_path,
-                    logging_on,
-                    environment,
-                    log_message,
-                )
-            }
-        }
-        #[unsafe(no_mangle)]
-        pub unsafe extern "C" fn fmi3InstantiateScheduledExecution(
-            name: CString,
-            token: CString,
-            resource_path: CString,
-            _visible: u8,
-            logging_on: u8,
-            environment: ComponentEnvironment,
-            log_message: Option<LogMessage>,
-            _clock_update: *const c_void,
-            _lock_preemption: *const c_void,
-            _unlock_preemption: *const c_void,
-        ) -> Component {
-            unsafe {
-                abi::fmi3::instantiate::<Exported>(
-                    &DEFINITION,
-                    None,
-                    name,
-                    token,
-                    resource_path,
-                    logging_on,
-                    environment,
-                    log_message,
-                )
-            }
+        $crate::instantiate_fmi3! { Exported, DEFINITION;
+            fmi3InstantiateModelExchange => Some($crate::Interface::ModelExchange), [], [];
+            fmi3InstantiateCoSimulation => Some($crate::Interface::CoSimulation),
+                [u8, u8, *const ValueReference, usize], [*const c_void];
+            fmi3InstantiateScheduledExecution => None, [], [*const c_void, *const c_void, *const c_void];
         }
         #[unsafe(no_mangle)]
         pub unsafe extern "C" fn fmi3FreeInstance(c: Component) {
@@ -191,6 +118,42 @@ macro_rules! export_fmi3_functions {
             fmi3EnterStepMode();
             fmi3ActivateModelPartition(_vr: ValueReference, _time: f64);
         }
+    };
+}
+
+/// Functions that make an instance: arguments of the listed types, after `loggingOn` and at the end, are not used; a part
+/// of [`crate::export_fmu`].
+#[doc(hidden)]
+#[macro_export]
+macro_rules! instantiate_fmi3 {
+    ($model:ident, $definition:ident; $($function:ident => $interface:expr, [$($inner:ty),*], [$($last:ty),*];)*) => {
+        $(
+            #[unsafe(no_mangle)]
+            pub unsafe extern "C" fn $function(
+                name: CString,
+                token: CString,
+                resource_path: CString,
+                _visible: u8,
+                logging_on: u8,
+                $(_: $inner,)*
+                environment: ComponentEnvironment,
+                log_message: Option<LogMessage>,
+                $(_: $last,)*
+            ) -> Component {
+                unsafe {
+                    abi::fmi3::instantiate::<$model>(
+                        &$definition,
+                        $interface,
+                        name,
+                        token,
+                        resource_path,
+                        logging_on,
+                        environment,
+                        log_message,
+                    )
+                }
+            }
+        )*
     };
 }
 

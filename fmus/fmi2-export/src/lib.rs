@@ -29,6 +29,7 @@ mod model;
 mod model_exchange;
 mod resources;
 mod scalar;
+mod shared_description;
 mod spread;
 pub mod start_values;
 pub mod state_machine;
@@ -37,6 +38,7 @@ mod table;
 pub mod units;
 mod values;
 mod variables;
+mod xml;
 
 pub use declaration::{Declaration, Enumeration};
 pub use definition::{Definition, fingerprint};

@@ -7,26 +7,30 @@
 
 use std::cell::Cell;
 
+/// Component and FMU in messages.
+pub(crate) struct Label(pub(crate) Box<str>);
+
 /// A call into an FMU.
 #[derive(Clone, Copy)]
 struct Site {
-    label: *const u8,
-    length: usize,
+    /// A thin pointer, as every call of an FMU writes it down.
+    label: *const Label,
     function: &'static str,
 }
 
 thread_local! {
+    // Without a lazy initialization, which every call would ask about.
     static IN_CALL: Cell<Option<Site>> = const { Cell::new(None) };
 }
 
-/// This thread calls `function` of the instance that messages call `label`, which stays in place until [`leave`].
-#[inline]
-pub(crate) fn enter(label: &str, function: &'static str) {
-    IN_CALL.set(Some(Site { label: label.as_ptr(), length: label.len(), function }));
+/// This thread calls `function` of the instance with this label, which stays in place until [`leave`].
+#[inline(always)]
+pub(crate) fn enter(label: &Label, function: &'static str) {
+    IN_CALL.set(Some(Site { label, function }));
 }
 
 /// The call came back, or was not made: this thread is in no call.
-#[inline]
+#[inline(always)]
 pub fn leave() {
     IN_CALL.set(None);
 }
@@ -58,9 +62,9 @@ fn say(text: &[u8]) {
 
 fn say_site(site: Site) {
     // SAFETY: the label of an instance that is in a call, which keeps it in place.
-    let label = unsafe { std::slice::from_raw_parts(site.label, site.length) };
+    let label = unsafe { &*site.label };
     say(b"\nerror: ");
-    say(label);
+    say(label.0.as_bytes());
     say(b" ended the program in ");
     say(site.function.as_bytes());
 }

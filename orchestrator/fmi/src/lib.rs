@@ -6,6 +6,7 @@
 //! Section numbers are those of the FMI standard, version 2.0.5.
 
 mod archive;
+mod arrays;
 pub mod check;
 pub mod derive;
 pub mod description;

@@ -3,7 +3,7 @@
 #![allow(unsafe_code, reason = "loading and asking a third-party library")]
 
 use std::ffi::{CStr, c_char};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
@@ -75,64 +75,32 @@ pub(super) struct Library {
 impl Library {
     /// Loads `folder/inner` for the archive `path` and checks that it speaks FMI 2.0.
     pub(super) fn load(path: &Path, folder: &Path, inner: &str) -> Result<Self, Error> {
-        whole(&folder.join(inner)).map_err(|reason| Error::Load {
-            path: path.to_owned(),
-            library: inner.to_owned(),
-            reason,
-        })?;
         // SAFETY: loading runs the initializers of third-party code; whoever opens an FMU to run it trusts that code.
-        let binding = unsafe { Fmi2Binding::new(folder.join(inner)) }.map_err(|error| Error::Load {
-            path: path.to_owned(),
-            library: inner.to_owned(),
-            reason: reason(&error, folder),
-        })?;
-        let missing =
-            |function, interface| Error::MissingFunction { path: path.to_owned(), function, interface };
-        let first = FirstFunctions::new(&binding).map_err(|f| missing(f, "FMI 2.0"))?;
-        let common = CommonFunctions::new(&binding).map_err(|f| missing(f, "FMI 2.0"))?;
-        let slave = SlaveFunctions::new(&binding);
-        let model = ModelFunctions::new(&binding);
-
+        let binding = bind(path, folder, inner, |library| unsafe { Fmi2Binding::new(library) })?;
+        let first = FirstFunctions::new(&binding).map_err(missing(path, "FMI 2.0"))?;
+        let common = CommonFunctions::new(&binding).map_err(missing(path, "FMI 2.0"))?;
         // SAFETY: both functions take nothing and return a static C string (FMI 2.0.5 section 2.1.4).
-        let answers = unsafe {
-            [
-                ("fmi2GetTypesPlatform", (first.get_types_platform)(), "default"),
-                ("fmi2GetVersion", (first.get_version)(), "2.0"),
-            ]
-        };
-        for (function, answer, expected) in answers {
-            let answer = text(answer);
-            if answer != expected {
-                return Err(Error::Header { path: path.to_owned(), function, answer, expected });
-            }
-        }
-        let (origin, binding) = (Origin::Two(first), Binding::Two { _code: Box::new(binding) });
-        Ok(Library { common, slave, model, occupied: AtomicBool::new(false), origin, _binding: binding })
+        let (platform, version) = unsafe { ((first.get_types_platform)(), (first.get_version)()) };
+        answers(path, "fmi2GetTypesPlatform", text(platform), "default", |answer| answer == "default")?;
+        answers(path, "fmi2GetVersion", text(version), "2.0", |answer| answer == "2.0")?;
+        Ok(Library {
+            common,
+            slave: SlaveFunctions::new(&binding),
+            model: ModelFunctions::new(&binding),
+            occupied: AtomicBool::new(false),
+            origin: Origin::Two(first),
+            _binding: Binding::Two { _code: Box::new(binding) },
+        })
     }
 
     /// Same as [`Self::load`] for a library of FMI 3.0.
     pub(super) fn load_fmi3(path: &Path, folder: &Path, inner: &str) -> Result<Self, Error> {
-        whole(&folder.join(inner)).map_err(|reason| Error::Load {
-            path: path.to_owned(),
-            library: inner.to_owned(),
-            reason,
-        })?;
         // SAFETY: as for FMI 2.0.
-        let binding = unsafe { Fmi3Binding::new(folder.join(inner)) }.map_err(|error| Error::Load {
-            path: path.to_owned(),
-            library: inner.to_owned(),
-            reason: reason(&error, folder),
-        })?;
-        let missing =
-            |function, interface| Error::MissingFunction { path: path.to_owned(), function, interface };
-        let functions = fmi3::functions::Functions::new(&binding).map_err(|f| missing(f, "FMI 3.0"))?;
+        let binding = bind(path, folder, inner, |library| unsafe { Fmi3Binding::new(library) })?;
+        let functions = fmi3::functions::Functions::new(&binding).map_err(missing(path, "FMI 3.0"))?;
+        answers(path, "fmi3GetVersion", functions.version(), "3.0", |answer| answer.starts_with("3."))?;
         let slave = fmi3::functions::SlaveFunctions::new(&binding);
         let model = fmi3::functions::ModelFunctions::new(&binding);
-        let answer = functions.version();
-        if !answer.starts_with("3.") {
-            let (path, function, expected) = (path.to_owned(), "fmi3GetVersion", "3.0");
-            return Err(Error::Header { path, function, answer, expected });
-        }
         let three = ThreeFunctions { common: functions, slave: slave.ok(), model: model.ok() };
         Ok(Library {
             common: fmi3::tables::common(&three),
@@ -170,6 +138,38 @@ impl Library {
         let (common, slave, model) = found.map_err(refused)?;
         let (occupied, origin) = (AtomicBool::new(false), Origin::Worker(channel));
         Ok(Library { common, slave, model, occupied, origin, _binding: Binding::Elsewhere })
+    }
+}
+
+/// Loads `folder/inner` for the archive `path` by `load`.
+fn bind<Code, Cause: std::error::Error>(
+    path: &Path,
+    folder: &Path,
+    inner: &str,
+    load: impl FnOnce(PathBuf) -> Result<Code, Cause>,
+) -> Result<Code, Error> {
+    let refused = |reason| Error::Load { path: path.to_owned(), library: inner.to_owned(), reason };
+    let file = folder.join(inner);
+    whole(&file).map_err(refused)?;
+    load(file).map_err(|error| refused(reason(&error, folder)))
+}
+
+/// The error of a function that an interface needs and the library of the archive `path` lacks.
+fn missing(path: &Path, interface: &'static str) -> impl Fn(&'static str) -> Error {
+    move |function| Error::MissingFunction { path: path.to_owned(), function, interface }
+}
+
+/// Refuses a library of which `function` gave another answer than is expected.
+fn answers(
+    path: &Path,
+    function: &'static str,
+    answer: String,
+    expected: &'static str,
+    is_expected: impl Fn(&str) -> bool,
+) -> Result<(), Error> {
+    match is_expected(&answer) {
+        true => Ok(()),
+        false => Err(Error::Header { path: path.to_owned(), function, answer, expected }),
     }
 }
 

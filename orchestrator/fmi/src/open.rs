@@ -80,6 +80,12 @@ impl fmt::Debug for Fmu {
     }
 }
 
+/// The model description of the FMU that messages call `shown`, with other values of structural parameters.
+fn describe(shown: &Path, xml: &[u8], structure: &[(String, i32)]) -> Result<ModelDescription, Error> {
+    ModelDescription::parse_resized(xml, structure)
+        .map_err(|source| Error::Description { path: shown.to_owned(), source })
+}
+
 impl Fmu {
     /// Checks and unpacks the archive at `path` and reads its model description, with the default [`Limits`]; a folder
     /// with a `modelDescription.xml` is taken for an FMU that is unpacked already.
@@ -115,20 +121,28 @@ impl Fmu {
         }
         let refuse = |source| Error::Archive { path: shown.to_owned(), source };
         let mut archive = Archive::open(path, limits).map_err(refuse)?;
-        let description = ModelDescription::parse(&archive.description().map_err(refuse)?)
-            .map_err(|source| Error::Description { path: shown.to_owned(), source })?;
+        let description = describe(shown, &archive.description().map_err(refuse)?, &[])?;
         let Unpacked { folder, files, folders } = archive.unpack().map_err(refuse)?;
-        let (path, shown, folder) = (path.to_owned(), shown.to_owned(), Folder::Temporary(folder));
-        Ok(Arc::new(Fmu {
-            path,
-            shown,
+        Ok(Fmu::new((path, shown), description, (Folder::Temporary(folder), files, folders), &[]))
+    }
+
+    /// An FMU of which no library is loaded yet, with lengths of its arrays that differ from those of the archive.
+    fn new(
+        (path, shown): (&Path, &Path),
+        description: ModelDescription,
+        (folder, files, folders): (Folder, Vec<String>, Vec<String>),
+        sizes: &[(String, i32)],
+    ) -> Arc<Fmu> {
+        Arc::new(Fmu {
+            path: path.to_owned(),
+            shown: shown.to_owned(),
             description,
             libraries: Mutex::default(),
             folder,
             files,
             folders,
-            sizes: Vec::new(),
-        }))
+            sizes: sizes.to_vec(),
+        })
     }
 
     fn open_folder(path: &Path, shown: &Path, limits: &Limits) -> Result<Arc<Fmu>, Error> {
@@ -157,19 +171,8 @@ impl Fmu {
         files.sort();
         folders.sort();
         let xml = std::fs::read(folder.join("modelDescription.xml")).map_err(refuse)?;
-        let description = ModelDescription::parse(&xml)
-            .map_err(|source| Error::Description { path: shown.to_owned(), source })?;
-        let (path, shown, folder) = (path.to_owned(), shown.to_owned(), Folder::Kept(folder));
-        Ok(Arc::new(Fmu {
-            path,
-            shown,
-            description,
-            libraries: Mutex::default(),
-            folder,
-            files,
-            folders,
-            sizes: Vec::new(),
-        }))
+        let description = describe(shown, &xml, &[])?;
+        Ok(Fmu::new((path, shown), description, (Folder::Kept(folder), files, folders), &[]))
     }
 
     /// The same FMU with other lengths of its arrays: values of structural parameters, by name (FMI 3.0). They are set
@@ -178,21 +181,11 @@ impl Fmu {
     /// # Errors
     /// [`Error::Description`] where the description makes no sense with these values.
     pub fn resized(self: &Arc<Fmu>, structure: &[(String, i32)]) -> Result<Arc<Fmu>, Error> {
-        let shown = self.shown.clone();
-        let refuse = |source| Error::Archive { path: shown.clone(), source: ArchiveError::Read(source) };
+        let refuse = |source| Error::Archive { path: self.shown.clone(), source: ArchiveError::Read(source) };
         let xml = std::fs::read(self.folder().join("modelDescription.xml")).map_err(refuse)?;
-        let description = ModelDescription::parse_resized(&xml, structure)
-            .map_err(|source| Error::Description { path: shown.clone(), source })?;
-        Ok(Arc::new(Fmu {
-            path: self.path.clone(),
-            shown,
-            description,
-            libraries: Mutex::default(),
-            folder: Folder::Of(Arc::clone(self)),
-            files: self.files.clone(),
-            folders: self.folders.clone(),
-            sizes: structure.to_vec(),
-        }))
+        let description = describe(&self.shown, &xml, structure)?;
+        let contents = (Folder::Of(Arc::clone(self)), self.files.clone(), self.folders.clone());
+        Ok(Fmu::new((&self.path, &self.shown), description, contents, structure))
     }
 
     /// The unpacked `resources` folder as a `file:///` URI, as fmi2Instantiate wants it.

@@ -1,7 +1,8 @@
 //! Finds the effect that a declared rig lacks: `cargo run --release -p airloop-refine --example find_effect -- CASE_FOLDER`.
 
-use airloop_refine::answer::{Settings, answer};
+use airloop_refine::answer::Settings;
 use airloop_refine::case::Case;
+use airloop_refine::rig::answer::answer;
 use airloop_refine::rig::open::open;
 
 fn main() -> Result<(), airloop_refine::Error> {

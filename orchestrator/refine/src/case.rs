@@ -89,7 +89,7 @@ impl Actuator {
             let mean = f.trace() / 2.0;
             let spread = f - unit * mean;
             // Poles that coincide have no direction to move apart in.
-            let q = spread.determinant().abs().sqrt().max(LEAST_SPREAD);
+            let q = spread.determinant().abs().sqrt().max(MIN_DISTANCE_OF_POLES);
             let new = unit * (mean + decay) + spread * (1.0 + turn / q);
             moved.A1 = std::array::from_fn(|i| std::array::from_fn(|j| -new[(i, j)]));
             // An integrator has no static gain that could stay.
@@ -114,7 +114,7 @@ impl Actuator {
 }
 
 /// Half the distance of two poles below which they count as one.
-const LEAST_SPREAD: f64 = 1e-4;
+const MIN_DISTANCE_OF_POLES: f64 = 1e-4;
 
 /// `c1 tanh(c2 (v - c3)) + c4 v + c5`, eq. 2; N, s/m, m/s, N s/m, N.
 #[derive(Debug, Clone, Default, Deserialize)]

@@ -13,7 +13,7 @@ use super::rig::parameters::{CYLINDER, D_ACT_DECAY, D_ACT_GAIN, D_ACT_TURN};
 
 /// Share of the normalised power that the declared actuator leaves in the pressure force below which the cylinder takes its
 /// place.
-const BETTER: f64 = 0.25;
+const MAX_ERROR_RATIO: f64 = 0.25;
 /// What a report says where it does.
 const NOTE: &str = "The actuator does not follow its declared model. Identified with the rod fixed, that cannot know that a moving piston changes the pressures in the chambers. A pneumatic cylinder from first principles takes its place, as declared in [model.cylinder] or with the values of the FMU pneumatic-cylinder.";
 
@@ -29,7 +29,7 @@ pub fn with_cylinder<S: System + ?Sized>(search: &Search<S>, declared: &Model) -
     let mut p = declared.fit.parameters.clone();
     p[CYLINDER] = 1.0;
     let found = search.fit(&[], &[], &p, &declared.fit.locals, 5);
-    (left(&found)? < BETTER * left(declared)?).then_some(found)
+    (left(&found)? < MAX_ERROR_RATIO * left(declared)?).then_some(found)
 }
 
 /// Corrections that the cylinder knows: those of the declared actuator mean nothing to it.

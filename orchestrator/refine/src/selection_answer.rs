@@ -6,8 +6,9 @@ use super::answer::{Answer, Correction, Effect, Settings, Step, Tried, Verdict, 
 use super::engine::System;
 use super::engine::candidate::Candidate;
 use super::engine::fit::Free;
-use super::engine::forward_selection::{self, Question};
+use super::engine::forward_selection;
 use super::engine::held_out::HeldOut;
+use super::engine::question::{self, Question};
 use super::engine::search::{Model, Search};
 use super::interval;
 use super::law::rig as law;
@@ -43,11 +44,11 @@ pub fn select_by_share(
     let held_out = HeldOut::new(system, &units);
     let rules = settings.forward_selection;
     let place = |id: &str| rig.candidates.iter().position(|c| c.id == id);
-    let corrections: Vec<forward_selection::Correction> = rig
+    let corrections: Vec<question::Correction> = rig
         .corrections
         .iter()
         .filter_map(|own| {
-            Some(forward_selection::Correction {
+            Some(question::Correction {
                 free: own.bounded(rules.max_tolerances)?,
                 effect: own.entry.effect.and_then(|(id, _)| place(id)),
                 declared: own.declared,
@@ -184,7 +185,7 @@ fn folds(records: &[usize], groups: &[String]) -> Vec<Vec<usize>> {
 fn write_answer(
     rig: &Rig,
     exact: &Search<dyn System + '_>,
-    result: &forward_selection::Found,
+    result: &question::Found,
     units: &BTreeMap<String, f64>,
     (windowed, least): (Option<&super::rig::coupled::Coupled>, f64),
     found: &mut Answer,
@@ -251,7 +252,7 @@ fn write_answer(
             "alone it takes away {:.0} % of the error on validation records",
             100.0 * own.share.unwrap_or(0.0)
         );
-        let rivals: Vec<&forward_selection::Tried> =
+        let rivals: Vec<&question::Tried> =
             result.equals.iter().filter(|(accepted, _)| *accepted == c).map(|(_, t)| t).collect();
         let group = (!rivals.is_empty()).then_some(c);
         effects.push(Effect { reason, group, ..own });

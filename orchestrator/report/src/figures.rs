@@ -4,7 +4,7 @@ use super::chart::{Chart, Mark, bars};
 use super::{names, words};
 use airloop_refine::answer::Answer;
 use airloop_refine::evidence::{Correlation, Curve, Dependence, Evidence, Port, Record};
-use airloop_refine::law::study::Law;
+use airloop_refine::law::found::Law;
 use airloop_refine::vocabulary::own::VARIABLES;
 
 /// Size of a chart over the whole width, and of one of a pair \[px\].

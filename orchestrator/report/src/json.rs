@@ -156,7 +156,7 @@ struct Range<'a> {
 }
 
 /// The law of an answer.
-fn law(own: &airloop_refine::law::study::Law) -> Law<'_> {
+fn law(own: &airloop_refine::law::found::Law) -> Law<'_> {
     let formula = own.effect.own.as_ref().map(|own| own.formula.as_str());
     let finite = |value: f64| value.is_finite().then_some(value);
     let points = own.curve.iter().map(|[at, value, half]| CurvePoint {

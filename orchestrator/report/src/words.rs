@@ -3,7 +3,7 @@
 use super::names;
 use airloop_refine::answer::{Answer, Correction, Effect, Parameter, Verdict};
 use airloop_refine::evidence::Signal;
-use airloop_refine::law::study::Law;
+use airloop_refine::law::found::Law;
 
 /// A number with enough digits to read.
 pub fn number(value: f64) -> String {
@@ -279,7 +279,7 @@ pub fn parameter_rows(answer: &Answer) -> Vec<Vec<String>> {
 pub const STABILITY_HEADER: [&str; 4] =
     ["effect", "parts it helps on", "parameter", "values without one part"];
 /// What stability means.
-pub const STABILITY_NOTE: &str = "The estimation records in parts, each kept back in turn: on how many of them the model with the effect, fitted on the others, is better than the one without it, and between which values its parameters then move. Company that helps on no more than half of the parts, and little, is left out.";
+pub const STABILITY_NOTE: &str = "The estimation records in parts, each held out in turn: on how many of them the model with the effect, fitted on the others, is better than the one without it, and between which values its parameters then move. Company that helps on no more than half of the parts, and little, is left out.";
 
 /// How effects hold on parts of the estimation records.
 pub fn stability_rows(answer: &Answer) -> Vec<Vec<String>> {

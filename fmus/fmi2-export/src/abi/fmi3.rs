@@ -447,12 +447,14 @@ pub unsafe fn get_output_derivatives<M: Model>(
     unsafe { super::get_real_output_derivatives::<M>(c, references, n, orders, values) }
 }
 
+/// An array of value references of the importer.
+type References = (*const ValueReference, usize);
+
 /// `sensitivity = J seed`, or for the adjoint `sensitivity = J^T seed`, one column after the other.
 fn derivative<M: Model>(
     c: Component,
     function: &str,
-    (unknowns, n_unknowns): (*const ValueReference, usize),
-    (knowns, n_knowns): (*const ValueReference, usize),
+    ((unknowns, n_unknowns), (knowns, n_knowns)): (References, References),
     (seed, n_seed): (*const f64, usize),
     (out, n_out): (*mut f64, usize),
     is_adjoint: bool,
@@ -488,32 +490,25 @@ fn derivative<M: Model>(
     })
 }
 
-pub unsafe fn get_directional_derivative<M: Model>(
-    c: Component,
-    unknowns: *const ValueReference,
-    n_unknowns: usize,
-    knowns: *const ValueReference,
-    n_knowns: usize,
-    seed: *const f64,
-    n_seed: usize,
-    out: *mut f64,
-    n_out: usize,
-) -> Status {
-    const F: &str = "fmi3GetDirectionalDerivative";
-    derivative::<M>(c, F, (unknowns, n_unknowns), (knowns, n_knowns), (seed, n_seed), (out, n_out), false)
+macro_rules! derivatives {
+    ($($name:ident, $function:literal, $is_adjoint:literal;)*) => {
+        $(pub unsafe fn $name<M: Model>(
+            c: Component,
+            unknowns: *const ValueReference,
+            n_unknowns: usize,
+            knowns: *const ValueReference,
+            n_knowns: usize,
+            seed: *const f64,
+            n_seed: usize,
+            out: *mut f64,
+            n_out: usize,
+        ) -> Status {
+            let variables = ((unknowns, n_unknowns), (knowns, n_knowns));
+            derivative::<M>(c, $function, variables, (seed, n_seed), (out, n_out), $is_adjoint)
+        })*
+    };
 }
-
-pub unsafe fn get_adjoint_derivative<M: Model>(
-    c: Component,
-    unknowns: *const ValueReference,
-    n_unknowns: usize,
-    knowns: *const ValueReference,
-    n_knowns: usize,
-    seed: *const f64,
-    n_seed: usize,
-    out: *mut f64,
-    n_out: usize,
-) -> Status {
-    const F: &str = "fmi3GetAdjointDerivative";
-    derivative::<M>(c, F, (unknowns, n_unknowns), (knowns, n_knowns), (seed, n_seed), (out, n_out), true)
+derivatives! {
+    get_directional_derivative, "fmi3GetDirectionalDerivative", false;
+    get_adjoint_derivative, "fmi3GetAdjointDerivative", true;
 }

@@ -104,7 +104,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
     let mut data = args.data.read()?;
     let mut warnings = data.notes.clone();
     if data.validation.is_empty() {
-        warnings.push(keep_back(&mut data));
+        warnings.push(hold_out(&mut data));
     }
     let mut entries = compare::arx_orders(&data, args.arx.range())?;
     let options = args.method.options(Order::Fixed(args.state_space.last), &data);
@@ -128,7 +128,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
 }
 
 /// Without validation files some of the data judge; says which.
-fn keep_back(data: &mut Experiments) -> String {
+fn hold_out(data: &mut Experiments) -> String {
     let (used, kept) = pieces::held_out(&pieces::lengths(&data.estimation));
     let whole = kept.iter().all(|piece| piece.1 == 0);
     data.validation = pieces::cut(&data.estimation, &kept);

@@ -49,6 +49,11 @@ impl Element {
             .transpose()
     }
 
+    /// A truth value that is false if absent.
+    pub(super) fn flag(&self, name: &str) -> Result<bool, DescriptionError> {
+        Ok(self.boolean(name)?.unwrap_or(false))
+    }
+
     /// A whole number.
     pub(super) fn integer<T: std::str::FromStr>(&self, name: &str) -> Result<Option<T>, DescriptionError> {
         self.attribute(name)
@@ -63,6 +68,11 @@ impl Element {
                 })
             })
             .transpose()
+    }
+
+    /// The value reference, which must be there.
+    pub(super) fn value_reference(&self) -> Result<u32, DescriptionError> {
+        self.integer("valueReference")?.ok_or_else(|| self.error("the attribute valueReference is missing"))
     }
 
     /// A real number.

@@ -45,6 +45,17 @@ impl BaseType {
         matches!(self, BaseType::Float32 | BaseType::Float64)
     }
 
+    /// Name of the kind of variable that it is carried as, given the name of its element.
+    pub(crate) fn carried_as(self, element: &str) -> &'static str {
+        match self {
+            BaseType::Float32 | BaseType::Float64 => "Real",
+            BaseType::Boolean => "Boolean",
+            BaseType::String => "String",
+            _ if element == "Enumeration" => "Enumeration",
+            _ => "Integer",
+        }
+    }
+
     /// Smallest and largest integer of the type; `None` for other types.
     pub(crate) fn range(self) -> Option<(i128, i128)> {
         let signed = |bits: u32| Some((-(1_i128 << (bits - 1)), (1_i128 << (bits - 1)) - 1));

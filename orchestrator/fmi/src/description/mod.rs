@@ -9,11 +9,14 @@ pub use error::DescriptionError;
 pub use initial::allowed_initials;
 
 mod attributes;
+mod dependencies;
 mod error;
 mod fmi3;
 mod initial;
+mod kinds;
 pub(crate) mod layout;
 mod read;
+mod roles;
 mod structure;
 mod variables;
 

@@ -55,34 +55,18 @@ impl ModelDescription {
             return Err(root.bad("numberOfEventIndicators", &count.to_string(), allowed));
         }
         let description = ModelDescription {
-            fmi_version: "2.0".to_owned(),
-            model_name: root.text("modelName"),
             guid: root.required("guid")?.to_owned(),
-            description: root.text("description"),
-            author: root.text("author"),
-            version: root.text("version"),
-            generation_tool: root.text("generationTool"),
-            variable_naming_convention: root
-                .word(
-                    "variableNamingConvention",
-                    &[("flat", NamingConvention::Flat), ("structured", NamingConvention::Structured)],
-                )?
-                .unwrap_or_default(),
             number_of_event_indicators: event_indicators.unwrap_or(0),
             states_number_of_event_indicators: event_indicators.is_some(),
             co_simulation: root.child("CoSimulation").map(interface).transpose()?,
             model_exchange: root.child("ModelExchange").map(interface).transpose()?,
-            units: units(&root)?,
             types,
-            log_categories: log_categories(&root)?,
-            default_experiment: default_experiment(&root)?,
             variables,
             outputs,
             derivatives,
             initial_unknowns,
-            unread: Vec::new(),
             index,
-            layout: None,
+            ..shared(&root)?
         };
         if description.co_simulation.is_none() && description.model_exchange.is_none() {
             return Err(root.error("there is neither a CoSimulation nor a ModelExchange element"));
@@ -104,26 +88,63 @@ fn is_fmi3(root: &Element) -> Result<bool, DescriptionError> {
     }
 }
 
-fn interface(element: &Element) -> Result<Interface, DescriptionError> {
-    let flag = |name| Ok::<_, DescriptionError>(element.boolean(name)?.unwrap_or(false));
-    Ok(Interface {
-        model_identifier: element.required("modelIdentifier")?.to_owned(),
-        needs_execution_tool: flag("needsExecutionTool")?,
-        can_handle_variable_communication_step_size: flag("canHandleVariableCommunicationStepSize")?,
-        fixed_internal_step_size: None,
-        can_interpolate_inputs: flag("canInterpolateInputs")?,
-        max_output_derivative_order: element.integer("maxOutputDerivativeOrder")?.unwrap_or(0),
-        can_run_asynchronuously: flag("canRunAsynchronuously")?,
-        can_be_instantiated_only_once_per_process: flag("canBeInstantiatedOnlyOncePerProcess")?,
-        can_not_use_memory_management_functions: flag("canNotUseMemoryManagementFunctions")?,
-        can_get_and_set_fmu_state: flag("canGetAndSetFMUstate")?,
-        can_serialize_fmu_state: flag("canSerializeFMUstate")?,
-        provides_directional_derivative: flag("providesDirectionalDerivative")?,
-        completed_integrator_step_not_needed: flag("completedIntegratorStepNotNeeded")?,
+/// What both versions say alike; all else is empty.
+pub(super) fn shared(root: &Element) -> Result<ModelDescription, DescriptionError> {
+    let conventions = [("flat", NamingConvention::Flat), ("structured", NamingConvention::Structured)];
+    Ok(ModelDescription {
+        fmi_version: root.required("fmiVersion")?.to_owned(),
+        model_name: root.text("modelName"),
+        guid: String::new(),
+        description: root.text("description"),
+        author: root.text("author"),
+        version: root.text("version"),
+        generation_tool: root.text("generationTool"),
+        variable_naming_convention: root.word("variableNamingConvention", &conventions)?.unwrap_or_default(),
+        number_of_event_indicators: 0,
+        states_number_of_event_indicators: true,
+        co_simulation: None,
+        model_exchange: None,
+        units: units(root)?,
+        types: Vec::new(),
+        log_categories: log_categories(root)?,
+        default_experiment: default_experiment(root)?,
+        variables: Vec::new(),
+        outputs: Vec::new(),
+        derivatives: Vec::new(),
+        initial_unknowns: Vec::new(),
+        unread: Vec::new(),
+        index: std::collections::HashMap::new(),
+        layout: None,
     })
 }
 
-pub(super) fn units(root: &Element) -> Result<Vec<UnitDefinition>, DescriptionError> {
+/// The capabilities of an interface that both versions call alike; the others are absent.
+pub(super) fn shared_capabilities(element: &Element) -> Result<Interface, DescriptionError> {
+    Ok(Interface {
+        model_identifier: element.required("modelIdentifier")?.to_owned(),
+        needs_execution_tool: element.flag("needsExecutionTool")?,
+        can_handle_variable_communication_step_size: element
+            .flag("canHandleVariableCommunicationStepSize")?,
+        max_output_derivative_order: element.integer("maxOutputDerivativeOrder")?.unwrap_or(0),
+        can_be_instantiated_only_once_per_process: element.flag("canBeInstantiatedOnlyOncePerProcess")?,
+        ..Interface::default()
+    })
+}
+
+fn interface(element: &Element) -> Result<Interface, DescriptionError> {
+    Ok(Interface {
+        can_interpolate_inputs: element.flag("canInterpolateInputs")?,
+        can_run_asynchronuously: element.flag("canRunAsynchronuously")?,
+        can_not_use_memory_management_functions: element.flag("canNotUseMemoryManagementFunctions")?,
+        can_get_and_set_fmu_state: element.flag("canGetAndSetFMUstate")?,
+        can_serialize_fmu_state: element.flag("canSerializeFMUstate")?,
+        provides_directional_derivative: element.flag("providesDirectionalDerivative")?,
+        completed_integrator_step_not_needed: element.flag("completedIntegratorStepNotNeeded")?,
+        ..shared_capabilities(element)?
+    })
+}
+
+fn units(root: &Element) -> Result<Vec<UnitDefinition>, DescriptionError> {
     let Some(definitions) = root.child("UnitDefinitions") else { return Ok(Vec::new()) };
     definitions.children("Unit").map(unit).collect()
 }
@@ -160,7 +181,7 @@ fn unit(element: &Element) -> Result<UnitDefinition, DescriptionError> {
     })
 }
 
-pub(super) fn log_categories(root: &Element) -> Result<Vec<LogCategory>, DescriptionError> {
+fn log_categories(root: &Element) -> Result<Vec<LogCategory>, DescriptionError> {
     let Some(categories) = root.child("LogCategories") else { return Ok(Vec::new()) };
     let read = |element: &Element| {
         Ok(LogCategory {
@@ -171,7 +192,7 @@ pub(super) fn log_categories(root: &Element) -> Result<Vec<LogCategory>, Descrip
     categories.children("Category").map(read).collect()
 }
 
-pub(super) fn default_experiment(root: &Element) -> Result<DefaultExperiment, DescriptionError> {
+fn default_experiment(root: &Element) -> Result<DefaultExperiment, DescriptionError> {
     let Some(element) = root.child("DefaultExperiment") else { return Ok(DefaultExperiment::default()) };
     let time = |name| element.real(name, Range::Finite);
     Ok(DefaultExperiment {

@@ -1,6 +1,6 @@
 //! Reading `ModelStructure`.
 
-use super::{Dependency, DependencyKind, DescriptionError, Unknown};
+use super::{Dependency, DescriptionError, Unknown, dependencies};
 use crate::xml::Element;
 
 /// The list called `name` (Outputs, Derivatives, InitialUnknowns) of a model with `count` variables.
@@ -27,45 +27,13 @@ fn unknown(list: &str, element: &Element, count: usize) -> Result<Unknown, Descr
     let index =
         element.integer("index")?.ok_or_else(|| error("the attribute index is missing".to_owned()))?;
     let variable = position(index, "the index")?;
-    let kinds = element.attribute("dependenciesKind");
-    let Some(numbers) = element.attribute("dependencies") else {
-        if kinds.is_some() {
-            return Err(error("it has dependenciesKind without dependencies".to_owned()));
-        }
+    let Some(words) = dependencies::read(element, error)? else {
         return Ok(Unknown { variable, dependencies: None });
     };
-    let numbers = numbers
-        .split_whitespace()
-        .map(|word| {
-            let number =
-                word.parse().map_err(|_| error(format!("\"{word}\" in dependencies is not a number")))?;
-            position(number, "the dependency")
-        })
-        .collect::<Result<Vec<_>, _>>()?;
-    let kinds = match kinds {
-        Some(kinds) => {
-            kinds.split_whitespace().map(|word| kind(word).map_err(error)).collect::<Result<Vec<_>, _>>()?
-        }
-        None => vec![DependencyKind::default(); numbers.len()],
+    let dependency = |(word, kind): (&str, _)| {
+        let number =
+            word.parse().map_err(|_| error(format!("\"{word}\" in dependencies is not a number")))?;
+        Ok(Dependency { variable: position(number, "the dependency")?, kind })
     };
-    if kinds.len() != numbers.len() {
-        let (kinds, numbers) = (kinds.len(), numbers.len());
-        return Err(error(format!("it has {numbers} dependencies and {kinds} words in dependenciesKind")));
-    }
-    let dependencies = numbers.into_iter().zip(kinds).map(|(variable, kind)| Dependency { variable, kind });
-    Ok(Unknown { variable, dependencies: Some(dependencies.collect()) })
-}
-
-/// The kind of a dependence by its word.
-pub(super) fn kind(word: &str) -> Result<DependencyKind, String> {
-    match word {
-        "dependent" => Ok(DependencyKind::Dependent),
-        "constant" => Ok(DependencyKind::Constant),
-        "fixed" => Ok(DependencyKind::Fixed),
-        "tunable" => Ok(DependencyKind::Tunable),
-        "discrete" => Ok(DependencyKind::Discrete),
-        _ => Err(format!(
-            "\"{word}\" in dependenciesKind where one of dependent, constant, fixed, tunable, discrete is needed"
-        )),
-    }
+    Ok(Unknown { variable, dependencies: Some(words.into_iter().map(dependency).collect::<Result<_, _>>()?) })
 }

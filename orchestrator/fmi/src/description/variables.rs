@@ -5,8 +5,8 @@ use std::collections::hash_map::Entry;
 
 use super::attributes::Range;
 use super::{
-    Causality, DescriptionError, Initial, RealAttributes, TypeDefinition, Variability, Variable,
-    VariableKind, allowed_initials,
+    Causality, DescriptionError, RealAttributes, TypeDefinition, Variability, Variable, VariableKind, kinds,
+    roles,
 };
 use crate::xml::Element;
 
@@ -20,15 +20,11 @@ pub(super) fn types(root: &Element) -> Result<Vec<TypeDefinition>, DescriptionEr
 
 fn simple_type(element: &Element) -> Result<TypeDefinition, DescriptionError> {
     let inner = base_type(element)?;
-    let item = |item: &Element| {
-        let value = item.integer("value")?.ok_or_else(|| item.error("the attribute value is missing"))?;
-        Ok((item.required("name")?.to_owned(), value))
-    };
     Ok(TypeDefinition {
         name: element.required("name")?.to_owned(),
         description: element.text("description"),
         kind: kind(element, inner, None, usize::MAX)?,
-        items: inner.children("Item").map(item).collect::<Result<_, _>>()?,
+        items: kinds::items(inner)?,
     })
 }
 
@@ -67,64 +63,19 @@ fn variable(
 ) -> Result<Variable, DescriptionError> {
     let name = element.required("name")?.to_owned();
     let inner = base_type(element)?;
-    let declared = inner.attribute("declaredType").filter(|name| !name.is_empty());
-    let declared = declared
-        .map(|name| {
-            types.get(name).copied().ok_or_else(|| {
-                element.error(format!("declaredType=\"{name}\" is not among the TypeDefinitions"))
-            })
-        })
-        .transpose()?;
-    if let Some(declared) = declared
-        && declared.kind.name() != inner.name
-    {
-        let kind = declared.kind.name();
-        return Err(
-            element.error(format!("its declaredType \"{}\" is {kind}, not {}", declared.name, inner.name))
-        );
-    }
-    let causality = element
-        .word(
-            "causality",
-            &[
-                ("parameter", Causality::Parameter),
-                ("calculatedParameter", Causality::CalculatedParameter),
-                ("input", Causality::Input),
-                ("output", Causality::Output),
-                ("local", Causality::Local),
-                ("independent", Causality::Independent),
-            ],
-        )?
-        .unwrap_or(Causality::Local);
+    let declared = kinds::declared(element, inner, &inner.name, types)?;
+    let causality = roles::causality(element, false)?;
     let default_variability =
         if inner.name == "Real" { Variability::Continuous } else { Variability::Discrete };
-    let variability = element
-        .word(
-            "variability",
-            &[
-                ("constant", Variability::Constant),
-                ("fixed", Variability::Fixed),
-                ("tunable", Variability::Tunable),
-                ("discrete", Variability::Discrete),
-                ("continuous", Variability::Continuous),
-            ],
-        )?
-        .unwrap_or(default_variability);
-    let declared_initial = element.word(
-        "initial",
-        &[("exact", Initial::Exact), ("approx", Initial::Approx), ("calculated", Initial::Calculated)],
-    )?;
-    let allowed = allowed_initials(causality, variability).unwrap_or_default();
-    let initial = declared_initial.filter(|initial| allowed.contains(initial)).or(allowed.first().copied());
+    let variability = roles::variability(element)?.unwrap_or(default_variability);
+    let declared_initial = roles::declared_initial(element)?;
     Ok(Variable {
         name,
-        value_reference: element
-            .integer("valueReference")?
-            .ok_or_else(|| element.error("the attribute valueReference is missing"))?,
+        value_reference: element.value_reference()?,
         description: element.text("description"),
         causality,
         variability,
-        initial,
+        initial: roles::initial(causality, variability, declared_initial),
         declared_initial,
         kind: kind(element, inner, declared, count)?,
         can_handle_multiple_set: element.boolean("canHandleMultipleSetPerTimeInstant")?,
@@ -156,54 +107,36 @@ fn kind(
         error.element = element.error("").element;
         error
     };
-    let quantity = inner.attribute("quantity").map(str::to_owned);
-    let bound = |name| inner.integer::<i32>(name).map_err(at);
-    let declared_bounds = match declared.map(|declared| &declared.kind) {
-        Some(VariableKind::Integer { min, max, .. } | VariableKind::Enumeration { min, max, .. }) => {
-            (*min, *max)
-        }
-        _ => (None, None),
-    };
+    let whole = |name: &str| inner.integer::<i32>(name).map_err(at);
+    let bounds = || kinds::bounds(declared, whole);
     Ok(match inner.name.as_str() {
-        "Real" => {
-            let parent = match declared.map(|declared| &declared.kind) {
-                Some(VariableKind::Real(real)) => real.clone(),
-                _ => RealAttributes::default(),
-            };
-            VariableKind::Real(real(inner, parent, count).map_err(at)?)
+        "Real" => VariableKind::Real(real(inner, declared, count).map_err(at)?),
+        "Integer" => {
+            let (min, max) = bounds()?;
+            VariableKind::Integer {
+                start: whole("start")?,
+                min,
+                max,
+                quantity: kinds::quantity(inner, declared),
+            }
         }
-        "Integer" => VariableKind::Integer {
-            start: bound("start")?,
-            min: bound("min")?.or(declared_bounds.0),
-            max: bound("max")?.or(declared_bounds.1),
-            quantity: quantity.or_else(|| match declared.map(|declared| &declared.kind) {
-                Some(VariableKind::Integer { quantity, .. }) => quantity.clone(),
-                _ => None,
-            }),
-        },
         "Boolean" => VariableKind::Boolean { start: inner.boolean("start").map_err(at)? },
         "String" => VariableKind::String { start: inner.attribute("start").map(str::to_owned) },
         _ => {
             let is_variable = element.name == "ScalarVariable";
-            let declared_type = match declared {
-                Some(declared) => declared.name.clone(),
-                None if is_variable => {
-                    return Err(element.error("an Enumeration needs the attribute declaredType"));
-                }
-                None => element.text("name"),
-            };
-            VariableKind::Enumeration {
-                declared_type,
-                start: bound("start")?,
-                min: bound("min")?.or(declared_bounds.0),
-                max: bound("max")?.or(declared_bounds.1),
-            }
+            let declared_type =
+                if is_variable { kinds::enumeration(element, declared)? } else { element.text("name") };
+            let (min, max) = bounds()?;
+            VariableKind::Enumeration { declared_type, start: whole("start")?, min, max }
         }
     })
 }
 
-fn real(inner: &Element, parent: RealAttributes, count: usize) -> Result<RealAttributes, DescriptionError> {
-    let text = |name, inherited| inner.attribute(name).map(str::to_owned).or(inherited);
+fn real(
+    inner: &Element,
+    declared: Option<&TypeDefinition>,
+    count: usize,
+) -> Result<RealAttributes, DescriptionError> {
     let derivative = match inner.integer::<usize>("derivative")? {
         Some(number) if number == 0 || number > count => {
             let allowed = format!("the number of a variable, 1 to {count},");
@@ -211,19 +144,8 @@ fn real(inner: &Element, parent: RealAttributes, count: usize) -> Result<RealAtt
         }
         number => number.map(|number| number - 1),
     };
-    Ok(RealAttributes {
-        unit: text("unit", parent.unit),
-        display_unit: text("displayUnit", parent.display_unit),
-        quantity: text("quantity", parent.quantity),
-        start: inner.real("start", Range::Finite)?,
-        min: inner.real("min", Range::Extended)?.or(parent.min),
-        max: inner.real("max", Range::Extended)?.or(parent.max),
-        nominal: inner.real("nominal", Range::Finite)?.or(parent.nominal),
-        derivative,
-        reinit: inner.boolean("reinit")?.unwrap_or(false),
-        relative_quantity: inner.boolean("relativeQuantity")?.unwrap_or(parent.relative_quantity),
-        unbounded: inner.boolean("unbounded")?.unwrap_or(parent.unbounded),
-    })
+    let start = inner.real("start", Range::Finite)?;
+    Ok(RealAttributes { start, derivative, ..kinds::real(inner, declared)? })
 }
 
 /// Variables with one value reference and one base type are aliases, which FMI 2.0 allows as long as they agree.

@@ -18,13 +18,16 @@ use crate::description::layout::Layout;
 use crate::library::ThreeFunctions;
 use crate::log::{LogBuffer, LogMessage, text};
 use crate::open::{Fmu, InterfaceKind};
-use values::{Known, Scratch};
+use scalars::{Known, Scratch};
 
 pub(crate) mod functions;
 mod life_cycle;
 pub(crate) mod names;
+mod scalars;
+mod sensitivities;
 mod states;
 pub(crate) mod tables;
+mod typed;
 mod values;
 
 const OK: fmi3Status = 0;

@@ -1,6 +1,6 @@
 //! The call tables of FMI 2.0 that lead into an FMI 3.0 library.
 
-use super::{life_cycle, states, values};
+use super::{life_cycle, sensitivities, states, values};
 use crate::functions::{CommonFunctions, ModelFunctions, SlaveFunctions};
 use crate::library::ThreeFunctions;
 
@@ -28,7 +28,9 @@ pub(crate) fn common(functions: &ThreeFunctions) -> CommonFunctions {
         serialized_state_size: three.serialized_state_size.map(|_| states::serialized_state_size as _),
         serialize_state: three.serialize_state.map(|_| states::serialize_state as _),
         deserialize_state: three.deserialize_state.map(|_| states::deserialize_state as _),
-        directional_derivative: three.directional_derivative.map(|_| values::directional_derivative as _),
+        directional_derivative: three
+            .directional_derivative
+            .map(|_| sensitivities::directional_derivative as _),
     }
 }
 
@@ -38,7 +40,7 @@ pub(crate) fn slave(functions: &ThreeFunctions) -> SlaveFunctions {
         do_step: life_cycle::do_step,
         // FMI 3.0 has none: an input is interpolated in intermediate updates.
         set_real_input_derivatives: None,
-        get_real_output_derivatives: outputs.map(|_| values::get_output_derivatives as _),
+        get_real_output_derivatives: outputs.map(|_| sensitivities::get_output_derivatives as _),
         get_real_status: Some(life_cycle::get_real_status),
         get_boolean_status: Some(life_cycle::get_boolean_status),
     }

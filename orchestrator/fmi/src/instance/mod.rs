@@ -14,7 +14,7 @@ use super::error::{Error, LostError};
 use super::fmi3::{self, Component};
 use super::functions::{CommonFunctions, ModelFunctions, SlaveFunctions};
 use super::isolate;
-use super::last_words;
+use super::last_words::{self, Label};
 use super::library::{Library, Origin};
 use super::log::{LogBuffer, LogMessage, airloop_fmi2_logger};
 use super::open::{Fmu, InterfaceKind};
@@ -64,8 +64,9 @@ pub struct Instance {
     slave: Option<SlaveFunctions>,
     model: Option<ModelFunctions>,
     name: String,
-    /// Component and FMU in messages.
-    label: Box<str>,
+    label: Label,
+    /// Whether calls are written down for another process.
+    is_traced: bool,
     kind: InterfaceKind,
     phase: Phase,
     time: Option<f64>,
@@ -132,7 +133,7 @@ impl Instance {
             stepFinished: None,
             componentEnvironment: (&raw mut *log).cast(),
         });
-        let label: Box<str> = format!("{name}: the FMU {}", fmu.shown.display()).into();
+        let label = Label(format!("{name}: the FMU {}", fmu.shown.display()).into());
         let component = match &library.origin {
             Origin::Two(functions) => {
                 let resources = string(&fmu.resources_uri(), "the path of the resources")?;
@@ -189,6 +190,7 @@ impl Instance {
             model,
             name: name.to_owned(),
             label,
+            is_traced: trace::is_on(),
             kind,
             phase: Phase::Passive,
             time: None,
@@ -310,7 +312,7 @@ impl Instance {
         self.time = Some(time);
     }
 
-    #[inline]
+    #[inline(always)]
     pub(super) fn slave_functions(&self, function: &'static str) -> Result<SlaveFunctions, Error> {
         self.alive(function)?;
         self.slave.ok_or_else(|| self.missing(function))
@@ -322,7 +324,8 @@ impl Instance {
         self.model.ok_or_else(|| self.missing(function))
     }
 
-    #[inline]
+    // Part of every call, and called from other crates: to be inlined there, too.
+    #[inline(always)]
     fn alive(&self, function: &'static str) -> Result<(), Error> {
         match self.phase {
             Phase::Abandoned(cause) => Err(self.dead(function, cause)),
@@ -334,12 +337,18 @@ impl Instance {
     }
 
     /// Notes that `function` is called next.
-    #[inline]
+    #[inline(always)]
     fn enter(&self, function: &'static str) {
-        if trace::is_on() {
-            trace::enter(self.c_name(function));
+        if self.is_traced {
+            self.trace(function);
         }
         last_words::enter(&self.label, function);
+    }
+
+    #[cold]
+    #[inline(never)]
+    fn trace(&self, function: &'static str) {
+        trace::enter(self.c_name(function));
     }
 
     #[cold]

@@ -3,7 +3,7 @@
 use super::{Instance, Phase};
 use crate::description::VariableKind;
 use crate::error::{CallError, Error, LostError, Status};
-use crate::isolate::{LOST, kept_back};
+use crate::isolate::{LOST, refused_setter};
 use crate::last_words;
 use crate::log::{self, LogMessage};
 use crate::open::Fmu;
@@ -136,7 +136,7 @@ impl Instance {
             return Error::Lost(Box::new(LostError::new(&self.name, &self.fmu, self.time, death)));
         }
         // A setter that was sent together with the call.
-        let (function, status, variables) = match remote.and_then(|_| kept_back()) {
+        let (function, status, variables) = match remote.and_then(|_| refused_setter()) {
             Some((setter, answer)) => (setter, answer, Vec::new()),
             None => (function, status, variables),
         };

@@ -5,7 +5,7 @@
 //! instances and masters know nothing of it. A worker that crashes, exits, or does not answer in time is an
 //! [`Error::Lost`](crate::Error::Lost), which names function, signal or exit code, and what was printed.
 //!
-//! Setters are kept back and sent with the next call of their instance, and where a step was followed by the same
+//! Setters are deferred and sent with the next call of their instance, and where a step was followed by the same
 //! reading before, its values come with the answer of the step: a communication step is then one turn of the worker.
 
 #![allow(unsafe_code, reason = "memory shared with another process, and functions with the signatures of C")]
@@ -26,7 +26,7 @@ use std::time::Duration;
 pub(crate) use calls::LOST;
 pub(crate) use channel::{Channel, Death};
 pub use process::{cause, confine};
-pub(crate) use proxy::{forget, functions, instantiate, kept_back};
+pub(crate) use proxy::{forget, functions, instantiate, refused_setter};
 pub use worker::serve;
 
 /// FMUs that run in processes of their own.

@@ -5,7 +5,7 @@ use super::network::{Network, Part, end};
 use super::own;
 use crate::answer::{Answer, Effect};
 use crate::case::{Actuator, CartPole, Declaration, Declared, Friction, Kind};
-use crate::law::study::Law;
+use crate::law::found::Law;
 use crate::rig::cylinder::Cylinder;
 use airloop_fmi::derive::Value;
 

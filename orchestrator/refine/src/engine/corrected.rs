@@ -9,11 +9,11 @@ use super::search::{Model, Promise};
 use super::select::insignificant;
 
 /// Standard deviations of what is known of a declared parameter beyond which its correction is no small one.
-const FAR: f64 = 3.5;
+const MAX_DEVIATIONS_OF_CORRECTION: f64 = 3.5;
 /// Gain that a candidate must bring in place of a correction beyond that: most of what the correction costs.
-const DISPLACED: f64 = 0.85 * FAR * FAR;
+const MIN_GAIN_OVER_CORRECTION: f64 = 0.85 * MAX_DEVIATIONS_OF_CORRECTION * MAX_DEVIATIONS_OF_CORRECTION;
 /// Candidates that are fitted beside corrections.
-const TRIED: usize = 7;
+const FITTED_CANDIDATES: usize = 7;
 /// Rounds of a fit of corrections alone, and with candidates.
 const ROUNDS: (usize, usize) = (12, 25);
 
@@ -44,7 +44,7 @@ pub fn with_corrections<S: System + ?Sized>(
             beside(ladder, &base, declared, corrections)
         };
         all.extend(found.iter().cloned());
-        let better = if explained { base.model.fit.chi2 - DISPLACED } else { f64::INFINITY };
+        let better = if explained { base.model.fit.chi2 - MIN_GAIN_OVER_CORRECTION } else { f64::INFINITY };
         found.retain(|reached| ladder.explains(reached) && reached.model.fit.chi2 < better);
         let Some(best) = found.iter().min_by(|a, b| criterion(&a.model).total_cmp(&criterion(&b.model)))
         else {
@@ -71,7 +71,7 @@ fn beside<S: System + ?Sized>(
     let held = as_declared(&base.model, declared).0;
     let promises = [&base.model, &held].map(|start| ladder.screen(base.rung, start));
     let promises = merged(&promises, [&base.model, &held]);
-    let mut found = ladder.attempt(base, &promises, corrections, (TRIED, ROUNDS.1));
+    let mut found = ladder.attempt(base, &promises, corrections, (FITTED_CANDIDATES, ROUNDS.1));
     for reached in found.iter_mut().filter(|reached| ladder.explains(reached)) {
         if insignificant(ladder.candidates(), &base.model, &reached.model) {
             // The corrections alone do it, once they are led there.
@@ -106,7 +106,7 @@ fn instead<S: System + ?Sized>(
         .collect();
     let promises = [ladder.screen(ladder.top(), base), ladder.screen(0, &held)];
     let mut found: Vec<Reached> = Vec::new();
-    for (promise, _) in merged(&promises, [&held, &held]).into_iter().take(TRIED) {
+    for (promise, _) in merged(&promises, [&held, &held]).into_iter().take(FITTED_CANDIDATES) {
         let mut added = base.added.clone();
         added.push(promise.candidate);
         let mut start = held.clone();
@@ -145,7 +145,9 @@ pub fn as_declared(model: &Model, declared: &Model) -> (Model, bool) {
     let mut start = model.clone();
     let mut some = false;
     for f in &model.fit.free {
-        if f.prior.is_some_and(|prior| model.fit.parameters[f.index].abs() > FAR * prior) {
+        if f.prior
+            .is_some_and(|prior| model.fit.parameters[f.index].abs() > MAX_DEVIATIONS_OF_CORRECTION * prior)
+        {
             start.fit.parameters[f.index] = declared.fit.parameters[f.index];
             some = true;
         }

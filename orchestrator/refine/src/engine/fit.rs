@@ -39,13 +39,13 @@ pub struct Fit {
 }
 
 /// Mean square of the residuals above which a fit that hardly moves is given up.
-const HOPELESS: f64 = 30.0;
+const MAX_MEAN_SQUARE: f64 = 30.0;
 /// Steps that one set of derivatives serves at most.
-const SERVED: usize = 4;
+const STEPS_PER_JACOBIAN: usize = 4;
 /// Share of what a step promised that it must gain for the derivatives to serve the next.
-const TRUSTED: f64 = 0.8;
+const MIN_GAIN_OVER_PROMISE: f64 = 0.8;
 /// Gain that new derivatives may still promise when the old ones gain nothing more.
-const SETTLED: f64 = 0.02;
+const MIN_PROMISE_OF_NEW_JACOBIAN: f64 = 0.02;
 
 /// Solves the damped equations for the parameters that are not held at a bound; zero for those that are.
 fn damped_step(
@@ -112,7 +112,7 @@ pub fn fit<S: System + ?Sized>(
             }
         }
         let hoped = predicted(matrix, right, &step);
-        if settled && hoped < SETTLED {
+        if settled && hoped < MIN_PROMISE_OF_NEW_JACOBIAN {
             break;
         }
         let reached = residuals(system, records, &q, &moved);
@@ -124,10 +124,11 @@ pub fn fit<S: System + ?Sized>(
             // Far from noise and hardly moving: this model will not explain the records. With parameters that are
             // known beforehand the way is long and narrow, and slow steps say nothing.
             let narrow = free.iter().any(|f| f.prior.is_some());
-            let hopeless = !narrow && new > HOPELESS * samples && gained < 3e-3 * chi2;
+            let hopeless = !narrow && new > MAX_MEAN_SQUARE * samples && gained < 3e-3 * chi2;
             settled = gained < 2e-3 + 1e-8 * chi2;
             served += 1;
-            if !settled && !hopeless && served < SERVED && gained > TRUSTED * hoped {
+            if !settled && !hopeless && served < STEPS_PER_JACOBIAN && gained > MIN_GAIN_OVER_PROMISE * hoped
+            {
                 normal.moved(&p, free, reached);
             } else {
                 // New ones at the end, too: for the covariance.

@@ -7,118 +7,13 @@
 
 use std::collections::BTreeMap;
 
-use super::candidate::Candidate;
 use super::fit::{Fit, Free};
 use super::goodness::Null;
-use super::held_out::HeldOut;
 use super::normal::residuals;
+use super::question::{Correction, Found, FreeForm, Question, Step, Tried};
 use super::search::{Model, Promise, Search};
-use super::settings::ForwardSelection as Settings;
 use super::weighted::{Weighted, long_run};
-use super::{System, parallel, stop};
-
-/// A declared parameter that may be off within its tolerance.
-#[derive(Debug, Clone, Copy)]
-pub struct Correction {
-    /// Its correction, with the tolerance as prior and bounds as far as a correction may go.
-    pub free: Free,
-    /// Candidate that does the same, if there is one: its first parameter is the correction times `declared`.
-    pub effect: Option<usize>,
-    /// Declared value.
-    pub declared: f64,
-}
-
-/// What is searched.
-pub struct Question<'a> {
-    /// System.
-    pub system: &'a dyn System,
-    /// Error of its predictions.
-    pub held_out: &'a HeldOut<'a>,
-    /// Candidates.
-    pub candidates: &'a [Candidate],
-    /// Corrections of the declared parameters.
-    pub corrections: &'a [Correction],
-    /// Parameter vector of the declared model.
-    pub declared: &'a [f64],
-    /// Declared parameters that every fit is free to choose.
-    pub always: &'a [Free],
-    /// Local parameters of the declared model, by position in `records`; empty vectors where there are none.
-    pub locals: Vec<Vec<f64>>,
-    /// Whether a candidate may join the effects found before.
-    pub may_join: &'a (dyn Fn(usize, &[usize]) -> bool + Sync),
-    /// Sets of effects that another search found, with parameters to start from.
-    pub proposals: &'a [(Vec<usize>, Vec<f64>)],
-    /// Whether two effects are tried together where none is accepted alone.
-    pub pairs: bool,
-    /// Candidates that are free forms over one variable: they join nothing, but tell whether effects have the right form.
-    pub free_forms: &'a [usize],
-    /// Estimation records.
-    pub records: Vec<usize>,
-    /// Positions in `records` of those that candidates are screened on.
-    pub screened: Vec<usize>,
-    /// Folds of positions in `records`, each held out in turn.
-    pub folds: Vec<Vec<usize>>,
-    /// Why a fitted candidate makes no sense, if it does not.
-    pub sense: &'a (dyn Fn(&Candidate, &Model) -> Option<String> + Sync),
-    /// Settings.
-    pub settings: Settings,
-    /// Most effects.
-    pub most: usize,
-}
-
-/// A candidate that was fitted beside the corrections and the effects found before it.
-#[derive(Debug, Clone)]
-pub struct Tried {
-    /// Candidate.
-    pub candidate: usize,
-    /// The fit.
-    pub model: Model,
-    /// Fall of the weighted sum of squares.
-    pub gain: f64,
-    /// Fall of the error on held-out records, as a share of the error of the declared model.
-    pub held_out: f64,
-    /// Error that is left on the held-out records \[units\].
-    pub error: f64,
-    /// Share of the error of the model before it that it takes away without any correction.
-    pub alone: f64,
-    /// Why it was not accepted.
-    pub rejected: Option<String>,
-}
-
-/// One step of the forward selection.
-#[derive(Debug, Clone)]
-pub struct Step {
-    /// Effects found before.
-    pub added: Vec<usize>,
-    /// Candidates that were fitted, best first.
-    pub tried: Vec<Tried>,
-}
-
-/// What was found.
-#[derive(Debug, Clone)]
-pub struct Found {
-    /// Corrections alone.
-    pub base: Model,
-    /// Corrections and effects.
-    pub best: Model,
-    /// Steps, the last one without an accepted candidate unless `most` was reached.
-    pub steps: Vec<Step>,
-    /// Candidates that the records cannot tell from an accepted one: accepted, other model.
-    pub equals: Vec<(usize, Tried)>,
-    /// Error of the declared model on the estimation records \[units\].
-    pub declared_error: f64,
-    /// The free form that takes away much more than the effects do, if one does.
-    pub free_form: Option<FreeForm>,
-}
-
-/// A free form that takes away more of the error than the effects.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct FreeForm {
-    /// Candidate.
-    pub candidate: usize,
-    /// Share of the error on held-out records, beyond the corrections, that it takes away.
-    pub share: f64,
-}
+use super::{parallel, stop};
 
 /// Finds the effects that take away most of the error.
 pub fn search(question: &Question) -> Found {
@@ -171,65 +66,41 @@ pub fn search(question: &Question) -> Found {
 }
 
 /// Rounds of a fit, of its refinement, and of the refits without a fold.
-const ROUNDS: usize = 6;
-const REFINED: usize = 4;
-const FOLDED: usize = 2;
+pub(super) const ROUNDS: usize = 6;
+pub(super) const REFINEMENT_ROUNDS: usize = 4;
+const FOLD_ROUNDS: usize = 2;
 /// Rounds of a fit of local parameters alone.
-const LOCALIZED: usize = 3;
-/// Candidates that pairs are made of.
-const PAIRED: usize = 3;
-/// Fall of the error on held-out folds that each effect of a set must bring: as a share of it, and of that of the declared
-/// model.
-const SET: (f64, f64) = (0.05, 0.02);
-/// Ratio of the errors of a proposed set and of the best model from which on it is not looked at further.
-const HOPELESS_SET: f64 = 1.1;
+const LOCAL_ROUNDS: usize = 3;
 /// Free forms that are fitted.
-const FORMS: usize = 2;
+const FITTED_FREE_FORMS: usize = 2;
 /// Candidates that are fitted for what they promise beside the corrections, and for what they do without them.
-const PROMISING: (usize, usize) = (5, 5);
+const FITTED_CANDIDATES: (usize, usize) = (5, 5);
 /// Candidates that are fitted again under the weights of the best.
-const AGAIN: usize = 4;
+const REFITTED_CANDIDATES: usize = 4;
 
-type Weights = BTreeMap<String, f64>;
+pub(super) type Weights = BTreeMap<String, f64>;
 
 /// A search at work.
-struct Run<'a> {
-    question: &'a Question<'a>,
-    null: Null,
-    declared_error: f64,
-}
-
-impl Question<'_> {
-    /// Corrections beside the effects `added`, without those that an effect takes the place of, and what is always free.
-    fn beside(&self, added: &[usize]) -> Vec<Free> {
-        let kept = |c: &&Correction| !c.effect.is_some_and(|effect| added.contains(&effect));
-        self.always.iter().copied().chain(self.corrections.iter().filter(kept).map(|c| c.free)).collect()
-    }
-
-    /// The correction that a candidate takes the place of.
-    fn same(&self, candidate: usize) -> Option<&Correction> {
-        self.corrections.iter().find(|c| c.effect == Some(candidate))
-    }
-
-    /// Parameters with only these effects: every correction as declared.
-    fn without_corrections(&self, p: &[f64], added: &[usize]) -> Vec<f64> {
-        let mut q = self.declared.to_vec();
-        for free in added.iter().flat_map(|&c| &self.candidates[c].free).chain(self.always) {
-            q[free.index] = p[free.index];
-        }
-        q
-    }
+pub(super) struct Run<'a> {
+    pub(super) question: &'a Question<'a>,
+    pub(super) null: Null,
+    pub(super) declared_error: f64,
 }
 
 impl Run<'_> {
     /// Long-run variances of the residuals at `p` and `locals`.
-    fn weights(&self, p: &[f64], locals: &[Vec<f64>]) -> Weights {
+    pub(super) fn weights(&self, p: &[f64], locals: &[Vec<f64>]) -> Weights {
         let q = self.question;
         let own = residuals(q.system, &q.records, p, locals);
         long_run(q.system, &q.records, &own)
     }
 
-    fn with<T>(&self, weights: &Weights, records: &[usize], f: impl FnOnce(&Search<Weighted>) -> T) -> T {
+    pub(super) fn with<T>(
+        &self,
+        weights: &Weights,
+        records: &[usize],
+        f: impl FnOnce(&Search<Weighted>) -> T,
+    ) -> T {
         let q = self.question;
         let system = Weighted::new(q.system, weights);
         let (records, screened, null) = (records.to_vec(), q.screened.clone(), self.null.clone());
@@ -237,7 +108,7 @@ impl Run<'_> {
     }
 
     /// A fit of effects and corrections.
-    fn fit(
+    pub(super) fn fit(
         &self,
         weights: &Weights,
         added: &[usize],
@@ -249,7 +120,7 @@ impl Run<'_> {
     }
 
     /// A fit to some records with their local parameters to start from.
-    fn fit_records(
+    pub(super) fn fit_records(
         &self,
         weights: &Weights,
         (records, locals): (&[usize], &[Vec<f64>]),
@@ -268,7 +139,7 @@ impl Run<'_> {
     }
 
     /// Local parameters that fit some records best at `p`, from those given.
-    fn localized(
+    pub(super) fn localized(
         &self,
         weights: &Weights,
         records: &[usize],
@@ -278,22 +149,22 @@ impl Run<'_> {
         if locals.iter().all(Vec::is_empty) {
             return locals.to_vec();
         }
-        self.with(weights, records, |search| search.fit(&[], &[], p, locals, LOCALIZED)).fit.locals
+        self.with(weights, records, |search| search.fit(&[], &[], p, locals, LOCAL_ROUNDS)).fit.locals
     }
 
     /// Error at `p` on all records, with the local parameters that fit best.
-    fn error_at(&self, weights: &Weights, p: &[f64], locals: &[Vec<f64>]) -> f64 {
+    pub(super) fn error_at(&self, weights: &Weights, p: &[f64], locals: &[Vec<f64>]) -> f64 {
         let q = self.question;
         q.held_out.error_from(p, &q.records, &self.localized(weights, &q.records, p, locals))
     }
 
     /// Error of a model on the records that it was fitted to.
-    fn fitted_error(&self, model: &Model) -> f64 {
+    pub(super) fn fitted_error(&self, model: &Model) -> f64 {
         self.question.held_out.error_from(&model.fit.parameters, &self.question.records, &model.fit.locals)
     }
 
     /// Error on folds that a model, fitted again without them, has not seen.
-    fn held_out_error(&self, weights: &Weights, model: &Model) -> f64 {
+    pub(super) fn held_out_error(&self, weights: &Weights, model: &Model) -> f64 {
         let q = self.question;
         if q.folds.len() < 2 || stop::asked() {
             return self.fitted_error(model);
@@ -305,7 +176,7 @@ impl Run<'_> {
             let (rest, locals) = part((0..q.records.len()).filter(|i| !fold.contains(i)).collect());
             let (own, own_locals) = part(fold.clone());
             let refit =
-                self.fit_records(weights, (&rest, &locals), &model.added, &model.fit.parameters, FOLDED);
+                self.fit_records(weights, (&rest, &locals), &model.added, &model.fit.parameters, FOLD_ROUNDS);
             let p = &refit.fit.parameters;
             let own_locals = self.localized(weights, &own, p, &own_locals);
             own.len() as f64 * q.held_out.error_from(p, &own, &own_locals).powi(2)
@@ -314,7 +185,7 @@ impl Run<'_> {
     }
 
     /// Candidates worth a fit, with the parameters to start from.
-    fn promising(&self, base: &Model, weights: &Weights) -> Vec<Promise> {
+    pub(super) fn promising(&self, base: &Model, weights: &Weights) -> Vec<Promise> {
         let q = self.question;
         let held = Model {
             fit: Fit {
@@ -341,13 +212,13 @@ impl Run<'_> {
         });
         let mut alone: Vec<(f64, Promise)> = errors.into_iter().zip(without).collect();
         alone.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let mut chosen: Vec<Promise> = beside.into_iter().take(PROMISING.0).collect();
+        let mut chosen: Vec<Promise> = beside.into_iter().take(FITTED_CANDIDATES.0).collect();
         for (_, promise) in alone {
             let far = q.same(promise.candidate).is_some_and(|c| {
                 let moved = base.fit.parameters[c.free.index].abs();
                 c.free.prior.is_some_and(|tolerance| moved > 1.5 * tolerance)
             });
-            let few = chosen.len() < PROMISING.0 + PROMISING.1;
+            let few = chosen.len() < FITTED_CANDIDATES.0 + FITTED_CANDIDATES.1;
             if (few || far) && !chosen.iter().any(|other| other.candidate == promise.candidate) {
                 chosen.push(promise);
             }
@@ -356,7 +227,7 @@ impl Run<'_> {
     }
 
     /// One step: candidates fitted and judged, best first, and the weights that they were judged with.
-    fn step(&self, base: &Model, weights: &Weights) -> (Vec<Tried>, Weights) {
+    pub(super) fn step(&self, base: &Model, weights: &Weights) -> (Vec<Tried>, Weights) {
         let q = self.question;
         let mut fitted: Vec<(f64, Model)> = self
             .promising(base, weights)
@@ -373,7 +244,7 @@ impl Run<'_> {
         fitted.sort_by(|a, b| a.0.total_cmp(&b.0));
         let Some(best) = fitted.first() else { return (Vec::new(), weights.clone()) };
         let weights = self.weights(&best.1.fit.parameters, &best.1.fit.locals);
-        let base = self.fit(&weights, &base.added, &base.fit.parameters, &base.fit.locals, REFINED);
+        let base = self.fit(&weights, &base.added, &base.fit.parameters, &base.fit.locals, REFINEMENT_ROUNDS);
         let base_error = self.held_out_error(&weights, &base);
         let base_fitted = self.fitted_error(&base);
         let uncorrected = q.without_corrections(&base.fit.parameters, &base.added);
@@ -382,10 +253,16 @@ impl Run<'_> {
         for (rank, (error, model)) in fitted.into_iter().enumerate() {
             let candidate = model.added[model.added.len() - 1];
             let (mut model, mut error) = (model, error);
-            let again = rank < AGAIN;
+            let again = rank < REFITTED_CANDIDATES;
             let mut reference = (base.fit.chi2, if again { base_error } else { base_fitted });
             if again {
-                model = self.fit(&weights, &model.added, &model.fit.parameters, &model.fit.locals, REFINED);
+                model = self.fit(
+                    &weights,
+                    &model.added,
+                    &model.fit.parameters,
+                    &model.fit.locals,
+                    REFINEMENT_ROUNDS,
+                );
                 error = self.held_out_error(&weights, &model);
             }
             if let Some(same) = q.same(candidate).filter(|_| again) {
@@ -406,7 +283,7 @@ impl Run<'_> {
             tried.push(own);
         }
         // Those that were not fitted again have an error of the fit, which is no match for one on held-out folds.
-        let judged = AGAIN.min(tried.len());
+        let judged = REFITTED_CANDIDATES.min(tried.len());
         let (again, once) = tried.split_at_mut(judged);
         again.sort_by(|a, b| a.error.total_cmp(&b.error));
         once.sort_by(|a, b| a.error.total_cmp(&b.error));
@@ -414,112 +291,28 @@ impl Run<'_> {
     }
 
     /// Weighted sum of squares and held-out error of a model without one of its corrections.
-    fn without(&self, base: &Model, correction: &Correction, weights: &Weights) -> (f64, f64) {
+    pub(super) fn without(&self, base: &Model, correction: &Correction, weights: &Weights) -> (f64, f64) {
         let mut start = base.fit.parameters.clone();
         start[correction.free.index] = self.question.declared[correction.free.index];
         let q = self.question;
         let extra: Vec<Free> =
             q.beside(&base.added).into_iter().filter(|f| f.index != correction.free.index).collect();
         let locals = &base.fit.locals;
-        let model =
-            self.with(weights, &q.records, |search| search.fit(&base.added, &extra, &start, locals, REFINED));
+        let model = self.with(weights, &q.records, |search| {
+            search.fit(&base.added, &extra, &start, locals, REFINEMENT_ROUNDS)
+        });
         (model.fit.chi2, self.fitted_error(&model))
     }
 
-    /// Sets of effects that were proposed, and pairs of those that were not accepted alone, in place of the best model.
-    fn sets(&self, found: &mut Found) {
-        let q = self.question;
-        let mut sets: Vec<(Vec<usize>, Vec<f64>)> = q.proposals.to_vec();
-        if let Some(last) = found.steps.last().filter(|_| q.pairs && found.best.added.len() + 2 <= q.most) {
-            let notable = |t: &&Tried| t.gain >= q.settings.min_gain && t.held_out > 0.0;
-            let few: Vec<&Tried> = last.tried.iter().filter(notable).take(PAIRED).collect();
-            for (i, a) in few.iter().enumerate() {
-                for b in &few[i + 1..] {
-                    let mut p = a.model.fit.parameters.clone();
-                    let own = &q.candidates[b.candidate].free;
-                    own.iter().for_each(|free| p[free.index] = b.model.fit.parameters[free.index]);
-                    sets.push(([&a.model.added[..], &[b.candidate]].concat(), p));
-                }
-            }
-        }
-        for (set, p) in sets {
-            let known = set.iter().all(|c| found.best.added.contains(c));
-            if set.len() > q.most || known || stop::asked() {
-                continue;
-            }
-            if let Some(step) = self.instead(&found.base, &found.best, &set, &p) {
-                found.best = step.tried[0].model.clone();
-                found.equals.clear();
-                found.steps.push(step);
-            }
-        }
-    }
-
-    /// A set of effects, without those that it does not need, if it does clearly better than `best`.
-    fn instead(&self, base: &Model, best: &Model, set: &[usize], p: &[f64]) -> Option<Step> {
-        let q = self.question;
-        let first =
-            self.fit(&self.weights(&best.fit.parameters, &best.fit.locals), set, p, &best.fit.locals, ROUNDS);
-        let weights = self.weights(&first.fit.parameters, &first.fit.locals);
-        let again = |model: &Model| {
-            self.fit(&weights, &model.added, &model.fit.parameters, &model.fit.locals, REFINED)
-        };
-        let mut model = again(&first);
-        let mut error = self.held_out_error(&weights, &model);
-        let (base, best) = (again(base), again(best));
-        let [base_error, best_error] = [&base, &best].map(|own| self.held_out_error(&weights, own));
-        let most = |extra: usize, from: f64| {
-            let extra = extra as f64;
-            ((1.0 - extra * SET.0) * from).min(from - extra * SET.1 * self.declared_error)
-        };
-        // One effect too many may hide what the others bring, but not all of it.
-        if error > HOPELESS_SET * best_error {
-            return None;
-        }
-        let mut without: Vec<(f64, f64)> = Vec::new();
-        'again: while model.added.len() > 1 {
-            without.clear();
-            for &c in &model.added {
-                let rest: Vec<usize> = model.added.iter().copied().filter(|&other| other != c).collect();
-                let mut start = model.fit.parameters.clone();
-                q.candidates[c].free.iter().for_each(|free| start[free.index] = q.declared[free.index]);
-                let own = self.fit(&weights, &rest, &start, &model.fit.locals, ROUNDS);
-                let left = self.held_out_error(&weights, &own);
-                let may_stay = rest.iter().all(|&other| (q.may_join)(other, &rest));
-                if may_stay && error > most(1, left) {
-                    (model, error) = (own, left);
-                    continue 'again;
-                }
-                without.push((own.fit.chi2 - model.fit.chi2, (left - error) / self.declared_error));
-            }
-            break;
-        }
-        let extra = model.added.len().saturating_sub(best.added.len()).max(1);
-        let enough = base_error - error >= q.settings.min_held_out_share * self.declared_error;
-        let objection = model.added.iter().find_map(|&c| (q.sense)(&q.candidates[c], &model));
-        let known = model.added.iter().all(|c| best.added.contains(c));
-        if !enough || error > most(extra, best_error) || objection.is_some() || known {
-            return None;
-        }
-        let tried = model.added.iter().enumerate().map(|(k, &candidate)| {
-            let (gain, held_out) = without
-                .get(k)
-                .copied()
-                .unwrap_or((base.fit.chi2 - model.fit.chi2, (base_error - error) / self.declared_error));
-            Tried { candidate, model: model.clone(), gain, held_out, error, alone: f64::NAN, rejected: None }
-        });
-        Some(Step { added: Vec::new(), tried: tried.collect() })
-    }
-
     /// The free form that takes away much more of the error than the effects of `best`, if one does.
-    fn free_form(&self, base: &Model, best: &Model) -> Option<FreeForm> {
+    pub(super) fn free_form(&self, base: &Model, best: &Model) -> Option<FreeForm> {
         let q = self.question;
         if q.free_forms.is_empty() {
             return None;
         }
         let weights = self.weights(&best.fit.parameters, &best.fit.locals);
         let refit = |model: &Model| {
-            self.fit(&weights, &model.added, &model.fit.parameters, &model.fit.locals, REFINED)
+            self.fit(&weights, &model.added, &model.fit.parameters, &model.fit.locals, REFINEMENT_ROUNDS)
         };
         let (base, best) = (refit(base), refit(best));
         let wanted = |c: usize| q.free_forms.contains(&c);
@@ -535,7 +328,7 @@ impl Run<'_> {
         promises
             .iter()
             .filter(hopeful)
-            .take(FORMS)
+            .take(FITTED_FREE_FORMS)
             .map(|promise| {
                 let locals = &base.fit.locals;
                 let model = self.fit(&weights, &[promise.candidate], &promise.parameters, locals, ROUNDS);
@@ -546,7 +339,7 @@ impl Run<'_> {
     }
 
     /// Why a candidate is no effect that matters, if it is none.
-    fn objection(&self, tried: &Tried) -> Option<String> {
+    pub(super) fn objection(&self, tried: &Tried) -> Option<String> {
         let (q, own) = (self.question, &self.question.candidates[tried.candidate]);
         let s = &q.settings;
         if tried.gain < s.min_gain {
@@ -585,7 +378,7 @@ impl Run<'_> {
 
     /// The best of the candidates without objection: of those that leave about the least error the likeliest, or one with
     /// fewer parameters that takes as much away without corrections.
-    fn accepted<'t>(&self, tried: &'t [Tried]) -> Option<&'t Tried> {
+    pub(super) fn accepted<'t>(&self, tried: &'t [Tried]) -> Option<&'t Tried> {
         let (q, tie) = (self.question, self.question.settings.tie_share);
         let size = |t: &Tried| q.candidates[t.candidate].free.len();
         let sound = || tried.iter().filter(|t| t.rejected.is_none());
@@ -599,7 +392,7 @@ impl Run<'_> {
     }
 
     /// Candidates of a step that do as well as the accepted one with as many parameters.
-    fn equals(&self, step: &Step, accepted: &Tried) -> Vec<Tried> {
+    pub(super) fn equals(&self, step: &Step, accepted: &Tried) -> Vec<Tried> {
         let q = self.question;
         let size = |t: &Tried| q.candidates[t.candidate].free.len();
         let same = |t: &&Tried| {
@@ -629,9 +422,11 @@ fn distinct(promises: Vec<Promise>) -> Vec<Promise> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::engine::Span;
-    use crate::engine::candidate::Start;
+    use crate::engine::candidate::{Candidate, Start};
+    use crate::engine::held_out::HeldOut;
     use crate::engine::noise::Noise;
+    use crate::engine::settings::ForwardSelection as Settings;
+    use crate::engine::{Span, System};
 
     /// `y = p0 t + p1 t^2 + p2 t` and something that no parameter can do, plus unit noise, t in [0, 1).
     struct Wavy(Vec<Vec<f64>>);

@@ -15,7 +15,7 @@ const SHARES: [f64; 2] = [0.25, 0.5];
 /// Draws of the null of a beginning, which only tells what is hopeless.
 const DRAWS: usize = 60;
 /// Times the limit of what counts as noise up to which a fit of a beginning goes on with more.
-const HOPEFUL: f64 = 4.0;
+const MAX_LIMITS_OF_NOISE: f64 = 4.0;
 
 /// The records from their beginning, each share with its own search, and the whole on top.
 pub struct Ladder<'a, S: System + ?Sized> {
@@ -132,7 +132,7 @@ impl<'a, S: System + ?Sized> Ladder<'a, S> {
     ) -> Reached {
         let mut model = self.fit(from, added, extra, start, rounds);
         let mut rung = from;
-        while rung < self.top() && !stop::asked() && model.worst() < HOPEFUL * self.limit(rung) {
+        while rung < self.top() && !stop::asked() && model.worst() < MAX_LIMITS_OF_NOISE * self.limit(rung) {
             rung += 1;
             model = self.fit(rung, added, extra, &model, rounds);
         }

@@ -64,9 +64,9 @@ struct Around {
 }
 
 /// Starts of a candidate up to which all of them are tried on all screened records.
-const MANY: usize = 10;
+const MAX_STARTS_ON_ALL_RECORDS: usize = 10;
 /// Starts that are left of more than that.
-const FEW: usize = 5;
+const STARTS_LEFT: usize = 5;
 
 impl<S: System + ?Sized> Search<'_, S> {
     /// Price of a parameter in the Bayesian information criterion: the logarithm of the number of samples.
@@ -118,7 +118,7 @@ impl<S: System + ?Sized> Search<'_, S> {
         let mut starts: Vec<(usize, usize)> = Vec::new();
         for c in lacking {
             let own: Vec<(usize, usize)> = (0..self.candidates[c].starts.len()).map(|s| (c, s)).collect();
-            if own.len() <= MANY {
+            if own.len() <= MAX_STARTS_ON_ALL_RECORDS {
                 starts.extend(own);
                 continue;
             }
@@ -133,7 +133,7 @@ impl<S: System + ?Sized> Search<'_, S> {
                     .flatten()
                     .collect();
             ranked.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-            starts.extend(ranked.into_iter().take(FEW).map(|(_, start)| start));
+            starts.extend(ranked.into_iter().take(STARTS_LEFT).map(|(_, start)| start));
         }
         let mut promises: Vec<Promise> = parallel::map(starts.len(), |i| self.promise(base, &all, starts[i]))
             .into_iter()

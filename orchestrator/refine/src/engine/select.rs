@@ -3,7 +3,7 @@
 //! Models are tried in the order of what they assume: the declared model as it is, one candidate, a pair of candidates,
 //! the declared model with its parameters slightly off, and candidates on top of that. The first stage whose best
 //! model leaves only noise decides. Within it the Bayesian information criterion chooses, and what comes within
-//! [`TIE`] of the best cannot be told apart from it by these records.
+//! [`MAX_DIFFERENCE_OF_CRITERION`] of the best cannot be told apart from it by these records.
 
 use super::candidate::Candidate;
 use super::corrected::{as_declared, with_corrections};
@@ -16,11 +16,11 @@ use super::{System, stop};
 pub const MARGIN: f64 = 8.0;
 /// A model that leaves more than the largest normalised power of the null plus this, if less than [`MARGIN`], is compared
 /// with the declared model corrected.
-pub const SUSPICIOUS: f64 = 1.0;
+pub const MIN_EXCESS_OF_NULL: f64 = 1.0;
 /// Improvement of the sum of squares below which an effect is not looked at; noise gives up to some 25.
-pub const NOTICEABLE: f64 = 45.0;
+pub const MIN_FALL_OF_SQUARES: f64 = 45.0;
 /// Difference of the information criterion within which two models count as equal.
-pub const TIE: f64 = 12.0;
+pub const MAX_DIFFERENCE_OF_CRITERION: f64 = 12.0;
 /// Rounds of a fit of candidates.
 const ROUNDS: usize = 14;
 
@@ -104,7 +104,7 @@ pub fn select<S: System + ?Sized>(
         let equals = passing
             .into_iter()
             .filter(|other| {
-                criterion(other) - criterion(&best) < TIE
+                criterion(other) - criterion(&best) < MAX_DIFFERENCE_OF_CRITERION
                     && !nested(search.candidates, &best, other)
                     && !insignificant(search.candidates, &best, other)
             })
@@ -127,7 +127,8 @@ pub fn select<S: System + ?Sized>(
             .iter()
             .take(3)
             .map(|p| search.fit(&[p.candidate], &[], &p.parameters, &declared.fit.locals, 10));
-        let noticed: Vec<Model> = noticed.filter(|m| declared.fit.chi2 - criterion(m) > NOTICEABLE).collect();
+        let noticed: Vec<Model> =
+            noticed.filter(|m| declared.fit.chi2 - criterion(m) > MIN_FALL_OF_SQUARES).collect();
         if noticed.is_empty() {
             return end(Stage::Declared, vec![declared.clone()], tried);
         }
@@ -176,7 +177,7 @@ pub fn select<S: System + ?Sized>(
         passing.extend(others);
     }
     let best = passing.iter().min_by(|a, b| criterion(a).total_cmp(&criterion(b))).cloned();
-    if best.as_ref().is_some_and(|best| best.worst() < search.null.quantile + SUSPICIOUS) {
+    if best.as_ref().is_some_and(|best| best.worst() < search.null.quantile + MIN_EXCESS_OF_NULL) {
         return end(Stage::Effects, passing, tried);
     }
     if stop::asked() {
@@ -191,7 +192,7 @@ pub fn select<S: System + ?Sized>(
     let least = plausible.map(criterion).fold(f64::INFINITY, f64::min);
     match best {
         // An effect can imitate parameters that are slightly off, but not well. Parameters far off are no rival.
-        Some(best) if least > best.fit.chi2 - NOTICEABLE => end(Stage::Effects, passing, tried),
+        Some(best) if least > best.fit.chi2 - MIN_FALL_OF_SQUARES => end(Stage::Effects, passing, tried),
         _ if !rivals.is_empty() => end(Stage::Corrected, rivals, tried),
         _ => unexplained(tried, declared),
     }

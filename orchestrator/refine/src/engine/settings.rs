@@ -1,6 +1,6 @@
 //! Every number that decides an answer, in one table: name, meaning, default, range, and the command that shows its effect.
 
-use super::select::{MARGIN, NOTICEABLE, SUSPICIOUS, TIE};
+use super::select::{MARGIN, MAX_DIFFERENCE_OF_CRITERION, MIN_EXCESS_OF_NULL, MIN_FALL_OF_SQUARES};
 
 /// Settings of the search where no model reaches the sensor noise; meanings and ranges in [`ForwardSelection::table`].
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -131,17 +131,17 @@ impl ForwardSelection {
             ),
             fixed(
                 "suspicious_margin",
-                SUSPICIOUS,
+                MIN_EXCESS_OF_NULL,
                 "the same, from which on an explanation is compared with corrected parameters",
             ),
             fixed(
                 "noticeable_gain",
-                NOTICEABLE,
+                MIN_FALL_OF_SQUARES,
                 "fall of the sum of squares in units of the noise below which an effect is not looked at",
             ),
             fixed(
                 "noise_tie",
-                TIE,
+                MAX_DIFFERENCE_OF_CRITERION,
                 "difference of the Bayesian information criterion within which two explanations to the noise count as equal",
             ),
             fixed(

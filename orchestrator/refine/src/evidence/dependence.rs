@@ -6,7 +6,7 @@ use super::{Record, Signal};
 const BINS: usize = 24;
 /// Variables shown per signal, and the share that a second one has to tell.
 const SHOWN: usize = 2;
-const NOTICEABLE: f64 = 0.02;
+const MIN_SHARE_OF_SECOND_VARIABLE: f64 = 0.02;
 
 /// Mean residual of a signal over a variable.
 #[derive(Debug, Clone, PartialEq)]
@@ -36,7 +36,7 @@ pub fn of(signals: &[Signal], records: &[Record]) -> Vec<Dependence> {
             .collect();
         own.sort_by(|a, b| b.share.total_cmp(&a.share));
         own.truncate(SHOWN);
-        let second = own.get(1).is_some_and(|dependence| dependence.share < NOTICEABLE);
+        let second = own.get(1).is_some_and(|dependence| dependence.share < MIN_SHARE_OF_SECOND_VARIABLE);
         own.truncate(if second { 1 } else { SHOWN });
         found.append(&mut own);
     }

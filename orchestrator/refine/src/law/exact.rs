@@ -3,8 +3,11 @@
 use std::sync::Arc;
 
 use super::formula::{self, PRICE};
+use super::free_form::{FreeForm, GROWING_SHARES};
 use super::grammar::{Axis, Formula, product};
-use super::study::{FINE, Finder, Found, FreeForm, PARTS, curve_text, effect, extended, port_word, push};
+use super::place::CURVE_KNOTS;
+use super::study::{Finder, Found, extended, push};
+use super::written::{curve_text, effect, read};
 use crate::engine::fit::Free;
 use crate::engine::stop;
 use crate::study::explain::Judge;
@@ -15,13 +18,13 @@ use crate::vocabulary::Own;
 use crate::vocabulary::own::Parameter as OwnParameter;
 
 /// Share of the free form's gain that a formula must reach to be named.
-pub const OF_FREE_FORM: f64 = 0.95;
+pub const MIN_SHARE_OF_FREE_FORM: f64 = 0.95;
 /// Formulas whose stability over parts of the records is asked for.
 const JUDGED: usize = 3;
 /// Errors within this share of each other are equal.
-const EQUAL: f64 = 0.03;
+const MAX_DIFFERENCE_OF_EQUALS: f64 = 0.03;
 /// Share of the declared model's error from which on a fit to whole records may have missed its optimum.
-const MISSED: f64 = 0.5;
+const MAX_ERROR_OVER_DECLARED: f64 = 0.5;
 
 /// A formula that was fitted exactly.
 struct Tried {
@@ -70,13 +73,14 @@ impl Finder<'_> {
         let mut tried = Vec::new();
         for own in &list {
             let share = (form.at.smooth.without - own.held_out) / form.at.gain();
-            if share >= OF_FREE_FORM && !stop::asked() {
+            if share >= MIN_SHARE_OF_FREE_FORM && !stop::asked() {
                 tried.extend(self.exact(study, declared, &place, own.formula.clone(), share));
             }
         }
         let power = |error: f64| error.powi(2);
         let ceiling = power(declared.error) - power(whole.error.min(declared.error));
-        tried.retain(|own| power(declared.error) - power(own.model.error) >= OF_FREE_FORM * ceiling);
+        tried
+            .retain(|own| power(declared.error) - power(own.model.error) >= MIN_SHARE_OF_FREE_FORM * ceiling);
         tried.sort_by(|a, b| a.rank().total_cmp(&b.rank()));
         self.prune(study, declared, &place, &mut tried);
         let mut best: Option<(Model, Arc<Own>, f64)> = None;
@@ -84,12 +88,12 @@ impl Finder<'_> {
         for Tried { model, effect, share, .. } in tried.iter().take(JUDGED) {
             let fits = self.fits(study);
             let mut model = extended(model, study);
-            fits.hold_back(&mut model);
+            fits.hold_out(&mut model);
             let stable =
-                model.held_back.is_finite() && model.held_back < 1.5 * model.error.max(judge.power.sqrt());
+                model.held_out.is_finite() && model.held_out < 1.5 * model.error.max(judge.power.sqrt());
             match &best {
                 None if stable => best = Some((model, Arc::clone(effect), *share)),
-                Some((own, ..)) if model.held_back < (1.0 + EQUAL) * own.held_back => {
+                Some((own, ..)) if model.held_out < (1.0 + MAX_DIFFERENCE_OF_EQUALS) * own.held_out => {
                     rivals.push((effect.formula.clone(), *share));
                 }
                 _ => {}
@@ -103,7 +107,7 @@ impl Finder<'_> {
         Some(Found {
             tap: form.tap,
             variables: form.surface.variables.clone(),
-            curve: whole.curve(model.error.max(judge.power.sqrt())),
+            curve: whole.at.curve(&whole.surface, model.error.max(judge.power.sqrt())),
             effect,
             model,
             named,
@@ -123,17 +127,17 @@ impl Finder<'_> {
         share: f64,
     ) -> Option<Tried> {
         let (text, parameters) = formula.written(place.axes, &place.units[2]);
-        let effect = effect(&text, &parameters, place.units)?;
+        let effect = effect(&text, &parameters, place.units, study.taps[place.form.tap].sign)?;
         let value = |p: &OwnParameter| parameters.iter().find(|own| own.0 == p.name).map_or(0.0, |own| own.2);
         let values: Vec<f64> = effect.parameters.iter().map(value).collect();
         let (c, p) = self.start(study, place, &effect, &values);
         let (fits, locals) = (self.fits(study), &place.whole.locals);
         let direct = fits.fit_from(vec![c], &p, locals);
         let model = match direct {
-            Some(model) if model.error < MISSED * declared.error => Some(model),
+            Some(model) if model.error < MAX_ERROR_OVER_DECLARED * declared.error => Some(model),
             // From the beginning of the records on: whole ones may end anywhere.
             direct => {
-                let grown = fits.grow(&[c], &fits.pieces, &p, &fits.free(&[c]), &PARTS, 8);
+                let grown = fits.grow(&[c], &fits.pieces, &p, &fits.free(&[c]), &GROWING_SHARES, 8);
                 let again = fits.fit_from(vec![c], &grown.parameters, &grown.locals);
                 let better = |own: &Model| direct.as_ref().is_none_or(|other| own.error < other.error);
                 if again.as_ref().is_some_and(better) { again } else { direct }
@@ -180,7 +184,8 @@ impl Finder<'_> {
     /// The free form itself as the law.
     fn curve(&self, study: &mut Study, place: &Place) -> Option<(Model, Arc<Own>, f64)> {
         let text = curve_text(&place.form.surface, &place.whole.at.smooth.heights, place.axes)?;
-        let effect = effect(&text, &[("a".into(), "1".into(), 1.0)], place.units)?;
+        let effect =
+            effect(&text, &[("a".into(), "1".into(), 1.0)], place.units, study.taps[place.form.tap].sign)?;
         let (c, p) = self.start(study, place, &effect, &[1.0]);
         Some((self.fits(study).fit_from(vec![c], &p, &place.whole.locals)?, effect, 1.0))
     }
@@ -192,10 +197,10 @@ impl Finder<'_> {
         for tap in 0..study.taps.len() {
             let units = [Variable::Position, Variable::Velocity, Variable::Value]
                 .map(|variable| Self::unit(study, tap, variable));
-            let Some(places) = self.knots(study, tap, Variable::Velocity, FINE) else { continue };
+            let Some(places) = self.knots(study, tap, Variable::Velocity, CURVE_KNOTS) else { continue };
             let fastest = places.iter().fold(0.0f64, |a, b| a.max(b.abs()));
             let travel = self
-                .knots(study, tap, Variable::Position, FINE)
+                .knots(study, tap, Variable::Position, CURVE_KNOTS)
                 .map_or(0.1 * fastest, |own| own[own.len() - 1] - own[0]);
             let stiffness = product(&[(&units[2], 1), (&units[1], -1), ("s", -1)]);
             let length = product(&[(&units[1], 1), ("s", 1)]);
@@ -204,14 +209,11 @@ impl Finder<'_> {
             for (rate, unit, starts) in
                 [("v - z/s", "s".to_owned(), times), ("v - abs(v)*z/s", length, lengths)]
             {
-                let toml = format!(
-                    "kind = \"law\"\nport = {:?}\nformula = \"k*z\"\nwords = \"law with a memory\"\n[variables]\nx = {:?}\nv = {:?}\nf = {:?}\n[states]\nz = {rate:?}\n[parameters]\nk = {{ unit = {stiffness:?} }}\ns = {{ unit = {unit:?}, start = {starts:?} }}\n",
-                    port_word(&units[2]),
-                    units[0],
-                    units[1],
-                    units[2]
+                let tables = format!(
+                    "[states]\nz = {rate:?}\n[parameters]\nk = {{ unit = {stiffness:?} }}\ns = {{ unit = {unit:?}, start = {starts:?} }}\n"
                 );
-                let Ok(own) = Own::read(&toml).map(Arc::new) else { continue };
+                let sign = study.taps[tap].sign;
+                let Some(own) = read("k*z", "law with a memory", &units, sign, &tables) else { continue };
                 let c = self.push_own(study, tap, &own, &[1.0, starts[1]]);
                 study.candidates[c].starts = own.starts();
                 let base = extended(declared, study);

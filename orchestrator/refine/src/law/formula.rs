@@ -26,7 +26,7 @@ pub struct Found {
     pub formula: Formula,
     /// Sum of squares on all parts.
     pub error: f64,
-    /// The same on parts that were kept back in turn.
+    /// The same on parts that were held out in turn.
     pub held_out: f64,
 }
 
@@ -192,7 +192,7 @@ impl<'a> Search<'a> {
         Some(best.1)
     }
 
-    /// Errors of a formula, also on parts that were kept back.
+    /// Errors of a formula, also on parts that were held out.
     fn judged(&self, mut formula: Formula) -> Found {
         let error = self.fit(&mut formula, &self.all, 20);
         let mut held_out = 0.0;

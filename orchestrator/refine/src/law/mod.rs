@@ -4,13 +4,18 @@
 //! with a penalty that held-out parts choose; around its optimum the error is a quadratic form of the heights. [`grammar`]
 //! has the terms of formulas, [`formula`] searches among their sums on that quadratic form, where a fit costs next to nothing;
 //! [`study`] compares free forms in short [`windows`] of the records, [`exact`] fits the best formulas in simulation and
-//! decides; [`rig`] does so for the rig of the vocabulary.
+//! decides; [`rig`] does so for the rig of the vocabulary. [`written`] turns a formula into an effect of one's own, [`found`]
+//! is the answer.
 
 pub mod exact;
 pub mod formula;
+pub mod found;
+mod free_form;
 pub mod grammar;
+mod place;
 pub mod rig;
 pub mod study;
 pub mod surface;
 pub mod surrogate;
 pub mod windows;
+pub mod written;

@@ -3,13 +3,14 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use super::exact::OF_FREE_FORM;
+use super::exact::MIN_SHARE_OF_FREE_FORM;
 use super::formula::{self, PRICE};
+use super::found::{self, Law};
 use super::grammar::Axis;
-use super::study::{Law, curve_text, effect};
 use super::surface::{Surface, knots};
 use super::surrogate::Approach;
-use crate::answer::{Answer, Effect, Parameter, Verdict};
+use super::written::{curve_text, effect};
+use crate::answer::{Answer, Parameter, Verdict};
 use crate::engine::fit::{Fit, Free, fit};
 use crate::engine::held_out::HeldOut;
 use crate::engine::noise::Noise;
@@ -25,15 +26,15 @@ use crate::vocabulary::Own;
 /// Difference steps of heights: of forces \[N\] and torques \[N m\].
 const STEPS: [f64; 2] = [0.05, 1e-3];
 /// Share of the declared model's error that the free form has to take away on held-out parts.
-const WORTH_A_LAW: f64 = 0.1;
+const MIN_SHARE_OF_ERROR: f64 = 0.1;
 /// Share of the error on validation records below which a law is none.
 const MIN_VALIDATED_SHARE: f64 = 0.05;
 /// Share of a second variable in what one leaves, from which on both are needed.
-const SECOND: f64 = 0.1;
+const MIN_SHARE_OF_SECOND_VARIABLE: f64 = 0.1;
 /// Steps of the free form towards its optimum.
 const ROUNDS: usize = 3;
 /// Samples over which the velocity is taken.
-const OVER: usize = 8;
+const VELOCITY_SAMPLES: usize = 8;
 
 /// Some records of a system.
 struct Subset<'a> {
@@ -110,7 +111,7 @@ pub fn explain(rig: &Rig, units: &BTreeMap<String, f64>, corrected: &[Free], fou
     let motion = motion(&windowed, &records, pole);
     let finder = Finder { windowed, records, pole, base, shared, motion, units };
     let Some(law) = finder.find(&channel, found) else { return false };
-    found.notes.extend(super::study::told(&law));
+    found.notes.extend(found::told(&law));
     found.unexplained = Some((channel, law.variables.clone()));
     found.verdict = Verdict::Law;
     found.share = Some(law.share);
@@ -125,9 +126,12 @@ fn motion(windowed: &Coupled, records: &[usize], pole: bool) -> [Vec<f64>; 2] {
     for &record in records {
         let measured = windowed.trials[record].measured.iter().find(|own| own.name == name);
         let values = measured.map_or(&[][..], |own| &own.values[..]);
-        for k in (OVER..values.len().saturating_sub(OVER)).step_by(4) {
+        for k in (VELOCITY_SAMPLES..values.len().saturating_sub(VELOCITY_SAMPLES)).step_by(4) {
             positions.push(values[k]);
-            velocities.push((values[k + OVER] - values[k - OVER]) / (2.0 * OVER as f64 * dt));
+            velocities.push(
+                (values[k + VELOCITY_SAMPLES] - values[k - VELOCITY_SAMPLES])
+                    / (2.0 * VELOCITY_SAMPLES as f64 * dt),
+            );
         }
     }
     [positions, velocities]
@@ -186,11 +190,12 @@ impl Finder<'_> {
         forms.sort_by(|a, b| a.at.smooth.held_out.total_cmp(&b.at.smooth.held_out));
         let least = forms.first()?.at.smooth.held_out;
         let simple = |form: &FreeForm| {
-            form.surface.variables.len() == 1 && form.at.smooth.held_out < (1.0 + SECOND) * least
+            form.surface.variables.len() == 1
+                && form.at.smooth.held_out < (1.0 + MIN_SHARE_OF_SECOND_VARIABLE) * least
         };
         let at = forms.iter().position(simple).unwrap_or(0);
         let form = forms.swap_remove(at);
-        if form.at.gain() < WORTH_A_LAW * form.at.smooth.without {
+        if form.at.gain() < MIN_SHARE_OF_ERROR * form.at.smooth.without {
             return None;
         }
         let axes = self.axes(&form.surface);
@@ -205,10 +210,10 @@ impl Finder<'_> {
         for own in &list {
             let share = (form.at.smooth.without - own.held_out) / form.at.gain();
             let (text, parameters) = own.formula.written(&axes, &units[2]);
-            if share < OF_FREE_FORM || tried.len() >= 4 || stop::asked() {
+            if share < MIN_SHARE_OF_FREE_FORM || tried.len() >= 4 || stop::asked() {
                 continue;
             }
-            let Some(effect) = effect(&text, &parameters, &units) else { continue };
+            let Some(effect) = effect(&text, &parameters, &units, 1.0) else { continue };
             let values: Vec<f64> = effect
                 .parameters
                 .iter()
@@ -222,7 +227,7 @@ impl Finder<'_> {
             ));
         }
         let ceiling = form.at.smooth.without - form.at.chi2;
-        tried.retain(|(fit, ..)| form.at.smooth.without - fit.chi2 >= OF_FREE_FORM * ceiling);
+        tried.retain(|(fit, ..)| form.at.smooth.without - fit.chi2 >= MIN_SHARE_OF_FREE_FORM * ceiling);
         let rank = |own: &(Fit, Arc<Own>, f64, usize)| 0.5 * own.0.chi2.ln() + PRICE * own.3 as f64;
         tried.sort_by(|a, b| rank(a).total_cmp(&rank(b)));
         let named = !tried.is_empty();
@@ -236,7 +241,7 @@ impl Finder<'_> {
             Some((fit, own, share, _)) => (fit, own, share),
             None => {
                 let text = curve_text(&form.surface, &form.at.smooth.heights, &axes)?;
-                let own = effect(&text, &[("a".into(), "1".into(), 1.0)], &units)?;
+                let own = effect(&text, &[("a".into(), "1".into(), 1.0)], &units, 1.0)?;
                 (self.fit(&own, &[1.0], &form.at.parameters), own, 1.0)
             }
         };
@@ -293,33 +298,14 @@ impl Finder<'_> {
         let samples: usize =
             self.records.iter().map(|&r| rig.signals(r).last().map_or(0, |span| span.range.end)).sum();
         let widen = (best.chi2 / samples.max(1) as f64).sqrt().max(1.0);
-        let parameters = own.parameters.iter().enumerate().map(|(k, p)| {
-            let place = best.free.iter().position(|free| free.index == TABLE.len() + k).unwrap_or(0);
-            let half = 1.96 * widen * best.covariance[(place, place)].max(0.0).sqrt();
-            let value = best.parameters[TABLE.len() + k];
-            Parameter {
-                name: p.name.clone(),
-                unit: p.unit.clone(),
-                value,
-                interval: (value - half, value + half),
-            }
-        });
-        let parameters: Vec<Parameter> = parameters.collect();
         let values = &best.parameters[TABLE.len()..];
-        let curve = match &form.surface.knots[..] {
-            [knots] => knots
-                .iter()
-                .zip(&form.at.smooth.heights)
-                .zip(&form.at.smooth.deviation)
-                .map(|((x, y), s)| [*x, *y, 1.96 * widen * s])
-                .collect(),
-            _ => Vec::new(),
-        };
-        let (mut sum, mut size) = (0.0, 0.0);
-        for (x, v) in self.motion[0].iter().zip(&self.motion[1]) {
-            let power = own.value([*x, *v, 0.0, 0.0], &[], values) * v;
-            (sum, size) = (sum + power, size + power.abs());
-        }
+        let known = values.iter().enumerate().map(|(k, value)| {
+            let place = best.free.iter().position(|free| free.index == TABLE.len() + k).unwrap_or(0);
+            (*value, 1.96 * widen * best.covariance[(place, place)].max(0.0).sqrt())
+        });
+        let parameters: Vec<Parameter> = found::parameters(own, known).collect();
+        let moved = self.motion[0].iter().zip(&self.motion[1]);
+        let powers = moved.map(|(x, v)| own.value([*x, *v, 0.0, 0.0], &[], values) * v);
         let word = |variable: &Variable| match (variable, self.pole) {
             (Variable::Velocity, false) => "xdot",
             (Variable::Velocity, true) => "thetadot",
@@ -331,24 +317,15 @@ impl Finder<'_> {
             port: if self.pole { "cart_pole.tau_ext" } else { "cart_pole.F" }.into(),
             channel: channel.to_owned(),
             variables: form.surface.variables.iter().map(|own| word(own).to_owned()).collect(),
-            curve,
+            curve: form.at.curve(&form.surface, widen),
             named,
             of_free_form,
             share,
             rivals,
             covered: axes.into_iter().map(|a| (a.name.to_owned(), a.range.0, a.range.1, a.unit)).collect(),
-            dissipation: (size > 0.0).then_some(sum / size),
+            dissipation: found::dissipation(powers),
             toml: own.to_toml(values),
-            effect: Effect {
-                id: own.kind.clone(),
-                channel: channel.to_owned(),
-                selected: true,
-                share: Some(share),
-                parameters,
-                reason: "it takes what a free form takes".into(),
-                own: Some(Arc::clone(own)),
-                ..Effect::default()
-            },
+            effect: found::as_effect(own, channel, share, parameters),
         })
     }
 }

@@ -3,7 +3,7 @@
 use crate::study::law::{Point, Variable};
 
 /// Knots along one variable at most.
-pub const MOST: usize = 40;
+pub const MAX_KNOTS: usize = 40;
 
 /// Knots along each variable; heights stand in the order of the knots, the last variable first.
 #[derive(Debug, Clone, PartialEq)]

@@ -1,4 +1,4 @@
-//! The error of a system as a quadratic form of the heights of a free form, in parts of the records that are kept back in
+//! The error of a system as a quadratic form of the heights of a free form, in parts of the records that are held out in
 //! turn.
 //!
 //! Residuals and their derivatives by the heights are simulated; initial states are taken out of both record by record. What
@@ -16,14 +16,14 @@ use crate::study::law::Variable;
 
 /// Parts of the records.
 pub const PARTS: usize = 5;
-/// Records from which on whole ones are kept back.
-const WHOLE: usize = 4;
+/// Records from which on whole ones are held out.
+const MIN_RECORDS_FOR_WHOLE: usize = 4;
 /// Penalties that are tried: powers of ten around the mean curvature of the error.
 const PENALTIES: [f64; 9] = [1e-7, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1, 1.0, 10.0];
 /// Ratio of errors from which on another step gains nothing.
-const SETTLED: f64 = 0.97;
+const MIN_ERROR_RATIO_OF_STEP: f64 = 0.97;
 /// Share of the held-out error within which more penalty wins.
-const CALM: f64 = 0.005;
+const MAX_RISE_FOR_PENALTY: f64 = 0.005;
 
 /// `chi2(d) = c + 2 g d + d A d` of a part, `d`: change of heights, then of shared parameters.
 #[derive(Debug, Clone)]
@@ -82,7 +82,7 @@ pub struct Smooth {
 
 impl Surrogate {
     /// Simulates around `p`, whose heights stand at `heights`; `shared`: parameters that are fitted along with them. Records of
-    /// one of the `groups` are kept back together; without any, by their number.
+    /// one of the `groups` are held out together; without any, by their number.
     pub fn new<S: System + ?Sized>(
         system: &S,
         surface: &Surface,
@@ -98,7 +98,7 @@ impl Surrogate {
         let found = columns(system, &records, p, &free, &starts, true, None);
         // A law in time is the same in every record: only another record can tell whether it is one.
         let whole = groups.is_some()
-            || records.len() >= WHOLE
+            || records.len() >= MIN_RECORDS_FOR_WHOLE
             || records.len() > 1 && surface.variables.contains(&Variable::Time);
         let pieces = parallel::map(found.len(), |r| {
             let signals: Vec<(usize, usize)> =
@@ -163,7 +163,7 @@ impl Surrogate {
         found
     }
 
-    /// The free form with the penalty that predicts parts best which were kept back.
+    /// The free form with the penalty that predicts parts best which were held out.
     pub fn smooth(&self) -> Option<Smooth> {
         let trained: Vec<Quadratic> = (0..PARTS).map(|part| self.without(Some(part))).collect();
         let held_out = |penalty: f64| -> Option<f64> {
@@ -176,7 +176,8 @@ impl Surrogate {
         let found: Vec<(f64, f64)> =
             PENALTIES.iter().filter_map(|penalty| Some((*penalty, held_out(*penalty)?))).collect();
         let least = found.iter().map(|(_, own)| *own).fold(f64::INFINITY, f64::min);
-        let (penalty, held_out) = found.into_iter().rev().find(|(_, own)| *own <= (1.0 + CALM) * least)?;
+        let (penalty, held_out) =
+            found.into_iter().rev().find(|(_, own)| *own <= (1.0 + MAX_RISE_FOR_PENALTY) * least)?;
         let without =
             trained.iter().zip(&self.parts).map(|(own, part)| part.at(&self.shared_step(own))).sum();
         let all = self.without(None);
@@ -248,7 +249,7 @@ pub struct Approach {
     pub surrogate: Surrogate,
     /// The form that they ask for.
     pub smooth: Smooth,
-    /// Records that are kept back together.
+    /// Records that are held out together.
     groups: Option<Vec<usize>>,
 }
 
@@ -298,7 +299,7 @@ impl Approach {
                 }
             }
             let Some(found) = next else { break };
-            let settled = found.chi2 > SETTLED * self.chi2;
+            let settled = found.chi2 > MIN_ERROR_RATIO_OF_STEP * self.chi2;
             (self.chi2, self.parameters, self.locals) = (found.chi2, found.parameters, found.locals);
             let groups = self.groups.as_deref();
             self.surrogate =
@@ -311,6 +312,14 @@ impl Approach {
             }
         }
         Some(self)
+    }
+
+    /// Place, height and half of the 95 % band at every knot, where a residual is `residual` in rms; empty for two
+    /// variables.
+    pub fn curve(&self, surface: &Surface, residual: f64) -> Vec<[f64; 3]> {
+        let [knots] = &surface.knots[..] else { return Vec::new() };
+        let heights = self.smooth.heights.iter().zip(&self.smooth.deviation);
+        knots.iter().zip(heights).map(|(x, (y, s))| [*x, *y, 1.96 * residual * s]).collect()
     }
 
     /// What the form takes away on held-out parts.

@@ -9,9 +9,9 @@ use crate::study::simulate::{Piece, View};
 /// Windows of the longest record.
 const WINDOWS: usize = 20;
 /// Fewest samples of a window.
-const LEAST: usize = 40;
+const MIN_SAMPLES: usize = 40;
 /// Samples on either side over which a velocity is taken from measured positions.
-pub const OVER: usize = 8;
+pub const VELOCITY_SAMPLES: usize = 8;
 
 /// Windows of the estimation records.
 #[derive(Debug, Clone)]
@@ -24,7 +24,8 @@ pub struct Windows {
 
 /// Derivative of measured positions at sample `k`.
 pub fn velocity(positions: &[f64], k: usize, step: f64) -> f64 {
-    let (before, behind) = (k.saturating_sub(OVER), (k + OVER).min(positions.len() - 1));
+    let (before, behind) =
+        (k.saturating_sub(VELOCITY_SAMPLES), (k + VELOCITY_SAMPLES).min(positions.len() - 1));
     (positions[behind] - positions[before]) / ((behind - before).max(1) as f64 * step)
 }
 
@@ -67,7 +68,7 @@ impl Windows {
         }
         let seen = seen(study).filter(|own| !own.is_empty())?;
         let longest = fits.pieces.iter().map(|piece| piece.range.len()).max()?;
-        let length = (longest / WINDOWS).max(LEAST);
+        let length = (longest / WINDOWS).max(MIN_SAMPLES);
         let view = fits.view(&base.added, &fits.pieces);
         let (mut pieces, mut begins) = (Vec::new(), Vec::new());
         for (r, piece) in fits.pieces.iter().enumerate() {

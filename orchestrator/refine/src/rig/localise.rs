@@ -24,19 +24,19 @@ const FORCE_WALKS: [Walk; 7] = [
 const LEADS: [f64; 4] = [0.5, 0.0, 0.25, 0.75];
 /// Normalised power of the innovations up to which the mechanics count as explained. The disturbance of a wrong actuator
 /// is not quite a random walk, so that it need not come down to that of noise.
-const EXPLAINED: f64 = 30.0;
+const MAX_LOGLIKELIHOOD_LEFT: f64 = 30.0;
 /// The same as a share of what the declared model leaves: gains fixed beforehand fit a much changed model less well.
-const EXPLAINED_SHARE: f64 = 2e-4;
+const MAX_SHARE_LEFT: f64 = 2e-4;
 /// Candidates that are fitted with the gains of the declared model, and those of them that get gains of their own.
-const SINGLES: usize = 6;
+const FITTED_SINGLES: usize = 6;
 /// Single candidates that a pair is built on, and candidates that each of them gets.
-const BASES: usize = 3;
-/// See [`SINGLES`].
-const TUNED: usize = 3;
+const PAIR_BASES: usize = 3;
+/// See [`FITTED_SINGLES`].
+const PARTNERS_PER_BASE: usize = 3;
 /// Effects that are looked for behind a wrong actuator.
-const MOST: usize = 2;
+const MAX_EFFECTS: usize = 2;
 /// Twice the gain of the logarithm of the likelihood that an effect behind a wrong actuator must bring.
-const DECISIVE: f64 = 150.0;
+const MIN_LOGLIKELIHOOD_GAIN: f64 = 150.0;
 /// Square of Student's 97.5 % quantile for six records over that of the normal law.
 const FEW_RECORDS: f64 = 1.72;
 
@@ -81,23 +81,26 @@ pub fn localise(
     let mut tried = Vec::new();
     let mut best = Tuned { observer: upstream, model: declared.clone() };
     if force_measured && front == Some("actuator") {
-        for _ in 0..MOST {
+        for _ in 0..MAX_EFFECTS {
             let search = around.search(&best.observer);
-            let found = attempt(&search, &best.model, &search.screen(&best.model), SINGLES, f64::MIN);
-            let mut tuned: Vec<Tuned> = found.iter().take(TUNED).map(|model| around.tuned(model)).collect();
+            let found = attempt(&search, &best.model, &search.screen(&best.model), FITTED_SINGLES, f64::MIN);
+            let mut tuned: Vec<Tuned> =
+                found.iter().take(PARTNERS_PER_BASE).map(|model| around.tuned(model)).collect();
             tried.extend(found);
             tuned.sort_by(|a, b| a.observer.cost.total_cmp(&b.observer.cost));
             match tuned.into_iter().next() {
-                Some(better) if better.observer.cost < best.observer.cost - DECISIVE => best = better,
+                Some(better) if better.observer.cost < best.observer.cost - MIN_LOGLIKELIHOOD_GAIN => {
+                    best = better
+                }
                 _ => break,
             }
         }
     }
-    let limit = EXPLAINED.max(EXPLAINED_SHARE * declared.worst());
+    let limit = MAX_LOGLIKELIHOOD_LEFT.max(MAX_SHARE_LEFT * declared.worst());
     let explained = best.model.worst() < limit;
     if let Some(channel) = front.or((force_measured && explained).then_some("actuator")) {
         let Tuned { observer, mut model } = best;
-        let follows = force_measured && model.worst() < EXPLAINED;
+        let follows = force_measured && model.worst() < MAX_LOGLIKELIHOOD_LEFT;
         let (variables, share_of_free_form) =
             variables(&observer, &records, &model.fit.parameters, 4, channel);
         let effects = (explained && !model.added.is_empty()).then(|| {
@@ -145,11 +148,11 @@ pub fn pair_behind(rig: &Coupled, candidates: &[Candidate], groups: &[usize], p:
         (0..records.len()).filter(|&i| i == 0 || groups[records[i]] != groups[records[i - 1]]).collect();
     let search = Search { system: &observer, candidates, records, screened, null };
     let declared = search.fit(&[], &[], p, &locals, 1);
-    let singles = attempt(&search, &declared, &search.screen(&declared), SINGLES, f64::MIN);
+    let singles = attempt(&search, &declared, &search.screen(&declared), FITTED_SINGLES, f64::MIN);
     singles
         .iter()
-        .take(BASES)
-        .flat_map(|single| attempt(&search, single, &search.screen(single), BASES, f64::MIN))
+        .take(PAIR_BASES)
+        .flat_map(|single| attempt(&search, single, &search.screen(single), PAIR_BASES, f64::MIN))
         .min_by(|a, b| a.fit.chi2.total_cmp(&b.fit.chi2))
         .map(|pair| Proposal { added: pair.added, parameters: pair.fit.parameters })
 }

@@ -4,6 +4,7 @@
 //! The equations stand here as plain code and not as FMUs: a case needs some thousand simulations of all its records,
 //! and a call through FMI costs as much as the whole right-hand side. What is added in the end are FMUs.
 
+pub mod answer;
 pub mod catalogue;
 pub mod corrections;
 pub mod coupled;

@@ -8,7 +8,7 @@ use super::parameters::*;
 use crate::case::{Actuator, CartPole, Declared, Friction};
 
 /// Fastest rate of presliding \[1/s\] that Runge-Kutta steps of half a millisecond are to follow.
-const FASTEST: f64 = 4000.0;
+const MAX_PRESLIDING_RATE: f64 = 4000.0;
 
 /// One friction law with the terms that may be missing from it.
 #[derive(Debug, Clone, Default)]
@@ -73,7 +73,7 @@ impl<const L: usize> FrictionTerms<L> {
         let w = v - self.c3;
         // w - |w| z/disp, where it is not too fast for the steps: there z has reached its end long before.
         each(|i| {
-            let pace = (w.0[i].abs() / disp.0[i]).min(FASTEST);
+            let pace = (w.0[i].abs() / disp.0[i]).min(MAX_PRESLIDING_RATE);
             if disp.0[i] > 0.0 { pace * (disp.0[i].copysign(w.0[i]) - z.0[i]) } else { 0.0 }
         })
     }

@@ -21,13 +21,13 @@ use crate::engine::{System, parallel};
 
 /// Normalised power of the load cell up to which the friction of the piston may be as declared: smoothing blunts
 /// reversals, which leaves some hundred, while a force of three times the noise of the load cell leaves some thousands.
-pub const BLUNTED: f64 = 400.0;
+pub const MAX_FALL_AT_REVERSALS: f64 = 400.0;
 /// Draws of the null, which only ranks.
 const DRAWS: usize = 40;
 /// Candidates that are fitted alone, those of them that get a second one, and how many each of these gets.
 const FITTED: (usize, usize, usize) = (8, 3, 4);
 /// A pair is proposed if it leaves less than this share of what the best single candidate leaves.
-const SHARE: f64 = 0.7;
+const MAX_LEFT_BY_PAIR: f64 = 0.7;
 
 /// One trial.
 struct Trial {
@@ -177,7 +177,7 @@ pub fn proposals(rig: &Coupled, candidates: &[Candidate], groups: &[usize], limi
     };
     let mut found: Vec<Proposal> = singles.first().map(proposal).into_iter().collect();
     if let (Some(pair), Some(single)) = (&pairs, singles.first())
-        && beyond(pair) < SHARE * beyond(single)
+        && beyond(pair) < MAX_LEFT_BY_PAIR * beyond(single)
     {
         found.push(proposal(pair));
     }
@@ -229,9 +229,9 @@ mod tests {
             ["F_hat", "F_p"].map(|name| left.iter().find(|(own, _)| own == name).unwrap().1)
         };
         let [hat, cell] = of(&[(CF_COULOMB, 1.0)]);
-        assert!(hat < 12.0 && cell < BLUNTED, "{hat} {cell}");
+        assert!(hat < 12.0 && cell < MAX_FALL_AT_REVERSALS, "{hat} {cell}");
         let [hat, cell] = of(&[(PF_COULOMB, 1.0)]);
-        assert!(hat < 12.0 && cell > BLUNTED, "{hat} {cell}");
+        assert!(hat < 12.0 && cell > MAX_FALL_AT_REVERSALS, "{hat} {cell}");
         assert!(of(&[(GAIN, 0.06)])[0] > 12.0);
     }
 }

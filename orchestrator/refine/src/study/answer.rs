@@ -26,10 +26,10 @@ use crate::vocabulary::attach;
 
 /// Error in rms of the noise from which on something is missing even if what is left depends on nothing that is known:
 /// the noise may be coloured, which its scatter from sample to sample does not show.
-const FAR: f64 = 3.0;
+const MIN_ERROR_OVER_NOISE: f64 = 3.0;
 
 /// Ratio of the errors on validation records below which effects are no imitation of something else.
-const HALF: f64 = 0.5;
+const MAX_ERROR_RATIO_OF_EFFECTS: f64 = 0.5;
 
 /// Reads, searches and answers.
 ///
@@ -473,7 +473,7 @@ fn rule(
         let gained = declared.error.powi(2) - best.error.powi(2);
         let imitates = || {
             // What halves the error on records that it has not seen is more than an imitation.
-            if total(validation[1]) < HALF.powi(2) * total(validation[0]) {
+            if total(validation[1]) < MAX_ERROR_RATIO_OF_EFFECTS.powi(2) * total(validation[0]) {
                 return false;
             }
             let whole = judge.rest(fits, declared);
@@ -492,7 +492,7 @@ fn rule(
         return Ruling { verdict: Verdict::Nothing, rest: Rest { place: None, gain: 0.0 }, helps };
     }
     let rest = judge.rest(fits, declared);
-    let far = declared.error > FAR * judge.tolerated.sqrt();
+    let far = declared.error > MIN_ERROR_OVER_NOISE * judge.tolerated.sqrt();
     let verdict = if rest.place.is_some() || far || beyond { Verdict::Unexplained } else { Verdict::Nothing };
     Ruling { verdict, rest, helps }
 }

@@ -14,9 +14,10 @@ use crate::answer::{Correction, Settings, Step, Tried};
 use crate::engine::System;
 use crate::engine::candidate::{Candidate, Start};
 use crate::engine::fit::Free;
-use crate::engine::forward_selection::{self, Found, Question};
+use crate::engine::forward_selection;
 use crate::engine::held_out::HeldOut;
 use crate::engine::normal::{columns, dot};
+use crate::engine::question::{self, Found, Question};
 use crate::engine::search::Model;
 
 /// Corrections that are fitted at most: those that move the residuals most within their tolerance.
@@ -24,7 +25,7 @@ const MAX_CORRECTIONS: usize = 16;
 /// Fall of the sum of squares, residuals in units of the floor, that a correction of one tolerance must be able to bring.
 const MIN_INFLUENCE: f64 = 4.0;
 /// Cosine of the angle between what a correction and an effect change from which on they are the same.
-const SAME: f64 = 0.999;
+const MIN_COSINE_OF_SAME: f64 = 0.999;
 /// Records up to which spans of them are held out instead of whole ones.
 const FEW_RECORDS: usize = 2;
 
@@ -141,7 +142,7 @@ fn known(
     (p, locals): (&[f64], &[Vec<f64>]),
     candidates: &[Candidate],
     most: f64,
-) -> Vec<forward_selection::Correction> {
+) -> Vec<question::Correction> {
     let bounded = |free: &Free| {
         let reach = most * free.prior.unwrap_or(0.0);
         Free { bounds: (free.bounds.0.max(-reach), free.bounds.1.min(reach)), ..*free }
@@ -179,9 +180,10 @@ fn known(
             let size = product(k, k);
             let twin = single.iter().enumerate().find_map(|(s, &c)| {
                 let (both, other) = (product(k, own.len() + s), product(own.len() + s, own.len() + s));
-                (both.abs() > SAME * (size * other).sqrt() && other > 0.0).then(|| (c, both / other))
+                (both.abs() > MIN_COSINE_OF_SAME * (size * other).sqrt() && other > 0.0)
+                    .then(|| (c, both / other))
             });
-            forward_selection::Correction {
+            question::Correction {
                 free: own[k].0,
                 effect: twin.map(|(c, _)| c),
                 declared: twin.map_or(own[k].1, |(_, ratio)| ratio),
@@ -225,12 +227,7 @@ fn model(fits: &Fits, own: &Model) -> fits::Model {
     fits::Model::new(own.added.clone(), fit, error)
 }
 
-fn answer(
-    fits: &Fits,
-    declared: &fits::Model,
-    known: &[forward_selection::Correction],
-    found: &Found,
-) -> ByShare {
+fn answer(fits: &Fits, declared: &fits::Model, known: &[question::Correction], found: &Found) -> ByShare {
     let study = fits.study;
     let best = model(fits, &found.best);
     let corrected = model(fits, &found.base);
@@ -275,11 +272,7 @@ fn answer(
 }
 
 /// The corrections of a model.
-pub fn corrections(
-    study: &Study,
-    model: &fits::Model,
-    known: &[forward_selection::Correction],
-) -> Vec<Correction> {
+pub fn corrections(study: &Study, model: &fits::Model, known: &[question::Correction]) -> Vec<Correction> {
     let one = |(a, free): (usize, &Free)| {
         let entry = &study.entries[free.index];
         let Target::Correction { declared, .. } = entry.target else { return None };

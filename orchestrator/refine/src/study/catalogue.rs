@@ -2,12 +2,13 @@
 
 use std::ops::Range;
 
+use super::blocks::Survey;
 use super::command::Command;
 use super::declaration::Attachment;
+use super::kinds::{COMMAND, COMMANDS, FLOW, Kind, MECHANICAL, Memory, PORT_COMMANDS, kinds, unit};
 use super::law::{KNOTS, Law, Variable};
 use super::model::{Action, Entry, Sensor, Study, Target};
 use super::ports;
-use super::simulate::Survey;
 use crate::answer::Effect;
 use crate::engine::fit::Free;
 
@@ -66,176 +67,8 @@ impl Candidate {
     }
 }
 
-/// An effect of a channel: id, law, names with units, which of its parameters must not be negative.
-struct Kind {
-    id: &'static str,
-    law: Law,
-    parameters: &'static [(&'static str, &'static str)],
-    positive: &'static [usize],
-}
-
-const fn kind(
-    id: &'static str,
-    law: Law,
-    parameters: &'static [(&'static str, &'static str)],
-    positive: &'static [usize],
-) -> Kind {
-    Kind { id, law, parameters, positive }
-}
-
-const PISTON: [Kind; 7] = [
-    kind("pf.viscous", Law::Viscous, &[("coef", "E/V")], &[0]),
-    kind("pf.coulomb", Law::Coulomb, &[("force", "E")], &[0]),
-    kind("pf.stribeck", Law::Stribeck, &[("force", "E"), ("vs", "V")], &[0, 1]),
-    kind("pf.presliding", Law::Presliding, &[("disp", "X")], &[0]),
-    kind("pf.pressure", Law::Pressure, &[("coef", "1")], &[0]),
-    kind("pf.offset", Law::Offset, &[("value", "E")], &[]),
-    kind("pf.asymmetry", Law::Asymmetry, &[("force", "E"), ("coef", "E/V")], &[]),
-];
-
-const CART_FRICTION: [Kind; 7] = [
-    kind("cf.viscous", Law::Viscous, &[("coef", "E/V")], &[0]),
-    kind("cf.coulomb", Law::Coulomb, &[("force", "E")], &[0]),
-    kind("cf.stribeck", Law::Stribeck, &[("force", "E"), ("vs", "V")], &[0, 1]),
-    kind("cf.presliding", Law::Presliding, &[("disp", "X")], &[0]),
-    kind("cf.offset", Law::Offset, &[("value", "E")], &[]),
-    kind("cf.asymmetry", Law::Asymmetry, &[("force", "E"), ("coef", "E/V")], &[]),
-    kind("cf.poscoulomb", Law::PositionCoulomb, &[("slope", "E/X")], &[]),
-];
-
-const CART: [Kind; 3] = [
-    kind("cart.spring", Law::Spring, &[("stiffness", "E/X"), ("rest", "X")], &[0]),
-    kind("cart.endstop", Law::EndStop, &[("stiffness", "E/X"), ("damping", "E/V"), ("pos", "X")], &[0, 1]),
-    kind("cart.cogging", Law::Cogging, &[("amp", "E"), ("phase", "rad"), ("period", "X")], &[2]),
-];
-
-const POLE: [Kind; 3] = [
-    kind("pole.viscous", Law::Viscous, &[("coef", "E/V")], &[0]),
-    kind("pole.coulomb", Law::Coulomb, &[("torque", "E")], &[0]),
-    kind("pole.quaddrag", Law::Drag, &[("coef", "E/V2")], &[0]),
-];
-
-const ACTUATOR: [Kind; 6] = [
-    kind("act.area", Law::Area, &[("coef", "m2")], &[]),
-    kind("act.gain", Law::Gain, &[("gain", "1")], &[]),
-    kind("act.deadband", Law::DeadBand, &[("width", "E")], &[0]),
-    kind("act.saturation", Law::Saturation, &[("limit", "E")], &[0]),
-    kind("act.posgain", Law::PositionGain, &[("slope", "1/X")], &[]),
-    kind("act.droop", Law::Droop, &[("depth", "1"), ("tau", "s")], &[1]),
-];
-
-/// What a force or torque may lack. Units: E of the value that passes, V of the velocity, X of the position.
-const MECHANICAL: [Kind; 13] = [
-    kind("viscous", Law::Viscous, &[("coef", "E/V")], &[0]),
-    kind("coulomb", Law::Coulomb, &[("force", "E"), ("vt", "V")], &[0, 1]),
-    kind("stribeck", Law::Stribeck, &[("force", "E"), ("vs", "V")], &[0, 1]),
-    kind("presliding", Law::Presliding, &[("disp", "X")], &[0]),
-    kind("pressure", Law::Pressure, &[("coef", "1")], &[0]),
-    kind("offset", Law::Offset, &[("value", "E")], &[]),
-    kind("asymmetry", Law::Asymmetry, &[("force", "E"), ("coef", "E/V")], &[]),
-    kind("poscoulomb", Law::PositionCoulomb, &[("slope", "E/X")], &[]),
-    kind("quaddrag", Law::Drag, &[("coef", "E/V2")], &[0]),
-    kind("spring", Law::Spring, &[("stiffness", "E/X"), ("rest", "X")], &[0]),
-    kind("cubic_spring", Law::CubicSpring, &[("stiffness", "E/X3"), ("rest", "X")], &[0]),
-    kind("endstop", Law::EndStop, &[("stiffness", "E/X"), ("damping", "E/V"), ("pos", "X")], &[0, 1]),
-    kind("cogging", Law::Cogging, &[("amp", "E"), ("phase", "rad"), ("period", "X")], &[2]),
-];
-
-/// What a flow into a level, or anything else that a state sums up, may lack.
-const FLOW: [Kind; 5] = [
-    kind("offset", Law::Bias, &[("value", "E")], &[]),
-    kind("linear_leakage", Law::Leakage, &[("coef", "E/X")], &[0]),
-    kind("leakage", Law::Outlet, &[("coef", "E/X0.5")], &[0]),
-    kind("overflow", Law::Overflow, &[("coef", "E/X"), ("level", "X")], &[0]),
-    kind("drift", Law::Drift, &[("slope", "E/s")], &[]),
-];
-
-/// What a command of any kind may lack.
-const COMMAND: [Kind; 4] = [
-    kind("gain", Law::Gain, &[("gain", "1")], &[]),
-    kind("deadband", Law::DeadBand, &[("width", "E")], &[0]),
-    kind("saturation", Law::Saturation, &[("limit", "E")], &[0]),
-    kind("droop", Law::Droop, &[("depth", "1"), ("tau", "s")], &[1]),
-];
-
-/// An effect on a command, with a memory: id, kind, names with units.
-type Memory = (&'static str, Command, &'static [(&'static str, &'static str)]);
-
-const COMMANDS: [Memory; 3] = [
-    ("act.delay", Command::Delay, &[("delay", "s")]),
-    ("act.hysteresis", Command::Hysteresis, &[("width", "E")]),
-    ("act.mode", Command::Mode, &[("freq", "Hz"), ("zeta", "1")]),
-];
-
-/// The same at ports without a channel.
-const PORT_COMMANDS: [Memory; 6] = [
-    ("delay", Command::Delay, &[("delay", "s")]),
-    ("hysteresis", Command::Hysteresis, &[("width", "E")]),
-    ("mode", Command::Mode, &[("freq", "Hz"), ("zeta", "1")]),
-    ("lag", Command::Lag, &[("tau", "s")]),
-    ("fill", Command::Fill, &[("up", "s"), ("down", "s")]),
-    ("rate_limit", Command::RateLimit, &[("rate", "E/s")]),
-];
-
 /// Share of the largest speed at a port over which friction changes its sign, where nothing is stated.
 const SIGN_CHANGE: f64 = 0.01;
-
-/// Kinds that attachments without a channel may name.
-pub fn kinds_of_ports() -> Vec<&'static str> {
-    let blocks = MECHANICAL.iter().chain(&FLOW).chain(&COMMAND).map(|kind| kind.id);
-    blocks.chain(PORT_COMMANDS.iter().map(|own| own.0)).collect()
-}
-
-/// Unit of a parameter from those of the value that passes, of velocity and position.
-fn unit(template: &str, [value, velocity, position]: &[String; 3]) -> String {
-    let spaced = |unit: &str| unit.replace(['.', '*'], " ");
-    let over = |unit: &str, power: &str| {
-        let raised = |own: &str| if own == "1" { String::new() } else { format!("{own}{power}") };
-        // A velocity in the denominator: N s/m.
-        match unit.split_once('/') {
-            Some((length, "s")) => (format!(" s{power}"), raised(length)),
-            _ if unit.contains(['/', '.', '*']) => (String::new(), format!("({unit}){power}")),
-            _ => (String::new(), raised(unit)),
-        }
-    };
-    let ratio = |(times, below): (String, String)| {
-        let own = spaced(value);
-        if below.is_empty() { format!("{own}{times}") } else { format!("{own}{times}/{below}") }
-    };
-    match template {
-        "E" => spaced(value),
-        "V" => velocity.clone(),
-        "X" => position.clone(),
-        "E/V" => ratio(over(velocity, "")),
-        "E/V2" => ratio(over(velocity, "^2")),
-        "E/X" => ratio(over(position, "")),
-        "E/X3" => ratio(over(position, "^3")),
-        "E/X0.5" => ratio(over(position, "^0.5")),
-        "1/X" => format!("1/{position}"),
-        "E/s" => format!("{}/s", spaced(value)),
-        other => other.to_owned(),
-    }
-}
-
-/// Channels of the vocabulary that attachments may name.
-pub const CHANNELS: [&str; 5] = ["actuator", "piston_friction", "cart_friction", "cart", "pole"];
-
-fn kinds(channel: &str) -> (&'static str, &'static [Kind]) {
-    match channel {
-        "piston_friction" => ("piston_friction", &PISTON),
-        "cart_friction" => ("cart_friction", &CART_FRICTION),
-        "cart" => ("cart", &CART),
-        "pole" => ("pole", &POLE),
-        _ => ("actuator", &ACTUATOR),
-    }
-}
-
-/// Ids of the vocabulary that an attachment with these channels can have.
-pub fn ids(channels: &[String]) -> Vec<&'static str> {
-    let commands = channels.iter().any(|c| c == "actuator").then_some(COMMANDS.map(|c| c.0));
-    let blocks = channels.iter().flat_map(|channel| kinds(channel).1.iter().map(|kind| kind.id));
-    blocks.chain(commands.into_iter().flatten()).collect()
-}
 
 /// Points to start from, zeros where the linear step finds the value; none: the records do not excite it. `count`:
 /// parameters.

@@ -22,7 +22,7 @@ use airloop_series::units::lookup;
 const ESTIMATION: [&str; 2] = ["train", "estimation"];
 
 /// Samples over which a way is measured.
-const APART: usize = 11;
+const SAMPLES_OF_A_WAY: usize = 11;
 
 /// Name of the file.
 pub const NAME: &str = "dataset.toml";
@@ -113,10 +113,11 @@ impl Dataset {
             };
             let (Some(forces), Some(path)) = (of(force), of(position)) else { continue };
             let pressures = pressure.and_then(|(name, area)| Some((of(name)?, area)));
-            for (k, pair) in path.windows(APART).enumerate() {
-                let middle = k + APART / 2;
+            for (k, pair) in path.windows(SAMPLES_OF_A_WAY).enumerate() {
+                let middle = k + SAMPLES_OF_A_WAY / 2;
                 let other = pressures.as_ref().map_or(0.0, |(values, area)| area * values[middle]);
-                sum += (forces[middle] - other) * (pair[APART - 1] - pair[0]) / (APART - 1) as f64;
+                sum += (forces[middle] - other) * (pair[SAMPLES_OF_A_WAY - 1] - pair[0])
+                    / (SAMPLES_OF_A_WAY - 1) as f64;
             }
         }
         Ok(sum)

@@ -150,12 +150,12 @@ pub fn effects(fits: &Fits, selection: &Selection, chosen: bool, weighted: bool)
             Some(k) if k > 0 => {
                 let with = selection.path[k].0.len() - selection.path[k - 1].0.len() > 1;
                 format!(
-                    "{}lowers the error on what was kept back by {}",
+                    "{}lowers the error on what was held out by {}",
                     if with { "together with its partner it " } else { "" },
                     percent(selection.path[k - 1].1, selection.path[k].1)
                 )
             }
-            _ => "part of the best model on what was kept back".to_owned(),
+            _ => "part of the best model on what was held out".to_owned(),
         };
         let rivals = selection.equals.iter().any(|(lacking, _)| *lacking == c);
         let group = (chosen && rivals).then_some(c);
@@ -189,13 +189,10 @@ pub fn effects(fits: &Fits, selection: &Selection, chosen: bool, weighted: bool)
         let same = |e: &Effect| own.is(e);
         let gains = model.error < 0.999 * selection.declared.error;
         if gains && !found.iter().any(same) {
-            let held = if model.held_back.is_nan() {
+            let held = if model.held_out.is_nan() {
                 String::new()
             } else {
-                format!(
-                    ", by {} on what was kept back",
-                    percent(selection.declared.held_back, model.held_back)
-                )
+                format!(", by {} on what was held out", percent(selection.declared.held_out, model.held_out))
             };
             let reason = format!(
                 "alone it lowers the estimation error by {}{held}",

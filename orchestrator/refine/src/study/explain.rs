@@ -13,15 +13,15 @@ use crate::engine::goodness::{Null, pooled};
 use crate::engine::parallel;
 
 /// Powers within this factor of those of the noise are noise: its level is estimated.
-const TOLERANCE: f64 = 1.3;
+const MAX_POWER_OVER_NOISE: f64 = 1.3;
 /// Share of what is left that a free form has to take away.
-const SHARE: f64 = 0.2;
+const MIN_SHARE_OF_EXCESS: f64 = 0.2;
 /// Share of the noise power that a free form has to take away.
-const OF_NOISE: f64 = 0.1;
+const MIN_SHARE_OF_NOISE: f64 = 0.1;
 /// Share of what is left that one variable has to tell to be enough.
-const ENOUGH: f64 = 0.6;
+const MIN_SHARE_OF_ONE_VARIABLE: f64 = 0.6;
 /// A second variable has to add this share of what the first takes away.
-const SECOND: f64 = 0.3;
+const MIN_SHARE_OF_SECOND_VARIABLE: f64 = 0.3;
 
 /// What is left of a model.
 #[derive(Debug, Clone, PartialEq)]
@@ -108,10 +108,9 @@ impl Judge {
     pub fn explained(&self, fits: &Fits, model: &Model) -> bool {
         let powers = Self::powers(fits, model);
         let left = self.null.normalised(&powers);
-        let near = powers
-            .iter()
-            .zip(self.null.means())
-            .map(|((_, own), mean)| own.iter().zip(mean).all(|(own, mean)| *own < TOLERANCE * mean));
+        let near = powers.iter().zip(self.null.means()).map(|((_, own), mean)| {
+            own.iter().zip(mean).all(|(own, mean)| *own < MAX_POWER_OVER_NOISE * mean)
+        });
         left.iter().zip(near).all(|((_, z), near)| near || *z < self.limit())
     }
 
@@ -119,10 +118,9 @@ impl Judge {
     pub fn tolerable(&self, fits: &Fits, model: &Model) -> bool {
         let powers = Self::powers(fits, model);
         let limits = self.null.means().iter().zip(&self.bias);
-        powers
-            .iter()
-            .zip(limits)
-            .all(|((_, own), (mean, bias))| (0..3).all(|i| own[i] < TOLERANCE * (mean[i] + bias[i])))
+        powers.iter().zip(limits).all(|((_, own), (mean, bias))| {
+            (0..3).all(|i| own[i] < MAX_POWER_OVER_NOISE * (mean[i] + bias[i]))
+        })
     }
 
     /// Power of a model above that of noise and smoothed derivatives.
@@ -154,7 +152,7 @@ impl Judge {
         let study = fits.study;
         let probes: Vec<usize> = (0..study.candidates.len()).filter(|&c| study.candidates[c].probe).collect();
         let power = model.error.powi(2);
-        let enough = (SHARE * self.excess(model)).max(OF_NOISE * self.tolerated);
+        let enough = (MIN_SHARE_OF_EXCESS * self.excess(model)).max(MIN_SHARE_OF_NOISE * self.tolerated);
         // The linear step promises too much where forces change the motion that they depend on: what it lets hope is fitted.
         let gain = |own: &[usize]| {
             let promised = fits.promised(model, own).map_or(0.0, |error| power - error.powi(2));
@@ -169,10 +167,10 @@ impl Judge {
         }
         let mut best = (vec![first], alone);
         // One variable that tells most of it needs no second.
-        let few = if alone < ENOUGH * self.excess(model) { 2 } else { 0 };
+        let few = if alone < MIN_SHARE_OF_ONE_VARIABLE * self.excess(model) { 2 } else { 0 };
         for &(second, _) in singles.iter().skip(1).take(few) {
             let both = gain(&[first, second]);
-            if both > (1.0 + SECOND) * best.1.max(alone) {
+            if both > (1.0 + MIN_SHARE_OF_SECOND_VARIABLE) * best.1.max(alone) {
                 best = (vec![first, second], both);
             }
         }

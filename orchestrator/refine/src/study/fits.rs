@@ -1,4 +1,4 @@
-//! Fits of a study in simulation: the declared model alone and with candidates, and their error on spans kept back.
+//! Fits of a study in simulation: the declared model alone and with candidates, and their error on spans held out.
 
 use nalgebra::{Cholesky, DMatrix, DVector};
 
@@ -11,19 +11,19 @@ use crate::engine::fit::{Fit, Free, fit};
 use crate::engine::normal::{Columns, columns, dot};
 use crate::engine::parallel;
 
-/// Records from which on whole records are kept back; with fewer, spans of every record are, so that what is kept back
+/// Records from which on whole records are held out; with fewer, spans of every record are, so that what is held out
 /// lies within the conditions of the fit.
-const WHOLE_RECORDS: usize = 6;
+const MIN_RECORDS_FOR_WHOLE: usize = 6;
 /// Steps of fits that begin at the fit to all records.
-const WARM: usize = 5;
+const STEPS_FROM_FIT_TO_ALL: usize = 5;
 /// Share of the error by which steps of second order may differ.
-const QUICK: f64 = 1e-3;
+const MAX_ERROR_OF_SECOND_ORDER: f64 = 1e-3;
 /// Starts of a candidate from which on they are many.
-const MANY: usize = 8;
+const MIN_STARTS_FOR_SCREENING: usize = 8;
 /// Short windows in a window.
-const SHORT: f64 = 8.0;
+const SHORT_WINDOWS_PER_WINDOW: f64 = 8.0;
 /// Spans of a record otherwise.
-const SPANS: usize = 4;
+const SPANS_PER_RECORD: usize = 4;
 
 /// The declared model with some candidates, fitted.
 #[derive(Debug, Clone)]
@@ -34,20 +34,20 @@ pub struct Model {
     pub fit: Fit,
     /// Rms of the whitened residuals of that fit.
     pub error: f64,
-    /// Rms of the whitened residuals on what was kept back; NaN where it was not asked for.
-    pub held_back: f64,
-    /// For each part that was kept back: rms on it, and the parameters fitted without it.
+    /// Rms of the whitened residuals on what was held out; NaN where it was not asked for.
+    pub held_out: f64,
+    /// For each part that was held out: rms on it, and the parameters fitted without it.
     pub parts: Vec<(f64, Vec<f64>)>,
 }
 
 impl Model {
-    /// A fit with its error, not yet tried on what is kept back.
+    /// A fit with its error, not yet tried on what is held out.
     pub fn new(added: Vec<usize>, fit: Fit, error: f64) -> Model {
-        Model { added, fit, error, held_back: f64::NAN, parts: Vec::new() }
+        Model { added, fit, error, held_out: f64::NAN, parts: Vec::new() }
     }
 }
 
-/// Estimation records, what is kept back of them, and the scale of residuals.
+/// Estimation records, what is held out of them, and the scale of residuals.
 #[derive(Debug)]
 pub struct Fits<'a> {
     /// Study.
@@ -56,7 +56,7 @@ pub struct Fits<'a> {
     pub scale: Vec<f64>,
     /// Estimation records.
     pub pieces: Vec<Piece>,
-    /// What is fitted and what is kept back.
+    /// What is fitted and what is held out.
     pub folds: Vec<(Vec<Piece>, Vec<Piece>)>,
     /// Simulations with steps of second order.
     pub quick: bool,
@@ -81,8 +81,8 @@ fn settled(study: &Study, piece: &Piece) -> usize {
 }
 
 fn folds(study: &Study, pieces: &[Piece]) -> Vec<(Vec<Piece>, Vec<Piece>)> {
-    if pieces.len() >= WHOLE_RECORDS {
-        let groups = pieces.len().min(SPANS + 1);
+    if pieces.len() >= MIN_RECORDS_FOR_WHOLE {
+        let groups = pieces.len().min(SPANS_PER_RECORD + 1);
         let of = |group: usize, inside: bool| {
             let own = pieces.iter().enumerate().filter(|(i, _)| (i % groups == group) == inside);
             own.map(|(_, piece)| piece.clone()).collect::<Vec<_>>()
@@ -95,8 +95,10 @@ fn folds(study: &Study, pieces: &[Piece]) -> Vec<(Vec<Piece>, Vec<Piece>)> {
             let record = &study.records[piece.record];
             let unit = study.windows.map_or(1, |window| ((window / record.step).round() as usize).max(2));
             let units = piece.range.len() / unit;
-            let edge = |k: usize| piece.range.start + unit * (k * units / SPANS);
-            (0..SPANS).map(|k| Piece { record: piece.record, range: edge(k)..edge(k + 1) }).collect()
+            let edge = |k: usize| piece.range.start + unit * (k * units / SPANS_PER_RECORD);
+            (0..SPANS_PER_RECORD)
+                .map(|k| Piece { record: piece.record, range: edge(k)..edge(k + 1) })
+                .collect()
         })
         .collect();
     let fold = |k: usize| {
@@ -105,7 +107,7 @@ fn folds(study: &Study, pieces: &[Piece]) -> Vec<(Vec<Piece>, Vec<Piece>)> {
         let outside = outside.map(|(_, piece)| piece.clone()).filter(|piece| piece.range.len() > 8).collect();
         (outside, inside)
     };
-    (0..SPANS).map(fold).collect()
+    (0..SPANS_PER_RECORD).map(fold).collect()
 }
 
 /// Local parameters of a model on other pieces of the estimation records than those it was fitted to.
@@ -140,7 +142,7 @@ impl<'a> Fits<'a> {
         let square = |a: &f64, b: &f64| (a - b).powi(2);
         let apart = slow.iter().zip(&quick).map(|(a, b)| square(a, b)).sum::<f64>();
         let whole = slow.iter().map(|a| a * a).sum::<f64>();
-        self.quick = apart.is_finite() && apart < QUICK.powi(2) * whole;
+        self.quick = apart.is_finite() && apart < MAX_ERROR_OF_SECOND_ORDER.powi(2) * whole;
         self
     }
 
@@ -234,14 +236,14 @@ impl<'a> Fits<'a> {
     /// `base`.
     pub fn promises(&self, base: &Model, list: &[usize]) -> Vec<f64> {
         let starts = |c: usize| self.study.candidates[c].starts.len();
-        let many = |c: usize| self.study.windows.is_some() && starts(c) > MANY;
+        let many = |c: usize| self.study.windows.is_some() && starts(c) > MIN_STARTS_FOR_SCREENING;
         let around = |starts: usize| {
             let (pieces, locals) = self.screened(&base.fit, starts);
             let columns = self.columns_of(base, &pieces, &locals);
             (pieces, locals, columns)
         };
         let few = around(1);
-        let rare = list.iter().any(|&c| many(c)).then(|| around(MANY + 1));
+        let rare = list.iter().any(|&c| many(c)).then(|| around(MIN_STARTS_FOR_SCREENING + 1));
         parallel::map(list.len(), |i| {
             let (pieces, locals, shared) = if many(list[i]) { rare.as_ref().unwrap_or(&few) } else { &few };
             let before: f64 = shared.iter().map(|own| dot(&own.residuals, &own.residuals)).sum();
@@ -279,7 +281,8 @@ impl<'a> Fits<'a> {
         let records: Vec<usize> = (0..self.pieces.len()).collect();
         let view = self.view(&added, &self.pieces);
         let free = self.free(&added);
-        let found = fit(&view, &records, &base.fit.parameters, &free, &base.fit.locals, WARM);
+        let found =
+            fit(&view, &records, &base.fit.parameters, &free, &base.fit.locals, STEPS_FROM_FIT_TO_ALL);
         Some(rms(found.chi2, self.count(&self.pieces))).filter(|error| error.is_finite())
     }
 
@@ -316,7 +319,7 @@ impl<'a> Fits<'a> {
             let again = self.fit_from(found.added.clone(), &found.fit.parameters, &found.fit.locals)?;
             let settled = again.error > (1.0 - 1e-4) * found.error;
             if again.error <= found.error {
-                found = Model { held_back: found.held_back, parts: found.parts, ..again };
+                found = Model { held_out: found.held_out, parts: found.parts, ..again };
             }
             if settled {
                 break;
@@ -383,10 +386,11 @@ impl<'a> Fits<'a> {
         let Some(window) = self.study.windows else {
             return (self.pieces.clone(), fit.locals.clone());
         };
-        let every = if starts > MANY { 3 } else { 1 };
+        let every = if starts > MIN_STARTS_FOR_SCREENING { 3 } else { 1 };
         let mut found = Vec::new();
         for piece in &self.pieces {
-            let length = (window / SHORT / self.study.records[piece.record].step).round() as usize;
+            let length =
+                (window / SHORT_WINDOWS_PER_WINDOW / self.study.records[piece.record].step).round() as usize;
             let length = length.max(8);
             let begins = piece.range.clone().step_by(every * length);
             found.extend(begins.map(|begin| Piece {
@@ -398,22 +402,23 @@ impl<'a> Fits<'a> {
         (found, none)
     }
 
-    /// Error on what is kept back: everything fitted without it, then only its initial states on it.
-    pub fn hold_back(&self, model: &mut Model) {
-        if !model.held_back.is_nan() {
+    /// Error on what is held out: everything fitted without it, then only its initial states on it.
+    pub fn hold_out(&self, model: &mut Model) {
+        if !model.held_out.is_nan() {
             return;
         }
         let free = self.free(&model.added);
         let parts: &[f64] = if self.long() { &[0.3, 1.0] } else { &[1.0] };
         model.parts = parallel::map(self.folds.len(), |f| {
             let (outside, inside) = &self.folds[f];
-            let found = self.grow(&model.added, outside, &model.fit.parameters, &free, parts, WARM);
+            let found =
+                self.grow(&model.added, outside, &model.fit.parameters, &free, parts, STEPS_FROM_FIT_TO_ALL);
             let test = self.grow(&model.added, inside, &found.parameters, &[], parts, 8);
             (rms(test.chi2, self.count(inside)), found.parameters)
         });
         // The geometric mean: every fold counts by its own relative change.
         let logarithms: f64 = model.parts.iter().map(|(error, _)| error.max(1e-12).ln()).sum();
-        model.held_back = (logarithms / model.parts.len().max(1) as f64).exp();
+        model.held_out = (logarithms / model.parts.len().max(1) as f64).exp();
     }
 
     /// Sets the difference step of a candidate's entries so that it moves the residuals by a thousandth; false if

@@ -12,6 +12,7 @@
 //! are known, has a search of its own in `rig`.
 
 pub mod answer;
+mod blocks;
 pub mod by_share;
 pub mod catalogue;
 pub mod command;
@@ -22,8 +23,10 @@ pub mod errors;
 pub mod explain;
 pub mod fits;
 pub mod force;
+pub mod kinds;
 pub mod law;
 pub mod model;
+pub mod names;
 pub mod noise;
 pub mod open;
 pub mod physical;

@@ -18,9 +18,9 @@ use crate::engine::{Span, System, parallel};
 /// Simulations with noisy inputs that stand for all draws, each with either sign.
 const SIMULATED: usize = 24;
 /// Errors of smoothed derivatives as multiples of what smoothing once more does: smooth motion has lost some already.
-const TWICE: f64 = std::f64::consts::SQRT_2;
+const ERROR_OVER_SECOND_SMOOTHING: f64 = std::f64::consts::SQRT_2;
 /// Share of the errors of smoothed derivatives that is left where they are corrected by a model.
-const UNSURE: f64 = 0.2;
+const SHARE_LEFT_BY_CORRECTION: f64 = 0.2;
 
 /// Sensor of a column, in its unit: white noise before rounding, step.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -194,7 +194,13 @@ fn smoothing(
             sum
         });
         let again = processed(integral.collect(), &Signal { scale: None, ..signal.clone() }, record.step);
-        Some(again.iter().zip(values).map(|(again, once)| TWICE * (again - once)).collect())
+        Some(
+            again
+                .iter()
+                .zip(values)
+                .map(|(again, once)| ERROR_OVER_SECOND_SMOOTHING * (again - once))
+                .collect(),
+        )
     };
     study.sensors.signals[list].iter().zip(values).map(one).collect()
 }
@@ -228,7 +234,7 @@ fn slopes(view: &View, r: usize, p: &[f64], locals: &[f64], seed: u64) -> Slopes
     let states = match (measured, record.smoothed.is_empty()) {
         (false, _) => Vec::new(),
         (true, true) => smoothing(study, record, 1, &record.states),
-        (true, false) => known(record, if view.corrected { UNSURE } else { 1.0 }),
+        (true, false) => known(record, if view.corrected { SHARE_LEFT_BY_CORRECTION } else { 1.0 }),
     };
     let smoothed = Shift {
         states,

@@ -5,9 +5,10 @@ use std::path::PathBuf;
 use std::sync::Mutex;
 
 use super::Problem;
-use super::catalogue;
 use super::declaration::{Attachment, Declaration, File, Initial, Role, Value};
+use super::kinds;
 use super::model::{Entry, Level, Output, Study, Tap, Target};
+use super::names;
 use super::noise::SensorNoise;
 use super::plant::{self, Plant};
 use super::ports;
@@ -63,7 +64,7 @@ fn layout(file: &File, graph: &SystemGraph, plant: &Plant) -> Result<Layout, Err
     let mut inputs = vec![None; graph.inputs.len()];
     for (name, signal) in &declaration.inputs {
         let Some(index) = graph.inputs.iter().position(|input| input.name == *name) else {
-            let known = plant::known(graph, &[Causality::Input]);
+            let known = names::known(graph, &[Causality::Input]);
             return Err(file.refuse(signal, Problem::Name { what: "input", name: name.clone(), known }));
         };
         inputs[index] = Some(signal.get_ref().clone());
@@ -121,15 +122,15 @@ fn check(file: &File) -> Result<(), Error> {
     for spanned in &declaration.attachment {
         let attachment = spanned.get_ref();
         for channel in &attachment.channels {
-            if !catalogue::CHANNELS.contains(&channel.as_str()) {
+            if !kinds::CHANNELS.contains(&channel.as_str()) {
                 return Err(file.refuse(
                     spanned,
-                    format!("there is no channel `{channel}`; known are: {}", catalogue::CHANNELS.join(", ")),
+                    format!("there is no channel `{channel}`; known are: {}", kinds::CHANNELS.join(", ")),
                 ));
             }
         }
-        let known = catalogue::ids(&attachment.channels);
-        let known = if attachment.channels.is_empty() { catalogue::kinds_of_ports() } else { known };
+        let known = kinds::ids(&attachment.channels);
+        let known = if attachment.channels.is_empty() { kinds::kinds_of_ports() } else { known };
         for id in attachment.effects.iter().flatten() {
             if !known.contains(&id.as_str()) {
                 return Err(file.refuse(
@@ -159,7 +160,7 @@ fn parameters(file: &File, graph: &SystemGraph) -> Result<Values, Error> {
     let unknown = |name: &String| Problem::Name {
         what: "Real parameter",
         name: name.clone(),
-        known: plant::known(graph, &[Causality::Parameter]),
+        known: names::known(graph, &[Causality::Parameter]),
     };
     let mut fixed = Vec::new();
     for (name, value) in &declaration.parameters {
@@ -199,7 +200,7 @@ fn parameters(file: &File, graph: &SystemGraph) -> Result<Values, Error> {
         }
         let index = entries.len();
         let free_entry = Free { index, bounds, step: 1e-5 * start.abs().max(1e-6), prior: None };
-        let unit = plant::unit_of(graph, &free.parameter).unwrap_or_else(|| "1".into());
+        let unit = names::unit_of(graph, &free.parameter).unwrap_or_else(|| "1".into());
         let name = free.parameter.clone();
         entries.push(Entry { name, unit, target: Target::Declared(parameter), start, free: free_entry });
     }
@@ -239,7 +240,7 @@ fn taps(
         }
         for name in [&attachment.coulomb, &attachment.viscous, &attachment.bias].into_iter().flatten() {
             if Plant::parameter(graph, name).is_none() {
-                let known = plant::known(graph, &[Causality::Parameter]);
+                let known = names::known(graph, &[Causality::Parameter]);
                 let problem = Problem::Name { what: "Real parameter", name: name.clone(), known };
                 return Err(refuse(problem.to_string()));
             }
@@ -255,7 +256,7 @@ fn taps(
         if !(vt > 0.0 && vt.is_finite()) {
             return Err(refuse("vt must be above zero".into()));
         }
-        let unit = |name: &Option<String>| name.as_ref().and_then(|name| plant::unit_of(graph, name));
+        let unit = |name: &Option<String>| name.as_ref().and_then(|name| names::unit_of(graph, name));
         let units =
             [Some(attachment.input.clone()), attachment.velocity.clone(), attachment.position.clone()];
         let usual = if pole { ["N m", "rad/s", "rad"] } else { ["N", "m/s", "m"] };

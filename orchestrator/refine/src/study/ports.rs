@@ -6,11 +6,14 @@
 //! those belong together whose product of influences is largest: the inverse of a mass matrix is positive definite, so
 //! that the force of a joint moves its own joint more than it moves others. What a study states wins.
 
+use airloop_series::compound_unit;
 use airloop_series::units::{Exponents, Unit, lookup};
 
 use super::Problem;
 use super::declaration::{Attachment, File};
-use super::plant::{self, Plant, Sense};
+use super::names;
+use super::plant::{Plant, Sense};
+use crate::vocabulary::own::PortKind;
 use airloop_cosim::system::SystemGraph;
 use airloop_cosim::system::graph::{DataType, Source, unit_of};
 use airloop_fmi::Causality;
@@ -61,15 +64,24 @@ pub struct Duty {
 }
 
 /// Influence of a port on a state below this share of its largest one is rounding.
-const NOTHING: f64 = 1e-9;
+const MAX_ROUNDED_INFLUENCE: f64 = 1e-9;
 /// Ports whose assignment to velocities is tried in every order; more take the velocity that each moves most.
-const MOST_ASSIGNED: usize = 6;
+const MAX_ASSIGNED_PORTS: usize = 6;
 
 fn base(graph: &SystemGraph, component: usize, variable: usize) -> Option<Unit> {
     let description = &graph.components[component].fmu.description;
     let name = unit_of(&description.variables[variable])?;
     let own = description.units.iter().find(|unit| unit.name == name).and_then(|unit| unit.base);
     own.or_else(|| lookup(name))
+}
+
+/// What a port carries, by its unit: a force, a torque, a flow (of volume, mass, amount or heat), or else a signal.
+pub(crate) fn kind(unit: &str) -> PortKind {
+    match compound_unit::parse(unit) {
+        Some(own) if is_mechanical(&own) => [PortKind::Force, PortKind::Torque][own.exponents.m as usize - 1],
+        Some(own) if is_flow(&own) => PortKind::Flow,
+        _ => PortKind::Signal,
+    }
 }
 
 fn is_mechanical(unit: &Unit) -> bool {
@@ -180,7 +192,7 @@ fn influence(sense: &Sense, port: usize, state: usize) -> f64 {
     let own = &sense.influence[port];
     let largest = own.iter().fold(0.0f64, |a, b| a.max(b.abs()));
     let value = own[state].abs();
-    if value > NOTHING * largest { value } else { 0.0 }
+    if value > MAX_ROUNDED_INFLUENCE * largest { value } else { 0.0 }
 }
 
 /// State whose rate is this state, wherever the system is.
@@ -197,7 +209,7 @@ fn integral(sense: &Sense, velocity: usize) -> Option<usize> {
 }
 
 fn is_speed(graph: &SystemGraph, name: &str) -> bool {
-    let unit = plant::unit_of(graph, name).and_then(|unit| lookup(&unit));
+    let unit = names::unit_of(graph, name).and_then(|unit| lookup(&unit));
     unit.is_some_and(|unit| {
         let Exponents { kg, m, s, .. } = unit.exponents;
         (kg, s) == (0, -1) && (m == 1 || m == 0 && unit.exponents.rad != 0)
@@ -230,7 +242,7 @@ fn is_alike(sense: &Sense, a: usize, b: usize) -> bool {
 /// One state for each port, so that the product of the influences is largest; ports without a choice stay without.
 fn assigned(choices: &[Vec<(usize, f64)>]) -> Vec<Option<usize>> {
     let most = |own: &Vec<(usize, f64)>| own.iter().max_by(|a, b| a.1.total_cmp(&b.1)).map(|own| own.0);
-    if choices.len() > MOST_ASSIGNED {
+    if choices.len() > MAX_ASSIGNED_PORTS {
         return choices.iter().map(most).collect();
     }
     let mut best = (f64::NEG_INFINITY, Vec::new());

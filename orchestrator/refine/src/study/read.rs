@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::ops::Range;
 
 use super::declaration::{File, ForceRule, Initial, InitialWord, Role, Signal};
-use super::{plant, signal};
+use super::{names, signal};
 use crate::Error;
 use airloop_cosim::system::SystemGraph;
 use airloop_series::units::{Compatibility, compatible, lookup};
@@ -117,6 +117,9 @@ fn median_step(time: &[f64]) -> f64 {
 /// Samples by which stamps may be off a uniform grid: more is resampled by the stamps.
 const MAX_DRIFT: f64 = 0.25;
 
+/// Samples of one file that are held at most: more are a slip of the unit of `step_s`.
+const MAX_SAMPLES: f64 = 1e7;
+
 /// Step of a file: the median, or the mean where all steps are near it, so that nothing adds up over the file.
 fn own_step(time: &[f64]) -> f64 {
     let median = median_step(time);
@@ -148,6 +151,12 @@ fn grid(series: TimeSeries, step: Option<f64>) -> Result<Grid, String> {
     let drift = time.iter().enumerate().map(drift).fold(0.0, f64::max);
     if time.windows(2).all(regular) && drift < MAX_DRIFT * step {
         return Ok(Grid { held: series.clone(), raw: series.clone(), series, step, gaps: 0 });
+    }
+    let samples = (span / step).floor() + 1.0;
+    if samples > MAX_SAMPLES {
+        return Err(format!(
+            "a step of {step} s makes {samples:e} samples of a file of {span} s, where at most {MAX_SAMPLES:e} are held; give a longer step_s"
+        ));
     }
     let count = (span / step * (1.0 + 1e-12)) as usize + 1;
     let axis: Vec<f64> = (0..count).map(|k| time[0] + k as f64 * step).collect();
@@ -430,7 +439,7 @@ fn factors(grid: &Grid, layout: &Layout) -> Result<[Vec<f64>; 4], String> {
 
 /// Unit of a signal of the system, where it has one.
 pub fn unit(graph: &SystemGraph, name: &str) -> Option<String> {
-    plant::unit_of(graph, name).filter(|unit| lookup(unit).is_some())
+    names::unit_of(graph, name).filter(|unit| lookup(unit).is_some())
 }
 
 #[cfg(test)]

@@ -1,4 +1,4 @@
-//! Which candidates are missing: step by step with a look ahead to pairs, judged on what was kept back.
+//! Which candidates are missing: step by step with a look ahead to pairs, judged on what was held out.
 
 use std::sync::OnceLock;
 
@@ -11,25 +11,25 @@ use super::physical::{fitting, physical};
 use crate::answer::Stability;
 use crate::engine::{parallel, stop};
 
-/// Share by which the error on what is kept back has to fall for an effect to be added.
-pub const WORTH: f64 = 0.05;
+/// Share by which the error on what is held out has to fall for an effect to be added.
+pub const MIN_FALL_OF_HELD_OUT: f64 = 0.05;
 /// Share of the declared model's error that an effect has to take away.
-pub const NOTEWORTHY: f64 = 0.02;
+pub const MIN_SHARE_OF_DECLARED: f64 = 0.02;
 /// Candidates whose errors differ by less than this share are equally good; the simplest is taken.
-pub const EQUAL: f64 = 0.03;
-/// Models of each step whose error on what is kept back is computed.
-const LOOKED_AT: usize = 3;
+pub const MAX_DIFFERENCE_OF_EQUALS: f64 = 0.03;
+/// Models of each step whose error on what is held out is computed.
+const HELD_OUT_MODELS: usize = 3;
 /// Candidates that are fitted on top of the declared model, and beside effects found before: those whose linear step
 /// promises most.
-const HOPEFUL: (usize, usize) = (24, 16);
+const FITTED_CANDIDATES: (usize, usize) = (24, 16);
 /// Singles that pairs are made of.
-const PAIRED: usize = 6;
+const PAIRED_SINGLES: usize = 6;
 /// Effects that are exchanged at most.
-const EXCHANGED: usize = 4;
+const MAX_EXCHANGES: usize = 4;
 /// Ratio of errors on a part of the records from which on an effect helps there.
-const BETTER: f64 = 0.99;
-/// Share of the error on what is kept back from which on an effect helps clearly, on however few parts.
-const CLEAR: f64 = 0.15;
+const MAX_ERROR_RATIO_ON_PART: f64 = 0.99;
+/// Share of the error on what is held out from which on an effect helps clearly, on however few parts.
+const MIN_GAIN_ON_FEW_PARTS: f64 = 0.15;
 
 /// Outcome.
 #[derive(Debug, Clone)]
@@ -42,7 +42,7 @@ pub struct Selection {
     pub equals: Vec<(usize, Model)>,
     /// Single candidates on top of the declared model, best first.
     pub singles: Vec<Model>,
-    /// Errors on what was kept back after each step: effects so far, error.
+    /// Errors on what was held out after each step: effects so far, error.
     pub path: Vec<(Vec<usize>, f64)>,
     /// How each effect of the answer holds on parts of the records.
     pub stability: Vec<Stability>,
@@ -59,11 +59,11 @@ fn complexity(candidates: &[Candidate], model: &Model) -> usize {
 
 /// The simplest of the models that are about as good as the best, then the best of those.
 fn choose(study: &Study, models: Vec<Model>) -> Option<Model> {
-    let least = models.iter().map(|model| model.held_back).fold(f64::INFINITY, f64::min);
-    let near = models.into_iter().filter(|model| model.held_back <= (1.0 + EQUAL) * least);
+    let least = models.iter().map(|model| model.held_out).fold(f64::INFINITY, f64::min);
+    let near = models.into_iter().filter(|model| model.held_out <= (1.0 + MAX_DIFFERENCE_OF_EQUALS) * least);
     near.min_by(|a, b| {
         let key = |model: &Model| complexity(&study.candidates, model);
-        key(a).cmp(&key(b)).then(a.held_back.total_cmp(&b.held_back))
+        key(a).cmp(&key(b)).then(a.held_out.total_cmp(&b.held_out))
     })
 }
 
@@ -105,22 +105,26 @@ impl<'a> Search<'a> {
                 let unreal = !physical(self.study(), &best);
                 let simpler = |model: &Model| unreal || complexity(candidates, model) < size;
                 let near = |model: &Model| {
-                    let most = if simpler(model) { 1.0 + EQUAL } else { 1.0 + 0.2 * EQUAL };
+                    let most = if simpler(model) {
+                        1.0 + MAX_DIFFERENCE_OF_EQUALS
+                    } else {
+                        1.0 + 0.2 * MAX_DIFFERENCE_OF_EQUALS
+                    };
                     !model.added.contains(&c) && model.error <= most * best.error
                 };
-                let found = self.extend(&base).into_iter().filter(near).take(LOOKED_AT);
+                let found = self.extend(&base).into_iter().filter(near).take(HELD_OUT_MODELS);
                 let mut found: Vec<Model> = found.collect();
-                found.iter_mut().for_each(|model| self.fits.hold_back(model));
+                found.iter_mut().for_each(|model| self.fits.hold_out(model));
                 let better = |model: &Model| {
                     let as_simple = complexity(candidates, model) <= size && model.error < best.error;
                     let most = match (simpler(model), as_simple) {
-                        (true, _) => 1.0 + EQUAL,
+                        (true, _) => 1.0 + MAX_DIFFERENCE_OF_EQUALS,
                         (false, true) => 1.0,
-                        (false, false) => 1.0 - EQUAL,
+                        (false, false) => 1.0 - MAX_DIFFERENCE_OF_EQUALS,
                     };
-                    model.held_back < most * best.held_back
+                    model.held_out < most * best.held_out
                 };
-                if exchanged < EXCHANGED
+                if exchanged < MAX_EXCHANGES
                     && let Some(at) = found.iter().position(better)
                 {
                     best = found.swap_remove(at);
@@ -128,8 +132,8 @@ impl<'a> Search<'a> {
                     continue 'again;
                 }
                 let equal = |model: &Model| {
-                    model.error < (1.0 + 0.2 * EQUAL) * best.error
-                        && model.held_back < (1.0 + 0.2 * EQUAL) * best.held_back
+                    model.error < (1.0 + 0.2 * MAX_DIFFERENCE_OF_EQUALS) * best.error
+                        && model.held_out < (1.0 + 0.2 * MAX_DIFFERENCE_OF_EQUALS) * best.held_out
                 };
                 equals.extend(found.into_iter().filter(equal).map(|model| (c, model)));
             }
@@ -152,7 +156,7 @@ impl<'a> Search<'a> {
             !own.probe && !base.added.contains(c) && own.needs.is_none_or(|needs| base.added.contains(&needs))
         };
         let mut open: Vec<usize> = (0..self.study().candidates.len()).filter(may).collect();
-        let most = if base.added.is_empty() { HOPEFUL.0 } else { HOPEFUL.1 };
+        let most = if base.added.is_empty() { FITTED_CANDIDATES.0 } else { FITTED_CANDIDATES.1 };
         if open.len() > most {
             let mut ranked: Vec<(f64, usize)> =
                 self.fits.promises(base, &open).into_iter().zip(open).collect();
@@ -167,13 +171,13 @@ impl<'a> Search<'a> {
         found
     }
 
-    /// The best of some models on what is kept back.
+    /// The best of some models on what is held out.
     fn judge(&self, models: &[Model]) -> Option<Model> {
         let least = models.first().map_or(0.0, |model| model.error);
-        // What fits much worse will not be better on what is kept back.
-        let near = models.iter().take(LOOKED_AT).filter(|model| model.error <= 1.2 * least);
+        // What fits much worse will not be better on what is held out.
+        let near = models.iter().take(HELD_OUT_MODELS).filter(|model| model.error <= 1.2 * least);
         let mut near: Vec<Model> = near.cloned().collect();
-        near.iter_mut().for_each(|model| self.fits.hold_back(model));
+        near.iter_mut().for_each(|model| self.fits.hold_out(model));
         choose(self.study(), near)
     }
 
@@ -186,9 +190,9 @@ impl<'a> Search<'a> {
     fn paired(&self, base: &Model, singles: &[Model]) -> Vec<Model> {
         let mut found: Vec<Model> = Vec::new();
         let last = |model: &Model| model.added.last().copied();
-        let wanted: Vec<usize> = singles.iter().take(PAIRED).filter_map(last).collect();
+        let wanted: Vec<usize> = singles.iter().take(PAIRED_SINGLES).filter_map(last).collect();
         let mut jobs = Vec::new();
-        for (i, single) in singles.iter().take(PAIRED).enumerate() {
+        for (i, single) in singles.iter().take(PAIRED_SINGLES).enumerate() {
             let own = last(single);
             jobs.extend(wanted[i + 1..].iter().map(|&c| (i, c)));
             // What acts on the Coulomb level comes with it.
@@ -208,39 +212,39 @@ impl<'a> Search<'a> {
     /// Adds effects to `from` one by one (first two where only the pair is worth it) up to `most`.
     fn climb(&self, from: Model, most: usize, path: &mut Vec<(Vec<usize>, f64)>) -> Model {
         // What takes away next to nothing of the declared model's error is no finding, however little is left.
-        let least = path.first().map_or(0.0, |(_, error)| NOTEWORTHY * error);
+        let least = path.first().map_or(0.0, |(_, error)| MIN_SHARE_OF_DECLARED * error);
         let mut best = from;
         while best.added.len() < most && !stop::asked() && !self.enough(&best) {
             (self.say)(&format!("searching effect {}", best.added.len() + 1));
-            let worth = ((1.0 - WORTH) * best.held_back).min(best.held_back - least);
+            let worth = ((1.0 - MIN_FALL_OF_HELD_OUT) * best.held_out).min(best.held_out - least);
             let singles = self.extend(&best);
-            // What gains too little where it was fitted gains no more on what is kept back.
+            // What gains too little where it was fitted gains no more on what is held out.
             let gains = |model: &&Model| {
                 best.error - model.error > least || self.judge.halves(best.error, model.error)
             };
             let promising: Vec<Model> = singles.iter().filter(gains).cloned().collect();
-            // Near the noise, spans that are kept back show little, as their own initial states take much up.
+            // Near the noise, spans that are held out show little, as their own initial states take much up.
             let near = |model: &Model| {
-                self.judge.halves(best.error, model.error)
-                    && self.judge.falls(best.held_back, model.held_back)
+                self.judge.halves(best.error, model.error) && self.judge.falls(best.held_out, model.held_out)
             };
-            let halves = |model: &Model| self.judge.halves(best.held_back, model.held_back) || near(model);
+            let halves = |model: &Model| self.judge.halves(best.held_out, model.held_out) || near(model);
             // Beside an effect, the next one has to take away some of what is left; less is for the search for shares.
             let notable =
-                |model: &Model| best.added.is_empty() || self.judge.lessens(best.held_back, model.held_back);
+                |model: &Model| best.added.is_empty() || self.judge.lessens(best.held_out, model.held_out);
             let single = self.judge(&promising);
-            let single = single.filter(|model| model.held_back < worth && notable(model) || halves(model));
+            let single = single.filter(|model| model.held_out < worth && notable(model) || halves(model));
             let next = match single {
                 Some(model) => Some(model),
                 None if best.added.is_empty() && most >= 2 => {
                     let pairs = self.pairs(&best, &singles);
-                    self.judge(&pairs).filter(|model| model.held_back < (1.0 - 2.0 * WORTH) * best.held_back)
+                    self.judge(&pairs)
+                        .filter(|model| model.held_out < (1.0 - 2.0 * MIN_FALL_OF_HELD_OUT) * best.held_out)
                 }
                 None => None,
             };
             let Some(next) = next else { break };
             best = next;
-            path.push((best.added.clone(), best.held_back));
+            path.push((best.added.clone(), best.held_out));
         }
         best
     }
@@ -267,8 +271,8 @@ impl<'a> Search<'a> {
                 if without.error > 1.3 * best.error {
                     continue;
                 }
-                self.fits.hold_back(&mut without);
-                let as_good = without.held_back <= (1.0 + 0.5 * WORTH) * best.held_back;
+                self.fits.hold_out(&mut without);
+                let as_good = without.held_out <= (1.0 + 0.5 * MIN_FALL_OF_HELD_OUT) * best.held_out;
                 if (as_good || self.enough(&without)) && fitting(self.study(), &without) {
                     best = without;
                     continue 'again;
@@ -279,9 +283,9 @@ impl<'a> Search<'a> {
         best
     }
 
-    /// How the effects of a model hold on the parts that were kept back.
+    /// How the effects of a model hold on the parts that were held out.
     fn stability(&self, best: &mut Model) -> Vec<Stability> {
-        self.fits.hold_back(best);
+        self.fits.hold_out(best);
         let best = &*best;
         let candidates = &self.study().candidates;
         let one = |&c: &usize| {
@@ -289,10 +293,13 @@ impl<'a> Search<'a> {
             let rest: Vec<usize> = best.added.iter().copied().filter(|&other| !own(other)).collect();
             let without = self.fits.fit_from(rest, &best.fit.parameters, &best.fit.locals);
             let parts = without.map_or_else(Vec::new, |mut model| {
-                self.fits.hold_back(&mut model);
+                self.fits.hold_out(&mut model);
                 model.parts
             });
-            let better = parts.iter().zip(&best.parts).filter(|(without, with)| with.0 < BETTER * without.0);
+            let better = parts
+                .iter()
+                .zip(&best.parts)
+                .filter(|(without, with)| with.0 < MAX_ERROR_RATIO_ON_PART * without.0);
             let range = |k: usize| {
                 let values = best.parts.iter().map(|(_, p)| effects::physical(self.study(), c, p)[k]);
                 values.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), v| (a.min(v), b.max(v)))
@@ -305,7 +312,7 @@ impl<'a> Search<'a> {
         best.added.iter().map(one).collect()
     }
 
-    /// Leaves effects out that help on no more than half of the parts that were kept back and not clearly, or whose strength changes its
+    /// Leaves effects out that help on no more than half of the parts that were held out and not clearly, or whose strength changes its
     /// sign between them.
     fn steady(&self, mut best: Model) -> (Model, Vec<Stability>, Vec<(usize, Stability)>) {
         let mut refused = Vec::new();
@@ -319,7 +326,7 @@ impl<'a> Search<'a> {
                 let turns = own.ranges.first().is_some_and(|range| range.0 < 0.0 && range.1 > 0.0);
                 let needed =
                     best.added.iter().any(|&c| self.study().candidates[c].needs == Some(best.added[k]));
-                let rarely = 2 * own.better <= own.parts && own.gain < CLEAR;
+                let rarely = 2 * own.better <= own.parts && own.gain < MIN_GAIN_ON_FEW_PARTS;
                 company && !needed && (rarely || turns && own.better < own.parts)
             };
             let worst = stability.iter().enumerate().filter(|&(k, own)| unsteady((k, own)));
@@ -343,7 +350,7 @@ pub fn confirm(fits: &Fits, judge: &Judge, mut selection: Selection, say: Say) -
     let best = &selection.best;
     let again = fits.fit_from(best.added.clone(), &best.fit.parameters, &best.fit.locals);
     let Some(mut best) = again.filter(|model| !model.added.is_empty()) else { return selection };
-    fits.hold_back(&mut best);
+    fits.hold_out(&mut best);
     let before = best.added.len();
     let mut best = search.prune(best);
     if best.added.len() < before {
@@ -358,9 +365,9 @@ pub fn confirm(fits: &Fits, judge: &Judge, mut selection: Selection, say: Say) -
 pub fn search(fits: &Fits, judge: &Judge, declared: Model, most: usize, say: Say) -> Selection {
     let search = Search::new(fits, judge, say);
     let mut declared = declared;
-    fits.hold_back(&mut declared);
+    fits.hold_out(&mut declared);
     if judge.explained(fits, &declared) {
-        let path = vec![(Vec::new(), declared.held_back)];
+        let path = vec![(Vec::new(), declared.held_out)];
         let best = declared.clone();
         let (equals, singles) = (Vec::new(), Vec::new());
         return Selection {
@@ -373,7 +380,7 @@ pub fn search(fits: &Fits, judge: &Judge, declared: Model, most: usize, say: Say
             refused: Vec::new(),
         };
     }
-    let mut path = vec![(Vec::new(), declared.held_back)];
+    let mut path = vec![(Vec::new(), declared.held_out)];
     say("candidates one by one");
     let singles = search.extend(&declared);
     let mut best = search.climb(declared.clone(), most, &mut path);
@@ -381,12 +388,14 @@ pub fn search(fits: &Fits, judge: &Judge, declared: Model, most: usize, say: Say
     if most >= 2 && best.added.len() != 1 {
         let pairs = search.pairs(&declared, &singles);
         if let Some(pair) = search.judge(&pairs) {
-            let second = path.iter().find(|(added, _)| added.len() == 2).map_or(declared.held_back, |s| s.1);
-            let worth = (1.0 - if best.added.is_empty() { 2.0 * WORTH } else { EQUAL }) * second;
-            if pair.held_back < worth {
-                let mut other = vec![path[0].clone(), (pair.added.clone(), pair.held_back)];
+            let second = path.iter().find(|(added, _)| added.len() == 2).map_or(declared.held_out, |s| s.1);
+            let worth = (1.0
+                - if best.added.is_empty() { 2.0 * MIN_FALL_OF_HELD_OUT } else { MAX_DIFFERENCE_OF_EQUALS })
+                * second;
+            if pair.held_out < worth {
+                let mut other = vec![path[0].clone(), (pair.added.clone(), pair.held_out)];
                 let climbed = search.climb(pair, most, &mut other);
-                if climbed.held_back < (1.0 - EQUAL) * best.held_back {
+                if climbed.held_out < (1.0 - MAX_DIFFERENCE_OF_EQUALS) * best.held_out {
                     (best, path) = (climbed, other);
                 }
             }

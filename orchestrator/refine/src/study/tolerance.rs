@@ -4,7 +4,8 @@ use airloop_series::units::{Exponents, lookup};
 
 use super::declaration::File;
 use super::model::{Entry, Study, Target};
-use super::plant::{self, Plant};
+use super::names;
+use super::plant::Plant;
 use crate::Error;
 use crate::engine::fit::Free;
 use airloop_cosim::system::SystemGraph;
@@ -56,7 +57,7 @@ pub fn check(file: &File, graph: &SystemGraph) -> Result<(), Error> {
     for (name, spanned) in &file.declaration.tolerance {
         let value = *spanned.get_ref();
         if Plant::parameter(graph, name).is_none() {
-            let known = plant::known(graph, &[Causality::Parameter]);
+            let known = names::known(graph, &[Causality::Parameter]);
             return Err(file.refuse(
                 spanned,
                 format!("[tolerance]: there is no Real parameter `{name}`; known are: {known}"),
@@ -82,7 +83,7 @@ pub fn fill(study: &mut Study, file: &File) {
         let Some((parameter, start, bounds)) = Plant::parameter(&study.graph, &name) else { continue };
         let set = study.fixed.iter().find(|(own, _)| *own == parameter).map(|(_, value)| *value);
         let declared = set.unwrap_or(start);
-        let unit = plant::unit_of(&study.graph, &name);
+        let unit = names::unit_of(&study.graph, &name);
         let stated = file.declaration.tolerance.get(&name).map(|spanned| *spanned.get_ref());
         let Some(tolerance) = stated.or_else(|| usual(unit.as_deref())).filter(|_| declared != 0.0) else {
             continue;

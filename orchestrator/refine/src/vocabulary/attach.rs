@@ -7,14 +7,15 @@ use airloop_series::compound_unit;
 use super::own::{Own, VARIABLES};
 use super::units;
 use crate::engine::fit::Free;
-use crate::study::catalogue::{CHANNELS, Candidate};
+use crate::study::catalogue::Candidate;
 use crate::study::declaration::Attachment;
+use crate::study::kinds::CHANNELS;
 use crate::study::law::{Law, Point};
 use crate::study::model::{Action, Entry, Study, Target};
-use crate::study::plant;
+use crate::study::names;
 
 /// Size from which on a state has run away.
-const RUN_AWAY: f64 = 1e12;
+const MAX_STATE: f64 = 1e12;
 /// Ranges that parameters without bounds may take, in sizes of their start.
 const MAX_CHANGE: f64 = 1e3;
 
@@ -66,7 +67,7 @@ fn fits(study: &Study, attachment: &Attachment, own: &Own) -> Result<(), String>
             let key = ["position", "velocity"][i];
             return Err(format!("the formula needs {name}; name its signal with `{key}`"));
         };
-        let Some(unit) = plant::unit_of(&study.graph, signal) else { continue };
+        let Some(unit) = names::unit_of(&study.graph, signal) else { continue };
         let Some(known) = compound_unit::parse(&unit) else {
             return Err(format!("unit `{unit}` of {signal} is not known"));
         };
@@ -120,7 +121,7 @@ fn fault(own: &Own, p: &[f64], step: f64, points: &[Point]) -> Option<String> {
             ));
         }
         own.advance(at, &mut z, p, step);
-        if let Some(i) = z.iter().position(|z| z.is_nan() || z.abs() >= RUN_AWAY) {
+        if let Some(i) = z.iter().position(|z| z.is_nan() || z.abs() >= MAX_STATE) {
             let (name, rate) = &own.states[i];
             return Some(format!(
                 "state {name} with the rate `{rate}` runs away {:.4} s after the beginning of a record",

@@ -5,7 +5,8 @@
 //! Variables of the types Binary and Clock are listed as unread. Terminals and icons are not read.
 
 use super::attributes::Range;
-use super::{DescriptionError, Interface, ModelDescription, NamingConvention, UnreadVariable};
+use super::read::{shared, shared_capabilities};
+use super::{DescriptionError, Interface, ModelDescription, UnreadVariable};
 use crate::xml::Element;
 
 mod structure;
@@ -29,27 +30,11 @@ pub(super) fn read(
     let initial_unknowns = list("InitialUnknown")?;
     let event_indicators = list("EventIndicator")?.len();
     Ok(ModelDescription {
-        fmi_version: root.required("fmiVersion")?.to_owned(),
-        model_name: root.text("modelName"),
         guid: root.required("instantiationToken")?.to_owned(),
-        description: root.text("description"),
-        author: root.text("author"),
-        version: root.text("version"),
-        generation_tool: root.text("generationTool"),
-        variable_naming_convention: root
-            .word(
-                "variableNamingConvention",
-                &[("flat", NamingConvention::Flat), ("structured", NamingConvention::Structured)],
-            )?
-            .unwrap_or_default(),
         number_of_event_indicators: event_indicators,
-        states_number_of_event_indicators: true,
         co_simulation,
         model_exchange,
-        units: super::read::units(root)?,
         types,
-        log_categories: super::read::log_categories(root)?,
-        default_experiment: super::read::default_experiment(root)?,
         variables: read.variables,
         outputs,
         derivatives,
@@ -57,6 +42,7 @@ pub(super) fn read(
         unread: read.unread,
         index: read.index,
         layout: Some(read.layout),
+        ..shared(root)?
     })
 }
 
@@ -78,21 +64,13 @@ fn interfaces(root: &Element) -> Result<Interfaces, DescriptionError> {
 }
 
 fn interface(element: &Element) -> Result<Interface, DescriptionError> {
-    let flag = |name| Ok::<_, DescriptionError>(element.boolean(name)?.unwrap_or(false));
     Ok(Interface {
-        model_identifier: element.required("modelIdentifier")?.to_owned(),
-        needs_execution_tool: flag("needsExecutionTool")?,
-        can_handle_variable_communication_step_size: flag("canHandleVariableCommunicationStepSize")?,
         fixed_internal_step_size: element.real("fixedInternalStepSize", Range::Finite)?,
-        can_interpolate_inputs: false,
-        max_output_derivative_order: element.integer("maxOutputDerivativeOrder")?.unwrap_or(0),
-        can_run_asynchronuously: false,
-        can_be_instantiated_only_once_per_process: flag("canBeInstantiatedOnlyOncePerProcess")?,
-        can_not_use_memory_management_functions: false,
-        can_get_and_set_fmu_state: flag("canGetAndSetFMUState")?,
-        can_serialize_fmu_state: flag("canSerializeFMUState")?,
-        provides_directional_derivative: flag("providesDirectionalDerivatives")?,
+        can_get_and_set_fmu_state: element.flag("canGetAndSetFMUState")?,
+        can_serialize_fmu_state: element.flag("canSerializeFMUState")?,
+        provides_directional_derivative: element.flag("providesDirectionalDerivatives")?,
         completed_integrator_step_not_needed: element.boolean("needsCompletedIntegratorStep")? == Some(false),
+        ..shared_capabilities(element)?
     })
 }
 

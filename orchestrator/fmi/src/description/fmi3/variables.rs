@@ -8,7 +8,7 @@ use std::sync::Arc;
 use super::super::layout::{BaseType, Layout, Resize, Slot, Whole};
 use super::super::{
     Causality, DescriptionError, Initial, TypeDefinition, UnreadVariable, Variability, Variable,
-    VariableKind, allowed_initials,
+    VariableKind, kinds, roles,
 };
 use super::{MAX_SCALARS, types};
 use crate::xml::Element;
@@ -64,7 +64,7 @@ pub(super) fn read(
     for element in &list.children {
         let reference = match element.name.as_str() {
             "Annotations" => continue,
-            _ => reference(element)?,
+            _ => element.value_reference()?,
         };
         if places.insert(reference, 0..0).is_some() {
             return Err(element.error(format!("another variable has the valueReference {reference}")));
@@ -122,10 +122,6 @@ pub(super) fn read(
     Ok(Read { variables, unread, index, layout, places })
 }
 
-fn reference(element: &Element) -> Result<u32, DescriptionError> {
-    element.integer("valueReference")?.ok_or_else(|| element.error("the attribute valueReference is missing"))
-}
-
 /// A variable that may be the length of a dimension.
 struct Size {
     value: usize,
@@ -142,7 +138,7 @@ fn sizes(list: &Element, structure: &[(String, i32)]) -> Result<HashMap<u32, Siz
     }
     let mut sizes = HashMap::new();
     for element in list.children.iter().filter(|element| element.attribute("valueReference").is_some()) {
-        let reference = reference(element)?;
+        let reference = element.value_reference()?;
         let integer = BaseType::of(&element.name).is_some_and(|base| base.range().is_some());
         if !integer || (!used.contains(&reference) && element.children("Dimension").next().is_some()) {
             continue;
@@ -321,74 +317,29 @@ fn variable(
 ) -> Result<Variable, DescriptionError> {
     let Declared { element, base, .. } = *declared;
     let name = element.required("name")?.to_owned();
-    let declared_type = element.attribute("declaredType").filter(|name| !name.is_empty());
-    let definition = declared_type
-        .map(|name| {
-            types.get(name).copied().ok_or_else(|| {
-                element.error(format!("declaredType=\"{name}\" is not among the TypeDefinitions"))
-            })
-        })
-        .transpose()?;
-    let enumeration = match (element.name == "Enumeration", declared_type) {
-        (true, None) => return Err(element.error("an Enumeration needs the attribute declaredType")),
-        (true, Some(name)) => Some(name.to_owned()),
-        (false, _) => None,
+    let definition = kinds::declared(element, element, base.carried_as(&element.name), types)?;
+    let enumeration = match element.name.as_str() {
+        "Enumeration" => Some(kinds::enumeration(element, definition)?),
+        _ => None,
     };
-    let causality = element
-        .word(
-            "causality",
-            &[
-                ("parameter", Causality::Parameter),
-                ("structuralParameter", Causality::Parameter),
-                ("calculatedParameter", Causality::CalculatedParameter),
-                ("input", Causality::Input),
-                ("output", Causality::Output),
-                ("local", Causality::Local),
-                ("independent", Causality::Independent),
-            ],
-        )?
-        .unwrap_or(Causality::Local);
+    let causality = roles::causality(element, true)?;
     let default_variability = match causality {
         Causality::Parameter | Causality::CalculatedParameter => Variability::Fixed,
         _ if base.is_float() => Variability::Continuous,
         _ => Variability::Discrete,
     };
-    let variability = element
-        .word(
-            "variability",
-            &[
-                ("constant", Variability::Constant),
-                ("fixed", Variability::Fixed),
-                ("tunable", Variability::Tunable),
-                ("discrete", Variability::Discrete),
-                ("continuous", Variability::Continuous),
-            ],
-        )?
-        .unwrap_or(default_variability);
-    let written = element.word(
-        "initial",
-        &[("exact", Initial::Exact), ("approx", Initial::Approx), ("calculated", Initial::Calculated)],
-    )?;
+    let variability = roles::variability(element)?.unwrap_or(default_variability);
     // FMI 3.0 allows initial="exact" at inputs, where it says what holds anyway.
-    let declared_initial = written.filter(|_| causality != Causality::Input);
-    let allowed = allowed_initials(causality, variability).unwrap_or_default();
-    let initial = declared_initial.filter(|initial| allowed.contains(initial)).or(allowed.first().copied());
-    let kind = types::kind(element, base, enumeration, definition)?;
-    if let Some(definition) = definition
-        && definition.kind.name() != kind.name()
-    {
-        let (other, own) = (definition.kind.name(), kind.name());
-        return Err(element.error(format!("its declaredType \"{}\" is {other}, not {own}", definition.name)));
-    }
+    let declared_initial = roles::declared_initial(element)?.filter(|_| causality != Causality::Input);
     Ok(Variable {
         name,
         value_reference: 0,
         description: element.text("description"),
         causality,
         variability,
-        initial,
+        initial: roles::initial(causality, variability, declared_initial),
         declared_initial,
-        kind,
+        kind: types::kind(element, base, enumeration, definition)?,
         can_handle_multiple_set: element.boolean("canHandleMultipleSetPerTimeInstant")?,
         line: element.line,
     })

@@ -1,0 +1,133 @@
+//! What forward selection is asked, and what it finds.
+
+use super::System;
+use super::candidate::Candidate;
+use super::fit::Free;
+use super::held_out::HeldOut;
+use super::search::Model;
+use super::settings::ForwardSelection as Settings;
+
+/// A declared parameter that may be off within its tolerance.
+#[derive(Debug, Clone, Copy)]
+pub struct Correction {
+    /// Its correction, with the tolerance as prior and bounds as far as a correction may go.
+    pub free: Free,
+    /// Candidate that does the same, if there is one: its first parameter is the correction times `declared`.
+    pub effect: Option<usize>,
+    /// Declared value.
+    pub declared: f64,
+}
+
+/// What is searched.
+pub struct Question<'a> {
+    /// System.
+    pub system: &'a dyn System,
+    /// Error of its predictions.
+    pub held_out: &'a HeldOut<'a>,
+    /// Candidates.
+    pub candidates: &'a [Candidate],
+    /// Corrections of the declared parameters.
+    pub corrections: &'a [Correction],
+    /// Parameter vector of the declared model.
+    pub declared: &'a [f64],
+    /// Declared parameters that every fit is free to choose.
+    pub always: &'a [Free],
+    /// Local parameters of the declared model, by position in `records`; empty vectors where there are none.
+    pub locals: Vec<Vec<f64>>,
+    /// Whether a candidate may join the effects found before.
+    pub may_join: &'a (dyn Fn(usize, &[usize]) -> bool + Sync),
+    /// Sets of effects that another search found, with parameters to start from.
+    pub proposals: &'a [(Vec<usize>, Vec<f64>)],
+    /// Whether two effects are tried together where none is accepted alone.
+    pub pairs: bool,
+    /// Candidates that are free forms over one variable: they join nothing, but tell whether effects have the right form.
+    pub free_forms: &'a [usize],
+    /// Estimation records.
+    pub records: Vec<usize>,
+    /// Positions in `records` of those that candidates are screened on.
+    pub screened: Vec<usize>,
+    /// Folds of positions in `records`, each held out in turn.
+    pub folds: Vec<Vec<usize>>,
+    /// Why a fitted candidate makes no sense, if it does not.
+    pub sense: &'a (dyn Fn(&Candidate, &Model) -> Option<String> + Sync),
+    /// Settings.
+    pub settings: Settings,
+    /// Most effects.
+    pub most: usize,
+}
+
+/// A candidate that was fitted beside the corrections and the effects found before it.
+#[derive(Debug, Clone)]
+pub struct Tried {
+    /// Candidate.
+    pub candidate: usize,
+    /// The fit.
+    pub model: Model,
+    /// Fall of the weighted sum of squares.
+    pub gain: f64,
+    /// Fall of the error on held-out records, as a share of the error of the declared model.
+    pub held_out: f64,
+    /// Error that is left on the held-out records \[units\].
+    pub error: f64,
+    /// Share of the error of the model before it that it takes away without any correction.
+    pub alone: f64,
+    /// Why it was not accepted.
+    pub rejected: Option<String>,
+}
+
+/// One step of the forward selection.
+#[derive(Debug, Clone)]
+pub struct Step {
+    /// Effects found before.
+    pub added: Vec<usize>,
+    /// Candidates that were fitted, best first.
+    pub tried: Vec<Tried>,
+}
+
+/// What was found.
+#[derive(Debug, Clone)]
+pub struct Found {
+    /// Corrections alone.
+    pub base: Model,
+    /// Corrections and effects.
+    pub best: Model,
+    /// Steps, the last one without an accepted candidate unless `most` was reached.
+    pub steps: Vec<Step>,
+    /// Candidates that the records cannot tell from an accepted one: accepted, other model.
+    pub equals: Vec<(usize, Tried)>,
+    /// Error of the declared model on the estimation records \[units\].
+    pub declared_error: f64,
+    /// The free form that takes away much more than the effects do, if one does.
+    pub free_form: Option<FreeForm>,
+}
+
+/// A free form that takes away more of the error than the effects.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct FreeForm {
+    /// Candidate.
+    pub candidate: usize,
+    /// Share of the error on held-out records, beyond the corrections, that it takes away.
+    pub share: f64,
+}
+
+impl Question<'_> {
+    /// Corrections beside the effects `added`, without those that an effect takes the place of, and what is always free.
+    pub(super) fn beside(&self, added: &[usize]) -> Vec<Free> {
+        let kept = |c: &&Correction| !c.effect.is_some_and(|effect| added.contains(&effect));
+        self.always.iter().copied().chain(self.corrections.iter().filter(kept).map(|c| c.free)).collect()
+    }
+
+    /// The correction that a candidate takes the place of.
+    pub(super) fn same(&self, candidate: usize) -> Option<&Correction> {
+        self.corrections.iter().find(|c| c.effect == Some(candidate))
+    }
+
+    /// Parameters with only these effects: every correction as declared.
+    pub(super) fn without_corrections(&self, p: &[f64], added: &[usize]) -> Vec<f64> {
+        let mut q = self.declared.to_vec();
+        for free in added.iter().flat_map(|&c| &self.candidates[c].free).chain(self.always) {
+            q[free.index] = p[free.index];
+        }
+        q
+    }
+}

@@ -1,0 +1,164 @@
+//! At which port of a study, and over which variables, a free form takes most of what is left.
+
+use super::free_form::FreeForm;
+use super::study::{Finder, Found, Outcome};
+use super::surface::Surface;
+use crate::answer::Answer;
+use crate::engine::stop;
+use crate::study::catalogue;
+use crate::study::explain::Judge;
+use crate::study::fits::Model;
+use crate::study::law::Variable;
+use crate::study::model::Study;
+
+/// Share of what is left above noise that a free form has to take away for a law to be looked for.
+const MIN_SHARE_OF_EXCESS: f64 = 0.2;
+/// Share of a second variable in what one leaves, from which on both are needed.
+const MIN_SHARE_OF_SECOND_VARIABLE: f64 = 0.15;
+/// Knots of a variable while variables are compared, of the one that is chosen, and of each of two.
+const SCREENING_KNOTS: usize = 10;
+pub(super) const CURVE_KNOTS: usize = 20;
+const SURFACE_KNOTS: usize = 6;
+/// Weight of the gain of a form over the value that passes.
+const WEIGHT_OF_VALUE: f64 = 0.5;
+/// Share of the best variable's gain from which on another is looked at closely.
+const MIN_GAIN_OVER_BEST: f64 = 0.5;
+/// Fall of the held-out error that a free form must bring, in variances of the noise.
+const MIN_GAIN_IN_NOISE: f64 = 30.0;
+/// Share of the least error that counts as above noise where it is at the noise.
+const MIN_EXCESS_OF_LEAST: f64 = 0.03;
+/// Error in rms of the noise from which on a law with a memory is tried.
+const MIN_ERROR_FOR_MEMORY: f64 = 1.5;
+/// Ratio of the error of a law with a memory to the least without one, below which it is taken.
+const MAX_ERROR_WITH_MEMORY: f64 = 0.6;
+
+/// Attachments and variables over which free forms are looked for.
+fn places(study: &Study) -> Vec<(usize, Variable)> {
+    let mut found = Vec::new();
+    for (tap, own) in study.taps.iter().enumerate() {
+        let input = study.graph.inputs.iter().position(|input| input.name == own.name);
+        let fed = input.is_some_and(|i| study.records.iter().all(|record| record.inputs[i].is_some()));
+        // Of ports that act alike one stands for all.
+        let forces = own.attachment.port.is_none_or(|duty| duty.forces);
+        let variables = [
+            (Variable::Position, forces && own.signals[1].is_some()),
+            (Variable::Velocity, forces && own.signals[0].is_some()),
+            (Variable::Value, fed),
+            (Variable::Time, forces),
+        ];
+        let here = variables.into_iter().filter(|(variable, there)| {
+            *there && catalogue::channel_of(&own.attachment, *variable).is_some()
+        });
+        found.extend(here.map(|(variable, _)| (tap, variable)));
+    }
+    found
+}
+
+impl Finder<'_> {
+    pub(super) fn find(
+        &self,
+        study: &mut Study,
+        judge: &Judge,
+        declared: &Model,
+        answer: &Answer,
+    ) -> Option<Outcome> {
+        (self.say)("free forms at the ports");
+        let mut singles = Vec::new();
+        for (tap, variable) in places(study) {
+            let count = if variable == Variable::Time { 16 } else { SCREENING_KNOTS };
+            let Some(knots) = self.knots(study, tap, variable, count) else { continue };
+            let surface = Surface { variables: vec![variable], knots: vec![knots] };
+            if let Some(form) = self.form(study, declared, tap, surface) {
+                singles.push(form);
+            }
+        }
+        // The value that passes drives the motion, so that it seems to tell what the motion tells.
+        let gain = |form: &FreeForm| {
+            let drives = form.surface.variables == [Variable::Value];
+            form.at.gain() * if drives { WEIGHT_OF_VALUE } else { 1.0 }
+        };
+        singles.sort_by(|a, b| gain(b).total_cmp(&gain(a)));
+        let best = singles.first()?;
+        let most = gain(best);
+        let one = self.noise / self.samples(study).max(1) as f64;
+        let enough = |form: &FreeForm| {
+            let excess = (form.at.smooth.without - self.noise).max(0.0);
+            gain(form) > (MIN_SHARE_OF_EXCESS * excess).max(MIN_GAIN_IN_NOISE * one)
+        };
+        let (tap, first) = (best.tap, best.surface.variables[0]);
+        let mut forms: Vec<FreeForm> = Vec::new();
+        for form in singles.iter().take(2).filter(|form| form.tap == tap) {
+            if gain(form) < MIN_GAIN_OVER_BEST * most {
+                continue;
+            }
+            let variable = form.surface.variables[0];
+            let count = if variable == Variable::Time { 30 } else { CURVE_KNOTS };
+            let Some(knots) = self.knots(study, tap, variable, count) else { continue };
+            let surface = Surface { variables: vec![variable], knots: vec![knots] };
+            let fine = self.form(study, declared, tap, surface);
+            forms.extend(fine.and_then(|form| self.towards(study, form)));
+        }
+        // Two variables where one leaves much.
+        let mut pairs = Vec::new();
+        let (x, v) = (Variable::Position, Variable::Velocity);
+        let mut combined = vec![[x, v]];
+        for second in [x, v, Variable::Value, Variable::Time] {
+            let mut both = [first, second];
+            both.sort_by_key(|own| {
+                [x, v, Variable::Value].iter().position(|known| known == own).unwrap_or(3)
+            });
+            if second != first && !combined.contains(&both) {
+                combined.push(both);
+            }
+        }
+        for variables in combined {
+            if stop::asked() {
+                continue;
+            }
+            let knots: Option<Vec<Vec<f64>>> =
+                variables.iter().map(|own| self.knots(study, tap, *own, SURFACE_KNOTS)).collect();
+            let Some(knots) = knots else { continue };
+            let surface = Surface { variables: variables.into(), knots };
+            let left = forms.iter().map(|own| own.at.smooth.held_out).fold(f64::INFINITY, f64::min);
+            if left < 1.2 * self.noise {
+                break;
+            }
+            if let Some(form) = self.form(study, declared, tap, surface) {
+                pairs.push(form);
+            }
+        }
+        pairs.sort_by(|a, b| a.at.smooth.held_out.total_cmp(&b.at.smooth.held_out));
+        if let Some(pair) = pairs.into_iter().next() {
+            forms.extend(self.towards(study, pair));
+        }
+        forms.sort_by(|a, b| a.at.smooth.held_out.total_cmp(&b.at.smooth.held_out));
+        let least = forms.first()?.at.smooth.held_out;
+        // What one variable leaves may be as much more than what two leave.
+        let more = MIN_SHARE_OF_SECOND_VARIABLE * (least - self.noise).max(MIN_EXCESS_OF_LEAST * least);
+        let simple =
+            |form: &FreeForm| form.surface.variables.len() == 1 && form.at.smooth.held_out < least + more;
+        let at = forms.iter().position(simple).unwrap_or(0);
+        let form = forms.swap_remove(at);
+        let law = if enough(&form) { self.law(study, judge, declared, &form) } else { None };
+        let left = law.as_ref().map_or(declared.error, |own| own.model.error);
+        let memory = if left > MIN_ERROR_FOR_MEMORY * judge.tolerated.sqrt() {
+            self.memory(study, declared)
+        } else {
+            None
+        };
+        let found = match memory {
+            Some((tap, model, effect)) if model.error < MAX_ERROR_WITH_MEMORY * left => {
+                let (axes, variables) = (Vec::new(), vec![Variable::Velocity]);
+                let (named, share, rivals) = (true, 1.0, Vec::new());
+                Found { tap, variables, curve: Vec::new(), effect, model, named, share, rivals, axes }
+            }
+            _ => law?,
+        };
+        self.say_law(study, judge, declared, found, answer)
+    }
+
+    /// Samples of the estimation records, of all outputs.
+    fn samples(&self, study: &Study) -> usize {
+        self.trace.first().map_or(0, Vec::len) * study.outputs.len()
+    }
+}

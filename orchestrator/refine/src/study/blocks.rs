@@ -1,0 +1,144 @@
+//! The blocks of candidates while a system is simulated: their states, and what they do to the values that pass.
+
+use std::cell::{Cell, RefCell};
+use std::ops::Range;
+
+use super::law::{Law, Point, preslide, shape};
+use super::model::Study;
+use crate::vocabulary::own::STATES;
+
+/// Largest values seen at the attachments.
+#[derive(Debug, Clone, Default)]
+pub struct Survey {
+    /// For each attachment: ranges of velocity, position, pressure force, pressure, and of the value that passes.
+    pub ranges: Vec<[(f64, f64); 5]>,
+}
+
+impl Survey {
+    pub(super) fn see(&mut self, tap: usize, values: [f64; 5]) {
+        for (range, value) in self.ranges[tap].iter_mut().zip(values) {
+            *range = (range.0.min(value), range.1.max(value));
+        }
+    }
+}
+
+/// A law that acts: its parameters, its states in those of the blocks.
+pub(super) type Acting = (Law, Range<usize>, Range<usize>);
+
+/// States of the blocks and what they need besides the slots.
+pub(super) struct Blocks<'a> {
+    pub(super) study: &'a Study,
+    pub(super) p: &'a [f64],
+    /// For each tap: law, its parameters, its states in `z`.
+    pub(super) laws: Vec<Vec<Acting>>,
+    pub(super) z: Vec<f64>,
+    /// Time of the sample \[s\].
+    pub(super) time: f64,
+    /// Time of the evaluation \[s\].
+    pub(super) now: Cell<f64>,
+    /// For each tap: the value that came in last.
+    pub(super) seen: Vec<Cell<f64>>,
+    /// For each tap: what was seen at the sample, and last, with the time of that.
+    pub(super) within: Vec<[Cell<Point>; 2]>,
+    pub(super) survey: Option<RefCell<Survey>>,
+    /// What the laws depend on at every sample, `[taps][n]`; empty: not asked for.
+    pub(super) trace: Vec<Vec<Point>>,
+    /// States at every sample of a trace, `[n][nx]`.
+    pub(super) states: Vec<Vec<f64>>,
+}
+
+impl Blocks<'_> {
+    /// What the laws at an attachment depend on.
+    pub(super) fn point(&self, tap: usize, slots: &[f64]) -> Point {
+        let at = |slot: Option<usize>| slot.map_or(0.0, |slot| slots[slot]);
+        let [velocity, position, pressure_force, pressure] = self.study.taps[tap].signals.map(at);
+        let value = self.seen[tap].get();
+        Point { velocity, position, pressure_force, pressure, time: self.time, value }
+    }
+
+    /// Coulomb level that presliding acts on: declared and added.
+    pub(super) fn level(&self, tap: usize) -> f64 {
+        let declared = self.study.taps[tap].coulomb.map_or(0.0, |level| level.of(self.p));
+        let added = self.laws[tap].iter().find(|(law, ..)| *law == Law::Coulomb);
+        declared + added.map_or(0.0, |(_, range, _)| self.p[range.start])
+    }
+
+    /// The value behind an attachment.
+    pub(super) fn pass(&self, tap: usize, value: f64, slots: &[f64]) -> f64 {
+        self.seen[tap].set(value);
+        let point = self.point(tap, slots);
+        if let Some(survey) = &self.survey {
+            let Point { velocity, position, pressure_force, pressure, .. } = point;
+            survey.borrow_mut().see(tap, [velocity, position, pressure_force, pressure, value]);
+        }
+        if self.laws[tap].is_empty() {
+            return value;
+        }
+        let own = &self.study.taps[tap];
+        // Coulomb friction that is fitted with the velocity of its sign change gives it to all friction here.
+        let fitted = self.laws[tap].iter().find(|(law, range, _)| *law == Law::Coulomb && range.len() == 2);
+        let vt = fitted.map_or(own.vt, |(_, range, _)| self.p[range.start + 1]);
+        let s = (point.velocity / vt).tanh();
+        let mut value = value;
+        for (law, range, states) in &self.laws[tap] {
+            let p = &self.p[range.clone()];
+            if let Law::Own(index) = *law {
+                let (own, at) = (&self.study.own[index], Point { value, time: self.now.get(), ..point });
+                let mut z = [0.0; STATES];
+                z[..states.len()].copy_from_slice(&self.z[states.clone()]);
+                if !states.is_empty() {
+                    let mean = self.see(tap, at).mean(at);
+                    own.advance(mean.variables(), &mut z[..states.len()], p, at.time - self.time);
+                }
+                let found = own.value(at.variables(), &z, p);
+                value = if own.port.replaces() { found } else { value - self.study.taps[tap].sign * found };
+            } else if let Law::Surface(index) = *law {
+                let at = Point { value, time: self.now.get(), ..point };
+                value -= own.sign * self.study.surfaces[index].value(p, &at);
+            } else if law.changes_command() {
+                value = law.command(p, &point, value);
+            } else if let Law::Shape(variable) = *law {
+                value -= shape(variable, p, self.study.range(tap, variable), point.of(variable));
+            } else {
+                let level = if *law == Law::Presliding { self.level(tap) } else { 0.0 };
+                // What is added to a value is added to it whatever it drives.
+                let sign = if *law == Law::Bias { 1.0 } else { own.sign };
+                value -= sign * law.force(p, &point, s, self.z[states.start], level);
+            }
+        }
+        value
+    }
+
+    /// Keeps what a tap shows; gives what it showed at the sample.
+    pub(super) fn see(&self, tap: usize, at: Point) -> Point {
+        let [sample, last] = &self.within[tap];
+        if at.time <= self.time {
+            sample.set(at);
+        }
+        last.set(at);
+        sample.get()
+    }
+
+    /// Moves the states of the laws on, from what the attachments showed at the sample.
+    pub(super) fn advance(&mut self, step: f64, points: &[Point]) {
+        for ((point, laws), [sample, last]) in points.iter().zip(&self.laws).zip(&self.within) {
+            for (law, range, states) in laws {
+                let z = &mut self.z[states.clone()];
+                match *law {
+                    Law::Presliding => z[0] = preslide(z[0], point.velocity, self.p[range.start], step),
+                    Law::Own(index) => {
+                        // The mean over the step, from what the stages of the integration have shown.
+                        let (sample, last) = (sample.get(), last.get());
+                        let part =
+                            if last.time > self.time { 0.5 * step / (last.time - self.time) } else { 0.0 };
+                        let mean = sample.towards(last, part);
+                        self.study.own[index].advance(mean.variables(), z, &self.p[range.clone()], step);
+                    }
+                    _ => {}
+                }
+            }
+        }
+        self.time += step;
+        self.now.set(self.time);
+    }
+}
