@@ -225,5 +225,5 @@ text = true
     assert_eq!(rows[3][2..5], ["1", "tasks/000002/result", "1"]);
     assert!(place.read("out/tasks/000000/result/summary.json").contains("\"status\": \"completed\""));
     place.succeeds("report out");
-    assert!(place.read("out/index.html").contains("href=\"tasks/000000/result/index.html\""));
+    assert!(place.read("out/index.html").contains("href=\"tasks/000000/result\""));
 }

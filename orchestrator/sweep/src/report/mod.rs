@@ -45,7 +45,7 @@ pub fn write(folder: &Path) -> Result<PathBuf, Error> {
     let plan = manifest.file()?;
     let columns = read(folder, &manifest)?;
     let page = page(&manifest, &plan, &columns);
-    let text = with_links(html(&page), &columns);
+    let text = with_links(html(&page), &columns, folder);
     let path = folder.join(PAGE);
     write_whole(&path, |out| out.write_all(text.as_bytes())).map_err(Error::io(&path))?;
     Ok(path)
@@ -189,13 +189,16 @@ fn groups(group: &Values, numbers: &[&Values]) -> Table {
     }
 }
 
-/// Adds links to the folders of commands.
-fn with_links(html: String, columns: &[Values]) -> String {
+/// Adds links to the pages of commands, or to their folders where they wrote none.
+fn with_links(html: String, columns: &[Values], sweep: &Path) -> String {
     let folders = columns.iter().find(|one| one.column.name == "folder" && one.column.kind == Type::Text);
     let Some(folders) = folders else { return html };
+    let target = |folder: &str| {
+        let pages = ["index.html", "report.html"].map(|page| format!("{folder}/{page}"));
+        pages.into_iter().find(|page| sweep.join(page).exists()).unwrap_or_else(|| folder.to_owned())
+    };
     let line = |(task, folder): (usize, &String)| {
-        let folder = escape(folder);
-        format!("<li>task {task}: <a href=\"{folder}/index.html\">{folder}</a></li>\n")
+        format!("<li>task {task}: <a href=\"{}\">{}</a></li>\n", escape(&target(folder)), escape(folder))
     };
     let links = folders.texts.iter().enumerate().filter(|(_, folder)| !folder.is_empty()).take(MAX_LINKS);
     let links: String = links.map(line).collect();
