@@ -1,5 +1,5 @@
 # `make demo` and `make test` work on a fresh machine with Rust, a C compiler and Python 3: each sets up what is missing first.
-.PHONY: demo docs test test-wheel wheel check bench fuzz study study-isolation study-refine study-refine-messy study-systems study-laws study-foreign study-swing-up study-walker fmu windows setup setup-build clean
+.PHONY: demo docs test test-slurm test-wheel wheel check bench fuzz study study-isolation study-refine study-refine-messy study-systems study-laws study-foreign study-sweep study-swing-up study-walker fmu windows setup setup-build clean
 export CARGO_NET_RETRY ?= 10
 # A build that happens once gains nothing from files for the next one; they cost a fifth of its time.
 ifdef CI
@@ -24,6 +24,17 @@ wheel: setup-build   ## the Python package, with program and FMUs: out/wheel/air
 
 test-wheel: wheel    ## the wheel in a fresh environment, with its type stubs: python/tests
 	python/test.sh out/wheel
+
+test-slurm: fmu      ## a sweep on a Slurm cluster of three nodes on this computer, one of them killed; as root
+	if [ "$$(id -u)" = 0 ] && ! command -v slurmd >/dev/null; then apt-get update -qq && apt-get install -y -qq slurmctld slurmd slurm-client munge; fi
+	python3 tests/slurm/run.py target/release/airloop
+
+study-sweep: fmu     ## sweeps killed at random times and by dask, and the cost of 1e3 to 1e6 tasks
+	scripts/setup.sh study
+	.venv/bin/python -m pip install --quiet --disable-pip-version-check 'dask[distributed]==2026.8.0'
+	.venv/bin/python tests/study/sweep/dask_shards.py target/release/airloop
+	python3 tests/study/sweep/kills.py target/release/airloop 20
+	python3 tests/study/sweep/cost.py target/release/airloop
 
 docs: setup-build    ## the documentation site, every link checked: out/site/index.html
 	.venv/bin/python -m pip install --quiet --disable-pip-version-check -r docs/site/requirements.txt

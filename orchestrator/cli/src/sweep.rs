@@ -13,7 +13,7 @@ use std::sync::atomic::AtomicBool;
 use airloop::Error;
 use airloop_sweep::manifest::{Manifest, short};
 use airloop_sweep::shard::{Done, Runner, Shard};
-use airloop_sweep::{Error as SweepError, merge, slurm};
+use airloop_sweep::{Error as SweepError, merge, report, slurm};
 use clap::{Subcommand, ValueEnum};
 use indicatif::{ProgressBar, ProgressStyle};
 
@@ -36,6 +36,8 @@ pub enum Command {
     Run(RunArgs),
     /// Write results.csv and results.parquet from finished shards, of any number and from any machine.
     Merge(FolderArgs),
+    /// Draw what was merged: numbers of every quantity, causes of failures, influence of the factors (index.html).
+    Report(FolderArgs),
     /// Tell how many tasks are done and have failed.
     Status(FolderArgs),
     /// Run a plan here, or hand its shards to a cluster as one job array.
@@ -140,6 +142,7 @@ pub fn run(command: &Command) -> Result<ExitCode, Error> {
             run_shards(args)
         }
         Command::Merge(args) => merge(args),
+        Command::Report(args) => report(args),
         Command::Status(args) => status(args),
         Command::Submit(args) => {
             args.isolate.choose()?;
@@ -183,7 +186,7 @@ fn plan(args: &PlanArgs) -> Result<ExitCode, SweepError> {
 
 fn run_shards(args: &RunArgs) -> Result<ExitCode, SweepError> {
     let threads = args.threads.map_or_else(processors, |threads| threads as usize);
-    let runner = Runner::open(&args.folder, threads)?;
+    let runner = Runner::open(&args.folder, threads, args.isolate.isolate != IsolateChoice::None)?;
     let shards = match &args.shard {
         Some(shard) => vec![shard.parse()?],
         None => all(runner.manifest.shards),
@@ -253,6 +256,14 @@ fn merge(args: &FolderArgs) -> Result<ExitCode, SweepError> {
     Ok(ExitCode::SUCCESS)
 }
 
+fn report(args: &FolderArgs) -> Result<ExitCode, SweepError> {
+    let page = report::write(&args.folder)?;
+    if !args.quiet {
+        output::print(&format!("report: {}\n", page.display()))?;
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
 fn status(args: &FolderArgs) -> Result<ExitCode, SweepError> {
     let status = merge::status(&args.folder)?;
     let mut text =
@@ -281,7 +292,7 @@ fn status(args: &FolderArgs) -> Result<ExitCode, SweepError> {
 fn submit(args: &SubmitArgs) -> Result<ExitCode, SweepError> {
     if args.engine == Engine::Local {
         let threads = args.threads.map_or_else(processors, |threads| threads as usize);
-        let runner = Runner::open(&args.folder, threads)?;
+        let runner = Runner::open(&args.folder, threads, args.isolate.isolate != IsolateChoice::None)?;
         let shards = args.shards.unwrap_or(runner.manifest.shards);
         return run_all(&runner, &all(shards), args.quiet);
     }

@@ -5,7 +5,7 @@
 //! machine that sees the folder, in any order, again after a crash. [`merge::merge`] makes one table of them, whose bytes
 //! do not depend on the number of shards, threads or machines.
 //!
-//! [`slurm`] hands shards to a cluster. Nothing is drawn here.
+//! [`slurm`] hands shards to a cluster, [`report`] draws what was merged.
 
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]
@@ -17,6 +17,7 @@ pub mod file;
 pub mod manifest;
 pub mod merge;
 mod parquet_file;
+pub mod report;
 pub mod sample;
 pub mod shard;
 pub mod slurm;

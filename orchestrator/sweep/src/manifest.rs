@@ -4,6 +4,7 @@
 //! and any machine can begin anywhere.
 
 use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
 
 use airloop_series::random::Random;
 use serde::{Deserialize, Serialize};
@@ -44,8 +45,14 @@ impl Program {
     /// # Errors
     /// Its file cannot be read.
     pub fn this() -> Result<Program, Error> {
+        // It is the program that runs, also where its file is replaced meanwhile.
+        static THIS: OnceLock<Program> = OnceLock::new();
+        if let Some(program) = THIS.get() {
+            return Ok(program.clone());
+        }
         let path = std::env::current_exe().map_err(Error::io(Path::new("this program")))?;
-        Ok(Program { version: env!("CARGO_PKG_VERSION").into(), sha256: digest::of_path(&path)? })
+        let program = Program { version: env!("CARGO_PKG_VERSION").into(), sha256: digest::of_path(&path)? };
+        Ok(THIS.get_or_init(|| program).clone())
     }
 }
 
@@ -217,8 +224,8 @@ pub struct Tasks {
     design: Design,
     names: Vec<String>,
     seed: u64,
-    /// Whether the tasks have consecutive seeds, as trials do.
-    counted: bool,
+    /// Number of consecutive seeds that tasks have in turn; trials only.
+    counted: Option<u64>,
 }
 
 impl Tasks {
@@ -231,17 +238,21 @@ impl Tasks {
             design: design(plan, base)?,
             names: plan.factors.iter().map(|factor| factor.name.clone()).collect(),
             seed: plan.seed,
-            counted: plan.kind == Kind::Trials,
+            counted: plan
+                .trials
+                .as_ref()
+                .filter(|_| plan.kind == Kind::Trials)
+                .map(|trials| trials.count.max(1)),
         })
     }
 
     /// A task.
     pub fn task(&self, number: u64) -> Task {
         let seed = match self.counted {
-            true => self.seed.wrapping_add(number),
-            false => Random::numbered(self.seed, number).bits(),
+            Some(count) => self.seed.wrapping_add(number % count),
+            None => Random::numbered(self.seed, number).bits(),
         };
-        let values = if self.counted { Vec::new() } else { self.design.point(number) };
+        let values = if self.counted.is_some() { Vec::new() } else { self.design.point(number) };
         Task { number, seed, values: self.names.iter().cloned().zip(values).collect() }
     }
 }

@@ -119,20 +119,22 @@ pub struct Runner {
     tasks: Tasks,
     work: Box<dyn Work>,
     threads: usize,
+    isolated: bool,
 }
 
 impl Runner {
-    /// Opens the sweep of a folder for this many threads, and checks that program and inputs are those of the plan.
+    /// Opens the sweep of a folder for this many threads, and checks that program and inputs are those of the plan;
+    /// `isolated` says whether FMUs run in processes of their own.
     ///
     /// # Errors
     /// [`Error::Changed`], [`Error::Program`], or whatever opening the plan says.
-    pub fn open(folder: &Path, threads: usize) -> Result<Runner, Error> {
+    pub fn open(folder: &Path, threads: usize, isolated: bool) -> Result<Runner, Error> {
         let manifest = Manifest::read(folder)?;
         manifest.check()?;
         let plan = manifest.file()?;
         let tasks = Tasks::new(&plan, &manifest.base)?;
         let work = task::open(&plan, &manifest.base)?;
-        Ok(Runner { folder: folder.into(), manifest, tasks, work, threads: threads.max(1) })
+        Ok(Runner { folder: folder.into(), manifest, tasks, work, threads: threads.max(1), isolated })
     }
 
     /// Runs a shard, or skips it if it is finished. `progress` is told the tasks done.
@@ -222,7 +224,7 @@ impl Runner {
 
     /// The line of a task, and whether it is ok; none if it was interrupted.
     fn row(&self, task: &Task, stop: &AtomicBool) -> Option<(String, bool)> {
-        let outcome = self.work.run(task, Place { folder: &self.folder, stop })?;
+        let outcome = self.work.run(task, Place { folder: &self.folder, stop, isolated: self.isolated })?;
         let mut cells = leading_cells(task);
         cells.extend(outcome.cells);
         cells.push(Cell::Text(outcome.status.into()));

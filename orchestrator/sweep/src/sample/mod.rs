@@ -88,9 +88,9 @@ impl Design {
             let problem = format!("{} factors; a Sobol' sequence has at most 64", ranges.len());
             return Err(Error::Plan { place: "[sample] method".into(), problem });
         }
-        let levels = ranges.iter().map(Range::levels);
+        let mut levels = ranges.iter().map(Range::levels);
         let tasks = match method {
-            Method::Grid => levels.fold(Some(count), |all, levels| all?.checked_mul(levels)),
+            Method::Grid => levels.try_fold(count, u64::checked_mul),
             _ => Some(count),
         };
         let tasks = tasks.filter(|tasks| *tasks <= 1 << 32).ok_or_else(|| Error::Plan {

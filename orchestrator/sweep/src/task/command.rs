@@ -2,7 +2,7 @@
 
 use std::fs::File;
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command as Process, Stdio};
+use std::process::{Child, Command as Process, ExitStatus, Stdio};
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
@@ -19,6 +19,9 @@ const LOG: &str = "log.txt";
 const LOOK: Duration = Duration::from_millis(20);
 /// Commands that may be tasks.
 const COMMANDS: [&str; 6] = ["run", "identify", "optimize", "refine", "stabilize", "trials"];
+
+/// Exit codes of `airloop refine` other than 0 that are no failure.
+const VERDICTS: std::ops::RangeInclusive<i32> = 10..=13;
 
 /// Commands of this program.
 pub struct Command {
@@ -105,7 +108,7 @@ impl Command {
         loop {
             match child.0.try_wait() {
                 Err(error) => return failed(error.to_string()),
-                Ok(Some(status)) if status.success() => return Some(Ok(())),
+                Ok(Some(status)) if self.is_result(status) => return Some(Ok(())),
                 Ok(Some(_)) if place.stop.load(Ordering::Relaxed) => return None,
                 Ok(Some(status)) => {
                     let log = std::fs::read_to_string(output.join(LOG)).unwrap_or_default();
@@ -120,6 +123,12 @@ impl Command {
                 Ok(None) => std::thread::sleep(LOOK),
             }
         }
+    }
+
+    /// Whether a command ended with a result; the verdicts of `refine` are exit codes.
+    fn is_result(&self, status: ExitStatus) -> bool {
+        let verdict = self.words[0] == "refine" && status.code().is_some_and(|code| VERDICTS.contains(&code));
+        status.success() || verdict
     }
 
     fn start(&self, task: &Task, output: &Path) -> std::io::Result<Child> {

@@ -53,6 +53,8 @@ pub struct Place<'a> {
     pub folder: &'a Path,
     /// Set when the run is interrupted.
     pub stop: &'a AtomicBool,
+    /// Whether FMUs run in processes of their own: then each task opens its own, so that a crash costs no other task.
+    pub isolated: bool,
 }
 
 /// A kind of tasks, opened.

@@ -57,7 +57,7 @@ mod tests {
         let values: Vec<f64> = time.iter().map(|t| 2.0 * (pi * t + 0.1).sin()).collect();
         let last = *values.last().unwrap();
         let mut series = TimeSeries::new(time).unwrap();
-        series.push("x".into(), None, values).unwrap();
+        series.push("x", None, values).unwrap();
         let get = |what, level, direction| of(&series, "x", what, level, direction);
         // Straight lines between rows of 1 ms bend by less than (pi 1e-3)^2 / 8 of the amplitude.
         let near =

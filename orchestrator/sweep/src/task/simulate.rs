@@ -113,8 +113,8 @@ impl Simulate {
         })
     }
 
-    /// Runs what `with` does on the setup of a task.
-    fn with_setup<T>(&self, task: &Task, with: impl FnOnce(&Setup) -> T) -> Result<T, Error> {
+    /// Does something with the setup of a task, with FMUs that are shared or `fresh`.
+    fn with_setup<T>(&self, task: &Task, fresh: bool, with: impl FnOnce(&Setup) -> T) -> Result<T, Error> {
         let mut run = self.run.clone();
         let mut set = self.set.clone();
         for (name, value) in &task.values {
@@ -139,9 +139,14 @@ impl Simulate {
         let algorithm = run.master.as_deref().map_or(Ok(Algorithm::default()), master)?;
         let graph = self.graphs.iter().find(|(one, _)| *one == algorithm);
         let (_, graph) = graph.expect("a system was opened for every master of the plan");
+        let graph = match fresh {
+            true => SystemGraph::open_for(&self.system, simulation::interface(algorithm))
+                .map_err(airloop::Error::from)?,
+            false => graph.clone(),
+        };
         let input = run.input.as_ref().and_then(|name| self.inputs.iter().find(|one| one.name == *name));
         let setup = Setup::new(
-            graph.clone(),
+            graph,
             Request {
                 options: Options {
                     start: run.start,
@@ -271,11 +276,11 @@ impl Work for Simulate {
                 });
             }
         }
-        self.with_setup(task, |_| ())
+        self.with_setup(task, false, |_| ())
     }
 
     fn run(&self, task: &Task, place: Place) -> Option<Outcome> {
-        match self.with_setup(task, |setup| self.simulate(setup, place.stop)) {
+        match self.with_setup(task, place.isolated, |setup| self.simulate(setup, place.stop)) {
             Ok(outcome) => outcome,
             Err(error) => Some(Outcome::failed("failed", self.quantities.len(), error.to_string())),
         }

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use airloop::simulation;
 use airloop_cosim::master::Algorithm;
-use airloop_plan::stabilize::settings;
+use airloop_plan::stabilize::settings::{self, Settings};
 use airloop_plan::trials::{self, Ready, Request};
 
 use super::{Outcome, Place, Task, Work};
@@ -15,6 +15,8 @@ use crate::table::{Cell, Column, Type};
 /// Trials, closed loop first.
 pub struct Trials {
     ready: Ready,
+    system: PathBuf,
+    settings: Settings,
     request: Request,
     open_loop: bool,
     files: Vec<PathBuf>,
@@ -49,7 +51,7 @@ impl Trials {
         files.extend(plan.inputs.iter().map(|name| base.join(name)));
         let count = usize::try_from(table.count).unwrap_or(usize::MAX);
         let request = Request { count, seed: plan.seed, scale: table.scale, algorithm, threads: 1, keep: 0 };
-        Ok(Trials { ready, request, open_loop: table.open_loop, files })
+        Ok(Trials { ready, system, settings, request, open_loop: table.open_loop, files })
     }
 
     /// Whether a task has feedback.
@@ -85,7 +87,13 @@ impl Work for Trials {
             outcome.cells[0] = kind.clone();
             outcome
         };
-        match trials::one(&self.ready, &self.request, (closed, task.seed, false), place.stop) {
+        let one = |ready: &Ready| trials::one(ready, &self.request, (closed, task.seed, false), place.stop);
+        let done = match place.isolated {
+            true => trials::prepare(&self.system, &self.settings, self.request.algorithm)
+                .and_then(|fresh| one(&fresh)),
+            false => one(&self.ready),
+        };
+        match done {
             Ok(None) => None,
             Ok(Some(trial)) => {
                 let kept = trial.judgment.iter().map(|(_, kept)| Cell::Integer(u64::from(*kept)));

@@ -1,0 +1,206 @@
+//! A page of the merged results: numbers of every quantity, causes of failures, influence of the factors.
+
+mod figures;
+mod statistics;
+
+use std::collections::BTreeMap;
+use std::io::{BufRead, BufReader, Write};
+use std::path::{Path, PathBuf};
+
+use airloop_report::plot::fit_page::{Page, Table, html};
+use airloop_report::plot::run::short;
+use airloop_report::plot::svg::escape;
+use airloop_series::file::write_whole;
+
+use crate::Error;
+use crate::file::PlanFile;
+use crate::manifest::{Manifest, short as digits};
+use crate::merge::RESULTS;
+use crate::table::{self, Cell, Column, Type};
+
+/// Page of a sweep.
+pub const PAGE: &str = "index.html";
+/// A text column with more different values is no group.
+const MAX_GROUPS: usize = 12;
+/// Quantities that are drawn.
+const DRAWN: usize = 8;
+/// Points of a scatter figure.
+const MAX_POINTS: usize = 4000;
+/// Folders of commands that are linked.
+const MAX_LINKS: usize = 1000;
+
+/// A column of the results.
+struct Values {
+    column: Column,
+    numbers: Vec<f64>,
+    texts: Vec<String>,
+}
+
+/// Writes the page of a merged sweep; its path.
+///
+/// # Errors
+/// A folder without merged results, or a page that cannot be written.
+pub fn write(folder: &Path) -> Result<PathBuf, Error> {
+    let manifest = Manifest::read(folder)?;
+    let plan = manifest.file()?;
+    let columns = read(folder, &manifest)?;
+    let page = page(&manifest, &plan, &columns);
+    let text = with_links(html(&page), &columns, folder);
+    let path = folder.join(PAGE);
+    write_whole(&path, |out| out.write_all(text.as_bytes())).map_err(Error::io(&path))?;
+    Ok(path)
+}
+
+/// Merged rows, column by column; a missing number is NaN.
+fn read(folder: &Path, manifest: &Manifest) -> Result<Vec<Values>, Error> {
+    let path = folder.join(RESULTS);
+    let file = std::fs::File::open(&path).map_err(|source| match source.kind() {
+        std::io::ErrorKind::NotFound => Error::Damaged {
+            path: path.clone(),
+            problem: format!("it is not there; run `airloop sweep merge {}` first", folder.display()),
+        },
+        _ => Error::io(&path)(source),
+    })?;
+    let empty = |column: &Column| Values { column: column.clone(), numbers: Vec::new(), texts: Vec::new() };
+    let mut columns: Vec<Values> = manifest.columns.iter().map(empty).collect();
+    for line in BufReader::new(file).lines().skip(1) {
+        let line = line.map_err(Error::io(&path))?;
+        let cells = table::read_row(&line, &manifest.columns);
+        let cells = cells.ok_or_else(|| Error::Damaged {
+            path: path.clone(),
+            problem: format!("the row `{line}` cannot be read"),
+        })?;
+        for (values, cell) in columns.iter_mut().zip(cells) {
+            match (values.column.kind, cell) {
+                (Type::Text, Cell::Text(text)) => values.texts.push(text),
+                (Type::Text, _) => values.texts.push(String::new()),
+                (_, Cell::Number(number)) => values.numbers.push(number),
+                (_, Cell::Integer(number)) => values.numbers.push(number as f64),
+                _ => values.numbers.push(f64::NAN),
+            }
+        }
+    }
+    Ok(columns)
+}
+
+fn page(manifest: &Manifest, plan: &PlanFile, columns: &[Values]) -> Page {
+    let [inner @ .., status, cause] = columns else { return Page::default() };
+    let inner = inner.get(2..).unwrap_or_default();
+    let (factors, results) = inner.split_at(plan.factors.len().min(inner.len()));
+    let bad = status.texts.iter().filter(|status| *status != "ok").count();
+    let numbers: Vec<&Values> = results.iter().filter(|one| one.column.kind != Type::Text).collect();
+    let mut tables = vec![quantities(&numbers)];
+    let grouping = |one: &&Values| (2..=MAX_GROUPS).contains(&counts(&one.texts).len());
+    tables.extend(
+        inner
+            .iter()
+            .filter(|one| one.column.kind == Type::Text)
+            .filter(grouping)
+            .map(|one| groups(one, &numbers)),
+    );
+    let factors: Vec<&Values> = factors.iter().filter(|one| one.column.kind != Type::Text).collect();
+    let mut figures = Vec::new();
+    for quantity in numbers.iter().take(DRAWN) {
+        let mut influence: Vec<(&Values, f64)> = factors
+            .iter()
+            .filter_map(|factor| {
+                Some((*factor, statistics::rank_correlation(&factor.numbers, &quantity.numbers)?))
+            })
+            .collect();
+        influence.sort_by(|a, b| b.1.abs().total_cmp(&a.1.abs()));
+        let Some((strongest, _)) = influence.first() else { continue };
+        let bars: Vec<(&str, f64)> =
+            influence.iter().map(|(factor, value)| (factor.column.name.as_str(), *value)).collect();
+        figures.push(figures::tornado(&quantity.column.name, &bars));
+        let pairs = strongest.numbers.iter().copied().zip(quantity.numbers.iter().copied());
+        let every = strongest.numbers.len().div_ceil(MAX_POINTS).max(1);
+        let points: Vec<(f64, f64)> =
+            pairs.filter(|(a, b)| a.is_finite() && b.is_finite()).step_by(every).collect();
+        figures.push(figures::scatter(&points, (&strongest.column.title(), &quantity.column.title())));
+    }
+    Page {
+        title: "Sweep".into(),
+        lead: format!(
+            "{} tasks, {bad} of them not ok; plan {}, airloop {}",
+            manifest.tasks,
+            digits(&manifest.digest),
+            manifest.program.version
+        ),
+        remarks: vec![("Not ok".into(), failures(&status.texts, &cause.texts))],
+        tables,
+        figures,
+    }
+}
+
+fn counts(texts: &[String]) -> BTreeMap<&str, usize> {
+    let mut counts = BTreeMap::new();
+    for text in texts.iter().filter(|text| !text.is_empty()) {
+        *counts.entry(text.as_str()).or_insert(0) += 1;
+    }
+    counts
+}
+
+/// Each cause with its number and its first task, the most frequent first.
+fn failures(status: &[String], causes: &[String]) -> Vec<String> {
+    let mut found: BTreeMap<(&str, &str), (usize, usize)> = BTreeMap::new();
+    for (task, (status, cause)) in
+        status.iter().zip(causes).enumerate().filter(|(_, (status, _))| *status != "ok")
+    {
+        found.entry((status, cause)).or_insert((0, task)).0 += 1;
+    }
+    let mut sorted: Vec<_> = found.into_iter().collect();
+    sorted.sort_by_key(|(_, (count, first))| (usize::MAX - count, *first));
+    let line = |((status, cause), (count, first)): ((&str, &str), (usize, usize))| {
+        format!("{count} tasks {status}, first task {first}: {cause}")
+    };
+    sorted.into_iter().map(line).collect()
+}
+
+fn quantities(numbers: &[&Values]) -> Table {
+    let row = |one: &&Values| {
+        let all = statistics::Statistics::of(&one.numbers);
+        let values = [all.min, all.median, all.mean, all.max, all.deviation].map(short);
+        [one.column.title(), all.count.to_string()].into_iter().chain(values).collect()
+    };
+    Table {
+        heading: "Quantities".into(),
+        header: ["quantity", "values", "least", "median", "mean", "largest", "standard deviation"]
+            .map(String::from)
+            .to_vec(),
+        rows: numbers.iter().map(row).collect(),
+    }
+}
+
+/// Number of tasks and mean of every quantity for each value of a text column.
+fn groups(group: &Values, numbers: &[&Values]) -> Table {
+    let header = [group.column.name.clone(), "tasks".into()].into_iter();
+    let header = header.chain(numbers.iter().map(|one| format!("mean {}", one.column.title())));
+    let row = |(text, count): (&str, usize)| {
+        let mean = |one: &&Values| {
+            let own = one.numbers.iter().zip(&group.texts).filter(|(_, own)| *own == text);
+            short(statistics::Statistics::of(&own.map(|(number, _)| *number).collect::<Vec<_>>()).mean)
+        };
+        [text.to_owned(), count.to_string()].into_iter().chain(numbers.iter().map(mean)).collect()
+    };
+    Table {
+        heading: format!("By {}", group.column.name),
+        header: header.collect(),
+        rows: counts(&group.texts).into_iter().map(row).collect(),
+    }
+}
+
+/// Adds links to the pages of commands, or to their folders where they wrote none.
+fn with_links(html: String, columns: &[Values], sweep: &Path) -> String {
+    let folders = columns.iter().find(|one| one.column.name == "folder" && one.column.kind == Type::Text);
+    let Some(folders) = folders else { return html };
+    let target = |folder: &str| {
+        let pages = ["index.html", "report.html"].map(|page| format!("{folder}/{page}"));
+        pages.into_iter().find(|page| sweep.join(page).exists()).unwrap_or_else(|| folder.to_owned())
+    };
+    let line = |(task, folder): (usize, &String)| {
+        format!("<li>task {task}: <a href=\"{}\">{}</a></li>\n", escape(&target(folder)), escape(folder))
+    };
+    let links = folders.texts.iter().enumerate().filter(|(_, folder)| !folder.is_empty()).take(MAX_LINKS);
+    let links: String = links.map(line).collect();
+    html.replacen("</main>", &format!("<h2>Results of the tasks</h2>\n<ul>\n{links}</ul>\n</main>"), 1)
+}
