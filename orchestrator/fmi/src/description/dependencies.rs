@@ -4,10 +4,10 @@ use super::{DependencyKind, DescriptionError};
 use crate::xml::Element;
 
 /// The words of `dependencies` with their kinds; `None` where nothing is said. Errors are made by `error`.
-pub(super) fn read<'a>(
-    element: &'a Element,
+pub(super) fn read(
+    element: &Element,
     error: impl Fn(String) -> DescriptionError,
-) -> Result<Option<Vec<(&'a str, DependencyKind)>>, DescriptionError> {
+) -> Result<Option<Vec<(&str, DependencyKind)>>, DescriptionError> {
     let kinds = element.attribute("dependenciesKind");
     let Some(words) = element.attribute("dependencies") else {
         return match kinds {
