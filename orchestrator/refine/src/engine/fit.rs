@@ -48,7 +48,7 @@ const MIN_GAIN_OVER_PROMISE: f64 = 0.8;
 const MIN_PROMISE_OF_NEW_JACOBIAN: f64 = 0.02;
 
 /// Solves the damped equations for the parameters that are not held at a bound; zero for those that are.
-fn damped_step(
+pub(super) fn damped_step(
     matrix: &DMatrix<f64>,
     right: &DVector<f64>,
     damping: f64,
@@ -178,12 +178,12 @@ pub fn scatter<S: System + ?Sized>(system: &S, records: &[usize], fit: &Fit) -> 
 }
 
 /// Gain of a step in the linear model.
-fn predicted(matrix: &DMatrix<f64>, right: &DVector<f64>, step: &DVector<f64>) -> f64 {
+pub(super) fn predicted(matrix: &DMatrix<f64>, right: &DVector<f64>, step: &DVector<f64>) -> f64 {
     2.0 * step.dot(right) - (matrix * step).dot(step)
 }
 
 /// Covariance of the first `ng` parameters; those held have none.
-fn covariance(matrix: &DMatrix<f64>, ng: usize, held: &[bool]) -> DMatrix<f64> {
+pub(super) fn covariance(matrix: &DMatrix<f64>, ng: usize, held: &[bool]) -> DMatrix<f64> {
     let open: Vec<usize> = (0..matrix.nrows()).filter(|&i| !held.get(i).copied().unwrap_or(false)).collect();
     let part = DMatrix::from_fn(open.len(), open.len(), |a, b| matrix[(open[a], open[b])]);
     let mut found = DMatrix::zeros(ng, ng);

@@ -7,6 +7,7 @@ pub mod forward_selection;
 pub mod goodness;
 pub mod held_out;
 pub mod ladder;
+pub mod near;
 pub mod noise;
 pub mod normal;
 pub mod parallel;

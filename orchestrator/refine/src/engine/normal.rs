@@ -11,6 +11,7 @@ use super::system::Job;
 use super::{System, parallel};
 
 /// Columns of one record: residuals, derivatives by the shared and by the local parameters.
+#[derive(Debug, Clone)]
 pub struct Columns {
     /// Residuals.
     pub residuals: Vec<f64>,
@@ -102,8 +103,24 @@ impl Normal {
         locals: &[Vec<f64>],
     ) -> Normal {
         let starts: Vec<&[f64]> = locals.iter().map(Vec::as_slice).collect();
-        let columns = columns(system, records, p, free, &starts, true, None);
-        let parts = parallel::map(records.len(), |i| {
+        Normal::of(columns(system, records, p, free, &starts, true, None), p, free, locals)
+    }
+
+    /// With derivatives of a point nearby and the residuals of this one.
+    pub fn near(
+        columns: Vec<Columns>,
+        p: &[f64],
+        free: &[Free],
+        locals: &[Vec<f64>],
+        residuals: Vec<Vec<f64>>,
+    ) -> Normal {
+        let mut found = Normal::of(columns, p, free, locals);
+        found.moved(p, free, residuals);
+        found
+    }
+
+    fn of(columns: Vec<Columns>, p: &[f64], free: &[Free], locals: &[Vec<f64>]) -> Normal {
+        let parts = parallel::map(columns.len(), |i| {
             let own = &columns[i].columns;
             let product = |a: usize, b: usize| if a <= b { dot(&own[a], &own[b]) } else { 0.0 };
             DMatrix::from_fn(own.len(), own.len(), product)

@@ -9,6 +9,7 @@ use super::effects::{effects, order, physical};
 use super::errors::{errors, floor, force, force_noise};
 use super::explain::{Judge, Rest, depends};
 use super::fits::{Fits, Model, pieces};
+use super::integration;
 use super::law::Point;
 use super::model::{Study, Target};
 use super::open::open;
@@ -72,6 +73,7 @@ pub fn answer(file: &File, settings: &Settings, say: Say) -> Result<(Answer, Evi
 /// As [`answer`].
 pub fn prepared(file: &File, say: Say) -> Result<(Study, Vec<Attachment>, Fit), Error> {
     let (mut study, attachments) = open(file)?;
+    study.substeps = integration::substeps(&study);
     say("fitting the declared model");
     let declared = declared(file, &study)?;
     let survey = {

@@ -8,12 +8,15 @@ use super::model::{Action, Study};
 use super::simulate::{Piece, View};
 use crate::engine::System;
 use crate::engine::fit::{Fit, Free, fit};
+use crate::engine::near::{Near, fit_near};
 use crate::engine::normal::{Columns, columns, dot};
 use crate::engine::parallel;
 
 /// Records from which on whole records are held out; with fewer, spans of every record are, so that what is held out
 /// lies within the conditions of the fit.
 const MIN_RECORDS_FOR_WHOLE: usize = 6;
+/// Records on which candidates are compared where there are many.
+const SCREENED_RECORDS: usize = 4;
 /// Steps of fits that begin at the fit to all records.
 const STEPS_FROM_FIT_TO_ALL: usize = 5;
 /// Share of the error by which steps of second order may differ.
@@ -45,6 +48,18 @@ impl Model {
     pub fn new(added: Vec<usize>, fit: Fit, error: f64) -> Model {
         Model { added, fit, error, held_out: f64::NAN, parts: Vec::new() }
     }
+}
+
+/// Residuals of some records around a model with their derivatives.
+pub struct Around {
+    pieces: Vec<Piece>,
+    /// Local parameters there.
+    locals: Vec<Vec<f64>>,
+    columns: Vec<Columns>,
+}
+
+fn added_to(base: &Model, c: usize) -> Vec<usize> {
+    base.added.iter().copied().chain([c]).collect()
 }
 
 /// Estimation records, what is held out of them, and the scale of residuals.
@@ -150,7 +165,17 @@ impl<'a> Fits<'a> {
     pub fn view(&self, added: &[usize], pieces: &[Piece]) -> View<'a> {
         let (active, pieces) = (added.to_vec(), pieces.to_vec());
         let (scale, quick) = (self.scale.clone(), self.quick);
-        View { study: self.study, active, pieces, scale, quick, corrected: true, begins: Vec::new() }
+        let substeps = self.study.substeps;
+        View {
+            study: self.study,
+            active,
+            pieces,
+            scale,
+            quick,
+            substeps,
+            corrected: true,
+            begins: Vec::new(),
+        }
     }
 
     /// Root mean square of residuals with the sum of squares `chi2` over all estimation records.
@@ -224,31 +249,76 @@ impl<'a> Fits<'a> {
         Model::new(Vec::new(), found, error)
     }
 
-    /// Candidate `c` on top of `base`: best start by the linear step, then the fit of everything.
-    pub fn add(&self, base: &Model, c: usize) -> Option<Model> {
-        let (p, locals) = self.promise(base, c)?;
-        let mut added = base.added.clone();
-        added.push(c);
-        self.fit_from(added, &p, &locals)
+    /// Residuals and derivatives of some estimation records around a model, for what is compared beside it.
+    pub fn around(&self, base: &Model) -> Around {
+        let every = if self.pieces.len() >= MIN_RECORDS_FOR_WHOLE {
+            self.pieces.len().div_ceil(SCREENED_RECORDS)
+        } else {
+            1
+        };
+        self.around_some(base, every)
     }
 
-    /// Share of the sum of squares that the linear step from the best start of each candidate promises to leave beside
-    /// `base`.
-    pub fn promises(&self, base: &Model, list: &[usize]) -> Vec<f64> {
+    fn around_some(&self, base: &Model, every: usize) -> Around {
+        let pieces: Vec<Piece> = self.pieces.iter().step_by(every).cloned().collect();
+        let locals: Vec<Vec<f64>> = base.fit.locals.iter().step_by(every).cloned().collect();
+        let columns = self.columns_of(base, &pieces, &locals);
+        Around { pieces, locals, columns }
+    }
+
+    /// Candidate `c` on top of `base`: best start by the linear step, then the fit of everything.
+    pub fn add(&self, base: &Model, c: usize) -> Option<Model> {
+        let p = self.promise(base, c)?;
+        self.fit_from(added_to(base, c), &p, &base.fit.locals)
+    }
+
+    /// Candidate `c` on top of `base`, from the start `p`, on some records with the derivatives around `base`, only those of the
+    /// candidate anew: what it promises beyond the linear step. The error is an upper bound, for all records as for these.
+    pub fn add_near(&self, base: &Model, around: &Around, (c, p): (usize, &[f64])) -> Option<Model> {
+        let added = added_to(base, c);
+        let free = self.free(&added);
+        let ng = base.fit.free.len();
+        // Presliding changes what every other parameter does.
+        if self.changes_others(c) || free.get(..ng) != Some(&base.fit.free[..]) {
+            return self.fit_from(added, p, &base.fit.locals);
+        }
+        let view = self.view(&added, &around.pieces);
+        let records: Vec<usize> = (0..around.pieces.len()).collect();
+        let locals: Vec<&[f64]> = around.locals.iter().map(Vec::as_slice).collect();
+        let mut found = columns(&view, &records, p, &free[ng..], &locals, false, None);
+        for (own, around) in found.iter_mut().zip(&around.columns) {
+            let (shared, local) = around.columns.split_at(ng);
+            own.columns.splice(0..0, shared.iter().cloned());
+            own.columns.extend(local.iter().cloned());
+        }
+        let Near { fit, .. } = fit_near(&view, &records, p, &free, &around.locals, found);
+        let before: f64 = around.columns.iter().map(|own| dot(&own.residuals, &own.residuals)).sum();
+        let error = base.error * (fit.chi2 / before).sqrt();
+        let fit = Fit { locals: base.fit.locals.clone(), ..fit };
+        error.is_finite().then_some(Model::new(added, fit, error))
+    }
+
+    /// For each candidate the share of the sum of squares that the linear step from its best start promises to leave beside
+    /// `base`, and the parameters after it; none where no step can be made.
+    pub fn promises(&self, base: &Model, around: &Around, list: &[usize]) -> Vec<Option<(f64, Vec<f64>)>> {
         let starts = |c: usize| self.study.candidates[c].starts.len();
         let many = |c: usize| self.study.windows.is_some() && starts(c) > MIN_STARTS_FOR_SCREENING;
-        let around = |starts: usize| {
+        let screened = |starts: usize| {
             let (pieces, locals) = self.screened(&base.fit, starts);
             let columns = self.columns_of(base, &pieces, &locals);
-            (pieces, locals, columns)
+            Around { pieces, locals, columns }
         };
-        let few = around(1);
-        let rare = list.iter().any(|&c| many(c)).then(|| around(MIN_STARTS_FOR_SCREENING + 1));
+        let short = self.study.windows.is_some().then(|| screened(1));
+        let few = short.as_ref().unwrap_or(around);
+        let rare = list.iter().any(|&c| many(c)).then(|| screened(MIN_STARTS_FOR_SCREENING + 1));
         parallel::map(list.len(), |i| {
-            let (pieces, locals, shared) = if many(list[i]) { rare.as_ref().unwrap_or(&few) } else { &few };
-            let before: f64 = shared.iter().map(|own| dot(&own.residuals, &own.residuals)).sum();
-            let best = self.best_start(base, list[i], (pieces, locals, shared));
-            best.map_or(f64::INFINITY, |(chi2, _)| chi2 / before)
+            let own = if many(list[i]) { rare.as_ref().unwrap_or(few) } else { few };
+            let before: f64 = own.columns.iter().map(|own| dot(&own.residuals, &own.residuals)).sum();
+            let (chi2, mut p) = self.best_start(base, list[i], own)?;
+            if self.starts_at_zero(list[i]) {
+                p.clone_from(&base.fit.parameters);
+            }
+            Some((chi2 / before, p))
         })
     }
 
@@ -328,37 +398,37 @@ impl<'a> Fits<'a> {
         Some(found)
     }
 
+    /// Whether a candidate starts from rest in every window, and changes what a change of the Coulomb level does.
+    fn changes_others(&self, c: usize) -> bool {
+        matches!(self.study.candidates[c].action, Action::Block { law: Law::Presliding, .. })
+    }
+
     /// Start of a candidate beside `base` that promises the smallest sum of squares, after the linear step.
-    fn promise(&self, base: &Model, c: usize) -> Option<(Vec<f64>, Vec<Vec<f64>>)> {
+    fn promise(&self, base: &Model, c: usize) -> Option<Vec<f64>> {
         let own = &self.study.candidates[c];
-        if let [only] = &own.starts[..]
-            && only.iter().all(|value| *value == 0.0)
-        {
-            return Some((base.fit.parameters.clone(), base.fit.locals.clone()));
+        if self.starts_at_zero(c) {
+            return Some(base.fit.parameters.clone());
         }
-        // Presliding starts from rest in every window, and changes what a change of the Coulomb level does.
-        let changed = matches!(own.action, Action::Block { law: Law::Presliding, .. });
-        let (pieces, own_locals) = if changed {
+        let (pieces, locals) = if self.changes_others(c) {
             (self.pieces.clone(), base.fit.locals.clone())
         } else {
             self.screened(&base.fit, own.starts.len())
         };
-        let shared = self.columns_of(base, &pieces, &own_locals);
-        let best = self.best_start(base, c, (&pieces, &own_locals, &shared))?;
-        Some((best.1, base.fit.locals.clone()))
+        let columns = self.columns_of(base, &pieces, &locals);
+        Some(self.best_start(base, c, &Around { pieces, locals, columns })?.1)
+    }
+
+    /// Whether the linear step finds every parameter of a candidate from zero.
+    fn starts_at_zero(&self, c: usize) -> bool {
+        matches!(&self.study.candidates[c].starts[..], [only] if only.iter().all(|value| *value == 0.0))
     }
 
     /// The start of a candidate whose linear step promises the smallest sum of squares on some pieces, and that sum.
-    fn best_start(
-        &self,
-        base: &Model,
-        c: usize,
-        (pieces, own_locals, shared): (&[Piece], &[Vec<f64>], &[Columns]),
-    ) -> Option<(f64, Vec<f64>)> {
+    fn best_start(&self, base: &Model, c: usize, around: &Around) -> Option<(f64, Vec<f64>)> {
+        let Around { pieces, locals: own_locals, columns: shared } = around;
         let own = &self.study.candidates[c];
-        let changed = matches!(own.action, Action::Block { law: Law::Presliding, .. });
-        let mut added = base.added.clone();
-        added.push(c);
+        let changed = self.changes_others(c);
+        let added = added_to(base, c);
         let records: Vec<usize> = (0..pieces.len()).collect();
         let locals: Vec<&[f64]> = own_locals.iter().map(Vec::as_slice).collect();
         let view = self.view(&added, pieces);
@@ -409,8 +479,13 @@ impl<'a> Fits<'a> {
         }
         let free = self.free(&model.added);
         let parts: &[f64] = if self.long() { &[0.3, 1.0] } else { &[1.0] };
+        // Folds of whole records lie near the fit to all of them.
+        let around = (self.pieces.len() >= MIN_RECORDS_FOR_WHOLE).then(|| self.around_some(model, 1));
         model.parts = parallel::map(self.folds.len(), |f| {
             let (outside, inside) = &self.folds[f];
+            if let Some(found) = around.as_ref().and_then(|around| self.fold_near(model, around, f)) {
+                return found;
+            }
             let found =
                 self.grow(&model.added, outside, &model.fit.parameters, &free, parts, STEPS_FROM_FIT_TO_ALL);
             let test = self.grow(&model.added, inside, &found.parameters, &[], parts, 8);
@@ -419,6 +494,29 @@ impl<'a> Fits<'a> {
         // The geometric mean: every fold counts by its own relative change.
         let logarithms: f64 = model.parts.iter().map(|(error, _)| error.max(1e-12).ln()).sum();
         model.held_out = (logarithms / model.parts.len().max(1) as f64).exp();
+    }
+
+    /// Error on a fold of whole records and the parameters without it, from the derivatives around the fit to all; none where
+    /// these do not hold.
+    fn fold_near(&self, model: &Model, around: &Around, fold: usize) -> Option<(f64, Vec<f64>)> {
+        let (outside, inside) = &self.folds[fold];
+        let ng = model.fit.free.len();
+        let part = |pieces: &[Piece], first: usize, p: &[f64], free: &[Free]| {
+            let places: Vec<usize> =
+                pieces.iter().filter_map(|own| self.pieces.iter().position(|piece| piece == own)).collect();
+            let columns = places.iter().map(|&r| Columns {
+                residuals: around.columns[r].residuals.clone(),
+                columns: around.columns[r].columns[first..].to_vec(),
+            });
+            let locals: Vec<Vec<f64>> = places.iter().map(|&r| model.fit.locals[r].clone()).collect();
+            let view = self.view(&model.added, pieces);
+            let records: Vec<usize> = (0..pieces.len()).collect();
+            let found = fit_near(&view, &records, p, free, &locals, columns.collect());
+            found.settled.then_some(found.fit)
+        };
+        let found = part(outside, 0, &model.fit.parameters, &model.fit.free)?;
+        let test = part(inside, ng, &found.parameters, &[])?;
+        Some((rms(test.chi2, self.count(inside)), found.parameters))
     }
 
     /// Sets the difference step of a candidate's entries so that it moves the residuals by a thousandth; false if

@@ -23,6 +23,7 @@ pub mod errors;
 pub mod explain;
 pub mod fits;
 pub mod force;
+pub mod integration;
 pub mod kinds;
 pub mod law;
 pub mod model;

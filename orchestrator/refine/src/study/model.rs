@@ -160,6 +160,8 @@ pub struct Study {
     pub shown: Vec<String>,
     /// Whether system inputs are held between samples.
     pub held: Vec<bool>,
+    /// Runge-Kutta steps per sample.
+    pub substeps: usize,
     /// Measured outputs.
     pub outputs: Vec<Output>,
     /// Parameter vector: the declared model first, then candidates.

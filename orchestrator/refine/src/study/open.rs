@@ -418,6 +418,7 @@ pub fn open(file: &File) -> Result<(Study, Vec<Attachment>), Error> {
         extra,
         shown,
         held,
+        substeps: 1,
         outputs,
         declared: entries.len(),
         entries,

@@ -161,7 +161,10 @@ pub fn find(graph: &SystemGraph, measured: &[&str]) -> Result<Vec<Port>, Problem
     let velocities = assigned(&choices);
     let found = inputs.iter().enumerate().map(|(port, (name, component, variable))| {
         let first = moves[port].unwrap_or(port);
+        // A velocity that is fed to friction moves the same states as its force, and is none.
+        let carries = units[port].is_none_or(|unit| is_mechanical(&unit));
         let velocity = own.iter().position(|&p| p == first).and_then(|index| velocities[index]);
+        let velocity = velocity.filter(|_| carries);
         let variables = &graph.components[*component].fmu.description.variables;
         let unit = unit_of(&variables[*variable]).map(str::to_owned);
         let signal = |state: usize| states[state].clone();

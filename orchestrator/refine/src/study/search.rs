@@ -22,6 +22,10 @@ const HELD_OUT_MODELS: usize = 3;
 /// Candidates that are fitted on top of the declared model, and beside effects found before: those whose linear step
 /// promises most.
 const FITTED_CANDIDATES: (usize, usize) = (24, 16);
+/// Models with one more effect that are fitted to all records with derivatives of their own: at least, at most.
+const REFITTED: (usize, usize) = (3, 8);
+/// Ratio of their errors to the least up to which they are.
+const MAX_ERROR_OF_REFITTED: f64 = 1.5;
 /// Singles that pairs are made of.
 const PAIRED_SINGLES: usize = 6;
 /// Effects that are exchanged at most.
@@ -155,20 +159,42 @@ impl<'a> Search<'a> {
             let own = &self.study().candidates[*c];
             !own.probe && !base.added.contains(c) && own.needs.is_none_or(|needs| base.added.contains(&needs))
         };
-        let mut open: Vec<usize> = (0..self.study().candidates.len()).filter(may).collect();
+        let open: Vec<usize> = (0..self.study().candidates.len()).filter(may).collect();
+        let around = self.fits.around(base);
         let most = if base.added.is_empty() { FITTED_CANDIDATES.0 } else { FITTED_CANDIDATES.1 };
-        if open.len() > most {
-            let mut ranked: Vec<(f64, usize)> =
-                self.fits.promises(base, &open).into_iter().zip(open).collect();
-            ranked.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-            open = ranked.into_iter().take(most).map(|(_, c)| c).collect();
+        let promises = self.fits.promises(base, &around, &open);
+        let mut ranked: Vec<(f64, usize, Vec<f64>)> =
+            promises.into_iter().zip(open).filter_map(|(own, c)| own.map(|(left, p)| (left, c, p))).collect();
+        ranked.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        ranked.truncate(most);
+        let found = parallel::map(ranked.len(), |i| {
+            let (_, c, p) = &ranked[i];
+            if stop::asked() { None } else { self.fits.add_near(base, &around, (*c, p)) }
+        });
+        self.refitted(found.into_iter().flatten().collect())
+    }
+
+    /// Models that were fitted with the derivatives around another one, best first: the best of them fitted with their own.
+    fn refitted(&self, mut models: Vec<Model>) -> Vec<Model> {
+        models.sort_by(|a, b| a.error.total_cmp(&b.error));
+        let least = models.first().map_or(0.0, |model| model.error);
+        let near = models.iter().filter(|model| model.error <= MAX_ERROR_OF_REFITTED * least).count();
+        let count = near.clamp(REFITTED.0, REFITTED.1).min(models.len());
+        let found = parallel::map(count, |i| {
+            let own = &models[i];
+            if stop::asked() {
+                return None;
+            }
+            self.fits.fit_from(own.added.clone(), &own.fit.parameters, &own.fit.locals)
+        });
+        for (own, again) in models.iter_mut().zip(found) {
+            if let Some(again) = again {
+                *own = again;
+            }
         }
-        let found =
-            parallel::map(open.len(), |i| if stop::asked() { None } else { self.fits.add(base, open[i]) });
-        let mut found: Vec<Model> =
-            found.into_iter().flatten().filter(|model| fitting(self.study(), model)).collect();
-        found.sort_by(|a, b| a.error.total_cmp(&b.error));
-        found
+        models.retain(|model| fitting(self.study(), model));
+        models.sort_by(|a, b| a.error.total_cmp(&b.error));
+        models
     }
 
     /// The best of some models on what is held out.
@@ -200,13 +226,20 @@ impl<'a> Search<'a> {
                 .filter(|&c| self.study().candidates[c].needs.is_some_and(|needs| Some(needs) == own));
             jobs.extend(needing.map(|c| (i, c)));
         }
-        let models = parallel::map(jobs.len(), |j| {
-            if stop::asked() { None } else { self.fits.add(&singles[jobs[j].0], jobs[j].1) }
-        });
-        found.extend(models.into_iter().flatten().filter(|model| fitting(self.study(), model)));
-        found.retain(|model| model.added.len() == base.added.len() + 2);
-        found.sort_by(|a, b| a.error.total_cmp(&b.error));
-        found
+        for (i, single) in singles.iter().take(PAIRED_SINGLES).enumerate() {
+            if single.added.len() != base.added.len() + 1 || stop::asked() {
+                continue;
+            }
+            let around = self.fits.around(single);
+            let own: Vec<usize> = jobs.iter().filter(|job| job.0 == i).map(|job| job.1).collect();
+            let promises = self.fits.promises(single, &around, &own);
+            let models = parallel::map(own.len(), |k| {
+                let (_, p) = promises[k].as_ref().filter(|_| !stop::asked())?;
+                self.fits.add_near(single, &around, (own[k], p))
+            });
+            found.extend(models.into_iter().flatten());
+        }
+        self.refitted(found)
     }
 
     /// Adds effects to `from` one by one (first two where only the pair is worth it) up to `most`.

@@ -44,6 +44,8 @@ pub struct View<'a> {
     pub scale: Vec<f64>,
     /// Steps of second order instead of fourth, at half the cost.
     pub quick: bool,
+    /// Runge-Kutta steps per sample.
+    pub substeps: usize,
     /// Measured initial states without what smoothing adds to them; otherwise as the study says.
     pub corrected: bool,
     /// States from which each piece starts, where it is, `[pieces][nx]`: local parameters that are fitted along. Empty: pieces
@@ -283,13 +285,19 @@ impl<'a> View<'a> {
                     let mut to = between.unwrap_or(end);
                     before.copy_from_slice(&x);
                     let move_to = |plant: &mut Plant, to: f64, x: &mut [f64], dx: &mut Slopes| {
-                        self.step(
-                            &|plant, time, x, dx| at(plant, time, x, dx, blocks),
-                            plant,
-                            (from, to),
-                            x,
-                            dx,
-                        )
+                        let at = |plant: &mut Plant, time: f64, x: &[f64], dx: &mut [f64]| {
+                            at(plant, time, x, dx, blocks)
+                        };
+                        let count = self.substeps;
+                        let edge = |i: usize| from + (to - from) * i as f64 / count as f64;
+                        for i in 0..count {
+                            // The slopes of a single step are there.
+                            if count > 1 {
+                                at(plant, edge(i), x, &mut dx[0])?;
+                            }
+                            self.step(&at, plant, (edge(i), edge(i + 1)), x, dx)?;
+                        }
+                        Ok(())
                     };
                     move_to(plant, to, &mut x, &mut dx).map_err(super::Problem::fmu)?;
                     if x.iter().any(|value| !value.is_finite()) {
