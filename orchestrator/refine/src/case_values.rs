@@ -135,7 +135,8 @@ mod tests {
     #[test]
     fn what_cannot_be_simulated_is_refused_by_name() {
         assert_eq!(declared().check(), Ok(()));
-        let cases: [(&str, fn(&mut Declared)); 6] = [
+        type Spoil = fn(&mut Declared);
+        let cases: [(&str, Spoil); 6] = [
             ("[model.actuator]: A1 has the element NaN", |d| {
                 d.actuator.as_mut().unwrap().A1[0][1] = f64::NAN
             }),

@@ -10,7 +10,8 @@ const MIN_NRMSE_OF_NO_MODEL: f64 = 0.9;
 pub fn refuse_where_nothing_is(found: &mut Answer, place: &str) {
     let errors = &found.before[1].nrmse;
     // An error that is no number explains nothing either.
-    let is_blind = !errors.is_empty() && errors.values().all(|error| !(*error < MIN_NRMSE_OF_NO_MODEL));
+    let is_blind =
+        !errors.is_empty() && errors.values().all(|error| error.is_nan() || *error >= MIN_NRMSE_OF_NO_MODEL);
     if found.verdict != Verdict::Nothing || !is_blind {
         return;
     }

@@ -82,9 +82,9 @@ pub fn bridge(values: &mut [f64], outliers: &[Outlier]) {
         else {
             continue;
         };
-        for k in outlier.first..end {
-            let share = (k + 1 - outlier.first) as f64 / (outlier.count + 1) as f64;
-            values[k] = from + share * (to - from);
+        for (number, value) in values[outlier.first..end].iter_mut().enumerate() {
+            let share = (number + 1) as f64 / (outlier.count + 1) as f64;
+            *value = from + share * (to - from);
         }
     }
 }

@@ -70,7 +70,7 @@ pub(super) fn scaled(
                     let record = record.name.clone();
                     return Err(Error::NotFinite { record, kind, index, sample, value });
                 }
-                if !(value.abs() < MAX_MAGNITUDE) {
+                if value.abs() >= MAX_MAGNITUDE {
                     let record = record.name.clone();
                     return Err(Error::TooLarge { record, kind, index, sample, value });
                 }
