@@ -144,7 +144,14 @@ impl Simulate {
                 .map_err(airloop::Error::from)?,
             false => graph.clone(),
         };
-        let input = run.input.as_ref().and_then(|name| self.inputs.iter().find(|one| one.name == *name));
+        let record = |name: &String| {
+            let found = self.inputs.iter().find(|one| one.name == *name);
+            found.ok_or_else(|| Error::Plan {
+                place: "factor `run.input`".into(),
+                problem: format!("`{name}` was not read; list the records as texts in `values`"),
+            })
+        };
+        let input = run.input.as_ref().map(record).transpose()?;
         let setup = Setup::new(
             graph,
             Request {
