@@ -250,13 +250,18 @@ impl<'a> Fits<'a> {
     }
 
     /// Residuals and derivatives of some estimation records around a model, for what is compared beside it.
-    pub fn around(&self, base: &Model) -> Around {
+    ///
+    /// None where the simulation starts anew in every window: the derivatives cost as much as the fits there.
+    pub fn around(&self, base: &Model) -> Option<Around> {
+        if self.study.windows.is_some() {
+            return None;
+        }
         let every = if self.pieces.len() >= MIN_RECORDS_FOR_WHOLE {
             self.pieces.len().div_ceil(SCREENED_RECORDS)
         } else {
             1
         };
-        self.around_some(base, every)
+        Some(self.around_some(base, every))
     }
 
     fn around_some(&self, base: &Model, every: usize) -> Around {
@@ -274,14 +279,19 @@ impl<'a> Fits<'a> {
 
     /// Candidate `c` on top of `base`, from the start `p`, on some records with the derivatives around `base`, only those of the
     /// candidate anew: what it promises beyond the linear step. The error is an upper bound, for all records as for these.
-    pub fn add_near(&self, base: &Model, around: &Around, (c, p): (usize, &[f64])) -> Option<Model> {
+    ///
+    /// Without derivatives around `base` the fit of everything.
+    pub fn add_near(&self, base: &Model, around: Option<&Around>, (c, p): (usize, &[f64])) -> Option<Model> {
         let added = added_to(base, c);
         let free = self.free(&added);
         let ng = base.fit.free.len();
         // Presliding changes what every other parameter does.
-        if self.changes_others(c) || free.get(..ng) != Some(&base.fit.free[..]) {
-            return self.fit_from(added, p, &base.fit.locals);
+        if self.changes_others(c) {
+            return self.add(base, c);
         }
+        let Some(around) = around.filter(|_| free.get(..ng) == Some(&base.fit.free[..])) else {
+            return self.fit_from(added, p, &base.fit.locals);
+        };
         let view = self.view(&added, &around.pieces);
         let records: Vec<usize> = (0..around.pieces.len()).collect();
         let locals: Vec<&[f64]> = around.locals.iter().map(Vec::as_slice).collect();
@@ -300,7 +310,12 @@ impl<'a> Fits<'a> {
 
     /// For each candidate the share of the sum of squares that the linear step from its best start promises to leave beside
     /// `base`, and the parameters after it; none where no step can be made.
-    pub fn promises(&self, base: &Model, around: &Around, list: &[usize]) -> Vec<Option<(f64, Vec<f64>)>> {
+    pub fn promises(
+        &self,
+        base: &Model,
+        around: Option<&Around>,
+        list: &[usize],
+    ) -> Vec<Option<(f64, Vec<f64>)>> {
         let starts = |c: usize| self.study.candidates[c].starts.len();
         let many = |c: usize| self.study.windows.is_some() && starts(c) > MIN_STARTS_FOR_SCREENING;
         let screened = |starts: usize| {
@@ -308,8 +323,8 @@ impl<'a> Fits<'a> {
             let columns = self.columns_of(base, &pieces, &locals);
             Around { pieces, locals, columns }
         };
-        let short = self.study.windows.is_some().then(|| screened(1));
-        let few = short.as_ref().unwrap_or(around);
+        let short = around.is_none().then(|| screened(1));
+        let Some(few) = around.or(short.as_ref()) else { return Vec::new() };
         let rare = list.iter().any(|&c| many(c)).then(|| screened(MIN_STARTS_FOR_SCREENING + 1));
         parallel::map(list.len(), |i| {
             let own = if many(list[i]) { rare.as_ref().unwrap_or(few) } else { few };

@@ -162,14 +162,14 @@ impl<'a> Search<'a> {
         let open: Vec<usize> = (0..self.study().candidates.len()).filter(may).collect();
         let around = self.fits.around(base);
         let most = if base.added.is_empty() { FITTED_CANDIDATES.0 } else { FITTED_CANDIDATES.1 };
-        let promises = self.fits.promises(base, &around, &open);
+        let promises = self.fits.promises(base, around.as_ref(), &open);
         let mut ranked: Vec<(f64, usize, Vec<f64>)> =
             promises.into_iter().zip(open).filter_map(|(own, c)| own.map(|(left, p)| (left, c, p))).collect();
         ranked.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
         ranked.truncate(most);
         let found = parallel::map(ranked.len(), |i| {
             let (_, c, p) = &ranked[i];
-            if stop::asked() { None } else { self.fits.add_near(base, &around, (*c, p)) }
+            if stop::asked() { None } else { self.fits.add_near(base, around.as_ref(), (*c, p)) }
         });
         self.refitted(found.into_iter().flatten().collect())
     }
@@ -177,6 +177,10 @@ impl<'a> Search<'a> {
     /// Models that were fitted with the derivatives around another one, best first: the best of them fitted with their own.
     fn refitted(&self, mut models: Vec<Model>) -> Vec<Model> {
         models.sort_by(|a, b| a.error.total_cmp(&b.error));
+        if self.study().windows.is_some() {
+            models.retain(|model| fitting(self.study(), model));
+            return models;
+        }
         let least = models.first().map_or(0.0, |model| model.error);
         let near = models.iter().filter(|model| model.error <= MAX_ERROR_OF_REFITTED * least).count();
         let count = near.clamp(REFITTED.0, REFITTED.1).min(models.len());
@@ -232,10 +236,10 @@ impl<'a> Search<'a> {
             }
             let around = self.fits.around(single);
             let own: Vec<usize> = jobs.iter().filter(|job| job.0 == i).map(|job| job.1).collect();
-            let promises = self.fits.promises(single, &around, &own);
+            let promises = self.fits.promises(single, around.as_ref(), &own);
             let models = parallel::map(own.len(), |k| {
                 let (_, p) = promises[k].as_ref().filter(|_| !stop::asked())?;
-                self.fits.add_near(single, &around, (own[k], p))
+                self.fits.add_near(single, around.as_ref(), (own[k], p))
             });
             found.extend(models.into_iter().flatten());
         }
