@@ -9,24 +9,6 @@ use std::time::{Duration, Instant};
 use airloop_testing::c_fmu;
 use tempfile::TempDir;
 
-const DESCRIPTION: &str = r#"<?xml version="1.0" encoding="UTF-8"?>
-<fmiModelDescription fmiVersion="2.0" modelName="m" guid="g">
-  <ModelExchange modelIdentifier="m"/>
-  <CoSimulation modelIdentifier="m" canHandleVariableCommunicationStepSize="true"/>
-  <ModelVariables>
-    <ScalarVariable name="u" valueReference="0" causality="input"><Real start="0"/></ScalarVariable>
-    <ScalarVariable name="x" valueReference="1" causality="local" initial="exact"><Real start="1"/></ScalarVariable>
-    <ScalarVariable name="der(x)" valueReference="2"><Real derivative="2"/></ScalarVariable>
-    <ScalarVariable name="y" valueReference="3" causality="output"><Real/></ScalarVariable>
-  </ModelVariables>
-  <ModelStructure>
-    <Outputs><Unknown index="4" dependencies="2"/></Outputs>
-    <Derivatives><Unknown index="3" dependencies="1 2"/></Derivatives>
-    <InitialUnknowns><Unknown index="3" dependencies="1 2"/><Unknown index="4" dependencies="2"/></InitialUnknowns>
-  </ModelStructure>
-</fmiModelDescription>
-"#;
-
 /// A folder with `m.fmu` and a folder for temporary files.
 struct Place(TempDir);
 
@@ -35,7 +17,7 @@ impl Place {
         let folder = TempDir::new().unwrap();
         let library = folder.path().join("m.so");
         c_fmu::compile("hostile.c", &library, &["-pthread"]);
-        c_fmu::pack(&folder.path().join("m.fmu"), DESCRIPTION, Some(("m", &library)));
+        c_fmu::pack(&folder.path().join("m.fmu"), c_fmu::DESCRIPTION, Some(("m", &library)));
         std::fs::create_dir(folder.path().join("tmp")).unwrap();
         Place(folder)
     }

@@ -6,6 +6,7 @@ use std::process::{Command, Output};
 
 use airloop_refine::amend;
 use airloop_refine::answer::{Answer, Effect, Parameter, Verdict, Wiring};
+use airloop_refine::study::answer::prepared;
 use airloop_refine::study::declaration::File;
 use airloop_refine::study::plan::plan;
 use airloop_refine::study::ports;
@@ -86,6 +87,26 @@ fn velocity_and_position_of_each_joint_are_found_in_the_equations() {
         assert!(found.places.iter().all(|place| place.kinds.iter().any(|own| own == kind)), "{kind}");
     }
     assert_eq!(found.sensors.len(), 2);
+}
+
+#[test]
+fn a_study_is_integrated_as_finely_as_its_sensors_can_tell() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = study(folder.path(), [0.0; 2], STATED);
+    let substeps = || prepared(&File::read(&path).unwrap(), &|_| ()).unwrap().0.substeps;
+    // At 4 ms a step is off by less than 1e-7 rad.
+    assert_eq!(substeps(), 1);
+    for name in ["one", "two", "three"] {
+        let path = folder.path().join(name).with_extension("csv");
+        let text = std::fs::read_to_string(&path).unwrap();
+        let (head, rows) = text.split_once('\n').unwrap();
+        let rows: Vec<&str> = rows.lines().step_by(25).collect();
+        std::fs::write(&path, format!("{head}\n{}\n", rows.join("\n"))).unwrap();
+    }
+    let text = std::fs::read_to_string(&path).unwrap();
+    std::fs::write(&path, text.replace("step_s = 0.004", "step_s = 0.1")).unwrap();
+    // At 0.1 s by some milliradians over a record.
+    assert!(substeps() > 1);
 }
 
 fn effect(id: &str, port: &str, parameters: &[f64]) -> Effect {

@@ -6,23 +6,6 @@ use std::process::{Command, Output};
 use airloop_testing::c_fmu;
 use tempfile::TempDir;
 
-const DESCRIPTION: &str = r#"<?xml version="1.0" encoding="UTF-8"?>
-<fmiModelDescription fmiVersion="2.0" modelName="m" guid="g">
-  <CoSimulation modelIdentifier="m" canHandleVariableCommunicationStepSize="true"/>
-  <ModelVariables>
-    <ScalarVariable name="u" valueReference="0" causality="input"><Real start="0"/></ScalarVariable>
-    <ScalarVariable name="x" valueReference="1" causality="local" initial="exact"><Real start="1"/></ScalarVariable>
-    <ScalarVariable name="der(x)" valueReference="2"><Real derivative="2"/></ScalarVariable>
-    <ScalarVariable name="y" valueReference="3" causality="output"><Real/></ScalarVariable>
-  </ModelVariables>
-  <ModelStructure>
-    <Outputs><Unknown index="4" dependencies="2"/></Outputs>
-    <Derivatives><Unknown index="3" dependencies="1 2"/></Derivatives>
-    <InitialUnknowns><Unknown index="3" dependencies="1 2"/><Unknown index="4" dependencies="2"/></InitialUnknowns>
-  </ModelStructure>
-</fmiModelDescription>
-"#;
-
 const PLAN: &str = r#"
 kind = "simulate"
 system = "m.fmu"
@@ -56,7 +39,7 @@ impl Place {
         let folder = TempDir::new().unwrap();
         let library = folder.path().join("m.so");
         c_fmu::compile("hostile.c", &library, &["-pthread"]);
-        c_fmu::pack(&folder.path().join("m.fmu"), DESCRIPTION, Some(("m", &library)));
+        c_fmu::pack(&folder.path().join("m.fmu"), c_fmu::DESCRIPTION, Some(("m", &library)));
         std::fs::write(folder.path().join("plan.toml"), plan).unwrap();
         Place(folder)
     }
@@ -159,7 +142,7 @@ fn an_input_that_changes_between_shards_is_named_and_nothing_is_lost() {
     place.succeeds("run out --shard 1/2");
     let fmu = place.0.path().join("m.fmu");
     let before = std::fs::read(&fmu).unwrap();
-    let changed = DESCRIPTION.replace("<Real start=\"1\"/>", "<Real start=\"2\"/>");
+    let changed = c_fmu::DESCRIPTION.replace("<Real start=\"1\"/>", "<Real start=\"2\"/>");
     c_fmu::pack(&fmu, &changed, Some(("m", &place.0.path().join("m.so"))));
     let message = place.fails("run out --shard 2/2", 1);
     assert!(

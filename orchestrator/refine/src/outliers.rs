@@ -39,13 +39,16 @@ pub fn find(values: &[f64]) -> Vec<Outlier> {
     let mut sorted = values.to_vec();
     sorted.sort_by(f64::total_cmp);
     let range = sorted[(19 * (n - 1)) / 20] - sorted[(n - 1) / 20];
+    // At rest the noise of a sensor may be single flickers of its last digit.
+    let gaps = sorted.windows(2).map(|pair| pair[1] - pair[0]).filter(|gap| *gap > 0.0);
+    let digit = gaps.fold(f64::INFINITY, f64::min);
     let neighbors = |k: usize| middle(values, k, NEIGHBORS, |j| values[j]);
     let deviation = |k: usize| values[k] - neighbors(k);
     let mut found: Vec<Outlier> = Vec::new();
     for k in (0..n).filter(|&k| deviation(k).abs() > MIN_SHARE_OF_RANGE * range) {
         let own = deviation(k);
         let spread = middle(values, k, AROUND, |j| deviation(j).abs()) / MEDIAN_OF_NORMAL;
-        if own.abs() <= MIN_SPREADS * spread {
+        if own.abs() <= MIN_SPREADS * spread.max(digit) {
             continue;
         }
         match found.last_mut().filter(|last| last.first + last.count == k) {
@@ -179,6 +182,8 @@ mod tests {
         let rest: Vec<f64> =
             (0..1000).map(|k| if k % 211 == 0 { 1e-3 } else { 0.0 } + 1e-4 * f64::from(k / 3)).collect();
         assert_eq!(find(&rest), []);
+        let flicker: Vec<f64> = (0..1000).map(|k| if k % 211 == 0 { 1e-3 } else { 0.0 }).collect();
+        assert_eq!(find(&flicker), []);
     }
 
     #[test]

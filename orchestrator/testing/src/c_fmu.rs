@@ -10,6 +10,25 @@ use zip::write::SimpleFileOptions;
 /// Folder of the binaries of this machine.
 pub const PLATFORM: &str = "linux64";
 
+/// A model with an input, a state and an output, such as `hostile.c`.
+pub const DESCRIPTION: &str = r#"<?xml version="1.0" encoding="UTF-8"?>
+<fmiModelDescription fmiVersion="2.0" modelName="m" guid="g">
+  <ModelExchange modelIdentifier="m"/>
+  <CoSimulation modelIdentifier="m" canHandleVariableCommunicationStepSize="true"/>
+  <ModelVariables>
+    <ScalarVariable name="u" valueReference="0" causality="input"><Real start="0"/></ScalarVariable>
+    <ScalarVariable name="x" valueReference="1" causality="local" initial="exact"><Real start="1"/></ScalarVariable>
+    <ScalarVariable name="der(x)" valueReference="2"><Real derivative="2"/></ScalarVariable>
+    <ScalarVariable name="y" valueReference="3" causality="output"><Real/></ScalarVariable>
+  </ModelVariables>
+  <ModelStructure>
+    <Outputs><Unknown index="4" dependencies="2"/></Outputs>
+    <Derivatives><Unknown index="3" dependencies="1 2"/></Derivatives>
+    <InitialUnknowns><Unknown index="3" dependencies="1 2"/><Unknown index="4" dependencies="2"/></InitialUnknowns>
+  </ModelStructure>
+</fmiModelDescription>
+"#;
+
 /// Compiles `source` (a relative path is one in the folder `c` of this crate) into the shared library `target`, with
 /// macros such as `-DSTALE`.
 pub fn compile(source: impl AsRef<Path>, target: &Path, macros: &[&str]) {

@@ -2,10 +2,11 @@
 
 use std::io::{Cursor, Write};
 
+use airloop_testing::c_fmu::DESCRIPTION;
 use zip::ZipWriter;
 use zip::write::SimpleFileOptions;
 
-use super::{Case, DESCRIPTION};
+use super::Case;
 
 fn archive(entries: &[(&str, &[u8])]) -> Vec<u8> {
     let mut writer = ZipWriter::new(Cursor::new(Vec::new()));

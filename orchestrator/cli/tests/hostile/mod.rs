@@ -11,25 +11,6 @@ mod settings;
 mod systems;
 mod tables;
 
-/// A model with an input, a state and an output.
-const DESCRIPTION: &str = r#"<?xml version="1.0" encoding="UTF-8"?>
-<fmiModelDescription fmiVersion="2.0" modelName="m" guid="g">
-  <ModelExchange modelIdentifier="m"/>
-  <CoSimulation modelIdentifier="m" canHandleVariableCommunicationStepSize="true"/>
-  <ModelVariables>
-    <ScalarVariable name="u" valueReference="0" causality="input"><Real start="0"/></ScalarVariable>
-    <ScalarVariable name="x" valueReference="1" causality="local" initial="exact"><Real start="1"/></ScalarVariable>
-    <ScalarVariable name="der(x)" valueReference="2"><Real derivative="2"/></ScalarVariable>
-    <ScalarVariable name="y" valueReference="3" causality="output"><Real/></ScalarVariable>
-  </ModelVariables>
-  <ModelStructure>
-    <Outputs><Unknown index="4" dependencies="2"/></Outputs>
-    <Derivatives><Unknown index="3" dependencies="1 2"/></Derivatives>
-    <InitialUnknowns><Unknown index="3" dependencies="1 2"/><Unknown index="4" dependencies="2"/></InitialUnknowns>
-  </ModelStructure>
-</fmiModelDescription>
-"#;
-
 /// One line of the table.
 pub struct Case {
     /// What is wrong.
@@ -60,7 +41,7 @@ impl Case {
     /// Writes the files.
     pub fn write(&self, folder: &Path) {
         if self.with_fmu {
-            c_fmu::pack(&folder.join("m.fmu"), DESCRIPTION, Some(("m", library())));
+            c_fmu::pack(&folder.join("m.fmu"), c_fmu::DESCRIPTION, Some(("m", library())));
         }
         for (name, bytes) in &self.files {
             std::fs::write(folder.join(name), bytes).unwrap();

@@ -76,7 +76,6 @@ pub fn fit<S: System + ?Sized>(
     locals: &[Vec<f64>],
     iterations: usize,
 ) -> Fit {
-    let ng = free.len();
     let (mut p, mut locals) = (p.to_vec(), locals.to_vec());
     for f in free {
         p[f.index] = p[f.index].clamp(f.bounds.0, f.bounds.1);
@@ -88,29 +87,13 @@ pub fn fit<S: System + ?Sized>(
     let (mut round, mut refused, mut served, mut settled) = (0, 0, 0, false);
     while round < iterations && refused < 6 && !stop::asked() {
         let (matrix, right, chi2) = (&normal.matrix, &normal.right, normal.chi2);
-        let held: Vec<bool> = free
-            .iter()
-            .enumerate()
-            .map(|(a, f)| {
-                (p[f.index] <= f.bounds.0 && right[a] < 0.0) || (p[f.index] >= f.bounds.1 && right[a] > 0.0)
-            })
-            .collect();
+        let held = held_at_bounds(&p, free, right);
         let Some(step) = damped_step(matrix, right, damping, &held) else {
             damping = (damping * 10.0).max(1e-6);
             refused += 1;
             continue;
         };
-        let (mut q, mut moved) = (p.clone(), locals.clone());
-        for (a, f) in free.iter().enumerate() {
-            q[f.index] = (p[f.index] + step[a]).clamp(f.bounds.0, f.bounds.1);
-        }
-        let mut offset = ng;
-        for own in &mut moved {
-            for value in own {
-                *value += step[offset];
-                offset += 1;
-            }
-        }
+        let (q, moved) = moved_by(&step, &p, free, &locals);
         let hoped = predicted(matrix, right, &step);
         if settled && hoped < MIN_PROMISE_OF_NEW_JACOBIAN {
             break;
@@ -153,15 +136,44 @@ pub fn fit<S: System + ?Sized>(
         }
     }
     let Normal { matrix, right, chi2, .. } = normal;
-    let at_bound: Vec<bool> =
-        free.iter().map(|f| p[f.index] <= f.bounds.0 || p[f.index] >= f.bounds.1).collect();
-    let held: Vec<bool> = at_bound
-        .iter()
-        .enumerate()
-        .map(|(a, &at)| at && right[a] * if p[free[a].index] <= free[a].bounds.0 { -1.0 } else { 1.0 } > 0.0)
-        .collect();
-    let covariance = covariance(&matrix, ng, &held);
+    assembled(p, free, locals, &matrix, &right, chi2)
+}
+
+/// The fit at a point with its normal equations.
+pub(super) fn assembled(
+    p: Vec<f64>,
+    free: &[Free],
+    locals: Vec<Vec<f64>>,
+    matrix: &DMatrix<f64>,
+    right: &DVector<f64>,
+    chi2: f64,
+) -> Fit {
+    let at_bound = free.iter().map(|f| p[f.index] <= f.bounds.0 || p[f.index] >= f.bounds.1).collect();
+    let covariance = covariance(matrix, free.len(), &held_at_bounds(&p, free, right));
     Fit { parameters: p, free: free.to_vec(), locals, chi2, covariance, at_bound }
+}
+
+/// Whether each parameter stands at a bound that the gradient presses it against.
+pub(super) fn held_at_bounds(p: &[f64], free: &[Free], right: &DVector<f64>) -> Vec<bool> {
+    let held = |(a, f): (usize, &Free)| {
+        (p[f.index] <= f.bounds.0 && right[a] < 0.0) || (p[f.index] >= f.bounds.1 && right[a] > 0.0)
+    };
+    free.iter().enumerate().map(held).collect()
+}
+
+/// Shared parameters, within their bounds, and local ones after a step, shape \[free + locals\].
+pub(super) fn moved_by(
+    step: &DVector<f64>,
+    p: &[f64],
+    free: &[Free],
+    locals: &[Vec<f64>],
+) -> (Vec<f64>, Vec<Vec<f64>>) {
+    let (mut q, mut moved) = (p.to_vec(), locals.to_vec());
+    for (a, f) in free.iter().enumerate() {
+        q[f.index] = (p[f.index] + step[a]).clamp(f.bounds.0, f.bounds.1);
+    }
+    moved.iter_mut().flatten().zip(step.iter().skip(free.len())).for_each(|(own, step)| *own += step);
+    (q, moved)
 }
 
 /// Covariance of the free parameters by the scatter of the records around the common optimum, for residuals that are not
@@ -183,7 +195,7 @@ pub(super) fn predicted(matrix: &DMatrix<f64>, right: &DVector<f64>, step: &DVec
 }
 
 /// Covariance of the first `ng` parameters; those held have none.
-pub(super) fn covariance(matrix: &DMatrix<f64>, ng: usize, held: &[bool]) -> DMatrix<f64> {
+fn covariance(matrix: &DMatrix<f64>, ng: usize, held: &[bool]) -> DMatrix<f64> {
     let open: Vec<usize> = (0..matrix.nrows()).filter(|&i| !held.get(i).copied().unwrap_or(false)).collect();
     let part = DMatrix::from_fn(open.len(), open.len(), |a, b| matrix[(open[a], open[b])]);
     let mut found = DMatrix::zeros(ng, ng);

@@ -108,15 +108,14 @@ impl Normal {
 
     /// With derivatives of a point nearby and the residuals of this one.
     pub fn near(
-        columns: Vec<Columns>,
+        mut columns: Vec<Columns>,
         p: &[f64],
         free: &[Free],
         locals: &[Vec<f64>],
         residuals: Vec<Vec<f64>>,
     ) -> Normal {
-        let mut found = Normal::of(columns, p, free, locals);
-        found.moved(p, free, residuals);
-        found
+        columns.iter_mut().zip(residuals).for_each(|(own, residuals)| own.residuals = residuals);
+        Normal::of(columns, p, free, locals)
     }
 
     fn of(columns: Vec<Columns>, p: &[f64], free: &[Free], locals: &[Vec<f64>]) -> Normal {

@@ -39,7 +39,7 @@ pub fn substeps(study: &Study) -> usize {
     2 * SUBSTEPS[SUBSTEPS.len() - 1]
 }
 
-/// Largest rms difference of two simulations over the noise of an output; 0 where they do not end.
+/// Largest rms difference of two simulations over the noise of an output; infinite where one of them diverges.
 fn apart(study: &Study, a: &[Vec<f64>], b: &[Vec<f64>]) -> f64 {
     let outputs = study.outputs.iter().enumerate().filter(|(_, output)| output.noise > 0.0);
     let one = |(o, output): (usize, &super::model::Output)| {
@@ -52,5 +52,5 @@ fn apart(study: &Study, a: &[Vec<f64>], b: &[Vec<f64>]) -> f64 {
         }
         (sum / count.max(1) as f64).sqrt() / output.noise
     };
-    outputs.map(one).filter(|own| own.is_finite()).fold(0.0, f64::max)
+    outputs.map(one).fold(0.0, |most, own| if own.is_finite() { own.max(most) } else { f64::INFINITY })
 }

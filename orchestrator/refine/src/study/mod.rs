@@ -12,6 +12,7 @@
 //! are known, has a search of its own in `rig`.
 
 pub mod answer;
+pub mod beside;
 mod blocks;
 pub mod by_share;
 pub mod catalogue;
