@@ -57,6 +57,7 @@ mod tests {
     use super::*;
     use crate::case::Actuator;
     use crate::engine::goodness::Null;
+    use crate::engine::search::Rules;
     use crate::rig::parameters::{GAIN, POLE_COULOMB, neutral};
     use crate::rig::testing::rig;
 
@@ -74,8 +75,14 @@ mod tests {
         let rig = rig(actuator, 1200, noises, values);
         let locals = vec![vec![0.0, 0.0]; 2];
         let null = Null::simulate(&rig, &[0, 1], &neutral(), &locals, 40, 1);
-        let search =
-            Search { system: &rig, candidates: &[], records: vec![0, 1], screened: vec![0, 1], null };
+        let search = Search {
+            system: &rig,
+            candidates: &[],
+            records: vec![0, 1],
+            screened: vec![0, 1],
+            null,
+            rules: Rules::default(),
+        };
         let declared = search.fit(&[], &[], &neutral(), &locals, 5);
         with_cylinder(&search, &declared).is_some()
     }

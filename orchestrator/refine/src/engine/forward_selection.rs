@@ -11,7 +11,7 @@ use super::fit::{Fit, Free};
 use super::goodness::Null;
 use super::normal::residuals;
 use super::question::{Correction, Found, FreeForm, Question, Step, Tried};
-use super::search::{Model, Promise, Search};
+use super::search::{Model, Promise, Rules, Search};
 use super::weighted::{Weighted, long_run};
 use super::{parallel, stop};
 
@@ -104,7 +104,14 @@ impl Run<'_> {
         let q = self.question;
         let system = Weighted::new(q.system, weights);
         let (records, screened, null) = (records.to_vec(), q.screened.clone(), self.null.clone());
-        f(&Search { system: &system, candidates: q.candidates, records, screened, null })
+        f(&Search {
+            system: &system,
+            candidates: q.candidates,
+            records,
+            screened,
+            null,
+            rules: Rules::default(),
+        })
     }
 
     /// A fit of effects and corrections.

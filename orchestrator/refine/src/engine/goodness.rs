@@ -25,6 +25,8 @@ pub struct Null {
     deviation: Vec<[f64; 3]>,
     /// Standard deviation of the powers of white noise of unit variance.
     white: Vec<[f64; 3]>,
+    /// Powers up to which a signal is noise whose level is known roughly.
+    tolerated: Vec<[f64; 3]>,
     /// Largest normalised power that noise alone gives (of the draws not used for the scale).
     pub quantile: f64,
     /// Draws made.
@@ -100,12 +102,18 @@ impl Null {
             .iter()
             .map(|&n| BLOCKS.map(|length| (2.0 * n as f64 / length as f64).sqrt()))
             .collect();
-        let mut null = Null { signals, mean, deviation, white, quantile: 0.0, draws };
+        let tolerated = vec![[0.0; 3]; mean.len()];
+        let mut null = Null { signals, mean, deviation, white, tolerated, quantile: 0.0, draws };
         let worst = |draw: &Vec<(String, [f64; 3])>| {
             null.normalised(draw).into_iter().map(|(_, z)| z).fold(f64::MIN, f64::max)
         };
         null.quantile = samples[half..].iter().map(worst).fold(0.0, f64::max);
         null
+    }
+
+    /// The same where a signal all of whose powers are at most `powers` is noise.
+    pub fn tolerating(&self, powers: Vec<[f64; 3]>) -> Null {
+        Null { tolerated: powers, ..self.clone() }
     }
 
     /// Mean powers of every signal for each of [`BLOCKS`].
@@ -123,7 +131,11 @@ impl Null {
                 // some percent of the noise must not count there. White noise is the yardstick.
                 let z =
                     (0..3).map(|i| (power[i] - self.mean[s][i]) / self.deviation[s][i].max(self.white[s][i]));
-                (name.clone(), z.fold(f64::MIN, f64::max))
+                // A simulation that ran away leaves no number.
+                let worst =
+                    z.fold(f64::MIN, |worst, z| if z.is_nan() { f64::INFINITY } else { worst.max(z) });
+                let near = power.iter().zip(&self.tolerated[s]).all(|(own, most)| own <= most);
+                (name.clone(), if near { worst.min(0.0) } else { worst })
             })
             .collect()
     }
@@ -133,6 +145,17 @@ impl Null {
 mod tests {
     use super::*;
     use crate::engine::system::testing::Lines;
+
+    #[test]
+    fn what_ran_away_is_no_noise_and_what_is_tolerated_is() {
+        let system = Lines::new(0.0, 0.0);
+        let null = Null::simulate(&system, &[0], &[0.0, 0.0], &[vec![0.0]], 200, 1);
+        let worst = |null: &Null, power: f64| null.normalised(&[("y".into(), [power; 3])])[0].1;
+        assert_eq!(worst(&null, f64::NAN), f64::INFINITY);
+        assert!(worst(&null, 1e4) > null.quantile);
+        let tolerant = null.tolerating(vec![[2e4; 3]]);
+        assert!(worst(&tolerant, 1e4) <= 0.0 && worst(&tolerant, 3e4) > null.quantile);
+    }
 
     #[test]
     fn long_blocks_see_a_slow_error_that_the_power_hides() {

@@ -50,7 +50,7 @@ impl<'a, S: System + ?Sized> Ladder<'a, S> {
         let one = |system: &'a (dyn System + 'a)| {
             let (records, screened) = (whole.records.clone(), whole.screened.clone());
             let null = Null::simulate(system, &records, p, locals, DRAWS, 1);
-            Search { system, candidates: whole.candidates, records, screened, null }
+            Search { system, candidates: whole.candidates, records, screened, null, rules: whole.rules }
         };
         Ladder { whole, beginnings: systems.iter().map(AsRef::as_ref).map(one).collect(), margin }
     }
@@ -144,6 +144,7 @@ impl<'a, S: System + ?Sized> Ladder<'a, S> {
 mod tests {
     use super::*;
     use crate::engine::candidate::Start;
+    use crate::engine::search::Rules;
     use crate::engine::system::testing::Lines;
 
     /// Rung that a fit of the parameter `index` comes to, and whether it explains lines of the given slope and square.
@@ -160,6 +161,7 @@ mod tests {
             records: vec![0, 1],
             screened: vec![0, 1],
             null,
+            rules: Rules::default(),
         };
         let declared = search.fit(&[], &[], &[0.0, 0.0], &locals, 5);
         let systems = beginnings(&system);

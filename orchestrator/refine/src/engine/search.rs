@@ -43,6 +43,19 @@ pub struct Search<'a, S: System + ?Sized> {
     pub screened: Vec<usize>,
     /// Null distribution.
     pub null: Null,
+    /// What it has to respect beyond that.
+    pub rules: Rules<'a>,
+}
+
+/// What the models of a search have to respect; by default nothing.
+#[derive(Clone, Copy, Default)]
+pub struct Rules<'a> {
+    /// Declared parameters that every fit is free to choose.
+    pub always: &'a [Free],
+    /// Whether a candidate may join the effects found before.
+    pub may_join: Option<&'a (dyn Fn(usize, &[usize]) -> bool + Sync)>,
+    /// Whether effects with the fitted parameters make sense: what makes none explains nothing.
+    pub sense: Option<&'a (dyn Fn(&[usize], &Fit) -> bool + Sync)>,
 }
 
 /// A start of a candidate and the sum of squares that the linear step from there promises.
@@ -87,11 +100,16 @@ impl<S: System + ?Sized> Search<'_, S> {
         locals: &[Vec<f64>],
         iterations: usize,
     ) -> Model {
-        let mut free: Vec<Free> =
-            added.iter().flat_map(|&c| self.candidates[c].free.iter().copied()).collect();
-        free.extend_from_slice(extra);
-        let fit = fit(self.system, &self.records, start, &free, locals, iterations);
-        let left = self.left(&fit);
+        let own = added.iter().flat_map(|&c| &self.candidates[c].free);
+        let free: Vec<Free> = self.rules.always.iter().chain(own).chain(extra).copied().collect();
+        let mut fit = fit(self.system, &self.records, start, &free, locals, iterations);
+        if fit.chi2.is_nan() {
+            fit.chi2 = f64::INFINITY;
+        }
+        let mut left = self.left(&fit);
+        if self.rules.sense.is_some_and(|sense| !sense(added, &fit)) {
+            left.iter_mut().for_each(|(_, power)| *power = f64::INFINITY);
+        }
         Model { added: added.to_vec(), fit, left }
     }
 
@@ -114,7 +132,8 @@ impl<S: System + ?Sized> Search<'_, S> {
             columns: self.screened_columns(screened, &fit.parameters, &fit.free, fit, true, None),
         };
         let all = around(&self.screened);
-        let lacking = (0..self.candidates.len()).filter(|&c| !base.added.contains(&c) && wanted(c));
+        let may = |c: usize| self.rules.may_join.is_none_or(|may| may(c, &base.added));
+        let lacking = (0..self.candidates.len()).filter(|&c| !base.added.contains(&c) && may(c) && wanted(c));
         let mut starts: Vec<(usize, usize)> = Vec::new();
         for c in lacking {
             let own: Vec<(usize, usize)> = (0..self.candidates[c].starts.len()).map(|s| (c, s)).collect();

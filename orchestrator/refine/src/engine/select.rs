@@ -180,7 +180,7 @@ pub fn select<S: System + ?Sized>(
     if best.as_ref().is_some_and(|best| best.worst() < search.null.quantile + MIN_EXCESS_OF_NULL) {
         return end(Stage::Effects, passing, tried);
     }
-    if stop::asked() {
+    if stop::asked() || corrections.is_empty() {
         return match passing.is_empty() {
             true => unexplained(tried, declared),
             false => end(Stage::Effects, passing, tried),
@@ -357,6 +357,7 @@ mod tests {
     use super::*;
     use crate::engine::candidate::Start;
     use crate::engine::goodness::Null;
+    use crate::engine::search::Rules;
     use crate::engine::system::testing::Lines;
 
     fn candidate(id: &'static str, index: usize) -> Candidate {
@@ -368,7 +369,14 @@ mod tests {
     fn chosen(system: &Lines, candidates: &[Candidate]) -> (Vec<&'static str>, bool, usize) {
         let locals = vec![vec![0.0], vec![40.0]];
         let null = Null::simulate(system, &[0, 1], &[0.0, 0.0], &locals, 100, 1);
-        let search = Search { system, candidates, records: vec![0, 1], screened: vec![0, 1], null };
+        let search = Search {
+            system,
+            candidates,
+            records: vec![0, 1],
+            screened: vec![0, 1],
+            null,
+            rules: Rules::default(),
+        };
         let declared = search.fit(&[], &[], &[0.0, 0.0], &locals, 5);
         let found = select(&search, declared, &[], Effort::default(), &Vec::new);
         (found.best.added.iter().map(|&c| candidates[c].id).collect(), found.explained, found.equals.len())
@@ -408,6 +416,7 @@ mod tests {
             records: vec![0, 1],
             screened: vec![0, 1],
             null,
+            rules: Rules::default(),
         };
         let declared = search.fit(&[], &[], &[0.0, 0.0], &locals, 5);
         let pair = search.fit(&[0, 1], &[], &[0.0, 0.0], &locals, 10);
@@ -430,6 +439,7 @@ mod tests {
                 records: vec![0, 1],
                 screened: vec![0, 1],
                 null,
+                rules: Rules::default(),
             };
             let declared = search.fit(&[], &[], &[0.0; 3], &locals, 5);
             let correction = Free { index: 2, bounds: (-1e3, 1e3), step: 1e-3, prior: Some(share) };

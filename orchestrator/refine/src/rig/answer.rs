@@ -8,7 +8,7 @@ use crate::answer::{Answer, Correction, Effect, Errors, Settings, Verdict, error
 use crate::engine::candidate::Candidate;
 use crate::engine::fit::Free;
 use crate::engine::goodness::Null;
-use crate::engine::search::{Model, Promise, Search};
+use crate::engine::search::{Model, Promise, Rules, Search};
 use crate::engine::select::{
     Effort, MARGIN, MIN_EXCESS_OF_NULL, MIN_FALL_OF_SQUARES, Proposal, Selection, Stage, select,
 };
@@ -34,7 +34,8 @@ pub fn answer(rig: &Rig, groups: &[String], settings: &Settings, listener: Liste
     let fit = fit_locals(system, &records, &super::parameters::neutral());
     system.stage("noise floor");
     let null = Null::simulate(system, &records, &fit.parameters, &fit.locals, settings.draws, settings.seed);
-    let search = Search { system, candidates: &rig.candidates, records, screened, null };
+    let search =
+        Search { system, candidates: &rig.candidates, records, screened, null, rules: Rules::default() };
     let declared = search.fit(&[], &[], &fit.parameters, &fit.locals, 5);
     let effort = Effort { max_effects: settings.max_effects, ..Effort::default() };
     let cylinder = rig.coupled.as_ref().and_then(|_| with_cylinder(&search, &declared));

@@ -5,7 +5,7 @@ use super::observer::{Observer, Walk};
 use crate::engine::candidate::Candidate;
 use crate::engine::fit::scatter;
 use crate::engine::goodness::Null;
-use crate::engine::search::{Model, Search};
+use crate::engine::search::{Model, Rules, Search};
 use crate::engine::select::{Proposal, attempt};
 use crate::engine::{System, parallel};
 
@@ -146,7 +146,7 @@ pub fn pair_behind(rig: &Coupled, candidates: &[Candidate], groups: &[usize], p:
     let null = Null::simulate(&observer, &records, p, &locals, 40, 1);
     let screened: Vec<usize> =
         (0..records.len()).filter(|&i| i == 0 || groups[records[i]] != groups[records[i - 1]]).collect();
-    let search = Search { system: &observer, candidates, records, screened, null };
+    let search = Search { system: &observer, candidates, records, screened, null, rules: Rules::default() };
     let declared = search.fit(&[], &[], p, &locals, 1);
     let singles = attempt(&search, &declared, &search.screen(&declared), FITTED_SINGLES, f64::MIN);
     singles
@@ -175,7 +175,14 @@ struct Around<'a> {
 impl<'a> Around<'a> {
     fn search<'s>(&'s self, observer: &'s Observer<'a>) -> Search<'s, Observer<'a>> {
         let (records, screened, null) = (self.records.clone(), self.screened.clone(), self.null.clone());
-        Search { system: observer, candidates: self.candidates, records, screened, null }
+        Search {
+            system: observer,
+            candidates: self.candidates,
+            records,
+            screened,
+            null,
+            rules: Rules::default(),
+        }
     }
 
     /// The walk that suits a model, and the model fitted again with its gains.

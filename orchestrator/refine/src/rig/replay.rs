@@ -14,7 +14,7 @@ use crate::engine::candidate::Candidate;
 use crate::engine::goodness::{Null, pooled};
 use crate::engine::noise::Noise;
 use crate::engine::normal::residuals;
-use crate::engine::search::{Model, Search};
+use crate::engine::search::{Model, Rules, Search};
 use crate::engine::select::{Proposal, attempt};
 use crate::engine::system::Span;
 use crate::engine::{System, parallel};
@@ -157,7 +157,8 @@ pub fn proposals(rig: &Coupled, candidates: &[Candidate], groups: &[usize], limi
     let screened = (0..records.len()).filter(|&i| i == 0 || groups[records[i]] != groups[records[i - 1]]);
     let (screened, locals) = (screened.collect(), vec![Vec::new(); records.len()]);
     let null = Null::simulate(&replay, &records, &neutral(), &locals, DRAWS, 1);
-    let search = Search { system: &replay, candidates: &own, records, screened, null };
+    let search =
+        Search { system: &replay, candidates: &own, records, screened, null, rules: Rules::default() };
     let declared = search.fit(&[], &[], &neutral(), &locals, 1);
     if declared.worst() < limit {
         return Vec::new();

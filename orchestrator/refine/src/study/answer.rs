@@ -7,6 +7,7 @@ use super::catalogue;
 use super::declaration::{Attachment, File, Role};
 use super::effects::{effects, order, physical};
 use super::errors::{errors, floor, force, force_noise};
+use super::exact;
 use super::explain::{Judge, Rest, depends};
 use super::fits::{Fits, Model, pieces};
 use super::integration;
@@ -25,6 +26,9 @@ use crate::evidence::{Evidence, study as evidence};
 use crate::explained;
 use crate::law::study as law;
 use crate::vocabulary::attach;
+
+/// Share of a limited time that the search for an explanation to the noise may use.
+const EXACT_SHARE_OF_TIME: f64 = 0.5;
 
 /// Error in rms of the noise from which on something is missing even if what is left depends on nothing that is known:
 /// the noise may be coloured, which its scatter from sample to sample does not show.
@@ -45,13 +49,23 @@ pub fn answer(file: &File, settings: &Settings, say: Say) -> Result<(Answer, Evi
     let fits = Fits::new(&study, scale.clone()).quickened(&model);
     say("noise floor");
     let judge = Judge::new(&fits, &model, settings.draws, settings.seed);
-    let selection = search(&fits, &judge, model, settings.max_effects, say);
+    // What is left of a limited time is for effects that leave more than noise.
+    stop::stage(EXACT_SHARE_OF_TIME);
+    let precise = Fits::new(&study, scale.clone());
+    let exact = exact::search(&precise, &judge, &model, settings, say);
+    stop::stage(1.0);
+    let selection = exact.unwrap_or_else(|| search(&fits, &judge, model, settings.max_effects, say));
     let best = &selection.best;
     if !best.added.is_empty() {
         correct(&mut study, &scale, &best.added, &best.fit.parameters);
     }
     let fits = Fits::new(&study, scale.clone());
-    let selection = confirm(&fits, &judge, selection, say);
+    let selection = if selection.exact {
+        let best = exact::refitted(&fits, &selection.best);
+        Selection { best, ..selection }
+    } else {
+        confirm(&fits, &judge, selection, say)
+    };
     let (selection, by_share) = beside_corrections(&fits, &judge, selection, &scale, settings, say);
     say("errors on all records");
     let mut found = assemble(&fits, &judge, &selection, by_share.as_ref(), settings);
@@ -115,7 +129,9 @@ fn beside_corrections(
     if found.is_without_corrections(&exact) {
         // The fit without them goes on until nothing moves.
         let mut exact = exact;
-        exact.best = fits.polish(&exact.best).unwrap_or(exact.best);
+        if !exact.exact {
+            exact.best = fits.polish(&exact.best).unwrap_or(exact.best);
+        }
         (found.selection, found.corrections, found.weighted) = (exact.clone(), Vec::new(), false);
         return (exact, Some(found));
     }

@@ -9,10 +9,10 @@ use super::model::{Action, Study, Target};
 use super::physical::physical;
 use super::search::{Say, Selection};
 use super::simulate::Piece;
-use super::whole::Whole;
+use super::whole::{Whole, candidate, model};
 use crate::answer::{Correction, Settings, Step, Tried};
 use crate::engine::System;
-use crate::engine::candidate::{Candidate, Start};
+use crate::engine::candidate::Candidate;
 use crate::engine::fit::Free;
 use crate::engine::forward_selection;
 use crate::engine::held_out::HeldOut;
@@ -121,20 +121,6 @@ fn pieces(fits: &Fits) -> (Vec<Piece>, Vec<Vec<usize>>) {
     (spans, folds)
 }
 
-/// A candidate as the engine sees it; names stay in the study.
-fn candidate(study: &Study, c: usize) -> Candidate {
-    let own = &study.candidates[c];
-    let free: Vec<Free> = own.entries.clone().map(|index| study.entries[index].free).collect();
-    let first = own.entries.start;
-    let start = |values: &Vec<f64>| {
-        let (open, set): (Vec<usize>, Vec<usize>) = (0..values.len()).partition(|&k| values[k] == 0.0);
-        let idle = !open.is_empty();
-        Start { values: set.into_iter().map(|k| (first + k, values[k])).collect(), open, idle }
-    };
-    let starts = own.starts.iter().map(start).collect();
-    Candidate { id: "", channel: own.channel, signal: None, free, starts, contains: None }
-}
-
 /// The corrections that the records show, most influential first, with the effects that do the same.
 fn known(
     study: &Study,
@@ -208,25 +194,6 @@ fn sense(study: &Study, model: &Model) -> Option<String> {
     })
 }
 
-/// The model of the engine as one of the study.
-fn model(fits: &Fits, own: &Model) -> fits::Model {
-    let p = &own.fit.parameters;
-    let records: Vec<usize> = (0..fits.pieces.len()).collect();
-    let view = fits.view(&own.added, &fits.pieces);
-    // Local parameters of whole records; spans of them had their own.
-    let locals = if own.fit.locals.len() == fits.pieces.len() {
-        own.fit.locals.clone()
-    } else {
-        fits.grow(&own.added, &fits.pieces, p, &[], &[1.0], 8).locals
-    };
-    let chi2: f64 =
-        records.iter().flat_map(|&r| view.residuals(r, p, &locals[r])).map(|value| value * value).sum();
-    let mut fit = own.fit.clone();
-    (fit.locals, fit.chi2) = (locals, chi2);
-    let error = fits.rms(chi2);
-    fits::Model::new(own.added.clone(), fit, error)
-}
-
 fn answer(fits: &Fits, declared: &fits::Model, known: &[question::Correction], found: &Found) -> ByShare {
     let study = fits.study;
     let best = model(fits, &found.best);
@@ -262,6 +229,7 @@ fn answer(fits: &Fits, declared: &fits::Model, known: &[question::Correction], f
         singles,
         stability: Vec::new(),
         refused: Vec::new(),
+        exact: false,
     };
     let corrections = corrections(study, &selection.best, known);
     let free_form = found.free_form.map(|form| {

@@ -140,7 +140,7 @@ pub fn effects(fits: &Fits, selection: &Selection, chosen: bool, weighted: bool)
         .map(|r| view.residuals(r, &best.fit.parameters, &best.fit.locals[r]))
         .collect();
     let widen = widening(&residuals);
-    let widen = |model: &Model| if weighted { 1.0 } else { widen * model.error };
+    let widen = |model: &Model| if weighted || selection.exact { 1.0 } else { widen * model.error };
     let percent = |from: f64, to: f64| format!("{:.1} %", 100.0 * (1.0 - to / from));
     let mut found = Vec::new();
     for c in order(fits, selection) {

@@ -94,6 +94,15 @@ impl Judge {
         pooled(&view, &records, &records.iter().map(residual).collect::<Vec<_>>())
     }
 
+    /// The null of the sensors whose noise is known roughly, with what smoothed derivatives give.
+    pub fn tolerant(&self) -> Null {
+        let powers = self.null.means().iter().zip(&self.bias);
+        let most = |(mean, bias): (&[f64; 3], &[f64; 3])| {
+            std::array::from_fn(|i| MAX_POWER_OVER_NOISE * (mean[i] + bias[i]))
+        };
+        self.null.tolerating(powers.map(most).collect())
+    }
+
     /// Normalised powers of what a model leaves, by output.
     pub fn left(&self, fits: &Fits, model: &Model) -> Vec<(String, f64)> {
         self.null.normalised(&Self::powers(fits, model))
@@ -180,10 +189,14 @@ impl Judge {
     }
 }
 
+/// Noise of the sensors by output, in its unit.
+pub(super) fn noises(study: &Study) -> Vec<f64> {
+    study.outputs.iter().map(|output| output.noise).collect()
+}
+
 /// The estimation records with residuals in units of the sensor noise.
-fn in_noise<'a>(fits: &Fits<'a>, model: &Model) -> View<'a> {
-    let scale = fits.study.outputs.iter().map(|output| output.noise).collect();
-    View { scale, ..fits.view(&model.added, &fits.pieces) }
+pub(super) fn in_noise<'a>(fits: &Fits<'a>, model: &Model) -> View<'a> {
+    View { scale: noises(fits.study), ..fits.view(&model.added, &fits.pieces) }
 }
 
 /// Name of a variable at an attachment in the vocabulary.

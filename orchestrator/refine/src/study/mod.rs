@@ -2,8 +2,8 @@
 //!
 //! [`declaration`] is the file, [`dataset`] reads folders of measured data that come without one, [`read`] makes records,
 //! [`plant`] evaluates the FMUs, [`ports`] finds where something may be missing, [`plan`] lists that, [`simulate`] integrates
-//! them for the engine, [`fits`] fits, [`catalogue`] lists the candidates, [`search`] chooses among them by the error on
-//! records that are held out, [`physical`] what no model may be, [`noise`] carries the noise of the sensors to that error,
+//! them for the engine, [`fits`] fits, [`catalogue`] lists the candidates, [`exact`] asks the engine for the fewest of them that
+//! leave nothing but noise; where there are none, [`search`] chooses by the error on records that are held out, [`physical`] what no model may be, [`noise`] carries the noise of the sensors to that error,
 //! [`smoothed`] what filters take from measured derivatives, [`explain`] finds on what depends what is left.
 //!
 //! Where that search ends above the noise, [`by_share`] asks the engine's forward selection for the effects that matter
@@ -21,6 +21,7 @@ pub mod dataset;
 pub mod declaration;
 pub mod effects;
 pub mod errors;
+pub mod exact;
 pub mod explain;
 pub mod fits;
 pub mod force;

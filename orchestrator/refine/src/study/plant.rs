@@ -12,7 +12,7 @@ use super::names::{attachment_target, known, path};
 use airloop_cosim::system::SystemGraph;
 use airloop_cosim::system::graph::{Component, Conversion, DataType, Source, Start};
 use airloop_cosim::system::order::feed_through;
-use airloop_fmi::{Causality, Instance, InterfaceKind, Model, VariableKind};
+use airloop_fmi::{Causality, Instance, InterfaceKind, Model, Variability, VariableKind};
 
 /// What an input of a component receives.
 #[derive(Debug, Clone)]
@@ -42,6 +42,8 @@ struct Part {
     next_event: Option<f64>,
     /// It wants to hear of every accepted step.
     told_of_steps: bool,
+    /// It has no states, and its outputs that something reads change at events only.
+    only_events: bool,
     /// Event indicators: their number, and whether each was positive after the last event.
     indicators: usize,
     positive: Vec<bool>,
@@ -206,6 +208,19 @@ impl Plant {
             let feed_references = feeds.iter().map(|feed| feed.reference).collect();
             let feed_values = vec![0.0; feeds.len()];
             let interface = component.fmu.interface(InterfaceKind::ModelExchange);
+            let read = |place: (usize, usize)| {
+                let is = |source: Source| source == Source::Output { component: place.0, variable: place.1 };
+                let (name, path) = (&description.variables[place.1].name, component.path_of(place.1));
+                graph.connections.iter().any(|connection| is(connection.source))
+                    || graph.outputs.iter().any(|output| is(output.source))
+                    || wanted.iter().any(|own| *own == path || own == name)
+            };
+            let mut own_places = places.keys().filter(|place| place.0 == index);
+            let only_events = own.is_empty()
+                && description.number_of_event_indicators == 0
+                && own_places.all(|&place| {
+                    description.variables[place.1].variability == Variability::Discrete || !read(place)
+                });
             parts.push(Part {
                 model,
                 states: own,
@@ -219,6 +234,7 @@ impl Plant {
                 indicators: description.number_of_event_indicators,
                 positive: vec![false; description.number_of_event_indicators],
                 in_event: false,
+                only_events,
                 told_of_steps: interface.is_some_and(|own| !own.completed_integrator_step_not_needed),
             });
         }
@@ -491,14 +507,14 @@ impl Plant {
         block: &impl Fn(usize, f64, &[f64]) -> f64,
     ) -> Result<(), airloop_fmi::Error> {
         let slots = &mut self.slots;
-        for part in &mut self.parts {
+        for part in self.parts.iter_mut().filter(|part| !part.only_events) {
             part.model.set_time(time)?;
             if !part.states.is_empty() {
                 part.model.set_continuous_states(&x[part.states.clone()])?;
             }
             part.show(x, slots)?;
         }
-        for part in &mut self.parts {
+        for part in self.parts.iter_mut().filter(|part| !part.only_events) {
             part.feed(slots, block)?;
             if !part.late.0.is_empty() {
                 part.model.get_real(&part.late.0, &mut slots[part.late.1.clone()])?;

@@ -52,6 +52,8 @@ pub struct Selection {
     pub stability: Vec<Stability>,
     /// Effects that were left out because they do not hold on most parts.
     pub refused: Vec<(usize, Stability)>,
+    /// Whether the best model was fitted with residuals in units of the noise, which is all that it leaves.
+    pub exact: bool,
 }
 
 /// Sentences for a progress display.
@@ -320,35 +322,6 @@ impl<'a> Search<'a> {
         best
     }
 
-    /// How the effects of a model hold on the parts that were held out.
-    fn stability(&self, best: &mut Model) -> Vec<Stability> {
-        self.fits.hold_out(best);
-        let best = &*best;
-        let candidates = &self.study().candidates;
-        let one = |&c: &usize| {
-            let own = |other: usize| other == c || candidates[other].needs == Some(c);
-            let rest: Vec<usize> = best.added.iter().copied().filter(|&other| !own(other)).collect();
-            let without = self.fits.fit_from(rest, &best.fit.parameters, &best.fit.locals);
-            let parts = without.map_or_else(Vec::new, |mut model| {
-                self.fits.hold_out(&mut model);
-                model.parts
-            });
-            let better = parts
-                .iter()
-                .zip(&best.parts)
-                .filter(|(without, with)| with.0 < MAX_ERROR_RATIO_ON_PART * without.0);
-            let range = |k: usize| {
-                let values = best.parts.iter().map(|(_, p)| effects::physical(self.study(), c, p)[k]);
-                values.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), v| (a.min(v), b.max(v)))
-            };
-            let ranges = (0..candidates[c].entries.len()).map(range).collect();
-            let ratios = parts.iter().zip(&best.parts).map(|(without, with)| (with.0 / without.0).ln());
-            let gain = 1.0 - (ratios.sum::<f64>() / best.parts.len().max(1) as f64).exp();
-            Stability { parts: best.parts.len(), better: better.count(), gain, ranges }
-        };
-        best.added.iter().map(one).collect()
-    }
-
     /// Leaves effects out that help on no more than half of the parts that were held out and not clearly, or whose strength changes its
     /// sign between them.
     fn steady(&self, mut best: Model) -> (Model, Vec<Stability>, Vec<(usize, Stability)>) {
@@ -357,7 +330,7 @@ impl<'a> Search<'a> {
             if stop::asked() {
                 return (best, Vec::new(), refused);
             }
-            let stability = self.stability(&mut best);
+            let stability = stability(self.fits, None, &mut best);
             let company = best.added.len() > 1;
             let unsteady = |(k, own): (usize, &Stability)| {
                 let turns = own.ranges.first().is_some_and(|range| range.0 < 0.0 && range.1 > 0.0);
@@ -378,6 +351,39 @@ impl<'a> Search<'a> {
             }
         }
     }
+}
+
+/// How the effects of a model hold on the parts that were held out. `declared`: the model without effects, if it
+/// is fitted.
+pub fn stability(fits: &Fits, declared: Option<&Model>, best: &mut Model) -> Vec<Stability> {
+    fits.hold_out(best);
+    let best = &*best;
+    let candidates = &fits.study.candidates;
+    let one = |&c: &usize| {
+        let own = |other: usize| other == c || candidates[other].needs == Some(c);
+        let rest: Vec<usize> = best.added.iter().copied().filter(|&other| !own(other)).collect();
+        let without = match declared.filter(|_| rest.is_empty()) {
+            Some(declared) => Some(declared.clone()),
+            None => fits.fit_from(rest, &best.fit.parameters, &best.fit.locals),
+        };
+        let parts = without.map_or_else(Vec::new, |mut model| {
+            fits.hold_out(&mut model);
+            model.parts
+        });
+        let better = parts
+            .iter()
+            .zip(&best.parts)
+            .filter(|(without, with)| with.0 < MAX_ERROR_RATIO_ON_PART * without.0);
+        let range = |k: usize| {
+            let values = best.parts.iter().map(|(_, p)| effects::physical(fits.study, c, p)[k]);
+            values.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), v| (a.min(v), b.max(v)))
+        };
+        let ranges = (0..candidates[c].entries.len()).map(range).collect();
+        let ratios = parts.iter().zip(&best.parts).map(|(without, with)| (with.0 / without.0).ln());
+        let gain = 1.0 - (ratios.sum::<f64>() / best.parts.len().max(1) as f64).exp();
+        Stability { parts: best.parts.len(), better: better.count(), gain, ranges }
+    };
+    best.added.iter().map(one).collect()
 }
 
 /// A selection once more under initial states that the model of its answer corrects: what the corrections of the declared
@@ -415,6 +421,7 @@ pub fn search(fits: &Fits, judge: &Judge, declared: Model, most: usize, say: Say
             path,
             stability: Vec::new(),
             refused: Vec::new(),
+            exact: false,
         };
     }
     let mut path = vec![(Vec::new(), declared.held_out)];
@@ -442,12 +449,12 @@ pub fn search(fits: &Fits, judge: &Judge, declared: Model, most: usize, say: Say
     if !search.enough(&best) {
         // No explanation to the noise: a proposal to the search for a share of the error, which judges it.
         let (equals, stability, refused) = (Vec::new(), Vec::new(), Vec::new());
-        return Selection { declared, best, equals, singles, path, stability, refused };
+        return Selection { declared, best, equals, singles, path, stability, refused, exact: false };
     }
     say("trying other effects in their place");
     let (best, equals) = search.exchange(best);
     say("stability over parts of the records");
     let (best, stability, refused) = search.steady(best);
     let best = if stop::asked() { best } else { fits.polish(&best).unwrap_or(best) };
-    Selection { declared, best, equals, singles, path, stability, refused }
+    Selection { declared, best, equals, singles, path, stability, refused, exact: false }
 }

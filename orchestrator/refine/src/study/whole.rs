@@ -1,9 +1,17 @@
-//! A study as one system of the engine: which candidates act follows from the parameter vector.
+//! A study as one system of the engine: which candidates act follows from the parameter vector. Its candidates and models as
+//! the engine has them.
 
+use super::fits::{self, Fits};
 use super::model::Study;
-use super::simulate::View;
+use super::simulate::{Piece, View};
+use crate::engine::candidate::{Candidate, Start};
+use crate::engine::fit::Free;
 use crate::engine::noise::Noise;
+use crate::engine::search::Model;
 use crate::engine::{Span, System};
+
+/// Least samples of the beginning of a record.
+const MIN_SAMPLES_OF_BEGINNING: usize = 16;
 
 /// Pieces of a study in which every candidate acts whose parameters are not all zero.
 pub struct Whole<'a> {
@@ -56,7 +64,52 @@ impl System for Whole<'_> {
     fn redraw(&self, record: usize, predicted: &[f64], noise: &mut Noise) -> Vec<f64> {
         self.view.redraw(record, predicted, noise)
     }
+    fn beginning(&self, share: f64) -> Option<Box<dyn System + '_>> {
+        if self.view.study.windows.is_some() {
+            return None;
+        }
+        let cut = |piece: &Piece| {
+            let n = (piece.range.len() as f64 * share) as usize;
+            let n = n.max(MIN_SAMPLES_OF_BEGINNING).min(piece.range.len());
+            Piece { record: piece.record, range: piece.range.start..piece.range.start + n }
+        };
+        let pieces = self.view.pieces.iter().map(cut).collect();
+        Some(Box::new(Whole { view: View { pieces, ..self.view.clone() }, say: self.say }))
+    }
     fn stage(&self, name: &str) {
         (self.say)(name);
     }
+}
+
+/// A candidate as the engine sees it; names stay in the study.
+pub fn candidate(study: &Study, c: usize) -> Candidate {
+    let own = &study.candidates[c];
+    let free: Vec<Free> = own.entries.clone().map(|index| study.entries[index].free).collect();
+    let first = own.entries.start;
+    let start = |values: &Vec<f64>| {
+        let (open, set): (Vec<usize>, Vec<usize>) = (0..values.len()).partition(|&k| values[k] == 0.0);
+        let idle = !open.is_empty();
+        Start { values: set.into_iter().map(|k| (first + k, values[k])).collect(), open, idle }
+    };
+    let starts = own.starts.iter().map(start).collect();
+    Candidate { id: "", channel: own.channel, signal: None, free, starts, contains: None }
+}
+
+/// A model of the engine as one of the study.
+pub fn model(fits: &Fits, own: &Model) -> fits::Model {
+    let p = &own.fit.parameters;
+    let records: Vec<usize> = (0..fits.pieces.len()).collect();
+    let view = fits.view(&own.added, &fits.pieces);
+    // Local parameters of whole records; spans of them had their own.
+    let locals = if own.fit.locals.len() == fits.pieces.len() {
+        own.fit.locals.clone()
+    } else {
+        fits.grow(&own.added, &fits.pieces, p, &[], &[1.0], 8).locals
+    };
+    let chi2: f64 =
+        records.iter().flat_map(|&r| view.residuals(r, p, &locals[r])).map(|value| value * value).sum();
+    let mut fit = own.fit.clone();
+    (fit.locals, fit.chi2) = (locals, chi2);
+    let error = fits.rms(chi2);
+    fits::Model::new(own.added.clone(), fit, error)
 }
