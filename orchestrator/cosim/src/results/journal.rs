@@ -1,7 +1,7 @@
 //! Rows of a run on disk while it goes on: after a crash they are there up to the last moments before it.
 
 use std::fs::File;
-use std::io::{Result, Write};
+use std::io::{Error, ErrorKind, Read, Result, Seek, SeekFrom, Write};
 use std::time::{Duration, Instant};
 
 use airloop_series::rows;
@@ -17,14 +17,37 @@ pub(super) struct Journal {
     file: File,
     block: Vec<u8>,
     flushed: Instant,
+    /// Rows in the file, and in the block.
+    rows: u64,
 }
 
 impl Journal {
-    /// Writes the header.
+    /// Writes the header into an empty file, or goes on after the rows of a file with the same header.
     pub(super) fn new<'a>(file: File, names: impl IntoIterator<Item = &'a str>) -> Result<Journal> {
-        let mut journal = Journal { file, block: Vec::with_capacity(2 * BLOCK), flushed: Instant::now() };
+        let mut journal =
+            Journal { file, block: Vec::with_capacity(2 * BLOCK), flushed: Instant::now(), rows: 0 };
         rows::write_header(&mut journal.block, names)?;
-        journal.flush()?;
+        if journal.file.metadata()?.len() == 0 {
+            journal.flush()?;
+            return Ok(journal);
+        }
+        journal.file.rewind()?;
+        let mut header = vec![0; journal.block.len()];
+        let read = journal.file.read_exact(&mut header);
+        if read.is_err() || header != journal.block {
+            let problem = "the columns of the rows so far are not those of this run";
+            return Err(Error::new(ErrorKind::InvalidData, problem));
+        }
+        let mut chunk = vec![0; BLOCK];
+        loop {
+            let length = journal.file.read(&mut chunk)?;
+            if length == 0 {
+                break;
+            }
+            journal.rows += chunk[..length].iter().filter(|&&byte| byte == b'\n').count() as u64;
+        }
+        journal.block.clear();
+        journal.file.seek(SeekFrom::End(0))?;
         Ok(journal)
     }
 
@@ -36,6 +59,7 @@ impl Journal {
     /// Adds a row; every now and then rows go to the file.
     pub(super) fn row(&mut self, time: f64, values: impl Iterator<Item = f64>) -> Result<()> {
         rows::write_row(&mut self.block, time, values)?;
+        self.rows += 1;
         if self.block.len() < BLOCK { Ok(()) } else { self.flush() }
     }
 
@@ -45,5 +69,11 @@ impl Journal {
         self.block.clear();
         self.flushed = Instant::now();
         outcome
+    }
+
+    /// Waits until the file is on the disk; the number of rows that were given to it.
+    pub(super) fn sync(&self) -> Result<u64> {
+        self.file.sync_data()?;
+        Ok(self.rows)
     }
 }
