@@ -96,7 +96,14 @@ impl Results {
         check_against(folder, inputs, names, &ours)?;
         let stage = tempfile::Builder::new().prefix(&prefix).tempdir_in(place);
         let stage = stage.map_err(|error| refused(format!("nothing can be written there: {error}")))?;
-        Ok(Results { folder: folder.into(), made, stage: Some(stage), ours, rescued: Vec::new(), _lock: lock })
+        Ok(Results {
+            folder: folder.into(),
+            made,
+            stage: Some(stage),
+            ours,
+            rescued: Vec::new(),
+            _lock: lock,
+        })
     }
 
     /// Whether the folder was not there before.
@@ -363,7 +370,10 @@ fn earlier(folder: &Path) -> BTreeSet<String> {
             && ending.is_some_and(|ending| ["svg", "csv", "toml", "fmu", "ssd", "ssp"].contains(&ending))
     };
     let listed = listed.filter_map(|name| name.as_str()).filter(plain);
-    listed.chain(["result.csv", "result.states.json", "index.html", "summary.json"]).map(str::to_owned).collect()
+    listed
+        .chain(["result.csv", "result.states.json", "index.html", "summary.json"])
+        .map(str::to_owned)
+        .collect()
 }
 
 /// Refuses to replace a file that airloop did not write, or that the command reads.

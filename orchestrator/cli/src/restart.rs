@@ -38,13 +38,17 @@ impl Earlier {
     /// # Errors
     /// No states are there, they cannot be read, or rows before them are missing.
     pub fn open(path: &Path) -> Result<Earlier, Error> {
-        let refused = |path: &Path, problem: String| {
-            Err(Error::States(states::Error { path: path.into(), problem }))
-        };
+        let refused =
+            |path: &Path, problem: String| Err(Error::States(states::Error { path: path.into(), problem }));
         let file = if path.is_dir() {
             let known = [PARTIAL_STATES, STATES].map(|name| path.join(name));
             let Some(file) = known.into_iter().find(|file| file.is_file()) else {
-                return refused(path, format!("no states were saved there ({STATES} or {PARTIAL_STATES}); give the folder of a run with --save-states"));
+                return refused(
+                    path,
+                    format!(
+                        "no states were saved there ({STATES} or {PARTIAL_STATES}); give the folder of a run with --save-states"
+                    ),
+                );
             };
             file
         } else {
@@ -58,7 +62,14 @@ impl Earlier {
             let found = copy_rows(rows, states.rows.before, &mut std::io::sink());
             let found = found.map_err(|source| csv::Error::Io { path: rows.clone(), source })?;
             if found < states.rows.before {
-                return refused(rows, format!("{found} whole rows are there, but {} belong to the states of {}; the file was changed or cut", states.rows.before, file.display()));
+                return refused(
+                    rows,
+                    format!(
+                        "{found} whole rows are there, but {} belong to the states of {}; the file was changed or cut",
+                        states.rows.before,
+                        file.display()
+                    ),
+                );
             }
         }
         Ok(Earlier { states, file, rows })
@@ -71,7 +82,9 @@ impl Earlier {
             None => "the result begins there, as no rows lie beside the file",
         };
         let (time, file) = (self.states.time, self.file.display());
-        format!("continued at t = {time} s from the states in {file}; {begin}, times and counts of work are since then")
+        format!(
+            "continued at t = {time} s from the states in {file}; {begin}, times and counts of work are since then"
+        )
     }
 }
 
@@ -113,18 +126,20 @@ impl Partial {
         self.states.clone()
     }
 
-    /// Makes rows and states a part of the results.
+    /// Makes the rows a part of the results, and the states, if something is left to continue (`unfinished`).
     ///
     /// # Errors
     /// They cannot be moved.
-    pub fn take(&mut self, results: &mut Results) -> Result<(), Error> {
+    pub fn take(&mut self, results: &mut Results, unfinished: bool) -> Result<(), Error> {
         self.stays = true;
         let adopt = |results: &mut Results, path: &Path, name| {
             results.adopt(path, name).map_err(|source| csv::Error::Io { path: path.into(), source })
         };
         adopt(results, &self.rows, ROWS)?;
-        if self.states.is_file() {
+        if unfinished && self.states.is_file() {
             adopt(results, &self.states, STATES)?;
+        } else {
+            let _ = std::fs::remove_file(&self.states);
         }
         Ok(())
     }

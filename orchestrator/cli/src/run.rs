@@ -68,6 +68,7 @@ pub fn run(args: &RunArgs) -> Result<ExitCode, Error> {
     let inputs = [&args.input, &args.measured, &args.signals].into_iter().flatten().chain([&args.system]);
     let names = [restart::ROWS, restart::STATES, "summary.json", "index.html"].map(str::to_owned);
     let needed = measured.is_some() || goal.is_some() || !args.no_plots;
+    check_output_step(&setup.grid, args)?;
     check_size(graph, &setup.grid, args, needed)?;
     let earlier = args.restart_from.as_ref().map(|from| restart::Earlier::open(from)).transpose()?;
     let mut results = folder::Results::open(&args.output, &inputs.cloned().collect::<Vec<_>>(), &names)?;
@@ -81,7 +82,7 @@ pub fn run(args: &RunArgs) -> Result<ExitCode, Error> {
     };
     let mut run = simulate(&setup, args.quiet, &stop, record)?;
     notes.extend_from_slice(&run.notes);
-    partial.take(&mut results)?;
+    partial.take(&mut results, matches!(run.end, End::Interrupted | End::Failed(_)))?;
     if let Some(earlier) = &earlier {
         notes.push(earlier.note());
         if needed {
@@ -122,6 +123,17 @@ pub fn run(args: &RunArgs) -> Result<ExitCode, Error> {
     // A call that Ctrl-C had to end is an interrupt.
     let interrupted = matches!(run.end, End::Failed(_)) && stop.load(Ordering::Relaxed);
     Ok(if interrupted { ExitCode::from(super::INTERRUPTED) } else { code })
+}
+
+/// Refuses rows between communication points: there are none.
+fn check_output_step(grid: &master::Grid, args: &RunArgs) -> Result<(), Error> {
+    match args.output_step {
+        Some(value) if !args.adaptive.adaptive && value < grid.step() && grid.steps() > 0 => {
+            let allowed = "not shorter than the communication step (--step), as rows stand at communication points; choose a shorter --step, or leave --output-step out";
+            Err(master::Error::Setting { name: "output-step", value, allowed }.into())
+        }
+        _ => Ok(()),
+    }
 }
 
 /// Refuses a result that does not fit into the memory, where it has to be there as a whole (`whole`).

@@ -76,7 +76,7 @@ pub struct Record {
     pub keep: Keep,
     /// File that the rows are written to while the run goes on.
     pub file: Option<std::fs::File>,
-    /// States that are saved while the run goes on, and where it ends.
+    /// States that are saved while the run goes on, and where it is interrupted.
     pub saving: Option<Saving>,
     /// Point to go on from; `file` then holds the rows before it.
     pub from: Option<States>,
@@ -234,7 +234,7 @@ pub(super) fn drive<'a, S: Simulation<'a>>(
         }
     }
     let stepping = began.elapsed();
-    if let (Some(saves), End::Completed | End::Interrupted) = (&mut saves, &end)
+    if let (Some(saves), End::Interrupted) = (&mut saves, &end)
         && let Err(error) = saves.save(&mut simulation, &mut rows)
     {
         end = End::Failed(error);

@@ -31,7 +31,9 @@ pub(super) fn identity(graph: &SystemGraph, settings: &Settings, keep: &Keep) ->
     let mut run = BTreeMap::new();
     let mut put = |name: String, value: String| drop(run.insert(name, value));
     let or_none = |value: Option<f64>| value.map_or("none".to_owned(), |value| value.to_string());
-    put("the start time".into(), settings.start_time.to_string());
+    put("--start".into(), settings.start_time.to_string());
+    // FMUs may keep to the stop time that they were told, and save it with their state.
+    put("--stop".into(), settings.stop_time.to_string());
     put("--step".into(), settings.step_size.to_string());
     put("--master".into(), settings.algorithm.to_string());
     put("--extrapolation".into(), settings.extrapolation.to_string());
@@ -42,7 +44,10 @@ pub(super) fn identity(graph: &SystemGraph, settings: &Settings, keep: &Keep) ->
     put("--output-step".into(), or_none(keep.interval));
     for component in &graph.components {
         let (name, description) = (&component.name, &component.fmu.description);
-        put(format!("the FMU of component `{name}`"), format!("{} {}", description.model_name, description.guid));
+        put(
+            format!("the FMU of component `{name}`"),
+            format!("{} {}", description.model_name, description.guid),
+        );
         for start in &component.start_values {
             let value = match &start.value {
                 Start::Real(value) => value.to_string(),
@@ -95,11 +100,12 @@ impl Master {
         let rounding = 4.0 * f64::EPSILON * states.time.abs();
         if states.steps > self.grid().steps() || (here - states.time).abs() > rounding {
             return refused(format!(
-                "the states were saved at t = {} s after {} steps, which is no communication point between the start and the stop time, {} s; give the --start and --step of the run, and a --stop that is not before",
-                states.time, states.steps, self.grid().stop()
+                "the saved states are damaged: t = {} s after {} steps is no communication point",
+                states.time, states.steps
             ));
         }
-        let damaged = || Error::Restart("the saved states are damaged: values of the master are missing".into());
+        let damaged =
+            || Error::Restart("the saved states are damaged: values of the master are missing".into());
         let master = bytes(&states.master).ok_or_else(damaged)?;
         let mut rest = master.as_slice();
         let values = take_values(&mut rest, &self.values).ok_or_else(damaged)?;

@@ -93,7 +93,9 @@ impl States {
     pub(crate) fn difference(&self, run: &BTreeMap<String, String>) -> Option<String> {
         let names = self.run.keys().chain(run.keys());
         let name = names.into_iter().find(|name| self.run.get(*name) != run.get(*name))?;
-        let of = |run: &BTreeMap<String, String>| run.get(name).map_or("none".into(), |value| format!("`{value}`"));
+        let of = |run: &BTreeMap<String, String>| {
+            run.get(name).map_or("none".into(), |value| format!("`{value}`"))
+        };
         Some(format!(
             "{name} was {} where the states were saved and is {} now; repeat the command of the run with --restart-from",
             of(&self.run),
