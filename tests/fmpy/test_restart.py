@@ -155,7 +155,7 @@ def test_other_systems_folders_and_files_are_refused(saved, shipped, tmp_path):
 
     assert "no states were saved there" in refused(tmp_path)
     assert "No such file" in refused(tmp_path / "none")
-    assert "these are no saved states" in refused(saved / "summary.json")
+    assert "these are no saved states" in refused(ROOT / "examples/01_run/expected.json")
     assert "where the states were saved" in refused(saved, shipped("cart-pole").path)
     for damage, expected in [
         (lambda states: states.update(states_version=99), "the saved states have version 99"),

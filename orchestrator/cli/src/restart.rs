@@ -141,6 +141,7 @@ impl Partial {
         } else {
             let _ = std::fs::remove_file(&self.states);
         }
+        let _ = std::fs::remove_file(states::begun(&self.states));
         Ok(())
     }
 }
@@ -150,6 +151,7 @@ impl Drop for Partial {
         if !self.stays {
             let _ = std::fs::remove_file(&self.rows);
             let _ = std::fs::remove_file(&self.states);
+            let _ = std::fs::remove_file(states::begun(&self.states));
         }
     }
 }
@@ -157,6 +159,7 @@ impl Drop for Partial {
 /// Makes the files that a run begins with. Killed at any place, it leaves a pair from which a run can continue, if there
 /// was one.
 fn begin(rows: &Path, states: &Path, earlier: Option<&Earlier>) -> std::io::Result<File> {
+    let _ = std::fs::remove_file(states::begun(states));
     let continued = earlier.and_then(|earlier| Some((earlier, earlier.rows.as_ref()?)));
     let Some((earlier, source)) = continued else {
         let file = File::create(rows)?;

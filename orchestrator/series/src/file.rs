@@ -36,19 +36,6 @@ pub fn write_json<T: Serialize + ?Sized>(path: &Path, value: &T) -> std::io::Res
     })
 }
 
-/// Same as [`write_json`], and the file is on the disk when this returns.
-///
-/// # Errors
-/// Same as [`write_whole`].
-pub fn write_json_synced<T: Serialize + ?Sized>(path: &Path, value: &T) -> std::io::Result<()> {
-    write_whole(path, |out| {
-        serde_json::to_writer_pretty(&mut *out, value)?;
-        out.write_all(b"\n")?;
-        out.flush()?;
-        out.get_ref().as_file().sync_data()
-    })
-}
-
 /// A file in `folder` that goes away by itself, unless [`persist`] gives it a name.
 ///
 /// # Errors

@@ -3,6 +3,7 @@
 //! The bytes of every component are those of `fmi2SerializeFMUstate`; only the FMU that wrote them can read them.
 
 use std::collections::BTreeMap;
+use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
@@ -80,12 +81,23 @@ pub fn read(path: &Path) -> Result<States, Error> {
     }
 }
 
-/// Writes the file in one piece, on the disk when this returns.
+/// Writes the file in one piece, on the disk when this returns. Killed on the way it leaves the file as it was, and a
+/// [`begun`] one.
 ///
 /// # Errors
 /// Those of the file system.
 pub fn write(states: &States, path: &Path) -> std::io::Result<()> {
-    airloop_series::file::write_json_synced(path, states)
+    let begun = begun(path);
+    let mut out = std::io::BufWriter::new(std::fs::File::create(&begun)?);
+    serde_json::to_writer(&mut out, states)?;
+    out.write_all(b"\n")?;
+    out.into_inner().map_err(std::io::IntoInnerError::into_error)?.sync_data()?;
+    std::fs::rename(begun, path)
+}
+
+/// Name of the file while it is being written.
+pub fn begun(path: &Path) -> PathBuf {
+    path.with_extension("json.new")
 }
 
 impl States {

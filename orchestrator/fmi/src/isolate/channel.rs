@@ -63,6 +63,7 @@ struct Line {
     number: u32,
     bytes: Vec<u8>,
     patience: Patience,
+    none: Patience,
 }
 
 /// Workers that are open in this process.
@@ -82,7 +83,14 @@ impl Channel {
         let process = Process::start(isolation, area.descriptor())?;
         WORKERS.fetch_add(1, Ordering::Relaxed);
         Ok(Arc::new(Channel {
-            line: Mutex::new(Line { area, process, number: 0, bytes: Vec::new(), patience: Patience::new() }),
+            line: Mutex::new(Line {
+                area,
+                process,
+                number: 0,
+                bytes: Vec::new(),
+                patience: Patience::new(),
+                none: Patience::none(),
+            }),
             death: OnceLock::new(),
             shown: shown.display().to_string(),
             call_limit: isolation.call_limit,
@@ -123,7 +131,10 @@ impl Line {
         }
         let header = self.area.header();
         header.length.store(calls.bytes.len() as u32, Ordering::Relaxed);
-        header.looks.store(may_look().into(), Ordering::Relaxed);
+        let looks = may_look();
+        header.looks.store(looks.into(), Ordering::Relaxed);
+        // Where workers wait for the processor, this process leaves it to them.
+        let patience = if looks { &mut self.patience } else { &mut self.none };
         let before = self.number;
         self.number = self.number.wrapping_add(1);
         tell(&header.request, &header.worker_sleeps, self.number);
@@ -131,7 +142,7 @@ impl Line {
         let mut asked = None;
         loop {
             let header = self.area.header();
-            wait(&header.answer, &header.owner_sleeps, before, &mut self.patience, Some(LOOK));
+            wait(&header.answer, &header.owner_sleeps, before, patience, Some(LOOK));
             if header.answer.load(Ordering::Acquire) == self.number {
                 break;
             }
