@@ -189,7 +189,7 @@ pub const FAULTS: &[Fault] = &[
         act: |_, mut command| command.env("TMPDIR", "/nowhere").output().unwrap(),
     },
     Fault {
-        what: "8 file descriptors (ulimit -n 8)",
+        what: "5 file descriptors (ulimit -n 5)",
         command: SHORT,
         code: Some(1),
         says: "Too many open files",
@@ -371,6 +371,7 @@ fn two_runs(folder: &Path, mut command: Command) -> Output {
     let output = command.output().unwrap();
     first.kill().unwrap();
     first.wait().unwrap();
+    remove_stages(folder);
     // What the first unpacked; the next command removes it.
     std::fs::remove_dir_all(folder.join("tmp")).unwrap();
     output
@@ -443,7 +444,7 @@ fn closed_streams(_: &Path, command: Command) -> Output {
 }
 
 fn few_descriptors(_: &Path, command: Command) -> Output {
-    after("ulimit -n 8", &command).output().unwrap()
+    after("ulimit -n 5", &command).output().unwrap()
 }
 
 fn wrong_clock(folder: &Path, mut command: Command) -> Output {

@@ -63,9 +63,24 @@ impl Journal {
         if self.block.len() < BLOCK { Ok(()) } else { self.flush() }
     }
 
-    /// Gives all rows to the file.
+    /// Gives all rows to the file. One that cannot take all of them, as on a full disk, keeps whole rows.
     pub(super) fn flush(&mut self) -> Result<()> {
-        let outcome = self.file.write_all(&self.block);
+        let mut written = 0;
+        let mut outcome = Ok(());
+        while written < self.block.len() && outcome.is_ok() {
+            match self.file.write(&self.block[written..]) {
+                Ok(0) => outcome = Err(ErrorKind::WriteZero.into()),
+                Ok(count) => written += count,
+                Err(error) if error.kind() == ErrorKind::Interrupted => {}
+                Err(error) => outcome = Err(error),
+            }
+        }
+        if outcome.is_err() && self.file.metadata().is_ok_and(|file| file.is_file()) {
+            let begun = self.block[..written].iter().rev().take_while(|&&byte| byte != b'\n').count() as u64;
+            let end = self.file.stream_position()?;
+            self.file.set_len(end - begun)?;
+            self.file.seek(SeekFrom::End(0))?;
+        }
         self.block.clear();
         self.flushed = Instant::now();
         outcome

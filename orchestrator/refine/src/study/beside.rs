@@ -184,6 +184,9 @@ impl Fits<'_> {
         let locals: Vec<&[f64]> = own_locals.iter().map(Vec::as_slice).collect();
         let view = self.view(&added, pieces);
         let promises: Vec<Option<(f64, Vec<f64>)>> = parallel::map(own.starts.len(), |s| {
+            if stop::asked() {
+                return None;
+            }
             let mut p = base.fit.parameters.clone();
             let start = &own.starts[s];
             own.entries.clone().zip(start).for_each(|(index, value)| p[index] = *value);
