@@ -13,7 +13,7 @@ use super::read::{ForceRecord, Layout, Record, processed};
 use super::signal::central;
 use super::simulate::{Shift, View};
 use crate::engine::noise::Noise;
-use crate::engine::{Span, System, parallel};
+use crate::engine::{Span, System, parallel, stop};
 
 /// Simulations with noisy inputs that stand for all draws, each with either sign.
 const SIMULATED: usize = 24;
