@@ -9,6 +9,7 @@ import shutil
 import statistics
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 COUNT = 20
@@ -78,10 +79,56 @@ def measure(airloop, fmu, out):
             print(f"  {name}, 20 workers: isolation costs {statistics.median(ratios):.2f} times `{bare}` per FMU step")
 
 
+def children_of(process):
+    return Path(f"/proc/{process}/task/{process}/children").read_text().split()
+
+
+def start_workers(airloop, fmu, out, starts):
+    """`starts` workers, one after the other, in one process that is watched from outside: a sweep on one thread."""
+    plan = out / "starts.toml"
+    plan.write_text(
+        f'kind = "simulate"\nsystem = "{fmu}"\n[run]\nstop = 0.01\nstep = 0.01\n[sample]\ncount = {starts}\n'
+        '[[quantities]]\nname = "y"\nsignal = "y"\nof = "final"\n'
+    )
+    sweep, temporary = out / "starts", out / "tmp"
+    for folder in (sweep, temporary):
+        shutil.rmtree(folder, ignore_errors=True)
+    temporary.mkdir()
+    environment = {**os.environ, "TMPDIR": str(temporary)}
+    subprocess.run([airloop, "sweep", "plan", plan, "-o", sweep, "-q"], check=True)
+    command = [airloop, "sweep", "run", sweep, "--threads", "1", "-q", "--isolate"]
+    began = time.monotonic()
+    process = subprocess.Popen(list(map(str, command)), env=environment)
+    seen = []
+    while process.poll() is None:
+        time.sleep(0.5)
+        try:
+            status = Path(f"/proc/{process.pid}/status").read_text()
+            memory = next(int(line.split()[1]) for line in status.splitlines() if line.startswith("VmRSS"))
+            names = list(Path(f"/proc/{process.pid}/fd").iterdir())
+            shared = sum("airloop-worker" in line for line in Path(f"/proc/{process.pid}/maps").read_text().splitlines())
+            states = [Path(f"/proc/{child}/stat").read_text().rsplit(")", 1)[1].split()[0] for child in children_of(process.pid)]
+            seen.append((len(names), shared, states.count("Z"), memory, len(list(temporary.iterdir()))))
+        except (OSError, StopIteration):
+            continue  # it ended between two looks
+    took = time.monotonic() - began
+    assert process.returncode == 0, process.returncode
+    # The first looks see a process that still begins.
+    early, late = seen[len(seen) // 10 : len(seen) // 5], seen[-len(seen) // 10 :]
+    print(f"{starts} starts of a worker in {took:.0f} s, {1e3 * took / starts:.1f} ms each; most in the second tenth and in the last tenth of the time:")
+    for place, name in enumerate(["descriptors", "mappings of shared memory", "zombies", "memory [kB]", "temporary folders"]):
+        before, after = (max(look[place] for look in looks) for looks in (early, late))
+        print(f"  {name:27} {before:8} {after:8}")
+        grows = after - before > (0.02 * before if name.startswith("memory") else 2)
+        assert not grows, f"{name} grow"
+    assert not list(temporary.iterdir()), "folders of workers are left"
+
+
 def main():
     airloop, fmu, out = (Path(word).resolve() for word in sys.argv[1:4])
     out.mkdir(parents=True, exist_ok=True)
     measure(airloop, fmu, out)
+    start_workers(airloop, fmu, out, int(sys.argv[4]) if len(sys.argv) > 4 else 10_000)
 
 
 if __name__ == "__main__":
