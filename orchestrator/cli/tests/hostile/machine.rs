@@ -189,7 +189,7 @@ pub const FAULTS: &[Fault] = &[
         act: |_, mut command| command.env("TMPDIR", "/nowhere").output().unwrap(),
     },
     Fault {
-        what: "5 file descriptors (ulimit -n 5)",
+        what: "4 file descriptors (ulimit -n 4)",
         command: SHORT,
         code: Some(1),
         says: "Too many open files",
@@ -444,7 +444,7 @@ fn closed_streams(_: &Path, command: Command) -> Output {
 }
 
 fn few_descriptors(_: &Path, command: Command) -> Output {
-    after("ulimit -n 5", &command).output().unwrap()
+    after("ulimit -n 4", &command).output().unwrap()
 }
 
 fn wrong_clock(folder: &Path, mut command: Command) -> Output {
