@@ -1,5 +1,5 @@
 # `make demo` and `make test` work on a fresh machine with Rust, a C compiler and Python 3: each sets up what is missing first.
-.PHONY: demo docs test test-slurm test-wheel wheel check bench fuzz study study-isolation study-refine study-refine-messy study-systems study-laws study-foreign study-sweep study-swing-up study-walker fmu windows setup setup-build clean
+.PHONY: demo docs test test-slurm test-wheel wheel check bench fuzz study study-faults study-isolation study-refine study-refine-messy study-systems study-laws study-foreign study-sweep study-swing-up study-walker fmu windows setup setup-build clean
 export CARGO_NET_RETRY ?= 10
 # A build that happens once gains nothing from files for the next one; they cost a fifth of its time.
 ifdef CI
@@ -56,7 +56,10 @@ study: fmu           ## error of every master against its FMU steps: out/study/m
 	scripts/setup.sh study
 	.venv/bin/python tests/study/masters.py out/study
 
-study-isolation: fmu ## cost of worker processes beside a bare round trip: out/study-isolation
+study-faults: fmu    ## a run killed a hundred times at random
+	cargo test --release -p airloop-cli --test hostile_files -- --ignored --nocapture
+
+study-isolation: fmu ## cost of worker processes compared with bare round trips, and 10,000 starts: out/study-isolation
 	python3 tests/study/isolation.py target/release/airloop target/fmu/test/test-copy.fmu out/study-isolation
 
 ONLY ?= .            # regular expression on the names of the cases: `make study-refine ONLY='^[rw]_'` takes minutes

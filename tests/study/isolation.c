@@ -1,5 +1,6 @@
-/* Round trip between two processes over shared memory, as a worker makes it: a number, a futex where the other sleeps,
-   and some looks before sleeping. Prints the median of the turns in microseconds. */
+/* Bare round trip from one process to others over shared memory: a number, a futex where the other sleeps, and LOOKS looks
+   before sleeping (0: a futex each time). The others are asked in turn. Prints the median in microseconds.
+   Run: round_trip LOOKS PROCESSES */
 #define _GNU_SOURCE
 #include <linux/futex.h>
 #include <stdatomic.h>
@@ -12,7 +13,7 @@
 #include <time.h>
 #include <unistd.h>
 
-enum { TURNS = 2000, BATCHES = 101 };
+enum { TURNS = 2000, BATCHES = 51 };
 
 static void await(_Atomic uint32_t *word, _Atomic uint32_t *sleeps, uint32_t old, int looks) {
     for (int k = 0; k < looks; ++k)
@@ -39,11 +40,14 @@ static int order(const void *a, const void *b) {
 }
 
 int main(int count, char **words) {
-    int looks = count > 1 ? atoi(words[1]) : 4000;
-    _Atomic uint32_t *shared = mmap(0, 4096, PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0);
-    _Atomic uint32_t *ask = shared, *answer = shared + 16, *worker = shared + 32, *owner = shared + 48;
-    pid_t child = fork();
-    if (child == 0) {
+    if (count != 3) return 2;
+    int looks = atoi(words[1]), processes = atoi(words[2]);
+    enum { LINE = 16, WORDS = 4 * LINE }; /* four words per process, each in a cache line of its own */
+    _Atomic uint32_t *shared =
+        mmap(0, processes * WORDS * sizeof *shared, PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0);
+    for (int p = 0; p < processes; ++p) {
+        if (fork()) continue;
+        _Atomic uint32_t *ask = shared + p * WORDS, *answer = ask + LINE, *worker = ask + 2 * LINE, *owner = ask + 3 * LINE;
         for (uint32_t k = 0;; ++k) {
             await(ask, worker, k, looks);
             if (atomic_load(ask) == UINT32_MAX) return 0;
@@ -54,14 +58,16 @@ int main(int count, char **words) {
     uint32_t number = 0;
     for (int batch = 0; batch < BATCHES; ++batch) {
         double began = now();
-        for (int k = 0; k < TURNS; ++k, ++number) {
-            tell(ask, worker, number + 1);
-            await(answer, owner, number, looks);
-        }
-        took[batch] = (now() - began) / TURNS;
+        for (int k = 0; k < TURNS / processes; ++k, ++number)
+            for (int p = 0; p < processes; ++p) {
+                _Atomic uint32_t *ask = shared + p * WORDS, *answer = ask + LINE, *worker = ask + 2 * LINE, *owner = ask + 3 * LINE;
+                tell(ask, worker, number + 1);
+                await(answer, owner, number, looks);
+            }
+        took[batch] = (now() - began) / (TURNS / processes * processes);
     }
-    tell(ask, worker, UINT32_MAX);
-    waitpid(child, 0, 0);
+    for (int p = 0; p < processes; ++p) tell(shared + p * WORDS, shared + p * WORDS + 2 * LINE, UINT32_MAX);
+    while (wait(0) > 0) {}
     qsort(took, BATCHES, sizeof *took, order);
     printf("%g\n", took[BATCHES / 2]);
     return 0;

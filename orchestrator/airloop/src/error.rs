@@ -27,6 +27,9 @@ pub enum Error {
     /// Run summaries.
     #[error(transparent)]
     Summary(#[from] airloop_cosim::results::summary::Error),
+    /// Saved states of runs.
+    #[error(transparent)]
+    States(#[from] airloop_cosim::results::states::Error),
     /// Command signals.
     #[error(transparent)]
     Excite(#[from] airloop_ident::excite::Error),

@@ -191,9 +191,18 @@ pub struct RunArgs {
     #[arg(long, value_name = "FILE", conflicts_with_all = ["data", "set", "stop", "step", "start", "tolerance"])]
     pub study: Option<PathBuf>,
     /// Time between the rows of the result [s], e.g. 10ms: the communication points nearest to its multiples, with the
-    /// first and the last. Default: every communication point.
+    /// first and the last; not shorter than --step. Default: every communication point.
     #[arg(long, value_parser = super::export::parse_step, value_name = "TIME", allow_hyphen_values = true)]
     pub output_step: Option<f64>,
+    /// Save the states of all FMUs at this interval of real time, e.g. 60s or 10min, and where the run is interrupted,
+    /// for --restart-from. For masters with a fixed --step and FMUs that can serialize their states.
+    #[arg(long, value_parser = super::export::parse_step, value_name = "TIME", allow_hyphen_values = true, conflicts_with = "study")]
+    pub save_states: Option<f64>,
+    /// Continue a run from the states that it saved last (--save-states), whatever ended it: its folder, or its file
+    /// result.states.json (result.partial.states.json of a run that was killed) with the rows beside it. The other
+    /// options are those of that run. The result has the rows before, too, and is that of the unbroken run, bit for bit.
+    #[arg(long, value_name = "PATH", conflicts_with = "study")]
+    pub restart_from: Option<PathBuf>,
     /// Processes of FMUs.
     #[command(flatten)]
     pub isolate: super::isolate::IsolateArgs,

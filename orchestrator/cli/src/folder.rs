@@ -20,8 +20,6 @@ const STAGE: &str = ".airloop-new-";
 const COMPLETE: &str = ".complete.json";
 /// Begin of the names of single files that are being written.
 const WRITING: &str = ".writing-";
-/// Rows of a run that goes on, or was killed.
-pub const PARTIAL: &str = "result.partial.csv";
 /// These go first and come last: who sees them sees a result that belongs to them.
 const HEADS: [&str; 3] = ["summary.json", "report.json", "index.html"];
 /// A single file that nobody went on with for this long is of a command that was killed.
@@ -43,6 +41,8 @@ pub struct Results {
     made: bool,
     stage: Option<TempDir>,
     ours: BTreeSet<String>,
+    /// Files of the stage that are worth keeping if the results never become complete, and where.
+    rescued: Vec<(&'static str, PathBuf)>,
     // Held until the command ends; the system frees it whatever the end is.
     _lock: Option<File>,
 }
@@ -96,7 +96,14 @@ impl Results {
         check_against(folder, inputs, names, &ours)?;
         let stage = tempfile::Builder::new().prefix(&prefix).tempdir_in(place);
         let stage = stage.map_err(|error| refused(format!("nothing can be written there: {error}")))?;
-        Ok(Results { folder: folder.into(), made, stage: Some(stage), ours, _lock: lock })
+        Ok(Results {
+            folder: folder.into(),
+            made,
+            stage: Some(stage),
+            ours,
+            rescued: Vec::new(),
+            _lock: lock,
+        })
     }
 
     /// Whether the folder was not there before.
@@ -107,6 +114,25 @@ impl Results {
     /// Folder that the files are written into.
     pub fn path(&self) -> &Path {
         self.stage.as_ref().expect("there until the results are moved").path()
+    }
+
+    /// Moves a file into the results; it returns to its place if they are never put into their folder.
+    ///
+    /// # Errors
+    /// The file cannot be moved.
+    pub fn adopt(&mut self, file: &Path, name: &'static str) -> std::io::Result<()> {
+        std::fs::rename(file, self.path().join(name))?;
+        self.rescued.push((name, file.into()));
+        Ok(())
+    }
+
+    /// Returns the files of [`Results::adopt`].
+    fn rescue(&self, stage: &Path) {
+        for (name, file) in &self.rescued {
+            if std::fs::rename(stage.join(name), file).is_ok() {
+                super::output::complain(&format!("{name} is kept as {}", file.display()));
+            }
+        }
     }
 
     /// Puts the results into their folder, in place of the earlier ones. Files of the user stay.
@@ -132,15 +158,26 @@ impl Results {
             )));
         }
         let change = Move { files: names, earlier: std::mem::take(&mut self.ours) };
-        airloop_series::file::write_json(&stage.path().join(COMPLETE), &change)
-            .and_then(|()| place(&self.folder, stage.path(), &change))
-            .map_err(|error| refused(format!("the new results cannot be put there: {error}")))
+        if let Err(error) = airloop_series::file::write_json(&stage.path().join(COMPLETE), &change) {
+            self.rescue(stage.path());
+            return Err(refused(format!("the new results cannot be put there: {error}")));
+        }
+        place(&self.folder, stage.path(), &change).map_err(|error| {
+            // Complete, and perhaps moved in part: the next command goes on with it.
+            let stage = stage.keep();
+            refused(format!(
+                "the new results cannot be put there: {error}; they are in {}, and the next command with this folder moves them",
+                stage.display()
+            ))
+        })
     }
 }
 
 impl Drop for Results {
     fn drop(&mut self) {
-        drop(self.stage.take());
+        if let Some(stage) = self.stage.take() {
+            self.rescue(stage.path());
+        }
         if self.made {
             // Only an empty folder can be removed this way.
             let _ = std::fs::remove_dir(&self.folder);
@@ -333,7 +370,10 @@ fn earlier(folder: &Path) -> BTreeSet<String> {
             && ending.is_some_and(|ending| ["svg", "csv", "toml", "fmu", "ssd", "ssp"].contains(&ending))
     };
     let listed = listed.filter_map(|name| name.as_str()).filter(plain);
-    listed.chain(["result.csv", "index.html", "summary.json"]).map(str::to_owned).collect()
+    listed
+        .chain(["result.csv", "result.states.json", "index.html", "summary.json"])
+        .map(str::to_owned)
+        .collect()
 }
 
 /// Refuses to replace a file that airloop did not write, or that the command reads.

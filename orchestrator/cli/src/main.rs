@@ -23,6 +23,7 @@ mod reference;
 pub mod refine;
 mod refine_progress;
 mod report;
+mod restart;
 pub mod rig;
 pub mod run;
 mod run_study;

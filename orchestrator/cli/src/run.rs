@@ -2,20 +2,22 @@
 
 use std::collections::HashSet;
 use std::io::IsTerminal;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
 
 use indicatif::{ProgressBar, ProgressStyle};
 
 use super::args::{InitialChoice, RunArgs};
+use super::restart::{self, Partial};
 use super::{coupling, folder, output, report, run_study};
 use airloop::Error;
 use airloop::discrepancy::signals::{self, SignalTable};
 use airloop::simulation::{self, Data, Request, Setup};
 use airloop_cosim::master;
-use airloop_cosim::master::simulate::{self, End, Run, Stimulus, Watch};
+use airloop_cosim::master::simulate::{self, End, Run, Saving, Stimulus, Watch};
 use airloop_cosim::master::{Algorithm, Effort};
 use airloop_cosim::results::Keep;
 use airloop_cosim::results::summary::{
@@ -64,18 +66,29 @@ pub fn run(args: &RunArgs) -> Result<ExitCode, Error> {
     let (graph, settings) = (&setup.graph, &setup.settings);
     let goal = args.coupling_error.goal(graph, settings.algorithm)?;
     let inputs = [&args.input, &args.measured, &args.signals].into_iter().flatten().chain([&args.system]);
-    let names = ["result.csv", "summary.json", "index.html"].map(str::to_owned);
+    let names = [restart::ROWS, restart::STATES, "summary.json", "index.html"].map(str::to_owned);
     let needed = measured.is_some() || goal.is_some() || !args.no_plots;
+    check_output_step(&setup.grid, args)?;
     check_size(graph, &setup.grid, args, needed)?;
-    let results = folder::Results::open(&args.output, &inputs.cloned().collect::<Vec<_>>(), &names)?;
-    let partial = Partial::new(&args.output)?;
+    let earlier = args.restart_from.as_ref().map(|from| restart::Earlier::open(from)).transpose()?;
+    let mut results = folder::Results::open(&args.output, &inputs.cloned().collect::<Vec<_>>(), &names)?;
+    let mut partial = Partial::new(&args.output, earlier.as_ref())?;
+    let interval = args.save_states.map(Duration::from_secs_f64);
     let record = simulate::Record {
         keep: Keep { interval: args.output_step, only_in_file: !needed },
-        file: Some(partial.file.try_clone().map_err(|error| partial.refused(&error))?),
+        file: Some(partial.file()?),
+        saving: interval.map(|interval| Saving { interval, file: partial.states() }),
+        from: earlier.as_ref().map(|earlier| earlier.states.clone()),
     };
-    let run = simulate(&setup, args.quiet, &stop, record)?;
+    let mut run = simulate(&setup, args.quiet, &stop, record)?;
     notes.extend_from_slice(&run.notes);
-    partial.take(&results.path().join("result.csv"))?;
+    partial.take(&mut results, matches!(run.end, End::Interrupted | End::Failed(_)))?;
+    if let Some(earlier) = &earlier {
+        notes.push(earlier.note());
+        if needed {
+            run.result = restart::with_rows_before(&run.result, &results.path().join(restart::ROWS))?;
+        }
+    }
     let connectors = connectors(graph, &run);
     let fits = match setup.compare(&run) {
         _ if run.result.len() < 2 => Vec::new(),
@@ -112,6 +125,17 @@ pub fn run(args: &RunArgs) -> Result<ExitCode, Error> {
     Ok(if interrupted { ExitCode::from(super::INTERRUPTED) } else { code })
 }
 
+/// Refuses rows between communication points: there are none.
+fn check_output_step(grid: &master::Grid, args: &RunArgs) -> Result<(), Error> {
+    match args.output_step {
+        Some(value) if !args.adaptive.adaptive && value < grid.step() && grid.steps() > 0 => {
+            let allowed = "not shorter than the communication step (--step), as rows stand at communication points; choose a shorter --step, or leave --output-step out";
+            Err(master::Error::Setting { name: "output-step", value, allowed }.into())
+        }
+        _ => Ok(()),
+    }
+}
+
 /// Refuses a result that does not fit into the memory, where it has to be there as a whole (`whole`).
 fn check_size(graph: &SystemGraph, grid: &master::Grid, args: &RunArgs, whole: bool) -> Result<(), Error> {
     let variables = graph.components.iter().map(|component| &component.fmu.description.variables);
@@ -142,42 +166,6 @@ fn free_memory() -> f64 {
     let line = text.lines().find_map(|line| line.strip_prefix("MemAvailable:"));
     let kib = line.and_then(|line| line.trim().strip_suffix("kB")?.trim().parse::<f64>().ok());
     kib.map_or(f64::INFINITY, |kib| 1024.0 * kib)
-}
-
-/// The rows of a run that goes on, under a name that says so; removed if the run cannot start.
-struct Partial {
-    path: PathBuf,
-    file: std::fs::File,
-    taken: bool,
-}
-
-impl Partial {
-    fn new(folder: &Path) -> Result<Partial, Error> {
-        let path = folder.join(folder::PARTIAL);
-        let opened = std::fs::File::create(&path);
-        let file = opened.map_err(|source| csv::Error::Io { path: path.clone(), source })?;
-        Ok(Partial { path, file, taken: false })
-    }
-
-    fn refused(&self, error: &std::io::Error) -> Error {
-        let source = std::io::Error::new(error.kind(), error.to_string());
-        csv::Error::Io { path: self.path.clone(), source }.into()
-    }
-
-    /// Gives the rows the name of a result.
-    fn take(mut self, path: &Path) -> Result<(), Error> {
-        std::fs::rename(&self.path, path).map_err(|error| self.refused(&error))?;
-        self.taken = true;
-        Ok(())
-    }
-}
-
-impl Drop for Partial {
-    fn drop(&mut self) {
-        if !self.taken {
-            let _ = std::fs::remove_file(&self.path);
-        }
-    }
 }
 
 fn data<'a>(file: &'a Option<PathBuf>, series: &'a Option<TimeSeries>) -> Option<Data<'a>> {

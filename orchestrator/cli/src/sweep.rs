@@ -20,6 +20,9 @@ use indicatif::{ProgressBar, ProgressStyle};
 use super::isolate::{IsolateArgs, IsolateChoice};
 use super::{output, run};
 
+/// Shards of a plan at most: each is a file.
+const MOST_SHARDS: u64 = 1_000_000;
+
 /// The subcommands of `airloop sweep`.
 #[derive(Debug, Subcommand)]
 pub enum Command {
@@ -66,8 +69,11 @@ pub struct PlanArgs {
     /// Plan (TOML); paths in it begin at its folder.
     pub plan: PathBuf,
     /// Number of shards. Default: `shards` of the plan, else 1.
-    #[arg(long, value_name = "NUMBER", value_parser = clap::value_parser!(u64).range(1..=1_000_000))]
+    #[arg(long, value_name = "NUMBER", value_parser = clap::value_parser!(u64).range(1..=MOST_SHARDS))]
     pub shards: Option<u64>,
+    /// As many shards as make each take this time on one thread, e.g. 10min: three tasks are run and timed.
+    #[arg(long, value_name = "TIME", value_parser = super::export::parse_step, conflicts_with = "shards")]
+    pub shard_time: Option<f64>,
     /// Folder of the sweep; it is made if it is not there.
     #[arg(short, long, value_name = "DIR", default_value = "out/sweep")]
     pub output: PathBuf,
@@ -105,7 +111,7 @@ pub struct SubmitArgs {
     #[arg(long, value_enum, default_value_t = Engine::Local)]
     pub engine: Engine,
     /// Number of shards. Default: that of the plan.
-    #[arg(long, value_name = "NUMBER", value_parser = clap::value_parser!(u64).range(1..=1_000_000))]
+    #[arg(long, value_name = "NUMBER", value_parser = clap::value_parser!(u64).range(1..=MOST_SHARDS))]
     pub shards: Option<u64>,
     /// Threads of each shard. Default: 1 on a cluster, here one per processor.
     #[arg(long, value_name = "NUMBER", value_parser = clap::value_parser!(u32).range(1..=256))]
@@ -170,6 +176,9 @@ fn plan(args: &PlanArgs) -> Result<ExitCode, SweepError> {
     if let Some(shards) = args.shards {
         manifest.shards = shards.min(manifest.tasks.max(1));
     }
+    if let Some(time) = args.shard_time {
+        manifest.shards = shards_of(&manifest, time)?;
+    }
     manifest.write(&args.output)?;
     if !args.quiet {
         output::print(&format!(
@@ -182,6 +191,16 @@ fn plan(args: &PlanArgs) -> Result<ExitCode, SweepError> {
         ))?;
     }
     Ok(ExitCode::SUCCESS)
+}
+
+/// Shards that take about `time` \[s\] each, by the time of some tasks.
+fn shards_of(manifest: &Manifest, time: f64) -> Result<u64, SweepError> {
+    let folder =
+        tempfile::tempdir().map_err(|source| SweepError::Io { path: std::env::temp_dir(), source })?;
+    let runner = Runner::new(folder.path(), manifest.clone(), 1, false)?;
+    let each = runner.time_of_a_task(&run::stop_flag()).ok_or(SweepError::Interrupted)?;
+    let shards = (each * manifest.tasks as f64 / time).ceil();
+    Ok((shards as u64).clamp(1, manifest.tasks.clamp(1, MOST_SHARDS)))
 }
 
 fn run_shards(args: &RunArgs) -> Result<ExitCode, SweepError> {

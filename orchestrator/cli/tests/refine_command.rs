@@ -333,3 +333,77 @@ fn an_amended_system_that_is_no_earlier_result_is_not_replaced() {
     assert!(message.contains("`system` is there"), "{message}");
     assert_eq!(fs::read_to_string(folder.path().join("system/mine.txt")).unwrap(), "mine");
 }
+
+/// A study of ten records over four FMUs, which would take minutes.
+#[cfg(unix)]
+fn long_study(folder: &Path) {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
+    let signals = ["F_hat", "F_p", "x", "theta"].map(|name| {
+        let unit = if name.starts_with('F') {
+            "N"
+        } else if name == "x" {
+            "m"
+        } else {
+            "rad"
+        };
+        format!("{name} = {{ column = \"{name}\", unit = \"{unit}\" }}\n")
+    });
+    let mut text = format!(
+        "name = \"rig\"\nsystem = \"{}\"\n[outputs]\n{}[inputs]\nu = {{ column = \"u\", unit = \"N\" }}\n[states]\n{}{}",
+        root.join("examples/01_run/system.ssd").display(),
+        signals.concat(),
+        signals[2..].concat(),
+        "v = { derivative_of = \"x\", savitzky_golay_points = 9 }\nomega = { derivative_of = \"theta\", savitzky_golay_points = 9 }\n",
+    );
+    for trial in 1..=10 {
+        let role = if trial <= 7 { "estimation" } else { "validation" };
+        let file = root.join(format!("data/rig/v01/trial_{trial:02}.csv"));
+        text +=
+            &format!("[[segment]]\nfile = \"{}\"\nrole = \"{role}\"\ninitial = \"fit\"\n", file.display());
+    }
+    fs::write(folder.join("study.toml"), text).unwrap();
+}
+
+/// Processor time of a process \[s\], its children left out.
+#[cfg(target_os = "linux")]
+fn processor_time(id: u32) -> Option<f64> {
+    let text = fs::read_to_string(format!("/proc/{id}/stat")).ok()?;
+    let mut fields = text.rsplit_once(')')?.1.split_whitespace().skip(11);
+    let ticks: f64 = fields.next()?.parse::<f64>().ok()? + fields.next()?.parse::<f64>().ok()?;
+    Some(ticks / 100.0)
+}
+
+#[test]
+#[cfg(target_os = "linux")]
+fn an_interrupted_study_ends_within_seconds_wherever_its_search_is() {
+    /// Processor time that the end may take \[s\]: five seconds on two processors.
+    const MAX_TIME_TO_END: f64 = 10.0;
+    let place = tempfile::tempdir().unwrap();
+    long_study(place.path());
+    // In the fit of the declared model, and among its candidates.
+    for begin in [2.0, 15.0] {
+        let folder = place.path().join(format!("out-{begin}"));
+        let mut child = Command::new(env!("CARGO_BIN_EXE_airloop"))
+            .arg("refine")
+            .args([place.path(), Path::new("-o"), &folder])
+            .stderr(std::process::Stdio::null())
+            .spawn()
+            .unwrap();
+        let time = |child: &std::process::Child| processor_time(child.id()).unwrap_or(0.0);
+        while time(&child) < begin {
+            assert!(child.try_wait().unwrap().is_none(), "the search is through before it is interrupted");
+            std::thread::sleep(std::time::Duration::from_millis(20));
+        }
+        let asked = time(&child);
+        assert!(Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap().success());
+        let mut last = asked;
+        while child.try_wait().unwrap().is_none() {
+            last = last.max(time(&child));
+            std::thread::sleep(std::time::Duration::from_millis(20));
+        }
+        println!("interrupted after {asked:.1} s of processor time, ended {:.1} s later", last - asked);
+        assert!(last - asked < MAX_TIME_TO_END, "{:.1} s", last - asked);
+        assert_eq!(child.wait().unwrap().code(), Some(130));
+        assert_eq!(report(&folder)["partial"], true);
+    }
+}

@@ -131,6 +131,10 @@ fn a_crash_of_the_fmu_costs_its_tasks_only() {
         }
     }
     assert!(place.succeeds("status out").contains("8 of 8 tasks done, 4 of them failed"));
+    // Shards of another number over the same tasks are no more failures.
+    let output = place.sweep("run out --isolate --shard 2/3", "fmi2DoStep:segv:0.5");
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    assert!(place.succeeds("status out").contains("8 of 8 tasks done, 4 of them failed"));
     place.succeeds("report out");
     assert!(place.read("out/index.html").contains("4 tasks failed, first task 1"));
 }
@@ -209,4 +213,169 @@ text = true
     assert!(place.read("out/tasks/000000/result/summary.json").contains("\"status\": \"completed\""));
     place.succeeds("report out");
     assert!(place.read("out/index.html").contains("href=\"tasks/000000/result\""));
+}
+
+#[test]
+fn identifications_over_a_folder_of_records_are_tasks() {
+    let place = Place::new(
+        r#"
+kind = "command"
+command = ["identify", "arx", "{record}", "--inputs", "u", "--outputs", "y", "--na", "1", "--nb", "1", "--nk", "1", "-o", "{output}"]
+[[factors]]
+name = "record"
+entries_of = "records"
+[[quantities]]
+name = "fit"
+file = "summary.json"
+pointer = "/estimation/mean_fit_simulated"
+"#,
+    );
+    std::fs::create_dir(place.0.path().join("records")).unwrap();
+    // y(k) = a y(k-1) + u(k-1), which ARX fits without rest.
+    for (name, a) in [("slow.csv", 0.9), ("fast.csv", 0.5)] {
+        let (mut text, mut y) = ("time,u,y\n".to_owned(), 0.0);
+        for k in 0..200_u32 {
+            let u = f64::from(k * 7919 % 13) - 6.0;
+            text += &format!("{},{u},{y}\n", f64::from(k) / 100.0);
+            y = a * y + u;
+        }
+        std::fs::write(place.0.path().join("records").join(name), text).unwrap();
+    }
+    std::fs::write(place.0.path().join("records/text.csv"), "no record").unwrap();
+    place.succeeds("plan plan.toml -o out");
+    place.succeeds("run out --threads 2");
+    place.succeeds("merge out");
+    let text = place.read("out/results.csv");
+    let rows: Vec<Vec<&str>> = text.lines().skip(1).map(row).collect();
+    assert_eq!(
+        rows.iter().map(|row| row[2]).collect::<Vec<_>>(),
+        ["records/fast.csv", "records/slow.csv", "records/text.csv"]
+    );
+    for fitted in &rows[..2] {
+        assert!(place.read(&format!("out/{}/model.toml", fitted[3])).contains("A = [[["), "{fitted:?}");
+        assert!(fitted[4].parse::<f64>().unwrap() > 99.999, "{fitted:?}");
+        assert_eq!(fitted[5], "ok", "{fitted:?}");
+    }
+    assert!(rows[2][5] == "failed" && text.contains("text.csv"), "{:?}", rows[2]);
+}
+
+#[test]
+fn a_multistart_is_tasks_with_seeds_of_their_own() {
+    let example = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples/03_swing_up");
+    if !example.join("../../target/fmu/cart-pole.fmu").exists() {
+        eprintln!("skipped: target/fmu/cart-pole.fmu is not built (make fmu)");
+        return;
+    }
+    let problem = example.join("problem.toml").canonicalize().unwrap();
+    let place = Place::new(&format!(
+        r#"
+kind = "command"
+command = ["optimize", "{}", "--multistart", "1", "--seed", "{{seed}}", "--no-plots", "-o", "{{output}}"]
+[sample]
+count = 2
+[[quantities]]
+name = "objective"
+file = "summary.json"
+pointer = "/objective"
+[[quantities]]
+name = "outcome"
+file = "summary.json"
+pointer = "/status"
+text = true
+"#,
+        problem.display()
+    ));
+    place.succeeds("plan plan.toml -o out");
+    place.succeeds("run out --threads 2");
+    place.succeeds("merge out");
+    let text = place.read("out/results.csv");
+    let rows: Vec<Vec<&str>> = text.lines().skip(1).map(row).collect();
+    assert_eq!(rows.len(), 2);
+    assert_ne!(rows[0][1], rows[1][1], "seeds are the same");
+    for own in &rows {
+        assert_eq!((own[4], own[5]), ("solved", "ok"), "{own:?}");
+        assert!(own[3].parse::<f64>().unwrap() > 0.0, "{own:?}");
+    }
+}
+
+#[test]
+fn two_submissions_of_one_plan_into_one_folder_run_every_task_once() {
+    let place = Place::new(PLAN);
+    place.succeeds("plan plan.toml --shards 4 -o out");
+    let begin = || {
+        Command::new(env!("CARGO_BIN_EXE_airloop"))
+            .args(["sweep", "submit", "out", "--engine", "local", "--threads", "1"])
+            .current_dir(place.0.path())
+            .stderr(std::process::Stdio::piped())
+            .stdout(std::process::Stdio::piped())
+            .spawn()
+            .unwrap()
+    };
+    let both = [begin(), begin()].map(|child| child.wait_with_output().unwrap());
+    let printed = both.each_ref().map(|output| String::from_utf8_lossy(&output.stdout).into_owned());
+    let ran = printed.iter().map(|text| text.split(' ').next().unwrap().parse::<u32>().unwrap());
+    assert_eq!(ran.sum::<u32>(), 8, "{printed:?}");
+    for output in &both {
+        let left = String::from_utf8_lossy(&output.stderr).contains("another process runs these tasks");
+        assert_eq!(output.status.success(), !left, "{output:?}");
+    }
+    place.succeeds("merge out");
+    assert_eq!(place.read("out/results.csv").lines().count(), 9);
+}
+
+#[test]
+fn of_two_submissions_to_a_cluster_one_is_refused() {
+    let place = Place::new(PLAN);
+    place.succeeds("plan plan.toml -o out");
+    // A cluster whose job waits for ever.
+    let programs = place.0.path().join("bin");
+    std::fs::create_dir(&programs).unwrap();
+    for (name, text) in [("sbatch", "sleep 0.5; echo 17"), ("squeue", "echo 17_1 PENDING")] {
+        let path = programs.join(name);
+        std::fs::write(&path, format!("#!/bin/sh\n{text}\n")).unwrap();
+        std::fs::set_permissions(&path, std::os::unix::fs::PermissionsExt::from_mode(0o755)).unwrap();
+    }
+    let begin = || {
+        Command::new(env!("CARGO_BIN_EXE_airloop"))
+            .args(["sweep", "submit", "out", "--engine", "slurm"])
+            .env("PATH", format!("{}:/usr/bin:/bin", programs.display()))
+            .current_dir(place.0.path())
+            .stderr(std::process::Stdio::piped())
+            .stdout(std::process::Stdio::null())
+            .spawn()
+            .unwrap()
+    };
+    let refused = |output: &Output| String::from_utf8_lossy(&output.stderr).into_owned();
+    // At one moment, and later.
+    let both = [begin(), begin()].map(|child| child.wait_with_output().unwrap());
+    assert_eq!(both.iter().filter(|output| output.status.success()).count(), 1, "{both:?}");
+    let late = begin().wait_with_output().unwrap();
+    assert!(refused(&late).contains("job 17 runs this folder already"), "{late:?}");
+}
+
+#[test]
+fn shards_are_as_many_as_their_time_makes() {
+    let place = Place::new(PLAN);
+    let short = place.succeeds("plan plan.toml --shard-time 1us -o short");
+    assert!(short.contains("8 tasks in 8 shards"), "{short}");
+    let long = place.succeeds("plan plan.toml --shard-time 10min -o long");
+    assert!(long.contains("8 tasks in 1 shards"), "{long}");
+    assert!(place.fails("plan plan.toml --shard-time 0 -o zero", 2).contains("longer than 0 s"));
+}
+
+#[test]
+fn a_saltelli_sample_has_indices_in_its_report() {
+    let plan = PLAN.replace(
+        "[[factors]]\nname = \"x\"",
+        "[sample]\nmethod = \"saltelli\"\ncount = 8\n[[factors]]\nname = \"x\"",
+    );
+    let place = Place::new(&plan);
+    // Eight points of two factors.
+    let planned = place.succeeds("plan plan.toml -o out");
+    assert!(planned.contains("32 tasks"), "{planned}");
+    place.succeeds("run out");
+    place.succeeds("merge out");
+    place.succeeds("report out");
+    let page = place.read("out/index.html");
+    assert!(page.contains("indices of end, from 8 points"), "{page}");
 }

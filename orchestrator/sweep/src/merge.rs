@@ -9,7 +9,7 @@ use serde::Serialize;
 
 use crate::Error;
 use crate::manifest::Manifest;
-use crate::parquet_file::Writer;
+use crate::parquet_file::{Complete, Writer};
 use crate::shard::{self, Foot, Reader};
 use crate::table::{self, Cell};
 
@@ -68,15 +68,15 @@ pub fn status(folder: &Path) -> Result<Status, Error> {
     };
     let mut next = 0;
     for (tasks, path) in shard::finished(folder)? {
-        match Reader::open(&path, &manifest).and_then(Reader::check) {
+        match failed_from(&path, &manifest, tasks.start.max(next)) {
             Err(Error::Io { path, source }) => return Err(Error::Io { path, source }),
             Err(error) => status.damaged.push(error.to_string()),
-            Ok(foot) => {
+            Ok((failed, foot)) => {
                 if tasks.start > next {
                     status.first_missing.get_or_insert(next);
                 }
                 status.done += tasks.end.saturating_sub(tasks.start.max(next));
-                status.failed += foot.failed;
+                status.failed += failed;
                 status.busy += foot.seconds * foot.threads as f64;
                 next = next.max(tasks.end);
             }
@@ -88,6 +88,25 @@ pub fn status(folder: &Path) -> Result<Status, Error> {
     Ok(status)
 }
 
+/// Rows of a shard that are not ok, from task `from` on: those before are counted elsewhere; and its last line.
+fn failed_from(path: &Path, manifest: &Manifest, from: u64) -> Result<(u64, Foot), Error> {
+    let status = manifest.columns.len() - 2;
+    let mut reader = Reader::open(path, manifest)?;
+    let mut failed = 0;
+    loop {
+        let line = match reader.next_row()? {
+            Ok(line) => line,
+            Err(foot) => return Ok((failed, foot)),
+        };
+        let cells = table::read_row(&line, &manifest.columns).ok_or_else(|| Error::Damaged {
+            path: path.into(),
+            problem: format!("the row `{line}` cannot be read"),
+        })?;
+        let counted = matches!(cells[0], Cell::Integer(task) if task >= from);
+        failed += u64::from(counted && cells[status] != Cell::Text("ok".into()));
+    }
+}
+
 /// Merges the finished shards of a folder into `results.csv`, `results.parquet` and `summary.json`.
 ///
 /// # Errors
@@ -97,24 +116,26 @@ pub fn merge(folder: &Path) -> Result<Summary, Error> {
     let cover = cover(folder, &manifest)?;
     let csv = folder.join(RESULTS);
     let parquet = folder.join(PARQUET);
-    let mut failed = 0;
-    let mut problem = None;
+    let mut outcome = None;
     let written = write_whole(&csv, |out| {
         out.write_all(table::header(&manifest.columns).as_bytes())?;
         let mut rows = |line: &str| writeln!(out, "{line}");
-        match copy(&cover, &manifest, &parquet, &mut rows) {
-            Ok(count) => failed = count,
-            Err(error) => {
-                problem = Some(error);
-                return Err(std::io::Error::other("the rows cannot be read"));
-            }
-        }
-        Ok(())
+        let copied = copy(&cover, &manifest, &parquet, &mut rows);
+        let complete = copied.is_ok();
+        outcome = Some(copied);
+        // Without all rows the file gets no name.
+        if complete { out.flush() } else { Err(std::io::Error::other("the rows cannot be read")) }
     });
-    if let Some(problem) = problem {
-        return Err(problem);
-    }
+    // What the rows say comes first: it is why the file was not written.
+    let copied = outcome.transpose()?;
     written.map_err(Error::io(&csv))?;
+    let failed = match copied {
+        // Both tables are complete on the disk before the first has its name.
+        Some((failed, complete)) => complete.persist().map(|()| failed).inspect_err(|_| {
+            let _ = std::fs::remove_file(&csv);
+        })?,
+        None => 0,
+    };
     let summary = Summary {
         digest: manifest.digest.clone(),
         airloop_version: manifest.program.version.clone(),
@@ -155,13 +176,14 @@ fn cover(folder: &Path, manifest: &Manifest) -> Result<Vec<(Range<u64>, PathBuf)
     }
 }
 
-/// Passes all rows on in the order of the tasks and writes them as Parquet; the number that is not ok.
+/// Passes all rows on in the order of the tasks and writes them as Parquet, without its name yet; with the number that is
+/// not ok.
 fn copy(
     cover: &[(Range<u64>, PathBuf)],
     manifest: &Manifest,
     parquet: &Path,
     rows: &mut dyn FnMut(&str) -> std::io::Result<()>,
-) -> Result<u64, Error> {
+) -> Result<(u64, Complete), Error> {
     let mut failed = 0;
     let mut writer = Writer::create(parquet, manifest)?;
     let status = manifest.columns.len() - 2;
@@ -189,6 +211,5 @@ fn copy(
             return Err(damaged(&format!("the row of task {next} is missing")));
         }
     }
-    writer.finish()?;
-    Ok(failed)
+    Ok((failed, writer.finish()?))
 }

@@ -87,18 +87,34 @@ impl Writer {
         Ok(())
     }
 
-    /// Ends the file and gives it its name.
+    /// Ends the file, which has no name yet.
     ///
     /// # Errors
     /// [`Error::Io`], [`Error::Parquet`].
-    pub fn finish(mut self) -> Result<(), Error> {
+    pub fn finish(mut self) -> Result<Complete, Error> {
         if !self.rows.is_empty() {
             self.write_group()?;
         }
         let path = self.path;
         let out = self.inner.into_inner().map_err(|source| Error::Parquet { path: path.clone(), source })?;
         let written = out.into_inner().map_err(|error| Error::io(&path)(error.into_error()))?;
-        file::persist(written, &path).map_err(Error::io(&path))
+        Ok(Complete { path, written })
+    }
+}
+
+/// A file that is complete under a temporary name.
+pub struct Complete {
+    path: PathBuf,
+    written: NamedTempFile,
+}
+
+impl Complete {
+    /// Gives it its name.
+    ///
+    /// # Errors
+    /// [`Error::Io`].
+    pub fn persist(self) -> Result<(), Error> {
+        file::persist(self.written, &self.path).map_err(Error::io(&self.path))
     }
 }
 

@@ -131,10 +131,32 @@ impl Runner {
     pub fn open(folder: &Path, threads: usize, isolated: bool) -> Result<Runner, Error> {
         let manifest = Manifest::read(folder)?;
         manifest.check()?;
+        Runner::new(folder, manifest, threads, isolated)
+    }
+
+    /// The tasks of a manifest, which need not lie in the folder yet.
+    ///
+    /// # Errors
+    /// Whatever opening the plan says.
+    pub fn new(folder: &Path, manifest: Manifest, threads: usize, isolated: bool) -> Result<Runner, Error> {
         let plan = manifest.file()?;
         let tasks = Tasks::new(&plan, &manifest.base)?;
         let work = task::open(&plan, &manifest.base)?;
         Ok(Runner { folder: folder.into(), manifest, tasks, work, threads: threads.max(1), isolated })
+    }
+
+    /// Time of a task \[s\]: the mean of the first, the middle and the last, whose results are forgotten. None if there
+    /// is no task, or it was interrupted.
+    pub fn time_of_a_task(&self, stop: &AtomicBool) -> Option<f64> {
+        let all = self.manifest.tasks;
+        let mut tried = vec![0, all / 2, all.saturating_sub(1)];
+        tried.dedup();
+        tried.retain(|&task| task < all);
+        let began = Instant::now();
+        for &task in &tried {
+            self.row(&self.tasks.task(task), stop)?;
+        }
+        (!tried.is_empty()).then(|| began.elapsed().as_secs_f64() / tried.len() as f64)
     }
 
     /// Runs a shard, or skips it if it is finished. `progress` is told the tasks done.
@@ -236,7 +258,7 @@ impl Runner {
 }
 
 /// Takes a shard for this process until the file is dropped; the system frees it whatever the end is.
-fn lock(path: &Path) -> Result<Option<File>, Error> {
+pub(crate) fn lock(path: &Path) -> Result<Option<File>, Error> {
     let file = File::options().create(true).append(true).open(path).map_err(Error::io(path))?;
     match file.try_lock() {
         Ok(()) => Ok(Some(file)),

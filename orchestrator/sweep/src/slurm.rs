@@ -10,6 +10,7 @@ use serde::{Deserialize, Serialize};
 use crate::Error;
 use crate::file::Slurm;
 use crate::manifest::{Manifest, short};
+use crate::shard;
 
 /// File that says which job runs the shards.
 pub const SUBMISSION: &str = "submission.json";
@@ -90,6 +91,8 @@ pub fn submit(
     let folder = std::path::absolute(folder).map_err(Error::io(folder))?;
     let manifest = Manifest::read(&folder)?;
     manifest.check()?;
+    // Two submissions at one moment would both find none before them.
+    let _lock = shard::lock(&folder.join(SUBMISSION).with_extension("lock"))?;
     if let Some(earlier) = read(&folder)?
         && !again
         && is_queued(earlier.job)?

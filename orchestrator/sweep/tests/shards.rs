@@ -159,3 +159,27 @@ fn wrong_plans_name_the_place() {
         assert!(message.contains(words), "{text}: {message}");
     }
 }
+
+#[test]
+fn a_merge_writes_both_tables_or_none() {
+    let place = TempDir::new().unwrap();
+    let folder = planned(&place, "sweep");
+    run(&folder, "1/2", 1).unwrap();
+    run(&folder, "2/2", 1).unwrap();
+    // The last row of the second half is damaged: all rows before it are good.
+    let path = shard::path(&folder, &(500..1000));
+    let text = std::fs::read_to_string(&path).unwrap();
+    let at = text.rfind(",ok,").unwrap();
+    std::fs::write(&path, format!("{}{}", &text[..at], text[at..].replacen(",ok,", ",no,", 1))).unwrap();
+    assert!(matches!(merge::merge(&folder), Err(Error::Damaged { .. })));
+    assert!(!folder.join(RESULTS).exists() && !folder.join(PARQUET).exists());
+    std::fs::write(&path, &text).unwrap();
+    // A name that cannot be replaced: a folder.
+    std::fs::create_dir_all(folder.join(PARQUET).join("inside")).unwrap();
+    assert!(merge::merge(&folder).is_err());
+    assert!(!folder.join(RESULTS).exists());
+    std::fs::remove_dir_all(folder.join(PARQUET)).unwrap();
+    merged(&folder);
+    let left = std::fs::read_dir(&folder).unwrap().map(|entry| entry.unwrap().file_name());
+    assert!(left.into_iter().all(|name| !name.to_string_lossy().starts_with(".writing-")));
+}

@@ -6,6 +6,7 @@ use std::sync::OnceLock;
 use airloop_testing::c_fmu;
 
 mod archives;
+pub mod machine;
 mod records;
 mod settings;
 mod systems;
@@ -59,6 +60,14 @@ fn library() -> &'static Path {
         (folder, path)
     };
     &LIBRARY.get_or_init(made).1
+}
+
+/// A folder with the good FMU, and an empty one for temporary files.
+pub fn folder_with_fmu() -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::create_dir(folder.path().join("tmp")).unwrap();
+    Case::new("", "").fmu().write(folder.path());
+    folder
 }
 
 /// All cases by their title.

@@ -1,9 +1,12 @@
 //! The driver of a simulation: one loop over the steps of any master, with rows in a recorder.
 
+use std::collections::BTreeMap;
+use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-use super::{Effort, Error, Settings};
+use super::{Effort, Error, Settings, restart};
+use crate::results::states::{self, RowsSoFar, States};
 use crate::results::summary::{AdaptiveRecord, Integration};
 use crate::results::{Keep, Recorder};
 use crate::system::SystemGraph;
@@ -73,6 +76,19 @@ pub struct Record {
     pub keep: Keep,
     /// File that the rows are written to while the run goes on.
     pub file: Option<std::fs::File>,
+    /// States that are saved while the run goes on, and where it is interrupted.
+    pub saving: Option<Saving>,
+    /// Point to go on from; `file` then holds the rows before it.
+    pub from: Option<States>,
+}
+
+/// States that are saved while a run goes on.
+#[derive(Debug, Clone)]
+pub struct Saving {
+    /// Real time between two savings.
+    pub interval: Duration,
+    /// File of the latest, which replaces the one before.
+    pub file: PathBuf,
 }
 
 /// Steps between two looks at the clock, where a step is short.
@@ -102,8 +118,43 @@ pub(super) trait Simulation<'a>: Sized {
     /// Macro steps done, and all macro steps as far as is known.
     fn progress(&self) -> (u64, u64);
 
+    /// The present point, `rows` of the result before it.
+    ///
+    /// # Errors
+    /// [`Error::NoPoints`], or an FMU cannot save its state.
+    fn save(&mut self, _run: &BTreeMap<String, String>, _rows: RowsSoFar) -> Result<States, Error> {
+        Err(Error::NoPoints)
+    }
+
+    /// Goes to a point that was saved, before [`Simulation::set_up`].
+    ///
+    /// # Errors
+    /// [`Error::NoPoints`], or the states do not fit.
+    fn restore(&mut self, _states: &States) -> Result<(), Error> {
+        Err(Error::NoPoints)
+    }
+
     /// Adds the work that was done to the result.
     fn account(self, run: &mut Run);
+}
+
+/// States of a run that are saved now and then.
+struct Saves {
+    saving: Saving,
+    run: BTreeMap<String, String>,
+    last: Instant,
+}
+
+impl Saves {
+    /// Saves the present point, once the rows before it are on the disk.
+    fn save<'a, S: Simulation<'a>>(&mut self, simulation: &mut S, rows: &mut Recorder) -> Result<(), Error> {
+        let so_far = rows.so_far().map_err(Error::Rows)?;
+        let states = simulation.save(&self.run, so_far)?;
+        states::write(&states, &self.saving.file)
+            .map_err(|source| Error::SavedStates { file: self.saving.file.clone(), source })?;
+        self.last = Instant::now();
+        Ok(())
+    }
 }
 
 /// Runs a master from start to stop.
@@ -118,11 +169,29 @@ pub(super) fn drive<'a, S: Simulation<'a>>(
     record: Record,
 ) -> Result<Run, Error> {
     let began = Instant::now();
+    let run = restart::identity(graph, settings, &record.keep);
+    if record.saving.is_some() || record.from.is_some() {
+        restart::refuse(graph)?;
+    }
+    if let Some(problem) = record.from.as_ref().and_then(|states| states.difference(&run)) {
+        return Err(Error::Restart(problem));
+    }
     let mut simulation = S::initialize(graph, settings, inputs)?;
+    if let Some(states) = &record.from {
+        simulation.restore(states)?;
+    }
     let mut rows = simulation.set_up(graph)?;
     rows.keep(record.keep);
+    if let Some(states) = &record.from {
+        rows.go_on(settings.start_time, states.rows);
+    }
     if let Some(file) = record.file {
         rows.write_to(file).map_err(Error::Rows)?;
+    }
+    let mut saves = record.saving.map(|saving| Saves { saving, run, last: Instant::now() });
+    if let Some(saves) = &mut saves {
+        // An FMU that refuses says so before hours are spent.
+        saves.save(&mut simulation, &mut rows)?;
     }
     let initialization = began.elapsed();
     let began = Instant::now();
@@ -152,6 +221,12 @@ pub(super) fn drive<'a, S: Simulation<'a>>(
                 let (done, all) = simulation.progress();
                 (watch.progress)(done, all);
             }
+            if let Some(saves) = saves.as_mut().filter(|saves| now - saves.last > saves.saving.interval)
+                && let Err(error) = saves.save(&mut simulation, &mut rows)
+            {
+                end = End::Failed(error);
+                break;
+            }
         }
         if write && let Err(source) = rows.write_out(false) {
             end = End::Failed(Error::Rows(source));
@@ -159,6 +234,11 @@ pub(super) fn drive<'a, S: Simulation<'a>>(
         }
     }
     let stepping = began.elapsed();
+    if let (Some(saves), End::Interrupted) = (&mut saves, &end)
+        && let Err(error) = saves.save(&mut simulation, &mut rows)
+    {
+        end = End::Failed(error);
+    }
     if let Err(source) = rows.write_out(true) {
         end = End::Failed(Error::Rows(source));
     }

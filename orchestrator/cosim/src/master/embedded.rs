@@ -103,7 +103,7 @@ impl Slaves {
         let mut bytes = Vec::new();
         put_values(&mut bytes, &self.master.values);
         let mut carried = Vec::new();
-        self.master.scheme.carry(&mut |value| carried.push(*value));
+        self.master.carry(&mut |value| carried.push(*value));
         put_reals(&mut bytes, &carried);
         for node in &mut self.master.nodes {
             put_instance(&mut bytes, node)?;
@@ -125,7 +125,7 @@ impl Slaves {
         }
         self.master.values = values;
         let mut carried = carried.into_iter();
-        self.master.scheme.carry(&mut |value| *value = carried.next().unwrap_or(*value));
+        self.master.carry(&mut |value| *value = carried.next().unwrap_or(*value));
         Ok(true)
     }
 }
@@ -245,24 +245,31 @@ pub(super) fn take_values(bytes: &mut &[u8], like: &Values) -> Option<Values> {
 }
 
 pub(super) fn put_instance(bytes: &mut Vec<u8>, instance: &mut Instance) -> Result<(), Error> {
+    put_bytes(bytes, &state_of(instance)?);
+    Ok(())
+}
+
+/// The state of an instance as bytes; none from an FMU that has no state to give.
+pub(super) fn state_of(instance: &mut Instance) -> Result<Vec<u8>, Error> {
     let mut state = None;
     instance.get_state(&mut state)?;
-    let Some(state) = state else {
-        put_bytes(bytes, &[]);
-        return Ok(());
-    };
+    let Some(state) = state else { return Ok(Vec::new()) };
     let saved = instance.serialize_state(&state);
     instance.free_state(state)?;
-    put_bytes(bytes, &saved?);
-    Ok(())
+    Ok(saved?)
 }
 
 /// Restores an instance; `false` if the bytes end before.
 pub(super) fn take_instance(bytes: &mut &[u8], instance: &mut Instance) -> Result<bool, Error> {
     let Some(saved) = take_bytes(bytes) else { return Ok(false) };
+    set_state_of(instance, saved)?;
+    Ok(true)
+}
+
+/// Restores the state of [`state_of`].
+pub(super) fn set_state_of(instance: &mut Instance, saved: &[u8]) -> Result<(), Error> {
     let state = instance.deserialize_state(saved)?;
     let outcome = instance.set_state(&state);
     instance.free_state(state)?;
-    outcome?;
-    Ok(true)
+    Ok(outcome?)
 }

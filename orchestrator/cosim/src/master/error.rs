@@ -46,6 +46,22 @@ pub enum Error {
     /// Adaptive steps need more of an FMU.
     #[error("component `{component}` {reason}: leave --adaptive out and choose a --step for all steps")]
     NotAdaptive { component: String, reason: &'static str },
+    /// States that are to be saved need more of an FMU.
+    #[error(
+        "component `{component}` cannot save its state ({missing} is not true in its modelDescription.xml), so that no run with it can be continued; leave --save-states and --restart-from out"
+    )]
+    NoSavedStates { component: String, missing: &'static str },
+    /// States are saved at the points of a fixed grid only.
+    #[error(
+        "states are saved by the masters gauss-seidel, jacobi and interface-jacobian with a fixed --step; leave --save-states and --restart-from out, or choose one of them without --adaptive"
+    )]
+    NoPoints,
+    /// Saved states do not fit.
+    #[error("the run cannot be continued: {0}")]
+    Restart(String),
+    /// The saved states cannot be written.
+    #[error("the states cannot be saved in {}: {source}; make room, or leave --save-states out", file.display())]
+    SavedStates { file: std::path::PathBuf, source: std::io::Error },
     /// The shortest step is still too long.
     #[error(
         "component `{component}`: the error of `{variable}` at t = {time} s is {error:.1e} of its size even with the shortest communication step, {step} s; look for a jump or a growing oscillation there (result file), and try a larger `--step-tolerance`, a smaller `--min-step` or another `--master`"

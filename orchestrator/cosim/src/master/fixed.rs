@@ -1,9 +1,12 @@
 //! Runs of a [`Master`] over its grid of communication points.
 
+use std::collections::BTreeMap;
+
 use super::driver::{End, Run, Simulation};
 use super::stimulus::{Sampler, Stimulus};
 use super::{Error, Master, Progress, Settings};
 use crate::results::Recorder;
+use crate::results::states::{RowsSoFar, States};
 use crate::system::SystemGraph;
 
 /// A master with a fixed communication step and its inputs.
@@ -54,6 +57,16 @@ impl<'a> Simulation<'a> for FixedSteps<'a> {
 
     fn progress(&self) -> (u64, u64) {
         (self.master.steps(), self.master.grid().steps())
+    }
+
+    fn save(&mut self, run: &BTreeMap<String, String>, rows: RowsSoFar) -> Result<States, Error> {
+        // A later process may return to this point.
+        self.master.nodes.iter_mut().for_each(super::exchange::Node::keep_states);
+        self.master.save(run, rows)
+    }
+
+    fn restore(&mut self, states: &States) -> Result<(), Error> {
+        self.master.restore(states)
     }
 
     fn account(self, run: &mut Run) {

@@ -27,6 +27,7 @@ mod jacobi;
 mod loops;
 pub mod monolithic;
 mod propagation;
+mod restart;
 mod settings;
 pub mod simulate;
 mod stepping;

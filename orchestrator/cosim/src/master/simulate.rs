@@ -1,6 +1,6 @@
 //! Runs over a time span, with inputs from a series or from curves, by any of the masters.
 
-pub use super::driver::{End, Record, Run, Watch};
+pub use super::driver::{End, Record, Run, Saving, Watch};
 pub use super::stimulus::{Curves, Stimulus};
 
 use super::adaptive::AdaptiveSteps;

@@ -135,6 +135,18 @@ impl Master {
         Ok(Master { nodes, wiring, values, grid, point: 0, made: 0, algorithm, scheme, loops, notes })
     }
 
+    /// Shows every number that is carried from step to step beside values and slaves, with what iterations begin from,
+    /// always in the same order.
+    pub(super) fn carry(&mut self, each: &mut dyn FnMut(&mut f64)) {
+        self.scheme.carry(each);
+        if let Scheme::InterfaceJacobian(master) = &mut self.scheme {
+            master.carry_guesses(each);
+        }
+        for group in self.loops.iter_mut().flat_map(|loops| loops.groups()) {
+            group.carry(each);
+        }
+    }
+
     /// Current communication point \[s\].
     pub fn time(&self) -> f64 {
         self.grid.time(self.point)
@@ -143,6 +155,11 @@ impl Master {
     /// All communication points.
     pub fn grid(&self) -> &Grid {
         &self.grid
+    }
+
+    /// Takes a communication point for the present one, once slaves and values are those of it.
+    pub(super) fn go_to(&mut self, point: u64) {
+        self.point = point;
     }
 
     /// Macro steps done.

@@ -1,7 +1,7 @@
 //! Rows of a run on disk while it goes on: after a crash they are there up to the last moments before it.
 
 use std::fs::File;
-use std::io::{Result, Write};
+use std::io::{Error, ErrorKind, Read, Result, Seek, SeekFrom, Write};
 use std::time::{Duration, Instant};
 
 use airloop_series::rows;
@@ -17,14 +17,37 @@ pub(super) struct Journal {
     file: File,
     block: Vec<u8>,
     flushed: Instant,
+    /// Rows in the file, and in the block.
+    rows: u64,
 }
 
 impl Journal {
-    /// Writes the header.
+    /// Writes the header into an empty file, or goes on after the rows of a file with the same header.
     pub(super) fn new<'a>(file: File, names: impl IntoIterator<Item = &'a str>) -> Result<Journal> {
-        let mut journal = Journal { file, block: Vec::with_capacity(2 * BLOCK), flushed: Instant::now() };
+        let mut journal =
+            Journal { file, block: Vec::with_capacity(2 * BLOCK), flushed: Instant::now(), rows: 0 };
         rows::write_header(&mut journal.block, names)?;
-        journal.flush()?;
+        if journal.file.metadata()?.len() == 0 {
+            journal.flush()?;
+            return Ok(journal);
+        }
+        journal.file.rewind()?;
+        let mut header = vec![0; journal.block.len()];
+        let read = journal.file.read_exact(&mut header);
+        if read.is_err() || header != journal.block {
+            let problem = "the columns of the rows so far are not those of this run";
+            return Err(Error::new(ErrorKind::InvalidData, problem));
+        }
+        let mut chunk = vec![0; BLOCK];
+        loop {
+            let length = journal.file.read(&mut chunk)?;
+            if length == 0 {
+                break;
+            }
+            journal.rows += chunk[..length].iter().filter(|&&byte| byte == b'\n').count() as u64;
+        }
+        journal.block.clear();
+        journal.file.seek(SeekFrom::End(0))?;
         Ok(journal)
     }
 
@@ -36,14 +59,36 @@ impl Journal {
     /// Adds a row; every now and then rows go to the file.
     pub(super) fn row(&mut self, time: f64, values: impl Iterator<Item = f64>) -> Result<()> {
         rows::write_row(&mut self.block, time, values)?;
+        self.rows += 1;
         if self.block.len() < BLOCK { Ok(()) } else { self.flush() }
     }
 
-    /// Gives all rows to the file.
+    /// Gives all rows to the file. One that cannot take all of them, as on a full disk, keeps whole rows.
     pub(super) fn flush(&mut self) -> Result<()> {
-        let outcome = self.file.write_all(&self.block);
+        let mut written = 0;
+        let mut outcome = Ok(());
+        while written < self.block.len() && outcome.is_ok() {
+            match self.file.write(&self.block[written..]) {
+                Ok(0) => outcome = Err(ErrorKind::WriteZero.into()),
+                Ok(count) => written += count,
+                Err(error) if error.kind() == ErrorKind::Interrupted => {}
+                Err(error) => outcome = Err(error),
+            }
+        }
+        if outcome.is_err() && self.file.metadata().is_ok_and(|file| file.is_file()) {
+            let begun = self.block[..written].iter().rev().take_while(|&&byte| byte != b'\n').count() as u64;
+            let end = self.file.stream_position()?;
+            self.file.set_len(end - begun)?;
+            self.file.seek(SeekFrom::End(0))?;
+        }
         self.block.clear();
         self.flushed = Instant::now();
         outcome
+    }
+
+    /// Waits until the file is on the disk; the number of rows that were given to it.
+    pub(super) fn sync(&self) -> Result<u64> {
+        self.file.sync_data()?;
+        Ok(self.rows)
     }
 }

@@ -6,6 +6,7 @@
 pub mod coupling_error;
 mod journal;
 pub mod recorder;
+pub mod states;
 pub mod summary;
 
 pub use recorder::{Column, Keep, Recorder, Slot};

@@ -6,6 +6,7 @@
 use airloop_series::TimeSeries;
 
 use super::journal::Journal;
+use super::states::RowsSoFar;
 
 /// Place of a column's value in the recorded buffers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -123,10 +124,30 @@ impl Recorder {
         }
     }
 
-    /// Writes the rows to a file, too, whenever [`Recorder::write_out`] is called.
+    /// Goes on with a run that began at `start` \[s\], for a recorder with the row of the present point.
+    pub fn go_on(&mut self, start: f64, rows: RowsSoFar) {
+        self.begin = Some(start);
+        (self.next, self.passing) = (rows.next, rows.passing);
+    }
+
+    /// The place in the rows of a run, with all rows before the last one on the disk.
     ///
     /// # Errors
-    /// The header cannot be written.
+    /// The file cannot be written, as on a full disk.
+    pub fn so_far(&mut self) -> std::io::Result<RowsSoFar> {
+        self.write_out(false)?;
+        let before = match &self.journal {
+            Some(journal) => journal.sync()?,
+            None => self.rows().saturating_sub(1) as u64,
+        };
+        Ok(RowsSoFar { before, next: self.next, passing: self.passing })
+    }
+
+    /// Writes the rows to a file, too, whenever [`Recorder::write_out`] is called. A file with rows of this run is
+    /// continued.
+    ///
+    /// # Errors
+    /// The header cannot be written, or that of the file is another.
     pub fn write_to(&mut self, file: std::fs::File) -> std::io::Result<()> {
         let names = self.columns.iter().map(|column| column.name.as_str());
         self.journal = Some(Box::new(Journal::new(file, names)?));

@@ -6,6 +6,8 @@ use std::os::fd::{AsRawFd, FromRawFd, RawFd};
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::Duration;
 
+use super::patience::Patience;
+
 /// Bytes of the header.
 const HEADER: usize = 4096;
 /// Bytes for messages that the FMU logs.
@@ -26,8 +28,8 @@ pub(super) struct Header {
     pub(super) owner_sleeps: AtomicU32,
     /// Number of the function that the worker is in, in the table of `calls`; 0: in none.
     pub(super) function: AtomicU32,
-    /// Whether the worker may spin while it waits.
-    pub(super) spin: AtomicU32,
+    /// Whether the worker may look at its request before it sleeps: a processor is free for that.
+    pub(super) looks: AtomicU32,
     /// Bytes of calls in the data.
     pub(super) length: AtomicU32,
     /// Bytes of messages.
@@ -197,13 +199,17 @@ fn map(file: RawFd, size: usize) -> io::Result<*mut u8> {
     if base == libc::MAP_FAILED { Err(io::Error::last_os_error()) } else { Ok(base.cast()) }
 }
 
-/// Waits until `word` is no longer `old`, at most for `limit`; `turns`: first looks this often without sleeping.
-pub(super) fn wait(word: &AtomicU32, sleeps: &AtomicU32, old: u32, turns: u32, limit: Option<Duration>) {
-    for _ in 0..turns {
-        if word.load(Ordering::Acquire) != old {
-            return;
-        }
-        std::hint::spin_loop();
+/// Waits until `word` is no longer `old`, at most for `limit`; first looks at it as long as `patience` says.
+pub(super) fn wait(
+    word: &AtomicU32,
+    sleeps: &AtomicU32,
+    old: u32,
+    patience: &mut Patience,
+    limit: Option<Duration>,
+) {
+    let changed = || word.load(Ordering::Acquire) != old;
+    if changed() || patience.look(changed) {
+        return;
     }
     sleeps.store(1, Ordering::SeqCst);
     if word.load(Ordering::SeqCst) == old {

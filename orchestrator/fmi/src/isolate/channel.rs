@@ -1,12 +1,13 @@
 //! The way to one worker: calls go there, answers come back, and its end is noticed.
 
 use std::path::Path;
-use std::sync::atomic::Ordering;
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use std::time::{Duration, Instant};
 
 use super::area::{Area, tell, wait};
 use super::calls::{self, Calls, MORE_ROOM, Parts};
+use super::patience::Patience;
 use super::process::{Process, cause};
 use super::{Isolation, interrupted};
 use crate::log::LogMessage;
@@ -15,8 +16,6 @@ use crate::log::LogMessage;
 const ROOM: usize = 1 << 20;
 /// Bytes for calls and answers at most.
 const MOST_ROOM: usize = 1 << 30;
-/// Looks at the answer before this process sleeps: some ten microseconds.
-const TURNS: u32 = 4000;
 /// Time between two looks at whether the worker lives.
 const LOOK: Duration = Duration::from_millis(20);
 /// Time that a call may still take after Ctrl-C.
@@ -63,17 +62,35 @@ struct Line {
     process: Process,
     number: u32,
     bytes: Vec<u8>,
+    patience: Patience,
+    none: Patience,
+}
+
+/// Workers that are open in this process.
+static WORKERS: AtomicUsize = AtomicUsize::new(0);
+
+/// Whether a worker that waits may keep a processor busy: this process and all workers have one each.
+fn may_look() -> bool {
+    static PROCESSORS: OnceLock<usize> = OnceLock::new();
+    let count = || std::thread::available_parallelism().map_or(1, usize::from);
+    WORKERS.load(Ordering::Relaxed) < *PROCESSORS.get_or_init(count)
 }
 
 impl Channel {
     /// Starts a worker.
     pub(crate) fn open(isolation: &Isolation, shown: &Path) -> std::io::Result<Arc<Channel>> {
         let area = Area::new(ROOM)?;
-        let processors = std::thread::available_parallelism().map_or(1, usize::from);
-        area.header().spin.store(if processors > 1 { TURNS } else { 0 }, Ordering::Relaxed);
         let process = Process::start(isolation, area.descriptor())?;
+        WORKERS.fetch_add(1, Ordering::Relaxed);
         Ok(Arc::new(Channel {
-            line: Mutex::new(Line { area, process, number: 0, bytes: Vec::new() }),
+            line: Mutex::new(Line {
+                area,
+                process,
+                number: 0,
+                bytes: Vec::new(),
+                patience: Patience::new(),
+                none: Patience::none(),
+            }),
             death: OnceLock::new(),
             shown: shown.display().to_string(),
             call_limit: isolation.call_limit,
@@ -114,6 +131,10 @@ impl Line {
         }
         let header = self.area.header();
         header.length.store(calls.bytes.len() as u32, Ordering::Relaxed);
+        let looks = may_look();
+        header.looks.store(looks.into(), Ordering::Relaxed);
+        // Where workers wait for the processor, this process leaves it to them.
+        let patience = if looks { &mut self.patience } else { &mut self.none };
         let before = self.number;
         self.number = self.number.wrapping_add(1);
         tell(&header.request, &header.worker_sleeps, self.number);
@@ -121,7 +142,7 @@ impl Line {
         let mut asked = None;
         loop {
             let header = self.area.header();
-            wait(&header.answer, &header.owner_sleeps, before, TURNS, Some(LOOK));
+            wait(&header.answer, &header.owner_sleeps, before, patience, Some(LOOK));
             if header.answer.load(Ordering::Acquire) == self.number {
                 break;
             }
@@ -173,6 +194,7 @@ impl Line {
 
 impl Drop for Channel {
     fn drop(&mut self) {
+        WORKERS.fetch_sub(1, Ordering::Relaxed);
         let line = self.line.get_mut().unwrap_or_else(PoisonError::into_inner);
         if let Some(death) = self.death.get() {
             if ["fmi2FreeInstance", "fmi2Terminate"].contains(&death.function) {

@@ -13,6 +13,7 @@
 mod area;
 mod calls;
 mod channel;
+mod patience;
 mod process;
 mod proxy;
 mod worker;

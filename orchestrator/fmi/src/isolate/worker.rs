@@ -11,6 +11,7 @@ use fmi::fmi2::binding::{
 
 use super::area::{Area, tell, wait};
 use super::calls::*;
+use super::patience::Patience;
 use super::process::SHARED;
 use crate::fmi3::Component;
 use crate::instance::memory;
@@ -46,11 +47,16 @@ pub fn serve() -> std::io::Result<()> {
     // The first mapping stays: messages are written there.
     let first = Area::of_owner(area_again(&area)?)?;
     std::mem::forget(first);
+    let (mut patience, mut none) = (Patience::new(), Patience::none());
     let (mut done, mut request, mut answer) = (0, Vec::new(), Calls::default());
     loop {
         let header = area.header();
         while header.request.load(Ordering::Acquire) == done {
-            wait(&header.request, &header.worker_sleeps, done, header.spin.load(Ordering::Relaxed), None);
+            let patience = match header.looks.load(Ordering::Relaxed) {
+                0 => &mut none,
+                _ => &mut patience,
+            };
+            wait(&header.request, &header.worker_sleeps, done, patience, None);
         }
         done = header.request.load(Ordering::Acquire);
         let length = header.length.load(Ordering::Relaxed) as usize;

@@ -115,7 +115,13 @@ pub fn fit<S: System + ?Sized>(
                 normal.moved(&p, free, reached);
             } else {
                 // New ones at the end, too: for the covariance.
-                normal = Normal::new(system, records, &p, free, &locals);
+                let new = Normal::new(system, records, &p, free, &locals);
+                // Asked to end, they are not complete: those of the step before tell more.
+                if stop::asked() {
+                    normal.moved(&p, free, reached);
+                } else {
+                    normal = new;
+                }
                 served = 0;
                 round += 1;
             }
@@ -127,7 +133,11 @@ pub fn fit<S: System + ?Sized>(
                 break;
             }
             if served > 0 {
-                normal = Normal::new(system, records, &p, free, &locals);
+                let new = Normal::new(system, records, &p, free, &locals);
+                if stop::asked() {
+                    break;
+                }
+                normal = new;
                 served = 0;
                 continue;
             }
@@ -177,9 +187,12 @@ pub(super) fn moved_by(
 }
 
 /// Covariance of the free parameters by the scatter of the records around the common optimum, for residuals that are not
-/// white: each record counts as one observation of the gradient.
+/// white: each record counts as one observation of the gradient. Once the search is asked to end, that for white ones.
 pub fn scatter<S: System + ?Sized>(system: &S, records: &[usize], fit: &Fit) -> DMatrix<f64> {
     let gradients = gradients(system, records, &fit.parameters, &fit.free, &fit.locals);
+    if stop::asked() {
+        return fit.covariance.clone();
+    }
     let ng = fit.free.len();
     let mut spread = DMatrix::zeros(ng, ng);
     for own in &gradients {

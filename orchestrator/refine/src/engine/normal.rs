@@ -21,6 +21,9 @@ pub struct Columns {
 
 /// Residuals and their derivatives of several records; jobs of all of them run side by side.
 ///
+/// Once the search is asked to end, the residuals are still true and derivatives that are not there yet are zero: nothing
+/// is gained along them, and the parameter is as uncertain as can be.
+///
 /// Without `local_columns` the derivatives by local parameters are left out. `known`: residuals that need no simulation.
 pub fn columns<S: System + ?Sized>(
     system: &S,
@@ -57,14 +60,17 @@ pub fn columns<S: System + ?Sized>(
     }
     let start = |residuals: &[f64]| Columns { residuals: residuals.to_vec(), columns: Vec::new() };
     let mut found: Vec<Columns> = known.unwrap_or_default().into_iter().map(start).collect();
-    for (residuals, (i, step)) in parallel::residuals(system, &jobs).into_iter().zip(places) {
+    let simulated = parallel::residuals_until_asked(system, &jobs, |job| places[job].1 == 0.0);
+    for (residuals, (i, step)) in simulated.into_iter().zip(places) {
         if step == 0.0 {
-            found.push(Columns { residuals, columns: Vec::new() });
-        } else {
-            let own = &mut found[i];
-            let column = residuals.iter().zip(&own.residuals).map(|(a, b)| (a - b) / step).collect();
-            own.columns.push(column);
+            found.push(Columns { residuals: residuals.unwrap_or_default(), columns: Vec::new() });
+            continue;
         }
+        let own = &mut found[i];
+        own.columns.push(match residuals {
+            Some(moved) => moved.iter().zip(&own.residuals).map(|(a, b)| (a - b) / step).collect(),
+            None => vec![0.0; own.residuals.len()],
+        });
     }
     found
 }

@@ -3,8 +3,8 @@
 use std::cell::Cell;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use super::System;
 use super::system::Job;
+use super::{System, stop};
 
 /// Threads that are used; 0: one per processor.
 static THREADS: AtomicUsize = AtomicUsize::new(0);
@@ -28,6 +28,25 @@ const BATCH: usize = 4;
 pub fn residuals<S: System + ?Sized>(system: &S, jobs: &[Job]) -> Vec<Vec<f64>> {
     let batches: Vec<&[Job]> = jobs.chunks(BATCH).collect();
     map(batches.len(), |i| system.residuals_of(batches[i])).into_iter().flatten().collect()
+}
+
+/// Whitened residuals of the jobs; once the search is asked to end, only of those that are `needed`.
+pub fn residuals_until_asked<S: System + ?Sized>(
+    system: &S,
+    jobs: &[Job],
+    needed: impl Fn(usize) -> bool + Sync,
+) -> Vec<Option<Vec<f64>>> {
+    let batches: Vec<&[Job]> = jobs.chunks(BATCH).collect();
+    let batch = |i: usize| -> Vec<Option<Vec<f64>>> {
+        if !stop::asked() {
+            return system.residuals_of(batches[i]).into_iter().map(Some).collect();
+        }
+        let one = |(k, job): (usize, &Job)| {
+            needed(i * BATCH + k).then(|| system.residuals(job.record, &job.parameters, &job.locals))
+        };
+        batches[i].iter().enumerate().map(one).collect()
+    };
+    map(batches.len(), batch).into_iter().flatten().collect()
 }
 
 thread_local! {

@@ -6,7 +6,7 @@ use super::candidate::Candidate;
 use super::fit::{Fit, Free, fit};
 use super::goodness::{Null, pooled};
 use super::normal::{Columns, columns, dot, residuals};
-use super::{System, parallel};
+use super::{System, parallel, stop};
 
 /// A model: the declared one with some candidates added, fitted.
 #[derive(Debug, Clone)]
@@ -164,6 +164,9 @@ impl<S: System + ?Sized> Search<'_, S> {
 
     /// The linear step from one start.
     fn promise(&self, base: &Model, around: &Around, (candidate, start): (usize, usize)) -> Option<Promise> {
+        if stop::asked() {
+            return None;
+        }
         let fit = &base.fit;
         let (own, start) = (&self.candidates[candidate], &self.candidates[candidate].starts[start]);
         let open: Vec<Free> = start.open.iter().map(|&position| own.free[position]).collect();

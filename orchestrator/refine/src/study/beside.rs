@@ -10,7 +10,7 @@ use crate::engine::System;
 use crate::engine::fit::{Fit, Free};
 use crate::engine::near::{Near, fit_near};
 use crate::engine::normal::{Columns, columns, dot};
-use crate::engine::parallel;
+use crate::engine::{parallel, stop};
 
 /// Records on which candidates are compared where there are many.
 const SCREENED_RECORDS: usize = 4;
@@ -113,6 +113,9 @@ impl Fits<'_> {
         let Some(few) = around.or(short.as_ref()) else { return Vec::new() };
         let rare = list.iter().any(|&c| many(c)).then(|| screened(MIN_STARTS_FOR_SCREENING + 1));
         parallel::map(list.len(), |i| {
+            if stop::asked() {
+                return None;
+            }
             let own = if many(list[i]) { rare.as_ref().unwrap_or(few) } else { few };
             let before: f64 = own.columns.iter().map(|own| dot(&own.residuals, &own.residuals)).sum();
             let (chi2, mut p) = self.best_start(base, list[i], own)?;
@@ -181,6 +184,9 @@ impl Fits<'_> {
         let locals: Vec<&[f64]> = own_locals.iter().map(Vec::as_slice).collect();
         let view = self.view(&added, pieces);
         let promises: Vec<Option<(f64, Vec<f64>)>> = parallel::map(own.starts.len(), |s| {
+            if stop::asked() {
+                return None;
+            }
             let mut p = base.fit.parameters.clone();
             let start = &own.starts[s];
             own.entries.clone().zip(start).for_each(|(index, value)| p[index] = *value);

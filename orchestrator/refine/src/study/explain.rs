@@ -10,7 +10,7 @@ use super::noise::Noisy;
 use super::simulate::View;
 use crate::engine::System;
 use crate::engine::goodness::{Null, pooled};
-use crate::engine::parallel;
+use crate::engine::{parallel, stop};
 
 /// Powers within this factor of those of the noise are noise: its level is estimated.
 const MAX_POWER_OVER_NOISE: f64 = 1.3;
@@ -22,6 +22,8 @@ const MIN_SHARE_OF_NOISE: f64 = 0.1;
 const MIN_SHARE_OF_ONE_VARIABLE: f64 = 0.6;
 /// A second variable has to add this share of what the first takes away.
 const MIN_SHARE_OF_SECOND_VARIABLE: f64 = 0.3;
+/// Draws of the null at most, once the search is asked to end.
+const DRAWS_AT_THE_END: usize = 50;
 
 /// What is left of a model.
 #[derive(Debug, Clone, PartialEq)]
@@ -51,6 +53,7 @@ impl Judge {
         let (p, locals) = (&model.fit.parameters, &model.fit.locals);
         let noisy = Noisy::new(&view, p, locals, seed);
         let records: Vec<usize> = (0..fits.pieces.len()).collect();
+        let draws = if stop::asked() { draws.min(DRAWS_AT_THE_END) } else { draws };
         let null = Null::simulate(&noisy, &records, p, locals, draws, seed);
         let samples: usize = fits.pieces.iter().map(|piece| piece.range.len()).sum();
         let count = (samples * fits.study.outputs.len()).max(1) as f64;
@@ -164,6 +167,9 @@ impl Judge {
         let enough = (MIN_SHARE_OF_EXCESS * self.excess(model)).max(MIN_SHARE_OF_NOISE * self.tolerated);
         // The linear step promises too much where forces change the motion that they depend on: what it lets hope is fitted.
         let gain = |own: &[usize]| {
+            if stop::asked() {
+                return 0.0;
+            }
             let promised = fits.promised(model, own).map_or(0.0, |error| power - error.powi(2));
             let fitted = || fits.fitted(model, own).map_or(0.0, |error| power - error.powi(2));
             if promised < enough { promised } else { promised.min(fitted()) }

@@ -8,7 +8,7 @@ use crate::engine::System;
 use crate::engine::fit::{Fit, Free, fit};
 use crate::engine::near::fit_near;
 use crate::engine::normal::Columns;
-use crate::engine::parallel;
+use crate::engine::{parallel, stop};
 
 /// Records from which on whole records are held out; with fewer, spans of every record are, so that what is held out
 /// lies within the conditions of the fit.
@@ -19,6 +19,8 @@ const STEPS_FROM_FIT_TO_ALL: usize = 5;
 const MAX_ERROR_OF_SECOND_ORDER: f64 = 1e-3;
 /// Spans of a record otherwise.
 const SPANS_PER_RECORD: usize = 4;
+/// Step of a parameter from which the search for its difference step begins.
+const FIRST_STEP: f64 = 1e-3;
 
 /// The declared model with some candidates, fitted.
 #[derive(Debug, Clone)]
@@ -192,6 +194,9 @@ impl<'a> Fits<'a> {
         let mut p = p.to_vec();
         let mut locals = Self::locals(&self.view(added, pieces));
         for (i, part) in parts.iter().enumerate() {
+            if stop::asked() {
+                break;
+            }
             let short = |piece: &Piece| {
                 let n = ((piece.range.len() as f64 * part) as usize).max(16).min(piece.range.len());
                 Piece { record: piece.record, range: piece.range.start..piece.range.start + n }
@@ -350,6 +355,10 @@ impl<'a> Fits<'a> {
     /// Step of a change that moves the residuals by a thousandth; none if nothing moves them.
     fn scaled_step(&self, base: &Model, own: &[usize], change: impl Fn(&mut [f64], f64)) -> Option<f64> {
         let added: Vec<usize> = base.added.iter().chain(own).copied().collect();
+        // Nothing is fitted any more, and no candidate is ruled out by a step that nobody looked for.
+        if stop::asked() {
+            return Some(FIRST_STEP);
+        }
         // The first record shows most candidates; what it does not touch, another may.
         let first = self.step_over(&added, base, &self.pieces[..1], &change);
         first.or_else(|| self.step_over(&added, base, &self.pieces, &change))
@@ -370,7 +379,7 @@ impl<'a> Fits<'a> {
         let mut p = base.fit.parameters.clone();
         change(&mut p, 0.0);
         let before = residuals(&p);
-        let mut step = 1e-3;
+        let mut step = FIRST_STEP;
         for _ in 0..12 {
             change(&mut p, step);
             let moved = residuals(&p);

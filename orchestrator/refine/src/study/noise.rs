@@ -13,10 +13,12 @@ use super::read::{ForceRecord, Layout, Record, processed};
 use super::signal::central;
 use super::simulate::{Shift, View};
 use crate::engine::noise::Noise;
-use crate::engine::{Span, System, parallel};
+use crate::engine::{Span, System, parallel, stop};
 
 /// Simulations with noisy inputs that stand for all draws, each with either sign.
 const SIMULATED: usize = 24;
+/// The same once the search is asked to end.
+const SIMULATED_AT_THE_END: usize = 2;
 /// Errors of smoothed derivatives as multiples of what smoothing once more does: smooth motion has lost some already.
 const ERROR_OVER_SECOND_SMOOTHING: f64 = std::f64::consts::SQRT_2;
 /// Share of the errors of smoothed derivatives that is left where they are corrected by a model.
@@ -278,7 +280,8 @@ fn slopes(view: &View, r: usize, p: &[f64], locals: &[f64], seed: u64) -> Slopes
             let extra = study.sensors.made(2, record, &own);
             slope(Shift { inputs, extra, ..Shift::default() }, 1.0)
         };
-        found.simulated = (0..SIMULATED).map(one).collect();
+        let count = if stop::asked() { SIMULATED_AT_THE_END } else { SIMULATED };
+        found.simulated = (0..count).map(one).collect();
     }
     found
 }

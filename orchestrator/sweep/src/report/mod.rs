@@ -1,6 +1,7 @@
 //! A page of the merged results: numbers of every quantity, causes of failures, influence of the factors.
 
 mod figures;
+mod indices;
 mod statistics;
 
 use std::collections::BTreeMap;
@@ -13,7 +14,7 @@ use airloop_report::plot::svg::escape;
 use airloop_series::file::write_whole;
 
 use crate::Error;
-use crate::file::PlanFile;
+use crate::file::{Method, PlanFile};
 use crate::manifest::{Manifest, short as digits};
 use crate::merge::RESULTS;
 use crate::table::{self, Cell, Column, Type};
@@ -98,6 +99,9 @@ fn page(manifest: &Manifest, plan: &PlanFile, columns: &[Values]) -> Page {
             .filter(grouping)
             .map(|one| groups(one, &numbers)),
     );
+    if plan.sample.as_ref().is_some_and(|sample| sample.method == Method::Saltelli) {
+        tables.extend(numbers.iter().filter_map(|quantity| sobol_indices(quantity, factors)));
+    }
     let factors: Vec<&Values> = factors.iter().filter(|one| one.column.kind != Type::Text).collect();
     let mut figures = Vec::new();
     for quantity in numbers.iter().take(DRAWN) {
@@ -169,6 +173,25 @@ fn quantities(numbers: &[&Values]) -> Table {
             .to_vec(),
         rows: numbers.iter().map(row).collect(),
     }
+}
+
+/// Share of the variance of a quantity that each factor makes.
+fn sobol_indices(quantity: &Values, factors: &[Values]) -> Option<Table> {
+    let (found, points) = indices::indices(&quantity.numbers, factors.len())?;
+    let header = ["factor", "first order", "95 % interval", "total", "95 % interval"];
+    let row = |(factor, own): (&Values, &indices::Indices)| {
+        let mut cells = vec![factor.column.name.clone()];
+        for estimate in [own.first, own.total] {
+            let [low, high] = estimate.interval;
+            cells.extend([format!("{:.3}", estimate.value), format!("{low:.3} to {high:.3}")]);
+        }
+        cells
+    };
+    Some(Table {
+        heading: format!("Sobol' indices of {}, from {points} points", quantity.column.name),
+        header: header.map(String::from).to_vec(),
+        rows: factors.iter().zip(&found).map(row).collect(),
+    })
 }
 
 /// Number of tasks and mean of every quantity for each value of a text column.

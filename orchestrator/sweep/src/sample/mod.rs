@@ -1,6 +1,7 @@
 //! The values of a task, from its number alone: grids, Latin hypercubes and Sobol' points over factors.
 
 mod permutation;
+pub(crate) mod saltelli;
 mod sobol;
 
 use airloop_series::random::Random;
@@ -84,13 +85,19 @@ impl Design {
     /// # Errors
     /// More factors than a Sobol' sequence has dimensions, or more tasks than can be numbered.
     pub fn new(ranges: Vec<Range>, method: Method, count: u64, seed: u64) -> Result<Design, Error> {
-        if method == Method::Sobol && ranges.len() > sobol::MAX_DIMENSIONS {
-            let problem = format!("{} factors; a Sobol' sequence has at most 64", ranges.len());
+        let most = match method {
+            Method::Sobol => sobol::MAX_DIMENSIONS,
+            Method::Saltelli => sobol::MAX_DIMENSIONS / 2,
+            _ => usize::MAX,
+        };
+        if ranges.len() > most {
+            let problem = format!("{} factors; this method has at most {most}", ranges.len());
             return Err(Error::Plan { place: "[sample] method".into(), problem });
         }
         let mut levels = ranges.iter().map(Range::levels);
         let tasks = match method {
             Method::Grid => levels.try_fold(count, u64::checked_mul),
+            Method::Saltelli => count.checked_mul(saltelli::tasks_per_point(ranges.len())),
             _ => Some(count),
         };
         let tasks = tasks.filter(|tasks| *tasks <= 1 << 32).ok_or_else(|| Error::Plan {
@@ -117,6 +124,11 @@ impl Design {
         match self.method {
             Method::Grid => self.grid(task),
             Method::Sobol => self.at(|dimension| sobol::coordinate(task, dimension)),
+            Method::Saltelli => {
+                let factors = self.ranges.len();
+                let points = self.count / saltelli::tasks_per_point(factors);
+                self.at(|dimension| saltelli::coordinate(task, dimension, factors, points))
+            }
             Method::LatinHypercube => {
                 let mut random = Random::numbered(self.seed, task);
                 let cells = self.count as f64;

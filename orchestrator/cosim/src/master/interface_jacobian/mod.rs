@@ -26,6 +26,7 @@ mod unit;
 
 use super::exchange::{Node, Wiring};
 use super::loops::Loops;
+use super::propagation::carry_flag;
 use super::stop::Stop;
 use super::{Error, Grid, Settings, Values};
 use crate::system::SystemGraph;
@@ -126,14 +127,22 @@ impl InterfaceJacobian {
         self.outputs.carry(each);
         for unit in &mut self.units {
             unit.u.iter_mut().chain(unit.before.iter_mut().flatten()).for_each(&mut *each);
-            let mut ended = f64::from(u8::from(unit.ended));
-            each(&mut ended);
-            unit.ended = ended != 0.0;
+            carry_flag(&mut unit.ended, each);
         }
         for part in &mut self.parts {
             if let Part::Coupled(coupled) = part {
                 each(&mut coupled.last_step);
                 coupled.problem.dynamics.iter_mut().for_each(|block| block.model.carry(each));
+            }
+        }
+    }
+
+    /// Shows every number that iterations begin from, always in the same order.
+    pub fn carry_guesses(&mut self, each: &mut dyn FnMut(&mut f64)) {
+        for part in &mut self.parts {
+            if let Part::Coupled(coupled) = part {
+                coupled.radau.carry(each);
+                coupled.problem.w.iter_mut().for_each(&mut *each);
             }
         }
     }

@@ -78,6 +78,11 @@ pub(super) struct Unsolved {
 }
 
 impl Radau {
+    /// Shows what the next integration begins from.
+    pub fn carry(&mut self, each: &mut dyn FnMut(&mut f64)) {
+        each(&mut self.step);
+    }
+
     pub fn new(problem: &Reduced, cuts: usize) -> Radau {
         let (n, m) = (problem.nx, problem.inputs.len());
         let zeros = |count: usize| vec![0.0; count];

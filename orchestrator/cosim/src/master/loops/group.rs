@@ -53,6 +53,20 @@ impl Group {
         run(transfers, nodes, values, time)
     }
 
+    /// Shows what the next solutions begin from, always in the same order.
+    pub fn carry(&mut self, each: &mut dyn FnMut(&mut f64)) {
+        match &mut self.method {
+            Method::AtPoint { all, inner } => {
+                for transfer in all.iter_mut().chain(inner) {
+                    if let Transfer::Loop(solver) = transfer {
+                        solver.carry(each);
+                    }
+                }
+            }
+            Method::OverStep(over) => over.carry(each),
+        }
+    }
+
     /// Steps the whole group from `t` to `t + h` \[s\] and solves it over the step; false if its slaves are to step
     /// one by one.
     pub fn step_as_one(

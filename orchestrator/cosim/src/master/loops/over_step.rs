@@ -9,7 +9,7 @@ use std::ops::Range;
 
 use crate::master::Values;
 use crate::master::exchange::{Node, Wiring};
-use crate::master::propagation::{LoopFailure, LoopInput, nominal, residuals, solve_linear};
+use crate::master::propagation::{LoopFailure, LoopInput, carry_flag, nominal, residuals, solve_linear};
 use crate::master::stop::Stop;
 use crate::system::SystemGraph;
 use crate::system::graph::{DataType, Source};
@@ -111,6 +111,13 @@ impl OverStep {
             names.join(", "),
             self.stuck
         )
+    }
+
+    /// Shows what the next solution begins from, always in the same order.
+    pub fn carry(&mut self, each: &mut dyn FnMut(&mut f64)) {
+        carry_flag(&mut self.started, each);
+        carry_flag(&mut self.known, each);
+        self.w.iter_mut().chain(&mut self.jacobian).for_each(each);
     }
 
     /// Steps of a node of the group beyond one per macro step.

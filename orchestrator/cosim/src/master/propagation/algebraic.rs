@@ -104,6 +104,13 @@ pub struct AlgebraicLoop {
     rounds: u64,
 }
 
+/// Shows a truth value as a number.
+pub(in crate::master) fn carry_flag(flag: &mut bool, each: &mut dyn FnMut(&mut f64)) {
+    let mut number = f64::from(u8::from(*flag));
+    each(&mut number);
+    *flag = number != 0.0;
+}
+
 impl AlgebraicLoop {
     pub fn new(inputs: Vec<LoopInput>, outputs: Vec<LoopOutput>) -> AlgebraicLoop {
         let n = inputs.len();
@@ -208,6 +215,12 @@ impl AlgebraicLoop {
     /// Forgets the last solution: the next one begins from the present values of the system.
     pub fn forget(&mut self) {
         self.started = false;
+    }
+
+    /// Shows what the next solution begins from, always in the same order.
+    pub fn carry(&mut self, each: &mut dyn FnMut(&mut f64)) {
+        carry_flag(&mut self.started, each);
+        self.unknowns.iter_mut().for_each(each);
     }
 
     /// Reads the outputs without solving anything.

@@ -14,7 +14,7 @@ use super::{Error, Values};
 use crate::system::SystemGraph;
 use airloop_fmi::Instance;
 
-pub(super) use algebraic::{LoopFailure, LoopInput, residuals, solve_linear};
+pub(super) use algebraic::{LoopFailure, LoopInput, carry_flag, residuals, solve_linear};
 pub(super) use schedule::{Scope, inputs_for_events};
 pub(super) use transfer::{Transfer, nominal};
 
