@@ -158,14 +158,17 @@ def tanks(folder, rng, index, null):
     is full at its level, too, and its sensor ends at 10 V."""
     exact, ports, kind = index % 2 == 0, (index // 2) % 2 == 1, ["overflow", "leak"][(index // 4) % 2]
     h = 4.0
-    true = {
-        "c_p": rng.uniform(0.045, 0.06),
-        "c_1": rng.uniform(0.045, 0.06),
-        "c_2": 0.0,
-        "c_3": rng.uniform(0.05, 0.062),
-    }
+    t = np.arange(1024) * h
+    inputs = [np.round(np.clip(3.2 + rng.uniform(1.0, 1.4) * multisine(rng, t, 1e-4, 0.0144, 30, False), 0.2, 9.8), 4) for _ in range(2)]
+    middle = rng.uniform(5.5, 7.5) if exact else rng.uniform(7.6, 9.2)  # level of the upper tank for the mean of the command
+    # Outlets and the pump of a machine are not quite those of the textbook.
+    power, bend = (0.5, 0.0) if exact or null else (rng.uniform(0.48, 0.52), rng.uniform(-0.004, 0.004))
+    true = {"c_p": rng.uniform(0.045, 0.06)}
+    true["c_1"] = true["c_p"] * 3.2 / middle**power
     true["c_2"] = true["c_1"] * rng.uniform(0.9, 1.05)
-    level = rng.uniform(6.0, 8.0) if exact else 10.0
+    true["c_3"] = true["c_2"] / rng.uniform(0.85, 0.95)
+    # Exact: between the middle and the highest levels; else the brim.
+    level = middle + rng.uniform(0.8, 2.0) if exact else 10.0
     caught = 0.0 if exact else rng.uniform(0.3, 0.8)
     rate_over = rng.uniform(0.05, 0.12)
 
@@ -174,8 +177,8 @@ def tanks(folder, rng, index, null):
         over = 0.0
         if not null:
             over = rate_over * max(h_1 - level, 0.0) if kind == "leak" or exact else 0.0
-        fall = h_1**0.5
-        return (true["c_p"] * u - true["c_1"] * fall - over, true["c_2"] * fall + caught * over - true["c_3"] * h_2**0.5)
+        fall = h_1**power
+        return (true["c_p"] * (u + bend * u * u) - true["c_1"] * fall - over, true["c_2"] * fall + caught * over - true["c_3"] * h_2**power)
 
     brim = not exact and not null and kind == "overflow"
 
@@ -194,18 +197,12 @@ def tanks(folder, rng, index, null):
                     y = [y[0], 10.0]
         return np.array(found)
 
-    def command(count):
-        t = np.arange(count) * h
-        u = 3.2 + 1.4 * multisine(rng, t, 1e-4, 0.0144, 30, False)
-        return np.round(np.clip(u, 0.2, 9.8), 4)
-
     starts = [[rng.uniform(4, 9), rng.uniform(3, 7)] for _ in range(2)]
-    inputs = [command(1024), command(1024)]
     states = [run(u, start) for u, start in zip(inputs, starts)]
     noise = 2e-3 if exact else 0.03
     for i, (u, y) in enumerate(zip(inputs, states)):
         shown = y[:, 1] + noise * rng.standard_normal(len(u))
-        write(folder, i, {"time": np.arange(len(u)) * h, "u": u, "level": shown if exact else np.minimum(shown, 10.0)})
+        write(folder, i, {"time": t, "u": u, "level": shown if exact else np.minimum(shown, 10.0)})
     off = 0.0 if exact else 0.05
     p = {name: float(f"{value * (1 + off * rng.standard_normal()):.4g}") for name, value in true.items()} if off else true
     values = {"c_p": p["c_p"], "c_1": p["c_1"], "c_3": p["c_3"]} | ({"ratio": p["c_2"] / p["c_1"]} if ports else {"c_2": p["c_2"]})

@@ -48,6 +48,8 @@ pub struct Port {
     pub like: Option<String>,
     /// Nothing is connected to it.
     pub free: bool,
+    /// It moves one state alone, which is not the rate of another: a pump fills a level.
+    pub fills: bool,
 }
 
 /// What is looked for at a port. Ports that act alike share it, so that nothing is looked for twice.
@@ -61,6 +63,8 @@ pub struct Duty {
     pub forces: bool,
     /// Whether a constant and a drift are looked for here: at a port that a command drives, if there is one.
     pub constants: bool,
+    /// See [`Port::fills`].
+    pub fills: bool,
 }
 
 /// Influence of a port on a state below this share of its largest one is rounding.
@@ -191,7 +195,8 @@ pub fn find(graph: &SystemGraph, measured: &[&str]) -> Result<Vec<Port>, Problem
             }
         };
         let sign = state.map_or(1.0, |state| if sense.influence[port][state] < 0.0 { -1.0 } else { 1.0 });
-        Port { name: name.clone(), kind, unit, velocity, position, sign, like, free: free(port) }
+        let fills = moved[port].len() == 1 && moved[port].iter().all(|&state| rates[state].is_none());
+        Port { name: name.clone(), kind, unit, velocity, position, sign, like, free: free(port), fills }
     });
     Ok(found.collect())
 }
@@ -308,7 +313,13 @@ pub fn attachments(file: &File, graph: &SystemGraph) -> Result<Vec<Attachment>, 
     }
     let one = |own: &Attachment| {
         let port = ports.iter().find(|port| port.name == own.input).filter(|_| own.channels.is_empty());
-        let all = |port: &Port| Duty { kind: port.kind, sign: port.sign, forces: true, constants: true };
+        let all = |port: &Port| Duty {
+            kind: port.kind,
+            sign: port.sign,
+            forces: true,
+            constants: true,
+            fills: port.fills,
+        };
         port.map_or_else(|| own.clone(), |port| filled(own, port, all(port)))
     };
     Ok(stated.iter().map(|own| one(own.get_ref())).collect())
@@ -322,7 +333,7 @@ fn duty(ports: &[Port], port: &Port, fed: &dyn Fn(&Port) -> bool) -> Duty {
     let forces = alike().find(quiet).or_else(|| alike().next()).is_none_or(|own| own.name == port.name);
     let constants =
         alike().find(|own| fed(own)).or_else(|| alike().next()).is_none_or(|own| own.name == port.name);
-    Duty { kind: port.kind, sign: port.sign, forces, constants }
+    Duty { kind: port.kind, sign: port.sign, forces, constants, fills: port.fills }
 }
 
 /// What is stated, else what the system shows.
