@@ -160,7 +160,7 @@ def tanks(folder, rng, index, null):
     h = 4.0
     t = np.arange(1024) * h
     inputs = [np.round(np.clip(3.2 + rng.uniform(1.0, 1.4) * multisine(rng, t, 1e-4, 0.0144, 30, False), 0.2, 9.8), 4) for _ in range(2)]
-    middle = rng.uniform(5.5, 7.5) if exact else rng.uniform(7.6, 9.2)  # level of the upper tank for the mean of the command
+    middle = rng.uniform(5.5, 7.5) if exact else rng.uniform(5.5, 6.5) if null else rng.uniform(7.6, 9.2)  # level of the upper tank for the mean of the command
     # Outlets and the pump of a machine are not quite those of the textbook.
     power, bend = (0.5, 0.0) if exact or null else (rng.uniform(0.48, 0.52), rng.uniform(-0.004, 0.004))
     true = {"c_p": rng.uniform(0.045, 0.06)}

@@ -186,10 +186,8 @@ pub fn find(graph: &SystemGraph, measured: &[&str]) -> Result<Vec<Port>, Problem
                     .iter()
                     .copied()
                     .max_by(|&a, &b| influence(&sense, port, a).total_cmp(&influence(&sense, port, b)));
-                let fills =
-                    |unit: &Unit| most.is_some_and(|state| is_rate_of(graph, &states[state], unit));
-                let flows =
-                    most.is_some() && units[port].is_none_or(|unit| is_flow(&unit) || fills(&unit));
+                let fills = |unit: &Unit| most.is_some_and(|state| is_rate_of(graph, &states[state], unit));
+                let flows = most.is_some() && units[port].is_none_or(|unit| is_flow(&unit) || fills(&unit));
                 let kind = if flows { Kind::Flow } else { Kind::Signal };
                 (kind, None, most.map(signal), most)
             }
