@@ -33,6 +33,9 @@ const MIN_SHARE_WITHOUT_CORRECTIONS: f64 = 0.98;
 /// Tolerances by which a declared parameter is corrected beside a law that leaves noise, and corrections at most.
 const MAX_TOLERANCES: f64 = 3.0;
 const MAX_CORRECTIONS: usize = 16;
+/// Power above noise that the declared model with corrections leaves, over that without, below which no law is looked for
+/// before the search for shares.
+const MAX_EXCESS_OF_CORRECTED: f64 = 0.1;
 /// Share of the error on validation records that effects have to leave for a law to be looked for in their place.
 const MIN_LEFT_BY_EFFECTS: f64 = 0.02;
 /// Share of what effects leave that a law may leave to take their place: one that leaves noise, and any other.
@@ -96,6 +99,9 @@ fn sought(
     let left = 1.0 - found.share.unwrap_or(0.0);
     let partly = found.verdict == Verdict::Effect && !found.complete && left > MIN_LEFT_BY_EFFECTS;
     if !(found.verdict == Verdict::Unexplained || partly) || stop::asked() {
+        return None;
+    }
+    if aim == Aim::Noise && corrections_explain(study, scale, (judge, base)) {
         return None;
     }
     let is_correction = |free: &&Free| matches!(study.entries[free.index].target, Target::Correction { .. });
@@ -173,6 +179,16 @@ fn motion(fits: &Fits, model: &Model) -> Vec<Vec<Point>> {
         }
     }
     all
+}
+
+/// Whether declared parameters within their tolerances take nearly all that the declared model leaves.
+fn corrections_explain(study: &Study, scale: &[f64], (judge, base): (&Judge, &Model)) -> bool {
+    let fits = Fits { corrections: corrections(study), ..Fits::new(study, scale.to_vec()) };
+    let corrected = fits.fit_from(Vec::new(), &base.fit.parameters, &base.fit.locals);
+    corrected.is_some_and(|own| {
+        let excess = judge.excess(&own);
+        excess < MAX_EXCESS_OF_CORRECTED * judge.excess(base) || judge.explained(&fits, &own)
+    })
 }
 
 /// Corrections of the declared parameters within what their tolerances allow; none where they are too many to be fitted beside
