@@ -101,9 +101,6 @@ fn sought(
     if !(found.verdict == Verdict::Unexplained || partly) || stop::asked() {
         return None;
     }
-    if aim == Aim::Noise && corrections_explain(study, scale, (judge, base)) {
-        return None;
-    }
     let is_correction = |free: &&Free| matches!(study.entries[free.index].target, Target::Correction { .. });
     let corrections = base.fit.free.iter().filter(is_correction).copied().collect();
     let (quick, trace, windows, noise) = {
@@ -181,13 +178,17 @@ fn motion(fits: &Fits, model: &Model) -> Vec<Vec<Point>> {
     all
 }
 
-/// Whether declared parameters within their tolerances take nearly all that the declared model leaves.
-fn corrections_explain(study: &Study, scale: &[f64], (judge, base): (&Judge, &Model)) -> bool {
-    let fits = Fits { corrections: corrections(study), ..Fits::new(study, scale.to_vec()) };
-    let corrected = fits.fit_from(Vec::new(), &base.fit.parameters, &base.fit.locals);
-    corrected.is_some_and(|own| {
-        let excess = judge.excess(&own);
-        excess < MAX_EXCESS_OF_CORRECTED * judge.excess(base) || judge.explained(&fits, &own)
+/// Whether declared parameters within their tolerances take nearly all that the declared model leaves, beside the effects of one of
+/// some models.
+pub fn corrections_explain(fits: &Fits, judge: &Judge, declared: &Model, models: &[&Model]) -> bool {
+    let study = fits.study;
+    let fits = Fits { corrections: corrections(study), ..Fits::new(study, fits.scale.clone()) };
+    models.iter().any(|own| {
+        let corrected = fits.fit_from(own.added.clone(), &own.fit.parameters, &own.fit.locals);
+        corrected.is_some_and(|own| {
+            let excess = judge.excess(&own);
+            excess < MAX_EXCESS_OF_CORRECTED * judge.excess(declared) || judge.explained(&fits, &own)
+        })
     })
 }
 

@@ -52,10 +52,15 @@ pub fn answer(file: &File, settings: &Settings, say: Say) -> Result<(Answer, Evi
     }
     let fits = Fits::new(&study, scale.clone());
     let selection = confirm(&fits, &judge, selection, say);
-    let by_law = if judge.explained(&fits, &selection.best) {
+    let declared = &selection.declared;
+    let simplest = [Some(declared), Some(&selection.best), selection.singles.first()];
+    let simplest: Vec<&Model> = simplest.into_iter().flatten().collect();
+    let known = judge.explained(&fits, &selection.best)
+        || law::corrections_explain(&fits, &judge, declared, &simplest);
+    let by_law = if known {
         None
     } else {
-        // A law that leaves noise needs no parameter corrected beside it.
+        // A law that leaves noise needs no search for shares; effects with corrections that do say more.
         let mut found = assemble(&fits, &judge, &selection, None, settings);
         let base = &selection.declared;
         law::explain(&mut study, &scale, (&judge, base), &mut found, Aim::Noise, say).map(|law| (found, law))
