@@ -1,5 +1,5 @@
 # `make demo` and `make test` work on a fresh machine with Rust, a C compiler and Python 3: each sets up what is missing first.
-.PHONY: demo docs test test-slurm test-wheel wheel check bench fuzz study study-faults study-isolation study-refine study-refine-messy study-systems study-laws study-foreign study-sweep study-swing-up study-walker fmu windows setup setup-build clean
+.PHONY: demo docs test test-slurm test-wheel wheel check bench fuzz study study-faults study-isolation study-refine study-refine-messy study-systems study-laws study-machines study-foreign study-sweep study-swing-up study-walker fmu windows setup setup-build clean
 export CARGO_NET_RETRY ?= 10
 # A build that happens once gains nothing from files for the next one; they cost a fifth of its time.
 ifdef CI
@@ -90,6 +90,12 @@ study-laws: fmu      ## laws that no list holds, in six families, against PySIND
 	rm -rf out/study-laws
 	.venv/bin/python tests/study/laws/make_laws.py out/study-laws/cases --count $(strip $(N)) --seed $(strip $(SEED))
 	.venv/bin/python tests/study/laws/score_laws.py target/release/airloop out/study-laws/cases out/study-laws/reports
+
+study-machines: fmu  ## cubic springs, electronic oscillators, cascaded tanks and machines that lack nothing: out/study-machines
+	scripts/setup.sh study
+	rm -rf out/study-machines
+	.venv/bin/python tests/study/laws/make_machines.py out/study-machines/cases --seed $(strip $(SEED)) --only '$(strip $(ONLY))'
+	.venv/bin/python tests/study/laws/score_machines.py target/release/airloop out/study-machines/cases out/study-machines/reports
 
 SAMPLE ?= 0          # so many cases of study-foreign, spread over systems and classes; 0: all
 FLAVOR ?= study      # study: with attachments; plain: without

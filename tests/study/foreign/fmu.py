@@ -102,14 +102,14 @@ static void rates(const double *x_, const double *u_, const double *p_, double *
 """
 
 
-def make(system, path):
-    """Writes the FMU of a system for Linux on this machine."""
+def make(system, path, home=HERE):
+    """Writes the FMU of a system for Linux on this machine; `home`: folder with equations/NAME.h."""
     guid = f"airloop-foreign-{system.name}"
     with tempfile.TemporaryDirectory() as folder:
         folder = pathlib.Path(folder)
         (folder / "layout.h").write_text(layout(system, guid))
         library = folder / f"{system.name}.so"
-        subprocess.run([os.environ.get("CC", "gcc"), "-O2", "-std=gnu99", "-shared", "-fPIC", "-Wall", "-Wextra", "-Wno-unused-parameter", "-I", folder, "-I", HERE,
+        subprocess.run([os.environ.get("CC", "gcc"), "-O2", "-std=gnu99", "-shared", "-fPIC", "-Wall", "-Wextra", "-Wno-unused-parameter", "-I", folder, "-I", home,
                         "-o", library, HERE / "model.c", "-lm"], check=True)
         path.parent.mkdir(parents=True, exist_ok=True)
         with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:

@@ -104,12 +104,12 @@ def segments(initial):
     return "".join(f'\n[[segment]]\nfile = "r{i}.csv"\nrole = "{role(i)}"\ninitial = {{ {initial} }}\n' for i in range(RECORDS))
 
 
-def pendulum(folder, law, noise, rng, messy, values, size):
-    """Driven pendulum or a slow arm; its damping and weight are declared with an error where the records are messy."""
+def pendulum(folder, law, noise, rng, messy, values, size, spread=0.004):
+    """Driven pendulum or a slow arm; its damping and weight are declared with an error where the records are messy: `spread`, relative."""
     (m, l, b), (g, h, n) = values, (9.81, 0.005, 2000)
     text, force, rates = law
     inertia = m * l * l
-    off = (1 + 0.004 * rng.standard_normal(2)) if messy else np.ones(2)
+    off = (1 + spread * rng.standard_normal(2)) if messy else np.ones(2)
     points = []
     for i in range(RECORDS):
         t = np.arange(n) * h
@@ -144,12 +144,13 @@ SYSTEMS = {
 def main():
     parser = argparse.ArgumentParser()
     parser.add_argument("folder", type=pathlib.Path)
-    parser.add_argument("--count", type=int, default=60, help="cases with a law; a third as many are nulls")
+    parser.add_argument("--count", type=int, default=60, help="cases with a law")
+    parser.add_argument("--nulls", type=int, help="cases without, half of the messy ones with declared values off by 1.5 %%; default: a third")
     parser.add_argument("--seed", type=int, default=1)
     args = parser.parse_args()
     rng = np.random.default_rng(args.seed)
     cases = [(FAMILIES[i % 6], list(SYSTEMS)[(i // 6) % 2], (i // 12) % 2 == 1) for i in range(args.count)]
-    cases += [("null", list(SYSTEMS)[i % 2], (i // 2) % 2 == 1) for i in range(max(1, args.count // 3))]
+    cases += [("null", list(SYSTEMS)[i % 2], (i // 2) % 2 == 1) for i in range(args.nulls if args.nulls is not None else max(1, args.count // 3))]
     for i, (family, system, messy) in enumerate(cases):
         (values, driven), size = SYSTEMS[system]
         strength = rng.uniform(0.3, 1.0)
@@ -157,7 +158,8 @@ def main():
         law = none if family == "null" else laws(family, (*size[:2], strength * size[2]), rng)
         folder = args.folder / f"{i:03d}_{family}_{system}_{'messy' if messy else 'exact'}"
         folder.mkdir(parents=True, exist_ok=True)
-        study, points = pendulum(folder, law, 0.02 if messy else 1e-3, rng, messy, values, driven)
+        spread = 0.015 if family == "null" and (i // 4) % 2 else 0.004
+        study, points = pendulum(folder, law, 0.02 if messy else 1e-3, rng, messy, values, driven, spread)
         (folder / "study.toml").write_text(f'name = "{folder.name}"\n' + study)
         truth = {"family": family, "system": system, "messy": messy, "law": law[0], "points": np.round(points, 9).tolist()}
         (folder / "truth.json").write_text(json.dumps(truth))

@@ -1,7 +1,7 @@
 //! At which port of a study, and over which variables, a free form takes most of what is left.
 
 use super::free_form::FreeForm;
-use super::study::{Finder, Found, Outcome};
+use super::study::{Aim, Finder, Found, Outcome};
 use super::surface::Surface;
 use crate::answer::Answer;
 use crate::engine::stop;
@@ -27,6 +27,17 @@ const MIN_GAIN_OVER_BEST: f64 = 0.5;
 const MIN_GAIN_IN_NOISE: f64 = 30.0;
 /// Share of the least error that counts as above noise where it is at the noise.
 const MIN_EXCESS_OF_LEAST: f64 = 0.03;
+/// Share of the best free form's gain from which on the same variable of another port may be the place of the law.
+const MIN_GAIN_OF_OTHER_PORT: f64 = 0.9;
+/// Other ports at which a law is looked for.
+const MAX_OTHER_PORTS: usize = 2;
+/// Ratio of the error of a law at another port to that at the first, below which the other is its place; so it is where it
+/// alone leaves noise.
+const MAX_ERROR_AT_OTHER_PORT: f64 = 0.95;
+/// Share of the declared model's error that a law without memory has to leave for one with a memory to be tried.
+const MIN_LEFT_FOR_MEMORY: f64 = 0.02;
+/// Held-out error of a free form in windows over that of noise, up to which a law may leave noise.
+const MAX_ERROR_OF_NOISE: f64 = 2.0;
 /// Error in rms of the noise from which on a law with a memory is tried.
 const MIN_ERROR_FOR_MEMORY: f64 = 1.5;
 /// Ratio of the error of a law with a memory to the least without one, below which it is taken.
@@ -91,12 +102,7 @@ impl Finder<'_> {
             if gain(form) < MIN_GAIN_OVER_BEST * most {
                 continue;
             }
-            let variable = form.surface.variables[0];
-            let count = if variable == Variable::Time { 30 } else { CURVE_KNOTS };
-            let Some(knots) = self.knots(study, tap, variable, count) else { continue };
-            let surface = Surface { variables: vec![variable], knots: vec![knots] };
-            let fine = self.form(study, declared, tap, surface);
-            forms.extend(fine.and_then(|form| self.towards(study, form)));
+            forms.extend(self.fine(study, declared, (tap, form.surface.variables[0])));
         }
         // Two variables where one leaves much.
         let mut pairs = Vec::new();
@@ -139,9 +145,28 @@ impl Finder<'_> {
             |form: &FreeForm| form.surface.variables.len() == 1 && form.at.smooth.held_out < least + more;
         let at = forms.iter().position(simple).unwrap_or(0);
         let form = forms.swap_remove(at);
-        let law = if enough(&form) { self.law(study, judge, declared, &form) } else { None };
+        let promising = self.aim == Aim::Share || form.at.smooth.held_out < MAX_ERROR_OF_NOISE * self.noise;
+        let mut law = if promising && enough(&form) { self.law(study, judge, declared, &form) } else { None };
+        let near = |other: &&FreeForm| {
+            other.tap != form.tap
+                && other.surface.variables == form.surface.variables
+                && gain(other) > MIN_GAIN_OF_OTHER_PORT * most
+        };
+        for other in singles.iter().filter(near).take(MAX_OTHER_PORTS) {
+            let Some(first) = law.as_ref().filter(|_| !stop::asked()) else { break };
+            if judge.explained(&self.fits(study), &first.model) {
+                break;
+            }
+            let least = MAX_ERROR_AT_OTHER_PORT * first.model.error;
+            let found = self.fine(study, declared, (other.tap, other.surface.variables[0]));
+            let found = found.and_then(|form| self.law(study, judge, declared, &form));
+            let better =
+                |own: &Found| own.model.error < least || judge.explained(&self.fits(study), &own.model);
+            law = found.filter(|own| own.named && better(own)).or(law);
+        }
         let left = law.as_ref().map_or(declared.error, |own| own.model.error);
-        let memory = if left > MIN_ERROR_FOR_MEMORY * judge.tolerated.sqrt() {
+        let most_is_left = left > MIN_LEFT_FOR_MEMORY * declared.error;
+        let memory = if most_is_left && left > MIN_ERROR_FOR_MEMORY * judge.tolerated.sqrt() {
             self.memory(study, declared)
         } else {
             None
@@ -155,6 +180,20 @@ impl Finder<'_> {
             _ => law?,
         };
         self.say_law(study, judge, declared, found, answer)
+    }
+
+    /// A free form over one variable with all its knots, at its optimum.
+    fn fine(
+        &self,
+        study: &mut Study,
+        declared: &Model,
+        (tap, variable): (usize, Variable),
+    ) -> Option<FreeForm> {
+        let count = if variable == Variable::Time { 30 } else { CURVE_KNOTS };
+        let knots = self.knots(study, tap, variable, count)?;
+        let surface = Surface { variables: vec![variable], knots: vec![knots] };
+        let form = self.form(study, declared, tap, surface)?;
+        self.towards(study, form)
     }
 
     /// Samples of the estimation records, of all outputs.

@@ -28,13 +28,31 @@ use crate::vocabulary::Own;
 const MIN_VALIDATED_SHARE: f64 = 0.05;
 /// Share of the error on validation records that a law has to take away where it leaves more than noise.
 const MIN_SHARE_ABOVE_NOISE: f64 = 0.9;
+/// Share of the error on validation records from which on a law needs no parameter corrected beside it.
+const MIN_SHARE_WITHOUT_CORRECTIONS: f64 = 0.98;
+/// Tolerances by which a declared parameter is corrected beside a law that leaves noise, and corrections at most.
+const MAX_TOLERANCES: f64 = 3.0;
+const MAX_CORRECTIONS: usize = 16;
+/// Power above noise that the declared model with corrections leaves, over that without, below which no law is looked for
+/// before the search for shares.
+const MAX_EXCESS_OF_CORRECTED: f64 = 0.1;
 /// Share of the error on validation records that effects have to leave for a law to be looked for in their place.
 const MIN_LEFT_BY_EFFECTS: f64 = 0.02;
 /// Share of what effects leave that a law may leave to take their place: one that leaves noise, and any other.
 const MAX_OF_EFFECTS_AT_NOISE: f64 = 0.5;
 const MAX_OF_EFFECTS: f64 = 0.1;
 
+/// What a law has to do.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Aim {
+    /// It is a formula that leaves noise or next to nothing; looked for no longer than a free form promises that.
+    Noise,
+    /// It takes nearly all of what is left.
+    Share,
+}
+
 pub(super) struct Finder<'a> {
+    pub(super) aim: Aim,
     pub(super) scale: &'a [f64],
     pub(super) say: Say<'a>,
     /// Corrections of the declared model that are fitted beside a law.
@@ -50,12 +68,32 @@ pub(super) struct Finder<'a> {
 }
 
 /// Puts a law into an answer that found nothing to name, or effects that leave much; the model with it, if there is one.
-/// `base`: the declared model with its corrections, beside which the law is fitted.
+/// `base`: the declared model with its corrections, beside which the law is fitted. Without a law the study stays as it is.
 pub fn explain(
+    study: &mut Study,
+    scale: &[f64],
+    model: (&Judge, &Model),
+    found: &mut Answer,
+    aim: Aim,
+    say: Say,
+) -> Option<Model> {
+    let known = [study.entries.len(), study.candidates.len(), study.surfaces.len(), study.own.len()];
+    let law = sought(study, scale, model, found, aim, say);
+    if law.is_none() {
+        study.entries.truncate(known[0]);
+        study.candidates.truncate(known[1]);
+        study.surfaces.truncate(known[2]);
+        study.own.truncate(known[3]);
+    }
+    law
+}
+
+fn sought(
     study: &mut Study,
     scale: &[f64],
     (judge, base): (&Judge, &Model),
     found: &mut Answer,
+    aim: Aim,
     say: Say,
 ) -> Option<Model> {
     let left = 1.0 - found.share.unwrap_or(0.0);
@@ -72,12 +110,15 @@ pub fn explain(
         let noise: f64 = study.outputs.iter().zip(scale).map(|(o, s)| (o.noise / s).powi(2)).sum();
         (fits.quickened(base).quick, trace, windows, noise * samples as f64)
     };
-    let finder = Finder { scale, say, corrections, quick, trace, windows, noise };
+    let finder = Finder { aim, scale, say, corrections, quick, trace, windows, noise };
     let Outcome { law, model, after } = finder.find(study, judge, base, found)?;
     let fits = finder.fits(study);
     let complete = judge.explained(&fits, &model) || judge.tolerable(&fits, &model);
     // A residual of many small causes looks like something in time, or takes some of any shape.
     let most = law.share >= MIN_SHARE_ABOVE_NOISE && !law.variables.iter().any(|name| name == "time");
+    if aim == Aim::Noise && !(law.named && (complete || law.share >= MIN_SHARE_WITHOUT_CORRECTIONS)) {
+        return None;
+    }
     if !complete && !most {
         return None;
     }
@@ -135,6 +176,32 @@ fn motion(fits: &Fits, model: &Model) -> Vec<Vec<Point>> {
         }
     }
     all
+}
+
+/// Whether declared parameters within their tolerances take nearly all that the declared model leaves, beside the effects of one of
+/// some models.
+pub fn corrections_explain(fits: &Fits, judge: &Judge, declared: &Model, models: &[&Model]) -> bool {
+    let study = fits.study;
+    let fits = Fits { corrections: corrections(study), ..Fits::new(study, fits.scale.clone()) };
+    models.iter().any(|own| {
+        let corrected = fits.fit_from(own.added.clone(), &own.fit.parameters, &own.fit.locals);
+        corrected.is_some_and(|own| {
+            let excess = judge.excess(&own);
+            excess < MAX_EXCESS_OF_CORRECTED * judge.excess(declared) || judge.explained(&fits, &own)
+        })
+    })
+}
+
+/// Corrections of the declared parameters within what their tolerances allow; none where they are too many to be fitted beside
+/// a law.
+fn corrections(study: &Study) -> Vec<Free> {
+    let one = |entry: &Entry| {
+        let Target::Correction { .. } = entry.target else { return None };
+        let (free, reach) = (entry.free, MAX_TOLERANCES * entry.free.prior?);
+        Some(Free { bounds: (free.bounds.0.max(-reach), free.bounds.1.min(reach)), ..free })
+    };
+    let found: Vec<Free> = study.entries.iter().filter_map(one).collect();
+    if found.len() <= MAX_CORRECTIONS { found } else { Vec::new() }
 }
 
 /// Model for a parameter vector that has become longer.
@@ -236,7 +303,11 @@ impl Finder<'_> {
         found: Found,
         answer: &Answer,
     ) -> Option<Outcome> {
-        let fits = Fits { quick: false, ..self.fits(study) };
+        let mut fits = Fits { quick: false, ..self.fits(study) };
+        if self.aim == Aim::Noise {
+            // Declared parameters within their tolerances shift the parameters of a law.
+            fits.corrections = corrections(study);
+        }
         let model = extended(&found.model, study);
         let again = fits.fit_from(model.added.clone(), &model.fit.parameters, &model.fit.locals);
         let model = again.unwrap_or(model);

@@ -24,7 +24,7 @@ use crate::engine::fit::{Fit, fit};
 use crate::engine::{System, stop};
 use crate::evidence::{Evidence, study as evidence};
 use crate::explained;
-use crate::law::study as law;
+use crate::law::study::{self as law, Aim};
 use crate::vocabulary::attach;
 
 /// Share of a limited time that the search for an explanation to the noise may use.
@@ -66,12 +66,31 @@ pub fn answer(file: &File, settings: &Settings, say: Say) -> Result<(Answer, Evi
     } else {
         confirm(&fits, &judge, selection, say)
     };
-    let (selection, by_share) = beside_corrections(&fits, &judge, selection, &scale, settings, say);
-    say("errors on all records");
-    let mut found = assemble(&fits, &judge, &selection, by_share.as_ref(), settings);
-    let scale = fits.scale.clone();
-    let base = by_share.as_ref().map_or(&selection.declared, |found| &found.corrected);
-    let with_law = law::explain(&mut study, &scale, (&judge, base), &mut found, say);
+    let declared = &selection.declared;
+    let simplest = [Some(declared), Some(&selection.best), selection.singles.first()];
+    let simplest: Vec<&Model> = simplest.into_iter().flatten().collect();
+    let known = judge.explained(&fits, &selection.best)
+        || law::corrections_explain(&fits, &judge, declared, &simplest);
+    let by_law = if known {
+        None
+    } else {
+        // A law that leaves noise needs no search for shares; effects with corrections that do say more.
+        let mut found = assemble(&fits, &judge, &selection, None, settings);
+        let base = &selection.declared;
+        law::explain(&mut study, &scale, (&judge, base), &mut found, Aim::Noise, say).map(|law| (found, law))
+    };
+    let (selection, mut found, with_law) = match by_law {
+        Some((found, law)) => (selection, found, Some(law)),
+        None => {
+            let fits = Fits::new(&study, scale.clone());
+            let (selection, by_share) = beside_corrections(&fits, &judge, selection, &scale, settings, say);
+            say("errors on all records");
+            let mut found = assemble(&fits, &judge, &selection, by_share.as_ref(), settings);
+            let base = by_share.as_ref().map_or(&selection.declared, |found| &found.corrected).clone();
+            let law = law::explain(&mut study, &scale, (&judge, &base), &mut found, Aim::Share, say);
+            (selection, found, law)
+        }
+    };
     explained::refuse_where_nothing_is(&mut found, &first_place(&study));
     let fits = Fits::new(&study, scale);
     say("figures");

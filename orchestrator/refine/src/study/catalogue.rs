@@ -173,6 +173,8 @@ pub fn fill(
             let constant = |law: Law| matches!(law, Law::Bias | Law::Drift);
             let sums = duty.is_some_and(|duty| duty.kind != ports::Kind::Signal);
             let here = |kind: &&Kind| {
+                // A command that fills a level may run over it, whatever its unit.
+                let sums = sums || kind.law == Law::Overflow && duty.is_some_and(|duty| duty.fills);
                 duty.is_none_or(|duty| if constant(kind.law) { duty.constants } else { duty.forces && sums })
             };
             let blocks: Vec<&Kind> =

@@ -48,6 +48,8 @@ pub struct Port {
     pub like: Option<String>,
     /// Nothing is connected to it.
     pub free: bool,
+    /// It moves one state alone, which is not the rate of another: a pump fills a level.
+    pub fills: bool,
 }
 
 /// What is looked for at a port. Ports that act alike share it, so that nothing is looked for twice.
@@ -61,6 +63,8 @@ pub struct Duty {
     pub forces: bool,
     /// Whether a constant and a drift are looked for here: at a port that a command drives, if there is one.
     pub constants: bool,
+    /// See [`Port::fills`].
+    pub fills: bool,
 }
 
 /// Influence of a port on a state below this share of its largest one is rounding.
@@ -131,11 +135,17 @@ pub fn find(graph: &SystemGraph, measured: &[&str]) -> Result<Vec<Port>, Problem
     let states = plant.states_by_place();
     let units: Vec<Option<Unit>> = inputs.iter().map(|&(_, c, v)| base(graph, c, v)).collect();
     let rates: Vec<Option<usize>> = (0..plant.nx).map(|state| integral(&sense, state)).collect();
+    let free = |port: usize| {
+        let own = (inputs[port].1, inputs[port].2);
+        let outside = |source: &Source| matches!(source, Source::Input(_));
+        !graph.connections.iter().any(|c| (c.component, c.variable) == own && !outside(&c.source))
+    };
     let velocity_like = |port: usize, state: usize| {
         let shares_unit = match units[port] {
             Some(unit) if is_mechanical(&unit) => true,
             None => rates[state].is_some(),
-            Some(_) => false,
+            // A voltage on an oscillator acts as a force; a velocity that is fed to friction is none.
+            Some(unit) => rates[state].is_some() && free(port) && !is_rate(&unit),
         };
         shares_unit && (rates[state].is_some() || is_speed(graph, &states[state]))
     };
@@ -162,7 +172,7 @@ pub fn find(graph: &SystemGraph, measured: &[&str]) -> Result<Vec<Port>, Problem
     let found = inputs.iter().enumerate().map(|(port, (name, component, variable))| {
         let first = moves[port].unwrap_or(port);
         // A velocity that is fed to friction moves the same states as its force, and is none.
-        let carries = units[port].is_none_or(|unit| is_mechanical(&unit));
+        let carries = units[port].is_none_or(|unit| is_mechanical(&unit) || free(port) && !is_rate(&unit));
         let velocity = own.iter().position(|&p| p == first).and_then(|index| velocities[index]);
         let velocity = velocity.filter(|_| carries);
         let variables = &graph.components[*component].fmu.description.variables;
@@ -176,16 +186,15 @@ pub fn find(graph: &SystemGraph, measured: &[&str]) -> Result<Vec<Port>, Problem
                     .iter()
                     .copied()
                     .max_by(|&a, &b| influence(&sense, port, a).total_cmp(&influence(&sense, port, b)));
-                let flows = most.is_some() && units[port].is_none_or(|unit| is_flow(&unit));
+                let fills = |unit: &Unit| most.is_some_and(|state| is_rate_of(graph, &states[state], unit));
+                let flows = most.is_some() && units[port].is_none_or(|unit| is_flow(&unit) || fills(&unit));
                 let kind = if flows { Kind::Flow } else { Kind::Signal };
                 (kind, None, most.map(signal), most)
             }
         };
         let sign = state.map_or(1.0, |state| if sense.influence[port][state] < 0.0 { -1.0 } else { 1.0 });
-        let driven = graph.connections.iter().any(|c| {
-            (c.component, c.variable) == (*component, *variable) && !matches!(c.source, Source::Input(_))
-        });
-        Port { name: name.clone(), kind, unit, velocity, position, sign, like, free: !driven }
+        let fills = moved[port].len() == 1 && moved[port].iter().all(|&state| rates[state].is_none());
+        Port { name: name.clone(), kind, unit, velocity, position, sign, like, free: free(port), fills }
     });
     Ok(found.collect())
 }
@@ -212,11 +221,19 @@ fn integral(sense: &Sense, velocity: usize) -> Option<usize> {
 }
 
 fn is_speed(graph: &SystemGraph, name: &str) -> bool {
-    let unit = names::unit_of(graph, name).and_then(|unit| lookup(&unit));
-    unit.is_some_and(|unit| {
-        let Exponents { kg, m, s, .. } = unit.exponents;
-        (kg, s) == (0, -1) && (m == 1 || m == 0 && unit.exponents.rad != 0)
-    })
+    names::unit_of(graph, name).and_then(|unit| lookup(&unit)).is_some_and(|unit| is_rate(&unit))
+}
+
+/// Whether a unit is that of a velocity.
+fn is_rate(unit: &Unit) -> bool {
+    let Exponents { kg, m, s, .. } = unit.exponents;
+    (kg, s) == (0, -1) && (m == 1 || m == 0 && unit.exponents.rad != 0)
+}
+
+/// Whether a unit is that of a state per second: what is added to a level that is told in volts of its sensor.
+fn is_rate_of(graph: &SystemGraph, state: &str, unit: &Unit) -> bool {
+    let own = names::unit_of(graph, state).and_then(|own| compound_unit::parse(&format!("{own}/s")));
+    own.is_some_and(|own| own.exponents == unit.exponents) && !is_rate(unit)
 }
 
 /// Factor from the influence of one port on the states to that of another, if there is one.
@@ -294,7 +311,13 @@ pub fn attachments(file: &File, graph: &SystemGraph) -> Result<Vec<Attachment>, 
     }
     let one = |own: &Attachment| {
         let port = ports.iter().find(|port| port.name == own.input).filter(|_| own.channels.is_empty());
-        let all = |port: &Port| Duty { kind: port.kind, sign: port.sign, forces: true, constants: true };
+        let all = |port: &Port| Duty {
+            kind: port.kind,
+            sign: port.sign,
+            forces: true,
+            constants: true,
+            fills: port.fills,
+        };
         port.map_or_else(|| own.clone(), |port| filled(own, port, all(port)))
     };
     Ok(stated.iter().map(|own| one(own.get_ref())).collect())
@@ -308,7 +331,7 @@ fn duty(ports: &[Port], port: &Port, fed: &dyn Fn(&Port) -> bool) -> Duty {
     let forces = alike().find(quiet).or_else(|| alike().next()).is_none_or(|own| own.name == port.name);
     let constants =
         alike().find(|own| fed(own)).or_else(|| alike().next()).is_none_or(|own| own.name == port.name);
-    Duty { kind: port.kind, sign: port.sign, forces, constants }
+    Duty { kind: port.kind, sign: port.sign, forces, constants, fills: port.fills }
 }
 
 /// What is stated, else what the system shows.

@@ -1,0 +1,42 @@
+"""`airloop refine` on machines of tests/study/laws: a slightly cubic spring, and tanks that run over."""
+
+import json
+import subprocess
+import sys
+
+import pytest
+
+from command import ROOT, start
+
+LAWS = ROOT / "tests" / "study" / "laws"
+THRESHOLD = 0.03  # of its value
+
+
+def refined(name, tmp_path):
+    """Truth and report of a case."""
+    subprocess.run([sys.executable, LAWS / "make_machines.py", tmp_path, "--only", f"^{name}$"], check=True)
+    case, out = tmp_path / name, tmp_path / "out"
+    result = start("refine", case, "-o", out)
+    assert (out / "report.json").exists(), result.stderr
+    return json.loads((case / "truth.json").read_text()), json.loads((out / "report.json").read_text())
+
+
+def test_a_cubic_spring_is_found_with_its_coefficient(tmp_path):
+    truth, report = refined("spring_00", tmp_path)
+    selected = [effect for effect in report["effects"] if effect["selected"]]
+    assert [effect["id"] for effect in selected] == ["cubic_spring@F"]
+    stiffness = selected[0]["params"]["stiffness"]["value"]
+    assert abs(stiffness / truth["law"]["c"] - 1) < max(0.02, 2 * truth["law"]["deviation"] / truth["law"]["c"])
+
+
+@pytest.mark.parametrize("name, place", [("tanks_00", "u"), ("tanks_02", "q_1")])
+def test_an_overflow_is_found_with_its_level_at_a_pump_in_volts_and_at_a_flow(tmp_path, name, place):
+    truth, report = refined(name, tmp_path)
+    selected = [effect for effect in report["effects"] if effect["selected"]]
+    assert [effect["id"] for effect in selected] == [f"overflow@{place}"]
+    assert selected[0]["params"]["level"]["value"] == pytest.approx(truth["law"]["level"], rel=THRESHOLD)
+
+
+def test_tanks_that_lack_nothing_get_no_law(tmp_path):
+    _, report = refined("tanks_00_none", tmp_path)
+    assert report["verdict"] == "none"
