@@ -47,15 +47,20 @@ pub struct Search<'a, S: System + ?Sized> {
     pub rules: Rules<'a>,
 }
 
+/// Whether a candidate may join the effects found before.
+pub type MayJoin<'a> = &'a (dyn Fn(usize, &[usize]) -> bool + Sync);
+/// Whether effects with the parameters of a fit make sense.
+pub type Sense<'a> = &'a (dyn Fn(&[usize], &Fit) -> bool + Sync);
+
 /// What the models of a search have to respect; by default nothing.
 #[derive(Clone, Copy, Default)]
 pub struct Rules<'a> {
     /// Declared parameters that every fit is free to choose.
     pub always: &'a [Free],
     /// Whether a candidate may join the effects found before.
-    pub may_join: Option<&'a (dyn Fn(usize, &[usize]) -> bool + Sync)>,
+    pub may_join: Option<MayJoin<'a>>,
     /// Whether effects with the fitted parameters make sense: what makes none explains nothing.
-    pub sense: Option<&'a (dyn Fn(&[usize], &Fit) -> bool + Sync)>,
+    pub sense: Option<Sense<'a>>,
 }
 
 /// A start of a candidate and the sum of squares that the linear step from there promises.
