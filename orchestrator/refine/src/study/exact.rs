@@ -16,6 +16,8 @@ use crate::engine::select::{Effort, select};
 const SCREENED_RECORDS: usize = 4;
 /// Rounds of a fit of everything.
 const ROUNDS: usize = 14;
+/// Models that are fitted: a simulation over FMUs costs some ten times what one of the rig does.
+const EFFORT: Effort = Effort { max_effects: 3, singles: 10, climbed: 2, pairs: (3, 3) };
 
 /// Searches from the fitted declared model; none where nothing explains the records to the noise, or where the declared model
 /// does.
@@ -50,7 +52,7 @@ pub fn search(
         null: judge.tolerant(),
         rules: Rules { always: &always, may_join: Some(&may_join), sense: Some(&sense) },
     };
-    let effort = Effort { max_effects: settings.max_effects, ..Effort::default() };
+    let effort = Effort { max_effects: settings.max_effects, ..EFFORT };
     let start = search.fit(&[], &[], &declared.fit.parameters, &declared.fit.locals, ROUNDS);
     let found = select(&search, start, &[], effort, &Vec::new);
     let mut best = model(fits, &found.best);
