@@ -39,7 +39,7 @@ def test_the_spring_of_the_rig_is_found_at_its_port_over_fmus(tmp_path):
     assert found["complete"]
     low, high = effect["params"]["stiffness"]["ci95"]
     value = effect["params"]["stiffness"]["value"]
-    # Twice the half of the interval: one record in twenty lies outside of it.
+    # Four standard deviations, as the interval has four on both sides together.
     assert abs(value - TRUTH["stiffness"]) < high - low
     assert value == pytest.approx(TRUTH["stiffness"], rel=0.005)
     for signal, own in found["remaining"]["signals"].items():

@@ -107,7 +107,8 @@ impl Drop for Process {
         // Also what it started and did not end.
         // SAFETY: a system call; the group has this number as long as one process is in it.
         unsafe { libc::kill(-(self.child.id() as libc::pid_t), libc::SIGKILL) };
-        // What starting it has torn up in the heap stays with the process otherwise: some 40 kB a worker.
+        // Starting it leaves holes in the heap; unless they are given back, memory grows with every worker (`make
+        // study-isolation`).
         #[cfg(target_env = "gnu")]
         // SAFETY: it gives free memory of the heap back to the system and may be called at any time.
         unsafe {

@@ -99,6 +99,50 @@ pub struct Normal {
     pub chi2: f64,
 }
 
+/// Equations of the linear step over new columns and those that are known around a model.
+pub struct Joint {
+    /// Shape \[new + shared + locals\]\[new + shared + locals\].
+    pub matrix: DMatrix<f64>,
+    /// Shape \[new + shared + locals\].
+    pub right: DVector<f64>,
+    /// Sum of squared residuals.
+    pub chi2: f64,
+}
+
+impl Joint {
+    /// Of records with the residuals and columns `new`, each \[new\]\[samples\], and the columns `known`, each
+    /// \[shared + locals of the record\]\[samples\].
+    pub fn new(new: &[Columns], known: &[Columns], shared: usize) -> Joint {
+        let first_local = new.first().map_or(0, |own| own.columns.len()) + shared;
+        let locals: usize = known.iter().map(|own| own.columns.len() - shared).sum();
+        let size = first_local + locals;
+        let (mut matrix, mut right, mut chi2) = (DMatrix::zeros(size, size), DVector::zeros(size), 0.0);
+        let mut offset = first_local;
+        for (new, known) in new.iter().zip(known) {
+            let all: Vec<&Vec<f64>> = new.columns.iter().chain(&known.columns).collect();
+            let place = |a: usize| if a < first_local { a } else { offset + a - first_local };
+            for (a, column) in all.iter().enumerate() {
+                right[place(a)] -= dot(column, &new.residuals);
+                for (b, other) in all.iter().enumerate().skip(a) {
+                    let value = dot(column, other);
+                    matrix[(place(a), place(b))] += value;
+                    if a != b {
+                        matrix[(place(b), place(a))] += value;
+                    }
+                }
+            }
+            offset += all.len() - first_local;
+            chi2 += dot(&new.residuals, &new.residuals);
+        }
+        Joint { matrix, right, chi2 }
+    }
+
+    /// Fall of the sum of squares that a step, shape \[new + shared + locals\], promises.
+    pub fn gain(&self, step: &DVector<f64>) -> f64 {
+        2.0 * step.dot(&self.right) - (&self.matrix * step).dot(step)
+    }
+}
+
 impl Normal {
     /// At the point `p`, `locals`.
     pub fn new<S: System + ?Sized>(

@@ -5,7 +5,7 @@ use nalgebra::{DMatrix, DVector};
 use super::candidate::Candidate;
 use super::fit::{Fit, Free, fit};
 use super::goodness::{Null, pooled};
-use super::normal::{Columns, columns, dot, residuals};
+use super::normal::{Columns, Joint, columns, dot, residuals};
 use super::{System, parallel, stop};
 
 /// A model: the declared one with some candidates added, fitted.
@@ -180,41 +180,21 @@ impl<S: System + ?Sized> Search<'_, S> {
             p[index] = value;
         }
         let (m, known) = (open.len(), fit.free.len());
-        let locals: usize = around.screened.iter().map(|&i| fit.locals[i].len()).sum();
-        let size = m + known + locals;
-        let (mut matrix, mut right, mut chi2) = (DMatrix::zeros(size, size), DVector::zeros(size), 0.0);
-        let mut offset = m + known;
         let unmoved = start.idle.then(|| around.columns.iter().map(|own| &own.residuals[..]).collect());
         let moved = self.screened_columns(&around.screened, &p, &open, fit, false, unmoved);
-        for (found, base) in moved.iter().zip(&around.columns) {
-            let all: Vec<&Vec<f64>> = found.columns.iter().chain(&base.columns).collect();
-            let place = |a: usize| if a < m + known { a } else { offset + a - m - known };
-            for (a, column) in all.iter().enumerate() {
-                right[place(a)] -= dot(column, &found.residuals);
-                for (b, other) in all.iter().enumerate().skip(a) {
-                    let value = dot(column, other);
-                    matrix[(place(a), place(b))] += value;
-                    if a != b {
-                        matrix[(place(b), place(a))] += value;
-                    }
-                }
-            }
-            offset += all.len() - m - known;
-            chi2 += dot(&found.residuals, &found.residuals);
-        }
+        let mut joint = Joint::new(&moved, &around.columns, known);
         for (a, f) in fit.free.iter().enumerate() {
             if let Some(prior) = f.prior {
-                matrix[(m + a, m + a)] += prior.powi(-2);
-                right[m + a] -= fit.parameters[f.index] * prior.powi(-2);
-                chi2 += (fit.parameters[f.index] / prior).powi(2);
+                joint.matrix[(m + a, m + a)] += prior.powi(-2);
+                joint.right[m + a] -= fit.parameters[f.index] * prior.powi(-2);
+                joint.chi2 += (fit.parameters[f.index] / prior).powi(2);
             }
         }
         // As if all records had been screened.
         let share = self.records.len() as f64 / around.screened.len() as f64;
         let mut held = vec![false; m];
         for _ in 0..=m {
-            let step = solve(&matrix, &right, &held)?;
-            let gained = 2.0 * step.dot(&right) - (&matrix * &step).dot(&step);
+            let step = solve(&joint.matrix, &joint.right, &held)?;
             let outside = (0..m).find(|&a| {
                 let value = p[open[a].index] + step[a];
                 !held[a] && (value < open[a].bounds.0 || value > open[a].bounds.1)
@@ -226,8 +206,9 @@ impl<S: System + ?Sized> Search<'_, S> {
             for (a, f) in open.iter().enumerate() {
                 p[f.index] += step[a];
             }
-            let promise = Promise { candidate, chi2: (chi2 - gained) * share, parameters: p };
-            return chi2.is_finite().then_some(promise);
+            let promise =
+                Promise { candidate, chi2: (joint.chi2 - joint.gain(&step)) * share, parameters: p };
+            return joint.chi2.is_finite().then_some(promise);
         }
         None
     }

@@ -22,6 +22,7 @@ use crate::study::fits::{Fits, Model, pieces};
 use crate::study::law::{Point, Variable};
 use crate::study::model::{Action, Entry, Study, Target};
 use crate::study::search::Say;
+use crate::study::tolerance::{self, MAX_CORRECTIONS};
 use crate::vocabulary::Own;
 
 /// Share of the error on validation records below which a law is none.
@@ -30,9 +31,6 @@ const MIN_VALIDATED_SHARE: f64 = 0.05;
 const MIN_SHARE_ABOVE_NOISE: f64 = 0.9;
 /// Share of the error on validation records from which on a law needs no parameter corrected beside it.
 const MIN_SHARE_WITHOUT_CORRECTIONS: f64 = 0.98;
-/// Tolerances by which a declared parameter is corrected beside a law that leaves noise, and corrections at most.
-const MAX_TOLERANCES: f64 = 3.0;
-const MAX_CORRECTIONS: usize = 16;
 /// Power above noise that the declared model with corrections leaves, over that without, below which no law is looked for
 /// before the search for shares.
 const MAX_EXCESS_OF_CORRECTED: f64 = 0.1;
@@ -43,10 +41,13 @@ const MAX_OF_EFFECTS_AT_NOISE: f64 = 0.5;
 const MAX_OF_EFFECTS: f64 = 0.1;
 
 /// What a law has to do.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Aim {
     /// It is a formula that leaves noise or next to nothing; looked for no longer than a free form promises that.
-    Noise,
+    Noise {
+        /// Tolerances up to which declared parameters are corrected beside it.
+        max_tolerances: f64,
+    },
     /// It takes nearly all of what is left.
     Share,
 }
@@ -116,7 +117,8 @@ fn sought(
     let complete = judge.explained(&fits, &model) || judge.tolerable(&fits, &model);
     // A residual of many small causes looks like something in time, or takes some of any shape.
     let most = law.share >= MIN_SHARE_ABOVE_NOISE && !law.variables.iter().any(|name| name == "time");
-    if aim == Aim::Noise && !(law.named && (complete || law.share >= MIN_SHARE_WITHOUT_CORRECTIONS)) {
+    let for_noise = matches!(aim, Aim::Noise { .. });
+    if for_noise && !(law.named && (complete || law.share >= MIN_SHARE_WITHOUT_CORRECTIONS)) {
         return None;
     }
     if !complete && !most {
@@ -178,11 +180,18 @@ fn motion(fits: &Fits, model: &Model) -> Vec<Vec<Point>> {
     all
 }
 
-/// Whether declared parameters within their tolerances take nearly all that the declared model leaves, beside the effects of one of
-/// some models.
-pub fn corrections_explain(fits: &Fits, judge: &Judge, declared: &Model, models: &[&Model]) -> bool {
+/// Whether declared parameters up to `max_tolerances` of their tolerances take nearly all that the declared model leaves, beside the
+/// effects of one of some models.
+pub fn corrections_explain(
+    fits: &Fits,
+    judge: &Judge,
+    declared: &Model,
+    models: &[&Model],
+    max_tolerances: f64,
+) -> bool {
     let study = fits.study;
-    let fits = Fits { corrections: corrections(study), ..Fits::new(study, fits.scale.clone()) };
+    let fits =
+        Fits { corrections: corrections(study, max_tolerances), ..Fits::new(study, fits.scale.clone()) };
     models.iter().any(|own| {
         let corrected = fits.fit_from(own.added.clone(), &own.fit.parameters, &own.fit.locals);
         corrected.is_some_and(|own| {
@@ -192,16 +201,11 @@ pub fn corrections_explain(fits: &Fits, judge: &Judge, declared: &Model, models:
     })
 }
 
-/// Corrections of the declared parameters within what their tolerances allow; none where they are too many to be fitted beside
+/// Corrections of the declared parameters up to `most` of their tolerances; none where they are too many to be fitted beside
 /// a law.
-fn corrections(study: &Study) -> Vec<Free> {
-    let one = |entry: &Entry| {
-        let Target::Correction { .. } = entry.target else { return None };
-        let (free, reach) = (entry.free, MAX_TOLERANCES * entry.free.prior?);
-        Some(Free { bounds: (free.bounds.0.max(-reach), free.bounds.1.min(reach)), ..free })
-    };
-    let found: Vec<Free> = study.entries.iter().filter_map(one).collect();
-    if found.len() <= MAX_CORRECTIONS { found } else { Vec::new() }
+fn corrections(study: &Study, most: f64) -> Vec<Free> {
+    let found = tolerance::corrections(study, most);
+    if found.len() > MAX_CORRECTIONS { Vec::new() } else { found.into_iter().map(|own| own.0).collect() }
 }
 
 /// Model for a parameter vector that has become longer.
@@ -304,9 +308,9 @@ impl Finder<'_> {
         answer: &Answer,
     ) -> Option<Outcome> {
         let mut fits = Fits { quick: false, ..self.fits(study) };
-        if self.aim == Aim::Noise {
+        if let Aim::Noise { max_tolerances } = self.aim {
             // Declared parameters within their tolerances shift the parameters of a law.
-            fits.corrections = corrections(study);
+            fits.corrections = corrections(study, max_tolerances);
         }
         let model = extended(&found.model, study);
         let again = fits.fit_from(model.added.clone(), &model.fit.parameters, &model.fit.locals);

@@ -2,18 +2,17 @@
 
 use nalgebra::{Cholesky, DMatrix, DVector};
 
-use super::fits::{Fits, MIN_RECORDS_FOR_WHOLE, Model, rms};
+use super::fits::{Fits, MIN_RECORDS_FOR_WHOLE, Model};
 use super::law::Law;
 use super::model::Action;
 use super::simulate::{Piece, View};
-use crate::engine::System;
 use crate::engine::fit::{Fit, Free};
 use crate::engine::near::{Near, fit_near};
-use crate::engine::normal::{Columns, columns, dot};
+use crate::engine::normal::{Columns, Joint, columns, dot};
 use crate::engine::{parallel, stop};
 
 /// Records on which candidates are compared where there are many.
-const SCREENED_RECORDS: usize = 4;
+pub(super) const SCREENED_RECORDS: usize = 4;
 /// Starts of a candidate from which on they are many.
 const MIN_STARTS_FOR_SCREENING: usize = 8;
 /// Short windows in a window.
@@ -134,19 +133,20 @@ impl Fits<'_> {
         columns(&view, &records, &base.fit.parameters, &base.fit.free, &locals, true, None)
     }
 
+    /// Residuals and derivatives of all estimation records around a model, for [`Fits::promised`].
+    pub fn around_all(&self, base: &Model) -> Around {
+        self.around_some(base, 1)
+    }
+
     /// Error that the linear step over the entries of some candidates beside `base` promises.
-    pub fn promised(&self, base: &Model, own: &[usize]) -> Option<f64> {
-        let mut added = base.added.clone();
-        added.extend(own);
-        let view = self.view(&added, &self.pieces);
-        let records: Vec<usize> = (0..self.pieces.len()).collect();
-        let locals: Vec<&[f64]> = base.fit.locals.iter().map(Vec::as_slice).collect();
-        let shared = columns(&view, &records, &base.fit.parameters, &base.fit.free, &locals, true, None);
+    pub fn promised(&self, base: &Model, around: &Around, own: &[usize]) -> Option<f64> {
+        let added: Vec<usize> = base.added.iter().chain(own).copied().collect();
+        let view = self.view(&added, &around.pieces);
         let entries = own.iter().flat_map(|&c| self.study.candidates[c].entries.clone());
         let open: Vec<Free> = entries.map(|index| self.study.entries[index].free).collect();
         let start = base.fit.parameters.clone();
-        let (chi2, _) = linear_step(&view, &shared, (&base.fit, &base.fit.locals), &open, start)?;
-        Some(rms(chi2, self.count(&self.pieces)))
+        let (chi2, _) = linear_step(&view, &around.columns, (&base.fit, &around.locals), &open, start)?;
+        Some(self.rms(chi2))
     }
 
     /// Start of a candidate beside `base` that promises the smallest sum of squares, after the linear step.
@@ -237,44 +237,17 @@ fn linear_step(
     mut p: Vec<f64>,
 ) -> Option<(f64, Vec<f64>)> {
     let (m, known) = (open.len(), fit.free.len());
-    let size = m + known + locals.iter().map(Vec::len).sum::<usize>();
-    let (mut matrix, mut right, mut chi2) = (DMatrix::zeros(size, size), DVector::zeros(size), 0.0);
-    let mut offset = m + known;
-    for (r, base) in shared.iter().enumerate() {
-        let residuals = view.residuals(r, &p, &locals[r]);
-        let mut q = p.clone();
-        let own: Vec<Vec<f64>> = open
-            .iter()
-            .map(|f| {
-                q[f.index] = p[f.index] + f.step;
-                let moved = view.residuals(r, &q, &locals[r]);
-                q[f.index] = p[f.index];
-                moved.iter().zip(&residuals).map(|(a, b)| (a - b) / f.step).collect()
-            })
-            .collect();
-        let all: Vec<&Vec<f64>> = own.iter().chain(&base.columns).collect();
-        let place = |a: usize| if a < m + known { a } else { offset + a - m - known };
-        let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
-        for (a, column) in all.iter().enumerate() {
-            right[place(a)] -= dot(column, &residuals);
-            for (b, other) in all.iter().enumerate().skip(a) {
-                let value = dot(column, other);
-                matrix[(place(a), place(b))] += value;
-                if a != b {
-                    matrix[(place(b), place(a))] += value;
-                }
-            }
-        }
-        offset += all.len() - m - known;
-        chi2 += residuals.iter().map(|r| r * r).sum::<f64>();
-    }
+    let records: Vec<usize> = (0..shared.len()).collect();
+    let locals: Vec<&[f64]> = locals.iter().map(Vec::as_slice).collect();
+    let joint = Joint::new(&columns(view, &records, &p, open, &locals, false, None), shared, known);
+    let (matrix, right, chi2, size) = (&joint.matrix, &joint.right, joint.chi2, joint.right.len());
     let scale: Vec<f64> = (0..size).map(|a| f64::sqrt(matrix[(a, a)]).max(1e-150)).collect();
     let scaled = DMatrix::from_fn(size, size, |a, b| {
         matrix[(a, b)] / (scale[a] * scale[b]) + if a == b { 1e-9 } else { 0.0 }
     });
     let solved = Cholesky::new(scaled)?.solve(&DVector::from_fn(size, |a, _| right[a] / scale[a]));
     let step = DVector::from_fn(size, |a, _| solved[a] / scale[a]);
-    let gain = 2.0 * step.dot(&right) - (&matrix * &step).dot(&step);
+    let gain = joint.gain(&step);
     for (a, f) in open.iter().enumerate() {
         p[f.index] = (p[f.index] + step[a]).clamp(f.bounds.0, f.bounds.1);
         // A strength at its bound would promise what it cannot give.

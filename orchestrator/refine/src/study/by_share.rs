@@ -9,6 +9,7 @@ use super::model::{Action, Study, Target};
 use super::physical::physical;
 use super::search::{Say, Selection};
 use super::simulate::Piece;
+use super::tolerance::{self, MAX_CORRECTIONS};
 use super::whole::{Whole, candidate, model};
 use crate::answer::{Correction, Settings, Step, Tried};
 use crate::engine::System;
@@ -20,8 +21,6 @@ use crate::engine::normal::{columns, dot};
 use crate::engine::question::{self, Found, Question};
 use crate::engine::search::Model;
 
-/// Corrections that are fitted at most: those that move the residuals most within their tolerance.
-const MAX_CORRECTIONS: usize = 16;
 /// Fall of the sum of squares, residuals in units of the floor, that a correction of one tolerance must be able to bring.
 const MIN_INFLUENCE: f64 = 4.0;
 /// Cosine of the angle between what a correction and an effect change from which on they are the same.
@@ -129,18 +128,7 @@ fn known(
     candidates: &[Candidate],
     most: f64,
 ) -> Vec<question::Correction> {
-    let bounded = |free: &Free| {
-        let reach = most * free.prior.unwrap_or(0.0);
-        Free { bounds: (free.bounds.0.max(-reach), free.bounds.1.min(reach)), ..*free }
-    };
-    let own: Vec<(Free, f64)> = study
-        .entries
-        .iter()
-        .filter_map(|entry| match entry.target {
-            Target::Correction { declared, .. } => Some((bounded(&entry.free), declared)),
-            _ => None,
-        })
-        .collect();
+    let own = tolerance::corrections(study, most);
     let single: Vec<usize> = (0..candidates.len())
         .filter(|&c| matches!(&study.candidates[c].starts[..], [only] if only == &[0.0]))
         .filter(|&c| !study.candidates[c].probe)
@@ -160,6 +148,7 @@ fn known(
         .filter(|(influence, _)| influence.is_finite() && *influence > MIN_INFLUENCE)
         .collect();
     kept.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+    // Those that move the residuals most within their tolerance.
     kept.truncate(MAX_CORRECTIONS);
     kept.into_iter()
         .map(|(_, k)| {

@@ -1,6 +1,7 @@
 //! The smallest set of effects with which a study leaves nothing but what its sensors give: the engine's search, with
 //! residuals in units of the noise.
 
+use super::beside::SCREENED_RECORDS;
 use super::explain::{Judge, noises};
 use super::fits::{Fits, Model};
 use super::physical::physical;
@@ -9,15 +10,11 @@ use super::whole::{Whole, candidate, model};
 use crate::answer::Settings;
 use crate::engine::candidate::Candidate;
 use crate::engine::fit::{Fit, fit};
-use crate::engine::search::{Rules, Search};
+use crate::engine::search::{self, Rules, Search};
 use crate::engine::select::{Effort, select};
 
-/// Records that candidates are screened on where there are many.
-const SCREENED_RECORDS: usize = 4;
 /// Rounds of a fit of everything.
 const ROUNDS: usize = 14;
-/// Models that are fitted: a simulation over FMUs costs some ten times what one of the rig does.
-const EFFORT: Effort = Effort { max_effects: 3, singles: 10, climbed: 2, pairs: (3, 3) };
 
 /// Searches from the fitted declared model; none where nothing explains the records to the noise, or where the declared model
 /// does.
@@ -52,14 +49,15 @@ pub fn search(
         null: judge.tolerant(),
         rules: Rules { always: &always, may_join: Some(&may_join), sense: Some(&sense) },
     };
-    let effort = Effort { max_effects: settings.max_effects, ..EFFORT };
+    // Fewer models than for the rig: a simulation over FMUs costs more.
+    let effort = Effort { max_effects: settings.max_effects, singles: 10, climbed: 2, pairs: (3, 3) };
     let start = search.fit(&[], &[], &declared.fit.parameters, &declared.fit.locals, ROUNDS);
     let found = select(&search, start, &[], effort, &Vec::new);
     let mut best = model(fits, &found.best);
     if !found.explained || best.added.is_empty() || !judge.explained(fits, &best) {
         return None;
     }
-    let replaced = |own: &crate::engine::search::Model| {
+    let replaced = |own: &search::Model| {
         let lacking = best.added.iter().copied().find(|c| !own.added.contains(c))?;
         Some((lacking, model(fits, own)))
     };
@@ -83,7 +81,7 @@ pub fn refitted(fits: &Fits, own: &Model) -> Model {
     let records: Vec<usize> = (0..fits.pieces.len()).collect();
     let free = fits.free(&own.added);
     let fit = fit(&whole, &records, &own.fit.parameters, &free, &own.fit.locals, ROUNDS);
-    let again = crate::engine::search::Model { added: own.added.clone(), fit, left: Vec::new() };
+    let again = search::Model { added: own.added.clone(), fit, left: Vec::new() };
     let again = model(fits, &again);
     Model { held_out: own.held_out, parts: own.parts.clone(), ..again }
 }

@@ -165,12 +165,13 @@ impl Judge {
         let probes: Vec<usize> = (0..study.candidates.len()).filter(|&c| study.candidates[c].probe).collect();
         let power = model.error.powi(2);
         let enough = (MIN_SHARE_OF_EXCESS * self.excess(model)).max(MIN_SHARE_OF_NOISE * self.tolerated);
+        let around = fits.around_all(model);
         // The linear step promises too much where forces change the motion that they depend on: what it lets hope is fitted.
         let gain = |own: &[usize]| {
             if stop::asked() {
                 return 0.0;
             }
-            let promised = fits.promised(model, own).map_or(0.0, |error| power - error.powi(2));
+            let promised = fits.promised(model, &around, own).map_or(0.0, |error| power - error.powi(2));
             let fitted = || fits.fitted(model, own).map_or(0.0, |error| power - error.powi(2));
             if promised < enough { promised } else { promised.min(fitted()) }
         };

@@ -115,7 +115,7 @@ pub fn locals_of(fits: &Fits, pieces: &[Piece], model: &Model) -> Vec<Vec<f64>> 
     fits.grow(&model.added, pieces, &model.fit.parameters, &[], &[1.0], 8).locals
 }
 
-pub(super) fn rms(chi2: f64, count: usize) -> f64 {
+fn rms(chi2: f64, count: usize) -> f64 {
     (chi2 / count.max(1) as f64).sqrt()
 }
 

@@ -39,6 +39,7 @@ pub mod plant;
 pub mod ports;
 pub mod read;
 pub mod replay;
+mod ruling;
 pub mod search;
 pub mod signal;
 pub mod simulate;

@@ -73,6 +73,19 @@ pub fn check(file: &File, graph: &SystemGraph) -> Result<(), Error> {
     Ok(())
 }
 
+/// Corrections that are fitted at most.
+pub const MAX_CORRECTIONS: usize = 16;
+
+/// Corrections of the declared parameters, each with its declared value, bounded to `most` of its tolerances.
+pub fn corrections(study: &Study, most: f64) -> Vec<(Free, f64)> {
+    let one = |entry: &Entry| {
+        let Target::Correction { declared, .. } = entry.target else { return None };
+        let (free, reach) = (entry.free, most * entry.free.prior?);
+        Some((Free { bounds: (free.bounds.0.max(-reach), free.bounds.1.min(reach)), ..free }, declared))
+    };
+    study.entries.iter().filter_map(one).collect()
+}
+
 /// Adds an entry for every declared parameter that may be slightly off: relative change, 0 as declared.
 pub fn fill(study: &mut Study, file: &File) {
     let free: Vec<String> = study.entries[..study.declared].iter().map(|entry| entry.name.clone()).collect();

@@ -1,0 +1,166 @@
+//! The verdict on what was found, and the shares of the error on validation records that it stands on.
+
+use std::collections::BTreeMap;
+
+use super::by_share::ByShare;
+use super::declaration::Role;
+use super::effects::order;
+use super::errors::errors;
+use super::explain::{Judge, Rest, depends};
+use super::fits::{Fits, pieces};
+use super::model::Study;
+use super::search::Selection;
+use crate::answer::{Errors, Verdict};
+use crate::engine::settings::ForwardSelection;
+
+/// Error in rms of the noise from which on something is missing even if what is left depends on nothing that is known:
+/// the noise may be coloured, which its scatter from sample to sample does not show.
+const MIN_ERROR_OVER_NOISE: f64 = 3.0;
+
+/// Ratio of the errors on validation records below which effects are no imitation of something else.
+const MAX_ERROR_RATIO_OF_EFFECTS: f64 = 0.5;
+
+/// Multiples of the floor on validation records up to which nothing may be missing.
+const MAX_FLOORS: f64 = 3.0;
+/// Share of the error on validation records below which effects are withdrawn.
+const MIN_VALIDATED_SHARE: f64 = 0.05;
+
+/// A verdict, what is left beside it, and whether the effects lower the error on validation records.
+pub(super) struct Ruling {
+    pub(super) verdict: Verdict,
+    pub(super) rest: Rest,
+    pub(super) helps: bool,
+}
+
+/// Share of the error on validation records above its floor that a model takes away; outputs in units of the declared
+/// model's error.
+pub(super) fn share(
+    study: &Study,
+    [before, after]: [&Errors; 2],
+    floors: &[BTreeMap<String, f64>; 2],
+) -> f64 {
+    let total = |errors: &Errors, floor: &BTreeMap<String, f64>| -> f64 {
+        let one = |o: &super::model::Output| {
+            let [own, unit] = [errors, before].map(|e| e.rms.get(&o.name).copied().unwrap_or(0.0));
+            let floor = floor.get(&o.name).copied().unwrap_or(o.noise);
+            if unit > 0.0 { (own * own - floor * floor) / (unit * unit) } else { 0.0 }
+        };
+        study.outputs.iter().map(one).sum::<f64>().max(0.0)
+    };
+    let (declared, best) = (total(before, &floors[0]), total(after, &floors[1]));
+    if declared > 0.0 { 1.0 - (best / declared).sqrt() } else { 0.0 }
+}
+
+/// Shares of the error on validation records that each effect of the answer takes away without the others and without
+/// corrections, in the order in which they are printed.
+pub(super) fn alone(
+    fits: &Fits,
+    selection: &Selection,
+    before: &Errors,
+    floor: &BTreeMap<String, f64>,
+) -> Vec<f64> {
+    let study = fits.study;
+    let validation = pieces(study, Role::Validation);
+    let (declared, best) = (&selection.declared.fit.parameters, &selection.best.fit.parameters);
+    let one = |&c: &usize| {
+        let mut p = declared.clone();
+        let own = &study.candidates[c];
+        let mut added = vec![c];
+        added.extend(own.needs.filter(|needs| selection.best.added.contains(needs)));
+        let entries = added.iter().flat_map(|&c| study.candidates[c].entries.clone());
+        entries.chain(0..study.declared).for_each(|index| p[index] = best[index]);
+        let after = errors(fits, &added, &validation, &p, None);
+        share(study, [before, &after], &[floor.clone(), floor.clone()])
+    };
+    order(fits, selection).iter().map(one).collect()
+}
+
+/// The verdict on effects that were chosen for their share of the error.
+pub(super) fn rule_by_share(
+    fits: &Fits,
+    judge: &Judge,
+    found: &ByShare,
+    share: f64,
+    rules: &ForwardSelection,
+) -> Ruling {
+    let best = &found.selection.best;
+    let helps = !best.added.is_empty() && share >= rules.min_validated_share;
+    if let Some((channel, variables, _)) = found.free_form.clone() {
+        let gain = best.error.powi(2);
+        return Ruling {
+            verdict: Verdict::Unexplained,
+            rest: Rest { place: Some((channel, variables)), gain },
+            helps,
+        };
+    }
+    if helps {
+        let known = judge.explained(fits, best) || judge.tolerable(fits, best);
+        let rest = if known { Rest { place: None, gain: 0.0 } } else { judge.rest(fits, best) };
+        return Ruling { verdict: Verdict::Effect, rest, helps };
+    }
+    let corrected = &found.corrected;
+    if judge.explained(fits, corrected) || judge.tolerable(fits, corrected) {
+        return Ruling { verdict: Verdict::Nothing, rest: Rest { place: None, gain: 0.0 }, helps };
+    }
+    let rest = judge.rest(fits, corrected);
+    Ruling { verdict: Verdict::Unexplained, rest, helps }
+}
+
+/// The verdict on effects that were chosen because they leave noise, or nearly; errors on validation records of the declared model
+/// and of the best one, floor of the declared one.
+pub(super) fn rule(
+    fits: &Fits,
+    judge: &Judge,
+    selection: &Selection,
+    validation: [&Errors; 2],
+    floor: &BTreeMap<String, f64>,
+    share: f64,
+) -> Ruling {
+    let (declared, best) = (&selection.declared, &selection.best);
+    let total = |errors: &Errors| -> f64 {
+        let share = |(o, scale): (&super::model::Output, &f64)| {
+            (errors.rms.get(&o.name).unwrap_or(&0.0) / scale).powi(2)
+        };
+        fits.study.outputs.iter().zip(&fits.scale).map(share).sum()
+    };
+    let nothing = Rest { place: None, gain: 0.0 };
+    let helps =
+        !best.added.is_empty() && total(validation[1]) < total(validation[0]) && share >= MIN_VALIDATED_SHARE;
+    let beyond = |o: &super::model::Output| {
+        let floor = floor.get(&o.name).copied().unwrap_or(o.noise);
+        validation[0].rms.get(&o.name).is_some_and(|rms| *rms > MAX_FLOORS * floor)
+    };
+    let beyond = fits.study.outputs.iter().any(beyond);
+    if judge.explained(fits, declared) {
+        return Ruling { verdict: Verdict::Nothing, rest: nothing, helps };
+    }
+    if helps {
+        let known = judge.explained(fits, best) || judge.tolerable(fits, best);
+        let rest = if known { nothing } else { judge.rest(fits, best) };
+        // A free form that takes away more than the effects did is what is missing; they only imitate it.
+        let gained = declared.error.powi(2) - best.error.powi(2);
+        let imitates = || {
+            // What halves the error on records that it has not seen is more than an imitation.
+            if total(validation[1]) < MAX_ERROR_RATIO_OF_EFFECTS.powi(2) * total(validation[0]) {
+                return false;
+            }
+            let whole = judge.rest(fits, declared);
+            let other = |(_, variables): &(String, Vec<String>)| {
+                variables.first().is_some_and(|first| {
+                    best.added.iter().all(|&c| depends(fits.study, c).iter().all(|own| own != first))
+                })
+            };
+            whole.gain > gained && whole.place.as_ref().is_some_and(other)
+        };
+        if rest.place.is_none() || rest.gain < gained && !imitates() {
+            return Ruling { verdict: Verdict::Effect, rest, helps };
+        }
+    }
+    if judge.tolerable(fits, declared) && !beyond {
+        return Ruling { verdict: Verdict::Nothing, rest: Rest { place: None, gain: 0.0 }, helps };
+    }
+    let rest = judge.rest(fits, declared);
+    let far = declared.error > MIN_ERROR_OVER_NOISE * judge.tolerated.sqrt();
+    let verdict = if rest.place.is_some() || far || beyond { Verdict::Unexplained } else { Verdict::Nothing };
+    Ruling { verdict, rest, helps }
+}
