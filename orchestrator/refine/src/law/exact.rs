@@ -68,6 +68,10 @@ impl Finder<'_> {
         // The ceiling of what a formula can do in whole records.
         let whole = if self.windows.is_some() { self.whole(study, form.clone()) } else { None };
         let whole = whole.as_ref().unwrap_or(form);
+        // A formula takes no more than the free form, which therefore tells whether one can be the answer.
+        if whole.error > self.hopeless {
+            return None;
+        }
         let place = Place { form, whole, axes: &axes, units: &units };
         (self.say)("exact fits of formulas");
         let mut tried = Vec::new();

@@ -20,7 +20,7 @@ use crate::study::errors::errors;
 use crate::study::explain::{self, Judge};
 use crate::study::fits::{Fits, Model, pieces};
 use crate::study::law::{Point, Variable};
-use crate::study::model::{Action, Entry, Study, Target};
+use crate::study::model::{Action, Entry, Output, Study, Target};
 use crate::study::search::Say;
 use crate::study::tolerance::{self, MAX_CORRECTIONS};
 use crate::vocabulary::Own;
@@ -39,6 +39,9 @@ const MIN_LEFT_BY_EFFECTS: f64 = 0.02;
 /// Share of what effects leave that a law may leave to take their place: one that leaves noise, and any other.
 const MAX_OF_EFFECTS_AT_NOISE: f64 = 0.5;
 const MAX_OF_EFFECTS: f64 = 0.1;
+/// Ratio of the error of a free form on estimation records to that which a law may leave on validation records, or to what
+/// counts as noise, from which on no formula for it is looked for.
+const HOPELESS_ERROR: f64 = 2.0;
 
 /// What a law has to do.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -66,6 +69,8 @@ pub(super) struct Finder<'a> {
     pub(super) windows: Option<Windows>,
     /// Sum of squares that the noise of the sensors gives.
     pub(super) noise: f64,
+    /// Error of a free form from which on no formula for it is looked for.
+    pub(super) hopeless: f64,
 }
 
 /// Puts a law into an answer that found nothing to name, or effects that leave much; the model with it, if there is one.
@@ -111,7 +116,13 @@ fn sought(
         let noise: f64 = study.outputs.iter().zip(scale).map(|(o, s)| (o.noise / s).powi(2)).sum();
         (fits.quickened(base).quick, trace, windows, noise * samples as f64)
     };
-    let finder = Finder { aim, scale, say, corrections, quick, trace, windows, noise };
+    // What a law may leave that does not explain the records to the noise.
+    let enough = match partly {
+        true => MAX_OF_EFFECTS * scaled(study, scale, &found.after[0].rms),
+        false => 1.0 - MIN_SHARE_ABOVE_NOISE,
+    };
+    let hopeless = HOPELESS_ERROR * enough.max(judge.tolerated.max(judge.power).sqrt());
+    let finder = Finder { aim, scale, say, corrections, quick, trace, windows, noise, hopeless };
     let Outcome { law, model, after } = finder.find(study, judge, base, found)?;
     let fits = finder.fits(study);
     let complete = judge.explained(&fits, &model) || judge.tolerable(&fits, &model);
@@ -408,6 +419,16 @@ pub(super) struct Found {
     pub(super) axes: Vec<Axis>,
 }
 
+/// Root of the mean square over the outputs, each in units of its scale.
+fn scaled(study: &Study, scale: &[f64], rms: &BTreeMap<String, f64>) -> f64 {
+    let one = |(output, scale): (&Output, &f64)| {
+        let own = rms.get(&output.name).copied().unwrap_or(0.0);
+        (own / scale).powi(2)
+    };
+    let sum: f64 = study.outputs.iter().zip(scale).map(one).sum();
+    (sum / scale.len().max(1) as f64).sqrt()
+}
+
 /// Share of the error above its floor that is taken away; outputs in units of the declared model's error.
 pub(super) fn share(
     study: &Study,
@@ -415,7 +436,7 @@ pub(super) fn share(
     floor: &BTreeMap<String, f64>,
 ) -> f64 {
     let total = |rms: &BTreeMap<String, f64>| -> f64 {
-        let one = |output: &crate::study::model::Output| {
+        let one = |output: &Output| {
             let [own, unit] = [rms, before].map(|e| e.get(&output.name).copied().unwrap_or(0.0));
             let floor = floor.get(&output.name).copied().unwrap_or(output.noise);
             if unit > 0.0 { (own * own - floor * floor).max(0.0) / (unit * unit) } else { 0.0 }
