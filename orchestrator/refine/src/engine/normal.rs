@@ -35,13 +35,15 @@ pub fn columns<S: System + ?Sized>(
     known: Option<Vec<&[f64]>>,
 ) -> Vec<Columns> {
     let mut jobs = Vec::new();
-    // Record and length of the difference step of every job; 0: none.
+    // Record and length of the difference step of every job; none: no step, at the place of the record's residuals.
     let mut places = Vec::new();
+    // Columns of local parameters that act on nothing: record and place.
+    let mut idle = Vec::new();
     for (i, (&record, own)) in records.iter().zip(locals).enumerate() {
         let job = Job { record, parameters: p.to_vec(), locals: own.to_vec() };
         if known.is_none() {
             jobs.push(job.clone());
-            places.push((i, 0.0));
+            places.push((i, None));
         }
         for f in free {
             // A step inwards from the upper bound.
@@ -49,28 +51,36 @@ pub fn columns<S: System + ?Sized>(
             let mut moved = job.clone();
             moved.parameters[f.index] += step;
             jobs.push(moved);
-            places.push((i, step));
+            places.push((i, Some(step)));
         }
         for (local, (_, step)) in system.locals(record).into_iter().enumerate().filter(|_| local_columns) {
+            if step == 0.0 {
+                idle.push((i, free.len() + local));
+                continue;
+            }
             let mut moved = job.clone();
             moved.locals[local] += step;
             jobs.push(moved);
-            places.push((i, step));
+            places.push((i, Some(step)));
         }
     }
     let start = |residuals: &[f64]| Columns { residuals: residuals.to_vec(), columns: Vec::new() };
     let mut found: Vec<Columns> = known.unwrap_or_default().into_iter().map(start).collect();
-    let simulated = parallel::residuals_until_asked(system, &jobs, |job| places[job].1 == 0.0);
+    let simulated = parallel::residuals_until_asked(system, &jobs, |job| places[job].1.is_none());
     for (residuals, (i, step)) in simulated.into_iter().zip(places) {
-        if step == 0.0 {
+        let Some(step) = step else {
             found.push(Columns { residuals: residuals.unwrap_or_default(), columns: Vec::new() });
             continue;
-        }
+        };
         let own = &mut found[i];
         own.columns.push(match residuals {
             Some(moved) => moved.iter().zip(&own.residuals).map(|(a, b)| (a - b) / step).collect(),
             None => vec![0.0; own.residuals.len()],
         });
+    }
+    for (i, place) in idle {
+        let zeros = vec![0.0; found[i].residuals.len()];
+        found[i].columns.insert(place, zeros);
     }
     found
 }

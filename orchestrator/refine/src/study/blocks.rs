@@ -78,7 +78,7 @@ impl Blocks<'_> {
         // Coulomb friction that is fitted with the velocity of its sign change gives it to all friction here.
         let fitted = self.laws[tap].iter().find(|(law, range, _)| *law == Law::Coulomb && range.len() == 2);
         let vt = fitted.map_or(own.vt, |(_, range, _)| self.p[range.start + 1]);
-        let s = (point.velocity / vt).tanh();
+        let s = || (point.velocity / vt).tanh();
         let mut value = value;
         for (law, range, states) in &self.laws[tap] {
             let p = &self.p[range.clone()];
@@ -103,6 +103,7 @@ impl Blocks<'_> {
                 let level = if *law == Law::Presliding { self.level(tap) } else { 0.0 };
                 // What is added to a value is added to it whatever it drives.
                 let sign = if *law == Law::Bias { 1.0 } else { own.sign };
+                let s = if law.changes_sign_with_velocity() { s() } else { 0.0 };
                 value -= sign * law.force(p, &point, s, self.z[states.start], level);
             }
         }

@@ -186,6 +186,19 @@ impl Law {
         matches!(self, Law::Gain | Law::DeadBand | Law::Saturation | Law::PositionGain | Law::Droop)
     }
 
+    /// Whether the force has a factor that changes its sign with the velocity.
+    pub fn changes_sign_with_velocity(self) -> bool {
+        matches!(
+            self,
+            Law::Coulomb
+                | Law::Stribeck
+                | Law::Presliding
+                | Law::Pressure
+                | Law::Asymmetry
+                | Law::PositionCoulomb
+        )
+    }
+
     /// Place in the order in which laws act at one attachment: changes of a command first, as the amended system has them.
     pub fn rank(self) -> usize {
         match self {
@@ -198,7 +211,8 @@ impl Law {
         }
     }
 
-    /// What is taken from the value that passes the attachment. `s` is the factor that changes sign with the velocity,
+    /// What is taken from the value that passes the attachment. `s` is the factor that changes sign with the velocity, where
+    /// there is one,
     /// `z` the state of presliding, `level` the Coulomb level it acts on.
     pub fn force(self, p: &[f64], at: &Point, s: f64, z: f64, level: f64) -> f64 {
         let (v, x) = (at.velocity, at.position);

@@ -45,6 +45,7 @@ pub mod signal;
 pub mod simulate;
 pub mod smoothed;
 pub mod tolerance;
+mod unseen;
 pub mod whole;
 
 use std::path::Path;

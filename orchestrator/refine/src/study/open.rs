@@ -419,6 +419,7 @@ pub fn open(file: &File) -> Result<(Study, Vec<Attachment>), Error> {
         shown,
         held,
         substeps: 1,
+        unseen: Vec::new(),
         outputs,
         declared: entries.len(),
         entries,

@@ -12,7 +12,10 @@ use super::names::{attachment_target, known, path};
 use airloop_cosim::system::SystemGraph;
 use airloop_cosim::system::graph::{Component, Conversion, DataType, Source, Start};
 use airloop_cosim::system::order::feed_through;
-use airloop_fmi::{Causality, Instance, InterfaceKind, Model, Variability, VariableKind};
+use airloop_fmi::{Causality, Initial, Instance, InterfaceKind, Model, Variability, VariableKind};
+
+/// Places at which the rates of a component are asked for.
+const PROBES: usize = 3;
 
 /// What an input of a component receives.
 #[derive(Debug, Clone)]
@@ -30,6 +33,8 @@ struct Feed {
 struct Part {
     model: Model,
     states: Range<usize>,
+    /// Value references of the states; empty where their start values cannot be set.
+    state_references: Vec<u32>,
     feeds: Vec<Feed>,
     feed_references: Vec<u32>,
     feed_values: Vec<f64>,
@@ -42,7 +47,9 @@ struct Part {
     next_event: Option<f64>,
     /// It wants to hear of every accepted step.
     told_of_steps: bool,
-    /// It has no states, and its outputs that something reads change at events only.
+    /// Its outputs that something reads change at events only, if its states do.
+    shows_events: bool,
+    /// Its states, if any, and its outputs that something reads change at events only.
     only_events: bool,
     /// Event indicators: their number, and whether each was positive after the last event.
     indicators: usize,
@@ -79,6 +86,10 @@ pub struct Plant {
     /// Number of states.
     pub nx: usize,
     initialised: bool,
+    /// Whether it is known which components change at events only.
+    probed: bool,
+    /// The states were set from outside: components that change at events only have not seen them.
+    moved: bool,
 }
 
 impl Plant {
@@ -203,6 +214,11 @@ impl Plant {
                 states.insert(full, nx + place);
             }
             let own = nx..nx + model.state_count();
+            let stateless = own.is_empty();
+            let own_states = || description.continuous_states().map(|v| &description.variables[v]);
+            let settable = own_states().all(|v| matches!(v.initial, Some(Initial::Exact | Initial::Approx)));
+            let state_references =
+                if settable { own_states().map(|v| v.value_reference).collect() } else { Vec::new() };
             let shown = shown.into_iter().map(|(place, slot)| (slot, nx + place)).collect();
             nx = own.end;
             let feed_references = feeds.iter().map(|feed| feed.reference).collect();
@@ -216,14 +232,14 @@ impl Plant {
                     || wanted.iter().any(|own| *own == path || own == name)
             };
             let mut own_places = places.keys().filter(|place| place.0 == index);
-            let only_events = own.is_empty()
-                && description.number_of_event_indicators == 0
+            let shows_events = description.number_of_event_indicators == 0
                 && own_places.all(|&place| {
                     description.variables[place.1].variability == Variability::Discrete || !read(place)
                 });
             parts.push(Part {
                 model,
                 states: own,
+                state_references,
                 feeds,
                 feed_references,
                 feed_values,
@@ -234,7 +250,8 @@ impl Plant {
                 indicators: description.number_of_event_indicators,
                 positive: vec![false; description.number_of_event_indicators],
                 in_event: false,
-                only_events,
+                shows_events,
+                only_events: shows_events && stateless,
                 told_of_steps: interface.is_some_and(|own| !own.completed_integrator_step_not_needed),
             });
         }
@@ -254,7 +271,18 @@ impl Plant {
         }
         let starts = graph.order.iter().map(|&index| graph.components[index].clone()).collect();
         let slots = vec![0.0; count];
-        Ok(Plant { parts, starts, slots, extra_first, names, states, nx, initialised: false })
+        Ok(Plant {
+            parts,
+            starts,
+            slots,
+            extra_first,
+            names,
+            states,
+            nx,
+            initialised: false,
+            probed: false,
+            moved: false,
+        })
     }
 
     /// Slot of a signal.
@@ -372,6 +400,75 @@ impl Plant {
         x: &mut [f64],
         block: &impl Fn(usize, f64, &[f64]) -> f64,
     ) -> Result<(), Problem> {
+        self.initialise_from(&[], parameters, time, x, block)
+    }
+
+    /// The same with values of some states, `[nx]`, or no list. Those of components that change at events only are their
+    /// start values, as their first event is part of the initialization: `x` then holds what it made of them.
+    ///
+    /// # Errors
+    /// An FMU that fails.
+    pub fn initialise_from(
+        &mut self,
+        begin: &[Option<f64>],
+        parameters: &[(Parameter, f64)],
+        time: f64,
+        x: &mut [f64],
+        block: &impl Fn(usize, f64, &[f64]) -> f64,
+    ) -> Result<(), Problem> {
+        self.begin(begin, parameters, time, x, block)?;
+        if !self.probed {
+            self.probed = true;
+            if self.probe(time, x) {
+                self.begin(begin, parameters, time, x, block)?;
+            }
+        }
+        for part in self.parts.iter().filter(|part| !part.takes_start_values()) {
+            for state in part.states.clone() {
+                if let Some(Some(value)) = begin.get(state) {
+                    x[state] = *value;
+                }
+            }
+        }
+        self.moved = true;
+        Ok(())
+    }
+
+    /// Asks the components that have time events whether their states change at events only, as those of a sampled model
+    /// do: whether all rates are zero wherever the states are. Whether any was asked.
+    fn probe(&mut self, time: f64, x: &[f64]) -> bool {
+        let mut asked = false;
+        for part in &mut self.parts {
+            if part.states.is_empty() || !part.shows_events || part.next_event.is_none() {
+                continue;
+            }
+            asked = true;
+            let mut rates = vec![0.0; part.states.len()];
+            let model = &mut part.model;
+            part.only_events = (1..=PROBES).all(|round| {
+                let odd = |(i, value): (usize, &f64)| {
+                    value + ((7 * i + 3 * round) as f64).sin() * (1.0 + value.abs())
+                };
+                let states: Vec<f64> = x[part.states.clone()].iter().enumerate().map(odd).collect();
+                let inputs: Vec<f64> = part.feed_values.iter().enumerate().map(odd).collect();
+                let moved = model.set_time(time + 1e-6 * round as f64).is_ok()
+                    && model.set_continuous_states(&states).is_ok()
+                    && (inputs.is_empty() || model.set_real(&part.feed_references, &inputs).is_ok());
+                moved && model.get_derivatives(&mut rates).is_ok() && rates.iter().all(|rate| *rate == 0.0)
+            });
+        }
+        asked
+    }
+
+    /// Initialises all components; `states` as for [`Plant::initialise_from`].
+    fn begin(
+        &mut self,
+        states: &[Option<f64>],
+        parameters: &[(Parameter, f64)],
+        time: f64,
+        x: &mut [f64],
+        block: &impl Fn(usize, f64, &[f64]) -> f64,
+    ) -> Result<(), Problem> {
         for place in 0..self.parts.len() {
             let (part, component) = (&mut self.parts[place], &self.starts[place]);
             if self.initialised {
@@ -380,6 +477,13 @@ impl Plant {
             set_start_values(&mut part.model, component)?;
             for ((_, reference), value) in parameters.iter().filter(|((owner, _), _)| *owner == place) {
                 part.model.set_real(&[*reference], &[*value]).map_err(Problem::fmu)?;
+            }
+            if part.takes_start_values() {
+                for (state, reference) in part.states.clone().zip(&part.state_references) {
+                    if let Some(Some(value)) = states.get(state) {
+                        part.model.set_real(&[*reference], &[*value]).map_err(Problem::fmu)?;
+                    }
+                }
             }
             let model = &mut part.model;
             model.setup_experiment(None, time, None).map_err(Problem::fmu)?;
@@ -393,6 +497,16 @@ impl Plant {
         }
         self.initialised = true;
         self.settle(time, x, block).map_err(Problem::fmu)
+    }
+
+    /// Says that the states were set from outside.
+    pub fn moved(&mut self) {
+        self.moved = true;
+    }
+
+    /// Whether the states rest between events.
+    pub fn rests(&self) -> bool {
+        self.parts.iter().all(|part| part.states.is_empty() || part.only_events)
     }
 
     /// Time of the next event \[s\].
@@ -506,15 +620,16 @@ impl Plant {
         dx: &mut [f64],
         block: &impl Fn(usize, f64, &[f64]) -> f64,
     ) -> Result<(), airloop_fmi::Error> {
-        let slots = &mut self.slots;
-        for part in self.parts.iter_mut().filter(|part| !part.only_events) {
+        let (slots, all) = (&mut self.slots, std::mem::take(&mut self.moved));
+        let changes = |part: &&mut Part| all || !part.only_events;
+        for part in self.parts.iter_mut().filter(changes) {
             part.model.set_time(time)?;
             if !part.states.is_empty() {
                 part.model.set_continuous_states(&x[part.states.clone()])?;
             }
             part.show(x, slots)?;
         }
-        for part in self.parts.iter_mut().filter(|part| !part.only_events) {
+        for part in self.parts.iter_mut().filter(changes) {
             part.feed(slots, block)?;
             if !part.late.0.is_empty() {
                 part.model.get_real(&part.late.0, &mut slots[part.late.1.clone()])?;
@@ -528,6 +643,11 @@ impl Plant {
 }
 
 impl Part {
+    /// Whether its states begin at start values that are set, since its first event changes them.
+    fn takes_start_values(&self) -> bool {
+        self.only_events && !self.state_references.is_empty()
+    }
+
     /// Takes the outputs that follow the states alone.
     fn show(&mut self, x: &[f64], slots: &mut [f64]) -> Result<(), airloop_fmi::Error> {
         for &(slot, state) in &self.shown {

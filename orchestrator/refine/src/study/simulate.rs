@@ -219,23 +219,24 @@ impl<'a> View<'a> {
         blocks.time = begin as f64 * step;
         blocks.now.set(blocks.time);
         let fixed = self.parameters(p);
-        plant.initialise(&fixed, begin as f64 * step, &mut x, &|tap, value, slots| {
-            blocks.pass(tap, value, slots)
-        })?;
-        let start = x.clone();
-        match &record.initial {
-            _ if own => x.copy_from_slice(locals),
-            _ if window.is_some() => {}
-            Initial::Word(InitialWord::Fit) if nx > 0 => x.copy_from_slice(locals),
+        let given: Vec<Option<f64>> = match &record.initial {
+            _ if own => locals.iter().copied().map(Some).collect(),
+            _ if window.is_some() => Vec::new(),
+            Initial::Word(InitialWord::Fit) => locals.iter().copied().map(Some).collect(),
             Initial::Given(values) => {
+                let mut given = vec![None; nx];
                 for (name, value) in values {
                     if let Some(state) = plant.state(name) {
-                        x[state] = *value;
+                        given[state] = Some(*value);
                     }
                 }
+                given
             }
-            Initial::Word(_) => self.measured_states((record, begin), &start, shift, &mut x),
-        }
+            Initial::Word(_) => (0..nx).map(|i| self.measured_state((record, begin), i, shift)).collect(),
+        };
+        let pass = |tap, value, slots: &[f64]| blocks.pass(tap, value, slots);
+        plant.initialise_from(&given, &fixed, begin as f64 * step, &mut x, &pass)?;
+        let start = x.clone();
         // Events within this time of each other are one.
         let near = 1e-6 * step;
         let due = |plant: &Plant, until: f64| plant.next_event().filter(|next| *next <= until);
@@ -243,6 +244,7 @@ impl<'a> View<'a> {
             let j = k.checked_sub(piece.range.start);
             if !own && window.is_some_and(|window| (k - piece.range.start).is_multiple_of(window)) {
                 self.measured_states((record, k), &start, shift, &mut x);
+                plant.moved();
                 blocks.z.fill(0.0);
             }
             let t = k as f64 * step;
@@ -353,7 +355,7 @@ impl<'a> View<'a> {
         x: &mut [f64],
         [d1, d2, d3, d4, trial]: &mut Slopes,
     ) -> Result<(), airloop_fmi::Error> {
-        if x.is_empty() {
+        if plant.rests() {
             return Ok(());
         }
         let length = to - from;
@@ -377,13 +379,19 @@ impl<'a> View<'a> {
     }
 
     /// Measured states at sample `k`; start values where there are none.
-    fn measured_states(&self, (record, k): (&Record, usize), start: &[f64], shift: &Shift, x: &mut [f64]) {
-        for (i, values) in record.states.iter().enumerate() {
-            let added = shift.states.get(i).and_then(|own| own.as_ref()).map_or(0.0, |own| own[k]);
-            let smoothed = record.smoothed.get(i).filter(|_| self.corrected);
-            let smoothed = smoothed.and_then(Option::as_ref).map_or(0.0, |own| own[k]);
-            x[i] = values.as_ref().map_or(start[i], |values| values[k] + added - smoothed);
+    fn measured_states(&self, at: (&Record, usize), start: &[f64], shift: &Shift, x: &mut [f64]) {
+        for (i, x) in x.iter_mut().enumerate() {
+            *x = self.measured_state(at, i, shift).unwrap_or(start[i]);
         }
+    }
+
+    /// State `i` at sample `k`, if it is measured.
+    fn measured_state(&self, (record, k): (&Record, usize), i: usize, shift: &Shift) -> Option<f64> {
+        let values = record.states.get(i)?.as_ref()?;
+        let added = shift.states.get(i).and_then(|own| own.as_ref()).map_or(0.0, |own| own[k]);
+        let smoothed = record.smoothed.get(i).filter(|_| self.corrected);
+        let smoothed = smoothed.and_then(Option::as_ref).map_or(0.0, |own| own[k]);
+        Some(values[k] + added - smoothed)
     }
 
     /// What the laws at each attachment depend on, `[taps][n]`; shorter where the simulation cannot go on.
@@ -472,14 +480,15 @@ impl System for View<'_> {
         if !self.fitted(record) {
             return Vec::new();
         }
-        let one = |values: &Option<Vec<f64>>| match values {
+        let one = |(i, values): (usize, &Option<Vec<f64>>)| match values {
+            None if self.study.unseen.get(i) == Some(&true) => (0.0, 0.0),
             None => (0.0, 1e-5),
             Some(values) => {
                 let size = values.iter().fold(0.0f64, |a, b| a.max(b.abs()));
                 (values[piece.range.start], 1e-5 * size.max(1e-6))
             }
         };
-        record.states.iter().map(one).collect()
+        record.states.iter().enumerate().map(one).collect()
     }
 
     fn signals(&self, record: usize) -> Vec<Span> {
