@@ -87,20 +87,19 @@ def refine(binary, what, out):
 
 
 def named(found):
-    """Kind of each selected effect -> (where, its first parameter)."""
+    """Kind of each selected effect -> (where, its parameters)."""
     chosen = {}
     for effect in found["effects"]:
         if effect["selected"]:
             kind = effect["id"].split("@")[0].split(".")[-1]
-            chosen[kind] = (effect["id"], next(iter(effect["params"].values()), None))
+            chosen[kind] = (effect["id"], effect["params"])
     return chosen
 
 
-def agree(a, b):
-    """Whether the intervals of two parameters meet; units may differ where the ports do."""
-    if a is None or b is None or a["unit"] != b["unit"] or "ci95" not in a or "ci95" not in b:
-        return None
-    return max(a["ci95"][0], b["ci95"][0]) <= min(a["ci95"][1], b["ci95"][1])
+def apart(a, b):
+    """Parameters of which the intervals of both ways do not meet; names may differ where the ports do."""
+    meet = lambda p, q: max(p["ci95"][0], q["ci95"][0]) <= min(p["ci95"][1], q["ci95"][1])
+    return [name for name in a if name in b and not meet(a[name], b[name])]
 
 
 def main():
@@ -125,16 +124,17 @@ def main():
             found, cpu, wall = refine(given.airloop, what, out / way)
             reports.append((found["verdict"], named(found)))
             shown = ", ".join(
-                where + (f' {first["value"]:.6g}' if first else "") for where, first in reports[-1][1].values()
+                where + "".join(f' {name} {own["value"]:.6g}' for name, own in params.items())
+                for where, params in reports[-1][1].values()
             )
             print(f"{folder.name} {way:5} {found['verdict']:12} complete {found.get('complete')}  {shown or '-'}  "
                   f"cpu {cpu:.0f} s, wall {wall:.0f} s", flush=True)
         (verdict, one), (other_verdict, other) = reports
         right = verdict == other_verdict and set(one) == set(other)
-        apart = [kind for kind in one if right and agree(one[kind][1], other[kind][1]) is False]
+        differ = [name for kind in one if right for name in apart(one[kind][1], other[kind][1])]
         total += 1
-        same += right and not apart
-        print(f"{folder.name} {'same' if right and not apart else 'NOT THE SAME'} {' '.join(apart)}", flush=True)
+        same += right and not differ
+        print(f"{folder.name} {'same' if right and not differ else 'NOT THE SAME'} {' '.join(differ)}", flush=True)
     print(f"{same} of {total} cases the same")
 
 

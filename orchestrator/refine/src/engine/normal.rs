@@ -273,3 +273,56 @@ pub fn dot(a: &[f64], b: &[f64]) -> f64 {
     let rest: f64 = left.remainder().iter().zip(right.remainder()).map(|(a, b)| a * b).sum();
     strands.iter().sum::<f64>() + rest
 }
+
+#[cfg(test)]
+mod tests {
+    use std::sync::atomic::{AtomicUsize, Ordering};
+
+    use super::*;
+    use crate::engine::Span;
+
+    /// `y(k) = p + 2 local`, and a second local parameter that acts on nothing.
+    struct Line(AtomicUsize);
+
+    impl System for Line {
+        fn records(&self) -> usize {
+            1
+        }
+        fn estimation(&self, _: usize) -> bool {
+            true
+        }
+        fn locals(&self, _: usize) -> Vec<(f64, f64)> {
+            vec![(0.0, 0.0), (0.0, 0.5)]
+        }
+        fn signals(&self, _: usize) -> Vec<Span> {
+            vec![Span { signal: "y".into(), range: 0..3, noise: 1.0 }]
+        }
+        fn predict(&self, _: usize, parameters: &[f64], locals: &[f64]) -> Vec<f64> {
+            self.0.fetch_add(1, Ordering::Relaxed);
+            vec![parameters[0] + 2.0 * locals[1]; 3]
+        }
+        fn measured(&self, _: usize) -> Vec<f64> {
+            vec![0.0; 3]
+        }
+        fn whiten(&self, _: usize, predicted: &[f64]) -> Vec<f64> {
+            predicted.iter().map(|y| -y).collect()
+        }
+        fn redraw(&self, _: usize, predicted: &[f64], _: &mut crate::engine::noise::Noise) -> Vec<f64> {
+            predicted.to_vec()
+        }
+    }
+
+    #[test]
+    fn a_local_parameter_that_acts_on_nothing_costs_no_simulation_and_has_a_column_of_zeros() {
+        let line = Line(AtomicUsize::new(0));
+        let free = Free { index: 0, step: 1e-3, bounds: (-1.0, 1.0), prior: None };
+        let found = columns(&line, &[0], &[0.1], &[free], &[&[0.0, 0.0]], true, None);
+        assert_eq!(line.0.load(Ordering::Relaxed), 3);
+        let slopes: Vec<f64> = found[0].columns.iter().map(|column| column[2]).collect();
+        assert_eq!(slopes.len(), 3);
+        assert!(
+            (slopes[0] + 1.0).abs() < 1e-9 && slopes[1] == 0.0 && (slopes[2] + 2.0).abs() < 1e-9,
+            "{slopes:?}"
+        );
+    }
+}
