@@ -3,8 +3,8 @@
 use std::sync::Arc;
 
 use super::probe::{Advance, Probe, Value, difference};
-use super::{Findings, element};
-use crate::description::{Initial, Variability, VariableKind};
+use super::{Findings, element, settings};
+use crate::description::{Initial, Variability};
 use crate::{Error, Fmu, Instance, InterfaceKind};
 
 /// Steps of a trial run.
@@ -61,6 +61,9 @@ fn run(fmu: &Arc<Fmu>, kind: InterfaceKind, findings: &mut Findings) -> Result<b
         findings.error("event-iteration", place, "fmi2NewDiscreteStates does not come to rest");
         return Ok(false);
     }
+    for (rule, message) in probe.take_event_faults() {
+        findings.error(rule, &place, message);
+    }
     let stepped = probe.values()?;
     check_finite(fmu, kind, &stepped, findings);
     if let Some(neighbor) = &mut neighbor
@@ -88,20 +91,7 @@ fn run(fmu: &Arc<Fmu>, kind: InterfaceKind, findings: &mut Findings) -> Result<b
 fn check_starts(fmu: &Fmu, kind: InterfaceKind, values: &[Value], findings: &mut Findings) {
     for (variable, value) in fmu.description.variables.iter().zip(values) {
         let exact = variable.initial == Some(Initial::Exact) || variable.variability == Variability::Constant;
-        let start = match &variable.kind {
-            VariableKind::Real(real) => real.start.map(|start| Value::Real(start.to_bits())),
-            VariableKind::Integer { start, .. } | VariableKind::Enumeration { start, .. } => {
-                start.map(Value::Integer)
-            }
-            VariableKind::Boolean { start } => start.map(Value::Boolean),
-            VariableKind::String { start } => start.clone().map(Value::String),
-        };
-        // Zero has two representations.
-        let same = |start: &Value| match (start, value) {
-            (Value::Real(a), Value::Real(b)) => f64::from_bits(*a) == f64::from_bits(*b),
-            (a, b) => a == b,
-        };
-        if let Some(start) = start.filter(|start| exact && !same(start)) {
+        if let Some(start) = settings::start(variable).filter(|start| exact && !start.equals(value)) {
             let message =
                 format!("{kind}: its value in initialization mode is {value}, its start value {start}");
             findings.error("start-value", element(variable), message);
