@@ -56,7 +56,7 @@ fn run(fmu: &Arc<Fmu>, kind: InterfaceKind, findings: &mut Findings) -> Result<b
     if let Some(neighbor) = &mut neighbor {
         neighbor.initialize()?;
     }
-    let outcome = probe.advance(STEPS)?;
+    let (outcome, path) = walk(&mut probe)?;
     if outcome == Advance::EndlessEvents {
         findings.error("event-iteration", place, "fmi2NewDiscreteStates does not come to rest");
         return Ok(false);
@@ -78,13 +78,32 @@ fn run(fmu: &Arc<Fmu>, kind: InterfaceKind, findings: &mut Findings) -> Result<b
     let again = probe.values()?;
     if let Some(what) = difference(description, &initial, &again) {
         findings.error("reset", &place, format!("after fmi2Reset and initialization {what}"));
-    } else if probe.advance(STEPS)? != outcome {
-        findings.error("reset", &place, "a run after fmi2Reset ends differently");
-    } else if let Some(what) = difference(description, &stepped, &probe.values()?) {
-        findings.error("reset", &place, format!("after {STEPS} steps before and after fmi2Reset {what}"));
+    } else {
+        let (outcome_again, path_again) = walk(&mut probe)?;
+        let mut pairs = path.iter().zip(&path_again).enumerate();
+        let first = pairs.find_map(|(step, (before, after))| Some((step, difference(description, before, after)?)));
+        if let Some((step, what)) = first {
+            let message = format!("after step {} before and after fmi2Reset {what}", step + 1);
+            findings.error("reset", &place, message);
+        } else if outcome_again != outcome {
+            findings.error("reset", &place, "a run after fmi2Reset ends differently");
+        }
     }
     probe.instance().terminate()?;
     Ok(true)
+}
+
+/// The trial run: its end, and all values after each step.
+fn walk(probe: &mut Probe) -> Result<(Advance, Vec<Vec<Value>>), Error> {
+    let mut path = Vec::with_capacity(STEPS);
+    for _ in 0..STEPS {
+        let outcome = probe.advance(1)?;
+        if outcome != Advance::Done {
+            return Ok((outcome, path));
+        }
+        path.push(probe.values()?);
+    }
+    Ok((Advance::Done, path))
 }
 
 /// Constants, parameters and other exact variables have their start value in initialization mode.

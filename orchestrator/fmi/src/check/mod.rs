@@ -75,8 +75,10 @@ pub struct Finding {
 pub fn static_findings(fmu: &Fmu) -> Vec<Finding> {
     let mut findings = Findings::default();
     files::check(fmu, &mut findings);
-    if let Ok(xml) = std::fs::read(fmu.folder().join("modelDescription.xml")) {
-        schema::check(&xml, fmu.description.is_fmi3(), &mut findings);
+    let description = std::fs::read(fmu.folder().join("modelDescription.xml")).ok();
+    if let Some(root) = description.and_then(|bytes| crate::xml::parse(&bytes).ok()) {
+        schema::check(&root, fmu.description.is_fmi3(), &mut findings);
+        files::check_sources(fmu, &root, &mut findings);
     }
     types::check(&fmu.description, &mut findings);
     names::check(&fmu.description, &mut findings);

@@ -9,19 +9,18 @@
 use std::collections::HashMap;
 
 use super::{Findings, Severity};
-use crate::xml::{self, Element};
+use crate::xml::Element;
 
 const FMI2: &str = include_str!("schema_fmi2.txt");
 const FMI3: &str = include_str!("schema_fmi3.txt");
 
-/// Judges the bytes of a description that was read without error.
-pub(super) fn check(bytes: &[u8], is_fmi3: bool, findings: &mut Findings) {
-    let Ok(root) = xml::parse(bytes) else { return };
+/// Judges the root element of a description.
+pub(super) fn check(root: &Element, is_fmi3: bool, findings: &mut Findings) {
     let minor_version = root.attribute("fmiVersion").is_some_and(|version| is_fmi3 && version != "3.0");
     // Minor versions may add elements and attributes (FMI 3.0 section 2.6).
     let severity = if minor_version { Severity::Note } else { Severity::Error };
     let schema = Schema::new(if is_fmi3 { FMI3 } else { FMI2 });
-    schema.judge(&root, "fmiModelDescription", severity, findings);
+    schema.judge(root, "fmiModelDescription", severity, findings);
 }
 
 /// A type of element.
@@ -242,7 +241,7 @@ mod tests {
 
     fn messages(text: &str, is_fmi3: bool) -> Vec<String> {
         let mut findings = Findings::default();
-        check(text.as_bytes(), is_fmi3, &mut findings);
+        check(&crate::xml::parse(text.as_bytes()).unwrap(), is_fmi3, &mut findings);
         findings.0.into_iter().map(|finding| format!("{}: {}", finding.element, finding.message)).collect()
     }
 

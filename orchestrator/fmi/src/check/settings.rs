@@ -131,7 +131,12 @@ fn run(
         return Ok(());
     }
     judge_held(&mut probe, fmu, kind, changes, &is_ignored, findings)?;
-    during_run(&mut probe, fmu, kind, changes, &is_ignored, findings)?;
+    // To the start values and back again, so that a reset has something to undo.
+    for to_start in [true, false] {
+        if !during_run(&mut probe, fmu, kind, changes, &is_ignored, to_start, findings)? {
+            return Ok(());
+        }
+    }
 
     probe.instance().reset()?;
     probe.begin()?;
@@ -206,15 +211,17 @@ fn judge_held(
     Ok(())
 }
 
-/// Inputs and tunable parameters take their start values again, in event mode and where continuous during the run.
+/// Inputs and tunable parameters take their start values, or the changed ones, in event mode and before the next step; yields
+/// whether the run can go on.
 fn during_run(
     probe: &mut Probe,
     fmu: &Fmu,
     kind: InterfaceKind,
     changes: &[(usize, Value)],
     is_ignored: &[bool],
+    to_start: bool,
     findings: &mut Findings,
-) -> Result<(), Error> {
+) -> Result<bool, Error> {
     let may_change = |variable: &Variable| {
         variable.causality == Causality::Input
             || (variable.causality == Causality::Parameter && variable.variability == Variability::Tunable)
@@ -222,28 +229,30 @@ fn during_run(
     let mut back = Vec::new();
     for ((position, value), ignored) in changes.iter().zip(is_ignored) {
         let variable = &fmu.description.variables[*position];
-        if let Some(start) = start(variable).filter(|start| may_change(variable) && !ignored && start != value) {
-            back.push((variable, start));
+        let start = start(variable).filter(|start| may_change(variable) && !ignored && start != value);
+        if let Some(start) = start {
+            back.push((variable, if to_start { start } else { value.clone() }));
         }
     }
     if back.is_empty() {
-        return Ok(());
+        return Ok(true);
     }
     if let Some(model) = probe.model() {
         model.enter_event_mode()?;
     }
     back.iter().try_for_each(|(variable, value)| probe.set(variable, value))?;
     if probe.handle_events()? != Advance::Done || probe.advance(1)? != Advance::Done {
-        return Ok(());
+        return Ok(false);
     }
     for (variable, value) in &back {
         let kept = probe.value(variable)?;
         if !kept.equals(value) && !is_single_of(&kept, value) {
             let message = format!("{kind}: set to {value} during the run, it is {kept} one step later");
             findings.error("set-ignored", element(variable), message);
+            return Ok(false);
         }
     }
-    Ok(())
+    Ok(true)
 }
 
 /// Equal but for the digits that single precision has not.

@@ -27,6 +27,10 @@ pub(super) fn check(description: &ModelDescription, findings: &mut Findings) {
             _ => {}
         }
     }
+    if description.is_fmi3() && !description.variables.iter().any(|v| v.causality == Causality::Independent) {
+        let message = "there is no variable of causality independent, which FMI 3.0 asks for";
+        findings.error("independent", "ModelVariables", message);
+    }
     let states: HashSet<usize> = description.variables.iter().filter_map(derivative).collect();
     for (position, variable) in description.variables.iter().enumerate() {
         judge_state_attributes(description, variable, states.contains(&position), findings);

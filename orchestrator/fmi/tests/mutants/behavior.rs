@@ -10,7 +10,7 @@ pub const MUTANTS: &[Mutant] = &[
     two("derivatives in swapped order", "state-order", Fault("SWAPPED_RATES", &[])),
     two("a state that is not set", "state-order", Fault("STATE_NOT_SET", &[])),
     two("derivative of another sign by fmi2GetReal", "state-order", Fault("WRONG_RATE_VARIABLE", &[])),
-    two("derivatives of the states before", "evaluation", Fault("STALE_RATES", &[])),
+    two("derivatives of the states before", "state-order", Fault("STALE_RATES", &[])),
     two("NaN derivative after a while", "non-finite", Fault("NAN_RATE", &[])),
     two("infinite derivative", "non-finite", Fault("INFINITE_RATE", &[])),
     two("NaN event indicator", "non-finite", Fault("NAN_INDICATOR", &[])),
