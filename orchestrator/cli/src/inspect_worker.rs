@@ -80,7 +80,8 @@ pub fn findings(fmu: &Fmu, limit: Duration) -> Result<Vec<Finding>, Error> {
     };
     let written = std::fs::read_to_string(folder.path().join(FINDINGS)).unwrap_or_default();
     // The last line may be cut off.
-    let mut found: Vec<Finding> = written.lines().filter_map(|line| serde_json::from_str(line).ok()).collect();
+    let mut found: Vec<Finding> =
+        written.lines().filter_map(|line| serde_json::from_str(line).ok()).collect();
     if folder.path().join(DONE).exists() {
         return Ok(found);
     }

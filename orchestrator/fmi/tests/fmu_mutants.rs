@@ -65,7 +65,11 @@ fn judge(path: &Path) -> Verdict {
         std::thread::sleep(Duration::from_millis(2));
     };
     let text = std::fs::read_to_string(&output).unwrap_or_default();
-    findings.extend(text.lines().filter(|line| *line != "done").map(|line| serde_json::from_str::<Finding>(line).unwrap()));
+    findings.extend(
+        text.lines()
+            .filter(|line| *line != "done")
+            .map(|line| serde_json::from_str::<Finding>(line).unwrap()),
+    );
     if !text.ends_with("done\n") {
         let (element, message) = ("process".to_owned(), format!("{status:?}"));
         findings.push(Finding { severity: Severity::Error, rule: "process-lost".into(), element, message });
@@ -114,11 +118,35 @@ fn legal_fmus_are_not_called_wrong() {
     let mut wrong = Vec::new();
     for (number, variant) in legal::VARIANTS.iter().enumerate() {
         let verdict = judge(&variant.write(folder.path(), &format!("{number}.fmu")));
-        let troubles: Vec<_> = verdict.findings.iter().filter(|finding| finding.severity > Severity::Note).collect();
+        let troubles: Vec<_> =
+            verdict.findings.iter().filter(|finding| finding.severity > Severity::Note).collect();
         if verdict.refused.is_some() || !troubles.is_empty() {
             wrong.push(format!("{}: {:?} {troubles:#?}", variant.name, verdict.refused));
         }
     }
     assert!(legal::VARIANTS.len() >= 20);
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+}
+
+/// Writes all FMUs, and what the checker makes of them as `mutants.jsonl`, for `make study-checker`.
+#[test]
+#[ignore = "writes the ground of docs/checker.md"]
+fn write_mutants() {
+    use std::io::Write;
+    let folder = std::env::var_os("AIRLOOP_MUTANTS").expect("AIRLOOP_MUTANTS names a folder");
+    let folder = Path::new(&folder);
+    std::fs::create_dir_all(folder).unwrap();
+    let mut list = std::fs::File::create(folder.join("mutants.jsonl")).unwrap();
+    for (number, mutant) in defective().chain(legal::VARIANTS).enumerate() {
+        let file = format!("{number:03}.fmu");
+        let verdict = judge(&mutant.write(folder, &file));
+        let row = serde_json::json!({
+            "file": file,
+            "name": mutant.name,
+            "is_legal": mutant.rule.is_empty(),
+            "rule": mutant.rule,
+            "found": verdict.rules(),
+        });
+        writeln!(list, "{row}").unwrap();
+    }
 }

@@ -72,6 +72,7 @@ static void rates(Subject *s, double *out) {
     double k = HAS(COSIM_DIFFERS) && s->cs ? 0.9 * d->k : d->k;
     double damping = HAS(COSIM_OTHER_SIGN) && s->cs ? -d->d : d->d;
     if (HAS(PARAMETER_IGNORED_IN_COSIM) && s->cs) k = 4.4;
+    if (HAS(PARAMETER_AS_BUILT_IN_COSIM) && s->cs) k = 4;
     double now[2] = {d->v, -k * d->x - damping * d->v + g * d->u};
     if (HAS(HIDDEN_DEPENDENCY)) now[0] += 0.1 * d->u;
     if (HAS(DISCRETE_IN_RATE)) now[1] += 0.1 * d->u_held;
@@ -212,6 +213,7 @@ static Subject *make(const char *token, bool cs) {
     s->cs = cs;
     if (HAS(NO_COSIM) && cs) { free(s); return NULL; }
     start(s);
+    if (HAS(LEAK_FILE)) { volatile FILE *lost = fopen("/dev/null", "r"); (void)lost; }
     if (HAS(LEAK_INSTANCE)) { volatile char *lost = malloc(200); lost[0] = 1; }
     share(s);
     crash(s, "instantiate");

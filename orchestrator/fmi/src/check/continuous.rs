@@ -32,7 +32,9 @@ fn run(fmu: &Arc<Fmu>, findings: &mut Findings) -> Result<(), Error> {
     }
     if let Some(model) = probe.model() {
         let described = [model.state_count(), fmu.description.number_of_event_indicators];
-        for ((what, described), counted) in ["states", "event indicators"].iter().zip(described).zip(model.counts()) {
+        for ((what, described), counted) in
+            ["states", "event indicators"].iter().zip(described).zip(model.counts())
+        {
             if let Some(counted) = counted.filter(|counted| *counted != described) {
                 let message = format!("the library has {counted} {what}, ModelStructure lists {described}");
                 findings.error("continuous-states", "interface Model Exchange", message);

@@ -69,25 +69,32 @@ fn compare(
     let Some(usual) = observe(fmu, kind, moment, &unknowns, None)? else { return Ok(()) };
     for (known, variable) in variables.iter().enumerate().filter(|&(known, _)| is_known(fmu, moment, known)) {
         // Continuous Reals of each other are judged elsewhere, but for what is set at initialization only.
-        let elsewhere = is_continuous(variable)
-            && (moment == Moment::Event || variable.causality == Causality::Input);
+        let elsewhere =
+            is_continuous(variable) && (moment == Moment::Event || variable.causality == Causality::Input);
         if elsewhere && unknowns.iter().all(|unknown| is_continuous(&variables[unknown.variable])) {
             continue;
         }
-        let mut depends = vec![false; unknowns.len()];
+        let mut depends = vec![false; usual.len()];
         for value in values(fmu, known) {
             if began.elapsed() > PATIENCE {
                 return Ok(());
             }
             // A value may lie outside of what the FMU accepts; that says nothing about dependencies.
-            let Ok(Some(changed)) = observe(fmu, kind, moment, &unknowns, Some((known, &value))) else { continue };
+            let Ok(Some(changed)) = observe(fmu, kind, moment, &unknowns, Some((known, &value))) else {
+                continue;
+            };
             for (depends, (usual, changed)) in depends.iter_mut().zip(usual.iter().zip(&changed)) {
                 *depends |= usual != changed;
             }
         }
-        for (unknown, depends) in unknowns.iter().zip(depends) {
+        // Values at once, and behind them those after the event.
+        let (at_once, after) = depends.split_at(unknowns.len());
+        for (index, unknown) in unknowns.iter().enumerate() {
+            let is_after_only = !at_once[index] && after.get(index).is_some_and(|depends| *depends);
+            let depends = at_once[index] || is_after_only;
             let dependent = &variables[unknown.variable];
-            let declared = unknown.dependencies.iter().flatten().any(|dependency| dependency.variable == known);
+            let declared =
+                unknown.dependencies.iter().flatten().any(|dependency| dependency.variable == known);
             let is_alias = dependent.value_reference == variable.value_reference
                 && dependent.kind.name() == variable.kind.name();
             if !depends || declared || is_alias || (elsewhere && is_continuous(dependent)) {
@@ -98,8 +105,9 @@ fn compare(
                 "at {} the value depends on it, but the dependencies of ModelStructure do not say so",
                 moment.name()
             );
-            // Parameters do not take part in the order in which connected units are initialized.
-            if variable.causality == Causality::Parameter {
+            // Parameters do not take part in the order in which connected units are initialized; after an event, values may have
+            // gone through a memory.
+            if variable.causality == Causality::Parameter || is_after_only {
                 findings.warning("dependency-undeclared", place, message);
             } else {
                 findings.error("dependency-undeclared", place, message);
@@ -142,7 +150,7 @@ fn values(fmu: &Fmu, known: usize) -> Vec<Value> {
     near.into_iter().chain(far).collect()
 }
 
-/// The unknowns after a known was set; `None` if the FMU ended by itself.
+/// The unknowns after a known was set, and at an event once more after it; `None` if the FMU ended by itself.
 fn observe(
     fmu: &Arc<Fmu>,
     kind: InterfaceKind,
@@ -160,7 +168,8 @@ fn observe(
             }
         }
     }
-    let state = set.and_then(|(known, _)| fmu.description.continuous_states().position(|state| state == known));
+    let state =
+        set.and_then(|(known, _)| fmu.description.continuous_states().position(|state| state == known));
     let Some(model) = probe.model().filter(|_| moment == Moment::Event) else {
         if let Some((known, value)) = set {
             probe.set(&variables[known], value)?;
@@ -179,7 +188,12 @@ fn observe(
             probe.set(&variables[known], value)?;
         }
     }
-    read(&mut probe, fmu, unknowns).map(Some)
+    let mut values = read(&mut probe, fmu, unknowns)?;
+    if probe.handle_events()? != Advance::Done {
+        return Ok(None);
+    }
+    values.extend(read(&mut probe, fmu, unknowns)?);
+    Ok(Some(values))
 }
 
 fn read(probe: &mut Probe, fmu: &Fmu, unknowns: &[&Unknown]) -> Result<Vec<Value>, Error> {

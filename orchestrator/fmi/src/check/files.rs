@@ -82,7 +82,11 @@ pub(super) fn check_sources(fmu: &Fmu, root: &Element, findings: &mut Findings) 
         let Some(name) = file.attribute("name") else { continue };
         let path = format!("sources/{name}");
         if !fmu.files().contains(&path) {
-            findings.error("source-missing", path, format!("line {} lists it, but it is not there", file.line));
+            findings.error(
+                "source-missing",
+                path,
+                format!("line {} lists it, but it is not there", file.line),
+            );
         }
     }
     let described = fmu.files().iter().any(|file| file == "sources/buildDescription.xml");

@@ -7,6 +7,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use super::probe::{Advance, Probe, Value};
+use super::settings::another;
 use super::{Findings, Severity, element};
 use crate::description::{Causality, Variability, Variable, VariableKind};
 use crate::{Error, Fmu, InterfaceKind};
@@ -23,22 +24,41 @@ const MAX_ERROR_OVER_EULER: f64 = 1.5;
 /// Largest error over the range in which a variable has moved: tolerance of the solver inside of the FMU.
 const MAX_ERROR_OVER_RANGE: f64 = 1e-3;
 
-/// Largest error over the value, for rounding.
+/// Largest error of Euler steps over the range in which a variable has moved, for a comparison.
+const MAX_EULER_ERROR_OVER_RANGE: f64 = 0.25;
+
+/// Largest error over the value or the nominal, for rounding.
 const ROUNDING: f64 = 1e-9;
 
 /// Change of an input over its size, so that its factors matter.
 const INPUT_CHANGE: f64 = 0.3;
 
+/// At the start, Model Exchange has seen the events of that time already, Co-Simulation sees them in its first step.
+const FIRST_POINT: usize = 1;
+
 /// Time for all runs; a slow FMU is compared as far as it gets.
 const PATIENCE: Duration = Duration::from_secs(5);
 
 pub(super) fn check(fmu: &Arc<Fmu>, findings: &mut Findings) {
-    let changed = inputs(fmu);
-    // A changed input may be more than the model is made for.
-    if compare(fmu, &changed, findings).is_err() && !changed.is_empty() {
+    let inputs = inputs(fmu);
+    // Changed values may be more than the model is made for.
+    if compare(fmu, &inputs, findings).is_err() && !inputs.is_empty() {
         // What ends a run is a finding of the life-cycle.
         let _ = compare(fmu, &[], findings);
     }
+    let all: Vec<_> = inputs.into_iter().chain(parameters(fmu)).collect();
+    if findings.0.is_empty() {
+        let _ = compare(fmu, &all, findings);
+    }
+}
+
+/// Real parameters with other values than their start values.
+fn parameters(fmu: &Fmu) -> Vec<(usize, f64)> {
+    let variables = fmu.description.variables.iter().enumerate();
+    let parameters = variables.filter(|(_, variable)| variable.causality == Causality::Parameter);
+    parameters
+        .filter_map(|(position, variable)| Some((position, another(fmu, variable, true)?.real()?)))
+        .collect()
 }
 
 /// Continuous inputs with other values than their start values.
@@ -68,17 +88,17 @@ struct Run {
 fn run(
     fmu: &Arc<Fmu>,
     kind: InterfaceKind,
-    inputs: &[(usize, f64)],
+    settings: &[(usize, f64)],
     short: f64,
     began: Instant,
 ) -> Result<Run, Error> {
     let mut probe = Probe::new(fmu, kind)?;
     let (start, h) = (probe.time(), probe.step());
     probe.set_step(h / short);
-    probe.begin()?;
-    for &(position, value) in inputs {
+    for &(position, value) in settings {
         probe.set(&fmu.description.variables[position], &Value::Real(value.to_bits()))?;
     }
+    probe.begin()?;
     let mut run = Run::default();
     let mut outcome = probe.finish()?;
     for step in 1..=STEPS + 1 {
@@ -95,11 +115,11 @@ fn run(
     Ok(run)
 }
 
-fn compare(fmu: &Arc<Fmu>, inputs: &[(usize, f64)], findings: &mut Findings) -> Result<(), Error> {
+fn compare(fmu: &Arc<Fmu>, settings: &[(usize, f64)], findings: &mut Findings) -> Result<(), Error> {
     let began = Instant::now();
-    let slave = run(fmu, InterfaceKind::CoSimulation, inputs, 1.0, began)?;
-    let coarse = run(fmu, InterfaceKind::ModelExchange, inputs, 1.0, began)?;
-    let fine = run(fmu, InterfaceKind::ModelExchange, inputs, SHORT_STEPS, began)?;
+    let slave = run(fmu, InterfaceKind::CoSimulation, settings, 1.0, began)?;
+    let coarse = run(fmu, InterfaceKind::ModelExchange, settings, 1.0, began)?;
+    let fine = run(fmu, InterfaceKind::ModelExchange, settings, SHORT_STEPS, began)?;
     let points = slave.values.len().min(coarse.values.len()).min(fine.values.len());
     let h = Probe::new(fmu, InterfaceKind::CoSimulation)?.step();
     // Structural and derived values differ by definition where they belong to the interface.
@@ -108,12 +128,17 @@ fn compare(fmu: &Arc<Fmu>, inputs: &[(usize, f64)], findings: &mut Findings) -> 
             && variable.variability != Variability::Constant
     };
     for (position, variable) in fmu.description.variables.iter().enumerate().filter(|(_, v)| compared(v)) {
-        let column = |run: &Run| -> Vec<Value> { run.values.iter().map(|values| values[position].clone()).collect() };
+        let column =
+            |run: &Run| -> Vec<Value> { run.values.iter().map(|values| values[position].clone()).collect() };
         let (slave, model, rough) = (column(&slave), column(&fine), column(&coarse));
         let is_continuous = variable.variability == Variability::Continuous;
         let different = match numbers(&slave).zip(numbers(&model)).zip(numbers(&rough)) {
             Some(((slave, model), rough)) if is_continuous => {
-                continuous((&slave, &model, &rough), (&fine.events, &coarse.events), points)
+                let nominal = match &variable.kind {
+                    VariableKind::Real(real) => real.nominal.unwrap_or(1.0).abs(),
+                    _ => 1.0,
+                };
+                continuous((&slave, &model, &rough), (&fine.events, &coarse.events), points, nominal)
             }
             _ => discrete((&slave, &model, &rough), points),
         };
@@ -141,25 +166,33 @@ fn continuous(
     (slave, model, rough): (&[f64], &[f64], &[f64]),
     (events, rough_events): (&[usize], &[usize]),
     points: usize,
+    nominal: f64,
 ) -> Option<usize> {
     let (mut error, mut low, mut high) = (0.0_f64, f64::INFINITY, f64::NEG_INFINITY);
-    for point in 0..points.saturating_sub(1) {
+    for point in FIRST_POINT..points.saturating_sub(1) {
         let (before, after) = (point.saturating_sub(1), point + 1);
         // Around an event the point itself does not say on which side of it a value is.
         let is_near_event = events[before] != events[after] || rough_events[before] != rough_events[after];
         let near = if is_near_event { before..=after } else { point..=point };
         let hull = |values: &[f64]| {
             let values = &values[near.clone()];
-            (values.iter().copied().fold(f64::INFINITY, f64::min), values.iter().copied().fold(f64::NEG_INFINITY, f64::max))
+            (
+                values.iter().copied().fold(f64::INFINITY, f64::min),
+                values.iter().copied().fold(f64::NEG_INFINITY, f64::max),
+            )
         };
         let ((from, to), (rough_from, rough_to)) = (hull(model), hull(rough));
         error = error.max((model[point] - rough[point]).abs());
         (low, high) = (low.min(from), high.max(to));
         let allowed = MAX_ERROR_OVER_EULER * error
             + MAX_ERROR_OVER_RANGE * (high - low)
-            + ROUNDING * from.abs().max(to.abs());
-        if !error.is_finite() || !allowed.is_finite() {
+            + ROUNDING * from.abs().max(to.abs()).max(nominal);
+        if !allowed.is_finite() {
             return None;
+        }
+        // Where Euler steps are as far off as the variable has moved, they say nothing.
+        if error > MAX_EULER_ERROR_OVER_RANGE * (high - low) && error > ROUNDING * nominal {
+            continue;
         }
         if slave[point] < from.min(rough_from) - allowed || slave[point] > to.max(rough_to) + allowed {
             return Some(point);
@@ -170,12 +203,18 @@ fn continuous(
 
 /// The first point at which a value that changes by events only is none that Model Exchange has near this point.
 fn discrete((slave, model, rough): (&[Value], &[Value], &[Value]), points: usize) -> Option<usize> {
-    (0..points.saturating_sub(1)).find(|&point| {
+    (FIRST_POINT..points.saturating_sub(1)).find(|&point| {
         let near = point.saturating_sub(1)..=point + 1;
-        let known = |value: &Value| value.equals(&slave[point]);
-        let between = numbers(&model[near.clone()]).zip(slave[point].real()).is_some_and(|(values, value)| {
-            values.iter().any(|other| *other <= value) && values.iter().any(|other| *other >= value)
-        });
+        let known = |value: &Value| match (value.real(), slave[point].real()) {
+            (Some(a), Some(b)) => {
+                (a - b).abs() <= ROUNDING * a.abs().max(b.abs()) || value.equals(&slave[point])
+            }
+            _ => value.equals(&slave[point]),
+        };
+        let between =
+            numbers(&model[near.clone()]).zip(slave[point].real()).is_some_and(|(values, value)| {
+                values.iter().any(|other| *other <= value) && values.iter().any(|other| *other >= value)
+            });
         !between && !model[near.clone()].iter().any(known) && !rough[near].iter().any(known)
     })
 }

@@ -81,7 +81,8 @@ fn run(fmu: &Arc<Fmu>, kind: InterfaceKind, findings: &mut Findings) -> Result<b
     } else {
         let (outcome_again, path_again) = walk(&mut probe)?;
         let mut pairs = path.iter().zip(&path_again).enumerate();
-        let first = pairs.find_map(|(step, (before, after))| Some((step, difference(description, before, after)?)));
+        let first =
+            pairs.find_map(|(step, (before, after))| Some((step, difference(description, before, after)?)));
         if let Some((step, what)) = first {
             let message = format!("after step {} before and after fmi2Reset {what}", step + 1);
             findings.error("reset", &place, message);

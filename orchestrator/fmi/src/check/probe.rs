@@ -83,7 +83,7 @@ impl Probe {
         // An FMU may take tiny steps inside and suggest an experiment of years.
         let inner = fmu.description.co_simulation.as_ref().and_then(|slave| slave.fixed_internal_step_size);
         let limit = inner.filter(|inner| *inner > 0.0).map_or(f64::INFINITY, |inner| MAX_INNER_STEPS * inner);
-        let step = step.map(|step| step.min(limit));
+        let step = step.map(|step| step.min(limit).max(inner.unwrap_or(0.0)));
         let runner = match kind {
             InterfaceKind::CoSimulation => Runner::Slave(Slave::instantiate(fmu, "check", false)?),
             InterfaceKind::ModelExchange => Runner::Model(Model::instantiate(fmu, "check", false)?),
@@ -313,7 +313,10 @@ impl Probe {
         let message = if self.events_at_once > 0 {
             format!("every event at {next} s names this time as that of the next event")
         } else {
-            format!("the event at {} s names {next} s as time of the next event, which does not lie ahead", self.time)
+            format!(
+                "the event at {} s names {next} s as time of the next event, which does not lie ahead",
+                self.time
+            )
         };
         self.event_faults.push(("next-event-time", message));
     }

@@ -49,7 +49,9 @@ struct Schema<'a>(HashMap<&'a str, Kind<'a>>);
 impl<'a> Schema<'a> {
     fn new(table: &'a str) -> Self {
         let lines = table.lines().filter(|line| !line.starts_with('#'));
-        Schema(lines.filter_map(|line| line.split_once(": ")).map(|(name, rest)| (name, kind(rest))).collect())
+        Schema(
+            lines.filter_map(|line| line.split_once(": ")).map(|(name, rest)| (name, kind(rest))).collect(),
+        )
     }
 
     fn judge(&self, element: &Element, name: &str, severity: Severity, findings: &mut Findings) {
@@ -125,7 +127,10 @@ fn judge_order(element: &Element, parts: &[Part], add: &mut impl FnMut(String)) 
         counts[at] += 1;
         if at < reached {
             let after = parts[reached].elements.first().map_or("", |(name, _)| *name);
-            add(format!("the element {} (line {}) stands behind {after}, but must stand before it", child.name, child.line));
+            add(format!(
+                "the element {} (line {}) stands behind {after}, but must stand before it",
+                child.name, child.line
+            ));
         }
         if counts[at] == 2 && !parts[at].repeated {
             add(format!("the element {} (line {}) is one too many; one is allowed", child.name, child.line));
@@ -168,7 +173,10 @@ fn parts(text: &str) -> Vec<Part<'_>> {
         let mark = after.chars().next().filter(|mark| "?*+".contains(*mark));
         rest = after.trim_start_matches(['?', '*', '+']).trim_start();
         parts.push(Part {
-            elements: names.split_whitespace().map(|word| word.split_once(':').unwrap_or((word, word))).collect(),
+            elements: names
+                .split_whitespace()
+                .map(|word| word.split_once(':').unwrap_or((word, word)))
+                .collect(),
             required: !matches!(mark, Some('?' | '*')),
             repeated: matches!(mark, Some('*' | '+')),
         });
@@ -268,7 +276,13 @@ mod tests {
             (
                 "t",
                 &["2026-01-31T12:00:00Z", "2026-01-31T12:00:00.5+01:00", "2026-01-31T12:00:00"],
-                &["2026-01-31", "31.1.2026", "2026-13-01T00:00:00Z", "2026-01-31 12:00:00", "2026-01-31T12:00Z"],
+                &[
+                    "2026-01-31",
+                    "31.1.2026",
+                    "2026-13-01T00:00:00Z",
+                    "2026-01-31 12:00:00",
+                    "2026-01-31T12:00Z",
+                ],
             ),
             ("[flat|structured]", &["flat"], &["Flat", "flat "]),
         ] {
@@ -280,7 +294,9 @@ mod tests {
     #[test]
     fn order_number_and_names_of_elements_are_judged() {
         let text = |inside: &str| {
-            format!("<fmiModelDescription fmiVersion=\"2.0\" modelName=\"m\" guid=\"g\">{inside}</fmiModelDescription>")
+            format!(
+                "<fmiModelDescription fmiVersion=\"2.0\" modelName=\"m\" guid=\"g\">{inside}</fmiModelDescription>"
+            )
         };
         let sound = "<CoSimulation modelIdentifier=\"m\"/><ModelVariables><ScalarVariable name=\"a\" valueReference=\"0\"><Real/>\
                      </ScalarVariable></ModelVariables><ModelStructure/>";

@@ -46,7 +46,9 @@ fn changes(fmu: &Fmu) -> Vec<(usize, Value)> {
     let settable = |position: usize, variable: &Variable| {
         let is_start = states.contains(&position) && variable.initial == Some(Initial::Exact);
         let held = matches!(variable.causality, Causality::Parameter | Causality::Input);
-        (held || is_start) && variable.variability != Variability::Constant && !description.is_structural(position)
+        (held || is_start)
+            && variable.variability != Variability::Constant
+            && !description.is_structural(position)
     };
     let variables = description.variables.iter().enumerate();
     let settable = variables.filter(|&(position, variable)| settable(position, variable));
@@ -116,7 +118,8 @@ fn run(
         let kept = probe.value(variable)?;
         *ignored = !kept.equals(value);
         if *ignored {
-            let message = format!("{kind}: set to {value} before initialization, it is {kept} in initialization mode");
+            let message =
+                format!("{kind}: set to {value} before initialization, it is {kept} in initialization mode");
             findings.error("set-ignored", element(variable), message);
         }
     }
@@ -142,7 +145,9 @@ fn run(
     probe.begin()?;
     let again = probe.values()?;
     if let Some(what) = difference(&fmu.description, &starts, &again) {
-        let message = format!("a value that was set outlives fmi2Reset, or is lost by it: {what}, where the first is the start");
+        let message = format!(
+            "a value that was set outlives fmi2Reset, or is lost by it: {what}, where the first is the start"
+        );
         findings.error("reset", &place, message);
         return Ok(());
     }
@@ -152,7 +157,9 @@ fn run(
             neighbor.advance(STEPS)?;
             probe.advance(STEPS)?;
             if let Some(what) = difference(&fmu.description, &neighbor.values()?, &probe.values()?) {
-                let message = format!("after values were set and fmi2Reset, a run differs from that of a new instance: {what}");
+                let message = format!(
+                    "after values were set and fmi2Reset, a run differs from that of a new instance: {what}"
+                );
                 findings.error("reset", &place, message);
             }
         }
@@ -164,7 +171,8 @@ fn run(
 fn set_all(probe: &mut Probe, fmu: &Fmu, changes: &[(usize, Value)]) -> Result<(), Error> {
     let reference = |position: &usize| fmu.description.variables[*position].value_reference;
     let reversed = || changes.iter().rev();
-    let (mut reals, mut integers, mut others) = ((Vec::new(), Vec::new()), (Vec::new(), Vec::new()), Vec::new());
+    let (mut reals, mut integers, mut others) =
+        ((Vec::new(), Vec::new()), (Vec::new(), Vec::new()), Vec::new());
     for (position, value) in reversed() {
         match value {
             Value::Real(bits) => {
@@ -184,7 +192,9 @@ fn set_all(probe: &mut Probe, fmu: &Fmu, changes: &[(usize, Value)]) -> Result<(
     if !integers.0.is_empty() {
         probe.instance().set_integer(&integers.0, &integers.1)?;
     }
-    others.into_iter().try_for_each(|(position, value)| probe.set(&fmu.description.variables[*position], value))
+    others
+        .into_iter()
+        .try_for_each(|(position, value)| probe.set(&fmu.description.variables[*position], value))
 }
 
 fn is_held(variable: &Variable) -> bool {
@@ -204,7 +214,9 @@ fn judge_held(
         let variable = &fmu.description.variables[*position];
         let kept = probe.value(variable)?;
         if is_held(variable) && !ignored && !kept.equals(value) {
-            let message = format!("{kind}: set to {value}, it is {kept} after some steps; only the importer may change it");
+            let message = format!(
+                "{kind}: set to {value}, it is {kept} after some steps; only the importer may change it"
+            );
             findings.error("set-ignored", element(variable), message);
         }
     }

@@ -3,8 +3,9 @@
 use std::sync::Arc;
 
 use super::probe::{Advance, Probe, Value};
+use super::settings::another;
 use super::{Findings, element};
-use crate::description::{Causality, Variability, VariableKind};
+use crate::description::{Causality, Dependency, Unknown, Variability, VariableKind};
 use crate::{Error, Fmu, InterfaceKind, StepStatus};
 
 const PLACE: &str = "interface Co-Simulation";
@@ -12,11 +13,17 @@ const PLACE: &str = "interface Co-Simulation";
 /// Steps of a run.
 const STEPS: usize = 20;
 
-/// Two ways to the same time may differ by rounding, over the step.
-const ROUNDING: f64 = 1e-6;
+/// An FMU may make steps inside that are so many times as long.
+const MAX_STEPS_TO_MEET: usize = 200;
+
+/// Largest difference of two ways to the same time, over the step: steps inside that do not divide it add up.
+const MAX_TIME_DIFFERENCE: f64 = 0.01;
 
 /// Largest difference of an output derivative and a difference of outputs, over their size: both are of different times.
 const MAX_DERIVATIVE_DIFFERENCE: f64 = 0.5;
+
+/// Outputs are as exact as this, over their size or nominal.
+const MAX_OUTPUT_ROUNDING: f64 = 1e-12;
 
 /// Differences of outputs in successive steps tell a derivative where they change less than by this, over their size.
 const MAX_CURVATURE: f64 = 0.1;
@@ -26,7 +33,9 @@ pub(super) fn check(fmu: &Arc<Fmu>, kind: InterfaceKind, findings: &mut Findings
         return;
     }
     type Part = fn(&Arc<Fmu>, &mut Findings) -> Result<(), Error>;
-    let parts: [(&str, Part); 5] = [
+    let parts: [(&str, Part); 7] = [
+        ("time", clock),
+        ("stands-still", response),
         ("step", progress),
         ("output-derivatives", output_derivatives),
         ("input-derivatives", input_derivatives),
@@ -45,18 +54,9 @@ fn progress(fmu: &Arc<Fmu>, findings: &mut Findings) -> Result<(), Error> {
     let variables = &fmu.description.variables;
     let mut probe = Probe::new(fmu, InterfaceKind::CoSimulation)?;
     probe.initialize()?;
-    let clock = variables.iter().find(|variable| variable.causality == Causality::Independent);
     let mut runs = vec![probe.values()?];
     for _ in 0..STEPS {
         if probe.advance(1)? != Advance::Done {
-            return Ok(());
-        }
-        if let Some(clock) = clock
-            && let Some(time) = probe.value(clock)?.real()
-            && (time - probe.time()).abs() > ROUNDING * probe.step()
-        {
-            let message = format!("after fmi2DoStep to {} s it is {time}", probe.time());
-            findings.error("time", element(clock), message);
             return Ok(());
         }
         runs.push(probe.values()?);
@@ -74,6 +74,74 @@ fn progress(fmu: &Arc<Fmu>, findings: &mut Findings) -> Result<(), Error> {
             findings.error("stands-still", element(&variables[state]), message);
         }
     }
+    Ok(())
+}
+
+/// Where outputs depend on inputs, something changes with the steps when inputs do.
+fn response(fmu: &Arc<Fmu>, findings: &mut Findings) -> Result<(), Error> {
+    let description = &fmu.description;
+    let variables = &description.variables;
+    let inputs: Vec<_> = variables.iter().filter(|v| v.causality == Causality::Input).collect();
+    let dependent = |unknown: &&Unknown| {
+        let on_input = |dependency: &Dependency| variables[dependency.variable].causality == Causality::Input;
+        unknown.dependencies.iter().flatten().any(on_input)
+    };
+    let outputs: Vec<_> =
+        description.outputs.iter().filter(dependent).map(|unknown| &variables[unknown.variable]).collect();
+    if outputs.is_empty() {
+        return Ok(());
+    }
+    let mut probe = Probe::new(fmu, InterfaceKind::CoSimulation)?;
+    probe.initialize()?;
+    let mut first = None;
+    for number in 0..STEPS.max(inputs.len() + 1) {
+        // One input after the other, since changes of several may cancel.
+        let input = number.checked_sub(1).and_then(|number| inputs.get(number));
+        if let Some((input, value)) = input.and_then(|input| Some((input, another(fmu, input, true)?))) {
+            // A value that the FMU does not accept is a finding of the settings.
+            let _ = probe.set(input, &value);
+        }
+        if probe.advance(1)? != Advance::Done {
+            return Ok(());
+        }
+        let values = outputs.iter().map(|output| probe.value(output)).collect::<Result<Vec<_>, _>>()?;
+        if first.get_or_insert_with(|| values.clone()) != &values {
+            return Ok(());
+        }
+    }
+    let names: Vec<_> = outputs.iter().map(|output| output.name.as_str()).collect();
+    let message = format!(
+        "no value of {} changes with the steps, while all inputs change on which the dependencies of ModelStructure say that \
+         they depend",
+        names.join(", ")
+    );
+    findings.warning("stands-still", PLACE, message);
+    Ok(())
+}
+
+/// The independent variable is the time that the steps have reached, where the FMU makes longer steps inside now and then.
+fn clock(fmu: &Arc<Fmu>, findings: &mut Findings) -> Result<(), Error> {
+    let variables = &fmu.description.variables;
+    let Some(clock) = variables.iter().find(|variable| variable.causality == Causality::Independent) else {
+        return Ok(());
+    };
+    let mut probe = Probe::new(fmu, InterfaceKind::CoSimulation)?;
+    probe.initialize()?;
+    for _ in 0..MAX_STEPS_TO_MEET {
+        if probe.advance(1)? != Advance::Done {
+            return Ok(());
+        }
+        let time = probe.value(clock)?.real().unwrap_or(f64::NAN);
+        if (time - probe.time()).abs() <= MAX_TIME_DIFFERENCE * probe.step() {
+            return Ok(());
+        }
+    }
+    let message = format!(
+        "it is {} after fmi2DoStep to {} s, and was never the time that the last {MAX_STEPS_TO_MEET} steps had reached",
+        probe.value(clock)?,
+        probe.time()
+    );
+    findings.error("time", element(clock), message);
     Ok(())
 }
 
@@ -111,7 +179,9 @@ fn output_derivatives(fmu: &Arc<Fmu>, findings: &mut Findings) -> Result<(), Err
                 &mut value,
             );
             if let Err(error) = asked {
-                let message = format!("maxOutputDerivativeOrder=\"{claimed}\", but order {order} is not there: {error}");
+                let message = format!(
+                    "maxOutputDerivativeOrder=\"{claimed}\", but order {order} is not there: {error}"
+                );
                 findings.error("output-derivatives", element(output), message);
                 return Ok(());
             }
@@ -121,11 +191,18 @@ fn output_derivatives(fmu: &Arc<Fmu>, findings: &mut Findings) -> Result<(), Err
                 return Ok(());
             }
             let is_straight = (last - before).abs() <= MAX_CURVATURE * last.abs().min(before.abs());
-            // Rounding of the outputs over the step.
-            let rounding = 1e3 * f64::EPSILON * at(0).abs() / step;
+            let nominal = match &output.kind {
+                VariableKind::Real(real) => real.nominal.unwrap_or(1.0).abs(),
+                _ => 1.0,
+            };
+            let rounding = MAX_OUTPUT_ROUNDING * at(0).abs().max(nominal) / step;
             let apart = (value[0] - last).abs() - rounding;
-            if order == 1 && is_straight && apart > MAX_DERIVATIVE_DIFFERENCE * value[0].abs().max(last.abs()) {
-                let message = format!("its derivative is {} by fmi2GetRealOutputDerivatives, {last} by the last steps", value[0]);
+            if order == 1 && is_straight && apart > MAX_DERIVATIVE_DIFFERENCE * value[0].abs().max(last.abs())
+            {
+                let message = format!(
+                    "its derivative is {} by fmi2GetRealOutputDerivatives, {last} by the last steps",
+                    value[0]
+                );
                 findings.error("output-derivatives", element(output), message);
             }
         }
@@ -135,7 +212,9 @@ fn output_derivatives(fmu: &Arc<Fmu>, findings: &mut Findings) -> Result<(), Err
 
 /// `canInterpolateInputs`: a derivative of an input is accepted.
 fn input_derivatives(fmu: &Arc<Fmu>, findings: &mut Findings) -> Result<(), Error> {
-    if fmu.description.is_fmi3() || !fmu.description.co_simulation.as_ref().is_some_and(|s| s.can_interpolate_inputs) {
+    if fmu.description.is_fmi3()
+        || !fmu.description.co_simulation.as_ref().is_some_and(|s| s.can_interpolate_inputs)
+    {
         return Ok(());
     }
     let inputs = fmu.description.variables.iter().filter(|variable| {

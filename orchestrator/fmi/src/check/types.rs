@@ -86,14 +86,20 @@ fn judge_state_attributes(
         findings.error("derivative-variability", element(variable), message);
     }
     if matches!(variable.causality, Causality::Parameter | Causality::Input | Causality::Independent) {
-        let message = format!("it is the derivative of {}, which the FMU computes; it cannot be set", state.name);
+        let message =
+            format!("it is the derivative of {}, which the FMU computes; it cannot be set", state.name);
         findings.error("derivative-variability", element(variable), message);
     }
     judge_unit(description, variable, state, findings);
 }
 
 /// The unit of a derivative is that of the state per second.
-fn judge_unit(description: &ModelDescription, variable: &Variable, state: &Variable, findings: &mut Findings) {
+fn judge_unit(
+    description: &ModelDescription,
+    variable: &Variable,
+    state: &Variable,
+    findings: &mut Findings,
+) {
     let unit = |variable: &Variable| match &variable.kind {
         VariableKind::Real(real) => {
             let name = real.unit.as_ref()?;

@@ -40,7 +40,8 @@ fn run(fmu: &Arc<Fmu>, kind: InterfaceKind, findings: &mut Findings) -> Result<(
             reported[position] = true;
             let variability = format!("{:?}", variable.variability).to_lowercase();
             let between = if was_event { "" } else { " between events" };
-            let message = format!("{kind}: of variability {variability}, it changes from {old} to {new}{between}");
+            let message =
+                format!("{kind}: of variability {variability}, it changes from {old} to {new}{between}");
             findings.error("variability", element(variable), message);
         }
         before = after;

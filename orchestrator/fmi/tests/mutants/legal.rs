@@ -50,28 +50,124 @@ pub const VARIANTS: &[Mutant] = &[
     two("no dependencies at all", "", Bytes(without_dependencies)),
     two("byte order mark of UTF-8", "", Bytes(with_mark)),
     two("lines of Windows", "", Bytes(windows_lines)),
-    two("no DefaultExperiment", "", Text(&[("<DefaultExperiment startTime=\"0\" stopTime=\"2\" stepSize=\"0.01\" tolerance=\"1e-6\"/>", "")])),
-    two("annotations of a vendor", "", Text(&[("<ModelVariables>", "<VendorAnnotations><Tool name=\"t\"><any:thing xmlns:any=\"urn:x\" a=\"1\">text</any:thing></Tool></VendorAnnotations><ModelVariables>"), ("start=\"0.5\"/>", "start=\"0.5\"/><Annotations><Tool name=\"t\"/></Annotations>")])),
-    two("place of a schema in the root", "", Text(&[("<fmiModelDescription", "<fmiModelDescription xmlns:xsi=\"http://www.w3.org/2001/XMLSchema-instance\" xsi:noNamespaceSchemaLocation=\"fmi2ModelDescription.xsd\"")])),
-    two("comments, and other ways to write values", "", Text(&[("<ModelVariables>", "<!-- variables --><ModelVariables>"), ("start=\"0.5\"", "start=\"+5.0E-1\""), ("reinit=\"true\"", "reinit=\"1\""), ("min=\"0\" max=\"100\"", "min=\"-INF\" max=\"INF\"")])),
-    two("alias of an output", "", Text(&[("</ModelVariables>", "<ScalarVariable name=\"speed\" valueReference=\"8\"><Real unit=\"m/s\"/></ScalarVariable></ModelVariables>")])),
-    two("names beyond ASCII, flat convention", "", Text(&[("\"structured\"", "\"flat\""), ("name=\"w\"", "name=\"\u{3c9} (speed) \u{2192}\"")])),
+    two(
+        "no DefaultExperiment",
+        "",
+        Text(&[(
+            "<DefaultExperiment startTime=\"0\" stopTime=\"2\" stepSize=\"0.01\" tolerance=\"1e-6\"/>",
+            "",
+        )]),
+    ),
+    two(
+        "annotations of a vendor",
+        "",
+        Text(&[
+            (
+                "<ModelVariables>",
+                "<VendorAnnotations><Tool name=\"t\"><any:thing xmlns:any=\"urn:x\" a=\"1\">text</any:thing></Tool></VendorAnnotations><ModelVariables>",
+            ),
+            ("start=\"0.5\"/>", "start=\"0.5\"/><Annotations><Tool name=\"t\"/></Annotations>"),
+        ]),
+    ),
+    two(
+        "place of a schema in the root",
+        "",
+        Text(&[(
+            "<fmiModelDescription",
+            "<fmiModelDescription xmlns:xsi=\"http://www.w3.org/2001/XMLSchema-instance\" xsi:noNamespaceSchemaLocation=\"fmi2ModelDescription.xsd\"",
+        )]),
+    ),
+    two(
+        "comments, and other ways to write values",
+        "",
+        Text(&[
+            ("<ModelVariables>", "<!-- variables --><ModelVariables>"),
+            ("start=\"0.5\"", "start=\"+5.0E-1\""),
+            ("reinit=\"true\"", "reinit=\"1\""),
+            ("min=\"0\" max=\"100\"", "min=\"-INF\" max=\"INF\""),
+        ]),
+    ),
+    two(
+        "alias of an output",
+        "",
+        Text(&[(
+            "</ModelVariables>",
+            "<ScalarVariable name=\"speed\" valueReference=\"8\"><Real unit=\"m/s\"/></ScalarVariable></ModelVariables>",
+        )]),
+    ),
+    two(
+        "names beyond ASCII, flat convention",
+        "",
+        Text(&[("\"structured\"", "\"flat\""), ("name=\"w\"", "name=\"\u{3c9} (speed) \u{2192}\"")]),
+    ),
     two("states jump and everybody is told", "", Fault("ANNOUNCED_JUMP", &[])),
-    two("dependencies declared that are none", "", Text(&[("<Unknown index=\"16\" dependencies=\"15\"/>", "<Unknown index=\"16\" dependencies=\"15 2 3 19\"/>"), ("<Unknown index=\"9\" dependencies=\"5\" dependenciesKind=\"constant\"/>", "<Unknown index=\"9\" dependencies=\"2 4 5\"/>")])),
+    two(
+        "dependencies declared that are none",
+        "",
+        Text(&[
+            (
+                "<Unknown index=\"16\" dependencies=\"15\"/>",
+                "<Unknown index=\"16\" dependencies=\"15 2 3 19\"/>",
+            ),
+            (
+                "<Unknown index=\"9\" dependencies=\"5\" dependenciesKind=\"constant\"/>",
+                "<Unknown index=\"9\" dependencies=\"2 4 5\"/>",
+            ),
+        ]),
+    ),
     two("text on the standard output", "", Fault("PRINTS", &[])),
-    two("one instance per process", "", Text(&[("<ModelExchange", "<ModelExchange canBeInstantiatedOnlyOncePerProcess=\"true\""), ("<CoSimulation", "<CoSimulation canBeInstantiatedOnlyOncePerProcess=\"true\"")])),
-    two("folders, documentation and files of a vendor", "", Files(&[("documentation/index.html", "<p/>"), ("resources/a.txt", "a"), ("extra/org.example/b.txt", "b"), ("README.txt", "c")])),
+    two(
+        "one instance per process",
+        "",
+        Text(&[
+            ("<ModelExchange", "<ModelExchange canBeInstantiatedOnlyOncePerProcess=\"true\""),
+            ("<CoSimulation", "<CoSimulation canBeInstantiatedOnlyOncePerProcess=\"true\""),
+        ]),
+    ),
+    two(
+        "folders, documentation and files of a vendor",
+        "",
+        Files(&[
+            ("documentation/index.html", "<p/>"),
+            ("resources/a.txt", "a"),
+            ("extra/org.example/b.txt", "b"),
+            ("README.txt", "c"),
+        ]),
+    ),
     two("no claims", "", Bytes(without_claims)),
     three("FMI 3.0: the subject itself", "", Text(&[])),
     three("FMI 3.0: Model Exchange only", "", Bytes(model_exchange_only)),
     three("FMI 3.0: Co-Simulation only", "", Bytes(co_simulation_only)),
-    three("FMI 3.0: an attribute of a vendor at an interface", "", Text(&[("<CoSimulation", "<CoSimulation xmlns:v=\"urn:v\" v:speed=\"fast\"")])),
-    three("FMI 3.0: annotations and an alias", "", Text(&[("</ModelStructure>", "</ModelStructure><Annotations><Annotation type=\"t\">text</Annotation></Annotations>"), ("causality=\"output\" unit=\"m/s\"/>", "causality=\"output\" unit=\"m/s\"><Alias name=\"speed\"/></Float64>")])),
+    three(
+        "FMI 3.0: an attribute of a vendor at an interface",
+        "",
+        Text(&[("<CoSimulation", "<CoSimulation xmlns:v=\"urn:v\" v:speed=\"fast\"")]),
+    ),
+    three(
+        "FMI 3.0: annotations and an alias",
+        "",
+        Text(&[
+            (
+                "</ModelStructure>",
+                "</ModelStructure><Annotations><Annotation type=\"t\">text</Annotation></Annotations>",
+            ),
+            (
+                "causality=\"output\" unit=\"m/s\"/>",
+                "causality=\"output\" unit=\"m/s\"><Alias name=\"speed\"/></Float64>",
+            ),
+        ]),
+    ),
 ];
 
 fn without_claims(text: &str) -> Vec<u8> {
     let mut text = text.to_owned();
-    for claim in ["canGetAndSetFMUstate", "canSerializeFMUstate", "providesDirectionalDerivative", "canInterpolateInputs", "canHandleVariableCommunicationStepSize"] {
+    for claim in [
+        "canGetAndSetFMUstate",
+        "canSerializeFMUstate",
+        "providesDirectionalDerivative",
+        "canInterpolateInputs",
+        "canHandleVariableCommunicationStepSize",
+    ] {
         text = text.replace(&format!(" {claim}=\"true\""), "");
     }
     text.replace(" maxOutputDerivativeOrder=\"1\"", "").into_bytes()
