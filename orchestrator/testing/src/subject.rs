@@ -31,15 +31,15 @@ pub const FMI2: &str = r#"<?xml version="1.0" encoding="UTF-8"?>
     <ScalarVariable name="d" valueReference="11" causality="parameter" variability="fixed"><Real start="0.5"/></ScalarVariable>
     <ScalarVariable name="g" valueReference="12" causality="parameter" variability="tunable"><Real start="1"/></ScalarVariable>
     <ScalarVariable name="doubled" valueReference="13" causality="calculatedParameter" variability="fixed"><Real/></ScalarVariable>
-    <ScalarVariable name="m_in" valueReference="20" causality="input"><Integer start="0" min="-10" max="10"/></ScalarVariable>
-    <ScalarVariable name="mode" valueReference="21" causality="output"><Integer/></ScalarVariable>
-    <ScalarVariable name="beats" valueReference="22" causality="output"><Integer/></ScalarVariable>
+    <ScalarVariable name="m_in" valueReference="20" causality="input" variability="discrete"><Integer start="0" min="-10" max="10"/></ScalarVariable>
+    <ScalarVariable name="mode" valueReference="21" causality="output" variability="discrete"><Integer/></ScalarVariable>
+    <ScalarVariable name="beats" valueReference="22" causality="output" variability="discrete"><Integer/></ScalarVariable>
     <ScalarVariable name="level" valueReference="23" causality="parameter" variability="fixed"><Enumeration declaredType="Level" start="1"/></ScalarVariable>
-    <ScalarVariable name="flag" valueReference="30" causality="input"><Boolean start="false"/></ScalarVariable>
-    <ScalarVariable name="on" valueReference="31" causality="output"><Boolean/></ScalarVariable>
-    <ScalarVariable name="above" valueReference="32"><Boolean/></ScalarVariable>
+    <ScalarVariable name="flag" valueReference="30" causality="input" variability="discrete"><Boolean start="false"/></ScalarVariable>
+    <ScalarVariable name="on" valueReference="31" causality="output" variability="discrete"><Boolean/></ScalarVariable>
+    <ScalarVariable name="above" valueReference="32" variability="discrete"><Boolean/></ScalarVariable>
     <ScalarVariable name="text" valueReference="40" causality="parameter" variability="fixed"><String start="start"/></ScalarVariable>
-    <ScalarVariable name="note" valueReference="41" causality="output"><String/></ScalarVariable>
+    <ScalarVariable name="note" valueReference="41" causality="output" variability="discrete"><String/></ScalarVariable>
   </ModelVariables>
   <ModelStructure>
     <Outputs>

@@ -79,6 +79,9 @@ pub fn static_findings(fmu: &Fmu) -> Vec<Finding> {
     if let Some(root) = description.and_then(|bytes| crate::xml::parse(&bytes).ok()) {
         schema::check(&root, fmu.description.is_fmi3(), &mut findings);
         files::check_sources(fmu, &root, &mut findings);
+        if !fmu.description.is_fmi3() {
+            roles::check_default_variability(&root, &mut findings);
+        }
     }
     types::check(&fmu.description, &mut findings);
     names::check(&fmu.description, &mut findings);

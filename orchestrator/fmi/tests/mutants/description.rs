@@ -113,9 +113,14 @@ pub const MUTANTS: &[Mutant] = &[
         "continuous Integer",
         "causality-variability",
         Text(&[(
-            "name=\"mode\" valueReference=\"21\"",
-            "name=\"mode\" valueReference=\"21\" variability=\"continuous\"",
+            "causality=\"output\" variability=\"discrete\"><Integer",
+            "causality=\"output\" variability=\"continuous\"><Integer",
         )]),
+    ),
+    two(
+        "Integer without variability, which makes it continuous",
+        "causality-variability",
+        Text(&[("causality=\"output\" variability=\"discrete\"><Integer", "causality=\"output\"><Integer")]),
     ),
     two(
         "input with initial",
