@@ -27,6 +27,13 @@ const MAX_ERROR_OVER_RANGE: f64 = 1e-3;
 /// Largest error of Euler steps over the range in which a variable has moved, for a comparison.
 const MAX_EULER_ERROR_OVER_RANGE: f64 = 0.25;
 
+/// An error beyond the other limits counts as one where it is also larger than this over the range, and no communication step
+/// nearby has the value: coupled units inside of an FMU may lag by a step.
+const MAX_LAGGING_ERROR_OVER_RANGE: f64 = 0.02;
+
+/// So many communication steps before and after are nearby.
+const LAG: usize = 2;
+
 /// Largest error over the value or the nominal, for rounding.
 const ROUNDING: f64 = 1e-9;
 
@@ -122,6 +129,9 @@ fn compare(fmu: &Arc<Fmu>, settings: &[(usize, f64)], findings: &mut Findings) -
     let fine = run(fmu, InterfaceKind::ModelExchange, settings, SHORT_STEPS, began)?;
     let points = slave.values.len().min(coarse.values.len()).min(fine.values.len());
     let h = Probe::new(fmu, InterfaceKind::CoSimulation)?.step();
+    // Units that are sampled in every step, and coupled inside, see values of either side of a sample.
+    let events = fine.events.last().unwrap_or(&0) - fine.events.first().unwrap_or(&0);
+    let is_sampled = 2 * events >= points;
     // Structural and derived values differ by definition where they belong to the interface.
     let compared = |variable: &Variable| {
         !matches!(variable.causality, Causality::Input | Causality::Parameter | Causality::Independent)
@@ -150,11 +160,31 @@ fn compare(fmu: &Arc<Fmu>, settings: &[(usize, f64)], findings: &mut Findings) -
             // A number of solver steps, say, belongs to one interface.
             let is_still = |values: &[Value]| values.iter().all(|value| *value == values[0]);
             let belongs_to_one = !is_continuous && is_still(&model) && !is_still(&slave);
-            let severity = if belongs_to_one { Severity::Note } else { Severity::Error };
+            let lags = numbers(&slave)
+                .zip(numbers(&model))
+                .is_some_and(|(slave, model)| is_nearby(&slave[..points], &model[..points]));
+            let severity = match (belongs_to_one, lags || is_sampled) {
+                (true, _) => Severity::Note,
+                (false, true) => Severity::Warning,
+                (false, false) => Severity::Error,
+            };
             findings.add(severity, "interfaces-differ", element(variable), message);
         }
     }
     Ok(())
+}
+
+/// Whether each value lies among those of the communication steps nearby.
+fn is_nearby(slave: &[f64], model: &[f64]) -> bool {
+    let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
+    (0..slave.len().saturating_sub(LAG)).all(|point| {
+        let near = &model[point.saturating_sub(LAG)..=point + LAG];
+        let from = near.iter().copied().fold(f64::INFINITY, f64::min);
+        let to = near.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        (low, high) = (low.min(from), high.max(to));
+        let allowed = MAX_LAGGING_ERROR_OVER_RANGE * (high - low);
+        (from - allowed..=to + allowed).contains(&slave[point])
+    })
 }
 
 fn numbers(values: &[Value]) -> Option<Vec<f64>> {
