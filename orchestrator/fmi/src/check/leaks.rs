@@ -27,9 +27,11 @@ const MAX_UNEVENNESS: usize = 2;
 /// Time for all lives; a slow FMU gets fewer.
 const PATIENCE: Duration = Duration::from_secs(5);
 
+/// A name, and its count in this process.
+type Counted = (&'static str, fn() -> usize);
+
 /// What is counted: names, and the counts of this process.
-const COUNTED: [(&str, fn() -> usize); 3] =
-    [("bytes", in_use), ("open files", open_files), ("threads", threads)];
+const COUNTED: [Counted; 3] = [("bytes", in_use), ("open files", open_files), ("threads", threads)];
 
 pub(super) fn check(fmu: &Arc<Fmu>, kind: InterfaceKind, findings: &mut Findings) {
     let Ok(grown) = grown(fmu, kind) else { return };

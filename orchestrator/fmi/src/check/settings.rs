@@ -88,8 +88,8 @@ pub(super) fn another(fmu: &Fmu, variable: &Variable, single: bool) -> Option<Va
             let items = fmu.description.types.iter().find(|declared| declared.name == *declared_type)?;
             let within =
                 |value: &i32| min.is_none_or(|min| *value >= min) && max.is_none_or(|max| *value <= max);
-            let values = items.items.iter().map(|(_, value)| *value).filter(|value| *value != start);
-            Value::Integer(values.filter(within).next()?)
+            let mut values = items.items.iter().map(|(_, value)| *value);
+            Value::Integer(values.find(|value| *value != start && within(value))?)
         }
         VariableKind::Boolean { start } => Value::Boolean(!(*start)?),
         VariableKind::String { start } => Value::String(format!("{}x", start.as_ref()?)),
