@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
 # Builds the libraries of all FMUs against an old glibc (RHEL 8, Debian 11, Ubuntu 20.04), without libgcc_s, by cargo-zigbuild, and
 # packages every FMU with them. The linker lands in target/zig. Says what is missing, and stops, where it cannot be had.
+# The library inside of exported systems (`airloop export-fmu`) is not among them: it needs the glibc of this computer.
 set -euo pipefail
 
 glibc=2.28
@@ -13,7 +14,8 @@ fail() {
 }
 
 case $target in
-    *-linux-gnu) ;;
+    x86_64-*-linux-gnu) platform=linux64 ;;
+    *-linux-gnu) platform=${target%%-*}-linux ;;
     *) fail "this is no Linux with glibc ($target)" ;;
 esac
 
@@ -29,10 +31,19 @@ if ! cmp -s requirements-portable.txt "$tools/installed.txt"; then
 fi
 
 packages=()
+names=()
 for manifest in fmus/*/Cargo.toml; do
     grep -q cdylib "$manifest" || continue
     packages+=(-p "$(sed -n 's/^name = "\(fmu-.*\)"/\1/p' "$manifest")")
+    names+=("$(sed -n '/^\[lib\]/,/^\[/s/^name = "\(.*\)"/\1/p' "$manifest")")
 done
 PATH=$(cd "$tools/bin" && pwd):$PATH cargo-zigbuild zigbuild --release --target "$target.$glibc" "${packages[@]}"
-"${PYTHON:-python3}" scripts/check_symbols.py "$glibc" "$built/$target/release"/*.so
-cargo run --release -p packager -- --lib-dir "$built/$target/release"
+
+out=$built/portable/$platform
+rm -rf "$out"
+mkdir -p "$out"
+for name in "${names[@]}"; do
+    cp "$built/$target/release/lib$name.so" "$out/$name.so"
+done
+"${PYTHON:-python3}" scripts/check_symbols.py "$glibc" "$out"/*.so
+cargo run --release -p packager -- --add-platform "$built/portable"
