@@ -1,5 +1,5 @@
 # `make demo` and `make test` work on a fresh machine with Rust, a C compiler and Python 3: each sets up what is missing first.
-.PHONY: demo docs test test-slurm test-wheel wheel check bench fuzz study study-faults study-isolation study-refine study-refine-messy study-systems study-laws study-machines study-foreign study-sweep study-swing-up study-walker fmu windows setup setup-build clean
+.PHONY: demo docs test test-slurm test-wheel wheel check bench fuzz study study-checker study-faults study-isolation study-refine study-refine-messy study-systems study-laws study-machines study-foreign study-sweep study-swing-up study-walker fmu portable windows setup setup-build clean
 export CARGO_NET_RETRY ?= 10
 # A build that happens once gains nothing from files for the next one; they cost a fifth of its time.
 ifdef CI
@@ -55,6 +55,10 @@ fuzz: fmu            ## mutated files for every reader, MINUTES in all; inputs t
 study: fmu           ## error of every master against its FMU steps: out/study/masters.csv, .svg
 	scripts/setup.sh study
 	.venv/bin/python tests/study/masters.py out/study
+
+study-checker: setup ## FMUs with one defect each, by `airloop inspect --check` and by FMPy's validation: docs/checker.md
+	AIRLOOP_MUTANTS=$(CURDIR)/out/checker cargo test --release -p airloop-fmi --test fmu_mutants -- --ignored --exact write_mutants
+	.venv/bin/python tests/study/checker.py out/checker docs/checker.md
 
 study-faults: fmu    ## a run killed a hundred times at random
 	cargo test --release -p airloop-cli --test hostile_files -- --ignored --nocapture
@@ -119,6 +123,9 @@ study-walker: fmu    ## compass-gait against MuJoCo and Drake; half a step again
 fmu: setup-build     ## target/fmu/*.fmu, modelDescriptions/*.xml and the airloop binary
 	cargo run --release -p packager
 	cargo build --release -p airloop-cli
+
+portable: setup-build ## the FMUs of `make fmu` for Linux from glibc 2.28 on (RHEL 8), by the linker of Zig
+	scripts/portable.sh
 
 windows: setup-build ## the FMUs of `make fmu` with Windows libraries in them, by mingw
 	scripts/windows.sh

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import IO
 
 from ._folders import PROGRAM
+from ._log import LOGGER, lines as log_lines
 from ._native import AirloopError, SettingError
 
 _USAGE = 2
@@ -109,6 +110,7 @@ def run(
     """
     shown: IO[str] | int = sys.stderr if progress and sys.stderr.isatty() else subprocess.PIPE
     command = [path(), *arguments]
+    LOGGER.debug("%s", " ".join(command))
     with subprocess.Popen(
         command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=shown, text=True, cwd=cwd
     ) as process:
@@ -123,12 +125,13 @@ def run(
                 process.kill()
             raise
     code = process.returncode
+    log_lines(f"{out}\n{err or ''}")
     if code in allowed:
         return code, out
     if code == _INTERRUPTED:
         raise KeyboardInterrupt
-    lines = (err or "").strip() or f"`{' '.join(command)}` ended with exit code {code}"
-    message = lines.split("error: ", 1)[-1].strip()
+    said = (err or "").strip() or f"`{' '.join(command)}` ended with exit code {code}"
+    message = said.split("error: ", 1)[-1].strip()
     if code == _USAGE:
         raise SettingError(message)
     raise CommandError(message, code)

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any, Literal, overload
 
 from . import data, program
+from ._log import LOGGER
 from ._native import SimulationError
 from ._native import System as _Graph
 from ._native import duration as _duration
@@ -197,6 +198,10 @@ class System:
             error: Exception = answer["error"]
             error.result = result  # type: ignore[attr-defined]
             raise error
+        for note in result.notes:
+            LOGGER.info("%s: %s", self.name, note)
+        if result.message is not None:
+            LOGGER.warning("%s: %s", self.name, result.message)
         return result
 
     @overload

@@ -198,3 +198,21 @@ def test_a_new_study_is_written_from_columns_and_can_be_searched(tmp_path, comma
     assert not (tmp_path / "bad").exists()
     with pytest.raises(airloop.CommandError, match="is there already"):
         airloop.new_study(tmp_path / "one", swing, system="airloop:pendulum", signals={"theta": "angle"})
+
+
+def test_commands_and_choices_are_logged(actuator, caplog, tmp_path, examples):
+    caplog.set_level("DEBUG", logger="airloop")
+    airloop.identify.arx(actuator, ["u"], ["y"], na=1, nb=1, no_plots=True, output=tmp_path / "arx")
+    commands = [record.getMessage() for record in caplog.records if record.levelname == "DEBUG"]
+    assert any("identify arx" in command for command in commands)
+    result = airloop.System(str(examples / "system.ssd")).run(stop="10ms", step="1ms")
+    told = [record.getMessage() for record in caplog.records if record.levelname == "INFO"]
+    assert [any(note in line for line in told) for note in result.notes] == [True] * len(result.notes)
+
+
+def test_notes_of_commands_are_of_level_info(caplog):
+    from airloop import _log
+
+    caplog.set_level("INFO", logger="airloop")
+    _log.lines("found\nnote: one\nwarning: two\n")
+    assert [(record.levelname, record.getMessage()) for record in caplog.records] == [("INFO", "one"), ("WARNING", "two")]

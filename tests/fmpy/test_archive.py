@@ -3,7 +3,9 @@
 import re
 import shutil
 import subprocess
+import sys
 import zipfile
+from pathlib import Path
 
 import pytest
 
@@ -81,6 +83,18 @@ def test_library_needs_no_newer_glibc_than_its_documentation_states(fmu):
     symbols = run("nm", "-D", "--undefined-only", str(fmu.binary))
     versions = {tuple(map(int, v.split("."))) for v in re.findall(r"@GLIBC_([\d.]+)", symbols)}
     assert max(versions) <= tuple(map(int, stated.groups())), sorted(versions)[-3:]
+
+
+@pytest.mark.skipif(not LINUX, reason="reads ELF files")
+def test_the_check_of_portable_libraries_names_what_is_too_new(fmu):
+    """`make portable` ends with this check; these libraries need more than glibc 2.2 and less than 9.9."""
+    script = Path(__file__).parents[2] / "scripts" / "check_symbols.py"
+    check = [sys.executable, str(script)]
+    run_for = lambda version: subprocess.run([*check, version, str(fmu.binary)], capture_output=True, text=True)  # noqa: E731
+    old, new = run_for("2.2"), run_for("9.9")
+    assert old.returncode == 1 and "it needs glibc 2." in old.stdout
+    assert "it needs glibc" not in new.stdout
+    assert new.returncode == ("it needs lib" in new.stdout)
 
 
 @pytest.mark.skipif(not LINUX, reason="reads ELF files")

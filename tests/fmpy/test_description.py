@@ -109,10 +109,16 @@ def test_names_are_unique_and_follow_the_declared_convention(fmu):
         assert [n for n in names if not pattern.match(n)] == []
 
 
-def test_value_references_are_unique_within_a_base_type(fmu):
+def test_value_references_are_unique_but_for_rates_that_are_outputs(fmu):
+    """A rate of a state that is an output has a local alias, which is what carries `derivative`."""
     base = {"Enumeration": "Integer"}
-    references = [(base.get(v.type, v.type), v.reference) for v in fmu.variables]
-    assert len(set(references)) == len(references)
+    holders = {}
+    for v in fmu.variables:
+        holders.setdefault((base.get(v.type, v.type), v.reference), []).append(v)
+    for shared in (variables for variables in holders.values() if len(variables) > 1):
+        output, alias = shared
+        assert (output.causality, alias.causality) == ("output", "local")
+        assert alias.name.startswith("der(") and alias.description == f"alias of {output.name}"
 
 
 def test_causality_variability_initial_are_a_legal_triple(fmu):

@@ -36,7 +36,10 @@ def test_both_versions_give_the_same_bits(two, three, interface):
     description = fmpy.read_model_description(str(two), validate=False)
     step = float(description.defaultExperiment.stepSize)
     steps = 50
-    names = [v.name for v in description.modelVariables if v.type == "Real" and v.variability != "fixed"][:20]
+    # Aliases are in the description of 2.0 only.
+    common = {v.name for v in fmpy.read_model_description(str(three), validate=False).modelVariables}
+    reals = [v for v in description.modelVariables if v.type == "Real" and v.variability != "fixed"]
+    names = [v.name for v in reals if v.name in common][:20]
     # A step of the explicit Euler method for each communication step, so that the importer adds the same to both.
     solver = {"solver": "Euler"} if interface == "ModelExchange" else {}
     settings = dict(stop_time=steps * step, step_size=step, output_interval=step, output=names, **solver)

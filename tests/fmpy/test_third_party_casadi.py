@@ -94,3 +94,22 @@ def test_cvodes_in_casadi_follows_the_reference_equations(builder):
         lambda _, y: reference.mechanics(y, force), (0.0, stop), start, method="DOP853", rtol=1e-12, atol=1e-12
     ).y[:, -1]
     assert np.max(np.abs(found - expected)) < 1e-8
+
+
+@pytest.mark.parametrize("name", ["cart-pole", "compass-gait", "pendulum", "rigid-mass"])
+def test_outputs_that_are_rates_of_states_are_evaluated_with_the_derivatives(shipped, name):
+    """An output with the attribute `derivative` is no output to CasADi; `create` with both then failed."""
+    fmu = shipped(name)
+    builder = casadi.DaeBuilder(name, str(fmu.folder))
+    function = builder.create("f", ["x", "u"], ["ode", "y"])
+    state = np.ravel([builder.start(x) for x in builder.x()])
+    inputs = np.ravel([builder.start(u) for u in builder.u()]) + 0.01
+    ode, y = (np.array(values).ravel() for values in function(state, inputs))
+    outputs = dict(zip(builder.y(), y, strict=True))
+    description = fmpy.read_model_description(str(fmu.path))
+    rates = {d.variable.valueReference: value for d, value in zip(description.derivatives, ode, strict=True)}
+    reals = [v for v in description.modelVariables if v.type == "Real"]
+    compared = [v for v in reals if v.causality == "output" and v.valueReference in rates]
+    assert compared
+    for variable in compared:
+        assert outputs[variable.name] == rates[variable.valueReference]

@@ -1,13 +1,16 @@
 //! The text of `modelDescription.xml` from the variable table and the dependency structure.
 //!
 //! No date stands in it, so that equal models give equal bytes.
+//!
+//! An output that is the derivative of a state appears twice: as output, and behind all variables of the table as a local alias
+//! `der(state)` that has the attribute `derivative`. Importers such as CasADi take a variable for one of both only.
 
 use crate::model::Identity;
 use crate::shared_description::{
     default_experiment, dependencies, document, items, log_categories, named, root, typed, units,
 };
 use crate::structure::{Structure, Unknown};
-use crate::table::{Kind, Table, Variable};
+use crate::table::{Causality, Kind, Table, Variable};
 use crate::xml::{Element, Xml};
 
 pub use crate::shared_description::{causality, variability};
@@ -29,11 +32,27 @@ pub fn text(identity: &Identity, table: &Table, structure: &Structure, guid: &st
     for variable in table.variables() {
         scalar_variable(&mut x, table, variable);
     }
+    let rates = rates_among_outputs(table);
+    for &rate in &rates {
+        alias_of_rate(&mut x, table, &table.variables()[rate]);
+    }
     x.close("ModelVariables");
     x.open(Element::new("ModelStructure"));
+    // The position of an alias follows those of the table.
+    let alias = |variable: usize| {
+        rates.iter().position(|&rate| rate == variable).map(|at| table.variables().len() + at)
+    };
+    let in_place = |unknown: &Unknown| Unknown {
+        variable: alias(unknown.variable).unwrap_or(unknown.variable),
+        dependencies: unknown.dependencies.clone(),
+    };
+    let derivatives: Vec<Unknown> = structure.derivatives.iter().map(in_place).collect();
+    let initial = &structure.initial_unknowns;
+    let initial_aliases = initial.iter().filter(|unknown| alias(unknown.variable).is_some()).map(in_place);
+    let initial: Vec<Unknown> = initial.iter().cloned().chain(initial_aliases).collect();
     unknowns(&mut x, "Outputs", &structure.outputs);
-    unknowns(&mut x, "Derivatives", &structure.derivatives);
-    unknowns(&mut x, "InitialUnknowns", &structure.initial_unknowns);
+    unknowns(&mut x, "Derivatives", &derivatives);
+    unknowns(&mut x, "InitialUnknowns", &initial);
     x.close("ModelStructure");
     x.close("fmiModelDescription");
     x.text
@@ -88,12 +107,36 @@ fn scalar_variable(x: &mut Xml, table: &Table, v: &Variable) {
     };
     let (mut state, mut text) = (None, None);
     match &v.kind {
-        Kind::Real { derivative_of, .. } => state = derivative_of.map(|state| table.index_of(state) + 1),
+        Kind::Real { derivative_of, .. } if v.causality != Causality::Output => {
+            state = derivative_of.map(|state| table.index_of(state) + 1);
+        }
         Kind::Text { start, .. } => text = start.as_ref(),
         _ => {}
     }
     x.open(named("ScalarVariable", v, value_reference));
     x.empty(typed(Element::new(name), v, table.enumerations(), state).with_some("start", text));
+    x.close("ScalarVariable");
+}
+
+/// Positions of the outputs that are derivatives of states.
+fn rates_among_outputs(table: &Table) -> Vec<usize> {
+    let variables = table.variables().iter().enumerate();
+    let rates = variables.filter(|(_, v)| v.causality == Causality::Output && v.derivative_of().is_some());
+    rates.map(|(position, _)| position).collect()
+}
+
+/// The local variable `der(state)` with the value of the output `v`.
+fn alias_of_rate(x: &mut Xml, table: &Table, v: &Variable) {
+    let (Kind::Real { handle, .. }, Some(state)) = (&v.kind, v.derivative_of()) else { return };
+    let state = table.index_of(state);
+    let alias = Variable {
+        name: format!("der({})", table.variables()[state].name),
+        description: format!("alias of {}", v.name),
+        causality: Causality::Local,
+        ..v.clone()
+    };
+    x.open(named("ScalarVariable", &alias, handle.0));
+    x.empty(typed(Element::new("Real"), &alias, table.enumerations(), Some(state + 1)));
     x.close("ScalarVariable");
 }
 

@@ -102,6 +102,9 @@ fn draws<M: Model>(model: &M, table: &Table) -> Vec<Values<f64>> {
         .collect()
 }
 
+/// Parts of the way to another draw, also the other way, that are tried until the equations have a value there.
+const PARTS_OF_A_STEP: [f64; 3] = [1.0, 1e-2, -1e-2];
+
 /// A place where the equations have a value.
 struct Point {
     /// Draws of the fixed parameters, the tunable ones, and the rest.
@@ -232,17 +235,27 @@ impl<M: Model> Search<'_, M> {
         self.evaluate(known, dual, phase)
     }
 
-    /// Values with the known moved to where another draw has it; gives the distance (1 for what is not Real).
+    /// Values with the known moved to where another draw has it, or part of the way where the equations refuse the whole;
+    /// gives the distance (1 for what is not Real).
     fn step(&self, known: &Variable, point: &Point, moved: &mut Values<f64>, phase: Phase) -> Option<f64> {
-        moved.copy_from(&point.base);
         let from = if known.causality == Causality::Parameter { point.fixed } else { point.rest };
-        match &known.kind {
-            Kind::Boolean { handle, .. } => moved[*handle] = !moved[*handle],
-            Kind::Text { handle, .. } => moved[*handle].push('x'),
-            _ => copy_variable(known, &self.draws[(from + 1) % DRAWS], moved),
-        }
-        let distance = known.real().map_or(1.0, |x| moved[x] - point.base[x]);
-        (distance != 0.0 && self.evaluate(known, moved, phase)).then_some(distance)
+        let parts: &[f64] = if known.real().is_some() { &PARTS_OF_A_STEP } else { &[1.0] };
+        parts.iter().find_map(|part| {
+            moved.copy_from(&point.base);
+            match &known.kind {
+                Kind::Boolean { handle, .. } => moved[*handle] = !moved[*handle],
+                Kind::Text { handle, .. } => moved[*handle].push('x'),
+                _ => copy_variable(known, &self.draws[(from + 1) % DRAWS], moved),
+            }
+            let distance = known.real().map_or(1.0, |x| {
+                // The whole way ends at the very value of the draw.
+                if *part != 1.0 {
+                    moved[x] = point.base[x] + part * (moved[x] - point.base[x]);
+                }
+                moved[x] - point.base[x]
+            });
+            (distance != 0.0 && self.evaluate(known, moved, phase)).then_some(distance)
+        })
     }
 
     fn differs(&self, unknown: usize, a: &Values<f64>, b: &Values<f64>) -> bool {

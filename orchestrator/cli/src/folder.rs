@@ -406,8 +406,12 @@ fn is_figure(file: &Path) -> bool {
 
 /// Whether a system or an FMU says that airloop wrote it.
 fn made_by_airloop(file: &Path) -> bool {
-    const MARK: &str = "generationTool=\"airloop";
-    let marked = |path: &Path| std::fs::read_to_string(path).is_ok_and(|text| text.contains(MARK));
+    // Descriptions and systems, and reports of the checker as JUnit and SARIF.
+    const MARKS: [&str; 3] =
+        ["generationTool=\"airloop", "<testsuites name=\"airloop inspect\"", "\"name\": \"airloop\""];
+    let marked = |path: &Path| {
+        std::fs::read_to_string(path).is_ok_and(|text| MARKS.iter().any(|mark| text.contains(mark)))
+    };
     match file.extension().and_then(|ending| ending.to_str()) {
         Some("ssp") => airloop_fmi::unpack_package(file)
             .is_ok_and(|package| marked(&package.path().join("SystemStructure.ssd"))),

@@ -5,6 +5,7 @@ use std::process::ExitCode;
 use std::sync::Arc;
 use std::time::Duration;
 
+use super::inspect_report;
 use super::inspect_system;
 use super::inspect_worker;
 use super::output::print;
@@ -38,6 +39,9 @@ pub struct Args {
     /// With --check: time \[s\] that the library of an FMU may take in all before its process is ended.
     #[arg(long, requires = "check", value_name = "SECONDS", default_value_t = 60.0, value_parser = parse_limit)]
     pub time_limit: f64,
+    /// With --check: write the findings also into this file, for CI: SARIF 2.1.0 (.sarif) or JUnit (.xml).
+    #[arg(long, requires = "check", value_name = "FILE", value_parser = inspect_report::parse)]
+    pub report: Option<PathBuf>,
     /// Runs the library and leaves its findings in this folder: the process that --check starts.
     #[arg(long, hide = true, requires = "check", value_name = "FOLDER")]
     pub worker: Option<PathBuf>,
@@ -81,12 +85,21 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
         print(&if args.json { format!("{value:#}\n") } else { text })?;
         return Ok(ExitCode::SUCCESS);
     }
-    let mut failed = false;
-    let mut all = Vec::new();
+    if let Some(report) = &args.report {
+        inspect_report::check(report, &args.file)?;
+    }
+    let mut checks = Vec::new();
     for fmu in &fmus {
-        let findings = check(fmu, args)?;
-        failed |= findings.iter().any(|finding| finding.severity == Severity::Error);
-        all.push(serde_json::json!({ "fmu": fmu.shown, "findings": findings }));
+        checks.push((fmu.shown.clone(), check(fmu, args)?));
+    }
+    let mut findings = checks.iter().flat_map(|(_, findings)| findings);
+    let failed = findings.any(|finding| finding.severity == Severity::Error);
+    let all: Vec<_> = checks
+        .iter()
+        .map(|(fmu, findings)| serde_json::json!({ "fmu": fmu, "findings": findings }))
+        .collect();
+    if let Some(report) = &args.report {
+        inspect_report::write(report, &checks)?;
     }
     if args.json {
         value["checks"] = all.into();

@@ -1,6 +1,7 @@
 //! The checker's runs of an FMU in a process of its own: what the library prints stays out of our output, and a crash,
-//! an `exit` and an endless call become findings.
+//! an `exit` and an endless call become findings, next to those of the checks that had ended before.
 
+use std::io::Write;
 use std::path::Path;
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
@@ -10,9 +11,10 @@ use airloop_fmi::check::{self, Finding, Severity};
 use airloop_fmi::isolate::{cause, confine};
 use airloop_fmi::{Fmu, trace};
 
-/// Files in the folder that both processes share.
-const FINDINGS: &str = "findings.json";
+/// Files in the folder that both processes share: findings, one in a line, the last call, and a sign that all checks ended.
+const FINDINGS: &str = "findings.jsonl";
 const CALL: &str = "call";
+const DONE: &str = "done";
 /// Most memory (address space) of the process \[bytes\].
 const MEMORY: u64 = 4 << 30;
 /// Time between two looks at the process.
@@ -29,9 +31,18 @@ pub fn work(file: &Path, folder: &Path) -> Result<(), Error> {
     };
     let (call, result) = (folder.join(CALL), folder.join(FINDINGS));
     trace::write_calls_to(&call).map_err(io(&call))?;
-    let findings = check::dynamic_findings(&Fmu::open(file)?);
-    let text = serde_json::to_string(&findings).unwrap_or_default();
-    std::fs::write(&result, text).map_err(io(&result))?;
+    let mut output = std::fs::File::create(&result).map_err(io(&result))?;
+    let mut outcome = Ok(());
+    check::dynamic_findings_in_parts(&Fmu::open(file)?, &mut |findings| {
+        for finding in findings {
+            let line = serde_json::to_string(&finding).unwrap_or_default();
+            let written = writeln!(output, "{line}");
+            outcome = std::mem::replace(&mut outcome, Ok(())).and(written);
+        }
+    });
+    outcome.map_err(io(&result))?;
+    let done = folder.join(DONE);
+    std::fs::write(&done, "").map_err(io(&done))?;
     Ok(())
 }
 
@@ -67,8 +78,11 @@ pub fn findings(fmu: &Fmu, limit: Duration) -> Result<Vec<Finding>, Error> {
             None => std::thread::sleep(LOOK),
         }
     };
-    let written = std::fs::read_to_string(folder.path().join(FINDINGS)).ok();
-    if let Some(found) = written.and_then(|text| serde_json::from_str(&text).ok()) {
+    let written = std::fs::read_to_string(folder.path().join(FINDINGS)).unwrap_or_default();
+    // The last line may be cut off.
+    let mut found: Vec<Finding> =
+        written.lines().filter_map(|line| serde_json::from_str(line).ok()).collect();
+    if folder.path().join(DONE).exists() {
         return Ok(found);
     }
     let call = trace::last_call(&folder.path().join(CALL));
@@ -77,5 +91,6 @@ pub fn findings(fmu: &Fmu, limit: Duration) -> Result<Vec<Finding>, Error> {
         None => format!("it did not return within {} s; --time-limit allows more", limit.as_secs_f64()),
         Some(status) => format!("the process of the FMU ended there by {}", cause(status)),
     };
-    Ok(vec![Finding { severity: Severity::Error, rule: "process-lost".into(), element, message }])
+    found.push(Finding { severity: Severity::Error, rule: "process-lost".into(), element, message });
+    Ok(found)
 }

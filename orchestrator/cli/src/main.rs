@@ -12,6 +12,7 @@ pub mod export_fmu;
 mod folder;
 pub mod identify;
 pub mod inspect;
+mod inspect_report;
 pub mod inspect_system;
 mod inspect_worker;
 pub mod isolate;

@@ -39,8 +39,8 @@ fn the_command_fails_for_errors_and_prints_json() {
         compiled(&folder, "first_order.c", SOUND, &[fault]);
         let (code, value) = json(words);
         assert_eq!(code, Some(1), "{fault}");
-        let finding = &value["checks"][0]["findings"][0];
-        assert_eq!(finding["rule"], "process-lost", "{fault}");
+        let findings = value["checks"][0]["findings"].as_array().unwrap();
+        let finding = findings.iter().find(|finding| finding["rule"] == "process-lost").expect(fault);
         assert!(finding["element"].as_str().unwrap().contains("fmi2ExitInitializationMode"), "{finding}");
         assert!(finding["message"].as_str().unwrap().contains(expected), "{finding}");
     }
@@ -52,4 +52,49 @@ fn the_command_fails_for_errors_and_prints_json() {
     assert_eq!(value["checks"][0]["findings"][0]["severity"], "error");
     assert_eq!(value["checks"][0]["findings"][0]["rule"], "default-experiment");
     assert_eq!(value["model_description"]["variables"][0]["kind"]["unit"], "m");
+}
+
+#[test]
+fn findings_are_written_for_ci_as_sarif_and_junit() {
+    let folder = TempDir::new().unwrap();
+    let check = |report: &str| {
+        let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_airloop"));
+        command.args(["inspect", "--check", "m.fmu", "--report", report]).current_dir(folder.path());
+        let output = command.output().unwrap();
+        (output.status.code(), String::from_utf8(output.stderr).unwrap())
+    };
+    let read = |name: &str| std::fs::read_to_string(folder.path().join(name)).unwrap();
+    let wrong = SOUND.replace("nominal=\"1\"", "nominal=\"0\"").replace("name=\"p\"", "name=\"p&lt;q\"");
+    compiled(&folder, "first_order.c", &wrong, &[]);
+    assert_eq!(check("found.sarif").0, Some(1));
+    let sarif: serde_json::Value = serde_json::from_str(&read("found.sarif")).unwrap();
+    let results = sarif["runs"][0]["results"].as_array().unwrap();
+    let nominal = results.iter().find(|result| result["ruleId"] == "nominal").unwrap();
+    assert_eq!(nominal["level"], "error");
+    let place = &nominal["locations"][0]["physicalLocation"];
+    assert_eq!(place["region"]["startLine"], 11);
+    let artifact =
+        &sarif["runs"][0]["artifacts"][place["artifactLocation"]["index"].as_u64().unwrap() as usize];
+    assert_eq!(artifact["location"]["uri"], "/modelDescription.xml");
+    assert_eq!(
+        sarif["runs"][0]["artifacts"][artifact["parentIndex"].as_u64().unwrap() as usize]["location"]["uri"],
+        "m.fmu"
+    );
+
+    assert_eq!(check("found.xml").0, Some(1));
+    let junit = airloop_fmi::xml::parse(read("found.xml").as_bytes()).unwrap();
+    let suite = &junit.children[0];
+    let failed: Vec<_> = suite.children("testcase").filter(|case| case.child("failure").is_some()).collect();
+    assert_eq!(suite.attribute("failures"), Some(failed.len().to_string().as_str()));
+    assert!(failed.iter().any(|case| case.attribute("name").unwrap().contains("variable p<q")));
+
+    // A report is replaced by the next one; anything else stays.
+    compiled(&folder, "first_order.c", SOUND, &[]);
+    assert_eq!(check("found.xml").0, Some(0));
+    assert!(read("found.xml").contains("failures=\"0\""));
+    std::fs::write(folder.path().join("mine.xml"), "<mine/>").unwrap();
+    let (code, text) = check("mine.xml");
+    assert!(code == Some(1) && text.contains("mine.xml"), "{text}");
+    assert_eq!(read("mine.xml"), "<mine/>");
+    assert_eq!(check("found.txt").0, Some(2));
 }

@@ -2,7 +2,7 @@
 //!
 //! The meaning of the files is left to `open` and `description`.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::fs::{self, File};
 use std::io::{self, BufReader, Read, Seek, SeekFrom};
 use std::path::Path;
@@ -262,13 +262,15 @@ fn check_directory(mut file: &File, size: u64, limits: &Limits) -> Result<(), Ar
     limit("the size of the list of entries in bytes", bytes, limits.entries as u64 * ENTRY)
 }
 
-/// The names in the central directory at `start`, repeated ones included, which [`ZipArchive`] merges silently.
+/// The names in the central directory at `start`, repeated ones included, which [`ZipArchive`] merges silently; but for
+/// repeated files with the same length and checksum, which are harmless.
 fn stored_names(file: File, start: u64) -> Result<Vec<String>, ArchiveError> {
     const SIGNATURE: [u8; 4] = *b"PK\x01\x02";
     const HEADER: usize = 46;
     let mut reader = BufReader::new(file);
     reader.seek(SeekFrom::Start(start)).map_err(ArchiveError::Read)?;
     let mut names = Vec::new();
+    let mut seen = HashSet::new();
     let mut header = [0_u8; HEADER];
     // What follows the last header is at least 22 bytes long and has another signature.
     while reader.read_exact(&mut header[..4]).is_ok() && header[..4] == SIGNATURE {
@@ -281,7 +283,11 @@ fn stored_names(file: File, start: u64) -> Result<Vec<String>, ArchiveError> {
             name: String::from_utf8_lossy(error.as_bytes()).into_owned(),
             reason: "the name is not UTF-8 text",
         })?;
-        names.push(name);
+        let content: [u8; 4] = [header[16], header[17], header[18], header[19]];
+        let size: [u8; 4] = [header[24], header[25], header[26], header[27]];
+        if seen.insert((name.clone(), content, size)) {
+            names.push(name);
+        }
     }
     Ok(names)
 }

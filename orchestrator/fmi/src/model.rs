@@ -187,6 +187,15 @@ impl Model {
         self.read(function, call, indicators, self.fmu().description.number_of_event_indicators)
     }
 
+    /// Numbers of continuous states and event indicators as the library gives them (FMI 3.0); `None` where it does not.
+    pub(crate) fn counts(&self) -> [Option<usize>; 2] {
+        if !self.0.is_fmi3() {
+            return [None; 2];
+        }
+        // SAFETY: the component is alive and one of FMI 3.0.
+        unsafe { super::fmi3::counts(self.0.component()) }
+    }
+
     /// Number of continuous states.
     pub fn state_count(&self) -> usize {
         self.fmu().description.derivatives.len()

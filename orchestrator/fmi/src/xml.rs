@@ -1,7 +1,7 @@
 //! XML as a small tree with line numbers, read with limits and without DTD, so that no entity can expand.
 //!
-//! Elements are known by local name and namespace, attributes by their local name; text outside of attributes is not
-//! kept. What the elements mean is left to `fmu` and `system`.
+//! Elements are known by local name and namespace, attributes by their name; of text outside of attributes is kept whether
+//! there is some. What the elements mean is left to `fmu` and `system`.
 
 use quick_xml::XmlVersion;
 use quick_xml::events::{BytesStart, Event};
@@ -26,8 +26,10 @@ pub struct Element {
     pub namespace: String,
     /// Line in the file, from 1.
     pub line: usize,
-    /// Names without prefix, and values, in file order.
+    /// Names, those in a namespace with their prefix, and values, in file order.
     pub attributes: Vec<(String, String)>,
+    /// It holds text other than white space.
+    pub has_text: bool,
     /// Child elements in file order.
     pub children: Vec<Element>,
 }
@@ -102,9 +104,13 @@ pub fn parse(bytes: &[u8]) -> Result<Element, XmlError> {
             Event::DocType(_) => {
                 return Err(error("a DOCTYPE is refused: the file may not define entities".to_owned()));
             }
-            Event::Text(text) if open.is_empty() && !text.chars().all(char::is_whitespace) => {
-                return Err(error("text outside of the root element".to_owned()));
-            }
+            Event::Text(text) if !text.chars().all(char::is_whitespace) => match open.last_mut() {
+                Some(element) => {
+                    element.has_text = true;
+                    continue;
+                }
+                None => return Err(error("text outside of the root element".to_owned())),
+            },
             Event::Eof => break,
             _ => continue,
         };
@@ -166,9 +172,9 @@ fn element(start: &BytesStart<'_>, namespace: String, line: usize) -> Result<Ele
         if attributes.len() == MAX_ATTRIBUTES {
             return Err(format!("the element {name} has more than {MAX_ATTRIBUTES} attributes"));
         }
-        attributes.push((local(key).to_owned(), value.into_owned()));
+        attributes.push((key.to_owned(), value.into_owned()));
     }
-    Ok(Element { name, namespace, line, attributes, children: Vec::new() })
+    Ok(Element { name, namespace, line, attributes, has_text: false, children: Vec::new() })
 }
 
 fn local(name: &str) -> &str {
@@ -209,6 +215,7 @@ mod tests {
         let root = parse(text.as_bytes()).unwrap();
         assert_eq!((root.name.as_str(), root.namespace.as_str(), root.line), ("a", "urn:x", 2));
         assert_eq!(root.attribute("k"), Some("1 < 2"));
+        assert!(!root.has_text);
         assert_eq!((root.children[0].name.as_str(), root.children[0].line), ("b", 3));
         assert_eq!((root.children[1].namespace.as_str(), root.children[1].line), ("", 4));
     }

@@ -102,6 +102,17 @@ fn a_folder_that_appears_twice_is_one_folder() {
 }
 
 #[test]
+fn a_file_that_appears_twice_with_the_same_content_is_one_file() {
+    let xml = description(INPUT);
+    let files =
+        [("modelDescription.xml", xml.as_bytes()), ("extra/a.xml", b"<a/>"), ("extra/b.xml", b"<a/>")];
+    let bytes = forge(&archive(&files), "extra/b.xml", "extra/a.xml");
+    let folder = TempDir::new().unwrap();
+    let fmu = Fmu::open(&save(&folder, "m.fmu", &bytes)).unwrap();
+    assert_eq!(fmu.files(), ["modelDescription.xml", "extra/a.xml"]);
+}
+
+#[test]
 fn a_symbolic_link_is_refused() {
     let mut writer = ZipWriter::new(Cursor::new(Vec::new()));
     writer.start_file("modelDescription.xml", SimpleFileOptions::default()).unwrap();

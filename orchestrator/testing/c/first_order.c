@@ -146,6 +146,9 @@ int fmi2DoStep(Instance *it, double time, double step, int no_set_state) {
 #ifdef STEP_FAILS
     return 3;
 #endif
+    if (!(step > 0)) {
+        return 3;
+    }
     compute(it);
     set_x(it, it->value[1] + step * it->value[2]);
     it->time = time + step;

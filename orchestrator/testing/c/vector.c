@@ -373,7 +373,8 @@ EXPORT Status fmi3GetDirectionalDerivative(fmi3Instance c, const Ref *unknowns, 
 EXPORT Status fmi3GetOutputDerivatives(fmi3Instance c, const Ref *refs, size_t n, const int32_t *orders, double *values,
                                        size_t count) {
     Data *d = &((Vector *)c)->d;
-    if (n != 1 || refs[0] != Y || orders[0] != 1 || count != d->n) return refuse(c, "the first derivative of y only");
+    if (n == 1 && refs[0] == 27 && orders[0] == 1 && count == 1) { values[0] = 0; return OK; } /* its input is held */
+    if (n != 1 || refs[0] != Y || orders[0] != 1 || count != d->n) return refuse(c, "first derivatives only");
     rate(d, values);
     for (size_t i = 0; i < count; i++) values[i] *= 2;
     return OK;
@@ -385,6 +386,7 @@ EXPORT Status fmi3DoStep(fmi3Instance c, double t, double h, bool no_set, bool *
     (void)no_set;
     *event = *terminate = *early = false;
     if (v->mode != STEP) return refuse(v, "not in step mode");
+    if (!(h > 0)) return refuse(v, "a step must be longer than 0 s");
     if (t < v->d.time - 1e-9 || t > v->d.time + 1e-9) return refuse(v, "the step does not begin where the last one ended");
     double target = t + h;
     /* Half a step, once for each multiple of 0.1 s. */

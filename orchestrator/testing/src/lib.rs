@@ -15,6 +15,7 @@ pub mod looped;
 pub mod mechanics;
 pub mod model;
 pub mod slave;
+pub mod subject;
 pub mod vector;
 
 #[cfg(doctest)]

@@ -32,8 +32,9 @@ fn compare(fmu: &Arc<Fmu>, kind: InterfaceKind, findings: &mut Findings) -> Resu
             let mut seed = vec![0.0; function.knowns.len()];
             seed[index] = 1.0;
             let column = function.directional(&seed)?;
-            mixed_seed.push(1.0 + index as f64);
-            sum.iter_mut().zip(&column).for_each(|(sum, entry)| *sum += (1.0 + index as f64) * entry);
+            let seed = 1.5 + index as f64;
+            mixed_seed.push(seed);
+            sum.iter_mut().zip(&column).for_each(|(sum, entry)| *sum += seed * entry);
             let Some(slope) = function.slope(index)? else { continue };
             let known = &function.knowns[index];
             for (row, unknown) in function.unknowns.iter().enumerate() {

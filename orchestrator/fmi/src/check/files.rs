@@ -1,6 +1,7 @@
 //! Files of the archive: binaries where the interfaces expect them, documentation, nothing misplaced.
 
 use super::Findings;
+use crate::xml::Element;
 use crate::{Fmu, InterfaceKind};
 
 /// Folders and files that FMI 2.0.5 section 2.3 knows at the root of the archive; `extra` is of layered standards.
@@ -71,5 +72,27 @@ pub(super) fn check(fmu: &Fmu, findings: &mut Findings) {
     roots.dedup();
     for root in roots.into_iter().filter(|root| !ROOT.contains(root)) {
         findings.note("unknown-file", root, "FMI does not know this at the root of the archive");
+    }
+}
+
+/// Source files: those that FMI 2.0 lists, and the list that FMI 3.0 wants next to them.
+pub(super) fn check_sources(fmu: &Fmu, root: &Element, findings: &mut Findings) {
+    let lists = root.children.iter().flat_map(|interface| interface.children("SourceFiles"));
+    for file in lists.flat_map(|list| list.children("File")) {
+        let Some(name) = file.attribute("name") else { continue };
+        let path = format!("sources/{name}");
+        if !fmu.files().contains(&path) {
+            findings.error(
+                "source-missing",
+                path,
+                format!("line {} lists it, but it is not there", file.line),
+            );
+        }
+    }
+    let described = fmu.files().iter().any(|file| file == "sources/buildDescription.xml");
+    let has_sources = fmu.files().iter().any(|file| file.starts_with("sources/"));
+    if fmu.description.is_fmi3() && has_sources && !described {
+        let message = "FMI 3.0 asks for it where there are sources";
+        findings.error("source-missing", "sources/buildDescription.xml", message);
     }
 }

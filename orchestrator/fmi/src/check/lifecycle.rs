@@ -3,8 +3,8 @@
 use std::sync::Arc;
 
 use super::probe::{Advance, Probe, Value, difference};
-use super::{Findings, element};
-use crate::description::{Initial, Variability, VariableKind};
+use super::{Findings, element, settings};
+use crate::description::{Initial, Variability};
 use crate::{Error, Fmu, Instance, InterfaceKind};
 
 /// Steps of a trial run.
@@ -56,10 +56,13 @@ fn run(fmu: &Arc<Fmu>, kind: InterfaceKind, findings: &mut Findings) -> Result<b
     if let Some(neighbor) = &mut neighbor {
         neighbor.initialize()?;
     }
-    let outcome = probe.advance(STEPS)?;
+    let (outcome, path) = walk(&mut probe)?;
     if outcome == Advance::EndlessEvents {
         findings.error("event-iteration", place, "fmi2NewDiscreteStates does not come to rest");
         return Ok(false);
+    }
+    for (rule, message) in probe.take_event_faults() {
+        findings.error(rule, &place, message);
     }
     let stepped = probe.values()?;
     check_finite(fmu, kind, &stepped, findings);
@@ -75,33 +78,40 @@ fn run(fmu: &Arc<Fmu>, kind: InterfaceKind, findings: &mut Findings) -> Result<b
     let again = probe.values()?;
     if let Some(what) = difference(description, &initial, &again) {
         findings.error("reset", &place, format!("after fmi2Reset and initialization {what}"));
-    } else if probe.advance(STEPS)? != outcome {
-        findings.error("reset", &place, "a run after fmi2Reset ends differently");
-    } else if let Some(what) = difference(description, &stepped, &probe.values()?) {
-        findings.error("reset", &place, format!("after {STEPS} steps before and after fmi2Reset {what}"));
+    } else {
+        let (outcome_again, path_again) = walk(&mut probe)?;
+        let mut pairs = path.iter().zip(&path_again).enumerate();
+        let first =
+            pairs.find_map(|(step, (before, after))| Some((step, difference(description, before, after)?)));
+        if let Some((step, what)) = first {
+            let message = format!("after step {} before and after fmi2Reset {what}", step + 1);
+            findings.error("reset", &place, message);
+        } else if outcome_again != outcome {
+            findings.error("reset", &place, "a run after fmi2Reset ends differently");
+        }
     }
     probe.instance().terminate()?;
     Ok(true)
+}
+
+/// The trial run: its end, and all values after each step.
+fn walk(probe: &mut Probe) -> Result<(Advance, Vec<Vec<Value>>), Error> {
+    let mut path = Vec::with_capacity(STEPS);
+    for _ in 0..STEPS {
+        let outcome = probe.advance(1)?;
+        if outcome != Advance::Done {
+            return Ok((outcome, path));
+        }
+        path.push(probe.values()?);
+    }
+    Ok((Advance::Done, path))
 }
 
 /// Constants, parameters and other exact variables have their start value in initialization mode.
 fn check_starts(fmu: &Fmu, kind: InterfaceKind, values: &[Value], findings: &mut Findings) {
     for (variable, value) in fmu.description.variables.iter().zip(values) {
         let exact = variable.initial == Some(Initial::Exact) || variable.variability == Variability::Constant;
-        let start = match &variable.kind {
-            VariableKind::Real(real) => real.start.map(|start| Value::Real(start.to_bits())),
-            VariableKind::Integer { start, .. } | VariableKind::Enumeration { start, .. } => {
-                start.map(Value::Integer)
-            }
-            VariableKind::Boolean { start } => start.map(Value::Boolean),
-            VariableKind::String { start } => start.clone().map(Value::String),
-        };
-        // Zero has two representations.
-        let same = |start: &Value| match (start, value) {
-            (Value::Real(a), Value::Real(b)) => f64::from_bits(*a) == f64::from_bits(*b),
-            (a, b) => a == b,
-        };
-        if let Some(start) = start.filter(|start| exact && !same(start)) {
+        if let Some(start) = settings::start(variable).filter(|start| exact && !start.equals(value)) {
             let message =
                 format!("{kind}: its value in initialization mode is {value}, its start value {start}");
             findings.error("start-value", element(variable), message);

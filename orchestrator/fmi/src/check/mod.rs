@@ -6,16 +6,26 @@
 //! observed ones. What makes an FMU unusable is not a finding but an error of [`Fmu::open`].
 
 mod attributes;
+mod continuous;
 mod dependencies;
 mod derivatives;
+mod discrete;
 mod files;
+mod interfaces;
+mod leaks;
 mod lifecycle;
 mod names;
 mod perturbation;
 mod probe;
+mod ranges;
 mod roles;
+mod schema;
+mod settings;
 mod state;
+mod stepping;
 mod structure;
+mod types;
+mod variability;
 
 use std::borrow::Cow;
 use std::fmt;
@@ -65,6 +75,15 @@ pub struct Finding {
 pub fn static_findings(fmu: &Fmu) -> Vec<Finding> {
     let mut findings = Findings::default();
     files::check(fmu, &mut findings);
+    let description = std::fs::read(fmu.folder().join("modelDescription.xml")).ok();
+    if let Some(root) = description.and_then(|bytes| crate::xml::parse(&bytes).ok()) {
+        schema::check(&root, fmu.description.is_fmi3(), &mut findings);
+        files::check_sources(fmu, &root, &mut findings);
+        if !fmu.description.is_fmi3() {
+            roles::check_default_variability(&root, &mut findings);
+        }
+    }
+    types::check(&fmu.description, &mut findings);
     names::check(&fmu.description, &mut findings);
     attributes::check(&fmu.description, &mut findings);
     roles::check(&fmu.description, &mut findings);
@@ -73,17 +92,56 @@ pub fn static_findings(fmu: &Fmu) -> Vec<Finding> {
 }
 
 /// Runs the library of the FMU and checks how it behaves. A crash of the library ends this process; `airloop inspect`
-/// calls this in a process of its own.
+/// calls [`dynamic_findings_in_parts`] in a process of its own.
 pub fn dynamic_findings(fmu: &Arc<Fmu>) -> Vec<Finding> {
-    let mut findings = Findings::default();
+    let mut all = Vec::new();
+    dynamic_findings_in_parts(fmu, &mut |findings| all.extend(findings));
+    all
+}
+
+/// A check of one interface.
+type Check = fn(&Arc<Fmu>, InterfaceKind, &mut Findings);
+
+/// The checks of a working interface, those that an FMU is least ready for at the end.
+const CHECKS: [Check; 10] = [
+    settings::check,
+    variability::check,
+    ranges::check,
+    continuous::check,
+    state::check,
+    derivatives::check,
+    dependencies::check,
+    discrete::check,
+    stepping::check,
+    leaks::check,
+];
+
+/// Same as [`dynamic_findings`]; `report` gets the findings of each check as soon as it has ended, so that a crash in a
+/// later one loses none.
+pub fn dynamic_findings_in_parts(fmu: &Arc<Fmu>, report: &mut dyn FnMut(Vec<Finding>)) {
+    let mut working = Vec::new();
     for kind in [InterfaceKind::CoSimulation, InterfaceKind::ModelExchange] {
-        if fmu.interface(kind).is_some() && lifecycle::check(fmu, kind, &mut findings) {
-            state::check(fmu, kind, &mut findings);
-            derivatives::check(fmu, kind, &mut findings);
-            dependencies::check(fmu, kind, &mut findings);
+        if fmu.interface(kind).is_none() {
+            continue;
+        }
+        let mut findings = Findings::default();
+        if lifecycle::check(fmu, kind, &mut findings) {
+            working.push(kind);
+        }
+        report(findings.of(fmu));
+    }
+    if working.len() == 2 {
+        let mut findings = Findings::default();
+        interfaces::check(fmu, &mut findings);
+        report(findings.of(fmu));
+    }
+    for check in CHECKS {
+        for &kind in &working {
+            let mut findings = Findings::default();
+            check(fmu, kind, &mut findings);
+            report(findings.of(fmu));
         }
     }
-    findings.of(fmu)
 }
 
 /// Findings so far.

@@ -6,6 +6,7 @@ use super::{Findings, element};
 use crate::description::{
     Causality, Initial, ModelDescription, Variability, Variable, VariableKind, allowed_initials,
 };
+use crate::xml::Element;
 
 pub(super) fn check(description: &ModelDescription, findings: &mut Findings) {
     for variable in &description.variables {
@@ -23,6 +24,26 @@ pub(super) fn check(description: &ModelDescription, findings: &mut Findings) {
         }
     }
     check_alias_units(description, findings);
+}
+
+/// The schema of FMI 2.0 makes a variable without `variability` continuous, also where its type cannot be.
+pub(super) fn check_default_variability(root: &Element, findings: &mut Findings) {
+    let variables = root.child("ModelVariables").into_iter().flat_map(|list| list.children("ScalarVariable"));
+    for variable in variables.filter(|variable| variable.attribute("variability").is_none()) {
+        let Some(kind) = variable.children.iter().find(|kind| kind.name != "Annotations") else { continue };
+        if kind.name != "Real" {
+            let place = format!(
+                "variable {} (line {})",
+                variable.attribute("name").unwrap_or_default(),
+                variable.line
+            );
+            let message = format!(
+                "it has no variability, which makes it continuous (FMI 2.0.4 section 2.2.7), and that is for Real, not {}",
+                kind.name
+            );
+            findings.error("causality-variability", place, message);
+        }
+    }
 }
 
 fn check_combination(variable: &Variable, findings: &mut Findings) {

@@ -99,6 +99,15 @@ impl ModelDescription {
         self.layout.as_ref().and_then(place).unwrap_or(false)
     }
 
+    /// Whether the variable at `position` is a structural parameter (FMI 3.0).
+    pub(crate) fn is_structural(&self, position: usize) -> bool {
+        let place = |layout: &layout::Layout| {
+            let slot = layout.find(self.variables[position].value_reference)?;
+            Some(layout.wholes[slot.whole].structural)
+        };
+        self.layout.as_ref().and_then(place).unwrap_or(false)
+    }
+
     /// Whether the variable at `position` is a float of single precision (FMI 3.0).
     pub(crate) fn is_single(&self, position: usize) -> bool {
         let base = |layout: &layout::Layout| {

@@ -13,6 +13,7 @@ type Simple = unsafe extern "C" fn(Instance) -> Status;
 type Getter<T> = Option<unsafe extern "C" fn(Instance, *const u32, usize, *mut T, usize) -> Status>;
 type Setter<T> = Option<unsafe extern "C" fn(Instance, *const u32, usize, *const T, usize) -> Status>;
 type ReadStates = unsafe extern "C" fn(Instance, *mut f64, usize) -> Status;
+type Count = unsafe extern "C" fn(Instance, *mut usize) -> Status;
 
 macro_rules! table {
     (
@@ -147,6 +148,9 @@ table! {
             get_event_indicators: fmi3GetEventIndicators: ReadStates,
             get_nominals: fmi3GetNominalsOfContinuousStates: ReadStates,
         }
-        optional {}
+        optional {
+            count_states: fmi3GetNumberOfContinuousStates: Option<Count>,
+            count_event_indicators: fmi3GetNumberOfEventIndicators: Option<Count>,
+        }
     }
 }

@@ -191,5 +191,21 @@ unsafe fn component<'a>(handle: *mut c_void) -> &'a mut Component {
     unsafe { &mut *handle.cast::<Component>() }
 }
 
+/// Numbers of continuous states and event indicators as the library gives them; `None` where it does not.
+///
+/// # Safety
+/// As for [`component`].
+pub(crate) unsafe fn counts(handle: *mut c_void) -> [Option<usize>; 2] {
+    // SAFETY: promised by the caller.
+    let component = unsafe { component(handle) };
+    let Some(model) = component.functions.model else { return [None; 2] };
+    [model.count_states, model.count_event_indicators].map(|count| {
+        let mut number = 0;
+        // SAFETY: the instance is alive; the pointer is to a local.
+        let status = unsafe { count?(component.instance, &raw mut number) };
+        (status <= WARNING).then_some(number)
+    })
+}
+
 /// A C string of the importer as the FMU takes it.
 type Text = *const c_char;

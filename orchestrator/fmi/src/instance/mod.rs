@@ -304,6 +304,11 @@ impl Instance {
         Ok(())
     }
 
+    /// Whether the component is one of FMI 3.0 in this process.
+    pub(super) fn is_fmi3(&self) -> bool {
+        matches!(self.library.origin, Origin::Three(_))
+    }
+
     pub(super) fn component(&self) -> *mut c_void {
         self.component
     }

@@ -1,0 +1,112 @@
+//! Memory, open files and threads that an instance leaves behind when it is freed.
+
+#![allow(unsafe_code, reason = "asking the C library how much memory is in use")]
+
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use super::Findings;
+use super::probe::{Advance, Probe};
+use crate::{Error, Fmu, InterfaceKind};
+
+/// Steps of each life.
+const STEPS: usize = 3;
+
+/// Lives before the first look: what a library makes once for all is there then, and the allocator's own lists are filled.
+const FIRST_LIVES: usize = 20;
+
+/// Looks; a leak grows between each two.
+const LOOKS: usize = 6;
+
+/// Lives between two looks.
+const LIVES: usize = 16;
+
+/// Largest growth between two looks over the smallest.
+const MAX_UNEVENNESS: usize = 2;
+
+/// Time for all lives; a slow FMU gets fewer.
+const PATIENCE: Duration = Duration::from_secs(5);
+
+/// A name, and its count in this process.
+type Counted = (&'static str, fn() -> usize);
+
+/// What is counted: names, and the counts of this process.
+const COUNTED: [Counted; 3] = [("bytes", in_use), ("open files", open_files), ("threads", threads)];
+
+pub(super) fn check(fmu: &Arc<Fmu>, kind: InterfaceKind, findings: &mut Findings) {
+    let Ok(grown) = grown(fmu, kind) else { return };
+    for ((what, _), count) in COUNTED.iter().zip(grown) {
+        let Some(count) = count else { continue };
+        let message = format!(
+            "each life of an instance (made, initialized, {STEPS} steps, reset, freed) leaves {count} {what} behind"
+        );
+        findings.error("leak", format!("interface {kind}"), message);
+    }
+}
+
+/// What each life leaves behind, if it is so much every time.
+fn grown(fmu: &Arc<Fmu>, kind: InterfaceKind) -> Result<[Option<usize>; COUNTED.len()], Error> {
+    let began = Instant::now();
+    for _ in 0..FIRST_LIVES {
+        live(fmu, kind)?;
+    }
+    let mut used = [[0; LOOKS]; COUNTED.len()];
+    for look in 0..LOOKS {
+        if look > 0 {
+            for _ in 0..LIVES {
+                live(fmu, kind)?;
+                if began.elapsed() > PATIENCE {
+                    return Ok([None; COUNTED.len()]);
+                }
+            }
+        }
+        for (used, (_, count)) in used.iter_mut().zip(COUNTED) {
+            used[look] = count();
+        }
+    }
+    Ok(used.map(|used| {
+        let growth = || used.windows(2).map(|pair| pair[1].saturating_sub(pair[0]));
+        let (least, most) = (growth().min().unwrap_or(0), growth().max().unwrap_or(0));
+        // A leak takes as much every time; what the allocator keeps for later comes and goes.
+        (least >= LIVES && most <= MAX_UNEVENNESS * least).then_some(least / LIVES)
+    }))
+}
+
+fn open_files() -> usize {
+    std::fs::read_dir("/proc/self/fd").map_or(0, Iterator::count)
+}
+
+fn threads() -> usize {
+    std::fs::read_dir("/proc/self/task").map_or(0, Iterator::count)
+}
+
+fn live(fmu: &Arc<Fmu>, kind: InterfaceKind) -> Result<(), Error> {
+    let mut probe = Probe::new(fmu, kind)?;
+    let saves = fmu.interface(kind).is_some_and(|interface| interface.can_get_and_set_fmu_state);
+    if probe.initialize()? == Advance::Done {
+        probe.advance(STEPS)?;
+        if saves {
+            let mut slot = None;
+            probe.instance().get_state(&mut slot)?;
+            if let Some(state) = slot {
+                probe.instance().set_state(&state)?;
+                probe.instance().free_state(state)?;
+            }
+        }
+    }
+    probe.instance().reset()
+}
+
+/// Bytes that were allocated and not freed in this process.
+#[cfg(target_env = "gnu")]
+fn in_use() -> usize {
+    // SAFETY: the function takes nothing and only reads the counts of the allocator.
+    let counts = unsafe { libc::mallinfo2() };
+    counts.uordblks + counts.hblkhd
+}
+
+/// Not known with this C library.
+#[cfg(not(target_env = "gnu"))]
+fn in_use() -> usize {
+    0
+}

@@ -1,0 +1,49 @@
+#!/usr/bin/env bash
+# Builds the libraries of all FMUs against an old glibc (RHEL 8, Debian 11, Ubuntu 20.04), without libgcc_s, by cargo-zigbuild, and
+# packages every FMU with them. The linker lands in target/zig. Says what is missing, and stops, where it cannot be had.
+# The library inside of exported systems (`airloop export-fmu`) is not among them: it needs the glibc of this computer.
+set -euo pipefail
+
+glibc=2.28
+target=$(rustc -vV | sed -n 's/^host: //p')
+cd "$(dirname "${BASH_SOURCE[0]}")/.."
+
+fail() {
+    printf 'portable: %s\n' "$@" >&2
+    exit 1
+}
+
+case $target in
+    x86_64-*-linux-gnu) platform=linux64 ;;
+    *-linux-gnu) platform=${target%%-*}-linux ;;
+    *) fail "this is no Linux with glibc ($target)" ;;
+esac
+
+built=${CARGO_TARGET_DIR:-target}
+tools=$built/zig
+mkdir -p "$built"
+if ! cmp -s requirements-portable.txt "$tools/installed.txt"; then
+    rm -rf "$tools"
+    "${PYTHON:-python3}" -m venv "$tools" || fail "could not make a virtual environment. On Debian: apt-get install python3-venv"
+    "$tools/bin/python" -m pip install --quiet --disable-pip-version-check --retries 10 -r requirements-portable.txt ||
+        fail "pip could not install requirements-portable.txt: see the lines above"
+    cp requirements-portable.txt "$tools/installed.txt"
+fi
+
+packages=()
+names=()
+for manifest in fmus/*/Cargo.toml; do
+    grep -q cdylib "$manifest" || continue
+    packages+=(-p "$(sed -n 's/^name = "\(fmu-.*\)"/\1/p' "$manifest")")
+    names+=("$(sed -n '/^\[lib\]/,/^\[/s/^name = "\(.*\)"/\1/p' "$manifest")")
+done
+PATH=$(cd "$tools/bin" && pwd):$PATH cargo-zigbuild zigbuild --release --target "$target.$glibc" "${packages[@]}"
+
+out=$built/portable/$platform
+rm -rf "$out"
+mkdir -p "$out"
+for name in "${names[@]}"; do
+    cp "$built/$target/release/lib$name.so" "$out/$name.so"
+done
+"${PYTHON:-python3}" scripts/check_symbols.py "$glibc" "$out"/*.so
+cargo run --release -p packager -- --add-platform "$built/portable"
