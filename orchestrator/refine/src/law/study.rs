@@ -9,6 +9,7 @@ use super::surface::{Surface, knots};
 use super::windows::{Windows, velocity};
 use super::written::name;
 use crate::answer::{Answer, Effect, Errors, Parameter, Verdict};
+use crate::engine::System;
 use crate::engine::fit::Free;
 use crate::engine::stop;
 use crate::study::answer;
@@ -79,12 +80,15 @@ pub fn explain(
     say: Say,
 ) -> Option<Model> {
     let known = [study.entries.len(), study.candidates.len(), study.surfaces.len(), study.own.len()];
+    let attachments = study.taps.len();
     let law = sought(study, scale, model, found, aim, say);
     if law.is_none() {
         study.entries.truncate(known[0]);
         study.candidates.truncate(known[1]);
         study.surfaces.truncate(known[2]);
         study.own.truncate(known[3]);
+        study.taps.truncate(attachments);
+        study.forget_instances();
     }
     law
 }
@@ -111,7 +115,7 @@ fn sought(
         let noise: f64 = study.outputs.iter().zip(scale).map(|(o, s)| (o.noise / s).powi(2)).sum();
         (fits.quickened(base).quick, trace, windows, noise * samples as f64)
     };
-    let finder = Finder { aim, scale, say, corrections, quick, trace, windows, noise };
+    let mut finder = Finder { aim, scale, say, corrections, quick, trace, windows, noise };
     let Outcome { law, model, after } = finder.find(study, judge, base, found)?;
     let fits = finder.fits(study);
     let complete = judge.explained(&fits, &model) || judge.tolerable(&fits, &model);
@@ -203,7 +207,7 @@ pub fn corrections_explain(
 
 /// Corrections of the declared parameters up to `most` of their tolerances; none where they are too many to be fitted beside
 /// a law.
-fn corrections(study: &Study, most: f64) -> Vec<Free> {
+pub(super) fn corrections(study: &Study, most: f64) -> Vec<Free> {
     let found = tolerance::corrections(study, most);
     if found.len() > MAX_CORRECTIONS { Vec::new() } else { found.into_iter().map(|own| own.0).collect() }
 }
@@ -307,12 +311,12 @@ impl Finder<'_> {
         found: Found,
         answer: &Answer,
     ) -> Option<Outcome> {
-        let mut fits = Fits { quick: false, ..self.fits(study) };
-        if let Aim::Noise { max_tolerances } = self.aim {
-            // Declared parameters within their tolerances shift the parameters of a law.
-            fits.corrections = corrections(study, max_tolerances);
-        }
         let model = extended(&found.model, study);
+        let fits = match self.aim {
+            // Declared parameters within their tolerances shift the parameters of a law.
+            Aim::Noise { max_tolerances } => self.fits_in_noise(study, corrections(study, max_tolerances)),
+            Aim::Share => Fits { quick: false, ..self.fits(study) },
+        };
         let again = fits.fit_from(model.added.clone(), &model.fit.parameters, &model.fit.locals);
         let model = again.unwrap_or(model);
         let declared = extended(declared, study);
@@ -326,13 +330,16 @@ impl Finder<'_> {
             of(&model, &validation, None),
         ];
         let share = share(study, [&answer.before[1].rms, &after[1].rms], &answer.floor[1]);
-        let gained = 1.0 - model.error / declared.error;
+        let gained = 1.0 - self.error(study, &model) / declared.error;
         if !(share >= MIN_VALIDATED_SHARE && share > 0.5 * gained) {
             return None;
         }
         let tap = found.tap;
         let channel = found.variables.first().map_or("", |own| channel(study, tap, *own));
-        let widen = model.error.max(judge.power.sqrt());
+        let widen = match self.aim {
+            Aim::Noise { .. } => model.error.max(1.0),
+            Aim::Share => model.error.max(judge.power.sqrt()),
+        };
         let c = model.added[0];
         let place = |index: usize| model.fit.free.iter().position(|free| free.index == index);
         let known = study.candidates[c].entries.clone().map(|index| {
@@ -367,20 +374,42 @@ impl Finder<'_> {
             toml: found.effect.to_toml(&values),
             effect,
         };
-        Some(Outcome { law, model: Model { fit: own, ..model }, after })
+        let error = self.error(study, &model);
+        Some(Outcome { law, model: Model { fit: own, error, ..model }, after })
+    }
+
+    /// Fits with residuals in units of the noise, in which tolerances of corrections have their weight.
+    fn fits_in_noise<'s>(&self, study: &'s Study, corrections: Vec<Free>) -> Fits<'s> {
+        Fits { corrections, ..Fits::new(study, explain::noises(study)) }
+    }
+
+    /// A model fitted beside corrections in units of the noise.
+    pub(super) fn in_noise(&self, study: &Study, corrections: &[Free], model: &Model) -> Option<Model> {
+        let fits = self.fits_in_noise(study, corrections.to_vec());
+        let model = fits.fit_from(model.added.clone(), &model.fit.parameters, &model.fit.locals)?;
+        Some(Model { error: self.error(study, &model), ..model })
+    }
+
+    /// Error of a model in the units of the search.
+    fn error(&self, study: &Study, model: &Model) -> f64 {
+        let fits = Fits { quick: false, ..self.fits(study) };
+        let view = fits.view(&model.added, &fits.pieces);
+        let residuals = |r: usize| view.residuals(r, &model.fit.parameters, &model.fit.locals[r]);
+        fits.rms((0..fits.pieces.len()).flat_map(residuals).map(|own| own * own).sum())
     }
 
     /// Mean power of the law over its mean magnitude, along the records; none where no velocity is known.
     fn dissipation(&self, study: &Study, tap: usize, own: &Own, values: &[f64]) -> Option<f64> {
-        study.taps[tap].signals[0]?;
+        let moved = study.taps[tap].crossed.unwrap_or(tap);
+        study.taps[moved].signals[0]?;
         if own.port.replaces() {
             return None;
         }
         let mut z = vec![0.0; own.states.len()];
         let step = study.records.first().map_or(1e-3, |record| record.step);
-        let powers = self.trace[tap].iter().map(|point| {
+        let powers = self.trace[tap].iter().zip(&self.trace[moved]).map(|(point, moved)| {
             let at = [point.position, point.velocity, point.value, point.time];
-            let power = own.value(at, &z, values) * point.velocity;
+            let power = own.value(at, &z, values) * moved.velocity;
             own.advance(at, &mut z, values, step);
             power
         });
