@@ -312,13 +312,22 @@ impl Finder<'_> {
         answer: &Answer,
     ) -> Option<Outcome> {
         let model = extended(&found.model, study);
-        let fits = match self.aim {
-            // Declared parameters within their tolerances shift the parameters of a law.
-            Aim::Noise { max_tolerances } => self.fits_in_noise(study, corrections(study, max_tolerances)),
-            Aim::Share => Fits { quick: false, ..self.fits(study) },
+        let (mut model, mut fits) = (model, Fits { quick: false, ..self.fits(study) });
+        if self.aim == Aim::Share {
+            model =
+                fits.fit_from(model.added.clone(), &model.fit.parameters, &model.fit.locals).unwrap_or(model);
+        }
+        // Declared parameters within their tolerances shift the parameters of a law; what leaves noise is weighed by the noise.
+        let corrections = match self.aim {
+            Aim::Noise { max_tolerances } => Some(corrections(study, max_tolerances)),
+            Aim::Share => judge.explained(&fits, &model).then(|| self.corrections.clone()),
         };
-        let again = fits.fit_from(model.added.clone(), &model.fit.parameters, &model.fit.locals);
-        let model = again.unwrap_or(model);
+        let in_noise = corrections.is_some();
+        if let Some(corrections) = corrections {
+            fits = self.fits_in_noise(study, corrections);
+            model =
+                fits.fit_from(model.added.clone(), &model.fit.parameters, &model.fit.locals).unwrap_or(model);
+        }
         let declared = extended(declared, study);
         let validation = pieces(study, Role::Validation);
         let of = |model: &Model, pieces: &[_], locals| {
@@ -336,10 +345,7 @@ impl Finder<'_> {
         }
         let tap = found.tap;
         let channel = found.variables.first().map_or("", |own| channel(study, tap, *own));
-        let widen = match self.aim {
-            Aim::Noise { .. } => model.error.max(1.0),
-            Aim::Share => model.error.max(judge.power.sqrt()),
-        };
+        let widen = model.error.max(if in_noise { 1.0 } else { judge.power.sqrt() });
         let c = model.added[0];
         let place = |index: usize| model.fit.free.iter().position(|free| free.index == index);
         let known = study.candidates[c].entries.clone().map(|index| {
