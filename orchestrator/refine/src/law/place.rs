@@ -91,7 +91,8 @@ impl Finder<'_> {
         };
         singles.sort_by(|a, b| gain(b).total_cmp(&gain(a)));
         let most = gain(singles.first()?);
-        self.tell_ports(study, declared, &mut singles, |form| gain(form) > MIN_GAIN_OF_OTHER_PORT * most);
+        let near = |form: &FreeForm| gain(form) > MIN_GAIN_OF_OTHER_PORT * most;
+        let mut known = self.tell_ports(study, declared, &mut singles, near);
         let best = singles.first()?;
         let one = self.noise / self.samples(study).max(1) as f64;
         let enough = |form: &FreeForm| {
@@ -104,7 +105,9 @@ impl Finder<'_> {
             if gain(form) < MIN_GAIN_OVER_BEST * most {
                 continue;
             }
-            forms.extend(self.fine(study, declared, (tap, form.surface.variables[0])));
+            let own = |known: &FreeForm| known.surface.variables == form.surface.variables;
+            let fine = known.take_if(|known| own(known));
+            forms.extend(fine.or_else(|| self.fine(study, declared, (tap, form.surface.variables[0]))));
         }
         // Two variables where one leaves much.
         let mut pairs = Vec::new();
@@ -189,30 +192,31 @@ impl Finder<'_> {
     }
 
     /// Puts that of the best forms first whose port is the place: ports whose motions are nearly the same are told apart by
-    /// forms with all knots. `near`: whether the gain of a form is near to the largest.
+    /// forms with all knots. `near`: whether the gain of a form is near to the largest. Gives the form with all knots at that
+    /// port, if several were compared.
     fn tell_ports(
         &self,
         study: &mut Study,
         declared: &Model,
         singles: &mut [FreeForm],
         near: impl Fn(&FreeForm) -> bool,
-    ) {
+    ) -> Option<FreeForm> {
         let (tap, variables) = (singles[0].tap, singles[0].surface.variables.clone());
         let alike = |form: &FreeForm| form.surface.variables == variables && near(form);
         let others = (1..singles.len()).filter(|&i| singles[i].tap != tap && alike(&singles[i]));
         let places: Vec<usize> = std::iter::once(0).chain(others.take(MAX_OTHER_PORTS)).collect();
         if places.len() < 2 || stop::asked() {
-            return;
+            return None;
         }
-        let mut left = |i: usize| {
-            let form = self.fine(study, declared, (singles[i].tap, variables[0]));
-            form.map_or(f64::INFINITY, |form| form.at.smooth.held_out)
-        };
-        let errors: Vec<f64> = places.iter().map(|&i| left(i)).collect();
+        let mut fine: Vec<Option<FreeForm>> =
+            places.iter().map(|&i| self.fine(study, declared, (singles[i].tap, variables[0]))).collect();
+        let left =
+            |form: &Option<FreeForm>| form.as_ref().map_or(f64::INFINITY, |own| own.at.smooth.held_out);
+        let errors: Vec<f64> = fine.iter().map(left).collect();
         let best = (0..places.len()).min_by(|&a, &b| errors[a].total_cmp(&errors[b])).unwrap_or(0);
-        if errors[best] < MAX_ERROR_AT_OTHER_PORT.powi(2) * errors[0] {
-            singles.swap(0, places[best]);
-        }
+        let best = if errors[best] < MAX_ERROR_AT_OTHER_PORT.powi(2) * errors[0] { best } else { 0 };
+        singles.swap(0, places[best]);
+        fine.swap_remove(best)
     }
 
     /// A free form over one variable with all its knots, at its optimum.

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use super::found::{Law, as_effect, dissipation, parameters as law_parameters, told};
 use super::grammar::Axis;
 use super::surface::{Surface, knots};
-use super::windows::{Windows, velocity};
+use super::windows::{Windows, positions, velocity};
 use super::written::name;
 use crate::answer::{Answer, Effect, Errors, Parameter, Verdict};
 use crate::engine::System;
@@ -155,8 +155,8 @@ fn sought(
     Some(model)
 }
 
-/// What the attachments show in the estimation records, `[taps][n]`: measured where an output shows it, of a model
-/// otherwise.
+/// What the attachments show in the estimation records, `[taps][n]`: measured where an output shows it or its derivative, of
+/// a model otherwise.
 fn motion(fits: &Fits, model: &Model) -> Vec<Vec<Point>> {
     let study = fits.study;
     let view = fits.view(&[], &fits.pieces);
@@ -170,7 +170,14 @@ fn motion(fits: &Fits, model: &Model) -> Vec<Vec<Point>> {
         let mut traces = view.trace(r, &model.fit.parameters, &model.fit.locals[r]);
         for ((tap, trace), all) in study.taps.iter().zip(&mut traces).zip(&mut all) {
             let (v, x) = (measured(tap.signals[0]), measured(tap.signals[1]));
+            let places = match (v, x, trace.first()) {
+                (Some(v), None, Some(first)) => positions(first.position, v, record.step),
+                _ => Vec::new(),
+            };
             for (k, point) in trace.iter_mut().enumerate() {
+                if let (Some(_), Some(place)) = (tap.signals[1], places.get(k)) {
+                    point.position = *place;
+                }
                 if let Some(x) = x {
                     (point.position, point.velocity) = (x[k], velocity(x, k, record.step));
                 }
