@@ -1,7 +1,7 @@
 //! Free forms at a port over the motion at other ports: what couples joints or tanks depends on both.
 
 use super::free_form::FreeForm;
-use super::place::{CURVE_KNOTS, SCREENING_KNOTS, SURFACE_KNOTS};
+use super::place::{CURVE_KNOTS, MAX_ERROR_WITHOUT_SECOND, SCREENING_KNOTS, SURFACE_KNOTS};
 use super::study::Finder;
 use super::surface::Surface;
 use crate::engine::stop;
@@ -13,9 +13,7 @@ use crate::study::model::{Study, Tap};
 const MAX_PAIRS_OF_PORTS: usize = 6;
 /// Ratio of what a form over the motion at another port leaves above noise to what the best form over that at the port itself
 /// leaves, below which it takes its place.
-const MAX_EXCESS_OVER_OWN: f64 = 0.25;
-/// Held-out error over that of noise, below which a form needs no second variable.
-const MAX_ERROR_WITHOUT_SECOND: f64 = 1.2;
+const MAX_EXCESS_OVER_OWN: f64 = 0.5;
 
 /// A place of velocity and position in a motion: which of the two port has it, 0 the port itself, 1 the other, and what it is there.
 type Shown = (usize, Variable);

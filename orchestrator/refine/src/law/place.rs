@@ -15,6 +15,8 @@ use crate::study::model::Study;
 const MIN_SHARE_OF_EXCESS: f64 = 0.2;
 /// Share of a second variable in what one leaves, from which on both are needed.
 const MIN_SHARE_OF_SECOND_VARIABLE: f64 = 0.15;
+/// Held-out error of a free form in windows over that of noise, below which no other variable is looked at.
+pub(super) const MAX_ERROR_WITHOUT_SECOND: f64 = 1.2;
 /// Knots of a variable while variables are compared, of the one that is chosen, and of each of two.
 pub(super) const SCREENING_KNOTS: usize = 10;
 pub(super) const CURVE_KNOTS: usize = 20;
@@ -131,7 +133,7 @@ impl Finder<'_> {
             let Some(knots) = knots else { continue };
             let surface = Surface { variables: variables.into(), knots };
             let left = forms.iter().map(|own| own.at.smooth.held_out).fold(f64::INFINITY, f64::min);
-            if left < 1.2 * self.noise {
+            if left < MAX_ERROR_WITHOUT_SECOND * self.noise {
                 break;
             }
             if let Some(form) = self.form(study, declared, tap, surface) {
@@ -149,13 +151,21 @@ impl Finder<'_> {
         let simple =
             |form: &FreeForm| form.surface.variables.len() == 1 && form.at.smooth.held_out < least + more;
         let at = forms.iter().position(simple).unwrap_or(0);
-        let mut form = forms.swap_remove(at);
+        let form = forms.swap_remove(at);
         let to_noise = |form: &FreeForm| form.at.smooth.held_out < MAX_ERROR_OF_NOISE * noise;
-        if !to_noise(&form) {
-            form = self.crossed(study, declared, &form).unwrap_or(form);
+        let aim = self.aim;
+        let enough = |form: &FreeForm| (aim == Aim::Share || to_noise(form)) && enough(form);
+        let crossed = if form.at.smooth.held_out > MAX_ERROR_WITHOUT_SECOND * noise {
+            self.crossed(study, declared, &form)
+        } else {
+            None
+        };
+        let mut law = None;
+        for form in crossed.iter().chain([&form]) {
+            if law.is_none() && enough(form) {
+                law = self.law(study, judge, declared, form);
+            }
         }
-        let promising = self.aim == Aim::Share || to_noise(&form);
-        let mut law = if promising && enough(&form) { self.law(study, judge, declared, &form) } else { None };
         let near = |other: &&FreeForm| {
             other.tap != form.tap
                 && other.surface.variables == form.surface.variables
