@@ -42,6 +42,41 @@ def test_the_dominant_effect_of_a_machine_that_nothing_fits_stands_alone_beside_
         assert summary[role]["rms"] == pytest.approx(found["residual"][role]["rms_after"], rel=1e-3)
 
 
+def test_a_torque_that_depends_on_the_speed_of_another_joint_is_a_law(tmp_path):
+    folder, truth = machine(tmp_path, "arm_e_outside_cross_tau_1")
+    study = folder / "study.toml"
+    # Few effects of the list: the search among them is not what is asked here.
+    study.write_text(study.read_text().replace("vt = 0.05", 'vt = 0.05\neffects = ["cf.viscous"]'))
+    result = refine(study, tmp_path / "out")
+    assert result.returncode == 13, result.stdout + result.stderr
+    found = json.loads((tmp_path / "out" / "report.json").read_text())
+    law, true = found["law"], truth["effects"][0]["params"]
+    assert (law["port"], law["variables"], law["formula"]) == ("tau_1", ["w_2"], "a*tanh(v/s)")
+    for name, main in [("a", "force"), ("s", "speed")]:
+        # Intervals of 95 %; twice as wide ones hold the truth in all but one of ten thousand.
+        low, high = law["params"][name]["ci95"]
+        assert abs(law["params"][name]["value"] - true[main]["value"]) < high - low
+    # The amended system has the speed of the other joint at the block.
+    system = tmp_path / "out" / "system" / "system.ssd"
+    run = start("run", system, "--study", study, "-o", tmp_path / "run")
+    assert run.returncode == 0, run.stderr
+    summary = json.loads((tmp_path / "run" / "summary.json").read_text())
+    assert summary["validation"]["rms"] == pytest.approx(found["residual"]["validation"]["rms_after"], rel=1e-3)
+    # Whole records from states fitted to their beginning: as well as from the given ones, as the arm is damped.
+    run = start("run", system, "--study", study, "--free-run", "2s", "-o", tmp_path / "free")
+    assert run.returncode == 0, run.stderr
+    free = json.loads((tmp_path / "free" / "summary.json").read_text())["validation"]["rms"]
+    assert all(free[name] < 1.5 * rms for name, rms in summary["validation"]["rms"].items())
+
+
+def test_a_free_run_needs_more_of_a_record_than_its_beginning(tmp_path):
+    folder, _ = machine(tmp_path, "arm_e_none_1")
+    for time in ("1ms", "1h"):
+        run = start("run", folder.parent / "fmu" / "arm.fmu", "--study", folder / "study.toml", "--free-run", time, "-o", tmp_path / "run")
+        assert run.returncode == 1 and "free run" in run.stderr and "record_0.csv" in run.stderr, run.stderr
+        assert not (tmp_path / "run").exists()
+
+
 def test_small_forces_and_parameters_within_their_tolerance_are_no_effect(tmp_path):
     folder, _ = machine(tmp_path, "furuta_m_none_1")
     result = refine(folder / "study.toml", tmp_path / "out")

@@ -190,6 +190,10 @@ pub struct RunArgs {
     /// the report. Simulated through Model Exchange with the step of the study.
     #[arg(long, value_name = "FILE", conflicts_with_all = ["data", "set", "stop", "step", "start", "tolerance"])]
     pub study: Option<PathBuf>,
+    /// Every record of the --study as one free run: initial states are fitted to so much of its beginning, e.g. 0.5s,
+    /// and errors are those of the rest. Default: initial states and windows of the study.
+    #[arg(long, value_parser = super::export::parse_step, value_name = "TIME", allow_hyphen_values = true, requires = "study")]
+    pub free_run: Option<f64>,
     /// Time between the rows of the result [s], e.g. 10ms: the communication points nearest to its multiples, with the
     /// first and the last; not shorter than --step. Default: every communication point.
     #[arg(long, value_parser = super::export::parse_step, value_name = "TIME", allow_hyphen_values = true)]

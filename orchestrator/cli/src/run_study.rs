@@ -66,7 +66,7 @@ pub fn run(args: &RunArgs, study: &Path) -> Result<ExitCode, Error> {
         }
         .into());
     };
-    let found = replay(&file, &args.system)?;
+    let found = replay(&file, &args.system, args.free_run)?;
     let names: Vec<String> =
         (0..found.records.len()).map(|k| format!("record_{}.csv", k + 1)).chain([SUMMARY.into()]).collect();
     let results = folder::Results::open(&args.output, &[args.system.clone(), study.to_owned()], &names)?;

@@ -105,12 +105,13 @@ def segments(initial):
 
 
 def pendulum(folder, law, noise, rng, messy, values, size, spread=0.004):
-    """Driven pendulum or a slow arm; its damping and weight are declared with an error where the records are messy: `spread`, relative."""
+    """Driven pendulum or a slow arm; its damping and weight are declared with an error where the records are messy: `spread`, relative.
+    Returns the study, states and law at every fifth sample, and the rms of the noise on the validation records."""
     (m, l, b), (g, h, n) = values, (9.81, 0.005, 2000)
     text, force, rates = law
     inertia = m * l * l
     off = (1 + spread * rng.standard_normal(2)) if messy else np.ones(2)
-    points = []
+    points, floors = [], []
     for i in range(RECORDS):
         t = np.arange(n) * h
         u, y, found = drive(rng, t, size, (0.2, 1.6)), None, []
@@ -125,13 +126,15 @@ def pendulum(folder, law, noise, rng, messy, values, size, spread=0.004):
 
             y = runge_kutta(rate, runge_kutta(rate, y, t[j], h / 2), t[j] + h / 2, h / 2)
         found = np.array(found)
-        angle = found[:, 0] + noise * np.std(found[:, 0]) * rng.standard_normal(n)
+        added = noise * np.std(found[:, 0]) * rng.standard_normal(n)
+        angle = found[:, 0] + added
+        floors.append(float(np.mean(added**2)))
         write(folder, {"time": t, "torque": u, "angle": angle}, i)
         points += [[*row[:2], time, force(row[0], row[1], time, row[2:])] for row, time in zip(found, t)][::5]
     study = f'system = "airloop:pendulum"\n[parameters]\nm = {m}\nl = {l}\nI = {inertia}\nb = {b}\n'
     study += '[inputs]\ntau_ext = { column = "torque", hold = true }\n[outputs]\ntheta = { column = "angle", unit = "rad" }\n'
     study += '[[attachment]]\ninput = "tau_ext"\nchannels = ["pole"]\nvelocity = "omega"\nposition = "theta"\n'
-    return study + segments("theta = 0.0, omega = 0.0"), points
+    return study + segments("theta = 0.0, omega = 0.0"), points, float(np.sqrt(np.mean(floors[ESTIMATION:])))
 
 
 # Mass [kg], length [m], damping [N m s/rad] and drive [N m]; ranges of angle and speed, torque of a law.
@@ -159,9 +162,9 @@ def main():
         folder = args.folder / f"{i:03d}_{family}_{system}_{'messy' if messy else 'exact'}"
         folder.mkdir(parents=True, exist_ok=True)
         spread = 0.015 if family == "null" and (i // 4) % 2 else 0.004
-        study, points = pendulum(folder, law, 0.02 if messy else 1e-3, rng, messy, values, driven, spread)
+        study, points, floor = pendulum(folder, law, 0.02 if messy else 1e-3, rng, messy, values, driven, spread)
         (folder / "study.toml").write_text(f'name = "{folder.name}"\n' + study)
-        truth = {"family": family, "system": system, "messy": messy, "law": law[0], "points": np.round(points, 9).tolist()}
+        truth = {"family": family, "system": system, "messy": messy, "law": law[0], "floor": floor, "points": np.round(points, 9).tolist()}
         (folder / "truth.json").write_text(json.dumps(truth))
 
 

@@ -2,15 +2,17 @@
 force of the same records.
 
 A law is right when its rms difference from the truth over the states of the records is at most 2 % of the rms of the truth; a null is
-right when no law is named. States of a law are integrated along the true motion.
+right when no law is named. States of a law are integrated along the true motion. The error left is that on the validation records
+over the noise there, which is what the true law leaves of the true machine.
 
-    python score_laws.py AIRLOOP CASES REPORTS [--no-peers]
+    python score_laws.py AIRLOOP CASES REPORTS [--no-peers] [--only REGEX]
 """
 
 import argparse
 import collections
 import json
 import pathlib
+import re
 import resource
 import statistics
 import subprocess
@@ -109,16 +111,24 @@ def main():
     parser.add_argument("cases", type=pathlib.Path)
     parser.add_argument("reports", type=pathlib.Path)
     parser.add_argument("--no-peers", action="store_true")
+    parser.add_argument("--only", default=".", help="regular expression on the names of the cases")
+    parser.add_argument("--limit", type=float, default=900.0, help="seconds after which a case counts as failed")
     args = parser.parse_args()
-    table, seconds = collections.defaultdict(list), []
+    table, seconds, lefts = collections.defaultdict(list), [], []
     for case in sorted(args.cases.iterdir()):
+        if not re.search(args.only, case.name):
+            continue
         truth, out = json.loads((case / "truth.json").read_text()), args.reports / case.name
         out.mkdir(parents=True, exist_ok=True)
         used = cpu()
-        result = subprocess.run([args.airloop, "refine", case, "-q", "-o", out], capture_output=True, text=True)
+        try:
+            command = [args.airloop, "refine", case, "-q", "-o", out]
+            failure = subprocess.run(command, capture_output=True, text=True, timeout=args.limit).stderr.strip()[:200]
+        except subprocess.TimeoutExpired:
+            failure = "out of time"
         seconds.append(cpu() - used)
         if not (out / "report.json").exists():
-            print(f"{case.name:36s} failed: {result.stderr.strip()[:200]}")
+            print(f"{case.name:36s} failed: {failure}", flush=True)
             table[truth["family"], truth["messy"]].append((False, None, None))
             continue
         report = json.loads((out / "report.json").read_text())
@@ -130,14 +140,23 @@ def main():
             right = report["verdict"] == "law" and error is not None and error <= RIGHT
         formula = (report["law"] or {}).get("formula") if report.get("law") else None
         named = ",".join(e["id"] for e in report["effects"] if e["selected"])
+        after = report["residual"]["validation"]["rms_after"].get("angle", float("nan"))
+        left = after / truth["floor"]
+        if truth["family"] != "null":
+            lefts.append(left)
         shown = "-" if error is None else f"{100 * error:.2f} %"
-        print(f"{case.name:36s} {report['verdict']:12s} {'right' if right else '     '} {shown:>9s} {seconds[-1]:6.1f} s  {formula or named}", flush=True)
+        print(f"{case.name:36s} {report['verdict']:12s} {'right' if right else '     '} {shown:>9s} left {left:5.2f} {seconds[-1]:6.1f} s  {formula or named}", flush=True)
         table[truth["family"], truth["messy"]].append((right, report["verdict"], None if other is None else other <= RIGHT))
     print(f"\n{'family':12s} {'':6s} {'right':>8s} {'PySINDy':>8s}  verdicts")
     for (family, messy), rows in sorted(table.items()):
         verdicts = collections.Counter(v for _, v, _ in rows)
         peers = [p for *_, p in rows if p is not None]
         print(f"{family:12s} {'messy' if messy else 'exact':6s} {sum(r for r, *_ in rows):4d}/{len(rows):<3d} {sum(peers):4d}/{len(peers):<3d}  {dict(verdicts)}")
+    for kind, messy, null in [("exact", False, False), ("messy", True, False), ("nulls", None, True)]:
+        rows = [r for (family, own), rows in table.items() if (family == "null") == null and messy in (None, own) for r, *_ in rows]
+        print(f"{kind}: {sum(rows)} of {len(rows)} right")
+    if lefts:
+        print(f"error left over that of the true law: median {statistics.median(lefts):.2f}, worst {max(lefts):.2f}")
     print(f"CPU time: median {statistics.median(seconds):.1f} s, worst {max(seconds):.1f} s")
 
 

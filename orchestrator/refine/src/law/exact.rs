@@ -6,7 +6,7 @@ use super::formula::{self, PRICE};
 use super::free_form::{FreeForm, GROWING_SHARES};
 use super::grammar::{Axis, Formula, product};
 use super::place::CURVE_KNOTS;
-use super::study::{Finder, Found, extended, push};
+use super::study::{Aim, Finder, Found, corrections, extended, push};
 use super::written::{curve_text, effect, read};
 use crate::engine::fit::Free;
 use crate::engine::stop;
@@ -78,7 +78,8 @@ impl Finder<'_> {
         for own in &list {
             let share = (form.at.smooth.without - own.held_out) / form.at.gain();
             if share >= MIN_SHARE_OF_FREE_FORM && !stop::asked() {
-                tried.extend(self.exact(study, declared, &place, own.formula.clone(), share));
+                let exact = self.exact(study, (declared, &[]), &place, &own.formula, share);
+                tried.extend(exact);
             }
         }
         let power = |error: f64| error.powi(2);
@@ -86,7 +87,8 @@ impl Finder<'_> {
         tried
             .retain(|own| power(declared.error) - power(own.model.error) >= MIN_SHARE_OF_FREE_FORM * ceiling);
         tried.sort_by(|a, b| a.rank().total_cmp(&b.rank()));
-        self.prune(study, declared, &place, &mut tried);
+        self.prune(study, (declared, &[]), &place, &mut tried);
+        self.prune_beside_corrections(study, declared, &place, &mut tried);
         let mut best: Option<(Model, Arc<Own>, f64)> = None;
         let mut rivals = Vec::new();
         for Tried { model, effect, share, .. } in tried.iter().take(JUDGED) {
@@ -121,13 +123,13 @@ impl Finder<'_> {
         })
     }
 
-    /// A formula fitted to whole records.
+    /// A formula fitted to whole records, beside further `corrections` of the declared model in units of the noise.
     fn exact(
         &self,
         study: &mut Study,
-        declared: &Model,
+        (declared, corrections): (&Model, &[Free]),
         place: &Place,
-        formula: Formula,
+        formula: &Formula,
         share: f64,
     ) -> Option<Tried> {
         let (text, parameters) = formula.written(place.axes, &place.units[2]);
@@ -147,7 +149,8 @@ impl Finder<'_> {
                 if again.as_ref().is_some_and(better) { again } else { direct }
             }
         };
-        Some(Tried { model: model?, effect, formula, share })
+        let model = if corrections.is_empty() { model } else { self.in_noise(study, corrections, &model?) };
+        Some(Tried { model: model?, effect, formula: formula.clone(), share })
     }
 
     /// A candidate for an effect, and the parameter vector with it in place of the free form.
@@ -167,8 +170,39 @@ impl Finder<'_> {
         (c, p)
     }
 
+    /// Leaves terms of the best formula out that only stand for declared parameters which are slightly off, where formulas
+    /// were sought without corrections of these.
+    fn prune_beside_corrections(
+        &self,
+        study: &mut Study,
+        declared: &Model,
+        place: &Place,
+        tried: &mut Vec<Tried>,
+    ) {
+        let Aim::Noise { max_tolerances } = self.aim else { return };
+        let found = corrections(study, max_tolerances);
+        let Some(best) = tried.first().filter(|own| own.formula.terms.len() > 1 && !found.is_empty()) else {
+            return;
+        };
+        let (formula, share) = (best.formula.clone(), best.share);
+        let mut beside = Vec::new();
+        beside.extend(self.exact(study, (declared, &found), place, &formula, share));
+        self.prune(study, (declared, &found), place, &mut beside);
+        let shorter = beside.into_iter().next().filter(|own| own.formula.terms.len() < formula.terms.len());
+        if let Some(shorter) = shorter {
+            tried.retain(|own| own.formula.terms.len() <= shorter.formula.terms.len());
+            tried.insert(0, shorter);
+        }
+    }
+
     /// Leaves terms of the best formula out without which it does as well.
-    fn prune(&self, study: &mut Study, declared: &Model, place: &Place, tried: &mut Vec<Tried>) {
+    fn prune(
+        &self,
+        study: &mut Study,
+        (declared, corrections): (&Model, &[Free]),
+        place: &Place,
+        tried: &mut Vec<Tried>,
+    ) {
         while let Some(best) = tried.first().filter(|own| own.formula.terms.len() > 1 && !stop::asked()) {
             let shorter: Vec<(Formula, f64)> =
                 (0..best.formula.terms.len()).map(|k| (best.formula.without(k), best.share)).collect();
@@ -176,7 +210,8 @@ impl Finder<'_> {
             let mut found: Vec<Tried> = Vec::new();
             for (formula, share) in shorter {
                 if !tried.iter().any(|own| own.formula.same_form(&formula)) {
-                    found.extend(self.exact(study, declared, place, formula, share));
+                    let own = self.exact(study, (declared, corrections), place, &formula, share);
+                    found.extend(own);
                 }
             }
             let better = found.into_iter().filter(|own| own.rank() < rank);
@@ -198,7 +233,8 @@ impl Finder<'_> {
     pub(super) fn memory(&self, study: &mut Study, declared: &Model) -> Option<(usize, Model, Arc<Own>)> {
         (self.say)("laws with a memory");
         let mut best: Option<(usize, Model, Arc<Own>)> = None;
-        for tap in 0..study.taps.len() {
+        for tap in (0..study.taps.len()).filter(|&tap| study.taps[tap].crossed.is_none()).collect::<Vec<_>>()
+        {
             let units = [Variable::Position, Variable::Velocity, Variable::Value]
                 .map(|variable| Self::unit(study, tap, variable));
             let Some(places) = self.knots(study, tap, Variable::Velocity, CURVE_KNOTS) else { continue };

@@ -15,10 +15,12 @@ use crate::study::model::Study;
 const MIN_SHARE_OF_EXCESS: f64 = 0.2;
 /// Share of a second variable in what one leaves, from which on both are needed.
 const MIN_SHARE_OF_SECOND_VARIABLE: f64 = 0.15;
+/// Held-out error of a free form in windows over that of noise, below which no other variable is looked at.
+pub(super) const MAX_ERROR_WITHOUT_SECOND: f64 = 1.2;
 /// Knots of a variable while variables are compared, of the one that is chosen, and of each of two.
-const SCREENING_KNOTS: usize = 10;
+pub(super) const SCREENING_KNOTS: usize = 10;
 pub(super) const CURVE_KNOTS: usize = 20;
-const SURFACE_KNOTS: usize = 6;
+pub(super) const SURFACE_KNOTS: usize = 6;
 /// Weight of the gain of a form over the value that passes.
 const WEIGHT_OF_VALUE: f64 = 0.5;
 /// Share of the best variable's gain from which on another is looked at closely.
@@ -67,7 +69,7 @@ fn places(study: &Study) -> Vec<(usize, Variable)> {
 
 impl Finder<'_> {
     pub(super) fn find(
-        &self,
+        &mut self,
         study: &mut Study,
         judge: &Judge,
         declared: &Model,
@@ -83,17 +85,20 @@ impl Finder<'_> {
                 singles.push(form);
             }
         }
+        let noise = self.noise;
         // The value that passes drives the motion, so that it seems to tell what the motion tells.
         let gain = |form: &FreeForm| {
             let drives = form.surface.variables == [Variable::Value];
             form.at.gain() * if drives { WEIGHT_OF_VALUE } else { 1.0 }
         };
         singles.sort_by(|a, b| gain(b).total_cmp(&gain(a)));
+        let most = gain(singles.first()?);
+        let near = |form: &FreeForm| gain(form) > MIN_GAIN_OF_OTHER_PORT * most;
+        let mut known = self.tell_ports(study, declared, &mut singles, near);
         let best = singles.first()?;
-        let most = gain(best);
         let one = self.noise / self.samples(study).max(1) as f64;
         let enough = |form: &FreeForm| {
-            let excess = (form.at.smooth.without - self.noise).max(0.0);
+            let excess = (form.at.smooth.without - noise).max(0.0);
             gain(form) > (MIN_SHARE_OF_EXCESS * excess).max(MIN_GAIN_IN_NOISE * one)
         };
         let (tap, first) = (best.tap, best.surface.variables[0]);
@@ -102,7 +107,9 @@ impl Finder<'_> {
             if gain(form) < MIN_GAIN_OVER_BEST * most {
                 continue;
             }
-            forms.extend(self.fine(study, declared, (tap, form.surface.variables[0])));
+            let own = |known: &FreeForm| known.surface.variables == form.surface.variables;
+            let fine = known.take_if(|known| own(known));
+            forms.extend(fine.or_else(|| self.fine(study, declared, (tap, form.surface.variables[0]))));
         }
         // Two variables where one leaves much.
         let mut pairs = Vec::new();
@@ -126,7 +133,7 @@ impl Finder<'_> {
             let Some(knots) = knots else { continue };
             let surface = Surface { variables: variables.into(), knots };
             let left = forms.iter().map(|own| own.at.smooth.held_out).fold(f64::INFINITY, f64::min);
-            if left < 1.2 * self.noise {
+            if left < MAX_ERROR_WITHOUT_SECOND * self.noise {
                 break;
             }
             if let Some(form) = self.form(study, declared, tap, surface) {
@@ -145,8 +152,20 @@ impl Finder<'_> {
             |form: &FreeForm| form.surface.variables.len() == 1 && form.at.smooth.held_out < least + more;
         let at = forms.iter().position(simple).unwrap_or(0);
         let form = forms.swap_remove(at);
-        let promising = self.aim == Aim::Share || form.at.smooth.held_out < MAX_ERROR_OF_NOISE * self.noise;
-        let mut law = if promising && enough(&form) { self.law(study, judge, declared, &form) } else { None };
+        let to_noise = |form: &FreeForm| form.at.smooth.held_out < MAX_ERROR_OF_NOISE * noise;
+        let aim = self.aim;
+        let enough = |form: &FreeForm| (aim == Aim::Share || to_noise(form)) && enough(form);
+        let crossed = if form.at.smooth.held_out > MAX_ERROR_WITHOUT_SECOND * noise {
+            self.crossed(study, declared, &form)
+        } else {
+            None
+        };
+        let mut law = None;
+        for form in crossed.iter().chain([&form]) {
+            if law.is_none() && enough(form) {
+                law = self.law(study, judge, declared, form);
+            }
+        }
         let near = |other: &&FreeForm| {
             other.tap != form.tap
                 && other.surface.variables == form.surface.variables
@@ -180,6 +199,34 @@ impl Finder<'_> {
             _ => law?,
         };
         self.say_law(study, judge, declared, found, answer)
+    }
+
+    /// Puts that of the best forms first whose port is the place: ports whose motions are nearly the same are told apart by
+    /// forms with all knots. `near`: whether the gain of a form is near to the largest. Gives the form with all knots at that
+    /// port, if several were compared.
+    fn tell_ports(
+        &self,
+        study: &mut Study,
+        declared: &Model,
+        singles: &mut [FreeForm],
+        near: impl Fn(&FreeForm) -> bool,
+    ) -> Option<FreeForm> {
+        let (tap, variables) = (singles[0].tap, singles[0].surface.variables.clone());
+        let alike = |form: &FreeForm| form.surface.variables == variables && near(form);
+        let others = (1..singles.len()).filter(|&i| singles[i].tap != tap && alike(&singles[i]));
+        let places: Vec<usize> = std::iter::once(0).chain(others.take(MAX_OTHER_PORTS)).collect();
+        if places.len() < 2 || stop::asked() {
+            return None;
+        }
+        let mut fine: Vec<Option<FreeForm>> =
+            places.iter().map(|&i| self.fine(study, declared, (singles[i].tap, variables[0]))).collect();
+        let left =
+            |form: &Option<FreeForm>| form.as_ref().map_or(f64::INFINITY, |own| own.at.smooth.held_out);
+        let errors: Vec<f64> = fine.iter().map(left).collect();
+        let best = (0..places.len()).min_by(|&a, &b| errors[a].total_cmp(&errors[b])).unwrap_or(0);
+        let best = if errors[best] < MAX_ERROR_AT_OTHER_PORT.powi(2) * errors[0] { best } else { 0 };
+        singles.swap(0, places[best]);
+        fine.swap_remove(best)
     }
 
     /// A free form over one variable with all its knots, at its optimum.

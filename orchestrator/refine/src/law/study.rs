@@ -6,9 +6,10 @@ use std::sync::Arc;
 use super::found::{Law, as_effect, dissipation, parameters as law_parameters, told};
 use super::grammar::Axis;
 use super::surface::{Surface, knots};
-use super::windows::{Windows, velocity};
+use super::windows::{Windows, positions, velocity};
 use super::written::name;
 use crate::answer::{Answer, Effect, Errors, Parameter, Verdict};
+use crate::engine::System;
 use crate::engine::fit::Free;
 use crate::engine::stop;
 use crate::study::answer;
@@ -84,12 +85,15 @@ pub fn explain(
     say: Say,
 ) -> Option<Model> {
     let known = [study.entries.len(), study.candidates.len(), study.surfaces.len(), study.own.len()];
+    let attachments = study.taps.len();
     let law = sought(study, scale, model, found, aim, say);
     if law.is_none() {
         study.entries.truncate(known[0]);
         study.candidates.truncate(known[1]);
         study.surfaces.truncate(known[2]);
         study.own.truncate(known[3]);
+        study.taps.truncate(attachments);
+        study.forget_instances();
     }
     law
 }
@@ -122,7 +126,7 @@ fn sought(
         false => 1.0 - MIN_SHARE_ABOVE_NOISE,
     };
     let hopeless = HOPELESS_ERROR * enough.max(judge.tolerated.max(judge.power).sqrt());
-    let finder = Finder { aim, scale, say, corrections, quick, trace, windows, noise, hopeless };
+    let mut finder = Finder { aim, scale, say, corrections, quick, trace, windows, noise, hopeless };
     let Outcome { law, model, after } = finder.find(study, judge, base, found)?;
     let fits = finder.fits(study);
     let complete = judge.explained(&fits, &model) || judge.tolerable(&fits, &model);
@@ -162,8 +166,8 @@ fn sought(
     Some(model)
 }
 
-/// What the attachments show in the estimation records, `[taps][n]`: measured where an output shows it, of a model
-/// otherwise.
+/// What the attachments show in the estimation records, `[taps][n]`: measured where an output shows it or its derivative, of
+/// a model otherwise.
 fn motion(fits: &Fits, model: &Model) -> Vec<Vec<Point>> {
     let study = fits.study;
     let view = fits.view(&[], &fits.pieces);
@@ -177,7 +181,14 @@ fn motion(fits: &Fits, model: &Model) -> Vec<Vec<Point>> {
         let mut traces = view.trace(r, &model.fit.parameters, &model.fit.locals[r]);
         for ((tap, trace), all) in study.taps.iter().zip(&mut traces).zip(&mut all) {
             let (v, x) = (measured(tap.signals[0]), measured(tap.signals[1]));
+            let places = match (v, x, trace.first()) {
+                (Some(v), None, Some(first)) => positions(first.position, v, record.step),
+                _ => Vec::new(),
+            };
             for (k, point) in trace.iter_mut().enumerate() {
+                if let (Some(_), Some(place)) = (tap.signals[1], places.get(k)) {
+                    point.position = *place;
+                }
                 if let Some(x) = x {
                     (point.position, point.velocity) = (x[k], velocity(x, k, record.step));
                 }
@@ -214,7 +225,7 @@ pub fn corrections_explain(
 
 /// Corrections of the declared parameters up to `most` of their tolerances; none where they are too many to be fitted beside
 /// a law.
-fn corrections(study: &Study, most: f64) -> Vec<Free> {
+pub(super) fn corrections(study: &Study, most: f64) -> Vec<Free> {
     let found = tolerance::corrections(study, most);
     if found.len() > MAX_CORRECTIONS { Vec::new() } else { found.into_iter().map(|own| own.0).collect() }
 }
@@ -318,14 +329,23 @@ impl Finder<'_> {
         found: Found,
         answer: &Answer,
     ) -> Option<Outcome> {
-        let mut fits = Fits { quick: false, ..self.fits(study) };
-        if let Aim::Noise { max_tolerances } = self.aim {
-            // Declared parameters within their tolerances shift the parameters of a law.
-            fits.corrections = corrections(study, max_tolerances);
-        }
         let model = extended(&found.model, study);
-        let again = fits.fit_from(model.added.clone(), &model.fit.parameters, &model.fit.locals);
-        let model = again.unwrap_or(model);
+        let (mut model, mut fits) = (model, Fits { quick: false, ..self.fits(study) });
+        if self.aim == Aim::Share {
+            model =
+                fits.fit_from(model.added.clone(), &model.fit.parameters, &model.fit.locals).unwrap_or(model);
+        }
+        // Declared parameters within their tolerances shift the parameters of a law; what leaves noise is weighed by the noise.
+        let corrections = match self.aim {
+            Aim::Noise { max_tolerances } => Some(corrections(study, max_tolerances)),
+            Aim::Share => judge.explained(&fits, &model).then(|| self.corrections.clone()),
+        };
+        let in_noise = corrections.is_some();
+        if let Some(corrections) = corrections {
+            fits = self.fits_in_noise(study, corrections);
+            model =
+                fits.fit_from(model.added.clone(), &model.fit.parameters, &model.fit.locals).unwrap_or(model);
+        }
         let declared = extended(declared, study);
         let validation = pieces(study, Role::Validation);
         let of = |model: &Model, pieces: &[_], locals| {
@@ -337,13 +357,13 @@ impl Finder<'_> {
             of(&model, &validation, None),
         ];
         let share = share(study, [&answer.before[1].rms, &after[1].rms], &answer.floor[1]);
-        let gained = 1.0 - model.error / declared.error;
+        let gained = 1.0 - self.error(study, &model) / declared.error;
         if !(share >= MIN_VALIDATED_SHARE && share > 0.5 * gained) {
             return None;
         }
         let tap = found.tap;
         let channel = found.variables.first().map_or("", |own| channel(study, tap, *own));
-        let widen = model.error.max(judge.power.sqrt());
+        let widen = model.error.max(if in_noise { 1.0 } else { judge.power.sqrt() });
         let c = model.added[0];
         let place = |index: usize| model.fit.free.iter().position(|free| free.index == index);
         let known = study.candidates[c].entries.clone().map(|index| {
@@ -378,20 +398,42 @@ impl Finder<'_> {
             toml: found.effect.to_toml(&values),
             effect,
         };
-        Some(Outcome { law, model: Model { fit: own, ..model }, after })
+        let error = self.error(study, &model);
+        Some(Outcome { law, model: Model { fit: own, error, ..model }, after })
+    }
+
+    /// Fits with residuals in units of the noise, in which tolerances of corrections have their weight.
+    fn fits_in_noise<'s>(&self, study: &'s Study, corrections: Vec<Free>) -> Fits<'s> {
+        Fits { corrections, ..Fits::new(study, explain::noises(study)) }
+    }
+
+    /// A model fitted beside corrections in units of the noise.
+    pub(super) fn in_noise(&self, study: &Study, corrections: &[Free], model: &Model) -> Option<Model> {
+        let fits = self.fits_in_noise(study, corrections.to_vec());
+        let model = fits.fit_from(model.added.clone(), &model.fit.parameters, &model.fit.locals)?;
+        Some(Model { error: self.error(study, &model), ..model })
+    }
+
+    /// Error of a model in the units of the search.
+    fn error(&self, study: &Study, model: &Model) -> f64 {
+        let fits = Fits { quick: false, ..self.fits(study) };
+        let view = fits.view(&model.added, &fits.pieces);
+        let residuals = |r: usize| view.residuals(r, &model.fit.parameters, &model.fit.locals[r]);
+        fits.rms((0..fits.pieces.len()).flat_map(residuals).map(|own| own * own).sum())
     }
 
     /// Mean power of the law over its mean magnitude, along the records; none where no velocity is known.
     fn dissipation(&self, study: &Study, tap: usize, own: &Own, values: &[f64]) -> Option<f64> {
-        study.taps[tap].signals[0]?;
+        let moved = study.taps[tap].crossed.unwrap_or(tap);
+        study.taps[moved].signals[0]?;
         if own.port.replaces() {
             return None;
         }
         let mut z = vec![0.0; own.states.len()];
         let step = study.records.first().map_or(1e-3, |record| record.step);
-        let powers = self.trace[tap].iter().map(|point| {
+        let powers = self.trace[tap].iter().zip(&self.trace[moved]).map(|(point, moved)| {
             let at = [point.position, point.velocity, point.value, point.time];
-            let power = own.value(at, &z, values) * point.velocity;
+            let power = own.value(at, &z, values) * moved.velocity;
             own.advance(at, &mut z, values, step);
             power
         });

@@ -29,11 +29,22 @@ pub fn velocity(positions: &[f64], k: usize, step: f64) -> f64 {
     (positions[behind] - positions[before]) / ((behind - before).max(1) as f64 * step)
 }
 
-/// Where a state is seen: the output that is the state, or the output whose derivative it is.
+/// Positions over time from their first value and measured velocities, by the trapezoidal rule; `step` \[s\].
+pub fn positions(first: f64, velocities: &[f64], step: f64) -> Vec<f64> {
+    let mut x = first;
+    let rest = velocities.windows(2).map(|pair| {
+        x += 0.5 * step * (pair[0] + pair[1]);
+        x
+    });
+    std::iter::once(first).chain(rest).collect()
+}
+
+/// Where a state is seen: the output that is the state, the output whose derivative it is, or the output that is its derivative.
 #[derive(Clone, Copy)]
 enum Seen {
     Output(usize),
     Rate(usize),
+    Integral(usize),
 }
 
 /// By state, where measured outputs show it.
@@ -52,6 +63,10 @@ fn seen(study: &Study) -> Option<Vec<Option<Seen>>> {
             && let (None, Some(Seen::Output(o))) = (found[velocity], found[position])
         {
             found[velocity] = Some(Seen::Rate(o));
+        } else if let (Some(velocity), Some(position)) = (velocity, position)
+            && let (Some(Seen::Output(o)), None) = (found[velocity], found[position])
+        {
+            found[position] = Some(Seen::Integral(o));
         }
     }
     study.give(plant);
@@ -74,6 +89,17 @@ impl Windows {
         for (r, piece) in fits.pieces.iter().enumerate() {
             let record = &study.records[piece.record];
             let (_, states) = view.traced(r, &base.fit.parameters, &base.fit.locals[r]);
+            // A model that lacks a law leads positions away that measured velocities keep.
+            let places: Vec<Vec<f64>> = seen
+                .iter()
+                .enumerate()
+                .map(|(i, own)| match (own, states.first()) {
+                    (Some(Seen::Integral(o)), Some(first)) => {
+                        positions(first[i], &record.outputs[*o][piece.range.clone()], record.step)
+                    }
+                    _ => Vec::new(),
+                })
+                .collect();
             let known = record.initial == Initial::Word(InitialWord::Measured);
             let count = (piece.range.len() / length).max(1);
             for w in 0..count {
@@ -88,6 +114,7 @@ impl Windows {
                         (Some(value), _) => value,
                         (None, Some(Seen::Output(o))) => record.outputs[o][k],
                         (None, Some(Seen::Rate(o))) => velocity(&record.outputs[o], k, record.step),
+                        (None, Some(Seen::Integral(_))) => places[i][k - piece.range.start],
                         (None, None) => *simulated,
                     }
                 });
@@ -102,5 +129,21 @@ impl Windows {
     /// The engine's view of the windows with a candidate beside the declared model.
     pub fn view<'a>(&self, fits: &Fits<'a>, candidate: usize) -> View<'a> {
         View { begins: self.begins.clone(), ..fits.view(&[candidate], &self.pieces) }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn positions_follow_from_measured_velocities() {
+        let step = 1e-3;
+        let velocities: Vec<f64> = (0..2000).map(|k| (3.0 * k as f64 * step).cos()).collect();
+        let found = positions(0.5, &velocities, step);
+        assert_eq!((found.len(), found[0]), (velocities.len(), 0.5));
+        // The trapezoidal rule is off by step^2/12 times the change of the slope, at most 6.
+        let worst = found.iter().enumerate().map(|(k, x)| x - 0.5 - (3.0 * k as f64 * step).sin() / 3.0);
+        assert!(worst.fold(0.0, |a: f64, b| a.max(b.abs())) < step * step);
     }
 }

@@ -24,18 +24,30 @@ pub fn errors(
     p: &[f64],
     locals: Option<&[Vec<f64>]>,
 ) -> Errors {
-    let mut found = Errors::default();
     if pieces.is_empty() {
-        return found;
+        return Errors::default();
     }
-    let view = View { corrected: false, ..fits.view(added, pieces) };
     let own = locals.map_or_else(|| initial(fits, added, pieces, p), <[_]>::to_vec);
+    errors_from(fits, added, (pieces, &vec![0; pieces.len()]), p, &own)
+}
+
+/// The same from a sample of each piece on; `locals`: initial states.
+pub(super) fn errors_from(
+    fits: &Fits,
+    added: &[usize],
+    (pieces, from): (&[Piece], &[usize]),
+    p: &[f64],
+    locals: &[Vec<f64>],
+) -> Errors {
+    let mut found = Errors::default();
+    let view = View { corrected: false, ..fits.view(added, pieces) };
     let mut sums: BTreeMap<String, (f64, f64, f64, f64)> = BTreeMap::new();
-    for (r, local) in own.iter().enumerate() {
+    for (r, local) in locals.iter().enumerate() {
         let (predicted, measured) = (view.predict(r, p, local), view.measured(r));
         for span in view.signals(r) {
             let sum = sums.entry(span.signal).or_default();
-            for (a, b) in measured[span.range.clone()].iter().zip(&predicted[span.range.clone()]) {
+            let range = span.range.start + from[r]..span.range.end;
+            for (a, b) in measured[range.clone()].iter().zip(&predicted[range]) {
                 *sum = (sum.0 + 1.0, sum.1 + (a - b).powi(2), sum.2 + a, sum.3 + a * a);
             }
         }

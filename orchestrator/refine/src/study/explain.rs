@@ -197,7 +197,7 @@ impl Judge {
 }
 
 /// Noise of the sensors by output, in its unit.
-pub(super) fn noises(study: &Study) -> Vec<f64> {
+pub(crate) fn noises(study: &Study) -> Vec<f64> {
     study.outputs.iter().map(|output| output.noise).collect()
 }
 

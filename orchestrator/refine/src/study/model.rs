@@ -85,6 +85,8 @@ pub struct Tap {
     pub angular: bool,
     /// Coulomb friction of the declared model: entry of the parameter vector, or its value.
     pub coulomb: Option<Level>,
+    /// Attachment at the same input that shows the motion there, where this one shows a motion at other inputs.
+    pub crossed: Option<usize>,
 }
 
 /// A value of the declared model.
@@ -209,6 +211,11 @@ impl Study {
         }
         let names: Vec<String> = self.taps.iter().map(|tap| tap.name.clone()).collect();
         Plant::new(&self.graph, &names, &self.extra, &self.shown)
+    }
+
+    /// Ends the instances not in use: the attachments are no longer those that they were made for.
+    pub fn forget_instances(&mut self) {
+        self.pool.get_mut().unwrap_or_else(PoisonError::into_inner).clear();
     }
 
     /// Gives an instance back.

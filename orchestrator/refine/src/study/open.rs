@@ -288,6 +288,7 @@ fn taps(
             vt,
             angular: pole,
             coulomb,
+            crossed: None,
         });
     }
     Ok(found)

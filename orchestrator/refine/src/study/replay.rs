@@ -7,15 +7,20 @@ use std::path::Path;
 
 use toml::Spanned;
 
-use super::declaration::{File, Initial, Role};
-use super::errors::{errors, initial};
+use super::declaration::{File, Initial, InitialWord, Role};
+use super::errors::{errors_from, initial};
 use super::fits::{Fits, pieces};
+use super::model::Study;
 use super::open::{self, open};
 use super::plant::Plant;
+use super::simulate::{Piece, View};
 use crate::Error;
 use crate::answer::Errors;
 use crate::engine::System;
 use airloop_series::TimeSeries;
+
+/// Fewest samples of the beginning of a free run to which its initial states are fitted.
+const MIN_FITTED_SAMPLES: usize = 16;
 
 /// A system on one record.
 #[derive(Debug, Clone)]
@@ -42,24 +47,43 @@ pub struct Replay {
 /// Simulates `system` (`.ssd`, `.ssp` or `.fmu`) with the inputs, initial states and windows of a study.
 ///
 /// Parameters are those of the system: what the study declares or leaves free has its values there. Only offsets of
-/// sensors and initial states that the study fits are fitted.
+/// sensors and initial states that the study fits are fitted. With `beginning` \[s\] every record is one free run instead: its
+/// initial states are fitted to so much of its beginning, and errors are those of the rest.
 ///
 /// # Errors
-/// Names of the study that the system does not have, and whatever cannot be simulated.
-pub fn replay(file: &File, system: &Path) -> Result<Replay, Error> {
+/// Names of the study that the system does not have, whatever cannot be simulated, and a beginning that leaves nothing of a record.
+pub fn replay(file: &File, system: &Path, beginning: Option<f64>) -> Result<Replay, Error> {
     let file = with_system(file, system)?;
-    let (study, _) = open(&file)?;
+    let (mut study, _) = open(&file)?;
+    if let Some(beginning) = beginning {
+        free_run(&file, &mut study, beginning)?;
+    }
     let fits = Fits::new(&study, study.outputs.iter().map(|output| output.noise).collect());
     let p = if study.declared > 0 { fits.declared().fit.parameters } else { study.start() };
-    let of_role = |role: Role| errors(&fits, &[], &pieces(&study, role), &p, None);
+    let samples = |piece: &Piece| beginning.map(|time| first_samples(&study, piece, time));
+    let initial = |pieces: &[Piece]| {
+        let fitted: Vec<Piece> = pieces
+            .iter()
+            .map(|own| Piece { range: 0..samples(own).unwrap_or(own.range.end), ..own.clone() })
+            .collect();
+        initial(&fits, &[], &fitted, &p)
+    };
+    let compared = |pieces: &[Piece], locals: &[Vec<f64>]| {
+        let from: Vec<usize> = pieces.iter().map(|own| samples(own).unwrap_or(0)).collect();
+        errors_from(&fits, &[], (pieces, &from), &p, locals)
+    };
+    let of_role = |role: Role| {
+        let own = pieces(&study, role);
+        compared(&own, &initial(&own))
+    };
     let roles = [of_role(Role::Estimation), of_role(Role::Validation)];
     let mut records = Vec::new();
     for role in [Role::Estimation, Role::Validation, Role::Repeat, Role::Rest] {
         for piece in pieces(&study, role) {
             let record = &study.records[piece.record];
             let own = [piece];
-            let locals = initial(&fits, &[], &own, &p);
-            let view = super::simulate::View { corrected: false, ..fits.view(&[], &own) };
+            let locals = initial(&own);
+            let view = View { corrected: false, ..fits.view(&[], &own) };
             let (predicted, measured) = (view.predict(0, &p, &locals[0]), view.measured(0));
             if let Some(at) = predicted.iter().position(|value| !value.is_finite()) {
                 return Err(file.refuse_all(format!(
@@ -78,11 +102,44 @@ pub fn replay(file: &File, system: &Path) -> Result<Replay, Error> {
                 series.push(span.signal, unit.clone(), values).map_err(refused)?;
                 series.push(simulated, unit, predicted[span.range].to_vec()).map_err(refused)?;
             }
-            let errors = errors(&fits, &[], &own, &p, Some(&locals));
+            let errors = compared(&own, &locals);
             records.push(Replayed { record: record.name.clone(), role, errors, series });
         }
     }
     Ok(Replay { errors: roles, records })
+}
+
+/// Samples of a record in the first `time` \[s\] of it.
+fn first_samples(study: &Study, piece: &Piece, time: f64) -> usize {
+    (time / study.records[piece.record].step).round() as usize
+}
+
+/// Makes every record of a study one simulation from fitted initial states.
+fn free_run(file: &File, study: &mut Study, beginning: f64) -> Result<(), Error> {
+    study.windows = None;
+    let plant = study.take().map_err(|problem| file.refuse_all(problem.to_string()))?;
+    for record in &mut study.records {
+        let (fitted, length) = (beginning / record.step, record.n as f64 * record.step);
+        if !(fitted >= MIN_FITTED_SAMPLES as f64 && fitted + 1.0 < record.n as f64) {
+            return Err(file.refuse_all(format!(
+                "a free run cannot fit initial states to the first {beginning} s of {}, which has {length:.3} s in steps of {} s; give a time between {:.3} s and that",
+                record.name,
+                record.step,
+                MIN_FITTED_SAMPLES as f64 * record.step
+            )));
+        }
+        // Fits begin where the study says, or where the states were measured.
+        if let Initial::Given(values) = &record.initial {
+            for (name, value) in values {
+                if let Some(state) = plant.state(name) {
+                    record.states[state].get_or_insert_with(|| vec![*value; record.n]);
+                }
+            }
+        }
+        record.initial = Initial::Word(InitialWord::Fit);
+    }
+    study.give(plant);
+    Ok(())
 }
 
 /// The study of another system: no parameters, nothing to look for; states by the names that they have there.
