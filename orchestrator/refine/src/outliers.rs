@@ -44,13 +44,30 @@ pub fn find(values: &[f64]) -> Vec<Outlier> {
     let digit = gaps.fold(f64::INFINITY, f64::min);
     let neighbors = |k: usize| middle(values, k, NEIGHBORS, |j| values[j]);
     let deviation = |k: usize| values[k] - neighbors(k);
-    let mut found: Vec<Outlier> = Vec::new();
-    for k in (0..n).filter(|&k| deviation(k).abs() > MIN_SHARE_OF_RANGE * range) {
-        let own = deviation(k);
-        let spread = middle(values, k, AROUND, |j| deviation(j).abs()) / MEDIAN_OF_NORMAL;
-        if own.abs() <= MIN_SPREADS * spread.max(digit) {
-            continue;
+    let is_outlier = |k: usize, own: f64| {
+        if own.abs() <= MIN_SHARE_OF_RANGE * range {
+            return false;
         }
+        let spread = middle(values, k, AROUND, |j| deviation(j).abs()) / MEDIAN_OF_NORMAL;
+        own.abs() > MIN_SPREADS * spread.max(digit)
+    };
+    let mut outliers: Vec<bool> = (0..n).map(|k| is_outlier(k, deviation(k))).collect();
+    // At the ends all neighbors are on one side: what the line through the last two good samples reaches is none.
+    let mut end = |order: &mut dyn Iterator<Item = usize>, mut good: [usize; 2]| {
+        for k in order {
+            let [a, b] = good.map(|k| (k as f64, values[k]));
+            let line = b.1 + (k as f64 - b.0) * (b.1 - a.1) / (b.0 - a.0);
+            outliers[k] &= is_outlier(k, values[k] - line);
+            if !outliers[k] {
+                good = [good[1], k];
+            }
+        }
+    };
+    end(&mut (n - NEIGHBORS..n), [n - NEIGHBORS - 2, n - NEIGHBORS - 1]);
+    end(&mut (0..NEIGHBORS).rev(), [NEIGHBORS + 1, NEIGHBORS]);
+    let mut found: Vec<Outlier> = Vec::new();
+    for k in (0..n).filter(|&k| outliers[k]) {
+        let own = deviation(k);
         match found.last_mut().filter(|last| last.first + last.count == k) {
             Some(last) => {
                 last.count += 1;
@@ -160,7 +177,7 @@ mod tests {
 
     #[test]
     fn single_samples_and_short_runs_are_found_wherever_they_are() {
-        for (first, count) in [(0, 1), (400, 1), (400, 3), (999, 1)] {
+        for (first, count) in [(0, 1), (0, 3), (400, 1), (400, 3), (997, 3), (999, 1)] {
             let clean = swing();
             let mut values = clean.clone();
             values[first..first + count].fill(5.0);
@@ -171,6 +188,18 @@ mod tests {
             let off = values.iter().zip(&clean).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
             // Noise of the neighbors and the way of the swing over four samples.
             assert!(off < 0.02, "{first}, {count}: {off}");
+        }
+    }
+
+    #[test]
+    fn a_record_may_end_in_the_middle_of_a_fast_motion() {
+        // 100 samples a second of a swing with 5 Hz that grows, to the digits of a file.
+        let swing = |k: usize| (1e-3 * k as f64).powi(4) * (0.31 * k as f64).sin();
+        for end in 940..1000 {
+            let mut values: Vec<f64> = (0..end).map(|k| (1e5 * swing(k)).round() / 1e5).collect();
+            assert_eq!(find(&values), [], "{end}");
+            values.reverse();
+            assert_eq!(find(&values), [], "{end} reversed");
         }
     }
 
