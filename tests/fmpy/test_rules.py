@@ -98,7 +98,7 @@ MUTATIONS = {
         lambda xml: variable(xml, "m_p").set("name", "mass of the pole"),
     ),
     "two variables of one reference": (
-        rules.test_value_references_are_unique_within_a_base_type,
+        rules.test_value_references_are_unique_but_for_rates_that_are_outputs,
         lambda xml: variable(xml, "m_p").set("valueReference", variable(xml, "m_c").get("valueReference")),
     ),
     "wrong exponents of a unit": (
