@@ -30,13 +30,7 @@ if ! cmp -s requirements-portable.txt "$tools/installed.txt"; then
     cp requirements-portable.txt "$tools/installed.txt"
 fi
 
-packages=()
-names=()
-for manifest in fmus/*/Cargo.toml; do
-    grep -q cdylib "$manifest" || continue
-    packages+=(-p "$(sed -n 's/^name = "\(fmu-.*\)"/\1/p' "$manifest")")
-    names+=("$(sed -n '/^\[lib\]/,/^\[/s/^name = "\(.*\)"/\1/p' "$manifest")")
-done
+source scripts/fmu_crates.sh
 PATH=$(cd "$tools/bin" && pwd):$PATH cargo-zigbuild zigbuild --release --target "$target.$glibc" "${packages[@]}"
 
 out=$built/portable/$platform

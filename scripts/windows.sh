@@ -16,13 +16,7 @@ command -v x86_64-w64-mingw32-gcc >/dev/null ||
 [ -d "$(rustc --print sysroot)/lib/rustlib/$target" ] || rustup target add "$target" ||
     fail "the standard library of Rust for $target is not there and could not be added: rustup target add $target"
 
-packages=()
-names=()
-for manifest in fmus/*/Cargo.toml; do
-    grep -q cdylib "$manifest" || continue
-    packages+=(-p "$(sed -n 's/^name = "\(fmu-.*\)"/\1/p' "$manifest")")
-    names+=("$(sed -n '/^\[lib\]/,/^\[/s/^name = "\(.*\)"/\1/p' "$manifest")")
-done
+source scripts/fmu_crates.sh
 cargo build --release --target "$target" "${packages[@]}"
 
 built=${CARGO_TARGET_DIR:-target}

@@ -13,7 +13,8 @@ pub trait System: Sync {
     fn records(&self) -> usize;
     /// Whether a record may be fitted (otherwise it is for validation).
     fn estimation(&self, record: usize) -> bool;
-    /// Local parameters of a record: start value and difference step of each. A step of zero: nothing depends on it, it is not fitted.
+    /// Local parameters of a record: start value and difference step of each. A step of zero: nothing depends on it, it
+    /// is not fitted.
     fn locals(&self, record: usize) -> Vec<(f64, f64)>;
     /// Where the residuals of each signal stand.
     fn signals(&self, record: usize) -> Vec<Span>;

@@ -69,7 +69,7 @@ impl Finder<'_> {
         let whole = if self.windows.is_some() { self.whole(study, form.clone()) } else { None };
         let whole = whole.as_ref().unwrap_or(form);
         // A formula takes no more than the free form, which therefore tells whether one can be the answer.
-        if whole.error > self.hopeless {
+        if whole.error > self.max_error {
             return None;
         }
         let place = Place { form, whole, axes: &axes, units: &units };

@@ -42,7 +42,7 @@ const MAX_OF_EFFECTS_AT_NOISE: f64 = 0.5;
 const MAX_OF_EFFECTS: f64 = 0.1;
 /// Ratio of the error of a free form on estimation records to that which a law may leave on validation records, or to what
 /// counts as noise, from which on no formula for it is looked for.
-const HOPELESS_ERROR: f64 = 2.0;
+const MAX_ERROR_OF_FREE_FORM: f64 = 2.0;
 
 /// What a law has to do.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -71,7 +71,7 @@ pub(super) struct Finder<'a> {
     /// Sum of squares that the noise of the sensors gives.
     pub(super) noise: f64,
     /// Error of a free form from which on no formula for it is looked for.
-    pub(super) hopeless: f64,
+    pub(super) max_error: f64,
 }
 
 /// Puts a law into an answer that found nothing to name, or effects that leave much; the model with it, if there is one.
@@ -125,8 +125,8 @@ fn sought(
         true => MAX_OF_EFFECTS * scaled(study, scale, &found.after[0].rms),
         false => 1.0 - MIN_SHARE_ABOVE_NOISE,
     };
-    let hopeless = HOPELESS_ERROR * enough.max(judge.tolerated.max(judge.power).sqrt());
-    let mut finder = Finder { aim, scale, say, corrections, quick, trace, windows, noise, hopeless };
+    let max_error = MAX_ERROR_OF_FREE_FORM * enough.max(judge.tolerated.max(judge.power).sqrt());
+    let mut finder = Finder { aim, scale, say, corrections, quick, trace, windows, noise, max_error };
     let Outcome { law, model, after } = finder.find(study, judge, base, found)?;
     let fits = finder.fits(study);
     let complete = judge.explained(&fits, &model) || judge.tolerable(&fits, &model);

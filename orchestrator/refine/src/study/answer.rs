@@ -13,13 +13,13 @@ use super::fits::{Fits, Model, pieces};
 use super::integration;
 use super::law::Point;
 use super::model::{Study, Target};
+use super::observability;
 use super::open::open;
 use super::ruling::{Ruling, alone, rule, rule_by_share, share};
 use super::search::{Say, Selection, confirm, search};
 use super::simulate::Piece;
 use super::smoothed;
 use super::tolerance;
-use super::unseen;
 use crate::Error;
 use crate::answer::{Answer, Effect, Settings, Verdict};
 use crate::engine::fit::{Fit, fit};
@@ -104,7 +104,7 @@ pub fn answer(file: &File, settings: &Settings, say: Say) -> Result<(Answer, Evi
 pub fn prepared(file: &File, say: Say) -> Result<(Study, Vec<Attachment>, Fit), Error> {
     let (mut study, attachments) = open(file)?;
     study.substeps = integration::substeps(&study);
-    study.unseen = unseen::unseen(&study);
+    study.unobservable = observability::unobservable(&study);
     say("fitting the declared model");
     let declared = declared(file, &study)?;
     let survey = {

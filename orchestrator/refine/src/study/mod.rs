@@ -32,6 +32,7 @@ pub mod model;
 pub mod names;
 pub mod noise;
 mod numbers;
+mod observability;
 pub mod open;
 pub mod physical;
 pub mod plan;
@@ -45,7 +46,6 @@ pub mod signal;
 pub mod simulate;
 pub mod smoothed;
 pub mod tolerance;
-mod unseen;
 pub mod whole;
 
 use std::path::Path;

@@ -164,8 +164,8 @@ pub struct Study {
     pub held: Vec<bool>,
     /// Runge-Kutta steps per sample.
     pub substeps: usize,
-    /// States whose initial values no output shows; empty: not looked for.
-    pub unseen: Vec<bool>,
+    /// Whether each state is unobservable: no output shows where it begins; empty: not looked for.
+    pub unobservable: Vec<bool>,
     /// Measured outputs.
     pub outputs: Vec<Output>,
     /// Parameter vector: the declared model first, then candidates.

@@ -420,7 +420,7 @@ pub fn open(file: &File) -> Result<(Study, Vec<Attachment>), Error> {
         shown,
         held,
         substeps: 1,
-        unseen: Vec::new(),
+        unobservable: Vec::new(),
         outputs,
         declared: entries.len(),
         entries,

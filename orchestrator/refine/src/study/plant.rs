@@ -4,6 +4,8 @@
 //! value that an input receives, so that a candidate needs no FMU of its own while the search goes on. Integration is
 //! left to [`super::simulate`].
 
+mod initialisation;
+
 use std::collections::BTreeMap;
 use std::ops::Range;
 
@@ -12,10 +14,7 @@ use super::names::{attachment_target, known, path};
 use airloop_cosim::system::SystemGraph;
 use airloop_cosim::system::graph::{Component, Conversion, DataType, Source, Start};
 use airloop_cosim::system::order::feed_through;
-use airloop_fmi::{Causality, Initial, Instance, InterfaceKind, Model, Variability, VariableKind};
-
-/// Places at which the rates of a component are asked for.
-const PROBES: usize = 3;
+use airloop_fmi::{Causality, Initial, InterfaceKind, Model, Variability, VariableKind};
 
 /// What an input of a component receives.
 #[derive(Debug, Clone)]
@@ -388,117 +387,6 @@ impl Plant {
         Some(((place, declared.value_reference), value, bounds))
     }
 
-    /// (Re)initialises all components at `time` \[s\] with these values of parameters and the system inputs that stand in
-    /// the first slots; `x`, `[nx]`, gets the states of the start values.
-    ///
-    /// # Errors
-    /// An FMU that fails.
-    pub fn initialise(
-        &mut self,
-        parameters: &[(Parameter, f64)],
-        time: f64,
-        x: &mut [f64],
-        block: &impl Fn(usize, f64, &[f64]) -> f64,
-    ) -> Result<(), Problem> {
-        self.initialise_from(&[], parameters, time, x, block)
-    }
-
-    /// The same with values of some states, `[nx]`, or no list. Those of components that change at events only are their
-    /// start values, as their first event is part of the initialization: `x` then holds what it made of them.
-    ///
-    /// # Errors
-    /// An FMU that fails.
-    pub fn initialise_from(
-        &mut self,
-        begin: &[Option<f64>],
-        parameters: &[(Parameter, f64)],
-        time: f64,
-        x: &mut [f64],
-        block: &impl Fn(usize, f64, &[f64]) -> f64,
-    ) -> Result<(), Problem> {
-        self.begin(begin, parameters, time, x, block)?;
-        if !self.probed {
-            self.probed = true;
-            if self.probe(time, x) {
-                self.begin(begin, parameters, time, x, block)?;
-            }
-        }
-        for part in self.parts.iter().filter(|part| !part.takes_start_values()) {
-            for state in part.states.clone() {
-                if let Some(Some(value)) = begin.get(state) {
-                    x[state] = *value;
-                }
-            }
-        }
-        self.moved = true;
-        Ok(())
-    }
-
-    /// Asks the components that have time events whether their states change at events only, as those of a sampled model
-    /// do: whether all rates are zero wherever the states are. Whether any was asked.
-    fn probe(&mut self, time: f64, x: &[f64]) -> bool {
-        let mut asked = false;
-        for part in &mut self.parts {
-            if part.states.is_empty() || !part.shows_events || part.next_event.is_none() {
-                continue;
-            }
-            asked = true;
-            let mut rates = vec![0.0; part.states.len()];
-            let model = &mut part.model;
-            part.only_events = (1..=PROBES).all(|round| {
-                let odd = |(i, value): (usize, &f64)| {
-                    value + ((7 * i + 3 * round) as f64).sin() * (1.0 + value.abs())
-                };
-                let states: Vec<f64> = x[part.states.clone()].iter().enumerate().map(odd).collect();
-                let inputs: Vec<f64> = part.feed_values.iter().enumerate().map(odd).collect();
-                let moved = model.set_time(time + 1e-6 * round as f64).is_ok()
-                    && model.set_continuous_states(&states).is_ok()
-                    && (inputs.is_empty() || model.set_real(&part.feed_references, &inputs).is_ok());
-                moved && model.get_derivatives(&mut rates).is_ok() && rates.iter().all(|rate| *rate == 0.0)
-            });
-        }
-        asked
-    }
-
-    /// Initialises all components; `states` as for [`Plant::initialise_from`].
-    fn begin(
-        &mut self,
-        states: &[Option<f64>],
-        parameters: &[(Parameter, f64)],
-        time: f64,
-        x: &mut [f64],
-        block: &impl Fn(usize, f64, &[f64]) -> f64,
-    ) -> Result<(), Problem> {
-        for place in 0..self.parts.len() {
-            let (part, component) = (&mut self.parts[place], &self.starts[place]);
-            if self.initialised {
-                part.model.reset().map_err(Problem::fmu)?;
-            }
-            set_start_values(&mut part.model, component)?;
-            for ((_, reference), value) in parameters.iter().filter(|((owner, _), _)| *owner == place) {
-                part.model.set_real(&[*reference], &[*value]).map_err(Problem::fmu)?;
-            }
-            if part.takes_start_values() {
-                for (state, reference) in part.states.clone().zip(&part.state_references) {
-                    if let Some(Some(value)) = states.get(state) {
-                        part.model.set_real(&[*reference], &[*value]).map_err(Problem::fmu)?;
-                    }
-                }
-            }
-            let model = &mut part.model;
-            model.setup_experiment(None, time, None).map_err(Problem::fmu)?;
-            model.enter_initialization_mode().map_err(Problem::fmu)?;
-            model.exit_initialization_mode().map_err(Problem::fmu)?;
-            if !part.states.is_empty() {
-                model.get_continuous_states(&mut x[part.states.clone()]).map_err(Problem::fmu)?;
-            }
-            // Instances leave initialization in event mode.
-            part.in_event = true;
-        }
-        self.initialised = true;
-        self.settle(time, x, block).map_err(Problem::fmu)
-    }
-
     /// Says that the states were set from outside.
     pub fn moved(&mut self) {
         self.moved = true;
@@ -643,11 +531,6 @@ impl Plant {
 }
 
 impl Part {
-    /// Whether its states begin at start values that are set, since its first event changes them.
-    fn takes_start_values(&self) -> bool {
-        self.only_events && !self.state_references.is_empty()
-    }
-
     /// Takes the outputs that follow the states alone.
     fn show(&mut self, x: &[f64], slots: &mut [f64]) -> Result<(), airloop_fmi::Error> {
         for &(slot, state) in &self.shown {
@@ -676,19 +559,4 @@ impl Part {
         }
         self.model.set_real(&self.feed_references, &self.feed_values)
     }
-}
-
-fn set_start_values(instance: &mut Instance, component: &Component) -> Result<(), Problem> {
-    for start in &component.start_values {
-        let variable = &component.fmu.description.variables[start.variable];
-        let reference = [variable.value_reference];
-        match &start.value {
-            Start::Real(value) => instance.set_real(&reference, &[*value]),
-            Start::Integer(value) => instance.set_integer(&reference, &[*value]),
-            Start::Boolean(value) => instance.set_boolean(&reference, &[*value]),
-            Start::String(value) => instance.set_string(&reference, &[value.as_str()]),
-        }
-        .map_err(Problem::fmu)?;
-    }
-    Ok(())
 }

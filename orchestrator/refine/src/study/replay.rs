@@ -122,7 +122,7 @@ fn free_run(file: &File, study: &mut Study, beginning: f64) -> Result<(), Error>
         let (fitted, length) = (beginning / record.step, record.n as f64 * record.step);
         if !(fitted >= MIN_FITTED_SAMPLES as f64 && fitted + 1.0 < record.n as f64) {
             return Err(file.refuse_all(format!(
-                "a free run cannot fit initial states to the first {beginning} s of {}, which has {length:.3} s in steps of {} s; give a time between {:.3} s and that",
+                "a free run cannot fit initial states to the first {beginning} s of {}, which has {length:.3} s in steps of {:.3e} s; give a time between {:.3} s and that",
                 record.name,
                 record.step,
                 MIN_FITTED_SAMPLES as f64 * record.step

@@ -220,8 +220,7 @@ impl<'a> View<'a> {
         blocks.now.set(blocks.time);
         let fixed = self.parameters(p);
         let given: Vec<Option<f64>> = match &record.initial {
-            _ if own => locals.iter().copied().map(Some).collect(),
-            _ if window.is_some() => Vec::new(),
+            _ if own || window.is_some() => Vec::new(),
             Initial::Word(InitialWord::Fit) => locals.iter().copied().map(Some).collect(),
             Initial::Given(values) => {
                 let mut given = vec![None; nx];
@@ -237,6 +236,10 @@ impl<'a> View<'a> {
         let pass = |tap, value, slots: &[f64]| blocks.pass(tap, value, slots);
         plant.initialise_from(&given, &fixed, begin as f64 * step, &mut x, &pass)?;
         let start = x.clone();
+        if own {
+            // They are those behind the events of the first sample.
+            x.copy_from_slice(locals);
+        }
         // Events within this time of each other are one.
         let near = 1e-6 * step;
         let due = |plant: &Plant, until: f64| plant.next_event().filter(|next| *next <= until);
@@ -481,7 +484,7 @@ impl System for View<'_> {
             return Vec::new();
         }
         let one = |(i, values): (usize, &Option<Vec<f64>>)| match values {
-            None if self.study.unseen.get(i) == Some(&true) => (0.0, 0.0),
+            None if self.study.unobservable.get(i) == Some(&true) => (0.0, 0.0),
             None => (0.0, 1e-5),
             Some(values) => {
                 let size = values.iter().fold(0.0f64, |a, b| a.max(b.abs()));
