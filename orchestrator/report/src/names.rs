@@ -77,6 +77,7 @@ pub fn kind(kind: &str) -> &str {
         "delay" => "a delay",
         "hysteresis" => "play (hysteresis)",
         "mode" => "a second-order mode",
+        "parameter" => "a declared value that is off",
         other => other,
     }
 }

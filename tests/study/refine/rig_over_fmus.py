@@ -20,6 +20,8 @@ import tomllib
 
 ROOT = pathlib.Path(__file__).parents[3]
 SYSTEM = ROOT / "examples" / "01_run" / "system.ssd"
+# Effects of the vocabulary that are values of declared parameters of that system.
+PARAMETERS = {"parameter@cart_pole.l": "length"}
 # Where the channels of the vocabulary are in that system.
 ATTACHMENTS = """
 [[attachment]]
@@ -91,7 +93,7 @@ def named(found):
     chosen = {}
     for effect in found["effects"]:
         if effect["selected"]:
-            kind = effect["id"].split("@")[0].split(".")[-1]
+            kind = PARAMETERS.get(effect["id"], effect["id"].split("@")[0].split(".")[-1])
             chosen[kind] = (effect["id"], effect["params"])
     return chosen
 

@@ -15,13 +15,14 @@ use crate::engine::stop;
 use crate::study::answer;
 use crate::study::by_share;
 use crate::study::catalogue::{self, Candidate};
+use crate::study::changed::corrected;
 use crate::study::declaration::Role;
 use crate::study::effects;
 use crate::study::errors::errors;
 use crate::study::explain::{self, Judge};
 use crate::study::fits::{Fits, Model, pieces};
 use crate::study::law::{Point, Variable};
-use crate::study::model::{Action, Entry, Output, Study, Target};
+use crate::study::model::{Action, Entry, Output, Study};
 use crate::study::search::Say;
 use crate::study::tolerance::{self, MAX_CORRECTIONS};
 use crate::vocabulary::Own;
@@ -111,8 +112,7 @@ fn sought(
     if !(found.verdict == Verdict::Unexplained || partly) || stop::asked() {
         return None;
     }
-    let is_correction = |free: &&Free| matches!(study.entries[free.index].target, Target::Correction { .. });
-    let corrections = base.fit.free.iter().filter(is_correction).copied().collect();
+    let corrections = corrected(study, &base.fit);
     let (quick, trace, windows, noise) = {
         let fits = Fits::new(study, scale.to_vec());
         let (trace, windows) = (motion(&fits, base), Windows::new(&fits, base));

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use super::by_share::{self, ByShare};
 use super::catalogue;
+use super::changed;
 use super::declaration::{Attachment, File, Role};
 use super::effects::{effects, physical};
 use super::errors::{errors, floor, force, force_noise};
@@ -40,18 +41,27 @@ pub fn answer(file: &File, settings: &Settings, say: Say) -> Result<(Answer, Evi
     let (mut study, _, declared) = prepared(file, say)?;
     let scale = scales(&study, &declared);
     correct(&mut study, &scale, &[], &declared.parameters);
-    let model = steps(&mut study, &scale, &declared);
-    let fits = Fits::new(&study, scale.clone()).quickened(&model);
+    let mut model = steps(&mut study, &scale, &declared);
     say("noise floor");
+    let fits = Fits::new(&study, scale.clone()).quickened(&model);
     let judge = Judge::new(&fits, &model, settings.draws, settings.seed);
     // What is left of a limited time is for effects that leave more than noise.
     stop::stage(EXACT_SHARE_OF_TIME);
-    let precise = Fits::new(&study, scale.clone());
-    let exact = exact::search(&precise, &judge, &model, settings, say);
+    let mut exact = exact::search(&Fits::new(&study, scale.clone()), &judge, &model, settings, say);
+    if let Err(Some(best)) = &exact
+        && let Some(substeps) = integration::finer(&Fits::new(&study, scale.clone()), best)
+    {
+        study.substeps = substeps;
+        let fits = Fits::new(&study, scale.clone());
+        let start = fits.fit_from(Vec::new(), &model.fit.parameters, &model.fit.locals);
+        model = start.unwrap_or(model);
+        exact = exact::search(&fits, &judge, &model, settings, say);
+    }
     stop::stage(1.0);
-    let selection = exact.unwrap_or_else(|| search(&fits, &judge, model, settings.max_effects, say));
+    let fits = Fits::new(&study, scale.clone()).quickened(&model);
+    let selection = exact.unwrap_or_else(|_| search(&fits, &judge, model, settings.max_effects, say));
     let best = &selection.best;
-    if !best.added.is_empty() {
+    if selection.effects() > 0 {
         correct(&mut study, &scale, &best.added, &best.fit.parameters);
     }
     let fits = Fits::new(&study, scale.clone());
@@ -139,7 +149,7 @@ fn beside_corrections(
     say: Say,
 ) -> (Selection, Option<ByShare>) {
     let explained = judge.explained(fits, &exact.best);
-    if explained && exact.best.added.len() < 2 || stop::asked() {
+    if explained && (exact.best.added.len() < 2 || !exact.changed.is_empty()) || stop::asked() {
         return (exact, None);
     }
     let mut found = by_share::search(fits, judge, &exact, units, settings, say);
@@ -305,6 +315,10 @@ fn assemble(
     if let Some(found) = by_share {
         explain_tried(found, &mut effects);
     }
+    if chosen {
+        let first = selection.best.added.len();
+        effects.splice(first..first, changes(study, selection));
+    }
     let printed = [&selection.declared, if chosen { &selection.best } else { &selection.declared }]
         .map(|model| fits.as_declared(model).parameters);
     if chosen {
@@ -372,6 +386,20 @@ fn assemble(
         notes,
         ..Answer::default()
     }
+}
+
+/// The changed parameters of an answer as effects.
+fn changes(study: &Study, selection: &Selection) -> Vec<Effect> {
+    let samples = study.records.iter().filter(|own| own.role == Role::Estimation).map(|own| own.n);
+    let gain = (selection.declared.error / selection.best.error).powi(2).ln();
+    let score = samples.sum::<usize>() as f64 * gain;
+    let mut found = changed::effects(study, &selection.best, &selection.changed, score);
+    for (own, free) in found.iter_mut().zip(&selection.changed) {
+        let group = changed::group(study, free);
+        own.selected = true;
+        own.group = selection.equals.iter().any(|(lacking, _)| *lacking == group).then_some(group);
+    }
+    found
 }
 
 /// Place of what is left where nothing shows a better one.

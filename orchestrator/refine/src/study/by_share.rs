@@ -5,26 +5,20 @@ use std::collections::BTreeMap;
 
 use super::explain::{self, Judge};
 use super::fits::{self, Fits};
+use super::influence::{Influential, Singles, influential};
 use super::model::{Action, Study, Target};
 use super::physical::physical;
 use super::search::{Say, Selection};
 use super::simulate::Piece;
-use super::tolerance::{self, MAX_CORRECTIONS};
 use super::whole::{Whole, candidate, model};
 use crate::answer::{Correction, Settings, Step, Tried};
-use crate::engine::System;
 use crate::engine::candidate::Candidate;
 use crate::engine::fit::Free;
 use crate::engine::forward_selection;
 use crate::engine::held_out::HeldOut;
-use crate::engine::normal::{columns, dot};
 use crate::engine::question::{self, Found, Question};
 use crate::engine::search::Model;
 
-/// Fall of the sum of squares, residuals in units of the floor, that a correction of one tolerance must be able to bring.
-const MIN_INFLUENCE: f64 = 4.0;
-/// Cosine of the angle between what a correction and an effect change from which on they are the same.
-const MIN_COSINE_OF_SAME: f64 = 0.999;
 /// Records up to which spans of them are held out instead of whole ones.
 const FEW_RECORDS: usize = 2;
 
@@ -124,47 +118,20 @@ fn pieces(fits: &Fits) -> (Vec<Piece>, Vec<Vec<usize>>) {
 fn known(
     study: &Study,
     whole: &Whole,
-    (p, locals): (&[f64], &[Vec<f64>]),
+    at: (&[f64], &[Vec<f64>]),
     candidates: &[Candidate],
     most: f64,
 ) -> Vec<question::Correction> {
-    let own = tolerance::corrections(study, most);
-    let single: Vec<usize> = (0..candidates.len())
-        .filter(|&c| matches!(&study.candidates[c].starts[..], [only] if only == &[0.0]))
-        .filter(|&c| !study.candidates[c].probe)
-        .collect();
-    let free: Vec<Free> =
-        own.iter().map(|own| own.0).chain(single.iter().map(|&c| candidates[c].free[0])).collect();
-    let records: Vec<usize> = (0..whole.records()).collect();
-    let locals: Vec<&[f64]> = locals.iter().map(Vec::as_slice).collect();
-    let found = columns(whole, &records, p, &free, &locals, false, None);
-    let product = |a: usize, b: usize| -> f64 {
-        found.iter().map(|record| dot(&record.columns[a], &record.columns[b])).sum()
+    let singles = Singles::new(study, whole, at, candidates);
+    let one = |own: Influential| {
+        let twin = singles.same(&own);
+        question::Correction {
+            free: own.free,
+            effect: twin.map(|(c, _)| c),
+            declared: twin.map_or(own.declared, |(_, ratio)| ratio),
+        }
     };
-    let mut kept: Vec<(f64, usize)> = own
-        .iter()
-        .enumerate()
-        .map(|(k, (free, _))| (product(k, k) * free.prior.unwrap_or(0.0).powi(2), k))
-        .filter(|(influence, _)| influence.is_finite() && *influence > MIN_INFLUENCE)
-        .collect();
-    kept.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
-    // Those that move the residuals most within their tolerance.
-    kept.truncate(MAX_CORRECTIONS);
-    kept.into_iter()
-        .map(|(_, k)| {
-            let size = product(k, k);
-            let twin = single.iter().enumerate().find_map(|(s, &c)| {
-                let (both, other) = (product(k, own.len() + s), product(own.len() + s, own.len() + s));
-                (both.abs() > MIN_COSINE_OF_SAME * (size * other).sqrt() && other > 0.0)
-                    .then(|| (c, both / other))
-            });
-            question::Correction {
-                free: own[k].0,
-                effect: twin.map(|(c, _)| c),
-                declared: twin.map_or(own[k].1, |(_, ratio)| ratio),
-            }
-        })
-        .collect()
+    influential(study, whole, at, most).into_iter().map(one).collect()
 }
 
 /// Why a fitted candidate makes no sense, if it does not.
@@ -219,6 +186,7 @@ fn answer(fits: &Fits, declared: &fits::Model, known: &[question::Correction], f
         stability: Vec::new(),
         refused: Vec::new(),
         exact: false,
+        changed: Vec::new(),
     };
     let corrections = corrections(study, &selection.best, known);
     let free_form = found.free_form.map(|form| {

@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use super::changed;
 use super::fits::{Fits, Model};
 use super::law::Law;
 use super::model::{Action, Study};
@@ -134,7 +135,7 @@ pub fn order(fits: &Fits, selection: &Selection) -> Vec<usize> {
 
 /// Effects, chosen ones first; `weighted`: the fits counted residuals as the independent samples that they hold.
 pub fn effects(fits: &Fits, selection: &Selection, chosen: bool, weighted: bool) -> Vec<Effect> {
-    let best = &selection.best;
+    let (study, best) = (fits.study, &selection.best);
     let view = fits.view(&best.added, &fits.pieces);
     let residuals: Vec<Vec<f64>> = (0..fits.pieces.len())
         .map(|r| view.residuals(r, &best.fit.parameters, &best.fit.locals[r]))
@@ -168,6 +169,12 @@ pub fn effects(fits: &Fits, selection: &Selection, chosen: bool, weighted: bool)
             let reason = "these records cannot tell it from the selected effect".to_owned();
             let group = chosen.then_some(*lacking);
             found.push(Effect { group, reason, ..effect(fits, selection, model, c, widen(model)) });
+        }
+        let mut other = changed::corrected(study, &model.fit);
+        other.retain(|free| !selection.changed.iter().any(|own| own.index == free.index));
+        for change in changed::effects(study, model, &other, 0.0).into_iter().filter(|_| selection.exact) {
+            let reason = "these records cannot tell it from the selected effect".to_owned();
+            found.push(Effect { group: chosen.then_some(*lacking), reason, ..change });
         }
     }
     for (c, own) in &selection.refused {

@@ -2,43 +2,52 @@
 //! residuals in units of the noise.
 
 use super::beside::SCREENED_RECORDS;
+use super::changed;
 use super::explain::{Judge, noises};
 use super::fits::{Fits, Model};
+use super::influence::{Singles, influential};
+use super::model::Study;
 use super::physical::physical;
 use super::search::{Say, Selection, stability};
 use super::whole::{Whole, candidate, model};
 use crate::answer::Settings;
 use crate::engine::candidate::Candidate;
-use crate::engine::fit::{Fit, fit};
+use crate::engine::fit::{Fit, Free, fit};
 use crate::engine::search::{self, Rules, Search};
 use crate::engine::select::{Effort, select};
 
 /// Rounds of a fit of everything.
 const ROUNDS: usize = 14;
 
-/// Searches from the fitted declared model; none where nothing explains the records to the noise, or where the declared model
-/// does.
+/// Searches from the fitted declared model.
+///
+/// # Errors
+/// Nothing explains the records to the noise: the best model that was tried, if there is one.
 pub fn search(
     fits: &Fits,
     judge: &Judge,
     declared: &Model,
     settings: &Settings,
     say: Say,
-) -> Option<Selection> {
+) -> Result<Selection, Option<Model>> {
     let study = fits.study;
     if judge.explained(fits, declared) {
-        return None;
+        return Err(None);
     }
     let view = fits.view(&[], &fits.pieces);
     let whole = Whole::new(&view, noises(study), say);
-    let candidates: Vec<Candidate> = (0..study.candidates.len()).map(|c| candidate(study, c)).collect();
+    let mut candidates: Vec<Candidate> = (0..study.candidates.len()).map(|c| candidate(study, c)).collect();
+    let changes = changes(study, &whole, &declared.fit, &candidates);
+    candidates.extend(changes.iter().map(|&free| changed::candidate(free)));
     let always = study.declared_free();
     let may_join = |c: usize, added: &[usize]| {
-        let own = &study.candidates[c];
+        let Some(own) = study.candidates.get(c) else { return true };
         !own.probe && own.needs.is_none_or(|needs| added.contains(&needs))
     };
-    let sense =
-        |added: &[usize], fit: &Fit| physical(study, &Model::new(added.to_vec(), fit.clone(), f64::NAN));
+    let sense = |added: &[usize], fit: &Fit| {
+        let added = added.iter().copied().filter(|&c| c < study.candidates.len()).collect();
+        physical(study, &Model::new(added, fit.clone(), f64::NAN))
+    };
     let records: Vec<usize> = (0..fits.pieces.len()).collect();
     let every = records.len().div_ceil(SCREENED_RECORDS);
     let search = Search {
@@ -53,17 +62,27 @@ pub fn search(
     let effort = Effort { max_effects: settings.max_effects, singles: 10, climbed: 2, pairs: (3, 3) };
     let start = search.fit(&[], &[], &declared.fit.parameters, &declared.fit.locals, ROUNDS);
     let found = select(&search, start, &[], effort, &Vec::new);
-    let mut best = model(fits, &found.best);
-    if !found.explained || best.added.is_empty() || !judge.explained(fits, &best) {
-        return None;
+    if !found.explained || found.best.added.is_empty() {
+        return Err(Some(model(fits, &found.best)).filter(|best| best.error.is_finite()));
+    }
+    // An effect of the list comes before another value of a declared parameter.
+    let mut equals: Vec<&search::Model> = [&found.best].into_iter().chain(&found.equals).collect();
+    let first = (0..equals.len()).min_by_key(|&k| changed::corrected(study, &equals[k].fit).len());
+    let chosen = equals.remove(first.unwrap_or(0));
+    let changed = changed::changed(study, &chosen.fit, settings.forward_selection.max_tolerances);
+    let mut best = model(fits, chosen);
+    // Parameters that are off within their tolerances are corrections, for which the search for shares is.
+    if changed.len() < changed::corrected(study, &chosen.fit).len() || !judge.explained(fits, &best) {
+        return Err(None);
     }
     let replaced = |own: &search::Model| {
-        let lacking = best.added.iter().copied().find(|c| !own.added.contains(c))?;
-        Some((lacking, model(fits, own)))
+        let lacking = chosen.added.iter().copied().find(|c| !own.added.contains(c))?;
+        let change = lacking.checked_sub(study.candidates.len());
+        Some((change.map_or(lacking, |k| changed::group(study, &changes[k])), model(fits, own)))
     };
-    let equals = found.equals.iter().filter_map(replaced).collect();
-    let singles = found.tried.iter().filter(|own| own.added.len() == 1);
-    let mut singles: Vec<Model> = singles.map(|own| model(fits, own)).collect();
+    let equals = equals.into_iter().filter_map(replaced).collect();
+    let single = |own: &&search::Model| matches!(own.added[..], [c] if c < study.candidates.len());
+    let mut singles: Vec<Model> = found.tried.iter().filter(single).map(|own| model(fits, own)).collect();
     singles.sort_by(|a, b| a.error.total_cmp(&b.error));
     singles.dedup_by(|a, b| a.added == b.added);
     let mut declared = declared.clone();
@@ -71,7 +90,17 @@ pub fn search(
     fits.hold_out(&mut declared);
     let stability = stability(fits, Some(&declared), &mut best);
     let path = vec![(Vec::new(), declared.held_out), (best.added.clone(), best.held_out)];
-    Some(Selection { declared, best, equals, singles, path, stability, refused: Vec::new(), exact: true })
+    let refused = Vec::new();
+    Ok(Selection { declared, best, equals, singles, path, stability, refused, exact: true, changed })
+}
+
+/// Declared parameters of which another value may be missing: those that no effect of the list does the same as.
+fn changes(study: &Study, whole: &Whole, declared: &Fit, candidates: &[Candidate]) -> Vec<Free> {
+    let at = (&declared.parameters[..], &declared.locals[..]);
+    let singles = Singles::new(study, whole, at, candidates);
+    let found = influential(study, whole, at, f64::INFINITY).into_iter();
+    let alone = found.filter(|own| singles.same(own).is_none());
+    alone.map(|own| Free { prior: None, ..own.free }).collect()
 }
 
 /// A model fitted anew with residuals in units of the noise.
@@ -79,7 +108,8 @@ pub fn refitted(fits: &Fits, own: &Model) -> Model {
     let view = fits.view(&own.added, &fits.pieces);
     let whole = Whole::new(&view, noises(fits.study), &|_| ());
     let records: Vec<usize> = (0..fits.pieces.len()).collect();
-    let free = fits.free(&own.added);
+    let mut free = fits.free(&own.added);
+    free.extend(changed::corrected(fits.study, &own.fit));
     let fit = fit(&whole, &records, &own.fit.parameters, &free, &own.fit.locals, ROUNDS);
     let again = search::Model { added: own.added.clone(), fit, left: Vec::new() };
     let again = model(fits, &again);

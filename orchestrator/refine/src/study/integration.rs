@@ -1,6 +1,6 @@
 //! How finely a study is integrated: as finely as the noise of its sensors can tell.
 
-use super::fits::Fits;
+use super::fits::{Fits, Model};
 use super::model::Study;
 use super::simulate::{Piece, View};
 use crate::engine::System;
@@ -37,6 +37,32 @@ pub fn substeps(study: &Study) -> usize {
         coarse = fine;
     }
     2 * SUBSTEPS[SUBSTEPS.len() - 1]
+}
+
+/// Share of what a model leaves, rms, from which on its integration is to blame.
+const MIN_SHARE_OF_LEFT: f64 = 0.3;
+
+/// Runge-Kutta steps per sample that a model needs, if what it leaves is the error of its integration: friction that it adds
+/// changes its sign faster than anything in the declared model.
+pub fn finer(fits: &Fits, model: &Model) -> Option<usize> {
+    let study = fits.study;
+    let pieces: Vec<Piece> = fits.pieces.iter().take(COMPARED.0).cloned().collect();
+    let view = fits.view(&model.added, &pieces);
+    let outputs = |substeps: usize| -> Vec<Vec<f64>> {
+        let view = View { substeps, quick: false, ..view.clone() };
+        let one = |r: usize| view.predict(r, &model.fit.parameters, &model.fit.locals[r]);
+        (0..pieces.len()).map(one).collect()
+    };
+    let most = 2 * SUBSTEPS[SUBSTEPS.len() - 1];
+    let (coarse, finest) = (outputs(study.substeps), outputs(most));
+    let measured: Vec<Vec<f64>> = (0..pieces.len()).map(|r| view.measured(r)).collect();
+    let by_integration = apart(study, &coarse, &finest);
+    if study.substeps >= most || by_integration < MIN_SHARE_OF_LEFT * apart(study, &coarse, &measured) {
+        return None;
+    }
+    let steps = SUBSTEPS.into_iter().filter(|&count| count > study.substeps);
+    let enough = |&count: &usize| apart(study, &outputs(count), &finest) <= MAX_ERROR_OVER_NOISE;
+    Some(steps.into_iter().find(enough).unwrap_or(most))
 }
 
 /// Largest rms difference of two simulations over the noise of an output; infinite where one of them diverges.

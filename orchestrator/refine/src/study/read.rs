@@ -121,6 +121,9 @@ const MAX_DRIFT: f64 = 0.25;
 const MAX_SAMPLES: f64 = 1e6;
 const MAX_SAMPLES_OF_A_ROW: f64 = 10.0;
 
+/// Ratio of `step_s` to the step of a file below which samples lie between its samples.
+const SHORT_STEP: f64 = 0.9;
+
 /// Step of a file: the median, or the mean where all steps are near it, so that nothing adds up over the file.
 fn own_step(time: &[f64]) -> f64 {
     let median = median_step(time);
@@ -275,6 +278,12 @@ pub fn records(file: &File, layout: &Layout, notes: &mut Vec<String>) -> Result<
                 notes.push(format!(
                     "{}: linear interpolation bridges {} of its steps, which are longer than three times the usual one.",
                     segment.file, grid.gaps
+                ));
+            }
+            if grid.step < SHORT_STEP * own_step(grid.raw.time()) {
+                notes.push(format!(
+                    "{}: step_s = {} s is shorter than its own step of {:.3e} s; what is interpolated between samples may look as if something were missing. Leave step_s out: the integration is as fine as it needs to be.",
+                    segment.file, grid.step, own_step(grid.raw.time())
                 ));
             }
             grids.insert(&segment.file, grid);

@@ -51,7 +51,7 @@ pub(super) fn share(
     if declared > 0.0 { 1.0 - (best / declared).sqrt() } else { 0.0 }
 }
 
-/// Shares of the error on validation records that each effect of the answer takes away without the others and without
+/// Shares of the error on validation records that each effect of the answer, and then each changed parameter, takes away without the others and without
 /// corrections, in the order in which they are printed.
 pub(super) fn alone(
     fits: &Fits,
@@ -62,17 +62,19 @@ pub(super) fn alone(
     let study = fits.study;
     let validation = pieces(study, Role::Validation);
     let (declared, best) = (&selection.declared.fit.parameters, &selection.best.fit.parameters);
-    let one = |&c: &usize| {
+    let one = |added: &[usize], changed: Option<usize>| {
         let mut p = declared.clone();
-        let own = &study.candidates[c];
-        let mut added = vec![c];
-        added.extend(own.needs.filter(|needs| selection.best.added.contains(needs)));
-        let entries = added.iter().flat_map(|&c| study.candidates[c].entries.clone());
+        let entries = added.iter().flat_map(|&c| study.candidates[c].entries.clone()).chain(changed);
         entries.chain(0..study.declared).for_each(|index| p[index] = best[index]);
-        let after = errors(fits, &added, &validation, &p, None);
+        let after = errors(fits, added, &validation, &p, None);
         share(study, [before, &after], &[floor.clone(), floor.clone()])
     };
-    order(fits, selection).iter().map(one).collect()
+    let with_its_need = |c: usize| {
+        let needs = study.candidates[c].needs.filter(|needs| selection.best.added.contains(needs));
+        [c].into_iter().chain(needs).collect::<Vec<usize>>()
+    };
+    let effects = order(fits, selection).into_iter().map(|c| one(&with_its_need(c), None));
+    effects.chain(selection.changed.iter().map(|free| one(&[], Some(free.index)))).collect()
 }
 
 /// The verdict on effects that were chosen for their share of the error.
@@ -124,8 +126,9 @@ pub(super) fn rule(
         fits.study.outputs.iter().zip(&fits.scale).map(share).sum()
     };
     let nothing = Rest { place: None, gain: 0.0 };
-    let helps =
-        !best.added.is_empty() && total(validation[1]) < total(validation[0]) && share >= MIN_VALIDATED_SHARE;
+    let helps = selection.effects() > 0
+        && total(validation[1]) < total(validation[0])
+        && share >= MIN_VALIDATED_SHARE;
     let beyond = |o: &super::model::Output| {
         let floor = floor.get(&o.name).copied().unwrap_or(o.noise);
         validation[0].rms.get(&o.name).is_some_and(|rms| *rms > MAX_FLOORS * floor)

@@ -9,6 +9,7 @@ use super::fits::{Fits, Model};
 use super::model::Study;
 use super::physical::{fitting, physical};
 use crate::answer::Stability;
+use crate::engine::fit::Free;
 use crate::engine::{parallel, stop};
 
 /// Share by which the error on what is held out has to fall for an effect to be added.
@@ -54,6 +55,15 @@ pub struct Selection {
     pub refused: Vec<(usize, Stability)>,
     /// Whether the best model was fitted with residuals in units of the noise, which is all that it leaves.
     pub exact: bool,
+    /// Declared parameters that the best model changes by more than their tolerances allow: effects of their own.
+    pub changed: Vec<Free>,
+}
+
+impl Selection {
+    /// Number of effects of the best model.
+    pub fn effects(&self) -> usize {
+        self.best.added.len() + self.changed.len()
+    }
 }
 
 /// Sentences for a progress display.
@@ -422,6 +432,7 @@ pub fn search(fits: &Fits, judge: &Judge, declared: Model, most: usize, say: Say
             stability: Vec::new(),
             refused: Vec::new(),
             exact: false,
+            changed: Vec::new(),
         };
     }
     let mut path = vec![(Vec::new(), declared.held_out)];
@@ -449,12 +460,24 @@ pub fn search(fits: &Fits, judge: &Judge, declared: Model, most: usize, say: Say
     if !search.enough(&best) {
         // No explanation to the noise: a proposal to the search for a share of the error, which judges it.
         let (equals, stability, refused) = (Vec::new(), Vec::new(), Vec::new());
-        return Selection { declared, best, equals, singles, path, stability, refused, exact: false };
+        let changed = Vec::new();
+        return Selection {
+            declared,
+            best,
+            equals,
+            singles,
+            path,
+            stability,
+            refused,
+            exact: false,
+            changed,
+        };
     }
     say("trying other effects in their place");
     let (best, equals) = search.exchange(best);
     say("stability over parts of the records");
     let (best, stability, refused) = search.steady(best);
     let best = if stop::asked() { best } else { fits.polish(&best).unwrap_or(best) };
-    Selection { declared, best, equals, singles, path, stability, refused, exact: false }
+    let changed = Vec::new();
+    Selection { declared, best, equals, singles, path, stability, refused, exact: false, changed }
 }

@@ -99,17 +99,19 @@ pub fn candidate(study: &Study, c: usize) -> Candidate {
 pub fn model(fits: &Fits, own: &Model) -> fits::Model {
     let p = &own.fit.parameters;
     let records: Vec<usize> = (0..fits.pieces.len()).collect();
-    let view = fits.view(&own.added, &fits.pieces);
+    // Changes of declared parameters are no candidates of the study.
+    let added: Vec<usize> = own.added.iter().copied().filter(|&c| c < fits.study.candidates.len()).collect();
+    let view = fits.view(&added, &fits.pieces);
     // Local parameters of whole records; spans of them had their own.
     let locals = if own.fit.locals.len() == fits.pieces.len() {
         own.fit.locals.clone()
     } else {
-        fits.grow(&own.added, &fits.pieces, p, &[], &[1.0], 8).locals
+        fits.grow(&added, &fits.pieces, p, &[], &[1.0], 8).locals
     };
     let chi2: f64 =
         records.iter().flat_map(|&r| view.residuals(r, p, &locals[r])).map(|value| value * value).sum();
     let mut fit = own.fit.clone();
     (fit.locals, fit.chi2) = (locals, chi2);
     let error = fits.rms(chi2);
-    fits::Model::new(own.added.clone(), fit, error)
+    fits::Model::new(added, fit, error)
 }
