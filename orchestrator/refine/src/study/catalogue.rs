@@ -401,7 +401,7 @@ fn memory(
         }
         Command::Lag => ([3.0, 15.0, 60.0].map(|k| vec![k * step]).into(), [(0.3 * step, 2000.0 * step); 2]),
         Command::Fill => {
-            let grid = [(3.0, 8.0), (8.0, 3.0), (20.0, 60.0), (60.0, 20.0)];
+            let grid = [(0.5, 2.5), (2.5, 0.5), (3.0, 8.0), (8.0, 3.0), (20.0, 60.0), (60.0, 20.0)];
             (grid.map(|(up, down)| vec![up * step, down * step]).into(), [(0.3 * step, 2000.0 * step); 2])
         }
         Command::RateLimit => {

@@ -21,6 +21,10 @@ pub struct Declaration {
     /// Step of the simulation and of the records \[s\]; the step of the records without it.
     #[serde(default)]
     pub step_s: Option<Spanned<f64>>,
+    /// Whether poles and gains of identified linear models (state spaces) are fitted anew beside every effect; yes without it,
+    /// unless `[[free]]` names what is free.
+    #[serde(default)]
+    pub fit_identified: Option<bool>,
     /// Values of parameters of the system, in their units.
     #[serde(default)]
     pub parameters: BTreeMap<String, Spanned<Value>>,

@@ -26,6 +26,7 @@ pub mod exact;
 pub mod explain;
 pub mod fits;
 pub mod force;
+pub mod identified;
 pub mod influence;
 pub mod integration;
 pub mod kinds;

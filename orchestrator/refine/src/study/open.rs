@@ -6,6 +6,7 @@ use std::sync::Mutex;
 
 use super::Problem;
 use super::declaration::{Attachment, Declaration, File, Initial, Role, Value};
+use super::identified;
 use super::kinds;
 use super::model::{Entry, Level, Output, Study, Tap, Target};
 use super::names;
@@ -206,6 +207,19 @@ fn parameters(file: &File, graph: &SystemGraph) -> Result<Values, Error> {
         let name = free.parameter.clone();
         entries.push(Entry { name, unit, target: Target::Declared(parameter), start, free: free_entry });
     }
+    let held = |name: &String| {
+        let free = || declaration.free.iter().any(|own| own.get_ref().parameter == *name);
+        declaration.parameters.contains_key(name) || free()
+    };
+    let anew = identified::coefficients(graph).into_iter();
+    let wanted = declaration.fit_identified.unwrap_or(declaration.free.is_empty());
+    for name in anew.filter(|name| wanted && !held(name)) {
+        let Some((parameter, start, bounds)) = Plant::parameter(graph, &name) else { continue };
+        let index = entries.len();
+        let free = Free { index, bounds, step: 1e-5 * start.abs(), prior: None };
+        let unit = names::unit_of(graph, &name).unwrap_or_else(|| "1".into());
+        entries.push(Entry { name, unit, target: Target::Declared(parameter), start, free });
+    }
     fixed.retain(|(own, _)| {
         !entries.iter().any(|entry| matches!(entry.target, Target::Declared(free) if free == *own))
     });
@@ -344,6 +358,9 @@ pub fn open(file: &File) -> Result<(Study, Vec<Attachment>), Error> {
         }
     }
     let (fixed, mut entries) = parameters(file, &graph)?;
+    let anew: Vec<String> =
+        entries[declaration.free.len()..].iter().map(|entry| entry.name.clone()).collect();
+    notes.extend(identified::note(&anew));
     let mut known = BTreeMap::new();
     for spanned in declaration.outputs.values() {
         let output = spanned.get_ref();

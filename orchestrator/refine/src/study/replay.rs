@@ -10,7 +10,9 @@ use toml::Spanned;
 use super::declaration::{File, Initial, InitialWord, Role};
 use super::errors::{errors_from, initial};
 use super::fits::{Fits, pieces};
+use super::integration;
 use super::model::Study;
+use super::observability;
 use super::open::{self, open};
 use super::plant::Plant;
 use super::simulate::{Piece, View};
@@ -55,6 +57,8 @@ pub struct Replay {
 pub fn replay(file: &File, system: &Path, beginning: Option<f64>) -> Result<Replay, Error> {
     let file = with_system(file, system)?;
     let (mut study, _) = open(&file)?;
+    study.substeps = integration::substeps(&study);
+    study.unobservable = observability::unobservable(&study);
     if let Some(beginning) = beginning {
         free_run(&file, &mut study, beginning)?;
     }
@@ -154,6 +158,7 @@ fn with_system(file: &File, system: &Path) -> Result<File, Error> {
     declaration.parameters.clear();
     declaration.tolerance.clear();
     declaration.free.clear();
+    declaration.fit_identified = Some(false);
     declaration.attachment.clear();
     declaration.error.force = None;
     let graph = open::system(&own)?;

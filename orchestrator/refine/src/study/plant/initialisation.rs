@@ -89,6 +89,8 @@ impl Plant {
         x: &mut [f64],
         block: &impl Fn(usize, f64, &[f64]) -> f64,
     ) -> Result<(), Problem> {
+        // What a sampled component takes at its first event follows from the states of the others.
+        let sampled = self.parts.iter().any(|part| part.only_events);
         for place in 0..self.parts.len() {
             let (part, component) = (&mut self.parts[place], &self.starts[place]);
             if self.initialised {
@@ -98,7 +100,7 @@ impl Plant {
             for ((_, reference), value) in parameters.iter().filter(|((owner, _), _)| *owner == place) {
                 part.model.set_real(&[*reference], &[*value]).map_err(Problem::fmu)?;
             }
-            if part.takes_start_values() {
+            if sampled {
                 for (state, reference) in part.states.clone().zip(&part.state_references) {
                     if let Some(Some(value)) = states.get(state) {
                         part.model.set_real(&[*reference], &[*value]).map_err(Problem::fmu)?;

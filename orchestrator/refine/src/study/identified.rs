@@ -1,0 +1,75 @@
+//! Coefficients of identified linear models, which the records have to choose anew beside an effect: what the effect does
+//! was in the data of the identification, and the coefficients took some of it.
+
+use super::plant::Plant;
+use airloop_cosim::system::SystemGraph;
+use airloop_cosim::system::graph::{Component, Start};
+use airloop_fmi::{Causality, VariableKind};
+
+/// Coefficients that are fitted anew at most; a model with more stays as it is.
+const MAX_COEFFICIENTS: usize = 12;
+
+/// Row and column of an element of the matrix `letter`.
+fn element(name: &str, letter: char) -> Option<(usize, usize)> {
+    let inside = name.strip_prefix(letter)?.strip_prefix('[')?.strip_suffix(']')?;
+    let (row, column) = inside.split_once(',')?;
+    Some((row.trim().parse().ok()?, column.trim().parse().ok()?))
+}
+
+/// Value of an Integer parameter of a component.
+fn integer(component: &Component, index: usize) -> Option<usize> {
+    let set = component.start_values.iter().find(|own| own.variable == index).map(|own| &own.value);
+    let own = match (set, &component.fmu.description.variables[index].kind) {
+        (Some(Start::Integer(value)), _) => i64::from(*value),
+        (_, VariableKind::Integer { start, .. }) => i64::from((*start)?),
+        _ => return None,
+    };
+    usize::try_from(own).ok()
+}
+
+/// Parameters `A[i,i]` and `C[j,i]` of components that are a state space, if they are not zero: they move its poles, and
+/// how much each shows, which is all that inputs and outputs tell. As a study names them.
+pub fn coefficients(graph: &SystemGraph) -> Vec<String> {
+    let mut found = Vec::new();
+    for component in &graph.components {
+        let variables = &component.fmu.description.variables;
+        let named = |letter: char| {
+            let own = variables.iter().enumerate().filter(move |(_, own)| {
+                matches!(own.kind, VariableKind::Real(_)) && own.causality == Causality::Parameter
+            });
+            own.filter_map(move |(index, own)| Some((index, element(&own.name, letter)?)))
+        };
+        if named('B').next().is_none() {
+            continue;
+        }
+        // Elements beyond the numbers of states and outputs in use are ignored.
+        let used = |count: &str| {
+            let own = variables.iter().position(|own| own.name == count);
+            own.and_then(|index| integer(component, index)).unwrap_or(usize::MAX)
+        };
+        let (states, outputs) = (used("n_x"), used("n_y"));
+        let inside = |&(_, (row, column)): &(usize, (usize, usize))| row <= outputs && column <= states;
+        let path = |(index, _): (usize, (usize, usize))| {
+            let name = &variables[index].name;
+            if graph.single { name.clone() } else { component.path_of(index) }
+        };
+        let poles = named('A').filter(|(_, (row, column))| row == column && *row <= states).map(path);
+        let shown = named('C').filter(inside).map(path);
+        let acts = |name: &String| Plant::parameter(graph, name).is_some_and(|(_, value, _)| value != 0.0);
+        let own: Vec<String> = poles.chain(shown).filter(acts).collect();
+        if own.len() <= MAX_COEFFICIENTS {
+            found.extend(own);
+        }
+    }
+    found
+}
+
+/// What the report says of them.
+pub fn note(names: &[String]) -> Option<String> {
+    (!names.is_empty()).then(|| {
+        format!(
+            "Coefficients of the identified model, {}, are fitted anew beside every effect; `fit_identified = false` in the study, or values in [parameters], hold them.",
+            names.join(", ")
+        )
+    })
+}
