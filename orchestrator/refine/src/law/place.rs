@@ -40,10 +40,8 @@ const MAX_ERROR_AT_OTHER_PORT: f64 = 0.95;
 const MIN_LEFT_FOR_MEMORY: f64 = 0.02;
 /// Held-out error of a free form in windows over that of noise, up to which a law may leave noise.
 const MAX_ERROR_OF_NOISE: f64 = 2.0;
-/// Error in rms of the noise from which on a law with a memory is tried.
-const MIN_ERROR_FOR_MEMORY: f64 = 1.5;
-/// Ratio of the error of a law with a memory to the least without one, below which it is taken.
-const MAX_ERROR_WITH_MEMORY: f64 = 0.6;
+/// Ratio of the power above noise that a law with a memory leaves to the least without one, below which it is taken.
+const MAX_EXCESS_WITH_MEMORY: f64 = 0.36;
 
 /// Attachments and variables over which free forms are looked for.
 fn places(study: &Study) -> Vec<(usize, Variable)> {
@@ -183,15 +181,13 @@ impl Finder<'_> {
                 |own: &Found| own.model.error < least || judge.explained(&self.fits(study), &own.model);
             law = found.filter(|own| own.named && better(own)).or(law);
         }
-        let left = law.as_ref().map_or(declared.error, |own| own.model.error);
-        let most_is_left = left > MIN_LEFT_FOR_MEMORY * declared.error;
-        let memory = if most_is_left && left > MIN_ERROR_FOR_MEMORY * judge.tolerated.sqrt() {
-            self.memory(study, declared)
-        } else {
-            None
-        };
+        let left = law.as_ref().map_or(declared, |own| &own.model);
+        let most_is_left = left.error > MIN_LEFT_FOR_MEMORY * declared.error;
+        let explained = law.as_ref().is_some_and(|own| judge.explained(&self.fits(study), &own.model));
+        let most = MAX_EXCESS_WITH_MEMORY * judge.excess(left);
+        let memory = if most_is_left && !explained { self.memory(study, declared) } else { None };
         let found = match memory {
-            Some((tap, model, effect)) if model.error < MAX_ERROR_WITH_MEMORY * left => {
+            Some((tap, model, effect)) if judge.excess(&model) < most => {
                 let (axes, variables) = (Vec::new(), vec![Variable::Velocity]);
                 let (named, share, rivals) = (true, 1.0, Vec::new());
                 Found { tap, variables, curve: Vec::new(), effect, model, named, share, rivals, axes }

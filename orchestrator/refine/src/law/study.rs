@@ -23,6 +23,7 @@ use crate::study::explain::{self, Judge};
 use crate::study::fits::{Fits, Model, pieces};
 use crate::study::law::{Point, Variable};
 use crate::study::model::{Action, Entry, Output, Study};
+use crate::study::ruling::share;
 use crate::study::search::Say;
 use crate::study::tolerance::{self, MAX_CORRECTIONS};
 use crate::vocabulary::Own;
@@ -356,7 +357,8 @@ impl Finder<'_> {
             errors(&fits, &model.added, &pieces(study, Role::Estimation), &own.parameters, Some(&own.locals)),
             of(&model, &validation, None),
         ];
-        let share = share(study, [&answer.before[1].rms, &after[1].rms], &answer.floor[1]);
+        let floor = answer.floor[1].clone();
+        let share = share(study, [&answer.before[1], &after[1]], &[floor.clone(), floor]);
         let gained = 1.0 - self.error(study, &model) / declared.error;
         if !(share >= MIN_VALIDATED_SHARE && share > 0.5 * gained) {
             return None;
@@ -469,22 +471,4 @@ fn scaled(study: &Study, scale: &[f64], rms: &BTreeMap<String, f64>) -> f64 {
     };
     let sum: f64 = study.outputs.iter().zip(scale).map(one).sum();
     (sum / scale.len().max(1) as f64).sqrt()
-}
-
-/// Share of the error above its floor that is taken away; outputs in units of the declared model's error.
-pub(super) fn share(
-    study: &Study,
-    [before, after]: [&BTreeMap<String, f64>; 2],
-    floor: &BTreeMap<String, f64>,
-) -> f64 {
-    let total = |rms: &BTreeMap<String, f64>| -> f64 {
-        let one = |output: &Output| {
-            let [own, unit] = [rms, before].map(|e| e.get(&output.name).copied().unwrap_or(0.0));
-            let floor = floor.get(&output.name).copied().unwrap_or(output.noise);
-            if unit > 0.0 { (own * own - floor * floor).max(0.0) / (unit * unit) } else { 0.0 }
-        };
-        study.outputs.iter().map(one).sum::<f64>()
-    };
-    let (declared, law) = (total(before), total(after));
-    if declared > 0.0 { 1.0 - (law / declared).sqrt() } else { 0.0 }
 }

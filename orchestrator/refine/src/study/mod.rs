@@ -43,7 +43,7 @@ pub mod plant;
 pub mod ports;
 pub mod read;
 pub mod replay;
-mod ruling;
+pub(crate) mod ruling;
 pub mod search;
 pub mod signal;
 pub mod simulate;

@@ -43,34 +43,27 @@ impl Column {
 /// Noise of the columns, and the signals made of them.
 #[derive(Debug, Clone, Default)]
 pub struct SensorNoise {
-    /// By column.
+    /// By column, as the estimation records show it.
     pub columns: BTreeMap<String, Column>,
+    /// By column, as the validation records show it: amplifiers and ranges may change between records.
+    pub validation: BTreeMap<String, Column>,
     /// Signals: inputs, states, further signals, outputs.
     pub signals: [Vec<Option<Signal>>; 4],
 }
 
 impl SensorNoise {
-    /// White noise is estimated on the estimation records, the step is the coarsest of all; `declared`: noise rms of
+    /// White noise is estimated on the records of a role, the step is the coarsest of all; `declared`: noise rms of
     /// columns, in their unit, that is known.
     pub fn new(records: &[Record], layout: &Layout, declared: &BTreeMap<String, f64>) -> SensorNoise {
-        let mut sums: BTreeMap<String, (f64, f64, f64)> = BTreeMap::new();
-        for record in records {
-            let weight = if record.role == Role::Estimation { record.n as f64 } else { 0.0 };
-            for (name, sensor) in &record.sensors {
-                let sum = sums.entry(name.clone()).or_insert((0.0, 0.0, 0.0));
-                // Records that were resampled hide the step that others of the same sensor show.
-                *sum = (sum.0 + weight * sensor.scatter.powi(2), sum.1 + weight, sum.2.max(sensor.quantum));
-            }
-        }
-        let column = |(name, (square, weight, quantum)): (String, (f64, f64, f64))| {
-            let known = declared.get(&name).map(|noise| noise.powi(2));
-            let rounding = quantum.powi(2) / 12.0;
-            // A sensor at rest shows less scatter than its rounding.
-            let white = (known.unwrap_or(square / f64::max(weight, 1.0)) - rounding).max(0.0).sqrt();
-            (name, Column { white, quantum })
-        };
+        let [columns, validation] =
+            [Role::Estimation, Role::Validation].map(|role| columns(records, role, declared));
         let own = |list: Vec<Option<&Signal>>| list.into_iter().map(|s| s.cloned()).collect();
-        SensorNoise { columns: sums.into_iter().map(column).collect(), signals: layout.signals().map(own) }
+        SensorNoise { columns, validation, signals: layout.signals().map(own) }
+    }
+
+    /// Noise of the columns of a record.
+    fn of_role(&self, role: Role) -> &BTreeMap<String, Column> {
+        if role == Role::Validation { &self.validation } else { &self.columns }
     }
 
     /// Noise of a column.
@@ -90,11 +83,32 @@ impl SensorNoise {
     }
 }
 
+/// Noise of the columns as the records of a role show it.
+fn columns(records: &[Record], role: Role, declared: &BTreeMap<String, f64>) -> BTreeMap<String, Column> {
+    let mut sums: BTreeMap<String, (f64, f64, f64)> = BTreeMap::new();
+    for record in records {
+        let weight = if record.role == role { record.n as f64 } else { 0.0 };
+        for (name, sensor) in &record.sensors {
+            let sum = sums.entry(name.clone()).or_insert((0.0, 0.0, 0.0));
+            // Records that were resampled hide the step that others of the same sensor show.
+            *sum = (sum.0 + weight * sensor.scatter.powi(2), sum.1 + weight, sum.2.max(sensor.quantum));
+        }
+    }
+    let column = |(name, (square, weight, quantum)): (String, (f64, f64, f64))| {
+        let known = declared.get(&name).map(|noise| noise.powi(2));
+        let rounding = quantum.powi(2) / 12.0;
+        // A sensor at rest shows less scatter than its rounding.
+        let white = (known.unwrap_or(square / f64::max(weight, 1.0)) - rounding).max(0.0).sqrt();
+        (name, Column { white, quantum })
+    };
+    sums.into_iter().map(column).collect()
+}
+
 impl ForceRecord {
     /// With noise of the sensors on the measured states and the acceleration made of them.
     pub fn noisy(&self, study: &Study, record: &Record, noise: &mut Noise) -> ForceRecord {
         let (n, corner) = (self.acceleration.len(), study.force.as_ref().map(|rule| rule.0.low_pass_hz));
-        let columns = drawn(study, n, &BTreeMap::new(), noise);
+        let columns = drawn(study, (record.role, n), &BTreeMap::new(), noise);
         let mut found = self.clone();
         for (i, values) in found.states.iter_mut().enumerate() {
             let signal = study.sensors.signals[1].get(i).and_then(Option::as_ref);
@@ -153,10 +167,10 @@ impl<'a> Noisy<'a> {
     }
 }
 
-/// Noise of every column over a record, `[n]`; `clean` has what the sensor would show, for rounding.
+/// Noise of every column over a record of a role, `[n]`; `clean` has what the sensor would show, for rounding.
 fn drawn<'s>(
     study: &'s Study,
-    n: usize,
+    (role, n): (Role, usize),
     clean: &BTreeMap<&str, Vec<f64>>,
     noise: &mut Noise,
 ) -> BTreeMap<&'s str, Vec<f64>> {
@@ -174,7 +188,7 @@ fn drawn<'s>(
         };
         (name.as_str(), (0..n).map(value).collect())
     };
-    study.sensors.columns.iter().map(one).collect()
+    study.sensors.of_role(role).iter().map(one).collect()
 }
 
 /// What smoothing takes from derivatives, `[signals][n]`: known by a model, or estimated from what smoothing them once more
@@ -274,7 +288,7 @@ fn slopes(view: &View, r: usize, p: &[f64], locals: &[f64], seed: u64) -> Slopes
     } else if any {
         let one = |k: usize| {
             let mut noise = Noise::new(seed ^ 0x5eed, (r * SIMULATED + k) as u64);
-            let own = drawn(study, record.n, &BTreeMap::new(), &mut noise);
+            let own = drawn(study, (record.role, record.n), &BTreeMap::new(), &mut noise);
             let mut inputs = study.sensors.made(0, record, &own);
             inputs.iter_mut().enumerate().filter(|(i, _)| !noisy(0, *i)).for_each(|(_, v)| *v = None);
             let extra = study.sensors.made(2, record, &own);
@@ -332,7 +346,7 @@ impl System for Noisy<'_> {
                 clean.insert(name.as_str(), whole);
             }
         }
-        let columns = drawn(study, record.n, &clean, noise);
+        let columns = drawn(study, (record.role, record.n), &clean, noise);
         let range = piece.range.clone();
         let outputs = study.sensors.made(3, record, &columns);
         let mut found: Vec<f64> = Vec::with_capacity(predicted.len());

@@ -34,7 +34,7 @@ pub(super) struct Ruling {
 
 /// Share of the error on validation records above its floor that a model takes away; outputs in units of the declared
 /// model's error.
-pub(super) fn share(
+pub(crate) fn share(
     study: &Study,
     [before, after]: [&Errors; 2],
     floors: &[BTreeMap<String, f64>; 2],

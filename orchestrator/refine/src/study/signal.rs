@@ -49,26 +49,56 @@ pub fn low_pass(values: &[f64], corner: Option<f64>, step: f64) -> Vec<f64> {
     filtered
 }
 
+/// Orders of differences in which slow motion all but vanishes.
+const ORDERS: [u32; 3] = [3, 5, 7];
+/// Orders that show ever less of the band below half the sample rate, for motion that fills most of it.
+const ORDERS_OF_FAST_MOTION: [u32; 4] = [11, 17, 25, 37];
+/// Ratio of the scatter of one order to that of the order before from which on both see the same white noise.
+const MIN_RATIO_OF_WHITE: f64 = 0.9;
+/// Samples per order that differences of fast motion need.
+const MIN_SAMPLES_PER_ORDER: usize = 40;
+
 /// Rms of what changes from sample to sample: the least of third, fifth and seventh differences, in which smooth motion all
 /// but vanishes, the faster the motion against the sampling the higher the order it takes; jumps, as at reversals, do not
-/// count.
+/// count. Motion that fills most of the band shows in these; where differences of higher orders reach a level that the next
+/// order keeps, as white noise alone does, it is that level.
 pub fn scatter(values: &[f64]) -> f64 {
-    let mut differences = values.to_vec();
-    let mut least = f64::INFINITY;
-    for order in 1..=7u32 {
-        differences = differences.windows(2).map(|pair| pair[1] - pair[0]).collect();
-        if order < 3 || order.is_multiple_of(2) {
-            continue;
+    let mut differences = Differences { values: values.to_vec(), order: 0 };
+    let least = ORDERS.map(|order| differences.scatter(order)).into_iter().fold(f64::INFINITY, f64::min);
+    let mut before = least;
+    for (step, order) in ORDERS_OF_FAST_MOTION.into_iter().enumerate() {
+        if values.len() < MIN_SAMPLES_PER_ORDER * order as usize {
+            break;
         }
-        let mut sizes: Vec<f64> = differences.iter().map(|difference| difference.abs()).collect();
+        let own = differences.scatter(order);
+        if own > MIN_RATIO_OF_WHITE * before {
+            return if step == 0 { least } else { own.min(before) };
+        }
+        before = own;
+    }
+    least
+}
+
+/// Differences of an order between neighbors.
+struct Differences {
+    values: Vec<f64>,
+    order: u32,
+}
+
+impl Differences {
+    /// Rms of white noise by the differences of an order, not lower than that reached.
+    fn scatter(&mut self, order: u32) -> f64 {
+        while self.order < order {
+            self.values = self.values.windows(2).map(|pair| pair[1] - pair[0]).collect();
+            self.order += 1;
+        }
+        let mut sizes: Vec<f64> = self.values.iter().map(|difference| difference.abs()).collect();
         sizes.sort_by(f64::total_cmp);
         // 68.27 % of the normal distribution lie within its standard deviation; the squares of the coefficients, those
         // of binomials, have the sum (2 n)! / n!^2.
         let sum = (1..=order).map(|k| f64::from(order + k) / f64::from(k)).product::<f64>();
-        let size = sizes.get((0.6827 * sizes.len() as f64) as usize).copied();
-        least = least.min(size.unwrap_or(0.0) / sum.sqrt());
+        sizes.get((0.6827 * sizes.len() as f64) as usize).map_or(0.0, |size| size / sum.sqrt())
     }
-    least
 }
 
 /// Typical size of what a zero-phase low-pass takes away, as the rms of noise: the lower quartile over spans of a fortieth
@@ -144,5 +174,27 @@ mod tests {
         let fast: Vec<f64> =
             (0..20_000).map(|k| (0.157 * f64::from(k)).sin() + 1e-4 * noise.normal()).collect();
         assert!((scatter(&fast) / 1e-4 - 1.0).abs() < 0.06, "{}", scatter(&fast));
+    }
+
+    #[test]
+    fn motion_that_fills_two_thirds_of_the_band_is_no_noise_and_without_noise_there_is_no_floor() {
+        let mut noise = crate::engine::noise::Noise::new(3, 0);
+        let phases: Vec<f64> = (0..400).map(|_| 6.0 * noise.normal()).collect();
+        // Sines up to 0.66 of half the sample rate, the lower the larger.
+        let motion = |k: usize| -> f64 {
+            let one = |(i, phase): (usize, &f64)| {
+                let w = 0.66 * std::f64::consts::PI * (i + 1) as f64 / 400.0;
+                (w * k as f64 + phase).sin() / (1.0 + (w / 0.7).powi(2))
+            };
+            1e-3 * phases.iter().enumerate().map(one).sum::<f64>()
+        };
+        let clean: Vec<f64> = (0..8000).map(motion).collect();
+        let noisy: Vec<f64> = clean.iter().map(|y| y + 4e-4 * noise.normal()).collect();
+        assert!((scatter(&noisy) / 4e-4 - 1.0).abs() < 0.1, "{}", scatter(&noisy));
+        // Differences of ever higher orders fall on and on: none of them is noise.
+        assert_eq!(scatter(&clean), {
+            let mut differences = Differences { values: clean.clone(), order: 0 };
+            ORDERS.map(|order| differences.scatter(order)).into_iter().fold(f64::INFINITY, f64::min)
+        });
     }
 }
