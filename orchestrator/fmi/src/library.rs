@@ -170,7 +170,11 @@ fn answers(
     }
 }
 
-/// Refuses a file of the ELF format that is cut off: the system maps it and the first use of what is missing ends the
+/// Processors of the ELF format (`e_machine`) by their names in Rust.
+const MACHINES: [(u64, &str); 4] = [(3, "x86"), (62, "x86_64"), (183, "aarch64"), (243, "riscv64")];
+
+/// Refuses a file of the ELF format for another processor, of which the loader only says that it is not there, and one
+/// that is cut off: the system maps it and the first use of what is missing ends the
 /// process.
 fn whole(file: &Path) -> Result<(), String> {
     use std::io::{Read, Seek, SeekFrom};
@@ -182,6 +186,13 @@ fn whole(file: &Path) -> Result<(), String> {
         return Ok(());
     }
     let number = |bytes: &[u8]| bytes.iter().rev().fold(0_u64, |sum, &byte| sum << 8 | u64::from(byte));
+    let machine = number(&head[18..20]);
+    let own = MACHINES.iter().find(|(_, name)| *name == std::env::consts::ARCH);
+    if let Some((_, own)) = own.filter(|(own, _)| *own != machine) {
+        let found = MACHINES.iter().find(|(number, _)| *number == machine);
+        let found = found.map_or_else(|| format!("the processor {machine}"), |(_, name)| (*name).to_owned());
+        return Err(format!("it is made for {found}, and this program runs on {own}; build it for {own}"));
+    }
     let (headers, count) = (number(&head[32..40]), number(&head[56..58]));
     let mut table = vec![0_u8; 56 * usize::try_from(count).unwrap_or(0)];
     let cut = |end: u64| {

@@ -22,7 +22,7 @@
 static volatile double never;
 
 static void *idle(void *nothing) {
-    for (;;) usleep(1000);
+    for (;;) usleep(20000);
     return nothing;
 }
 
