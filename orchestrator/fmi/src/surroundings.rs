@@ -57,6 +57,7 @@ mod rounding {
 
     /// Rounds to nearest, with subnormal numbers, without signals: what compiled Rust takes for granted.
     const DEFAULT: u32 = 0x1f80;
+    const LONG_DEFAULT: u16 = 0x037f;
     /// Bits that only remember what happened.
     const FLAGS: u32 = 0x3f;
 
@@ -72,6 +73,9 @@ mod rounding {
         let register = DEFAULT;
         // SAFETY: loads the value that the register has at the begin of every program.
         unsafe { asm!("ldmxcsr [{}]", in(reg) &raw const register, options(nostack, readonly)) };
+        let word = LONG_DEFAULT;
+        // SAFETY: the same for the unit that computes with `long double`, which C libraries do.
+        unsafe { asm!("fldcw [{}]", in(reg) &raw const word, options(nostack, readonly)) };
     }
 }
 

@@ -102,7 +102,7 @@ pub fn archives() -> Vec<Case> {
         ),
         inspect("MODELDESCRIPTION.XML", archive(&[("MODELDESCRIPTION.XML", xml)])),
         inspect("an entry that is encrypted", patched(&good, (6, 8), &[1, 0])),
-        inspect("an unknown compression", patched(&good, (8, 10), &[98, 0])),
+        inspect("another compression than that of its bytes", patched(&good, (8, 10), &[98, 0])),
         inspect("a size that is a lie", patched(&good, (22, 24), &[10, 0, 0, 0])),
         inspect(
             "a zero byte in a name",

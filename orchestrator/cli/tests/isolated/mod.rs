@@ -55,10 +55,6 @@ impl Place {
         );
         (output.status.code(), said)
     }
-
-    pub fn summary(&self) -> serde_json::Value {
-        serde_json::from_slice(&std::fs::read(self.path("out/summary.json")).unwrap()).unwrap()
-    }
 }
 
 /// Names in a folder; none where there is none.
