@@ -25,7 +25,7 @@ impl<'a> Loading<'a> {
     }
 
     /// The loaded code.
-    pub(super) fn end(self: Box<Self>, binding: Binding) -> Option<Code> {
+    pub(super) fn end(&self, binding: Binding) -> Option<Code> {
         Some(Code { label: self.label.clone(), binding: Some(binding), threads: self.threads })
     }
 }
