@@ -15,6 +15,7 @@ from test_loops import system_of
 STOP = "2"
 MASTERS = ["gauss-seidel", "jacobi", "interface-jacobian"]
 EXAMPLE = "examples/01_run/system.ssd"
+FMI3 = sorted((ROOT / "target/fmu/test/fmi3").glob("*.fmu"))  # all types, events, a copy; the models are coupled below
 
 
 def run(system, out, *options, code=0):
@@ -70,6 +71,23 @@ def test_every_fmu_goes_on(fmu, tmp_path):
     summary = check(fmu.path, tmp_path, *options)
     assert summary["outcome"]["steps"] == 2000
     assert any("continued at t = " in note for note in summary["fallbacks"])
+
+
+@pytest.mark.parametrize("path", FMI3, ids=lambda path: path.stem)
+def test_fmus_of_fmi_3_go_on(path, tmp_path):
+    summary = check(path, tmp_path, "--step", "1ms")
+    assert summary["outcome"]["steps"] == 2000
+
+
+@pytest.mark.parametrize("isolate", [[], ["--isolate"]], ids=["direct", "isolated"])
+@pytest.mark.parametrize("master", MASTERS)
+def test_coupled_components_of_fmi_3_go_on(tmp_path, master, isolate):
+    system = tmp_path / "system.ssd"
+    text = (ROOT / EXAMPLE).read_text().replace("../../target/fmu/", f"{ROOT}/target/fmu/fmi3/")
+    system.write_text(text)
+    for beside in (ROOT / EXAMPLE).parent.glob("*.ssv"):
+        shutil.copy(beside, tmp_path)
+    check(system, tmp_path, "--master", master, "--set", "cart_pole.theta=0.3", *isolate)
 
 
 @pytest.mark.parametrize("master", MASTERS)

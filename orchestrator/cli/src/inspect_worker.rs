@@ -60,6 +60,8 @@ pub fn findings(fmu: &Fmu, limit: Duration) -> Result<Vec<Finding>, Error> {
         .arg("--")
         .arg(std::path::absolute(&fmu.path).map_err(io)?)
         .current_dir(folder.path())
+        // What it unpacks goes with the folder, however it ends.
+        .env("TMPDIR", folder.path())
         .stdin(Stdio::null())
         // What the FMU prints is no part of our output.
         .stdout(Stdio::from(std::io::stderr()));

@@ -76,7 +76,7 @@ pub fn main() -> ExitCode {
             output::print(&String::from_utf8_lossy(&script)).map(|()| ExitCode::SUCCESS)
         }
     };
-    airloop_fmi::last_words::leave();
+    airloop_fmi::last_words::end();
     for note in airloop_fmi::isolate::take_notes() {
         output::complain(&format!("note: {note}"));
     }

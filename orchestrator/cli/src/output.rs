@@ -10,7 +10,7 @@ use airloop::Error;
 /// [`Error::Output`] if the text cannot be written, as on a full device.
 pub fn print(text: &str) -> Result<(), Error> {
     let mut out = std::io::stdout().lock();
-    allow_closed(out.write_all(text.as_bytes()).and_then(|()| out.flush()))
+    allow_closed(out.write_all(without_controls(text).as_bytes()).and_then(|()| out.flush()))
 }
 
 /// Prints a line to the standard error; if even that is closed, there is nobody to tell.
@@ -20,7 +20,7 @@ pub fn complain(text: &str) {
 
 /// The text with control characters written out: they come from files of others and could command the terminal.
 fn without_controls(text: &str) -> String {
-    let is_command = |letter: char| letter.is_control() && !matches!(letter, '\n' | '\t');
+    let is_command = |letter: char| letter.is_control() && !matches!(letter, '\n' | '\r' | '\t');
     let shown = |letter: char| match is_command(letter) {
         true => letter.escape_unicode().to_string(),
         false => letter.to_string(),

@@ -89,6 +89,7 @@ impl Interrupt {
             if own.load(Ordering::SeqCst) == ENDING {
                 leave(&folder, made);
             }
+            airloop_fmi::last_words::end();
             std::process::exit(i32::from(super::INTERRUPTED));
         });
         Interrupt { state }

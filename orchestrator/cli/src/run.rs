@@ -267,6 +267,7 @@ pub(super) fn stop_flag() -> Arc<AtomicBool> {
     let _ = ctrlc::set_handler(move || {
         airloop_fmi::isolate::interrupt();
         if flag.swap(true, Ordering::Relaxed) {
+            airloop_fmi::last_words::end();
             std::process::exit(i32::from(super::INTERRUPTED));
         }
     });

@@ -2,66 +2,13 @@
 //! has, and leaves nothing behind.
 #![cfg(target_os = "linux")]
 
-use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
-use std::time::{Duration, Instant};
+mod isolated;
 
-use airloop_testing::c_fmu;
-use tempfile::TempDir;
+use airloop_testing::hostile::Version;
+use isolated::Place;
 
-/// A folder with `m.fmu` and a folder for temporary files.
-struct Place(TempDir);
-
-impl Place {
-    fn new() -> Place {
-        let folder = TempDir::new().unwrap();
-        let library = folder.path().join("m.so");
-        c_fmu::compile("hostile.c", &library, &["-pthread"]);
-        c_fmu::pack(&folder.path().join("m.fmu"), c_fmu::DESCRIPTION, Some(("m", &library)));
-        std::fs::create_dir(folder.path().join("tmp")).unwrap();
-        Place(folder)
-    }
-
-    fn path(&self, name: &str) -> PathBuf {
-        self.0.path().join(name)
-    }
-
-    fn run(&self, hostile: &str, words: &[&str]) -> Output {
-        Command::new(env!("CARGO_BIN_EXE_airloop"))
-            .args(["run", "m.fmu", "--stop", "1", "--step", "10ms", "--no-plots", "-o", "out"])
-            .args(words)
-            .env("HOSTILE", hostile)
-            .env("TMPDIR", self.path("tmp"))
-            .current_dir(self.0.path())
-            .output()
-            .unwrap()
-    }
-
-    /// Runs in a worker and sees that nothing stays; exit code and what was said.
-    fn isolated(&self, hostile: &str, words: &[&str]) -> (Option<i32>, String) {
-        let _ = std::fs::remove_dir_all(self.path("out"));
-        let began = Instant::now();
-        let output = self.run(hostile, &[&["--isolate", "--call-limit", "300ms"], words].concat());
-        let said = String::from_utf8_lossy(&output.stderr).into_owned();
-        assert!(began.elapsed() < Duration::from_secs(10), "{hostile}: {said}");
-        assert_eq!(names(&self.path("tmp")), [] as [String; 0], "{hostile}");
-        assert!(!self.path("left_behind.txt").exists(), "{hostile}");
-        let out = names(&self.path("out"));
-        assert!(
-            out.iter().all(|name| !name.starts_with('.') && !name.contains("partial")),
-            "{hostile}: {out:?}"
-        );
-        (output.status.code(), said)
-    }
-
-    fn summary(&self) -> serde_json::Value {
-        serde_json::from_slice(&std::fs::read(self.path("out/summary.json")).unwrap()).unwrap()
-    }
-}
-
-fn names(folder: &Path) -> Vec<String> {
-    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
-    entries.map(|entry| entry.file_name().to_string_lossy().into_owned()).collect()
+fn summary(place: &Place) -> serde_json::Value {
+    serde_json::from_slice(&std::fs::read(place.path("out/summary.json")).unwrap()).unwrap()
 }
 
 const FAULTS: [(&str, &str); 12] = [
@@ -81,7 +28,7 @@ const FAULTS: [(&str, &str); 12] = [
 
 #[test]
 fn a_fault_in_any_call_of_co_simulation_names_component_call_and_cause() {
-    let place = Place::new();
+    let place = Place::new(Version::Two);
     let begin =
         ["load", "fmi2Instantiate", "fmi2SetupExperiment", "fmi2EnterInitializationMode", "fmi2SetReal"];
     for function in begin {
@@ -106,7 +53,7 @@ fn a_fault_in_any_call_of_co_simulation_names_component_call_and_cause() {
                 "{fault}: {said}"
             );
             assert!(said.contains(cause), "{function} {fault}: {said}");
-            let summary = place.summary();
+            let summary = summary(&place);
             assert_eq!(summary["outcome"]["status"], "failed", "{function} {fault}");
             assert!(summary["outcome"]["end_time"].as_f64().unwrap() > 0.45, "{function} {fault}");
             let rows = std::fs::read_to_string(place.path("out/result.csv")).unwrap();
@@ -117,7 +64,7 @@ fn a_fault_in_any_call_of_co_simulation_names_component_call_and_cause() {
 
 #[test]
 fn a_fault_in_any_call_of_model_exchange_is_named() {
-    let place = Place::new();
+    let place = Place::new(Version::Two);
     for function in [
         "fmi2SetTime",
         "fmi2SetContinuousStates",
@@ -141,7 +88,7 @@ fn a_fault_in_any_call_of_model_exchange_is_named() {
 
 #[test]
 fn other_faults_end_with_their_own_words_or_do_no_harm() {
-    let place = Place::new();
+    let place = Place::new(Version::Two);
     for (hostile, expected) in [
         ("fmi2DoStep:stop", "did not return within"),
         ("fmi2DoStep:sleep", "did not return within"),
@@ -187,13 +134,13 @@ fn other_faults_end_with_their_own_words_or_do_no_harm() {
         let (code, said) = place.isolated(hostile, &[]);
         assert_eq!(code, Some(0), "{hostile}: {said}");
         assert!(said.contains(expected), "{hostile}: {said}");
-        assert_eq!(place.summary()["outcome"]["status"], "completed", "{hostile}");
+        assert_eq!(summary(&place)["outcome"]["status"], "completed", "{hostile}");
     }
 }
 
 #[test]
 fn an_fmu_in_a_worker_gives_the_same_bytes() {
-    let place = Place::new();
+    let place = Place::new(Version::Two);
     for master in ["gauss-seidel", "jacobi", "monolithic"] {
         let mut results = Vec::new();
         for words in [&[][..], &["--isolate"], &["--isolate=third-party"]] {

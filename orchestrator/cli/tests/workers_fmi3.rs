@@ -4,6 +4,7 @@
 
 use std::path::Path;
 use std::process::{Command, Output};
+use std::time::{Duration, Instant};
 
 use airloop_testing::{c_fmu, vector};
 
@@ -41,6 +42,34 @@ fn an_fmu_of_fmi_3_in_a_worker_gives_the_same_bytes() {
         }
         assert!(results[0].lines().count() > 100, "{words:?}: {}", results[0]);
         assert!(results[0] == results[1], "{words:?}");
+    }
+}
+
+#[test]
+fn a_killed_run_of_an_fmu_of_fmi_3_with_arrays_goes_on_as_if_it_had_not_been() {
+    let folder = vector::folder();
+    let path = |name: &str| folder.path().join(name);
+    let rows = |name: &str| std::fs::read(path(name).join("result.csv")).unwrap();
+    for isolate in [&[][..], &["--isolate"]] {
+        let words = [&["--stop", "100", "--step", "10ms", "--no-plots", "-q"], isolate].concat();
+        let airloop = |more: &[&str]| {
+            let mut command = Command::new(env!("CARGO_BIN_EXE_airloop"));
+            command.args(["run", "vector.fmu"]).args(&words).args(more).current_dir(folder.path());
+            command
+        };
+        assert!(airloop(&["-o", "whole"]).status().unwrap().success());
+        let mut killed = airloop(&["-o", "killed", "--save-states", "1us"]).spawn().unwrap();
+        let states = path("killed/result.partial.states.json");
+        let began = Instant::now();
+        while !states.exists() && began.elapsed() < Duration::from_secs(30) {
+            assert!(killed.try_wait().unwrap().is_none(), "the run was through before it could be killed");
+        }
+        killed.kill().unwrap();
+        killed.wait().unwrap();
+        let output = airloop(&["-o", "other", "--restart-from", "killed"]).output().unwrap();
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        assert!(rows("other") == rows("whole"), "{isolate:?}");
+        std::fs::remove_dir_all(path("killed")).unwrap();
     }
 }
 

@@ -149,6 +149,18 @@ pub enum Error {
         /// Length that is needed.
         expected: usize,
     },
+    /// A serialized state that no memory is to be had for.
+    #[error(
+        "{component}: {function} says that a saved state has {size} bytes, which is more than there is memory for; report it to the author of the FMU, or do without saved states"
+    )]
+    StateSize {
+        /// Instance name.
+        component: String,
+        /// Function that was asked for.
+        function: &'static str,
+        /// Its answer \[bytes\].
+        size: usize,
+    },
     /// A saved state of another instance, or one that was freed.
     #[error(
         "{component}: {function} was given a state of another instance; a state belongs to the instance that made it"

@@ -6,9 +6,30 @@
 #![allow(unsafe_code, reason = "handlers of signals and of the end of the process")]
 
 use std::cell::Cell;
+use std::path::Path;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use crate::fmi3::names;
+use crate::open::Fmu;
 
 /// Component and FMU in messages.
-pub(crate) struct Label(pub(crate) Box<str>);
+#[derive(Clone)]
+pub(crate) struct Label {
+    text: Box<str>,
+    is_fmi3: bool,
+}
+
+impl Label {
+    pub(crate) fn new(component: &str, fmu: &Fmu) -> Label {
+        let text = format!("{component}: the FMU {}", fmu.shown.display()).into();
+        Label { text, is_fmi3: fmu.description.is_fmi3() }
+    }
+
+    /// For what concerns no instance.
+    pub(crate) fn of_library(path: &Path) -> Label {
+        Label { text: format!("the FMU {}", path.display()).into(), is_fmi3: false }
+    }
+}
 
 /// A call into an FMU.
 #[derive(Clone, Copy)]
@@ -38,6 +59,15 @@ pub fn leave() {
 const ADVICE: &str = "\n  Rows of a run up to here are in result.partial.csv of its folder; other results in it are of an \
                       earlier run.\n  With --isolate the FMU has a process of its own, and the run ends as after any error.\n";
 
+/// Whether the program itself wants its end.
+static ENDS: AtomicBool = AtomicBool::new(false);
+
+/// The program ends by itself from here on.
+pub fn end() {
+    leave();
+    ENDS.store(true, Ordering::Release);
+}
+
 /// From now on a crash or an `exit` in a call of an FMU names the FMU and the call; the process still ends as a failure.
 pub fn install() {
     for signal in [libc::SIGSEGV, libc::SIGBUS, libc::SIGILL, libc::SIGFPE, libc::SIGABRT] {
@@ -64,9 +94,10 @@ fn say_site(site: Site) {
     // SAFETY: the label of an instance that is in a call, which keeps it in place.
     let label = unsafe { &*site.label };
     say(b"\nerror: ");
-    say(label.0.as_bytes());
+    say(label.text.as_bytes());
     say(b" ended the program in ");
-    say(site.function.as_bytes());
+    // A table of constants, which a handler may read.
+    say(if label.is_fmi3 { names::of(site.function) } else { site.function }.as_bytes());
 }
 
 extern "C" fn crashed(signal: libc::c_int) {
@@ -95,8 +126,12 @@ extern "C" fn exited() {
     if let Some(site) = IN_CALL.get() {
         say_site(site);
         say(b" by exit, which no library may call");
-        say(ADVICE.as_bytes());
-        // SAFETY: ends the process; nothing of it is used after this.
-        unsafe { libc::_exit(1) };
+    } else if ENDS.load(Ordering::Acquire) {
+        return;
+    } else {
+        say(b"\nerror: the program was ended by exit outside of any call of an FMU, perhaps by a thread that one left");
     }
+    say(ADVICE.as_bytes());
+    // SAFETY: ends the process; nothing of it is used after this.
+    unsafe { libc::_exit(1) };
 }

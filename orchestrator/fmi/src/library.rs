@@ -14,6 +14,7 @@ use super::error::{Error, LostError};
 use super::fmi3;
 use super::functions::{CommonFunctions, FirstFunctions, ModelFunctions, SlaveFunctions};
 use super::isolate::{self, Channel, Isolation};
+use super::loading::{Code, Loading};
 use super::open::{Fmu, InterfaceKind};
 
 /// Names of the folder below `binaries/` that fit this machine, best first. FMI 2.0 names only the 32 and 64 bit
@@ -50,15 +51,9 @@ pub(super) enum Origin {
 }
 
 /// The loaded code, which the function tables point into.
-enum Binding {
-    Two {
-        _code: Box<Fmi2Binding>,
-    },
-    Three {
-        _code: Box<Fmi3Binding>,
-    },
-    /// In a worker.
-    Elsewhere,
+pub(super) enum Binding {
+    Two { _code: Box<Fmi2Binding> },
+    Three { _code: Box<Fmi3Binding> },
 }
 
 /// A loaded library with the functions of the interfaces that it has.
@@ -69,12 +64,13 @@ pub(super) struct Library {
     /// Whether an instance exists of an FMU that allows one only.
     pub(super) occupied: AtomicBool,
     pub(super) origin: Origin,
-    _binding: Binding,
+    _code: Option<Code>,
 }
 
 impl Library {
     /// Loads `folder/inner` for the archive `path` and checks that it speaks FMI 2.0.
     pub(super) fn load(path: &Path, folder: &Path, inner: &str) -> Result<Self, Error> {
+        let loading = Loading::begin(path);
         // SAFETY: loading runs the initializers of third-party code; whoever opens an FMU to run it trusts that code.
         let binding = bind(path, folder, inner, |library| unsafe { Fmi2Binding::new(library) })?;
         let first = FirstFunctions::new(&binding).map_err(missing(path, "FMI 2.0"))?;
@@ -89,12 +85,13 @@ impl Library {
             model: ModelFunctions::new(&binding),
             occupied: AtomicBool::new(false),
             origin: Origin::Two(first),
-            _binding: Binding::Two { _code: Box::new(binding) },
+            _code: loading.end(Binding::Two { _code: Box::new(binding) }),
         })
     }
 
     /// Same as [`Self::load`] for a library of FMI 3.0.
     pub(super) fn load_fmi3(path: &Path, folder: &Path, inner: &str) -> Result<Self, Error> {
+        let loading = Loading::begin(path);
         // SAFETY: as for FMI 2.0.
         let binding = bind(path, folder, inner, |library| unsafe { Fmi3Binding::new(library) })?;
         let functions = fmi3::functions::Functions::new(&binding).map_err(missing(path, "FMI 3.0"))?;
@@ -108,7 +105,7 @@ impl Library {
             model: model.map(|_| fmi3::tables::MODEL),
             occupied: AtomicBool::new(false),
             origin: Origin::Three(Box::new(three)),
-            _binding: Binding::Three { _code: Box::new(binding) },
+            _code: loading.end(Binding::Three { _code: Box::new(binding) }),
         })
     }
 
@@ -128,7 +125,7 @@ impl Library {
         isolation: &Isolation,
     ) -> Result<Self, Error> {
         let refused = |reason| Error::Load { path: fmu.shown.clone(), library: inner.to_owned(), reason };
-        let channel = Channel::open(isolation, &fmu.shown)
+        let channel = Channel::open(isolation, fmu)
             .map_err(|error| refused(format!("no process of its own can be started: {error}")))?;
         let Some(found) = isolate::functions(&channel, fmu, kind) else {
             let death = channel.death().cloned().unwrap_or_default();
@@ -137,7 +134,7 @@ impl Library {
         };
         let (common, slave, model) = found.map_err(refused)?;
         let (occupied, origin) = (AtomicBool::new(false), Origin::Worker(channel));
-        Ok(Library { common, slave, model, occupied, origin, _binding: Binding::Elsewhere })
+        Ok(Library { common, slave, model, occupied, origin, _code: None })
     }
 }
 
@@ -173,7 +170,11 @@ fn answers(
     }
 }
 
-/// Refuses a file of the ELF format that is cut off: the system maps it and the first use of what is missing ends the
+/// Processors of the ELF format (`e_machine`) by their names in Rust.
+const MACHINES: [(u64, &str); 4] = [(3, "x86"), (62, "x86_64"), (183, "aarch64"), (243, "riscv64")];
+
+/// Refuses a file of the ELF format for another processor, of which the loader only says that it is not there, and one
+/// that is cut off: the system maps it and the first use of what is missing ends the
 /// process.
 fn whole(file: &Path) -> Result<(), String> {
     use std::io::{Read, Seek, SeekFrom};
@@ -185,6 +186,13 @@ fn whole(file: &Path) -> Result<(), String> {
         return Ok(());
     }
     let number = |bytes: &[u8]| bytes.iter().rev().fold(0_u64, |sum, &byte| sum << 8 | u64::from(byte));
+    let machine = number(&head[18..20]);
+    let own = MACHINES.iter().find(|(_, name)| *name == std::env::consts::ARCH);
+    if let Some((_, own)) = own.filter(|(own, _)| *own != machine) {
+        let found = MACHINES.iter().find(|(number, _)| *number == machine);
+        let found = found.map_or_else(|| format!("the processor {machine}"), |(_, name)| (*name).to_owned());
+        return Err(format!("it is made for {found}, and this program runs on {own}; build it for {own}"));
+    }
     let (headers, count) = (number(&head[32..40]), number(&head[56..58]));
     let mut table = vec![0_u8; 56 * usize::try_from(count).unwrap_or(0)];
     let cut = |end: u64| {

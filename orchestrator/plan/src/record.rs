@@ -275,6 +275,7 @@ pub fn write(summary: &Summary, path: &Path) -> Result<(), Error> {
 /// # Errors
 /// [`Error::Io`], or [`Error::Json`] for another kind of file.
 pub fn read(path: &Path) -> Result<Summary, Error> {
-    let text = std::fs::read_to_string(path).map_err(|source| Error::Io { path: path.into(), source })?;
+    let text = airloop_series::file::read_to_string(path)
+        .map_err(|source| Error::Io { path: path.into(), source })?;
     serde_json::from_str(&text).map_err(|source| Error::Json { path: path.into(), source })
 }

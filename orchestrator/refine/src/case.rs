@@ -220,7 +220,7 @@ impl Case {
             let problem = "a single file cannot be searched: give the folder of a case with case.toml (declared model, sensors, files) and its records, or a study.toml for another system";
             return Err(Error::Case { path: folder.into(), problem: problem.into() });
         }
-        let text = std::fs::read_to_string(&path).map_err(|error| refused(error.to_string()))?;
+        let text = airloop_series::file::read_to_string(&path).map_err(|error| refused(error.to_string()))?;
         let declaration: Declaration =
             toml::from_str(&text).map_err(|error| refused(words(&text, &error)))?;
         if !(declaration.sample_rate_hz > 0.0 && declaration.sample_rate_hz.is_finite()) {

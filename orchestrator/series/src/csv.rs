@@ -20,7 +20,7 @@ pub use super::header::Error;
 /// # Errors
 /// Every [`Error`] names file, line and column.
 pub fn read(path: &Path) -> Result<TimeSeries, Error> {
-    let file = std::fs::File::open(path).map_err(|source| Error::Io { path: path.into(), source })?;
+    let file = super::file::open(path).map_err(|source| Error::Io { path: path.into(), source })?;
     collect(Stream::whole(file, path)?, path)
 }
 
@@ -49,10 +49,10 @@ fn collect(mut stream: Stream<impl Read>, path: &Path) -> Result<TimeSeries, Err
         let (line, before, after) = (lines[k], time[k - 1], time[k]);
         return Err(Error::NotIncreasing { path: path.into(), line, before, after });
     }
-    let mut series = TimeSeries::new(time).expect("the times were checked to be finite and increasing");
-    for ((name, unit), values) in stream.into_names().into_iter().skip(1).zip(columns) {
-        series.push(name, unit, values).expect("names and lengths were checked");
-    }
+    let named = stream.into_names().into_iter().skip(1).zip(columns);
+    let channels = named.map(|((name, unit), values)| (name, unit, values)).collect();
+    let mut series =
+        TimeSeries::with_channels(time, channels).expect("times, names and lengths were checked");
     for (channel, words) in series.channels.iter_mut().zip(words) {
         channel.words = words;
     }

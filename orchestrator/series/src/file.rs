@@ -1,11 +1,65 @@
-//! Files that are complete or not there: written under a temporary name, then renamed.
+//! Files that are complete or not there: written under a temporary name, then renamed. Files of the user are opened here,
+//! too, unless reading them could wait for ever or never end.
 
 use std::fs::File;
-use std::io::{BufWriter, Write};
+use std::io::{BufWriter, Error, ErrorKind, Read, Write};
 use std::path::Path;
 
 use serde::Serialize;
 use tempfile::NamedTempFile;
+
+/// Most bytes of a file that is read as a whole.
+const MAX_BYTES: u64 = 1 << 28;
+
+/// Opens a file to read it. A stream of this process may be given (`/dev/stdin`), other pipes and devices may not.
+///
+/// # Errors
+/// Those of the file system; a named pipe, which may wait for a writer for ever, and a device, which may have no end.
+pub fn open(path: &Path) -> std::io::Result<File> {
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::FileTypeExt;
+        let kind = std::fs::metadata(path)?.file_type();
+        let is_own = ["/dev/stdin", "/dev/fd", "/proc"].iter().any(|own| path.starts_with(own));
+        let what = if kind.is_fifo() && !is_own {
+            "a named pipe; give a file, or write into /dev/stdin"
+        } else if kind.is_block_device() || (kind.is_char_device() && !is_own) {
+            "a device; give a file"
+        } else {
+            return File::open(path);
+        };
+        Err(Error::new(ErrorKind::InvalidInput, format!("this is {what}")))
+    }
+    #[cfg(not(unix))]
+    File::open(path)
+}
+
+/// Reads a whole file.
+///
+/// # Errors
+/// Same as [`open`]; more than 256 MiB.
+pub fn read(path: &Path) -> std::io::Result<Vec<u8>> {
+    let mut bytes = Vec::new();
+    open(path)?.take(MAX_BYTES + 1).read_to_end(&mut bytes)?;
+    if bytes.len() as u64 > MAX_BYTES {
+        let limit = MAX_BYTES >> 20;
+        return Err(Error::new(ErrorKind::FileTooLarge, format!("it has more than {limit} MiB")));
+    }
+    Ok(bytes)
+}
+
+/// Reads a whole text.
+///
+/// # Errors
+/// Same as [`read`]; bytes that are not UTF-8.
+pub fn read_to_string(path: &Path) -> std::io::Result<String> {
+    let bytes = read(path)?;
+    String::from_utf8(bytes).map_err(|error| {
+        let is_utf_16 = [&b"\xff\xfe"[..], b"\xfe\xff"].iter().any(|mark| error.as_bytes().starts_with(mark));
+        let found = if is_utf_16 { "UTF-16" } else { "not UTF-8" };
+        Error::new(ErrorKind::InvalidData, format!("the text is {found}; save it in UTF-8"))
+    })
+}
 
 /// Writes a file in one piece: `fill` writes to a temporary file next to `path`, which then takes that name.
 ///

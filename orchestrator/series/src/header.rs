@@ -40,6 +40,12 @@ pub enum Error {
     /// A header cell is empty or there twice.
     #[error("{}: line 1, column {column}: the name `{name}` is {what}", path.display())]
     Header { path: PathBuf, column: usize, name: String, what: &'static str },
+    /// A line without an end.
+    #[error("{}: line {line}: it is longer than {most} MiB, so that this is no table", path.display())]
+    LongLine { path: PathBuf, line: usize, most: usize },
+    /// Another encoding.
+    #[error("{}: the text is UTF-16; save it in UTF-8", path.display())]
+    Utf16 { path: PathBuf },
     /// A quoted cell that does not end.
     #[error("{}: line {line}: a quoted cell is not closed", path.display())]
     Quote { path: PathBuf, line: usize },
@@ -106,6 +112,29 @@ impl Seconds {
     }
 }
 
+/// Letters of a cell that a message shows.
+const SHOWN_LETTERS: usize = 40;
+/// Names that a message lists.
+const SHOWN_NAMES: usize = 20;
+
+/// A cell as a message shows it.
+pub(super) fn begin_of(cell: &str) -> String {
+    match cell.char_indices().nth(SHOWN_LETTERS) {
+        Some((end, _)) => format!("{}...", &cell[..end]),
+        None => cell.to_owned(),
+    }
+}
+
+/// The first of many names, for messages.
+pub fn some_of<'a>(names: impl ExactSizeIterator<Item = &'a str>) -> String {
+    let count = names.len();
+    let shown: Vec<&str> = names.take(SHOWN_NAMES).collect();
+    match count - shown.len() {
+        0 => shown.join(", "),
+        more => format!("{} and {more} more", shown.join(", ")),
+    }
+}
+
 /// Names and units of the header; the first is `time`.
 pub(super) fn header_cells(header: &str, path: &Path) -> Result<Vec<(String, Option<String>)>, Error> {
     let cells = split_quoted(header).ok_or_else(|| Error::Quote { path: path.into(), line: 1 })?;
@@ -116,7 +145,7 @@ pub(super) fn header_cells(header: &str, path: &Path) -> Result<Vec<(String, Opt
         if let Some((_, found)) = separators.into_iter().find(|(character, _)| header.contains(*character)) {
             return Err(Error::Separator { path: path.into(), found });
         }
-        return Err(Error::NoTime { path: path.into(), found: first.clone() });
+        return Err(Error::NoTime { path: path.into(), found: begin_of(first) });
     }
     let mut seen = HashSet::new();
     for (index, (name, _)) in named.iter().enumerate() {
@@ -127,7 +156,7 @@ pub(super) fn header_cells(header: &str, path: &Path) -> Result<Vec<(String, Opt
         } else {
             continue;
         };
-        return Err(Error::Header { path: path.into(), column: index + 1, name: name.clone(), what });
+        return Err(Error::Header { path: path.into(), column: index + 1, name: begin_of(name), what });
     }
     Ok(named)
 }

@@ -8,7 +8,7 @@ use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
-use super::header::{Error, Seconds, header_cells};
+use super::header::{Error, Seconds, begin_of, header_cells, some_of};
 
 /// Bytes read at once.
 const CHUNK: usize = 1 << 18;
@@ -36,6 +36,8 @@ pub struct Stream<R = File> {
     /// Bytes that are read but not used: `buffer[at..]`.
     buffer: Vec<u8>,
     at: usize,
+    /// There is no line break from `at` to here.
+    searched: usize,
     /// Bytes read from the file.
     read: u64,
     line: usize,
@@ -54,13 +56,12 @@ impl Stream {
     /// # Errors
     /// [`Error`] for the file, its header, or a column that is not there.
     pub fn open(path: &Path, wanted: &[String]) -> Result<Stream, Error> {
-        let file = File::open(path).map_err(|source| Error::Io { path: path.into(), source })?;
+        let file = super::file::open(path).map_err(|source| Error::Io { path: path.into(), source })?;
         let mut stream = Stream { gaps: true, ..Stream::begin(file, path)? };
         for name in wanted {
             let column = stream.names.iter().skip(1).position(|(known, _)| known == name);
             let Some(column) = column.map(|column| column + 1) else {
-                let columns: Vec<&str> = stream.names[1..].iter().map(|(name, _)| name.as_str()).collect();
-                let columns = columns.join(", ");
+                let columns = some_of(stream.names[1..].iter().map(|(name, _)| name.as_str()));
                 return Err(Error::MissingColumn { path: path.into(), column: name.clone(), columns });
             };
             stream.want(column);
@@ -97,6 +98,7 @@ impl<R: Read> Stream<R> {
             file,
             buffer: Vec::new(),
             at: 0,
+            searched: 0,
             read: 0,
             line: 1,
             names: Vec::new(),
@@ -105,11 +107,16 @@ impl<R: Read> Stream<R> {
             wanted: Vec::new(),
             gaps: false,
         };
-        while !stream.buffer.contains(&b'\n') && stream.fill()? {}
+        while stream.last_break().is_none() && stream.fill()? {
+            stream.check_length(1)?;
+        }
         if stream.buffer.is_empty() {
             return Err(Error::NoText { path: path.into() });
         }
         let end = stream.buffer.iter().position(|&byte| byte == b'\n').unwrap_or(stream.buffer.len());
+        if [&b"\xff\xfe"[..], b"\xfe\xff"].iter().any(|mark| stream.buffer.starts_with(mark)) {
+            return Err(Error::Utf16 { path: path.into() });
+        }
         let header = String::from_utf8_lossy(&stream.buffer[..end]).into_owned();
         stream.at = (end + 1).min(stream.buffer.len());
         let header = header.trim_start_matches('\u{feff}').trim_end_matches('\r');
@@ -145,12 +152,8 @@ impl<R: Read> Stream<R> {
         rows.words.resize(self.wanted.len(), false);
         while rows.time.len() < limit {
             // All lines up to the last line break in the buffer are complete.
-            let complete = self.buffer[self.at..].iter().rposition(|&byte| byte == b'\n');
-            let Some(complete) = complete.map(|length| self.at + length + 1) else {
-                if self.buffer.len() - self.at > LONGEST_LINE {
-                    let (path, line) = (self.path.clone(), self.line + 1);
-                    return Err(Error::Quote { path, line });
-                }
+            let Some(complete) = self.last_break().map(|at| at + 1) else {
+                self.check_length(self.line + 1)?;
                 if self.fill()? {
                     continue;
                 }
@@ -169,9 +172,30 @@ impl<R: Read> Stream<R> {
         Ok(rows.time.len())
     }
 
+    /// Place of the last line break in what is read and not used.
+    fn last_break(&mut self) -> Option<usize> {
+        let from = self.searched.max(self.at);
+        self.searched = self.buffer.len();
+        let found = self.buffer[from..].iter().rposition(|&byte| byte == b'\n').map(|length| from + length);
+        if found.is_some() {
+            // More rows may be asked for before the next bytes are read.
+            self.searched = self.at;
+        }
+        found
+    }
+
+    /// Refuses a line without an end.
+    fn check_length(&self, line: usize) -> Result<(), Error> {
+        if self.buffer.len() - self.at <= LONGEST_LINE {
+            return Ok(());
+        }
+        Err(Error::LongLine { path: self.path.clone(), line, most: LONGEST_LINE >> 20 })
+    }
+
     /// Drops what is used and reads more; false at the end of the file.
     fn fill(&mut self) -> Result<bool, Error> {
         self.buffer.drain(..self.at);
+        self.searched = self.searched.saturating_sub(self.at);
         self.at = 0;
         let before = self.buffer.len();
         self.buffer.resize(before + CHUNK, 0);
@@ -247,8 +271,8 @@ impl<R: Read> Stream<R> {
         let (path, line, column) = (self.path.clone(), self.line, self.names[column].0.clone());
         match trimmed.parse::<f64>() {
             Ok(value) if value.is_finite() => Ok(value),
-            Ok(_) => Err(Error::NotFinite { path, line, column, value: trimmed.into() }),
-            Err(_) => Err(Error::NotANumber { path, line, column, value: trimmed.into() }),
+            Ok(_) => Err(Error::NotFinite { path, line, column, value: begin_of(trimmed) }),
+            Err(_) => Err(Error::NotANumber { path, line, column, value: begin_of(trimmed) }),
         }
     }
 }

@@ -84,7 +84,7 @@ impl Manifest {
     /// # Errors
     /// A plan that cannot be read, names that the system does not have, inputs that are not there.
     pub fn plan(file: &Path) -> Result<Manifest, Error> {
-        let plan = std::fs::read_to_string(file).map_err(Error::io(file))?;
+        let plan = airloop_series::file::read_to_string(file).map_err(Error::io(file))?;
         let base = std::path::absolute(file).map_err(Error::io(file))?;
         let base = base.parent().unwrap_or(Path::new("/")).to_owned();
         let parsed = PlanFile::parse(&plan, file)?;
@@ -149,7 +149,7 @@ impl Manifest {
     /// [`Error::NoManifest`]; [`Error::File`] if it is none, or was edited.
     pub fn read(folder: &Path) -> Result<Manifest, Error> {
         let file = folder.join(MANIFEST);
-        let text = match std::fs::read_to_string(&file) {
+        let text = match airloop_series::file::read_to_string(&file) {
             Err(error) if error.kind() == std::io::ErrorKind::NotFound => {
                 return Err(Error::NoManifest { folder: folder.into() });
             }

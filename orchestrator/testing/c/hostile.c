@@ -1,17 +1,10 @@
-/* An FMU that misbehaves as the environment variable HOSTILE says: `function:fault` or `function:fault:time`, where
- * `load` and `unload` are functions, too, and a time [s] is that of the instance. Without it: der(x) = u - x, y = x,
- * by both interfaces.
+/* An FMU of FMI 2.0 that misbehaves as the environment variable HOSTILE says: see `hostile.h`. Without it:
+ * der(x) = u - x, y = x, by both interfaces.
  *
- * Real: 0 u (input), 1 x (state), 2 der(x), 3 y (output). String: 0 s (parameter, never set: NULL). */
+ * Real: 0 u (input), 1 x (state), 2 der(x), 3 y (output). String: 0 s (output). One event indicator. */
 
 #define _GNU_SOURCE
-#include <fenv.h>
-#include <pthread.h>
-#include <signal.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
-#include <unistd.h>
+#include <stddef.h>
 
 typedef struct {
     void (*logger)(void *, const char *, int, const char *, const char *, ...);
@@ -26,74 +19,16 @@ typedef struct {
     const Callbacks *callbacks;
 } Unit;
 
-static volatile double never;
+#define SAY(unit, name, status, category, text) \
+    do { if ((unit) != NULL) (unit)->callbacks->logger((unit)->callbacks->environment, name, status, category, text); } while (0)
 
-static void *idle(void *nothing) {
-    for (;;) usleep(1000);
-    return nothing;
+#include "hostile.h"
+
+const char *fmi2GetTypesPlatform(void) { return asked("fmi2GetTypesPlatform", "null", NULL) ? NULL : "default"; }
+const char *fmi2GetVersion(void) {
+    fault("fmi2GetVersion", NULL, NULL, 0);
+    return asked("fmi2GetVersion", "null", NULL) ? NULL : asked("fmi2GetVersion", "bytes", NULL) ? "\xff\033[1m" : "2.0";
 }
-
-static int deep(int n) {
-    volatile char room[65536];
-    room[0] = (char)n;
-    return n < 0 ? room[0] : deep(n + 1) + room[0];
-}
-
-/* Does what is asked; the status for the function, 0 for none. */
-static int fault(const char *function, Unit *unit, double *values, size_t count) {
-    const char *wish = getenv("HOSTILE");
-    char place[64], what[64];
-    double time = -1e300;
-    if (wish == NULL || sscanf(wish, "%63[^:]:%63[^:]:%lf", place, what, &time) < 2) return 0;
-    if (strcmp(place, function) != 0 || (unit != NULL && unit->time < time)) return 0;
-    if (strcmp(what, "segv") == 0) *(volatile int *)8 = 1;
-    if (strcmp(what, "abort") == 0) abort();
-    if (strcmp(what, "exit0") == 0) exit(0);
-    if (strcmp(what, "exit3") == 0) exit(3);
-    if (strcmp(what, "_exit") == 0) _exit(0);
-    if (strcmp(what, "loop") == 0) for (;;) never += 1;
-    if (strcmp(what, "sleep") == 0) for (;;) pause();
-    if (strcmp(what, "stop") == 0) raise(SIGSTOP);
-    if (strcmp(what, "kill") == 0) raise(SIGKILL);
-    if (strcmp(what, "term") == 0) raise(SIGTERM);
-    if (strcmp(what, "trap") == 0) __builtin_trap();
-    if (strcmp(what, "fpe") == 0) raise(SIGFPE);
-    if (strcmp(what, "alarm") == 0) { alarm(1); for (;;) pause(); }
-    if (strcmp(what, "stack") == 0) return deep(1) == 0;
-    if (strcmp(what, "free") == 0) { free(unit); free(unit); }
-    if (strcmp(what, "memory") == 0) {
-        char *much = malloc(8ul << 30);
-        for (size_t k = 0; k < 8ul << 30; k += 4096) much[k] = 1;
-    }
-    if (strcmp(what, "flood") == 0) for (int k = 0; k < 200000; ++k) printf("a line of a flood on the standard output\n");
-    if (strcmp(what, "says") == 0) { fprintf(stderr, "the valve is stuck\n"); abort(); }
-    if (strcmp(what, "shared") == 0) { char junk[65536]; memset(junk, 0xff, sizeof junk); (void)!pwrite(3, junk, sizeof junk, 0); }
-    if (strcmp(what, "shrink") == 0) (void)!ftruncate(3, 0);
-    if (strcmp(what, "close") == 0) for (int k = 0; k < 64; ++k) close(k);
-    if (strcmp(what, "round") == 0) fesetround(FE_UPWARD);
-    if (strcmp(what, "thread") == 0) { pthread_t one; pthread_create(&one, NULL, idle, NULL); }
-    if (strcmp(what, "fork") == 0 && fork() == 0) for (;;) pause();
-    if (strcmp(what, "file") == 0) fclose(fopen("left_behind.txt", "w"));
-    if (strcmp(what, "logn") == 0) unit->callbacks->logger(unit->callbacks->environment, "m", 0, "c", "a %n b");
-    if (strcmp(what, "logs") == 0) unit->callbacks->logger(unit->callbacks->environment, "m", 3, "c", "%s %s %s %s %s %s %d");
-    if (strcmp(what, "lognull") == 0) unit->callbacks->logger(unit->callbacks->environment, NULL, 9, NULL, NULL);
-    if (strcmp(what, "logflood") == 0) for (int k = 0; k < 3000; ++k) unit->callbacks->logger(unit->callbacks->environment, "m", 0, "c", "line %d", k);
-    if (strcmp(what, "over") == 0 && values != NULL) for (size_t k = 0; k < count + 100000; ++k) values[k] = 1.0;
-    if (strcmp(what, "nan") == 0 && values != NULL) { for (size_t k = 0; k < count; ++k) values[k] = 0.0 / never; return -1; }
-    if (strcmp(what, "inf") == 0 && values != NULL) { for (size_t k = 0; k < count; ++k) values[k] = 1.0 / never; return -1; }
-    if (strcmp(what, "discard") == 0) return 2;
-    if (strcmp(what, "error") == 0) return 3;
-    if (strcmp(what, "fatal") == 0) return 4;
-    if (strcmp(what, "pending") == 0) return 5;
-    if (strcmp(what, "strange") == 0) return 77;
-    return 0;
-}
-
-__attribute__((constructor)) static void load(void) { fault("load", NULL, NULL, 0); }
-__attribute__((destructor)) static void unload(void) { fault("unload", NULL, NULL, 0); }
-
-const char *fmi2GetTypesPlatform(void) { return "default"; }
-const char *fmi2GetVersion(void) { return "2.0"; }
 
 void *fmi2Instantiate(const char *name, int type, const char *guid, const char *resources, const Callbacks *callbacks,
                       int visible, int logging) {
@@ -120,6 +55,11 @@ SIMPLE(fmi2Reset)
 SIMPLE(fmi2EnterEventMode)
 SIMPLE(fmi2EnterContinuousTimeMode)
 
+int fmi2SetDebugLogging(Unit *unit, int on, size_t count, const char *const *categories) {
+    (void)on, (void)count, (void)categories;
+    return fault("fmi2SetDebugLogging", unit, NULL, 0);
+}
+
 int fmi2SetupExperiment(Unit *unit, int has_tolerance, double tolerance, double start, int has_stop, double stop) {
     (void)has_tolerance, (void)tolerance, (void)has_stop, (void)stop;
     unit->time = start;
@@ -140,8 +80,10 @@ int fmi2SetReal(Unit *unit, const unsigned *references, size_t count, const doub
 }
 
 int fmi2GetString(Unit *unit, const unsigned *references, size_t count, const char **values) {
+    int is_null;
+    const char *strange = strange_text("fmi2GetString", unit, &is_null);
     (void)references;
-    for (size_t k = 0; k < count; ++k) values[k] = NULL;
+    for (size_t k = 0; k < count; ++k) values[k] = is_null ? NULL : strange != NULL ? strange : "text";
     return fault("fmi2GetString", unit, NULL, 0);
 }
 
@@ -151,6 +93,71 @@ int fmi2GetBoolean(Unit *unit, const unsigned *r, size_t n, int *v) { (void)unit
 int fmi2SetBoolean(Unit *unit, const unsigned *r, size_t n, const int *v) { (void)unit, (void)r, (void)n, (void)v; return 3; }
 int fmi2SetString(Unit *unit, const unsigned *r, size_t n, const char **v) { (void)unit, (void)r, (void)n, (void)v; return 3; }
 
+int fmi2GetFMUstate(Unit *unit, void **state) {
+    int status = fault("fmi2GetFMUstate", unit, NULL, 0);
+    if (asked("fmi2GetFMUstate", "null", unit)) { *state = NULL; return 0; }
+    if (status != 0) return status;
+    if (*state == NULL) *state = malloc(sizeof *unit);
+    memcpy(*state, unit, sizeof *unit);
+    return 0;
+}
+int fmi2SetFMUstate(Unit *unit, void *state) {
+    const Callbacks *callbacks = unit->callbacks;
+    memcpy(unit, state, sizeof *unit);
+    unit->callbacks = callbacks;
+    return fault("fmi2SetFMUstate", unit, NULL, 0);
+}
+int fmi2FreeFMUstate(Unit *unit, void **state) {
+    int status = fault("fmi2FreeFMUstate", unit, NULL, 0);
+    free(*state);
+    *state = NULL;
+    return status;
+}
+int fmi2SerializedFMUstateSize(Unit *unit, void *state, size_t *size) {
+    (void)state;
+    *size = sizeof *unit;
+    if (asked("fmi2SerializedFMUstateSize", "endless", unit)) *size = (size_t)-1;
+    if (asked("fmi2SerializedFMUstateSize", "wide", unit)) *size = 1ul << 40;
+    if (asked("fmi2SerializedFMUstateSize", "none", unit)) *size = 0;
+    return fault("fmi2SerializedFMUstateSize", unit, NULL, 0);
+}
+int fmi2SerializeFMUstate(Unit *unit, void *state, char *bytes, size_t size) {
+    memcpy(bytes, state, size < sizeof *unit ? size : sizeof *unit);
+    if (asked("fmi2SerializeFMUstate", "over", unit)) memset(bytes, 1, size + 1000000);
+    return fault("fmi2SerializeFMUstate", unit, NULL, 0);
+}
+int fmi2DeSerializeFMUstate(Unit *unit, const char *bytes, size_t size, void **state) {
+    int status = fault("fmi2DeSerializeFMUstate", unit, NULL, 0);
+    if (status != 0 || size != sizeof *unit) return status != 0 ? status : 3;
+    if (*state == NULL) *state = malloc(sizeof *unit);
+    memcpy(*state, bytes, size);
+    return 0;
+}
+
+int fmi2GetDirectionalDerivative(Unit *unit, const unsigned *unknowns, size_t rows, const unsigned *knowns, size_t columns,
+                                 const double *seed, double *out) {
+    int status = fault("fmi2GetDirectionalDerivative", unit, out, rows);
+    for (size_t i = 0; status == 0 && i < rows; ++i) {
+        out[i] = 0.0;
+        for (size_t k = 0; k < columns; ++k) {
+            if (unknowns[i] == 2) out[i] += knowns[k] == 0 ? seed[k] : knowns[k] == 1 ? -seed[k] : 0.0;
+            else out[i] += knowns[k] == 1 ? seed[k] : 0.0;
+        }
+    }
+    return status < 0 ? 0 : status;
+}
+
+int fmi2SetRealInputDerivatives(Unit *unit, const unsigned *r, size_t n, const int *order, const double *v) {
+    (void)r, (void)n, (void)order, (void)v;
+    return fault("fmi2SetRealInputDerivatives", unit, NULL, 0);
+}
+int fmi2GetRealOutputDerivatives(Unit *unit, const unsigned *r, size_t n, const int *order, double *v) {
+    int status = fault("fmi2GetRealOutputDerivatives", unit, v, n);
+    (void)r, (void)order;
+    for (size_t k = 0; status == 0 && k < n; ++k) v[k] = unit->real[0] - unit->real[1];
+    return status < 0 ? 0 : status;
+}
+
 int fmi2DoStep(Unit *unit, double t, double h, int keep) {
     (void)keep;
     unit->time = t;
@@ -158,7 +165,19 @@ int fmi2DoStep(Unit *unit, double t, double h, int keep) {
     if (status > 1) return status;
     unit->real[1] += h * (unit->real[0] - unit->real[1]);
     unit->time = t + h;
-    return 0;
+    return status;
+}
+
+int fmi2GetRealStatus(Unit *unit, int kind, double *value) {
+    (void)kind;
+    *value = unit->time;
+    int status = fault("fmi2GetRealStatus", unit, value, 1);
+    return status < 0 ? 0 : status;
+}
+int fmi2GetBooleanStatus(Unit *unit, int kind, int *value) {
+    (void)kind;
+    *value = asked("fmi2GetBooleanStatus", "yes", unit);
+    return fault("fmi2GetBooleanStatus", unit, NULL, 0);
 }
 
 int fmi2SetTime(Unit *unit, double time) {
@@ -183,13 +202,29 @@ READ(fmi2GetDerivatives, unit->real[0] - unit->real[1])
 READ(fmi2GetEventIndicators, 1.0)
 READ(fmi2GetNominalsOfContinuousStates, 1.0)
 
-int fmi2NewDiscreteStates(Unit *unit, int *info) {
-    memset(info, 0, 32);
-    return fault("fmi2NewDiscreteStates", unit, NULL, 0);
+typedef struct { int needed, terminate, nominals, values, timed; double next; } EventInfo;
+
+int fmi2NewDiscreteStates(Unit *unit, EventInfo *info) {
+    const char *function = "fmi2NewDiscreteStates";
+    memset(info, 0, sizeof *info);
+    info->needed = asked(function, "again", unit);
+    info->terminate = asked(function, "end", unit);
+    info->values = asked(function, "values", unit);
+    info->nominals = asked(function, "nominals", unit);
+    info->timed = 1;
+    if (asked(function, "past", unit)) info->next = unit->time - 1.0;
+    else if (asked(function, "now", unit)) info->next = unit->time;
+    else if (asked(function, "dense", unit)) info->next = unit->time + 1e-15;
+    else if (asked(function, "often", unit)) info->next = unit->time + 1e-7;
+    else if (asked(function, "nantime", unit)) info->next = 0.0 / never;
+    else if (asked(function, "inftime", unit)) info->next = 1.0 / never;
+    else info->timed = 0;
+    return fault(function, unit, NULL, 0);
 }
 
 int fmi2CompletedIntegratorStep(Unit *unit, int keep, int *event, int *end) {
     (void)keep;
-    *event = *end = 0;
+    *event = asked("fmi2CompletedIntegratorStep", "event", unit);
+    *end = asked("fmi2CompletedIntegratorStep", "end", unit);
     return fault("fmi2CompletedIntegratorStep", unit, NULL, 0);
 }

@@ -10,6 +10,7 @@ pub mod bent;
 pub mod c_fmu;
 pub mod carriage;
 pub mod fmu_library;
+pub mod hostile;
 pub mod joints;
 pub mod looped;
 pub mod mechanics;

@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use crate::input::{Form, Input, pack};
+use crate::runs;
 use crate::targets::Target;
 
 /// Rows of a record that are taken.
@@ -33,7 +34,11 @@ pub fn seeds(target: Target) -> Vec<Input> {
                 ])
             })
             .collect(),
-        "ssd" => systems(&root).into_iter().map(|text| Input::Plain(Form::Xml, text)).collect(),
+        "states" => {
+            let saved = runs::saved_states(&root.join("target/fmu").join(runs::FMU));
+            saved.map(|bytes| Input::Plain(Form::Words, bytes)).into_iter().collect()
+        }
+        "ssd" | "simulate" => systems(&root).into_iter().map(|text| Input::Plain(Form::Xml, text)).collect(),
         "ssv" => texts(
             Form::Xml,
             [files(&root.join("examples/01_run"), "ssv"), files(&root.join("examples/04_half_step"), "ssv")]
@@ -104,6 +109,15 @@ pub fn furnish(target: Target, place: &Path) -> std::io::Result<()> {
                 std::fs::write(folder.join("modelDescription.xml"), xml)?;
             }
         }
+        "simulate" => {
+            for (name, bytes) in beside(&root) {
+                std::fs::write(place.join(name), bytes)?;
+            }
+            for fmu in files(&root.join("target/fmu"), "fmu") {
+                runs::unpack(&fmu, &place.join(fmu.file_name().unwrap_or_default()));
+            }
+        }
+        "states" => runs::unpack(&root.join("target/fmu").join(runs::FMU), &place.join(runs::FMU)),
         "study" => {
             for name in ["swing.csv", "tail.csv"] {
                 let text = std::fs::read_to_string(root.join("examples/06_study").join(name))?;

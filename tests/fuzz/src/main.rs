@@ -14,6 +14,7 @@ mod batch;
 mod corpus;
 mod input;
 mod mutate;
+mod runs;
 mod supervise;
 mod targets;
 

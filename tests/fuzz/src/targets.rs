@@ -2,6 +2,9 @@
 
 use std::path::{Path, PathBuf};
 
+use airloop::cosim::master::Algorithm;
+use airloop::cosim::master::simulate::Record;
+use airloop::cosim::results::states;
 use airloop::cosim::system::{SystemGraph, ssv};
 use airloop::fmi::{Fmu, ModelDescription, check};
 use airloop::ident::record::Experiments;
@@ -20,6 +23,8 @@ use airloop_expression::Expression;
 use airloop_sweep::file::PlanFile;
 use airloop_sweep::manifest::Tasks;
 
+use crate::runs;
+
 /// A reader.
 #[derive(Clone, Copy)]
 pub struct Target {
@@ -35,7 +40,7 @@ pub struct Target {
 
 impl Target {
     /// All of them.
-    pub const ALL: [Target; 16] = [
+    pub const ALL: [Target; 18] = [
         target(
             "description",
             "model descriptions of FMI 2.0 and 3.0, and the checks of them",
@@ -46,6 +51,8 @@ impl Target {
         target("ssd", "systems", "system.ssd", system),
         target("ssv", "parameter sets", "set.ssv", parameter_set),
         target("ssp", "packages of systems", "system.ssp", system),
+        target("simulate", "systems, and some steps of them by every master", "system.ssd", simulate),
+        target("states", "saved states, and runs that go on from them", "result.states.json", states),
         target("problem", "optimal control problems", "problem.toml", problem),
         target("stabilize", "settings of stabilize and trials", "stabilize.toml", stabilize),
         target("study", "studies of refine", "study.toml", study_file),
@@ -93,6 +100,24 @@ fn archive(file: &Path) {
 fn system(file: &Path) {
     done(SystemGraph::open(file));
     done(SystemGraph::open_to_read(file));
+}
+
+fn simulate(file: &Path) {
+    let Ok(graph) = SystemGraph::open(file) else { return };
+    for algorithm in
+        [Algorithm::GaussSeidel, Algorithm::Jacobi, Algorithm::InterfaceJacobian, Algorithm::Monolithic]
+    {
+        done(runs::some_steps(&graph, algorithm, Record::default()));
+    }
+}
+
+fn states(file: &Path) {
+    let Ok(states) = states::read(file) else { return };
+    let Some(Ok(graph)) = file.parent().map(|folder| SystemGraph::open(&folder.join(runs::FMU))) else {
+        return;
+    };
+    let record = Record { from: Some(states), ..Record::default() };
+    done(runs::some_steps(&graph, Algorithm::GaussSeidel, record));
 }
 
 fn parameter_set(file: &Path) {

@@ -22,7 +22,7 @@ impl SignalTable {
     /// [`Error::Table`] for a file that cannot be read or has no such table.
     pub fn read(file: &Path) -> Result<SignalTable, Error> {
         let table = |problem: String| Error::Table { file: file.into(), problem };
-        let text = std::fs::read_to_string(file).map_err(|error| table(error.to_string()))?;
+        let text = airloop_series::file::read_to_string(file).map_err(|error| table(error.to_string()))?;
         let document: toml::Table =
             text.parse().map_err(|error: toml::de::Error| table(error.to_string()))?;
         let signals = document

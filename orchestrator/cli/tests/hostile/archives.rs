@@ -30,6 +30,37 @@ fn twice(name: &str) -> Vec<u8> {
     found
 }
 
+/// The archive with other bytes in the headers of its first entry: at `places` of the local and of the central one.
+fn patched(archive: &[u8], places: (usize, usize), other: &[u8]) -> Vec<u8> {
+    let mut bytes = archive.to_vec();
+    for (mark, place) in [(b"PK\x03\x04", places.0), (b"PK\x01\x02", places.1)] {
+        let at = bytes.windows(4).position(|window| window == mark).unwrap() + place;
+        bytes[at..at + other.len()].copy_from_slice(other);
+    }
+    bytes
+}
+
+/// The archive with another byte for the X of the name `r/aXb`.
+fn named(archive: &[u8], letter: u8) -> Vec<u8> {
+    let mut bytes = archive.to_vec();
+    while let Some(at) = bytes.windows(5).position(|window| window == b"r/aXb") {
+        bytes[at + 3] = letter;
+    }
+    bytes
+}
+
+/// An archive with a symbolic link.
+fn linked(name: &str, target: &[u8]) -> Vec<u8> {
+    let mut writer = ZipWriter::new(Cursor::new(Vec::new()));
+    writer.start_file(name, SimpleFileOptions::default().unix_permissions(0o777)).unwrap();
+    writer.write_all(target).unwrap();
+    let mut bytes = writer.finish().unwrap().into_inner();
+    let at = bytes.windows(4).position(|window| window == b"PK\x01\x02").unwrap();
+    // Kind of file of Unix, in the external attributes.
+    bytes[at + 41] = 0xa1;
+    bytes
+}
+
 pub fn archives() -> Vec<Case> {
     let inspect = |what: &str, bytes: Vec<u8>| Case::new(what, "inspect x.fmu").file("x.fmu", bytes);
     let xml = DESCRIPTION.as_bytes();
@@ -45,6 +76,8 @@ pub fn archives() -> Vec<Case> {
     let mut elf = b"\x7fELF\x02\x01\x01\0".to_vec();
     elf.resize(64, 0);
     (elf[16], elf[18], elf[20], elf[32], elf[54], elf[56]) = (3, 62, 1, 64, 56, 9);
+    let (mut foreign, mut narrow) = (elf.clone(), elf.clone());
+    (foreign[18], narrow[4]) = (183, 1);
     vec![
         Case::new("no file", "inspect x.fmu"),
         inspect("an empty file", Vec::new()),
@@ -58,6 +91,35 @@ pub fn archives() -> Vec<Case> {
         inspect("an entry `C:\\x`", archive(&[("modelDescription.xml", xml), ("C:\\x", b"x")])),
         inspect("a name of 60,000 letters", archive(&[("modelDescription.xml", xml), (&long, b"x")])),
         inspect("two different entries of one name", twice("resources/ab")),
+        inspect("an entry `a/../../x`", archive(&[("modelDescription.xml", xml), ("a/../../x", b"x")])),
+        inspect(
+            "names that differ by case",
+            archive(&[("modelDescription.xml", xml), ("r/A", b"1"), ("r/a", b"2")]),
+        ),
+        inspect(
+            "a file and a folder of one name",
+            archive(&[("modelDescription.xml", xml), ("r", b"1"), ("r/a", b"2")]),
+        ),
+        inspect("MODELDESCRIPTION.XML", archive(&[("MODELDESCRIPTION.XML", xml)])),
+        inspect("an entry that is encrypted", patched(&good, (6, 8), &[1, 0])),
+        inspect("another compression than that of its bytes", patched(&good, (8, 10), &[98, 0])),
+        inspect("a size that is a lie", patched(&good, (22, 24), &[10, 0, 0, 0])),
+        inspect(
+            "a zero byte in a name",
+            named(&archive(&[("modelDescription.xml", xml), ("r/aXb", b"1")]), b'\0'),
+        ),
+        inspect(
+            "a name that is not UTF-8",
+            named(&archive(&[("modelDescription.xml", xml), ("r/aXb", b"1")]), 0xff),
+        ),
+        inspect("a description that is a link", linked("modelDescription.xml", b"/etc/passwd")),
+        Case::new("a named pipe", "inspect x.fmu").make(|folder| super::pipe(&folder.join("x.fmu"))),
+        Case::new("an empty folder", "inspect x.fmu")
+            .make(|folder| std::fs::create_dir(folder.join("x.fmu")).unwrap()),
+        Case::new("a link to /dev/zero", "inspect x.fmu")
+            .make(|folder| std::os::unix::fs::symlink("/dev/zero", folder.join("x.fmu")).unwrap()),
+        run("a library for another processor", library(&foreign)),
+        run("a library of 32 bits", library(&narrow)),
         run("no library", good.clone()),
         run("a library that is a text", library(b"int main() {}\n")),
         run("an empty library", library(b"")),

@@ -18,6 +18,8 @@ pub struct Case {
     pub what: String,
     /// Files by name.
     files: Vec<(String, Vec<u8>)>,
+    /// Done in the folder: what is no plain file.
+    make: Option<fn(&Path)>,
     /// Whether the good FMU `m.fmu` is there.
     with_fmu: bool,
     /// Arguments of the program.
@@ -26,7 +28,7 @@ pub struct Case {
 
 impl Case {
     fn new(what: &str, command: &str) -> Case {
-        Case { what: what.into(), files: Vec::new(), with_fmu: false, command: command.into() }
+        Case { what: what.into(), files: Vec::new(), make: None, with_fmu: false, command: command.into() }
     }
 
     fn file(mut self, name: &str, bytes: impl Into<Vec<u8>>) -> Case {
@@ -39,6 +41,11 @@ impl Case {
         self
     }
 
+    fn make(mut self, make: fn(&Path)) -> Case {
+        self.make = Some(make);
+        self
+    }
+
     /// Writes the files.
     pub fn write(&self, folder: &Path) {
         if self.with_fmu {
@@ -47,7 +54,15 @@ impl Case {
         for (name, bytes) in &self.files {
             std::fs::write(folder.join(name), bytes).unwrap();
         }
+        if let Some(make) = self.make {
+            make(folder);
+        }
     }
+}
+
+/// Makes a pipe that nobody writes into.
+fn pipe(path: &Path) {
+    assert!(std::process::Command::new("mkfifo").arg(path).status().unwrap().success());
 }
 
 /// The library of the good FMU, compiled once.

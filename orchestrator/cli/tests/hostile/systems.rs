@@ -28,6 +28,9 @@ const SET: &str = r#"<?xml version="1.0" encoding="UTF-8"?>
 "#;
 
 pub fn cases() -> Vec<Case> {
+    let made = |what: &str, make: fn(&std::path::Path)| {
+        Case::new(what, "run s.ssd --stop 1 --step 10ms -o out").make(make)
+    };
     let run = |what: &str, system: &str, set: &str| {
         Case::new(what, "run s.ssd --stop 1 --step 10ms -o out")
             .fmu()
@@ -43,6 +46,10 @@ pub fn cases() -> Vec<Case> {
         run(what, SYSTEM, &SET.replacen(from, to, 1))
     };
     vec![
+        made("a named pipe", |folder| super::pipe(&folder.join("s.ssd"))),
+        made("a link to /dev/zero", |folder| {
+            std::os::unix::fs::symlink("/dev/zero", folder.join("s.ssd")).unwrap()
+        }),
         run("an empty file", "", SET),
         run("a text", "a -> b\n", SET),
         with("another root element", "<ssd:SystemStructureDescription ", "<ssd:Structure "),

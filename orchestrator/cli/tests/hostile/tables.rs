@@ -57,6 +57,24 @@ from_s = 0.5
 windows_s = 0.2
 "#;
 
+const NO_TASKS: &str = r#"kind = "simulate"
+system = "m.fmu"
+[run]
+stop = 1.0
+step = 0.01
+[sample]
+method = "latin-hypercube"
+count = 0
+[[factors]]
+name = "x"
+from = 1
+to = 2
+[[quantities]]
+name = "y"
+signal = "y"
+of = "final"
+"#;
+
 fn record() -> String {
     let rows = (0..120_u32).map(|k| format!("{},{},{}\n", f64::from(k) / 100.0, k % 7, k % 5));
     "time,u,y\n".to_owned() + &rows.collect::<String>()
@@ -79,6 +97,8 @@ pub fn cases() -> Vec<Case> {
             .file("r.csv", record())
     };
     let text = |what: &str, command: &str, name: &str, text: &str| Case::new(what, command).file(name, text);
+    let utf16: Vec<u8> = STUDY.encode_utf16().flat_map(u16::to_le_bytes).collect();
+    let utf16 = [vec![0xff, 0xfe], utf16].concat();
     vec![
         case("A1 with NaN", "-1.0144", "nan"),
         case("A1 that is unstable", "-1.0144", "-1.2"),
@@ -104,6 +124,15 @@ pub fn cases() -> Vec<Case> {
         study("an unknown role", "\"validation\"", "\"testing\""),
         study("a number for a text", "file = \"r.csv\"", "file = 5"),
         Case { command: "refine study.toml -o out".into(), ..text("an empty study", "", "study.toml", "") },
+        Case {
+            command: "refine study.toml -o out".into(),
+            ..text("UTF-16", "", "study.toml", "").file("study.toml", utf16)
+        },
+        Case::new("a study that is a named pipe", "refine . -o out")
+            .make(|folder| super::pipe(&folder.join("case.toml"))),
+        Case::new("a problem that is a link to /dev/zero", "optimize p.toml -o out")
+            .make(|folder| std::os::unix::fs::symlink("/dev/zero", folder.join("p.toml")).unwrap()),
+        text("a sweep of no tasks", "sweep plan p.toml -o out", "p.toml", NO_TASKS),
         text("no TOML", "refine study.toml -o out", "study.toml", "system := m\n"),
         text("a problem without a system", "optimize p.toml -o out", "p.toml", "[solver]\n"),
         text(

@@ -255,8 +255,11 @@ pub(super) fn state_of(instance: &mut Instance) -> Result<Vec<u8>, Error> {
     instance.get_state(&mut state)?;
     let Some(state) = state else { return Ok(Vec::new()) };
     let saved = instance.serialize_state(&state);
-    instance.free_state(state)?;
-    Ok(saved?)
+    let freed = instance.free_state(state);
+    // The first of them is the cause of the other.
+    let saved = saved?;
+    freed?;
+    Ok(saved)
 }
 
 /// Restores an instance; `false` if the bytes end before.
@@ -270,6 +273,7 @@ pub(super) fn take_instance(bytes: &mut &[u8], instance: &mut Instance) -> Resul
 pub(super) fn set_state_of(instance: &mut Instance, saved: &[u8]) -> Result<(), Error> {
     let state = instance.deserialize_state(saved)?;
     let outcome = instance.set_state(&state);
-    instance.free_state(state)?;
-    Ok(outcome?)
+    let freed = instance.free_state(state);
+    outcome?;
+    Ok(freed?)
 }

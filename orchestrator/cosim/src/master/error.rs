@@ -17,9 +17,17 @@ pub enum Error {
     Fmu(#[from] airloop_fmi::Error),
     /// A slave stopped inside a step.
     #[error(
-        "component `{component}`: fmi2DoStep returned fmi2Discard at t = {time} s with step {step} s{reached}; try a smaller `--step`{log}"
+        "component `{component}`: {function} returned {status} at t = {time} s with step {step} s{reached}; try a smaller `--step`{log}"
     )]
-    Discarded { component: String, time: f64, step: f64, reached: String, log: String },
+    Discarded {
+        component: String,
+        function: &'static str,
+        status: &'static str,
+        time: f64,
+        step: f64,
+        reached: String,
+        log: String,
+    },
     /// NaN or infinity at an output.
     #[error(
         "component `{component}`: output `{variable}` is {value} at t = {time} s; look at its inputs just before (result file), try a smaller `--step`, and check parameters and start values"

@@ -480,6 +480,14 @@ impl Node {
         variable.map_or_else(String::new, |variable| variable.name.clone())
     }
 
+    /// C names of the step and of its answer that it stopped on the way.
+    pub fn discard_names(&self) -> (&'static str, &'static str) {
+        match self.slave.fmu().description.is_fmi3() {
+            true => ("fmi3DoStep", "fmi3Discard"),
+            false => ("fmi2DoStep", "fmi2Discard"),
+        }
+    }
+
     /// The last messages of the FMU as an appendix of an error message.
     pub fn log_tail(&self) -> String {
         self.slave.log().iter().rev().take(5).rev().map(|message| format!("\n  FMU log: {message}")).collect()

@@ -280,7 +280,9 @@ impl Master {
                     return Ok((component, last.filter(|_| !unread)));
                 }
                 let reached = last.map_or(String::new(), |last| format!(" (it came to t = {last} s)"));
-                Err(Error::Discarded { component, time: t, step: h, reached, log: node.log_tail() })
+                let (function, status) = node.discard_names();
+                let log = node.log_tail();
+                Err(Error::Discarded { component, function, status, time: t, step: h, reached, log })
             }
         }
     }

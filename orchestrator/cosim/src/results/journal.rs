@@ -8,6 +8,9 @@ use airloop_series::rows;
 
 /// Bytes that are written at once; whole rows, so that there is no half row between two writes.
 const BLOCK: usize = 1 << 14;
+/// Bytes of a page of the system's cache. A kill can cut a writing where it goes on to the next page, above all as the
+/// system lets who writes much wait there.
+const PAGE: usize = 4096;
 /// Time that a finished row waits at most, while the run makes steps.
 const LATEST: Duration = Duration::from_millis(20);
 
@@ -67,10 +70,13 @@ impl Journal {
     pub(super) fn flush(&mut self) -> Result<()> {
         let mut written = 0;
         let mut outcome = Ok(());
+        // Without a position, as that of a device, rows are as good at any.
+        let mut position = self.file.stream_position().unwrap_or(0);
         while written < self.block.len() && outcome.is_ok() {
-            match self.file.write(&self.block[written..]) {
+            let rest = &self.block[written..];
+            match self.file.write(&rest[..piece(rest, position)]) {
                 Ok(0) => outcome = Err(ErrorKind::WriteZero.into()),
-                Ok(count) => written += count,
+                Ok(count) => (written, position) = (written + count, position + count as u64),
                 Err(error) if error.kind() == ErrorKind::Interrupted => {}
                 Err(error) => outcome = Err(error),
             }
@@ -90,5 +96,36 @@ impl Journal {
     pub(super) fn sync(&self) -> Result<u64> {
         self.file.sync_data()?;
         Ok(self.rows)
+    }
+}
+
+/// Bytes of whole rows that are written at once at a position of the file: those that end in the page where they begin,
+/// or the one that does not.
+fn piece(rows: &[u8], position: u64) -> usize {
+    let room = PAGE - (position % PAGE as u64) as usize;
+    let within = rows[..rows.len().min(room)].iter().rposition(|&byte| byte == b'\n');
+    let last = within.or_else(|| rows.iter().position(|&byte| byte == b'\n'));
+    last.map_or(rows.len(), |last| last + 1)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_a_row_that_does_not_fit_crosses_a_page() {
+        let rows: Vec<u8> = b"123456789\n".repeat(1000);
+        let (mut position, mut crossed) = (4090_u64, 0);
+        let mut written = 0;
+        while written < rows.len() {
+            let count = piece(&rows[written..], position);
+            assert_eq!(rows[written + count - 1], b'\n');
+            let crosses = position / PAGE as u64 != (position + count as u64 - 1) / PAGE as u64;
+            assert!(!crosses || count == 10, "{count} bytes at {position}");
+            crossed += u32::from(crosses);
+            (written, position) = (written + count, position + count as u64);
+        }
+        assert_eq!(crossed, 3);
+        assert_eq!(piece(b"no end", 0), 6);
     }
 }

@@ -68,7 +68,8 @@ pub struct Error {
 /// It cannot be read, or is none of this version.
 pub fn read(path: &Path) -> Result<States, Error> {
     let error = |problem: String| Error { path: path.into(), problem };
-    let text = std::fs::read(path).map_err(|source| error(format!("the states cannot be read: {source}")))?;
+    let text = airloop_series::file::read(path)
+        .map_err(|source| error(format!("the states cannot be read: {source}")))?;
     let states: States = serde_json::from_slice(&text).map_err(|source| {
         error(format!("these are no saved states of version {SCHEMA_VERSION}: {source}; give the folder of a run with --save-states, or its result.states.json"))
     })?;

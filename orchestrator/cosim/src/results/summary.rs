@@ -21,6 +21,7 @@ pub struct Summary {
     /// Name of the system.
     pub system: String,
     /// File the system was read from.
+    #[serde(serialize_with = "as_text")]
     pub system_file: PathBuf,
     /// Settings the run used, after all defaults.
     pub settings: Settings,
@@ -75,8 +76,10 @@ pub struct Settings {
     /// Relative tolerance passed to the FMUs.
     pub tolerance: Option<f64>,
     /// CSV file of the inputs.
+    #[serde(serialize_with = "as_text_if_any")]
     pub input: Option<PathBuf>,
     /// CSV file of the measurement.
+    #[serde(serialize_with = "as_text_if_any")]
     pub measured: Option<PathBuf>,
     /// `measured` or `zero`: start of the measured states.
     pub initial: Option<String>,
@@ -215,6 +218,7 @@ pub struct FmuRecord {
     /// GUID.
     pub guid: String,
     /// File.
+    #[serde(serialize_with = "as_text")]
     pub path: PathBuf,
     /// `version` of the model, if given.
     pub version: Option<String>,
@@ -268,6 +272,16 @@ pub enum Error {
     Json { path: PathBuf, source: serde_json::Error },
 }
 
+/// A name that is no text loses the bytes that are none; the run is worth more.
+fn as_text<S: serde::Serializer>(path: &Path, to: S) -> Result<S::Ok, S::Error> {
+    to.serialize_str(&path.to_string_lossy())
+}
+
+/// Same as [`as_text`] for a file that may not have been given.
+fn as_text_if_any<S: serde::Serializer>(path: &Option<PathBuf>, to: S) -> Result<S::Ok, S::Error> {
+    path.as_ref().map(|path| path.to_string_lossy()).serialize(to)
+}
+
 /// Writes the summary.
 ///
 /// # Errors
@@ -281,6 +295,7 @@ pub fn write(summary: &Summary, path: &Path) -> Result<(), Error> {
 /// # Errors
 /// [`Error::Io`], or [`Error::Json`] for another kind of file.
 pub fn read(path: &Path) -> Result<Summary, Error> {
-    let text = std::fs::read_to_string(path).map_err(|source| Error::Io { path: path.into(), source })?;
+    let text = airloop_series::file::read_to_string(path)
+        .map_err(|source| Error::Io { path: path.into(), source })?;
     serde_json::from_str(&text).map_err(|source| Error::Json { path: path.into(), source })
 }

@@ -57,7 +57,7 @@ pub(super) fn read(file: &Path, shown: &Path) -> Result<Element, Error> {
         let problem = format!("the file has {size} bytes, more than the {MAX_BYTES} that are read");
         return Err(Error::Xml { file: shown.into(), line: 1, problem });
     }
-    parse(&std::fs::read(file).map_err(io)?, shown)
+    parse(&airloop_series::file::read(file).map_err(io)?, shown)
 }
 
 /// Reads XML; `file` is used in messages.

@@ -7,6 +7,7 @@ use std::time::{Duration, Instant};
 
 use super::Findings;
 use super::probe::{Advance, Probe};
+use crate::loading::threads;
 use crate::{Error, Fmu, InterfaceKind};
 
 /// Steps of each life.
@@ -74,10 +75,6 @@ fn grown(fmu: &Arc<Fmu>, kind: InterfaceKind) -> Result<[Option<usize>; COUNTED.
 
 fn open_files() -> usize {
     std::fs::read_dir("/proc/self/fd").map_or(0, Iterator::count)
-}
-
-fn threads() -> usize {
-    std::fs::read_dir("/proc/self/task").map_or(0, Iterator::count)
 }
 
 fn live(fmu: &Arc<Fmu>, kind: InterfaceKind) -> Result<(), Error> {

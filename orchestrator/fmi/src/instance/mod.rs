@@ -18,9 +18,10 @@ use super::last_words::{self, Label};
 use super::library::{Library, Origin};
 use super::log::{LogBuffer, LogMessage, airloop_fmi2_logger};
 use super::open::{Fmu, InterfaceKind};
+use super::surroundings::{Surroundings, keep_rounding};
 use super::trace;
 use state::States;
-use status::{SHOWN_MESSAGES, named};
+use status::{ERROR, SHOWN_MESSAGES, named};
 
 pub use state::StateHandle;
 pub(super) use status::{DISCARD, WARNING};
@@ -133,7 +134,8 @@ impl Instance {
             stepFinished: None,
             componentEnvironment: (&raw mut *log).cast(),
         });
-        let label = Label(format!("{name}: the FMU {}", fmu.shown.display()).into());
+        let label = Label::new(name, fmu);
+        let surroundings = Surroundings::of(&fmu.shown);
         let component = match &library.origin {
             Origin::Two(functions) => {
                 let resources = string(&fmu.resources_uri(), "the path of the resources")?;
@@ -163,6 +165,7 @@ impl Instance {
             }
         };
         last_words::leave();
+        surroundings.set_back();
         if let Some(death) = library.remote().and_then(|channel| channel.death()) {
             return Err(Error::Lost(Box::new(LostError::new(name, fmu, None, death))));
         }
@@ -270,7 +273,11 @@ impl Instance {
     /// # Errors
     /// The FMU refuses.
     pub fn enter_initialization_mode(&mut self) -> Result<(), Error> {
-        self.simple("fmi2EnterInitializationMode", self.functions.enter_initialization_mode)
+        let fmu = Arc::clone(&self.fmu);
+        let surroundings = Surroundings::of(&fmu.shown);
+        let done = self.simple("fmi2EnterInitializationMode", self.functions.enter_initialization_mode);
+        surroundings.set_back();
+        done
     }
 
     /// Ends initialization.
@@ -278,7 +285,11 @@ impl Instance {
     /// # Errors
     /// The FMU refuses.
     pub fn exit_initialization_mode(&mut self) -> Result<(), Error> {
-        self.simple("fmi2ExitInitializationMode", self.functions.exit_initialization_mode)?;
+        let fmu = Arc::clone(&self.fmu);
+        let surroundings = Surroundings::of(&fmu.shown);
+        let done = self.simple("fmi2ExitInitializationMode", self.functions.exit_initialization_mode);
+        surroundings.set_back();
+        done?;
         self.phase = Phase::Active;
         Ok(())
     }
@@ -376,7 +387,24 @@ impl Instance {
         self.alive(function)?;
         // SAFETY: the component is alive and belongs to this library.
         let status = unsafe { call(self.component) };
+        keep_rounding(&self.fmu.shown);
         self.check(function, status)
+    }
+}
+
+impl Instance {
+    /// Leaves the component as it is: no call may follow.
+    fn abandon(&mut self) {
+        if self.library.remote().is_some() {
+            isolate::forget(self.component);
+            return;
+        }
+        // The FMU may still compute or log in the background: its code and what it was given stay.
+        std::mem::forget(Arc::clone(&self.library));
+        Box::leak(std::mem::take(&mut self.log));
+        if let Some(callbacks) = self.callbacks.take() {
+            Box::leak(callbacks);
+        }
     }
 }
 
@@ -384,17 +412,8 @@ impl Drop for Instance {
     fn drop(&mut self) {
         // The note of a call that was refused before it was made must not outlive the label.
         last_words::leave();
-        if self.library.remote().is_some() && matches!(self.phase, Phase::Abandoned(_)) {
-            isolate::forget(self.component);
-            return;
-        }
         if let Phase::Abandoned(_) = self.phase {
-            // The FMU may still compute or log in the background: its code and what it was given stay.
-            std::mem::forget(Arc::clone(&self.library));
-            Box::leak(std::mem::take(&mut self.log));
-            if let Some(callbacks) = self.callbacks.take() {
-                Box::leak(callbacks);
-            }
+            self.abandon();
             return;
         }
         if self.phase == Phase::Active {
@@ -402,10 +421,8 @@ impl Drop for Instance {
             // SAFETY: the component is alive and initialized. A refusal changes nothing about what follows.
             let status = unsafe { (self.functions.terminate)(self.component) };
             last_words::leave();
-            if status > 3 {
-                if self.library.remote().is_some() {
-                    isolate::forget(self.component);
-                }
+            if status > ERROR {
+                self.abandon();
                 return;
             }
         }

@@ -7,6 +7,9 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use super::{Error, Instance};
 
+/// A serialized state that is longer is refused: such a number is a fault of the library, and no memory is to be had for it.
+const MAX_STATE_BYTES: usize = 1 << 30;
+
 /// A saved state of one instance. The instance owns the memory and frees what is left when it is dropped; give the
 /// handle back with [`Instance::free_state`](Instance::free_state) to free it earlier.
 #[derive(Debug, PartialEq, Eq)]
@@ -128,7 +131,15 @@ impl Instance {
         // SAFETY: the component is alive; the state is one that this instance made; the pointer is to a local.
         let status = unsafe { size_of(self.component, state, &raw mut size) };
         self.check("fmi2SerializedFMUstateSize", status)?;
-        let mut bytes = vec![0_u8; size];
+        let mut bytes = Vec::new();
+        if size > MAX_STATE_BYTES || bytes.try_reserve_exact(size).is_err() {
+            return Err(Error::StateSize {
+                component: self.name.clone(),
+                function: self.c_name("fmi2SerializedFMUstateSize"),
+                size,
+            });
+        }
+        bytes.resize(size, 0_u8);
         // SAFETY: as above; the array has the length passed.
         let status = unsafe { call(self.component, state, bytes.as_mut_ptr().cast(), size) };
         self.check(function, status)?;

@@ -10,6 +10,8 @@ use crate::open::Fmu;
 
 pub(crate) const WARNING: u32 = 1;
 pub(crate) const DISCARD: u32 = 2;
+/// After it the instance can still be freed, which it cannot after those above.
+pub(super) const ERROR: u32 = 3;
 
 /// An error shows this many of the last messages.
 pub(super) const SHOWN_MESSAGES: usize = 5;
@@ -142,7 +144,7 @@ impl Instance {
         };
         let status = match status {
             DISCARD => Status::Discard,
-            3 => Status::Error,
+            ERROR => Status::Error,
             4 => Status::Fatal,
             5 => Status::Pending,
             other => Status::Unknown(other),

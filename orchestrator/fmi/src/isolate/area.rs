@@ -53,10 +53,13 @@ impl Area {
     pub(super) fn new(data: usize) -> io::Result<Area> {
         // SAFETY: a static name; the descriptor that comes back is nobody else's.
         let file = unsafe {
-            let file = libc::memfd_create(c"airloop-worker".as_ptr(), libc::MFD_CLOEXEC);
+            let flags = libc::MFD_CLOEXEC | libc::MFD_ALLOW_SEALING;
+            let file = libc::memfd_create(c"airloop-worker".as_ptr(), flags);
             if file < 0 {
                 return Err(io::Error::last_os_error());
             }
+            // A library that makes it shorter would crash the owner, too. Where seals are unknown, that remains possible.
+            libc::fcntl(file, libc::F_ADD_SEALS, libc::F_SEAL_SHRINK | libc::F_SEAL_SEAL);
             File::from_raw_fd(file)
         };
         let size = (DATA + data).next_multiple_of(HEADER);

@@ -1,6 +1,5 @@
 //! The way to one worker: calls go there, answers come back, and its end is noticed.
 
-use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use std::time::{Duration, Instant};
@@ -10,7 +9,9 @@ use super::calls::{self, Calls, MORE_ROOM, Parts};
 use super::patience::Patience;
 use super::process::{Process, cause};
 use super::{Isolation, interrupted};
+use crate::fmi3::names;
 use crate::log::LogMessage;
+use crate::open::Fmu;
 
 /// Bytes for calls and answers at the begin.
 const ROOM: usize = 1 << 20;
@@ -54,6 +55,7 @@ pub(crate) struct Channel {
     death: OnceLock<Death>,
     /// FMU in messages.
     shown: String,
+    is_fmi3: bool,
     call_limit: Duration,
 }
 
@@ -78,7 +80,7 @@ fn may_look() -> bool {
 
 impl Channel {
     /// Starts a worker.
-    pub(crate) fn open(isolation: &Isolation, shown: &Path) -> std::io::Result<Arc<Channel>> {
+    pub(crate) fn open(isolation: &Isolation, fmu: &Fmu) -> std::io::Result<Arc<Channel>> {
         let area = Area::new(ROOM)?;
         let process = Process::start(isolation, area.descriptor())?;
         WORKERS.fetch_add(1, Ordering::Relaxed);
@@ -92,7 +94,8 @@ impl Channel {
                 none: Patience::none(),
             }),
             death: OnceLock::new(),
-            shown: shown.display().to_string(),
+            shown: fmu.shown.display().to_string(),
+            is_fmi3: fmu.description.is_fmi3(),
             call_limit: isolation.call_limit,
         }))
     }
@@ -198,7 +201,8 @@ impl Drop for Channel {
         let line = self.line.get_mut().unwrap_or_else(PoisonError::into_inner);
         if let Some(death) = self.death.get() {
             if ["fmi2FreeInstance", "fmi2Terminate"].contains(&death.function) {
-                super::note(format!("{}: lost in {}: {}", self.shown, death.function, death.cause));
+                let function = if self.is_fmi3 { names::of(death.function) } else { death.function };
+                super::note(format!("{}: lost in {function}: {}", self.shown, death.cause));
             }
             return;
         }

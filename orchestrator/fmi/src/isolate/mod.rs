@@ -79,11 +79,16 @@ fn interrupted() -> bool {
     INTERRUPTED.load(Ordering::Relaxed)
 }
 
-/// What happened to workers after their results were taken, one sentence each; they are forgotten here.
+/// What happened to workers after their results were taken, and what libraries changed in this process, one sentence
+/// each; they are forgotten here.
 pub fn take_notes() -> Vec<String> {
     std::mem::take(&mut NOTES.lock().unwrap_or_else(PoisonError::into_inner))
 }
 
-fn note(text: String) {
-    NOTES.lock().unwrap_or_else(PoisonError::into_inner).push(text);
+/// Adds a sentence, unless it was said already.
+pub(crate) fn note(text: String) {
+    let mut notes = NOTES.lock().unwrap_or_else(PoisonError::into_inner);
+    if !notes.contains(&text) {
+        notes.push(text);
+    }
 }

@@ -150,7 +150,8 @@ pub fn save(named: &NamedModel, path: &Path) -> Result<(), Error> {
 /// # Errors
 /// [`Error`] with the file and what is wrong in it.
 pub fn load(path: &Path) -> Result<NamedModel, Error> {
-    let text = std::fs::read_to_string(path).map_err(|source| Error::Io { path: path.into(), source })?;
+    let text = airloop_series::file::read_to_string(path)
+        .map_err(|source| Error::Io { path: path.into(), source })?;
     let file: File = toml::from_str(&text)
         .map_err(|source| Error::Toml { path: path.into(), source: Box::new(source) })?;
     let (n_u, n_y) = (file.inputs.len(), file.outputs.len());

@@ -23,7 +23,8 @@ impl Source {
     /// # Errors
     /// [`Error::Io`].
     pub fn read(file: &Path) -> Result<Source, Error> {
-        let text = std::fs::read_to_string(file).map_err(|source| Error::Io { file: file.into(), source })?;
+        let text = airloop_series::file::read_to_string(file)
+            .map_err(|source| Error::Io { file: file.into(), source })?;
         Ok(Source { file: file.into(), text })
     }
 

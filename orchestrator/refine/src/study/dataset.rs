@@ -131,7 +131,7 @@ impl Dataset {
 pub fn read(folder: &Path) -> Result<File, Error> {
     let path = folder.join(NAME);
     let refused = |problem: String| Error::Case { path: path.clone(), problem };
-    let text = std::fs::read_to_string(&path).map_err(|error| refused(error.to_string()))?;
+    let text = airloop_series::file::read_to_string(&path).map_err(|error| refused(error.to_string()))?;
     let set: Dataset = toml::from_str(&text).map_err(|error| refused(words(&text, &error)))?;
     let (angles, forces, positions, pressures) =
         (set.columns("rad"), set.columns("N"), set.columns("m"), set.columns("Pa"));

@@ -334,7 +334,7 @@ impl File {
     /// # Errors
     /// A file that cannot be read, or is no study: file, line, column and what is allowed.
     pub fn read(path: &Path) -> Result<File, Error> {
-        let text = std::fs::read_to_string(path)
+        let text = airloop_series::file::read_to_string(path)
             .map_err(|error| Error::Case { path: path.into(), problem: error.to_string() })?;
         let declaration = toml::from_str(&text).map_err(|error: toml::de::Error| {
             let at = error.span().map(|span| place(&text, span.start));

@@ -39,7 +39,7 @@ impl Folder {
         }
         let mut found = Folder::default();
         for file in files {
-            let text = std::fs::read_to_string(&file);
+            let text = airloop_series::file::read_to_string(&file);
             let own = text.map_err(|error| Problem { place: String::new(), problem: error.to_string() });
             match own.and_then(|text| Own::read(&text)) {
                 Ok(own) if found.effects.iter().any(|(_, other)| other.kind == own.kind) => {

@@ -83,7 +83,7 @@ impl Design {
     /// A design of `count` tasks; a grid has as many as its levels make, each `count` times.
     ///
     /// # Errors
-    /// More factors than a Sobol' sequence has dimensions, or more tasks than can be numbered.
+    /// More factors than a Sobol' sequence has dimensions, no task, or more tasks than can be numbered.
     pub fn new(ranges: Vec<Range>, method: Method, count: u64, seed: u64) -> Result<Design, Error> {
         let most = match method {
             Method::Sobol => sobol::MAX_DIMENSIONS,
@@ -104,6 +104,10 @@ impl Design {
             place: "[sample]".into(),
             problem: "more than 2^32 tasks; take fewer levels, or a Sobol' sample".into(),
         })?;
+        if tasks == 0 {
+            let problem = "a sample of no tasks; give a count of at least 1".into();
+            return Err(Error::Plan { place: "[sample] count".into(), problem });
+        }
         let stream = |dimension: usize| Random::numbered(seed, dimension as u64).bits();
         let orders = (0..ranges.len()).map(|one| Permutation::new(tasks, stream(one))).collect();
         Ok(Design { ranges, method, count: tasks, seed, orders })
@@ -184,6 +188,14 @@ mod tests {
         let design = Design::new(ranges, Method::Grid, 1, 0).unwrap();
         assert_eq!(numbers(&design, 0), [1.0, 1.0, 10.0, 10.0, 100.0, 100.0]);
         assert_eq!(numbers(&design, 1), [0.0, 1.0, 0.0, 1.0, 0.0, 1.0]);
+    }
+
+    #[test]
+    fn a_sample_of_no_tasks_is_refused() {
+        for method in [Method::Grid, Method::LatinHypercube, Method::Sobol, Method::Saltelli] {
+            let refused = Design::new(vec![between(0.0, 1.0, Scale::Linear, 2)], method, 0, 0).unwrap_err();
+            assert!(refused.to_string().contains("at least 1"), "{refused}");
+        }
     }
 
     #[test]

@@ -32,6 +32,8 @@ const SMALLEST_TOLERANCE: f64 = 1e-13;
 const ABSOLUTE_PER_RELATIVE_TOLERANCE: f64 = 1e-2;
 /// Events in one communication interval (time events that move on aside), beyond which they count as chattering.
 const MOST_EVENTS: u64 = 10_000;
+/// Events of all kinds in one communication interval, beyond which it would not end in a time that anybody waits.
+const MOST_EVENTS_IN_ALL: u64 = 1_000_000;
 /// Times closer than this, relative to the larger of time and step, are one.
 const SAME_TIME: f64 = 1e-12;
 
@@ -180,7 +182,7 @@ impl Monolith<'_> {
 
     /// From the present time to the communication point `end` \[s\]; the component that ended the simulation.
     fn interval(&mut self, end: f64) -> Result<Option<String>, Error> {
-        let mut events = 0;
+        let (mut events, mut all) = (0, 0);
         let mut last_event = f64::NEG_INFINITY;
         while self.time < end {
             let mut jump = false;
@@ -192,18 +194,23 @@ impl Monolith<'_> {
             let due = self.coupled.next_event.filter(|&(next, _)| self.is_due(next));
             if jump || due.is_some() || self.pending.is_some() {
                 self.time = due.map_or(self.time, |(next, _)| self.time.max(next));
-                if self.pending.is_some() || self.time <= last_event {
+                all += 1;
+                let moved = self.time > last_event + SAME_TIME * self.time.abs().max(self.grid.step());
+                if self.pending.is_some() || !moved {
                     events += 1;
                 }
-                if events > MOST_EVENTS {
-                    return Err(self.chattering(due.map(|(_, model)| model), events));
+                if events > MOST_EVENTS || all > MOST_EVENTS_IN_ALL {
+                    let events = if events > MOST_EVENTS { events } else { all };
+                    return Err(self.chattering(due.map(|(_, model)| model), moved, events));
                 }
                 self.time_events += u64::from(due.is_some());
                 if self.pending.is_some() {
                     self.state_events.push(self.time);
                 }
                 self.input_events += u64::from(jump);
-                last_event = self.time;
+                if moved {
+                    last_event = self.time;
+                }
                 if let Event::Terminated { component } = self.event()? {
                     self.ended = Some(component.clone());
                     return Ok(Some(component));
@@ -266,10 +273,12 @@ impl Monolith<'_> {
         }
     }
 
-    fn chattering(&self, time_event: Option<usize>, events: u64) -> Error {
+    /// Too many events; `moved`: the time did between the last two.
+    fn chattering(&self, time_event: Option<usize>, moved: bool, events: u64) -> Error {
         let name = |model: usize| self.coupled.models[model].name();
         let cause = match (self.pending, time_event, self.coupled.wants_event) {
             (Some(Reached::Indicator(indicator)), ..) => self.coupled.indicator_name(indicator),
+            (_, Some(model), _) if moved => format!("a time event of component `{}`", name(model)),
             (_, Some(model), _) => {
                 format!("a time event of component `{}` that does not move on", name(model))
             }
