@@ -29,7 +29,7 @@ pub fn search(
     declared: &Model,
     settings: &Settings,
     say: Say,
-) -> Result<Selection, Option<Model>> {
+) -> Result<Selection, Option<Box<Model>>> {
     let study = fits.study;
     if judge.explained(fits, declared) {
         return Err(None);
@@ -63,7 +63,7 @@ pub fn search(
     let start = search.fit(&[], &[], &declared.fit.parameters, &declared.fit.locals, ROUNDS);
     let found = select(&search, start, &[], effort, &Vec::new);
     if !found.explained || found.best.added.is_empty() {
-        return Err(Some(model(fits, &found.best)).filter(|best| best.error.is_finite()));
+        return Err(Some(Box::new(model(fits, &found.best))).filter(|best| best.error.is_finite()));
     }
     // An effect of the list comes before another value of a declared parameter.
     let mut equals: Vec<&search::Model> = [&found.best].into_iter().chain(&found.equals).collect();
