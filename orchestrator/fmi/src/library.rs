@@ -85,7 +85,7 @@ impl Library {
             model: ModelFunctions::new(&binding),
             occupied: AtomicBool::new(false),
             origin: Origin::Two(first),
-            _code: loading.end(Binding::Two { _code: Box::new(binding) }),
+            _code: Some(loading.end(Binding::Two { _code: Box::new(binding) })),
         })
     }
 
@@ -105,7 +105,7 @@ impl Library {
             model: model.map(|_| fmi3::tables::MODEL),
             occupied: AtomicBool::new(false),
             origin: Origin::Three(Box::new(three)),
-            _code: loading.end(Binding::Three { _code: Box::new(binding) }),
+            _code: Some(loading.end(Binding::Three { _code: Box::new(binding) })),
         })
     }
 

@@ -25,8 +25,8 @@ impl<'a> Loading<'a> {
     }
 
     /// The loaded code.
-    pub(super) fn end(&self, binding: Binding) -> Option<Code> {
-        Some(Code { label: self.label.clone(), binding: Some(binding), threads: self.threads })
+    pub(super) fn end(&self, binding: Binding) -> Code {
+        Code { label: self.label.clone(), binding: Some(binding), threads: self.threads }
     }
 }
 

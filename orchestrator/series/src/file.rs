@@ -55,10 +55,14 @@ pub fn read(path: &Path) -> std::io::Result<Vec<u8>> {
 pub fn read_to_string(path: &Path) -> std::io::Result<String> {
     let bytes = read(path)?;
     String::from_utf8(bytes).map_err(|error| {
-        let is_utf_16 = [&b"\xff\xfe"[..], b"\xfe\xff"].iter().any(|mark| error.as_bytes().starts_with(mark));
-        let found = if is_utf_16 { "UTF-16" } else { "not UTF-8" };
+        let found = if begins_as_utf_16(error.as_bytes()) { "UTF-16" } else { "not UTF-8" };
         Error::new(ErrorKind::InvalidData, format!("the text is {found}; save it in UTF-8"))
     })
+}
+
+/// Whether a text begins with the mark of UTF-16.
+pub(super) fn begins_as_utf_16(bytes: &[u8]) -> bool {
+    [&b"\xff\xfe"[..], b"\xfe\xff"].iter().any(|mark| bytes.starts_with(mark))
 }
 
 /// Writes a file in one piece: `fill` writes to a temporary file next to `path`, which then takes that name.

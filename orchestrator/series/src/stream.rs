@@ -114,7 +114,7 @@ impl<R: Read> Stream<R> {
             return Err(Error::NoText { path: path.into() });
         }
         let end = stream.buffer.iter().position(|&byte| byte == b'\n').unwrap_or(stream.buffer.len());
-        if [&b"\xff\xfe"[..], b"\xfe\xff"].iter().any(|mark| stream.buffer.starts_with(mark)) {
+        if super::file::begins_as_utf_16(&stream.buffer) {
             return Err(Error::Utf16 { path: path.into() });
         }
         let header = String::from_utf8_lossy(&stream.buffer[..end]).into_owned();

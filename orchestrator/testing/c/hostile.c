@@ -93,58 +93,28 @@ int fmi2GetBoolean(Unit *unit, const unsigned *r, size_t n, int *v) { (void)unit
 int fmi2SetBoolean(Unit *unit, const unsigned *r, size_t n, const int *v) { (void)unit, (void)r, (void)n, (void)v; return 3; }
 int fmi2SetString(Unit *unit, const unsigned *r, size_t n, const char **v) { (void)unit, (void)r, (void)n, (void)v; return 3; }
 
-int fmi2GetFMUstate(Unit *unit, void **state) {
-    int status = fault("fmi2GetFMUstate", unit, NULL, 0);
-    if (asked("fmi2GetFMUstate", "null", unit)) { *state = NULL; return 0; }
-    if (status != 0) return status;
-    if (*state == NULL) *state = malloc(sizeof *unit);
-    memcpy(*state, unit, sizeof *unit);
-    return 0;
-}
+int fmi2GetFMUstate(Unit *unit, void **state) { return save_state("fmi2GetFMUstate", unit, state); }
 int fmi2SetFMUstate(Unit *unit, void *state) {
     const Callbacks *callbacks = unit->callbacks;
     memcpy(unit, state, sizeof *unit);
     unit->callbacks = callbacks;
     return fault("fmi2SetFMUstate", unit, NULL, 0);
 }
-int fmi2FreeFMUstate(Unit *unit, void **state) {
-    int status = fault("fmi2FreeFMUstate", unit, NULL, 0);
-    free(*state);
-    *state = NULL;
-    return status;
-}
+int fmi2FreeFMUstate(Unit *unit, void **state) { return free_state("fmi2FreeFMUstate", unit, state); }
 int fmi2SerializedFMUstateSize(Unit *unit, void *state, size_t *size) {
     (void)state;
-    *size = sizeof *unit;
-    if (asked("fmi2SerializedFMUstateSize", "endless", unit)) *size = (size_t)-1;
-    if (asked("fmi2SerializedFMUstateSize", "wide", unit)) *size = 1ul << 40;
-    if (asked("fmi2SerializedFMUstateSize", "none", unit)) *size = 0;
-    return fault("fmi2SerializedFMUstateSize", unit, NULL, 0);
+    return size_of_state("fmi2SerializedFMUstateSize", unit, size);
 }
 int fmi2SerializeFMUstate(Unit *unit, void *state, char *bytes, size_t size) {
-    memcpy(bytes, state, size < sizeof *unit ? size : sizeof *unit);
-    if (asked("fmi2SerializeFMUstate", "over", unit)) memset(bytes, 1, size + 1000000);
-    return fault("fmi2SerializeFMUstate", unit, NULL, 0);
+    return write_state("fmi2SerializeFMUstate", unit, state, bytes, size);
 }
 int fmi2DeSerializeFMUstate(Unit *unit, const char *bytes, size_t size, void **state) {
-    int status = fault("fmi2DeSerializeFMUstate", unit, NULL, 0);
-    if (status != 0 || size != sizeof *unit) return status != 0 ? status : 3;
-    if (*state == NULL) *state = malloc(sizeof *unit);
-    memcpy(*state, bytes, size);
-    return 0;
+    return read_state("fmi2DeSerializeFMUstate", unit, bytes, size, state);
 }
 
 int fmi2GetDirectionalDerivative(Unit *unit, const unsigned *unknowns, size_t rows, const unsigned *knowns, size_t columns,
                                  const double *seed, double *out) {
-    int status = fault("fmi2GetDirectionalDerivative", unit, out, rows);
-    for (size_t i = 0; status == 0 && i < rows; ++i) {
-        out[i] = 0.0;
-        for (size_t k = 0; k < columns; ++k) {
-            if (unknowns[i] == 2) out[i] += knowns[k] == 0 ? seed[k] : knowns[k] == 1 ? -seed[k] : 0.0;
-            else out[i] += knowns[k] == 1 ? seed[k] : 0.0;
-        }
-    }
-    return status < 0 ? 0 : status;
+    return derivatives("fmi2GetDirectionalDerivative", unit, unknowns, rows, knowns, columns, seed, out, rows);
 }
 
 int fmi2SetRealInputDerivatives(Unit *unit, const unsigned *r, size_t n, const int *order, const double *v) {

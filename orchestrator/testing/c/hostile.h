@@ -158,3 +158,57 @@ static const char *strange_text(const char *function, const Unit *unit, int *is_
     if (asked(function, "wild", unit)) return (const char *)8;
     return NULL;
 }
+
+/* Saved states and derivatives, whose functions the versions name differently. */
+
+static int save_state(const char *function, Unit *unit, void **state) {
+    int status = fault(function, unit, NULL, 0);
+    if (asked(function, "null", unit)) { *state = NULL; return 0; }
+    if (status != 0) return status;
+    if (*state == NULL) *state = malloc(sizeof *unit);
+    memcpy(*state, unit, sizeof *unit);
+    return 0;
+}
+
+static int free_state(const char *function, Unit *unit, void **state) {
+    int status = fault(function, unit, NULL, 0);
+    free(*state);
+    *state = NULL;
+    return status;
+}
+
+static int size_of_state(const char *function, Unit *unit, size_t *size) {
+    *size = sizeof *unit;
+    if (asked(function, "endless", unit)) *size = (size_t)-1;
+    if (asked(function, "wide", unit)) *size = 1ul << 40;
+    if (asked(function, "none", unit)) *size = 0;
+    return fault(function, unit, NULL, 0);
+}
+
+static int write_state(const char *function, Unit *unit, const void *state, void *bytes, size_t size) {
+    memcpy(bytes, state, size < sizeof *unit ? size : sizeof *unit);
+    if (asked(function, "over", unit)) memset(bytes, 1, size + 1000000);
+    return fault(function, unit, NULL, 0);
+}
+
+static int read_state(const char *function, Unit *unit, const void *bytes, size_t size, void **state) {
+    int status = fault(function, unit, NULL, 0);
+    if (status != 0 || size != sizeof *unit) return status != 0 ? status : 3;
+    if (*state == NULL) *state = malloc(sizeof *unit);
+    memcpy(*state, bytes, size);
+    return 0;
+}
+
+/* dx/dt (reference 2) = u - x, and the outputs show x; u and x have the references 0 and 1. */
+static int derivatives(const char *function, Unit *unit, const unsigned *unknowns, size_t rows, const unsigned *knowns,
+                       size_t columns, const double *seed, double *out, size_t length) {
+    int status = fault(function, unit, out, length);
+    for (size_t i = 0; status == 0 && i < rows; ++i) {
+        out[i] = 0.0;
+        for (size_t k = 0; k < columns; ++k) {
+            if (unknowns[i] == 2) out[i] += knowns[k] == 0 ? seed[k] : knowns[k] == 1 ? -seed[k] : 0.0;
+            else out[i] += knowns[k] == 1 ? seed[k] : 0.0;
+        }
+    }
+    return status < 0 ? 0 : status;
+}

@@ -102,59 +102,29 @@ int fmi3GetString(Unit *unit, Refs references, size_t count, const char **values
     return fault("fmi3GetString", unit, NULL, 0);
 }
 
-int fmi3GetFMUState(Unit *unit, void **state) {
-    int status = fault("fmi3GetFMUState", unit, NULL, 0);
-    if (asked("fmi3GetFMUState", "null", unit)) { *state = NULL; return 0; }
-    if (status != 0) return status;
-    if (*state == NULL) *state = malloc(sizeof *unit);
-    memcpy(*state, unit, sizeof *unit);
-    return 0;
-}
+int fmi3GetFMUState(Unit *unit, void **state) { return save_state("fmi3GetFMUState", unit, state); }
 int fmi3SetFMUState(Unit *unit, void *state) {
     Unit now = *unit;
     memcpy(unit, state, sizeof *unit);
     unit->environment = now.environment, unit->logger = now.logger, unit->update = now.update;
     return fault("fmi3SetFMUState", unit, NULL, 0);
 }
-int fmi3FreeFMUState(Unit *unit, void **state) {
-    int status = fault("fmi3FreeFMUState", unit, NULL, 0);
-    free(*state);
-    *state = NULL;
-    return status;
-}
+int fmi3FreeFMUState(Unit *unit, void **state) { return free_state("fmi3FreeFMUState", unit, state); }
 int fmi3SerializedFMUStateSize(Unit *unit, void *state, size_t *size) {
     (void)state;
-    *size = sizeof *unit;
-    if (asked("fmi3SerializedFMUStateSize", "endless", unit)) *size = (size_t)-1;
-    if (asked("fmi3SerializedFMUStateSize", "wide", unit)) *size = 1ul << 40;
-    if (asked("fmi3SerializedFMUStateSize", "none", unit)) *size = 0;
-    return fault("fmi3SerializedFMUStateSize", unit, NULL, 0);
+    return size_of_state("fmi3SerializedFMUStateSize", unit, size);
 }
 int fmi3SerializeFMUState(Unit *unit, void *state, uint8_t *bytes, size_t size) {
-    memcpy(bytes, state, size < sizeof *unit ? size : sizeof *unit);
-    if (asked("fmi3SerializeFMUState", "over", unit)) memset(bytes, 1, size + 1000000);
-    return fault("fmi3SerializeFMUState", unit, NULL, 0);
+    return write_state("fmi3SerializeFMUState", unit, state, bytes, size);
 }
 int fmi3DeserializeFMUState(Unit *unit, const uint8_t *bytes, size_t size, void **state) {
-    int status = fault("fmi3DeserializeFMUState", unit, NULL, 0);
-    if (status != 0 || size != sizeof *unit) return status != 0 ? status : 3;
-    if (*state == NULL) *state = malloc(sizeof *unit);
-    memcpy(*state, bytes, size);
-    return 0;
+    return read_state("fmi3DeserializeFMUState", unit, bytes, size, state);
 }
 
 int fmi3GetDirectionalDerivative(Unit *unit, Refs unknowns, size_t rows, Refs knowns, size_t columns, const double *seed,
                                  size_t seeds, double *out, size_t outs) {
-    int status = fault("fmi3GetDirectionalDerivative", unit, out, outs);
     (void)seeds;
-    for (size_t i = 0; status == 0 && i < rows; ++i) {
-        out[i] = 0.0;
-        for (size_t k = 0; k < columns; ++k) {
-            if (unknowns[i] == 2) out[i] += knowns[k] == 0 ? seed[k] : knowns[k] == 1 ? -seed[k] : 0.0;
-            else out[i] += knowns[k] == 1 ? seed[k] : 0.0;
-        }
-    }
-    return status < 0 ? 0 : status;
+    return derivatives("fmi3GetDirectionalDerivative", unit, unknowns, rows, knowns, columns, seed, out, outs);
 }
 
 int fmi3GetOutputDerivatives(Unit *unit, Refs references, size_t count, const int32_t *orders, double *values, size_t length) {

@@ -4,7 +4,6 @@ use std::collections::BTreeMap;
 
 use super::by_share::{self, ByShare};
 use super::catalogue;
-use super::changed;
 use super::declaration::{Attachment, File, Role};
 use super::effects::{effects, physical};
 use super::errors::{errors, floor, force, force_noise};
@@ -42,8 +41,9 @@ pub fn answer(file: &File, settings: &Settings, say: Say) -> Result<(Answer, Evi
     let scale = scales(&study, &declared);
     correct(&mut study, &scale, &[], &declared.parameters);
     let mut model = steps(&mut study, &scale, &declared);
-    say("noise floor");
     let fits = Fits::new(&study, scale.clone()).quickened(&model);
+    let mut quick = fits.quick;
+    say("noise floor");
     let judge = Judge::new(&fits, &model, settings.draws, settings.seed);
     // What is left of a limited time is for effects that leave more than noise.
     stop::stage(EXACT_SHARE_OF_TIME);
@@ -56,9 +56,10 @@ pub fn answer(file: &File, settings: &Settings, say: Say) -> Result<(Answer, Evi
         let start = fits.fit_from(Vec::new(), &model.fit.parameters, &model.fit.locals);
         model = start.unwrap_or(model);
         exact = exact::search(&fits, &judge, &model, settings, say);
+        quick = fits.quickened(&model).quick;
     }
     stop::stage(1.0);
-    let fits = Fits::new(&study, scale.clone()).quickened(&model);
+    let fits = Fits { quick, ..Fits::new(&study, scale.clone()) };
     let selection = exact.unwrap_or_else(|_| search(&fits, &judge, model, settings.max_effects, say));
     let best = &selection.best;
     if selection.effects() > 0 {
@@ -315,10 +316,6 @@ fn assemble(
     if let Some(found) = by_share {
         explain_tried(found, &mut effects);
     }
-    if chosen {
-        let first = selection.best.added.len();
-        effects.splice(first..first, changes(study, selection));
-    }
     let printed = [&selection.declared, if chosen { &selection.best } else { &selection.declared }]
         .map(|model| fits.as_declared(model).parameters);
     if chosen {
@@ -386,20 +383,6 @@ fn assemble(
         notes,
         ..Answer::default()
     }
-}
-
-/// The changed parameters of an answer as effects.
-fn changes(study: &Study, selection: &Selection) -> Vec<Effect> {
-    let samples = study.records.iter().filter(|own| own.role == Role::Estimation).map(|own| own.n);
-    let gain = (selection.declared.error / selection.best.error).powi(2).ln();
-    let score = samples.sum::<usize>() as f64 * gain;
-    let mut found = changed::effects(study, &selection.best, &selection.changed, score);
-    for (own, free) in found.iter_mut().zip(&selection.changed) {
-        let group = changed::group(study, free);
-        own.selected = true;
-        own.group = selection.equals.iter().any(|(lacking, _)| *lacking == group).then_some(group);
-    }
-    found
 }
 
 /// Place of what is left where nothing shows a better one.

@@ -177,17 +177,8 @@ fn answer(fits: &Fits, declared: &fits::Model, known: &[question::Correction], f
         .first()
         .map_or_else(Vec::new, |step| step.tried.iter().map(|own| model(fits, &own.model)).collect());
     let equals = found.equals.iter().map(|(lacking, own)| (*lacking, model(fits, &own.model))).collect();
-    let selection = Selection {
-        declared: declared.clone(),
-        path: vec![(Vec::new(), f64::NAN)],
-        best,
-        equals,
-        singles,
-        stability: Vec::new(),
-        refused: Vec::new(),
-        exact: false,
-        changed: Vec::new(),
-    };
+    let path = vec![(Vec::new(), f64::NAN)];
+    let selection = Selection { equals, ..Selection::new(declared.clone(), best, singles, path) };
     let corrections = corrections(study, &selection.best, known);
     let free_form = found.free_form.map(|form| {
         let own = &study.candidates[form.candidate];

@@ -31,6 +31,12 @@ pub fn physical(study: &Study, c: usize, p: &[f64]) -> Vec<f64> {
     }
 }
 
+/// Improvement of the information criterion over the declared model, but for the price of parameters.
+fn score(fits: &Fits, selection: &Selection, model: &Model) -> f64 {
+    let samples: usize = fits.pieces.iter().map(|piece| piece.range.len()).sum();
+    samples as f64 * (selection.declared.error / model.error).powi(2).ln()
+}
+
 /// An effect of a model; `widen`: factor of the standard deviations that the covariance of its fit gives.
 fn effect(fits: &Fits, selection: &Selection, model: &Model, c: usize, widen: f64) -> Effect {
     let study = fits.study;
@@ -54,8 +60,7 @@ fn effect(fits: &Fits, selection: &Selection, model: &Model, c: usize, widen: f6
         let name = entry.name.rsplit(' ').next().unwrap_or(&entry.name).to_owned();
         Parameter { name, unit: entry.unit.clone(), value: *value, interval: (value - half, value + half) }
     });
-    let samples: usize = fits.pieces.iter().map(|piece| piece.range.len()).sum();
-    let score = samples as f64 * (selection.declared.error / model.error).powi(2).ln();
+    let score = score(fits, selection, model);
     Effect {
         id: own.full_id(),
         channel: own.channel.to_owned(),
@@ -164,15 +169,25 @@ pub fn effects(fits: &Fits, selection: &Selection, chosen: bool, weighted: bool)
         let own = effect(fits, selection, best, c, widen(best));
         found.push(Effect { selected: chosen, group, reason, stability, ..own });
     }
+    if chosen {
+        let score = score(fits, selection, best);
+        let changes = changed::effects(study, best, &selection.changed, score);
+        for (free, change) in selection.changed.iter().zip(changes) {
+            let own = changed::group(study, free);
+            let group = selection.equals.iter().any(|(lacking, _)| *lacking == own).then_some(own);
+            found.push(Effect { selected: true, group, ..change });
+        }
+    }
     for (lacking, model) in &selection.equals {
         for &c in model.added.iter().filter(|c| !best.added.contains(c)) {
             let reason = "these records cannot tell it from the selected effect".to_owned();
             let group = chosen.then_some(*lacking);
             found.push(Effect { group, reason, ..effect(fits, selection, model, c, widen(model)) });
         }
-        let mut other = changed::corrected(study, &model.fit);
+        // Beside effects for their share of the error, corrections are none.
+        let mut other = if selection.exact { changed::corrected(study, &model.fit) } else { Vec::new() };
         other.retain(|free| !selection.changed.iter().any(|own| own.index == free.index));
-        for change in changed::effects(study, model, &other, 0.0).into_iter().filter(|_| selection.exact) {
+        for change in changed::effects(study, model, &other, 0.0) {
             let reason = "these records cannot tell it from the selected effect".to_owned();
             found.push(Effect { group: chosen.then_some(*lacking), reason, ..change });
         }

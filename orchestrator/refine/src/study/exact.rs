@@ -90,16 +90,19 @@ pub fn search(
     fits.hold_out(&mut declared);
     let stability = stability(fits, Some(&declared), &mut best);
     let path = vec![(Vec::new(), declared.held_out), (best.added.clone(), best.held_out)];
-    let refused = Vec::new();
-    Ok(Selection { declared, best, equals, singles, path, stability, refused, exact: true, changed })
+    let selection = Selection::new(declared, best, singles, path);
+    Ok(Selection { equals, stability, exact: true, changed, ..selection })
 }
 
 /// Declared parameters of which another value may be missing: those that no effect of the list does the same as.
 fn changes(study: &Study, whole: &Whole, declared: &Fit, candidates: &[Candidate]) -> Vec<Free> {
     let at = (&declared.parameters[..], &declared.locals[..]);
+    let found = influential(study, whole, at, f64::INFINITY);
+    if found.is_empty() {
+        return Vec::new();
+    }
     let singles = Singles::new(study, whole, at, candidates);
-    let found = influential(study, whole, at, f64::INFINITY).into_iter();
-    let alone = found.filter(|own| singles.same(own).is_none());
+    let alone = found.into_iter().filter(|own| singles.same(own).is_none());
     alone.map(|own| Free { prior: None, ..own.free }).collect()
 }
 

@@ -27,8 +27,8 @@ fn integer(component: &Component, index: usize) -> Option<usize> {
     usize::try_from(own).ok()
 }
 
-/// Parameters `A[i,i]` and `C[j,i]` of components that are a state space, if they are not zero: they move its poles, and
-/// how much each shows, which is all that inputs and outputs tell. As a study names them.
+/// Parameters `A[i,i]` and `C[j,i]` of components that are a state space, if they are not zero, as a study names them. They
+/// move its poles and how much each shows; the other elements add directions that mostly change the coordinates alone.
 pub fn coefficients(graph: &SystemGraph) -> Vec<String> {
     let mut found = Vec::new();
     for component in &graph.components {

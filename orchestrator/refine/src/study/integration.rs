@@ -10,6 +10,8 @@ const SUBSTEPS: [usize; 3] = [1, 2, 4];
 /// Error of the integration over the noise of a sensor, rms, up to which it does not show: in sums over 64 samples it gives
 /// less than a twentieth of the power of the noise.
 const MAX_ERROR_OVER_NOISE: f64 = 0.03;
+/// Share of what a model leaves, rms, from which on its integration is to blame.
+const MIN_SHARE_OF_LEFT: f64 = 0.3;
 /// Records, and samples of each, on which steps are compared.
 const COMPARED: (usize, usize) = (3, 4000);
 
@@ -39,13 +41,14 @@ pub fn substeps(study: &Study) -> usize {
     2 * SUBSTEPS[SUBSTEPS.len() - 1]
 }
 
-/// Share of what a model leaves, rms, from which on its integration is to blame.
-const MIN_SHARE_OF_LEFT: f64 = 0.3;
-
 /// Runge-Kutta steps per sample that a model needs, if what it leaves is the error of its integration: friction that it adds
 /// changes its sign faster than anything in the declared model.
 pub fn finer(fits: &Fits, model: &Model) -> Option<usize> {
     let study = fits.study;
+    let most = 2 * SUBSTEPS[SUBSTEPS.len() - 1];
+    if study.substeps >= most {
+        return None;
+    }
     let pieces: Vec<Piece> = fits.pieces.iter().take(COMPARED.0).cloned().collect();
     let view = fits.view(&model.added, &pieces);
     let outputs = |substeps: usize| -> Vec<Vec<f64>> {
@@ -53,11 +56,9 @@ pub fn finer(fits: &Fits, model: &Model) -> Option<usize> {
         let one = |r: usize| view.predict(r, &model.fit.parameters, &model.fit.locals[r]);
         (0..pieces.len()).map(one).collect()
     };
-    let most = 2 * SUBSTEPS[SUBSTEPS.len() - 1];
     let (coarse, finest) = (outputs(study.substeps), outputs(most));
     let measured: Vec<Vec<f64>> = (0..pieces.len()).map(|r| view.measured(r)).collect();
-    let by_integration = apart(study, &coarse, &finest);
-    if study.substeps >= most || by_integration < MIN_SHARE_OF_LEFT * apart(study, &coarse, &measured) {
+    if apart(study, &coarse, &finest) < MIN_SHARE_OF_LEFT * apart(study, &coarse, &measured) {
         return None;
     }
     let steps = SUBSTEPS.into_iter().filter(|&count| count > study.substeps);

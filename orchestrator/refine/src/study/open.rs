@@ -201,11 +201,7 @@ fn parameters(file: &File, graph: &SystemGraph) -> Result<Values, Error> {
                 format!("`{}` starts at {start}, outside of {} to {}", free.parameter, bounds.0, bounds.1),
             ));
         }
-        let index = entries.len();
-        let free_entry = Free { index, bounds, step: 1e-5 * start.abs().max(1e-6), prior: None };
-        let unit = names::unit_of(graph, &free.parameter).unwrap_or_else(|| "1".into());
-        let name = free.parameter.clone();
-        entries.push(Entry { name, unit, target: Target::Declared(parameter), start, free: free_entry });
+        entries.push(free_entry(graph, entries.len(), &free.parameter, (parameter, start, bounds)));
     }
     let held = |name: &String| {
         let free = || declaration.free.iter().any(|own| own.get_ref().parameter == *name);
@@ -215,15 +211,24 @@ fn parameters(file: &File, graph: &SystemGraph) -> Result<Values, Error> {
     let wanted = declaration.fit_identified.unwrap_or(declaration.free.is_empty());
     for name in anew.filter(|name| wanted && !held(name)) {
         let Some((parameter, start, bounds)) = Plant::parameter(graph, &name) else { continue };
-        let index = entries.len();
-        let free = Free { index, bounds, step: 1e-5 * start.abs(), prior: None };
-        let unit = names::unit_of(graph, &name).unwrap_or_else(|| "1".into());
-        entries.push(Entry { name, unit, target: Target::Declared(parameter), start, free });
+        entries.push(free_entry(graph, entries.len(), &name, (parameter, start, bounds)));
     }
     fixed.retain(|(own, _)| {
         !entries.iter().any(|entry| matches!(entry.target, Target::Declared(free) if free == *own))
     });
     Ok((fixed, entries))
+}
+
+/// A parameter of the declared model that every fit is free to choose.
+fn free_entry(
+    graph: &SystemGraph,
+    index: usize,
+    name: &str,
+    (parameter, start, bounds): (plant::Parameter, f64, (f64, f64)),
+) -> Entry {
+    let free = Free { index, bounds, step: 1e-5 * start.abs().max(1e-6), prior: None };
+    let unit = names::unit_of(graph, name).unwrap_or_else(|| "1".into());
+    Entry { name: name.to_owned(), unit, target: Target::Declared(parameter), start, free }
 }
 
 fn taps(
@@ -340,7 +345,7 @@ pub fn open(file: &File) -> Result<(Study, Vec<Attachment>), Error> {
         .map_err(|problem| file.refuse(&declaration.system, problem))?;
     let mut states = vec![0.0; plant.nx];
     plant
-        .initialise(&[], 0.0, &mut states, &|_, value, _| value)
+        .initialise(&[], &[], 0.0, &mut states, &|_, value, _| value)
         .map_err(|problem| file.refuse(&declaration.system, problem))?;
     let sampled = plant.next_event().is_some();
     let layout = layout(file, &graph, &plant)?;

@@ -318,7 +318,7 @@ impl Plant {
     pub fn sense(&mut self, measured: &[&str]) -> Result<Sense, Problem> {
         let pass = |_: usize, value: f64, _: &[f64]| value;
         let (mut x, nx) = (vec![0.0; self.nx], self.nx);
-        self.initialise(&[], 0.0, &mut x, &pass)?;
+        self.initialise(&[], &[], 0.0, &mut x, &pass)?;
         let start = x.clone();
         let attachments = self.parts.iter().flat_map(|part| &part.feeds).flat_map(|feed| &feed.blocks);
         let count = attachments.max().map_or(0, |last| last + 1);

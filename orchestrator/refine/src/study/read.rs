@@ -280,10 +280,11 @@ pub fn records(file: &File, layout: &Layout, notes: &mut Vec<String>) -> Result<
                     segment.file, grid.gaps
                 ));
             }
-            if grid.step < SHORT_STEP * own_step(grid.raw.time()) {
+            let own = own_step(grid.raw.time());
+            if grid.step < SHORT_STEP * own {
                 notes.push(format!(
-                    "{}: step_s = {} s is shorter than its own step of {:.3e} s; what is interpolated between samples may look as if something were missing. Leave step_s out: the integration is as fine as it needs to be.",
-                    segment.file, grid.step, own_step(grid.raw.time())
+                    "{}: step_s = {} s is shorter than its own step of {own:.3e} s; what is interpolated between samples may look as if something were missing. Leave step_s out: the integration is as fine as it needs to be.",
+                    segment.file, grid.step
                 ));
             }
             grids.insert(&segment.file, grid);

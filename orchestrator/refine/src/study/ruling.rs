@@ -51,8 +51,8 @@ pub(crate) fn share(
     if declared > 0.0 { 1.0 - (best / declared).sqrt() } else { 0.0 }
 }
 
-/// Shares of the error on validation records that each effect of the answer, and then each changed parameter, takes away without the others and without
-/// corrections, in the order in which they are printed.
+/// Shares of the error on validation records that each effect of the answer, and then each changed parameter, takes away
+/// without the others and without corrections, in the order in which they are printed.
 pub(super) fn alone(
     fits: &Fits,
     selection: &Selection,

@@ -60,6 +60,12 @@ pub struct Selection {
 }
 
 impl Selection {
+    /// A model with the single candidates and the steps that led to it, judged by nothing yet.
+    pub fn new(declared: Model, best: Model, singles: Vec<Model>, path: Vec<(Vec<usize>, f64)>) -> Selection {
+        let (equals, stability, refused, changed) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+        Selection { declared, best, equals, singles, path, stability, refused, exact: false, changed }
+    }
+
     /// Number of effects of the best model.
     pub fn effects(&self) -> usize {
         self.best.added.len() + self.changed.len()
@@ -422,18 +428,7 @@ pub fn search(fits: &Fits, judge: &Judge, declared: Model, most: usize, say: Say
     if judge.explained(fits, &declared) {
         let path = vec![(Vec::new(), declared.held_out)];
         let best = declared.clone();
-        let (equals, singles) = (Vec::new(), Vec::new());
-        return Selection {
-            declared,
-            best,
-            equals,
-            singles,
-            path,
-            stability: Vec::new(),
-            refused: Vec::new(),
-            exact: false,
-            changed: Vec::new(),
-        };
+        return Selection::new(declared, best, Vec::new(), path);
     }
     let mut path = vec![(Vec::new(), declared.held_out)];
     say("candidates one by one");
@@ -459,25 +454,12 @@ pub fn search(fits: &Fits, judge: &Judge, declared: Model, most: usize, say: Say
     let best = search.prune(best);
     if !search.enough(&best) {
         // No explanation to the noise: a proposal to the search for a share of the error, which judges it.
-        let (equals, stability, refused) = (Vec::new(), Vec::new(), Vec::new());
-        let changed = Vec::new();
-        return Selection {
-            declared,
-            best,
-            equals,
-            singles,
-            path,
-            stability,
-            refused,
-            exact: false,
-            changed,
-        };
+        return Selection::new(declared, best, singles, path);
     }
     say("trying other effects in their place");
     let (best, equals) = search.exchange(best);
     say("stability over parts of the records");
     let (best, stability, refused) = search.steady(best);
     let best = if stop::asked() { best } else { fits.polish(&best).unwrap_or(best) };
-    let changed = Vec::new();
-    Selection { declared, best, equals, singles, path, stability, refused, exact: false, changed }
+    Selection { equals, stability, refused, ..Selection::new(declared, best, singles, path) }
 }

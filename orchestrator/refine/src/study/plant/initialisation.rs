@@ -9,26 +9,15 @@ const PROBES: usize = 3;
 
 impl Plant {
     /// (Re)initialises all components at `time` \[s\] with these values of parameters and the system inputs that stand in
-    /// the first slots; `x`, `[nx]`, gets the states of the start values.
+    /// the first slots; `x`, `[nx]`, gets the states.
+    ///
+    /// `begin`: values of some states, `[nx]`, or no list for the start values. Where a component changes at events only,
+    /// they are start values, as its first event is part of the initialization: `x` has what it made of its own, and the
+    /// values of the others.
     ///
     /// # Errors
     /// An FMU that fails.
     pub fn initialise(
-        &mut self,
-        parameters: &[(Parameter, f64)],
-        time: f64,
-        x: &mut [f64],
-        block: &impl Fn(usize, f64, &[f64]) -> f64,
-    ) -> Result<(), Problem> {
-        self.initialise_from(&[], parameters, time, x, block)
-    }
-
-    /// The same with values of some states, `[nx]`, or no list. Those of components that change at events only are their
-    /// start values, as their first event is part of the initialization: `x` then holds what it made of them.
-    ///
-    /// # Errors
-    /// An FMU that fails.
-    pub fn initialise_from(
         &mut self,
         begin: &[Option<f64>],
         parameters: &[(Parameter, f64)],
@@ -80,7 +69,7 @@ impl Plant {
         asked
     }
 
-    /// Initialises all components; `states` as for [`Plant::initialise_from`].
+    /// Initialises all components; `states` as `begin` of [`Plant::initialise`].
     fn begin(
         &mut self,
         states: &[Option<f64>],
