@@ -63,6 +63,7 @@ def test_what_the_best_linear_model_of_a_regulator_lacks_is_found(tmp_path):
     assert result.returncode == 0, result.stdout + result.stderr
     report = json.loads((tmp_path / "out" / "report.json").read_text())
     effects = {effect["id"]: effect["params"] for effect in report["effects"] if effect["selected"]}
+    assert list(effects) == ["fill@u[1]"]
     fill = effects["fill@u[1]"]
     # It empties more slowly than it fills, and the linear model has the mean of both.
     assert fill["down"]["value"] > 2 * fill["up"]["value"]

@@ -215,8 +215,10 @@ pub fn fill(
     }
 }
 
+/// Whether an effect is looked for at an attachment; the list may name it as reports do, with its port.
 fn wanted(attachment: &Attachment, id: &str) -> bool {
-    attachment.effects.as_ref().is_none_or(|list| list.iter().any(|own| own == id))
+    let is = |own: &String| own == id || *own == format!("{id}@{}", attachment.input);
+    attachment.effects.as_ref().is_none_or(|list| list.iter().any(is))
 }
 
 fn blocks_at(

@@ -27,8 +27,9 @@ fn integer(component: &Component, index: usize) -> Option<usize> {
     usize::try_from(own).ok()
 }
 
-/// Parameters `A[i,i]` and `C[j,i]` of components that are a state space, if they are not zero, as a study names them. They
-/// move its poles and how much each shows; the other elements add directions that mostly change the coordinates alone.
+/// Parameters `A[i,i]` and `C[j,i]` of components that are a state space, if they are not zero, and `y_offset[j]`, as a study
+/// names them. They move its poles, how much each shows, and the values at rest; the other elements add directions that
+/// mostly change the coordinates alone.
 pub fn coefficients(graph: &SystemGraph) -> Vec<String> {
     let mut found = Vec::new();
     for component in &graph.components {
@@ -55,8 +56,12 @@ pub fn coefficients(graph: &SystemGraph) -> Vec<String> {
         };
         let poles = named('A').filter(|(_, (row, column))| row == column && *row <= states).map(path);
         let shown = named('C').filter(inside).map(path);
+        let rest = (1..=outputs.min(variables.len())).filter_map(|output| {
+            let index = variables.iter().position(|own| own.name == format!("y_offset[{output}]"))?;
+            Some(path((index, (output, output))))
+        });
         let acts = |name: &String| Plant::parameter(graph, name).is_some_and(|(_, value, _)| value != 0.0);
-        let own: Vec<String> = poles.chain(shown).filter(acts).collect();
+        let own: Vec<String> = poles.chain(shown).filter(acts).chain(rest).collect();
         if own.len() <= MAX_COEFFICIENTS {
             found.extend(own);
         }

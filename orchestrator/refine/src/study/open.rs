@@ -135,7 +135,8 @@ fn check(file: &File) -> Result<(), Error> {
         let known = kinds::ids(&attachment.channels);
         let known = if attachment.channels.is_empty() { kinds::kinds_of_ports() } else { known };
         for id in attachment.effects.iter().flatten() {
-            if !known.contains(&id.as_str()) {
+            let kind = id.strip_suffix(&format!("@{}", attachment.input)).unwrap_or(id);
+            if !known.contains(&kind) {
                 return Err(file.refuse(
                     spanned,
                     format!(
@@ -226,7 +227,8 @@ fn free_entry(
     name: &str,
     (parameter, start, bounds): (plant::Parameter, f64, (f64, f64)),
 ) -> Entry {
-    let free = Free { index, bounds, step: 1e-5 * start.abs().max(1e-6), prior: None };
+    let size = if start == 0.0 { 1.0 } else { start.abs().max(1e-6) };
+    let free = Free { index, bounds, step: 1e-5 * size, prior: None };
     let unit = names::unit_of(graph, name).unwrap_or_else(|| "1".into());
     Entry { name: name.to_owned(), unit, target: Target::Declared(parameter), start, free }
 }

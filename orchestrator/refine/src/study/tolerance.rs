@@ -34,14 +34,25 @@ fn usual(unit: Option<&str>) -> Option<f64> {
     })
 }
 
-/// Real parameters of the system by name, as a study names them; elements of matrices are left out, as an identified model
-/// is never scaled one coefficient at a time.
+/// Whether a parameter is the clock of a component that samples, which is stated and not measured.
+fn is_clock(name: &str, unit: Option<&str>) -> bool {
+    let second = Exponents { s: 1, ..Exponents::default() };
+    let time = unit.and_then(lookup).is_some_and(|own| own.exponents == second);
+    time && name.to_lowercase().contains("sample")
+}
+
+/// Real parameters of the system by name, as a study names them; clocks are left out, and elements of matrices, as an
+/// identified model is never scaled one coefficient at a time.
 fn parameters(graph: &SystemGraph) -> Vec<String> {
     let mut found = Vec::new();
     for component in &graph.components {
         for (index, variable) in component.fmu.description.variables.iter().enumerate() {
-            let real = matches!(variable.kind, VariableKind::Real(_));
-            if real && variable.causality == Causality::Parameter && !variable.name.contains('[') {
+            let VariableKind::Real(real) = &variable.kind else { continue };
+            let name = &variable.name;
+            if variable.causality == Causality::Parameter
+                && !name.contains('[')
+                && !is_clock(name, real.unit.as_deref())
+            {
                 found.push(if graph.single { variable.name.clone() } else { component.path_of(index) });
             }
         }
