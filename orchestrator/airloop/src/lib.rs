@@ -11,6 +11,7 @@
 pub mod discrepancy;
 pub mod error;
 pub mod new_study;
+pub mod relative_path;
 pub mod rig;
 pub mod simulation;
 

@@ -6,13 +6,15 @@
 
 use std::collections::BTreeMap;
 use std::fmt::Write;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use airloop_cosim::system::SystemGraph;
 use airloop_cosim::system::graph::{DataType, Source};
-use airloop_fmi::{Causality, VariableKind, template_folder};
+use airloop_fmi::{Causality, Variability, VariableKind, template_folder};
 use airloop_series::units::{self, Compatibility};
 use airloop_series::{Channel, TimeSeries, csv};
+
+use crate::relative_path::relative_path;
 
 /// Name of the file.
 pub const FILE: &str = "study.toml";
@@ -90,7 +92,8 @@ pub fn write(request: &Request) -> Result<(PathBuf, Vec<String>), crate::Error> 
     let names = file_names(&records)?;
     let shown = match request.system.strip_prefix(OWN) {
         Some(_) => request.system.clone(),
-        None => relative(&system, &request.folder)?,
+        None => relative_path(&system, &request.folder)
+            .map_err(|error| Error::Write { file: system.clone(), problem: error.to_string() })?,
     };
     let matched = Matched::new(&graph, &records, &request.signals)?;
     let text = text(&graph, &shown, &matched, &names);
@@ -126,27 +129,6 @@ fn file_names(records: &[(PathBuf, TimeSeries)]) -> Result<Vec<String>, Error> {
     Ok(names)
 }
 
-/// Path of a file as seen from a folder that may not be there yet.
-fn relative(file: &Path, folder: &Path) -> Result<String, Error> {
-    let refuse = |error: std::io::Error| Error::Write { file: file.into(), problem: error.to_string() };
-    let absolute = file.canonicalize().map_err(refuse)?;
-    // The part of the folder that is there decides what `..` means.
-    let full = std::path::absolute(folder).map_err(refuse)?;
-    let there = full.ancestors().find_map(|part| Some((part, part.canonicalize().ok()?)));
-    let base = match there {
-        Some((part, real)) => full.strip_prefix(part).map_or_else(|_| real.clone(), |rest| real.join(rest)),
-        None => full.clone(),
-    };
-    let (mut own, mut other) = (absolute.components().peekable(), base.components().peekable());
-    while own.peek().is_some() && own.peek() == other.peek() {
-        own.next();
-        other.next();
-    }
-    let up = other.map(|_| "..".to_owned());
-    let down = own.map(|part| part.as_os_str().to_string_lossy().into_owned());
-    Ok(up.chain(down).collect::<Vec<_>>().join("/"))
-}
-
 /// A signal of the system and the column that shows it.
 struct Pair {
     name: String,
@@ -154,7 +136,7 @@ struct Pair {
     column: String,
     /// Unit of the column where it is another.
     column_unit: Option<String>,
-    /// Discrete or no Real: held between samples.
+    /// Discrete, no Real, or the input of a system that samples: held between samples.
     held: bool,
     /// Name as a state, where it is one.
     state: Option<String>,
@@ -212,9 +194,10 @@ impl Matched {
                     state,
                 }
             };
+        let sampled = is_sampled(graph);
         let with_inputs = graph.inputs.iter().enumerate().filter_map(|(index, one)| {
             let channel = column_of(&one.name)?;
-            Some(pair(&one.name, &one.unit, channel, graph.input_is_held(index), None))
+            Some(pair(&one.name, &one.unit, channel, sampled || graph.input_is_held(index), None))
         });
         let with_outputs =
             graph.outputs.iter().filter(|one| one.data_type != DataType::String).filter_map(|one| {
@@ -247,6 +230,44 @@ impl Matched {
             outputs,
         })
     }
+}
+
+/// Whether all that a system shows changes at samples only, as that of an identified model does.
+fn is_sampled(graph: &SystemGraph) -> bool {
+    let discrete = |source: &Source| match source {
+        Source::Output { component, variable } => {
+            let description = &graph.components[*component].fmu.description;
+            description.variables[*variable].variability == Variability::Discrete
+        }
+        Source::Input(_) => false,
+    };
+    !graph.outputs.is_empty() && graph.outputs.iter().all(|one| discrete(&one.source))
+}
+
+/// Which of several records are for validation: those whose names say so, else the last of every kind (names that differ in
+/// their last digits), else the last.
+fn validation(names: &[String]) -> Vec<bool> {
+    let stem = |name: &String| name.rsplit_once('.').map_or(name.as_str(), |(stem, _)| stem).to_lowercase();
+    let says = |name: &String| {
+        let stem = stem(name);
+        stem.split(|c: char| !c.is_alphabetic())
+            .any(|word| ["v", "val", "valid", "validation", "test"].contains(&word))
+    };
+    let chosen: Vec<bool> = names.iter().map(says).collect();
+    if chosen.contains(&true) && chosen.contains(&false) {
+        return chosen;
+    }
+    let kind = |name: &String| stem(name).trim_end_matches(|c: char| c.is_ascii_digit()).to_owned();
+    let last_of_several = |(index, name): (usize, &String)| {
+        let same = |other: &&String| kind(other) == kind(name);
+        names[..index].iter().any(|other| same(&other))
+            && !names[index + 1..].iter().any(|other| same(&other))
+    };
+    let mut chosen: Vec<bool> = names.iter().enumerate().map(last_of_several).collect();
+    if let (false, Some(last)) = (chosen.contains(&true), chosen.last_mut()) {
+        *last = true;
+    }
+    chosen
 }
 
 /// Continuous states: name in a study, unit, and where they stand.
@@ -397,6 +418,7 @@ fn text(graph: &SystemGraph, system: &str, matched: &Matched, names: &[String]) 
         "# Records: effects are chosen on estimation, and judged on validation. initial = \"fit\" fits the states at the",
     );
     line("# begin of each, \"measured\" takes them from [states].");
+    let validation = validation(names);
     for (index, (name, &(from, to))) in names.iter().zip(&matched.spans).enumerate() {
         let mut segment = |role: &str, from: Option<f64>, to: Option<f64>| {
             line("[[segment]]");
@@ -411,7 +433,6 @@ fn text(graph: &SystemGraph, system: &str, matched: &Matched, names: &[String]) 
             line("initial = \"fit\"");
             line("");
         };
-        let last = index + 1 == names.len();
         if names.len() == 1 {
             let cut = from + ESTIMATION_SHARE * (to - from);
             // Two digits are enough for a cut that the user may move.
@@ -419,7 +440,7 @@ fn text(graph: &SystemGraph, system: &str, matched: &Matched, names: &[String]) 
             segment("estimation", None, Some(cut));
             segment("validation", Some(cut), None);
         } else {
-            segment(if last { "validation" } else { "estimation" }, None, None);
+            segment(if validation[index] { "validation" } else { "estimation" }, None, None);
         }
     }
     line(
@@ -438,7 +459,9 @@ fn parameters(graph: &SystemGraph) -> Vec<(String, String, Option<String>)> {
     for component in &graph.components {
         for (index, variable) in component.fmu.description.variables.iter().enumerate() {
             let VariableKind::Real(real) = &variable.kind else { continue };
-            if variable.causality != Causality::Parameter || variable.name.contains("solver.") {
+            // Elements of matrices are no values that anybody looks up.
+            let looked_up = !variable.name.contains("solver.") && !variable.name.contains('[');
+            if variable.causality != Causality::Parameter || !looked_up {
                 continue;
             }
             let set = component.start_values.iter().find(|start| start.variable == index);
@@ -453,4 +476,23 @@ fn parameters(graph: &SystemGraph) -> Vec<(String, String, Option<String>)> {
         }
     }
     found
+}
+
+#[cfg(test)]
+mod tests {
+    use super::validation;
+
+    fn chosen(names: &[&str]) -> Vec<usize> {
+        let names: Vec<String> = names.iter().map(|name| (*name).to_owned()).collect();
+        validation(&names).into_iter().enumerate().filter_map(|(index, own)| own.then_some(index)).collect()
+    }
+
+    #[test]
+    fn records_for_validation_follow_from_their_names() {
+        assert_eq!(chosen(&["a_test.csv", "a_1.csv"]), [0]);
+        assert_eq!(chosen(&["sine_v.csv", "sine_1.csv", "stairs_v.csv"]), [0, 2]);
+        assert_eq!(chosen(&["stairs_1.csv", "stairs_2.csv", "sine_1.csv", "sine_2.csv"]), [1, 3]);
+        assert_eq!(chosen(&["swing.csv", "tail.csv"]), [1]);
+        assert_eq!(chosen(&["v1.csv", "v2.csv"]), [1]);
+    }
 }

@@ -14,6 +14,7 @@ use clap::{Args as ClapArgs, ValueEnum};
 use super::refine_progress::{Interrupt, Progress};
 use super::{folder, output};
 use airloop::Error;
+use airloop::relative_path::relative_path;
 use airloop_fmi::template_folder::VARIABLE;
 use airloop_refine::amend;
 use airloop_refine::answer::{Answer, Settings, Verdict};
@@ -143,12 +144,17 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
         Question::Rig { case, .. } => case.declaration.id.clone(),
         Question::Study(file) => file.name(),
     };
+    let study = match &question {
+        Question::Study(file) => relative_path(&file.path, &args.output).ok(),
+        Question::Rig { .. } => None,
+    };
     let written = Report {
         case: &name,
         answer: &found,
         evidence: &evidence,
         settings: &settings,
         system: system.then_some(amend::FOLDER),
+        study: study.as_deref(),
         signals: results.path().join(amend::FOLDER).join(amend::SIGNALS).is_file(),
     };
     airloop_report::write(&written, results.path())?;

@@ -49,12 +49,18 @@ pub struct Report<'a> {
     pub settings: &'a Settings,
     /// Folder of the amended system next to the report, if one was written.
     pub system: Option<&'a str>,
-    /// Whether a table of the columns of the records stands in that folder.
+    /// The study that was asked, as seen from the folder of the report; none: a case of the rig.
+    pub study: Option<&'a str>,
+    /// Whether a table of the columns of the records stands in the folder of the amended system.
     pub signals: bool,
 }
 
-/// The command that runs the amended system in `folder` and compares it with a record.
+/// The command that runs the amended system in `folder`, from the folder of the report, and compares it with the records.
 fn command(report: &Report, folder: &str) -> String {
+    if let Some(study) = report.study {
+        let quote = if study.contains(' ') { "'" } else { "" };
+        return format!("airloop run {folder}/system.ssd --study {quote}{study}{quote} -o out/amended");
+    }
     let table =
         if report.signals { format!(" --signals {folder}/{}", amend::SIGNALS) } else { String::new() };
     format!("airloop run {folder}/system.ssd --master monolithic --measured RECORD.csv{table} -o out/amended")

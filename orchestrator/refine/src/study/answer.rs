@@ -91,8 +91,12 @@ pub fn answer(file: &File, settings: &Settings, say: Say) -> Result<(Answer, Evi
         Some((found, law)) => (selection, found, Some(law)),
         None => {
             let fits = Fits::new(&study, scale.clone());
-            let (selection, by_share) = beside_corrections(&fits, &judge, selection, &scale, settings, say);
+            let (mut selection, by_share) =
+                beside_corrections(&fits, &judge, selection, &scale, settings, say);
             say("errors on all records");
+            if by_share.is_none() && stop::asked() {
+                selection.best = fits.with_covariance(&selection.best);
+            }
             let mut found = assemble(&fits, &judge, &selection, by_share.as_ref(), settings);
             let base = by_share.as_ref().map_or(&selection.declared, |found| &found.corrected).clone();
             let law = law::explain(&mut study, &scale, (&judge, &base), &mut found, Aim::Share, say);
@@ -302,8 +306,8 @@ fn assemble(
         }
         found
     };
-    let before = all(&selection.declared);
-    let mut after = all(&selection.best);
+    let before = stop::finish(|| all(&selection.declared));
+    let mut after = stop::finish(|| all(&selection.best));
     let floors =
         [&selection.declared, &selection.best].map(|model| floor(fits, model, Role::Validation, seed));
     let share = share(study, [&before[1], &after[1]], &floors);
@@ -320,7 +324,7 @@ fn assemble(
         .map(|model| fits.as_declared(model).parameters);
     if chosen {
         as_printed(study, selection, &printed[1], &mut effects);
-        let shares = alone(fits, selection, &before[1], &floors[0]);
+        let shares = stop::finish(|| alone(fits, selection, &before[1], &floors[0]));
         for (effect, share) in effects.iter_mut().filter(|effect| effect.selected).zip(shares) {
             effect.share = Some(share);
             effect.reason = if share > 0.0 {

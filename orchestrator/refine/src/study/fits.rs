@@ -260,6 +260,15 @@ impl<'a> Fits<'a> {
         error.is_finite().then_some(Model::new(added, found, error))
     }
 
+    /// A model as it is, with the covariance that a search which had to end did not wait for.
+    pub fn with_covariance(&self, model: &Model) -> Model {
+        let records: Vec<usize> = (0..self.pieces.len()).collect();
+        let view = self.view(&model.added, &self.pieces);
+        let own = &model.fit;
+        let fit = stop::finish(|| fit(&view, &records, &own.parameters, &own.free, &own.locals, 0));
+        Model { fit, ..model.clone() }
+    }
+
     /// The fit of a model with initial states as the study declares them.
     pub fn as_declared(&self, model: &Model) -> Fit {
         let pieces = pieces(self.study, Role::Estimation);
