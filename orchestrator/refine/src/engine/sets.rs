@@ -37,6 +37,12 @@ impl Run<'_> {
             }
             if let Some(step) = self.instead(&found.base, &found.best, &set, &p) {
                 found.best = step.tried[0].model.clone();
+                let before = found.steps.iter_mut().flat_map(|own| &mut own.tried);
+                for own in before.filter(|own| found.best.added.contains(&own.candidate)) {
+                    if let Some(reason) = &mut own.rejected {
+                        reason.push_str("; the set of the last step needs it");
+                    }
+                }
                 found.equals.clear();
                 found.steps.push(step);
             }
@@ -84,11 +90,7 @@ impl Run<'_> {
             break;
         }
         let extra = model.added.len().saturating_sub(best.added.len()).max(1);
-        let least = q.settings.min_held_out_share * self.declared_error;
-        // What joins effects that stand without it is judged as in a step of the search.
-        let joins = !best.added.is_empty() && best.added.iter().all(|c| model.added.contains(c));
-        let refused = joins && best_error - error < extra as f64 * least;
-        let enough = base_error - error >= least && !refused;
+        let enough = base_error - error >= q.settings.min_held_out_share * self.declared_error;
         let objection = model.added.iter().find_map(|&c| (q.sense)(&q.candidates[c], &model));
         let known = model.added.iter().all(|c| best.added.contains(c));
         if !enough || error > most(extra, best_error) || objection.is_some() || known {
