@@ -15,7 +15,7 @@ demo: fmu            ## replay a measured record through the coupled FMUs, then 
 test: check          ## everything CI runs: checks, FMUs, Rust tests, FMI tests
 	cargo run --quiet -p packager
 	cargo test --workspace
-	AIRLOOP=target/debug/airloop .venv/bin/python -m pytest tests/fmpy
+	AIRLOOP=target/debug/airloop .venv/bin/python -m pytest --numprocesses auto --maxprocesses 4 --dist loadfile tests/fmpy
 
 wheel: setup-build   ## the Python package, with program and FMUs: out/wheel/airloop-*.whl
 	rm -rf out/wheel
