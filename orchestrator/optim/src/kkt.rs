@@ -89,6 +89,11 @@ impl Kkt {
         })
     }
 
+    /// Forgets what earlier runs needed.
+    pub fn restart(&mut self) {
+        (self.last, self.least_shift, self.factorizations) = (0.0, 0.0, 0);
+    }
+
     /// Factorizes with the smallest shift of the Hessian found that gives the inertia of a minimum. `diagonal` is
     /// added to the Hessian of X; `held` says which of X do not move. `barrier` sets the shift of the rows where
     /// they depend on each other.
