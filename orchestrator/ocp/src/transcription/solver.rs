@@ -169,17 +169,31 @@ impl Solver {
     /// # Errors
     /// Fails where the dynamics have no value at a knot, or nothing was solved yet.
     pub fn trajectory(&mut self) -> Result<Trajectory, Error> {
-        let solution = self.solver.solution();
-        if solution.x.is_empty() {
-            let reason = "nothing was solved yet".to_owned();
-            return Err(Error::Request { request: "trajectory", reason });
-        }
+        let solution = solved(&self.solver, "trajectory")?;
         Ok(self.program.inner().trajectory(&solution.x, Some(&solution.multipliers))?)
+    }
+
+    /// The multipliers of the last solution as functions of time.
+    ///
+    /// # Errors
+    /// Fails where nothing was solved yet.
+    pub fn duals(&mut self) -> Result<Duals, Error> {
+        let solution = solved(&self.solver, "multipliers")?;
+        Ok(self.program.inner().duals(&solution.multipliers))
     }
 
     /// The program.
     pub fn program(&mut self) -> &mut Program<'static> {
         self.program.inner()
+    }
+}
+
+/// The last solution, where there is one.
+fn solved<'a>(solver: &'a optim::Solver, request: &'static str) -> Result<&'a Solution, Error> {
+    let solution = solver.solution();
+    match solution.x.is_empty() {
+        true => Err(Error::Request { request, reason: "nothing was solved yet".to_owned() }),
+        false => Ok(solution),
     }
 }
 
