@@ -7,13 +7,6 @@ use crate::outcome::{Iteration, Note};
 const CORRECTIONS: usize = 4;
 /// Decrease of the violation that a correction has to bring for another one.
 const CORRECTION_DECREASE: f64 = 0.99;
-/// Part of a step below which the next Hessian is shifted, and how the shift grows and decays. On the swing-up these
-/// save a third of the iterations.
-const SHORT_STEP: f64 = 0.1;
-const SMALLEST_SHIFT: f64 = 1e-4;
-const LARGEST_SHIFT: f64 = 1e4;
-const SHIFT_GROWTH: f64 = 4.0;
-const SHIFT_DECAY: f64 = 10.0;
 
 pub(super) enum Search {
     Accepted,
@@ -149,24 +142,10 @@ impl Run<'_, '_, '_> {
         self.at.lower.iter_mut().zip(lower).for_each(|(z, d)| *z += part * d);
         self.at.upper.iter_mut().zip(upper).for_each(|(z, d)| *z += part * d);
         self.at.bound_multipliers(self.form, self.barrier);
-        self.adapt_shift(length / self.step.longest);
+        self.kkt.adapt(length / self.step.longest);
         self.last.step_length = length;
         self.last.note = note;
         Ok(())
-    }
-
-    /// A short part of a step says that the quadratic model reaches less far than the step: the next Hessian is
-    /// shifted at least a little, the more the oftener, as a trust region would do; full steps undo it.
-    fn adapt_shift(&mut self, part: f64) {
-        let shift = &mut self.kkt.least_shift;
-        if part < SHORT_STEP {
-            *shift = (SHIFT_GROWTH * *shift).clamp(SMALLEST_SHIFT, LARGEST_SHIFT);
-        } else {
-            *shift /= SHIFT_DECAY;
-            if *shift < 0.05 * SMALLEST_SHIFT {
-                *shift = 0.0;
-            }
-        }
     }
 
     fn largest_step(&self) -> f64 {

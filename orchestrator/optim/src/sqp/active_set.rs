@@ -1,5 +1,6 @@
 //! The working set: bounds of X that the next step holds.
 
+use super::step::{MAX_MULTIPLIER_OF_WRONG_SIGN, Step};
 use crate::form::Form;
 use crate::interior_point::Iterate;
 
@@ -52,6 +53,26 @@ impl ActiveSet {
                 _ => Held::Free,
             }
         }));
+    }
+
+    /// Holds the bounds that a step leaves, releases those whose multiplier has the wrong sign; false where there is
+    /// nothing to change.
+    pub fn change(&mut self, form: &Form, x: &[f64], step: &Step) -> bool {
+        let mut changed = false;
+        for (j, held) in self.held.iter_mut().enumerate().filter(|(j, _)| !form.fixed(*j)) {
+            let end = x[j] + step.x[j];
+            let room = |bound: f64| BOUND_TOLERANCE * bound.abs().max(1.0);
+            let next = match *held {
+                Held::Free if end < form.lower[j] - room(form.lower[j]) => Held::Lower,
+                Held::Free if end > form.upper[j] + room(form.upper[j]) => Held::Upper,
+                Held::Lower if step.lower[j] < -MAX_MULTIPLIER_OF_WRONG_SIGN => Held::Free,
+                Held::Upper if step.upper[j] < -MAX_MULTIPLIER_OF_WRONG_SIGN => Held::Free,
+                same => same,
+            };
+            changed |= next != *held;
+            *held = next;
+        }
+        changed
     }
 
     /// Distance from X to the bound that is held, 0 for those that are free.

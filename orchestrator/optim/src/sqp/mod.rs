@@ -36,6 +36,8 @@ pub(super) struct Memory {
     point: Point,
     filter: Filter,
     active: ActiveSet,
+    /// The working set before it changed for a step.
+    before: ActiveSet,
     step: Step,
     kept: Step,
     trial: Trial,
@@ -225,7 +227,7 @@ impl<'r, 'n, 'm> Sqp<'r, 'n, 'm> {
 
     /// Second-order corrections with the working set of the step; false where none is accepted.
     fn correct(&mut self, current: Current) -> bool {
-        self.memory.kept.clone_from(&self.memory.step);
+        self.memory.kept.copy_from(&self.memory.step);
         let mut rows = std::mem::take(&mut self.memory.corrected);
         rows.clear();
         rows.extend_from_slice(&self.memory.point.rows);
@@ -275,6 +277,7 @@ impl<'r, 'n, 'm> Sqp<'r, 'n, 'm> {
         go(&mut at.upper, &step.upper);
         self.last.step_length = length;
         self.last.note = step.note;
+        self.kkt.adapt(length);
         true
     }
 }

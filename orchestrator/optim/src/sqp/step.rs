@@ -10,13 +10,15 @@ use crate::qp::{Quadratic, QuadraticSolution, QuadraticStatus, solve_quadratic};
 /// Curvature of slacks that are free: their rows then hardly matter.
 const SLACK_CURVATURE: f64 = 1e-8;
 /// Multiplier of the wrong sign up to which a bound stays in the working set.
-const MAX_MULTIPLIER_OF_WRONG_SIGN: f64 = 1e-9;
+pub(super) const MAX_MULTIPLIER_OF_WRONG_SIGN: f64 = 1e-9;
+/// Changes of the working set for one step before a quadratic program is solved.
+const MAX_WORKING_SET_CHANGES: usize = 8;
 /// Iterations in a row that may need a quadratic program.
 const PROGRAMS_IN_A_ROW: usize = 20;
 const CONVEX_SHIFTS: usize = 40;
 
 /// Step of X with the multipliers at its end.
-#[derive(Clone, Debug, Default)]
+#[derive(Debug, Default)]
 pub(super) struct Step {
     pub x: Vec<f64>,
     pub y: Vec<f64>,
@@ -38,12 +40,21 @@ impl Step {
         }
         (self.note, self.correctable) = (Note::None, false);
     }
+
+    /// Takes over another step of the same form.
+    pub fn copy_from(&mut self, other: &Self) {
+        self.x.copy_from_slice(&other.x);
+        self.y.copy_from_slice(&other.y);
+        self.lower.copy_from_slice(&other.lower);
+        self.upper.copy_from_slice(&other.upper);
+        (self.note, self.correctable) = (other.note, other.correctable);
+    }
 }
 
 impl Sqp<'_, '_, '_> {
     /// Computes the step; false where neither way gives one.
     pub(super) fn compute_step(&mut self) -> bool {
-        if self.held_step() && self.is_optimal() {
+        if self.working_set_step() {
             (self.memory.step.note, self.memory.step.correctable) = (Note::None, true);
             self.programs_in_a_row = 0;
             return true;
@@ -65,6 +76,35 @@ impl Sqp<'_, '_, '_> {
         }
         step.note = Note::QuadraticProgram;
         true
+    }
+
+    /// Solves with the working set held, and again with the bounds that the step leaves held as well and those with a
+    /// multiplier of the wrong sign released, until the step solves the quadratic program with all bounds (primal-dual
+    /// active set; Hintermüller, Ito and Kunisch, SIAM Journal on Optimization 13, 2003). False where that does not
+    /// settle; the working set is then as before.
+    fn working_set_step(&mut self) -> bool {
+        let mut changes = 0;
+        loop {
+            if !self.held_step() {
+                break;
+            }
+            if self.is_optimal() {
+                return true;
+            }
+            let Memory { at, active, step, before, .. } = &mut self.memory;
+            if changes == 0 {
+                before.held.clone_from(&active.held);
+            }
+            changes += 1;
+            if changes > MAX_WORKING_SET_CHANGES || !active.change(self.form, &at.x, step) {
+                break;
+            }
+        }
+        if changes > 0 {
+            let Memory { active, before, .. } = &mut self.memory;
+            std::mem::swap(active, before);
+        }
+        false
     }
 
     /// Solves with the working set held; false where the KKT matrix cannot be made that of a minimum.
