@@ -152,9 +152,9 @@ impl Sqp<'_, '_, '_> {
         right.extend_from_slice(&point.gradient);
         form.add_transposed(&point.jacobian, &step.y, right);
         add_product(form, &point.hessian, &step.x, right);
-        for j in 0..total {
+        for (j, gradient) in right.iter().enumerate() {
             let shift = if j < n { self.kkt.shift } else { 0.0 };
-            let z = right[j] + shift * step.x[j];
+            let z = gradient + shift * step.x[j];
             step.lower[j] = if active.held[j] == Held::Lower { z } else { 0.0 };
             step.upper[j] = if active.held[j] == Held::Upper { -z } else { 0.0 };
         }
