@@ -1,8 +1,8 @@
 //! Re-solves of the swing-up over its FMUs, one thread: `cargo bench -p airloop-plan --bench resolve [-- PROBLEM.toml]
-//! [INTERVALS, default 50] [every] [seed=N]`.
+//! [INTERVALS, default 50] [every] [seed=N] [draws=N]`.
 //!
 //! Every state at the start is off by 2 % of the largest magnitude that it has in the plan, up or down: 200 draws of the
-//! signs, or all there are with `every`. Each re-solve starts from the optimum of the plan, with its multipliers; its
+//! signs, or as many as given, or all there are with `every`. Each re-solve starts from the optimum of the plan, with its multipliers; its
 //! time is the least of several runs, in wall-clock time. Prints median, 99th percentile and largest, and the same of
 //! iterations; how many allocate after the first; and compares each optimum with solvers made anew: without
 //! multipliers from the optimum found (`from there`), and from the guess of the problem file as `airloop optimize`
@@ -47,7 +47,8 @@ struct Resolve {
 fn main() -> Result<(), Error> {
     let words: Vec<String> = std::env::args().skip(1).filter(|word| !word.starts_with("--")).collect();
     let intervals = words.iter().find_map(|word| word.parse().ok()).unwrap_or(50);
-    let seed = words.iter().find_map(|word| word.strip_prefix("seed=")?.parse().ok()).unwrap_or(1);
+    let number = |name: &str| words.iter().find_map(|word| word.strip_prefix(name)?.parse::<usize>().ok());
+    let seed = number("seed=").map_or(1, |seed| seed as u64);
     let example = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples/03_swing_up/problem.toml");
     let file = words.iter().find(|word| word.ends_with(".toml")).map_or(example, PathBuf::from);
     let prepared = prepare(&file)?;
@@ -71,7 +72,8 @@ fn main() -> Result<(), Error> {
             false => (0..count).map(|_| random.symmetric() > 0.0).collect(),
         }
     };
-    let cases = if words.iter().any(|word| word == "every") { 1 << count } else { DRAWS };
+    let cases =
+        if words.iter().any(|word| word == "every") { 1 << count } else { number("draws=").unwrap_or(DRAWS) };
     let mut all = Vec::new();
     for case in 0..cases {
         let signs = draw(case);
