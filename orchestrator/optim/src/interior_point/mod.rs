@@ -28,7 +28,7 @@ const STRONG_SHIFT: f64 = 2.0;
 /// Least part of a step to the bound that is taken.
 const MIN_FRACTION_TO_BOUNDARY: f64 = 0.99;
 /// Iterations below the acceptable tolerance after which the run ends.
-const ACCEPTABLE_ITERATIONS: usize = 15;
+pub(super) const ACCEPTABLE_ITERATIONS: usize = 15;
 /// Restorations that lead to a feasible point which the filter refuses, before the run ends.
 const MAX_USELESS_RESTORATIONS: usize = 5;
 

@@ -11,7 +11,7 @@ mod step;
 use super::error::Error;
 use super::filter::{Acceptance, Current, Filter, Measure};
 use super::form::{Form, length};
-use super::interior_point::{Errors, Iterate, Point};
+use super::interior_point::{ACCEPTABLE_ITERATIONS, Errors, Iterate, Point};
 use super::kkt::Kkt;
 use super::log::Log;
 use super::nlp::EvaluationError;
@@ -64,6 +64,8 @@ pub(super) struct Sqp<'r, 'n, 'm> {
     last: Iteration,
     pub quadratic_programs: usize,
     programs_in_a_row: usize,
+    /// Iterations in a row below the acceptable tolerance.
+    acceptable: usize,
 }
 
 #[derive(Debug, Default)]
@@ -110,8 +112,17 @@ impl<'r, 'n, 'm> Sqp<'r, 'n, 'm> {
         step.resize(form);
         kept.resize(form);
         let last = Iteration::default();
-        let mut run =
-            Self { form, kkt, settings, log, memory, last, quadratic_programs: 0, programs_in_a_row: 0 };
+        let mut run = Self {
+            form,
+            kkt,
+            settings,
+            log,
+            memory,
+            last,
+            quadratic_programs: 0,
+            programs_in_a_row: 0,
+            acceptable: 0,
+        };
         run.evaluate().map_err(Error::Start)?;
         Ok(run)
     }
@@ -161,12 +172,18 @@ impl<'r, 'n, 'm> Sqp<'r, 'n, 'm> {
             ..self.last
         };
         let limit = self.settings.diverging;
+        let accepted = self.settings.acceptable_tolerance;
+        let close =
+            errors.largest() <= accepted && violation <= accepted.max(self.settings.violation_tolerance);
+        self.acceptable = if close { self.acceptable + 1 } else { 0 };
         if !self.log.push(row) {
             Some(Status::Interrupted)
         } else if errors.largest() <= self.settings.tolerance
             && violation <= self.settings.violation_tolerance
         {
             Some(Status::Solved)
+        } else if self.acceptable >= ACCEPTABLE_ITERATIONS {
+            Some(Status::Acceptable)
         } else if self.log.table.len() > self.settings.max_iterations {
             Some(Status::IterationLimit)
         } else if at.x.iter().any(|x| x.abs() > limit) || point.objective < -limit {
