@@ -143,6 +143,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
         master: request.algorithm.to_string(),
         criteria: criteria.collect(),
         ended_early: early.collect(),
+        drawn_again: drawn_again(&ready, &done),
         time: began.elapsed().as_secs_f64(),
         files: vec![TRIALS.into(), TRAJECTORIES.into()],
         figures: if args.no_plots { Vec::new() } else { plot::stabilize::trial_figures(&shown) },
@@ -160,6 +161,20 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
         return Ok(ExitCode::from(super::INTERRUPTED));
     }
     Ok(ExitCode::SUCCESS)
+}
+
+/// Perturbations that were drawn again; both loops of a seed have the same.
+fn drawn_again(ready: &Ready, trials: &[Trial]) -> Vec<String> {
+    let of = |number: usize| -> Vec<usize> {
+        let closed = trials.iter().filter(|trial| trial.closed);
+        closed.map(|trial| trial.drawn_again[number]).filter(|&again| again > 0).collect()
+    };
+    let named = ready.perturbations.iter().enumerate().map(|(number, one)| (&one.name, of(number)));
+    let text = |(name, again): (&String, Vec<usize>)| {
+        let draws: usize = again.iter().sum();
+        format!("{name}: {draws} draws in {} trials", again.len())
+    };
+    named.filter(|(_, again)| !again.is_empty()).map(text).collect()
 }
 
 /// One row per trial: seed, loop, every criterion as 0 or 1, and whether it ended early.
@@ -217,6 +232,11 @@ fn report(summary: &TrialsSummary, folder: &Path) -> String {
     text.push('\n');
     if !summary.ended_early.is_empty() {
         text += &format!("note: {} trials ended early and keep no criterion\n", summary.ended_early.len());
+    }
+    for drawn in &summary.drawn_again {
+        text += &format!(
+            "note: drawn again, since it would have left the range that its FMU declares: {drawn}\n"
+        );
     }
     text += &format!("table:   {}\n", folder.join(TRIALS).display());
     if !summary.figures.is_empty() {

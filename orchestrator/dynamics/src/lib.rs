@@ -161,6 +161,50 @@ pub trait Dynamics: Send {
     fn duplicate(&self) -> Result<Box<dyn Dynamics>, EvaluationError>;
 }
 
+impl<D: Dynamics + ?Sized> Dynamics for &mut D {
+    fn size(&self) -> Size {
+        (**self).size()
+    }
+
+    fn structure(&self) -> &Structure {
+        (**self).structure()
+    }
+
+    fn names(&self) -> Vec<String> {
+        (**self).names()
+    }
+
+    fn nominals(&self) -> Vec<f64> {
+        (**self).nominals()
+    }
+
+    fn evaluate(&mut self, at: Point<'_>, values: &mut [f64]) -> Result<(), EvaluationError> {
+        (**self).evaluate(at, values)
+    }
+
+    fn jacobian(
+        &mut self,
+        at: Point<'_>,
+        values: &mut [f64],
+        jacobian: &mut [f64],
+    ) -> Result<(), EvaluationError> {
+        (**self).jacobian(at, values, jacobian)
+    }
+
+    fn hessian(
+        &mut self,
+        at: Point<'_>,
+        weights: &[f64],
+        hessian: &mut [f64],
+    ) -> Result<(), EvaluationError> {
+        (**self).hessian(at, weights, hessian)
+    }
+
+    fn duplicate(&self) -> Result<Box<dyn Dynamics>, EvaluationError> {
+        (**self).duplicate()
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

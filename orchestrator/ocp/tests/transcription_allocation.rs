@@ -1,4 +1,4 @@
-//! Evaluations of a transcribed problem allocate nothing once they are going.
+//! Evaluations of a transcribed problem allocate nothing once they are going, nor do solves after the first.
 
 #[path = "transcription/cart_pole.rs"]
 mod cart_pole;
@@ -12,8 +12,9 @@ mod problem;
 use airloop_testing::allocations;
 
 airloop_testing::count_allocations!();
-use airloop_ocp::transcription::{Discretization, Program, Transcription};
-use airloop_optim::Nlp;
+use airloop_ocp::transcription::{Discretization, LimitPlace, Program, Solver, Transcription};
+use airloop_optim::{Nlp, Settings, Start, Status, solve};
+use std::ops::ControlFlow;
 
 /// One test only: other tests in this process would be counted too.
 #[test]
@@ -45,4 +46,33 @@ fn evaluations_allocate_nothing() {
         all(&points[1]);
         assert_eq!(allocations::count() - before, 0, "{transcription:?}");
     }
+    solves_allocate_nothing_after_the_first();
+}
+
+/// Other initial states, a start moved ahead and back, another bound that is not reached.
+fn solves_allocate_nothing_after_the_first() {
+    let discretization = Discretization::uniform(Transcription::HermiteSimpson, &[50]);
+    let mut problem = cart_pole::swing_up(1);
+    let mut program = Program::new(&mut problem, &discretization).unwrap();
+    let guess = problem::SwingUp::new(problem::Transcription::HermiteSimpson, 50).pump();
+    let nominal = solve(&mut program, &Start::cold(guess), &Settings::default()).unwrap();
+    let trajectory = program.trajectory(&nominal.x, Some(&nominal.multipliers)).unwrap();
+    let duals = program.duals(&nominal.multipliers);
+    let settings = Settings::default();
+    let problem = cart_pole::swing_up(1);
+    let mut solver = Solver::along(problem, &discretization, &trajectory, Some(&duals), &settings).unwrap();
+    let mut one = |angle: f64, force: f64| {
+        solver.set_initial(&[0.0, angle, 0.0, 0.0, 0.0, 0.0]).unwrap();
+        solver.set_limit(0, LimitPlace::Path(1), [-force, force]).unwrap();
+        let solution = solver.solve(&mut |_| ControlFlow::Continue(())).unwrap();
+        assert_eq!(solution.status, Status::Solved);
+        assert!(solution.iterations.len() > 3, "{} iterations", solution.iterations.len() - 1);
+        solver.shift(0.0).unwrap();
+    };
+    one(0.02, 150.0);
+    let before = allocations::count();
+    for k in 0..10 {
+        one(0.002 * f64::from(k), 140.0 + f64::from(k));
+    }
+    assert_eq!(allocations::count() - before, 0, "re-solves");
 }

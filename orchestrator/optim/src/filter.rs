@@ -10,7 +10,7 @@ const SWITCH_VIOLATION: f64 = 1.1;
 const SWITCH_OBJECTIVE: f64 = 2.3;
 
 /// Violation theta and objective phi of a point.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Measure {
     pub theta: f64,
     pub phi: f64,
@@ -45,6 +45,13 @@ pub(super) enum Acceptance {
 impl Filter {
     pub fn new(theta: f64) -> Self {
         Self { corners: Vec::new(), largest: 1e4 * theta.max(1.0), smallest: 1e-4 * theta.max(1.0) }
+    }
+
+    /// Same as a new one, in the memory there is.
+    pub fn restart(&mut self, theta: f64) {
+        let corners = std::mem::take(&mut self.corners);
+        *self = Self { corners, ..Self::new(theta) };
+        self.clear();
     }
 
     /// Forgets all points but keeps the limits of the violation.

@@ -30,8 +30,9 @@ struct Proximal {
     zeta: f64,
 }
 
-pub(super) struct Form<'a> {
-    nlp: &'a mut dyn Nlp,
+/// What the form of a problem keeps from solve to solve: everything but the problem.
+#[derive(Debug)]
+pub(super) struct Memory {
     /// Variables of the problem; slacks follow.
     pub n: usize,
     /// Rows that bound anything.
@@ -54,12 +55,35 @@ pub(super) struct Form<'a> {
     raw_constraints: Vec<f64>,
     raw_jacobian: Vec<f64>,
     raw_multipliers: Vec<f64>,
+    /// Gradient and Jacobian at the start, and the largest entry of every row, from which the scales follow.
+    scaling: [Vec<f64>; 3],
     proximal: Option<Proximal>,
     pub evaluations: Evaluations,
 }
 
-impl<'a> Form<'a> {
-    pub fn new(nlp: &'a mut dyn Nlp) -> Result<Self, Error> {
+/// A problem with its form.
+pub(super) struct Form<'a> {
+    nlp: &'a mut dyn Nlp,
+    own: &'a mut Memory,
+}
+
+impl std::ops::Deref for Form<'_> {
+    type Target = Memory;
+
+    fn deref(&self) -> &Memory {
+        self.own
+    }
+}
+
+impl std::ops::DerefMut for Form<'_> {
+    fn deref_mut(&mut self) -> &mut Memory {
+        self.own
+    }
+}
+
+impl Memory {
+    /// Analyzes a problem.
+    pub fn new(nlp: &dyn Nlp) -> Result<Self, Error> {
         let (n, all) = (nlp.variables(), nlp.constraints());
         let (variables, constraints) = (nlp.variable_bounds(), nlp.constraint_bounds());
         check_bounds(&variables, n, "bounds of the variables", |i| nlp.variable_name(i))?;
@@ -81,10 +105,7 @@ impl<'a> Form<'a> {
             rows.push(i);
         }
         let m = rows.len();
-        let free = (0..n).filter(|&i| lower[i] != upper[i]).count();
-        if m - slacks.len() > free {
-            return Err(Error::Overdetermined { equalities: m - slacks.len(), free });
-        }
+        check_freedom(&lower, &upper, n, m - slacks.len())?;
         let pattern = nlp.jacobian_pattern();
         check_entries("Jacobian", &pattern, all, n)?;
         let kept = |&(_, &(row, _)): &(usize, &(usize, usize))| row_of[row] != usize::MAX;
@@ -93,7 +114,6 @@ impl<'a> Form<'a> {
         let hessian_entries = nlp.hessian_pattern();
         check_entries("Hessian", &hessian_entries, n, n)?;
         Ok(Self {
-            nlp,
             n,
             m,
             rows,
@@ -111,9 +131,48 @@ impl<'a> Form<'a> {
             raw_constraints: vec![0.0; all],
             raw_jacobian: vec![0.0; pattern.len()],
             raw_multipliers: vec![0.0; all],
+            scaling: Default::default(),
             proximal: None,
             evaluations: Evaluations::default(),
         })
+    }
+
+    /// Takes over the bounds that the problem has now; false where another set of constraints bounds anything, or is
+    /// an equality, than before: the problem then has to be analyzed anew.
+    pub fn take_bounds(&mut self, nlp: &dyn Nlp) -> Result<bool, Error> {
+        let (n, all) = (self.n, self.raw_constraints.len());
+        nlp.write_bounds(&mut self.variable_bounds, &mut self.constraint_bounds);
+        let (variables, constraints) = (&self.variable_bounds, &self.constraint_bounds);
+        check_bounds(variables, n, "bounds of the variables", |i| nlp.variable_name(i))?;
+        check_bounds(constraints, all, "bounds of the constraints", |i| nlp.constraint_name(i))?;
+        let (mut row, mut slack) = (0, 0);
+        for (i, (&l, &u)) in constraints.lower.iter().zip(&constraints.upper).enumerate() {
+            let bounds = l != f64::NEG_INFINITY || u != f64::INFINITY;
+            if bounds != (self.rows.get(row) == Some(&i)) {
+                return Ok(false);
+            }
+            if !bounds {
+                continue;
+            }
+            if (l == u) == (self.slacks.get(slack).is_some_and(|slack| slack.row == row)) {
+                return Ok(false);
+            }
+            self.target[row] = if l == u { l } else { 0.0 };
+            slack += usize::from(l != u);
+            row += 1;
+        }
+        self.lower[..n].copy_from_slice(&variables.lower);
+        self.upper[..n].copy_from_slice(&variables.upper);
+        check_freedom(&self.lower, &self.upper, n, self.m - self.slacks.len())?;
+        self.evaluations = Evaluations::default();
+        Ok(true)
+    }
+}
+
+impl<'a> Form<'a> {
+    /// The problem that the memory belongs to.
+    pub fn new(nlp: &'a mut dyn Nlp, own: &'a mut Memory) -> Self {
+        Self { nlp, own }
     }
 
     /// Constraints of the problem.
@@ -144,34 +203,38 @@ impl<'a> Form<'a> {
     /// gradient is small is scaled up: compared with the barrier terms it would be lost until the barrier has all but
     /// gone.
     pub fn scale(&mut self, x: &[f64], limit: f64) -> Result<(), EvaluationError> {
-        let (mut gradient, mut jacobian) = (vec![0.0; self.total()], vec![0.0; self.jacobian_entries.len()]);
+        let [mut gradient, mut jacobian, mut largest] = std::mem::take(&mut self.scaling);
+        gradient.resize(self.total(), 0.0);
+        jacobian.resize(self.jacobian_entries.len(), 0.0);
         self.objective_scale = 1.0;
         self.row_scale.fill(1.0);
         self.derivatives(x, &mut gradient, &mut jacobian)?;
         let factor = |largest: f64| if largest > limit { (limit / largest).max(1e-8) } else { 1.0 };
-        let mut largest = vec![0.0f64; self.m];
+        largest.clear();
+        largest.resize(self.m, 0.0);
         for (&(row, _), value) in self.jacobian_entries.iter().zip(&jacobian) {
             largest[row] = largest[row].max(value.abs());
         }
-        self.row_scale = largest.into_iter().map(factor).collect();
-        let steepest = gradient[..self.n].iter().fold(0.0f64, |m, g| m.max(g.abs()));
+        let own = &mut *self.own;
+        own.row_scale.iter_mut().zip(&largest).for_each(|(scale, &largest)| *scale = factor(largest));
+        let steepest = gradient[..own.n].iter().fold(0.0f64, |m, g| m.max(g.abs()));
         let least = LEAST_GRADIENT * limit;
-        self.objective_scale = match steepest > 0.0 && steepest < least && limit.is_finite() {
+        own.objective_scale = match steepest > 0.0 && steepest < least && limit.is_finite() {
             true => (least / steepest).min(LARGEST_SCALE),
             false => factor(steepest),
         };
-        for (j, slack) in self.slacks.iter().enumerate() {
-            self.lower[self.n + j] =
-                self.constraint_bounds.lower[self.rows[slack.row]] * self.row_scale[slack.row];
-            self.upper[self.n + j] =
-                self.constraint_bounds.upper[self.rows[slack.row]] * self.row_scale[slack.row];
+        for (j, slack) in own.slacks.iter().enumerate() {
+            let (constraint, scale) = (own.rows[slack.row], own.row_scale[slack.row]);
+            own.lower[own.n + j] = own.constraint_bounds.lower[constraint] * scale;
+            own.upper[own.n + j] = own.constraint_bounds.upper[constraint] * scale;
         }
+        self.scaling = [gradient, jacobian, largest];
         Ok(())
     }
 
     /// Scaled rows of the constraints alone, without slacks, at the variables of `x`.
     pub fn rows_at(&mut self, x: &[f64], rows: &mut [f64]) -> Result<(), EvaluationError> {
-        self.nlp.constraint_values(&x[..self.n], &mut self.raw_constraints)?;
+        self.nlp.constraint_values(&x[..self.own.n], &mut self.own.raw_constraints)?;
         for (row, value) in rows.iter_mut().enumerate() {
             *value = self.row_scale[row] * (self.raw_constraints[self.rows[row]] - self.target[row]);
         }
@@ -185,8 +248,8 @@ impl<'a> Form<'a> {
     pub fn functions(&mut self, x: &[f64], rows: &mut [f64]) -> Result<f64, EvaluationError> {
         self.evaluations.functions += 1;
         self.rows_at(x, rows)?;
-        let mut objective = match &self.proximal {
-            None => self.objective_scale * self.nlp.objective(&x[..self.n])?,
+        let mut objective = match &self.own.proximal {
+            None => self.objective_scale * self.nlp.objective(&x[..self.own.n])?,
             Some(near) => {
                 let terms = near.reference.iter().zip(x);
                 0.5 * near.zeta * terms.map(|(r, x)| (weight(*r) * (x - r)).powi(2)).sum::<f64>()
@@ -209,9 +272,9 @@ impl<'a> Form<'a> {
         self.evaluations.gradients += 1;
         let (variables, costs) = gradient.split_at_mut(self.n);
         costs.iter_mut().zip(&self.slacks).for_each(|(g, slack)| *g = slack.cost);
-        match &self.proximal {
+        match &self.own.proximal {
             None => {
-                self.nlp.gradient(&x[..self.n], variables)?;
+                self.nlp.gradient(&x[..self.own.n], variables)?;
                 variables.iter_mut().for_each(|g| *g *= self.objective_scale);
             }
             Some(near) => {
@@ -221,7 +284,7 @@ impl<'a> Form<'a> {
                 }
             }
         }
-        self.nlp.jacobian(&x[..self.n], &mut self.raw_jacobian)?;
+        self.nlp.jacobian(&x[..self.own.n], &mut self.own.raw_jacobian)?;
         for ((value, &place), &(row, _)) in
             jacobian.iter_mut().zip(&self.jacobian_place).zip(&self.jacobian_entries)
         {
@@ -243,7 +306,7 @@ impl<'a> Form<'a> {
         self.evaluations.hessians += 1;
         self.unscale_multipliers(y);
         let factor = if self.proximal.is_some() { 0.0 } else { self.objective_scale };
-        self.nlp.hessian(&x[..self.n], factor, &self.raw_multipliers, values)?;
+        self.nlp.hessian(&x[..self.own.n], factor, &self.own.raw_multipliers, values)?;
         match values.iter().position(|value| !value.is_finite()) {
             None => Ok(()),
             Some(at) => {
@@ -266,11 +329,12 @@ impl<'a> Form<'a> {
     pub fn relax(&mut self, reference: &[f64]) {
         let slacks = self.slacks.len();
         self.proximal = Some(Proximal { reference: reference.to_vec(), slacks, zeta: 0.0 });
-        for row in 0..self.m {
+        let own = &mut *self.own;
+        for row in 0..own.m {
             for sign in [-1.0, 1.0] {
-                self.slacks.push(Slack { row, sign, cost: RELAXATION_COST });
-                self.lower.push(0.0);
-                self.upper.push(f64::INFINITY);
+                own.slacks.push(Slack { row, sign, cost: RELAXATION_COST });
+                own.lower.push(0.0);
+                own.upper.push(f64::INFINITY);
             }
         }
     }
@@ -285,9 +349,10 @@ impl<'a> Form<'a> {
     /// Back to the problem itself.
     pub fn unrelax(&mut self) {
         if let Some(near) = self.proximal.take() {
-            self.slacks.truncate(near.slacks);
-            self.lower.truncate(self.n + near.slacks);
-            self.upper.truncate(self.n + near.slacks);
+            let own = &mut *self.own;
+            own.slacks.truncate(near.slacks);
+            own.lower.truncate(own.n + near.slacks);
+            own.upper.truncate(own.n + near.slacks);
         }
     }
 
@@ -314,30 +379,34 @@ impl<'a> Form<'a> {
 
     /// Multipliers of all constraints of the problem, `[constraints]`; the objective stays scaled.
     fn unscale_multipliers(&mut self, y: &[f64]) {
-        for ((&i, scale), y) in self.rows.iter().zip(&self.row_scale).zip(y) {
-            self.raw_multipliers[i] = scale * y;
+        let own = &mut *self.own;
+        for ((&i, scale), y) in own.rows.iter().zip(&own.row_scale).zip(y) {
+            own.raw_multipliers[i] = scale * y;
         }
     }
 
     /// Multipliers in the units of the problem.
-    pub fn constraint_multipliers(&mut self, y: &[f64]) -> Vec<f64> {
+    pub fn constraint_multipliers(&mut self, y: &[f64], multipliers: &mut Vec<f64>) {
         self.unscale_multipliers(y);
-        self.raw_multipliers.iter().map(|y| y / self.objective_scale).collect()
+        multipliers.clear();
+        multipliers.extend(self.raw_multipliers.iter().map(|y| y / self.objective_scale));
     }
 
     /// Scaled multipliers of the rows from those of the problem.
-    pub fn scaled_multipliers(&self, y: &[f64]) -> Vec<f64> {
-        self.rows.iter().zip(&self.row_scale).map(|(&i, scale)| y[i] * self.objective_scale / scale).collect()
+    pub fn scaled_multipliers(&self, y: &[f64], scaled: &mut Vec<f64>) {
+        scaled.clear();
+        let rows = self.rows.iter().zip(&self.row_scale);
+        scaled.extend(rows.map(|(&i, scale)| y[i] * self.objective_scale / scale));
     }
 
     /// Objective in the units of the problem.
     pub fn plain_objective(&mut self, x: &[f64]) -> f64 {
-        self.nlp.objective(&x[..self.n]).unwrap_or(f64::NAN)
+        self.nlp.objective(&x[..self.own.n]).unwrap_or(f64::NAN)
     }
 
     /// Scaled objective of the problem itself, also while it is replaced by that of the restoration.
     pub fn own_objective(&mut self, x: &[f64]) -> Result<f64, EvaluationError> {
-        let objective = self.objective_scale * self.nlp.objective(&x[..self.n])?;
+        let objective = self.objective_scale * self.nlp.objective(&x[..self.own.n])?;
         if objective.is_finite() { Ok(objective) } else { Err(not_finite("the objective".into(), objective)) }
     }
 
@@ -359,11 +428,12 @@ impl<'a> Form<'a> {
         rows.iter().zip(&self.row_scale).fold(0.0, |m, (c, scale)| m.max(c.abs() / scale))
     }
 
-    /// The largest violation of the problem's own constraints and bounds, in their units.
-    pub fn worst(&mut self, x: &[f64]) -> Option<Violation> {
+    /// The largest violation of the problem's own constraints and bounds, in their units; what it is where it exceeds
+    /// `tolerance`.
+    pub fn worst(&mut self, x: &[f64], tolerance: f64) -> (f64, Option<Violation>) {
         let x = &x[..self.n];
-        if self.nlp.constraint_values(x, &mut self.raw_constraints).is_err() {
-            return None;
+        if self.nlp.constraint_values(x, &mut self.own.raw_constraints).is_err() {
+            return (0.0, None);
         }
         let largest = |values: &[f64], bounds: &Bounds| {
             let mut worst = (0.0, usize::MAX);
@@ -377,15 +447,17 @@ impl<'a> Form<'a> {
         };
         let constraint = largest(&self.raw_constraints, &self.constraint_bounds);
         let variable = largest(x, &self.variable_bounds);
-        let ((amount, i), values, bounds, name) = if variable.0 > constraint.0 {
-            (variable, x, &self.variable_bounds, self.nlp.variable_name(variable.1))
-        } else if constraint.1 != usize::MAX {
-            let name = self.nlp.constraint_name(constraint.1);
-            (constraint, &self.raw_constraints[..], &self.constraint_bounds, name)
-        } else {
-            return None;
+        let of_variable = variable.0 > constraint.0;
+        let (amount, i) = if of_variable { variable } else { constraint };
+        if i == usize::MAX || amount <= tolerance {
+            return (amount, None);
+        }
+        let (values, bounds, name) = match of_variable {
+            true => (x, &self.variable_bounds, self.nlp.variable_name(i)),
+            false => (&self.raw_constraints[..], &self.constraint_bounds, self.nlp.constraint_name(i)),
         };
-        Some(Violation { name, value: values[i], lower: bounds.lower[i], upper: bounds.upper[i], amount })
+        let (lower, upper) = (bounds.lower[i], bounds.upper[i]);
+        (amount, Some(Violation { name, value: values[i], lower, upper, amount }))
     }
 
     /// The bound with the largest multiplier, of a variable or of an inequality.
@@ -414,6 +486,12 @@ fn weight(reference: f64) -> f64 {
 
 fn not_finite(function: String, value: f64) -> EvaluationError {
     EvaluationError { function, reason: format!("its value is {value}") }
+}
+
+/// Checks that there are not more equations than variables that may move.
+fn check_freedom(lower: &[f64], upper: &[f64], n: usize, equalities: usize) -> Result<(), Error> {
+    let free = lower[..n].iter().zip(upper).filter(|(l, u)| l != u).count();
+    if equalities > free { Err(Error::Overdetermined { equalities, free }) } else { Ok(()) }
 }
 
 /// Checks the length of a vector.

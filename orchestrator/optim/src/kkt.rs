@@ -17,6 +17,14 @@ const MIN_ERROR_WHEN_SINGULAR: f64 = 1e-5;
 /// Added to the diagonals where pivots are not exchanged; refinement removes its effect.
 const STATIC_REGULARIZATION: f64 = 1e-9;
 
+/// Part of a step below which the next Hessian is shifted, and how the shift grows and decays. On the swing-up these
+/// save a third of the iterations.
+const SHORT_STEP: f64 = 0.1;
+const SMALLEST_SHIFT: f64 = 1e-4;
+const LARGEST_SHIFT: f64 = 1e4;
+const SHIFT_GROWTH: f64 = 4.0;
+const SHIFT_DECAY: f64 = 10.0;
+
 #[derive(Debug)]
 enum Ldl {
     Staged(Box<StagedLdl>),
@@ -87,6 +95,25 @@ impl Kkt {
             work: Work::default(),
             factorizations: 0,
         })
+    }
+
+    /// Forgets what earlier runs needed.
+    pub fn restart(&mut self) {
+        (self.last, self.least_shift, self.factorizations) = (0.0, 0.0, 0);
+    }
+
+    /// A short part of a step says that the quadratic model reaches less far than the step: the next Hessian is
+    /// shifted at least a little, the more the oftener, as a trust region would do; full steps undo it.
+    pub fn adapt(&mut self, part: f64) {
+        let shift = &mut self.least_shift;
+        if part < SHORT_STEP {
+            *shift = (SHIFT_GROWTH * *shift).clamp(SMALLEST_SHIFT, LARGEST_SHIFT);
+        } else {
+            *shift /= SHIFT_DECAY;
+            if *shift < 0.05 * SMALLEST_SHIFT {
+                *shift = 0.0;
+            }
+        }
     }
 
     /// Factorizes with the smallest shift of the Hessian found that gives the inertia of a minimum. `diagonal` is

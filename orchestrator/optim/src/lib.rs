@@ -3,6 +3,7 @@
 //! | entry | problem |
 //! |-------|---------|
 //! | [`solve`] | nonlinear program: minimize f(x) subject to `c_l <= c(x) <= c_u` and `x_l <= x <= x_u` |
+//! | [`Solver`] | the same many times, with other bounds, start or data: memory and analysis are kept |
 //! | [`solve_quadratic`] | quadratic program |
 //! | [`least_squares`] | sum of squares with bounds on the parameters |
 //! | [`linalg`] | factorizations that these need |
@@ -56,15 +57,12 @@ pub mod outcome;
 pub mod qp;
 pub mod scaled;
 pub mod settings;
+pub mod solver;
 mod sqp;
 
 use std::ops::ControlFlow;
 
 pub use error::Error;
-use form::Form;
-use interior_point::{End, Iterate, Run};
-use kkt::Kkt;
-use log::Log;
 pub use log::Monitor;
 pub use nlp::{Bounds, EvaluationError, Nlp, Stages};
 pub use outcome::{
@@ -72,7 +70,7 @@ pub use outcome::{
 };
 pub use qp::{Quadratic, QuadraticSolution, QuadraticStatus, solve_quadratic};
 pub use settings::{Method, Settings};
-use sqp::Sqp;
+pub use solver::Solver;
 
 /// Solves a problem from a start.
 ///
@@ -93,90 +91,9 @@ pub fn solve_with(
     monitor: &mut Monitor<'_>,
 ) -> Result<Solution, Error> {
     settings.validate()?;
-    let mut form = Form::new(nlp)?;
-    let mut kkt = Kkt::new(&form)?;
-    let mut log = Log::new(monitor);
-    let end = run(&mut form, &mut kkt, settings, &mut log, start)?;
-    let at = end.at;
-    let n = form.n;
-    let scale = form.objective_scale;
-    let plain = |z: &[f64]| z[..n].iter().map(|z| z / scale).collect();
-    let multipliers = Multipliers {
-        constraints: form.constraint_multipliers(&at.y),
-        lower: plain(&at.lower),
-        upper: plain(&at.upper),
-    };
-    let evaluations = Evaluations {
-        factorizations: kkt.factorizations,
-        quadratic_programs: end.quadratic_programs,
-        ..form.evaluations
-    };
-    let infeasible = end.status == Status::Infeasible;
-    Ok(Solution {
-        status: end.status,
-        objective: form.plain_objective(&at.x),
-        worst: form.worst(&at.x),
-        blocking: infeasible.then(|| form.blocking(&at.lower, &at.upper)).flatten(),
-        x: at.x[..n].to_vec(),
-        multipliers,
-        barrier: end.barrier,
-        error: end.error,
-        iterations: log.table,
-        evaluations,
-    })
-}
-
-/// The last iterate of a method, and how it came to an end.
-struct Finish {
-    status: Status,
-    at: Iterate,
-    barrier: f64,
-    error: f64,
-    quadratic_programs: usize,
-}
-
-fn run(
-    form: &mut Form,
-    kkt: &mut Kkt,
-    settings: &Settings,
-    log: &mut Log,
-    start: &Start,
-) -> Result<Finish, Error> {
-    match settings.method {
-        Method::InteriorPoint => interior_point(form, kkt, settings, log, start),
-        Method::Sqp => {
-            let mut run = Sqp::begin(form, kkt, settings, log, start)?;
-            let end = run.run();
-            let (error, quadratic_programs) = (run.error(), run.quadratic_programs);
-            let at = std::mem::take(&mut run.at);
-            match end {
-                sqp::End::Status(status) => {
-                    Ok(Finish { status, at, barrier: 0.0, error, quadratic_programs })
-                }
-                sqp::End::NoStep => {
-                    let from = Start::cold(at.x[..form.n].to_vec());
-                    let finish = interior_point(form, kkt, settings, log, &from)?;
-                    Ok(Finish { quadratic_programs, ..finish })
-                }
-            }
-        }
-    }
-}
-
-fn interior_point(
-    form: &mut Form,
-    kkt: &mut Kkt,
-    settings: &Settings,
-    log: &mut Log,
-    start: &Start,
-) -> Result<Finish, Error> {
-    let mut run = Run::begin(form, kkt, settings, log, start)?;
-    let status = match run.run() {
-        End::Status(status) => status,
-        End::Restored => Status::Stalled,
-    };
-    let error = run.error();
-    Ok(Finish { status, at: std::mem::take(&mut run.at), barrier: run.barrier, error, quadratic_programs: 0 })
+    let mut solver = Solver::new(nlp)?;
+    solver.solve(nlp, start, settings, monitor)?;
+    Ok(solver.into_solution())
 }
 
 #[cfg(doctest)]

@@ -13,8 +13,10 @@ pub(super) struct Log<'m> {
 }
 
 impl<'m> Log<'m> {
-    pub fn new(monitor: &'m mut Monitor<'m>) -> Self {
-        Self { table: Vec::new(), monitor }
+    /// An empty table in memory that held another.
+    pub fn new(monitor: &'m mut Monitor<'m>, mut table: Vec<Iteration>) -> Self {
+        table.clear();
+        Self { table, monitor }
     }
 
     /// Numbers and keeps a row; false when the caller wants to stop.

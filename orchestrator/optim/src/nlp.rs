@@ -52,6 +52,12 @@ pub trait Nlp {
     /// Bounds of the constraints, `[m]`.
     fn constraint_bounds(&self) -> Bounds;
 
+    /// Both bounds as they are now, into memory that holds them from before; [`super::Solver`] asks at every solve.
+    fn write_bounds(&self, variables: &mut Bounds, constraints: &mut Bounds) {
+        *variables = self.variable_bounds();
+        *constraints = self.constraint_bounds();
+    }
+
     /// f(x).
     ///
     /// # Errors
@@ -107,5 +113,73 @@ pub trait Nlp {
     /// Name of a constraint for messages.
     fn constraint_name(&self, constraint: usize) -> String {
         format!("c[{constraint}]")
+    }
+}
+
+impl<N: Nlp + ?Sized> Nlp for &mut N {
+    fn variables(&self) -> usize {
+        (**self).variables()
+    }
+
+    fn constraints(&self) -> usize {
+        (**self).constraints()
+    }
+
+    fn variable_bounds(&self) -> Bounds {
+        (**self).variable_bounds()
+    }
+
+    fn constraint_bounds(&self) -> Bounds {
+        (**self).constraint_bounds()
+    }
+
+    fn write_bounds(&self, variables: &mut Bounds, constraints: &mut Bounds) {
+        (**self).write_bounds(variables, constraints);
+    }
+
+    fn objective(&mut self, x: &[f64]) -> Result<f64, EvaluationError> {
+        (**self).objective(x)
+    }
+
+    fn gradient(&mut self, x: &[f64], gradient: &mut [f64]) -> Result<(), EvaluationError> {
+        (**self).gradient(x, gradient)
+    }
+
+    fn constraint_values(&mut self, x: &[f64], values: &mut [f64]) -> Result<(), EvaluationError> {
+        (**self).constraint_values(x, values)
+    }
+
+    fn jacobian_pattern(&self) -> Vec<(usize, usize)> {
+        (**self).jacobian_pattern()
+    }
+
+    fn jacobian(&mut self, x: &[f64], values: &mut [f64]) -> Result<(), EvaluationError> {
+        (**self).jacobian(x, values)
+    }
+
+    fn hessian_pattern(&self) -> Vec<(usize, usize)> {
+        (**self).hessian_pattern()
+    }
+
+    fn hessian(
+        &mut self,
+        x: &[f64],
+        objective_factor: f64,
+        multipliers: &[f64],
+        values: &mut [f64],
+    ) -> Result<(), EvaluationError> {
+        (**self).hessian(x, objective_factor, multipliers, values)
+    }
+
+    fn stages(&self) -> Option<Stages> {
+        (**self).stages()
+    }
+
+    fn variable_name(&self, variable: usize) -> String {
+        (**self).variable_name(variable)
+    }
+
+    fn constraint_name(&self, constraint: usize) -> String {
+        (**self).constraint_name(constraint)
     }
 }

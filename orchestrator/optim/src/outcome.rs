@@ -199,7 +199,9 @@ pub struct Solution {
     pub barrier: f64,
     /// Scaled KKT error at `x`.
     pub error: f64,
-    /// The worst constraint or bound at `x`, if any is violated at all.
+    /// Largest violation of a constraint or bound at `x`, in the unit of that constraint; 0 if none is violated.
+    pub violation: f64,
+    /// The constraint or bound that is violated most, where that is more than the tolerance of the settings.
     pub worst: Option<Violation>,
     /// The bound that stands most in the way, where the problem is infeasible and a bound does.
     pub blocking: Option<Blocking>,
@@ -210,9 +212,21 @@ pub struct Solution {
 }
 
 impl Solution {
-    /// Largest violation of a constraint or bound, in the unit of that constraint; 0 if none is violated.
-    pub fn violation(&self) -> f64 {
-        self.worst.as_ref().map_or(0.0, |worst| worst.amount)
+    /// Before any solve.
+    pub(super) fn empty() -> Self {
+        Self {
+            status: Status::Interrupted,
+            x: Vec::new(),
+            objective: f64::NAN,
+            multipliers: Multipliers { constraints: Vec::new(), lower: Vec::new(), upper: Vec::new() },
+            barrier: 0.0,
+            error: f64::NAN,
+            violation: 0.0,
+            worst: None,
+            blocking: None,
+            iterations: Vec::new(),
+            evaluations: Evaluations::default(),
+        }
     }
 
     /// The point to continue from.

@@ -4,17 +4,17 @@ use super::nlp::{Bounds, EvaluationError, Nlp, Stages};
 use super::outcome::{Multipliers, Solution, Start};
 
 /// A problem as a function of `z = x / d`.
-pub struct Scaled<'a> {
-    nlp: &'a mut dyn Nlp,
+pub struct Scaled<N> {
+    nlp: N,
     scales: Vec<f64>,
     x: Vec<f64>,
     of_jacobian: Vec<f64>,
     of_hessian: Vec<f64>,
 }
 
-impl<'a> Scaled<'a> {
+impl<N: Nlp> Scaled<N> {
     /// Scales d, `[n]`, positive; missing ones count as 1.
-    pub fn new(nlp: &'a mut dyn Nlp, mut scales: Vec<f64>) -> Scaled<'a> {
+    pub fn new(nlp: N, mut scales: Vec<f64>) -> Scaled<N> {
         scales.resize(nlp.variables(), 1.0);
         let of_jacobian = nlp.jacobian_pattern().iter().map(|&(_, j)| scales[j]).collect();
         let of_hessian = nlp.hessian_pattern().iter().map(|&(i, j)| scales[i] * scales[j]).collect();
@@ -37,15 +37,28 @@ impl<'a> Scaled<'a> {
 
     /// A solution of the scaled problem as one of the problem.
     pub fn solution(&self, solution: Solution) -> Solution {
-        let zip = |values: Vec<f64>, of: fn(f64, f64) -> f64| -> Vec<f64> {
-            values.into_iter().zip(&self.scales).map(|(value, &scale)| of(value, scale)).collect()
-        };
-        let multipliers = Multipliers {
-            constraints: solution.multipliers.constraints,
-            lower: zip(solution.multipliers.lower, |z, scale| z / scale),
-            upper: zip(solution.multipliers.upper, |z, scale| z / scale),
-        };
-        Solution { x: zip(solution.x, |z, scale| z * scale), multipliers, ..solution }
+        let mut solution = solution;
+        self.unscale(&mut solution);
+        solution
+    }
+
+    /// Same as [`Scaled::solution`], in place.
+    pub fn unscale(&self, solution: &mut Solution) {
+        multiply(&mut solution.x, &self.scales);
+        let Multipliers { lower, upper, .. } = &mut solution.multipliers;
+        for multipliers in [lower, upper] {
+            multipliers.iter_mut().zip(&self.scales).for_each(|(z, scale)| *z /= scale);
+        }
+    }
+
+    /// The problem itself.
+    pub fn inner(&mut self) -> &mut N {
+        &mut self.nlp
+    }
+
+    /// Scales d, `[n]`.
+    pub fn scales(&self) -> &[f64] {
+        &self.scales
     }
 
     fn plain(&mut self, z: &[f64]) {
@@ -57,7 +70,7 @@ fn multiply(values: &mut [f64], factors: &[f64]) {
     values.iter_mut().zip(factors).for_each(|(value, factor)| *value *= factor);
 }
 
-impl Nlp for Scaled<'_> {
+impl<N: Nlp> Nlp for Scaled<N> {
     fn variables(&self) -> usize {
         self.nlp.variables()
     }
@@ -76,6 +89,13 @@ impl Nlp for Scaled<'_> {
 
     fn constraint_bounds(&self) -> Bounds {
         self.nlp.constraint_bounds()
+    }
+
+    fn write_bounds(&self, variables: &mut Bounds, constraints: &mut Bounds) {
+        self.nlp.write_bounds(variables, constraints);
+        let divide = |values: &mut [f64]| values.iter_mut().zip(&self.scales).for_each(|(v, s)| *v /= s);
+        divide(&mut variables.lower);
+        divide(&mut variables.upper);
     }
 
     fn objective(&mut self, z: &[f64]) -> Result<f64, EvaluationError> {

@@ -25,6 +25,7 @@ pub mod record;
 mod reset;
 pub mod sampling;
 pub mod solve;
+pub mod solver;
 pub mod stabilize;
 pub mod start;
 pub mod sweep;

@@ -184,6 +184,11 @@ impl Session {
         Ok(Session { problem: assemble::problem(task, &prepared.catalog, dynamics, links, sampled) })
     }
 
+    /// The problem with its instances, for a solver that is kept.
+    pub fn into_problem(self) -> Problem {
+        self.problem
+    }
+
     /// Solves from a guess.
     ///
     /// # Errors

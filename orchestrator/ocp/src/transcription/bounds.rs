@@ -2,7 +2,7 @@
 
 use super::error::Error;
 use super::part::Part;
-use super::problem::{Duration, Phase};
+use super::problem::Duration;
 use airloop_optim::Bounds;
 
 /// Difference of bounds, relative to their size, that counts as rounding.
@@ -15,28 +15,32 @@ pub(super) struct VariableBounds {
 }
 
 impl VariableBounds {
-    pub fn new(parts: &[Part], phases: &[Phase], count: usize) -> Result<VariableBounds, Error> {
+    pub fn new(parts: &[Part], count: usize) -> Result<VariableBounds, Error> {
         let mut all = VariableBounds { bounds: Bounds::free(count), origin: vec![[None; 2]; count] };
-        for (part, phase) in parts.iter().zip(phases) {
-            all.add(part, phase)?;
-        }
+        all.set(parts)?;
         Ok(all)
     }
 
-    fn add(&mut self, part: &Part, phase: &Phase) -> Result<(), Error> {
-        let (paths, starts) = (phase.paths.len(), phase.start.len());
+    /// Sets all bounds as the limits of the parts are now.
+    pub fn set(&mut self, parts: &[Part]) -> Result<(), Error> {
+        self.bounds.lower.fill(f64::NEG_INFINITY);
+        self.bounds.upper.fill(f64::INFINITY);
+        self.origin.fill([None; 2]);
+        parts.iter().try_for_each(|part| self.add(part))
+    }
+
+    fn add(&mut self, part: &Part) -> Result<(), Error> {
         for limit in 0..part.limits.len() {
             let Some((argument, factor)) = part.single(limit) else { continue };
-            if limit < paths {
-                let [nodes, middles] = part.places(phase, limit);
-                for k in nodes {
+            if let Some([nodes, middles]) = part.places.get(limit) {
+                for &k in nodes {
                     self.narrow(part, limit, part.layout.point(k, argument), factor)?;
                 }
-                for variable in middles.into_iter().filter_map(|k| part.layout.midpoint(k, argument)) {
+                for variable in middles.iter().filter_map(|&k| part.layout.midpoint(k, argument)) {
                     self.narrow(part, limit, variable, factor)?;
                 }
             } else {
-                let k = if limit < paths + starts { 0 } else { part.layout.intervals };
+                let k = if limit < part.paths + part.starts { 0 } else { part.layout.intervals };
                 self.narrow(part, limit, part.layout.point(k, argument), factor)?;
             }
         }

@@ -1,5 +1,6 @@
 //! Errors in a problem, found before it is solved.
 
+use super::problem::LimitPlace;
 use airloop_optim::EvaluationError;
 
 /// Reason why a problem cannot be transcribed.
@@ -45,6 +46,22 @@ pub enum Error {
         index: usize,
         /// Number of items.
         count: usize,
+    },
+    /// A limit that does not exist.
+    #[error("there is no limit {place:?} in phase {phase}; the numbers are those of the problem, from 0")]
+    NoLimit {
+        /// Number of the phase.
+        phase: usize,
+        /// Place of the limit.
+        place: LimitPlace,
+    },
+    /// A request that the problem does not allow.
+    #[error("{request}: {reason}")]
+    Request {
+        /// What was asked for.
+        request: &'static str,
+        /// Reason and remedy.
+        reason: String,
     },
     /// Bounds that no value satisfies, or that are NaN.
     #[error("phase `{phase}`, `{item}`: no value lies between {lower} and {upper}; correct the bounds")]

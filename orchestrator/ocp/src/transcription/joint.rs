@@ -3,16 +3,41 @@
 use super::check;
 use super::dynamics::Size;
 use super::error::Error;
-use super::link::{Link, Reset, ResetSize, StateLink};
+use super::link::{Reset, ResetSize, StateLink};
 use super::part::Part;
 use super::problem::{Limit, Variable};
 use airloop_optim::{Bounds, EvaluationError};
 
+/// What happens to the states at a link, borrowed or owned.
+pub(super) enum States<'p> {
+    Continuous,
+    Pairs(Vec<(usize, usize)>),
+    Reset(Box<dyn Reset + 'p>, Vec<Limit>),
+}
+
+impl<'p> States<'p> {
+    pub fn borrowed(states: &'p mut StateLink) -> States<'p> {
+        match states {
+            StateLink::Continuous => States::Continuous,
+            StateLink::Pairs(pairs) => States::Pairs(pairs.clone()),
+            StateLink::Reset(reset, limits) => States::Reset(Box::new(reset.as_mut()), limits.clone()),
+        }
+    }
+
+    pub fn owned(states: StateLink) -> States<'static> {
+        match states {
+            StateLink::Continuous => States::Continuous,
+            StateLink::Pairs(pairs) => States::Pairs(pairs),
+            StateLink::Reset(reset, limits) => States::Reset(reset, limits),
+        }
+    }
+}
+
 /// A reset map with what was computed at the last point.
 struct Map<'p> {
-    reset: &'p mut dyn Reset,
+    reset: Box<dyn Reset + 'p>,
     size: ResetSize,
-    limits: &'p [Limit],
+    limits: Vec<Limit>,
     /// States before, and the values there.
     at: Vec<f64>,
     values: Vec<f64>,
@@ -35,7 +60,13 @@ pub(super) struct Joint<'p> {
 }
 
 impl<'p> Joint<'p> {
-    pub fn new(link: &'p mut Link, sides: [&Part; 2], first: usize) -> Result<Joint<'p>, Error> {
+    /// `inputs` are the pairs that are continuous.
+    pub fn new(
+        link: States<'p>,
+        inputs: &[(usize, usize)],
+        sides: [&Part; 2],
+        first: usize,
+    ) -> Result<Joint<'p>, Error> {
         let [a, b] = sides;
         let wrong = |reason: String| Error::Link { before: a.name.clone(), after: b.name.clone(), reason };
         let n = a.layout.intervals;
@@ -43,8 +74,8 @@ impl<'p> Joint<'p> {
             (0..part.layout.states).map(|i| part.layout.point(k, part.layout.free + i)).collect()
         };
         let (before, after) = (states(a, n), states(b, 0));
-        let chosen: Vec<(usize, usize)> = match &link.states {
-            StateLink::Continuous if before.len() != after.len() => {
+        let chosen: Vec<(usize, usize)> = match &link {
+            States::Continuous if before.len() != after.len() => {
                 let reason = format!(
                     "the phases have {} and {} states; say which pairs are continuous",
                     before.len(),
@@ -52,12 +83,12 @@ impl<'p> Joint<'p> {
                 );
                 return Err(wrong(reason));
             }
-            StateLink::Continuous => (0..before.len()).map(|i| (i, i)).collect(),
-            StateLink::Pairs(pairs) => pairs.clone(),
-            StateLink::Reset(..) => Vec::new(),
+            States::Continuous => (0..before.len()).map(|i| (i, i)).collect(),
+            States::Pairs(pairs) => pairs.clone(),
+            States::Reset(..) => Vec::new(),
         };
-        let map = match &mut link.states {
-            StateLink::Reset(reset, limits) => {
+        let map = match link {
+            States::Reset(reset, limits) => {
                 let size = reset.size();
                 if size.before != before.len() || size.after != after.len() {
                     return Err(wrong(format!(
@@ -68,13 +99,13 @@ impl<'p> Joint<'p> {
                         after.len()
                     )));
                 }
-                for limit in limits.iter() {
+                for limit in &limits {
                     let outputs = Size { states: 0, inputs: 0, outputs: size.outputs };
                     check::limit(&a.name, limit, outputs)?;
                 }
                 let values = size.after + size.outputs;
                 Some(Map {
-                    reset: reset.as_mut(),
+                    reset,
                     size,
                     limits,
                     at: vec![0.0; size.before],
@@ -87,7 +118,7 @@ impl<'p> Joint<'p> {
             _ => None,
         };
         let (mut pairs, mut names) = (Vec::new(), Vec::new());
-        let inputs = link.inputs.iter().map(|pair| (pair, a.layout.states, b.layout.states, "input"));
+        let inputs = inputs.iter().map(|pair| (pair, a.layout.states, b.layout.states, "input"));
         let all = chosen.iter().map(|pair| (pair, 0, 0, "state")).chain(inputs);
         for (&(i, j), offset_a, offset_b, kind) in all {
             let count = |part: &Part| if kind == "state" { part.layout.states } else { part.layout.inputs };
@@ -149,7 +180,7 @@ impl<'p> Joint<'p> {
         }
         self.pairs.iter().for_each(|&(i, j)| put(x[j] - x[i]));
         if let Some(map) = &self.map {
-            for limit in map.limits {
+            for limit in &map.limits {
                 put(outputs(limit).map(|(i, c)| c * map.values[map.size.after + i]).sum());
             }
         }
@@ -168,7 +199,7 @@ impl<'p> Joint<'p> {
             places.extend([(row, j), (row, i)]);
             row += 1;
         }
-        for _ in self.map.iter().flat_map(|map| map.limits) {
+        for _ in self.map.iter().flat_map(|map| &map.limits) {
             places.extend(self.before.iter().map(|&i| (row, i)));
             row += 1;
         }
@@ -189,7 +220,7 @@ impl<'p> Joint<'p> {
         }
         self.pairs.iter().for_each(|_| [1.0, -1.0].into_iter().for_each(&mut put));
         if let Some(map) = &self.map {
-            for limit in map.limits {
+            for limit in &map.limits {
                 for a in 0..n {
                     put(outputs(limit).map(|(i, c)| c * map.jacobian[(map.size.after + i) * n + a]).sum());
                 }

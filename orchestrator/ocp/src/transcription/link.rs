@@ -42,6 +42,38 @@ pub trait Reset: Send {
     ) -> Result<(), EvaluationError>;
 }
 
+impl<R: Reset + ?Sized> Reset for &mut R {
+    fn size(&self) -> ResetSize {
+        (**self).size()
+    }
+
+    fn output_names(&self) -> Vec<String> {
+        (**self).output_names()
+    }
+
+    fn evaluate(&mut self, before: &[f64], values: &mut [f64]) -> Result<(), EvaluationError> {
+        (**self).evaluate(before, values)
+    }
+
+    fn jacobian(
+        &mut self,
+        before: &[f64],
+        values: &mut [f64],
+        jacobian: &mut [f64],
+    ) -> Result<(), EvaluationError> {
+        (**self).jacobian(before, values, jacobian)
+    }
+
+    fn hessian(
+        &mut self,
+        before: &[f64],
+        weights: &[f64],
+        hessian: &mut [f64],
+    ) -> Result<(), EvaluationError> {
+        (**self).hessian(before, weights, hessian)
+    }
+}
+
 /// Numbers of values of a [`Reset`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct ResetSize {

@@ -3,8 +3,8 @@
 //! It sees a system only through [`Dynamics`]; FMUs, files and solvers' settings are left to others.
 //!
 //! [`Problem`] says what is wanted, [`Discretization`] how time is divided, [`Program`] is the nonlinear program for
-//! [`airloop_optim::solve`]; [`solve_on`] does all of it for one mesh, [`refine`] goes on to finer ones. Start with
-//! [`Phase`].
+//! [`airloop_optim::solve`]; [`solve_on`] does all of it for one mesh, [`refine`] goes on to finer ones; a
+//! [`Solver`] is kept and solves the same program again and again. Start with [`Phase`].
 
 mod block;
 mod bounds;
@@ -29,7 +29,9 @@ pub mod problem;
 pub mod program;
 pub mod relaxed;
 mod scheme;
+mod shift;
 pub mod solve;
+pub mod solver;
 pub mod trajectory;
 mod vector;
 
@@ -42,11 +44,12 @@ pub use mesh::Mesh;
 pub use names::Violation;
 pub use output_reset::{After, OutputReset};
 pub use problem::{
-    Cost, Duration, Limit, Path, Phase, Place, Problem, Quantity, RateLimit, Shooting, Variable,
+    Cost, Duration, Limit, LimitPlace, Path, Phase, Place, Problem, Quantity, RateLimit, Shooting, Variable,
 };
 pub use program::{Discretization, Program};
 pub use relaxed::{Conflict, conflict};
 pub use solve::{From, Outcome, Refinement, Round, refine, refined, solve_on};
+pub use solver::Solver;
 pub use trajectory::{Interpolation, PhaseTrajectory, Trajectory};
 
 /// Transcription of an interval of a mesh.

@@ -6,7 +6,7 @@ use super::functions::{Combination, Functions};
 use super::layout::Layout;
 use super::linear;
 use super::mesh::Mesh;
-use super::problem::{Duration, Limit, Phase, Place, Shooting};
+use super::problem::{Duration, Limit, LimitPlace, Path, Phase, Place, Shooting};
 use super::scheme::{Collocation, MultipleShooting, Scheme, ShootingCollocation};
 use super::{Transcription, check};
 
@@ -42,8 +42,11 @@ pub(super) struct Part {
     /// Duration where it is fixed.
     pub duration: Duration,
     pub duration_weight: f64,
-    /// Limits along the path (their number), at the start and at the end, with their combinations.
+    /// Limits along the path (their number), at the start (theirs too) and at the end, with their combinations.
     pub paths: usize,
+    pub starts: usize,
+    /// Nodes at which each limit of the path holds, and intervals in whose middle it does.
+    pub places: Vec<[Vec<usize>; 2]>,
     pub limits: Vec<Limit>,
     pub combinations: Vec<Combination>,
     /// Names and units of the rate limits.
@@ -97,6 +100,8 @@ impl Part {
             names,
             nominals,
             paths: phase.paths.len(),
+            starts: phase.start.len(),
+            places: Vec::new(),
             layout,
             functions,
             scheme,
@@ -115,7 +120,8 @@ impl Part {
             end_constraint: constraint,
             stage,
         };
-        part.place_limits(phase);
+        part.places = phase.paths.iter().map(|path| part.places(path)).collect();
+        part.place_limits();
         part.place_rates(phase);
         part.number(constraint);
         Ok(part)
@@ -147,6 +153,16 @@ impl Part {
         self.scheme.defects(self.layout.states) + self.middle_rows[k].len() + self.linear_rows[k].len()
     }
 
+    /// Number of a limit among all of the phase.
+    pub fn limit_number(&self, place: LimitPlace) -> Option<usize> {
+        let (first, end, i) = match place {
+            LimitPlace::Path(i) => (0, self.paths, i),
+            LimitPlace::Start(i) => (self.paths, self.paths + self.starts, i),
+            LimitPlace::End(i) => (self.paths + self.starts, self.limits.len(), i),
+        };
+        (i < end - first).then_some(first + i)
+    }
+
     /// The limit as a bound of one argument of the functions: its number and factor.
     pub fn single(&self, limit: usize) -> Option<(usize, f64)> {
         let combination = &self.combinations[limit];
@@ -157,8 +173,7 @@ impl Part {
     }
 
     /// Nodes at which a limit of the path holds, and intervals in whose middle it does.
-    pub fn places(&self, phase: &Phase, path: usize) -> [Vec<usize>; 2] {
-        let path = &phase.paths[path];
+    fn places(&self, path: &Path) -> [Vec<usize>; 2] {
         let inside = |s: f64| s >= path.window[0] - 1e-12 && s <= path.window[1] + 1e-12;
         let n = self.layout.intervals;
         let nodes = (0..=n).filter(|&k| path.place != Place::Midpoints && inside(self.fractions[k]));
@@ -169,21 +184,21 @@ impl Part {
     }
 
     /// Constraints for the limits that are not bounds of variables.
-    fn place_limits(&mut self, phase: &Phase) {
+    fn place_limits(&mut self) {
         let n = self.layout.intervals;
-        for path in 0..phase.paths.len() {
-            let [nodes, middles] = self.places(phase, path);
+        for path in 0..self.paths {
             let single = self.single(path);
+            let [nodes, middles] = &self.places[path];
             if single.is_none() {
-                nodes.into_iter().for_each(|k| self.node_rows[k].push(path));
+                nodes.iter().for_each(|&k| self.node_rows[k].push(path));
             }
-            for k in middles {
+            for &k in middles {
                 if single.is_none_or(|(argument, _)| self.layout.midpoint(k, argument).is_none()) {
                     self.middle_rows[k].push(path);
                 }
             }
         }
-        let (paths, starts) = (phase.paths.len(), phase.start.len());
+        let (paths, starts) = (self.paths, self.starts);
         for limit in paths..self.limits.len() {
             if self.single(limit).is_none() {
                 self.node_rows[if limit < paths + starts { 0 } else { n }].push(limit);

@@ -30,7 +30,7 @@ impl Pattern {
         let end = part.layout.first + part.layout.variables();
         let x: Vec<f64> = (0..end).map(|_| probe.number()).collect();
         let multipliers: Vec<f64> = (0..part.end_constraint).map(|_| probe.number()).collect();
-        let mut workers = [Worker::new(probe, &part.functions, widest(&part.layout))];
+        let mut workers = [Worker::new(Box::new(probe), &part.functions, widest(&part.layout))];
         evaluate(part, &mut workers, &mut data, &x, 0.0, true)?;
         curvature(part, &mut workers, &mut data, &x, (1.0, &multipliers), 0.0)?;
         let partners = part.functions.partners.iter().enumerate();

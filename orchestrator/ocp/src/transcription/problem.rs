@@ -69,6 +69,17 @@ impl Limit {
     }
 }
 
+/// A limit of a phase, by its number in [`Phase::paths`], [`Phase::start`] or [`Phase::end`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum LimitPlace {
+    /// Along the path.
+    Path(usize),
+    /// At the start.
+    Start(usize),
+    /// At the end.
+    End(usize),
+}
+
 /// Place within the mesh where a path constraint holds.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Place {

@@ -1,13 +1,14 @@
 //! The nonlinear program of a problem on given meshes.
 
 use super::bounds::VariableBounds;
+use super::dynamics::Dynamics;
 use super::error::Error;
 use super::evaluate::{Data, curvature, evaluate, node_cost, widest};
-use super::joint::Joint;
+use super::joint::{Joint, States};
 use super::part::{Label, Part};
 use super::pattern::Pattern;
 use super::probe::Probe;
-use super::problem::{Duration, Limit, Problem};
+use super::problem::{Duration, Limit, LimitPlace, Problem};
 use super::scheme::Worker;
 use super::{Mesh, Transcription};
 use airloop_optim::{Bounds, EvaluationError, Nlp, Stages};
@@ -64,41 +65,51 @@ impl<'p> Program<'p> {
     /// # Errors
     /// [`Error`] says what in the problem or its meshes makes that impossible.
     pub fn new(problem: &'p mut Problem, discretization: &Discretization) -> Result<Program<'p>, Error> {
-        let count = problem.phases.len();
-        if count == 0 {
-            return Err(Error::NoPhases);
-        }
-        let fits = |what, found: usize, expected: usize| {
-            let error = Error::Count { what, found, expected, phases: count };
-            if found == expected { Ok(()) } else { Err(error) }
-        };
-        fits("meshes", discretization.meshes.len(), count)?;
-        fits("links", problem.links.len(), count - 1)?;
-        let (mut parts, mut patterns) = (Vec::new(), Vec::new());
-        let mut next = [0; 3];
-        for (phase, mesh) in problem.phases.iter_mut().zip(&discretization.meshes) {
-            let part = Part::new(phase, discretization.transcription, mesh, next)?;
-            next = [next[0] + part.layout.variables(), part.end_constraint, next[2] + part.layout.stages()];
-            patterns.push(Pattern::new(&part, &mut Probe::new(phase.dynamics[0].as_ref()))?);
-            parts.push(part);
-        }
-        let bounds = VariableBounds::new(&parts, &problem.phases, next[0])?;
+        let parts = parts(problem, discretization)?;
+        let Problem { phases, links } = problem;
+        let dynamics = phases.iter_mut().map(|phase| {
+            let all = phase.dynamics.iter_mut();
+            all.map(|one| Box::new(one.as_mut()) as Box<dyn Dynamics + 'p>).collect()
+        });
+        let dynamics = dynamics.collect();
+        let links = links.iter_mut().map(|link| (States::borrowed(&mut link.states), link.inputs.clone()));
+        Program::assemble(parts, dynamics, links.collect(), discretization)
+    }
+
+    /// Same as [`Program::new`], of a problem that becomes part of the program.
+    ///
+    /// # Errors
+    /// Same as [`Program::new`].
+    pub fn owning(mut problem: Problem, discretization: &Discretization) -> Result<Program<'static>, Error> {
+        let parts = parts(&mut problem, discretization)?;
+        let Problem { phases, links } = problem;
+        let dynamics = phases.into_iter().map(|phase| phase.dynamics).collect();
+        let links = links.into_iter().map(|link| (States::owned(link.states), link.inputs)).collect();
+        Program::assemble(parts, dynamics, links, discretization)
+    }
+
+    fn assemble(
+        (parts, patterns, bounds): (Vec<Part>, Vec<Pattern>, VariableBounds),
+        dynamics: Vec<Vec<Box<dyn Dynamics + 'p>>>,
+        links: Vec<(States<'p>, Vec<(usize, usize)>)>,
+        discretization: &Discretization,
+    ) -> Result<Program<'p>, Error> {
+        let mut next = parts.last().map_or(0, |part| part.end_constraint);
         let mut joints: Vec<Joint<'p>> = Vec::new();
-        for (link, sides) in problem.links.iter_mut().zip(parts.windows(2)) {
-            let joint = Joint::new(link, [&sides[0], &sides[1]], next[1])?;
-            next[1] += joint.constraints();
+        for ((states, inputs), sides) in links.into_iter().zip(parts.windows(2)) {
+            let joint = Joint::new(states, &inputs, [&sides[0], &sides[1]], next)?;
+            next += joint.constraints();
             joints.push(joint);
         }
-        let workers = problem.phases.iter_mut().zip(&parts).map(|(phase, part)| {
-            let workers = phase
-                .dynamics
-                .iter_mut()
-                .map(|dynamics| Worker::new(dynamics.as_mut(), &part.functions, widest(&part.layout)));
-            workers.collect()
+        let workers = dynamics.into_iter().zip(&parts).map(|(dynamics, part)| {
+            let width = widest(&part.layout);
+            dynamics.into_iter().map(|one| Worker::new(one, &part.functions, width)).collect()
         });
         let workers = workers.collect();
         let data = parts.iter().map(Data::new).collect();
-        let constraint_bounds = constraint_bounds(&parts, &joints, next[1]);
+        let mut constraint_bounds = Bounds::zero(next);
+        set_constraint_bounds(&parts, &joints, &mut constraint_bounds);
+        let variables = bounds.bounds.lower.len();
         Ok(Program {
             discretization: discretization.clone(),
             parts,
@@ -108,8 +119,8 @@ impl<'p> Program<'p> {
             joints,
             bounds,
             constraint_bounds,
-            variables: next[0],
-            at: vec![f64::NAN; next[0]],
+            variables,
+            at: vec![f64::NAN; variables],
             known: Known::Nothing,
         })
     }
@@ -126,6 +137,32 @@ impl<'p> Program<'p> {
             times.push(times[times.len() - 1] + part.duration_at(x));
         }
         times
+    }
+
+    /// Gives a limit of a phase other bounds.
+    ///
+    /// # Errors
+    /// [`Error::NoLimit`] where there is none, [`Error::Bounds`] where no value is left, also together with other
+    /// limits; all bounds are then as before.
+    pub fn set_limit(&mut self, phase: usize, place: LimitPlace, bounds: [f64; 2]) -> Result<(), Error> {
+        let number = self.parts.get(phase).and_then(|part| part.limit_number(place));
+        let Some(number) = number else { return Err(Error::NoLimit { phase, place }) };
+        let part = &mut self.parts[phase];
+        let limit = &mut part.limits[number];
+        if bounds.iter().any(|bound| bound.is_nan()) || bounds[0] > bounds[1] {
+            let (phase, item, [lower, upper]) = (part.name.clone(), limit.name.clone(), bounds);
+            return Err(Error::Bounds { phase, item, lower, upper });
+        }
+        let before = [limit.lower, limit.upper];
+        [limit.lower, limit.upper] = bounds;
+        if let Err(error) = self.bounds.set(&self.parts) {
+            let limit = &mut self.parts[phase].limits[number];
+            [limit.lower, limit.upper] = before;
+            self.bounds.set(&self.parts)?;
+            return Err(error);
+        }
+        set_constraint_bounds(&self.parts, &self.joints, &mut self.constraint_bounds);
+        Ok(())
     }
 
     /// Makes sure that values, or derivatives too, are known at `x`.
@@ -152,8 +189,34 @@ impl<'p> Program<'p> {
     }
 }
 
-fn constraint_bounds(parts: &[Part], joints: &[Joint<'_>], count: usize) -> Bounds {
-    let mut bounds = Bounds::zero(count);
+/// The phases made discrete, with the patterns of their derivatives and the bounds of their variables.
+fn parts(
+    problem: &mut Problem,
+    discretization: &Discretization,
+) -> Result<(Vec<Part>, Vec<Pattern>, VariableBounds), Error> {
+    let count = problem.phases.len();
+    if count == 0 {
+        return Err(Error::NoPhases);
+    }
+    let fits = |what, found: usize, expected: usize| {
+        let error = Error::Count { what, found, expected, phases: count };
+        if found == expected { Ok(()) } else { Err(error) }
+    };
+    fits("meshes", discretization.meshes.len(), count)?;
+    fits("links", problem.links.len(), count - 1)?;
+    let (mut parts, mut patterns) = (Vec::new(), Vec::new());
+    let mut next = [0; 3];
+    for (phase, mesh) in problem.phases.iter_mut().zip(&discretization.meshes) {
+        let part = Part::new(phase, discretization.transcription, mesh, next)?;
+        next = [next[0] + part.layout.variables(), part.end_constraint, next[2] + part.layout.stages()];
+        patterns.push(Pattern::new(&part, &mut Probe::new(phase.dynamics[0].as_ref()))?);
+        parts.push(part);
+    }
+    let bounds = VariableBounds::new(&parts, next[0])?;
+    Ok((parts, patterns, bounds))
+}
+
+fn set_constraint_bounds(parts: &[Part], joints: &[Joint<'_>], bounds: &mut Bounds) {
     for part in parts {
         let mut set = |row: usize, lower: f64, upper: f64| {
             (bounds.lower[row], bounds.upper[row]) = (lower, upper);
@@ -175,8 +238,7 @@ fn constraint_bounds(parts: &[Part], joints: &[Joint<'_>], count: usize) -> Boun
             }
         }
     }
-    joints.iter().for_each(|joint| joint.set_bounds(&mut bounds));
-    bounds
+    joints.iter().for_each(|joint| joint.set_bounds(bounds));
 }
 
 impl Nlp for Program<'_> {
@@ -194,6 +256,14 @@ impl Nlp for Program<'_> {
 
     fn constraint_bounds(&self) -> Bounds {
         self.constraint_bounds.clone()
+    }
+
+    fn write_bounds(&self, variables: &mut Bounds, constraints: &mut Bounds) {
+        let pairs = [(variables, &self.bounds.bounds), (constraints, &self.constraint_bounds)];
+        for (target, own) in pairs {
+            target.lower.clone_from(&own.lower);
+            target.upper.clone_from(&own.upper);
+        }
     }
 
     fn objective(&mut self, x: &[f64]) -> Result<f64, EvaluationError> {

@@ -40,7 +40,7 @@ impl Program<'_> {
         for (p, part) in self.parts.iter().enumerate() {
             let worker = &mut self.workers[p][0];
             let costates = multipliers.map(|m| &m.constraints[..]);
-            phases.push(read(part, worker.dynamics, x, begins[p], costates)?);
+            phases.push(read(part, worker.dynamics.as_mut(), x, begins[p], costates)?);
         }
         Ok(Trajectory { phases, objective })
     }

@@ -15,5 +15,6 @@ mod phases;
 #[allow(dead_code, reason = "what only the hand-written runs use")]
 #[path = "../swing_up/problem.rs"]
 mod problem;
+mod resolve;
 mod same_program;
 mod swing_up;

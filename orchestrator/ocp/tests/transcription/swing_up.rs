@@ -39,7 +39,7 @@ fn the_optimum_is_the_reference() {
         let solution = from_pump(transcription, 100);
         let near = |minimum: &f64| (solution.objective - minimum).abs() <= 1e-6 * minimum;
         assert_eq!(solution.status, Status::Solved);
-        assert!(solution.violation() <= 1e-8);
+        assert!(solution.violation <= 1e-8);
         assert!(minima.iter().any(near), "{transcription:?}: {}", solution.objective);
     }
 }
@@ -131,7 +131,7 @@ fn nearly_all_guesses_converge() {
             let (mut solved, mut iterations) = (0, Vec::new());
             for seed in 0..20 {
                 let solution = from_guess(transcription, intervals, |guess| guess.perturbed(seed));
-                solved += usize::from(solution.status == Status::Solved && solution.violation() <= 1e-8);
+                solved += usize::from(solution.status == Status::Solved && solution.violation <= 1e-8);
                 iterations.push(solution.iterations.len() - 1);
             }
             iterations.sort_unstable();

@@ -29,6 +29,17 @@ pub(crate) struct Point {
     pub hessian: Vec<f64>,
 }
 
+impl Point {
+    /// Makes room for the values of a form.
+    pub fn resize(&mut self, form: &Form) {
+        self.objective = f64::NAN;
+        self.rows.resize(form.m, 0.0);
+        self.gradient.resize(form.total(), 0.0);
+        self.jacobian.resize(form.jacobian_entries.len(), 0.0);
+        self.hessian.resize(form.hessian_entries.len(), 0.0);
+    }
+}
+
 /// Parts of the optimality error, scaled by the size of the multipliers.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Errors {
@@ -54,9 +65,12 @@ impl Iterate {
         length("the multipliers of the constraints", multipliers.constraints.len(), form.constraints())?;
         length("the multipliers of the lower bounds", multipliers.lower.len(), form.n)?;
         length("the multipliers of the upper bounds", multipliers.upper.len(), form.n)?;
-        self.y = form.scaled_multipliers(&multipliers.constraints);
-        let scaled = |z: &[f64]| z.iter().map(|z| form.objective_scale * z.max(0.0)).collect();
-        (self.lower, self.upper) = (scaled(&multipliers.lower), scaled(&multipliers.upper));
+        form.scaled_multipliers(&multipliers.constraints, &mut self.y);
+        let sides = [(&mut self.lower, &multipliers.lower), (&mut self.upper, &multipliers.upper)];
+        for (own, given) in sides {
+            own.clear();
+            own.extend(given.iter().map(|z| form.objective_scale * z.max(0.0)));
+        }
         // A slack s = c(x) has the bounds of the constraint: its multipliers are the parts of y.
         for slack in &form.slacks {
             let y = self.y[slack.row];
@@ -158,10 +172,7 @@ impl Iterate {
 
     /// All multipliers of bounds as the barrier parameter has them; ones where that is large somewhere.
     pub fn reset_multipliers(&mut self, form: &Form, barrier: f64) {
-        let total = form.total();
-        let of = |gap: Option<f64>| gap.map_or(0.0, |gap| barrier / gap);
-        self.lower = (0..total).map(|j| of(self.lower_gap(form, j))).collect();
-        self.upper = (0..total).map(|j| of(self.upper_gap(form, j))).collect();
+        self.set_multipliers(form, |gap| barrier / gap);
         if self.lower.iter().chain(&self.upper).any(|z| *z > 1e3) {
             self.unit_multipliers(form);
         }
@@ -169,9 +180,18 @@ impl Iterate {
 
     /// One for every bound there is.
     pub fn unit_multipliers(&mut self, form: &Form) {
-        let of = |gap: Option<f64>| gap.map_or(0.0, |_| 1.0);
-        self.lower = (0..form.total()).map(|j| of(self.lower_gap(form, j))).collect();
-        self.upper = (0..form.total()).map(|j| of(self.upper_gap(form, j))).collect();
+        self.set_multipliers(form, |_| 1.0);
+    }
+
+    /// Multipliers of the bounds as a function of the distance to them; 0 where there is none.
+    fn set_multipliers(&mut self, form: &Form, of: impl Fn(f64) -> f64) {
+        let total = form.total();
+        self.lower.resize(total, 0.0);
+        self.upper.resize(total, 0.0);
+        for j in 0..total {
+            self.lower[j] = self.lower_gap(form, j).map_or(0.0, &of);
+            self.upper[j] = self.upper_gap(form, j).map_or(0.0, &of);
+        }
     }
 
     /// Errors of the optimality conditions with the complementarity `z gap = barrier`.

@@ -7,13 +7,6 @@ use crate::outcome::{Iteration, Note};
 const CORRECTIONS: usize = 4;
 /// Decrease of the violation that a correction has to bring for another one.
 const CORRECTION_DECREASE: f64 = 0.99;
-/// Part of a step below which the next Hessian is shifted, and how the shift grows and decays. On the swing-up these
-/// save a third of the iterations.
-const SHORT_STEP: f64 = 0.1;
-const SMALLEST_SHIFT: f64 = 1e-4;
-const LARGEST_SHIFT: f64 = 1e4;
-const SHIFT_GROWTH: f64 = 4.0;
-const SHIFT_DECAY: f64 = 10.0;
 
 pub(super) enum Search {
     Accepted,
@@ -22,7 +15,8 @@ pub(super) enum Search {
 }
 
 /// Functions at the end of a trial step.
-struct Trial {
+#[derive(Debug, Default)]
+pub(in crate::interior_point) struct Trial {
     measure: Measure,
     objective: f64,
     rows: Vec<f64>,
@@ -44,16 +38,16 @@ impl Run<'_, '_, '_> {
         let mut first = true;
         while length >= shortest || first {
             match self.try_length(length) {
-                Ok(trial) => {
+                Ok(()) => {
                     failure = None;
-                    if let Some(acceptance) = self.filter.accepts(current, length, trial.measure) {
-                        match self.take(&trial, current, acceptance, length, Note::None) {
+                    if let Some(acceptance) = self.filter.accepts(current, length, self.trial.measure) {
+                        match self.take(current, acceptance, length, Note::None) {
                             Ok(()) => return Search::Accepted,
                             Err(reason) => failure = Some(reason),
                         }
                     } else if first
-                        && trial.measure.theta >= current.at.theta
-                        && let Some(found) = self.correct(current, trial, length)
+                        && self.trial.measure.theta >= current.at.theta
+                        && let Some(found) = self.correct(current, length)
                     {
                         return found;
                     }
@@ -66,50 +60,60 @@ impl Run<'_, '_, '_> {
         Search::Failed(failure)
     }
 
-    fn try_length(&mut self, length: f64) -> Result<Trial, String> {
-        let x: Vec<f64> = self.at.x.iter().zip(&self.step.x).map(|(x, d)| x + length * d).collect();
-        let mut rows = vec![0.0; self.form.m];
-        let objective = self.form.functions(&x, &mut rows).map_err(|error| error.to_string())?;
-        // The barrier terms read the trial through the iterate.
-        let kept = std::mem::replace(&mut self.at.x, x);
-        let terms = self.at.barrier_terms(self.form, self.form.total());
-        let x = std::mem::replace(&mut self.at.x, kept);
-        let theta = rows.iter().map(|c| c.abs()).sum();
-        let measure = Measure { theta, phi: objective + self.barrier * terms };
-        Ok(Trial { measure, objective, rows, x })
+    /// Evaluates the point at this part of the step; the reason where it has no values.
+    fn try_length(&mut self, length: f64) -> Result<(), String> {
+        let mut trial = std::mem::take(&mut self.trial);
+        trial.x.clear();
+        trial.x.extend(self.at.x.iter().zip(&self.step.x).map(|(x, d)| x + length * d));
+        trial.rows.resize(self.form.m, 0.0);
+        let evaluated = self.form.functions(&trial.x, &mut trial.rows);
+        if let Ok(objective) = evaluated {
+            // The barrier terms read the trial through the iterate.
+            std::mem::swap(&mut self.at.x, &mut trial.x);
+            let terms = self.at.barrier_terms(self.form, self.form.total());
+            std::mem::swap(&mut self.at.x, &mut trial.x);
+            let theta = trial.rows.iter().map(|c| c.abs()).sum();
+            trial.measure = Measure { theta, phi: objective + self.barrier * terms };
+            trial.objective = objective;
+        }
+        self.trial = trial;
+        evaluated.map(|_| ()).map_err(|error| error.to_string())
     }
 
     /// Second-order corrections: the step is solved again with the rows it led to. None: none was accepted, and the
     /// step is the one before.
-    fn correct(&mut self, current: Current, trial: Trial, length: f64) -> Option<Search> {
-        let kept = std::mem::take(&mut self.step);
-        self.step.x = vec![0.0; kept.x.len()];
-        self.step.y = vec![0.0; kept.y.len()];
-        let mut rows: Vec<f64> = self.point.rows.clone();
-        let (mut trial, mut length, mut before) = (trial, length, current.at.theta);
+    fn correct(&mut self, current: Current, length: f64) -> Option<Search> {
+        std::mem::swap(&mut self.step, &mut self.kept);
+        let mut rows = std::mem::take(&mut self.corrected);
+        rows.clear();
+        rows.extend_from_slice(&self.point.rows);
+        let (mut length, mut before) = (length, current.at.theta);
         let mut found = None;
         for attempt in 0..CORRECTIONS {
-            if attempt > 0 && trial.measure.theta > CORRECTION_DECREASE * before {
+            let theta = self.trial.measure.theta;
+            if attempt > 0 && theta > CORRECTION_DECREASE * before {
                 break;
             }
-            before = if attempt > 0 { trial.measure.theta } else { before };
-            rows.iter_mut().zip(&trial.rows).for_each(|(sum, c)| *sum = length * *sum + c);
+            before = if attempt > 0 { theta } else { before };
+            rows.iter_mut().zip(&self.trial.rows).for_each(|(sum, c)| *sum = length * *sum + c);
             if !self.solve(Some(&rows)) {
                 break;
             }
             length = self.step.longest;
-            let Ok(next) = self.try_length(length) else { break };
-            if let Some(acceptance) = self.filter.accepts(current, kept.longest, next.measure) {
+            if self.try_length(length).is_err() {
+                break;
+            }
+            if let Some(acceptance) = self.filter.accepts(current, self.kept.longest, self.trial.measure) {
                 // The multipliers go with the corrected step.
-                if self.take(&next, current, acceptance, length, Note::SecondOrderCorrection).is_ok() {
+                if self.take(current, acceptance, length, Note::SecondOrderCorrection).is_ok() {
                     found = Some(Search::Accepted);
                 }
                 break;
             }
-            trial = next;
         }
+        self.corrected = rows;
         if found.is_none() {
-            self.step = kept;
+            std::mem::swap(&mut self.step, &mut self.kept);
         }
         found
     }
@@ -117,12 +121,12 @@ impl Run<'_, '_, '_> {
     /// Moves to the trial point, with derivatives there; the reason when those have no value.
     fn take(
         &mut self,
-        trial: &Trial,
         current: Current,
         acceptance: Acceptance,
         length: f64,
         note: Note,
     ) -> Result<(), String> {
+        let trial = &self.trial;
         self.form
             .derivatives(&trial.x, &mut self.point.gradient, &mut self.point.jacobian)
             .map_err(|error| error.to_string())?;
@@ -138,24 +142,10 @@ impl Run<'_, '_, '_> {
         self.at.lower.iter_mut().zip(lower).for_each(|(z, d)| *z += part * d);
         self.at.upper.iter_mut().zip(upper).for_each(|(z, d)| *z += part * d);
         self.at.bound_multipliers(self.form, self.barrier);
-        self.adapt_shift(length / self.step.longest);
+        self.kkt.adapt(length / self.step.longest);
         self.last.step_length = length;
         self.last.note = note;
         Ok(())
-    }
-
-    /// A short part of a step says that the quadratic model reaches less far than the step: the next Hessian is
-    /// shifted at least a little, the more the oftener, as a trust region would do; full steps undo it.
-    fn adapt_shift(&mut self, part: f64) {
-        let shift = &mut self.kkt.least_shift;
-        if part < SHORT_STEP {
-            *shift = (SHIFT_GROWTH * *shift).clamp(SMALLEST_SHIFT, LARGEST_SHIFT);
-        } else {
-            *shift /= SHIFT_DECAY;
-            if *shift < 0.05 * SMALLEST_SHIFT {
-                *shift = 0.0;
-            }
-        }
     }
 
     fn largest_step(&self) -> f64 {
@@ -176,9 +166,9 @@ impl Run<'_, '_, '_> {
             return Search::Failed(None);
         }
         match self.try_length(self.step.longest) {
-            Ok(trial) => {
+            Ok(()) => {
                 let length = self.step.longest;
-                match self.take(&trial, current, Acceptance::Objective, length, Note::None) {
+                match self.take(current, Acceptance::Objective, length, Note::None) {
                     Ok(()) => Search::Accepted,
                     Err(reason) => Search::Failed(Some(reason)),
                 }

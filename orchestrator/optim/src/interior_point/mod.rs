@@ -15,7 +15,7 @@ use super::nlp::EvaluationError;
 use super::outcome::{Iteration, Note, Status};
 use super::settings::Settings;
 pub(super) use iterate::{Errors, Iterate, Point};
-use line_search::Search;
+use line_search::{Search, Trial};
 use restoration::Goal;
 
 /// Error of a barrier problem, in units of its parameter, at which the parameter falls.
@@ -28,7 +28,7 @@ const STRONG_SHIFT: f64 = 2.0;
 /// Least part of a step to the bound that is taken.
 const MIN_FRACTION_TO_BOUNDARY: f64 = 0.99;
 /// Iterations below the acceptable tolerance after which the run ends.
-const ACCEPTABLE_ITERATIONS: usize = 15;
+pub(super) const ACCEPTABLE_ITERATIONS: usize = 15;
 /// Restorations that lead to a feasible point which the filter refuses, before the run ends.
 const MAX_USELESS_RESTORATIONS: usize = 5;
 
@@ -41,13 +41,28 @@ pub(super) enum End {
 
 /// Newton step with the steps of all multipliers.
 #[derive(Debug, Default)]
-struct Step {
+pub(super) struct Step {
     x: Vec<f64>,
     y: Vec<f64>,
     bounds: [Vec<f64>; 2],
     /// Longest part allowed by the bounds, of X and of their multipliers.
     longest: f64,
     longest_multipliers: f64,
+}
+
+/// Vectors of a run, kept for the next one.
+#[derive(Debug, Default)]
+pub(super) struct Memory {
+    pub at: Iterate,
+    point: Point,
+    filter: Filter,
+    step: Step,
+    kept: Step,
+    trial: Trial,
+    corrected: Vec<f64>,
+    diagonal: Vec<f64>,
+    work: Vec<f64>,
+    negative_rows: Vec<f64>,
 }
 
 /// State of a run.
@@ -62,8 +77,13 @@ pub(super) struct Run<'r, 'n, 'm> {
     filter: Filter,
     goal: Option<Goal>,
     step: Step,
+    /// The step before its corrections, and the rows that they start from.
+    kept: Step,
+    corrected: Vec<f64>,
+    trial: Trial,
     diagonal: Vec<f64>,
     work: Vec<f64>,
+    negative_rows: Vec<f64>,
     /// Entry of the table for the step that led here.
     last: Iteration,
     acceptable: usize,
@@ -72,24 +92,34 @@ pub(super) struct Run<'r, 'n, 'm> {
 }
 
 impl<'r, 'n, 'm> Run<'r, 'n, 'm> {
-    /// A run from an iterate; X strictly inside its bounds.
+    /// A run from the iterate in the memory; X strictly inside its bounds.
     pub fn new(
         form: &'r mut Form<'n>,
         kkt: &'r mut Kkt,
         settings: &'r Settings,
         log: &'r mut Log<'m>,
-        at: Iterate,
+        memory: Memory,
         barrier: f64,
     ) -> Self {
-        let point = Point {
-            objective: f64::NAN,
-            rows: vec![0.0; form.m],
-            gradient: vec![0.0; form.total()],
-            jacobian: vec![0.0; form.jacobian_entries.len()],
-            hessian: vec![0.0; form.hessian_entries.len()],
-        };
+        let Memory {
+            at,
+            mut point,
+            mut filter,
+            mut step,
+            mut kept,
+            trial,
+            corrected,
+            diagonal,
+            work,
+            negative_rows,
+        } = memory;
+        point.resize(form);
+        filter.restart(0.0);
+        for step in [&mut step, &mut kept] {
+            step.x.resize(form.total(), 0.0);
+            step.y.resize(form.m, 0.0);
+        }
         kkt.least_shift = 0.0;
-        let step = Step { x: vec![0.0; form.total()], y: vec![0.0; form.m], ..Step::default() };
         Self {
             form,
             kkt,
@@ -98,16 +128,27 @@ impl<'r, 'n, 'm> Run<'r, 'n, 'm> {
             at,
             barrier,
             point,
-            filter: Filter::default(),
+            filter,
             goal: None,
             step,
-            diagonal: Vec::new(),
-            work: Vec::new(),
+            kept,
+            corrected,
+            trial,
+            diagonal,
+            work,
+            negative_rows,
             last: Iteration::default(),
             acceptable: 0,
             tiny: 0,
             emergencies: 0,
         }
+    }
+
+    /// The vectors, with the last iterate, for another run.
+    pub fn into_memory(self) -> Memory {
+        let Self { at, point, filter, step, kept, corrected, trial, diagonal, work, negative_rows, .. } =
+            self;
+        Memory { at, point, filter, step, kept, corrected, trial, diagonal, work, negative_rows }
     }
 
     /// Functions and derivatives at the present point.
@@ -119,7 +160,7 @@ impl<'r, 'n, 'm> Run<'r, 'n, 'm> {
 
     /// Iterates until the problem is solved or nothing helps; the point is evaluated.
     pub fn run(&mut self) -> End {
-        self.filter = Filter::new(self.theta());
+        self.filter.restart(self.theta());
         loop {
             let errors = self.errors(0.0);
             if let Some(end) = self.judge(errors) {
@@ -293,9 +334,10 @@ impl<'r, 'n, 'm> Run<'r, 'n, 'm> {
         self.form.add_transposed(&self.point.jacobian, &self.at.y, &mut self.work);
         self.at.add_barrier_gradient(self.form, self.barrier, &mut self.work);
         self.work.iter_mut().for_each(|g| *g = -*g);
-        let rows: Vec<f64> = rows.unwrap_or(&self.point.rows).iter().map(|c| -c).collect();
+        self.negative_rows.clear();
+        self.negative_rows.extend(rows.unwrap_or(&self.point.rows).iter().map(|c| -c));
         let Step { x, y, bounds, .. } = &mut self.step;
-        if !self.kkt.solve(self.form, &self.point.jacobian, (&self.work, &rows), x, y) {
+        if !self.kkt.solve(self.form, &self.point.jacobian, (&self.work, &self.negative_rows), x, y) {
             return false;
         }
         self.at.multiplier_steps(self.form, x, self.barrier, bounds);

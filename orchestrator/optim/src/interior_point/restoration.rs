@@ -1,7 +1,7 @@
 //! Restoration of feasibility: the rows are relaxed by p, n >= 0 whose sum is minimized near the present point, by
 //! the same method, until a point is found that the filter of the main run admits.
 
-use super::{End, Iterate, MAX_USELESS_RESTORATIONS, Run};
+use super::{End, Iterate, MAX_USELESS_RESTORATIONS, Memory, Run};
 use crate::filter::{Filter, Measure};
 use crate::form::{Form, RELAXATION_COST};
 use crate::outcome::Status;
@@ -41,7 +41,8 @@ impl Run<'_, '_, '_> {
         let mut at = Iterate { y: vec![0.0; self.form.m], ..self.at.clone() };
         at.lower.iter_mut().chain(&mut at.upper).for_each(|z| *z = z.min(RELAXATION_COST));
         relaxations(&self.point.rows, barrier, &mut at);
-        let mut inner = Run::new(self.form, self.kkt, self.settings, self.log, at, barrier);
+        let memory = Memory { at, ..Memory::default() };
+        let mut inner = Run::new(self.form, self.kkt, self.settings, self.log, memory, barrier);
         inner.goal = Some(goal);
         let end = match inner.evaluate() {
             Ok(()) => inner.run(),

@@ -1,7 +1,7 @@
 //! The first iterate: X moved inside its bounds, slacks, multipliers, barrier parameter.
 
 use super::iterate::push_inside;
-use super::{Iterate, Run};
+use super::{Memory, Run};
 use crate::error::Error;
 use crate::form::{Form, length};
 use crate::kkt::Kkt;
@@ -23,22 +23,28 @@ impl<'r, 'n, 'm> Run<'r, 'n, 'm> {
         settings: &'r Settings,
         log: &'r mut Log<'m>,
         start: &Start,
+        mut memory: Memory,
     ) -> Result<Self, Error> {
         length("the start", start.x.len(), form.n)?;
         let warm = start.multipliers.is_some();
-        let mut x = start.x.clone();
-        x.resize(form.total(), 0.0);
         let push = if warm { WARM_DISTANCE_FROM_BOUNDS } else { COLD_DISTANCE_FROM_BOUNDS };
-        push_inside(form, &mut x, push);
-        form.scale(&x, settings.scaling_gradient).map_err(Error::Start)?;
-        let mut rows = vec![0.0; form.m];
-        form.rows_at(&x, &mut rows).map_err(Error::Start)?;
-        for (slack, s) in form.slacks.iter().zip(&mut x[form.n..]) {
-            *s = rows[slack.row];
+        let Memory { at, point, .. } = &mut memory;
+        at.x.clear();
+        at.x.extend_from_slice(&start.x);
+        at.x.resize(form.total(), 0.0);
+        push_inside(form, &mut at.x, push);
+        form.scale(&at.x, settings.scaling_gradient).map_err(Error::Start)?;
+        point.resize(form);
+        form.rows_at(&at.x, &mut point.rows).map_err(Error::Start)?;
+        for (slack, s) in form.slacks.iter().zip(&mut at.x[form.n..]) {
+            *s = point.rows[slack.row];
         }
-        push_inside(form, &mut x, push);
-        let at = Iterate { x, y: vec![0.0; form.m], ..Iterate::default() };
-        let mut run = Self::new(form, kkt, settings, log, at, settings.initial_barrier);
+        push_inside(form, &mut at.x, push);
+        at.y.clear();
+        at.y.resize(form.m, 0.0);
+        at.lower.clear();
+        at.upper.clear();
+        let mut run = Self::new(form, kkt, settings, log, memory, settings.initial_barrier);
         run.evaluate().map_err(Error::Start)?;
         match &start.multipliers {
             None => {

@@ -11,7 +11,7 @@ mod step;
 use super::error::Error;
 use super::filter::{Acceptance, Current, Filter, Measure};
 use super::form::{Form, length};
-use super::interior_point::{Errors, Iterate, Point};
+use super::interior_point::{ACCEPTABLE_ITERATIONS, Errors, Iterate, Point};
 use super::kkt::Kkt;
 use super::log::Log;
 use super::nlp::EvaluationError;
@@ -29,22 +29,46 @@ pub(super) enum End {
     NoStep,
 }
 
+/// Vectors of a run, kept for the next one.
+#[derive(Debug, Default)]
+pub(super) struct Memory {
+    pub at: Iterate,
+    point: Point,
+    filter: Filter,
+    active: ActiveSet,
+    /// The working set before it changed for a step.
+    before: ActiveSet,
+    step: Step,
+    kept: Step,
+    trial: Trial,
+    corrected: Vec<f64>,
+    work: Work,
+}
+
+/// Right-hand sides of a step.
+#[derive(Debug, Default)]
+struct Work {
+    diagonal: Vec<f64>,
+    known: Vec<f64>,
+    right: Vec<f64>,
+    rows: Vec<f64>,
+    errors: Vec<f64>,
+}
+
 pub(super) struct Sqp<'r, 'n, 'm> {
     pub form: &'r mut Form<'n>,
     pub kkt: &'r mut Kkt,
     pub settings: &'r Settings,
     pub log: &'r mut Log<'m>,
-    pub at: Iterate,
-    point: Point,
-    filter: Filter,
-    active: ActiveSet,
-    step: Step,
-    work: Vec<f64>,
+    pub memory: Memory,
     last: Iteration,
     pub quadratic_programs: usize,
     programs_in_a_row: usize,
+    /// Iterations in a row below the acceptable tolerance.
+    acceptable: usize,
 }
 
+#[derive(Debug, Default)]
 struct Trial {
     x: Vec<f64>,
     rows: Vec<f64>,
@@ -60,54 +84,53 @@ impl<'r, 'n, 'm> Sqp<'r, 'n, 'm> {
         settings: &'r Settings,
         log: &'r mut Log<'m>,
         start: &Start,
+        mut memory: Memory,
     ) -> Result<Self, Error> {
         length("the start", start.x.len(), form.n)?;
-        let mut x = start.x.clone();
-        x.resize(form.total(), 0.0);
-        clip(form, &mut x);
-        form.scale(&x, settings.scaling_gradient).map_err(Error::Start)?;
-        let mut rows = vec![0.0; form.m];
-        form.rows_at(&x, &mut rows).map_err(Error::Start)?;
-        for (slack, s) in form.slacks.iter().zip(&mut x[form.n..]) {
-            *s = rows[slack.row];
+        let Memory { at, point, active, step, kept, .. } = &mut memory;
+        at.x.clear();
+        at.x.extend_from_slice(&start.x);
+        at.x.resize(form.total(), 0.0);
+        clip(form, &mut at.x);
+        form.scale(&at.x, settings.scaling_gradient).map_err(Error::Start)?;
+        point.resize(form);
+        form.rows_at(&at.x, &mut point.rows).map_err(Error::Start)?;
+        for (slack, s) in form.slacks.iter().zip(&mut at.x[form.n..]) {
+            *s = point.rows[slack.row];
         }
-        clip(form, &mut x);
-        let total = form.total();
-        let mut at = Iterate { x, y: vec![0.0; form.m], lower: vec![0.0; total], upper: vec![0.0; total] };
+        clip(form, &mut at.x);
+        for (vector, count) in
+            [(&mut at.y, form.m), (&mut at.lower, form.total()), (&mut at.upper, form.total())]
+        {
+            vector.clear();
+            vector.resize(count, 0.0);
+        }
         if let Some(multipliers) = &start.multipliers {
             at.take_multipliers(form, multipliers)?;
         }
-        let point = Point {
-            objective: f64::NAN,
-            rows,
-            gradient: vec![0.0; total],
-            jacobian: vec![0.0; form.jacobian_entries.len()],
-            hessian: vec![0.0; form.hessian_entries.len()],
-        };
-        let active = ActiveSet::new(form, &mut at)?;
-        let step = Step::new(form);
+        active.begin(form, at);
+        step.resize(form);
+        kept.resize(form);
+        let last = Iteration::default();
         let mut run = Self {
             form,
             kkt,
             settings,
             log,
-            at,
-            point,
-            filter: Filter::default(),
-            active,
-            step,
-            work: Vec::new(),
-            last: Iteration::default(),
+            memory,
+            last,
             quadratic_programs: 0,
             programs_in_a_row: 0,
+            acceptable: 0,
         };
         run.evaluate().map_err(Error::Start)?;
         Ok(run)
     }
 
     fn evaluate(&mut self) -> Result<(), EvaluationError> {
-        self.point.objective = self.form.functions(&self.at.x, &mut self.point.rows)?;
-        self.form.derivatives(&self.at.x, &mut self.point.gradient, &mut self.point.jacobian)
+        let Memory { at, point, .. } = &mut self.memory;
+        point.objective = self.form.functions(&at.x, &mut point.rows)?;
+        self.form.derivatives(&at.x, &mut point.gradient, &mut point.jacobian)
     }
 
     /// Scaled KKT error of the present point.
@@ -116,17 +139,20 @@ impl<'r, 'n, 'm> Sqp<'r, 'n, 'm> {
     }
 
     fn errors(&mut self) -> Errors {
-        self.at.errors(self.form, &self.point, 0.0, &mut self.work)
+        let Memory { at, point, work, .. } = &mut self.memory;
+        at.errors(self.form, point, 0.0, &mut work.errors)
     }
 
     /// Iterates until the problem is solved or no step helps.
     pub fn run(&mut self) -> End {
-        self.filter = Filter::new(self.measure().theta);
+        let theta = self.measure().theta;
+        self.memory.filter.restart(theta);
         loop {
             if let Some(status) = self.judge() {
                 return End::Status(status);
             }
-            if let Err(error) = self.form.hessian(&self.at.x, &self.at.y, &mut self.point.hessian) {
+            let Memory { at, point, .. } = &mut self.memory;
+            if let Err(error) = self.form.hessian(&at.x, &at.y, &mut point.hessian) {
                 return End::Status(Status::EvaluationFailed(error.to_string()));
             }
             if !self.compute_step() || !self.search() {
@@ -137,23 +163,30 @@ impl<'r, 'n, 'm> Sqp<'r, 'n, 'm> {
 
     fn judge(&mut self) -> Option<Status> {
         let errors = self.errors();
-        let violation = self.form.violation(&self.point.rows);
+        let Memory { at, point, .. } = &self.memory;
+        let violation = self.form.violation(&point.rows);
         let row = Iteration {
-            objective: self.point.objective / self.form.objective_scale,
+            objective: point.objective / self.form.objective_scale,
             violation,
             dual_infeasibility: errors.dual,
             ..self.last
         };
         let limit = self.settings.diverging;
+        let accepted = self.settings.acceptable_tolerance;
+        let close =
+            errors.largest() <= accepted && violation <= accepted.max(self.settings.violation_tolerance);
+        self.acceptable = if close { self.acceptable + 1 } else { 0 };
         if !self.log.push(row) {
             Some(Status::Interrupted)
         } else if errors.largest() <= self.settings.tolerance
             && violation <= self.settings.violation_tolerance
         {
             Some(Status::Solved)
+        } else if self.acceptable >= ACCEPTABLE_ITERATIONS {
+            Some(Status::Acceptable)
         } else if self.log.table.len() > self.settings.max_iterations {
             Some(Status::IterationLimit)
-        } else if self.at.x.iter().any(|x| x.abs() > limit) || self.point.objective < -limit {
+        } else if at.x.iter().any(|x| x.abs() > limit) || point.objective < -limit {
             Some(Status::Diverging)
         } else {
             None
@@ -161,27 +194,30 @@ impl<'r, 'n, 'm> Sqp<'r, 'n, 'm> {
     }
 
     fn measure(&self) -> Measure {
-        let theta = self.point.rows.iter().map(|c| c.abs()).sum();
-        Measure { theta, phi: self.point.objective }
+        let point = &self.memory.point;
+        let theta = point.rows.iter().map(|c| c.abs()).sum();
+        Measure { theta, phi: point.objective }
     }
 
     /// Backtracks along the step to an acceptable point; false where there is none.
     fn search(&mut self) -> bool {
-        let slope = self.point.gradient.iter().zip(&self.step.x).map(|(g, d)| g * d).sum();
+        let Memory { point, step, .. } = &self.memory;
+        let slope = point.gradient.iter().zip(&step.x).map(|(g, d)| g * d).sum();
+        let largest = step.x[..self.form.n].iter().fold(0.0f64, |m, d| m.max(d.abs()));
         let current = Current { at: self.measure(), slope };
-        let largest = self.step.x[..self.form.n].iter().fold(0.0f64, |m, d| m.max(d.abs()));
         self.last = Iteration { step: largest, regularization: self.kkt.shift, ..Iteration::default() };
-        let (shortest, mut length) = (self.filter.shortest(current), 1.0);
+        let (shortest, mut length) = (self.memory.filter.shortest(current), 1.0);
         while length >= shortest || length == 1.0 {
-            if let Some(trial) = self.try_length(length) {
-                if let Some(acceptance) = self.filter.accepts(current, length, trial.measure) {
-                    if self.take(&trial, current, acceptance, length) {
+            if self.try_length(length) {
+                let measure = self.memory.trial.measure;
+                if let Some(acceptance) = self.memory.filter.accepts(current, length, measure) {
+                    if self.take(current, acceptance, length) {
                         return true;
                     }
                 } else if length == 1.0
-                    && self.step.correctable
-                    && trial.measure.theta >= current.at.theta
-                    && self.correct(current, trial)
+                    && self.memory.step.correctable
+                    && measure.theta >= current.at.theta
+                    && self.correct(current)
                 {
                     self.last.note = Note::SecondOrderCorrection;
                     return true;
@@ -192,62 +228,73 @@ impl<'r, 'n, 'm> Sqp<'r, 'n, 'm> {
         false
     }
 
-    fn try_length(&mut self, length: f64) -> Option<Trial> {
-        let mut x: Vec<f64> = self.at.x.iter().zip(&self.step.x).map(|(x, d)| x + length * d).collect();
-        clip(self.form, &mut x);
-        let mut rows = vec![0.0; self.form.m];
-        let objective = self.form.functions(&x, &mut rows).ok()?;
-        let theta = rows.iter().map(|c| c.abs()).sum();
-        Some(Trial { x, rows, objective, measure: Measure { theta, phi: objective } })
+    /// Evaluates the point at this part of the step; false where it has no values.
+    fn try_length(&mut self, length: f64) -> bool {
+        let Memory { at, step, trial, .. } = &mut self.memory;
+        trial.x.clear();
+        trial.x.extend(at.x.iter().zip(&step.x).map(|(x, d)| x + length * d));
+        clip(self.form, &mut trial.x);
+        trial.rows.resize(self.form.m, 0.0);
+        let Ok(objective) = self.form.functions(&trial.x, &mut trial.rows) else { return false };
+        let theta = trial.rows.iter().map(|c| c.abs()).sum();
+        trial.objective = objective;
+        trial.measure = Measure { theta, phi: objective };
+        true
     }
 
     /// Second-order corrections with the working set of the step; false where none is accepted.
-    fn correct(&mut self, current: Current, trial: Trial) -> bool {
-        let (kept, mut trial) = (self.step.clone(), trial);
-        let mut rows = self.point.rows.clone();
+    fn correct(&mut self, current: Current) -> bool {
+        self.memory.kept.copy_from(&self.memory.step);
+        let mut rows = std::mem::take(&mut self.memory.corrected);
+        rows.clear();
+        rows.extend_from_slice(&self.memory.point.rows);
         let mut before = current.at.theta;
+        let mut found = false;
         for attempt in 0..CORRECTIONS {
-            if attempt > 0 && trial.measure.theta > 0.99 * before {
+            let theta = self.memory.trial.measure.theta;
+            if attempt > 0 && theta > 0.99 * before {
                 break;
             }
-            before = trial.measure.theta;
-            rows.iter_mut().zip(&trial.rows).for_each(|(sum, c)| *sum += c);
-            if !self.correct_step(&rows) || !self.active.inside(self.form, &self.at.x, &self.step.x) {
+            before = theta;
+            rows.iter_mut().zip(&self.memory.trial.rows).for_each(|(sum, c)| *sum += c);
+            if !self.correct_step(&rows) || !self.step_is_inside() || !self.try_length(1.0) {
                 break;
             }
-            let Some(next) = self.try_length(1.0) else { break };
-            if let Some(acceptance) = self.filter.accepts(current, 1.0, next.measure) {
-                if self.take(&next, current, acceptance, 1.0) {
-                    return true;
-                }
+            if let Some(acceptance) = self.memory.filter.accepts(current, 1.0, self.memory.trial.measure) {
+                found = self.take(current, acceptance, 1.0);
                 break;
             }
-            trial = next;
         }
-        self.step = kept;
-        false
+        self.memory.corrected = rows;
+        if !found {
+            let Memory { step, kept, .. } = &mut self.memory;
+            std::mem::swap(step, kept);
+        }
+        found
     }
 
     /// Moves to the trial point; false when the derivatives have no value there.
-    fn take(&mut self, trial: &Trial, current: Current, acceptance: Acceptance, length: f64) -> bool {
-        let derivatives = self.form.derivatives(&trial.x, &mut self.point.gradient, &mut self.point.jacobian);
+    fn take(&mut self, current: Current, acceptance: Acceptance, length: f64) -> bool {
+        let Memory { at, point, filter, step, trial, .. } = &mut self.memory;
+        let derivatives = self.form.derivatives(&trial.x, &mut point.gradient, &mut point.jacobian);
         if derivatives.is_err() {
             return false;
         }
         if acceptance == Acceptance::Filter {
-            self.filter.add(current.at);
+            filter.add(current.at);
         }
-        self.at.x.copy_from_slice(&trial.x);
-        self.point.objective = trial.objective;
-        self.point.rows.copy_from_slice(&trial.rows);
+        at.x.copy_from_slice(&trial.x);
+        point.objective = trial.objective;
+        point.rows.copy_from_slice(&trial.rows);
         let go = |z: &mut [f64], to: &[f64]| {
             z.iter_mut().zip(to).for_each(|(z, to)| *z += length * (to - *z));
         };
-        go(&mut self.at.y, &self.step.y);
-        go(&mut self.at.lower, &self.step.lower);
-        go(&mut self.at.upper, &self.step.upper);
+        go(&mut at.y, &step.y);
+        go(&mut at.lower, &step.lower);
+        go(&mut at.upper, &step.upper);
         self.last.step_length = length;
-        self.last.note = self.step.note;
+        self.last.note = step.note;
+        self.kkt.adapt(length);
         true
     }
 }

@@ -23,13 +23,13 @@ fn failures(settings: &Settings) -> (usize, Vec<String>) {
         let solution = solve(&mut problem, &start, settings).unwrap();
         // The published minima have 9 digits or more; 1e-6 leaves room for the last of them.
         let reached = |minimum: &f64| (solution.objective - minimum).abs() <= 1e-6 * minimum.abs().max(1.0);
-        let found = problem.minima.iter().any(reached) && solution.violation() <= 1e-7;
+        let found = problem.minima.iter().any(reached) && solution.violation <= 1e-7;
         println!(
             "{:6} {:3} iterations, f = {:.9}, violation {:.1e}, error {:.1e}: {}",
             problem.name,
             solution.iterations.len() - 1,
             solution.objective,
-            solution.violation(),
+            solution.violation,
             solution.error,
             solution.status
         );

@@ -110,6 +110,9 @@ pub struct TrialsSummary {
     pub criteria: Vec<CriterionRecord>,
     /// Trials that ended early, with the reason.
     pub ended_early: Vec<String>,
+    /// Perturbations that were drawn again since a variable would have left its range, with the number of draws.
+    #[serde(default)]
+    pub drawn_again: Vec<String>,
     /// Wall-clock time \[s\].
     pub time: f64,
     /// Files in the folder.

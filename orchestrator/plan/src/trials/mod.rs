@@ -1,7 +1,7 @@
 //! Trials: the closed loop, and the plan alone, on systems whose parameters and initial states differ from the model's.
 //!
 //! A trial is a run of the closed-loop system through a master. Its seed gives the perturbations, in the order of the
-//! file, and the sensor noise, sample by sample; the same seed gives the same trial on any number of threads, with and
+//! file, each drawn again as long as it leaves the range of a variable, and the sensor noise, sample by sample; the same seed gives the same trial on any number of threads, with and
 //! without feedback.
 
 mod judge;
@@ -24,6 +24,9 @@ use airloop_series::{Interpolation, TimeSeries};
 pub use judge::Judgment;
 pub use ready::{Ready, prepare};
 pub use sources::{SETTINGS, SYSTEMS, sources};
+
+/// Draws of a perturbation after which none within the ranges of its variables is to be expected.
+const MAX_DRAWS: usize = 1000;
 
 /// Request for trials.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -51,6 +54,8 @@ pub struct Trial {
     pub closed: bool,
     /// Each criterion: kept or not.
     pub judgment: Judgment,
+    /// How often each perturbation was drawn again since a variable would have left the range that its FMU declares.
+    pub drawn_again: Vec<usize>,
     /// Reason why it ended early, if it did.
     pub problem: Option<String>,
     /// Trajectory of the signals that are judged, and of the commands; of the first trials only.
@@ -98,7 +103,8 @@ pub fn one(
 ) -> Result<Option<Trial>, Error> {
     let mut random = Random::new(seed);
     let mut graph = ready.graph.clone();
-    perturb(ready, &mut graph, request.scale, &mut random);
+    let drawn_again = perturb(ready, &mut graph, request.scale, &mut random)
+        .map_err(|problem| Error::Place { place: format!("trial of seed {seed}"), problem })?;
     graph.components[ready.controller].set_start(ready.feedback, Start::Boolean(closed));
     let noise = noise(ready, &mut random)?;
     let stimulus =
@@ -123,18 +129,32 @@ pub fn one(
     };
     let judgment = judge::judge(&ready.criteria, &run.result, problem.is_some())?;
     let trajectory = keep.then(|| ready.trajectory(&run.result)).transpose()?;
-    Ok(Some(Trial { seed, closed, judgment, problem, trajectory }))
+    Ok(Some(Trial { seed, closed, judgment, drawn_again, problem, trajectory }))
 }
 
-/// Draws the perturbations: one number each, at the value of the model.
-fn perturb(ready: &Ready, graph: &mut SystemGraph, scale: f64, random: &mut Random) {
+/// Draws the perturbations: one number each, at the value of the model, again as long as a variable would leave its
+/// range. Tells how often each was drawn again.
+fn perturb(
+    ready: &Ready,
+    graph: &mut SystemGraph,
+    scale: f64,
+    random: &mut Random,
+) -> Result<Vec<usize>, String> {
+    let mut drawn_again = Vec::with_capacity(ready.perturbations.len());
     for perturbation in &ready.perturbations {
-        let part = scale * random.symmetric();
+        let mut parts = (0..MAX_DRAWS).map(|_| scale * random.symmetric()).enumerate();
+        let Some((again, part)) = parts.find(|(_, part)| perturbation.allows(*part)) else {
+            return Err(format!(
+                "no value of {} is within the range that its FMU declares, in {MAX_DRAWS} draws; perturb it less",
+                perturbation.name
+            ));
+        };
+        drawn_again.push(again);
         for place in &perturbation.places {
-            let value = place.value + part * place.width;
-            graph.components[place.component].set_start(place.variable, Start::Real(value));
+            graph.components[place.component].set_start(place.variable, Start::Real(place.perturbed(part)));
         }
     }
+    Ok(drawn_again)
 }
 
 /// Sensor noise at all samples.
@@ -152,4 +172,25 @@ fn noise(ready: &Ready, random: &mut Random) -> Result<TimeSeries, Error> {
         series.push(noise.name.clone(), None, column)?;
     }
     Ok(series)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::ready::{Perturbation, Place};
+
+    #[test]
+    fn a_perturbation_is_allowed_while_all_its_variables_stay_in_their_ranges() {
+        let place = |value: f64, width: f64, range: [f64; 2]| Place {
+            component: 0,
+            variable: 0,
+            value,
+            width,
+            range,
+        };
+        let free = [f64::NEG_INFINITY, f64::INFINITY];
+        let places = vec![place(0.1, 0.02, [1e-9, f64::INFINITY]), place(5.0, 5.0, free)];
+        let perturbation = Perturbation { name: "m, k".into(), places };
+        assert!(perturbation.allows(-4.9) && perturbation.allows(30.0));
+        assert!(!perturbation.allows(-5.1));
+    }
 }

@@ -25,15 +25,33 @@ pub struct Place {
     pub variable: usize,
     /// Value of the model.
     pub value: f64,
-    /// Half width of the range.
+    /// Half width of the perturbation.
     pub width: f64,
+    /// Smallest and largest value that the FMU declares; infinite where it declares none.
+    pub range: [f64; 2],
+}
+
+impl Place {
+    /// The value with a part, -1..1, of the perturbation.
+    pub(super) fn perturbed(&self, part: f64) -> f64 {
+        self.value + part * self.width
+    }
 }
 
 /// Variables that are perturbed by one number.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Perturbation {
+    /// Names of the variables.
+    pub name: String,
     /// The variables.
     pub places: Vec<Place>,
+}
+
+impl Perturbation {
+    /// Whether all variables stay within their ranges.
+    pub(super) fn allows(&self, part: f64) -> bool {
+        self.places.iter().all(|place| (place.range[0]..=place.range[1]).contains(&place.perturbed(part)))
+    }
 }
 
 /// Noise of a sensor.
@@ -126,6 +144,16 @@ fn value_of(graph: &SystemGraph, component: usize, variable: usize) -> Option<f6
     }
 }
 
+/// Smallest and largest value of a Real.
+fn range_of(graph: &SystemGraph, component: usize, variable: usize) -> [f64; 2] {
+    match &graph.components[component].fmu.description.variables[variable].kind {
+        VariableKind::Real(real) => {
+            [real.min.unwrap_or(f64::NEG_INFINITY), real.max.unwrap_or(f64::INFINITY)]
+        }
+        _ => [f64::NEG_INFINITY, f64::INFINITY],
+    }
+}
+
 fn perturbation(settings: &Settings, graph: &SystemGraph, one: &Perturb) -> Result<Perturbation, Error> {
     let source = &settings.source;
     let place = |name: &Text| -> Result<Place, Error> {
@@ -133,7 +161,8 @@ fn perturbation(settings: &Settings, graph: &SystemGraph, one: &Perturb) -> Resu
         let value = found.and_then(|(component, variable)| value_of(graph, component, variable));
         match (found, value) {
             (Some((component, variable)), Some(value)) => {
-                Ok(Place { component, variable, value, width: 0.0 })
+                let range = range_of(graph, component, variable);
+                Ok(Place { component, variable, value, width: 0.0, range })
             }
             _ => {
                 let problem = format!(
@@ -152,7 +181,8 @@ fn perturbation(settings: &Settings, graph: &SystemGraph, one: &Perturb) -> Resu
             Spread::Each(widths) => in_unit_of(settings, graph, &widths[i], place)?,
         };
     }
-    Ok(Perturbation { places })
+    let names: Vec<&str> = one.variables.iter().map(|name| name.text.as_str()).collect();
+    Ok(Perturbation { name: names.join(", "), places })
 }
 
 /// A width in the unit of the variable that it belongs to.

@@ -128,7 +128,10 @@ pub fn draw_trials(
             "{} trials from seed {} with {} times the perturbation, {} master.",
             summary.count, summary.seed, summary.scale, summary.master
         ),
-        remarks: vec![("Trials that ended early".into(), summary.ended_early.clone())],
+        remarks: vec![
+            ("Trials that ended early".into(), summary.ended_early.clone()),
+            ("Perturbations drawn again within the ranges of the FMUs".into(), summary.drawn_again.clone()),
+        ],
         tables: vec![Table {
             heading: "Trials that keep a criterion".into(),
             header: ["criterion", "closed loop", "open loop"].map(String::from).to_vec(),

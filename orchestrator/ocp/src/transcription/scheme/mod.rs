@@ -79,16 +79,16 @@ impl Points {
         let time = self.times[i];
         if derivatives {
             let jacobian = &mut self.jacobian[i * nv * nq..(i + 1) * nv * nq];
-            functions.jacobian(worker.dynamics, &mut worker.scratch, time, q, values, jacobian)
+            functions.jacobian(worker.dynamics.as_mut(), &mut worker.scratch, time, q, values, jacobian)
         } else {
-            functions.evaluate(worker.dynamics, time, q, values)
+            functions.evaluate(worker.dynamics.as_mut(), time, q, values)
         }
     }
 }
 
 /// An instance of the dynamics with the memory of its thread.
 pub(super) struct Worker<'a> {
-    pub dynamics: &'a mut dyn Dynamics,
+    pub dynamics: Box<dyn Dynamics + 'a>,
     pub scratch: Scratch,
     pub weights: Vec<f64>,
     pub hessian: Vec<f64>,
@@ -98,7 +98,7 @@ pub(super) struct Worker<'a> {
 }
 
 impl<'a> Worker<'a> {
-    pub fn new(dynamics: &'a mut dyn Dynamics, functions: &Functions, width: usize) -> Worker<'a> {
+    pub fn new(dynamics: Box<dyn Dynamics + 'a>, functions: &Functions, width: usize) -> Worker<'a> {
         let (nq, nv) = (functions.arguments(), functions.values());
         Worker {
             dynamics,
@@ -118,7 +118,8 @@ impl<'a> Worker<'a> {
         i: usize,
         functions: &Functions,
     ) -> Result<(), EvaluationError> {
-        functions.hessian(self.dynamics, &mut self.scratch, points.at(i), &self.weights, &mut self.hessian)
+        let dynamics = self.dynamics.as_mut();
+        functions.hessian(dynamics, &mut self.scratch, points.at(i), &self.weights, &mut self.hessian)
     }
 }
 
