@@ -157,7 +157,7 @@ mod tests {
             keep_rounding_often(&mut calls, Path::new("m.fmu"));
             let was_set_back = !rounding::is_changed();
             rounding::set_back();
-            assert_eq!(was_set_back, number % u32::from(CALLS_PER_READING) == 0, "call {number}");
+            assert_eq!(was_set_back, number.is_multiple_of(CALLS_PER_READING.into()), "call {number}");
         };
         (0..200).for_each(&mut is_set_back_by);
     }
