@@ -5,19 +5,33 @@ import io
 import os
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Union
+from typing import TYPE_CHECKING, Any, Protocol, Union
 
 import numpy as np
 
 from ._native import Record, RecordError
 
 if TYPE_CHECKING:
-    import pandas
-
     from .result import Result
 
+
+class Frame(Protocol):
+    """A ``pandas.DataFrame``, as type checkers see it also where pandas has no types for them."""
+
+    @property
+    def columns(self) -> Any:
+        """Names of the columns."""
+
+    @property
+    def index(self) -> Any:
+        """The time, unless it is a column."""
+
+    def __getitem__(self, key: Any, /) -> Any:
+        """A column by name."""
+
+
 #: A file, a mapping with `time`, a DataFrame with `time` as column or index, or a result.
-Signals = Union[str, "os.PathLike[str]", Mapping[str, Any], "pandas.DataFrame", "Result"]
+Signals = Union[str, "os.PathLike[str]", Mapping[str, Any], Frame, "Result"]
 
 
 def record(data: "Signals", label: str) -> Record:

@@ -84,11 +84,16 @@ pub fn findings(fmu: &Fmu, limit: Duration) -> Result<Vec<Finding>, Error> {
     // The last line may be cut off.
     let mut found: Vec<Finding> =
         written.lines().filter_map(|line| serde_json::from_str(line).ok()).collect();
-    if folder.path().join(DONE).exists() {
+    let is_done = folder.path().join(DONE).exists();
+    if is_done && status.is_some_and(|status| status.success()) {
         return Ok(found);
     }
-    let call = trace::last_call(&folder.path().join(CALL));
-    let element = call.map_or_else(|| "before the first call".to_owned(), |call| format!("call of {call}"));
+    let element = match trace::last_call(&folder.path().join(CALL)) {
+        // Libraries inside of an FMU that airloop wrote are unloaded there.
+        _ if is_done => "end of the process, after all checks".to_owned(),
+        None => "before the first call".to_owned(),
+        Some(call) => format!("call of {call}"),
+    };
     let message = match status {
         None => format!("it did not return within {} s; --time-limit allows more", limit.as_secs_f64()),
         Some(status) => format!("the process of the FMU ended there by {}", cause(status)),

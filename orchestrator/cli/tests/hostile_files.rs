@@ -160,7 +160,7 @@ fn hostile_files_and_settings_end_as_the_table_says() {
         }
     }
     page += "\n## Faults of the machine\n\nA run is complete, absent, or marked as partial (`result.partial.csv`, or a status other than `completed` in \
-             `summary.json`), and its rows are whole (SIGKILL in the middle of a write may leave a last line without its end). `left` are the files in its folder afterwards; the next command into the folder completes or removes what \
+             `summary.json`), and its rows are whole, but for rows longer than 4096 bytes after SIGKILL. `left` are the files in its folder afterwards; the next command into the folder completes or removes what \
              is hidden.\n\n| fault | command | exit code | message | left |\n|---|---|---|---|---|\n";
     for fault in machine::FAULTS {
         let code = fault.code.map_or("signal".to_owned(), |code| code.to_string());

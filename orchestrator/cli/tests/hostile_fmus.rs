@@ -152,3 +152,55 @@ fn an_fmu_in_a_worker_gives_the_same_bytes() {
         assert_eq!(results[0], results[2], "{master}");
     }
 }
+
+/// A study of `m.fmu`: the estimation record is 1.5 s long, that of validation 2.5 s.
+const STUDY: &str = r#"
+name = "hostile"
+system = "m.fmu"
+inputs.u = { column = "u" }
+outputs.y = { column = "y" }
+segment = [
+    { file = "record.csv", role = "estimation", to_s = 1.5, initial = "fit" },
+    { file = "record.csv", role = "validation", from_s = 1.5, initial = "fit" },
+]
+"#;
+
+#[test]
+fn a_fault_in_a_search_names_component_call_and_cause() {
+    let place = Place::new(Version::Two);
+    let row = |k: u32| {
+        let t = f64::from(k) * 0.01;
+        // Somewhat more than noise is left by dy/dt = u - y.
+        let (u, y) = ((2.0 * t).sin(), 0.3 * (2.0 * t - 1.2).sin() + 1e-3 * f64::from(k * 7919 % 17));
+        format!("{t},{u},{y}\n")
+    };
+    let rows: String = (0..400).map(row).collect();
+    std::fs::write(place.path("record.csv"), format!("time,u,y\n{rows}")).unwrap();
+    std::fs::write(place.path("study.toml"), STUDY).unwrap();
+    let refine = ["refine", "study.toml", "-o", "out"];
+    let isolated = [&refine[..], &["--isolate", "--call-limit", "300ms"]].concat();
+    for (hostile, words, expected) in [
+        ("load:segv", &isolated[..], ["the loading of its library", "signal 11 (SIGSEGV)"]),
+        ("fmi2Instantiate:exit0", &isolated[..], ["lost in fmi2Instantiate", "exit code 0"]),
+        ("fmi2GetDerivatives:segv", &isolated[..], ["lost in fmi2GetDerivatives", "signal 11 (SIGSEGV)"]),
+        (
+            "fmi2GetDerivatives:segv:1.2",
+            &isolated[..],
+            ["lost in fmi2GetDerivatives at t = 1.2", "signal 11 (SIGSEGV)"],
+        ),
+        ("fmi2SetReal:exit3:1", &isolated[..], ["lost in fmi2SetReal at t = 1", "exit code 3"]),
+        (
+            "fmi2GetDerivatives:loop:2",
+            &isolated[..],
+            ["lost in fmi2GetDerivatives at t = 2", "did not return within 0.3 s"],
+        ),
+        ("fmi2GetDerivatives:error:1.2", &refine[..], ["fmi2GetDerivatives returned fmi2Error", "t = 1.2"]),
+    ] {
+        let output = place.airloop(hostile, words);
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert_eq!(output.status.code(), Some(1), "{hostile}: {said}");
+        assert!(expected.iter().all(|text| said.contains(text)), "{hostile}: {said}");
+        assert_eq!(isolated::names(&place.path("tmp")), [] as [String; 0], "{hostile}");
+        assert_eq!(isolated::names(&place.path("out")), [] as [String; 0], "{hostile}");
+    }
+}

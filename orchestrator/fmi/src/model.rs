@@ -10,7 +10,6 @@ use fmi::fmi2::binding::fmi2EventInfo;
 use super::error::Error;
 use super::instance::Instance;
 use super::open::{Fmu, InterfaceKind};
-use super::surroundings::keep_rounding;
 
 /// Answer of [`Model::new_discrete_states`].
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -98,7 +97,7 @@ impl Model {
         let mut info = fmi2EventInfo::default();
         // SAFETY: the component is alive; the pointer is to a local.
         let status = unsafe { call(self.0.component(), &raw mut info) };
-        keep_rounding(&self.0.fmu().shown);
+        self.0.keep_rounding();
         self.0.check(function, status)?;
         Ok(EventInfo {
             new_discrete_states_needed: info.newDiscreteStatesNeeded != 0,
@@ -132,7 +131,7 @@ impl Model {
         // SAFETY: the component is alive; the pointers are to locals.
         let status =
             unsafe { call(self.0.component(), no_set_state_prior.into(), &raw mut event, &raw mut end) };
-        keep_rounding(&self.0.fmu().shown);
+        self.0.keep_rounding();
         self.0.check(function, status)?;
         Ok(StepEvent { enter_event_mode: event != 0, terminate_simulation: end != 0 })
     }
@@ -214,7 +213,7 @@ impl Model {
         self.0.same_length(function, values.len(), expected)?;
         // SAFETY: the component is alive; the array has the length passed.
         let status = unsafe { call(self.0.component(), values.as_mut_ptr(), values.len()) };
-        keep_rounding(&self.0.fmu().shown);
+        self.0.keep_rounding();
         self.0.check(function, status)
     }
 }

@@ -10,7 +10,6 @@ use fmi::fmi2::binding::{fmi2StatusKind_fmi2LastSuccessfulTime, fmi2StatusKind_f
 use super::error::Error;
 use super::instance::Instance;
 use super::open::{Fmu, InterfaceKind};
-use super::surroundings::keep_rounding;
 
 /// Outcome of a communication step, unless it failed.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -65,7 +64,7 @@ impl Slave {
         // SAFETY: the component is alive and belongs to this library.
         let status = unsafe { do_step(self.0.component(), t, h, no_set_state_prior.into()) };
         super::last_words::leave();
-        keep_rounding(&self.0.fmu().shown);
+        self.0.keep_rounding();
         if status <= super::instance::WARNING {
             self.0.set_known_time(t + h);
             return Ok(StepStatus::Complete);

@@ -40,6 +40,32 @@ pub(crate) fn keep_rounding(shown: &Path) {
     }
 }
 
+/// Calls between two readings of the register after calls of which a simulation makes many: a reading waits for all
+/// numbers that are being computed, which some processors need longer for than a small FMU for its step.
+const CALLS_PER_READING: u8 = 64;
+
+/// The same after one of many calls, which `calls` counts: numbers tell at once when they are computed otherwise; that
+/// operations raise a signal is seen with the next reading.
+#[inline(always)]
+pub(crate) fn keep_rounding_often(calls: &mut u8, shown: &Path) {
+    let is_reading = *calls == 0;
+    *calls = if is_reading { CALLS_PER_READING - 1 } else { *calls - 1 };
+    if computes_otherwise() || (is_reading && rounding::is_changed()) {
+        set_back(shown);
+    }
+}
+
+/// Whether sums are not rounded to nearest, or subnormal numbers are zero.
+#[inline(always)]
+fn computes_otherwise() -> bool {
+    /// Below half the distance of 1 to its neighbors.
+    const SMALL: f64 = 1.0 / (1_u64 << 60) as f64;
+    const SUBNORMAL: f64 = f64::from_bits(1);
+    // Read from memory, so that the processor computes the sums and not the compiler.
+    let (one, small, subnormal) = std::hint::black_box((1.0, SMALL, SUBNORMAL));
+    (one + small) - (one - small) != 0.0 || subnormal + subnormal == 0.0
+}
+
 #[cold]
 #[inline(never)]
 fn set_back(shown: &Path) {
@@ -94,14 +120,45 @@ mod rounding {
 mod tests {
     use super::*;
 
-    #[test]
-    fn a_changed_rounding_is_set_back() {
-        let upward = 0x5f80_u32;
-        assert!(!rounding::is_changed());
-        // SAFETY: the mode is set back below, before numbers are computed.
-        unsafe { std::arch::asm!("ldmxcsr [{}]", in(reg) &raw const upward) };
-        let was_changed = rounding::is_changed();
+    /// Values of the register: upward, downward, toward zero, results of subnormal size are zero, operands of that size are.
+    const CHANGED: [u32; 5] = [0x5f80, 0x3f80, 0x7f80, 0x9f80, 0x1fc0];
+    /// A division by zero raises a signal; nothing is computed otherwise.
+    const TRAPPING: u32 = 0x1d80;
+
+    fn with_register<T>(register: u32, look: impl FnOnce() -> T) -> T {
+        // SAFETY: the value is set back below, and what `look` computes before is only compared.
+        unsafe { std::arch::asm!("ldmxcsr [{}]", in(reg) &raw const register) };
+        // Computed here, not behind the next line.
+        let seen = std::hint::black_box(look());
         rounding::set_back();
-        assert!(was_changed && !rounding::is_changed());
+        seen
+    }
+
+    #[test]
+    fn a_changed_rounding_is_seen_and_set_back() {
+        assert!(!rounding::is_changed() && !computes_otherwise());
+        for register in CHANGED {
+            let (by_register, by_numbers) =
+                with_register(register, || (rounding::is_changed(), computes_otherwise()));
+            assert!(by_register && by_numbers, "{register:#x}");
+            assert!(!rounding::is_changed() && !computes_otherwise());
+        }
+        assert!(with_register(TRAPPING, rounding::is_changed));
+        assert!(!with_register(TRAPPING, computes_otherwise));
+    }
+
+    #[test]
+    fn the_register_is_read_after_the_first_of_many_calls_and_then_seldom() {
+        let mut calls = 0;
+        let mut is_set_back_by = |number: u32| {
+            let register = TRAPPING;
+            // SAFETY: as above.
+            unsafe { std::arch::asm!("ldmxcsr [{}]", in(reg) &raw const register) };
+            keep_rounding_often(&mut calls, Path::new("m.fmu"));
+            let was_set_back = !rounding::is_changed();
+            rounding::set_back();
+            assert_eq!(was_set_back, number.is_multiple_of(CALLS_PER_READING.into()), "call {number}");
+        };
+        (0..200).for_each(&mut is_set_back_by);
     }
 }

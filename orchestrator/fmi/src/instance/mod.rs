@@ -18,7 +18,7 @@ use super::last_words::{self, Label};
 use super::library::{Library, Origin};
 use super::log::{LogBuffer, LogMessage, airloop_fmi2_logger};
 use super::open::{Fmu, InterfaceKind};
-use super::surroundings::{Surroundings, keep_rounding};
+use super::surroundings::{Surroundings, keep_rounding, keep_rounding_often};
 use super::trace;
 use state::States;
 use status::{ERROR, SHOWN_MESSAGES, named};
@@ -71,6 +71,8 @@ pub struct Instance {
     kind: InterfaceKind,
     phase: Phase,
     time: Option<f64>,
+    /// Calls until the register of the processor is read again.
+    calls: u8,
     states: States,
     booleans: Vec<i32>,
     log: Box<LogBuffer>,
@@ -197,6 +199,7 @@ impl Instance {
             kind,
             phase: Phase::Passive,
             time: None,
+            calls: 0,
             states: States::new(),
             booleans: Vec::new(),
             log,
@@ -326,6 +329,12 @@ impl Instance {
 
     pub(super) fn set_known_time(&mut self, time: f64) {
         self.time = Some(time);
+    }
+
+    /// Sets back what the library changed for the whole process, after a call of which a simulation makes many.
+    #[inline(always)]
+    pub(super) fn keep_rounding(&mut self) {
+        keep_rounding_often(&mut self.calls, &self.fmu.shown);
     }
 
     #[inline(always)]

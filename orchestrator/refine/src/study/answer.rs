@@ -202,17 +202,24 @@ fn declared(file: &File, study: &Study) -> Result<Fit, Error> {
         (values.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / values.len() as f64).sqrt()
     };
     let fits = Fits::new(study, (0..study.outputs.len()).map(spread).collect());
-    let view = fits.view(&[], &fits.pieces);
-    let locals = Fits::locals(&view);
-    for (piece, local) in locals.iter().enumerate() {
-        let residuals = view.residuals(piece, &study.start(), local);
-        if let Some(at) = residuals.iter().position(|value| !value.is_finite()) {
+    for role in [Role::Estimation, Role::Validation] {
+        let pieces = if role == Role::Estimation { fits.pieces.clone() } else { pieces(study, role) };
+        let view = fits.view(&[], &pieces);
+        for (piece, local) in Fits::locals(&view).iter().enumerate() {
+            let residuals = view.residuals(piece, &study.start(), local);
+            let Some(at) = residuals.iter().position(|value| !value.is_finite()) else { continue };
             let record = &study.records[view.pieces[piece].record];
-            return Err(file.refuse_all(format!(
-                "the declared model cannot be simulated on {}: it diverges after {:.3} s; check parameters, units, initial states and step_s",
-                record.name,
-                (at % record.n) as f64 * record.step
-            )));
+            let cause = match study.failure() {
+                Some(failure) => failure,
+                // Fitted parameters and initial states may keep it from that.
+                None if role == Role::Validation => continue,
+                None => format!(
+                    "it diverges after {:.3} s; check parameters, units, initial states and step_s",
+                    (at % record.n) as f64 * record.step
+                ),
+            };
+            return Err(file
+                .refuse_all(format!("the declared model cannot be simulated on {}: {cause}", record.name)));
         }
     }
     Ok(fits.declared().fit)
@@ -354,6 +361,9 @@ fn assemble(
     let floor = roles.map(|role| floor(fits, shown, role, seed));
     let shown_errors = if chosen { &after[1] } else { &before[1] };
     let mut notes = study.notes.clone();
+    notes.extend(study.failure().map(|failure| {
+        format!("Simulations of the search in which an FMU failed count as impossible. The first failed so: {failure}.")
+    }));
     notes.extend(remarks(fits, selection, shown));
     for output in &study.outputs {
         let left = shown_errors.rms.get(&output.name).copied().unwrap_or(0.0);

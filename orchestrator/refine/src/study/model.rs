@@ -198,6 +198,8 @@ pub struct Study {
     pub not_testable: Vec<(String, String)>,
     /// Instances not in use.
     pub pool: Mutex<Vec<Plant>>,
+    /// Why the first simulation failed in which an FMU did.
+    pub failure: Mutex<Option<String>>,
 }
 
 impl Study {
@@ -216,6 +218,19 @@ impl Study {
     /// Ends the instances not in use: the attachments are no longer those that they were made for.
     pub fn forget_instances(&mut self) {
         self.pool.get_mut().unwrap_or_else(PoisonError::into_inner).clear();
+    }
+
+    /// Notes why a simulation failed, if it is the first.
+    pub fn failed(&self, problem: &Problem) {
+        self.failure
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
+            .get_or_insert_with(|| problem.to_string());
+    }
+
+    /// Why the first simulation failed in which an FMU did.
+    pub fn failure(&self) -> Option<String> {
+        self.failure.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
 
     /// Gives an instance back.

@@ -461,6 +461,7 @@ pub fn open(file: &File) -> Result<(Study, Vec<Attachment>), Error> {
         notes,
         not_testable: Vec::new(),
         pool: Mutex::new(vec![plant]),
+        failure: Mutex::default(),
         graph,
     };
     Ok((study, attachments))

@@ -90,10 +90,11 @@ pub fn replay(file: &File, system: &Path, beginning: Option<f64>) -> Result<Repl
             let view = View { corrected: false, ..fits.view(&[], &own) };
             let (predicted, measured) = (view.predict(0, &p, &locals[0]), view.measured(0));
             if let Some(at) = predicted.iter().position(|value| !value.is_finite()) {
+                let diverges = || format!("it diverges after {:.3} s", (at % record.n) as f64 * record.step);
                 return Err(file.refuse_all(format!(
-                    "the system cannot be simulated on {}: it diverges after {:.3} s",
+                    "the system cannot be simulated on {}: {}",
                     record.name,
-                    (at % record.n) as f64 * record.step
+                    study.failure().unwrap_or_else(diverges)
                 )));
             }
             let refused = |error: airloop_series::Error| file.refuse_all(format!("{}: {error}", record.name));

@@ -140,10 +140,14 @@ impl<'a> View<'a> {
     ) -> Vec<f64> {
         let n = piece.range.len();
         let mut out = vec![f64::NAN; n * self.study.outputs.len()];
-        if let Ok(mut plant) = self.study.take()
-            && self.run(&mut plant, piece, p, locals, (&mut *blocks, shift), &mut out).is_ok()
-        {
+        let mut run = || -> Result<(), super::Problem> {
+            let mut plant = self.study.take()?;
+            self.run(&mut plant, piece, p, locals, (&mut *blocks, shift), &mut out)?;
             self.study.give(plant);
+            Ok(())
+        };
+        if let Err(problem) = run() {
+            self.study.failed(&problem);
         }
         self.sense(piece, p, &mut out);
         out

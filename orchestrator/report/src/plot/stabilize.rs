@@ -40,12 +40,13 @@ pub fn draw(folder: &Path, summary: &Summary) -> Result<Vec<PathBuf>, Error> {
     let (gains, result) = (csv::read(&folder.join(GAINS))?, csv::read(&folder.join(CLOSED_LOOP))?);
     let mut figures = Vec::new();
     for (name, unit, held) in drawn(summary) {
-        let planned = column(&gains, name, GAINS)?;
         let reached = column(&result, name, CLOSED_LOOP)?;
-        let curves = [
-            Curve { time: result.time(), values: reached, held, name: &format!("{name}, closed loop") },
-            Curve { time: gains.time(), values: planned, held, name: &format!("{name}, plan") },
-        ];
+        let names = [format!("{name}, closed loop"), format!("{name}, plan")];
+        let mut curves = vec![Curve { time: result.time(), values: reached, held, name: &names[0] }];
+        // A measured output that is no state has no column of its own in the plan.
+        if let Ok(planned) = column(&gains, name, GAINS) {
+            curves.push(Curve { time: gains.time(), values: planned, held, name: &names[1] });
+        }
         figures.push(signals(unit, &curves));
     }
     // Each gain for the deviation that costs alike, so that all are commands.
