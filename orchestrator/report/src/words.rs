@@ -188,7 +188,8 @@ pub fn step_rows(answer: &Answer) -> Vec<Vec<String>> {
     let rows = answer.steps.iter().flat_map(|step| {
         let model = if step.model.is_empty() { "corrections".into() } else { step.model.join(", ") };
         step.candidates.iter().map(move |own| {
-            let share = format!("{:.0} %", 100.0 * own.held_out_gain);
+            // Without the sign of a share that is zero.
+            let share = format!("{:.0} %", (100.0 * own.held_out_gain).round() + 0.0);
             vec![model.clone(), own.id.clone(), share, own.rejected.clone().unwrap_or_default()]
         })
     });

@@ -352,7 +352,7 @@ impl Run<'_> {
         if tried.gain < s.min_gain {
             return Some(format!(
                 "its gain of {:.0} is within what the residual that is left gives by chance",
-                tried.gain
+                tried.gain.max(0.0)
             ));
         }
         // An effect that takes most of the error by itself, with a significantly smaller sum, stands even where several

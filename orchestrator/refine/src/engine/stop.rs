@@ -9,8 +9,11 @@ use std::time::{Duration, Instant};
 static ASKED: AtomicBool = AtomicBool::new(false);
 /// Whether any search ended early.
 static ENDED: AtomicBool = AtomicBool::new(false);
-/// How many pieces of work that no end may cut are under way.
+/// How many pieces of the last work are under way, and until when it may go on.
 static FINISHING: AtomicUsize = AtomicUsize::new(0);
+static UNTIL: Mutex<Option<Instant>> = Mutex::new(None);
+/// Wall time of the last work of a search that has to end: an interruption is followed within seconds.
+const TIME_TO_FINISH: Duration = Duration::from_secs(2);
 /// Begin and length of the time for the whole search, and its share for the stage that runs.
 static BUDGET: Mutex<Option<(Instant, Duration, f64)>> = Mutex::new(None);
 
@@ -35,28 +38,34 @@ pub fn stage(share: f64) {
     }
 }
 
-/// Work that is done in full although the search was asked to end: what it found is measured for the report.
+/// The last work, which goes on for a moment although the search was asked to end: what it found is measured for the report.
 pub fn finish<T>(work: impl FnOnce() -> T) -> T {
+    let must_end = is_over();
+    if let Ok(mut until) = UNTIL.lock() {
+        *until = must_end.then(|| until.unwrap_or_else(|| Instant::now() + TIME_TO_FINISH));
+    }
     FINISHING.fetch_add(1, Ordering::Relaxed);
     let done = work();
     FINISHING.fetch_sub(1, Ordering::Relaxed);
     done
 }
 
+/// Whether the end was asked for, or the time is up.
+fn is_over() -> bool {
+    let budget = || BUDGET.lock().ok().and_then(|own| *own);
+    let late = |(begin, time, share): (Instant, Duration, f64)| begin.elapsed() >= time.mul_f64(share);
+    ASKED.load(Ordering::Relaxed) || budget().is_some_and(late)
+}
+
 /// Whether a search must end now.
 pub fn asked() -> bool {
-    if FINISHING.load(Ordering::Relaxed) > 0 {
-        return false;
-    }
-    let over = || {
-        let budget = BUDGET.lock().ok().and_then(|own| *own);
-        budget.is_some_and(|(begin, time, share)| begin.elapsed() >= time.mul_f64(share))
-    };
-    let end = ASKED.load(Ordering::Relaxed) || over();
+    let end = is_over();
     if end {
         ENDED.store(true, Ordering::Relaxed);
     }
-    end
+    let may_finish =
+        || UNTIL.lock().ok().and_then(|until| *until).is_some_and(|until| Instant::now() < until);
+    end && !(FINISHING.load(Ordering::Relaxed) > 0 && may_finish())
 }
 
 /// Whether a search of this process ended before it was through.

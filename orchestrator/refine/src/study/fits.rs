@@ -265,8 +265,10 @@ impl<'a> Fits<'a> {
         let records: Vec<usize> = (0..self.pieces.len()).collect();
         let view = self.view(&model.added, &self.pieces);
         let own = &model.fit;
-        let fit = stop::finish(|| fit(&view, &records, &own.parameters, &own.free, &own.locals, 0));
-        Model { fit, ..model.clone() }
+        stop::finish(|| {
+            let fit = fit(&view, &records, &own.parameters, &own.free, &own.locals, 0);
+            if stop::asked() { model.clone() } else { Model { fit, ..model.clone() } }
+        })
     }
 
     /// The fit of a model with initial states as the study declares them.
