@@ -387,7 +387,23 @@ pub fn open(file: &File) -> Result<(Study, Vec<Attachment>), Error> {
             return Err(file.refuse(spanned, Problem::Name { what: "output", name: name.clone(), known }));
         };
         let output = spanned.get_ref();
-        let unit = layout.units[2][o].clone().or(output.unit.clone()).unwrap_or_else(|| "1".into());
+        let mut unit = layout.units[2][o].clone().or(output.unit.clone());
+        if let (None, Some(first)) = (&unit, records.first()) {
+            // The signal of the system has none: that of the column is taken for it.
+            if let Some(other) = records.iter().find(|other| other.units[o] != first.units[o]) {
+                let shown =
+                    |record: &read::Record| record.units[o].clone().unwrap_or_else(|| "no unit".into());
+                return Err(file.refuse(
+                    spanned,
+                    format!(
+                        "column `{}` is in {} in {}, in {} in {}, and the output of the system says no unit; give the files one unit",
+                        output.column, shown(first), first.name, shown(other), other.name
+                    ),
+                ));
+            }
+            unit.clone_from(&first.units[o]);
+        }
+        let unit = unit.unwrap_or_else(|| "1".into());
         let mut size = 0.0f64;
         for record in records.iter().filter(|record| record.role == Role::Estimation) {
             let values = &record.outputs[o];

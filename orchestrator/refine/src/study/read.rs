@@ -29,6 +29,8 @@ pub struct Record {
     pub extra: Vec<Vec<f64>>,
     /// Measured outputs, `[outputs][n]`.
     pub outputs: Vec<Vec<f64>>,
+    /// Units of the columns of the outputs, by the header of the file.
+    pub units: Vec<Option<String>>,
     /// Measured states, `[nx][n]`, where there are columns for them.
     pub states: Vec<Option<Vec<f64>>>,
     /// What the columns in use show of their sensors, before any interpolation.
@@ -355,8 +357,10 @@ pub fn records(file: &File, layout: &Layout, notes: &mut Vec<String>) -> Result<
             Some((name.clone(), sensor))
         });
         let sensors = sensors.collect();
+        let unit = |signal: &Signal| grid.raw.channel(signal.source()?)?.unit.clone();
         found.push(Record {
             sensors,
+            units: layout.outputs.iter().map(unit).collect(),
             factors: factors(grid, layout).map_err(&refuse)?,
             name: format!("{} {}-{} s", segment.file, round(time[first]), round(time[last - 1])),
             role: segment.role,

@@ -40,7 +40,8 @@ pub(super) const STYLE: &str = "body{margin:0;background:#f4f4f2;color:#222;font
 main{max-width:1000px;margin:0 auto;padding:24px}h1{font-size:24px;margin:0 0 4px}h2{font-size:18px;margin:28px 0 8px}\
 .lead{color:#555;margin:0 0 20px}table{border-collapse:collapse;background:#fff;margin:0 0 20px}\
 th,td{padding:6px 14px;border-bottom:1px solid #e3e3e3;text-align:left}td.n,th.n{text-align:right;font-variant-numeric:tabular-nums}\
-figure{margin:0 0 20px;background:#fff;border:1px solid #e3e3e3}svg{display:block;width:100%;height:auto}";
+figure{margin:0 0 20px;background:#fff;border:1px solid #e3e3e3}svg{display:block;width:100%;height:auto}\
+@media(max-width:760px){table{display:block;overflow-x:auto}}";
 
 fn fits(html: &mut String, summary: &Summary) {
     html.push_str(
