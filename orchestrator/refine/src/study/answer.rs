@@ -361,8 +361,10 @@ fn assemble(
     let floor = roles.map(|role| floor(fits, shown, role, seed));
     let shown_errors = if chosen { &after[1] } else { &before[1] };
     let mut notes = study.notes.clone();
-    notes.extend(study.failure().map(|failure| {
-        format!("Simulations of the search in which an FMU failed count as impossible. The first failed so: {failure}.")
+    notes.extend(study.loss().map(|loss| {
+        format!(
+            "Simulations of the search that lost an FMU count as impossible. The first was lost so: {loss}."
+        )
     }));
     notes.extend(remarks(fits, selection, shown));
     for output in &study.outputs {

@@ -86,6 +86,18 @@ impl Problem {
     fn fmu(error: airloop_fmi::Error) -> Problem {
         Problem::Fmu(Box::new(error))
     }
+
+    /// Whether an FMU only refused values, as it does where a model diverges.
+    fn is_refusal(&self) -> bool {
+        use airloop_fmi::{Error::Call, Status::Discard};
+        matches!(self, Problem::Fmu(error) if matches!(&**error, Call(call) if call.status == Discard))
+    }
+
+    /// Whether the process of an FMU is gone.
+    fn is_loss(&self) -> bool {
+        use airloop_fmi::Error::{Dead, Lost};
+        matches!(self, Problem::Fmu(error) if matches!(&**error, Lost(_) | Dead { .. }))
+    }
 }
 
 /// The study that a path means: a `study.toml` (or another `.toml` file), a folder with one, or a folder of measured data

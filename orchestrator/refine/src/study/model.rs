@@ -198,8 +198,8 @@ pub struct Study {
     pub not_testable: Vec<(String, String)>,
     /// Instances not in use.
     pub pool: Mutex<Vec<Plant>>,
-    /// Why the first simulation failed in which an FMU did.
-    pub failure: Mutex<Option<String>>,
+    /// Why the first simulation failed in which an FMU did, and whether its process was lost.
+    pub failure: Mutex<Option<(String, bool)>>,
 }
 
 impl Study {
@@ -220,17 +220,27 @@ impl Study {
         self.pool.get_mut().unwrap_or_else(PoisonError::into_inner).clear();
     }
 
-    /// Notes why a simulation failed, if it is the first.
+    /// Notes why a simulation failed, if it is the first; values that an FMU refuses are those of a model that diverges.
     pub fn failed(&self, problem: &Problem) {
-        self.failure
-            .lock()
-            .unwrap_or_else(PoisonError::into_inner)
-            .get_or_insert_with(|| problem.to_string());
+        if !problem.is_refusal() {
+            let mut first = self.failure.lock().unwrap_or_else(PoisonError::into_inner);
+            first.get_or_insert_with(|| (problem.to_string(), problem.is_loss()));
+        }
     }
 
     /// Why the first simulation failed in which an FMU did.
     pub fn failure(&self) -> Option<String> {
-        self.failure.lock().unwrap_or_else(PoisonError::into_inner).clone()
+        self.failure.lock().unwrap_or_else(PoisonError::into_inner).clone().map(|own| own.0)
+    }
+
+    /// The same, if the process of that FMU was lost.
+    pub fn loss(&self) -> Option<String> {
+        self.failure
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
+            .clone()
+            .filter(|own| own.1)
+            .map(|own| own.0)
     }
 
     /// Gives an instance back.
