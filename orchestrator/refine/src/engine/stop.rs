@@ -13,7 +13,7 @@ static ENDED: AtomicBool = AtomicBool::new(false);
 static FINISHING: AtomicUsize = AtomicUsize::new(0);
 static UNTIL: Mutex<Option<Instant>> = Mutex::new(None);
 /// Wall time of the last work of a search that has to end: an interruption is followed within seconds.
-const TIME_TO_FINISH: Duration = Duration::from_secs(2);
+const TIME_TO_FINISH: Duration = Duration::from_secs(1);
 /// Begin and length of the time for the whole search, and its share for the stage that runs.
 static BUDGET: Mutex<Option<(Instant, Duration, f64)>> = Mutex::new(None);
 
