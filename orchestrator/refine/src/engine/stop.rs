@@ -12,7 +12,7 @@ static ENDED: AtomicBool = AtomicBool::new(false);
 /// How many pieces of the last work are under way, and until when it may go on.
 static FINISHING: AtomicUsize = AtomicUsize::new(0);
 static UNTIL: Mutex<Option<Instant>> = Mutex::new(None);
-/// Wall time of the last work of a search that has to end: an interruption is followed within seconds.
+/// Wall time of the last work of a search whose time is up.
 const TIME_TO_FINISH: Duration = Duration::from_secs(1);
 /// Begin and length of the time for the whole search, and its share for the stage that runs.
 static BUDGET: Mutex<Option<(Instant, Duration, f64)>> = Mutex::new(None);
@@ -38,9 +38,10 @@ pub fn stage(share: f64) {
     }
 }
 
-/// The last work, which goes on for a moment although the search was asked to end: what it found is measured for the report.
+/// The last work, which goes on for a moment although the time of the search is up: what it found is measured for the
+/// report. An interruption ends it at once.
 pub fn finish<T>(work: impl FnOnce() -> T) -> T {
-    let must_end = is_over();
+    let must_end = is_over() && !ASKED.load(Ordering::Relaxed);
     if let Ok(mut until) = UNTIL.lock() {
         *until = must_end.then(|| until.unwrap_or_else(|| Instant::now() + TIME_TO_FINISH));
     }
@@ -65,7 +66,7 @@ pub fn asked() -> bool {
     }
     let may_finish =
         || UNTIL.lock().ok().and_then(|until| *until).is_some_and(|until| Instant::now() < until);
-    end && !(FINISHING.load(Ordering::Relaxed) > 0 && may_finish())
+    end && (ASKED.load(Ordering::Relaxed) || !(FINISHING.load(Ordering::Relaxed) > 0 && may_finish()))
 }
 
 /// Whether a search of this process ended before it was through.
