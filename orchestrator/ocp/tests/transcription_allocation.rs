@@ -63,7 +63,7 @@ fn solves_allocate_nothing_after_the_first() {
     let mut solver = Solver::along(problem, &discretization, &trajectory, Some(&duals), &settings).unwrap();
     let mut one = |angle: f64, force: f64| {
         solver.set_initial(&[0.0, angle, 0.0, 0.0, 0.0, 0.0]).unwrap();
-        solver.set_limit(0, LimitPlace::Path(1), [-force, force]).unwrap();
+        solver.set_limits(&[(0, LimitPlace::Path(1), [-force, force])]).unwrap();
         let solution = solver.solve(&mut |_| ControlFlow::Continue(())).unwrap();
         assert_eq!(solution.status, Status::Solved);
         assert!(solution.iterations.len() > 3, "{} iterations", solution.iterations.len() - 1);

@@ -36,8 +36,7 @@ impl<N: Nlp> Scaled<N> {
     }
 
     /// A solution of the scaled problem as one of the problem.
-    pub fn solution(&self, solution: Solution) -> Solution {
-        let mut solution = solution;
+    pub fn solution(&self, mut solution: Solution) -> Solution {
         self.unscale(&mut solution);
         solution
     }

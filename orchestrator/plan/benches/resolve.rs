@@ -2,8 +2,8 @@
 //! [INTERVALS, default 50] [every] [seed=N] [draws=N]`.
 //!
 //! Every state at the start is off by 2 % of the largest magnitude that it has in the plan, up or down: 200 draws of the
-//! signs, or as many as given, or all there are with `every`. Each re-solve starts from the optimum of the plan, with its multipliers; its
-//! time is the least of several runs, in wall-clock time. Prints median, 99th percentile and largest, and the same of
+//! signs, or as many as given, or all there are with `every`. Each re-solve starts from the optimum of the plan, with
+//! its multipliers; its time is the least of several runs, in wall-clock time. Prints median, 99th percentile and largest, and the same of
 //! iterations; how many allocate after the first; and compares each optimum with solvers made anew: without
 //! multipliers from the optimum found (`from there`), and from the guess of the problem file as `airloop optimize`
 //! does (`from the guess`), which may find another minimum. `tests/study/swing_up.py` prints it.

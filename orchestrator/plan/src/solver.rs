@@ -99,24 +99,20 @@ impl Solver {
     /// Gives all limits along the path of this name other bounds, in the units of the FMUs, without margin.
     ///
     /// # Errors
-    /// [`Error::Place`] with the names there are; see also [`transcription::Program::set_limit`].
+    /// [`Error::Place`] with the names there are; see also [`transcription::Program::set_limits`].
     pub fn set_bounds(&mut self, name: &str, bounds: [f64; 2]) -> Result<(), Error> {
-        let mut found = false;
-        for (_, phase, place) in self.named.iter().filter(|(own, ..)| own == name) {
-            found = true;
-            self.inner.set_limit(*phase, *place, bounds)?;
-            match self.bounds.iter_mut().find(|(p, l, _)| (p, l) == (phase, place)) {
-                Some((.., own)) => *own = bounds,
-                None => self.bounds.push((*phase, *place, bounds)),
-            }
+        let named = self.named.iter().filter(|(own, ..)| own == name);
+        let limits: Vec<_> = named.map(|&(_, phase, place)| (phase, place, bounds)).collect();
+        if limits.is_empty() {
+            let mut names: Vec<String> = self.named.iter().map(|(name, ..)| format!("`{name}`")).collect();
+            names.dedup();
+            let problem = format!("there is no bound `{name}`; the problem has {}", names.join(", "));
+            return Err(Error::Place { place: "bounds".into(), problem });
         }
-        if found {
-            return Ok(());
-        }
-        let mut names: Vec<String> = self.named.iter().map(|(name, ..)| format!("`{name}`")).collect();
-        names.dedup();
-        let problem = format!("there is no bound `{name}`; the problem has {}", names.join(", "));
-        Err(Error::Place { place: "bounds".into(), problem })
+        self.inner.set_limits(&limits)?;
+        self.bounds.retain(|(phase, place, _)| limits.iter().all(|own| (own.0, own.1) != (*phase, *place)));
+        self.bounds.extend(limits);
+        Ok(())
     }
 
     /// Gives parameters other values: opens the FMUs anew, and starts from the last solution, with its multipliers.
@@ -140,9 +136,7 @@ impl Solver {
         let options = options(&self.settings);
         let mut inner = transcription::Solver::like(&self.inner, problem, &self.discretization, &options)?;
         inner.set_initial(&self.initial)?;
-        for (phase, place, bounds) in &self.bounds {
-            inner.set_limit(*phase, *place, *bounds)?;
-        }
+        inner.set_limits(&self.bounds)?;
         (self.inner, self.prepared) = (inner, prepared);
         Ok(())
     }

@@ -184,7 +184,7 @@ fn remarks(out: &mut String, report: &Report) {
     if let Some(system) = report.system {
         let _ = writeln!(
             out,
-            "<h2>The amended system</h2>\n<p>The declared system with what it lacks, as FMUs: <code>{0}/system.ssd</code>, <code>{0}/system.ssp</code>.</p>\n<pre>{1}</pre>",
+            "<h2>The amended system</h2>\n<p>The declared system with what it lacks, as FMUs: <code>{0}/system.ssd</code>, <code>{0}/system.ssp</code>. In the folder of this report:</p>\n<pre>{1}</pre>",
             escape(system),
             escape(&super::command(report, system))
         );

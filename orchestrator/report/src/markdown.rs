@@ -104,7 +104,7 @@ pub fn text(report: &Report) -> String {
         heading(&mut out, "The amended system");
         let _ = writeln!(
             out,
-            "`{system}/system.ssd` and `{system}/system.ssp`: the declared system with what it lacks, as FMUs.\n\n    {}\n",
+            "`{system}/system.ssd` and `{system}/system.ssp`: the declared system with what it lacks, as FMUs. In the folder of this report:\n\n    {}\n",
             super::command(report, system)
         );
     }

@@ -139,30 +139,42 @@ impl<'p> Program<'p> {
         times
     }
 
-    /// Gives a limit of a phase other bounds.
+    /// Gives limits, each by phase and place, other bounds, and leaves those that they had.
     ///
     /// # Errors
     /// [`Error::NoLimit`] where there is none, [`Error::Bounds`] where no value is left, also together with other
     /// limits; all bounds are then as before.
-    pub fn set_limit(&mut self, phase: usize, place: LimitPlace, bounds: [f64; 2]) -> Result<(), Error> {
-        let number = self.parts.get(phase).and_then(|part| part.limit_number(place));
-        let Some(number) = number else { return Err(Error::NoLimit { phase, place }) };
-        let part = &mut self.parts[phase];
-        let limit = &mut part.limits[number];
-        if bounds.iter().any(|bound| bound.is_nan()) || bounds[0] > bounds[1] {
-            let (phase, item, [lower, upper]) = (part.name.clone(), limit.name.clone(), bounds);
-            return Err(Error::Bounds { phase, item, lower, upper });
+    pub fn set_limits(&mut self, limits: &mut [(usize, LimitPlace, [f64; 2])]) -> Result<(), Error> {
+        for &(phase, place, bounds) in limits.iter() {
+            let part = self.parts.get(phase);
+            let limit = part.and_then(|part| Some(&part.limits[part.limit_number(place)?].name));
+            let (Some(part), Some(name)) = (part, limit) else { return Err(Error::NoLimit { phase, place }) };
+            if bounds.iter().any(|bound| bound.is_nan()) || bounds[0] > bounds[1] {
+                let (phase, item, [lower, upper]) = (part.name.clone(), name.clone(), bounds);
+                return Err(Error::Bounds { phase, item, lower, upper });
+            }
         }
-        let before = [limit.lower, limit.upper];
-        [limit.lower, limit.upper] = bounds;
+        self.exchange(limits);
         if let Err(error) = self.bounds.set(&self.parts) {
-            let limit = &mut self.parts[phase].limits[number];
-            [limit.lower, limit.upper] = before;
+            limits.reverse();
+            self.exchange(limits);
+            limits.reverse();
             self.bounds.set(&self.parts)?;
             return Err(error);
         }
         set_constraint_bounds(&self.parts, &self.joints, &mut self.constraint_bounds);
         Ok(())
+    }
+
+    /// Exchanges the bounds of limits that exist with those given, in their order.
+    fn exchange(&mut self, limits: &mut [(usize, LimitPlace, [f64; 2])]) {
+        for (phase, place, [lower, upper]) in limits {
+            let part = &mut self.parts[*phase];
+            let Some(number) = part.limit_number(*place) else { continue };
+            let limit = &mut part.limits[number];
+            std::mem::swap(&mut limit.lower, lower);
+            std::mem::swap(&mut limit.upper, upper);
+        }
     }
 
     /// Makes sure that values, or derivatives too, are known at `x`.

@@ -24,6 +24,8 @@ pub struct Solver {
     start: Start,
     /// The limit at the start that fixes each state of the first phase.
     initial: Vec<Option<usize>>,
+    /// Memory for limits that change.
+    limits: Vec<(usize, LimitPlace, [f64; 2])>,
 }
 
 impl Solver {
@@ -90,7 +92,7 @@ impl Solver {
         let solver = optim::Solver::new(&mut program)?;
         let of = |method| Settings { method, ..settings.clone() };
         let settings = [of(Method::InteriorPoint), of(Method::Sqp)];
-        Ok(Solver { program, solver, settings, start: Start::cold(Vec::new()), initial })
+        Ok(Solver { program, solver, settings, start: Start::cold(Vec::new()), initial, limits: Vec::new() })
     }
 
     /// Lets the next solve start along a trajectory, with or without multipliers, instead of the last solution.
@@ -119,30 +121,33 @@ impl Solver {
     ///
     /// # Errors
     /// [`Error::Request`] where the number is wrong or a state has no limit at the start, [`Error::Bounds`] where other
-    /// limits leave no room.
+    /// limits leave no room; all states are then as before.
     pub fn set_initial(&mut self, states: &[f64]) -> Result<(), Error> {
         let refuse = |reason: String| Error::Request { request: "initial states", reason };
         let count = self.initial.len();
         if states.len() != count {
             return Err(refuse(format!("{} values for {count} states", states.len())));
         }
-        for (state, &value) in states.iter().enumerate() {
-            let Some(limit) = self.initial[state] else {
+        self.limits.clear();
+        for (state, (limit, &value)) in self.initial.iter().zip(states).enumerate() {
+            let Some(limit) = *limit else {
                 return Err(refuse(format!(
                     "state {state} is not fixed at the start; give it an initial value"
                 )));
             };
-            self.program.inner().set_limit(0, LimitPlace::Start(limit), [value; 2])?;
+            self.limits.push((0, LimitPlace::Start(limit), [value; 2]));
         }
-        Ok(())
+        self.program.inner().set_limits(&mut self.limits)
     }
 
-    /// Gives a limit of a phase other bounds.
+    /// Gives limits, each by phase and place, other bounds.
     ///
     /// # Errors
-    /// See [`Program::set_limit`].
-    pub fn set_limit(&mut self, phase: usize, place: LimitPlace, bounds: [f64; 2]) -> Result<(), Error> {
-        self.program.inner().set_limit(phase, place, bounds)
+    /// See [`Program::set_limits`].
+    pub fn set_limits(&mut self, limits: &[(usize, LimitPlace, [f64; 2])]) -> Result<(), Error> {
+        self.limits.clear();
+        self.limits.extend_from_slice(limits);
+        self.program.inner().set_limits(&mut self.limits)
     }
 
     /// Solves. A solution is the start of the next solve; after a run without one that start stays as it was.

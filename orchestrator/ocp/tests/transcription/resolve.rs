@@ -76,7 +76,7 @@ fn other_initial_states_lead_to_the_optima_of_solvers_made_anew() {
 fn bounds_that_come_into_force_and_go_again_are_kept() {
     let nominal = nominal();
     let mut solver = solver(&nominal);
-    solver.set_limit(0, COMMAND, NARROW).unwrap();
+    solver.set_limits(&[(0, COMMAND, NARROW)]).unwrap();
     let narrow = resolve(&mut solver);
     assert_eq!(narrow.status, Status::Solved);
     let inputs = narrow.x.chunks(8).flat_map(|node| &node[6..]);
@@ -88,7 +88,7 @@ fn bounds_that_come_into_force_and_go_again_are_kept() {
     assert!((narrow.objective - anew).abs() <= 1e-8 * anew, "{} {anew}", narrow.objective);
     assert!(narrow.objective > nominal.solution.objective);
 
-    solver.set_limit(0, COMMAND, [-150.0, 150.0]).unwrap();
+    solver.set_limits(&[(0, COMMAND, [-150.0, 150.0])]).unwrap();
     // There are several minima near each other; this one need not be where the solver began.
     let wide = resolve(&mut solver);
     let anew = cold(&mut swing_up(1), &wide.x);
@@ -120,10 +120,10 @@ fn a_run_without_a_solution_leaves_the_start_as_it_was() {
     let mut solver = solver(&nominal());
     solver.set_initial(&states(3)).unwrap();
     let before = resolve(&mut solver);
-    solver.set_limit(0, COMMAND, [-1.0, 1.0]).unwrap();
+    solver.set_limits(&[(0, COMMAND, [-1.0, 1.0])]).unwrap();
     let too_weak = resolve(&mut solver);
     assert!(!matches!(too_weak.status, Status::Solved | Status::Acceptable), "{}", too_weak.status);
-    solver.set_limit(0, COMMAND, [-150.0, 150.0]).unwrap();
+    solver.set_limits(&[(0, COMMAND, [-150.0, 150.0])]).unwrap();
     let after = resolve(&mut solver);
     assert_eq!(after.status, Status::Solved);
     assert!((after.objective - before.objective).abs() <= 1e-8 * before.objective);
@@ -153,10 +153,12 @@ fn requests_that_make_no_sense_are_refused_and_change_nothing() {
     let mut solver = solver(&nominal);
     let few = solver.set_initial(&[0.0; 2]).unwrap_err().to_string();
     assert!(few.contains("2 values for 6 states"), "{few}");
-    assert!(matches!(solver.set_limit(0, LimitPlace::End(9), [0.0; 2]), Err(Error::NoLimit { .. })));
-    assert!(matches!(solver.set_limit(0, COMMAND, [1.0, -1.0]), Err(Error::Bounds { .. })));
+    assert!(matches!(solver.set_limits(&[(0, LimitPlace::End(9), [0.0; 2])]), Err(Error::NoLimit { .. })));
+    assert!(matches!(solver.set_limits(&[(0, COMMAND, [1.0, -1.0])]), Err(Error::Bounds { .. })));
     // The stroke ends at 150 mm.
     assert!(matches!(solver.set_initial(&[0.2, 0.0, 0.0, 0.0, 0.0, 0.0]), Err(Error::Bounds { .. })));
+    // The first state is not kept where the second is refused.
+    assert!(solver.set_initial(&[0.1, f64::NAN, 0.0, 0.0, 0.0, 0.0]).is_err());
     let objective = resolve(&mut solver).objective;
     assert!((objective - nominal.solution.objective).abs() <= 1e-8 * objective);
 }

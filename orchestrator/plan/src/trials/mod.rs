@@ -1,8 +1,8 @@
 //! Trials: the closed loop, and the plan alone, on systems whose parameters and initial states differ from the model's.
 //!
 //! A trial is a run of the closed-loop system through a master. Its seed gives the perturbations, in the order of the
-//! file, each drawn again as long as it leaves the range of a variable, and the sensor noise, sample by sample; the same seed gives the same trial on any number of threads, with and
-//! without feedback.
+//! file, each drawn again as long as it leaves the range of a variable, and the sensor noise, sample by sample; the same
+//! seed gives the same trial on any number of threads, with and without feedback.
 
 mod judge;
 mod ready;

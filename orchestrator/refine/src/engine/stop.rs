@@ -64,9 +64,15 @@ pub fn asked() -> bool {
     if end {
         ENDED.store(true, Ordering::Relaxed);
     }
-    let may_finish =
-        || UNTIL.lock().ok().and_then(|until| *until).is_some_and(|until| Instant::now() < until);
-    end && (ASKED.load(Ordering::Relaxed) || !(FINISHING.load(Ordering::Relaxed) > 0 && may_finish()))
+    end && !may_finish()
+}
+
+/// Whether the last work is under way and has time left; an interruption leaves it none.
+fn may_finish() -> bool {
+    let until = || UNTIL.lock().ok().and_then(|until| *until);
+    FINISHING.load(Ordering::Relaxed) > 0
+        && !ASKED.load(Ordering::Relaxed)
+        && until().is_some_and(|until| Instant::now() < until)
 }
 
 /// Whether a search of this process ended before it was through.

@@ -233,6 +233,18 @@ fn free_entry(
     Entry { name: name.to_owned(), unit, target: Target::Declared(parameter), start, free }
 }
 
+/// Unit of the columns of an output by the headers of the files, where the signal of the system has none.
+fn unit_of_columns(records: &[read::Record], output: usize, column: &str) -> Result<Option<String>, String> {
+    let Some(first) = records.first() else { return Ok(None) };
+    let unit = |record: &read::Record| record.units[output].clone();
+    let Some(other) = records.iter().find(|other| unit(other) != unit(first)) else { return Ok(unit(first)) };
+    let [own, its] = [first, other].map(|record| unit(record).unwrap_or_else(|| "no unit".into()));
+    Err(format!(
+        "column `{column}` is in {own} in {}, in {its} in {}, and the output of the system says no unit; give the files one unit",
+        first.name, other.name
+    ))
+}
+
 fn taps(
     file: &File,
     attachments: &[Attachment],
@@ -387,22 +399,12 @@ pub fn open(file: &File) -> Result<(Study, Vec<Attachment>), Error> {
             return Err(file.refuse(spanned, Problem::Name { what: "output", name: name.clone(), known }));
         };
         let output = spanned.get_ref();
-        let mut unit = layout.units[2][o].clone().or(output.unit.clone());
-        if let (None, Some(first)) = (&unit, records.first()) {
-            // The signal of the system has none: that of the column is taken for it.
-            if let Some(other) = records.iter().find(|other| other.units[o] != first.units[o]) {
-                let shown =
-                    |record: &read::Record| record.units[o].clone().unwrap_or_else(|| "no unit".into());
-                return Err(file.refuse(
-                    spanned,
-                    format!(
-                        "column `{}` is in {} in {}, in {} in {}, and the output of the system says no unit; give the files one unit",
-                        output.column, shown(first), first.name, shown(other), other.name
-                    ),
-                ));
+        let unit = match layout.units[2][o].clone().or(output.unit.clone()) {
+            None => {
+                unit_of_columns(&records, o, &output.column).map_err(|error| file.refuse(spanned, error))?
             }
-            unit.clone_from(&first.units[o]);
-        }
+            stated => stated,
+        };
         let unit = unit.unwrap_or_else(|| "1".into());
         let mut size = 0.0f64;
         for record in records.iter().filter(|record| record.role == Role::Estimation) {

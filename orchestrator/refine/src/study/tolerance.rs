@@ -133,6 +133,16 @@ mod tests {
     use super::*;
 
     #[test]
+    fn a_sample_time_is_a_clock_and_a_time_constant_is_none() {
+        assert!(is_clock("sample_time", Some("s")) && is_clock("samplePeriod", Some("ms")));
+        assert!(
+            !is_clock("T", Some("s"))
+                && !is_clock("sample_gain", Some("N"))
+                && !is_clock("sample_time", None)
+        );
+    }
+
+    #[test]
     fn the_usual_tolerance_follows_the_unit() {
         let of = |unit: &str| usual(Some(unit));
         assert_eq!(of("kg"), Some(0.01));
