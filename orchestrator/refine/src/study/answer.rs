@@ -76,7 +76,9 @@ pub fn answer(file: &File, settings: &Settings, say: Say) -> Result<(Answer, Evi
     let declared = &selection.declared;
     let simplest = [Some(declared), Some(&selection.best), selection.singles.first()];
     let simplest: Vec<&Model> = simplest.into_iter().flatten().collect();
-    let known = judge.explained(&fits, &selection.best)
+    // A search that has to end has no time for a law to the noise.
+    let known = stop::asked()
+        || judge.explained(&fits, &selection.best)
         || law::corrections_explain(&fits, &judge, declared, &simplest, max_tolerances);
     let by_law = if known {
         None
@@ -311,10 +313,10 @@ fn assemble(
             errors.rms.extend(force.rms);
             errors.nrmse.extend(force.nrmse);
         }
-        found
+        (own.parameters, found)
     };
-    let before = stop::finish(|| all(&selection.declared));
-    let mut after = stop::finish(|| all(&selection.best));
+    let (declared, before) = stop::finish(|| all(&selection.declared));
+    let (best, mut after) = stop::finish(|| all(&selection.best));
     let floors =
         [&selection.declared, &selection.best].map(|model| floor(fits, model, Role::Validation, seed));
     let share = share(study, [&before[1], &after[1]], &floors);
@@ -327,8 +329,7 @@ fn assemble(
     if let Some(found) = by_share {
         explain_tried(found, &mut effects);
     }
-    let printed = [&selection.declared, if chosen { &selection.best } else { &selection.declared }]
-        .map(|model| fits.as_declared(model).parameters);
+    let printed = [declared.clone(), if chosen { best } else { declared }];
     if chosen {
         as_printed(study, selection, &printed[1], &mut effects);
         let shares = stop::finish(|| alone(fits, selection, &before[1], &floors[0]));
@@ -358,7 +359,8 @@ fn assemble(
         noise.insert(name.clone(), force_noise(study));
     }
     let shown = if chosen { &selection.best } else { &selection.declared };
-    let floor = roles.map(|role| floor(fits, shown, role, seed));
+    let [of_declared, of_best] = floors;
+    let floor = [floor(fits, shown, Role::Estimation, seed), if chosen { of_best } else { of_declared }];
     let shown_errors = if chosen { &after[1] } else { &before[1] };
     let mut notes = study.notes.clone();
     notes.extend(study.loss().map(|loss| {

@@ -8,7 +8,7 @@ use super::law::Law;
 use super::model::{Action, Study};
 use super::search::Selection;
 use crate::answer::{Effect, Parameter, Wiring};
-use crate::engine::System;
+use crate::engine::{System, parallel};
 
 /// Factor by which residuals that hang together widen intervals: power of sums over blocks against that of samples.
 fn widening(residuals: &[Vec<f64>]) -> f64 {
@@ -142,9 +142,8 @@ pub fn order(fits: &Fits, selection: &Selection) -> Vec<usize> {
 pub fn effects(fits: &Fits, selection: &Selection, chosen: bool, weighted: bool) -> Vec<Effect> {
     let (study, best) = (fits.study, &selection.best);
     let view = fits.view(&best.added, &fits.pieces);
-    let residuals: Vec<Vec<f64>> = (0..fits.pieces.len())
-        .map(|r| view.residuals(r, &best.fit.parameters, &best.fit.locals[r]))
-        .collect();
+    let residuals =
+        parallel::map(fits.pieces.len(), |r| view.residuals(r, &best.fit.parameters, &best.fit.locals[r]));
     let widen = widening(&residuals);
     let widen = |model: &Model| if weighted || selection.exact { 1.0 } else { widen * model.error };
     let percent = |from: f64, to: f64| format!("{:.1} %", 100.0 * (1.0 - to / from));

@@ -266,6 +266,9 @@ impl<'a> Fits<'a> {
         let view = self.view(&model.added, &self.pieces);
         let own = &model.fit;
         stop::finish(|| {
+            if stop::asked() {
+                return model.clone();
+            }
             let fit = fit(&view, &records, &own.parameters, &own.free, &own.locals, 0);
             if stop::asked() { model.clone() } else { Model { fit, ..model.clone() } }
         })

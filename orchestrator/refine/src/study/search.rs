@@ -405,10 +405,13 @@ pub fn stability(fits: &Fits, declared: Option<&Model>, best: &mut Model) -> Vec
 /// A selection once more under initial states that the model of its answer corrects: what the corrections of the declared
 /// model had left may have looked like an effect.
 pub fn confirm(fits: &Fits, judge: &Judge, mut selection: Selection, say: Say) -> Selection {
-    let search = Search::new(fits, judge, say);
     let best = &selection.best;
+    if best.added.is_empty() || stop::asked() {
+        return selection;
+    }
+    let search = Search::new(fits, judge, say);
     let again = fits.fit_from(best.added.clone(), &best.fit.parameters, &best.fit.locals);
-    let Some(mut best) = again.filter(|model| !model.added.is_empty()) else { return selection };
+    let Some(mut best) = again else { return selection };
     fits.hold_out(&mut best);
     let before = best.added.len();
     let mut best = search.prune(best);
