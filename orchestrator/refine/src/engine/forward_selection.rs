@@ -18,9 +18,8 @@ use super::{parallel, stop};
 /// Finds the effects that take away most of the error.
 pub fn search(question: &Question) -> Found {
     question.system.stage("corrections");
-    let null = Null::simulate(question.system, &question.records, question.declared, &question.locals, 4, 1);
-    let declared_error = question.held_out.error_from(question.declared, &question.records, &question.locals);
-    let run = Run { question, null, declared_error };
+    let run = Run::new(question);
+    let declared_error = run.declared_error;
     let mut weights = run.weights(question.declared, &question.locals);
     let mut base = run.fit(&weights, &[], question.declared, &question.locals, ROUNDS);
     for _ in 0..2 {
@@ -65,6 +64,19 @@ pub fn search(question: &Question) -> Found {
     found
 }
 
+/// A set of effects beside corrections, fitted from `start` under the weights of what they leave.
+pub fn refit(question: &Question, added: &[usize], start: &[f64]) -> Found {
+    let run = Run::new(question);
+    let locals = &question.locals;
+    let first = run.fit(&run.weights(start, locals), added, start, locals, ROUNDS);
+    let weights = run.weights(&first.fit.parameters, &first.fit.locals);
+    let best = run.fit(&weights, added, &first.fit.parameters, &first.fit.locals, ROUNDS);
+    let base = run.fit(&weights, &[], question.declared, locals, ROUNDS);
+    let free_form = run.free_form(&base, &best);
+    let declared_error = run.declared_error;
+    Found { base, best, steps: Vec::new(), equals: Vec::new(), declared_error, free_form }
+}
+
 /// Rounds of a fit, of its refinement, and of the refits without a fold.
 pub(super) const ROUNDS: usize = 6;
 pub(super) const REFINEMENT_ROUNDS: usize = 4;
@@ -87,7 +99,14 @@ pub(super) struct Run<'a> {
     pub(super) declared_error: f64,
 }
 
-impl Run<'_> {
+impl<'a> Run<'a> {
+    fn new(question: &'a Question<'a>) -> Run<'a> {
+        let (records, locals) = (&question.records, &question.locals);
+        let null = Null::simulate(question.system, records, question.declared, locals, 4, 1);
+        let declared_error = question.held_out.error_from(question.declared, records, locals);
+        Run { question, null, declared_error }
+    }
+
     /// Long-run variances of the residuals at `p` and `locals`.
     pub(super) fn weights(&self, p: &[f64], locals: &[Vec<f64>]) -> Weights {
         let q = self.question;
@@ -478,8 +497,8 @@ mod tests {
         }
     }
 
-    /// Effects found in a system whose slope is known to `tolerance`, by candidate, and the correction of the slope.
-    fn found(system: &Wavy, tolerance: f64) -> (Vec<usize>, f64) {
+    /// The answer of `ask` on a system whose slope is known to `tolerance`.
+    fn asked(system: &Wavy, tolerance: f64, ask: impl FnOnce(&Question) -> Found) -> Found {
         let free = |index: usize| Free { index, bounds: (-1e3, 1e3), step: 1e-3, prior: None };
         let candidate = |id: &'static str, index: usize| Candidate {
             id,
@@ -513,8 +532,28 @@ mod tests {
             settings: Settings::default(),
             most: 2,
         };
-        let result = search(&question);
+        ask(&question)
+    }
+
+    /// Effects found in a system whose slope is known to `tolerance`, by candidate, and the correction of the slope.
+    fn found(system: &Wavy, tolerance: f64) -> (Vec<usize>, f64) {
+        let result = asked(system, tolerance, search);
         (result.best.added.clone(), result.best.fit.parameters[2])
+    }
+
+    #[test]
+    fn a_set_that_is_fitted_again_has_the_parameters_of_the_search_that_found_it() {
+        let system = Wavy::new(0.5, 40.0, 6.0);
+        let [first, again] = [
+            asked(&system, 1.0, search),
+            asked(&system, 1.0, |question| refit(question, &[1], &[0.0, 30.0, 0.0])),
+        ];
+        assert_eq!((&first.best.added, &again.best.added), (&vec![1], &vec![1]));
+        let distance =
+            |index: usize| (first.best.fit.parameters[index] - again.best.fit.parameters[index]).abs();
+        let deviation = again.best.fit.covariance[(0, 0)].sqrt();
+        assert!(distance(1) < 0.1 * deviation, "{} {deviation}", distance(1));
+        assert!(again.base.added.is_empty() && again.base.fit.chi2 > again.best.fit.chi2);
     }
 
     #[test]

@@ -122,7 +122,7 @@ impl ForwardSelection {
                 "min_validated_share",
                 |s| s.min_validated_share,
                 (0.0, 1.0),
-                "share of the error on validation records below which an answer is withdrawn",
+                "share of the error on validation records below which an answer is withdrawn, and one of several effects that takes away no more alone",
             ),
             fixed(
                 "noise_margin",

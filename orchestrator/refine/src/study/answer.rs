@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use super::by_share::{self, ByShare};
 use super::catalogue;
 use super::declaration::{Attachment, File, Role};
-use super::effects::{effects, physical};
+use super::effects::{effects, order, physical};
 use super::errors::{errors, floor, force, force_noise};
 use super::exact;
 use super::explain::{Judge, Rest};
@@ -93,13 +93,20 @@ pub fn answer(file: &File, settings: &Settings, say: Say) -> Result<(Answer, Evi
         Some((found, law)) => (selection, found, Some(law)),
         None => {
             let fits = Fits::new(&study, scale.clone());
-            let (mut selection, by_share) =
-                beside_corrections(&fits, &judge, selection, &scale, settings, say);
+            let search = by_share::Search { fits: &fits, judge: &judge, units: &scale, settings, say };
+            let (mut selection, mut by_share) = beside_corrections(&search, selection);
             say("errors on all records");
             if by_share.is_none() && stop::asked() {
                 selection.best = fits.with_covariance(&selection.best);
             }
             let mut found = assemble(&fits, &judge, &selection, by_share.as_ref(), settings);
+            while let Some((own, (weak, alone))) = by_share.as_ref().zip(company(&search, &selection, &found))
+            {
+                let without = search.without(own, weak, alone);
+                selection = without.selection.clone();
+                found = assemble(&fits, &judge, &selection, Some(&without), settings);
+                by_share = Some(without);
+            }
             let base = by_share.as_ref().map_or(&selection.declared, |found| &found.corrected).clone();
             let law = law::explain(&mut study, &scale, (&judge, &base), &mut found, Aim::Share, say);
             (selection, found, law)
@@ -147,19 +154,13 @@ pub fn prepared(file: &File, say: Say) -> Result<(Study, Vec<Attachment>, Fit), 
 
 /// The search for a share of the error beside corrections of declared parameters, where effects alone do not reach the
 /// noise or several of them do, which may stand for parameters that are slightly off.
-fn beside_corrections(
-    fits: &Fits,
-    judge: &Judge,
-    exact: Selection,
-    units: &[f64],
-    settings: &Settings,
-    say: Say,
-) -> (Selection, Option<ByShare>) {
+fn beside_corrections(search: &by_share::Search, exact: Selection) -> (Selection, Option<ByShare>) {
+    let by_share::Search { fits, judge, settings, .. } = *search;
     let explained = judge.explained(fits, &exact.best);
     if explained && (exact.best.added.len() < 2 || !exact.changed.is_empty()) || stop::asked() {
         return (exact, None);
     }
-    let mut found = by_share::search(fits, judge, &exact, units, settings, say);
+    let mut found = search.run(&exact);
     if found.is_without_corrections(&exact) {
         // The fit without them goes on until nothing moves.
         let mut exact = exact;
@@ -177,6 +178,24 @@ fn beside_corrections(
         return (exact, None);
     }
     (found.selection.clone(), Some(found))
+}
+
+/// The weakest effect that stands only by the company of others, and the share of the error on validation records that it
+/// takes away alone. Where all is explained, each is needed.
+fn company(search: &by_share::Search, selection: &Selection, found: &Answer) -> Option<(usize, f64)> {
+    let (study, added) = (search.fits.study, &selection.best.added);
+    if found.verdict != Verdict::Effect || found.complete || added.len() < 2 || stop::asked() {
+        return None;
+    }
+    let needed = |c: usize| added.iter().any(|&other| study.candidates[other].needs == Some(c));
+    let shares = found.effects.iter().filter(|effect| effect.selected).map(|effect| effect.share);
+    let least = search.settings.forward_selection.min_validated_share;
+    order(search.fits, selection)
+        .into_iter()
+        .zip(shares)
+        .filter_map(|(c, share)| Some((c, share?)))
+        .filter(|&(c, share)| share < least && !needed(c))
+        .min_by(|a, b| a.1.total_cmp(&b.1))
 }
 
 /// Step and what the attachments show with the declared model, `[records][taps][n]`.

@@ -51,50 +51,93 @@ impl ByShare {
     }
 }
 
-/// Searches from the fitted declared model beside what effects alone give; `units`: unit of the error by output.
-pub fn search(
-    fits: &Fits,
-    judge: &Judge,
-    exact: &Selection,
-    units: &[f64],
-    settings: &Settings,
-    say: Say,
-) -> ByShare {
-    let (study, declared) = (fits.study, &exact.declared);
-    let (pieces, folds) = pieces(fits);
-    let view = fits.view(&[], &pieces);
-    let whole = Whole::new(&view, judge.floor(fits), say);
-    let units: BTreeMap<String, f64> =
-        study.outputs.iter().zip(units).map(|(output, unit)| (output.name.clone(), *unit)).collect();
-    let held_out = HeldOut::new(&whole, &units);
-    let candidates: Vec<Candidate> = (0..study.candidates.len()).map(|c| candidate(study, c)).collect();
-    let p = &declared.fit.parameters;
-    let locals = fits::locals_of(fits, &pieces, declared);
-    let rules = settings.forward_selection;
-    let known = known(study, &whole, (p, &locals), &candidates, rules.max_tolerances);
-    let always = study.declared_free();
-    let free_forms: Vec<usize> = (0..study.candidates.len()).filter(|&c| study.candidates[c].probe).collect();
-    let question = Question {
-        system: &whole,
-        held_out: &held_out,
-        candidates: &candidates,
-        corrections: &known,
-        declared: p,
-        always: &always,
-        locals,
-        may_join: &|c, added| study.candidates[c].needs.is_none_or(|needs| added.contains(&needs)),
-        proposals: &[(exact.best.added.clone(), exact.best.fit.parameters.clone())],
-        pairs: true,
-        free_forms: &free_forms,
-        records: (0..pieces.len()).collect(),
-        screened: (0..pieces.len()).collect(),
-        folds,
-        sense: &|_, model| sense(study, model),
-        settings: rules,
-        most: settings.max_effects,
-    };
-    let found = forward_selection::search(&question);
-    answer(fits, declared, &known, &found)
+/// A study whose effects are searched for their share of the error.
+pub struct Search<'a> {
+    /// Fits of the study.
+    pub fits: &'a Fits<'a>,
+    /// What noise of the sensors leaves.
+    pub judge: &'a Judge,
+    /// Unit of the error by output.
+    pub units: &'a [f64],
+    /// Rules.
+    pub settings: &'a Settings,
+    /// Sentences for a progress display.
+    pub say: Say<'a>,
+}
+
+impl Search<'_> {
+    /// Searches from the fitted declared model beside what effects alone give.
+    pub fn run(&self, exact: &Selection) -> ByShare {
+        self.ask(exact, |question, known| {
+            answer(self.fits, &exact.declared, known, &forward_selection::search(question))
+        })
+    }
+
+    /// What was found, fitted again without an effect that takes away the share `alone` of the error on validation records.
+    pub fn without(&self, found: &ByShare, weak: usize, alone: f64) -> ByShare {
+        let (study, selection) = (self.fits.study, &found.selection);
+        let rest: Vec<usize> = selection.best.added.iter().copied().filter(|&c| c != weak).collect();
+        let mut start = selection.best.fit.parameters.clone();
+        let declared = &selection.declared.fit.parameters;
+        study.candidates[weak].entries.clone().for_each(|index| start[index] = declared[index]);
+        let again = self.ask(selection, |question, known| {
+            answer(self.fits, &selection.declared, known, &forward_selection::refit(question, &rest, &start))
+        });
+        let reason = format!(
+            "on validation records it takes away {:.0} % of the error alone, less than {:.0} %: it stands only by the company of others",
+            100.0 * alone,
+            100.0 * self.settings.forward_selection.min_validated_share
+        );
+        let name = study.candidates[weak].name();
+        let mut steps = found.steps.clone();
+        let tried = steps.iter_mut().flat_map(|step| &mut step.candidates);
+        tried.filter(|own| own.id == name).for_each(|own| own.rejected = Some(reason.clone()));
+        let singles = selection.singles.clone();
+        ByShare { steps, selection: Selection { singles, ..again.selection }, ..again }
+    }
+
+    /// Asks the forward selection from a fitted declared model, with the effects of `proposed` as a proposal.
+    fn ask(
+        &self,
+        proposed: &Selection,
+        answer: impl FnOnce(&Question, &[question::Correction]) -> ByShare,
+    ) -> ByShare {
+        let (study, declared) = (self.fits.study, &proposed.declared);
+        let (pieces, folds) = pieces(self.fits);
+        let view = self.fits.view(&[], &pieces);
+        let whole = Whole::new(&view, self.judge.floor(self.fits), self.say);
+        let units = study.outputs.iter().zip(self.units);
+        let units: BTreeMap<String, f64> = units.map(|(output, unit)| (output.name.clone(), *unit)).collect();
+        let held_out = HeldOut::new(&whole, &units);
+        let candidates: Vec<Candidate> = (0..study.candidates.len()).map(|c| candidate(study, c)).collect();
+        let p = &declared.fit.parameters;
+        let locals = fits::locals_of(self.fits, &pieces, declared);
+        let rules = self.settings.forward_selection;
+        let known = known(study, &whole, (p, &locals), &candidates, rules.max_tolerances);
+        let always = study.declared_free();
+        let probes = (0..study.candidates.len()).filter(|&c| study.candidates[c].probe);
+        let free_forms: Vec<usize> = probes.collect();
+        let question = Question {
+            system: &whole,
+            held_out: &held_out,
+            candidates: &candidates,
+            corrections: &known,
+            declared: p,
+            always: &always,
+            locals,
+            may_join: &|c, added| study.candidates[c].needs.is_none_or(|needs| added.contains(&needs)),
+            proposals: &[(proposed.best.added.clone(), proposed.best.fit.parameters.clone())],
+            pairs: true,
+            free_forms: &free_forms,
+            records: (0..pieces.len()).collect(),
+            screened: (0..pieces.len()).collect(),
+            folds,
+            sense: &|_, model| sense(study, model),
+            settings: rules,
+            most: self.settings.max_effects,
+        };
+        answer(&question, &known)
+    }
 }
 
 /// What is fitted, and folds of it that are held out in turn: whole records, or spans where there are few.
