@@ -103,9 +103,11 @@ pub fn answer(file: &File, settings: &Settings, say: Say) -> Result<(Answer, Evi
             while let Some((own, (weak, alone))) = by_share.as_ref().zip(company(&search, &selection, &found))
             {
                 let without = search.without(own, weak, alone);
-                selection = without.selection.clone();
-                found = assemble(&fits, &judge, &selection, Some(&without), settings);
-                by_share = Some(without);
+                let rest = assemble(&fits, &judge, &without.selection, Some(&without), settings);
+                if !stands_without(&found, &rest, settings) {
+                    break;
+                }
+                (selection, found, by_share) = (without.selection.clone(), rest, Some(without));
             }
             let base = by_share.as_ref().map_or(&selection.declared, |found| &found.corrected).clone();
             let law = law::explain(&mut study, &scale, (&judge, &base), &mut found, Aim::Share, say);
@@ -196,6 +198,13 @@ fn company(search: &by_share::Search, selection: &Selection, found: &Answer) -> 
         .filter_map(|(c, share)| Some((c, share?)))
         .filter(|&(c, share)| share < least && !needed(c))
         .min_by(|a, b| a.1.total_cmp(&b.1))
+}
+
+/// Whether the answer `rest` with one effect less takes nearly as much of the error on validation records away.
+fn stands_without(found: &Answer, rest: &Answer, settings: &Settings) -> bool {
+    let share = |answer: &Answer| answer.share.unwrap_or(0.0);
+    rest.verdict == Verdict::Effect
+        && share(found) - share(rest) < settings.forward_selection.min_held_out_share
 }
 
 /// Step and what the attachments show with the declared model, `[records][taps][n]`.

@@ -84,9 +84,10 @@ impl Search<'_> {
             answer(self.fits, &selection.declared, known, &forward_selection::refit(question, &rest, &start))
         });
         let reason = format!(
-            "on validation records it takes away {:.0} % of the error alone, less than {:.0} %: it stands only by the company of others",
+            "on validation records it takes away {:.0} % of the error alone, less than {:.0} %, and beside the others less than {:.0} %: it stands only by their company",
             100.0 * alone,
-            100.0 * self.settings.forward_selection.min_validated_share
+            100.0 * self.settings.forward_selection.min_validated_share,
+            100.0 * self.settings.forward_selection.min_held_out_share
         );
         let name = study.candidates[weak].name();
         let mut steps = found.steps.clone();

@@ -12,6 +12,7 @@
 //! are known, has a search of its own in `rig`.
 
 pub mod answer;
+mod begin;
 pub mod beside;
 mod blocks;
 pub mod by_share;

@@ -3,6 +3,7 @@
 use std::sync::{Mutex, PoisonError};
 
 use super::Problem;
+use super::begin::Begin;
 use super::catalogue::Candidate;
 use super::declaration::{Attachment, ForceRule, Initial, InitialWord};
 use super::law::{Law, Variable};
@@ -166,6 +167,8 @@ pub struct Study {
     pub substeps: usize,
     /// Whether each state is unobservable: no output shows where it begins; empty: not looked for.
     pub unobservable: Vec<bool>,
+    /// Where the fits of the initial states begin that no column of `[states]` shows, `[nx]`; empty: at zero.
+    pub begins: Vec<Begin>,
     /// Measured outputs.
     pub outputs: Vec<Output>,
     /// Parameter vector: the declared model first, then candidates.

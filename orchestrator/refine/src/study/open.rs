@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use std::sync::Mutex;
 
 use super::Problem;
+use super::begin::begins;
 use super::declaration::{Attachment, Declaration, File, Initial, Role, Value};
 use super::identified;
 use super::kinds;
@@ -455,7 +456,7 @@ pub fn open(file: &File) -> Result<(Study, Vec<Attachment>), Error> {
         }
     }
     let held = declaration_holds(file, &graph);
-    let study = Study {
+    let mut study = Study {
         name: declaration.name.clone(),
         records,
         extra,
@@ -463,6 +464,7 @@ pub fn open(file: &File) -> Result<(Study, Vec<Attachment>), Error> {
         held,
         substeps: 1,
         unobservable: Vec::new(),
+        begins: Vec::new(),
         outputs,
         declared: entries.len(),
         entries,
@@ -482,6 +484,7 @@ pub fn open(file: &File) -> Result<(Study, Vec<Attachment>), Error> {
         failure: Mutex::default(),
         graph,
     };
+    study.begins = begins(&study);
     Ok((study, attachments))
 }
 

@@ -3,6 +3,7 @@
 use std::cell::{Cell, RefCell};
 use std::ops::Range;
 
+use super::begin;
 use super::blocks::{Acting, Blocks, Survey};
 use super::command::{Command, delayed};
 use super::declaration::{Initial, InitialWord};
@@ -480,7 +481,11 @@ impl System for View<'_> {
     fn locals(&self, record: usize) -> Vec<(f64, f64)> {
         if let Some(own) = self.begins.get(record) {
             let size = |i: usize| self.begins.iter().fold(0.0f64, |a, b| a.max(b[i].abs()));
-            return own.iter().enumerate().map(|(i, x)| (*x, 1e-5 * size(i).max(1e-6))).collect();
+            return own
+                .iter()
+                .enumerate()
+                .map(|(i, x)| (*x, begin::STEP * size(i).max(begin::LEAST_SIZE)))
+                .collect();
         }
         let piece = &self.pieces[record];
         let record = &self.study.records[piece.record];
@@ -489,11 +494,8 @@ impl System for View<'_> {
         }
         let one = |(i, values): (usize, &Option<Vec<f64>>)| match values {
             None if self.study.unobservable.get(i) == Some(&true) => (0.0, 0.0),
-            None => (0.0, 1e-5),
-            Some(values) => {
-                let size = values.iter().fold(0.0f64, |a, b| a.max(b.abs()));
-                (values[piece.range.start], 1e-5 * size.max(1e-6))
-            }
+            None => self.study.begins.get(i).copied().unwrap_or_default().of(self.study, piece),
+            Some(values) => begin::measured(values, piece),
         };
         record.states.iter().enumerate().map(one).collect()
     }
