@@ -28,6 +28,7 @@ pub fn search(question: &Question) -> Found {
     }
     let mut found = Found {
         best: base.clone(),
+        one_by_one: Default::default(),
         base,
         steps: Vec::new(),
         equals: Vec::new(),
@@ -53,6 +54,7 @@ pub fn search(question: &Question) -> Found {
             break;
         }
     }
+    found.one_by_one = (found.best.added.clone(), found.best.fit.parameters.clone());
     if !stop::asked() {
         question.system.stage("several effects at once");
         run.sets(&mut found);
@@ -74,7 +76,9 @@ pub fn refit(question: &Question, added: &[usize], start: &[f64]) -> Found {
     let base = run.fit(&weights, &[], question.declared, locals, ROUNDS);
     let free_form = run.free_form(&base, &best);
     let declared_error = run.declared_error;
-    Found { base, best, steps: Vec::new(), equals: Vec::new(), declared_error, free_form }
+    let one_by_one = (added.to_vec(), best.fit.parameters.clone());
+    let (steps, equals) = (Vec::new(), Vec::new());
+    Found { base, best, one_by_one, steps, equals, declared_error, free_form }
 }
 
 /// Rounds of a fit, of its refinement, and of the refits without a fold.

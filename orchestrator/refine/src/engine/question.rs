@@ -91,6 +91,8 @@ pub struct Found {
     pub base: Model,
     /// Corrections and effects.
     pub best: Model,
+    /// Effects that were accepted one by one, before sets of several took their place, and the parameters with them.
+    pub one_by_one: (Vec<usize>, Vec<f64>),
     /// Steps, the last one without an accepted candidate unless `most` was reached.
     pub steps: Vec<Step>,
     /// Candidates that the records cannot tell from an accepted one: accepted, other model.

@@ -122,7 +122,7 @@ impl ForwardSelection {
                 "min_validated_share",
                 |s| s.min_validated_share,
                 (0.0, 1.0),
-                "share of the error on validation records below which an answer is withdrawn; so is one of several effects that takes away no more alone, and less than min_held_out_share beside the others",
+                "share of the error on validation records below which an answer is withdrawn; so is one of several effects that takes away no more, neither alone nor beside the others",
             ),
             fixed(
                 "noise_margin",

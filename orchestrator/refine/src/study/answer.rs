@@ -204,7 +204,7 @@ fn company(search: &by_share::Search, selection: &Selection, found: &Answer) -> 
 fn stands_without(found: &Answer, rest: &Answer, settings: &Settings) -> bool {
     let share = |answer: &Answer| answer.share.unwrap_or(0.0);
     rest.verdict == Verdict::Effect
-        && share(found) - share(rest) < settings.forward_selection.min_held_out_share
+        && share(found) - share(rest) < settings.forward_selection.min_validated_share
 }
 
 /// Step and what the attachments show with the declared model, `[records][taps][n]`.

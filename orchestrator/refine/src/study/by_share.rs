@@ -30,6 +30,8 @@ pub struct ByShare {
     pub corrected: fits::Model,
     /// Corrections beside the effects.
     pub corrections: Vec<Correction>,
+    /// Effects that were accepted one by one, before sets of several took their place, and the parameters with them.
+    pub one_by_one: (Vec<usize>, Vec<f64>),
     /// Whether the fits counted residuals as the independent samples that they hold.
     pub weighted: bool,
     /// What was tried.
@@ -73,21 +75,36 @@ impl Search<'_> {
         })
     }
 
-    /// What was found, fitted again without an effect that takes away the share `alone` of the error on validation records.
+    /// What was found, fitted again without an effect that takes away the share `alone` of the error on validation records; the
+    /// effects accepted one by one in its place, where they do better on the estimation records.
     pub fn without(&self, found: &ByShare, weak: usize, alone: f64) -> ByShare {
         let (study, selection) = (self.fits.study, &found.selection);
         let rest: Vec<usize> = selection.best.added.iter().copied().filter(|&c| c != weak).collect();
-        let mut start = selection.best.fit.parameters.clone();
         let declared = &selection.declared.fit.parameters;
+        let fitted = |added: &[usize], start: &[f64]| {
+            self.ask(selection, |question, known| {
+                answer(
+                    self.fits,
+                    &selection.declared,
+                    known,
+                    &forward_selection::refit(question, added, start),
+                )
+            })
+        };
+        let mut start = selection.best.fit.parameters.clone();
         study.candidates[weak].entries.clone().for_each(|index| start[index] = declared[index]);
-        let again = self.ask(selection, |question, known| {
-            answer(self.fits, &selection.declared, known, &forward_selection::refit(question, &rest, &start))
-        });
+        let mut again = fitted(&rest, &start);
+        let (other, start) = &found.one_by_one;
+        if !other.is_empty() && !other.contains(&weak) && *other != rest {
+            let other = fitted(other, start);
+            if other.selection.best.error < again.selection.best.error {
+                again = other;
+            }
+        }
         let reason = format!(
-            "on validation records it takes away {:.0} % of the error alone, less than {:.0} %, and beside the others less than {:.0} %: it stands only by their company",
+            "on validation records it takes away {:.0} % of the error alone, and beside the others less than {:.0} %: it stands only by their company",
             100.0 * alone,
-            100.0 * self.settings.forward_selection.min_validated_share,
-            100.0 * self.settings.forward_selection.min_held_out_share
+            100.0 * self.settings.forward_selection.min_validated_share
         );
         let name = study.candidates[weak].name();
         let mut steps = found.steps.clone();
@@ -228,7 +245,8 @@ fn answer(fits: &Fits, declared: &fits::Model, known: &[question::Correction], f
         let own = &study.candidates[form.candidate];
         (own.place(), vec![explain::name(study, form.candidate).to_owned()], form.share)
     });
-    ByShare { selection, corrected, corrections, weighted: true, steps, free_form }
+    let one_by_one = found.one_by_one.clone();
+    ByShare { selection, corrected, corrections, one_by_one, weighted: true, steps, free_form }
 }
 
 /// The corrections of a model.
