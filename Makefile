@@ -36,10 +36,8 @@ study-sweep: fmu     ## sweeps killed at random times and by dask, and the cost 
 	python3 tests/study/sweep/kills.py target/release/airloop 20
 	python3 tests/study/sweep/cost.py target/release/airloop
 
-docs: setup-build    ## the documentation site, every link checked: out/site/index.html
-	.venv/bin/python -m pip install --quiet --disable-pip-version-check -r docs/site/requirements.txt
-	.venv/bin/python docs/site/stage.py out/site-pages
-	.venv/bin/python -m mkdocs build --strict --quiet
+docs: wheel          ## the documentation site, notebooks executed, every link checked: out/site/index.html
+	docs/site/build.sh out/wheel
 
 check: setup         ## formatting, lints, documentation, generated files, licenses
 	./check.sh

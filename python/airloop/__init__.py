@@ -31,7 +31,9 @@ if TYPE_CHECKING:
     from .refinement import Report, refine
     from .result import Fit, Result
     from .rhs import RightHandSide
+    from .series import TimeSeries
     from .simulation import Batch, Simulation
+    from .solver import Solution, Solver
     from .system import Connector, System
 
 # Modules are read when they are first used: `import airloop` stays fast, also for the console script.
@@ -53,8 +55,11 @@ _WHERE = {
     "SettingError": "_native",
     "Simulation": "simulation",
     "SimulationError": "_native",
+    "Solution": "solver",
+    "Solver": "solver",
     "System": "system",
     "SystemFileError": "_native",
+    "TimeSeries": "series",
     "__version__": "_native",
     "excite": "commands",
     "identify": "",
@@ -84,8 +89,11 @@ __all__ = [
     "SettingError",
     "Simulation",
     "SimulationError",
+    "Solution",
+    "Solver",
     "System",
     "SystemFileError",
+    "TimeSeries",
     "__version__",
     "excite",
     "identify",

@@ -4,8 +4,9 @@ import csv
 import json
 import os
 import tempfile
+import weakref
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -140,8 +141,16 @@ def optimize(
     Outcome
         ``exit_code`` 0 solved, 20 infeasible, 21 not solved, 22 not evaluated; ``table("trajectory")`` is the motion.
     """
-    with table_file(problem, Path(folder)) as file:
-        return command(["optimize", file], options, output, allowed=_INFEASIBLE, progress=progress)
+    kept = ExitStack()
+    file = kept.enter_context(table_file(problem, Path(folder)))
+    try:
+        outcome = command(["optimize", file], options, output, allowed=_INFEASIBLE, progress=progress)
+    except BaseException:
+        kept.close()
+        raise
+    # `stabilize` reads the problem again: a file that stands for a dictionary lives as long as the plan.
+    weakref.finalize(outcome, kept.close)
+    return outcome
 
 
 def stabilize(

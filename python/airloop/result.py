@@ -1,22 +1,16 @@
 """Results of a run: arrays by name, fits, figures."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from html import escape
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
-
-import numpy as np
 
 from . import data
 from ._native import RecordError
+from .series import TimeSeries
 
 if TYPE_CHECKING:
-    import pandas
-
     from .system import System
-
-Array = np.ndarray[Any, np.dtype[np.float64]]
 
 
 @dataclass(frozen=True)
@@ -47,7 +41,7 @@ class Fit:
     samples: int
 
 
-class Result(Mapping[str, Array]):
+class Result(TimeSeries):
     """Values at the communication points of a run; ``result["x"]`` is the array of a signal.
 
     The arrays are the memory that the simulation wrote, without a copy.
@@ -79,11 +73,9 @@ class Result(Mapping[str, Array]):
     """
 
     def __init__(self, system: "System", master: str, answer: Mapping[str, Any]) -> None:
+        super().__init__(answer["time"], answer["columns"])
         self._system = system
         self.master = master
-        self.time: Array = answer["time"]
-        self.columns: dict[str, Array] = {name: values for name, _, values in answer["columns"]}
-        self.units: dict[str, str | None] = {name: unit for name, unit, _ in answer["columns"]}
         self.status: str = answer["status"]
         self.message: str | None = answer["message"]
         self.steps: int = answer["steps"]
@@ -91,19 +83,6 @@ class Result(Mapping[str, Array]):
         self.start_values: list[str] = answer["start_values"]
         self.simulation_s: float = answer["simulation_s"]
         self.fits: dict[str, Fit] = {fit[0]: Fit(*fit) for fit in answer["fits"]}
-
-    def __getitem__(self, name: str) -> Array:
-        if name in self.columns:
-            return self.columns[name]
-        if name == "time":
-            return self.time
-        raise KeyError(f"there is no signal `{name}`; known are: {', '.join(self.columns)}")
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self.columns)
-
-    def __len__(self) -> int:
-        return len(self.columns)
 
     def fit(self, measured: "data.Signals", signals: Mapping[str, str] | None = None) -> dict[str, Fit]:
         """Compares the result with a measurement.
@@ -130,32 +109,20 @@ class Result(Mapping[str, Array]):
         fits = self._system._graph_of(self.master).fit(self.master, mine, measurement, dict(signals or {}))
         return {fit[0]: Fit(*fit) for fit in fits}
 
-    def to_pandas(self) -> "pandas.DataFrame":
-        """A DataFrame with the time [s] as index and a column per signal."""
-        import pandas
-
-        index = pandas.Index(self.time, name="time")
-        frame: pandas.DataFrame = pandas.DataFrame(self.columns, index=index, copy=False)
-        return frame
-
-    def to_csv(self, path: str) -> None:
-        """Writes ``result.csv`` as the command line does: first column time [s]; every bit survives."""
-        data.write({"time": self.time, **self.columns}, Path(path), "result")
-
     def plot(self, *names: str, measured: "data.Signals | None" = None) -> Any:
         """Draws signals over time with matplotlib; without names the outputs of the system.
 
         Returns
         -------
         matplotlib.figure.Figure
-            One axis per signal.
+            One axis per signal; a notebook shows it as the last line of a cell.
         """
-        from matplotlib.figure import Figure
+        from ._figure import NotebookFigure
 
         chosen = list(names) or [output.name for output in self._system.outputs if output.name in self.columns]
         if not chosen:
             raise RecordError(f"there is nothing to draw; name a signal: {', '.join(self.columns)}")
-        figure = Figure(figsize=(7.0, 1.0 + 1.6 * len(chosen)), layout="constrained")
+        figure = NotebookFigure(figsize=(7.0, 1.0 + 1.6 * len(chosen)), layout="constrained")
         all_axes = figure.subplots(len(chosen), 1, sharex=True, squeeze=False)[:, 0]
         columns = dict(zip(*data.table(measured, "measured"), strict=True)) if measured is not None else {}
         for axes, name in zip(all_axes, chosen, strict=True):

@@ -19,6 +19,7 @@ PACKAGE = ROOT / "python" / "airloop"
 EXAMPLE = ("system.ssd", "cart.ssv")
 STUDY = ("study.toml", "swing.csv", "tail.csv")
 RECORD = Path("data/rig/v05/trial_07.csv")
+PROBLEM = Path("examples/03_swing_up/problem.toml")
 PROFILES = {"release": "release", "dev": "debug"}
 
 
@@ -64,6 +65,8 @@ def _fill():
     for name in EXAMPLE:
         text = (ROOT / "examples" / "01_run" / name).read_text(encoding="utf-8")
         (into / name).write_text(text.replace("../../target/fmu/", "../fmu/"), encoding="utf-8")
+    text = (ROOT / PROBLEM).read_text(encoding="utf-8")
+    (into / "swing_up.toml").write_text(text.replace("../01_run/", ""), encoding="utf-8")
     shutil.copy2(ROOT / RECORD, into / "record.csv")
     for name in STUDY:
         shutil.copy2(ROOT / "examples" / "06_study" / name, into)

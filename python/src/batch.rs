@@ -3,7 +3,7 @@
 use std::sync::{Arc, Mutex};
 
 use airloop_cosim::master::Settings;
-use airloop_cosim::master::embedded::Place;
+use airloop_cosim::master::embedded::{Place, Reader};
 use airloop_cosim::system::SystemGraph;
 use numpy::{PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
@@ -52,7 +52,7 @@ impl Batch {
         Ok(Batch { graph, names, lanes: Mutex::new(lanes), size: batch, pool, threads })
     }
 
-    /// The instances, without the interpreter's lock and in the threads of the batch.
+    /// The instances, at least one, without the interpreter's lock and in the threads of the batch.
     fn with<T: Send>(
         &self,
         py: Python<'_>,
@@ -151,8 +151,9 @@ impl Batch {
     fn get<'py>(&self, py: Python<'py>, name: &str) -> PyResult<Bound<'py, PyArray1<f64>>> {
         let place = self.names.place(name)?;
         let values = self.with(py, |lanes| {
+            let reader = lanes[0].reader(&self.graph, place);
             let one = |(index, lane): (usize, &mut Lane)| {
-                lane.number(&self.graph, place).map_err(|error| (index, Stop::Failed(error)))
+                lane.number(reader).map_err(|error| (index, Stop::Failed(error)))
             };
             lanes.iter_mut().enumerate().map(one).collect::<Result<Vec<_>, _>>()
         })?;
@@ -184,6 +185,8 @@ impl Batch {
         let (rows, size) = (steps + 1, self.size);
         let per_lane = self.with(py, |lanes| {
             let slots: Vec<Mutex<Vec<f64>>> = (0..size).map(|_| Mutex::default()).collect();
+            let readers: Vec<Reader> =
+                places.iter().map(|&place| lanes[0].reader(&self.graph, place)).collect();
             self.each(lanes, |number, lane| {
                 let mut values = Vec::with_capacity(rows * places.len());
                 for row in 0..rows {
@@ -193,8 +196,8 @@ impl Batch {
                         }
                         lane.step(None, 1)?;
                     }
-                    for &place in &places {
-                        values.push(lane.number(&self.graph, place).map_err(Stop::Failed)?);
+                    for &reader in &readers {
+                        values.push(lane.number(reader).map_err(Stop::Failed)?);
                     }
                 }
                 *slots[number].lock().unwrap_or_else(std::sync::PoisonError::into_inner) = values;

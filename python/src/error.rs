@@ -2,6 +2,7 @@
 
 use airloop::Error;
 use airloop_cosim::master;
+use airloop_plan as plan;
 use pyo3::create_exception;
 use pyo3::exceptions::PyException;
 use pyo3::prelude::*;
@@ -47,7 +48,12 @@ pub fn raise(error: impl Into<Error>) -> PyErr {
     let text = error.to_string();
     match error {
         Error::Fmu(_) | Error::Master(master::Error::Fmu(_)) => FmuError::new_err(text),
-        Error::System(_) | Error::Coupled(_) => SystemFileError::new_err(text),
+        Error::System(_)
+        | Error::Coupled(_)
+        | Error::Plan(plan::Error::System(_) | plan::Error::Coupled(_)) => SystemFileError::new_err(text),
+        Error::Plan(plan::Error::File { .. } | plan::Error::Place { .. } | plan::Error::Transcription(_)) => {
+            SettingError::new_err(text)
+        }
         Error::Csv(_) | Error::Series(_) | Error::Discrepancy(_) | Error::Fit(_) => {
             RecordError::new_err(text)
         }

@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 
-use airloop_cosim::master::embedded::{Place, Slaves, Value};
+use airloop_cosim::master::embedded::{Place, Reader, Slaves, Value};
 use airloop_cosim::master::{self, Grid, Progress, Settings};
 use airloop_cosim::system::SystemGraph;
 use pyo3::prelude::*;
@@ -165,12 +165,18 @@ impl Lane {
         self.slaves.read(graph, place)
     }
 
+    /// Looks a place up for [`Lane::number`]; it serves all lanes of the same system.
+    pub fn reader(&self, graph: &SystemGraph, place: Place) -> Reader {
+        self.slaves.reader(graph, place)
+    }
+
     /// A value as a number; a truth value is 0 or 1, a text NaN.
     ///
     /// # Errors
     /// The FMU refuses.
-    pub fn number(&mut self, graph: &SystemGraph, place: Place) -> Result<f64, master::Error> {
-        Ok(match self.read(graph, place)? {
+    #[inline]
+    pub fn number(&mut self, reader: Reader) -> Result<f64, master::Error> {
+        Ok(match self.slaves.read_by(reader)? {
             Value::Real(value) => value,
             Value::Integer(value) => f64::from(value),
             Value::Boolean(value) => f64::from(u8::from(value)),

@@ -11,6 +11,7 @@ mod record;
 mod rhs;
 mod run;
 mod simulation;
+mod solver;
 mod system;
 mod text;
 
@@ -24,6 +25,7 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<simulation::Simulation>()?;
     module.add_class::<batch::Batch>()?;
     module.add_class::<rhs::Rhs>()?;
+    module.add_class::<solver::Solver>()?;
     module.add_function(wrap_pyfunction!(text::to_toml, module)?)?;
     module.add_function(wrap_pyfunction!(text::from_toml, module)?)?;
     module.add_function(wrap_pyfunction!(text::duration, module)?)?;

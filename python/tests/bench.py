@@ -1,12 +1,14 @@
-"""Cost of a step from Python and throughput of a batch, against FMPy in the same process: `python bench.py [THIRD_PARTY.fmu]`.
+"""Cost of a step from Python and throughput of a batch, against FMPy in the same process: `python bench.py [OTHER.fmu ...]`.
 
-One table on the standard output. Every figure is the best of five repetitions.
+A third-party FMU is compiled from `orchestrator/testing/c/first_order.c` (an Euler step in C). One table on the standard output. Every figure is the best of five repetitions.
 """
 
 import os
+import subprocess
 import sys
 import tempfile
 import time
+import zipfile
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +16,40 @@ import numpy as np
 import airloop
 
 STEPS, STEP = 2000, 1e-3
+SOURCE = Path(__file__).resolve().parents[2] / "orchestrator" / "testing" / "c" / "first_order.c"
+DESCRIPTION = """<?xml version="1.0" encoding="UTF-8"?>
+<fmiModelDescription fmiVersion="2.0" modelName="first_order" guid="right" generationTool="cc">
+  <CoSimulation modelIdentifier="first_order" canHandleVariableCommunicationStepSize="true"/>
+  <ModelVariables>
+    <ScalarVariable name="u" valueReference="0" causality="input" variability="continuous"><Real start="0"/></ScalarVariable>
+    <ScalarVariable name="x" valueReference="1" causality="output" variability="continuous" initial="exact"><Real start="1"/></ScalarVariable>
+    <ScalarVariable name="y" valueReference="3" causality="output" variability="continuous" initial="calculated"><Real/></ScalarVariable>
+  </ModelVariables>
+  <ModelStructure>
+    <Outputs><Unknown index="2" dependencies=""/><Unknown index="3" dependencies="1"/></Outputs>
+    <InitialUnknowns><Unknown index="3"/></InitialUnknowns>
+  </ModelStructure>
+</fmiModelDescription>
+"""
+
+
+# Functions that FMPy looks up; those that the source does not have answer with an error.
+LOOKED_UP = """SetDebugLogging Terminate Reset GetInteger GetBoolean GetString SetInteger SetBoolean SetString GetFMUstate SetFMUstate
+FreeFMUstate SerializedFMUstateSize SerializeFMUstate DeSerializeFMUstate GetDirectionalDerivative SetRealInputDerivatives
+GetRealOutputDerivatives CancelStep GetStatus GetRealStatus GetIntegerStatus GetBooleanStatus GetStringStatus""".split()
+
+
+def third_party(folder):
+    """An FMU in C, of no tool of this project."""
+    library, archive, others = (folder / f"first_order.{suffix}" for suffix in ("so", "fmu", "c"))
+    weak = "__attribute__((weak)) int fmi2{}(void) {{ return 3; }}\n"
+    others.write_text("".join(weak.format(name) for name in LOOKED_UP), encoding="utf-8")
+    command = [os.environ.get("CC", "cc"), "-O2", "-shared", "-fPIC", "-o", library, SOURCE, others, "-lm"]
+    subprocess.run(command, check=True)
+    with zipfile.ZipFile(archive, "w") as out:
+        out.writestr("modelDescription.xml", DESCRIPTION)
+        out.write(library, "binaries/linux64/first_order.so")
+    return archive
 
 
 def best(work, repetitions=5):
@@ -106,10 +142,12 @@ def main():
     with tempfile.TemporaryDirectory() as folder:
         one = Path(folder) / "example_01.fmu"
         airloop.System(example).export(one)
+        foreign = third_party(Path(folder))
         cases = [
             ("example 01, four FMUs", example, parts),
             ("example 01 as one FMU", one, [one]),
             ("friction", parts[1], parts[1:2]),
+            ("an FMU in C", foreign, [foreign]),
             *((Path(file).name, file, [file]) for file in sys.argv[1:]),
         ]
         print(f"us per instance and step; batch of {batch}, {os.cpu_count()} processors, step {STEP} s")

@@ -216,3 +216,14 @@ def test_notes_of_commands_are_of_level_info(caplog):
     caplog.set_level("INFO", logger="airloop")
     _log.lines("found\nnote: one\nwarning: two\n")
     assert [(record.levelname, record.getMessage()) for record in caplog.records] == [("INFO", "one"), ("WARNING", "two")]
+
+
+def test_a_new_study_says_what_is_missing_in_it(actuator, tmp_path, caplog):
+    record = {"time": actuator["time"], "x": actuator["y"], "force": actuator["u"]}
+    with caplog.at_level("INFO", logger="airloop"):
+        airloop.new_study(tmp_path / "undriven", record, system="airloop:rigid-mass")
+    assert "no input of the system has a column (F, F_ext), so nothing drives it" in caplog.text
+    caplog.clear()
+    with caplog.at_level("INFO", logger="airloop"):
+        airloop.new_study(tmp_path / "driven", record, system="airloop:rigid-mass", signals={"F": "force"})
+    assert "nothing drives it" not in caplog.text

@@ -1,4 +1,4 @@
-"""Every block of docs/tutorial.md and docs/python-how-to.md runs, in the order of the page."""
+"""Every block of docs/tutorial.md, docs/python-how-to.md and python/README.md runs, in the order of the page."""
 
 import os
 import re
@@ -56,8 +56,19 @@ def test_the_how_to_of_python_runs(root, folder, monkeypatch, capsys):
     names = {}
     for code in re.findall(r"```python\n(.*?)```", page, re.DOTALL):
         exec(compile(code, "docs/python-how-to.md", "exec"), names)
-    assert "cannot be converted to [N]" in capsys.readouterr().out
+    printed = capsys.readouterr().out
+    assert "cannot be converted to [N]" in printed and "ms per solve; solved" in printed
     assert names["result"].fits["x"].fit_percent > 99
+
+
+def test_the_readme_of_the_package_runs(root, examples, monkeypatch, capsys):
+    page = (root / "python" / "README.md").read_text(encoding="utf-8")
+    monkeypatch.chdir(examples)
+    names = {}
+    for code in re.findall(r"```python\n(.*?)```", page, re.DOTALL):
+        exec(compile(code, "python/README.md", "exec"), names)
+    assert float(capsys.readouterr().out.split()[0]) > 99
+    assert sorted(names["report"].selected) == ["pole.coulomb", "pole.quaddrag"]
 
 
 def test_the_tutorial_finds_the_effects_on_both_sides(page, folder, monkeypatch):

@@ -70,7 +70,8 @@ pub struct Request {
     pub signals: BTreeMap<String, String>,
 }
 
-/// Writes the folder of a study and returns the path of its file, and a sentence for each column without signal.
+/// Writes the folder of a study and returns the path of its file, and a sentence for each column without signal
+/// and where nothing drives the system.
 ///
 /// # Errors
 /// Records that cannot be read, a system that cannot be opened, nothing to compare with, a file that is in the way.
@@ -114,7 +115,17 @@ pub fn write(request: &Request) -> Result<(PathBuf, Vec<String>), crate::Error> 
     airloop_refine::study::find(&file)?;
     let unused =
         matched.unused.iter().map(|name| format!("the column `{name}` belongs to no signal of the system"));
-    Ok((file, unused.collect()))
+    let mut notes: Vec<String> = unused.collect();
+    if let (true, Some(first), false) =
+        (matched.inputs.is_empty(), graph.inputs.first(), matched.unused.is_empty())
+    {
+        let inputs = joined(graph.inputs.iter().map(|input| input.name.as_str()));
+        let first = &first.name;
+        notes.push(format!(
+            "no input of the system has a column ({inputs}), so nothing drives it; name a pair with --signal {first}=COLUMN"
+        ));
+    }
+    Ok((file, notes))
 }
 
 fn file_names(records: &[(PathBuf, TimeSeries)]) -> Result<Vec<String>, Error> {
@@ -356,7 +367,12 @@ fn text(graph: &SystemGraph, system: &str, matched: &Matched, names: &[String]) 
     }
     line("");
     if !graph.inputs.is_empty() {
-        line("# Inputs of the system and their columns; an input without keeps its start value.");
+        line(
+            "# Inputs of the system and their columns; an input without keeps its start value. With hold = true a value stays",
+        );
+        line(
+            "# up to the next sample, as that of a computer's command does; without, it goes there on a straight line.",
+        );
         line("[inputs]");
         for pair in &matched.inputs {
             let held = if pair.held { ", hold = true" } else { "" };

@@ -15,6 +15,9 @@ pub enum Error {
     /// Something on the command line or in a trajectory file.
     #[error("{place}: {problem}")]
     Place { place: String, problem: String },
+    /// No motion from which a kept solver could start.
+    #[error("{}: no first motion to start from: {reason}", file.display())]
+    NoMotion { file: PathBuf, reason: String },
     /// A trajectory to start from cannot be read.
     #[error(transparent)]
     Csv(#[from] airloop_series::csv::Error),

@@ -45,20 +45,36 @@ impl Solver {
     /// # Errors
     /// [`Error`]: nothing to begin with, or no motion was found, with the reason.
     pub fn new(prepared: Prepared, settings: Option<Settings>) -> Result<Solver, Error> {
-        let choice = super::guess::choose(&prepared.statement, None)?;
-        let rough = super::guess::guess(&prepared.statement, &prepared.catalog, &prepared.task, &choice)?;
-        let settings = settings.unwrap_or_else(|| Settings::of(&prepared.statement));
-        Solver::from(prepared, settings, Begin::From(&rough))
+        Solver::watched(prepared, settings, &mut |_| ControlFlow::Continue(()))
     }
 
-    /// Same as [`Solver::new`], from a start of the caller's.
+    /// Same as [`Solver::new`], with a monitor that can end the search for the first motion.
     ///
     /// # Errors
     /// See [`Solver::new`].
-    pub fn from(prepared: Prepared, settings: Settings, begin: Begin) -> Result<Solver, Error> {
+    pub fn watched(
+        prepared: Prepared,
+        settings: Option<Settings>,
+        monitor: &mut solve::Monitor<'_>,
+    ) -> Result<Solver, Error> {
+        let choice = super::guess::choose(&prepared.statement, None)?;
+        let rough = super::guess::guess(&prepared.statement, &prepared.catalog, &prepared.task, &choice)?;
+        let settings = settings.unwrap_or_else(|| Settings::of(&prepared.statement));
+        Solver::from(prepared, settings, Begin::From(&rough), monitor)
+    }
+
+    /// Same as [`Solver::watched`], from a start of the caller's.
+    ///
+    /// # Errors
+    /// See [`Solver::new`].
+    pub fn from(
+        prepared: Prepared,
+        settings: Settings,
+        begin: Begin,
+        monitor: &mut solve::Monitor<'_>,
+    ) -> Result<Solver, Error> {
         let mut session = Session::new(&prepared, 1)?;
-        let go_on = &mut |_: &solve::Progress| ControlFlow::Continue(());
-        let solved = session.solve(&prepared.setup, &settings, begin, go_on)?;
+        let solved = session.solve(&prepared.setup, &settings, begin, monitor)?;
         check(&prepared.statement, &solved)?;
         let Solved { outcome, .. } = solved;
         let problem = session.into_problem();
@@ -81,6 +97,17 @@ impl Solver {
         self.prepared.task.signals.inputs.iter().map(|&index| variables[index].name.as_str()).collect()
     }
 
+    /// Names of the bounds along the path, in the order of the phases, each once.
+    pub fn bounds(&self) -> Vec<&str> {
+        let mut names: Vec<&str> = Vec::new();
+        for (name, ..) in &self.named {
+            if !names.contains(&name.as_str()) {
+                names.push(name);
+            }
+        }
+        names
+    }
+
     /// Initial states, `[n_x]`, in the units of the FMUs.
     pub fn initial(&self) -> &[f64] {
         &self.initial
@@ -89,8 +116,13 @@ impl Solver {
     /// Fixes the initial states, `[n_x]`, in the units of the FMUs.
     ///
     /// # Errors
-    /// See [`transcription::Solver::set_initial`].
+    /// A value that is not finite; see also [`transcription::Solver::set_initial`].
     pub fn set_initial(&mut self, states: &[f64]) -> Result<(), Error> {
+        if let Some(wrong) = states.iter().position(|value| !value.is_finite()) {
+            let name = self.states().get(wrong).map_or(String::new(), |name| format!("`{name}` = "));
+            let problem = format!("{name}{} is not possible: it must be finite", states[wrong]);
+            return Err(Error::Place { place: "initial states".into(), problem });
+        }
         self.inner.set_initial(states)?;
         self.initial.copy_from_slice(states);
         Ok(())
@@ -104,8 +136,7 @@ impl Solver {
         let named = self.named.iter().filter(|(own, ..)| own == name);
         let limits: Vec<_> = named.map(|&(_, phase, place)| (phase, place, bounds)).collect();
         if limits.is_empty() {
-            let mut names: Vec<String> = self.named.iter().map(|(name, ..)| format!("`{name}`")).collect();
-            names.dedup();
+            let names: Vec<String> = self.bounds().iter().map(|name| format!("`{name}`")).collect();
             let problem = format!("there is no bound `{name}`; the problem has {}", names.join(", "));
             return Err(Error::Place { place: "bounds".into(), problem });
         }
@@ -154,7 +185,15 @@ impl Solver {
     /// # Errors
     /// See [`transcription::Solver::solve`].
     pub fn solve(&mut self) -> Result<&Solution, Error> {
-        Ok(self.inner.solve(&mut |_| ControlFlow::Continue(()))?)
+        self.solve_watched(&mut |_| ControlFlow::Continue(()))
+    }
+
+    /// Same as [`Solver::solve`], with a monitor that can end it.
+    ///
+    /// # Errors
+    /// See [`Solver::solve`].
+    pub fn solve_watched(&mut self, monitor: &mut airloop_optim::Monitor<'_>) -> Result<&Solution, Error> {
+        Ok(self.inner.solve(monitor)?)
     }
 
     /// The motion of the last solve.
@@ -182,8 +221,8 @@ fn check(statement: &Statement, solved: &Solved) -> Result<(), Error> {
         return Ok(());
     }
     let worst = solved.worst.as_ref().map_or(String::new(), |worst| format!("; {worst}"));
-    let problem = format!("no first motion to start from: {}{worst}", solved.status());
-    Err(Error::Place { place: statement.source.file.display().to_string(), problem })
+    let reason = format!("{}{worst}", solved.status());
+    Err(Error::NoMotion { file: statement.source.file.clone(), reason })
 }
 
 fn options(settings: &Settings) -> airloop_optim::Settings {

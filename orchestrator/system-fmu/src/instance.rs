@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
-use airloop_cosim::master::embedded::{Place, Slaves, Value};
+use airloop_cosim::master::embedded::{Place, Reader, Slaves, Value};
 use airloop_cosim::master::monolithic::{EventReport, Models};
 use airloop_cosim::master::{Grid, Progress};
 use airloop_cosim::system::SystemGraph;
@@ -54,8 +54,12 @@ pub(crate) struct Instance {
     stop: Option<f64>,
     tolerance: Option<f64>,
     runner: Option<Runner>,
+    /// Types and readers of all variables under [`Runner::Slaves`], by value reference: importers ask after every step.
+    readers: Vec<(DataType, Reader)>,
     /// Communication points inside: from `origin` \[s\], `count` steps ago.
     origin: f64,
+    /// Their grid, once a step was made from this origin.
+    grid: Option<(f64, Grid)>,
     count: u64,
     pub time: f64,
     pub terminated: bool,
@@ -104,7 +108,9 @@ impl Instance {
             stop: None,
             tolerance: None,
             runner: None,
+            readers: Vec::new(),
             origin: 0.0,
+            grid: None,
             count: 0,
             time: 0.0,
             terminated: false,
@@ -144,7 +150,14 @@ impl Instance {
             let text = |error: airloop_cosim::master::Error| error.to_string();
             self.runner = Some(match self.interface {
                 Interface::CoSimulation => {
-                    Runner::Slaves(Box::new(Slaves::new(&self.graph, &settings, &inputs).map_err(text)?))
+                    let slaves = Slaves::new(&self.graph, &settings, &inputs).map_err(text)?;
+                    if self.readers.is_empty() {
+                        let variables = self.table.variables.iter();
+                        let read = |place| slaves.reader(&self.graph, place);
+                        self.readers =
+                            variables.map(|variable| (variable.data_type, read(variable.place))).collect();
+                    }
+                    Runner::Slaves(Box::new(slaves))
                 }
                 Interface::ModelExchange => {
                     Runner::Models(Box::new(Models::new(&self.graph, &settings, &inputs).map_err(text)?))
@@ -165,6 +178,12 @@ impl Instance {
 
     /// The value of a variable; its type must be one of `types`.
     pub fn get(&mut self, reference: u32, data_type: DataType) -> Result<Value, Refused> {
+        if let Some(Runner::Slaves(slaves)) = &mut self.runner
+            && let Some(&(known, reader)) = self.readers.get(reference as usize)
+            && known == data_type
+        {
+            return slaves.read_by(reader).map_err(|error| error.to_string());
+        }
         let place = self.place(reference, data_type)?;
         self.running()?;
         let graph = &self.graph;
@@ -283,8 +302,8 @@ impl Instance {
                  other"
             ));
         }
+        let grid = self.grid()?;
         for _ in 0..whole as u64 {
-            let grid = self.grid()?;
             if self.advance(grid.time(self.count), step)? == Step::Ended {
                 return Ok(Step::Ended);
             }
@@ -301,9 +320,15 @@ impl Instance {
         Ok(Step::Done)
     }
 
-    fn grid(&self) -> Result<Grid, Refused> {
+    /// The grid from the present origin, made anew where that has changed.
+    fn grid(&mut self) -> Result<Grid, Refused> {
+        if let Some((_, grid)) = self.grid.filter(|(origin, _)| *origin == self.origin) {
+            return Ok(grid);
+        }
         let stop = self.origin + FAR * self.recipe.step;
-        Grid::new(self.origin, stop, self.recipe.step).map_err(|error| error.to_string())
+        let grid = Grid::new(self.origin, stop, self.recipe.step).map_err(|error| error.to_string())?;
+        self.grid = Some((self.origin, grid));
+        Ok(grid)
     }
 
     fn advance(&mut self, t: f64, h: f64) -> Result<Step, Refused> {

@@ -7,7 +7,7 @@ use super::exchange::slot;
 use super::{Error, Master, Progress, Settings, Values};
 use crate::results::Slot;
 use crate::system::SystemGraph;
-use crate::system::graph::{DataType, Source};
+use crate::system::graph::{Conversion, DataType, Source};
 use airloop_fmi::Instance;
 
 /// A value that can be read.
@@ -37,6 +37,18 @@ pub enum Value {
     Boolean(bool),
     /// String.
     String(String),
+}
+
+/// A place that was looked up in one instance of [`Slaves`]; it serves all instances of the same system.
+#[derive(Debug, Clone, Copy)]
+pub struct Reader(At);
+
+#[derive(Debug, Clone, Copy)]
+enum At {
+    /// In the buffers of the master; without a slot it is a text.
+    Exchanged { slot: Option<Slot>, index: usize, conversion: Conversion },
+    /// Asked of the component at this position of the evaluation order.
+    Asked { node: usize, variable: usize },
 }
 
 /// Slaves at a communication point.
@@ -78,21 +90,37 @@ impl Slaves {
         }
     }
 
+    /// Looks a place up, for [`Slaves::read_by`] in every step.
+    pub fn reader(&self, graph: &SystemGraph, place: Place) -> Reader {
+        match source_of(graph, place) {
+            Ok((source, data_type, conversion)) => {
+                let index = self.master.wiring.index_of(source);
+                Reader(At::Exchanged { slot: slot(data_type, index), index, conversion })
+            }
+            Err((component, variable)) => Reader(At::Asked { node: self.positions[component], variable }),
+        }
+    }
+
     /// A value at the present communication point.
     ///
     /// # Errors
     /// The FMU refuses.
-    pub fn read(&mut self, graph: &SystemGraph, place: Place) -> Result<Value, Error> {
-        match source_of(graph, place) {
-            Ok(exchanged) => {
-                let index = |source| self.master.wiring.index_of(source);
-                Ok(exchanged_value(&self.master.values, exchanged, index))
+    #[inline]
+    pub fn read_by(&mut self, reader: Reader) -> Result<Value, Error> {
+        match reader.0 {
+            At::Exchanged { slot, index, conversion } => {
+                Ok(exchanged_value(&self.master.values, slot, index, conversion))
             }
-            Err((component, variable)) => {
-                let node = &mut self.master.nodes[self.positions[component]];
-                read_variable(node, variable)
-            }
+            At::Asked { node, variable } => read_variable(&mut self.master.nodes[node], variable),
         }
+    }
+
+    /// Same as [`Slaves::read_by`], for a value that is asked for once.
+    ///
+    /// # Errors
+    /// The FMU refuses.
+    pub fn read(&mut self, graph: &SystemGraph, place: Place) -> Result<Value, Error> {
+        self.read_by(self.reader(graph, place))
     }
 
     /// The state of all slaves and of the master as bytes.
@@ -138,11 +166,10 @@ pub(super) fn positions(graph: &SystemGraph) -> Vec<usize> {
 }
 
 /// An exchanged value with its type and, for an output of the system, its number; or a variable of a component.
-type Exchanged = (Source, DataType, crate::system::graph::Conversion);
+type Exchanged = (Source, DataType, Conversion);
 
 /// Where a value stands in the buffers, or (component, variable) if it has to be asked for.
 pub(super) fn source_of(graph: &SystemGraph, place: Place) -> Result<Exchanged, (usize, usize)> {
-    use crate::system::graph::Conversion;
     match place {
         Place::Input(input) => {
             Ok((Source::Input(input), graph.inputs[input].data_type, Conversion::IDENTITY))
@@ -161,14 +188,15 @@ pub(super) fn source_of(graph: &SystemGraph, place: Place) -> Result<Exchanged, 
     }
 }
 
-/// A value out of the buffers.
+/// A value out of the buffers; without a slot it is a text.
+#[inline]
 pub(super) fn exchanged_value(
     values: &Values,
-    (source, data_type, conversion): Exchanged,
-    index: impl Fn(Source) -> usize,
+    slot: Option<Slot>,
+    index: usize,
+    conversion: Conversion,
 ) -> Value {
-    let index = index(source);
-    match slot(data_type, index) {
+    match slot {
         Some(Slot::Real(index)) => Value::Real(conversion.apply(values.reals[index])),
         Some(Slot::Integer(index)) => Value::Integer(values.integers[index]),
         Some(Slot::Boolean(index)) => Value::Boolean(values.booleans[index]),

@@ -8,6 +8,7 @@ use crate::master::embedded::{
     Place, Value, exchanged_value, positions, put_instance, put_reals, put_values, read_variable, source_of,
     take_instance, take_reals, take_values,
 };
+use crate::master::exchange::slot;
 use crate::master::propagation::LoopFailure;
 use crate::master::{Error, Settings};
 use crate::system::SystemGraph;
@@ -227,9 +228,9 @@ impl Models {
             self.fresh = Fresh::Results;
         }
         match source_of(graph, place) {
-            Ok(exchanged) => {
-                let index = |source| self.coupled.index_of(source);
-                Ok(exchanged_value(&self.coupled.values, exchanged, index))
+            Ok((source, data_type, conversion)) => {
+                let index = self.coupled.index_of(source);
+                Ok(exchanged_value(&self.coupled.values, slot(data_type, index), index, conversion))
             }
             Err((component, variable)) => {
                 read_variable(&mut self.coupled.models[self.positions[component]], variable)
