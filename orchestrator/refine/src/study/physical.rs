@@ -34,7 +34,8 @@ fn shown(study: &Study, model: &Model, c: usize) -> bool {
         }
         Law::EndStop => (low + 0.5 * travel..=high).contains(&p[first + 2]),
         Law::CubicSpring => p[first] > 0.0 && (low..=high).contains(&p[first + 1]),
-        Law::Overflow => p[first] > 0.0 && (low..=high).contains(&p[first + 1]),
+        // One above all levels does nothing, so its gain tells; the scale of a level that no sensor shows is open.
+        Law::Overflow => p[first] > 0.0 && p[first + 1] >= low,
         Law::Coulomb if own.entries.len() == 2 => p[first + 1] <= 0.2 * fastest.abs().max(slowest.abs()),
         Law::Cogging => p[first + 2] <= 0.5 * travel,
         Law::Stribeck => p[first + 1] <= 0.5 * fastest.abs().max(slowest.abs()),
