@@ -18,6 +18,7 @@ mod blocks;
 pub mod by_share;
 pub mod catalogue;
 pub mod changed;
+mod clipping;
 pub mod command;
 pub mod dataset;
 pub mod declaration;

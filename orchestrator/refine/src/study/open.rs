@@ -6,6 +6,7 @@ use std::sync::Mutex;
 
 use super::Problem;
 use super::begin::begins;
+use super::clipping::{MAX_SHARE, clipping};
 use super::declaration::{Attachment, Declaration, File, Initial, Role, Value};
 use super::identified;
 use super::kinds;
@@ -411,9 +412,27 @@ pub fn open(file: &File) -> Result<(Study, Vec<Attachment>), Error> {
         for record in records.iter().filter(|record| record.role == Role::Estimation) {
             let values = &record.outputs[o];
             size = values.iter().fold(size, |a, b| a.max(b.abs()));
-            if let Some(problem) = saturated(values) {
+            if values.iter().all(|value| Some(value) == values.first()) {
+                let problem = "the column never changes; nothing can be learnt from it";
                 return Err(file.refuse(spanned, format!("{}: {problem}", record.name)));
             }
+            let Some(own) = clipping(values) else { continue };
+            let limit = format!(
+                "{}: the column stands at {} again and again, in {} of {} samples, as if the sensor or the machine were at its limit there",
+                record.name,
+                own.at,
+                own.samples,
+                values.len()
+            );
+            if own.share > MAX_SHARE {
+                return Err(
+                    file.refuse(spanned, format!("{limit}; cut these spans out with from_s and to_s"))
+                );
+            }
+            notes.push(format!(
+                "{} {limit}. They count as measured; cut them out with from_s and to_s if the sensor is.",
+                output.column
+            ));
         }
         let factor = records.first().map_or(1.0, |record| record.factors[3][o].abs());
         let noise = (factor * sensors.of(&output.column).rms()).max(1e-12);
@@ -494,28 +513,4 @@ fn declaration_holds(file: &File, graph: &SystemGraph) -> Vec<bool> {
             || file.declaration.inputs.get(&input.name).is_some_and(|signal| signal.get_ref().hold)
     };
     graph.inputs.iter().enumerate().map(hold).collect()
-}
-
-/// A sensor that stands at its largest or least value for long while it moves otherwise.
-fn saturated(values: &[f64]) -> Option<String> {
-    let (low, high) =
-        values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), &v| (a.min(v), b.max(v)));
-    if high <= low {
-        return Some("the column never changes; nothing can be learnt from it".into());
-    }
-    for end in [low, high] {
-        let at = |value: &f64| (value - end).abs() <= 1e-12 * (high - low);
-        let (mut run, mut longest, mut runs) = (0, 0, 0);
-        for value in values {
-            run = if at(value) { run + 1 } else { 0 };
-            runs += usize::from(run == 8);
-            longest = longest.max(run);
-        }
-        if runs >= 2 && longest > 8 && values.iter().filter(|v| at(v)).count() * 50 > values.len() {
-            return Some(format!(
-                "the column stands at {end} again and again ({longest} samples at most): the sensor seems saturated; cut these spans out with from_s and to_s"
-            ));
-        }
-    }
-    None
 }
