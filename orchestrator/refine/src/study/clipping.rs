@@ -10,14 +10,14 @@ const MIN_SHARE: f64 = 0.02;
 /// Step of a signal that is stopped on its way, over the rms of its steps.
 const MIN_STEP: f64 = 0.3;
 /// Share of the samples from which on a record cannot be compared.
-pub const MAX_SHARE: f64 = 0.3;
+pub const MAX_SHARE: f64 = 0.1;
 
 /// Where a signal is at its limit.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Clipping {
-    /// Value.
+    /// Value; the largest of two.
     pub at: f64,
-    /// Samples there.
+    /// Samples there, or at either of two.
     pub samples: usize,
     /// Share of all samples.
     pub share: f64,
@@ -27,15 +27,16 @@ pub struct Clipping {
 pub fn clipping(values: &[f64]) -> Option<Clipping> {
     let (low, high) =
         values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), &v| (a.min(v), b.max(v)));
-    [low, high].into_iter().find_map(|at| {
+    let at_limit = [low, high].into_iter().filter_map(|at| {
         let there = |k: usize| (values[k] - at).abs() <= 1e-12 * (high - low);
-        let spans = spans(values.len(), there);
+        let least = MIN_STEP * rms_of_steps(values);
+        let stopped =
+            spans(values.len(), there).iter().filter(|span| step_before(values, span) > least).count();
         let samples = (0..values.len()).filter(|&k| there(k)).count();
         let share = samples as f64 / values.len().max(1) as f64;
-        let stopped =
-            spans.iter().filter(|span| step_before(values, span) > MIN_STEP * rms_of_steps(values)).count();
         (stopped >= MIN_SPANS && share > MIN_SHARE).then_some(Clipping { at, samples, share })
-    })
+    });
+    at_limit.reduce(|a, b| Clipping { samples: a.samples + b.samples, share: a.share + b.share, ..b })
 }
 
 /// Long spans of samples for which `there` holds: first, and one behind the last.

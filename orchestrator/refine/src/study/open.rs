@@ -418,7 +418,7 @@ pub fn open(file: &File) -> Result<(Study, Vec<Attachment>), Error> {
             }
             let Some(own) = clipping(values) else { continue };
             let limit = format!(
-                "{}: the column stands at {} again and again, in {} of {} samples, as if the sensor or the machine were at its limit there",
+                "{}: the column stands at {} again and again, in {} of {} samples, as if the sensor were saturated or the machine at its limit there",
                 record.name,
                 own.at,
                 own.samples,
