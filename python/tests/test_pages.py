@@ -76,7 +76,8 @@ def repository(root, tmp_path_factory):
 
 
 def test_the_how_to_runs(root, repository):
-    found = lines(root, "docs/how-to.md")
+    # There is nothing to continue after a run that was not killed; tests/fmpy/test_restart.py kills some.
+    found = [line for line in lines(root, "docs/how-to.md") if "--restart-from" not in line]
     assert len(found) > 25
     for line in found:
         done = shell(line, repository)
