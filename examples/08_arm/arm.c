@@ -6,7 +6,7 @@ static const char GUID[] = "{5d6f2e0a-8c41-4b77-9a53-0d1f6b2c7e08}";
 static const double START[] = {0, 0, 0, 0, 0, 0, 0.35, 0.16, 0.9, 0.12, 0.011, 0.25, 0.08};
 
 static void rates(const double *x, const double *u, const double *p, double *dx);
-#include "model_exchange.h"
+#include "../model_exchange.h"
 
 static void rates(const double *x, const double *u, const double *p, double *dx) {
     const double l_1 = p[0], a_2 = p[1], m_2 = p[2], I_1 = p[3], I_2 = p[4], b_1 = p[5], b_2 = p[6];

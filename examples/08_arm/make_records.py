@@ -58,8 +58,7 @@ def main(folder):
         columns = np.column_stack([t, torque, ENCODER * np.round(angles / ENCODER)])
         header = "time [s],tau_1 [N.m],tau_2 [N.m],q_1 [rad],q_2 [rad]"
         formats = ["%.3f", "%.3f", "%.3f", "%.6f", "%.6f"]
-        columns += 0.0  # no -0 in the files
-    np.savetxt(folder / f"run_{number}.csv", columns, delimiter=",", header=header, comments="", fmt=formats)
+        np.savetxt(folder / f"run_{number}.csv", columns, delimiter=",", header=header, comments="", fmt=formats)
 
 
 if __name__ == "__main__":

@@ -6,7 +6,7 @@ static const char GUID[] = "{0b9e4c16-27d3-4f58-8e0a-6a41c5b9d209}";
 static const double START[] = {0.1, 0.1, 0, 0, 0, 0.012, 0.010, 5e-5, 5.5e-5, 2.4e-5, 9.81};
 
 static void rates(const double *x, const double *u, const double *p, double *dx);
-#include "../08_arm/model_exchange.h"
+#include "../model_exchange.h"
 
 static double outflow(double area, double g, double level) { return level > 0 ? area * sqrt(2 * g * level) : 0; }
 

@@ -4,8 +4,8 @@
 
 /// Samples at the same value that are no chance.
 const SAMPLES_OF_RUN: usize = 8;
-/// Spans at the limit, and share of the samples, from which on they count.
-const MIN_SPANS: usize = 2;
+/// Runs at the limit, and share of the samples, from which on they count.
+const MIN_RUNS: usize = 2;
 const MIN_SHARE: f64 = 0.02;
 /// Step of a signal that is stopped on its way, over the rms of its steps.
 const MIN_STEP: f64 = 0.3;
@@ -15,50 +15,40 @@ pub const MAX_SHARE: f64 = 0.1;
 /// Where a signal is at its limit.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Clipping {
-    /// Value; the largest of two.
+    /// The limit: the upper one where it is at both.
     pub at: f64,
-    /// Samples there, or at either of two.
+    /// Samples there, at both limits together.
     pub samples: usize,
     /// Share of all samples.
     pub share: f64,
 }
 
-/// Whether a signal is at a limit in several spans.
+/// Whether a signal is at a limit in several runs of samples.
 pub fn clipping(values: &[f64]) -> Option<Clipping> {
     let (low, high) =
         values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), &v| (a.min(v), b.max(v)));
+    let least = MIN_STEP * rms_of_steps(values);
     let at_limit = [low, high].into_iter().filter_map(|at| {
         let there = |k: usize| (values[k] - at).abs() <= 1e-12 * (high - low);
-        let least = MIN_STEP * rms_of_steps(values);
-        let stopped =
-            spans(values.len(), there).iter().filter(|span| step_before(values, span) > least).count();
+        let stopped = runs(values.len(), there).filter(|first| step_before(values, *first) > least).count();
         let samples = (0..values.len()).filter(|&k| there(k)).count();
         let share = samples as f64 / values.len().max(1) as f64;
-        (stopped >= MIN_SPANS && share > MIN_SHARE).then_some(Clipping { at, samples, share })
+        (stopped >= MIN_RUNS && share > MIN_SHARE).then_some(Clipping { at, samples, share })
     });
     at_limit.reduce(|a, b| Clipping { samples: a.samples + b.samples, share: a.share + b.share, ..b })
 }
 
-/// Long spans of samples for which `there` holds: first, and one behind the last.
-fn spans(count: usize, there: impl Fn(usize) -> bool) -> Vec<(usize, usize)> {
-    let (mut found, mut first) = (Vec::new(), None);
-    for k in 0..=count {
-        match (k < count && there(k), first) {
-            (true, None) => first = Some(k),
-            (false, Some(begin)) => {
-                if k - begin >= SAMPLES_OF_RUN {
-                    found.push((begin, k));
-                }
-                first = None;
-            }
-            _ => {}
-        }
-    }
-    found
+/// First samples of the long runs for which `there` holds.
+fn runs(count: usize, there: impl Fn(usize) -> bool) -> impl Iterator<Item = usize> {
+    let mut length = 0;
+    (0..count).filter_map(move |k| {
+        length = if there(k) { length + 1 } else { 0 };
+        (length == SAMPLES_OF_RUN).then(|| k + 1 - SAMPLES_OF_RUN)
+    })
 }
 
-/// The last step before the one with which a signal comes to its limit.
-fn step_before(values: &[f64], &(first, _): &(usize, usize)) -> f64 {
+/// The last step before the one with which a signal comes to its limit at the sample `first`.
+fn step_before(values: &[f64], first: usize) -> f64 {
     if first >= 2 { (values[first - 1] - values[first - 2]).abs() } else { 0.0 }
 }
 
