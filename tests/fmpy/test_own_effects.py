@@ -167,3 +167,15 @@ def test_formulas_have_their_values_and_exact_derivatives(shipped, tmp_path):
         expected = 3.0 * 0.1 - 0.7 * 0.64 + line - 2.0 * np.tanh(0.75)
         assert f == pytest.approx(expected, abs=1e-12) and out == pytest.approx(2.0 - f, abs=1e-12)
         assert rate == pytest.approx((-0.8 - 0.1) / 0.2, abs=1e-12)
+
+
+def test_the_effects_of_the_program_are_shown_and_begin_own_ones(tmp_path):
+    assert "exp(-(v/vs)^2)" in airloop("effects", "show", "stribeck", "--figure", tmp_path / "stribeck.svg")
+    assert (tmp_path / "stribeck.svg").read_text().startswith("<svg")
+    (tmp_path / "own.toml").write_text(airloop("effects", "show", "coulomb", "--toml"))
+    assert "own_coulomb at a force port, 0 states, 2 parameters" in airloop("effects", "check", tmp_path / "own.toml")
+    listed = airloop("effects", "list")
+    assert all(kind in listed for kind in ("rate_limit", "overflow", "cubic_spring", "sensor.lag"))
+    for effect, problem in (("delay", "is no formula"), ("nix", "there is no such file or folder")):
+        result = start("effects", "show", effect, "--toml")
+        assert result.returncode != 0 and problem in result.stderr

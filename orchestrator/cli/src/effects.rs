@@ -1,4 +1,4 @@
-//! `airloop effects`: effects of one's own, read, checked and explained.
+//! `airloop effects`: effects of the program and of one's own, listed, checked, explained and drawn.
 
 #![allow(
     rustdoc::broken_intra_doc_links,
@@ -12,18 +12,21 @@ use clap::{Args, Subcommand};
 
 use super::{output, table};
 use airloop::Error;
-use airloop_refine::vocabulary::builtin::BUILTIN;
+use airloop_refine::vocabulary::builtin::{BUILTIN, Builtin};
 use airloop_refine::vocabulary::folder::Folder;
-use airloop_refine::vocabulary::own::{Own, VARIABLES};
+use airloop_refine::vocabulary::own::{Own, Parameter, VARIABLES};
 use airloop_report::plot::formula;
 
 /// Points of a figure.
-const POINTS: usize = 601;
+const POINTS: usize = 301;
 
 /// Actions on effects.
 #[derive(Debug, Subcommand)]
 pub enum Command {
-    /// List the effects that a formula can say: those of the program, and those of a folder.
+    /// List the effects that a search looks for: those of the program, and those of a folder.
+    ///
+    /// The formula is taken off the force, torque or flow at the port; at a signal or command it takes the place of f. One
+    /// without a formula is computed by the program alone.
     #[command(after_help = "Example: airloop effects list effects/")]
     List {
         /// Folder with effects as .toml files, or one such file.
@@ -59,20 +62,24 @@ pub enum Command {
         /// Folder with effects as .toml files, or one such file.
         path: PathBuf,
     },
-    /// Explain an effect and draw it.
-    #[command(after_help = "Example: airloop effects show effects/bristle.toml --figure bristle.svg")]
+    /// Explain an effect, of the program or of a file, and draw it.
+    #[command(
+        after_help = "Examples:\n  airloop effects show stribeck --figure stribeck.svg\n  airloop effects show effects/bristle.toml\n  airloop effects show coulomb --toml > effects/own.toml"
+    )]
     Show(Show),
 }
 
 /// `airloop effects show`
 #[derive(Debug, Args)]
 pub struct Show {
-    /// File of an effect, or a folder with several.
+    /// Kind of the program's list, file of an effect, or a folder with several.
+    #[arg(value_name = "KIND|PATH")]
     pub path: PathBuf,
     /// Name of the effect, where the folder has several.
     pub kind: Option<String>,
     /// SVG file for a figure of the formula at the first start of each parameter (1 where the formula is proportional to
-    /// it). An effect with states is drawn along a sine of the position that lasts 1 s.
+    /// it). An effect with states is drawn along a sine of the position, or of f where the formula replaces it, that lasts
+    /// 1 s.
     #[arg(long, value_name = "FILE")]
     pub figure: Option<PathBuf>,
     /// Variable that the figure is over: x, v, f or t [default: the first that the formula uses].
@@ -81,6 +88,9 @@ pub struct Show {
     /// Largest magnitude of that variable in the figure; of the position for an effect with states.
     #[arg(long, value_name = "NUMBER", default_value_t = 0.1)]
     pub range: f64,
+    /// Print the effect as a TOML file, to begin one of your own from.
+    #[arg(long)]
+    pub toml: bool,
 }
 
 /// Runs the command.
@@ -97,24 +107,21 @@ pub fn run(command: &Command) -> Result<ExitCode, Error> {
 
 fn list(path: Option<&PathBuf>) -> Result<ExitCode, Error> {
     let folder = path.map(|path| Folder::read(path)).transpose()?.unwrap_or_default();
-    let own = folder.effects.iter().map(|(_, own)| {
-        let states: Vec<String> = own.states.iter().map(|(name, rate)| format!("{name} = {rate}")).collect();
-        vec![
-            own.kind.clone(),
-            own.port.word().into(),
-            own.formula.clone(),
-            states.join("; "),
-            own.words.clone(),
-        ]
-    });
-    let builtin = BUILTIN
-        .iter()
-        .map(|own| [own.kind, own.port, own.formula, own.states, own.words].map(str::to_owned).to_vec());
+    let own = folder.effects.iter().map(|(_, own)| row(&own.kind, own.port.word(), Some(own), &own.words));
+    let builtin = BUILTIN.iter().map(|own| row(own.kind, own.ports, own.own().as_ref(), own.words));
     let rows: Vec<Vec<String>> = own.chain(builtin).collect();
     output::print(
         &(table::table(&["kind", "port", "formula", "states (rates)", "what"], &rows, &[]) + "\n"),
     )?;
     Ok(told(&folder))
+}
+
+/// Kind, ports, formula, states, words.
+fn row(kind: &str, ports: &str, own: Option<&Own>, words: &str) -> Vec<String> {
+    let state = |(name, rate): &(String, String)| format!("{name} = {rate}");
+    let formula = own.map_or_else(String::new, |own| own.formula.clone());
+    let states: Vec<String> = own.map_or_else(Vec::new, |own| own.states.iter().map(state).collect());
+    vec![kind.into(), ports.into(), formula, states.join("; "), words.into()]
 }
 
 /// Says what is no effect; the exit code.
@@ -138,6 +145,23 @@ fn check(path: &Path) -> Result<ExitCode, Error> {
 }
 
 fn show(args: &Show) -> Result<ExitCode, Error> {
+    let builtin = BUILTIN.iter().find(|own| Path::new(own.kind) == args.path && !args.path.exists());
+    if let Some(builtin) = builtin {
+        return match (builtin.own(), builtin.toml) {
+            (Some(own), Some(toml)) if args.toml => {
+                output::print(&toml.replace(&format!("{:?}", own.kind), &format!("\"own_{}\"", own.kind)))?;
+                Ok(ExitCode::SUCCESS)
+            }
+            (Some(own), _) => shown(&own, args),
+            _ => without_formula(builtin, args),
+        };
+    }
+    if !args.path.exists() {
+        let known: Vec<&str> = BUILTIN.iter().map(|own| own.kind).collect();
+        let problem =
+            format!("there is no such file or folder, and the program's effects are {}", known.join(", "));
+        return Err(airloop_refine::Error::Case { path: args.path.clone(), problem }.into());
+    }
     let folder = Folder::read(&args.path)?;
     let found =
         folder.effects.iter().find(|(_, own)| args.kind.as_ref().is_none_or(|kind| *kind == own.kind));
@@ -152,23 +176,55 @@ fn show(args: &Show) -> Result<ExitCode, Error> {
         told(&folder);
         return Ok(ExitCode::FAILURE);
     };
+    if args.toml {
+        let starts: Vec<f64> = own.parameters.iter().map(start).collect();
+        output::print(&own.to_toml(&starts))?;
+        return Ok(ExitCode::SUCCESS);
+    }
+    shown(own, args)
+}
+
+/// Prints an effect and draws its figure.
+fn shown(own: &Own, args: &Show) -> Result<ExitCode, Error> {
     output::print(&explained(own))?;
     if let Some(file) = &args.figure {
-        let (points, labels) = match drawn(own, args) {
+        let (points, labels) = match drawn(own, args.over.as_deref(), args.range) {
             Ok(found) => found,
             Err(problem) => {
                 output::complain(&format!("error: {problem}"));
                 return Ok(ExitCode::from(super::USAGE));
             }
         };
-        let title = format!("{} = {}", own.kind, own.formula);
-        let svg = formula::curve(&points, &title, (&labels[0], &labels[1]));
+        let svg = formula::curve(&points, &title(own), (&labels[0], &labels[1]));
         std::fs::write(file, svg).map_err(|source| airloop_refine::Error::Case {
             path: file.clone(),
             problem: format!("the figure cannot be written: {source}"),
         })?;
     }
     Ok(ExitCode::SUCCESS)
+}
+
+/// Says what an effect does that no formula can say.
+fn without_formula(builtin: &Builtin, args: &Show) -> Result<ExitCode, Error> {
+    output::print(&format!("{}  {}\nport  {}\n", builtin.kind, builtin.words, builtin.ports))?;
+    if args.figure.is_none() && !args.toml {
+        return Ok(ExitCode::SUCCESS);
+    }
+    output::complain(&format!(
+        "error: `{}` is no formula over x, v, f, t and states; it has no figure and no file",
+        builtin.kind
+    ));
+    Ok(ExitCode::from(super::USAGE))
+}
+
+/// Title of a figure.
+pub(crate) fn title(own: &Own) -> String {
+    format!("{} = {}", own.kind, own.formula)
+}
+
+/// Value of a parameter in figures.
+fn start(parameter: &Parameter) -> f64 {
+    parameter.starts.first().copied().unwrap_or(1.0)
 }
 
 /// An effect in words.
@@ -195,38 +251,50 @@ fn explained(own: &Own) -> String {
 }
 
 /// Points of a figure and the labels of its axes.
-type Drawn = (Vec<(f64, f64)>, [String; 2]);
+pub(crate) type Drawn = (Vec<(f64, f64)>, [String; 2]);
 
-fn drawn(own: &Own, args: &Show) -> Result<Drawn, String> {
-    if !(args.range > 0.0 && args.range.is_finite()) {
-        return Err(format!("--range {} must be above zero", args.range));
+/// The curve of an effect over a variable (the first that it uses, where none is named) from `-range` to `range`, of time
+/// from 0; with states along a sine of the position that lasts 1 s, of the value itself where the effect replaces it.
+///
+/// # Errors
+/// A range that is not above zero, a variable that is none.
+pub(crate) fn drawn(own: &Own, over: Option<&str>, range: f64) -> Result<Drawn, String> {
+    const X: usize = 0;
+    const V: usize = 1;
+    const F: usize = 2;
+    const T: usize = 3;
+    if !(range > 0.0 && range.is_finite()) {
+        return Err(format!("--range {range} must be above zero"));
     }
     let used = (0..VARIABLES.len()).find(|&place| own.expression.uses(place));
-    let over = match &args.over {
-        None => used.unwrap_or(0),
+    let memory = !own.states.is_empty();
+    let over = match over {
+        _ if memory && own.port.replaces() => F,
+        _ if memory => X,
+        None => used.unwrap_or(X),
         Some(name) => VARIABLES
             .iter()
-            .position(|own| own == name)
+            .position(|own| *own == name)
             .ok_or_else(|| format!("--over {name}: known are {}", VARIABLES.join(", ")))?,
     };
-    let p: Vec<f64> = own.parameters.iter().map(|p| p.starts.first().copied().unwrap_or(1.0)).collect();
-    let memory = !own.states.is_empty();
+    let p: Vec<f64> = own.parameters.iter().map(start).collect();
     let mut z = vec![0.0; own.states.len()];
     let mut points = Vec::with_capacity(POINTS);
     for k in 0..POINTS {
         let part = k as f64 / (POINTS - 1) as f64;
+        let (sine, cosine) = (std::f64::consts::TAU * part).sin_cos();
         let mut at = [0.0; 4];
-        if memory {
-            let phase = std::f64::consts::TAU * part;
-            at = [args.range * phase.sin(), std::f64::consts::TAU * args.range * phase.cos(), 0.0, part];
-        } else {
-            at[over] = if over == 3 { args.range * part } else { args.range * (2.0 * part - 1.0) };
+        at[F] = if own.port.replaces() { range } else { 0.0 };
+        match (memory, over) {
+            (true, F) => (at[F], at[T]) = (range * sine, part),
+            (true, _) => (at[X], at[V], at[T]) = (range * sine, std::f64::consts::TAU * range * cosine, part),
+            (false, T) => at[T] = range * part,
+            (false, _) => at[over] = range * (2.0 * part - 1.0),
         }
-        points.push((at[if memory { 0 } else { over }], own.value(at, &z, &p)));
+        points.push((at[over], own.value(at, &z, &p)));
         own.advance(at, &mut z, &p, 1.0 / (POINTS - 1) as f64);
     }
     points.retain(|(_, value)| value.is_finite());
-    let over = if memory { 0 } else { over };
     let unit = own.units.get(over).map_or("s", String::as_str);
     Ok((points, [format!("{} [{unit}]", VARIABLES[over]), format!("{} [{}]", own.kind, own.units[2])]))
 }

@@ -1,99 +1,158 @@
-//! Effects of the vocabulary that a formula can say, in the form of effects of one's own.
+//! Effects of the program in words and, where a formula can say them, as the files that effects of one's own are.
 //!
-//! Formulas use `s = tanh(v/vt)` written out, `vt` the velocity over which friction changes its sign at the attachment.
+//! Formulas say what [`crate::study::law::Law`] computes. In a search, friction at a channel changes its sign over the `vt`
+//! of the attachment, and a constant and a phase are found as linear terms.
 
-/// An effect of the vocabulary as a formula.
+use super::own::Own;
+
+/// An effect of the program.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Builtin {
     /// Kind: the id of the vocabulary behind its channel.
     pub kind: &'static str,
-    /// Port.
-    pub port: &'static str,
-    /// Formula over x, v, f, t, states and parameters.
-    pub formula: &'static str,
-    /// States with their rates.
-    pub states: &'static str,
+    /// Ports where it is looked for.
+    pub ports: &'static str,
     /// What it is.
     pub words: &'static str,
+    /// TOML text, where a formula can say it.
+    pub toml: Option<&'static str>,
+}
+
+impl Builtin {
+    /// The effect as a formula, where there is one.
+    pub fn own(&self) -> Option<Own> {
+        // The texts are part of the program; a test reads them all.
+        self.toml.and_then(|text| Own::read(text).ok())
+    }
 }
 
 const fn builtin(
     kind: &'static str,
-    port: &'static str,
-    formula: &'static str,
-    states: &'static str,
+    ports: &'static str,
     words: &'static str,
+    toml: Option<&'static str>,
 ) -> Builtin {
-    Builtin { kind, port, formula, states, words }
+    Builtin { kind, ports, words, toml }
+}
+
+macro_rules! text {
+    ($kind:literal) => {
+        Some(include_str!(concat!("builtin/", $kind, ".toml")))
+    };
 }
 
 /// The list.
-pub const BUILTIN: [Builtin; 17] = [
-    builtin("viscous", "force, torque", "coef*v", "", "viscous friction"),
-    builtin("coulomb", "force, torque", "force*tanh(v/vt)", "", "Coulomb friction"),
-    builtin("stribeck", "force", "force*exp(-(v/vs)^2)*tanh(v/vt)", "", "friction peak at low speed"),
+pub const BUILTIN: &[Builtin] = &[
+    builtin("viscous", "force, torque", "viscous friction", text!("viscous")),
+    builtin("coulomb", "force, torque", "Coulomb friction", text!("coulomb")),
+    builtin("stribeck", "force, torque", "friction peak at low speed", text!("stribeck")),
     builtin(
         "presliding",
-        "force",
-        "level*(z/disp - tanh(v/vt))",
-        "z = v - abs(v)*z/disp",
+        "force, torque",
         "Coulomb friction that is a spring before it slides",
+        text!("presliding"),
     ),
-    builtin("offset", "force, torque", "value", "", "constant force"),
-    builtin(
-        "asymmetry",
-        "force",
-        "(force*tanh(v/vt) + coef*v)*max(0, sign(v))",
-        "",
-        "friction of one direction",
-    ),
-    builtin("poscoulomb", "force", "slope*x*tanh(v/vt)", "", "friction that varies along the guide"),
-    builtin("quaddrag", "torque", "coef*abs(v)*v", "", "air drag"),
-    builtin("spring", "force", "stiffness*(x - rest)", "", "spring"),
-    builtin(
-        "endstop",
-        "force",
-        "max(0, sign(x - pos))*max(0, stiffness*(x - pos) + damping*v)",
-        "",
-        "end stop",
-    ),
-    builtin("cogging", "force", "amp*sin(2*pi*x/period + phase)", "", "force that repeats along the guide"),
-    builtin("gain", "signal", "(1 + gain)*f", "", "gain error"),
-    builtin("deadband", "signal", "f - clamp(f, -width, width)", "", "dead band"),
-    builtin("saturation", "signal", "clamp(f, -limit, limit)", "", "limit"),
-    builtin("posgain", "signal", "(1 + slope*x)*f", "", "gain that varies with position"),
-    builtin("droop", "signal", "(1 - depth*(1 - exp(-t/tau)))*f", "", "gain that falls with time"),
-    builtin("lag", "signal", "z", "z = (f - z)/tau", "first-order lag"),
+    builtin("asymmetry", "force, torque", "friction of one direction", text!("asymmetry")),
+    builtin("poscoulomb", "force, torque", "friction that varies along the guide", text!("poscoulomb")),
+    builtin("pressure", "force, torque", "friction in proportion to the pressure force", None),
+    builtin("quaddrag", "force, torque", "drag of air or liquid", text!("quaddrag")),
+    builtin("spring", "force, torque", "spring", text!("spring")),
+    builtin("cubic_spring", "force, torque", "spring that stiffens", text!("cubic_spring")),
+    builtin("endstop", "force, torque", "end stop", text!("endstop")),
+    builtin("cogging", "force, torque", "force that repeats along the guide", text!("cogging")),
+    builtin("area", "force", "force of a chamber pressure on an area that the model lacks", None),
+    builtin("offset", "any", "constant that is added", None),
+    builtin("linear_leakage", "flow", "leak in proportion to the level", text!("linear_leakage")),
+    builtin("leakage", "flow", "leak through an opening at the bottom", text!("leakage")),
+    builtin("overflow", "flow", "overflow above a level", text!("overflow")),
+    builtin("drift", "flow, signal", "constant that grows with time", text!("drift")),
+    builtin("gain", "command", "gain error", text!("gain")),
+    builtin("deadband", "command", "dead band", text!("deadband")),
+    builtin("saturation", "command", "limit", text!("saturation")),
+    builtin("posgain", "command", "gain that varies with position", text!("posgain")),
+    builtin("droop", "command", "gain that falls with time", text!("droop")),
+    builtin("delay", "command", "the value some time before", None),
+    builtin("hysteresis", "command", "play: the value moves only behind a width on either side", None),
+    builtin("rate_limit", "command", "the value follows at a limited rate", None),
+    builtin("lag", "command", "first-order lag", text!("lag")),
+    builtin("fill", "command", "lag with a time constant upwards and one downwards", text!("fill")),
+    builtin("mode", "command", "second-order lag: a resonance", text!("mode")),
+    builtin("sensor.offset", "sensor", "constant that the sensor adds", None),
+    builtin("sensor.gain", "sensor", "gain of the sensor", None),
+    builtin("sensor.delay", "sensor", "the sensor shows the value some time before", None),
+    builtin("sensor.lag", "sensor", "first-order lag of the sensor", None),
 ];
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::study::kinds;
     use crate::study::law::{Law, Point};
-    use airloop_expression::Expression;
 
-    /// Value of a built-in formula, parameters in the order of their names.
-    fn value(kind: &str, names: &[&str], p: &[f64], at: &Point, z: f64) -> f64 {
-        let own = BUILTIN.iter().find(|own| own.kind == kind).unwrap_or_else(|| panic!("no {kind}"));
-        let all = [&["x", "v", "f", "t", "z", "vt", "level"][..], names].concat();
-        let formula = Expression::parse(own.formula, &all).unwrap_or_else(|e| panic!("{kind}: {e}"));
-        let known = [at.position, at.velocity, at.value, at.time, z, 0.01, 2.5];
-        formula.value(&[&known[..], p].concat())
+    /// Kind, law, parameters of the formula by name, parameters of the law.
+    type Same = (&'static str, Law, &'static [(&'static str, f64)], &'static [f64]);
+
+    /// Value of a formula with these parameters by name.
+    fn value(kind: &str, parameters: &[(&str, f64)], at: &Point, z: f64) -> f64 {
+        let own = BUILTIN.iter().find(|own| own.kind == kind).and_then(Builtin::own);
+        let own = own.unwrap_or_else(|| panic!("no {kind}"));
+        let of = |name: &String| parameters.iter().find(|own| own.0 == name).map_or(f64::NAN, |own| own.1);
+        let p: Vec<f64> = own.parameters.iter().map(|own| of(&own.name)).collect();
+        own.value(at.variables(), &[z, 0.0], &p)
+    }
+
+    #[test]
+    fn every_text_is_an_effect_under_its_own_name() {
+        for own in BUILTIN {
+            if let Some(text) = own.toml {
+                let read = Own::read(text).unwrap_or_else(|problem| panic!("{}: {problem}", own.kind));
+                assert_eq!((read.kind.as_str(), read.words.as_str()), (own.kind, own.words));
+            }
+        }
+    }
+
+    #[test]
+    fn every_kind_that_is_looked_for_is_in_the_list() {
+        let channels = kinds::CHANNELS.map(str::to_owned);
+        let of_channels = kinds::ids(&channels).into_iter().map(|id| id.split_once('.').unwrap().1);
+        for kind in kinds::kinds_of_ports().into_iter().chain(of_channels) {
+            assert!(BUILTIN.iter().any(|own| own.kind == kind), "{kind}");
+        }
     }
 
     #[test]
     fn formulas_are_the_laws_of_the_search() {
-        let laws: [(&str, Law, &[&str], &[f64]); 10] = [
-            ("viscous", Law::Viscous, &["coef"], &[3.0]),
-            ("coulomb", Law::Coulomb, &["force"], &[2.0]),
-            ("stribeck", Law::Stribeck, &["force", "vs"], &[1.5, 0.06]),
-            ("presliding", Law::Presliding, &["disp"], &[1e-3]),
-            ("offset", Law::Offset, &["value"], &[0.7]),
-            ("asymmetry", Law::Asymmetry, &["force", "coef"], &[1.1, 4.0]),
-            ("poscoulomb", Law::PositionCoulomb, &["slope"], &[9.0]),
-            ("quaddrag", Law::Drag, &["coef"], &[0.4]),
-            ("endstop", Law::EndStop, &["stiffness", "damping", "pos"], &[500.0, 30.0, 0.02]),
-            ("deadband", Law::DeadBand, &["width"], &[0.5]),
+        let laws: [Same; 20] = [
+            ("viscous", Law::Viscous, &[("coef", 3.0)], &[3.0]),
+            ("coulomb", Law::Coulomb, &[("force", 2.0), ("vt", 0.01)], &[2.0]),
+            ("stribeck", Law::Stribeck, &[("force", 1.5), ("vs", 0.06), ("vt", 0.01)], &[1.5, 0.06]),
+            ("presliding", Law::Presliding, &[("disp", 1e-3), ("level", 2.5), ("vt", 0.01)], &[1e-3]),
+            ("asymmetry", Law::Asymmetry, &[("force", 1.1), ("coef", 4.0), ("vt", 0.01)], &[1.1, 4.0]),
+            ("poscoulomb", Law::PositionCoulomb, &[("slope", 9.0), ("vt", 0.01)], &[9.0]),
+            ("quaddrag", Law::Drag, &[("coef", 0.4)], &[0.4]),
+            ("spring", Law::Spring, &[("stiffness", 20.0), ("rest", 0.03)], &[20.0, -0.6]),
+            ("cubic_spring", Law::CubicSpring, &[("stiffness", 70.0), ("rest", 0.03)], &[70.0, 0.03]),
+            (
+                "endstop",
+                Law::EndStop,
+                &[("stiffness", 500.0), ("damping", 30.0), ("pos", 0.02)],
+                &[500.0, 30.0, 0.02],
+            ),
+            (
+                "cogging",
+                Law::Cogging,
+                &[("amp", 0.5), ("period", 0.04), ("phase", 0.927_295_218_001_612_2)],
+                &[0.3, 0.4, 0.04],
+            ),
+            ("linear_leakage", Law::Leakage, &[("coef", 0.2)], &[0.2]),
+            ("leakage", Law::Outlet, &[("coef", 0.2)], &[0.2]),
+            ("overflow", Law::Overflow, &[("coef", 0.2), ("level", 0.01)], &[0.2, 0.01]),
+            ("drift", Law::Drift, &[("slope", 0.2)], &[0.2]),
+            ("gain", Law::Gain, &[("gain", 0.1)], &[0.1]),
+            ("deadband", Law::DeadBand, &[("width", 0.5)], &[0.5]),
+            ("saturation", Law::Saturation, &[("limit", 1.2)], &[1.2]),
+            ("posgain", Law::PositionGain, &[("slope", 0.8)], &[0.8]),
+            ("droop", Law::Droop, &[("depth", 0.3), ("tau", 2.0)], &[0.3, 2.0]),
         ];
         for k in 0..40 {
             let k = f64::from(k);
@@ -105,33 +164,16 @@ mod tests {
                 ..Point::default()
             };
             let s = (at.velocity / 0.01).tanh();
-            for (kind, law, names, p) in laws {
+            for (kind, law, parameters, p) in laws {
                 let expected = if law.changes_command() {
                     law.command(p, &at, at.value)
                 } else {
                     law.force(p, &at, s, 4e-4, 2.5)
                 };
-                let found = value(kind, names, p, &at, 4e-4);
-                assert!(
-                    (found - expected).abs() < 1e-12 * expected.abs().max(1.0),
-                    "{kind}: {found} {expected}"
-                );
+                let found = value(kind, parameters, &at, 4e-4);
+                let most = 1e-12 * expected.abs().max(1.0);
+                assert!((found - expected).abs() < most, "{kind}: {found} {expected}");
             }
-            for (kind, law, names, p) in [
-                ("gain", Law::Gain, ["gain", ""], [0.1, 0.0]),
-                ("saturation", Law::Saturation, ["limit", ""], [1.2, 0.0]),
-                ("posgain", Law::PositionGain, ["slope", ""], [0.8, 0.0]),
-                ("droop", Law::Droop, ["depth", "tau"], [0.3, 2.0]),
-            ] {
-                let found = value(kind, &names, &p, &at, 0.0);
-                assert!((found - law.command(&p, &at, at.value)).abs() < 1e-12, "{kind}");
-            }
-            let spring = value("spring", &["stiffness", "rest"], &[20.0, 0.03], &at, 0.0);
-            assert!((spring - Law::Spring.force(&[20.0, -0.6], &at, s, 0.0, 0.0)).abs() < 1e-12);
-            let (amp, phase) = (0.6, 0.3f64);
-            let cogging = value("cogging", &["amp", "period", "phase"], &[amp, 0.04, phase], &at, 0.0);
-            let own = Law::Cogging.force(&[amp * phase.cos(), amp * phase.sin(), 0.04], &at, s, 0.0, 0.0);
-            assert!((cogging - own).abs() < 1e-12);
         }
     }
 }
