@@ -79,6 +79,7 @@ MOST_GENERAL = {
         "presliding_disp": 0.01,
         "presliding_level": 2.0,
         "vt": 0.2,
+        "v0": 0.03,
         "drag_coef": 0.4,
         "spring_stiffness": 20.0,
         "cubic_stiffness": 3.0,

@@ -98,6 +98,8 @@ pub struct Wiring {
     pub pressure: Option<String>,
     /// Velocity over which friction changes its sign.
     pub vt: f64,
+    /// Velocity at which friction changes its sign.
+    pub v0: f64,
     /// -1 where what is taken off is added.
     pub sign: f64,
     /// Coulomb level that presliding acts on.

@@ -36,7 +36,8 @@ pressure_force = "F_hat"
 coulomb = "piston_friction.c1"
 viscous = "piston_friction.c4"
 bias = "piston_friction.c5"
-vt = {piston}
+vt = {piston[0]}
+v0 = {piston[1]}
 [[attachment]]
 input = "cart_friction.F_in"
 channels = ["cart_friction"]
@@ -45,7 +46,8 @@ position = "x"
 coulomb = "cart_friction.c1"
 viscous = "cart_friction.c4"
 bias = "cart_friction.c5"
-vt = {cart}
+vt = {cart[0]}
+v0 = {cart[1]}
 [[attachment]]
 input = "cart_pole.F_ext"
 channels = ["cart"]
@@ -72,7 +74,8 @@ def study(folder, case, plain):
     )
     inputs = 'u = { column = "u", unit = "N", hold = true }\n'
     model = case["model"]
-    speeds = {name: 1 / model[f"{name}_friction"]["c2"] for name in ("piston", "cart")}
+    friction = {name: model[f"{name}_friction"] for name in ("piston", "cart")}
+    speeds = {name: (1 / own["c2"], own.get("c3", 0.0)) for name, own in friction.items()}
     where = "" if plain else ATTACHMENTS.format(**speeds)
     return f'system = "{SYSTEM}"\nstep_s = 0.001\n[inputs]\n{inputs}[outputs]\n{outputs}{segments}{where}'
 

@@ -65,6 +65,7 @@ pub fn block(effect: &Effect, name: String, wiring: &Wiring, step: f64, sources:
         start.push((name.into(), Value::Real(value)));
     };
     set("vt", wiring.vt);
+    set("v0", wiring.v0);
     set("sign", wiring.sign);
     match effect.kind() {
         "presliding" => set("presliding_level", wiring.level),

@@ -92,9 +92,9 @@ fn wiring(
     let added: f64 =
         selected.iter().filter(here).filter_map(|other| Some(other.parameters.first()?.value)).sum();
     let declared = attachment.coulomb.as_ref().and_then(|name| start(network, graph, name)).unwrap_or(0.0);
-    let (vt, level) = (attachment.sign_velocity(), declared + added);
+    let (vt, v0, level) = (attachment.sign_velocity(), attachment.v0.unwrap_or(0.0), declared + added);
     let Attachment { input, velocity, position, pressure_force: load, pressure, .. } = attachment;
-    Some((input, Wiring { velocity, position, load, pressure, vt, sign: 1.0, level }))
+    Some((input, Wiring { velocity, position, load, pressure, vt, v0, sign: 1.0, level }))
 }
 
 /// Writes what connections convert between units into them: blocks have none.

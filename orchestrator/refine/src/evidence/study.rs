@@ -78,7 +78,8 @@ fn friction(study: &Study, model: &Model, effect: &Effect) -> Friction {
         _ => None,
     });
     let level = tap.and_then(|tap| tap.coulomb).map_or(0.0, |level| level.of(&model.fit.parameters));
-    Friction { c1: level, c2: tap.map_or(1e3, |tap| 1.0 / tap.vt), ..Friction::default() }
+    let (vt, v0) = tap.map_or((1e-3, 0.0), |tap| (tap.vt, tap.v0));
+    Friction { c1: level, c2: 1.0 / vt, c3: v0, ..Friction::default() }
 }
 
 /// The outputs, each driven by the inputs of the system.

@@ -153,7 +153,7 @@ impl Finder<'_> {
         let to_noise = |form: &FreeForm| form.at.smooth.held_out < MAX_ERROR_OF_NOISE * noise;
         let aim = self.aim;
         let enough = |form: &FreeForm| (aim == Aim::Share || to_noise(form)) && enough(form);
-        let crossed = if form.at.smooth.held_out > MAX_ERROR_WITHOUT_SECOND * noise {
+        let crossed = if self.wide && form.at.smooth.held_out > MAX_ERROR_WITHOUT_SECOND * noise {
             self.crossed(study, declared, &form)
         } else {
             None
@@ -185,7 +185,8 @@ impl Finder<'_> {
         let most_is_left = left.error > MIN_LEFT_FOR_MEMORY * declared.error;
         let explained = law.as_ref().is_some_and(|own| judge.explained(&self.fits(study), &own.model));
         let most = MAX_EXCESS_WITH_MEMORY * judge.excess(left);
-        let memory = if most_is_left && !explained { self.memory(study, declared) } else { None };
+        let memory =
+            if self.wide && most_is_left && !explained { self.memory(study, declared) } else { None };
         let found = match memory {
             Some((tap, model, effect)) if judge.excess(&model) < most => {
                 let (axes, variables) = (Vec::new(), vec![Variable::Velocity]);

@@ -39,6 +39,9 @@ const MIN_SHARE_WITHOUT_CORRECTIONS: f64 = 0.98;
 const MAX_EXCESS_OF_CORRECTED: f64 = 0.1;
 /// Share of the error on validation records that effects have to leave for a law to be looked for in their place.
 const MIN_LEFT_BY_EFFECTS: f64 = 0.02;
+/// Share of the error on validation records of which effects leave no more, where only laws without memory over the motion at
+/// the port itself are tried in their place: those show whether the form of an effect is wrong.
+const MAX_LEFT_FOR_SIMPLE_LAWS: f64 = 0.2;
 /// Share of what effects leave that a law may leave to take their place: one that leaves noise, and any other.
 const MAX_OF_EFFECTS_AT_NOISE: f64 = 0.5;
 const MAX_OF_EFFECTS: f64 = 0.1;
@@ -74,6 +77,8 @@ pub(super) struct Finder<'a> {
     pub(super) noise: f64,
     /// Error of a free form from which on no formula for it is looked for.
     pub(super) max_error: f64,
+    /// Whether laws over the motion at other ports and laws with a memory are tried.
+    pub(super) wide: bool,
 }
 
 /// Puts a law into an answer that found nothing to name, or effects that leave much; the model with it, if there is one.
@@ -127,7 +132,8 @@ fn sought(
         false => 1.0 - MIN_SHARE_ABOVE_NOISE,
     };
     let max_error = MAX_ERROR_OF_FREE_FORM * enough.max(judge.tolerated.max(judge.power).sqrt());
-    let mut finder = Finder { aim, scale, say, corrections, quick, trace, windows, noise, max_error };
+    let wide = !partly || left > MAX_LEFT_FOR_SIMPLE_LAWS || aim != Aim::Share;
+    let mut finder = Finder { aim, scale, say, corrections, quick, trace, windows, noise, max_error, wide };
     let Outcome { law, model, after } = finder.find(study, judge, base, found)?;
     let fits = finder.fits(study);
     let complete = judge.explained(&fits, &model) || judge.tolerable(&fits, &model);

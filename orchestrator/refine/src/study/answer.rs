@@ -11,8 +11,8 @@ use super::exact;
 use super::explain::{Judge, Rest};
 use super::fits::{Fits, Model, pieces};
 use super::integration;
-use super::law::Point;
-use super::model::{Study, Target};
+use super::law::{Law, Point};
+use super::model::{Action, Study, Target};
 use super::observability;
 use super::open::open;
 use super::ruling::{Ruling, alone, rule, rule_by_share, share};
@@ -183,21 +183,24 @@ fn beside_corrections(search: &by_share::Search, exact: Selection) -> (Selection
 }
 
 /// The weakest effect that stands only by the company of others, and the share of the error on validation records that it
-/// takes away alone. Where all is explained, each is needed.
+/// takes away alone. Where all is explained, each is needed. Coulomb friction that nothing but the search for another friction
+/// needed comes last; that on which presliding acts stays.
 fn company(search: &by_share::Search, selection: &Selection, found: &Answer) -> Option<(usize, f64)> {
     let (study, added) = (search.fits.study, &selection.best.added);
     if found.verdict != Verdict::Effect || found.complete || added.len() < 2 || stop::asked() {
         return None;
     }
-    let needed = |c: usize| added.iter().any(|&other| study.candidates[other].needs == Some(c));
+    let needing = |c: usize| added.iter().map(|&o| &study.candidates[o]).filter(move |o| o.needs == Some(c));
+    let presliding =
+        |c: usize| needing(c).any(|own| matches!(own.action, Action::Block { law: Law::Presliding, .. }));
     let shares = found.effects.iter().filter(|effect| effect.selected).map(|effect| effect.share);
     let least = search.settings.forward_selection.min_validated_share;
     order(search.fits, selection)
         .into_iter()
         .zip(shares)
         .filter_map(|(c, share)| Some((c, share?)))
-        .filter(|&(c, share)| share < least && !needed(c))
-        .min_by(|a, b| a.1.total_cmp(&b.1))
+        .filter(|&(c, share)| share < least && !presliding(c))
+        .min_by(|a, b| (needing(a.0).count().cmp(&needing(b.0).count())).then(a.1.total_cmp(&b.1)))
 }
 
 /// Whether the answer `rest` with one effect less takes nearly as much of the error on validation records away.

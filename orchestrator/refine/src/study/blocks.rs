@@ -3,7 +3,7 @@
 use std::cell::{Cell, RefCell};
 use std::ops::Range;
 
-use super::law::{Law, Point, preslide, shape};
+use super::law::{Law, Point, preslide_along, shape};
 use super::model::Study;
 use crate::vocabulary::own::STATES;
 
@@ -78,7 +78,8 @@ impl Blocks<'_> {
         // Coulomb friction that is fitted with the velocity of its sign change gives it to all friction here.
         let fitted = self.laws[tap].iter().find(|(law, range, _)| *law == Law::Coulomb && range.len() == 2);
         let vt = fitted.map_or(own.vt, |(_, range, _)| self.p[range.start + 1]);
-        let s = || (point.velocity / vt).tanh();
+        let from_sign_change = point.velocity - own.v0;
+        let s = || (from_sign_change / vt).tanh();
         let mut value = value;
         for (law, range, states) in &self.laws[tap] {
             let p = &self.p[range.clone()];
@@ -100,11 +101,21 @@ impl Blocks<'_> {
             } else if let Law::Shape(variable) = *law {
                 value -= shape(variable, p, self.study.range(tap, variable), point.of(variable));
             } else {
-                let level = if *law == Law::Presliding { self.level(tap) } else { 0.0 };
+                let (level, z) = match law {
+                    Law::Presliding => {
+                        let at = Point { value, time: self.now.get(), ..point };
+                        let speeds = [self.see(tap, at).velocity - own.v0, from_sign_change];
+                        let z = preslide_along(self.z[states.start], speeds, p[0], at.time - self.time);
+                        (self.level(tap), z)
+                    }
+                    _ => (0.0, 0.0),
+                };
                 // What is added to a value is added to it whatever it drives.
                 let sign = if *law == Law::Bias { 1.0 } else { own.sign };
                 let s = if law.changes_sign_with_velocity() { s() } else { 0.0 };
-                value -= sign * law.force(p, &point, s, self.z[states.start], level);
+                let peak = *law == Law::Stribeck;
+                let at = if peak { Point { velocity: from_sign_change, ..point } } else { point };
+                value -= sign * law.force(p, &at, s, z, level);
             }
         }
         value
@@ -121,18 +132,22 @@ impl Blocks<'_> {
     }
 
     /// Moves the states of the laws on, from what the attachments showed at the sample.
-    pub(super) fn advance(&mut self, step: f64, points: &[Point]) {
-        for ((point, laws), [sample, last]) in points.iter().zip(&self.laws).zip(&self.within) {
+    pub(super) fn advance(&mut self, step: f64) {
+        let taps = self.study.taps.iter().zip(&self.laws).zip(&self.within);
+        for ((tap, laws), [sample, last]) in taps {
             for (law, range, states) in laws {
                 let z = &mut self.z[states.clone()];
+                // The motion over the step, from what the stages of the integration have shown.
+                let (sample, last) = (sample.get(), last.get());
+                let part = if last.time > self.time { step / (last.time - self.time) } else { 0.0 };
                 match *law {
-                    Law::Presliding => z[0] = preslide(z[0], point.velocity, self.p[range.start], step),
+                    Law::Presliding => {
+                        let end = sample.towards(last, part);
+                        let speeds = [sample, end].map(|own| own.velocity - tap.v0);
+                        z[0] = preslide_along(z[0], speeds, self.p[range.start], step);
+                    }
                     Law::Own(index) => {
-                        // The mean over the step, from what the stages of the integration have shown.
-                        let (sample, last) = (sample.get(), last.get());
-                        let part =
-                            if last.time > self.time { 0.5 * step / (last.time - self.time) } else { 0.0 };
-                        let mean = sample.towards(last, part);
+                        let mean = sample.towards(last, 0.5 * part);
                         self.study.own[index].advance(mean.variables(), z, &self.p[range.clone()], step);
                     }
                     _ => {}

@@ -255,6 +255,9 @@ pub struct Attachment {
     /// Velocity over which friction changes its sign: `s(v) = tanh(v/vt)`; 1 mm/s, or 0.05 rad/s for the pole.
     #[serde(default)]
     pub vt: Option<f64>,
+    /// Velocity at which friction changes its sign, `s(v) = tanh((v - v0)/vt)`; 0 without it.
+    #[serde(default)]
+    pub v0: Option<f64>,
     /// Ids of effects to look for; all of the channels without it. Kinds where there is no channel.
     #[serde(default)]
     pub effects: Option<Vec<String>>,

@@ -104,6 +104,7 @@ pub(crate) fn wiring(study: &Study, model: &Model, c: usize) -> Option<Wiring> {
         load: at.pressure_force,
         pressure: at.pressure,
         vt: coulomb.and_then(|own| own.get(1)).copied().unwrap_or(tap.vt),
+        v0: tap.v0,
         // A constant is added to a value whatever it drives.
         sign: if study.candidates[c].action == bias { -1.0 } else { tap.sign },
         level: declared + coulomb.map_or(0.0, |own| own[0]),

@@ -3,7 +3,6 @@
 //!
 //! `r = (dv/dt measured - dv/dt of the model) / (d (dv/dt) / d force)` at the filtered states and inputs of a record.
 
-use super::law::Point;
 use super::model::Study;
 use super::plant::Plant;
 use super::read::ForceRecord;
@@ -42,7 +41,6 @@ impl ForceView<'_> {
         plant.initialise(&[], &self.view.parameters(p), 0.0, &mut x, &|_, value, _| value)?;
         let mut blocks = self.view.blocks(p, false);
         let mut found = Vec::with_capacity(n);
-        let mut points = vec![Point::default(); self.study().taps.len()];
         let mut slope = 0.0;
         for k in 0..n {
             for (slot, values) in record.inputs.iter().enumerate() {
@@ -72,10 +70,7 @@ impl ForceView<'_> {
                 slope = rate(1.0, &mut dx)? - rate(0.0, &mut dx)?;
             }
             found.push((record.acceleration[k] - rate(0.0, &mut dx)?) / slope);
-            for (own, point) in points.iter_mut().enumerate() {
-                *point = blocks.point(own, &plant.slots);
-            }
-            blocks.advance(step, &points);
+            blocks.advance(step);
         }
         Ok(found)
     }

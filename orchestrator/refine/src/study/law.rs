@@ -276,6 +276,17 @@ pub fn preslide(z: f64, v: f64, disp: f64, step: f64) -> f64 {
     if v == 0.0 { z } else { end + (z - end) * (-v.abs() * step / disp).exp() }
 }
 
+/// State of presliding after `step` \[s\] while the velocity goes from `from` to `to` in a line: exact, as the state follows
+/// the path, `dz/ds = sgn(v) - z/disp`.
+pub fn preslide_along(z: f64, [from, to]: [f64; 2], disp: f64, step: f64) -> f64 {
+    if from * to >= 0.0 {
+        return preslide(z, 0.5 * (from + to), disp, step);
+    }
+    // It stops and turns.
+    let first = step * from / (from - to);
+    preslide(preslide(z, 0.5 * from, disp, first), 0.5 * to, disp, step - first)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -286,6 +297,17 @@ mod tests {
         assert!((preslide(0.0, 0.1, 1e-3, 1e-6) - 1e-7).abs() < 1e-10);
         assert!((preslide(0.0, -0.1, 1e-3, 1.0) + 1e-3).abs() < 1e-12);
         assert_eq!(preslide(5e-4, 0.0, 1e-3, 1.0), 5e-4);
+    }
+
+    #[test]
+    fn presliding_follows_the_path_where_the_motion_turns() {
+        let (from, to, disp, step) = (0.3, -0.2, 1e-3, 5e-3);
+        let count = 100_000;
+        let h = step / f64::from(count);
+        let fine = (0..count).fold(2e-4, |z, k| {
+            preslide(z, from + (to - from) * (f64::from(k) + 0.5) / f64::from(count), disp, h)
+        });
+        assert!((preslide_along(2e-4, [from, to], disp, step) - fine).abs() < 1e-9 * disp);
     }
 
     #[test]

@@ -82,6 +82,8 @@ pub struct Tap {
     pub sign: f64,
     /// Velocity over which friction changes its sign.
     pub vt: f64,
+    /// Velocity at which friction changes its sign.
+    pub v0: f64,
     /// Its motion is a rotation.
     pub angular: bool,
     /// Coulomb friction of the declared model: entry of the parameter vector, or its value.

@@ -69,7 +69,8 @@ pub fn check(file: &File) -> Result<(), Error> {
         }
     }
     for attachment in &declaration.attachment {
-        numbers(file, attachment, &[("vt", attachment.get_ref().vt, positive, "above zero")])?;
+        let own = attachment.get_ref();
+        numbers(file, attachment, &[("vt", own.vt, positive, "above zero"), ("v0", own.v0, any, "")])?;
     }
     let rule = &declaration.error;
     let mut all: Vec<Number> = vec![("error.windows_s", rule.windows_s, positive, "above zero")];

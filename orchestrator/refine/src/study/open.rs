@@ -311,6 +311,7 @@ fn taps(
         };
         let sign = attachment.port.map_or(1.0, |port| port.sign);
         let name = attachment.input.clone();
+        let v0 = attachment.v0.unwrap_or(0.0);
         let attachment = attachment.clone();
         found.push(Tap {
             name,
@@ -321,6 +322,7 @@ fn taps(
             attachment,
             sign,
             vt,
+            v0,
             angular: pole,
             coulomb,
             crossed: None,

@@ -194,7 +194,7 @@ impl<'a> View<'a> {
         extra.iter_mut().enumerate().for_each(|(index, values)| add(values, shift.extra.get(index)));
         let nx = plant.nx;
         let (mut x, mut dx): (Vec<f64>, Slopes) = (vec![0.0; nx], std::array::from_fn(|_| vec![0.0; nx]));
-        let (mut points, mut saved) = (vec![Point::default(); study.taps.len()], vec![0.0; nx]);
+        let mut saved = vec![0.0; nx];
         let (n, step) = (piece.range.len(), record.step);
         let window = study.windows.map(|window| ((window / step).round() as usize).max(2));
         // A command behind a lag moves between its samples.
@@ -280,11 +280,10 @@ impl<'a> View<'a> {
             if !blocks.trace.is_empty() && j.is_some() {
                 blocks.states.push(x.clone());
             }
-            for (tap, known) in points.iter_mut().enumerate() {
-                let point = blocks.point(tap, &plant.slots);
-                *known = point;
-                if let Some(trace) = blocks.trace.get_mut(tap).filter(|_| j.is_some()) {
-                    trace.push(point);
+            if j.is_some() {
+                for tap in 0..blocks.trace.len() {
+                    let point = blocks.point(tap, &plant.slots);
+                    blocks.trace[tap].push(point);
                 }
             }
             if k + 1 < piece.range.end {
@@ -349,7 +348,7 @@ impl<'a> View<'a> {
                 saved = before;
                 plant.step_done().map_err(super::Problem::fmu)?;
             }
-            blocks.advance(step, &points);
+            blocks.advance(step);
         }
         Ok(())
     }

@@ -5,7 +5,6 @@
 //! which a filter lets pass); what the filter of the signal makes of that motion, less the motion, is the error.
 
 use super::declaration::{Initial, InitialWord, Signal};
-use super::law::Point;
 use super::model::Study;
 use super::read::{Record, processed};
 use super::simulate::View;
@@ -50,7 +49,6 @@ fn rates(view: &View, record: &Record, states: &[usize], p: &[f64]) -> Option<Ve
     let (mut x, mut dx) = (vec![0.0; plant.nx], vec![0.0; plant.nx]);
     plant.initialise(&[], &view.parameters(p), 0.0, &mut x, &|_, value, _| value).ok()?;
     let mut blocks = view.blocks(p, false);
-    let mut points = vec![Point::default(); study.taps.len()];
     let mut found = vec![Vec::with_capacity(record.n); states.len()];
     for k in 0..record.n - 1 {
         let mut mean = vec![0.0; states.len()];
@@ -72,10 +70,7 @@ fn rates(view: &View, record: &Record, states: &[usize], p: &[f64]) -> Option<Ve
             plant.evaluate(time, &x, &mut dx, &block).ok()?;
             mean.iter_mut().zip(states).for_each(|(sum, &i)| *sum += 0.5 * dx[i]);
         }
-        for (tap, point) in points.iter_mut().enumerate() {
-            *point = blocks.point(tap, &plant.slots);
-        }
-        blocks.advance(record.step, &points);
+        blocks.advance(record.step);
         found.iter_mut().zip(&mean).for_each(|(own, mean)| own.push(*mean));
     }
     study.give(plant);

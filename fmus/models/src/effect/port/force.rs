@@ -4,14 +4,14 @@ use fmi2_export::{Real, Scalar, Table, Values};
 
 use super::Point;
 
-/// Sum of the terms, `s = tanh(v/vt)`; each is off at its start value:
+/// Sum of the terms, `s = tanh(w/vt)` with `w = v - v0`; each is off at its start value:
 ///
 /// | effect | term | off |
 /// |---|---|---|
 /// | viscous | `viscous_coef v` | `viscous_coef = 0` |
 /// | Coulomb | `coulomb_level s` | `coulomb_level = 0` |
-/// | Stribeck | `stribeck_level exp(-(v/stribeck_vs)^2) s` | `stribeck_level = 0` |
-/// | presliding | `presliding_level (z/presliding_disp - s)`, `z' = v - abs(v) z/presliding_disp` | `presliding_disp = 0` |
+/// | Stribeck | `stribeck_level exp(-(w/stribeck_vs)^2) s` | `stribeck_level = 0` |
+/// | presliding | `presliding_level (z/presliding_disp - s)`, `z' = w - abs(w) z/presliding_disp` | `presliding_disp = 0` |
 /// | asymmetry, v > 0 | `asymmetry_level s + asymmetry_coef v` | both 0 |
 /// | load | `load_coef abs(load) s` | `load_coef = 0` |
 /// | along the way | `poscoulomb_slope x s` | `poscoulomb_slope = 0` |
@@ -100,14 +100,14 @@ impl Force {
 
     pub fn rate<S: Scalar>(&self, q: &mut Values<S>, at: &Point<S>) {
         let disp = q[self.presliding[1]];
-        q[self.der_z] = if disp.value() > 0.0 { at.v - at.v.abs() * q[self.z] / disp } else { S::zero() };
+        q[self.der_z] = if disp.value() > 0.0 { at.w - at.w.abs() * q[self.z] / disp } else { S::zero() };
     }
 
     pub fn total<S: Scalar>(&self, q: &Values<S>, at: &Point<S>) -> S {
         let p = |own: Real| q[own];
-        let Point { x, v, s, load, .. } = *at;
+        let Point { x, v, w, s, load, .. } = *at;
         let mut level = p(self.coulomb) + p(self.load) * load.abs() + p(self.poscoulomb) * x;
-        level += p(self.stribeck[0]) * (-(v / p(self.stribeck[1])).powi(2)).exp();
+        level += p(self.stribeck[0]) * (-(w / p(self.stribeck[1])).powi(2)).exp();
         if v.value() > 0.0 {
             level += p(self.asymmetry[0]);
         }

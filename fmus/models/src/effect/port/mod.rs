@@ -19,7 +19,8 @@ struct Point<S> {
     /// Position and velocity, or their like: level and flow, charge and current.
     x: S,
     v: S,
-    /// Smooth sign of the velocity: `tanh(v/vt)`.
+    /// Velocity from that of the sign change, `v - v0`, and its smooth sign `tanh((v - v0)/vt)`.
+    w: S,
     s: S,
     /// Load that friction grows with.
     load: S,
@@ -36,7 +37,7 @@ struct Point<S> {
 /// | `load` | what friction grows with |
 /// | `p` | pressure of a chamber |
 /// | `f` | what is taken off |
-/// | `vt` | velocity over which friction changes its sign |
+/// | `vt`, `v0` | velocity over which friction changes its sign, and at which it does |
 /// | `sign` | 1, or -1 where a larger value makes the velocity fall |
 pub struct PortEffect {
     u: Real,
@@ -47,6 +48,7 @@ pub struct PortEffect {
     y: Real,
     f: Real,
     vt: Real,
+    v0: Real,
     sign: Real,
     command: Command,
     force: Force,
@@ -79,6 +81,7 @@ impl Model for PortEffect {
                 .min(1e-12)
                 .nominal(0.001)
                 .real(0.001),
+            v0: t.parameter("v0").about("velocity at which friction changes its sign").real(0.0),
             sign: t
                 .parameter("sign")
                 .about("-1 where a larger value makes the velocity fall: f is added then")
@@ -95,8 +98,9 @@ impl Model for PortEffect {
 
     fn equations<S: Scalar>(&self, q: &mut Values<S>) -> Outcome {
         let v = q[self.v];
-        let s = (v / q[self.vt]).tanh();
-        let point = Point { x: q[self.x], v, s, load: q[self.load], p: q[self.p] };
+        let w = v - q[self.v0];
+        let s = (w / q[self.vt]).tanh();
+        let point = Point { x: q[self.x], v, w, s, load: q[self.load], p: q[self.p] };
         let passed = self.command.passed(q, q[self.u], point.x);
         self.force.rate(q, &point);
         let f = self.force.total(q, &point);

@@ -103,6 +103,9 @@ fn terms_of_the_force_have_their_closed_forms() {
     assert!((pushed(0.11, 0.5) - 20.0).abs() < 1e-12);
     let stribeck = [("stribeck_level", 2.0), ("stribeck_vs", 0.1), ("vt", 1e-3), ("v", -0.1)];
     assert!((at(&stribeck) + 2.0 / std::f64::consts::E).abs() < 1e-12);
+    // The same from a velocity of the sign change.
+    let moved = [&stribeck[..3], &[("v0", 0.3), ("v", 0.2)]].concat();
+    assert!((at(&moved) + 2.0 / std::f64::consts::E).abs() < 1e-12);
 }
 
 #[test]
