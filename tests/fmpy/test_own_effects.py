@@ -170,8 +170,8 @@ def test_formulas_have_their_values_and_exact_derivatives(shipped, tmp_path):
 
 
 def test_the_effects_of_the_program_are_shown_and_begin_own_ones(tmp_path):
-    assert "exp(-(v/vs)^2)" in airloop("effects", "show", "stribeck", "--figure", tmp_path / "stribeck.svg")
-    assert (tmp_path / "stribeck.svg").read_text().startswith("<svg")
+    assert "exp(-(v/vs)^2)" in airloop("effects", "show", "stribeck", "--figure", tmp_path / "new" / "stribeck.svg")
+    assert (tmp_path / "new" / "stribeck.svg").read_text().startswith("<svg")
     (tmp_path / "own.toml").write_text(airloop("effects", "show", "coulomb", "--toml"))
     assert "own_coulomb at a force port, 0 states, 2 parameters" in airloop("effects", "check", tmp_path / "own.toml")
     listed = airloop("effects", "list")

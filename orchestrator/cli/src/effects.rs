@@ -5,6 +5,7 @@
     reason = "these texts are the help of the program, brackets are units"
 )]
 
+use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
@@ -16,6 +17,7 @@ use airloop_refine::vocabulary::builtin::{BUILTIN, Builtin};
 use airloop_refine::vocabulary::folder::Folder;
 use airloop_refine::vocabulary::own::{Own, Parameter, VARIABLES};
 use airloop_report::plot::formula;
+use airloop_series::file::{make_folder_of, write_whole};
 
 /// Points of a figure.
 const POINTS: usize = 301;
@@ -196,7 +198,9 @@ fn shown(own: &Own, args: &Show) -> Result<ExitCode, Error> {
             }
         };
         let svg = formula::curve(&points, &title(own), (&labels[0], &labels[1]));
-        std::fs::write(file, svg).map_err(|source| airloop_refine::Error::Case {
+        let written =
+            make_folder_of(file).and_then(|()| write_whole(file, |out| out.write_all(svg.as_bytes())));
+        written.map_err(|source| airloop_refine::Error::Case {
             path: file.clone(),
             problem: format!("the figure cannot be written: {source}"),
         })?;

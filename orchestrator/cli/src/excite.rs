@@ -220,6 +220,8 @@ fn write(samples: Vec<f64>, path: &Path, signal: &Signal, common: &Common) -> Re
     let n = samples.len();
     let mut series = TimeSeries::new(times(n, common.step))?;
     series.push(common.column.as_str(), None, samples)?;
+    let io = |source| csv::Error::Io { path: path.into(), source };
+    airloop_series::file::make_folder_of(path).map_err(io)?;
     csv::write(&series, path)?;
     let unit = common.column.rsplit_once(" [").map_or("", |(_, unit)| unit.trim_end_matches(']'));
     let in_unit = |value| format!("{} {unit}", short(value)).trim_end().to_owned();

@@ -83,6 +83,14 @@ pub fn write_whole(
     persist(writer.into_inner().map_err(|error| error.into_error())?, path)
 }
 
+/// Makes the folder of a file that a user names, where it is missing.
+///
+/// # Errors
+/// Whatever the file system reports.
+pub fn make_folder_of(path: &Path) -> std::io::Result<()> {
+    path.parent().map_or(Ok(()), std::fs::create_dir_all)
+}
+
 /// Writes a value as JSON for people to read, in one piece.
 ///
 /// # Errors

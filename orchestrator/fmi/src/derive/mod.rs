@@ -197,6 +197,7 @@ fn write(out: &Path, members: &[Member]) -> Result<(), DeriveError> {
     use zip::{CompressionMethod, DateTime, ZipWriter};
 
     let failed = |source| DeriveError::File { path: out.to_owned(), source };
+    airloop_series::file::make_folder_of(out).map_err(failed)?;
     airloop_series::file::write_whole(out, |file| {
         let mut zip = ZipWriter::new(file);
         for member in members {
