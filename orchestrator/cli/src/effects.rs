@@ -258,7 +258,7 @@ fn explained(own: &Own) -> String {
 pub(crate) type Drawn = (Vec<(f64, f64)>, [String; 2]);
 
 /// The curve of an effect over a variable (the first that it uses, where none is named) from `-range` to `range`, of time
-/// from 0; with states along a sine of the position that lasts 1 s, of the value itself where the effect replaces it.
+/// from 0, beside a value and, over the position, a velocity of `range`; with states along a sine of the position that lasts 1 s, of the value itself where the effect replaces it.
 ///
 /// # Errors
 /// A range that is not above zero, a variable that is none.
@@ -289,6 +289,7 @@ pub(crate) fn drawn(own: &Own, over: Option<&str>, range: f64) -> Result<Drawn, 
         let (sine, cosine) = (std::f64::consts::TAU * part).sin_cos();
         let mut at = [0.0; 4];
         at[F] = if own.port.replaces() { range } else { 0.0 };
+        at[V] = if over == X { range } else { 0.0 };
         match (memory, over) {
             (true, F) => (at[F], at[T]) = (range * sine, part),
             (true, _) => (at[X], at[V], at[T]) = (range * sine, std::f64::consts::TAU * range * cosine, part),
