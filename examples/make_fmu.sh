@@ -4,6 +4,10 @@
 set -eu
 from=$(cd "$1" && pwd)
 out=$(cd "${2:-$from}" && pwd)
+if [ ! -f "$from/modelDescription.xml" ]; then
+    echo "$from: no modelDescription.xml; give a folder with NAME.c and modelDescription.xml" >&2
+    exit 1
+fi
 name=$(basename "$from"/*.c .c)
 build=$(mktemp -d)
 trap 'rm -rf "$build"' EXIT

@@ -5,12 +5,17 @@
  *     static const char GUID[];                                  as in modelDescription.xml
  *     static void rates(const double *x, const double *u, const double *p, double *dx);
  *
+ * and, where states are far from 1, #define NOMINAL(k), the nominal value of state k.
  * All variables stand in one array: states, inputs, parameters, derivatives; a value reference is a place in it.
  * Types and status codes are those of the standard (fmi-standard.org, FMI 2.0.4).
  */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
+
+#ifndef NOMINAL
+#define NOMINAL(k) 1.0
+#endif
 
 enum { FIRST_RATE = STATES + INPUTS + PARAMETERS, VARIABLES = FIRST_RATE + STATES };
 enum { OK = 0, FAILED = 3, MODEL_EXCHANGE = 0 };
@@ -107,7 +112,7 @@ int fmi2SetupExperiment(void *m, int has_tolerance, double tolerance, double sta
 int fmi2GetNominalsOfContinuousStates(void *m, double *nominals, size_t count) {
     size_t k;
     (void)m;
-    for (k = 0; k < count; ++k) nominals[k] = 1.0;
+    for (k = 0; k < count; ++k) nominals[k] = NOMINAL(k);
     return OK;
 }
 

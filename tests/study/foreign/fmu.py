@@ -1,4 +1,4 @@
-"""Makes the FMU of a declared system from model.c, the table of its variables, and equations/NAME.h.
+"""Makes the FMU of a declared system from the table of its variables, equations/NAME.h and examples/model_exchange.h.
 
     python fmu.py DIR [NAME ...]
 """
@@ -85,17 +85,20 @@ def description(system, guid):
 """
 
 
-def layout(system, guid):
-    """layout.h: sizes, start values, and the function of the equations over their names."""
+def source(system, guid):
+    """model.c: sizes, start and nominal values, the function of the equations over their names, and FMI around it."""
     starts = [system.start.get(name, 0.0) for name in system.states] + [0.0] * len(system.inputs) + list(system.declared().values())
     numbers = lambda values: ", ".join(map(repr, values))
     const = lambda names, array: "".join(f"    const double {name} = {array}[{k}]; (void){name};\n" for k, name in enumerate(names))
     rates = "".join(f"    double der_{name};\n" for name in system.states)
     back = "".join(f"    dx[{k}] = der_{name};\n" for k, name in enumerate(system.states))
-    return f"""#define GUID "{guid}"
-enum {{ NX = {len(system.states)}, NU = {len(system.inputs)}, NP = {len(system.parameters)} }};
+    return f"""enum {{ STATES = {len(system.states)}, INPUTS = {len(system.inputs)}, PARAMETERS = {len(system.parameters)} }};
+static const char GUID[] = "{guid}";
 static const double START[] = {{{numbers(starts)}}};
-static const double NOMINAL[] = {{{numbers([nominal for _, nominal, _ in system.states.values()])}}};
+static const double NOMINALS[] = {{{numbers([nominal for _, nominal, _ in system.states.values()])}}};
+#define NOMINAL(k) NOMINALS[k]
+static void rates(const double *x_, const double *u_, const double *p_, double *dx);
+#include "model_exchange.h"
 static void rates(const double *x_, const double *u_, const double *p_, double *dx) {{
 {const(system.states, "x_")}{const(system.inputs, "u_")}{const(system.parameters, "p_")}{rates}#include "equations/{system.name}.h"
 {back}}}
@@ -107,10 +110,10 @@ def make(system, path, home=HERE):
     guid = f"airloop-foreign-{system.name}"
     with tempfile.TemporaryDirectory() as folder:
         folder = pathlib.Path(folder)
-        (folder / "layout.h").write_text(layout(system, guid))
+        (folder / "model.c").write_text(source(system, guid))
         library = folder / f"{system.name}.so"
-        subprocess.run([os.environ.get("CC", "gcc"), "-O2", "-std=gnu99", "-shared", "-fPIC", "-Wall", "-Wextra", "-Wno-unused-parameter", "-I", folder, "-I", home,
-                        "-o", library, HERE / "model.c", "-lm"], check=True)
+        subprocess.run([os.environ.get("CC", "gcc"), "-O2", "-std=gnu99", "-shared", "-fPIC", "-Wall", "-Wextra", "-Wno-unused-parameter", "-I", home, "-I", HERE.parents[2] / "examples",
+                        "-o", library, folder / "model.c", "-lm"], check=True)
         path.parent.mkdir(parents=True, exist_ok=True)
         with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
             archive.writestr("modelDescription.xml", description(system, guid))

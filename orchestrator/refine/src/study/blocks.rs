@@ -131,7 +131,7 @@ impl Blocks<'_> {
         sample.get()
     }
 
-    /// Moves the states of the laws on, from what the attachments showed at the sample.
+    /// Moves the states of the laws on, from what the attachments showed since the sample.
     pub(super) fn advance(&mut self, step: f64) {
         let taps = self.study.taps.iter().zip(&self.laws).zip(&self.within);
         for ((tap, laws), [sample, last]) in taps {
