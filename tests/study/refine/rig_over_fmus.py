@@ -2,7 +2,8 @@
 
     python rig_over_fmus.py AIRLOOP CASES OUT [--only REGEX] [--plain]
 
-CASES: folders with a `case.toml` of the declared model of examples/01_run and records of coupled runs. A study names inputs,
+CASES: folders with a `case.toml` and records of coupled runs; the system is that of examples/01_run with the parameters of
+the case's declared model. A study names inputs,
 outputs with the noise of their sensors, and records, and attachments that name the channels (--plain: nothing says where to
 look). Prints a row per case and way; kinds of effects are compared, since a study without channels names them by port; a
 parameter agrees when the intervals of both ways meet.
@@ -62,6 +63,17 @@ viscous = "cart_pole.b_p"
 """
 
 
+def parameters(model):
+    """`[parameters]` of a study: the declared model of a case in place of that of examples/01_run."""
+    actuator = model["actuator"]
+    values = {f"actuator.A1[{i + 1},{j + 1}]": own for i, row in enumerate(actuator["A1"]) for j, own in enumerate(row)}
+    values |= {f"actuator.{name}[{i + 1}]": own for name in ("B0", "B1") for i, own in enumerate(actuator[name])}
+    for body in ("piston_friction", "cart_friction"):
+        values |= {f"{body}.{name}": own for name, own in model[body].items()}
+    values |= {f"cart_pole.{name}": model["cart_pole"][name] for name in ("m_c", "m_p", "l", "g", "b_p")}
+    return "[parameters]\n" + "".join(f'"{name}" = {own}\n' for name, own in values.items())
+
+
 def study(folder, case, plain):
     """Text of a study over the system of examples/01_run."""
     outputs = "".join(
@@ -77,7 +89,7 @@ def study(folder, case, plain):
     friction = {name: model[f"{name}_friction"] for name in ("piston", "cart")}
     speeds = {name: (1 / own["c2"], own.get("c3", 0.0)) for name, own in friction.items()}
     where = "" if plain else ATTACHMENTS.format(**speeds)
-    return f'system = "{SYSTEM}"\nstep_s = 0.001\n[inputs]\n{inputs}[outputs]\n{outputs}{segments}{where}'
+    return f'system = "{SYSTEM}"\nstep_s = 0.001\n{parameters(model)}[inputs]\n{inputs}[outputs]\n{outputs}{segments}{where}'
 
 
 def refine(binary, what, out):
