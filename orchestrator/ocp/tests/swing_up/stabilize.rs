@@ -78,6 +78,10 @@ impl Dynamics for CartPole {
 
 /// The controller of the multiple-shooting plan with 400 intervals from the pump guess.
 fn controller() -> Controller {
+    designed().0
+}
+
+fn designed() -> (Controller, Nominal, Design) {
     let mut problem = SwingUp::new(Transcription::MultipleShooting, 400);
     let guess = problem.pump();
     let plan = solve(&mut problem, &Start::cold(guess), &Settings::default()).unwrap().x;
@@ -94,7 +98,7 @@ fn controller() -> Controller {
     assert!((nominal.inputs[2000][0] + 4.814_037).abs() < 1e-6);
     let measured = vec![Measured::State(0), Measured::State(1)];
     let settings = Design::of(&nominal, measured, vec![2e-4, 2e-3], vec![(-U_MAX, U_MAX)]);
-    design(&mut plant, &nominal, &settings).unwrap()
+    (design(&mut plant, &nominal, &settings).unwrap(), nominal, settings)
 }
 
 /// Numbers by splitmix64.
@@ -200,4 +204,142 @@ fn the_swing_up_is_stabilized_under_perturbed_plants() {
 /// Trials of each perturbation; the environment variable AIRLOOP_TRIALS asks for more than the few of every day.
 fn trials() -> u64 {
     std::env::var("AIRLOOP_TRIALS").ok().and_then(|text| text.parse().ok()).unwrap_or(10)
+}
+
+/// The plant of a trial as a model with parameters.
+struct Uncertain(Plant, Structure);
+
+impl Dynamics for Uncertain {
+    fn size(&self) -> Size {
+        SIZE
+    }
+
+    fn structure(&self) -> &Structure {
+        &self.1
+    }
+
+    fn names(&self) -> Vec<String> {
+        CartPole::new().names()
+    }
+
+    fn evaluate(&mut self, at: Point<'_>, values: &mut [f64]) -> Result<(), EvaluationError> {
+        let (x, u) = (at.states, at.inputs[0]);
+        let (ac, bc) = continuous_actuator();
+        let rate = |i: usize| ac[i][0] * x[4] + ac[i][1] * x[5] + bc[i] * u;
+        let mechanical = self.0.rates([x[0], x[1], x[2], x[3]], x[5] + FEED * u);
+        values[..4].copy_from_slice(&mechanical);
+        values[4..].copy_from_slice(&[rate(0), rate(1)]);
+        Ok(())
+    }
+
+    fn jacobian(
+        &mut self,
+        at: Point<'_>,
+        values: &mut [f64],
+        jacobian: &mut [f64],
+    ) -> Result<(), EvaluationError> {
+        self.evaluate(at, values)?;
+        let (mut x, mut u) = (at.states.to_vec(), at.inputs[0]);
+        let mut ends = [[0.0; 6]; 2];
+        for j in 0..7 {
+            for (end, step) in ends.iter_mut().zip([1e-6, -1e-6]) {
+                let place = if j < 6 { &mut x[j] } else { &mut u };
+                let kept = std::mem::replace(place, *place + step);
+                self.evaluate(Point { time: at.time, states: &x, inputs: &[u] }, end)?;
+                *(if j < 6 { &mut x[j] } else { &mut u }) = kept;
+            }
+            (0..6).for_each(|i| jacobian[i * 7 + j] = (ends[0][i] - ends[1][i]) / 2e-6);
+        }
+        Ok(())
+    }
+
+    fn hessian(&mut self, _: Point<'_>, _: &[f64], _: &mut [f64]) -> Result<(), EvaluationError> {
+        unimplemented!("prediction needs no curvature")
+    }
+
+    fn duplicate(&self) -> Result<Box<dyn Dynamics>, EvaluationError> {
+        unimplemented!("nobody asks for a second one")
+    }
+}
+
+use airloop_ocp::control::nmpc::family::{Family, Member};
+use airloop_ocp::control::nmpc::{Nmpc, Plant as Known, Settings as Choices};
+
+fn family() -> Family {
+    let width = |name: &str, or: f64| std::env::var(name).ok().and_then(|t| t.parse().ok()).unwrap_or(or);
+    let plant = |cart: f64, pole: f64, piston: f64, guide: f64| -> Box<dyn Dynamics> {
+        let plant = Plant { cart: 0.399 * cart, pole: 0.1 * pole, piston, guide };
+        Box::new(Uncertain(plant, CartPole::new().0))
+    };
+    let w = width("MASS", 0.5);
+    let members = vec![
+        Member { high: plant(1.0 + w, 1.0, 1.0, 1.0), low: Some(plant(1.0 - w, 1.0, 1.0, 1.0)) },
+        Member { high: plant(1.0, 1.0 + w, 1.0, 1.0), low: Some(plant(1.0, 1.0 - w, 1.0, 1.0)) },
+        Member { high: plant(1.0, 1.0, 2.0, 1.0), low: None },
+        Member { high: plant(1.0, 1.0, 1.0, 2.0), low: None },
+    ];
+    Family::new(plant(1.0, 1.0, 1.0, 1.0), members)
+}
+
+/// Same as [`trial`], with model predictive control; the largest distance of the cart from the middle, too.
+fn predictive(known: &Known, seed: u64, scale: f64) -> (bool, bool, f64, String) {
+    let mut random = Random(seed);
+    let mut factor = |part: f64| 1.0 + scale * part * (2.0 * random.uniform() - 1.0);
+    let (cart, pole) = (0.399 * factor(0.05), 0.1 * factor(0.05));
+    let plant = Plant { cart, pole, piston: factor(0.1), guide: factor(0.1) };
+    let mut q = [0.0, scale * 0.05 * (2.0 * random.uniform() - 1.0), 0.0, 0.0];
+    let start = q[1];
+    let mut controller = Nmpc::new(known.clone(), family());
+    let mut z = [0.0; 2];
+    let (mut reach, mut held, mut far) = (false, true, 0.0_f64);
+    let trace = std::env::var("TRACE").is_ok_and(|t| t == seed.to_string());
+    for k in 0..4000 {
+        let measured = [q[0] + 2e-4 * random.normal(), q[1] + 2e-3 * random.normal()];
+        let u = controller.update(&measured, true).unwrap()[0];
+        if trace && k % 20 == 0 {
+            println!("{k} {q:.3?} u {u:.1} {:.3?} {:?}", controller.estimate(), controller.statistics());
+        }
+        q = plant.sample(q, z[1] + FEED * u);
+        z = [0, 1].map(|i| AD[i][0] * z[0] + AD[i][1] * z[1] + BD[i] * u);
+        if k + 1 == 2000 {
+            reach = (q[1] - PI).abs() < 0.2 && q[3].abs() < 1.5;
+        }
+        far = far.max(q[0].abs());
+        held &= q[0].abs() <= STROKE && (k + 1 < 3000 || (q[1] - PI).abs() < 0.2);
+    }
+    let about = format!(
+        "m_c {:.2} m_p {:.2} piston {:.2} guide {:.2} theta0 {start:.2} end {:.2} far {far:.4} e {:.2?}",
+        cart / 0.399, pole / 0.1, plant.piston, plant.guide, q[1], &controller.estimate()[6..]
+    );
+    (reach, held, far, about)
+}
+
+#[test]
+fn prototype() {
+    let env = |name: &str, or: f64| std::env::var(name).ok().and_then(|t| t.parse().ok()).unwrap_or(or);
+    let (controller, nominal, mut design) = designed();
+    let d = env("DEV", 0.0);
+    if d > 0.0 { design.input_deviation.iter_mut().for_each(|x| *x *= d); }
+    design.state_drift.iter_mut().for_each(|x| *x *= env("SDRIFT", 1.0));
+    design.input_drift.iter_mut().for_each(|x| *x *= env("UDRIFT", 1.0));
+    design.initial[1] = env("TH0", 0.3);
+    let choices = Choices {
+        horizon: env("HOR", 1.0),
+        step: env("STEP", 0.005),
+        period: env("PERIOD", 0.02),
+        iterations: env("IT", 2.0) as usize,
+        time_budget: f64::INFINITY,
+        bounds: vec![(0, (-STROKE, STROKE), env("MARGIN", 0.008))],
+        parameter_deviation: vec![env("PDEV", 0.5); 4],
+        parameter_drift: vec![env("PDRIFT", 0.05); 4],
+    };
+    let known = Known::new(&nominal, &design, &controller, &choices).unwrap();
+    let scale = env("SCALE", 8.0);
+    let began = std::time::Instant::now();
+    let all: Vec<_> = (0..trials()).map(|seed| predictive(&known, seed, scale)).collect();
+    for (seed, one) in all.iter().enumerate().filter(|(_, one)| !one.1) {
+        println!("lost {seed}: {}", one.3);
+    }
+    let far = all.iter().map(|one| one.2).fold(0.0, f64::max);
+    println!("scale {scale} reach {} held {} of {} far {far:.4} time {:?}", all.iter().filter(|o| o.0).count(), all.iter().filter(|o| o.1).count(), all.len(), began.elapsed());
 }
