@@ -295,7 +295,7 @@ fn predictive(known: &Known, seed: u64, scale: f64) -> (bool, bool, f64, String)
     let trace = std::env::var("TRACE").is_ok_and(|t| t == seed.to_string());
     for k in 0..4000 {
         let measured = [q[0] + 2e-4 * random.normal(), q[1] + 2e-3 * random.normal()];
-        let u = controller.update(&measured, true).unwrap()[0];
+        let u = controller.update(&measured, true)[0];
         if trace && k % 20 == 0 {
             println!("{k} {q:.3?} u {u:.1} {:.3?} {:?}", controller.estimate(), controller.statistics());
         }

@@ -19,7 +19,6 @@ pub struct Estimator {
     growth: Vec<f64>,
     measured: Vec<Measured>,
     variance: Vec<f64>,
-    /// Noise of the measured signals \[standard deviation\] below which an innovation is not seen as one.
     stepper: Stepper,
     next: Vec<f64>,
     a: Vec<f64>,
@@ -138,6 +137,10 @@ impl Estimator {
         let at = Point { time, states: &self.estimate[..n], inputs: &self.inputs };
         let next = Next { x: &mut self.next, a: &mut self.a, b: &mut self.b, g: &mut self.g };
         self.stepper.step(family, (at, &self.estimate[n + m..]), h, next)?;
+        if !self.next.iter().all(|x| x.is_finite()) {
+            let (function, reason) = ("prediction of the states".into(), "it is not finite".into());
+            return Err(EvaluationError { function, reason });
+        }
         self.estimate[..n].copy_from_slice(&self.next);
         let f = &mut self.transition;
         f.fill(0.0);

@@ -23,6 +23,10 @@ use estimator::Estimator;
 use family::Family;
 use horizon::Horizon;
 use nalgebra::{DMatrix, DVector};
+use serde::{Deserialize, Serialize};
+
+/// Initial deviation of measured states, in those of the regulator's estimator.
+const MEASURED_AT_FIRST: f64 = 10.0;
 
 /// Choices of the user.
 #[derive(Debug, Clone, PartialEq)]
@@ -46,7 +50,7 @@ pub struct Settings {
 }
 
 /// All that the controller knows but the model, in numbers.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Plant {
     /// Time of the first node \[s\].
     pub start: f64,
@@ -128,6 +132,11 @@ impl Plant {
         let costs = costs(controller, design, n)?;
         let samples = nominal.samples();
         let nodes: Vec<usize> = (0..samples).step_by(samples_per_step).chain([samples]).collect();
+        // A measured state shows itself at once, wherever it begins.
+        let initial = design.initial.iter().enumerate().map(|(i, deviation)| {
+            let measured = design.measured.contains(&Measured::State(i));
+            if measured { MEASURED_AT_FIRST * deviation } else { *deviation }
+        });
         let weight = |deviation: &f64| samples_per_step as f64 / (deviation * deviation);
         Ok(Plant {
             start: nominal.start,
@@ -150,7 +159,7 @@ impl Plant {
             noise: design.noise.clone(),
             state_drift: design.state_drift.clone(),
             input_drift: design.input_drift.clone(),
-            initial: design.initial.clone(),
+            initial: initial.collect(),
             parameter_deviation: settings.parameter_deviation.clone(),
             parameter_drift: settings.parameter_drift.clone(),
         })
@@ -261,20 +270,18 @@ impl Nmpc {
         let estimator = Estimator::new(&family, &plant, &plant.states[0]);
         let horizon = Horizon::new(&family, &plant);
         let m = plant.limits.len();
-        let (solved_under, inputs) = (vec![0.0; m], vec![0.0; m]);
+        let (solved_under, inputs) = (vec![0.0; m], plant.inputs[0].clone());
         let statistics = Statistics::default();
         Nmpc { plant, family, estimator, horizon, sample: 0, solved_under, statistics, inputs }
     }
 
     /// Takes the measured signals `[p]` of a sample and gives the inputs `[m]` that are held until the next; without
-    /// `feedback` those of the plan, while the estimate goes on.
-    ///
-    /// # Errors
-    /// Functions of the model without a value at the estimate.
-    pub fn update(&mut self, measured: &[f64], feedback: bool) -> Result<&[f64], Error> {
+    /// `feedback` those of the plan, while the estimate goes on. Where the model has no value at the estimate, the
+    /// estimate stays as it is, and so does the last plan: [`Statistics::feasible`] is then false.
+    pub fn update(&mut self, measured: &[f64], feedback: bool) -> &[f64] {
         let Nmpc { plant, family, estimator, horizon, .. } = self;
         let time = plant.start + self.sample as f64 * plant.sample_time;
-        estimator.correct(family, time, measured).map_err(Error::at(time))?;
+        let corrected = estimator.correct(family, time, measured).is_ok();
         let (node, within) = (self.sample / plant.samples_per_step, self.sample % plant.samples_per_step);
         if !feedback {
             self.inputs.copy_from_slice(plant.reference(node).1);
@@ -299,9 +306,20 @@ impl Nmpc {
             let change = |j: usize| disturbances[j] - self.solved_under[j];
             horizon.inputs(plant, steps, estimator.states(), change, &mut self.inputs);
         }
-        estimator.predict(family, (time, plant.sample_time), &self.inputs).map_err(Error::at(time))?;
+        let predicted = estimator.predict(family, (time, plant.sample_time), &self.inputs).is_ok();
+        self.statistics.feasible &= corrected && predicted;
         self.sample += 1;
-        Ok(&self.inputs)
+        &self.inputs
+    }
+
+    /// Numbers of the controller.
+    pub fn plant(&self) -> &Plant {
+        &self.plant
+    }
+
+    /// Inputs of the last sample, `[m]`; before the first those of the plan.
+    pub fn inputs(&self) -> &[f64] {
+        &self.inputs
     }
 
     /// Estimated states, disturbances of the inputs, and parameters in widths, `[n + m + n_p]`.

@@ -31,6 +31,7 @@ pub struct Next<'a> {
 }
 
 impl Stepper {
+    /// For the sizes of `family`.
     pub fn new(family: &Family) -> Stepper {
         let (size, np) = (family.size(), family.parameters());
         let (n, m) = (size.states, size.inputs);
