@@ -15,7 +15,7 @@ use airloop_ocp::control::nmpc::{Plant, Settings as Choices};
 use airloop_ocp::transcription::Point;
 
 /// Default length of the horizon \[s\].
-const HORIZON: f64 = 1.0;
+const HORIZON: f64 = 0.5;
 /// Default step, in samples, and period, in steps.
 const SAMPLES_PER_STEP: f64 = 5.0;
 const STEPS_PER_PERIOD: f64 = 4.0;

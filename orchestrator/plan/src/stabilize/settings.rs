@@ -51,7 +51,7 @@ pub struct Settings {
 #[derive(Debug, Clone, PartialEq, Default, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct NmpcSettings {
-    /// Length of the horizon; default: 1 s.
+    /// Length of the horizon; default: 0.5 s.
     pub horizon: Option<Quantity>,
     /// Time between its steps, a multiple of the sample time; default: 5 of these.
     pub step: Option<Quantity>,
