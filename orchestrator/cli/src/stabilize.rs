@@ -11,15 +11,15 @@ use std::process::ExitCode;
 use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 
-use super::table::table;
 use super::export_fmu::TEMPLATE;
+use super::table::table;
 use super::{folder, output};
 use airloop::Error;
 use airloop_cosim::master::Settings as MasterSettings;
 use airloop_cosim::master::simulate::{self, End, Watch};
 use airloop_cosim::system::SystemGraph;
-use airloop_plan::prepare::{Prepared, prepare};
 use airloop_fmi::template_folder;
+use airloop_plan::prepare::{Prepared, prepare};
 use airloop_plan::stabilize::predictive::{self, Predictive};
 use airloop_plan::stabilize::record::{self, SCHEMA_VERSION, Summary};
 use airloop_plan::stabilize::{Plan, Stabilized, settings, stabilize, wiring, write_fmu};

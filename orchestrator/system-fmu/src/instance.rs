@@ -430,7 +430,9 @@ impl Instance {
 
     pub fn save(&mut self) -> Result<Saved, Refused> {
         if self.predictive.is_some() {
-            return Err("a controller that predicts cannot save its state (canGetAndSetFMUstate is false)".into());
+            return Err(
+                "a controller that predicts cannot save its state (canGetAndSetFMUstate is false)".into()
+            );
         }
         let runner = match &mut self.runner {
             None => None,

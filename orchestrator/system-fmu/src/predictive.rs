@@ -78,7 +78,8 @@ pub(crate) fn table(recipe: &Nmpc) -> Table {
         variables.push(variable(format!("x_hat[{}]", i + 1), about, Role::Output, None));
     }
     let second = Some("s".to_owned());
-    let solve_time = variable("solve_time".into(), "wall-clock time of the last solve".into(), Role::Output, None);
+    let solve_time =
+        variable("solve_time".into(), "wall-clock time of the last solve".into(), Role::Output, None);
     variables.push(Variable { unit: second.clone(), ..solve_time });
     let about = "Gauss-Newton iterations of the last solve".into();
     let iterations = variable("iterations".into(), about, Role::Output, None);
@@ -212,7 +213,9 @@ impl Predictive {
             return Ok(());
         } else if position + 1 == last {
             let own = self.recipe.plant.sample_time;
-            return Err(format!("`sample_time` is {own} s by design; run `airloop stabilize` with another one"));
+            return Err(format!(
+                "`sample_time` is {own} s by design; run `airloop stabilize` with another one"
+            ));
         } else {
             return Err("only inputs can be set, and `feedback` before the start".into());
         }

@@ -72,7 +72,13 @@ impl Recipe {
     /// Gauss-Seidel at the step that the system suggests, or 1 ms.
     pub fn new(graph: &SystemGraph) -> Recipe {
         let step = graph.experiment.step_size.unwrap_or(Settings::default().step_size);
-        Recipe { name: graph.name.clone(), master: Master::GaussSeidel, step, guid: String::new(), nmpc: None }
+        Recipe {
+            name: graph.name.clone(),
+            master: Master::GaussSeidel,
+            step,
+            guid: String::new(),
+            nmpc: None,
+        }
     }
 
     /// Reads the recipe of an FMU.

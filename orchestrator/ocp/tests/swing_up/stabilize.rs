@@ -3,6 +3,8 @@
 
 use std::f64::consts::PI;
 
+use airloop_ocp::control::nmpc::family::{Family, Member};
+use airloop_ocp::control::nmpc::{Nmpc, Plant as Known, Settings as Choices};
 use airloop_ocp::control::nominal::Knots;
 use airloop_ocp::control::{Controller, Design, Measured, Nominal, Sampled, design};
 use airloop_ocp::transcription::{Dynamics, Point, Size, Structure};
@@ -201,11 +203,6 @@ fn the_swing_up_is_stabilized_under_perturbed_plants() {
     assert!(reach <= 0.2 && held == 0.0);
 }
 
-/// Trials of each perturbation; the environment variable AIRLOOP_TRIALS asks for more than the few of every day.
-fn trials() -> u64 {
-    std::env::var("AIRLOOP_TRIALS").ok().and_then(|text| text.parse().ok()).unwrap_or(10)
-}
-
 /// The plant of a trial as a model with parameters.
 struct Uncertain(Plant, Structure);
 
@@ -262,84 +259,93 @@ impl Dynamics for Uncertain {
     }
 }
 
-use airloop_ocp::control::nmpc::family::{Family, Member};
-use airloop_ocp::control::nmpc::{Nmpc, Plant as Known, Settings as Choices};
-
+/// Both masses by a half, both frictions by all of them.
 fn family() -> Family {
-    let width = |name: &str, or: f64| std::env::var(name).ok().and_then(|t| t.parse().ok()).unwrap_or(or);
     let plant = |cart: f64, pole: f64, piston: f64, guide: f64| -> Box<dyn Dynamics> {
         let plant = Plant { cart: 0.399 * cart, pole: 0.1 * pole, piston, guide };
         Box::new(Uncertain(plant, CartPole::new().0))
     };
-    let w = width("MASS", 0.5);
     let members = vec![
-        Member { high: plant(1.0 + w, 1.0, 1.0, 1.0), low: Some(plant(1.0 - w, 1.0, 1.0, 1.0)) },
-        Member { high: plant(1.0, 1.0 + w, 1.0, 1.0), low: Some(plant(1.0, 1.0 - w, 1.0, 1.0)) },
+        Member { high: plant(1.5, 1.0, 1.0, 1.0), low: Some(plant(0.5, 1.0, 1.0, 1.0)) },
+        Member { high: plant(1.0, 1.5, 1.0, 1.0), low: Some(plant(1.0, 0.5, 1.0, 1.0)) },
         Member { high: plant(1.0, 1.0, 2.0, 1.0), low: None },
         Member { high: plant(1.0, 1.0, 1.0, 2.0), low: None },
     ];
     Family::new(plant(1.0, 1.0, 1.0, 1.0), members)
 }
 
-/// Same as [`trial`], with model predictive control; the largest distance of the cart from the middle, too.
-fn predictive(known: &Known, seed: u64, scale: f64) -> (bool, bool, f64, String) {
+/// Same as [`trial`], with model predictive control; also the largest distance of the cart from the middle \[m\].
+fn predictive(known: &Known, seed: u64, scale: f64) -> (bool, bool, f64) {
     let mut random = Random(seed);
     let mut factor = |part: f64| 1.0 + scale * part * (2.0 * random.uniform() - 1.0);
     let (cart, pole) = (0.399 * factor(0.05), 0.1 * factor(0.05));
     let plant = Plant { cart, pole, piston: factor(0.1), guide: factor(0.1) };
     let mut q = [0.0, scale * 0.05 * (2.0 * random.uniform() - 1.0), 0.0, 0.0];
-    let start = q[1];
     let mut controller = Nmpc::new(known.clone(), family());
     let mut z = [0.0; 2];
-    let (mut reach, mut held, mut far) = (false, true, 0.0_f64);
-    let trace = std::env::var("TRACE").is_ok_and(|t| t == seed.to_string());
+    let (mut reach, mut held, mut farthest) = (false, true, 0.0_f64);
     for k in 0..4000 {
         let measured = [q[0] + 2e-4 * random.normal(), q[1] + 2e-3 * random.normal()];
         let u = controller.update(&measured, true)[0];
-        if trace && k % 20 == 0 {
-            println!("{k} {q:.3?} u {u:.1} {:.3?} {:?}", controller.estimate(), controller.statistics());
-        }
         q = plant.sample(q, z[1] + FEED * u);
         z = [0, 1].map(|i| AD[i][0] * z[0] + AD[i][1] * z[1] + BD[i] * u);
         if k + 1 == 2000 {
             reach = (q[1] - PI).abs() < 0.2 && q[3].abs() < 1.5;
         }
-        far = far.max(q[0].abs());
+        farthest = farthest.max(q[0].abs());
         held &= q[0].abs() <= STROKE && (k + 1 < 3000 || (q[1] - PI).abs() < 0.2);
     }
-    let about = format!(
-        "m_c {:.2} m_p {:.2} piston {:.2} guide {:.2} theta0 {start:.2} end {:.2} far {far:.4} e {:.2?}",
-        cart / 0.399, pole / 0.1, plant.piston, plant.guide, q[1], &controller.estimate()[6..]
-    );
-    (reach, held, far, about)
+    (reach, held, farthest)
 }
 
 #[test]
-fn prototype() {
-    let env = |name: &str, or: f64| std::env::var(name).ok().and_then(|t| t.parse().ok()).unwrap_or(or);
-    let (controller, nominal, mut design) = designed();
-    let d = env("DEV", 0.0);
-    if d > 0.0 { design.input_deviation.iter_mut().for_each(|x| *x *= d); }
-    design.state_drift.iter_mut().for_each(|x| *x *= env("SDRIFT", 1.0));
-    design.input_drift.iter_mut().for_each(|x| *x *= env("UDRIFT", 1.0));
-    design.initial[1] = env("TH0", 0.3);
+fn predictions_with_learned_parameters_hold_what_the_regulator_loses() {
+    let (controller, nominal, design) = designed();
     let choices = Choices {
-        horizon: env("HOR", 1.0),
-        step: env("STEP", 0.005),
-        period: env("PERIOD", 0.02),
-        iterations: env("IT", 2.0) as usize,
+        horizon: 0.5,
+        step: 0.005,
+        period: 0.02,
+        iterations: 2,
         time_budget: f64::INFINITY,
-        bounds: vec![(0, (-STROKE, STROKE), env("MARGIN", 0.008))],
-        parameter_deviation: vec![env("PDEV", 0.5); 4],
-        parameter_drift: vec![env("PDRIFT", 0.05); 4],
+        bounds: vec![(0, (-STROKE, STROKE), 0.0075)],
+        parameter_deviation: vec![0.5; 4],
+        parameter_drift: vec![0.05; 4],
     };
     let known = Known::new(&nominal, &design, &controller, &choices).unwrap();
-    let scale = env("SCALE", 8.0);
-    let began = std::time::Instant::now();
-    let all: Vec<_> = (0..trials()).map(|seed| predictive(&known, seed, scale)).collect();
-    for (seed, one) in all.iter().enumerate().filter(|(_, one)| !one.1) {
-        println!("lost {seed}: {}", one.3);
+    for scale in [8.0, 12.0] {
+        let trials = trials();
+        let regulator = (0..trials).filter(|&seed| trial(&controller, seed, scale, true).1).count();
+        let all: Vec<_> = (0..trials).map(|seed| predictive(&known, seed, scale)).collect();
+        let held = all.iter().filter(|one| one.1).count();
+        let farthest = all.iter().map(|one| one.2).fold(0.0, f64::max);
+        println!(
+            "perturbation x {scale}: regulator holds {regulator}, predictions hold {held} of {trials}, cart within \
+             {farthest} m"
+        );
+        // Acceptance over 200 trials: 195 at 8 times the perturbation, 185 at 12 times.
+        let least = if scale == 8.0 { 0.975 } else { 0.925 };
+        assert!(held as f64 >= least * trials as f64 && held > regulator);
     }
-    let far = all.iter().map(|one| one.2).fold(0.0, f64::max);
-    println!("scale {scale} reach {} held {} of {} far {far:.4} time {:?}", all.iter().filter(|o| o.0).count(), all.iter().filter(|o| o.1).count(), all.len(), began.elapsed());
+}
+
+#[test]
+fn times_that_do_not_fit_each_other_are_refused() {
+    let (controller, nominal, design) = designed();
+    let choices = Choices {
+        horizon: 0.5,
+        step: 0.0015,
+        period: 0.02,
+        iterations: 2,
+        time_budget: f64::INFINITY,
+        bounds: Vec::new(),
+        parameter_deviation: Vec::new(),
+        parameter_drift: Vec::new(),
+    };
+    let error = Known::new(&nominal, &design, &controller, &choices).unwrap_err().to_string();
+    assert!(error.contains("`step` of the prediction [s], in multiples of 0.001 s"), "{error}");
+}
+
+/// Trials of each perturbation; the environment variable AIRLOOP_TRIALS asks for more than the few of every day.
+fn trials() -> u64 {
+    std::env::var("AIRLOOP_TRIALS").ok().and_then(|text| text.parse().ok()).unwrap_or(10)
 }

@@ -155,7 +155,11 @@ fn range_of(graph: &SystemGraph, component: usize, variable: usize) -> [f64; 2] 
 }
 
 /// Variables of a perturbation with their values and widths.
-pub(crate) fn perturbation(settings: &Settings, graph: &SystemGraph, one: &Perturb) -> Result<Perturbation, Error> {
+pub(crate) fn perturbation(
+    settings: &Settings,
+    graph: &SystemGraph,
+    one: &Perturb,
+) -> Result<Perturbation, Error> {
     let source = &settings.source;
     let place = |name: &Text| -> Result<Place, Error> {
         let found = find(graph, &name.text);

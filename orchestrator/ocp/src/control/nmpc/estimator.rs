@@ -1,8 +1,8 @@
 //! Extended Kalman filter of states, disturbances of the inputs, and parameters.
 
+use super::Plant;
 use super::family::{Family, MAX_PART};
 use super::step::{Next, Stepper};
-use super::Plant;
 use crate::control::Measured;
 use crate::transcription::Point;
 use airloop_optim::EvaluationError;

@@ -4,9 +4,9 @@
 //! horizon; inputs are limited exactly, states are bounded softly. A round is a Riccati recursion backward and a
 //! simulation with feedback forward (Tassa, Mansard and Todorov, ICRA 2014), so that every plan is one of the model.
 
+use super::Plant;
 use super::family::Family;
 use super::step::{Next, Stepper, eliminate};
-use super::Plant;
 use crate::transcription::Point;
 
 /// Parts of a step that are tried.

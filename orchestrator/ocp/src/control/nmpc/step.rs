@@ -81,7 +81,10 @@ impl Stepper {
             next.x[i] = at.states[i] + row[0];
             next.a[i * n..][..n].copy_from_slice(&row[1..=n]);
             next.b[i * m..][..m].copy_from_slice(&row[1 + n..][..m]);
-            next.g.get_mut(i * np..(i + 1) * np).into_iter().for_each(|g| g.copy_from_slice(&row[1 + n + m..]));
+            next.g
+                .get_mut(i * np..(i + 1) * np)
+                .into_iter()
+                .for_each(|g| g.copy_from_slice(&row[1 + n + m..]));
         }
         Ok(())
     }
