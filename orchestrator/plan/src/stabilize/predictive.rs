@@ -119,7 +119,7 @@ pub fn predictive(
         parameter_drift: vec![PARAMETER.1; count],
     };
     let plant = Plant::new(&stabilized.nominal, &stabilized.design, &stabilized.controller, &choices);
-    let plant = plant.map_err(|error| source.error_at(place, &error.to_string()))?;
+    let plant = plant.map_err(|error| source.error_at(place, error.to_string()))?;
     let name = |&index: &usize| prepared.catalog.variables()[index].name.clone();
     let estimates = signals.states.iter().map(name);
     let disturbances = signals.inputs.iter().map(|index| format!("disturbance of {}", name(index)));
@@ -173,7 +173,7 @@ fn learned(
                     "{} would leave the range that its FMU declares at one width from its value; make the width smaller",
                     found.name
                 );
-                return Err(settings.source.error_at(one.variables[0].place, &problem));
+                return Err(settings.source.error_at(one.variables[0].place, problem));
             }
             let mut graph = graph.clone();
             for place in &found.places {
@@ -185,7 +185,7 @@ fn learned(
         let (high, low) = (moved(1.0)?, moved(-1.0)?);
         if high == declared && low == declared {
             let problem = format!("{} does not move the system; learn something that does", found.name);
-            return Err(settings.source.error_at(one.variables[0].place, &problem));
+            return Err(settings.source.error_at(one.variables[0].place, problem));
         }
         let linear = high.iter().zip(&low).zip(&declared).all(|((high, low), declared)| {
             let size = high.abs().max(low.abs()).max(declared.abs()).max(1.0);

@@ -4,6 +4,8 @@
 //! horizon; inputs are limited exactly, states are bounded softly. A round is a Riccati recursion backward and a
 //! simulation with feedback forward (Tassa, Mansard and Todorov, ICRA 2014), so that every plan is one of the model.
 
+#![allow(clippy::needless_range_loop, reason = "one index runs over several arrays, as in the equations")]
+
 use super::Plant;
 use super::family::Family;
 use super::step::{Next, Stepper, eliminate};
@@ -196,7 +198,7 @@ impl Horizon {
             };
             let at = Point { time, states: x, inputs: &self.inputs };
             if self.stepper.step(family, (at, p), plant.step, next).is_err()
-                || after[..n].iter().zip(&plant.deviation).any(|(x, size)| !(x.abs() < LOST * size))
+                || after[..n].iter().zip(&plant.deviation).any(|(x, size)| x.is_nan() || x.abs() > LOST * size)
             {
                 return false;
             }
