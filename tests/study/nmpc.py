@@ -15,7 +15,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[2]
 EXAMPLE = ROOT / "examples" / "03_swing_up"
 SCALES = [4, 8, 12]
-STROKE, FORCE = 80, 60  # [mm], [N]; the plan of the example needs more of both
+STROKE, FORCE = 80, 50  # [mm], [N]; the plan of the example needs more of both
 TIGHT_SCALES = [1, 2, 4]
 
 
