@@ -16,7 +16,7 @@ ROOT = Path(__file__).resolve().parents[2]
 EXAMPLE = ROOT / "examples" / "03_swing_up"
 SCALES = [4, 8, 12]
 STROKE, FORCE = 80, 50  # [mm], [N]; the plan of the example needs more of both
-TIGHT_SCALES = [1, 2, 4]
+TIGHT_SCALES = [2, 4]
 
 
 def airloop(binary, *arguments):

@@ -25,6 +25,9 @@ use horizon::Horizon;
 use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
 
+/// Cost of a sample at a bound, where a plan has used up its margin, compared with that of a deviation by one allowed
+/// deviation.
+const STIFFNESS: f64 = 400.0;
 /// Initial deviation of measured states, in those of the regulator's estimator.
 const MEASURED_AT_FIRST: f64 = 10.0;
 
@@ -186,7 +189,7 @@ impl Plant {
         let bound = self.bounds.iter().find(|bound| bound.0 == state);
         bound.map_or((0.0, 0.0), |&(_, (low, high), margin)| {
             let beyond = (value - high + margin).max(0.0) + (value - low - margin).min(0.0);
-            (beyond, self.samples_per_step as f64 * 25.0 / (margin * margin))
+            (beyond, self.samples_per_step as f64 * STIFFNESS / (margin * margin))
         })
     }
 
@@ -198,7 +201,7 @@ impl Plant {
             let (beyond, weight) = self.beyond(i, *x);
             cost += 0.5 * (self.state_weight[i] * (x - x0[i]).powi(2) + weight * beyond * beyond);
             if weight > 0.0 {
-                excess = excess.max(beyond.abs() * (weight / (25.0 * self.samples_per_step as f64)).sqrt());
+                excess = excess.max(beyond.abs() * (weight / (STIFFNESS * self.samples_per_step as f64)).sqrt());
             }
         }
         for (j, u) in u.iter().enumerate() {
