@@ -198,7 +198,10 @@ impl Horizon {
             };
             let at = Point { time, states: x, inputs: &self.inputs };
             if self.stepper.step(family, (at, p), plant.step, next).is_err()
-                || after[..n].iter().zip(&plant.deviation).any(|(x, size)| x.is_nan() || x.abs() > LOST * size)
+                || after[..n]
+                    .iter()
+                    .zip(&plant.deviation)
+                    .any(|(x, size)| x.is_nan() || x.abs() > LOST * size)
             {
                 return false;
             }

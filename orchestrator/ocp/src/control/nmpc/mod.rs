@@ -201,7 +201,8 @@ impl Plant {
             let (beyond, weight) = self.beyond(i, *x);
             cost += 0.5 * (self.state_weight[i] * (x - x0[i]).powi(2) + weight * beyond * beyond);
             if weight > 0.0 {
-                excess = excess.max(beyond.abs() * (weight / (STIFFNESS * self.samples_per_step as f64)).sqrt());
+                excess =
+                    excess.max(beyond.abs() * (weight / (STIFFNESS * self.samples_per_step as f64)).sqrt());
             }
         }
         for (j, u) in u.iter().enumerate() {
