@@ -1,5 +1,5 @@
 # `make demo` and `make test` work on a fresh machine with Rust, a C compiler and Python 3: each sets up what is missing first.
-.PHONY: demo docs test test-slurm test-wheel wheel check bench fuzz study study-checker study-faults study-isolation study-refine study-refine-messy study-systems study-laws study-machines study-foreign study-rig-over-fmus study-sweep study-swing-up study-walker fmu portable windows setup setup-build clean
+.PHONY: demo docs test test-slurm test-wheel wheel check bench fuzz study study-checker study-faults study-isolation study-refine study-refine-messy study-systems study-laws study-machines study-nmpc study-foreign study-rig-over-fmus study-sweep study-swing-up study-walker fmu portable windows setup setup-build clean
 export CARGO_NET_RETRY ?= 10
 # A build that happens once gains nothing from files for the next one; they cost a fifth of its time.
 ifdef CI
@@ -110,6 +110,9 @@ study-foreign: fmu   ## machines of other kinds as FMUs in C, and what `airloop 
 CASES ?= data/rig     # folders with a case.toml, of the rig of examples/01_run
 study-rig-over-fmus: fmu ## the rig's coupled cases as studies over FMUs, and their own answers: out/study-rig-over-fmus
 	.venv/bin/python tests/study/refine/rig_over_fmus.py target/release/airloop $(strip $(CASES)) out/study-rig-over-fmus --only '$(strip $(ONLY))'
+
+study-nmpc: fmu      ## the swing-up with regulator and with model predictive control on perturbed rigs: out/study-nmpc/nmpc.md
+	python3 tests/study/nmpc.py target/release/airloop out/study-nmpc
 
 study-swing-up: fmu  ## swing-up over the FMUs against CasADi with IPOPT, time and optimum: out/study/swing_up.csv
 	scripts/setup.sh study

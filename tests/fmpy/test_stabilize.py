@@ -83,8 +83,8 @@ def cart_friction():
     return {p.get("name"): float(p[0].get("value")) for p in parameters}
 
 
-def test_the_controller_in_fmpy_gives_the_closed_loop_of_the_master(stabilized, closed_loop, tmp_path):
-    """All five FMUs stepped one after the other by hand, as the Gauss-Seidel master does."""
+def in_fmpy(stabilized, tmp_path, duration):
+    """All five FMUs stepped one after the other by hand, as the Gauss-Seidel master does; states and commands."""
     slaves = {
         "controller": Slave(stabilized / "controller.fmu", tmp_path / "controller"),
         "actuator": Slave(FMUS / "arx-actuator.fmu", tmp_path / "actuator"),
@@ -94,7 +94,7 @@ def test_the_controller_in_fmpy_gives_the_closed_loop_of_the_master(stabilized, 
     }
     rows = [slaves["cart_pole"].get("x", "theta")]
     commands = []
-    for k in range(4000):
+    for k in range(round(duration / STEP)):
         time = k * STEP
         x, theta, v = slaves["cart_pole"].get("x", "theta", "v")
         slaves["controller"].step(time, y__1=x, y__2=theta)
@@ -104,12 +104,46 @@ def test_the_controller_in_fmpy_gives_the_closed_loop_of_the_master(stabilized, 
         slaves["cart"].step(time, F_in=slaves["piston"].get("F_out")[0], v=v)
         slaves["cart_pole"].step(time, F=slaves["cart"].get("F_out")[0])
         rows.append(slaves["cart_pole"].get("x", "theta"))
-    ours = np.array(rows)
+    return np.array(rows), np.array(commands)
+
+
+def test_the_controller_in_fmpy_gives_the_closed_loop_of_the_master(stabilized, closed_loop, tmp_path):
+    ours, commands = in_fmpy(stabilized, tmp_path, 4)
     # Rounding alone, which the upright pole under feedback does not let grow.
     assert ours[:, 0] == pytest.approx(closed_loop["x"], abs=1e-9)
     assert ours[:, 1] == pytest.approx(closed_loop["theta"], abs=1e-9)
-    assert np.array(commands) == pytest.approx(closed_loop["u"][:-1], abs=1e-6)
+    assert commands == pytest.approx(closed_loop["u"][:-1], abs=1e-6)
     assert abs(ours[-1, 1] - np.pi) < 1e-3 and abs(ours[-1, 0]) < 1e-3
+
+
+@pytest.fixture(scope="module")
+def predictive(plan, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("predictive")
+    airloop("stabilize", "--nmpc", plan, EXAMPLE / "stabilize.toml", "--no-plots", "-o", folder)
+    return folder
+
+
+def test_the_predictive_controller_in_fmpy_gives_the_closed_loop_of_the_master(predictive, tmp_path):
+    airloop("run", predictive / "closed_loop.ssd", "--step", "1ms", "--stop", 3, "-o", tmp_path / "run", "--no-plots")
+    closed_loop = table(tmp_path / "run" / "result.csv")
+    ours, commands = in_fmpy(predictive, tmp_path, 3)
+    # Rounding alone, as with the regulator.
+    assert ours[:, 0] == pytest.approx(closed_loop["x"], abs=1e-9)
+    assert ours[:, 1] == pytest.approx(closed_loop["theta"], abs=1e-9)
+    assert commands == pytest.approx(closed_loop["u"][:-1], abs=1e-6)
+    assert abs(ours[-1, 1] - np.pi) < 1e-3 and abs(ours[-1, 0]) < 1e-3
+    assert closed_loop["controller.feasible"][100:].all() and closed_loop["controller.iterations"].max() >= 1
+    assert closed_loop["controller.solve_time"].max() > 0
+
+
+def test_the_predictive_controller_holds_what_the_regulator_loses(stabilized, predictive, tmp_path):
+    kept = []
+    for folder in (stabilized, predictive):
+        out = tmp_path / folder.name
+        airloop("trials", folder, "--count", 6, "--scale", 8, "--no-plots", "-o", out)
+        rows = np.genfromtxt(out / "trials.csv", delimiter=",", names=True, dtype=None, encoding=None)
+        kept.append([bool(row["held"]) and bool(row["bounds"]) for row in rows if row["loop"] == "closed"])
+    assert not all(kept[0]) and all(kept[1])
 
 
 def test_the_controller_follows_its_table(stabilized, tmp_path):
@@ -188,6 +222,21 @@ def test_what_is_wrong_is_named_with_its_place(plan, tmp_path):
     for text, expected in cases.items():
         (tmp_path / "s.toml").write_text(text)
         result = start("stabilize", plan, tmp_path / "s.toml", "-o", tmp_path / "out")
+        assert result.returncode == 1
+        for part in expected:
+            assert part in result.stderr
+        assert not (tmp_path / "out").exists()
+    learned = '[sensors]\ntheta = "2 mrad"\nx = "0.2 mm"\n[nmpc]\n'
+    parameter = '[[nmpc.parameter]]\nvariables = ["cart_pole.{}"]\nrelative = {}\n'
+    cases = {
+        learned + 'step = "1.5 ms"\n': ["line 4", "`step` of the prediction [s], in multiples of 0.001 s = 0.0015"],
+        learned + "margin = 1\n": ["line 4", "below 0.5"],
+        learned + parameter.format("m_x", 0.5): ["line 6", "cart_pole.m_x"],
+        learned + parameter.format("m_p", 1.5): ["line 6", "would leave the range", "make the width smaller"],
+    }
+    for text, expected in cases.items():
+        (tmp_path / "s.toml").write_text(text)
+        result = start("stabilize", "--nmpc", plan, tmp_path / "s.toml", "-o", tmp_path / "out")
         assert result.returncode == 1
         for part in expected:
             assert part in result.stderr

@@ -13,7 +13,7 @@ use airloop_fmi::template_folder;
 use airloop_system::{Master, Recipe};
 
 /// Name of the archive with the library that runs a system.
-const TEMPLATE: &str = "template/airloop-system";
+pub const TEMPLATE: &str = "template/airloop-system";
 
 /// `airloop export-fmu`
 #[derive(Debug, clap::Args)]

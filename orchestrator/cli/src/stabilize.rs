@@ -11,13 +11,16 @@ use std::process::ExitCode;
 use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 
+use super::export_fmu::TEMPLATE;
 use super::table::table;
 use super::{folder, output};
 use airloop::Error;
 use airloop_cosim::master::Settings as MasterSettings;
 use airloop_cosim::master::simulate::{self, End, Watch};
 use airloop_cosim::system::SystemGraph;
+use airloop_fmi::template_folder;
 use airloop_plan::prepare::{Prepared, prepare};
+use airloop_plan::stabilize::predictive::{self, Predictive};
 use airloop_plan::stabilize::record::{self, SCHEMA_VERSION, Summary};
 use airloop_plan::stabilize::{Plan, Stabilized, settings, stabilize, wiring, write_fmu};
 use airloop_plan::trials::{SETTINGS, SYSTEMS};
@@ -27,6 +30,7 @@ use airloop_report::plot::plan::TRAJECTORY;
 use airloop_report::plot::run::short;
 use airloop_report::plot::stabilize::{CLOSED_LOOP, GAINS};
 use airloop_series::{Interpolation, TimeSeries, csv};
+use airloop_system::Recipe;
 
 /// The FMU of the controller.
 const CONTROLLER: &str = "controller.fmu";
@@ -41,13 +45,17 @@ pub struct Args {
     #[arg(required_unless_present = "schema")]
     pub plan: Option<PathBuf>,
     /// Settings (TOML): [sensors] with the noise of what is measured, and if wanted sample_time, [deviation], [drift],
-    /// [initial], [limits], [trials], and for a plan with
+    /// [initial], [limits], [nmpc], [trials], and for a plan with
     /// phases [phases]; its keys are those of --schema.
     #[arg(required_unless_present = "schema")]
     pub settings: Option<PathBuf>,
     /// Problem file of the plan. Default: that of the folder's summary.
     #[arg(long, value_name = "FILE")]
     pub problem: Option<PathBuf>,
+    /// Write a model predictive controller instead of the regulator: it solves the rest of the plan again while it
+    /// runs, with parameters that it learns; table [nmpc] of the settings.
+    #[arg(long)]
+    pub nmpc: bool,
     /// Hold the inputs of the trajectory between its rows. Default: what the folder's summary says, else straight
     /// lines.
     #[arg(long)]
@@ -90,12 +98,17 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
     let interpolation = if held { Interpolation::Hold } else { Interpolation::Linear };
     let plan = Plan { trajectory: &trajectory, file: &file, interpolation };
     let stabilized = stabilize(&mut prepared, plan, &settings)?;
+    let predictive =
+        args.nmpc.then(|| predictive::predictive(&prepared, &stabilized, &settings)).transpose()?;
     let design_time = began.elapsed().as_secs_f64();
 
     let results = folder::Results::open_beside(&args.output, &inputs, &names)?;
     let (fmu, graph) = (results.path().join(CONTROLLER), &prepared.graph);
     let description = format!("Regulator with state estimator for a plan of {}", graph.name);
-    write_fmu(&stabilized.controller, "controller", &description, &fmu)?;
+    match &predictive {
+        None => write_fmu(&stabilized.controller, "controller", &description, &fmu)?,
+        Some(predictive) => write_predictive(predictive, graph, &fmu)?,
+    }
     let states = &prepared.task.signals.states;
     let closed = wiring::write_closed_loop(
         graph,
@@ -115,6 +128,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
     let files = [CONTROLLER, SETTINGS, GAINS, CLOSED_LOOP].map(String::from).into_iter().chain([closed_name]);
     let mut notes = prepared.notes.clone();
     notes.extend(stabilized.notes.iter().cloned());
+    notes.extend(predictive.iter().flat_map(|own| own.notes.iter().cloned()));
     let mut summary = Summary {
         schema_version: SCHEMA_VERSION,
         airloop_version: env!("CARGO_PKG_VERSION").into(),
@@ -145,6 +159,27 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
         output::print(&report(&summary, &closed, &args.output))?;
     }
     Ok(ExitCode::SUCCESS)
+}
+
+/// The FMU of a model predictive controller, with the FMUs of the system inside.
+fn write_predictive(own: &Predictive, graph: &SystemGraph, fmu: &Path) -> Result<(), Error> {
+    let [states, inputs, outputs] = own.paths.clone();
+    let parameter = |learned: &predictive::Learned| airloop_system::Parameter {
+        variables: learned.variables.clone(),
+        linear: learned.linear,
+    };
+    let nmpc = airloop_system::Nmpc {
+        states,
+        inputs,
+        outputs,
+        estimates: own.estimates.clone(),
+        parameters: own.parameters.iter().map(parameter).collect(),
+        plant: own.plant.clone(),
+    };
+    let step = own.plant.sample_time;
+    let recipe = Recipe { name: "controller".into(), step, nmpc: Some(nmpc), ..Recipe::new(graph) };
+    airloop_system::write(graph, &recipe, &template_folder::template(TEMPLATE, None)?, fmu)?;
+    Ok(())
 }
 
 /// Trajectory, problem file, and whether inputs are held.

@@ -94,7 +94,7 @@ pub fn write(
     }
     let mut again = SystemGraph::open_to_read(&folder.join("resources").join(SYSTEM).join(STRUCTURE))?;
     again.experiment = graph.experiment;
-    let table = Table::of(&again);
+    let table = Table::with(&again, recipe);
     let mut recipe = recipe.clone();
     recipe.guid = String::new();
     let digest = members.iter().fold(description::text(&again, &recipe, &table), |mut text, member| {

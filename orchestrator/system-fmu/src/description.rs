@@ -16,7 +16,11 @@ pub(crate) const IDENTIFIER: &str = "airloop_system";
 /// The text, with the GUID of `recipe`.
 pub(crate) fn text(graph: &SystemGraph, recipe: &Recipe, table: &Table) -> String {
     let mut xml = String::from("<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n");
-    let about = format!("System of {} FMUs", graph.components.len());
+    let controls = recipe.nmpc.is_some();
+    let about = match controls {
+        true => format!("Model predictive controller with a model of {} FMUs", graph.components.len()),
+        false => format!("System of {} FMUs", graph.components.len()),
+    };
     let root = [
         ("fmiVersion", "2.0".to_owned()),
         ("modelName", recipe.name.clone()),
@@ -27,8 +31,8 @@ pub(crate) fn text(graph: &SystemGraph, recipe: &Recipe, table: &Table) -> Strin
         ("numberOfEventIndicators", table.indicators.to_string()),
     ];
     element(&mut xml, 0, "fmiModelDescription", &root, ">");
-    let states = saves_states(graph);
-    if has(graph, InterfaceKind::ModelExchange) {
+    let states = saves_states(graph) && !controls;
+    if has(graph, InterfaceKind::ModelExchange) && !controls {
         let flags = [
             ("modelIdentifier", IDENTIFIER.to_owned()),
             ("canNotUseMemoryManagementFunctions", "true".into()),
@@ -38,10 +42,10 @@ pub(crate) fn text(graph: &SystemGraph, recipe: &Recipe, table: &Table) -> Strin
         ];
         element(&mut xml, 1, "ModelExchange", &flags, "/>");
     }
-    if has(graph, InterfaceKind::CoSimulation) {
+    if has(graph, InterfaceKind::CoSimulation) || controls {
         let flags = [
             ("modelIdentifier", IDENTIFIER.to_owned()),
-            ("canHandleVariableCommunicationStepSize", accepts_any_step(graph).to_string()),
+            ("canHandleVariableCommunicationStepSize", (controls || accepts_any_step(graph)).to_string()),
             ("canNotUseMemoryManagementFunctions", "true".into()),
             ("canGetAndSetFMUstate", states.to_string()),
             ("canSerializeFMUstate", states.to_string()),

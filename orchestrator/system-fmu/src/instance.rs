@@ -13,6 +13,7 @@ use fmi2_export::Interface;
 use fmi2_export::state_machine::Mode;
 
 use crate::description::accepts_any_step;
+use crate::predictive::Predictive;
 use crate::recipe::{Recipe, STRUCTURE, SYSTEM};
 use crate::state::{Number, Saved, mode};
 use crate::table::{Role, Table};
@@ -54,6 +55,8 @@ pub(crate) struct Instance {
     stop: Option<f64>,
     tolerance: Option<f64>,
     runner: Option<Runner>,
+    /// The controller, where the FMU is one.
+    predictive: Option<Box<Predictive>>,
     /// Types and readers of all variables under [`Runner::Slaves`], by value reference: importers ask after every step.
     readers: Vec<(DataType, Reader)>,
     /// Communication points inside: from `origin` \[s\], `count` steps ago.
@@ -90,11 +93,17 @@ impl Instance {
             return Err(format!("the GUID {guid} is not that of resources/system.toml, {}", recipe.guid));
         }
         let kind = match interface {
+            Interface::CoSimulation if recipe.nmpc.is_some() => InterfaceKind::ModelExchange,
+            Interface::ModelExchange if recipe.nmpc.is_some() => {
+                return Err("a controller has no Model Exchange".into());
+            }
             Interface::CoSimulation => InterfaceKind::CoSimulation,
             Interface::ModelExchange => InterfaceKind::ModelExchange,
         };
         let graph = opened(&resources.join(SYSTEM).join(STRUCTURE), guid, kind)?;
-        let table = Table::of(&graph);
+        let table = Table::with(&graph, &recipe);
+        let predictive = recipe.nmpc.as_ref().map(|nmpc| Predictive::open(&graph, nmpc, guid));
+        let predictive = predictive.transpose()?.map(Box::new);
         let archived = graph.components.iter().map(|component| component.start_values.clone()).collect();
         Ok(Instance {
             interface,
@@ -108,6 +117,7 @@ impl Instance {
             stop: None,
             tolerance: None,
             runner: None,
+            predictive,
             readers: Vec::new(),
             origin: 0.0,
             grid: None,
@@ -137,6 +147,7 @@ impl Instance {
         (self.start, self.stop, self.tolerance) = (0.0, None, None);
         (self.origin, self.count, self.time, self.terminated) = (0.0, 0, 0.0, false);
         self.runner = None;
+        self.predictive.iter_mut().for_each(|controller| controller.reset());
         self.mode = Mode::Instantiated;
     }
 
@@ -168,7 +179,10 @@ impl Instance {
     }
 
     pub fn exit_initialization(&mut self) -> Result<(), Refused> {
-        self.running()?;
+        match &mut self.predictive {
+            Some(controller) => controller.start()?,
+            None => self.running().map(|_| ())?,
+        }
         self.mode = match self.interface {
             Interface::CoSimulation => Mode::StepComplete,
             Interface::ModelExchange => Mode::EventMode,
@@ -178,6 +192,12 @@ impl Instance {
 
     /// The value of a variable; its type must be one of `types`.
     pub fn get(&mut self, reference: u32, data_type: DataType) -> Result<Value, Refused> {
+        if self.predictive.is_some() {
+            self.place(reference, data_type)?;
+        }
+        if let Some(controller) = &self.predictive {
+            return Ok(controller.get(reference as usize));
+        }
         if let Some(Runner::Slaves(slaves)) = &mut self.runner
             && let Some(&(known, reader)) = self.readers.get(reference as usize)
             && known == data_type
@@ -227,6 +247,9 @@ impl Instance {
             Value::Boolean(value) => Some(f64::from(u8::from(value))),
             Value::String(_) => None,
         };
+        if let Some(controller) = &mut self.predictive {
+            return controller.set(reference as usize, number.unwrap_or_default(), before);
+        }
         match (place, number) {
             (Place::Input(input), Some(number)) => {
                 self.inputs[input] = Some(number);
@@ -291,6 +314,11 @@ impl Instance {
         let end = t + h;
         if self.stop.is_some_and(|stop| end > stop + slack) {
             return Err(format!("the step to {end} s goes past the stop time {:?} s", self.stop));
+        }
+        if let Some(controller) = &mut self.predictive {
+            controller.advance(h);
+            self.time = end;
+            return Ok(Step::Done);
         }
         let ratio = h / step;
         let is_multiple = (ratio - ratio.round()).abs() <= ROUNDING && ratio > 0.5;
@@ -401,6 +429,11 @@ impl Instance {
     }
 
     pub fn save(&mut self) -> Result<Saved, Refused> {
+        if self.predictive.is_some() {
+            return Err(
+                "a controller that predicts cannot save its state (canGetAndSetFMUstate is false)".into()
+            );
+        }
         let runner = match &mut self.runner {
             None => None,
             Some(Runner::Slaves(slaves)) => Some(slaves.save().map_err(|error| error.to_string())?),

@@ -2,6 +2,7 @@
 //!
 //! [`write()`] makes the archive from a [`SystemGraph`](airloop_cosim::system::SystemGraph) and the library of this crate;
 //! the same library, inside the archive, opens the system again and runs it under an importer (`abi`, `instance`).
+//! With [`Nmpc`] in its [`Recipe`] the FMU is a controller that predicts with the system (`predictive`).
 //! Both sides find the same variables (`table`), because both derive them from the system. This is the one crate that
 //! knows FMUs as importer and as exporter.
 
@@ -9,12 +10,13 @@ mod abi;
 mod archive;
 mod description;
 mod instance;
+mod predictive;
 mod recipe;
 mod state;
 mod table;
 
 pub use archive::{Error, write};
-pub use recipe::{Master, Recipe};
+pub use recipe::{Master, Nmpc, Parameter, Recipe};
 
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]

@@ -4,6 +4,7 @@ use std::path::Path;
 
 use airloop_cosim::master::{Algorithm, Settings};
 use airloop_cosim::system::SystemGraph;
+use airloop_ocp::control::nmpc::Plant;
 use serde::{Deserialize, Serialize};
 
 /// Name of the file in the resources.
@@ -36,13 +37,48 @@ pub struct Recipe {
     /// Identity of the archive; made by [`crate::write`].
     #[serde(default)]
     pub guid: String,
+    /// The FMU is a controller that predicts with the system; none: it is the system.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub nmpc: Option<Nmpc>,
+}
+
+/// A controller that predicts with the system inside.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Nmpc {
+    /// States of the model, `component.state`.
+    pub states: Vec<String>,
+    /// Inputs of the model.
+    pub inputs: Vec<String>,
+    /// Outputs of the model.
+    pub outputs: Vec<String>,
+    /// Names of the estimated values: states, disturbances of inputs, parameters.
+    pub estimates: Vec<String>,
+    /// Parameters that the controller learns.
+    pub parameters: Vec<Parameter>,
+    /// Numbers of the controller.
+    pub plant: Plant,
+}
+
+/// Variables that one learned parameter moves.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Parameter {
+    /// `component.variable`, with its values one width above and below the declared one.
+    pub variables: Vec<(String, f64, f64)>,
+    /// Whether the rates are linear in it.
+    pub linear: bool,
 }
 
 impl Recipe {
     /// Gauss-Seidel at the step that the system suggests, or 1 ms.
     pub fn new(graph: &SystemGraph) -> Recipe {
         let step = graph.experiment.step_size.unwrap_or(Settings::default().step_size);
-        Recipe { name: graph.name.clone(), master: Master::GaussSeidel, step, guid: String::new() }
+        Recipe {
+            name: graph.name.clone(),
+            master: Master::GaussSeidel,
+            step,
+            guid: String::new(),
+            nmpc: None,
+        }
     }
 
     /// Reads the recipe of an FMU.

@@ -3,6 +3,7 @@
 //! Connectors of the system by their own names, then for each component as `component.variable`: parameters, outputs,
 //! and the continuous states with their derivatives. Both the archive and the library derive the table from the system.
 
+use crate::recipe::Recipe;
 use airloop_cosim::master::embedded::{Place, Value};
 use airloop_cosim::system::SystemGraph;
 use airloop_cosim::system::graph::{Conversion, DataType, Source, Start};
@@ -50,6 +51,11 @@ pub(crate) struct Table {
 }
 
 impl Table {
+    /// Of what the FMU is.
+    pub fn with(graph: &SystemGraph, recipe: &Recipe) -> Table {
+        recipe.nmpc.as_ref().map_or_else(|| Table::of(graph), crate::predictive::table)
+    }
+
     pub fn of(graph: &SystemGraph) -> Table {
         let mut table = Table::default();
         for index in 0..graph.inputs.len() {

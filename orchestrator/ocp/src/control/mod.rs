@@ -7,6 +7,7 @@
 //! | [`riccati`] | Riccati equations of regulator and estimator |
 //! | [`phases`] | trajectories with phases: samples beyond their ends, saltation at the events between them |
 //! | [`tvlqr`] | design: from trajectory, weights and noise to a controller |
+//! | [`nmpc`] | model predictive control along the plan |
 //! | [`controller`] | rows of gains, as a table, and the controller as equations |
 //!
 //! The plant is seen through [`Dynamics`](crate::transcription::Dynamics) only. Which FMUs it consists of, files of
@@ -14,6 +15,7 @@
 
 pub mod controller;
 mod error;
+pub mod nmpc;
 pub mod nominal;
 pub mod phases;
 pub mod riccati;

@@ -12,7 +12,7 @@ use super::{Error, Linearization, Nominal, Sampled, riccati};
 use crate::transcription::Point;
 
 /// A measured signal.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub enum Measured {
     /// A state of the plant.
     State(usize),

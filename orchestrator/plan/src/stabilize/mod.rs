@@ -6,6 +6,7 @@
 
 mod design;
 mod following;
+pub mod predictive;
 pub mod record;
 pub mod settings;
 pub mod wiring;

@@ -41,8 +41,33 @@ pub struct Settings {
     pub parameters: Parameters,
     /// How a plan with several phases is followed.
     pub phases: Option<Placed<PhaseSettings>>,
+    /// Model predictive control (`--nmpc`).
+    pub nmpc: Option<Placed<NmpcSettings>>,
     /// Trials.
     pub trials: Option<Placed<Trials>>,
+}
+
+/// Model predictive control: horizon, solves, and what it learns of the plant.
+#[derive(Debug, Clone, PartialEq, Default, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct NmpcSettings {
+    /// Length of the horizon; default: 0.5 s.
+    pub horizon: Option<Quantity>,
+    /// Time between its steps, a multiple of the sample time; default: 5 of these.
+    pub step: Option<Quantity>,
+    /// Time between solves, a multiple of the step; default: 4 of these.
+    pub period: Option<Quantity>,
+    /// Most iterations of a solve; default: 2.
+    #[schemars(range(min = 1, max = 1000))]
+    pub iterations: Option<u32>,
+    /// Wall-clock time after which no further iteration of a solve begins; without, results depend on the inputs alone.
+    pub time_budget: Option<Quantity>,
+    /// Part of the range between the bounds of a state by which plans stay inside; default: 0.025.
+    pub margin: Option<f64>,
+    /// Parameters that are learned: one number for all variables named, which is known to half of the width to either
+    /// side.
+    #[serde(default, rename = "parameter")]
+    pub parameters: Vec<Perturb>,
 }
 
 /// Limits of an input.
@@ -209,7 +234,19 @@ impl Settings {
             aimless.map(|own| (own.place, "no trial can succeed or fail; add [[trials.criterion]]"));
         let mut criteria = self.trials.iter().flat_map(|trials| &trials.criteria);
         let open = criteria.find(|one| one.min.is_none() && one.max.is_none());
-        alone.or(aimless).or(open.map(|one| (one.place, "a criterion has `min`, `max` or both")))
+        let nmpc = self.nmpc.iter().find_map(|own| {
+            let bad = |problem| Some((own.place, problem));
+            match own {
+                _ if own.iterations.is_some_and(|count| !(1..=1000).contains(&count)) => {
+                    bad("`iterations` of [nmpc] is a whole number from 1 to 1000")
+                }
+                _ if own.margin.is_some_and(|margin| !(margin > 0.0 && margin < 0.5)) => {
+                    bad("`margin` of [nmpc] is a part of the range between two bounds: a number above 0 and below 0.5")
+                }
+                _ => None,
+            }
+        });
+        nmpc.or(alone).or(aimless).or(open.map(|one| (one.place, "a criterion has `min`, `max` or both")))
     }
 }
 
@@ -255,6 +292,9 @@ mod tests {
                 "[sensors]\nx = 1\n[trials]\nduration = 4\n[[trials.perturb]]\nvariables = []\n",
                 "either `relative`",
             ),
+            ("[sensors]\nx = 1\n[nmpc]\nmargin = 0.6\n", "line 3, column 1: `margin` of [nmpc]"),
+            ("[sensors]\nx = 1\n[nmpc]\niterations = 0\n", "from 1 to 1000"),
+            ("[sensors]\nx = 1\n[nmpc]\nhorizn = 1\n", "line 4"),
         ];
         for (text, expected) in cases {
             let message = parsed(text).unwrap_err().to_string();

@@ -22,6 +22,7 @@ use airloop_series::random::Random;
 use airloop_series::{Interpolation, TimeSeries};
 
 pub use judge::Judgment;
+pub(crate) use ready::perturbation;
 pub use ready::{Ready, prepare};
 pub use sources::{SETTINGS, SYSTEMS, sources};
 

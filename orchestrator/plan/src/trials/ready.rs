@@ -33,7 +33,7 @@ pub struct Place {
 
 impl Place {
     /// The value with a part, -1..1, of the perturbation.
-    pub(super) fn perturbed(&self, part: f64) -> f64 {
+    pub(crate) fn perturbed(&self, part: f64) -> f64 {
         self.value + part * self.width
     }
 }
@@ -49,7 +49,7 @@ pub struct Perturbation {
 
 impl Perturbation {
     /// Whether all variables stay within their ranges.
-    pub(super) fn allows(&self, part: f64) -> bool {
+    pub(crate) fn allows(&self, part: f64) -> bool {
         self.places.iter().all(|place| (place.range[0]..=place.range[1]).contains(&place.perturbed(part)))
     }
 }
@@ -154,7 +154,12 @@ fn range_of(graph: &SystemGraph, component: usize, variable: usize) -> [f64; 2] 
     }
 }
 
-fn perturbation(settings: &Settings, graph: &SystemGraph, one: &Perturb) -> Result<Perturbation, Error> {
+/// Variables of a perturbation with their values and widths.
+pub(crate) fn perturbation(
+    settings: &Settings,
+    graph: &SystemGraph,
+    one: &Perturb,
+) -> Result<Perturbation, Error> {
     let source = &settings.source;
     let place = |name: &Text| -> Result<Place, Error> {
         let found = find(graph, &name.text);
