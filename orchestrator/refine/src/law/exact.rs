@@ -23,6 +23,8 @@ pub const MIN_SHARE_OF_FREE_FORM: f64 = 0.95;
 const JUDGED: usize = 3;
 /// Errors within this share of each other are equal.
 const MAX_DIFFERENCE_OF_EQUALS: f64 = 0.03;
+/// Ratio of the error of a formula to the less of that of the free form and of the noise, below which none comes.
+const MIN_ERROR_OVER_LEAST: f64 = 0.98;
 /// Share of the declared model's error from which on a fit to whole records may have missed its optimum.
 const MAX_ERROR_OVER_DECLARED: f64 = 0.5;
 
@@ -37,8 +39,13 @@ struct Tried {
 
 impl Tried {
     fn rank(&self) -> f64 {
-        self.model.error.ln() + PRICE * self.formula.complexity() as f64
+        rank(self.model.error, &self.formula)
     }
+}
+
+/// What formulas are ranked by, least first: the logarithm of the error, and a price for what is assumed.
+fn rank(error: f64, formula: &Formula) -> f64 {
+    error.ln() + PRICE * formula.complexity() as f64
 }
 
 /// A free form, its axes, and the units of formulas.
@@ -74,10 +81,14 @@ impl Finder<'_> {
         }
         let place = Place { form, whole, axes: &axes, units: &units };
         (self.say)("exact fits of formulas");
-        let mut tried = Vec::new();
+        let mut tried: Vec<Tried> = Vec::new();
+        // What a formula can reach at best; one that another outranks even then needs no fit.
+        let least = MIN_ERROR_OVER_LEAST * whole.error.min(judge.power.sqrt());
         for own in &list {
             let share = (form.at.smooth.without - own.held_out) / form.at.gain();
-            if share >= MIN_SHARE_OF_FREE_FORM && !stop::asked() {
+            let best = tried.iter().map(Tried::rank).fold(f64::INFINITY, f64::min);
+            let outranked = best <= rank(least, &own.formula);
+            if share >= MIN_SHARE_OF_FREE_FORM && !outranked && !stop::asked() {
                 let exact = self.exact(study, (declared, &[]), &place, &own.formula, share);
                 tried.extend(exact);
             }

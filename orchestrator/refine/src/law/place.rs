@@ -171,7 +171,7 @@ impl Finder<'_> {
         };
         for other in singles.iter().filter(near).take(MAX_OTHER_PORTS) {
             let Some(first) = law.as_ref().filter(|_| !stop::asked()) else { break };
-            if judge.explained(&self.fits(study), &first.model) {
+            if self.explains(study, judge, &first.model) {
                 break;
             }
             let least = MAX_ERROR_AT_OTHER_PORT * first.model.error;
@@ -183,7 +183,7 @@ impl Finder<'_> {
         }
         let left = law.as_ref().map_or(declared, |own| &own.model);
         let most_is_left = left.error > MIN_LEFT_FOR_MEMORY * declared.error;
-        let explained = law.as_ref().is_some_and(|own| judge.explained(&self.fits(study), &own.model));
+        let explained = law.as_ref().is_some_and(|own| self.explains(study, judge, &own.model));
         let most = MAX_EXCESS_WITH_MEMORY * judge.excess(left);
         let memory =
             if self.wide && most_is_left && !explained { self.memory(study, declared) } else { None };
@@ -196,6 +196,15 @@ impl Finder<'_> {
             _ => law?,
         };
         self.say_law(study, judge, declared, found, answer)
+    }
+
+    /// Whether a law leaves noise, if need be fitted in units of the noise: where signals are weighed by what the declared model
+    /// leaves of them, the best fit may leave more of those that matter little.
+    fn explains(&self, study: &Study, judge: &Judge, model: &Model) -> bool {
+        let fits = self.fits(study);
+        let near = model.error < self.max_error;
+        judge.explained(&fits, model)
+            || near && self.in_noise(study, &[], model).is_some_and(|own| judge.explained(&fits, &own))
     }
 
     /// Puts that of the best forms first whose port is the place: ports whose motions are nearly the same are told apart by

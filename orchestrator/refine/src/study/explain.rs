@@ -166,26 +166,44 @@ impl Judge {
         let power = model.error.powi(2);
         let enough = (MIN_SHARE_OF_EXCESS * self.excess(model)).max(MIN_SHARE_OF_NOISE * self.tolerated);
         let around = fits.around_all(model);
+        // One variable that tells most of it needs no second.
+        let tells_most = |gain: f64| gain >= MIN_SHARE_OF_ONE_VARIABLE * self.excess(model);
         // The linear step promises too much where forces change the motion that they depend on: what it lets hope is fitted.
-        let gain = |own: &[usize]| {
+        let promised = |own: &[usize]| {
             if stop::asked() {
                 return 0.0;
             }
-            let promised = fits.promised(model, &around, own).map_or(0.0, |error| power - error.powi(2));
-            let fitted = || fits.fitted(model, own).map_or(0.0, |error| power - error.powi(2));
-            if promised < enough { promised } else { promised.min(fitted()) }
+            fits.promised(model, &around, own).map_or(0.0, |error| power - error.powi(2))
         };
-        let mut singles: Vec<(usize, f64)> = parallel::map(probes.len(), |i| (probes[i], gain(&[probes[i]])));
-        singles.sort_by(|a, b| b.1.total_cmp(&a.1));
+        let gain = |own: &[usize], promised: f64| {
+            if promised < enough || stop::asked() {
+                return promised;
+            }
+            promised.min(fits.fitted(model, own).map_or(0.0, |error| power - error.powi(2)))
+        };
+        let promises = parallel::map(probes.len(), |i| promised(&[probes[i]]));
+        let mut open: Vec<(usize, f64)> = probes.into_iter().zip(promises).collect();
+        open.sort_by(|a, b| b.1.total_cmp(&a.1));
+        let mut singles: Vec<(usize, f64)> = Vec::new();
+        for (probe, promised) in open {
+            // No fit gains more than its promise, so the places that count may be known before all are fitted.
+            let counting = singles.first().map_or(1, |&(_, most)| if tells_most(most) { 1 } else { 3 });
+            let known = singles.get(counting - 1).is_some_and(|&(_, least)| promised <= least);
+            if known {
+                break;
+            }
+            singles.push((probe, gain(&[probe], promised)));
+            singles.sort_by(|a, b| b.1.total_cmp(&a.1));
+        }
         let Some(&(first, alone)) = singles.first() else { return Rest { place: None, gain: 0.0 } };
         if alone < enough {
             return Rest { place: None, gain: alone.max(0.0) };
         }
         let mut best = (vec![first], alone);
-        // One variable that tells most of it needs no second.
-        let few = if alone < MIN_SHARE_OF_ONE_VARIABLE * self.excess(model) { 2 } else { 0 };
+        let few = if tells_most(alone) { 0 } else { 2 };
         for &(second, _) in singles.iter().skip(1).take(few) {
-            let both = gain(&[first, second]);
+            let both = [first, second];
+            let both = gain(&both, promised(&both));
             if both > (1.0 + MIN_SHARE_OF_SECOND_VARIABLE) * best.1.max(alone) {
                 best = (vec![first, second], both);
             }

@@ -1,5 +1,6 @@
 //! The verdict on what was found, and the shares of the error on validation records that it stands on.
 
+use std::cell::OnceCell;
 use std::collections::BTreeMap;
 
 use super::by_share::ByShare;
@@ -134,6 +135,8 @@ pub(super) fn rule(
         validation[0].rms.get(&o.name).is_some_and(|rms| *rms > MAX_FLOORS * floor)
     };
     let beyond = fits.study.outputs.iter().any(beyond);
+    let rest_of_declared = OnceCell::new();
+    let of_declared = || rest_of_declared.get_or_init(|| judge.rest(fits, declared));
     if judge.explained(fits, declared) {
         return Ruling { verdict: Verdict::Nothing, rest: nothing, helps };
     }
@@ -147,7 +150,7 @@ pub(super) fn rule(
             if total(validation[1]) < MAX_ERROR_RATIO_OF_EFFECTS.powi(2) * total(validation[0]) {
                 return false;
             }
-            let whole = judge.rest(fits, declared);
+            let whole = of_declared();
             let other = |(_, variables): &(String, Vec<String>)| {
                 variables.first().is_some_and(|first| {
                     best.added.iter().all(|&c| depends(fits.study, c).iter().all(|own| own != first))
@@ -162,7 +165,7 @@ pub(super) fn rule(
     if judge.tolerable(fits, declared) && !beyond {
         return Ruling { verdict: Verdict::Nothing, rest: Rest { place: None, gain: 0.0 }, helps };
     }
-    let rest = judge.rest(fits, declared);
+    let rest = of_declared().clone();
     let far = declared.error > MIN_ERROR_OVER_NOISE * judge.tolerated.sqrt();
     let verdict = if rest.place.is_some() || far || beyond { Verdict::Unexplained } else { Verdict::Nothing };
     Ruling { verdict, rest, helps }
