@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
+use super::cycle::Closure;
 use super::deliver::{COMMANDS, Delivery, Motion};
 use super::feed_forward::Command;
 use super::file::Length;
@@ -67,6 +68,9 @@ pub struct Summary {
     /// Limits between the nodes and events that end phases, along the continuous roll-out.
     #[serde(default)]
     pub recheck: Option<Recheck>,
+    /// How a motion that repeats itself closes.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub cycle: Option<Closure>,
     /// Largest estimated error of a state over one interval, relative to the size of the state.
     pub max_interval_error: Option<f64>,
     /// Wall-clock times \[s\].

@@ -12,6 +12,7 @@ use airloop_cosim::results::summary::FmuRecord;
 use airloop_ocp::transcription::IntervalErrors;
 use airloop_optim::{Note, Status};
 use airloop_plan::balance::Recomputed;
+use airloop_plan::cycle::Closure;
 use airloop_plan::deliver::Delivery;
 use airloop_plan::departure::Departure;
 use airloop_plan::diagnose::Diagnosis;
@@ -88,6 +89,8 @@ pub struct Results<'a> {
     pub diagnosis: Option<&'a Diagnosis>,
     /// The phase that the system does not enter or keep as planned, where there is one.
     pub departure: Option<&'a Departure>,
+    /// How a motion that repeats itself closes.
+    pub closure: Option<&'a Closure>,
     /// Forces of constraints recomputed from the energy.
     pub forces: Option<&'a Recomputed>,
     /// Whether figures are drawn.
@@ -221,6 +224,7 @@ impl Results<'_> {
             }),
             open_loop_final_state_error: errors,
             recheck: self.recheck(),
+            cycle: self.closure.cloned(),
             max_interval_error: solved.errors.iter().map(IntervalErrors::largest).reduce(f64::max),
             time: Times {
                 load: loaded,

@@ -56,7 +56,7 @@ pub struct Stabilized {
 /// what [`airloop_ocp::control`] says.
 pub fn stabilize(prepared: &mut Prepared, plan: Plan<'_>, settings: &Settings) -> Result<Stabilized, Error> {
     let place = |problem: String| Error::Place { place: plan.file.display().to_string(), problem };
-    let Prepared { setup: prepared, dynamics, resets } = prepared;
+    let Prepared { setup: prepared, dynamics, resets, cycle } = prepared;
     let source = &settings.source;
     let signals = &prepared.task.signals;
     let catalog = &prepared.catalog;
