@@ -140,6 +140,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
         samples: stabilized.nominal.samples(),
         rests: stabilized.nominal.rests,
         signals: record::signals(&stabilized, states, &prepared.catalog),
+        cycle: record::cycle(&stabilized),
         largest_error: largest_errors(&prepared, &stabilized, &result),
         design_time,
         files: files.collect(),
@@ -247,6 +248,16 @@ fn report(summary: &Summary, closed: &Path, folder: &Path) -> String {
         summary.samples,
         if summary.rests { ", then hold" } else { "" }
     );
+    if let Some(cycle) = &summary.cycle {
+        let largest = |own: &record::MonodromyRecord| short(own.radius);
+        text += &format!(
+            "cycle of {} s, run for {} turns: largest Poincaré multiplier {} as planned, {} with the regulator\n\n",
+            short(cycle.period),
+            cycle.turns,
+            largest(&cycle.open_loop),
+            largest(&cycle.closed_loop)
+        );
+    }
     let unit = |name: &String| {
         let signal = summary.signals.iter().find(|signal| signal.name == *name);
         signal.and_then(|signal| signal.unit.clone()).unwrap_or_default()
