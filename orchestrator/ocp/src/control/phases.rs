@@ -141,8 +141,9 @@ impl<'a> Phases<'a> {
         (leg + 1) % self.legs.len()
     }
 
-    /// Saltation matrix of the event that ends a leg; rows of sampled states are those of the identity.
-    fn saltation(&mut self, leg: usize, event: &mut Event) -> Result<DMatrix<f64>, Error> {
+    /// Saltation matrix of the event that ends a leg; rows of sampled states are those of the identity. From the event
+    /// on the inputs are those of the next leg, or `inputs`.
+    fn saltation(&mut self, leg: usize, event: &mut Event, inputs: Option<&[f64]>) -> Result<DMatrix<f64>, Error> {
         let knots = self.legs[leg].knots;
         let last = knots.time.len() - 1;
         let (time, x, u) = (knots.time[last], &knots.states[last], &knots.inputs[last]);
@@ -177,16 +178,22 @@ impl<'a> Phases<'a> {
         let following = self.next(leg);
         let next = &mut self.legs[following];
         let knots = next.knots;
-        let after = next.rates(knots.time[0], &knots.states[0], &knots.inputs[0])?;
+        let after = next.rates(knots.time[0], &knots.states[0], inputs.unwrap_or(&knots.inputs[0]))?;
         let lost = &jump * DMatrix::from_column_slice(n, 1, &before);
         let mut added = DMatrix::from_column_slice(n, 1, &after) - lost;
         next.plant.held().iter().for_each(|&i| added[(i, 0)] = 0.0);
         Ok(jump + added * guard / speed)
     }
 
-    /// The sample in which a leg ends, with the event inside.
-    fn across(&mut self, leg: usize, k: usize, event: &mut Event) -> Result<Linearization, Error> {
-        let saltation = self.saltation(leg, event)?;
+    /// The sample in which a leg ends, with the event inside; `inputs` as in [`Phases::saltation`].
+    fn across(
+        &mut self,
+        leg: usize,
+        k: usize,
+        event: &mut Event,
+        inputs: Option<&[f64]>,
+    ) -> Result<Linearization, Error> {
+        let saltation = self.saltation(leg, event, inputs)?;
         let (time, h) = (self.nominal.time(k), self.nominal.sample_time);
         let at = Point { time, states: &self.nominal.states[k], inputs: &self.nominal.inputs[k] };
         let end = self.legs[leg].knots.time[self.legs[leg].knots.time.len() - 1];
@@ -221,7 +228,7 @@ impl<'a> Phases<'a> {
             let hold = leg + 1 == self.legs.len();
             for k in own.start..own.end + usize::from(hold) {
                 let sample = match events.get_mut(leg).filter(|_| k + 1 == own.end) {
-                    Some(event) => self.across(leg, k, event)?,
+                    Some(event) => self.across(leg, k, event, None)?,
                     None => self.legs[leg].plant.linearize(point(&self.nominal, k))?,
                 };
                 let after = self.nominal.states.get(k + 1);

@@ -2,9 +2,9 @@
 //!
 //! Distances from the plan at the begin of a turn and of the next belong together by the monodromy matrix, the product
 //! of the samples' derivatives and of the saltation matrices between them, that of the return included. Its eigenvalues
-//! are the Poincaré multipliers of the section at the begin of a turn, for inputs that are functions of time, or of
-//! time and state: the nominal trajectory goes on beyond the ends of its phases, so the section is a time, not an event
-//! (Hiskens and Pai, "Trajectory sensitivity analysis of hybrid systems", IEEE Trans. Circuits Syst. I 47, 2000).
+//! are the Poincaré multipliers of the section at the begin of a turn. The section is a time, not an event: without
+//! feedback the inputs are functions of time; with feedback the mode of the plant changes to the nominal trajectory of
+//! the next phase, which goes on beyond its ends as a function of time (Hiskens and Pai, "Trajectory sensitivity analysis of hybrid systems", IEEE Trans. Circuits Syst. I 47, 2000).
 
 use nalgebra::{Complex, DMatrix, DVector};
 
@@ -52,7 +52,7 @@ pub struct Periodic {
     pub controller: Controller,
     /// Its rows at the first samples of [`Phases::nominal`], over as many turns as bring all states back to their places.
     pub rows: Vec<Row>,
-    /// The plan under its own inputs.
+    /// The plan under its own inputs, as functions of time.
     pub open_loop: Monodromy,
     /// The plan under the regulator, all states known.
     pub closed_loop: Monodromy,
@@ -174,12 +174,21 @@ impl Phases<'_> {
         check_places(turn, design)?;
         let mut rows = Vec::with_capacity(period);
         let mut linear: Vec<Linearization> = Vec::with_capacity(period);
+        let mut alone = Vec::with_capacity(period);
         for leg in 0..self.legs.len() {
             let own = self.own[leg].clone();
             for k in own.clone() {
-                let sample = match k + 1 == own.end {
-                    true => self.across(leg, k, &mut events[leg])?,
-                    false => self.legs[leg].plant.linearize(point(&self.nominal, k))?,
+                let sample = if k + 1 == own.end {
+                    // Inputs that are functions of time do not know of the event.
+                    let inputs = self.legs[leg].knots.inputs.last().cloned().unwrap_or_default();
+                    let turned = || turn.inputs.iter().map(|&(i, factor)| factor * inputs[i]).collect();
+                    let inputs = if leg + 1 == self.legs.len() { turned() } else { inputs.clone() };
+                    alone.push(self.across(leg, k, &mut events[leg], Some(&inputs))?.a);
+                    self.across(leg, k, &mut events[leg], None)?
+                } else {
+                    let sample = self.legs[leg].plant.linearize(point(&self.nominal, k))?;
+                    alone.push(sample.a.clone());
+                    sample
                 };
                 let after = self.nominal.states.get(k + 1).filter(|_| k + 1 < period);
                 let plant = &mut self.legs[leg].plant;
@@ -199,7 +208,7 @@ impl Phases<'_> {
             measured: matrix(&measured_places(turn, design)?),
             advance,
         };
-        let open_loop = monodromy(linear.iter().map(|sample| sample.a.clone()), &turn.free);
+        let open_loop = monodromy(alone.into_iter(), &turn.free);
         let closed = linear.iter().zip(&rows).map(|(sample, row)| &sample.a - &sample.b * &row.feedback);
         let closed_loop = monodromy(closed, &[]);
         let (modes, legs) = (following.modes.as_deref(), self.legs.len());
@@ -210,6 +219,11 @@ impl Phases<'_> {
                 legs * order
             ))
         })?;
+        if (0..modes.len()).any(|i| modes[i] == modes[(i + 1) % modes.len()]) {
+            let problem = "phases that follow each other have the same value of the output that tells them; nothing \
+                           would tell the next from the one before";
+            return Err(wrong(problem.into()));
+        }
         let (table, phases) = self.turns(&rows, (period, order, modes), following.overlap, design, &maps)?;
         let advance: Vec<f64> = maps.advance.iter().map(|by| by * order as f64).collect();
         let mut all = rows;
