@@ -20,6 +20,7 @@ use airloop_cosim::master::simulate::{self, End, Watch};
 use airloop_cosim::system::SystemGraph;
 use airloop_fmi::template_folder;
 use airloop_plan::prepare::{Prepared, prepare};
+use airloop_plan::record::StickRecord;
 use airloop_plan::stabilize::predictive::{self, Predictive};
 use airloop_plan::stabilize::record::{self, SCHEMA_VERSION, Summary};
 use airloop_plan::stabilize::{Plan, Stabilized, settings, stabilize, wiring, write_fmu};
@@ -141,6 +142,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
         rests: stabilized.nominal.rests,
         signals: record::signals(&stabilized, states, &prepared.catalog),
         cycle: record::cycle(&stabilized),
+        stick_figure: StickRecord::of(&prepared),
         largest_error: largest_errors(&prepared, &stabilized, &result),
         design_time,
         files: files.collect(),

@@ -127,13 +127,13 @@ pub fn closure(
     plan: &Trajectory,
     rollout: Option<&Rollout>,
 ) -> Result<Option<Closure>, Error> {
-    let (Some(cycle), Some(first), Some(last)) =
-        (&prepared.cycle, plan.phases.first(), plan.phases.last())
+    let (Some(cycle), Some(first), Some(last)) = (&prepared.cycle, plan.phases.first(), plan.phases.last())
     else {
         return Ok(None);
     };
     let (begin, end) = (&first.states[0], &last.states[last.states.len() - 1]);
-    let names: Vec<&str> = prepared.task.signals.states.iter().map(|&i| prepared.catalog.variables()[i].name.as_str()).collect();
+    let names: Vec<&str> =
+        prepared.task.signals.states.iter().map(|&i| prepared.catalog.variables()[i].name.as_str()).collect();
     let mut reset = cycle.reset()?;
     let mut differences = |end: &[f64]| -> Result<BTreeMap<String, f64>, Error> {
         let size = reset.size();

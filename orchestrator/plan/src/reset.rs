@@ -113,7 +113,11 @@ pub fn resets(
 }
 
 /// The variables of a reset that are neither state nor input, as indices into the catalog.
-fn outputs(statement: &Statement, catalog: &Catalog, reset: &file::phase::Reset) -> Result<Vec<usize>, Error> {
+fn outputs(
+    statement: &Statement,
+    catalog: &Catalog,
+    reset: &file::phase::Reset,
+) -> Result<Vec<usize>, Error> {
     let bounded = reset.limits().flat_map(|bound| bound.terms.iter().map(|(name, _)| name));
     let mut found = Vec::new();
     for name in reset.states.iter().map(|(_, shown)| shown).chain(bounded) {

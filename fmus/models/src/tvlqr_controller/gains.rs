@@ -281,7 +281,9 @@ impl Gains {
         }
         if repeat.is_none() && phases[0].sample < 0 {
             let (line, sample) = (line + 1, phases[0].sample);
-            return Err(format!("{place}, line {line}: sample {sample}; only phases that begin again begin before 0"));
+            return Err(format!(
+                "{place}, line {line}: sample {sample}; only phases that begin again begin before 0"
+            ));
         }
         Ok(Self { sizes, width, data, phases, repeat })
     }
@@ -292,7 +294,8 @@ impl Repeat {
     fn parse(fields: &str, n: usize) -> Option<Self> {
         let mut fields = fields.strip_prefix(',')?.split(',').map(str::trim);
         let samples = fields.next()?.parse().ok().filter(|samples| (1..1_000_000_000).contains(samples))?;
-        let advance: Option<Vec<f64>> = fields.map(|field| field.parse().ok().filter(|x: &f64| x.is_finite())).collect();
+        let advance: Option<Vec<f64>> =
+            fields.map(|field| field.parse().ok().filter(|x: &f64| x.is_finite())).collect();
         advance.filter(|advance| advance.len() == n).map(|advance| Self { samples, advance })
     }
 }

@@ -260,7 +260,8 @@ fn phases_begin_again_further_on() {
 #[test]
 fn a_line_of_repetition_that_does_not_fit_is_named() {
     for line in ["repeat,3", "repeat,3,1,2", "repeat,0,1", "repeat,2.5,1", "repeat,3,inf"] {
-        let message = Gains::parse(&format!("{TWO_PHASES}{line}\n"), Path::new("controller.csv")).unwrap_err();
+        let message =
+            Gains::parse(&format!("{TWO_PHASES}{line}\n"), Path::new("controller.csv")).unwrap_err();
         assert!(message.contains("line 7: `repeat` stands below phases"), "{message}");
     }
     let (text, _) = table(1, 1, 1, 2);

@@ -130,10 +130,9 @@ impl Controller {
             .iter()
             .enumerate()
             .map(|(j, y)| {
-                let expected =
-                    e.iter().enumerate().fold(row.measured[j], |sum, (i, e)| {
-                        sum + (e + nominal[i] - row.states[i]) * row.output[(j, i)]
-                    });
+                let expected = e.iter().enumerate().fold(row.measured[j], |sum, (i, e)| {
+                    sum + (e + nominal[i] - row.states[i]) * row.output[(j, i)]
+                });
                 y - expected
             })
             .collect();

@@ -143,7 +143,12 @@ impl<'a> Phases<'a> {
 
     /// Saltation matrix of the event that ends a leg; rows of sampled states are those of the identity. From the event
     /// on the inputs are those of the next leg, or `inputs`.
-    fn saltation(&mut self, leg: usize, event: &mut Event, inputs: Option<&[f64]>) -> Result<DMatrix<f64>, Error> {
+    fn saltation(
+        &mut self,
+        leg: usize,
+        event: &mut Event,
+        inputs: Option<&[f64]>,
+    ) -> Result<DMatrix<f64>, Error> {
         let knots = self.legs[leg].knots;
         let last = knots.time.len() - 1;
         let (time, x, u) = (knots.time[last], &knots.states[last], &knots.inputs[last]);

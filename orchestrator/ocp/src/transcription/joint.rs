@@ -144,7 +144,8 @@ impl<'p> Joint<'p> {
         };
         let (mut pairs, mut names) = (Vec::new(), Vec::new());
         if let Some(&state) = free.iter().find(|&&state| state >= after.len() || map.is_none()) {
-            let reason = format!("state {state} after a reset is free, but there is no such state, or no reset");
+            let reason =
+                format!("state {state} after a reset is free, but there is no such state, or no reset");
             return Err(wrong(reason));
         }
         let after: Vec<(usize, usize)> =

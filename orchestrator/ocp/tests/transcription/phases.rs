@@ -291,7 +291,8 @@ fn a_ball_is_kept_bouncing_with_the_least_effort() {
             Program::new(&mut problem, &Discretization::uniform(transcription, &[5, 7])).unwrap();
         let mut x = solution.x.clone();
         x[1] += 0.5;
-        let names: Vec<String> = program.violations(&x, 1e-6).unwrap().iter().map(|v| v.name.clone()).collect();
+        let names: Vec<String> =
+            program.violations(&x, 1e-6).unwrap().iter().map(|v| v.name.clone()).collect();
         assert!(names.contains(&"return of velocity".to_owned()), "{names:?}");
     }
 }

@@ -6,8 +6,8 @@ use super::Settings;
 use super::design::Plan;
 use super::wiring::find;
 use crate::Error;
-use crate::file::Place;
 use crate::cycle::Return;
+use crate::file::Place;
 use crate::prepare::Setup;
 use crate::reset::Jump;
 use crate::task::{Signal, seconds};
@@ -105,7 +105,8 @@ impl Following {
         })?;
         let start = own.guards.first().map_or(Place(0), |guard| guard.place);
         if own.guards.len() != ends {
-            let wanted = if cycle.is_some() { "in a cycle give one per phase" } else { "give one fewer than phases" };
+            let wanted =
+                if cycle.is_some() { "in a cycle give one per phase" } else { "give one fewer than phases" };
             let problem = format!("{} guards for {count} phases; {wanted}", own.guards.len());
             return Err(source.error_at(start, problem));
         }

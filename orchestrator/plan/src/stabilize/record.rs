@@ -8,6 +8,7 @@ use serde::{Deserialize, Serialize};
 use super::Stabilized;
 use crate::Error;
 use crate::catalog::Catalog;
+use crate::record::StickRecord;
 use airloop_ocp::control::Monodromy;
 use airloop_series::TimeSeries;
 
@@ -109,6 +110,9 @@ pub struct Summary {
     /// Multipliers of a plan that repeats itself.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub cycle: Option<CycleRecord>,
+    /// Rods that the page shows.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub stick_figure: Option<StickRecord>,
     /// Largest distance of the closed loop from the plan without noise and perturbation, by signal.
     pub largest_error: BTreeMap<String, f64>,
     /// Wall-clock time of the design \[s\].

@@ -228,7 +228,8 @@ impl Settings {
                            noise, such as theta = \"0.1 deg\"";
             return Some((Place(0), problem));
         }
-        let turns = self.phases.iter().find(|own| own.turns.is_some_and(|turns| !(1..=10000).contains(&turns)));
+        let turns =
+            self.phases.iter().find(|own| own.turns.is_some_and(|turns| !(1..=10000).contains(&turns)));
         let turns = turns.map(|own| (own.place, "`turns` of [phases] is a whole number from 1 to 10000"));
         let alone = self.phases.iter().find(|own| own.mode.is_some() != own.modes.is_some());
         let alone = alone.map(|own| {
@@ -251,7 +252,10 @@ impl Settings {
                 _ => None,
             }
         });
-        nmpc.or(turns).or(alone).or(aimless).or(open.map(|one| (one.place, "a criterion has `min`, `max` or both")))
+        nmpc.or(turns)
+            .or(alone)
+            .or(aimless)
+            .or(open.map(|one| (one.place, "a criterion has `min`, `max` or both")))
     }
 }
 

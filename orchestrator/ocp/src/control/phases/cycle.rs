@@ -75,6 +75,17 @@ impl Turn {
         share(&self.inputs, &mut design.input_deviation);
     }
 
+    /// Gives sampled states, which no event moves, their new places.
+    fn place_held(&self, held: &[usize], sample: &mut Linearization) {
+        let (a, b, next) = (sample.a.clone(), sample.b.clone(), sample.next.clone());
+        for &i in held {
+            let (j, factor) = self.states[i];
+            sample.a.set_row(i, &(a.row(j) * factor));
+            sample.b.set_row(i, &(b.row(j) * factor));
+            sample.next[i] = factor * next[j];
+        }
+    }
+
     /// Turns after which all states and inputs are back in their places.
     fn order(&self) -> Option<usize> {
         let back = |places: &Relabeling, turns: usize| {
@@ -106,11 +117,16 @@ fn measured_places(turn: &Turn, design: &Design) -> Result<Relabeling, Error> {
             let own = design.measured.iter().position(|one| one == signal);
             own.is_some_and(|own| design.noise[own] == design.noise[found])
         });
-        Ok((found.ok_or("a state is measured, but the one in its place is not, or with other noise")?, factor))
+        Ok((
+            found.ok_or("a state is measured, but the one in its place is not, or with other noise")?,
+            factor,
+        ))
     };
     let places: Result<Relabeling, String> = design.measured.iter().map(place).collect();
     places.map_err(|why| {
-        Error::Trajectory(format!("{why}; for a plan that repeats itself measure all states that exchange places"))
+        Error::Trajectory(format!(
+            "{why}; for a plan that repeats itself measure all states that exchange places"
+        ))
     })
 }
 
@@ -127,9 +143,12 @@ impl Maps {
     /// The row one turn later.
     fn next(&self, row: &Row) -> Row {
         let Maps { states: p, inputs: q, measured: w, .. } = self;
-        let placed = |map: &DMatrix<f64>, values: &[f64]| (map * DVector::from_column_slice(values)).as_slice().to_vec();
+        let placed = |map: &DMatrix<f64>, values: &[f64]| {
+            (map * DVector::from_column_slice(values)).as_slice().to_vec()
+        };
         let moved = DVector::from_column_slice(&self.advance);
-        let states: Vec<f64> = placed(p, &row.states).iter().zip(&self.advance).map(|(x, by)| x + by).collect();
+        let states: Vec<f64> =
+            placed(p, &row.states).iter().zip(&self.advance).map(|(x, by)| x + by).collect();
         let output = w * &row.output * p.transpose();
         let shown = &output * moved;
         let measured = placed(w, &row.measured).iter().zip(shown.iter()).map(|(y, by)| y + by).collect();
@@ -172,6 +191,10 @@ impl Phases<'_> {
             return Err(wrong(problem.into()));
         }
         check_places(turn, design)?;
+        let held = self.legs[0].plant.held();
+        if turn.states.iter().enumerate().any(|(i, (j, _))| held.contains(&i) != held.contains(j)) {
+            return Err(wrong("a sampled state exchanges its place with one that is not".into()));
+        }
         let mut rows = Vec::with_capacity(period);
         let mut linear: Vec<Linearization> = Vec::with_capacity(period);
         let mut alone = Vec::with_capacity(period);
@@ -180,11 +203,19 @@ impl Phases<'_> {
             for k in own.clone() {
                 let sample = if k + 1 == own.end {
                     // Inputs that are functions of time do not know of the event.
+                    let closes = leg + 1 == self.legs.len();
                     let inputs = self.legs[leg].knots.inputs.last().cloned().unwrap_or_default();
                     let turned = || turn.inputs.iter().map(|&(i, factor)| factor * inputs[i]).collect();
-                    let inputs = if leg + 1 == self.legs.len() { turned() } else { inputs.clone() };
-                    alone.push(self.across(leg, k, &mut events[leg], Some(&inputs))?.a);
-                    self.across(leg, k, &mut events[leg], None)?
+                    let inputs = if closes { turned() } else { inputs.clone() };
+                    let held = self.legs[leg].plant.held().to_vec();
+                    let mut both =
+                        [Some(&inputs[..]), None].map(|inputs| self.across(leg, k, &mut events[leg], inputs));
+                    for sample in both.iter_mut().flatten().filter(|_| closes) {
+                        turn.place_held(&held, sample);
+                    }
+                    let [own, with_mode] = both;
+                    alone.push(own?.a);
+                    with_mode?
                 } else {
                     let sample = self.legs[leg].plant.linearize(point(&self.nominal, k))?;
                     alone.push(sample.a.clone());
@@ -297,22 +328,25 @@ impl Phases<'_> {
 
 /// Weights and limits have to be those of the places.
 fn check_places(turn: &Turn, design: &Design) -> Result<(), Error> {
-    let same = |what: &str, places: &Relabeling, values: &[f64]| {
-        match places.iter().enumerate().find(|&(i, &(j, _))| values[i] != values[j]) {
-            None => Ok(()),
-            Some((i, &(j, _))) => Err(Error::Trajectory(format!(
-                "{what} {} and {} exchange their places from turn to turn, but have {} and {}; give both the same",
-                i + 1,
-                j + 1,
-                values[i],
-                values[j]
-            ))),
-        }
+    let same = |what: &str, places: &Relabeling, values: &[f64]| match places
+        .iter()
+        .enumerate()
+        .find(|&(i, &(j, _))| values[i] != values[j])
+    {
+        None => Ok(()),
+        Some((i, &(j, _))) => Err(Error::Trajectory(format!(
+            "{what} {} and {} exchange their places from turn to turn, but have {} and {}; give both the same",
+            i + 1,
+            j + 1,
+            values[i],
+            values[j]
+        ))),
     };
     let (low, high): (Vec<f64>, Vec<f64>) = design.limits.iter().copied().unzip();
     let turned = |i: usize, factor: f64| if factor < 0.0 { (-high[i], -low[i]) } else { (low[i], high[i]) };
     if turn.inputs.iter().zip(&design.limits).any(|(&(i, factor), own)| turned(i, factor) != *own) {
-        let problem = "inputs exchange their places from turn to turn, but have other limits there; give them the same";
+        let problem =
+            "inputs exchange their places from turn to turn, but have other limits there; give them the same";
         return Err(Error::Trajectory(problem.into()));
     }
     same("the deviations of inputs", &turn.inputs, &design.input_deviation)?;

@@ -319,18 +319,23 @@ fn twenty_turns_are_held_and_the_controller_begins_again_after_each() {
                 // Within a sample after it left the floor it does not land.
                 state = match moved(state, push, SAMPLE) {
                     (next, true) if state.0 > 1e-9 || state.1 < 0.0 => next,
-                    _ => (state.0 + state.1 * SAMPLE + 0.5 * (push - GRAVITY) * SAMPLE * SAMPLE, state.1 + (push - GRAVITY) * SAMPLE),
+                    _ => (
+                        state.0 + state.1 * SAMPLE + 0.5 * (push - GRAVITY) * SAMPLE * SAMPLE,
+                        state.1 + (push - GRAVITY) * SAMPLE,
+                    ),
                 };
                 let t = k % 100 + 1;
                 if k >= 1900 && t == 50 {
-                    largest = largest.max((state.0 - phases.nominal.states[k + 1][0]).abs());
+                    // A ball that has fallen through the floor has no height.
+                    let off = (state.0 - phases.nominal.states[k + 1][0]).abs();
+                    largest = if off.is_nan() { f64::INFINITY } else { largest.max(off) };
                 }
             }
             largest
         };
         let (held, alone) = (run(true), run(false));
         assert!(held < 1e-3, "{held}");
-        assert!(alone.is_nan() || alone > 0.1, "{alone}");
+        assert!(alone > 0.1, "{alone}");
     });
 }
 
