@@ -100,8 +100,7 @@ class Turn:
                 instance.must("DoStep", now, h, 0)
                 now = end
             assert w.get("mode") == 4
-            events = [text.split(" s: ") for *_, text in instance.messages if "foot 2 lifted off" in text]
-            self.release = float(events[0][0].split()[-1])
+            self.hops = any("foot 1 lifted off" in text for *_, text in instance.messages)
             return np.concatenate([self.of_state(w.state(), 1), exchanged(off) / SCALE])
 
 
@@ -122,15 +121,15 @@ def test_the_orbit_closes(plan, shipped):
 def test_multipliers_are_those_of_finite_differences_through_the_events_of_the_fmu(plan, held, shipped):
     turn = Turn(shipped, plan[1])
     here, slopes = turn(turn.planned), []
-    release = plan[0]["durations"][0]
     # Hip in m and m/s, forces in parts of the largest ones.
     for direction in np.diag([1e-6] * 5 + [1e-8] * 3):
-        # At the planned release the rates jump, and the force on foot 2 vanishes 50 times as slowly after it. To the side of a late
-        # release this foot hesitates, and multipliers differ by up to 1e-2. So differences are one-sided, of the second order.
+        # The plan gives foot 1 no impulse at touch-down. To one side foot 2 comes down alone, and foot 1 hops for some nanoseconds and is back
+        # without an impact; the regulator assumes that both feet hold, and the columns differ by up to 1e-2. To the other side, and in
+        # between for steps of 3e-8, they are the same to 1e-7. So differences are one-sided, of the second order.
         for side in (direction, -direction):
-            near, first = turn(turn.planned + side), turn.release
+            near, hops = turn(turn.planned + side), turn.hops
             far = turn(turn.planned + 2 * side)
-            if max(first, turn.release) < release:
+            if not (hops or turn.hops):
                 slopes.append((4 * near - 3 * here - far) / (2 * side.sum()))
                 break
     assert len(slopes) == 8
@@ -138,11 +137,12 @@ def test_multipliers_are_those_of_finite_differences_through_the_events_of_the_f
     own = np.array([complex(*one) for one in held[0]["cycle"]["open_loop"]["multipliers"]])
     # Eight numbers give all states: beyond them are motions of feet that stand.
     assert np.abs(own[8:]).max() < 1e-6
+    # The regulator holds torque and forces over samples of 1 ms: 1e-5.
     left = list(found)
     for one in own[:8]:
         nearest = left.pop(np.abs(np.array(left) - one).argmin())
         assert abs(nearest - one) < EXPECTED["multipliers"]["tolerance"], (own[:8], found)
-    assert abs(own[0]) == pytest.approx(EXPECTED["multipliers"]["largest"], abs=1e-2)
+    assert abs(own[0]) == pytest.approx(EXPECTED["multipliers"]["largest"], abs=1e-4)
 
 
 def test_twenty_steps_are_held_under_perturbation(held, tmp_path):
