@@ -198,7 +198,7 @@ impl Phases<'_> {
         let mut rows = Vec::with_capacity(period);
         let mut linear: Vec<Linearization> = Vec::with_capacity(period);
         let mut alone = Vec::with_capacity(period);
-        for leg in 0..self.legs.len() {
+        for (leg, event) in events.iter_mut().enumerate().take(self.legs.len()) {
             let own = self.own[leg].clone();
             for k in own.clone() {
                 let sample = if k + 1 == own.end {
@@ -208,8 +208,7 @@ impl Phases<'_> {
                     let turned = || turn.inputs.iter().map(|&(i, factor)| factor * inputs[i]).collect();
                     let inputs = if closes { turned() } else { inputs.clone() };
                     let held = self.legs[leg].plant.held().to_vec();
-                    let mut both =
-                        [Some(&inputs[..]), None].map(|inputs| self.across(leg, k, &mut events[leg], inputs));
+                    let mut both = [Some(&inputs[..]), None].map(|inputs| self.across(leg, k, event, inputs));
                     for sample in both.iter_mut().flatten().filter(|_| closes) {
                         turn.place_held(&held, sample);
                     }
@@ -296,11 +295,11 @@ impl Phases<'_> {
     ) -> Result<(Vec<Row>, Vec<PhaseRows>), Error> {
         let more = (overlap / self.nominal.sample_time).ceil().max(1.0) as usize;
         let (mut rows, mut phases) = (Vec::new(), Vec::new());
-        for leg in 0..self.legs.len() {
+        for (leg, &mode) in modes.iter().enumerate().take(self.legs.len()) {
             let own = self.own[leg].clone();
             let (from, to) = (own.start as i64 - more as i64, own.end as i64 + more as i64);
             self.rows_of(leg, from..to, chain, (design, &[]), &mut rows)?;
-            phases.push(PhaseRows { mode: modes[leg], first_sample: from, rows: (to - from) as usize });
+            phases.push(PhaseRows { mode, first_sample: from, rows: (to - from) as usize });
         }
         let (of_turn, legs) = (rows.len(), self.legs.len());
         for turn in 1..order {

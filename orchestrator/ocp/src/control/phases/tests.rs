@@ -294,8 +294,8 @@ fn multipliers_of_a_ball_that_is_kept_bouncing_are_those_of_its_saltation() {
         // Xi = [[1 + (v+ - v-) / v-, 0], [(-3/2 g - 3/4 g) / v-, -1/2]], and Phi = [[1, 1], [0, 1]].
         let expected = DMatrix::from_row_slice(2, 2, &[-0.5, -0.5, 4.5, 4.0]);
         assert!((&made.open_loop.matrix - expected).norm() < 1e-9, "{}", made.open_loop.matrix);
-        let (sum, product) = (3.5, 0.25);
-        let root = (0.25 * sum * sum - product as f64).sqrt();
+        let (sum, product): (f64, f64) = (3.5, 0.25);
+        let root = (0.25 * sum * sum - product).sqrt();
         let found: Vec<f64> = made.open_loop.multipliers.iter().map(|one| one.re).collect();
         assert!((found[0] - (0.5 * sum + root)).abs() < 1e-9 && (found[1] - (0.5 * sum - root)).abs() < 1e-9);
         assert!(made.closed_loop.multipliers[0].norm() < 0.5, "{:?}", made.closed_loop.multipliers);
