@@ -124,8 +124,7 @@ def test_multipliers_are_those_of_finite_differences_through_the_events_of_the_f
     # Hip in m and m/s, forces in parts of the largest ones.
     for direction in np.diag([1e-6] * 5 + [1e-8] * 3):
         # The plan gives foot 1 no impulse at touch-down. To one side foot 2 comes down alone, and foot 1 hops for some nanoseconds and is back
-        # without an impact; the regulator assumes that both feet hold, and the columns differ by up to 1e-2. To the other side, and in
-        # between for steps of 3e-8, they are the same to 1e-7. So differences are one-sided, of the second order.
+        # without an impact; the regulator assumes that both feet hold. So differences are one-sided, of the second order.
         for side in (direction, -direction):
             near, hops = turn(turn.planned + side), turn.hops
             far = turn(turn.planned + 2 * side)
