@@ -216,6 +216,8 @@ impl Gains {
         let width = expected.len() - if with_phases { 1 + PHASES.len() } else { 1 };
         let mut data = Vec::new();
         let mut phases: Vec<Phase> = Vec::new();
+        // Phases that begin again begin before sample 0.
+        let repeats = text.lines().any(|line| line.starts_with(REPEAT));
         let mut repeat = None;
         for (line, text) in lines {
             let wrong = |problem: String| Err(format!("{place}, line {line}: {problem}"));
@@ -257,7 +259,7 @@ impl Gains {
             let row = before / width;
             let [sample, mode] = if with_phases { place_in_phases } else { [row as f64, 0.0] };
             let whole = |value: f64| value.fract() == 0.0 && (0.0..1e9).contains(&value);
-            let whole_sample = whole(if phases.len() <= 1 { sample.abs() } else { sample });
+            let whole_sample = whole(if repeats && phases.len() <= 1 { sample.abs() } else { sample });
             if !whole_sample || !whole(mode.abs()) {
                 return Err(format!(
                     "{place}, line {line}: sample {sample}, mode {mode}; both are whole numbers, samples from 0 on behind the \
@@ -278,12 +280,6 @@ impl Gains {
         }
         if data.is_empty() {
             return Err(format!("{place}: the table has no row below its header"));
-        }
-        if repeat.is_none() && phases[0].sample < 0 {
-            let (line, sample) = (line + 1, phases[0].sample);
-            return Err(format!(
-                "{place}, line {line}: sample {sample}; only phases that begin again begin before 0"
-            ));
         }
         Ok(Self { sizes, width, data, phases, repeat })
     }
