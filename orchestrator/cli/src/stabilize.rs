@@ -20,6 +20,7 @@ use airloop_cosim::master::simulate::{self, End, Watch};
 use airloop_cosim::system::SystemGraph;
 use airloop_fmi::template_folder;
 use airloop_plan::prepare::{Prepared, prepare};
+use airloop_plan::record::StickRecord;
 use airloop_plan::stabilize::predictive::{self, Predictive};
 use airloop_plan::stabilize::record::{self, SCHEMA_VERSION, Summary};
 use airloop_plan::stabilize::{Plan, Stabilized, settings, stabilize, wiring, write_fmu};
@@ -140,6 +141,8 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
         samples: stabilized.nominal.samples(),
         rests: stabilized.nominal.rests,
         signals: record::signals(&stabilized, states, &prepared.catalog),
+        cycle: record::cycle(&stabilized),
+        stick_figure: StickRecord::of(&prepared),
         largest_error: largest_errors(&prepared, &stabilized, &result),
         design_time,
         files: files.collect(),
@@ -247,6 +250,16 @@ fn report(summary: &Summary, closed: &Path, folder: &Path) -> String {
         summary.samples,
         if summary.rests { ", then hold" } else { "" }
     );
+    if let Some(cycle) = &summary.cycle {
+        let largest = |own: &record::MonodromyRecord| short(own.radius);
+        text += &format!(
+            "cycle of {} s, run for {} turns: largest Poincaré multiplier {} as planned, {} with the regulator\n\n",
+            short(cycle.period),
+            cycle.turns,
+            largest(&cycle.open_loop),
+            largest(&cycle.closed_loop)
+        );
+    }
     let unit = |name: &String| {
         let signal = summary.signals.iter().find(|signal| signal.name == *name);
         signal.and_then(|signal| signal.unit.clone()).unwrap_or_default()

@@ -62,7 +62,7 @@ pub fn problem(
         .zip(dynamics)
         .map(|(phase, dynamics)| one(task, phase, catalog, dynamics, sampled))
         .collect();
-    Problem { phases, links }
+    Problem { phases, links, cycle: None }
 }
 
 fn one(

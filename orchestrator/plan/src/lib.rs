@@ -10,6 +10,7 @@
 pub mod assemble;
 pub mod balance;
 pub mod catalog;
+pub mod cycle;
 pub mod deliver;
 pub mod departure;
 pub mod diagnose;

@@ -4,6 +4,7 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 
 use super::catalog::{Catalog, Kind};
+use super::cycle::Return;
 use super::file::statement::Scaling;
 use super::file::{self, Parameters, Statement};
 use super::reset::{self, Jump};
@@ -24,6 +25,8 @@ pub struct Prepared {
     pub dynamics: Vec<Box<dyn Dynamics>>,
     /// Resets between each phase and the next, one fewer than phases; none: all states are continuous.
     pub resets: Vec<Option<Jump>>,
+    /// Return from the end of the last phase to the begin of the first; none: the motion does not repeat itself.
+    pub cycle: Option<Return>,
 }
 
 impl std::ops::Deref for Prepared {
@@ -95,17 +98,21 @@ pub fn prepare_statement(statement: Statement, began: Instant) -> Result<Prepare
         let names = shown.map(|&index| catalog.variables()[index].name.clone()).collect();
         dynamics.push(Box::new(Named { inner: Box::new(system), names, scaled }));
     }
-    let resets = reset::resets(&statement, &catalog, &signals, |parameters, signals| {
+    let mut resets = reset::resets(&statement, &catalog, &signals, |parameters, signals| {
         let mut own = graph.clone();
         set(&statement, &mut own, parameters)?;
         Ok(Box::new(open_dynamics(&statement, &own, &catalog, signals)?))
     })?;
+    // The first phase is entered from the last.
+    let jump = resets.drain(..1).next().flatten();
+    let own = |cycle| Return::of(&statement, (&catalog, &signals), cycle, jump);
+    let cycle = statement.cycle.as_ref().map(own).transpose()?;
     let task = task::task(&statement, &catalog, signals)?;
     notes.extend(task.notes.iter().cloned());
     let sampled_states = sampled_states(&graph, &catalog, &task.signals, sampling.as_ref());
     let load = began.elapsed();
     let setup = Setup { statement, graph, catalog, task, sampling, sampled_states, notes, load };
-    Ok(Prepared { setup, dynamics, resets })
+    Ok(Prepared { setup, dynamics, resets, cycle })
 }
 
 fn open(statement: &Statement) -> Result<SystemGraph, Error> {

@@ -5,9 +5,11 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
+use super::cycle::Closure;
 use super::deliver::{COMMANDS, Delivery, Motion};
 use super::feed_forward::Command;
-use super::file::Length;
+use super::file::{Length, Rod};
+use super::prepare::Setup;
 use super::recheck::Recheck;
 use airloop_cosim::results::summary::FmuRecord;
 
@@ -67,6 +69,9 @@ pub struct Summary {
     /// Limits between the nodes and events that end phases, along the continuous roll-out.
     #[serde(default)]
     pub recheck: Option<Recheck>,
+    /// How a motion that repeats itself closes.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub cycle: Option<Closure>,
     /// Largest estimated error of a state over one interval, relative to the size of the state.
     pub max_interval_error: Option<f64>,
     /// Wall-clock times \[s\].
@@ -248,6 +253,27 @@ pub struct RodRecord {
     pub angles: Vec<String>,
     /// Its length \[m\]: a number, or a column.
     pub length: Length,
+}
+
+impl StickRecord {
+    /// The rods of a problem, by the names of columns; none where it has none.
+    pub fn of(setup: &Setup) -> Option<StickRecord> {
+        let shown = |name: &str| {
+            let found = setup.catalog.find(name);
+            found.map_or(name.into(), |(index, _)| setup.catalog.variables()[index].name.clone())
+        };
+        let rod = |rod: &Rod| RodRecord {
+            name: rod.name.clone(),
+            angles: rod.angle.names().iter().map(|angle| shown(angle)).collect(),
+            length: match &rod.length {
+                Length::Variable(name) => Length::Variable(shown(name)),
+                Length::Number(length) => Length::Number(*length),
+            },
+        };
+        let figure = setup.statement.stick_figure.as_ref()?;
+        let rods = figure.rods.iter().map(rod).collect();
+        Some(StickRecord { x: shown(&figure.x.text), y: shown(&figure.y.text), rods })
+    }
 }
 
 /// Reason why a summary cannot be read or written.

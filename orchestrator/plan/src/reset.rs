@@ -3,11 +3,10 @@
 use super::Error;
 use super::assemble;
 use super::catalog::{Catalog, Kind};
-use super::file::phase::Reset;
-use super::file::{Parameters, Placed, Statement};
+use super::file::{self, Parameters, Placed, Statement};
 use super::task::{self, Reader, Signal, Signals};
 use airloop_cosim::coupled::System;
-use airloop_ocp::transcription::{After, Dynamics, Limit, Link, OutputReset};
+use airloop_ocp::transcription::{After, Dynamics, Limit, Link, OutputReset, Reset};
 use airloop_optim::EvaluationError;
 
 /// A jump of states, ready to become a [`Link`].
@@ -31,11 +30,24 @@ impl Jump {
         self.stated.clone()
     }
 
+    /// Bounds of outputs, as the transcription takes them.
+    pub(super) fn limits(&self) -> Vec<Limit> {
+        self.limits.clone()
+    }
+
     /// The link, with an instance of its own.
     ///
     /// # Errors
     /// When no further instance can be made.
     pub fn link(&self) -> Result<Link, EvaluationError> {
+        Ok(Link::reset(self.reset()?, self.limits()))
+    }
+
+    /// The map, with an instance of its own.
+    ///
+    /// # Errors
+    /// When no further instance can be made.
+    pub(super) fn reset(&self) -> Result<Box<dyn Reset>, EvaluationError> {
         let dynamics = self.dynamics.duplicate()?;
         let size = dynamics.size();
         let reset = OutputReset::new(
@@ -44,11 +56,11 @@ impl Jump {
             (0..size.outputs).collect(),
             vec![0.0; size.inputs],
         );
-        Ok(Link::reset(Box::new(reset), self.limits.clone()))
+        Ok(Box::new(reset))
     }
 }
 
-/// The jumps of a problem, one per pair of phases; `open` opens the system with parameters and signals.
+/// The jumps of a problem: into every phase from the one before, into the first from the last; `open` opens the system with parameters and signals.
 ///
 /// # Errors
 /// [`Error::File`] names line, column and remedy.
@@ -58,12 +70,13 @@ pub fn resets(
     signals: &Signals,
     open: impl Fn(&Parameters, &Signals) -> Result<Box<System>, Error>,
 ) -> Result<Vec<Option<Jump>>, Error> {
-    if let Some(reset) = statement.phases.first().and_then(|phase| phase.reset.as_ref()) {
-        let problem =
-            "the first phase has no phase before it; a `reset` belongs to the phase that it leads to";
+    let first = statement.phases.first().filter(|_| statement.cycle.is_none());
+    if let Some(reset) = first.and_then(|phase| phase.reset.as_ref()) {
+        let problem = "the first phase has no phase before it, as there is no [cycle]; a `reset` belongs to the phase that \
+                       it leads to";
         return Err(statement.source.error_at(reset.place, problem.to_owned()));
     }
-    let one = |reset: &Placed<Reset>| {
+    let one = |reset: &Placed<file::phase::Reset>| {
         let signals = Signals { outputs: outputs(statement, catalog, reset)?, ..signals.clone() };
         let dynamics = open(&reset.parameters, &signals)?;
         let reader = Reader { source: &statement.source, catalog, signals: &signals };
@@ -96,11 +109,15 @@ pub fn resets(
         }
         Ok(Jump { dynamics, after, limits, stated })
     };
-    statement.phases.iter().skip(1).map(|phase| phase.reset.as_ref().map(one).transpose()).collect()
+    statement.phases.iter().map(|phase| phase.reset.as_ref().map(one).transpose()).collect()
 }
 
 /// The variables of a reset that are neither state nor input, as indices into the catalog.
-fn outputs(statement: &Statement, catalog: &Catalog, reset: &Reset) -> Result<Vec<usize>, Error> {
+fn outputs(
+    statement: &Statement,
+    catalog: &Catalog,
+    reset: &file::phase::Reset,
+) -> Result<Vec<usize>, Error> {
     let bounded = reset.limits().flat_map(|bound| bound.terms.iter().map(|(name, _)| name));
     let mut found = Vec::new();
     for name in reset.states.iter().map(|(_, shown)| shown).chain(bounded) {

@@ -5,6 +5,7 @@ use std::time::{Duration, Instant};
 
 use super::Error;
 use super::assemble;
+use super::cycle::Return;
 use super::file::statement::{MeshRefinement, Statement};
 use super::guess::Rough;
 use super::prepare::{Prepared, Setup};
@@ -181,7 +182,9 @@ impl Session {
             None => Ok(Link::continuous()),
         });
         let links = links.collect::<Result<_, _>>()?;
-        Ok(Session { problem: assemble::problem(task, &prepared.catalog, dynamics, links, sampled) })
+        let mut problem = assemble::problem(task, &prepared.catalog, dynamics, links, sampled);
+        problem.cycle = prepared.cycle.as_ref().map(Return::link).transpose()?;
+        Ok(Session { problem })
     }
 
     /// The problem with its instances, for a solver that is kept.

@@ -213,7 +213,8 @@ pub fn task(statement: &Statement, catalog: &Catalog, signals: Signals) -> Resul
     let mut notes = Vec::new();
     let mut phases = Vec::new();
     for (number, phase) in statement.phases.iter().enumerate() {
-        phases.push(reader.phase(phase, number == 0, &mut notes)?);
+        let begins = number == 0 && statement.cycle.is_none();
+        phases.push(reader.phase(phase, begins, &mut notes)?);
     }
     if phases.iter().all(|phase: &TaskPhase| phase.cost.is_empty()) {
         notes.push("there is no cost: any motion that keeps the constraints is a solution".into());
@@ -229,11 +230,12 @@ pub(super) struct Reader<'a> {
 }
 
 impl Reader<'_> {
-    fn phase(&self, phase: &Phase, first: bool, notes: &mut Vec<String>) -> Result<TaskPhase, Error> {
+    /// `begins`: before it the system stands as it starts.
+    fn phase(&self, phase: &Phase, begins: bool, notes: &mut Vec<String>) -> Result<TaskPhase, Error> {
         let (duration, duration_guess) = self.duration(&phase.duration)?;
         let n = self.signals.states.len();
         let (mut initial, mut terminal) = (vec![NO_LIMITS; n], vec![NO_LIMITS; n]);
-        if first {
+        if begins {
             self.start_values(&mut initial, &phase.initial, notes)?;
         }
         let ends = [self.ends(&phase.initial, &mut initial)?, self.ends(&phase.terminal, &mut terminal)?];

@@ -18,7 +18,7 @@ const DISTANCES_FROM_GUESS: [f64; 5] = [0.0, 1.0, -1.0, 10.0, -10.0];
 /// # Errors
 /// [`Error::File`] names phase and condition.
 pub fn check(prepared: &mut Prepared, rough: &Rough) -> Result<(), Error> {
-    let Prepared { setup, dynamics, resets } = prepared;
+    let Prepared { setup, dynamics, resets, cycle } = prepared;
     let total: f64 = rough.durations.iter().sum();
     let mut begin = 0.0;
     for (number, (phase, dynamics)) in setup.task.phases.iter().zip(dynamics).enumerate() {
@@ -41,9 +41,11 @@ pub fn check(prepared: &mut Prepared, rough: &Rough) -> Result<(), Error> {
                 told.judge(limit, unmoved(dynamics.as_mut(), limit, rough, &parts))?;
             }
         }
-        if let (Some(Some(jump)), Some(reset)) =
-            (number.checked_sub(1).map(|i| &mut resets[i]), &stated.reset)
-        {
+        let jump = match number.checked_sub(1) {
+            Some(before) => resets[before].as_mut(),
+            None => cycle.as_mut().and_then(|cycle| cycle.jump.as_mut()),
+        };
+        if let (Some(jump), Some(reset)) = (jump, &stated.reset) {
             for (bound, limit) in reset.limits().zip(jump.stated()) {
                 let remedy = "check the `parameters` of the reset";
                 let told = Told { source, place: bound.place, end: "reset", remedy, phase: &phase.name };

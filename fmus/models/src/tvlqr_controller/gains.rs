@@ -8,8 +8,10 @@ pub(super) const MAX_NX: usize = 16;
 pub(super) const MAX_NU: usize = 4;
 /// Most measured signals.
 pub(super) const MAX_NY: usize = 16;
-/// Columns of a table with phases: number of the sample, from 0 on, and the mode in which the row holds.
+/// Columns of a table with phases: number of the sample, 0 at the start of the plan, and the mode in which the row holds.
 const PHASES: [&str; 2] = ["sample", "mode"];
+/// First field of the last line of a table whose phases begin again after the last one.
+const REPEAT: &str = "repeat";
 /// Name of the table in the resources folder.
 pub(super) const FILE: &str = "controller.csv";
 
@@ -87,8 +89,24 @@ pub(super) struct Phase {
     pub mode: i32,
     /// First row and sample, and number of rows.
     row: usize,
-    sample: usize,
+    sample: i64,
     rows: usize,
+}
+
+/// Begin of the phases from anew.
+#[derive(Clone, Debug, PartialEq)]
+struct Repeat {
+    /// Samples after which they begin again.
+    samples: i64,
+    /// Change of the nominal states until then, `[n]`.
+    advance: Vec<f64>,
+}
+
+/// A phase of a turn; turns are the times at which the phases have begun again.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Place {
+    pub turn: i64,
+    pub phase: usize,
 }
 
 /// Trajectory and gains, one row per sample of each phase; the first and the last row of a phase hold beyond it.
@@ -98,6 +116,7 @@ pub(super) struct Gains {
     width: usize,
     data: Vec<f64>,
     phases: Vec<Phase>,
+    repeat: Option<Repeat>,
 }
 
 impl Gains {
@@ -106,25 +125,43 @@ impl Gains {
         let sizes = Sizes { n: MAX_NX, m: MAX_NU, p: MAX_NY };
         let width = sizes.header(false).len() - 1;
         let data = (0..width).map(|i| 0.01 + 0.02 * ((7 * i) as f64).sin().abs()).collect();
-        Self { sizes, width, data, phases: vec![Phase { mode: 0, row: 0, sample: 0, rows: 1 }] }
+        let phases = vec![Phase { mode: 0, row: 0, sample: 0, rows: 1 }];
+        Self { sizes, width, data, phases, repeat: None }
     }
 
     /// The phase after this one, if its mode has been entered; else the same.
-    pub fn phase_in(&self, phase: usize, mode: i32) -> usize {
-        let entered = self.phases.get(phase + 1).is_some_and(|next| next.mode == mode);
-        if entered && self.phases[phase].mode != mode { phase + 1 } else { phase.min(self.phases.len() - 1) }
+    pub fn place_in(&self, Place { turn, phase }: Place, mode: i32) -> Place {
+        let phase = phase.min(self.phases.len() - 1);
+        let next = match phase + 1 == self.phases.len() && self.repeat.is_some() {
+            true => Place { turn: turn + 1, phase: 0 },
+            false => Place { turn, phase: phase + 1 },
+        };
+        let entered = self.phases.get(next.phase).is_some_and(|next| next.mode == mode);
+        if entered && self.phases[phase].mode != mode { next } else { Place { turn, phase } }
     }
 
     /// The phase of sample `k` by plan: where two overlap, the second one from the middle on.
-    pub fn phase_at(&self, k: usize) -> usize {
-        let begun = |pair: &&[Phase]| 2 * k >= pair[0].sample + pair[0].rows + pair[1].sample;
-        self.phases.windows(2).take_while(begun).count()
+    pub fn place_at(&self, k: i64) -> Place {
+        let turn = self.repeat.as_ref().map_or(0, |repeat| k.div_euclid(repeat.samples));
+        let k = self.within(turn, k);
+        let begun = |pair: &&[Phase]| 2 * k >= pair[0].sample + pair[0].rows as i64 + pair[1].sample;
+        Place { turn, phase: self.phases.windows(2).take_while(begun).count() }
     }
 
-    /// The row of sample `k` in a phase.
-    pub fn row(&self, phase: usize, k: usize) -> Row<'_> {
+    /// Sample `k` counted from the begin of a turn.
+    fn within(&self, turn: i64, k: i64) -> i64 {
+        k - turn * self.repeat.as_ref().map_or(0, |repeat| repeat.samples)
+    }
+
+    /// Change of nominal state `i` up to a turn.
+    pub fn advance(&self, turn: i64, i: usize) -> f64 {
+        self.repeat.as_ref().map_or(0.0, |repeat| turn as f64 * repeat.advance[i])
+    }
+
+    /// The row of sample `k` in a phase; its states and measured signals are those of the first turn.
+    pub fn row(&self, Place { turn, phase }: Place, k: i64) -> Row<'_> {
         let Phase { row, sample, rows, .. } = self.phases[phase.min(self.phases.len() - 1)];
-        let row = row + k.saturating_sub(sample).min(rows - 1);
+        let row = row + (self.within(turn, k) - sample).clamp(0, rows as i64 - 1) as usize;
         let mut rest = &self.data[row * self.width..];
         let mut take = |len: usize| {
             let (block, tail) = rest.split_at(len);
@@ -179,7 +216,26 @@ impl Gains {
         let width = expected.len() - if with_phases { 1 + PHASES.len() } else { 1 };
         let mut data = Vec::new();
         let mut phases: Vec<Phase> = Vec::new();
+        // Phases that begin again begin before sample 0.
+        let repeats = text.lines().any(|line| line.starts_with(REPEAT));
+        let mut repeat = None;
         for (line, text) in lines {
+            let wrong = |problem: String| Err(format!("{place}, line {line}: {problem}"));
+            if repeat.is_some() {
+                return wrong(format!("the line `{REPEAT}` is the last one"));
+            }
+            if let Some(fields) = text.strip_prefix(REPEAT) {
+                match Repeat::parse(fields, sizes.n).filter(|_| with_phases) {
+                    Some(found) => repeat = Some(found),
+                    None => {
+                        return wrong(format!(
+                            "`{REPEAT}` stands below phases, before a number of samples and {} finite numbers",
+                            sizes.n
+                        ));
+                    }
+                }
+                continue;
+            }
             let before = data.len();
             let mut place_in_phases = [0.0; 2];
             for (field, name) in text.split(',').zip(&expected) {
@@ -203,16 +259,18 @@ impl Gains {
             let row = before / width;
             let [sample, mode] = if with_phases { place_in_phases } else { [row as f64, 0.0] };
             let whole = |value: f64| value.fract() == 0.0 && (0.0..1e9).contains(&value);
-            if !whole(sample) || !whole(mode.abs()) {
+            let whole_sample = whole(if repeats && phases.len() <= 1 { sample.abs() } else { sample });
+            if !whole_sample || !whole(mode.abs()) {
                 return Err(format!(
-                    "{place}, line {line}: sample {sample}, mode {mode}; both are whole numbers, samples from 0 on"
+                    "{place}, line {line}: sample {sample}, mode {mode}; both are whole numbers, samples from 0 on behind the \
+                     first phase"
                 ));
             }
-            let (sample, mode) = (sample as usize, mode as i32);
+            let (sample, mode) = (sample as i64, mode as i32);
             match phases.last_mut().filter(|phase| phase.mode == mode) {
-                Some(phase) if sample == phase.sample + phase.rows => phase.rows += 1,
+                Some(phase) if sample == phase.sample + phase.rows as i64 => phase.rows += 1,
                 Some(phase) => {
-                    let next = phase.sample + phase.rows;
+                    let next = phase.sample + phase.rows as i64;
                     return Err(format!(
                         "{place}, line {line}: sample {sample}; in this phase {next} is next"
                     ));
@@ -223,6 +281,17 @@ impl Gains {
         if data.is_empty() {
             return Err(format!("{place}: the table has no row below its header"));
         }
-        Ok(Self { sizes, width, data, phases })
+        Ok(Self { sizes, width, data, phases, repeat })
+    }
+}
+
+impl Repeat {
+    /// Reads what stands behind the word: `,samples,advance[1]..advance[n]`.
+    fn parse(fields: &str, n: usize) -> Option<Self> {
+        let mut fields = fields.strip_prefix(',')?.split(',').map(str::trim);
+        let samples = fields.next()?.parse().ok().filter(|samples| (1..1_000_000_000).contains(samples))?;
+        let advance: Option<Vec<f64>> =
+            fields.map(|field| field.parse().ok().filter(|x: &f64| x.is_finite())).collect();
+        advance.filter(|advance| advance.len() == n).map(|advance| Self { samples, advance })
     }
 }

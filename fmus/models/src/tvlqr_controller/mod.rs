@@ -10,7 +10,7 @@ mod tests;
 use fmi2_export::{
     Boolean, Identity, Integer, Memory, MemoryBlock, Model, Outcome, Real, Refusal, Scalar, Table, Values,
 };
-use gains::{Gains, MAX_NU, MAX_NX, MAX_NY, Row};
+use gains::{Gains, MAX_NU, MAX_NX, MAX_NY, Place, Row};
 use library::Library;
 use std::path::Path;
 use std::sync::Arc;
@@ -38,7 +38,8 @@ const UNLIMITED: f64 = 1e15;
 /// | `mode` | 1 | mode of the plant, for tables with phases |
 ///
 /// A table with phases has rows for each of them, beyond its ends as well: a phase begins at the first sample at which
-/// `mode` is that of the next one, whenever that is, and `x0 + e` continues without a jump.
+/// `mode` is that of the next one, whenever that is, and `x0 + e` continues without a jump. Where the table says so, the
+/// first phase comes after the last, with nominal states and measured signals that have moved on.
 ///
 /// The estimate starts on the trajectory. Sampled in both interfaces; `u(k)` depends on `y(k)`.
 pub struct TvlqrController {
@@ -55,8 +56,9 @@ pub struct TvlqrController {
     table: Memory,
     /// Number of the next sample.
     sample: Memory,
-    /// Phase of the last sample.
+    /// Phase of the last sample, and the times at which phases had begun again.
     phase: Memory,
+    turn: Memory,
     /// Predicted deviations of the next sample, from the trajectory of that phase.
     predicted: MemoryBlock,
     /// Outputs of the last sample: inputs of the plant, then the estimate.
@@ -77,30 +79,38 @@ impl TvlqrController {
         self.library.get(q[self.table].value())
     }
 
+    /// Phase of the last sample.
+    fn before<S: Scalar>(&self, q: &Values<S>) -> Place {
+        Place { turn: q[self.turn].value() as i64, phase: q[self.phase].value() as usize }
+    }
+
     /// Phase and row of the present sample.
-    fn row<'g, S: Scalar>(&self, q: &Values<S>, gains: &'g Gains) -> (usize, Row<'g>) {
-        let sample = q[self.sample].value() as usize;
-        let phase = match q[self.feedback] {
-            true => gains.phase_in(q[self.phase].value() as usize, q[self.mode]),
+    fn row<'g, S: Scalar>(&self, q: &Values<S>, gains: &'g Gains) -> (Place, Row<'g>) {
+        let sample = q[self.sample].value() as i64;
+        let place = match q[self.feedback] {
+            true => gains.place_in(self.before(q), q[self.mode]),
             // Open loop: whatever the plant does.
-            false => gains.phase_at(sample),
+            false => gains.place_at(sample),
         };
-        (phase, gains.row(phase, sample))
+        (place, gains.row(place, sample))
     }
 
     /// Correction by the measurement, then feedback.
-    fn correct<S: Scalar>(&self, q: &Values<S>, gains: &Gains, row: &Row<'_>) -> Sample<S> {
+    fn correct<S: Scalar>(&self, q: &Values<S>, gains: &Gains, (place, row): (Place, &Row<'_>)) -> Sample<S> {
         let (n, m, p) = (gains.sizes.n, gains.sizes.m, gains.sizes.p);
-        let before = gains.row(q[self.phase].value() as usize, q[self.sample].value() as usize);
+        let last = self.before(q);
+        let before = gains.row(last, q[self.sample].value() as i64);
+        let nominal = |place: Place, row: &Row<'_>, i: usize| row.x[i] + gains.advance(place.turn, i);
         let mut deviation = [S::zero(); MAX_NX];
         for (i, e) in deviation.iter_mut().enumerate().take(n) {
             // Zero within a phase.
-            *e = q[self.predicted.at(i)] + (before.x[i] - row.x[i]);
+            *e = q[self.predicted.at(i)] + (nominal(last, &before, i) - nominal(place, row, i));
         }
         let mut innovation = [S::zero(); MAX_NY];
         for (j, innovation) in innovation.iter_mut().enumerate().take(p) {
-            let expected =
-                (0..n).fold(S::from(row.y[j]), |sum, i| sum + deviation[i] * row.output[j * n + i]);
+            let expected = (0..n).fold(S::from(row.y[j]), |sum, i| {
+                sum + (deviation[i] + gains.advance(place.turn, i)) * row.output[j * n + i]
+            });
             *innovation = q[self.y[j]] + q[self.noise[j]] - expected;
         }
         for (i, e) in deviation.iter_mut().enumerate().take(n) {
@@ -177,6 +187,7 @@ impl Model for TvlqrController {
             table: t.memory(1).at(0),
             sample: t.memory(1).at(0),
             phase: t.memory(1).at(0),
+            turn: t.memory(1).at(0),
             predicted: t.memory(MAX_NX),
             held: t.memory(MAX_NU + MAX_NX),
             library: Library::new(),
@@ -217,8 +228,8 @@ impl Model for TvlqrController {
             let text = "the FMU state comes from an FMU with another table; restore one of this FMU";
             return Err(Refusal::Error(text.into()));
         };
-        let (_, row) = self.row(q, &gains);
-        let sample = self.correct(q, &gains, &row);
+        let (place, row) = self.row(q, &gains);
+        let sample = self.correct(q, &gains, (place, &row));
         if let Some(i) = sample.deviation.iter().position(|e| !e.value().is_finite()) {
             return Err(Refusal::Error(format!(
                 "the estimate x_hat[{}] is not finite at t = {} s; are all measured signals finite?",
@@ -230,7 +241,8 @@ impl Model for TvlqrController {
             q[*variable] = u;
         }
         for (i, variable) in self.x_hat.iter().enumerate() {
-            q[*variable] = sample.deviation[i] + row.x.get(i).copied().unwrap_or(0.0);
+            let nominal = row.x.get(i).map_or(0.0, |x| x + gains.advance(place.turn, i));
+            q[*variable] = sample.deviation[i] + nominal;
         }
         Ok(())
     }
@@ -243,8 +255,8 @@ impl Model for TvlqrController {
         // Without the table the equations were refused before.
         let Some(gains) = self.gains(q) else { return };
         let (n, m) = (gains.sizes.n, gains.sizes.m);
-        let (phase, row) = self.row(q, &gains);
-        let sample = self.correct(q, &gains, &row);
+        let (place, row) = self.row(q, &gains);
+        let sample = self.correct(q, &gains, (place, &row));
         for (j, u) in self.u.iter().enumerate() {
             q[self.held.at(j)] = q[*u];
         }
@@ -258,7 +270,7 @@ impl Model for TvlqrController {
             q[self.predicted.at(i)] = of_inputs;
         }
         q[self.sample] += 1.0;
-        q[self.phase] = phase as f64;
+        (q[self.phase], q[self.turn]) = (place.phase as f64, place.turn as f64);
     }
 
     /// Wide limits, so that every output shows what it depends on.

@@ -226,3 +226,44 @@ fn gaps_and_fractions_in_the_samples_of_a_phase_are_named() {
         assert!(message.contains(expected), "{message}");
     }
 }
+
+#[test]
+fn phases_begin_again_further_on() {
+    let (model, variables) = Table::of::<TvlqrController>();
+    let text = format!("{TWO_PHASES}repeat,3,100\n");
+    let place = folder("again-and-again", &text);
+    let mut q = variables.start_values(Interface::CoSimulation);
+    model.load_resources(Some(&place), &mut q).unwrap();
+    let mut at = |mode: i32| {
+        q[model.mode] = mode;
+        step(&model, &mut q);
+        (q[model.x_hat[0]], q[model.u[0]])
+    };
+    assert_eq!([at(5), at(7), at(7)], [(10.0, 1.0), (11.0, 2.0 + 9.0), (12.0, 3.0 + 9.0)]);
+    // x_hat was 12 at the end of the second phase; the first one plans 110 here, but has no feedback.
+    assert_eq!([at(5), at(5)], [(12.0, 1.0), (13.0, 1.0)]);
+    // The second one plans 121 in its last row.
+    assert_eq!(at(7), (14.0, 3.0 - (14.0 - 121.0)));
+
+    let mut q = variables.start_values(Interface::CoSimulation);
+    model.load_resources(Some(&place), &mut q).unwrap();
+    q[model.feedback] = false;
+    let mut played = || {
+        step(&model, &mut q);
+        q[model.u[0]]
+    };
+    let played: Vec<f64> = (0..7).map(|_| played()).collect();
+    assert_eq!(played, [1.0, 1.0, 3.0, 1.0, 1.0, 3.0, 1.0]);
+    std::fs::remove_dir_all(place).unwrap();
+}
+
+#[test]
+fn a_line_of_repetition_that_does_not_fit_is_named() {
+    for line in ["repeat,3", "repeat,3,1,2", "repeat,0,1", "repeat,2.5,1", "repeat,3,inf"] {
+        let message =
+            Gains::parse(&format!("{TWO_PHASES}{line}\n"), Path::new("controller.csv")).unwrap_err();
+        assert!(message.contains("line 7: `repeat` stands below phases"), "{message}");
+    }
+    let (text, _) = table(1, 1, 1, 2);
+    assert!(Gains::parse(&format!("{text}repeat,2,1\n"), Path::new("c.csv")).is_err());
+}

@@ -193,6 +193,7 @@ fn write(
         remarks: vec![("Verdict".into(), verdict.to_vec()), ("Warnings".into(), warnings.to_vec())],
         tables: vec![self::table(entries), notes(entries)],
         figures: figures.into_iter().map(|(_, svg)| svg).collect(),
+        ..Page::default()
     };
     write_file(&folder.join("index.html"), |out| out.write_all(fit_page::html(&page).as_bytes()))?;
     results.commit()

@@ -106,6 +106,7 @@ impl Results {
             ],
             tables,
             figures: self.figures.iter().map(|(_, svg)| svg.clone()).collect(),
+            ..Page::default()
         }
     }
 }

@@ -30,7 +30,7 @@ use airloop_plan::guess::{self, Choice, Rough};
 use airloop_plan::prepare::{Prepared, prepare_statement};
 use airloop_plan::solve::{Begin, Progress, Session, Settings, Solved};
 use airloop_plan::{Error as PlanError, table, verify};
-use airloop_plan::{balance, departure};
+use airloop_plan::{balance, cycle, departure};
 use airloop_report::plot;
 
 /// Exit code when no motion keeps the constraints near where the search ended.
@@ -88,6 +88,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
             .transpose()?;
     let along = rollouts.as_ref().and_then(|rollouts| rollouts.continuous.as_ref().ok());
     let departure = along.and_then(|rollout| departure::departure(prepared, solved.trajectory(), rollout));
+    let closure = cycle::closure(prepared, solved.trajectory(), along)?;
     let forces = match &rollouts {
         Some(_) => balance::recomputed(prepared, solved.trajectory())?,
         None => None,
@@ -109,6 +110,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
         table: table.as_ref(),
         diagnosis: diagnosis.as_ref(),
         departure: departure.as_ref(),
+        closure: closure.as_ref(),
         forces: forces.as_ref(),
         began,
         plots: !args.no_plots,

@@ -4,6 +4,7 @@ use std::path::Path;
 
 use crate::table::table;
 use airloop_optim::Note;
+use airloop_plan::cycle::Closure;
 use airloop_plan::file::transcription_name;
 use airloop_plan::recheck::{Kept, Recheck};
 use airloop_plan::record::Summary;
@@ -49,6 +50,19 @@ fn delivered(summary: &Summary) -> String {
         };
     }
     text
+}
+
+/// How a motion that repeats itself closes, in words.
+fn closed(closure: &Closure) -> String {
+    let mut text = format!("cycle: the plan closes to {}", short(closure.plan));
+    if let Some(rolled) = &closure.rollout {
+        let worst = rolled.iter().max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()));
+        text += &worst.map_or_else(String::new, |(name, off)| {
+            format!(", its continuous roll-out to {} ({name})", short(off.abs()))
+        });
+    }
+    let advance = closure.advance.iter().map(|(name, by)| format!("; {name} advances by {}", short(*by)));
+    text + &advance.collect::<String>() + "\n"
 }
 
 /// Limits that the roll-out violates, and when the events happen that end phases, in words.
@@ -168,6 +182,7 @@ pub fn report(summary: &Summary, folder: &Path, plots: bool) -> String {
             }
         }
     }
+    text += &summary.cycle.as_ref().map_or_else(String::new, closed);
     text += &summary.recheck.as_ref().map_or_else(String::new, rechecked);
     text += &delivered(summary);
     let time = &summary.time;

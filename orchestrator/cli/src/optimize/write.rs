@@ -12,15 +12,15 @@ use airloop_cosim::results::summary::FmuRecord;
 use airloop_ocp::transcription::IntervalErrors;
 use airloop_optim::{Note, Status};
 use airloop_plan::balance::Recomputed;
+use airloop_plan::cycle::Closure;
 use airloop_plan::deliver::Delivery;
 use airloop_plan::departure::Departure;
 use airloop_plan::diagnose::Diagnosis;
-use airloop_plan::file::{Length, Rod, transcription_name};
+use airloop_plan::file::transcription_name;
 use airloop_plan::prepare::Prepared;
 use airloop_plan::recheck::{Recheck, recheck};
 use airloop_plan::record::{
-    self, AnimationRecord, FinalError, PassRecord, RodRecord, SCHEMA_VERSION, SignalRecord, StickRecord,
-    Summary, Times,
+    self, AnimationRecord, FinalError, PassRecord, SCHEMA_VERSION, SignalRecord, StickRecord, Summary, Times,
 };
 use airloop_plan::solve::{Done, Solved};
 use airloop_plan::verify::{Rollout, Rollouts};
@@ -88,6 +88,8 @@ pub struct Results<'a> {
     pub diagnosis: Option<&'a Diagnosis>,
     /// The phase that the system does not enter or keep as planned, where there is one.
     pub departure: Option<&'a Departure>,
+    /// How a motion that repeats itself closes.
+    pub closure: Option<&'a Closure>,
     /// Forces of constraints recomputed from the energy.
     pub forces: Option<&'a Recomputed>,
     /// Whether figures are drawn.
@@ -166,11 +168,7 @@ impl Results<'_> {
         let drawn = [statement.stick_figure.is_some(), self.delivery.is_some()];
         let drawn = MORE_FIGURES.iter().zip(drawn).filter(|(_, wanted)| *wanted && self.plots);
         figures.splice(0..0, drawn.map(|(name, _)| (*name).to_owned()));
-        let stick_figure = statement.stick_figure.as_ref().map(|figure| StickRecord {
-            x: self.shown(&figure.x.text),
-            y: self.shown(&figure.y.text),
-            rods: figure.rods.iter().map(|rod| self.rod(rod)).collect(),
-        });
+        let stick_figure = StickRecord::of(prepared);
         let animation = statement.animation.as_ref().map(|animation| AnimationRecord {
             cart: self.shown(&animation.cart.text),
             angle: self.shown(&animation.angle.text),
@@ -221,6 +219,7 @@ impl Results<'_> {
             }),
             open_loop_final_state_error: errors,
             recheck: self.recheck(),
+            cycle: self.closure.cloned(),
             max_interval_error: solved.errors.iter().map(IntervalErrors::largest).reduce(f64::max),
             time: Times {
                 load: loaded,
@@ -242,17 +241,6 @@ impl Results<'_> {
             files: files.iter().map(|&name| name.to_owned()).collect(),
             figures,
             notes: prepared.notes.iter().chain(self.notes).cloned().chain(more).collect(),
-        }
-    }
-
-    fn rod(&self, rod: &Rod) -> RodRecord {
-        RodRecord {
-            name: rod.name.clone(),
-            angles: rod.angle.names().iter().map(|angle| self.shown(angle)).collect(),
-            length: match &rod.length {
-                Length::Variable(name) => Length::Variable(self.shown(name)),
-                Length::Number(length) => Length::Number(*length),
-            },
         }
     }
 

@@ -24,9 +24,9 @@ pub mod sampled;
 mod tests;
 pub mod tvlqr;
 
-pub use controller::{Controller, Estimate, PhaseRows};
+pub use controller::{Controller, Estimate, PhaseRows, Repeat};
 pub use error::Error;
 pub use nominal::Nominal;
-pub use phases::{Event, Leg, Phases};
+pub use phases::{Event, Leg, Monodromy, Periodic, Phases, Turn};
 pub use sampled::{Linearization, Sampled};
 pub use tvlqr::{Design, Measured, design};

@@ -10,6 +10,8 @@
 //!
 //! `Xi = DR + (f+ - DR f-) Dg / (Dg f-)`, with guard g, reset map R, and rates f- before and f+ after the event.
 
+mod cycle;
+
 use nalgebra::{DMatrix, RowDVector};
 
 use super::controller::{Controller, PhaseRows, Row};
@@ -17,6 +19,8 @@ use super::nominal::{self, Knots};
 use super::tvlqr::{Design, gains, row};
 use super::{Error, Linearization, Nominal, Sampled};
 use crate::transcription::{Point, Reset};
+
+pub use cycle::{Monodromy, Periodic, Turn};
 
 /// One phase of a plan.
 pub struct Leg<'a> {
@@ -95,7 +99,7 @@ impl<'a> Phases<'a> {
         let mut phases = Phases { legs, rates, own, nominal };
         for leg in 0..phases.legs.len() {
             for k in phases.own[leg].clone() {
-                let (state, input) = phases.sample(leg, k)?;
+                let (state, input) = phases.sample(leg, k as i64)?;
                 phases.nominal.states.push(state);
                 phases.nominal.inputs.push(input);
             }
@@ -112,7 +116,7 @@ impl<'a> Phases<'a> {
     }
 
     /// Nominal states and inputs of a leg at sample `k`, beyond its ends as well.
-    fn sample(&mut self, leg: usize, k: usize) -> Result<(Vec<f64>, Vec<f64>), Error> {
+    fn sample(&mut self, leg: usize, k: i64) -> Result<(Vec<f64>, Vec<f64>), Error> {
         let (time, h) = (self.nominal.start + k as f64 * self.nominal.sample_time, self.nominal.sample_time);
         let mut state = self.legs[leg].state(&self.rates[leg], time)?;
         let held = self.legs[leg].plant.held().to_vec();
@@ -124,7 +128,7 @@ impl<'a> Phases<'a> {
             return Ok((state, self.legs[leg].knots.input(time + 0.5 * h)));
         }
         // The sample with the event leads to where the next leg begins.
-        let ends = k + 1 == self.own[leg].end && leg + 1 < self.legs.len();
+        let ends = k + 1 == self.own[leg].end as i64 && leg + 1 < self.legs.len();
         let next = if ends { leg + 1 } else { leg };
         let after = self.legs[next].state(&self.rates[next], time + 1.5 * h)?;
         let input = self.legs[leg].knots.input(time + h);
@@ -132,8 +136,19 @@ impl<'a> Phases<'a> {
         Ok((state, input))
     }
 
-    /// Saltation matrix of the event that ends a leg; rows of sampled states are those of the identity.
-    fn saltation(&mut self, leg: usize, event: &mut Event) -> Result<DMatrix<f64>, Error> {
+    /// The leg after a leg; in a plan that repeats itself the last one is followed by the first.
+    fn next(&self, leg: usize) -> usize {
+        (leg + 1) % self.legs.len()
+    }
+
+    /// Saltation matrix of the event that ends a leg; rows of sampled states are those of the identity. From the event
+    /// on the inputs are those of the next leg, or `inputs`.
+    fn saltation(
+        &mut self,
+        leg: usize,
+        event: &mut Event,
+        inputs: Option<&[f64]>,
+    ) -> Result<DMatrix<f64>, Error> {
         let knots = self.legs[leg].knots;
         let last = knots.time.len() - 1;
         let (time, x, u) = (knots.time[last], &knots.states[last], &knots.inputs[last]);
@@ -165,24 +180,32 @@ impl<'a> Phases<'a> {
             reset.jacobian(x, &mut values, &mut slopes).map_err(Error::at(time))?;
             jump = DMatrix::from_row_slice(of.after, of.before, &slopes[..of.after * of.before]);
         }
-        let next = &mut self.legs[leg + 1];
+        let following = self.next(leg);
+        let next = &mut self.legs[following];
         let knots = next.knots;
-        let after = next.rates(time, &knots.states[0], &knots.inputs[0])?;
+        let after = next.rates(knots.time[0], &knots.states[0], inputs.unwrap_or(&knots.inputs[0]))?;
         let lost = &jump * DMatrix::from_column_slice(n, 1, &before);
         let mut added = DMatrix::from_column_slice(n, 1, &after) - lost;
         next.plant.held().iter().for_each(|&i| added[(i, 0)] = 0.0);
         Ok(jump + added * guard / speed)
     }
 
-    /// The sample in which a leg ends, with the event inside.
-    fn across(&mut self, leg: usize, k: usize, event: &mut Event) -> Result<Linearization, Error> {
-        let saltation = self.saltation(leg, event)?;
+    /// The sample in which a leg ends, with the event inside; `inputs` as in [`Phases::saltation`].
+    fn across(
+        &mut self,
+        leg: usize,
+        k: usize,
+        event: &mut Event,
+        inputs: Option<&[f64]>,
+    ) -> Result<Linearization, Error> {
+        let saltation = self.saltation(leg, event, inputs)?;
         let (time, h) = (self.nominal.time(k), self.nominal.sample_time);
         let at = Point { time, states: &self.nominal.states[k], inputs: &self.nominal.inputs[k] };
         let end = self.legs[leg].knots.time[self.legs[leg].knots.time.len() - 1];
         let before = self.legs[leg].plant.flow(at, end - time)?;
-        let mut state = self.legs[leg + 1].knots.states[0].clone();
-        let next = &mut self.legs[leg + 1].plant;
+        let following = self.next(leg);
+        let mut state = self.legs[following].knots.states[0].clone();
+        let next = &mut self.legs[following].plant;
         next.held().iter().for_each(|&i| state[i] = before.next[i]);
         let after = next.flow(Point { time: end, states: &state, inputs: at.inputs }, time + h - end)?;
         let carried = &after.a * saltation;
@@ -210,7 +233,7 @@ impl<'a> Phases<'a> {
             let hold = leg + 1 == self.legs.len();
             for k in own.start..own.end + usize::from(hold) {
                 let sample = match events.get_mut(leg).filter(|_| k + 1 == own.end) {
-                    Some(event) => self.across(leg, k, event)?,
+                    Some(event) => self.across(leg, k, event, None)?,
                     None => self.legs[leg].plant.linearize(point(&self.nominal, k))?,
                 };
                 let after = self.nominal.states.get(k + 1);
@@ -227,7 +250,7 @@ impl<'a> Phases<'a> {
         };
         let (start, sample_time) = (self.nominal.start, self.nominal.sample_time);
         let limits = design.limits.clone();
-        Ok((Controller { start, sample_time, rows: all, phases, limits }, rows))
+        Ok((Controller { start, sample_time, rows: all, phases, repeat: None, limits }, rows))
     }
 
     /// Rows of every leg from before its begin to behind its end; beyond its own samples with the gains of the next of
@@ -243,29 +266,44 @@ impl<'a> Phases<'a> {
         let last_leg = self.legs.len() - 1;
         for (leg, &mode) in modes.iter().enumerate().take(self.legs.len()) {
             let own = self.own[leg].clone();
-            let from = if leg == 0 { own.start } else { own.start.saturating_sub(more) };
-            let to = if leg == last_leg { own.end } else { own.end + more };
-            let mut now = self.sample(leg, from)?;
-            for k in from..to {
-                let next = self.sample(leg, k + 1)?;
-                let at = Point { time: self.nominal.time(k), states: &now.0, inputs: &now.1 };
-                let plant = &mut self.legs[leg].plant;
-                let sample = plant.linearize(at)?;
-                let mut one = row(plant, at, &sample, Some(&next.0), design, disturbed)?;
-                let gains = &chain[k.clamp(own.start, own.end - 1)];
-                (one.feedback, one.correction) = (gains.feedback.clone(), gains.correction.clone());
-                rows.push(one);
-                now = next;
-            }
+            let from = if leg == 0 { own.start } else { own.start.saturating_sub(more) } as i64;
+            let to = if leg == last_leg { own.end } else { own.end + more } as i64;
+            self.rows_of(leg, from..to, chain, (design, disturbed), &mut rows)?;
             let hold = (leg == last_leg).then(|| chain[chain.len() - 1].clone());
             phases.push(PhaseRows {
                 mode,
                 first_sample: from,
-                rows: to - from + usize::from(hold.is_some()),
+                rows: (to - from) as usize + usize::from(hold.is_some()),
             });
             rows.extend(hold);
         }
         Ok((rows, phases))
+    }
+
+    /// Rows of a leg at samples, with the gains of the nearest row of its own in `chain`.
+    fn rows_of(
+        &mut self,
+        leg: usize,
+        samples: std::ops::Range<i64>,
+        chain: &[Row],
+        (design, disturbed): (&Design, &[usize]),
+        rows: &mut Vec<Row>,
+    ) -> Result<(), Error> {
+        let own = self.own[leg].clone();
+        let mut now = self.sample(leg, samples.start)?;
+        for k in samples {
+            let next = self.sample(leg, k + 1)?;
+            let time = self.nominal.start + k as f64 * self.nominal.sample_time;
+            let at = Point { time, states: &now.0, inputs: &now.1 };
+            let plant = &mut self.legs[leg].plant;
+            let sample = plant.linearize(at)?;
+            let mut one = row(plant, at, &sample, Some(&next.0), design, disturbed)?;
+            let gains = &chain[k.clamp(own.start as i64, own.end as i64 - 1) as usize];
+            (one.feedback, one.correction) = (gains.feedback.clone(), gains.correction.clone());
+            rows.push(one);
+            now = next;
+        }
+        Ok(())
     }
 }
 

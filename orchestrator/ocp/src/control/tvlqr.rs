@@ -113,6 +113,7 @@ pub fn design(plant: &mut Sampled<'_>, nominal: &Nominal, design: &Design) -> Re
         sample_time: nominal.sample_time,
         rows,
         phases: Vec::new(),
+        repeat: None,
         limits: design.limits.clone(),
     })
 }

@@ -3,7 +3,7 @@
 use super::check;
 use super::dynamics::Size;
 use super::error::Error;
-use super::link::{Reset, ResetSize, StateLink};
+use super::link::{Link, Reset, ResetSize, StateLink};
 use super::part::Part;
 use super::problem::{Limit, Variable};
 use airloop_optim::{Bounds, EvaluationError};
@@ -16,7 +16,7 @@ pub(super) enum States<'p> {
 }
 
 impl<'p> States<'p> {
-    pub fn borrowed(states: &'p mut StateLink) -> States<'p> {
+    fn borrowed(states: &'p mut StateLink) -> States<'p> {
         match states {
             StateLink::Continuous => States::Continuous,
             StateLink::Pairs(pairs) => States::Pairs(pairs.clone()),
@@ -24,12 +24,34 @@ impl<'p> States<'p> {
         }
     }
 
-    pub fn owned(states: StateLink) -> States<'static> {
+    fn owned(states: StateLink) -> States<'static> {
         match states {
             StateLink::Continuous => States::Continuous,
             StateLink::Pairs(pairs) => States::Pairs(pairs),
             StateLink::Reset(reset, limits) => States::Reset(reset, limits),
         }
+    }
+}
+
+/// Pairs of inputs that are continuous, and states after a reset that are free.
+pub(super) struct Rest {
+    pub inputs: Vec<(usize, usize)>,
+    pub free: Vec<usize>,
+}
+
+/// A link, borrowed or owned.
+pub(super) type Linked<'p> = (States<'p>, Rest);
+
+impl<'p> States<'p> {
+    /// A link of a problem that stays where it is.
+    pub fn of(link: &'p mut Link) -> Linked<'p> {
+        let rest = Rest { inputs: link.inputs.clone(), free: link.free.clone() };
+        (States::borrowed(&mut link.states), rest)
+    }
+
+    /// A link of a problem that becomes part of the program.
+    pub fn from(link: Link) -> Linked<'static> {
+        (States::owned(link.states), Rest { inputs: link.inputs, free: link.free })
     }
 }
 
@@ -51,21 +73,24 @@ pub(super) struct Joint<'p> {
     /// Pairs of variables that are equal, with the names of those before.
     pairs: Vec<(usize, usize)>,
     names: Vec<String>,
-    /// States at the end of the phase before, and at the start of that after.
+    /// States at the end of the phase before.
     before: Vec<usize>,
-    after: Vec<usize>,
+    /// Values of the map, and the states at the start of the phase after that are equal to them.
+    after: Vec<(usize, usize)>,
+    /// Whether it leads from the last phase back to the first.
+    closes: bool,
     /// First constraint.
     pub first: usize,
     pub stage: usize,
 }
 
 impl<'p> Joint<'p> {
-    /// `inputs` are the pairs that are continuous.
+    /// A link between two phases; it `closes` a cycle where the second is the first of all.
     pub fn new(
-        link: States<'p>,
-        inputs: &[(usize, usize)],
+        (link, Rest { inputs, free }): Linked<'p>,
         sides: [&Part; 2],
         first: usize,
+        closes: bool,
     ) -> Result<Joint<'p>, Error> {
         let [a, b] = sides;
         let wrong = |reason: String| Error::Link { before: a.name.clone(), after: b.name.clone(), reason };
@@ -118,6 +143,13 @@ impl<'p> Joint<'p> {
             _ => None,
         };
         let (mut pairs, mut names) = (Vec::new(), Vec::new());
+        if let Some(&state) = free.iter().find(|&&state| state >= after.len() || map.is_none()) {
+            let reason =
+                format!("state {state} after a reset is free, but there is no such state, or no reset");
+            return Err(wrong(reason));
+        }
+        let after: Vec<(usize, usize)> =
+            after.into_iter().enumerate().filter(|(i, _)| !free.contains(i)).collect();
         let inputs = inputs.iter().map(|pair| (pair, a.layout.states, b.layout.states, "input"));
         let all = chosen.iter().map(|pair| (pair, 0, 0, "state")).chain(inputs);
         for (&(i, j), offset_a, offset_b, kind) in all {
@@ -130,20 +162,20 @@ impl<'p> Joint<'p> {
             names.push(a.names[offset_a + i].clone());
         }
         if map.is_some() {
-            names.splice(0..0, b.names[..b.layout.states].iter().cloned());
+            names.splice(0..0, after.iter().map(|&(i, _)| b.names[i].clone()));
         }
         let stage = a.stage + a.layout.node_stage(n);
-        Ok(Joint { map, pairs, names, before, after, first, stage })
+        Ok(Joint { map, pairs, names, before, after, closes, first, stage })
     }
 
     pub fn constraints(&self) -> usize {
-        self.pairs.len() + self.map.as_ref().map_or(0, |map| map.size.after + map.limits.len())
+        self.pairs.len() + self.map.as_ref().map_or(0, |map| self.after.len() + map.limits.len())
     }
 
     /// Sets the bounds of its constraints: states of the reset, equal pairs, outputs of the reset.
     pub fn set_bounds(&self, bounds: &mut Bounds) {
         let Some(map) = &self.map else { return };
-        let first = self.first + map.size.after + self.pairs.len();
+        let first = self.first + self.after.len() + self.pairs.len();
         for (i, limit) in map.limits.iter().enumerate() {
             (bounds.lower[first + i], bounds.upper[first + i]) = (limit.lower, limit.upper);
         }
@@ -153,7 +185,10 @@ impl<'p> Joint<'p> {
     pub fn name(&self, row: usize) -> (String, Option<&Limit>) {
         match (&self.map, row.checked_sub(self.names.len())) {
             (Some(map), Some(limit)) => (map.limits[limit].name.clone(), Some(&map.limits[limit])),
-            (Some(map), None) if row < map.size.after => (format!("reset of {}", self.names[row]), None),
+            (Some(_), None) if row < self.after.len() => {
+                let what = if self.closes { "return" } else { "reset" };
+                (format!("{what} of {}", self.names[row]), None)
+            }
             _ => (format!("continuity of {}", self.names[row.min(self.names.len() - 1)]), None),
         }
     }
@@ -176,7 +211,7 @@ impl<'p> Joint<'p> {
             next += 1;
         };
         if let Some(map) = &self.map {
-            self.after.iter().zip(&map.values).for_each(|(&j, value)| put(x[j] - value));
+            self.after.iter().for_each(|&(i, j)| put(x[j] - map.values[i]));
         }
         self.pairs.iter().for_each(|&(i, j)| put(x[j] - x[i]));
         if let Some(map) = &self.map {
@@ -189,7 +224,7 @@ impl<'p> Joint<'p> {
     pub fn jacobian_places(&self, places: &mut Vec<(usize, usize)>) {
         let mut row = self.first;
         if self.map.is_some() {
-            for &j in &self.after {
+            for &(_, j) in &self.after {
                 places.push((row, j));
                 places.extend(self.before.iter().map(|&i| (row, i)));
                 row += 1;
@@ -213,9 +248,9 @@ impl<'p> Joint<'p> {
         };
         let n = self.before.len();
         if let Some(map) = &self.map {
-            for row in map.jacobian.chunks_exact(n).take(map.size.after) {
+            for &(i, _) in &self.after {
                 put(1.0);
-                row.iter().for_each(|value| put(-value));
+                map.jacobian[i * n..][..n].iter().for_each(|value| put(-value));
             }
         }
         self.pairs.iter().for_each(|_| [1.0, -1.0].into_iter().for_each(&mut put));
@@ -247,11 +282,11 @@ impl<'p> Joint<'p> {
         multipliers: &[f64],
         values: &mut [f64],
     ) -> Result<usize, EvaluationError> {
-        let (own, pairs) = (&multipliers[self.first..], self.pairs.len());
+        let (own, others) = (&multipliers[self.first..], self.after.len() + self.pairs.len());
         let Some(map) = &mut self.map else { return Ok(0) };
         map.weights.fill(0.0);
-        map.weights[..map.size.after].iter_mut().zip(own).for_each(|(weight, m)| *weight = -m);
-        for (limit, m) in map.limits.iter().zip(&own[map.size.after + pairs..]) {
+        self.after.iter().zip(own).for_each(|(&(i, _), m)| map.weights[i] = -m);
+        for (limit, m) in map.limits.iter().zip(&own[others..]) {
             outputs(limit).for_each(|(i, c)| map.weights[map.size.after + i] += m * c);
         }
         map.reset.hessian(&map.at, &map.weights, &mut map.hessian)?;

@@ -1,4 +1,4 @@
-//! Transition from a phase to the next.
+//! Transition from a phase to the next, or from the last one back to the first.
 
 use super::problem::Limit;
 use airloop_optim::EvaluationError;
@@ -95,22 +95,24 @@ pub enum StateLink {
     Reset(Box<dyn Reset>, Vec<Limit>),
 }
 
-/// Link of a phase to the next.
+/// Link of a phase to the next, or of the last phase back to the first.
 pub struct Link {
     /// States.
     pub states: StateLink,
     /// Pairs (input before, input after) that are continuous; other inputs are free to jump.
     pub inputs: Vec<(usize, usize)>,
+    /// States after a reset map that are free all the same, such as the way made in a periodic motion.
+    pub free: Vec<usize>,
 }
 
 impl Link {
     /// Continuous states, inputs free to jump.
     pub fn continuous() -> Link {
-        Link { states: StateLink::Continuous, inputs: Vec::new() }
+        Link { states: StateLink::Continuous, inputs: Vec::new(), free: Vec::new() }
     }
 
     /// A reset map, inputs free to jump.
     pub fn reset(reset: Box<dyn Reset>, limits: Vec<Limit>) -> Link {
-        Link { states: StateLink::Reset(reset, limits), inputs: Vec::new() }
+        Link { states: StateLink::Reset(reset, limits), inputs: Vec::new(), free: Vec::new() }
     }
 }

@@ -27,6 +27,7 @@ mod pattern;
 mod probe;
 pub mod problem;
 pub mod program;
+pub mod relabeling;
 pub mod relaxed;
 mod scheme;
 mod shift;
@@ -47,6 +48,7 @@ pub use problem::{
     Cost, Duration, Limit, LimitPlace, Path, Phase, Place, Problem, Quantity, RateLimit, Shooting, Variable,
 };
 pub use program::{Discretization, Program};
+pub use relabeling::{Relabeled, Relabeling};
 pub use relaxed::{Conflict, conflict};
 pub use solve::{From, Outcome, Refinement, Round, refine, refined, solve_on};
 pub use solver::Solver;

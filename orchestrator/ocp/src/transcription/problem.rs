@@ -3,7 +3,7 @@
 //! ```text
 //! minimize   sum over phases of  integral sum w (q - r)^2 dt + sum w (q(end) - r)^2 + w T
 //! subject to dx/dt = f(t, x, u), bounds on quantities q along the path and at both ends, on the rates of inputs and on
-//!            the durations T, and links between a phase and the next
+//!            the durations T, and links between a phase and the next, in periodic motions also from the last to the first
 //! ```
 //!
 //! A quantity q is a linear combination of states, inputs and outputs. How time is made discrete is left to
@@ -234,11 +234,13 @@ pub struct Problem {
     pub phases: Vec<Phase>,
     /// Links, one fewer than phases.
     pub links: Vec<Link>,
+    /// Link of the last phase to the first, of a motion that repeats itself; none: it ends.
+    pub cycle: Option<Link>,
 }
 
 impl Problem {
     /// A problem of one phase.
     pub fn single(phase: Phase) -> Problem {
-        Problem { phases: vec![phase], links: Vec::new() }
+        Problem { phases: vec![phase], ..Problem::default() }
     }
 }

@@ -4,7 +4,7 @@ use super::bounds::VariableBounds;
 use super::dynamics::Dynamics;
 use super::error::Error;
 use super::evaluate::{Data, curvature, evaluate, node_cost, widest};
-use super::joint::{Joint, States};
+use super::joint::{Joint, Linked, States};
 use super::part::{Label, Part};
 use super::pattern::Pattern;
 use super::probe::Probe;
@@ -42,7 +42,7 @@ enum Known {
 /// Variables: the phases one after another, in each the nodes `(T, x, u)`, each followed by what is variable in the
 /// middle of its interval; T only where the duration is free, and no input at the last node where inputs are held.
 /// Constraints: in each phase, node by node, those at the node, then the defects and the other constraints of the
-/// interval that follows; after all phases the links.
+/// interval that follows; after all phases the links, that back to the first phase last.
 ///
 /// Values computed at a point serve all functions asked for there. Evaluations allocate nothing, except for threads.
 pub struct Program<'p> {
@@ -66,14 +66,14 @@ impl<'p> Program<'p> {
     /// [`Error`] says what in the problem or its meshes makes that impossible.
     pub fn new(problem: &'p mut Problem, discretization: &Discretization) -> Result<Program<'p>, Error> {
         let parts = parts(problem, discretization)?;
-        let Problem { phases, links } = problem;
+        let Problem { phases, links, cycle } = problem;
         let dynamics = phases.iter_mut().map(|phase| {
             let all = phase.dynamics.iter_mut();
             all.map(|one| Box::new(one.as_mut()) as Box<dyn Dynamics + 'p>).collect()
         });
         let dynamics = dynamics.collect();
-        let links = links.iter_mut().map(|link| (States::borrowed(&mut link.states), link.inputs.clone()));
-        Program::assemble(parts, dynamics, links.collect(), discretization)
+        let links = (links.iter_mut().map(States::of).collect(), cycle.as_mut().map(States::of));
+        Program::assemble(parts, dynamics, links, discretization)
     }
 
     /// Same as [`Program::new`], of a problem that becomes part of the program.
@@ -82,22 +82,27 @@ impl<'p> Program<'p> {
     /// Same as [`Program::new`].
     pub fn owning(mut problem: Problem, discretization: &Discretization) -> Result<Program<'static>, Error> {
         let parts = parts(&mut problem, discretization)?;
-        let Problem { phases, links } = problem;
+        let Problem { phases, links, cycle } = problem;
         let dynamics = phases.into_iter().map(|phase| phase.dynamics).collect();
-        let links = links.into_iter().map(|link| (States::owned(link.states), link.inputs)).collect();
+        let links = (links.into_iter().map(States::from).collect(), cycle.map(States::from));
         Program::assemble(parts, dynamics, links, discretization)
     }
 
     fn assemble(
         (parts, patterns, bounds): (Vec<Part>, Vec<Pattern>, VariableBounds),
         dynamics: Vec<Vec<Box<dyn Dynamics + 'p>>>,
-        links: Vec<(States<'p>, Vec<(usize, usize)>)>,
+        (links, cycle): (Vec<Linked<'p>>, Option<Linked<'p>>),
         discretization: &Discretization,
     ) -> Result<Program<'p>, Error> {
         let mut next = parts.last().map_or(0, |part| part.end_constraint);
         let mut joints: Vec<Joint<'p>> = Vec::new();
-        for ((states, inputs), sides) in links.into_iter().zip(parts.windows(2)) {
-            let joint = Joint::new(states, &inputs, [&sides[0], &sides[1]], next)?;
+        for (link, sides) in links.into_iter().zip(parts.windows(2)) {
+            let joint = Joint::new(link, [&sides[0], &sides[1]], next, false)?;
+            next += joint.constraints();
+            joints.push(joint);
+        }
+        if let (Some(link), Some(last)) = (cycle, parts.last()) {
+            let joint = Joint::new(link, [last, &parts[0]], next, true)?;
             next += joint.constraints();
             joints.push(joint);
         }
@@ -418,6 +423,9 @@ impl Nlp for Program<'_> {
         for joint in &self.joints {
             stages.constraints[joint.first..joint.first + joint.constraints()].fill(joint.stage);
         }
+        if self.joints.len() == self.parts.len() {
+            fold(&mut stages);
+        }
         Some(stages)
     }
 
@@ -427,6 +435,15 @@ impl Nlp for Program<'_> {
 
     fn constraint_name(&self, constraint: usize) -> String {
         super::names::constraint(self, constraint)
+    }
+}
+
+/// Folds a ring of stages into a chain: the first stage and the last become one, as do the second and the last but one,
+/// so that neighbors in the ring are neighbors in the chain.
+fn fold(stages: &mut Stages) {
+    let last = stages.variables.iter().copied().max().unwrap_or(0);
+    for stage in stages.variables.iter_mut().chain(&mut stages.constraints) {
+        *stage = (*stage).min(last - *stage);
     }
 }
 
@@ -470,6 +487,7 @@ impl Program<'_> {
         }
         let (i, joint) = self.joints.iter().enumerate().rfind(|(_, joint)| joint.first <= constraint)?;
         let (name, limit) = joint.name(constraint - joint.first);
-        Some(Position::Joint(&self.parts[i + 1], name, limit, begins[i + 1]))
+        // The link of the last phase leads to the first.
+        Some(Position::Joint(&self.parts[(i + 1) % self.parts.len()], name, limit, begins[i + 1]))
     }
 }

@@ -53,7 +53,7 @@ pub fn problem(free: bool) -> (Problem, Vec<Mesh>) {
         Link::reset(Box::new(Impact), vec![Limit::between("impulse", "N s", Variable::Output(0), 0.0, 4.0)]);
     link.inputs = vec![(1, 0)];
     let meshes = vec![Mesh::new(vec![0.0, 0.3, 0.6, 1.0]).unwrap(), Mesh::uniform(2)];
-    (Problem { phases, links: vec![link] }, meshes)
+    (Problem { phases, links: vec![link], cycle: None }, meshes)
 }
 
 /// Whether a transcription can do with free durations here, where one state is linear.

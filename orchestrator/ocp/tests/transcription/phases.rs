@@ -207,7 +207,7 @@ fn a_ball_that_bounces_rises_to_the_square_of_the_restitution() {
         phases[1].end = vec![Limit::equal("apex", "m/s", velocity(), 0.0)];
         let impulse = Limit::between("impulse", "N s", Variable::Output(0), 0.0, 20.0);
         let links = vec![Link::reset(Box::new(Bounce(restitution)), vec![impulse])];
-        let mut problem = Problem { phases: phases.into(), links };
+        let mut problem = Problem { phases: phases.into(), links, cycle: None };
         let guess = Trajectory::guess(vec![
             line("fall", [0.0, 0.3], [height, 0.0], [0.0, -3.0]),
             line("rise", [0.3, 0.6], [0.0, 3.0], [0.3, 0.0]),
@@ -236,7 +236,7 @@ fn dash(end: Limit) -> Problem {
     first.start =
         vec![Limit::equal("start", "m", position(), 0.0), Limit::equal("rest", "m/s", velocity(), 0.0)];
     second.end = vec![end];
-    Problem { phases: vec![first, second], links: vec![Link::continuous()] }
+    Problem { phases: vec![first, second], links: vec![Link::continuous()], cycle: None }
 }
 
 fn broken(end: Limit) -> Vec<String> {
@@ -261,4 +261,47 @@ fn what_has_to_give_way_is_named_with_its_phase_and_its_least_amount() {
     let missed = "phase `second`, sum: position + velocity >= 3 at t = 1 s violated by 1.5";
     assert_eq!(broken(Limit::between("sum", "", sum, 3.0, f64::INFINITY)), [missed]);
     assert_eq!(broken(Limit::equal("goal", "m", position(), 0.4)), [""; 0]);
+}
+
+/// A ball that bounces with restitution 1/2 and is kept bouncing at equal heights with the least effort: with
+/// x'' = u - g over T = 1 s, u = a + b t, x(0) = x(1) = 0 and x'(0) = -x'(1)/2 follow a = g, b = -3 g / 2, cost g^2 / 4,
+/// x'(0) = g / 4.
+#[test]
+fn a_ball_is_kept_bouncing_with_the_least_effort() {
+    let g = 10.0;
+    for transcription in [Transcription::HermiteSimpson, Transcription::HermiteSimpsonSeparated] {
+        let mut problem = Problem::default();
+        for name in ["first half", "second half"] {
+            let mut phase = Phase::new(name, vec![Mass::boxed(-g)], Duration::Fixed(0.5));
+            phase.integral = vec![Cost::square(thrust(), 1.0)];
+            problem.phases.push(phase);
+        }
+        problem.phases[0].start = vec![Limit::equal("floor", "m", position(), 0.0)];
+        problem.phases[1].end = vec![Limit::equal("floor", "m", position(), 0.0)];
+        problem.links.push(Link::continuous());
+        // The position returns by the conditions above.
+        problem.cycle = Some(Link { free: vec![0], ..Link::reset(Box::new(Bounce(0.5)), Vec::new()) });
+        let line = |name, a, b| line(name, [a, b], [0.0, 0.0], [0.0, 0.0]);
+        let guess = Trajectory::guess(vec![line("first half", 0.0, 0.5), line("second half", 0.5, 1.0)]);
+        let (solution, trajectory) = run(&mut problem, transcription, &[5, 7], &guess);
+        assert!((solution.objective - g * g / 4.0).abs() < 1e-7, "{}", solution.objective);
+        let (first, last) = (&trajectory.phases[0].states[0], trajectory.phases[1].states.last().unwrap());
+        assert!((first[1] - g / 4.0).abs() < 1e-7 && (first[1] + 0.5 * last[1]).abs() < 1e-10);
+        let mut program =
+            Program::new(&mut problem, &Discretization::uniform(transcription, &[5, 7])).unwrap();
+        let mut x = solution.x.clone();
+        x[1] += 0.5;
+        let names: Vec<String> =
+            program.violations(&x, 1e-6).unwrap().iter().map(|v| v.name.clone()).collect();
+        assert!(names.contains(&"return of velocity".to_owned()), "{names:?}");
+    }
+}
+
+#[test]
+fn a_free_state_of_a_link_without_a_reset_is_refused() {
+    let mut problem = fastest(1);
+    problem.cycle = Some(Link { free: vec![0], ..Link::continuous() });
+    let on = Discretization::uniform(Transcription::HermiteSimpson, &[4]);
+    let error = Program::new(&mut problem, &on).err().unwrap().to_string();
+    assert!(error.contains("no reset"), "{error}");
 }

@@ -4,6 +4,7 @@
 //! The meaning of names and units in a system is left to [`crate::task`].
 
 pub mod balance;
+pub mod cycle;
 pub mod declared;
 pub mod feed_forward;
 pub mod guess;

@@ -25,7 +25,8 @@ pub struct Phase {
     pub parameters: Parameters,
     /// "2 s", or a range in which it is to be found.
     pub duration: Duration,
-    /// A jump of states from the end of the phase before; default: they are continuous.
+    /// A jump of states from the end of the phase before, in a cycle also of the first phase from the end of the last;
+    /// default: they are continuous.
     pub reset: Option<Placed<Reset>>,
     /// Conditions at the start; states that are not named keep the start values of the system.
     #[serde(default)]

@@ -6,6 +6,7 @@ use schemars::JsonSchema;
 use serde::Deserialize;
 
 use super::balance::Balance;
+use super::cycle::Cycle;
 use super::feed_forward::FeedForward;
 use super::guess::Guess;
 use super::phase::{Bound, Condition, Cost, Duration, Phase, Rate, bounds_schema, sums_schema};
@@ -49,6 +50,8 @@ pub struct Statement {
     #[serde(default, rename = "phase")]
     #[schemars(length(min = 1))]
     pub phases: Vec<Placed<Phase>>,
+    /// A motion that repeats itself.
+    pub cycle: Option<Placed<Cycle>>,
     // The keys of the only phase; they move to `phases` when the file is read.
     /// "2 s", or a range in which it is to be found.
     duration: Option<Duration>,

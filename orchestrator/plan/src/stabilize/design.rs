@@ -6,12 +6,13 @@ use super::Settings;
 use super::following::{Following, Plant, sections};
 use super::settings::InputLimits;
 use crate::Error;
+use crate::cycle::Return;
 use crate::file::{Quantity, Text};
 use crate::prepare::Prepared;
 use crate::task::{Signal, Task, seconds};
 use airloop_ocp::control::controller::Row;
 use airloop_ocp::control::nominal::Knots;
-use airloop_ocp::control::{Controller, Design, Leg, Measured, Nominal, Sampled, design};
+use airloop_ocp::control::{Controller, Design, Leg, Measured, Monodromy, Nominal, Sampled, Turn, design};
 use airloop_ocp::transcription::Point;
 use airloop_series::{Interpolation, TimeSeries};
 
@@ -31,7 +32,7 @@ pub struct Plan<'a> {
 pub struct Stabilized {
     /// The controller.
     pub controller: Controller,
-    /// Its rows at the samples of `nominal`.
+    /// Its rows at the samples of `nominal`; of a plan that repeats itself up to where it begins again.
     pub rows: Vec<Row>,
     /// The trajectory on the samples.
     pub nominal: Nominal,
@@ -45,9 +46,27 @@ pub struct Stabilized {
     pub measured: Vec<usize>,
     /// Component and output that tell the phase.
     pub mode: Option<(usize, usize)>,
+    /// Multipliers of a plan that repeats itself.
+    pub repeated: Option<Repeated>,
     /// Choices made for the user, one sentence each.
     pub notes: Vec<String>,
 }
+
+/// A plan that repeats itself.
+#[derive(Debug, Clone)]
+pub struct Repeated {
+    /// Turns that `nominal` covers.
+    pub turns: usize,
+    /// Under its own inputs.
+    pub open_loop: Monodromy,
+    /// Under the regulator.
+    pub closed_loop: Monodromy,
+    /// Turns after which the gains repeat themselves.
+    pub turns_to_periodic_gains: usize,
+}
+
+/// Turns of a cycle where the settings say nothing.
+const TURNS: u32 = 20;
 
 /// Designs a controller for a plan.
 ///
@@ -56,7 +75,7 @@ pub struct Stabilized {
 /// what [`airloop_ocp::control`] says.
 pub fn stabilize(prepared: &mut Prepared, plan: Plan<'_>, settings: &Settings) -> Result<Stabilized, Error> {
     let place = |problem: String| Error::Place { place: plan.file.display().to_string(), problem };
-    let Prepared { setup: prepared, dynamics, resets } = prepared;
+    let Prepared { setup: prepared, dynamics, resets, cycle } = prepared;
     let source = &settings.source;
     let signals = &prepared.task.signals;
     let catalog = &prepared.catalog;
@@ -101,9 +120,9 @@ pub fn stabilize(prepared: &mut Prepared, plan: Plan<'_>, settings: &Settings) -
             name: &phase.name,
         });
     }
-    let mut plant = Plant::new(legs)?;
-    let nominal = plant.nominal().clone();
-    if !nominal.rests {
+    let mut plant = Plant::new(legs, cycle.is_some())?;
+    let mut nominal = plant.nominal().clone();
+    if !nominal.rests && cycle.is_none() {
         notes.push(
             "the plan does not end at rest: after its end the last state is aimed at, which no input holds"
                 .into(),
@@ -151,6 +170,12 @@ pub fn stabilize(prepared: &mut Prepared, plan: Plan<'_>, settings: &Settings) -
         }
     }
     let mut wanted = Design::of(&nominal, measured, noise, limits);
+    let turn = cycle.as_ref().map(|cycle| {
+        let Return { states, inputs, free, .. } = cycle;
+        let count = settings.phases.as_ref().and_then(|own| own.turns).unwrap_or(TURNS) as usize;
+        Turn { states: states.clone(), inputs: inputs.clone(), free: free.clone(), count }
+    });
+    turn.iter().for_each(|turn| turn.share(&mut wanted));
     let put = |entries: &[(Text, Quantity)], states: &mut Vec<f64>, inputs: Option<&mut Vec<f64>>| {
         let mut inputs = inputs;
         for entry in entries {
@@ -173,6 +198,7 @@ pub fn stabilize(prepared: &mut Prepared, plan: Plan<'_>, settings: &Settings) -
     put(&settings.deviation, &mut wanted.state_deviation, Some(&mut wanted.input_deviation))?;
     put(&settings.drift, &mut wanted.state_drift, Some(&mut wanted.input_drift))?;
     put(&settings.initial, &mut wanted.initial, None)?;
+    let mut repeated = None;
     let (controller, rows, mode) = match &mut plant {
         Plant::One(leg, nominal) => {
             let controller = design(&mut leg.plant, nominal, &wanted)?;
@@ -180,9 +206,22 @@ pub fn stabilize(prepared: &mut Prepared, plan: Plan<'_>, settings: &Settings) -
             (controller, rows, None)
         }
         Plant::Several(phases) => {
-            let following = Following::of(prepared, settings, resets)?;
-            let (controller, rows) = phases.design(following.events, &following.how, &wanted)?;
-            (controller, rows, following.mode)
+            let Following { how, events, mode } = Following::of(prepared, settings, resets, cycle.as_ref())?;
+            let (controller, rows) = match turn {
+                None => phases.design(events, &how, &wanted)?,
+                Some(turn) => {
+                    let made = phases.design_cycle(events, &how, &wanted, &turn)?;
+                    repeated = Some(Repeated {
+                        turns: turn.count,
+                        open_loop: made.open_loop,
+                        closed_loop: made.closed_loop,
+                        turns_to_periodic_gains: made.turns_to_periodic_gains,
+                    });
+                    nominal = phases.nominal.clone();
+                    (made.controller, made.rows)
+                }
+            };
+            (controller, rows, mode)
         }
     };
     let name = |&index: &usize| catalog.variables()[index].name.clone();
@@ -198,6 +237,7 @@ pub fn stabilize(prepared: &mut Prepared, plan: Plan<'_>, settings: &Settings) -
         inputs: signals.inputs.clone(),
         measured: indices,
         mode,
+        repeated,
         notes,
     })
 }

@@ -6,13 +6,14 @@ use super::Settings;
 use super::design::Plan;
 use super::wiring::find;
 use crate::Error;
+use crate::cycle::Return;
 use crate::file::Place;
 use crate::prepare::Setup;
 use crate::reset::Jump;
 use crate::task::{Signal, seconds};
 use airloop_cosim::system::graph::DataType;
 use airloop_ocp::control::{self, Event, Leg, Nominal, Phases, phases};
-use airloop_ocp::transcription::StateLink;
+use airloop_ocp::transcription::Reset;
 
 /// Default time by which the trajectory of a phase goes beyond its ends \[s\].
 const OVERLAP: f64 = 0.05;
@@ -26,8 +27,9 @@ pub(super) enum Plant<'a> {
 }
 
 impl<'a> Plant<'a> {
-    pub(super) fn new(mut legs: Vec<Leg<'a>>) -> Result<Plant<'a>, control::Error> {
-        match (legs.pop(), legs.is_empty()) {
+    /// Of the legs of a plan, which may repeat itself.
+    pub(super) fn new(mut legs: Vec<Leg<'a>>, repeats: bool) -> Result<Plant<'a>, control::Error> {
+        match (legs.pop(), legs.is_empty() && !repeats) {
             (Some(mut one), true) => {
                 let nominal = Nominal::new(&mut one.plant, &one.knots)?;
                 Ok(Plant::One(one, nominal))
@@ -88,40 +90,46 @@ impl Following {
         setup: &Setup,
         settings: &Settings,
         resets: &[Option<Jump>],
+        cycle: Option<&Return>,
     ) -> Result<Following, Error> {
         let source = &settings.source;
         let count = setup.task.phases.len();
+        // In a cycle the last phase ends with an event, too.
+        let ends = if cycle.is_some() { count } else { count - 1 };
         let own = settings.phases.as_ref().ok_or_else(|| {
             let problem = format!(
-                "the plan has {count} phases; add [phases] with `guards`, the {} outputs that pass through zero where \
+                "the plan has {count} phases; add [phases] with `guards`, the {ends} outputs that pass through zero where \
                  they end",
-                count - 1
             );
             source.error_at(Place(0), problem)
         })?;
         let start = own.guards.first().map_or(Place(0), |guard| guard.place);
-        if own.guards.len() + 1 != count {
-            let problem =
-                format!("{} guards for {count} phases; give one fewer than phases", own.guards.len());
+        if own.guards.len() != ends {
+            let wanted =
+                if cycle.is_some() { "in a cycle give one per phase" } else { "give one fewer than phases" };
+            let problem = format!("{} guards for {count} phases; {wanted}", own.guards.len());
             return Err(source.error_at(start, problem));
         }
         let mut events = Vec::new();
-        for (guard, jump) in own.guards.iter().zip(resets) {
+        let jumps = resets.iter().map(Some).chain([None]);
+        for (guard, jump) in own.guards.iter().zip(jumps) {
             let (index, _) = setup.catalog.want(source, guard)?;
             let Some(Signal::Output(guard)) = setup.task.signals.of(index) else {
                 let problem =
                     format!("`{}` is not an output that the problem names; bound it there", guard.text);
                 return Err(source.error_at(guard.place, problem));
             };
-            let reset = match jump.as_ref().map(Jump::link).transpose()?.map(|link| link.states) {
-                Some(StateLink::Reset(reset, _)) => Some(reset),
-                _ => None,
+            let reset: Option<Box<dyn Reset>> = match (jump, cycle) {
+                (Some(jump), _) => jump.as_ref().map(Jump::reset).transpose()?,
+                (None, Some(cycle)) => Some(Box::new(cycle.reset()?)),
+                (None, None) => None,
             };
             events.push(Event { guard, reset });
         }
         let mut mode = None;
         if let Some((name, modes)) = own.mode.as_ref().zip(own.modes.as_ref()) {
-            if modes.len() != count {
+            // In a cycle the design knows after how many turns states are back in their places.
+            if modes.len() != count && (cycle.is_none() || modes.len() % count != 0) {
                 let problem = format!("{} modes for {count} phases; give one per phase", modes.len());
                 return Err(source.error_at(name.place, problem));
             }

@@ -18,7 +18,7 @@ use airloop_fmi::derive::{Derivation, Value, derive};
 use airloop_fmi::template_folder::template;
 use airloop_ocp::control::Controller;
 
-pub use design::{Plan, Stabilized, stabilize};
+pub use design::{Plan, Repeated, Stabilized, stabilize};
 pub use settings::Settings;
 
 /// The FMU that is derived from.

@@ -71,8 +71,8 @@ pub fn predictive(
     let own = settings.nmpc.as_ref().map_or(&none, |own| own);
     let place = settings.nmpc.as_ref().map_or(Place(0), |own| own.place);
     let signals = &prepared.task.signals;
-    if prepared.task.phases.len() != 1 {
-        let problem = "model predictive control is for plans with one phase; leave --nmpc out";
+    if prepared.task.phases.len() != 1 || stabilized.repeated.is_some() {
+        let problem = "model predictive control is for plans with one phase that end; leave --nmpc out";
         return Err(source.error_at(place, problem));
     }
     let time = |quantity: &Option<Quantity>, default: f64| {

@@ -8,6 +8,8 @@ use serde::{Deserialize, Serialize};
 use super::Stabilized;
 use crate::Error;
 use crate::catalog::Catalog;
+use crate::record::StickRecord;
+use airloop_ocp::control::Monodromy;
 use airloop_series::TimeSeries;
 
 /// Version of the layout; it grows when a field changes its meaning or goes.
@@ -33,6 +35,55 @@ pub struct SignalRecord {
     pub limits: Option<(f64, f64)>,
 }
 
+/// A plan that repeats itself.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct CycleRecord {
+    /// Turns over which the closed loop is run.
+    pub turns: usize,
+    /// Time of one \[s\].
+    pub period: f64,
+    /// Under the inputs of the plan.
+    pub open_loop: MonodromyRecord,
+    /// Under the regulator, all states known.
+    pub closed_loop: MonodromyRecord,
+    /// Turns after which the gains repeat themselves.
+    pub turns_to_periodic_gains: usize,
+}
+
+/// Derivatives of the states at the begin of a turn by those at the begin of the one before.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct MonodromyRecord {
+    /// Poincaré multipliers, real and imaginary part, the largest first; those of free states, which are 1 without
+    /// feedback, are left out there.
+    pub multipliers: Vec<(f64, f64)>,
+    /// Largest magnitude of a multiplier.
+    pub radius: f64,
+    /// The matrix row by row, states in the order of `signals`.
+    pub matrix: Vec<Vec<f64>>,
+}
+
+/// The record of a monodromy matrix.
+fn monodromy(own: &Monodromy) -> MonodromyRecord {
+    MonodromyRecord {
+        multipliers: own.multipliers.iter().map(|one| (one.re, one.im)).collect(),
+        radius: own.multipliers.iter().map(|one| one.norm()).fold(0.0, f64::max),
+        matrix: own.matrix.row_iter().map(|row| row.iter().copied().collect()).collect(),
+    }
+}
+
+/// The cycle of a stabilized plan, if it has one.
+pub fn cycle(stabilized: &Stabilized) -> Option<CycleRecord> {
+    let own = stabilized.repeated.as_ref()?;
+    let samples = stabilized.nominal.samples() / own.turns;
+    Some(CycleRecord {
+        turns: own.turns,
+        period: samples as f64 * stabilized.nominal.sample_time,
+        open_loop: monodromy(&own.open_loop),
+        closed_loop: monodromy(&own.closed_loop),
+        turns_to_periodic_gains: own.turns_to_periodic_gains,
+    })
+}
+
 /// `summary.json` of `airloop stabilize`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Summary {
@@ -56,6 +107,12 @@ pub struct Summary {
     pub rests: bool,
     /// States, inputs and measured signals.
     pub signals: Vec<SignalRecord>,
+    /// Multipliers of a plan that repeats itself.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub cycle: Option<CycleRecord>,
+    /// Rods that the page shows.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub stick_figure: Option<StickRecord>,
     /// Largest distance of the closed loop from the plan without noise and perturbation, by signal.
     pub largest_error: BTreeMap<String, f64>,
     /// Wall-clock time of the design \[s\].

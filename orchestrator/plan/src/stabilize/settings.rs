@@ -84,16 +84,19 @@ pub struct InputLimits {
 #[derive(Debug, Clone, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct PhaseSettings {
-    /// Outputs that pass through zero at the ends of all phases but the last.
+    /// Outputs that pass through zero at the ends of all phases but the last, in a cycle of all.
     pub guards: Vec<Text>,
     /// Integer output that tells the phase; without it phases begin by time.
     pub mode: Option<Text>,
-    /// Its value in every phase.
+    /// Its value in every phase; in a cycle also in those of further turns, until all states are back in their places.
     pub modes: Option<Vec<i32>>,
     /// How far the trajectory of a phase goes on beyond its ends.
     pub overlap: Option<Quantity>,
-    /// Time by which the regulator looks beyond the end of the plan.
+    /// Time by which the regulator looks beyond the end of the plan; not in a cycle, whose gains repeat themselves.
     pub horizon: Option<Quantity>,
+    /// Turns of a cycle that the closed loop is run for; default: 20. The controller goes on for ever.
+    #[schemars(range(min = 1, max = 10000))]
+    pub turns: Option<u32>,
 }
 
 /// Trials of the closed loop.
@@ -225,6 +228,9 @@ impl Settings {
                            noise, such as theta = \"0.1 deg\"";
             return Some((Place(0), problem));
         }
+        let turns =
+            self.phases.iter().find(|own| own.turns.is_some_and(|turns| !(1..=10000).contains(&turns)));
+        let turns = turns.map(|own| (own.place, "`turns` of [phases] is a whole number from 1 to 10000"));
         let alone = self.phases.iter().find(|own| own.mode.is_some() != own.modes.is_some());
         let alone = alone.map(|own| {
             (own.place, "`mode` and `modes` belong together: an output and its value in every phase")
@@ -246,7 +252,10 @@ impl Settings {
                 _ => None,
             }
         });
-        nmpc.or(alone).or(aimless).or(open.map(|one| (one.place, "a criterion has `min`, `max` or both")))
+        nmpc.or(turns)
+            .or(alone)
+            .or(aimless)
+            .or(open.map(|one| (one.place, "a criterion has `min`, `max` or both")))
     }
 }
 
@@ -294,6 +303,7 @@ mod tests {
             ),
             ("[sensors]\nx = 1\n[nmpc]\nmargin = 0.6\n", "line 3, column 1: `margin` of [nmpc]"),
             ("[sensors]\nx = 1\n[nmpc]\niterations = 0\n", "from 1 to 1000"),
+            ("[sensors]\nx = 1\n[phases]\nguards = []\nturns = 0\n", "from 1 to 10000"),
             ("[sensors]\nx = 1\n[nmpc]\nhorizn = 1\n", "line 4"),
         ];
         for (text, expected) in cases {

@@ -142,7 +142,9 @@ fn closed_loop(
     }
     closed.experiment.start = Some(stabilized.nominal.start);
     let end = stabilized.nominal.time(stabilized.nominal.samples());
-    closed.experiment.stop = Some(end + (end - stabilized.nominal.start));
+    // A plan that ends is held for as long as it took.
+    let hold = if stabilized.repeated.is_some() { 0.0 } else { end - stabilized.nominal.start };
+    closed.experiment.stop = Some(end + hold);
     closed.order = order::evaluation_order(&closed);
     closed.loops = order::algebraic_loops(&closed);
     Ok(closed)

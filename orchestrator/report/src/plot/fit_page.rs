@@ -17,6 +17,8 @@ pub struct Page {
     pub lead: String,
     /// Remarks under their headings, as `Verdict` and `Warnings`; empty lists are left out.
     pub remarks: Vec<(String, Vec<String>)>,
+    /// Element of HTML with a motion; may be empty.
+    pub motion: String,
     /// Tables.
     pub tables: Vec<Table>,
     /// Figures, as SVG texts.
@@ -41,6 +43,7 @@ pub fn html(page: &Page) -> String {
         "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><meta name=\"viewport\" content=\"width=device-width\">\n<title>{title}</title>\n<style>{STYLE}</style></head>\n<body><main>\n<h1>{title}</h1>\n<p class=\"lead\">{}</p>\n",
         escape(&page.lead)
     );
+    html.push_str(&page.motion);
     for (heading, texts) in page.remarks.iter().filter(|(_, texts)| !texts.is_empty()) {
         // Writing into a String cannot fail.
         let _ = writeln!(html, "<h2>{}</h2>\n<ul>", escape(heading));

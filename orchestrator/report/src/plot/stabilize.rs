@@ -5,8 +5,9 @@ use std::path::{Path, PathBuf};
 use super::Error;
 use super::figures::{Curve, signals};
 use super::fit_page::{Page, Table, html};
+use super::plan::stick;
 use super::run::{short, unique_files, write};
-use airloop_plan::stabilize::record::{Summary, TrialsSummary, gain_column};
+use airloop_plan::stabilize::record::{MonodromyRecord, Summary, TrialsSummary, gain_column};
 use airloop_series::{TimeSeries, csv};
 
 /// The plan with its gains.
@@ -27,8 +28,9 @@ fn drawn(summary: &Summary) -> Vec<(&str, &str, bool)> {
 
 /// The figures of a stabilized plan that [`draw`] writes.
 pub fn figure_files(summary: &Summary) -> Vec<String> {
-    let names: Vec<String> =
-        drawn(summary).iter().map(|(name, ..)| (*name).to_owned()).chain(["gains".into()]).collect();
+    let more = summary.stick_figure.iter().map(|_| "stick_figure".to_owned());
+    let signals = drawn(summary).into_iter().map(|(name, ..)| name.to_owned()).chain(["gains".into()]);
+    let names: Vec<String> = signals.chain(more).collect();
     unique_files(names.iter().map(String::as_str))
 }
 
@@ -65,6 +67,27 @@ pub fn draw(folder: &Path, summary: &Summary) -> Result<Vec<PathBuf>, Error> {
         scaled.iter().map(|(name, values)| Curve { time: gains.time(), values, held: true, name }).collect();
     let unit = inputs.first().and_then(|input| input.unit.as_deref()).unwrap_or("");
     figures.push(signals(unit, &curves));
+    let mut motion = String::new();
+    if let Some(record) = &summary.stick_figure {
+        // As many poses a turn as a figure of one plan shows of it would be too many side by side.
+        let turns = summary.cycle.as_ref().map(|cycle| cycle.turns);
+        figures.push(stick::poses(&result, record, turns.map_or(stick::POSES, |turns| 2 * turns + 1)));
+        motion = stick::in_motion(record, &[("closed loop", Some(&result))]);
+    }
+    let multipliers = summary.cycle.iter().map(|cycle| {
+        let texts = |own: &MonodromyRecord| own.multipliers.iter().map(multiplier).collect::<Vec<_>>();
+        let (alone, held) = (texts(&cycle.open_loop), texts(&cycle.closed_loop));
+        let rows = (0..alone.len().max(held.len())).map(|i| {
+            let text = |list: &[String]| list.get(i).cloned().unwrap_or_default();
+            vec![(i + 1).to_string(), text(&alone), text(&held)]
+        });
+        Table {
+            heading: format!("Poincaré multipliers of the cycle of {} s", short(cycle.period)),
+            header: ["number", "as planned", "with the regulator"].map(String::from).to_vec(),
+            rows: rows.collect(),
+        }
+    });
+    let multipliers: Vec<Table> = multipliers.collect();
     let rows = summary.largest_error.iter().map(|(name, error)| {
         let unit =
             summary.signals.iter().find(|signal| signal.name == *name).and_then(|signal| signal.unit.clone());
@@ -78,14 +101,26 @@ pub fn draw(folder: &Path, summary: &Summary) -> Result<Vec<PathBuf>, Error> {
             summary.trajectory_file.display()
         ),
         remarks: vec![("Notes".into(), summary.notes.clone())],
-        tables: vec![Table {
-            heading: "Largest distance of the closed loop from the plan".into(),
-            header: ["signal", "distance", "unit"].map(String::from).to_vec(),
-            rows: rows.collect(),
-        }],
+        motion,
+        tables: multipliers
+            .into_iter()
+            .chain([Table {
+                heading: "Largest distance of the closed loop from the plan".into(),
+                header: ["signal", "distance", "unit"].map(String::from).to_vec(),
+                rows: rows.collect(),
+            }])
+            .collect(),
         figures: figures.clone(),
     };
     finish(folder, &page, summary.figures.iter().zip(&figures))
+}
+
+/// A multiplier, real part and, where there is one, imaginary part.
+fn multiplier((re, im): &(f64, f64)) -> String {
+    match im {
+        0.0 => short(*re),
+        im => format!("{} {} {}i", short(*re), if *im < 0.0 { "-" } else { "+" }, short(im.abs())),
+    }
 }
 
 /// Draws the figures of trials and the page that shows them, for signals with their units; returns what was written.
@@ -139,6 +174,7 @@ pub fn draw_trials(
             rows: rows.collect(),
         }],
         figures: figures.clone(),
+        ..Page::default()
     };
     finish(folder, &page, summary.figures.iter().zip(&figures))
 }

@@ -133,6 +133,7 @@ fn page(manifest: &Manifest, plan: &PlanFile, columns: &[Values]) -> Page {
         remarks: vec![("Not ok".into(), failures(&status.texts, &cause.texts))],
         tables,
         figures,
+        ..Page::default()
     }
 }
 

@@ -100,6 +100,7 @@ pub fn write(report: &Report, args: &Args) -> Result<String, Error> {
             .filter(|table| !table.rows.is_empty())
             .collect(),
         figures: figures.iter().map(|(_, svg)| svg.clone()).collect(),
+        ..Page::default()
     };
     write_text(&to.join("index.html"), &fit_page::html(&page))?;
     if let (Some(name), Some(template)) = (&args.fmu, &template) {

@@ -9,9 +9,9 @@ const SAMPLE: f64 = 0.01;
 const GRAVITY: f64 = 9.81;
 /// Share of the speed that is left after a bounce.
 const KEPT: f64 = 0.5;
-const SIZE: Size = Size { states: 2, inputs: 1, outputs: 1 };
+const SIZE: Size = Size { states: 2, inputs: 1, outputs: 2 };
 
-/// States height and velocity, input an acceleration, output the height.
+/// States height and velocity, input an acceleration, outputs the states.
 struct Ball(Structure);
 
 impl Dynamics for Ball {
@@ -22,10 +22,10 @@ impl Dynamics for Ball {
         &self.0
     }
     fn names(&self) -> Vec<String> {
-        ["height", "velocity", "push", "above"].map(String::from).to_vec()
+        ["height", "velocity", "push", "above", "rising"].map(String::from).to_vec()
     }
     fn evaluate(&mut self, at: Point<'_>, values: &mut [f64]) -> Result<(), EvaluationError> {
-        values.copy_from_slice(&[at.states[1], at.inputs[0] - GRAVITY, at.states[0]]);
+        values.copy_from_slice(&[at.states[1], at.inputs[0] - GRAVITY, at.states[0], at.states[1]]);
         Ok(())
     }
     fn jacobian(
@@ -35,7 +35,7 @@ impl Dynamics for Ball {
         jacobian: &mut [f64],
     ) -> Result<(), EvaluationError> {
         self.evaluate(at, values)?;
-        jacobian.copy_from_slice(&[0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 1.0, 0.0, 0.0]);
+        jacobian.copy_from_slice(&[0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0]);
         Ok(())
     }
     fn hessian(&mut self, _: Point<'_>, _: &[f64], hessian: &mut [f64]) -> Result<(), EvaluationError> {
@@ -136,7 +136,7 @@ fn the_sample_with_the_event_has_the_derivatives_of_the_bounce() {
     with_phases(|phases| {
         let k = phases.own[0].end - 1;
         assert_eq!(k, 45, "the ball lands at 0.4515 s");
-        let found = phases.across(0, k, &mut event()).unwrap();
+        let found = phases.across(0, k, &mut event(), None).unwrap();
         let start = (phases.nominal.states[k][0], phases.nominal.states[k][1]);
         let h = 1e-6;
         let at = |dy: f64, dv: f64, push: f64| {
@@ -215,7 +215,7 @@ fn an_event_that_is_only_touched_is_refused_with_phase_and_guard() {
         let top: Vec<Vec<f64>> = (0..11).map(|_| vec![0.0, 0.0]).collect();
         let knots = phases.legs[0].knots;
         phases.legs[0].knots = Knots { states: Box::leak(top.into_boxed_slice()), ..knots };
-        let message = phases.across(0, 45, &mut event()).unwrap_err().to_string();
+        let message = phases.across(0, 45, &mut event(), None).unwrap_err().to_string();
         assert!(message.contains("above") && message.contains("`fall`"), "{message}");
     });
 }
@@ -240,5 +240,115 @@ fn the_table_of_a_controller_with_phases_names_sample_and_mode() {
         // 46 samples of the fall and two beyond; the rise from two before.
         assert_eq!((places[47].as_str(), places[48].as_str()), ("47 4", "44 9"));
         assert_eq!(places.len(), controller.rows.len());
+    });
+}
+
+/// A ball that is kept bouncing, once a second: under the push g - 3/2 g t it rises until t = 1/sqrt(3) s and is back on
+/// the floor after 1 s, twice as fast as it left.
+fn with_turn<T>(then: impl FnOnce(&mut Phases<'_>) -> T) -> T {
+    let top = (1.0_f64 / 3.0).sqrt();
+    let table = |from: f64, to: f64| -> Table {
+        let time: Vec<f64> = (0..=20).map(|k| from + (to - from) * f64::from(k) / 20.0).collect();
+        let states = |t: &f64| vec![0.25 * GRAVITY * (t - t * t * t), 0.25 * GRAVITY * (1.0 - 3.0 * t * t)];
+        let inputs = |t: &f64| vec![GRAVITY - 1.5 * GRAVITY * t];
+        let (states, inputs) = (time.iter().map(states).collect(), time.iter().map(inputs).collect());
+        (time, states, inputs)
+    };
+    let tables = [table(0.0, top), table(top, 1.0)];
+    let mut balls = [Ball(Structure::dense(SIZE)), Ball(Structure::dense(SIZE))];
+    let mut legs = Vec::new();
+    for ((ball, (time, states, inputs)), name) in balls.iter_mut().zip(&tables).zip(["rise", "fall"]) {
+        let at = Point { time: 0.0, states: &states[0], inputs: &inputs[0] };
+        let plant = Sampled::new(ball, &[], SAMPLE, 1, at).unwrap();
+        legs.push(Leg {
+            plant,
+            knots: Knots { time, states, inputs, interpolation: Interpolation::Linear },
+            name,
+        });
+    }
+    then(&mut Phases::new(legs).unwrap())
+}
+
+fn design_turn(phases: &mut Phases<'_>, modes: Vec<i32>) -> Result<Periodic, Error> {
+    let following = Following { modes: Some(modes), overlap: 0.1, horizon: 0.5 };
+    let design = Design {
+        state_deviation: vec![0.05, 0.5],
+        input_deviation: vec![10.0],
+        measured: vec![crate::control::Measured::State(0), crate::control::Measured::State(1)],
+        noise: vec![1e-6; 2],
+        state_drift: vec![0.01; 2],
+        input_drift: vec![0.0],
+        initial: vec![0.01; 2],
+        limits: vec![(-1e3, 1e3)],
+    };
+    let turn = Turn { states: vec![(0, 1.0), (1, 1.0)], inputs: vec![(0, 1.0)], free: vec![], count: 20 };
+    let apex = Event { guard: 1, reset: None };
+    phases.design_cycle(vec![apex, event()], &following, &design, &turn)
+}
+
+#[test]
+fn multipliers_of_a_ball_that_is_kept_bouncing_are_those_of_its_saltation() {
+    with_turn(|phases| {
+        let made = design_turn(phases, vec![1, 2]).unwrap();
+        // With v- = -g/2, v+ = g/4 and the acceleration -3/2 g on both sides of the bounce:
+        // Xi = [[1 + (v+ - v-) / v-, 0], [(-3/2 g - 3/4 g) / v-, -1/2]], and Phi = [[1, 1], [0, 1]].
+        let expected = DMatrix::from_row_slice(2, 2, &[-0.5, -0.5, 4.5, 4.0]);
+        assert!((&made.open_loop.matrix - expected).norm() < 1e-9, "{}", made.open_loop.matrix);
+        let (sum, product): (f64, f64) = (3.5, 0.25);
+        let root = (0.25 * sum * sum - product).sqrt();
+        let found: Vec<f64> = made.open_loop.multipliers.iter().map(|one| one.re).collect();
+        assert!((found[0] - (0.5 * sum + root)).abs() < 1e-9 && (found[1] - (0.5 * sum - root)).abs() < 1e-9);
+        assert!(made.closed_loop.multipliers[0].norm() < 0.5, "{:?}", made.closed_loop.multipliers);
+    });
+}
+
+#[test]
+fn twenty_turns_are_held_and_the_controller_begins_again_after_each() {
+    with_turn(|phases| {
+        let Periodic { controller, .. } = design_turn(phases, vec![1, 2]).unwrap();
+        assert_eq!(controller.repeat.as_ref().unwrap().samples, 100);
+        assert_eq!(phases.nominal.samples(), 2000);
+        let run = |feedback: bool| {
+            let mut estimate = controller.begin();
+            let mut state = (0.0, 0.25 * GRAVITY + 0.1);
+            let mut largest = 0.0_f64;
+            for k in 0..2000 {
+                let mode = if state.1 > 0.0 { 1 } else { 2 };
+                let (command, _) = controller.step_in(&mut estimate, mode, &[state.0, state.1]);
+                let push = if feedback { command[0] } else { phases.nominal.inputs[k][0] };
+                // Within a sample after it left the floor it does not land.
+                state = match moved(state, push, SAMPLE) {
+                    (next, true) if state.0 > 1e-9 || state.1 < 0.0 => next,
+                    _ => (
+                        state.0 + state.1 * SAMPLE + 0.5 * (push - GRAVITY) * SAMPLE * SAMPLE,
+                        state.1 + (push - GRAVITY) * SAMPLE,
+                    ),
+                };
+                let t = k % 100 + 1;
+                if k >= 1900 && t == 50 {
+                    // A ball that has fallen through the floor has no height.
+                    let off = (state.0 - phases.nominal.states[k + 1][0]).abs();
+                    largest = if off.is_nan() { f64::INFINITY } else { largest.max(off) };
+                }
+            }
+            largest
+        };
+        let (held, alone) = (run(true), run(false));
+        assert!(held < 1e-3, "{held}");
+        assert!(alone > 0.1, "{alone}");
+    });
+}
+
+#[test]
+fn a_turn_that_cannot_be_followed_is_refused() {
+    with_turn(|phases| {
+        let message = design_turn(phases, vec![1, 1]).unwrap_err().to_string();
+        assert!(message.contains("same value"), "{message}");
+        let message = design_turn(phases, vec![1, 2, 3]).unwrap_err().to_string();
+        assert!(message.contains("in each of the 2"), "{message}");
+    });
+    with_phases(|phases| {
+        let message = design_turn(phases, vec![1, 2]).unwrap_err().to_string();
+        assert!(message.contains("no whole number of samples of 0.01 s"), "{message}");
     });
 }

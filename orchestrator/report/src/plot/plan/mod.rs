@@ -4,7 +4,7 @@ mod animation;
 mod figures;
 mod forces;
 mod page;
-mod stick;
+pub(super) mod stick;
 
 use std::path::{Path, PathBuf};
 

@@ -11,8 +11,10 @@ use airloop_plan::record::StickRecord;
 use airloop_series::resample::{locate, value_at};
 use airloop_series::{Interpolation, TimeSeries};
 
-/// Poses in the figure.
-const POSES: usize = 15;
+/// Poses in the figure of a plan.
+pub(in crate::plot) const POSES: usize = 15;
+/// Points of each path.
+const FINE: usize = 2000;
 /// Height of the plot in pixels; its width is that of the sheet.
 const HEIGHT: f64 = 620.0;
 /// Width of the plot in pixels.
@@ -33,8 +35,8 @@ pub(super) type Pose = Vec<(f64, f64)>;
 
 impl<'a> Figure<'a> {
     /// None where the series lacks a column.
-    pub(super) fn new(plan: &Plan, series: &'a TimeSeries, record: &StickRecord) -> Option<Figure<'a>> {
-        let column = |name: &String| plan.values(series, name);
+    pub(super) fn new(series: &'a TimeSeries, record: &StickRecord) -> Option<Figure<'a>> {
+        let column = |name: &String| series.channel(name).map(|channel| channel.values.as_slice());
         let rods = record.rods.iter().map(|rod| {
             let angles = rod.angles.iter().map(column).collect::<Option<Vec<_>>>()?;
             let length = match &rod.length {
@@ -71,22 +73,27 @@ impl<'a> Figure<'a> {
 
 /// Poses at equal distances in time, with the paths of all ends.
 pub(super) fn stick_figure(plan: &Plan) -> String {
+    plan.summary
+        .stick_figure
+        .as_ref()
+        .map_or_else(String::new, |record| poses(&plan.trajectory, record, POSES))
+}
+
+/// As many poses of a motion at equal distances in time, with the paths of all ends.
+pub(in crate::plot) fn poses(series: &TimeSeries, record: &StickRecord, count: usize) -> String {
     let classes = ["s0", "s1", "s2", "s3"];
-    let record = plan.summary.stick_figure.as_ref();
-    let rods = record.iter().flat_map(|record| &record.rods);
     let names: Vec<String> =
-        rods.map(|rod| rod.name.clone().unwrap_or_else(|| rod.angles.join(" and "))).collect();
+        record.rods.iter().map(|rod| rod.name.clone().unwrap_or_else(|| rod.angles.join(" and "))).collect();
     let entry = |(name, class)| Entry { class, shape: None, text: name };
     let entries: Vec<Entry> = names.iter().map(String::as_str).zip(classes).map(entry).collect();
     let mut sheet =
         Sheet::new("Motion", "equal times between poses, circles: begin and end", &entries, 1, 1, HEIGHT);
-    let figure = record.and_then(|record| Figure::new(plan, &plan.trajectory, record));
-    if let Some(figure) = figure {
+    if let Some(figure) = Figure::new(series, record) {
         let (first, last) = figure.span();
         let poses = |count: usize| -> Vec<Pose> {
             (0..count).map(|k| figure.pose(first + (last - first) * k as f64 / (count - 1) as f64)).collect()
         };
-        let fine = poses(400);
+        let fine = poses(FINE);
         let ends = fine.iter().flatten();
         let (left, right) = range(ends.clone().map(|end| end.0));
         let (low, high) = range(ends.map(|end| end.1).chain([0.0]));
@@ -101,12 +108,12 @@ pub(super) fn stick_figure(plan: &Plan) -> String {
             (around(0.5 * (low + high), HEIGHT), Scale::Linear, "y [m]"),
         );
         panel.level(&mut sheet.svg, 0.0, "limit");
-        for (k, pose) in poses(POSES).iter().enumerate() {
+        for (k, pose) in poses(count).iter().enumerate() {
             let from = panel.at(pose[0].0, pose[0].1);
             for (rod, end) in pose[1..].iter().enumerate() {
                 sheet.svg.line(from, panel.at(end.0, end.1), classes[rod.min(classes.len() - 1)]);
             }
-            if k == 0 || k + 1 == POSES {
+            if k == 0 || k + 1 == count {
                 sheet.svg.marker(Shape::Circle, from, 5.0, "s0 open");
             }
         }
@@ -118,13 +125,17 @@ pub(super) fn stick_figure(plan: &Plan) -> String {
     sheet.svg.finish("Stick figure of the motion")
 }
 
-/// The figure in motion: the element with its script; empty where the plan has none.
+/// The figure of a plan in motion: the element with its script; empty where the plan has none.
 pub(super) fn moving(plan: &Plan) -> String {
-    let Some(record) = &plan.summary.stick_figure else { return String::new() };
     let sources = [("plan", Some(&plan.trajectory)), ("roll-out", plan.continuous.as_ref())];
+    plan.summary.stick_figure.as_ref().map_or_else(String::new, |record| in_motion(record, &sources))
+}
+
+/// Motions by name, the first one in front, as an element with its script.
+pub(in crate::plot) fn in_motion(record: &StickRecord, sources: &[(&str, Option<&TimeSeries>)]) -> String {
     let mut data = Vec::new();
     for (name, series) in sources {
-        let Some(figure) = series.and_then(|series| Figure::new(plan, series, record)) else { continue };
+        let Some(figure) = series.and_then(|series| Figure::new(series, record)) else { continue };
         let (first, last) = figure.span();
         let pictures = ((last - first) * RATE).ceil().max(1.0) as usize;
         let pose = |k: usize| {
