@@ -1,7 +1,8 @@
-//! The programs of `tests/programs`, one thread: `cargo bench -p airloop-optim --bench programs [-- sqp] [NAME ...]`.
+//! The programs of `tests/programs`, one thread: `cargo bench -p airloop-optim --bench programs [-- sqp] [trace] [NAME ...]`.
 //!
 //! Prints one line of comma-separated values per program: size, status, objective, largest violation, the KKT error,
-//! iterations, evaluations, factorizations, and the least time of several solves, with the part in the functions.
+//! iterations, evaluations, factorizations, and the least time of several solves, with the part in the functions. With
+//! `trace` also every iteration, to the standard error.
 //! `tests/study/programs/profile.py` puts IPOPT beside it.
 
 #![allow(missing_docs, reason = "a bench has no public items")]
@@ -25,7 +26,8 @@ fn main() {
     let words: Vec<String> = std::env::args().skip(1).filter(|word| !word.starts_with("--")).collect();
     let method =
         if words.iter().any(|word| word == "sqp") { Method::Sqp } else { Method::InteriorPoint };
-    let names: Vec<&String> = words.iter().filter(|word| *word != "sqp").collect();
+    let trace = words.iter().any(|word| word == "trace");
+    let names: Vec<&String> = words.iter().filter(|word| !["sqp", "trace"].contains(&word.as_str())).collect();
     let settings = Settings { method, max_iterations: 3000, ..Settings::default() };
     println!(
         "name,variables,constraints,status,objective,violation,error,iterations,functions,gradients,hessians,factorizations,programs,ms,functions_ms"
@@ -46,6 +48,9 @@ fn main() {
             found = Some(solution);
         }
         let solution = found.expect("there are repetitions");
+        if trace {
+            solution.iterations.iter().enumerate().for_each(|(k, row)| eprintln!("{k:4} {row:?}"));
+        }
         let counts = &solution.evaluations;
         println!(
             "{},{},{},{:?},{:e},{:e},{:e},{},{},{},{},{},{},{:.4},{:.4}",

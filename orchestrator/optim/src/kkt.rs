@@ -99,7 +99,13 @@ impl Kkt {
 
     /// Forgets what earlier runs needed.
     pub fn restart(&mut self) {
-        (self.last, self.least_shift, self.factorizations) = (0.0, 0.0, 0);
+        self.restart_shifts();
+        self.factorizations = 0;
+    }
+
+    /// Forgets the shifts of another run.
+    pub fn restart_shifts(&mut self) {
+        (self.last, self.least_shift) = (0.0, 0.0);
     }
 
     /// A short part of a step says that the quadratic model reaches less far than the step: the next Hessian is

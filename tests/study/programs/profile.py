@@ -28,7 +28,7 @@ import read  # noqa: E402
 ROOT = Path(__file__).resolve().parents[3]
 OPTIONS = {
     "ipopt": {"max_iter": 3000, "print_level": 0, "sb": "yes", "tol": 1e-8},
-    "print_time": False, "error_on_fail": False,
+    "print_time": False, "show_eval_warnings": False, "error_on_fail": False,
 }  # fmt: skip
 REPETITIONS = 5
 MAX_VIOLATION = 1e-6
