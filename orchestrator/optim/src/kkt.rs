@@ -188,6 +188,19 @@ impl Kkt {
         Err(Uncorrectable)
     }
 
+    /// Factorizes again with a larger shift of the Hessian; false where the inertia is not that of a minimum.
+    pub fn shift_to(
+        &mut self,
+        form: &Form,
+        hessian: &[f64],
+        jacobian: &[f64],
+        diagonal: &[f64],
+        shift: f64,
+    ) -> bool {
+        let wanted = Inertia { positive: self.n, negative: self.m, zero: 0 };
+        self.try_shift(form, hessian, jacobian, diagonal, shift, self.row_shift) == wanted
+    }
+
     /// The Hessian with a shift is positive definite in those of x that are not fixed.
     pub fn is_convex(&mut self, form: &Form, hessian: &[f64], shift: f64) -> bool {
         self.held.clear();

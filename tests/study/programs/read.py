@@ -106,9 +106,9 @@ def loops(text, outer=()):
 
 
 def programs():
-    """All programs of both files."""
+    """All programs of the files."""
     found = []
-    for file in ("hock_schittkowski.txt", "cutest.txt"):
+    for file in ("hock_schittkowski.txt", "cutest.txt", "schittkowski.txt"):
         for line in (FOLDER / file).read_text().splitlines():
             line = line.partition("#")[0].strip()
             if not line:

@@ -25,7 +25,7 @@ type Names = Vec<(String, String)>;
 
 /// All programs of the collections.
 pub fn all() -> Vec<Program> {
-    [include_str!("hock_schittkowski.txt"), include_str!("cutest.txt")].into_iter().flat_map(read).collect()
+    [include_str!("hock_schittkowski.txt"), include_str!("cutest.txt"), include_str!("schittkowski.txt")].into_iter().flat_map(read).collect()
 }
 
 /// Programs of a text, which is right: what is not ends with the line.
