@@ -24,10 +24,10 @@ const REPETITIONS: usize = 5;
 
 fn main() {
     let words: Vec<String> = std::env::args().skip(1).filter(|word| !word.starts_with("--")).collect();
-    let method =
-        if words.iter().any(|word| word == "sqp") { Method::Sqp } else { Method::InteriorPoint };
+    let method = if words.iter().any(|word| word == "sqp") { Method::Sqp } else { Method::InteriorPoint };
     let trace = words.iter().any(|word| word == "trace");
-    let names: Vec<&String> = words.iter().filter(|word| !["sqp", "trace"].contains(&word.as_str())).collect();
+    let names: Vec<&String> =
+        words.iter().filter(|word| !["sqp", "trace"].contains(&word.as_str())).collect();
     let settings = Settings { method, max_iterations: 3000, ..Settings::default() };
     println!(
         "name,variables,constraints,status,objective,violation,error,iterations,functions,gradients,hessians,factorizations,programs,ms,functions_ms"

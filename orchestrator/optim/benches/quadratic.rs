@@ -69,7 +69,8 @@ fn read(part: &str) -> (String, Quadratic) {
 /// `x' P x / 2 + q' x`.
 fn objective(problem: &Quadratic, solution: &QuadraticSolution) -> f64 {
     let x = &solution.x;
-    let square = |&(i, j, p): &(usize, usize, f64)| if i == j { 0.5 * p * x[i] * x[i] } else { p * x[i] * x[j] };
+    let square =
+        |&(i, j, p): &(usize, usize, f64)| if i == j { 0.5 * p * x[i] * x[i] } else { p * x[i] * x[j] };
     let linear = problem.gradient.iter().zip(x).map(|(q, x)| q * x);
     problem.hessian.iter().map(square).sum::<f64>() + linear.sum::<f64>()
 }

@@ -81,15 +81,17 @@ impl Solver {
                     _ => finish,
                 }
             }
-            Method::Sqp => match sequential(&mut form, &mut self.kkt, &mut self.sqp, settings, &mut log, start)? {
-                (sqp::End::Status(_), finish) => finish,
-                (sqp::End::NoStep, Finish { quadratic_programs, .. }) => {
-                    let from = Start::cold(self.sqp.at.x[..form.n].to_vec());
-                    let (kkt, memory) = (&mut self.kkt, &mut self.interior);
-                    let finish = interior_point(&mut form, kkt, memory, settings, &mut log, &from)?;
-                    Finish { quadratic_programs, ..finish }
+            Method::Sqp => {
+                match sequential(&mut form, &mut self.kkt, &mut self.sqp, settings, &mut log, start)? {
+                    (sqp::End::Status(_), finish) => finish,
+                    (sqp::End::NoStep, Finish { quadratic_programs, .. }) => {
+                        let from = Start::cold(self.sqp.at.x[..form.n].to_vec());
+                        let (kkt, memory) = (&mut self.kkt, &mut self.interior);
+                        let finish = interior_point(&mut form, kkt, memory, settings, &mut log, &from)?;
+                        Finish { quadratic_programs, ..finish }
+                    }
                 }
-            },
+            }
         };
         let at = match finish.method {
             Method::InteriorPoint => &self.interior.at,

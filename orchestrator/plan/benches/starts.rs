@@ -31,7 +31,8 @@ fn main() -> Result<(), Error> {
     let text = |name: &str| words.iter().find_map(|word| word.strip_prefix(name));
     let number = |name: &str| text(name).and_then(|value| value.parse::<usize>().ok());
     let (starts, seed) = (number("starts=").unwrap_or(STARTS), number("seed=").unwrap_or(1) as u64);
-    let mut files: Vec<PathBuf> = words.iter().filter(|word| word.ends_with(".toml")).map(PathBuf::from).collect();
+    let mut files: Vec<PathBuf> =
+        words.iter().filter(|word| word.ends_with(".toml")).map(PathBuf::from).collect();
     if files.is_empty() {
         let examples = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples");
         files.extend(EXAMPLES.map(|name| examples.join(name).join("problem.toml")));
@@ -67,7 +68,8 @@ fn report(name: &str, found: &Multistart, seconds: f64, problem: &str) {
     let runs = || perturbed.iter().filter_map(|outcome| outcome.solved.as_ref().ok());
     let mut iterations: Vec<usize> = runs().map(|solved| solved.iterations()).collect();
     iterations.sort_unstable();
-    let at = |part: usize| iterations.get(part * iterations.len().saturating_sub(1) / 2).copied().unwrap_or(0);
+    let at =
+        |part: usize| iterations.get(part * iterations.len().saturating_sub(1) / 2).copied().unwrap_or(0);
     let mut others: Vec<String> = perturbed
         .iter()
         .filter(|outcome| outcome.minimum.is_none())

@@ -72,7 +72,7 @@ def ipopt(hessian, gradient, rows, limits, bounds):
     to_casadi = lambda matrix: casadi.DM(sparse.csc_matrix(matrix))  # noqa: E731
     objective = 0.5 * casadi.dot(x, casadi.mtimes(to_casadi(hessian), x)) + casadi.dot(casadi.DM(gradient), x)
     values = casadi.mtimes(to_casadi(rows), x) if rows.shape[0] else casadi.SX(0, 1)
-    options = {"ipopt": {"print_level": 0, "sb": "yes", "max_iter": 3000}, "print_time": False, "error_on_fail": False}
+    options = {"ipopt": {"print_level": 0, "sb": "yes", "max_iter": 3000, "bound_relax_factor": 0.0}, "print_time": False, "error_on_fail": False}
     solver = casadi.nlpsol("solver", "ipopt", {"x": x, "f": objective, "g": values}, options)
     begin = time.perf_counter()
     end = solver(x0=0, lbx=bounds[0], ubx=bounds[1], lbg=limits[0], ubg=limits[1])

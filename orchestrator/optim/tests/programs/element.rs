@@ -52,6 +52,9 @@ impl Element {
 
     /// Entries of the Hessian as (row, column) of the program.
     pub fn pairs(&self) -> impl Iterator<Item = (usize, usize)> {
-        self.own.iter().enumerate().flat_map(|(i, &row)| self.own[..=i].iter().map(move |&column| (row, column)))
+        self.own
+            .iter()
+            .enumerate()
+            .flat_map(|(i, &row)| self.own[..=i].iter().map(move |&column| (row, column)))
     }
 }

@@ -85,7 +85,10 @@ fn programs_that_are_known_to_be_hard_are_solved() {
             assert_eq!(solution.status, Status::Solved, "{name} {method:?}");
             // HS13 has no multipliers at its minimum: the objective is off by the root of the tolerance.
             let minimum = program.minima[0];
-            assert!((solution.objective - minimum).abs() <= 1e-4 * minimum.abs().max(1.0), "{name} {method:?}");
+            assert!(
+                (solution.objective - minimum).abs() <= 1e-4 * minimum.abs().max(1.0),
+                "{name} {method:?}"
+            );
         }
     }
 }

@@ -25,14 +25,19 @@ type Names = Vec<(String, String)>;
 
 /// All programs of the collections.
 pub fn all() -> Vec<Program> {
-    [include_str!("hock_schittkowski.txt"), include_str!("cutest.txt"), include_str!("schittkowski.txt")].into_iter().flat_map(read).collect()
+    [include_str!("hock_schittkowski.txt"), include_str!("cutest.txt"), include_str!("schittkowski.txt")]
+        .into_iter()
+        .flat_map(read)
+        .collect()
 }
 
 /// Programs of a text, which is right: what is not ends with the line.
 pub fn read(text: &str) -> Vec<Program> {
     let mut programs: Vec<Program> = Vec::new();
     let mut lets = Names::new();
-    for line in text.lines().map(|line| line.split('#').next().unwrap_or("").trim()).filter(|line| !line.is_empty()) {
+    for line in
+        text.lines().map(|line| line.split('#').next().unwrap_or("").trim()).filter(|line| !line.is_empty())
+    {
         let (turns, line) = match line.strip_prefix("for ") {
             Some(rest) => {
                 let (head, line) = rest.split_once(':').expect(line);
@@ -75,7 +80,8 @@ fn statement(program: &mut Program, lets: &mut Names, turn: &Names, word: &str, 
             let (name, values) = halves("=");
             let values = numbers(values);
             let all = 0..program.start.len();
-            let places = if name.trim() == "all" { all } else { variable(name, turn)..variable(name, turn) + 1 };
+            let places =
+                if name.trim() == "all" { all } else { variable(name, turn)..variable(name, turn) + 1 };
             program.bounds.lower[places.clone()].fill(values[0]);
             program.bounds.upper[places].fill(values[1]);
         }
