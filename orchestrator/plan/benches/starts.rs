@@ -3,7 +3,7 @@
 //!
 //! Every scheme from the same perturbations of the guess as `airloop optimize --multistart` draws them
 //! ([`airloop_plan::guess::Rough::perturb`]): how many of them reach a minimum, how many minima there are, iterations,
-//! and how the others end. `make study-programs` runs it.
+//! and how the others end. Durations are fixed at their guesses for `ms` and `sc`. `make study-programs` runs it.
 
 #![allow(missing_docs, reason = "a bench has no public items")]
 
@@ -41,10 +41,16 @@ fn main() -> Result<(), Error> {
     let all = KINDS.iter().all(|(name, _)| !has(name));
     println!("kind  solved of  minima  least iterations, median, largest  seconds  others  problem");
     for file in &files {
-        let prepared = prepare(file)?;
+        let mut prepared = prepare(file)?;
         let choice = guess::choose(&prepared.statement, text("guess="))?;
         let rough = guess::guess(&prepared.statement, &prepared.catalog, &prepared.task, &choice)?;
         for (name, transcription) in KINDS.into_iter().filter(|(name, _)| all || has(name)) {
+            // Toes that are sampled, or advanced by matrices of constants, need a fixed duration: the guess.
+            if matches!(transcription, Transcription::MultipleShooting | Transcription::ShootingCollocation) {
+                for phase in &mut prepared.setup.task.phases {
+                    phase.duration = (phase.duration_guess, phase.duration_guess);
+                }
+            }
             let mut settings = Settings::of(&prepared.statement);
             for pass in &mut settings.passes {
                 pass.transcription = transcription;

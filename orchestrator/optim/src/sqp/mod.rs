@@ -24,6 +24,9 @@ const CORRECTIONS: usize = 2;
 /// Radius after a step, in units of the part of it that was taken. On re-solves of the swing-up that have to go to another
 /// minimum (offsets of 1 to 2.4 %, meshes of 40 to 100 intervals) 1 and 4 cost more.
 const RADIUS_IN_STEPS: f64 = 2.0;
+/// Least radius, in scaled variables: shorter steps are cut for reasons that no model knows, such as noise of derivatives
+/// from differences.
+const MIN_RADIUS: f64 = 1.0;
 
 /// Outcome of a run.
 pub(super) enum End {
@@ -302,7 +305,7 @@ impl<'r, 'n, 'm> Sqp<'r, 'n, 'm> {
         self.last.note = step.note;
         self.kkt.adapt(length);
         let reach = RADIUS_IN_STEPS * length * self.last.step;
-        self.radius = if length < 1.0 { reach } else { self.radius.max(reach) };
+        self.radius = if length < 1.0 { reach.max(MIN_RADIUS) } else { self.radius.max(reach) };
         true
     }
 }
