@@ -18,7 +18,8 @@ use airloop_plan::solve::Settings;
 use airloop_plan::{Error, guess};
 
 const STARTS: usize = 100;
-const EXAMPLES: [&str; 2] = ["03_swing_up", "04_half_step"];
+/// Examples, and the intervals of multiple shooting, which have to divide the samples of what is sampled.
+const EXAMPLES: [(&str, usize); 2] = [("03_swing_up", 100), ("04_half_step", 25)];
 const KINDS: [(&str, Transcription); 4] = [
     ("hs", Transcription::HermiteSimpson),
     ("trap", Transcription::Trapezoidal),
@@ -31,16 +32,16 @@ fn main() -> Result<(), Error> {
     let text = |name: &str| words.iter().find_map(|word| word.strip_prefix(name));
     let number = |name: &str| text(name).and_then(|value| value.parse::<usize>().ok());
     let (starts, seed) = (number("starts=").unwrap_or(STARTS), number("seed=").unwrap_or(1) as u64);
-    let mut files: Vec<PathBuf> =
-        words.iter().filter(|word| word.ends_with(".toml")).map(PathBuf::from).collect();
+    let given = words.iter().filter(|word| word.ends_with(".toml"));
+    let mut files: Vec<(PathBuf, Option<usize>)> = given.map(|word| (PathBuf::from(word), None)).collect();
     if files.is_empty() {
         let examples = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples");
-        files.extend(EXAMPLES.map(|name| examples.join(name).join("problem.toml")));
+        files.extend(EXAMPLES.map(|(name, count)| (examples.join(name).join("problem.toml"), Some(count))));
     }
     let has = |word: &str| words.iter().any(|given| given == word);
     let all = KINDS.iter().all(|(name, _)| !has(name));
     println!("kind  solved of  minima  least iterations, median, largest  seconds  others  problem");
-    for file in &files {
+    for (file, shooting) in &files {
         let mut prepared = prepare(file)?;
         let choice = guess::choose(&prepared.statement, text("guess="))?;
         let rough = guess::guess(&prepared.statement, &prepared.catalog, &prepared.task, &choice)?;
@@ -52,9 +53,10 @@ fn main() -> Result<(), Error> {
                 }
             }
             let mut settings = Settings::of(&prepared.statement);
+            let own = if transcription == Transcription::MultipleShooting { *shooting } else { None };
             for pass in &mut settings.passes {
                 pass.transcription = transcription;
-                if let Some(intervals) = number("intervals=") {
+                if let Some(intervals) = number("intervals=").or(own) {
                     pass.intervals.fill(intervals);
                 }
             }
