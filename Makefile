@@ -1,5 +1,5 @@
 # `make demo` and `make test` work on a fresh machine with Rust, a C compiler and Python 3: each sets up what is missing first.
-.PHONY: demo docs test test-slurm test-wheel wheel check bench fuzz study study-checker study-faults study-isolation study-refine study-refine-messy study-systems study-laws study-machines study-nmpc study-foreign study-rig-over-fmus study-sweep study-swing-up study-walker fmu portable windows setup setup-build clean
+.PHONY: demo docs test test-slurm test-wheel wheel check bench fuzz study study-checker study-faults study-isolation study-refine study-refine-messy study-systems study-laws study-machines study-nmpc study-foreign study-rig-over-fmus study-programs study-sweep study-swing-up study-walker fmu portable windows setup setup-build clean
 export CARGO_NET_RETRY ?= 10
 # A build that happens once gains nothing from files for the next one; they cost a fifth of its time.
 ifdef CI
@@ -113,6 +113,12 @@ study-rig-over-fmus: fmu ## the rig's coupled cases as studies over FMUs, and th
 
 study-nmpc: fmu      ## the swing-up with regulator and with model predictive control on perturbed rigs: out/study-nmpc/nmpc.md
 	python3 tests/study/nmpc.py target/release/airloop out/study-nmpc
+
+study-programs: fmu  ## 152 nonlinear and 37 quadratic programs against IPOPT, and perturbed starts: out/study-programs
+	scripts/setup.sh study
+	.venv/bin/python tests/study/programs/profile.py out/study-programs
+	.venv/bin/python tests/study/programs/quadratic.py out/study-programs
+	cargo bench --quiet -p airloop-plan --bench starts
 
 study-swing-up: fmu  ## swing-up over the FMUs against CasADi with IPOPT, time and optimum: out/study/swing_up.csv
 	scripts/setup.sh study

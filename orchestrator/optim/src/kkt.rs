@@ -99,7 +99,13 @@ impl Kkt {
 
     /// Forgets what earlier runs needed.
     pub fn restart(&mut self) {
-        (self.last, self.least_shift, self.factorizations) = (0.0, 0.0, 0);
+        self.restart_shifts();
+        self.factorizations = 0;
+    }
+
+    /// Forgets the shifts of another run.
+    pub fn restart_shifts(&mut self) {
+        (self.last, self.least_shift) = (0.0, 0.0);
     }
 
     /// A short part of a step says that the quadratic model reaches less far than the step: the next Hessian is
@@ -180,6 +186,19 @@ impl Kkt {
             shift *= 8.0;
         }
         Err(Uncorrectable)
+    }
+
+    /// Factorizes again with a larger shift of the Hessian; false where the inertia is not that of a minimum.
+    pub fn shift_to(
+        &mut self,
+        form: &Form,
+        hessian: &[f64],
+        jacobian: &[f64],
+        diagonal: &[f64],
+        shift: f64,
+    ) -> bool {
+        let wanted = Inertia { positive: self.n, negative: self.m, zero: 0 };
+        self.try_shift(form, hessian, jacobian, diagonal, shift, self.row_shift) == wanted
     }
 
     /// The Hessian with a shift is positive definite in those of x that are not fixed.

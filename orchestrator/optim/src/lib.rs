@@ -22,8 +22,10 @@
 //! - **SQP** ([`Method::Sqp`]), for starts near the solution (a coarser mesh, an earlier run): the KKT system with the
 //!   bounds of the working set held, and Clarabel's quadratic program with all bounds only where that step leaves
 //!   other bounds or a multiplier has the wrong sign. The same KKT system then gives the step of the new working set
-//!   to the last digits, so convergence is quadratic. Where the linearized constraints have no solution within the
-//!   bounds, or no step is acceptable, the interior point method goes on.
+//!   to the last digits, so convergence is quadratic. After a step that had to be cut, the next ones are kept short by
+//!   a shift of the Hessian, as by a trust region. Where the linearized constraints have no solution within the
+//!   bounds, or no step is acceptable, the interior point method goes on. In turn the SQP tries the start of an
+//!   interior point run that found no feasible point.
 //!
 //! Both work on one form of the problem (`form`): scaled equations with one slack per inequality and bounds on
 //! everything. Both share the filter, the KKT matrix, scaling, iteration table and stop test: scaled KKT error and

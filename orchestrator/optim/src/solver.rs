@@ -72,23 +72,22 @@ impl Solver {
         let mut form = Form::new(nlp, &mut self.form);
         let finish = match settings.method {
             Method::InteriorPoint => {
-                interior_point(&mut form, &mut self.kkt, &mut self.interior, settings, &mut log, start)?
+                let (kkt, memory) = (&mut self.kkt, &mut self.interior);
+                let finish = interior_point(&mut form, kkt, memory, settings, &mut log, start)?;
+                match finish.status {
+                    Status::Infeasible | Status::Stalled => {
+                        second_opinion(&mut form, kkt, &mut self.sqp, settings, &mut log, start, finish)?
+                    }
+                    _ => finish,
+                }
             }
             Method::Sqp => {
-                let memory = std::mem::take(&mut self.sqp);
-                let mut run = Sqp::begin(&mut form, &mut self.kkt, settings, &mut log, start, memory)?;
-                let end = run.run();
-                let (error, quadratic_programs) = (run.error(), run.quadratic_programs);
-                self.sqp = run.memory;
-                match end {
-                    sqp::End::Status(status) => {
-                        Finish { status, barrier: 0.0, error, quadratic_programs, method: Method::Sqp }
-                    }
-                    sqp::End::NoStep => {
+                match sequential(&mut form, &mut self.kkt, &mut self.sqp, settings, &mut log, start)? {
+                    (sqp::End::Status(_), finish) => finish,
+                    (sqp::End::NoStep, Finish { quadratic_programs, .. }) => {
                         let from = Start::cold(self.sqp.at.x[..form.n].to_vec());
-                        let kkt = &mut self.kkt;
-                        let finish =
-                            interior_point(&mut form, kkt, &mut self.interior, settings, &mut log, &from)?;
+                        let (kkt, memory) = (&mut self.kkt, &mut self.interior);
+                        let finish = interior_point(&mut form, kkt, memory, settings, &mut log, &from)?;
                         Finish { quadratic_programs, ..finish }
                     }
                 }
@@ -143,6 +142,50 @@ fn write(form: &mut Form, at: &Iterate, finish: Finish, settings: &Settings, sol
     let infeasible = finish.status == Status::Infeasible;
     solution.blocking = infeasible.then(|| form.blocking(&at.lower, &at.upper)).flatten();
     (solution.status, solution.barrier, solution.error) = (finish.status, finish.barrier, finish.error);
+}
+
+/// A run of the SQP from a start; where no step is left, the status is that of a run that stalls.
+fn sequential(
+    form: &mut Form,
+    kkt: &mut Kkt,
+    memory: &mut sqp::Memory,
+    settings: &Settings,
+    log: &mut Log,
+    start: &Start,
+) -> Result<(sqp::End, Finish), Error> {
+    let mut run = Sqp::begin(form, kkt, settings, log, start, std::mem::take(memory))?;
+    let end = run.run();
+    let (error, quadratic_programs) = (run.error(), run.quadratic_programs);
+    *memory = run.memory;
+    let status = match &end {
+        sqp::End::Status(status) => status.clone(),
+        sqp::End::NoStep => Status::Stalled,
+    };
+    Ok((end, Finish { status, barrier: 0.0, error, quadratic_programs, method: Method::Sqp }))
+}
+
+/// The interior point method found a point of locally least violation, or no way on. Of some feasible problems it does
+/// from some starts (Wächter and Biegler, Mathematical Programming 88, 2000: a line search within the bounds cannot
+/// leave them to get to the constraints), so the SQP, which works on the bounds, tries the same start; its end counts
+/// where it solves the problem.
+fn second_opinion(
+    form: &mut Form,
+    kkt: &mut Kkt,
+    memory: &mut sqp::Memory,
+    settings: &Settings,
+    log: &mut Log,
+    start: &Start,
+    first: Finish,
+) -> Result<Finish, Error> {
+    let scales = form.scales();
+    kkt.restart_shifts();
+    let (_, second) = sequential(form, kkt, memory, settings, log, start)?;
+    let quadratic_programs = second.quadratic_programs;
+    if matches!(second.status, Status::Solved | Status::Interrupted) {
+        return Ok(second);
+    }
+    form.rescale(scales);
+    Ok(Finish { quadratic_programs, ..first })
 }
 
 fn interior_point(

@@ -1,12 +1,13 @@
 //! Re-solves of the swing-up over its FMUs, one thread: `cargo bench -p airloop-plan --bench resolve [-- PROBLEM.toml]
-//! [INTERVALS, default 50] [every] [seed=N] [draws=N]`.
+//! [INTERVALS, default 50] [every] [seed=N] [draws=N] [off=PERCENT] [each]`.
 //!
-//! Every state at the start is off by 2 % of the largest magnitude that it has in the plan, up or down: 200 draws of the
+//! Every state at the start is off by 2 % (or as given) of the largest magnitude that it has in the plan, up or down: 200 draws of the
 //! signs, or as many as given, or all there are with `every`. Each re-solve starts from the optimum of the plan, with
 //! its multipliers; its time is the least of several runs, in wall-clock time. Prints median, 99th percentile and largest, and the same of
 //! iterations; how many allocate after the first; and compares each optimum with solvers made anew: without
 //! multipliers from the optimum found (`from there`), and from the guess of the problem file as `airloop optimize`
-//! does (`from the guess`), which may find another minimum. `tests/study/swing_up.py` prints it.
+//! does (`from the guess`), which may find another minimum. With `each` a line for every re-solve, with its evaluations.
+//! `tests/study/swing_up.py` prints it.
 
 #![allow(missing_docs, reason = "a bench has no public items")]
 
@@ -15,7 +16,7 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use airloop_ocp::transcription;
-use airloop_optim::Status;
+use airloop_optim::{Evaluations, Status};
 use airloop_plan::prepare::{Prepared, prepare};
 use airloop_plan::solve::{Begin, Session, Settings};
 use airloop_plan::{Error, guess, solver::Solver};
@@ -24,7 +25,7 @@ use airloop_testing::allocations;
 
 airloop_testing::count_allocations!();
 
-const OFF: f64 = 0.02;
+const OFF: f64 = 2.0;
 const DRAWS: usize = 200;
 const REPETITIONS: usize = 5;
 /// Objectives of one optimum differ by less than this, relatively.
@@ -34,7 +35,7 @@ const SAME_OPTIMUM: f64 = 1e-8;
 struct Resolve {
     time: Duration,
     iterations: usize,
-    factorizations: usize,
+    evaluations: Evaluations,
     objective: f64,
     solved: bool,
     allocations: u64,
@@ -49,6 +50,7 @@ fn main() -> Result<(), Error> {
     let intervals = words.iter().find_map(|word| word.parse().ok()).unwrap_or(50);
     let number = |name: &str| words.iter().find_map(|word| word.strip_prefix(name)?.parse::<usize>().ok());
     let seed = number("seed=").map_or(1, |seed| seed as u64);
+    let percent = words.iter().find_map(|word| word.strip_prefix("off=")?.parse().ok()).unwrap_or(OFF);
     let example = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples/03_swing_up/problem.toml");
     let file = words.iter().find(|word| word.ends_with(".toml")).map_or(example, PathBuf::from);
     let prepared = prepare(&file)?;
@@ -77,9 +79,26 @@ fn main() -> Result<(), Error> {
     let mut all = Vec::new();
     for case in 0..cases {
         let signs = draw(case);
-        let off = |i: usize| if signs[i] { OFF * largest[i] } else { -OFF * largest[i] };
+        let off = |i: usize| 0.01 * percent * if signs[i] { largest[i] } else { -largest[i] };
         let initial: Vec<f64> = (0..count).map(|i| states[0][i] + off(i)).collect();
         all.push(resolve(&mut solver, &nominal, &initial, &prepared, &settings)?);
+    }
+    if words.iter().any(|word| word == "each") {
+        all.sort_by_key(|one| one.time);
+        for one in &all {
+            let counts = &one.evaluations;
+            println!(
+                "{:7.2} ms, iterations {:3}, functions {:3}, Hessians {:3}, factorizations {:3}, programs {:2}, f {:.6}, from the guess {:.6}",
+                1e3 * one.time.as_secs_f64(),
+                one.iterations,
+                counts.functions,
+                counts.hessians,
+                counts.factorizations,
+                counts.quadratic_programs,
+                one.objective,
+                one.from_guess.unwrap_or(f64::NAN)
+            );
+        }
     }
     report(&mut all);
     Ok(())
@@ -104,7 +123,7 @@ fn resolve(
     }
     let solution = solver.inner().solution();
     let (objective, solved) = (solution.objective, solution.status == Status::Solved);
-    let (iterations, factorizations) = (solution.iterations.len() - 1, solution.evaluations.factorizations);
+    let (iterations, evaluations) = (solution.iterations.len() - 1, solution.evaluations);
     let found = solver.trajectory()?;
 
     let problem = Session::new(prepared, 1)?.into_problem();
@@ -130,7 +149,7 @@ fn resolve(
     Ok(Resolve {
         time,
         iterations,
-        factorizations,
+        evaluations,
         objective,
         solved,
         allocations: counted,
@@ -166,7 +185,7 @@ fn report(all: &mut [Resolve]) {
     println!(
         "per iteration: {:.3} ms, {:.2} factorizations",
         time / total(|one| one.iterations),
-        total(|one| one.factorizations) / total(|one| one.iterations)
+        total(|one| one.evaluations.factorizations) / total(|one| one.iterations)
     );
     let number = |of: &dyn Fn(&Resolve) -> bool| all.iter().filter(|one| of(one)).count();
     println!(

@@ -16,6 +16,15 @@ const MAX_WORKING_SET_CHANGES: usize = 8;
 /// Iterations in a row that may need a quadratic program.
 const PROGRAMS_IN_A_ROW: usize = 20;
 const CONVEX_SHIFTS: usize = 40;
+/// Factorizations to make a step short enough, and how long in units of the radius that is.
+const MAX_SHORTENINGS: usize = 5;
+const LONGEST_STEP_IN_RADII: f64 = 3.0;
+/// Part of the step after a shift above which more of it does not help.
+const MIN_SHORTENING: f64 = 0.9;
+/// The first shift, and the growth after it.
+const LEAST_SHIFT: f64 = 1e-3;
+const SHIFT_FACTOR: f64 = 8.0;
+const MAX_SHIFT_FACTOR: f64 = 100.0;
 
 /// Step of X with the multipliers at its end.
 #[derive(Debug, Default)]
@@ -117,12 +126,51 @@ impl Sqp<'_, '_, '_> {
         let held = |j: usize| form.fixed(j) || active.held[j] != Held::Free;
         let factored =
             self.kkt.factor(form, &point.hessian, &point.jacobian, &work.diagonal, held, 1e-8).is_ok();
-        factored && {
-            let rows = std::mem::take(&mut self.memory.point.rows);
-            let solved = self.correct_step(&rows);
-            self.memory.point.rows = rows;
-            solved
+        factored && self.solve_held() && self.shorten()
+    }
+
+    /// Solves with the last factorization for the rows of the point.
+    fn solve_held(&mut self) -> bool {
+        let rows = std::mem::take(&mut self.memory.point.rows);
+        let solved = self.correct_step(&rows);
+        self.memory.point.rows = rows;
+        solved
+    }
+
+    /// Shifts the Hessian until the step is no longer than the radius, as a trust region would (Moré and Sorensen, SIAM
+    /// Journal on Scientific and Statistical Computing 4, 1983: the inverse length is nearly linear in the shift). Ends
+    /// before where the step to the constraints is what is long. False: the step is useless.
+    fn shorten(&mut self) -> bool {
+        let mut before: Option<(f64, f64)> = None;
+        for _ in 0..MAX_SHORTENINGS {
+            let (shift, length) = (self.kkt.shift, self.step_length());
+            let enough = length <= LONGEST_STEP_IN_RADII * self.radius;
+            if enough || before.is_some_and(|(_, longer)| length > MIN_SHORTENING * longer) {
+                break;
+            }
+            let next = match before {
+                None => (SHIFT_FACTOR * shift).max(LEAST_SHIFT),
+                Some((other, longer)) => {
+                    let slope = (1.0 / length - 1.0 / longer) / (shift - other);
+                    let wanted = shift + (1.0 / self.radius - 1.0 / length) / slope;
+                    wanted.clamp(2.0 * shift, MAX_SHIFT_FACTOR * shift)
+                }
+            };
+            before = Some((shift, length));
+            let form = &*self.form;
+            let Memory { point, work, .. } = &self.memory;
+            if !self.kkt.shift_to(form, &point.hessian, &point.jacobian, &work.diagonal, next)
+                || !self.solve_held()
+            {
+                return false;
+            }
         }
+        true
+    }
+
+    /// Largest step of a variable.
+    pub(super) fn step_length(&self) -> f64 {
+        self.memory.step.x[..self.form.n].iter().fold(0.0, |m, d| m.max(d.abs()))
     }
 
     /// Solves again with the last factorization for these rows.
