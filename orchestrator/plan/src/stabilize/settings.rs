@@ -238,6 +238,16 @@ impl Settings {
         let aimless = self.trials.iter().find(|trials| trials.criteria.is_empty());
         let aimless =
             aimless.map(|own| (own.place, "no trial can succeed or fail; add [[trials.criterion]]"));
+        let perturbed: Vec<&Text> =
+            self.trials.iter().flat_map(|trials| &trials.perturb).flat_map(|one| &one.variables).collect();
+        let twice =
+            (1..perturbed.len()).find(|&i| perturbed[..i].iter().any(|own| own.text == perturbed[i].text));
+        let twice = twice.map(|i| {
+            (
+                perturbed[i].place,
+                "this variable is perturbed above, too, and only the last perturbation would act",
+            )
+        });
         let mut criteria = self.trials.iter().flat_map(|trials| &trials.criteria);
         let open = criteria.find(|one| one.min.is_none() && one.max.is_none());
         let nmpc = self.nmpc.iter().find_map(|own| {
@@ -255,6 +265,7 @@ impl Settings {
         nmpc.or(turns)
             .or(alone)
             .or(aimless)
+            .or(twice)
             .or(open.map(|one| (one.place, "a criterion has `min`, `max` or both")))
     }
 }
@@ -300,6 +311,11 @@ mod tests {
             (
                 "[sensors]\nx = 1\n[trials]\nduration = 4\n[[trials.perturb]]\nvariables = []\n",
                 "either `relative`",
+            ),
+            (
+                "[sensors]\nx = 1\n[trials]\nduration = 4\n[[trials.perturb]]\nvariables = [\"a\", \"b\"]\nrelative = 0.1\n\
+                 [[trials.perturb]]\nvariables = [\"b\"]\nrelative = 0.1\n[[trials.criterion]]\nname = \"c\"\nsignal = \"x\"\nmax = 1\n",
+                "line 9, column 14: this variable is perturbed above",
             ),
             ("[sensors]\nx = 1\n[nmpc]\nmargin = 0.6\n", "line 3, column 1: `margin` of [nmpc]"),
             ("[sensors]\nx = 1\n[nmpc]\niterations = 0\n", "from 1 to 1000"),
