@@ -22,11 +22,17 @@ const LOOKS: usize = 6;
 /// Lives between two looks.
 const LIVES: usize = 16;
 
-/// Largest growth between two looks over the smallest.
-const MAX_UNEVENNESS: usize = 2;
+/// The same for the second time, where the first one shows a leak.
+const MORE_LIVES: usize = 64;
 
-/// Time for all lives; a slow FMU gets fewer.
+/// Largest growth over the smallest.
+const MAX_UNEVENNESS: f64 = 2.0;
+
+/// Time for all lives; a slow FMU is not judged.
 const PATIENCE: Duration = Duration::from_secs(5);
+
+/// The same for the second time.
+const MORE_PATIENCE: Duration = Duration::from_secs(30);
 
 /// A name, and its count in this process.
 type Counted = (&'static str, fn() -> usize);
@@ -45,18 +51,37 @@ pub(super) fn check(fmu: &Arc<Fmu>, kind: InterfaceKind, findings: &mut Findings
     }
 }
 
-/// What each life leaves behind, if it is so much every time.
+/// What each life leaves behind, if it is so much every time and goes on: what the allocator keeps at hand grows as well, with
+/// every size that is asked for the first time, and comes to an end.
 fn grown(fmu: &Arc<Fmu>, kind: InterfaceKind) -> Result<[Option<usize>; COUNTED.len()], Error> {
-    let began = Instant::now();
+    let until = Instant::now() + PATIENCE;
     for _ in 0..FIRST_LIVES {
         live(fmu, kind)?;
     }
+    let suspected = leaks(fmu, kind, LIVES, until)?;
+    if suspected.iter().all(Option::is_none) {
+        return Ok([None; COUNTED.len()]);
+    }
+    let confirmed = leaks(fmu, kind, MORE_LIVES, Instant::now() + MORE_PATIENCE)?;
+    let both =
+        |(first, then): (Option<f64>, Option<f64>)| then.filter(|then| Some(then * MAX_UNEVENNESS) >= first);
+    let mut pairs = suspected.into_iter().zip(confirmed).map(both);
+    Ok(std::array::from_fn(|_| pairs.next().flatten()).map(|count| count.map(|count| count as usize)))
+}
+
+/// Growth per life over looks that are `lives` apart; none where it is uneven or below one per life, or where time is up.
+fn leaks(
+    fmu: &Arc<Fmu>,
+    kind: InterfaceKind,
+    lives: usize,
+    until: Instant,
+) -> Result<[Option<f64>; COUNTED.len()], Error> {
     let mut used = [[0; LOOKS]; COUNTED.len()];
     for look in 0..LOOKS {
         if look > 0 {
-            for _ in 0..LIVES {
+            for _ in 0..lives {
                 live(fmu, kind)?;
-                if began.elapsed() > PATIENCE {
+                if Instant::now() > until {
                     return Ok([None; COUNTED.len()]);
                 }
             }
@@ -66,10 +91,10 @@ fn grown(fmu: &Arc<Fmu>, kind: InterfaceKind) -> Result<[Option<usize>; COUNTED.
         }
     }
     Ok(used.map(|used| {
-        let growth = || used.windows(2).map(|pair| pair[1].saturating_sub(pair[0]));
-        let (least, most) = (growth().min().unwrap_or(0), growth().max().unwrap_or(0));
-        // A leak takes as much every time; what the allocator keeps for later comes and goes.
-        (least >= LIVES && most <= MAX_UNEVENNESS * least).then_some(least / LIVES)
+        let growth = || used.windows(2).map(|pair| pair[1].saturating_sub(pair[0]) as f64 / lives as f64);
+        let (least, most) =
+            growth().fold((f64::MAX, 0.0), |(least, most), own| (own.min(least), own.max(most)));
+        (least >= 1.0 && most <= MAX_UNEVENNESS * least).then_some(least)
     }))
 }
 
