@@ -3,6 +3,8 @@ against the monolithic master."""
 
 import ctypes
 import resource
+import shutil
+import subprocess
 
 import casadi
 import fmpy
@@ -138,6 +140,24 @@ def test_the_systems_of_example_04_run_alike(system, tmp_path):
     names = [name for name in results[1].dtype.names if name in results[0].dtype.names]
     assert len(names) > 1
     assert all(np.array_equal(results[0][name], results[1][name]) for name in names)
+
+
+def test_an_output_of_another_tool_that_is_a_state_depends_on_that_state(tmp_path):
+    """Inside of its FMU such an output depends on nothing (`dependencies=""`); in the exported one the state is another variable."""
+    source = shutil.copytree(ROOT / "examples" / "09_tanks", tmp_path / "source")
+    text = (source / "modelDescription.xml").read_text()
+    outputs = '<Outputs><Unknown index="1"/><Unknown index="2"/></Outputs>'
+    assert outputs in text
+    (source / "modelDescription.xml").write_text(text.replace(outputs, outputs.replace('"/><', '" dependencies=""/><')))
+    shutil.copy(ROOT / "examples" / "model_exchange.h", tmp_path)
+    subprocess.run(["sh", ROOT / "examples" / "make_fmu.sh", source], check=True, capture_output=True)
+    path = exported(source / "tanks.fmu", tmp_path / "system.fmu")
+    assert validate_fmu(str(path)) == []
+    output = airloop("inspect", "--check", path)
+    assert " 0 errors" in "\n " + output.splitlines()[-1], output
+    description = fmpy.read_model_description(str(path))
+    known = {unknown.variable.name: {v.name for v in unknown.dependencies} for unknown in description.outputs}
+    assert known == {"h_1": {"tanks.h_1"}, "h_2": {"tanks.h_2"}}
 
 
 def test_a_step_of_the_importer_is_made_of_steps_inside(tmp_path):

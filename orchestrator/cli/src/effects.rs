@@ -190,6 +190,7 @@ fn show(args: &Show) -> Result<ExitCode, Error> {
 fn shown(own: &Own, args: &Show) -> Result<ExitCode, Error> {
     output::print(&explained(own))?;
     if let Some(file) = &args.figure {
+        super::folder::check_file(file, &[])?;
         let (points, labels) = match drawn(own, args.over.as_deref(), args.range) {
             Ok(found) => found,
             Err(problem) => {

@@ -199,8 +199,10 @@ fn check_files(common: &Common) -> Result<(), Error> {
             return Err(airloop_ident::excite::Error::Repeated { amplitude }.into());
         }
         let path = if one { common.output.clone() } else { numbered(&common.output, amplitude) };
+        airloop_series::file::check_place(&path)
+            .map_err(|source| csv::Error::Io { path: path.clone(), source })?;
         let Ok(found) = csv::read(&path) else {
-            if path.is_dir() || path.metadata().is_ok_and(|file| file.is_file() && file.len() > 0) {
+            if path.metadata().is_ok_and(|file| file.len() > 0) {
                 return Err(airloop_ident::excite::Error::File { path }.into());
             }
             continue;

@@ -382,13 +382,15 @@ fn earlier(folder: &Path) -> BTreeSet<String> {
 /// [`Error::OutputFile`] names it.
 pub fn check_file(file: &Path, inputs: &[&Path]) -> Result<(), Error> {
     let refused = |problem: &str| Err(Error::OutputFile { file: file.into(), problem: problem.into() });
-    let Ok(found) = file.symlink_metadata() else { return Ok(()) };
+    if file.symlink_metadata().is_err() {
+        return Ok(());
+    }
+    if let Err(problem) = airloop_series::file::check_place(file) {
+        return refused(&problem.to_string());
+    }
     let own = file.canonicalize().ok();
     if inputs.iter().any(|input| own.is_some() && input.canonicalize().ok() == own) {
         return refused("this command reads it; choose another name");
-    }
-    if found.is_dir() {
-        return refused("a folder of that name is there; choose another name");
     }
     if !made_by_airloop(file) {
         return refused("it is there and is not of airloop: it would be replaced; choose another name");
@@ -417,6 +419,7 @@ fn made_by_airloop(file: &Path) -> bool {
             .is_ok_and(|package| marked(&package.path().join("SystemStructure.ssd"))),
         Some("fmu") => airloop_fmi::Fmu::open(file)
             .is_ok_and(|fmu| fmu.description.generation_tool.starts_with("airloop")),
+        Some("svg") => is_figure(file),
         _ => marked(file),
     }
 }

@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 
 use airloop::Error;
 use airloop_fmi::check::{self, Finding, Severity};
-use airloop_fmi::isolate::{cause, confine};
+use airloop_fmi::isolate::{cause, confine, end};
 use airloop_fmi::{Fmu, trace};
 
 /// Files in the folder that both processes share: findings, one in a line, the last call, and a sign that all checks ended.
@@ -71,15 +71,12 @@ pub fn findings(fmu: &Fmu, limit: Duration) -> Result<Vec<Finding>, Error> {
     let status = loop {
         match child.try_wait().map_err(io)? {
             Some(status) => break Some(status),
-            None if began.elapsed() > limit => {
-                // It may have ended by itself in the meantime.
-                let _ = child.kill();
-                child.wait().map_err(io)?;
-                break None;
-            }
+            None if began.elapsed() > limit => break None,
             None => std::thread::sleep(LOOK),
         }
     };
+    // Also what the library started.
+    end(&mut child);
     let written = std::fs::read_to_string(folder.path().join(FINDINGS)).unwrap_or_default();
     // The last line may be cut off.
     let mut found: Vec<Finding> =

@@ -13,7 +13,9 @@ pub fn table(header: &[&str], rows: &[Vec<String>], right: &[usize]) -> String {
             .enumerate()
             .map(|(column, cell)| {
                 let width = widths[column];
-                if right.contains(&column) { format!("{cell:>width$}") } else { format!("{cell:<width$}") }
+                // Widths of format strings end at 65,535, names in files do not.
+                let blank = " ".repeat(width - cell.chars().count());
+                if right.contains(&column) { blank + cell } else { [cell, &*blank].concat() }
             })
             .collect();
         padded.join("  ").trim_end().to_owned() + "\n"
@@ -33,5 +35,13 @@ mod tests {
     fn columns_line_up() {
         let rows = vec![vec!["x".into(), "1.5".into()], vec!["theta".into(), "-10".into()]];
         assert_eq!(table(&["signal", "fit"], &rows, &[1]), "signal  fit\nx       1.5\ntheta   -10\n");
+    }
+
+    #[test]
+    fn cells_may_be_longer_than_a_format_string_allows() {
+        let long = "x".repeat(70_000);
+        let text = table(&["signal"], &[vec![long.clone()], vec!["y".into()]], &[0]);
+        assert_eq!(text.lines().last().map(str::len), Some(70_000));
+        assert!(text.contains(&long));
     }
 }

@@ -146,7 +146,9 @@ fn without_a_process_of_its_own_no_end_of_the_program_looks_like_success() {
         for (fault, cause) in [
             ("segv", "by signal 11 (SIGSEGV)"),
             ("abort", "by signal 6 (SIGABRT)"),
+            ("sigtrap", "by signal 5 (SIGTRAP)"),
             ("exit0", "by exit, which"),
+            ("quick", "by exit, which"),
         ] {
             let output = place.run(&format!("{function}:{fault}"), &[]);
             let said = String::from_utf8_lossy(&output.stderr).into_owned();
@@ -157,6 +159,25 @@ fn without_a_process_of_its_own_no_end_of_the_program_looks_like_success() {
     let three = Place::new(Version::Three);
     let said = three.run("fmi3DoStep:segv:0.5", &[]).stderr;
     assert!(String::from_utf8_lossy(&said).contains("m: the FMU m.fmu ended the program in fmi3DoStep"));
+}
+
+#[test]
+fn a_check_ends_the_processes_that_a_library_started() {
+    let place = Place::new(Version::Two);
+    let output = place.airloop("fmi2Instantiate:fork", &["inspect", "--check", "m.fmu"]);
+    assert!(output.status.code().is_some(), "{:?}", output.status);
+    let folder = place.path("").display().to_string();
+    let is_here = |entry: &std::fs::DirEntry| {
+        std::fs::read(entry.path().join("cmdline"))
+            .is_ok_and(|line| String::from_utf8_lossy(&line).contains(&folder))
+    };
+    let alive = || std::fs::read_dir("/proc").unwrap().flatten().filter(is_here).count();
+    // Their end takes a moment.
+    let ended = (0..100).any(|_| {
+        std::thread::sleep(std::time::Duration::from_millis(20));
+        alive() == 0
+    });
+    assert!(ended, "{} processes are left", alive());
 }
 
 #[test]

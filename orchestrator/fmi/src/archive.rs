@@ -14,6 +14,10 @@ use zip::result::ZipError;
 /// Name of the model description inside the archive.
 const DESCRIPTION: &str = "modelDescription.xml";
 
+/// Longest name of an entry \[bytes\] and most folders that it may lie in: what file systems take.
+const MAX_NAME_BYTES: usize = 4096;
+const MAX_NAME_DEPTH: usize = 128;
+
 /// Below this unpacked size \[bytes\] an archive may be packed as tightly as it likes.
 const RATIO_FLOOR: u64 = 32 << 20;
 
@@ -295,31 +299,28 @@ fn stored_names(file: File, start: u64) -> Result<Vec<String>, ArchiveError> {
 /// Refuses names that lead out of the folder, that not every system can store, or that meet in one file. A folder may
 /// appear twice: it is one folder.
 fn check_names<'a>(names: impl Iterator<Item = &'a str>) -> Result<(), ArchiveError> {
-    // Folded path of every file and folder -> (path, whether a file).
-    let mut seen: HashMap<String, (String, bool)> = HashMap::new();
+    // (Number of the folder, name in lower case) -> (own number, name, whether a file): as large as the names together.
+    let mut seen: HashMap<(usize, String), (usize, &str, bool)> = HashMap::new();
     for name in names {
         if let Some(reason) = bad_name(name) {
             return Err(ArchiveError::Name { name: name.to_owned(), reason });
         }
         let is_file = !name.ends_with('/');
         let path = name.trim_end_matches('/');
-        let ends = path.match_indices('/').map(|(at, _)| at).chain([path.len()]);
-        for end in ends {
-            let (part, whole) = (&path[..end], end == path.len());
-            let part_is_file = whole && is_file;
-            match seen.get_mut(&part.to_lowercase()) {
-                None => {
-                    seen.insert(part.to_lowercase(), (part.to_owned(), part_is_file));
-                }
-                Some((earlier, earlier_file)) => {
-                    if earlier != part || *earlier_file || part_is_file {
-                        return Err(ArchiveError::Collision {
-                            first: earlier.clone(),
-                            second: name.to_owned(),
-                        });
-                    }
-                }
+        let (mut folder, mut start) = (0, 0);
+        for part in path.split('/') {
+            let part_is_file = is_file && start + part.len() == path.len();
+            let next = seen.len() + 1;
+            let &mut (number, earlier, earlier_is_file) =
+                seen.entry((folder, part.to_lowercase())).or_insert((next, part, part_is_file));
+            if number != next && (earlier != part || earlier_is_file || part_is_file) {
+                return Err(ArchiveError::Collision {
+                    first: path[..start].to_owned() + earlier,
+                    second: name.to_owned(),
+                });
             }
+            folder = number;
+            start += part.len() + 1;
         }
     }
     Ok(())
@@ -328,6 +329,12 @@ fn check_names<'a>(names: impl Iterator<Item = &'a str>) -> Result<(), ArchiveEr
 /// Reason why a name is refused, if it is.
 pub(super) fn bad_name(name: &str) -> Option<&'static str> {
     let path = name.strip_suffix('/').unwrap_or(name);
+    if name.len() > MAX_NAME_BYTES {
+        return Some("it has more than 4096 bytes, which no file system takes");
+    }
+    if path.split('/').nth(MAX_NAME_DEPTH).is_some() {
+        return Some("it lies more than 128 folders deep");
+    }
     if name.starts_with('/') {
         return Some("it is an absolute path");
     }

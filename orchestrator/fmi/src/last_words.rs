@@ -68,9 +68,20 @@ pub fn end() {
     ENDS.store(true, Ordering::Release);
 }
 
+/// Signals by which a library crashes, as messages name them.
+const CRASHES: [(libc::c_int, &str); 7] = [
+    (libc::SIGSEGV, "signal 11 (SIGSEGV)"),
+    (libc::SIGBUS, "signal 7 (SIGBUS)"),
+    (libc::SIGILL, "signal 4 (SIGILL)"),
+    (libc::SIGFPE, "signal 8 (SIGFPE)"),
+    (libc::SIGABRT, "signal 6 (SIGABRT)"),
+    (libc::SIGTRAP, "signal 5 (SIGTRAP)"),
+    (libc::SIGSYS, "signal 31 (SIGSYS)"),
+];
+
 /// From now on a crash or an `exit` in a call of an FMU names the FMU and the call; the process still ends as a failure.
 pub fn install() {
-    for signal in [libc::SIGSEGV, libc::SIGBUS, libc::SIGILL, libc::SIGFPE, libc::SIGABRT] {
+    for (signal, _) in CRASHES {
         // SAFETY: a zeroed action is one without mask; the handler makes only calls that are safe in it. The threads of
         // Rust have a stack of their own for handlers.
         unsafe {
@@ -81,7 +92,17 @@ pub fn install() {
         }
     }
     // SAFETY: the handler neither panics nor unwinds.
-    unsafe { libc::atexit(exited) };
+    unsafe {
+        libc::atexit(exited);
+        #[cfg(target_os = "linux")]
+        at_quick_exit(exited);
+    }
+}
+
+#[cfg(target_os = "linux")]
+unsafe extern "C" {
+    /// C11; has no binding in `libc`.
+    fn at_quick_exit(handler: extern "C" fn()) -> libc::c_int;
 }
 
 /// Writes to the standard error, as far as that is possible.
@@ -101,13 +122,8 @@ fn say_site(site: Site) {
 }
 
 extern "C" fn crashed(signal: libc::c_int) {
-    let name: &[u8] = match signal {
-        libc::SIGSEGV => b"signal 11 (SIGSEGV)",
-        libc::SIGBUS => b"signal 7 (SIGBUS)",
-        libc::SIGILL => b"signal 4 (SIGILL)",
-        libc::SIGFPE => b"signal 8 (SIGFPE)",
-        _ => b"signal 6 (SIGABRT)",
-    };
+    let known = CRASHES.iter().find(|(number, _)| *number == signal);
+    let name = known.map_or("a signal", |(_, name)| name).as_bytes();
     match IN_CALL.get() {
         Some(site) => say_site(site),
         None => say(

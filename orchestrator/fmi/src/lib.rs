@@ -11,6 +11,7 @@ pub mod check;
 pub mod derive;
 pub mod description;
 mod error;
+mod feed_through;
 mod fmi3;
 mod functions;
 mod instance;

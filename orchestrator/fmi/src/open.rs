@@ -2,13 +2,14 @@
 
 use std::fmt;
 use std::path::{Path, PathBuf};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 use tempfile::TempDir;
 
 use super::archive::{Archive, ArchiveError, Limits, Unpacked};
 use super::description::{Interface, ModelDescription};
 use super::error::Error;
+use super::feed_through::FeedThrough;
 use super::isolate;
 use super::library::{Library, platform_folders};
 
@@ -72,6 +73,7 @@ pub struct Fmu {
     folders: Vec<String>,
     /// Lengths that structural parameters have here and not in the archive.
     pub(super) sizes: Vec<(String, i32)>,
+    feed_through: OnceLock<FeedThrough>,
 }
 
 impl fmt::Debug for Fmu {
@@ -142,6 +144,7 @@ impl Fmu {
             files,
             folders,
             sizes: sizes.to_vec(),
+            feed_through: OnceLock::new(),
         })
     }
 
@@ -242,6 +245,22 @@ impl Fmu {
             InterfaceKind::CoSimulation => self.description.co_simulation.as_ref(),
             InterfaceKind::ModelExchange => self.description.model_exchange.as_ref(),
         }
+    }
+
+    /// Inputs (indices of variables) on which an output depends directly: none where it is a continuous state of an FMU
+    /// with Model Exchange, else all inputs where the FMU does not say.
+    pub fn feed_through(&self, output: usize) -> &[usize] {
+        self.all_feed_through().running(output)
+    }
+
+    /// Inputs (indices of variables) on which an output depends in initialization mode; where the FMU does not say, those
+    /// of [`Fmu::feed_through`].
+    pub fn initial_feed_through(&self, output: usize) -> &[usize] {
+        self.all_feed_through().initial(output)
+    }
+
+    fn all_feed_through(&self) -> &FeedThrough {
+        self.feed_through.get_or_init(|| FeedThrough::new(&self.description))
     }
 
     /// The library of an interface, loaded once.

@@ -65,7 +65,8 @@ pub(super) fn begins_as_utf_16(bytes: &[u8]) -> bool {
     [&b"\xff\xfe"[..], b"\xfe\xff"].iter().any(|mark| bytes.starts_with(mark))
 }
 
-/// Writes a file in one piece: `fill` writes to a temporary file next to `path`, which then takes that name.
+/// Writes a file in one piece: `fill` writes to a temporary file next to `path`, which then takes that name. A link stays,
+/// and the file that it leads to is replaced.
 ///
 /// # Errors
 /// Whatever `fill` or the file system reports; nothing is left under `path` or next to it.
@@ -73,14 +74,34 @@ pub fn write_whole(
     path: &Path,
     fill: impl FnOnce(&mut BufWriter<NamedTempFile>) -> std::io::Result<()>,
 ) -> std::io::Result<()> {
+    let leads_to = if path.is_symlink() { path.canonicalize().ok() } else { None };
+    let path = leads_to.as_deref().unwrap_or(path);
     let folder = match path.parent() {
         Some(parent) if !parent.as_os_str().is_empty() => parent,
         _ => Path::new("."),
     };
+    check_place(path)?;
     let mut writer = BufWriter::with_capacity(1 << 16, temporary(folder)?);
     fill(&mut writer)?;
     writer.flush()?;
     persist(writer.into_inner().map_err(|error| error.into_error())?, path)
+}
+
+/// Refuses a place where no file can be put: a folder, a device, a pipe or a socket. A link is followed.
+///
+/// # Errors
+/// What is there.
+pub fn check_place(path: &Path) -> std::io::Result<()> {
+    match std::fs::metadata(path) {
+        Ok(found) if !found.is_file() => {
+            let what = if found.is_dir() { "a folder" } else { "a device or a pipe" };
+            Err(Error::new(
+                ErrorKind::InvalidInput,
+                format!("{what} of that name is there; choose another name"),
+            ))
+        }
+        _ => Ok(()),
+    }
 }
 
 /// Makes the folder of a file that a user names, where it is missing.
@@ -113,8 +134,9 @@ pub fn temporary(folder: &Path) -> std::io::Result<NamedTempFile> {
 /// Gives a complete temporary file its name; a file of that name is replaced.
 ///
 /// # Errors
-/// Whatever the file system reports.
+/// Whatever the file system reports; same as [`check_place`].
 pub fn persist(file: NamedTempFile, path: &Path) -> std::io::Result<()> {
+    check_place(path)?;
     readable_by_all(file.as_file())?;
     file.persist(path)?;
     Ok(())
@@ -146,5 +168,23 @@ mod tests {
         });
         assert!(outcome.is_err());
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn links_stay_links_and_what_is_no_file_is_refused() {
+        use std::os::unix::net::UnixListener;
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        std::fs::write(at("real.csv"), "old").unwrap();
+        std::os::unix::fs::symlink(at("real.csv"), at("link.csv")).unwrap();
+        write_whole(&at("link.csv"), |out| out.write_all(b"new")).unwrap();
+        assert!(at("link.csv").is_symlink());
+        assert_eq!(std::fs::read_to_string(at("real.csv")).unwrap(), "new");
+        let _socket = UnixListener::bind(at("socket")).unwrap();
+        for place in [at("socket"), folder.path().into(), "/dev/null".into()] {
+            let message = write_whole(&place, |_| panic!("nothing is written")).unwrap_err().to_string();
+            assert!(message.contains("choose another name"), "{message}");
+        }
     }
 }

@@ -3,7 +3,6 @@
 use airloop_cosim::master::embedded::{Place, Value};
 use airloop_cosim::system::SystemGraph;
 use airloop_cosim::system::graph::{DataType, Source};
-use airloop_cosim::system::order::feed_through;
 use airloop_fmi::{Causality, InterfaceKind, UnitDefinition, Variability};
 use fmi2_export::description::escape;
 
@@ -238,6 +237,11 @@ fn list(
     xml.push_str(&format!("    </{name}>\n"));
 }
 
+/// Whether two variables of an FMU are one value under two names.
+fn is_same_value(a: &airloop_fmi::Variable, b: &airloop_fmi::Variable) -> bool {
+    DataType::of(a) == DataType::of(b) && a.value_reference == b.value_reference
+}
+
 /// Inputs and states that a value depends on directly: those that a path of direct feed-through leads to.
 fn dependencies(graph: &SystemGraph, table: &Table, source: Source) -> Vec<usize> {
     let mut open = vec![source];
@@ -260,13 +264,17 @@ fn dependencies(graph: &SystemGraph, table: &Table, source: Source) -> Vec<usize
             let Place::Variable { component: of, variable: own } = table.variables[state].place else {
                 continue;
             };
-            let depends =
-                declared.is_none_or(|known| known.iter().any(|dependency| dependency.variable == own));
-            if of == component && depends {
+            if of != component {
+                continue;
+            }
+            // Inside of its FMU an output that is a state depends on nothing else; here the state is another variable.
+            let depends = is_same_value(&description.variables[variable], &description.variables[own])
+                || declared.is_none_or(|known| known.iter().any(|dependency| dependency.variable == own));
+            if depends {
                 found.push(table.states[number]);
             }
         }
-        for input in feed_through(owner, variable) {
+        for &input in owner.fmu.feed_through(variable) {
             debug_assert_eq!(description.variables[input].causality, Causality::Input);
             let into =
                 graph.connections.iter().filter(|to| to.component == component && to.variable == input);

@@ -1,5 +1,6 @@
 //! One instance of a system FMU, without C: its life cycle, values, steps and events.
 
+use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
@@ -51,6 +52,8 @@ pub(crate) struct Instance {
     archived: Vec<Vec<StartValue>>,
     /// Numbers given for system inputs.
     inputs: Vec<Option<f64>>,
+    /// Texts given for system inputs, by value reference.
+    texts: HashMap<u32, String>,
     start: f64,
     stop: Option<f64>,
     tolerance: Option<f64>,
@@ -109,6 +112,7 @@ impl Instance {
             interface,
             mode: Mode::Instantiated,
             inputs: vec![None; graph.inputs.len()],
+            texts: HashMap::new(),
             graph,
             recipe,
             table,
@@ -144,6 +148,7 @@ impl Instance {
             component.start_values.clone_from(starts);
         }
         self.inputs.fill(None);
+        self.texts.clear();
         (self.start, self.stop, self.tolerance) = (0.0, None, None);
         (self.origin, self.count, self.time, self.terminated) = (0.0, 0, 0.0, false);
         self.runner = None;
@@ -260,15 +265,27 @@ impl Instance {
                 }
                 return Ok(());
             }
-            (Place::Input(input), None) if before => {
+            (Place::Input(input), None) => {
                 let (name, Value::String(text)) = (self.graph.inputs[input].name.clone(), value) else {
                     return Err("a text is no number".into());
                 };
-                self.runner = None;
-                return self
-                    .graph
-                    .set_start(&name, &text, "fmi2SetString")
-                    .map_err(|error| error.to_string());
+                if before {
+                    self.runner = None;
+                    self.graph.set_start(&name, &text, "fmi2SetString").map_err(|error| error.to_string())?;
+                    self.texts.insert(reference, text);
+                    return Ok(());
+                }
+                // Importers set all inputs at every communication point; masters pass on numbers only.
+                let archived = &self.table.variables[reference as usize].start;
+                let is_same = match (self.texts.get(&reference), archived) {
+                    (Some(given), _) => *given == text,
+                    (None, Some(Value::String(archived))) => *archived == text,
+                    _ => text.is_empty(),
+                };
+                if !is_same {
+                    return Err(format!("`{name}` cannot be set to another text after the start"));
+                }
+                return Ok(());
             }
             _ => {}
         }

@@ -73,6 +73,9 @@ pub fn archives() -> Vec<Case> {
     let mut flipped = good.clone();
     flipped[60] ^= 0xff;
     let long = "n".repeat(60_000);
+    let deep: Vec<String> = (0..8).map(|k| format!("{}{k}", "a/".repeat(30_000))).collect();
+    let deep: Vec<(&str, &[u8])> = deep.iter().map(|name| (name.as_str(), &b"x"[..])).collect();
+    let nested = "a/".repeat(200) + "x";
     let mut elf = b"\x7fELF\x02\x01\x01\0".to_vec();
     elf.resize(64, 0);
     (elf[16], elf[18], elf[20], elf[32], elf[54], elf[56]) = (3, 62, 1, 64, 56, 9);
@@ -90,6 +93,8 @@ pub fn archives() -> Vec<Case> {
         inspect("an entry `/tmp/x`", archive(&[("modelDescription.xml", xml), ("/tmp/x", b"x")])),
         inspect("an entry `C:\\x`", archive(&[("modelDescription.xml", xml), ("C:\\x", b"x")])),
         inspect("a name of 60,000 letters", archive(&[("modelDescription.xml", xml), (&long, b"x")])),
+        inspect("eight names of 30,000 folders", archive(&deep)),
+        inspect("a file in 200 folders", archive(&[("modelDescription.xml", xml), (&nested, b"x")])),
         inspect("two different entries of one name", twice("resources/ab")),
         inspect("an entry `a/../../x`", archive(&[("modelDescription.xml", xml), ("a/../../x", b"x")])),
         inspect(

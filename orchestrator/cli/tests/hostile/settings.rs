@@ -67,6 +67,8 @@ pub fn cases() -> Vec<Case> {
             "chirp --amplitude 1 --band 1..5000 --duration 10s",
             "chirp --amplitude 1 --band 1..5 --duration 0",
             "chirp --amplitude 1 --band 1..5 --duration 10s --step 1e-9",
+            "multisine --amplitude 1 --band 0.00001..499 --duration 90000s",
+            "multisine --amplitude 1 --band 0.01..499 --duration 100s --period 1000s",
             "prbs --amplitude 1 --clock 0 --order 7 --duration 10s",
             "prbs --amplitude 1 --clock 10ms --order 99 --duration 10s",
         ]
@@ -87,6 +89,18 @@ pub fn cases() -> Vec<Case> {
         .map(identify),
     );
     found.extend([
+        Case::new(
+            "a command into a named pipe",
+            "excite prbs --amplitude 1 --clock 1 --order 5 --duration 9s -o p",
+        )
+        .make(|folder| super::pipe(&folder.join("p"))),
+        Case::new("a figure into a device", "effects show stribeck --figure d")
+            .make(|folder| std::os::unix::fs::symlink("/dev/full", folder.join("d")).unwrap()),
+        Case::new("a figure over a file of the user", "effects show stribeck --figure m.svg")
+            .file("m.svg", "mine"),
+        Case::new("an FMU into an endless device", "derive m.fmu -o d --set tau=2")
+            .fmu()
+            .make(|folder| std::os::unix::fs::symlink("/dev/zero", folder.join("d")).unwrap()),
         Case::new("an unknown command", "runn m.fmu"),
         Case::new("refine of nothing", "refine none -o out"),
         Case::new("refine of a file of another kind", "refine r.csv -o out").file("r.csv", "time,u\n0,0\n"),

@@ -3,6 +3,8 @@
 //! A row is a plain copy of the value buffers, into memory reserved before the first step. Names and units are only
 //! applied when rows are written ([`Recorder::write_out`]) or the run is over ([`Recorder::finish`]).
 
+use std::collections::HashSet;
+
 use airloop_series::TimeSeries;
 
 use super::journal::Journal;
@@ -79,7 +81,8 @@ impl Recorder {
     /// A recorder for buffers of `width` = \[Real, Integer, Boolean\] values and about `rows` rows.
     ///
     /// Up to 2^25 values (256 MiB of Reals) are reserved here; recording allocates only beyond that.
-    pub fn new(columns: Vec<Column>, width: [usize; 3], rows: usize) -> Recorder {
+    pub fn new(mut columns: Vec<Column>, width: [usize; 3], rows: usize) -> Recorder {
+        name_as_in_files(&mut columns);
         let mut held: Vec<Slot> = columns.iter().filter(|column| column.held).map(|c| c.slot).collect();
         held.sort_unstable();
         held.dedup();
@@ -275,12 +278,35 @@ impl Recorder {
     }
 }
 
+/// Gives columns names that a file of rows can have: without control characters, unlike that of the time, all different.
+fn name_as_in_files(columns: &mut [Column]) {
+    let mut taken = HashSet::from(["time".to_owned()]);
+    for column in columns {
+        let name: String = column.name.chars().map(|c| if c.is_control() { ' ' } else { c }).collect();
+        column.name = name.clone();
+        let mut number = 1;
+        while !taken.insert(column.name.clone()) {
+            number += 1;
+            column.name = format!("{name} ({number})");
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
 
     fn column(name: &str, slot: Slot, held: bool) -> Column {
         Column { name: name.into(), unit: None, slot, factor: 1.0, offset: 0.0, held }
+    }
+
+    #[test]
+    fn names_of_columns_are_those_that_a_file_can_have() {
+        let names = ["a.x\ny", "time", "a.x\ty", "v"];
+        let columns = names.map(|name| column(name, Slot::Real(0), false)).to_vec();
+        let recorder = Recorder::new(columns, [1, 0, 0], 1);
+        let names: Vec<&str> = recorder.columns().iter().map(|column| column.name.as_str()).collect();
+        assert_eq!(names, ["a.x y", "time (2)", "a.x y (2)", "v"]);
     }
 
     #[test]

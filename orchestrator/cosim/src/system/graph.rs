@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use tempfile::TempDir;
 
-use super::order::{self, Loop};
+use super::order::Loop;
 use super::ssp::{self, Structure};
 use super::{Error, resize, start, validate};
 use airloop_fmi::{Causality, Fmu, InterfaceKind, Variability, Variable, VariableKind};
@@ -396,8 +396,7 @@ impl SystemGraph {
     /// an input, as a sampled y(k) does. A discrete output that depends on events and time only belongs to the
     /// communication point at which it is read.
     pub fn stands_at_step_start(&self, component: usize, variable: usize) -> bool {
-        self.is_held(component, variable)
-            && !order::feed_through(&self.components[component], variable).is_empty()
+        self.is_held(component, variable) && !self.components[component].fmu.feed_through(variable).is_empty()
     }
 
     /// Whether data for a system input are held between their samples: it is not a Real, or feeds a discrete variable.

@@ -5,27 +5,12 @@
 //! loops. Components are then ordered so that an output with direct feed-through comes before its consumers; those
 //! that share a loop stand together.
 
-use std::collections::HashMap;
+use std::cmp::Reverse;
+use std::collections::{BinaryHeap, HashMap};
 
 use super::Error;
 use super::graph::{Component, Connection, DataType, Source, SystemGraph};
-use airloop_fmi::{Causality, InterfaceKind, Variability};
-
-/// Inputs on which an output depends directly: none where it is a continuous state of an FMU with Model Exchange, else all
-/// inputs where the FMU does not say.
-pub fn feed_through(component: &Component, output: usize) -> Vec<usize> {
-    let description = &component.fmu.description;
-    let states = component.fmu.interface(InterfaceKind::ModelExchange).is_some();
-    if states && description.continuous_states().any(|state| state == output) {
-        return Vec::new();
-    }
-    let is_input = |&variable: &usize| description.variables[variable].causality == Causality::Input;
-    let listed = description.outputs.iter().find(|unknown| unknown.variable == output);
-    match listed.and_then(|unknown| unknown.dependencies.as_ref()) {
-        Some(known) => known.iter().map(|dependency| dependency.variable).filter(is_input).collect(),
-        None => (0..description.variables.len()).filter(is_input).collect(),
-    }
-}
+use airloop_fmi::{InterfaceKind, Variability};
 
 /// An algebraic loop.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -107,8 +92,9 @@ pub fn loop_groups(graph: &SystemGraph) -> Vec<Vec<usize>> {
 pub fn evaluation_order(graph: &SystemGraph) -> Vec<usize> {
     let mut groups = loop_groups(graph);
     let looped: Vec<usize> = groups.concat();
-    groups
-        .extend((0..graph.components.len()).filter(|index| !looped.contains(index)).map(|index| vec![index]));
+    let mut is_looped = vec![false; graph.components.len()];
+    looped.iter().for_each(|&index| is_looped[index] = true);
+    groups.extend((0..graph.components.len()).filter(|&index| !is_looped[index]).map(|index| vec![index]));
     groups.sort();
     let mut group_of = vec![0; graph.components.len()];
     for (group, members) in groups.iter().enumerate() {
@@ -124,7 +110,7 @@ pub fn evaluation_order(graph: &SystemGraph) -> Vec<usize> {
         }
         let producer = &graph.components[component];
         let discrete = producer.fmu.description.variables[variable].variability == Variability::Discrete;
-        let rank = match feed_through(producer, variable).is_empty() {
+        let rank = match producer.fmu.feed_through(variable).is_empty() {
             false => 0,
             true if discrete => 1,
             true => 2,
@@ -132,12 +118,18 @@ pub fn evaluation_order(graph: &SystemGraph) -> Vec<usize> {
         waiting[to][rank] += 1;
         consumers[from].push((to, rank));
     }
+    // The group that waits for the fewest comes first; one that has been counted down since it was queued is queued again.
     let mut order = Vec::with_capacity(graph.components.len());
-    let mut left: Vec<usize> = (0..groups.len()).collect();
-    while let Some(position) = (0..left.len()).min_by_key(|&position| waiting[left[position]]) {
-        let group = left.remove(position);
+    let mut queue: BinaryHeap<_> = (0..groups.len()).map(|group| Reverse((waiting[group], group))).collect();
+    let mut taken = vec![false; groups.len()];
+    while let Some(Reverse((counted, group))) = queue.pop() {
+        if taken[group] || counted != waiting[group] {
+            continue;
+        }
+        taken[group] = true;
         for &(consumer, rank) in &consumers[group] {
             waiting[consumer][rank] -= 1;
+            queue.push(Reverse((waiting[consumer], consumer)));
         }
         order.extend_from_slice(&groups[group]);
     }
@@ -169,7 +161,7 @@ impl VariableGraph {
         }
         for (component, output) in outputs {
             let to = index[&(component, output)];
-            for input in feed_through(&components[component], output) {
+            for &input in components[component].fmu.feed_through(output) {
                 if let Some(&from) = index.get(&(component, input)) {
                     graph.next[from].push(to);
                 }

@@ -26,7 +26,7 @@ use std::time::Duration;
 
 pub(crate) use calls::LOST;
 pub(crate) use channel::{Channel, Death};
-pub use process::{cause, confine};
+pub use process::{cause, confine, end};
 pub(crate) use proxy::{forget, functions, instantiate, refused_setter};
 pub use worker::serve;
 

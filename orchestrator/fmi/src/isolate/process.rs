@@ -124,6 +124,15 @@ pub fn confine(command: &mut Command, memory: u64) {
     unsafe { command.pre_exec(move || prepare(None, memory)) };
 }
 
+/// Ends a process that [`confine`] confined, with all that it started and that stayed in its group.
+pub fn end(child: &mut Child) {
+    // The group has this number as long as one process is in it, or the child was not waited for.
+    // SAFETY: a system call with numbers.
+    unsafe { libc::kill(-(child.id() as libc::pid_t), libc::SIGKILL) };
+    let _ = child.kill();
+    let _ = child.wait();
+}
+
 /// What a worker does with itself before it becomes another program.
 fn prepare(area: Option<RawFd>, memory: u64) -> std::io::Result<()> {
     // SAFETY: plain system calls with numbers and locals.

@@ -14,6 +14,8 @@ const ROUNDS: usize = 300;
 /// Number of sines above which there is only one start, Schroeder's phases moved in time: each round is a transform
 /// over eight points per shortest wave.
 const MAX_SINES_OF_SEVERAL_STARTS: usize = 4096;
+/// Most products of sines and samples, each of which is a cosine: half a minute.
+const MAX_COSINES: f64 = 2e9;
 
 /// `n` samples of all multiples of 1 / `period` in the band, peak 1.
 pub(super) fn samples(
@@ -28,6 +30,11 @@ pub(super) fn samples(
         ((low * period - 1e-9).ceil().max(1.0) as usize)..=((high * period + 1e-9).floor() as usize);
     check("the period", period, "s", !harmonics.is_empty(), || {
         format!("no multiple of its inverse is in the band {low} to {high} Hz; take at least {} s", 1.0 / low)
+    })?;
+    let count = (harmonics.end() - harmonics.start() + 1) as f64;
+    let most = (MAX_COSINES / n as f64).floor();
+    check("the number of sines", count, "", count <= most, || {
+        format!("with {n} samples at most {most}; take a narrower band, a shorter signal or a shorter period")
     })?;
     let sines: Vec<usize> = harmonics.collect();
     let mut random = Random::new(seed);
@@ -129,6 +136,12 @@ mod tests {
         let product: f64 = a.iter().zip(&b).map(|(a, b)| a * b).sum();
         let size: f64 = a.iter().map(|a| a * a).sum();
         assert!((product / size).abs() < 0.9 && a == of(1), "{}", product / size);
+    }
+
+    #[test]
+    fn more_sines_than_can_be_summed_are_refused_at_once() {
+        let message = samples(&(1e-5..499.0), 9e4, 90_000_000, 1e-3, 1).unwrap_err().to_string();
+        assert!(message.contains("the number of sines") && message.contains("at most 22"), "{message}");
     }
 
     #[test]

@@ -13,7 +13,6 @@ use super::Problem;
 use super::names::{attachment_target, known, path};
 use airloop_cosim::system::SystemGraph;
 use airloop_cosim::system::graph::{Component, Conversion, DataType, Source, Start};
-use airloop_cosim::system::order::feed_through;
 use airloop_fmi::{Causality, Initial, InterfaceKind, Model, Variability, VariableKind};
 
 /// What an input of a component receives.
@@ -142,7 +141,7 @@ impl Plant {
             let own: Vec<usize> = component.fmu.description.continuous_states().collect();
             let (states, outputs): (Vec<usize>, Vec<usize>) = outputs.partition(|v| own.contains(v));
             let (early, late): (Vec<usize>, Vec<usize>) =
-                outputs.into_iter().partition(|&v| asked(v) || feed_through(component, v).is_empty());
+                outputs.into_iter().partition(|&v| asked(v) || component.fmu.feed_through(v).is_empty());
             let mut range = |list: &[usize]| {
                 let first = count;
                 for &variable in list {

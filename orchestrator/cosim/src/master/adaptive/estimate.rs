@@ -8,7 +8,6 @@ use crate::master::exchange::Wiring;
 use crate::master::interface_jacobian::nominal;
 use crate::system::SystemGraph;
 use crate::system::graph::{DataType, Source};
-use crate::system::order::feed_through;
 use airloop_fmi::Variability;
 
 /// Smallest size of a signal, as a part of its nominal value.
@@ -66,9 +65,11 @@ impl Estimate {
             connections.any(|connection| connection.component == component && connection.variable == variable)
         };
         let direct = |&(component, variable): &(usize, usize)| {
-            feed_through(&graph.components[component], variable)
+            graph.components[component]
+                .fmu
+                .feed_through(variable)
                 .into_iter()
-                .any(|input| fed(component, input))
+                .any(|&input| fed(component, input))
         };
         if !sources.iter().all(direct) {
             sources.retain(|source| !direct(source));

@@ -8,7 +8,6 @@ use super::static_block::{Function, Secant};
 use super::unit::Unit;
 use crate::master::{Coupling, Error};
 use crate::system::graph::Source;
-use crate::system::order::feed_through;
 use airloop_fmi::DependencyKind;
 
 impl Planner<'_> {
@@ -49,8 +48,8 @@ impl Planner<'_> {
         self.places
             .keys()
             .filter(|(owner, _)| *owner == index)
-            .flat_map(|&(_, variable)| feed_through(component, variable))
-            .any(|variable| unit.inputs.iter().any(|input| input.variable == variable))
+            .flat_map(|&(_, variable)| component.fmu.feed_through(variable))
+            .any(|&variable| unit.inputs.iter().any(|input| input.variable == variable))
     }
 
     /// Whether steps can be taken back; if not, the prediction has to do.

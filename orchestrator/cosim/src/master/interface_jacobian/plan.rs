@@ -13,7 +13,7 @@ use crate::master::stop::Stop;
 use crate::master::{Error, Grid, Settings, Values};
 use crate::system::SystemGraph;
 use crate::system::graph::{DataType, Source};
-use crate::system::order::{feed_through, strongly_connected};
+use crate::system::order::strongly_connected;
 use airloop_fmi::{Variability, VariableKind};
 
 /// Data about the system that planning needs.
@@ -138,7 +138,7 @@ impl<'a> Planner<'a> {
                 .iter()
                 .any(|connection| connection.component == index && connection.variable == variable)
         };
-        let fed_directly = |output: usize| feed_through(component, output).into_iter().any(fed);
+        let fed_directly = |output: usize| component.fmu.feed_through(output).iter().copied().any(fed);
         // A description without Model Exchange need not list states: then an output that no input feeds directly
         // gives them away.
         let is_static = description.derivatives.is_empty()

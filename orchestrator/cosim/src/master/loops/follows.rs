@@ -9,7 +9,6 @@ use crate::master::initialize::enter_initialization;
 use crate::master::propagation::nominal;
 use crate::master::{Error, Grid, Settings, Values};
 use crate::system::SystemGraph;
-use crate::system::order::feed_through;
 use airloop_fmi::{Error as FmuError, Slave, StepStatus};
 
 /// Changes of an input that are tried, in units of max(|value|, nominal).
@@ -57,8 +56,8 @@ fn dependents(graph: &SystemGraph, component: usize, members: &[(usize, usize)])
     let owner = &graph.components[component];
     let variables = &owner.fmu.description.variables;
     let own = || members.iter().filter(|(index, _)| *index == component).map(|&(_, variable)| variable);
-    let outputs: Vec<(usize, Vec<usize>)> =
-        own().map(|output| (output, feed_through(owner, output))).collect();
+    let outputs: Vec<(usize, &[usize])> =
+        own().map(|output| (output, owner.fmu.feed_through(output))).collect();
     let dependent = |input: usize| {
         let fed = outputs.iter().filter(|(output, inputs)| *output != input && inputs.contains(&input));
         Dependent {

@@ -287,13 +287,17 @@ impl Models {
                 seed.push(connection.conversion.factor * along);
             }
         }
+        let state_of =
+            |variable: usize| knowns[..range.len()].iter().position(|&state| state == reference(variable));
         let rates = description.derivatives.iter().map(|unknown| unknown.variable);
-        let outputs: Vec<usize> = (0..description.variables.len())
-            .filter(|&variable| {
-                let own = &description.variables[variable];
-                own.causality == Causality::Output && is_smooth(own)
-            })
-            .collect();
+        let smooth = (0..description.variables.len()).filter(|&variable| {
+            let own = &description.variables[variable];
+            own.causality == Causality::Output && is_smooth(own)
+        });
+        // An output that is a state is known; FMUs answer 0 for its derivative by itself.
+        let (known, outputs): (Vec<usize>, Vec<usize>) =
+            smooth.partition(|&variable| state_of(variable).is_some());
+        let known = known.into_iter().filter_map(|variable| Some((variable, seed[state_of(variable)?])));
         let unknowns: Vec<u32> = rates.chain(outputs.iter().copied()).map(reference).collect();
         let mut found = vec![0.0; unknowns.len()];
         if !unknowns.is_empty() && !knowns.is_empty() {
@@ -301,9 +305,9 @@ impl Models {
             model.directional_derivative(&unknowns, &knowns, &seed, &mut found)?;
         }
         let (rates, values) = found.split_at(range.len());
-        tangent.rates[range].copy_from_slice(rates);
+        tangent.rates[range.clone()].copy_from_slice(rates);
         let mut changed = false;
-        for (&variable, &value) in outputs.iter().zip(values) {
+        for (variable, value) in outputs.iter().copied().zip(values.iter().copied()).chain(known) {
             changed |= tangent.values.insert((component, variable), value) != Some(value);
         }
         Ok(changed)

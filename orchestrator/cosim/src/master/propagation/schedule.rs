@@ -7,8 +7,8 @@
 use std::collections::HashMap;
 
 use crate::system::SystemGraph;
-use crate::system::graph::{Component, Connection, DataType, Source};
-use crate::system::order::{feed_through, strongly_connected};
+use crate::system::graph::{Connection, DataType, Source};
+use crate::system::order::strongly_connected;
 use airloop_fmi::{Causality, Variability};
 
 /// Variable of a component: (index of the component, index of the variable).
@@ -44,17 +44,6 @@ fn is_exchanged(graph: &SystemGraph, (component, variable): Node) -> bool {
     let variable = &graph.components[component].fmu.description.variables[variable];
     let settable = variable.causality == Causality::Output || variable.variability == Variability::Continuous;
     DataType::of(variable) == DataType::Real && settable
-}
-
-/// Inputs on which an output depends in initialization mode.
-fn initial_feed_through(component: &Component, output: usize) -> Vec<usize> {
-    let description = &component.fmu.description;
-    let is_input = |&variable: &usize| description.variables[variable].causality == Causality::Input;
-    let listed = description.initial_unknowns.iter().find(|unknown| unknown.variable == output);
-    match listed.and_then(|unknown| unknown.dependencies.as_ref()) {
-        Some(known) => known.iter().map(|dependency| dependency.variable).filter(is_input).collect(),
-        None => feed_through(component, output),
-    }
 }
 
 /// System inputs that feed a variable which can only be set at events, by index.
@@ -144,8 +133,8 @@ fn stages(graph: &SystemGraph, nodes: &[Node], index: &HashMap<Node, usize>, sco
         let owner = &graph.components[component];
         if owner.fmu.description.variables[variable].causality == Causality::Output {
             let inputs = match scope {
-                Scope::Initial => initial_feed_through(owner, variable),
-                _ => feed_through(owner, variable),
+                Scope::Initial => owner.fmu.initial_feed_through(variable),
+                _ => owner.fmu.feed_through(variable),
             };
             inputs
                 .iter()
