@@ -16,6 +16,8 @@ mod inspect_report;
 pub mod inspect_system;
 mod inspect_worker;
 pub mod isolate;
+#[cfg(test)]
+mod keys;
 pub mod new;
 pub mod optimize;
 pub mod output;
