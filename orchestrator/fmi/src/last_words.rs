@@ -1,4 +1,4 @@
-//! What is said when the library of an FMU ends this process: by a crash, or by an `exit` from inside.
+//! Messages for the moment when the library of an FMU ends this process: by a crash, or by an `exit` from inside.
 //!
 //! Each thread notes the call that it is in. The handlers only read that note and write to the standard error, which
 //! is safe in a signal handler. Libraries that run in workers ([`isolate`](crate::isolate)) do not need them.
@@ -68,7 +68,8 @@ pub fn end() {
     ENDS.store(true, Ordering::Release);
 }
 
-/// From now on a crash or an `exit` in a call of an FMU names the FMU and the call; the process still ends as a failure.
+/// From now on a crash or an `exit` in a call of an FMU names the FMU and the call; the process still ends as a
+/// failure.
 pub fn install() {
     for signal in [libc::SIGSEGV, libc::SIGBUS, libc::SIGILL, libc::SIGFPE, libc::SIGABRT] {
         // SAFETY: a zeroed action is one without mask; the handler makes only calls that are safe in it. The threads of

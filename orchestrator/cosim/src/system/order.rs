@@ -11,8 +11,8 @@ use super::Error;
 use super::graph::{Component, Connection, DataType, Source, SystemGraph};
 use airloop_fmi::{Causality, InterfaceKind, Variability};
 
-/// Inputs on which an output depends directly: none where it is a continuous state of an FMU with Model Exchange, else all
-/// inputs where the FMU does not say.
+/// Inputs on which an output depends directly: none where it is a continuous state of an FMU with Model Exchange, else
+/// all inputs where the FMU does not say.
 pub fn feed_through(component: &Component, output: usize) -> Vec<usize> {
     let description = &component.fmu.description;
     let states = component.fmu.interface(InterfaceKind::ModelExchange).is_some();

@@ -124,7 +124,7 @@ pub fn confine(command: &mut Command, memory: u64) {
     unsafe { command.pre_exec(move || prepare(None, memory)) };
 }
 
-/// What a worker does with itself before it becomes another program.
+/// Preparation of a worker by itself before it becomes another program.
 fn prepare(area: Option<RawFd>, memory: u64) -> std::io::Result<()> {
     // SAFETY: plain system calls with numbers and locals.
     let done = unsafe {
