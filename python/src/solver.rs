@@ -53,7 +53,7 @@ impl Signals {
         }
     }
 
-    /// What was raised, else the answer of the solver.
+    /// The exception that was raised, else the answer of the solver.
     fn or<T>(self, answer: Result<T, Error>) -> PyResult<T> {
         self.raised.map_or_else(|| answer.map_err(raise), Err)
     }

@@ -2,8 +2,9 @@
 //!
 //! No date stands in it, so that equal models give equal bytes.
 //!
-//! An output that is the derivative of a state appears twice: as output, and behind all variables of the table as a local alias
-//! `der(state)` that has the attribute `derivative`. Importers such as CasADi take a variable for one of both only.
+//! An output that is the derivative of a state appears twice: as output, and behind all variables of the table as a
+//! local alias `der(state)` that has the attribute `derivative`. Importers such as CasADi take a variable for one of
+//! both only.
 
 use crate::model::Identity;
 use crate::shared_description::{

@@ -1,7 +1,7 @@
 //! The macro that turns a model into the exported C functions of an FMU library.
 
-/// Exports model `$model` as an FMU: all functions of `fmi2Functions.h` and of `fmi3Functions.h` under their exact names,
-/// so that one library serves an archive of each version.
+/// Exports model `$model` as an FMU: all functions of `fmi2Functions.h` and of `fmi3Functions.h` under their exact
+/// names, so that one library serves an archive of each version.
 ///
 /// Goes into a crate of type `cdylib`, once:
 ///

@@ -121,8 +121,8 @@ macro_rules! export_fmi3_functions {
     };
 }
 
-/// Functions that make an instance: arguments of the listed types, after `loggingOn` and at the end, are not used; a part
-/// of [`crate::export_fmu`].
+/// Functions that make an instance: arguments of the listed types, after `loggingOn` and at the end, are not used; a
+/// part of [`crate::export_fmu`].
 #[doc(hidden)]
 #[macro_export]
 macro_rules! instantiate_fmi3 {

@@ -1,4 +1,4 @@
-//! What the model descriptions of FMI 2.0 and 3.0 say alike.
+//! Parts that the model descriptions of FMI 2.0 and 3.0 share.
 
 use crate::logger;
 use crate::model::Identity;

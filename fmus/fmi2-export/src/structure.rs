@@ -235,8 +235,8 @@ impl<M: Model> Search<'_, M> {
         self.evaluate(known, dual, phase)
     }
 
-    /// Values with the known moved to where another draw has it, or part of the way where the equations refuse the whole;
-    /// gives the distance (1 for what is not Real).
+    /// Values with the known moved to where another draw has it, or part of the way where the equations refuse the
+    /// whole; gives the distance (1 for what is not Real).
     fn step(&self, known: &Variable, point: &Point, moved: &mut Values<f64>, phase: Phase) -> Option<f64> {
         let from = if known.causality == Causality::Parameter { point.fixed } else { point.rest };
         let parts: &[f64] = if known.real().is_some() { &PARTS_OF_A_STEP } else { &[1.0] };

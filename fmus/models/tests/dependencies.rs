@@ -1,6 +1,6 @@
 //! The declared dependencies against plain differences at points that the search for them has not seen.
 //!
-//! Whatever changes when one known is moved must list that known. Points are drawn at random over all orders and
+//! An unknown that changes when one known is moved must list that known. Points are drawn at random over all orders and
 //! both realizations, not from the models' own choice.
 
 use airloop_models::testing::{AllTypes, BouncingBall, Copy};

@@ -6,7 +6,8 @@ use packager::{Error, Request, descriptions};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-/// Builds the FMU libraries and writes target/fmu/*.fmu, target/fmu/test/*.fmu (and those of FMI 3.0 in folders fmi3 beside them) and modelDescriptions/*.xml.
+/// Builds the FMU libraries and writes target/fmu/*.fmu, target/fmu/test/*.fmu (and those of FMI 3.0 in folders fmi3
+/// beside them) and modelDescriptions/*.xml.
 ///
 /// The same sources and toolchain give the same bytes.
 #[derive(Parser)]

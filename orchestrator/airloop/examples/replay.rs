@@ -1,4 +1,5 @@
-//! Runs a system with its defaults through the one library that has all parts: `cargo run -p airloop --example replay -- SYSTEM.ssd`.
+//! Runs a system with its defaults through the one library that has all parts: `cargo run -p airloop --example replay
+//! -- SYSTEM.ssd`.
 
 use std::sync::atomic::AtomicBool;
 

@@ -255,8 +255,8 @@ fn is_sampled(graph: &SystemGraph) -> bool {
     !graph.outputs.is_empty() && graph.outputs.iter().all(|one| discrete(&one.source))
 }
 
-/// Which of several records are for validation: those whose names say so, else the last of every kind (names that differ in
-/// their last digits), else the last.
+/// Which of several records are for validation: those whose names say so, else the last of every kind (names that
+/// differ in their last digits), else the last.
 fn validation(names: &[String]) -> Vec<bool> {
     let stem = |name: &String| name.rsplit_once('.').map_or(name.as_str(), |(stem, _)| stem).to_lowercase();
     let says = |name: &String| {

@@ -14,8 +14,8 @@ use airloop_cosim::master::{Adaptive, Algorithm};
 use airloop_series::Interpolation;
 use airloop_series::units::{parse_duration, parse_time};
 
-/// Couple FMI 2.0 and 3.0 units and simulate them, identify models from measurements, optimize and stabilize motions, and find
-/// the physical effects that a model lacks.
+/// Couple FMI 2.0 and 3.0 units and simulate them, identify models from measurements, optimize and stabilize motions,
+/// and find the physical effects that a model lacks.
 #[derive(Debug, Parser)]
 #[command(
     name = "airloop",
@@ -94,8 +94,8 @@ pub enum Command {
     /// Writes report.json, report.md and report.html. Candidates are fitted in simulation on the estimation records;
     /// errors are reported on the validation records.
     Refine(super::refine::Args),
-    /// Thousands of independent tasks as one plan: simulations over samples of parameters, trials, fits, searches; on one
-    /// computer or a cluster, with the same results.
+    /// Thousands of independent tasks as one plan: simulations over samples of parameters, trials, fits, searches; on
+    /// one computer or a cluster, with the same results.
     Sweep {
         /// Action to perform.
         #[command(subcommand)]
@@ -204,7 +204,8 @@ pub struct RunArgs {
     pub save_states: Option<f64>,
     /// Continue a run from the states that it saved last (--save-states), whatever ended it: its folder, or its file
     /// result.states.json (result.partial.states.json of a run that was killed) with the rows beside it. The other
-    /// options are those of that run. The result has the rows before, too, and is that of the unbroken run, bit for bit.
+    /// options are those of that run. The result has the rows before, too, and is that of the unbroken run, bit for
+    /// bit.
     #[arg(long, value_name = "PATH", conflicts_with = "study")]
     pub restart_from: Option<PathBuf>,
     /// Processes of FMUs.

@@ -27,8 +27,8 @@ const POINTS: usize = 301;
 pub enum Command {
     /// List the effects that a search looks for: those of the program, and those of a folder.
     ///
-    /// The formula is taken off the force, torque or flow at the port; at a signal or command it takes the place of f. One
-    /// without a formula is computed by the program alone.
+    /// The formula is taken off the force, torque or flow at the port; at a signal or command it takes the place of f.
+    /// One without a formula is computed by the program alone.
     #[command(after_help = "Example: airloop effects list effects/")]
     List {
         /// Folder with effects as .toml files, or one such file.
@@ -79,9 +79,9 @@ pub struct Show {
     pub path: PathBuf,
     /// Name of the effect, where the folder has several.
     pub kind: Option<String>,
-    /// SVG file for a figure of the formula at the first start of each parameter (1 where the formula is proportional to
-    /// it). An effect with states is drawn along a sine of the position, or of f where the formula replaces it, that lasts
-    /// 1 s.
+    /// SVG file for a figure of the formula at the first start of each parameter (1 where the formula is proportional
+    /// to it). An effect with states is drawn along a sine of the position, or of f where the formula replaces it, that
+    /// lasts 1 s.
     #[arg(long, value_name = "FILE")]
     pub figure: Option<PathBuf>,
     /// Variable that the figure is over: x, v, f or t [default: the first that the formula uses].
@@ -258,8 +258,9 @@ fn explained(own: &Own) -> String {
 /// Points of a figure and the labels of its axes.
 pub(crate) type Drawn = (Vec<(f64, f64)>, [String; 2]);
 
-/// The curve of an effect over a variable (the first that it uses, where none is named) from `-range` to `range`, of time
-/// from 0, beside a value and, over the position, a velocity of `range`; with states along a sine of the position that lasts 1 s, of the value itself where the effect replaces it.
+/// The curve of an effect over a variable (the first that it uses, where none is named) from `-range` to `range`, of
+/// time from 0, beside a value and, over the position, a velocity of `range`; with states along a sine of the position
+/// that lasts 1 s, of the value itself where the effect replaces it.
 ///
 /// # Errors
 /// A range that is not above zero, a variable that is none.

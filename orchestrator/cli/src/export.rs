@@ -58,7 +58,8 @@ pub enum VersionChoice {
 /// `--for`
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum ToolChoice {
-    /// The whole system: read by airloop, FMPy and OMSimulator, and by libcosim and Ecos if it has no inputs and outputs.
+    /// The whole system: read by airloop, FMPy and OMSimulator, and by libcosim and Ecos if it has no inputs and
+    /// outputs.
     Any,
     /// The same file; says what FMPy leaves out.
     Fmpy,

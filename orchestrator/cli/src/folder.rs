@@ -2,7 +2,8 @@
 //! until the new one is complete.
 //!
 //! Results are written into a hidden folder and moved when all are there. Only what the summary of an earlier result
-//! lists may be replaced. A command that is killed leaves the earlier result, or a move that the next command completes.
+//! lists may be replaced. A command that is killed leaves the earlier result, or a move that the next command
+//! completes.
 
 use std::collections::BTreeSet;
 use std::fs::{File, TryLockError};

@@ -121,7 +121,8 @@ fn sarif(checks: &[(PathBuf, Vec<Finding>)]) -> Value {
     })
 }
 
-/// One suite for each FMU, one case for each finding: errors fail, the others are said. An FMU without findings has one case.
+/// One suite for each FMU, one case for each finding: errors fail, the others are said. An FMU without findings has one
+/// case.
 fn junit(checks: &[(PathBuf, Vec<Finding>)]) -> String {
     let errors = |findings: &[Finding]| findings.iter().filter(|f| f.severity == Severity::Error).count();
     let cases: usize = checks.iter().map(|(_, findings)| findings.len().max(1)).sum();

@@ -11,7 +11,8 @@ use airloop_fmi::check::{self, Finding, Severity};
 use airloop_fmi::isolate::{cause, confine, end};
 use airloop_fmi::{Fmu, trace};
 
-/// Files in the folder that both processes share: findings, one in a line, the last call, and a sign that all checks ended.
+/// Files in the folder that both processes share: findings, one in a line, the last call, and a sign that all checks
+/// ended.
 const FINDINGS: &str = "findings.jsonl";
 const CALL: &str = "call";
 const DONE: &str = "done";

@@ -12,10 +12,10 @@ use airloop::new_study::{self, Request};
 pub enum Command {
     /// Write a commented study for `airloop refine` from the columns of records and a system.
     ///
-    /// Columns belong to the inputs and outputs of the system of the same name, others are named with --signal; units in
-    /// the header, as in `x [mm]`, are understood. The records are copied into the folder. Of a single record the first
-    /// 70 % are for estimation, the rest for validation. Of several, those are for validation whose names say so (`test`,
-    /// `val`, `v`), else the last of every kind, as `stairs_3.csv` beside `stairs_1.csv` and `sine_2.csv`.
+    /// Columns belong to the inputs and outputs of the system of the same name, others are named with --signal; units
+    /// in the header, as in `x [mm]`, are understood. The records are copied into the folder. Of a single record the
+    /// first 70 % are for estimation, the rest for validation. Of several, those are for validation whose names say so
+    /// (`test`, `val`, `v`), else the last of every kind, as `stairs_3.csv` beside `stairs_1.csv` and `sine_2.csv`.
     #[command(
         after_help = "Example: airloop new study my_pendulum --from swing.csv --system airloop:pendulum --signal theta=angle"
     )]

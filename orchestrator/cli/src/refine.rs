@@ -78,8 +78,8 @@ pub struct Args {
     /// Print the JSON schema of report.json, or that of study.toml, and do nothing else.
     #[arg(long, value_enum, value_name = "FILE", num_args = 0..=1, default_missing_value = "report")]
     pub schema: Option<Schema>,
-    /// Print the places where something may be missing, with the effects that would be looked for, and search nothing; for a
-    /// study.
+    /// Print the places where something may be missing, with the effects that would be looked for, and search nothing;
+    /// for a study.
     #[arg(long)]
     pub plan: bool,
     /// Processes of FMUs.
@@ -229,7 +229,7 @@ fn setting(text: &str) -> Result<(String, f64), String> {
     Ok((name.trim().to_owned(), value))
 }
 
-/// What is asked: a rig of the vocabulary, or a study of any system.
+/// Kind of search: a rig of the vocabulary, or a study of any system.
 enum Question {
     Rig { case: Box<Case>, rig: Box<Rig> },
     Study(Box<study::declaration::File>),
@@ -300,8 +300,8 @@ fn results_folder(case: &Path, folder: &Path) -> Result<folder::Results, Error> 
     folder::Results::open_where(folder, &[case.into()], &names(folder), earlier)
 }
 
-/// What a report replaces in a folder: its files, and a folder of the user with the name of that of the amended system,
-/// whose parts would lie among other files there.
+/// Files and folders that a report replaces in a folder: its own, and a folder of the user with the name of that of the
+/// amended system, whose parts would lie among other files there.
 fn names(folder: &Path) -> Vec<String> {
     let mut names: Vec<String> = airloop_report::FILES.map(str::to_owned).into();
     let begun = std::fs::read_dir(folder.join(amend::FOLDER)).is_ok_and(|mut files| files.next().is_some());

@@ -64,8 +64,8 @@ const WRITING: u8 = 1;
 const ASKED: u8 = 2;
 const ENDING: u8 = 3;
 
-/// Ctrl-C, SIGTERM and SIGHUP: during the search it ends and the best answer so far is written; once the program writes, it
-/// finishes. A second signal always ends it.
+/// Ctrl-C, SIGTERM and SIGHUP: during the search it ends and the best answer so far is written; once the program
+/// writes, it finishes. A second signal always ends it.
 pub struct Interrupt {
     state: Arc<AtomicU8>,
 }

@@ -22,7 +22,7 @@ pub const PARTIAL_ROWS: &str = "result.partial.csv";
 /// States of a run that goes on, or was killed.
 const PARTIAL_STATES: &str = "result.partial.states.json";
 
-/// What a run continues from.
+/// Earlier part of a run that is continued.
 #[derive(Debug)]
 pub struct Earlier {
     /// States.
@@ -156,8 +156,8 @@ impl Drop for Partial {
     }
 }
 
-/// Makes the files that a run begins with. Killed at any place, it leaves a pair from which a run can continue, if there
-/// was one.
+/// Makes the files that a run begins with. Killed at any place, it leaves a pair from which a run can continue, if
+/// there was one.
 fn begin(rows: &Path, states: &Path, earlier: Option<&Earlier>) -> std::io::Result<File> {
     let _ = std::fs::remove_file(states::begun(states));
     let continued = earlier.and_then(|earlier| Some((earlier, earlier.rows.as_ref()?)));

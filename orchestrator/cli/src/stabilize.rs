@@ -42,7 +42,8 @@ const CONTROLLER: &str = "controller.fmu";
     after_help = "Example: airloop stabilize out/swing_up examples/03_swing_up/stabilize.toml -o out/stabilized\n         airloop run out/stabilized/closed_loop.ssd -o out/run\n         airloop trials out/stabilized --count 200"
 )]
 pub struct Args {
-    /// Folder of `airloop optimize`, or the CSV file of a trajectory (states and inputs by their names; give --problem).
+    /// Folder of `airloop optimize`, or the CSV file of a trajectory (states and inputs by their names; give
+    /// --problem).
     #[arg(required_unless_present = "schema")]
     pub plan: Option<PathBuf>,
     /// Settings (TOML): [sensors] with the noise of what is measured, and if wanted sample_time, [deviation], [drift],

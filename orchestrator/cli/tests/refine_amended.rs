@@ -131,8 +131,8 @@ fn check(case: &Case, rig: &Coupled, p: &[f64], answer: &Answer, name: &str) {
     let start = [0.012, 0.03];
     let found = run(case, answer, start, SAMPLES, "monolithic");
     let errors = differences(rig, p, &found, start);
-    // Two Runge-Kutta steps of 0.5 ms per sample against an integrator of 1e-9: after the release from rest, speeds differ
-    // by some 1e-5 m/s, which the slope of the piston's friction (111 N s/m and more) turns into some 1e-3 N.
+    // Two Runge-Kutta steps of 0.5 ms per sample against an integrator of 1e-9: after the release from rest, speeds
+    // differ by some 1e-5 m/s, which the slope of the piston's friction (111 N s/m and more) turns into some 1e-3 N.
     let mut limits = [1e-4, 4e-3, 5e-7, 2e-6];
     if name == "pf.pressure" || name == "sensor.delay(F_p)" {
         // The load cell reads another pressure force, or a past value, before the sample than behind it.
@@ -198,8 +198,8 @@ fn corrections_of_declared_parameters_move_as_in_the_search() {
         p[own.entry.index] = moved;
         corrections.push(Correction::new(own, moved, 1e-3));
     }
-    // Effects that count from corrected values: presliding replaces the corrected Coulomb friction, a payload is added to
-    // the corrected pole.
+    // Effects that count from corrected values: presliding replaces the corrected Coulomb friction, a payload is added
+    // to the corrected pole.
     let own = ["cf.presliding", "pole.payload", "cart.tilt"];
     let own = own.map(|id| opened.candidates.iter().find(|c| c.id == id).unwrap());
     own.iter().for_each(|candidate| switched_on(candidate, &mut p));

@@ -1,5 +1,5 @@
-//! FMUs of FMI 3.0 in processes of their own: arrays, all types, events, lengths that differ from those of the file, and a
-//! library that cannot be loaded.
+//! FMUs of FMI 3.0 in processes of their own: arrays, all types, events, lengths that differ from those of the file,
+//! and a library that cannot be loaded.
 #![cfg(target_os = "linux")]
 
 use std::path::Path;

@@ -68,8 +68,8 @@ fn a_coupled_system_follows_its_closed_form_under_every_master() {
     for algorithm in MASTERS {
         let graph = SystemGraph::open_for(&file, interface(algorithm)).unwrap();
         let run = simulate(&graph, algorithm);
-        // The slaves take Euler steps of 1 ms (3e-3 at most here), and under Jacobi u, whose slope is 2 at most, enters y up
-        // to two steps of 10 ms late.
+        // The slaves take Euler steps of 1 ms (3e-3 at most here), and under Jacobi u, whose slope is 2 at most, enters
+        // y up to two steps of 10 ms late.
         let tolerance = if algorithm == Algorithm::Monolithic { 1e-7 } else { 4.3e-2 };
         for (row, &t) in run.result.time().iter().enumerate() {
             // a: x1' = -x1. b: x3' = -3 x3 + 2 exp(-t) from 1, hence x3 = exp(-t); y = 2 x + u.

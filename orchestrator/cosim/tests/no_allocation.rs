@@ -53,7 +53,8 @@ fn a_macro_step_with_recording_allocates_nothing() {
         }
     }
 
-    // Rollback, local models and the solver of the interface-Jacobian master, and input derivatives, need FMUs that can do more.
+    // Rollback, local models and the solver of the interface-Jacobian master, and input derivatives, need FMUs that can
+    // do more.
     let example = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../../examples/01_run/system.ssd"));
     match SystemGraph::open(example) {
         Ok(graph) => {

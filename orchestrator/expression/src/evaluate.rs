@@ -4,7 +4,7 @@ use std::ops::{Add, Div, Mul, Neg, Sub};
 
 use super::{Expression, Kind, Node};
 
-/// What numbers must be able to do; any type with these operations can.
+/// Operations that formulas need of numbers; any type with them can be a value.
 pub trait Number:
     Copy
     + From<f64>
@@ -79,8 +79,8 @@ pub(crate) struct Point<'a, N> {
 impl Expression {
     /// Value for the values of the names, in the order in which they were given; `call` computes functions of the type.
     ///
-    /// Where the formula has no value (division by zero, root of a negative number) it is that of the type: not a number or
-    /// infinite.
+    /// Where the formula has no value (division by zero, root of a negative number) it is that of the type: not a
+    /// number or infinite.
     pub fn evaluate<N: Number>(&self, variables: &[N], call: &dyn Fn(Function, N) -> N) -> N {
         self.root.evaluate(&Point { variables, call })
     }

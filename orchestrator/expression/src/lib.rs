@@ -13,12 +13,12 @@ pub use evaluate::{Function, Number};
 
 use curve::Curve;
 
-/// What is wrong with a formula, and where.
+/// A problem with a formula, and its place.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Error {
     /// Byte of the text, from 0.
     pub at: usize,
-    /// What is wrong and what to do.
+    /// Problem and remedy.
     pub problem: String,
 }
 

@@ -1,4 +1,5 @@
-//! Opens an FMU, lists its variables and checks its description: `cargo run -p airloop-fmi --example inspect -- FILE.fmu`.
+//! Opens an FMU, lists its variables and checks its description:
+//! `cargo run -p airloop-fmi --example inspect -- FILE.fmu`.
 
 use airloop_fmi::{Fmu, check};
 

@@ -1,4 +1,4 @@
-//! What is said when the library of an FMU ends this process: by a crash, or by an `exit` from inside.
+//! Messages for the moment when the library of an FMU ends this process: by a crash, or by an `exit` from inside.
 //!
 //! Each thread notes the call that it is in. The handlers only read that note and write to the standard error, which
 //! is safe in a signal handler. Libraries that run in workers ([`isolate`](crate::isolate)) do not need them.
@@ -79,7 +79,8 @@ const CRASHES: [(libc::c_int, &str); 7] = [
     (libc::SIGSYS, "signal 31 (SIGSYS)"),
 ];
 
-/// From now on a crash or an `exit` in a call of an FMU names the FMU and the call; the process still ends as a failure.
+/// From now on a crash or an `exit` in a call of an FMU names the FMU and the call; the process still ends as a
+/// failure.
 pub fn install() {
     for (signal, _) in CRASHES {
         // SAFETY: a zeroed action is one without mask; the handler makes only calls that are safe in it. The threads of

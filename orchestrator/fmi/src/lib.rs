@@ -1,9 +1,10 @@
 //! Import of units of FMI 2.0 and 3.0: archive, model description, library, instances.
 //!
 //! [`Fmu::open`] checks and unpacks an archive and reads its model description; [`Slave`] is a Co-Simulation
-//! instance, [`Model`] a Model Exchange instance. Connections between instances, stepping order and results are left
-//! to the modules above. An FMU of FMI 3.0 looks like one of 2.0 from here on (module `fmi3`). Start reading at [`Fmu`], then [`Instance`], which holds what both interfaces share.
-//! Section numbers are those of the FMI standard, version 2.0.5.
+//! instance, [`Model`] a Model Exchange instance. Connections between instances, stepping order and results are left to
+//! the modules above. An FMU of FMI 3.0 looks like one of 2.0 from here on (module `fmi3`). Start reading at [`Fmu`],
+//! then [`Instance`], which holds what both interfaces share. Section numbers are those of the FMI standard, version
+//! 2.0.5.
 
 mod archive;
 mod arrays;

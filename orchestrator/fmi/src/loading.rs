@@ -1,5 +1,5 @@
-//! Loading and unloading of a library: both run code of the FMU, which may crash, end the program, change what belongs to
-//! the whole of it, or leave threads behind.
+//! Loading and unloading of a library: both run code of the FMU, which may crash, end the program, change what belongs
+//! to the whole of it, or leave threads behind.
 
 use std::path::Path;
 

@@ -1,4 +1,4 @@
-//! What a library may change for the whole process without being asked: how numbers are rounded, and the working
+//! State of the process that a library may change without being asked: the rounding of numbers, and the working
 //! directory. Both are set back after the calls in which libraries do so, with a note that names the FMU.
 
 #![allow(unsafe_code, reason = "reads and writes a register of the processor")]
@@ -120,7 +120,8 @@ mod rounding {
 mod tests {
     use super::*;
 
-    /// Values of the register: upward, downward, toward zero, results of subnormal size are zero, operands of that size are.
+    /// Values of the register: upward, downward, toward zero, results of subnormal size are zero, operands of that size
+    /// are.
     const CHANGED: [u32; 5] = [0x5f80, 0x3f80, 0x7f80, 0x9f80, 0x1fc0];
     /// A division by zero raises a signal; nothing is computed otherwise.
     const TRAPPING: u32 = 0x1d80;

@@ -1,7 +1,7 @@
 //! XML as a small tree with line numbers, read with limits and without DTD, so that no entity can expand.
 //!
-//! Elements are known by local name and namespace, attributes by their name; of text outside of attributes is kept whether
-//! there is some. What the elements mean is left to `fmu` and `system`.
+//! Elements are known by local name and namespace, attributes by their name; of text outside of attributes is kept
+//! whether there is some. What the elements mean is left to `fmu` and `system`.
 
 use quick_xml::XmlVersion;
 use quick_xml::events::{BytesStart, Event};

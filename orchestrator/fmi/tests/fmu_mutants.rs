@@ -1,4 +1,5 @@
-//! The checker against FMUs with one defect each, and against legal ones: which it finds, and that it calls no legal one wrong.
+//! The checker against FMUs with one defect each, and against legal ones: which it finds, and that it calls no legal
+//! one wrong.
 #![cfg(target_os = "linux")]
 
 use std::path::Path;

@@ -1,4 +1,5 @@
-//! Identifies a first-order ARX model from a record with known truth: `cargo run -p airloop-ident --example identify_arx`.
+//! Identifies a first-order ARX model from a record with known truth:
+//! `cargo run -p airloop-ident --example identify_arx`.
 
 use airloop_ident::{arx, record::Record, structure::Structure};
 use airloop_series::random::Random;

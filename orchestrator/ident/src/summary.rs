@@ -107,7 +107,7 @@ pub fn numbered<'a>(
 /// Writes `summary.json`.
 ///
 /// # Errors
-/// Whatever the file system reports.
+/// An error of the file system.
 pub fn write(summary: &Summary, path: &Path) -> std::io::Result<()> {
     airloop_series::file::write_json(path, summary)
 }

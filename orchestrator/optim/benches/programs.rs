@@ -1,4 +1,5 @@
-//! The programs of `tests/programs`, one thread: `cargo bench -p airloop-optim --bench programs [-- sqp] [trace] [NAME ...]`.
+//! The programs of `tests/programs`, one thread:
+//! `cargo bench -p airloop-optim --bench programs [-- sqp] [trace] [NAME ...]`.
 //!
 //! Prints one line of comma-separated values per program: size, status, objective, largest violation, the KKT error,
 //! iterations, evaluations, factorizations, and the least time of several solves, with the part in the functions. With

@@ -1,9 +1,9 @@
 //! Convex quadratic programs from a file, one thread: `cargo bench -p airloop-optim --bench quadratic -- FILE`.
 //!
-//! Lines of the file: `program NAME VARIABLES ROWS`, then entries from 0: `P i j value` of the Hessian (one triangle), `q i
-//! value` of the gradient, `A i j value` of the rows, `r i lower upper` and `x i lower upper` bounds. Prints one line of
-//! comma-separated values per program. `tests/study/programs/quadratic.py` writes the file, from the collection of Maros
-//! and Mészáros, and compares.
+//! Lines of the file: `program NAME VARIABLES ROWS`, then entries from 0: `P i j value` of the Hessian (one triangle),
+//! `q i value` of the gradient, `A i j value` of the rows, `r i lower upper` and `x i lower upper` bounds. Prints one
+//! line of comma-separated values per program. `tests/study/programs/quadratic.py` writes the file, from the collection
+//! of Maros and Mészáros, and compares.
 
 #![allow(missing_docs, reason = "a bench has no public items")]
 

@@ -31,7 +31,7 @@ struct Proximal {
     zeta: f64,
 }
 
-/// What the form of a problem keeps from solve to solve: everything but the problem.
+/// State that the form of a problem keeps from solve to solve: everything but the problem.
 #[derive(Debug)]
 pub(super) struct Memory {
     /// Variables of the problem; slacks follow.

@@ -15,8 +15,8 @@ use super::sqp::{self, Sqp};
 /// Sizes and patterns stay those of the problem it was made for. The result of a solve depends on its arguments
 /// alone, not on the solves before: it has the bits of [`super::solve`].
 ///
-/// After the first solve nothing is allocated, but for: the feasibility restoration, quadratic programs and the
-/// change of method of [`Method::Sqp`], functions without a value, names of what is violated, and an analysis anew where
+/// After the first solve nothing is allocated, but for: the feasibility restoration, quadratic programs and the change
+/// of method of [`Method::Sqp`], functions without a value, names of what is violated, and an analysis anew where
 /// bounds make an equality of an inequality or the other way round, or a constraint of what bounded nothing.
 pub struct Solver {
     form: form::Memory,

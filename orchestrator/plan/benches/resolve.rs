@@ -1,13 +1,13 @@
 //! Re-solves of the swing-up over its FMUs, one thread: `cargo bench -p airloop-plan --bench resolve [-- PROBLEM.toml]
 //! [INTERVALS, default 50] [every] [seed=N] [draws=N] [off=PERCENT] [each]`.
 //!
-//! Every state at the start is off by 2 % (or as given) of the largest magnitude that it has in the plan, up or down: 200 draws of the
-//! signs, or as many as given, or all there are with `every`. Each re-solve starts from the optimum of the plan, with
-//! its multipliers; its time is the least of several runs, in wall-clock time. Prints median, 99th percentile and largest, and the same of
-//! iterations; how many allocate after the first; and compares each optimum with solvers made anew: without
-//! multipliers from the optimum found (`from there`), and from the guess of the problem file as `airloop optimize`
-//! does (`from the guess`), which may find another minimum. With `each` a line for every re-solve, with its evaluations.
-//! `tests/study/swing_up.py` prints it.
+//! Every state at the start is off by 2 % (or as given) of the largest magnitude that it has in the plan, up or down:
+//! 200 draws of the signs, or as many as given, or all there are with `every`. Each re-solve starts from the optimum of
+//! the plan, with its multipliers; its time is the least of several runs, in wall-clock time. Prints median, 99th
+//! percentile and largest, and the same of iterations; how many allocate after the first; and compares each optimum
+//! with solvers made anew: without multipliers from the optimum found (`from there`), and from the guess of the problem
+//! file as `airloop optimize` does (`from the guess`), which may find another minimum. With `each` a line for every
+//! re-solve, with its evaluations. `tests/study/swing_up.py` prints it.
 
 #![allow(missing_docs, reason = "a bench has no public items")]
 

@@ -231,7 +231,8 @@ impl<'a> Comparison<'a> {
         let found = |i: usize| (last[i] - first[i]) / (steps[0] + steps[1]);
         let largest = |i: usize| rates[..3].iter().map(|rates| rates[i].abs()).fold(0.0, f64::max);
         let off = |i: usize| (found(i) - mean(i)).abs() / (largest(i) + self.spans[i]);
-        // The plan's trajectory of a state that the roll-out does not show is good only where it is one of its dynamics.
+        // The plan's trajectory of a state that the roll-out does not show is good only where it is one of its
+        // dynamics.
         let hidden = |i: &usize| self.shown[*i].is_none();
         if (0..first.len()).filter(hidden).any(|i| off(i) > MAX_ERROR_OF_EQUAL_RATES) {
             return None;

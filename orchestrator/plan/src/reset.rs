@@ -60,7 +60,8 @@ impl Jump {
     }
 }
 
-/// The jumps of a problem: into every phase from the one before, into the first from the last; `open` opens the system with parameters and signals.
+/// The jumps of a problem: into every phase from the one before, into the first from the last; `open` opens the system
+/// with parameters and signals.
 ///
 /// # Errors
 /// [`Error::File`] names line, column and remedy.

@@ -13,8 +13,8 @@ use airloop_optim::{Method, Solution, Status};
 
 /// A problem file over its FMUs, kept to be solved again.
 ///
-/// [`Solver::new`] finds the first motion as `airloop optimize` does. After that other initial states and bounds cost no
-/// allocation and few iterations ([`transcription::Solver`]); other parameters open the FMUs anew.
+/// [`Solver::new`] finds the first motion as `airloop optimize` does. After that other initial states and bounds cost
+/// no allocation and few iterations ([`transcription::Solver`]); other parameters open the FMUs anew.
 ///
 /// ```no_run
 /// use airloop_plan::{prepare::prepare, solver::Solver};

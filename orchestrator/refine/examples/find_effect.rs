@@ -1,4 +1,5 @@
-//! Finds the effect that a declared rig lacks: `cargo run --release -p airloop-refine --example find_effect -- CASE_FOLDER`.
+//! Finds the effect that a declared rig lacks:
+//! `cargo run --release -p airloop-refine --example find_effect -- CASE_FOLDER`.
 
 use airloop_refine::answer::Settings;
 use airloop_refine::case::Case;

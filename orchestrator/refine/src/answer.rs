@@ -27,7 +27,7 @@ impl Default for Settings {
     }
 }
 
-/// What the records say.
+/// Verdict of a search on the records.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum Verdict {
     /// Effects were found.
@@ -37,7 +37,7 @@ pub enum Verdict {
     Nothing,
     /// Something is missing that is none of the candidates.
     Unexplained,
-    /// What is missing is none of the candidates, and its law was found.
+    /// Something is missing that is none of the candidates, and its law was found.
     Law,
 }
 
@@ -61,7 +61,8 @@ pub struct Effect {
     pub id: String,
     /// Channel; empty where none is declared.
     pub channel: String,
-    /// Input of the system or of a component where it acts, or the output that a sensor shows; none: that of the channel.
+    /// Input of the system or of a component where it acts, or the output that a sensor shows; none: that of the
+    /// channel.
     pub port: Option<String>,
     /// How its block is connected at the port; none: as the channel says.
     pub wiring: Option<Wiring>,
@@ -69,7 +70,7 @@ pub struct Effect {
     pub signal: Option<String>,
     /// Whether it is part of the corrected model.
     pub selected: bool,
-    /// Effects of one group cannot be told apart.
+    /// Effects of one group cannot be distinguished.
     pub group: Option<usize>,
     /// Improvement of the information criterion over the declared model.
     pub score: f64,
@@ -190,7 +191,8 @@ pub struct Tried {
     pub id: String,
     /// Channel.
     pub channel: String,
-    /// Share of the declared model's error on held-out estimation records that it takes away beyond the model before it.
+    /// Share of the declared model's error on held-out estimation records that it takes away beyond the model before
+    /// it.
     pub held_out_gain: f64,
     /// Why it was not accepted.
     pub rejected: Option<String>,
@@ -217,7 +219,7 @@ pub struct Errors {
 /// The answer.
 #[derive(Debug, Clone, Default)]
 pub struct Answer {
-    /// What the records say.
+    /// Verdict on the records.
     pub verdict: Verdict,
     /// Whether every signal is within its noise limit with the answer.
     pub complete: bool,
@@ -227,8 +229,8 @@ pub struct Answer {
     pub share: Option<f64>,
     /// Steps of the search for a share of the error; empty where the noise was reached.
     pub steps: Vec<Step>,
-    /// Share of the variance of the force or torque behind [`Answer::unexplained`] that a free form over its first variable
-    /// explains, where the records show it.
+    /// Share of the variance of the force or torque behind [`Answer::unexplained`] that a free form over its first
+    /// variable explains, where the records show it.
     pub share_of_free_form: Option<f64>,
     /// Effects, selected ones first.
     pub effects: Vec<Effect>,
@@ -248,10 +250,10 @@ pub struct Answer {
     pub after: [Errors; 2],
     /// Noise by signal.
     pub noise: BTreeMap<String, f64>,
-    /// Error by signal that a true model shows, noise of inputs and initial states included: estimation, validation; empty
-    /// where it is the noise.
+    /// Error by signal that a true model shows, noise of inputs and initial states included: estimation, validation;
+    /// empty where it is the noise.
     pub floor: [BTreeMap<String, f64>; 2],
-    /// How far the declared and the corrected model are from noise, by signal: normalised powers.
+    /// Normalized power of the residual of each signal under the declared and the corrected model: about 1 for noise.
     pub left: [Vec<(String, f64)>; 2],
     /// Largest of `left` that noise gives.
     pub limit: f64,

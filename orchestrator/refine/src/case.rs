@@ -12,13 +12,13 @@ use super::rig::cylinder::Cylinder;
 use super::study::declaration::words;
 use airloop_series::{TimeSeries, csv};
 
-/// What `case.toml` says.
+/// Contents of `case.toml`: the declared model, its sensors and the list of records.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Declaration {
     /// Name of the case.
     pub id: String,
-    /// What the records are about.
+    /// Part of the rig that the records show.
     pub kind: Kind,
     /// Sample rate \[Hz\].
     pub sample_rate_hz: f64,
@@ -78,8 +78,8 @@ pub struct Actuator {
 }
 
 impl Actuator {
-    /// The actuator with an output larger by `gain`, relatively, and with moved poles: their mean by `decay`, half their
-    /// distance (along the real axis, or along the imaginary one for a complex pair) by `turn`.
+    /// The actuator with an output larger by `gain`, relatively, and with moved poles: their mean by `decay`, half
+    /// their distance (along the real axis, or along the imaginary one for a complex pair) by `turn`.
     ///
     /// With F = -A1, its mean pole a and G = F - a I, which has the poles +-q: F' = (a + decay) I + (1 + turn/q) G, and
     /// B' = (1 + gain) (I - F') (I - F)^-1 B, so that the static gain changes by `gain` alone.
@@ -153,10 +153,10 @@ pub struct CartPole {
 pub struct Sensor {
     /// Unit of the column.
     pub unit: String,
-    /// What it is.
+    /// Description in words.
     #[serde(default)]
     pub what: String,
-    /// Rms of the measurement noise, quantisation included, in `unit`.
+    /// Rms of the measurement noise, quantization included, in `unit`.
     pub noise_rms: f64,
 }
 
@@ -166,7 +166,7 @@ pub struct Sensor {
 pub struct File {
     /// File name inside the case folder.
     pub name: String,
-    /// What it may be used for.
+    /// Use of the record: estimation or validation.
     pub role: Role,
     /// `coupled`, `rod_fixed`, `sweep_piston` or `sweep_cart`.
     pub experiment: Experiment,
@@ -175,7 +175,7 @@ pub struct File {
     pub group: String,
 }
 
-/// What a record may be used for.
+/// Use of a record.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Role {
@@ -203,7 +203,7 @@ pub struct Case {
     pub declaration: Declaration,
     /// One series per file, in the same order.
     pub records: Vec<TimeSeries>,
-    /// What was changed in the records, one sentence each.
+    /// Changes made to the records while reading, one sentence each.
     pub notes: Vec<String>,
 }
 
@@ -250,7 +250,7 @@ impl Case {
             }
         }
         check_tolerances(&declaration.tolerance).map_err(refused)?;
-        // The command is sent, not measured: what stands out in it was meant.
+        // The command is sent, not measured: an outstanding sample of it is intended.
         let measured = declaration.sensors.iter().filter(|(_, sensor)| sensor.noise_rms > 0.0);
         let measured: Vec<&str> = measured.map(|(name, _)| name.as_str()).collect();
         let (mut records, mut notes) = (Vec::new(), Vec::new());

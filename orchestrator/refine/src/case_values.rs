@@ -28,7 +28,7 @@ impl Declared {
     }
 }
 
-/// What a value may be.
+/// Range allowed for a declared value.
 #[derive(Clone, Copy)]
 enum Range {
     Finite,

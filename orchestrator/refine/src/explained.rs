@@ -1,12 +1,12 @@
-//! "Nothing is missing" says that a model explains the records; where it explains nothing of them, it cannot be said.
+//! Withdrawal of the verdict "nothing is missing" where the declared model explains no signal of the records.
 
 use super::answer::{Answer, Verdict};
 
 /// Error over the spread of the measured signal from which on a model explains nothing of it.
 const MIN_NRMSE_OF_NO_MODEL: f64 = 0.9;
 
-/// Takes the verdict that nothing is missing back where the declared model explains no signal on validation records. What
-/// is left has its place at `place`.
+/// Withdraws the verdict that nothing is missing where the declared model explains no signal on validation records. The
+/// residual has its place at `place`.
 pub fn refuse_where_nothing_is(found: &mut Answer, place: &str) {
     let errors = &found.before[1].nrmse;
     // An error that is no number explains nothing either.

@@ -30,7 +30,7 @@ pub enum Error {
     Case {
         /// File.
         path: PathBuf,
-        /// What is wrong and what to do.
+        /// Problem and remedy.
         problem: String,
     },
     /// A study says something that does not fit.
@@ -40,7 +40,7 @@ pub enum Error {
         path: PathBuf,
         /// Line and column, if there is one place.
         place: String,
-        /// What is wrong and what to do.
+        /// Problem and remedy.
         problem: String,
     },
     /// A record cannot be read.

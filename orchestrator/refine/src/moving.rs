@@ -1,4 +1,5 @@
-//! Which actuator a search stands on: the declared one, or a pneumatic cylinder from first principles in its place.
+//! Choice of the actuator model of a search: the declared one, or a pneumatic cylinder from first principles in its
+//! place.
 //!
 //! An actuator that was identified with its rod fixed does not know that a moving piston changes the pressures in the
 //! chambers. That is no effect of the vocabulary, and it is larger than most of them, so it has to be out of the way
@@ -11,10 +12,10 @@ use super::engine::search::{Model, Search};
 use super::engine::select::MARGIN;
 use super::rig::parameters::{CYLINDER, D_ACT_DECAY, D_ACT_GAIN, D_ACT_TURN};
 
-/// Share of the normalised power that the declared actuator leaves in the pressure force below which the cylinder takes its
-/// place.
+/// Share of the normalized power that the declared actuator leaves in the pressure force below which the cylinder takes
+/// its place.
 const MAX_ERROR_RATIO: f64 = 0.25;
-/// What a report says where it does.
+/// Note of the report where the cylinder takes the place of the declared actuator.
 const NOTE: &str = "The actuator does not follow its declared model. Identified with the rod fixed, that cannot know that a moving piston changes the pressures in the chambers. A pneumatic cylinder from first principles takes its place, as declared in [model.cylinder] or with the values of the FMU pneumatic-cylinder.";
 
 /// The declared model with the cylinder in place of its actuator, where the pressure force contradicts the actuator and
@@ -41,8 +42,8 @@ pub fn without_actuator(corrections: &[Free]) -> Vec<Free> {
         .collect()
 }
 
-/// Says in the answer that the cylinder took the place of the declared actuator. That alone is no effect: without one the
-/// verdict is that the actuator is not explained by any.
+/// Says in the answer that the cylinder took the place of the declared actuator. That alone is no effect: without one
+/// the verdict is that the actuator is not explained by any.
 pub fn tell(answer: &mut Answer) {
     if answer.verdict == Verdict::Nothing {
         answer.verdict = Verdict::Unexplained;
@@ -63,8 +64,8 @@ mod tests {
 
     const ALL: [(&str, f64); 4] = [("F_hat", 0.3), ("F_p", 0.3), ("x", 3e-4), ("theta", 3e-4)];
 
-    /// Whether records with the effects of `values` call for the cylinder; the declared actuator is what a fixed rod shows
-    /// of it.
+    /// Whether records with the effects of `values` call for the cylinder; the declared actuator is what a fixed rod
+    /// shows of it.
     fn chosen(values: &[(usize, f64)], noises: &[(&str, f64)]) -> bool {
         let actuator = Actuator {
             sample_time: 1e-3,

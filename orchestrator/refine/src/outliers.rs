@@ -1,4 +1,4 @@
-//! Samples of a sensor that no motion explains: they are found, named, and bridged by the line between their neighbors.
+//! Samples of a sensor that no motion explains: detected, named, and bridged by the line between their neighbors.
 
 use airloop_series::TimeSeries;
 use airloop_series::frame::parts;
@@ -9,8 +9,8 @@ const NEIGHBORS: usize = 3;
 const AROUND: usize = 25;
 /// Least deviation of an outlier from its neighbors, over the local spread.
 const MIN_SPREADS: f64 = 30.0;
-/// Least deviation, over the range of the record without its upmost and lowest twentieth. Steps of a command and impacts stay
-/// below it: none of 1,762 records of rigs and studies has such a sample.
+/// Least deviation, over the range of the record without its upmost and lowest twentieth. Steps of a command and
+/// impacts stay below it: none of 1,762 records of rigs and studies has such a sample.
 const MIN_SHARE_OF_RANGE: f64 = 0.5;
 /// Median of the deviations of normal noise over its standard deviation.
 const MEDIAN_OF_NORMAL: f64 = 0.6745;

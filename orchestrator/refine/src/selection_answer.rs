@@ -85,11 +85,11 @@ pub fn select_by_share(
     true
 }
 
-/// Takes an answer back that explains a part of the rig to the noise with effects that take next to nothing of the error
-/// away alone, or that are within what is known of the declared actuator; whether it did.
+/// Takes an answer back that explains a part of the rig to the noise with effects that take next to nothing of the
+/// error away alone, or that are within the tolerances of the declared actuator; returns whether it did.
 ///
-/// With the whole rig recorded several effects may need each other; the actuator alone and a sweep hold too little against
-/// which imitations would fail.
+/// With the whole rig recorded several effects may need each other; the actuator alone and a sweep hold too little
+/// against which imitations would fail.
 pub fn withdraw_small_shares(rig: &Rig, settings: &Settings, found: &mut Answer) -> bool {
     if rig.coupled.is_some() || found.verdict != Verdict::Effect {
         return false;
@@ -114,7 +114,7 @@ pub fn withdraw_small_shares(rig: &Rig, settings: &Settings, found: &mut Answer)
     true
 }
 
-/// Puts the law of what is left into an answer that names nothing.
+/// Puts the law of the residual into an answer that names nothing.
 pub fn explain_by_law(rig: &Rig, settings: &Settings, found: &mut Answer) {
     let rules = settings.forward_selection;
     let corrected: Vec<Free> =

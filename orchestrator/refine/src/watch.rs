@@ -1,4 +1,4 @@
-//! Telling how far a search is: a system that counts what is asked of it.
+//! Progress of a search: a system that counts the simulations and draws asked of it and reports them to a listener.
 
 use std::ops::Deref;
 use std::sync::Arc;
@@ -8,7 +8,7 @@ use super::engine::noise::Noise;
 use super::engine::system::Job;
 use super::engine::{Span, System};
 
-/// What happened.
+/// Event of a search.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Event<'a> {
     /// A stage began.
@@ -31,7 +31,7 @@ pub struct Watched<'a> {
     draws: AtomicU64,
 }
 
-/// What is watched.
+/// System that is watched.
 enum Inner<'a> {
     Whole(&'a dyn System),
     Beginning(Box<dyn System + 'a>),

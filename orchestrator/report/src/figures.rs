@@ -28,7 +28,7 @@ pub fn errors(answer: &Answer) -> Option<String> {
     (!rows.is_empty()).then(|| bars("Error in multiples of the noise floor", &rows, (1.0, "noise"), label))
 }
 
-/// What is left at each port.
+/// Power of the residual at each port.
 pub fn ports(ports: &[Port], limit: f64) -> Option<String> {
     let rows: Vec<_> = ports
         .iter()

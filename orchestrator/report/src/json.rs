@@ -294,7 +294,7 @@ fn set<'a>(before: &'a Errors, after: &'a Errors) -> Set<'a> {
     }
 }
 
-/// What noise alone gives; where it is carried nowhere, the noise.
+/// Errors given by noise alone; where it is not carried to the outputs, the noise.
 fn floor(answer: &Answer, set: usize) -> &BTreeMap<String, f64> {
     if answer.floor[set].is_empty() { &answer.noise } else { &answer.floor[set] }
 }

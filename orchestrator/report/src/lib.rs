@@ -55,7 +55,8 @@ pub struct Report<'a> {
     pub signals: bool,
 }
 
-/// The command that runs the amended system in `folder`, from the folder of the report, and compares it with the records.
+/// The command that runs the amended system in `folder`, from the folder of the report, and compares it with the
+/// records.
 fn command(report: &Report, folder: &str) -> String {
     if let Some(study) = report.study {
         let quote = if study.contains(' ') { "'" } else { "" };

@@ -1,4 +1,4 @@
-//! What to measure next: from what the records could not tell.
+//! Proposals for the next measurement, from the questions that the records left open.
 
 use std::collections::BTreeSet;
 
@@ -85,7 +85,7 @@ pub fn advice(answer: &Answer) -> Vec<String> {
     found
 }
 
-/// What separates two effects.
+/// Sentence on the measurement that separates two effects.
 fn separation(one: &Effect, other: &Effect, answer: &Answer) -> String {
     let ids = [one.id.as_str(), other.id.as_str()];
     let both = |a: &str, b: &str| ids.contains(&a) && ids.contains(&b);

@@ -196,7 +196,7 @@ pub fn step_rows(answer: &Answer) -> Vec<Vec<String>> {
     rows.collect()
 }
 
-/// What the table of steps shows.
+/// Note under the table of steps.
 pub fn step_note(answer: &Answer) -> String {
     let note = "No model of the vocabulary reaches the noise, so an effect counts for the share of the declared model's error that it takes away on held-out records, beyond what corrections of declared parameters within their tolerances do.";
     // Studies carry the noise to a floor and say themselves when they begin again.
@@ -205,7 +205,7 @@ pub fn step_note(answer: &Answer) -> String {
     format!("{note}{}", if rig { windows } else { "" })
 }
 
-/// What the amended model does to the error, in one sentence: the signal that improves most.
+/// Change of the error by the amended model, in one sentence: the signal that improves most.
 pub fn effect_on_error(answer: &Answer) -> Option<String> {
     if answer.verdict != Verdict::Effect || !answer.complete && answer.share.is_some() {
         return None;
@@ -233,7 +233,7 @@ pub fn rivals(answer: &Answer) -> Vec<String> {
 pub const ERROR_HEADER: [&str; 7] =
     ["signal", "noise rms", "rms before", "rms after", "NRMSE before", "NRMSE after", "times floor"];
 
-/// What the columns of [`errors`] mean.
+/// Meaning of the columns of [`errors`].
 pub fn error_note(answer: &Answer) -> &'static str {
     if answer.floor[1].is_empty() {
         "Simulated from the command over whole records that the fit has not seen. NRMSE: rms error over the standard deviation of the measured signal. Times floor: rms error over the noise of the sensor; 1 is as good as the sensor can tell."
@@ -279,7 +279,7 @@ pub fn parameter_rows(answer: &Answer) -> Vec<Vec<String>> {
 /// Header of [`stability_rows`].
 pub const STABILITY_HEADER: [&str; 4] =
     ["effect", "parts it helps on", "parameter", "values without one part"];
-/// What stability means.
+/// Meaning of stability.
 pub const STABILITY_NOTE: &str = "The estimation records in parts, each held out in turn: on how many of them the model with the effect, fitted on the others, is better than the one without it, and between which values its parameters then move. Company that helps on no more than half of the parts, and little, is left out.";
 
 /// How effects hold on parts of the estimation records.
@@ -327,7 +327,7 @@ fn count(value: f64) -> String {
 /// Header of [`candidate_rows`].
 pub const CANDIDATE_HEADER: [&str; 6] = ["effect", "what", "improvement", "margin", "parameters", "why"];
 
-/// What the improvement of a candidate is.
+/// Meaning of the improvement of a candidate.
 pub fn candidate_note(answer: &Answer) -> &'static str {
     if answer.steps.is_empty() {
         "Improvement: decrease of the Bayesian information criterion against the declared model on the estimation records. Margin: how much less than the best; candidates within some 12 of each other cannot be told apart."

@@ -4,8 +4,8 @@ use super::units::{Exponents, Unit, lookup};
 
 /// The unit of a usual name, or of a product of usual names with whole powers; `None` where a part is not known.
 ///
-/// Parts are separated by `.`, `*` or a space; behind `/` stands one part, or several in brackets; `/a/b` divides by both.
-/// A unit with an offset (degC) counts by its factor alone within a product.
+/// Parts are separated by `.`, `*` or a space; behind `/` stands one part, or several in brackets; `/a/b` divides by
+/// both. A unit with an offset (degC) counts by its factor alone within a product.
 pub fn parse(text: &str) -> Option<Unit> {
     if let Some(unit) = lookup(text.trim()) {
         return Some(unit);

@@ -1,5 +1,5 @@
-//! Files that are complete or not there: written under a temporary name, then renamed. Files of the user are opened here,
-//! too, unless reading them could wait for ever or never end.
+//! Files that are complete or not there: written under a temporary name, then renamed. Files of the user are opened
+//! here, too, unless reading them could wait for ever or never end.
 
 use std::fs::File;
 use std::io::{BufWriter, Error, ErrorKind, Read, Write};
@@ -69,7 +69,7 @@ pub(super) fn begins_as_utf_16(bytes: &[u8]) -> bool {
 /// and the file that it leads to is replaced.
 ///
 /// # Errors
-/// Whatever `fill` or the file system reports; nothing is left under `path` or next to it.
+/// An error of `fill` or of the file system; nothing is left under `path` or next to it.
 pub fn write_whole(
     path: &Path,
     fill: impl FnOnce(&mut BufWriter<NamedTempFile>) -> std::io::Result<()>,
@@ -107,7 +107,7 @@ pub fn check_place(path: &Path) -> std::io::Result<()> {
 /// Makes the folder of a file that a user names, where it is missing.
 ///
 /// # Errors
-/// Whatever the file system reports.
+/// An error of the file system.
 pub fn make_folder_of(path: &Path) -> std::io::Result<()> {
     path.parent().map_or(Ok(()), std::fs::create_dir_all)
 }
@@ -126,7 +126,7 @@ pub fn write_json<T: Serialize + ?Sized>(path: &Path, value: &T) -> std::io::Res
 /// A file in `folder` that goes away by itself, unless [`persist`] gives it a name.
 ///
 /// # Errors
-/// Whatever the file system reports.
+/// An error of the file system.
 pub fn temporary(folder: &Path) -> std::io::Result<NamedTempFile> {
     tempfile::Builder::new().prefix(".writing-").tempfile_in(folder)
 }
@@ -134,7 +134,7 @@ pub fn temporary(folder: &Path) -> std::io::Result<NamedTempFile> {
 /// Gives a complete temporary file its name; a file of that name is replaced.
 ///
 /// # Errors
-/// Whatever the file system reports; same as [`check_place`].
+/// An error of the file system; same as [`check_place`].
 pub fn persist(file: NamedTempFile, path: &Path) -> std::io::Result<()> {
     check_place(path)?;
     readable_by_all(file.as_file())?;

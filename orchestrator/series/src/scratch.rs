@@ -14,7 +14,7 @@ const PREFIX: &str = "airloop-";
 /// The first call in a process also removes the folders of processes that were killed.
 ///
 /// # Errors
-/// Whatever the file system reports.
+/// An error of the file system.
 pub fn folder() -> std::io::Result<TempDir> {
     static SWEPT: Once = Once::new();
     SWEPT.call_once(|| sweep(&std::env::temp_dir()));

@@ -107,7 +107,8 @@ pub fn lookup(name: &str) -> Option<Unit> {
     simple(name).or_else(|| product(name))
 }
 
-/// A product of simple units: factors behind `.`, `*` or a space, divisors behind `/`, each with an exponent of one digit.
+/// A product of simple units: factors behind `.`, `*` or a space, divisors behind `/`, each with an exponent of one
+/// digit.
 fn product(name: &str) -> Option<Unit> {
     let mut found = Unit { exponents: Exponents::default(), factor: 1.0, offset: 0.0 };
     let (above, below) = name.split_once('/').map_or((name, None), |(above, below)| (above, Some(below)));

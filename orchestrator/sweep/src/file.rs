@@ -32,8 +32,8 @@ pub enum Method {
     LatinHypercube,
     /// Points of low discrepancy; take a power of two.
     Sobol,
-    /// Sobol' points in the arrangement of Saltelli, from which the report has Sobol' indices: for each of `count` points
-    /// as many tasks as there are factors, and two.
+    /// Sobol' points in the arrangement of Saltelli, from which the report has Sobol' indices: for each of `count`
+    /// points as many tasks as there are factors, and two.
     Saltelli,
 }
 

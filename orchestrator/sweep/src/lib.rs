@@ -2,8 +2,8 @@
 //!
 //! A [`manifest::Manifest`] is made of a plan ([`file::PlanFile`]); it says what every task is, from its number alone,
 //! and what all of them read. A [`shard::Runner`] runs consecutive tasks and writes their rows as one file, on any
-//! machine that sees the folder, in any order, again after a crash. [`merge::merge`] makes one table of them, whose bytes
-//! do not depend on the number of shards, threads or machines.
+//! machine that sees the folder, in any order, again after a crash. [`merge::merge`] makes one table of them, whose
+//! bytes do not depend on the number of shards, threads or machines.
 //!
 //! [`slurm`] hands shards to a cluster, [`report`] draws what was merged.
 

@@ -1,7 +1,7 @@
 //! The manifest of a sweep: the plan, its tasks as rules, and the content of everything that they read.
 //!
-//! Tasks are not listed: values and seed of a task follow from its number, so that a million of them are planned at once
-//! and any machine can begin anywhere.
+//! Tasks are not listed: values and seed of a task follow from its number, so that a million of them are planned at
+//! once and any machine can begin anywhere.
 
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;

@@ -176,8 +176,8 @@ fn cover(folder: &Path, manifest: &Manifest) -> Result<Vec<(Range<u64>, PathBuf)
     }
 }
 
-/// Passes all rows on in the order of the tasks and writes them as Parquet, without its name yet; with the number that is
-/// not ok.
+/// Passes all rows on in the order of the tasks and writes them as Parquet, without its name yet; with the number that
+/// is not ok.
 fn copy(
     cover: &[(Range<u64>, PathBuf)],
     manifest: &Manifest,

@@ -100,7 +100,7 @@ pub fn finished(folder: &Path) -> Result<Vec<(Range<u64>, PathBuf)>, Error> {
     Ok(crate::digest::entries(&folder)?.into_iter().filter_map(named).collect())
 }
 
-/// What became of a shard.
+/// Outcome of a shard.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Done {
     /// Its tasks ran.
@@ -137,7 +137,7 @@ impl Runner {
     /// The tasks of a manifest, which need not lie in the folder yet.
     ///
     /// # Errors
-    /// Whatever opening the plan says.
+    /// The errors of opening the plan.
     pub fn new(folder: &Path, manifest: Manifest, threads: usize, isolated: bool) -> Result<Runner, Error> {
         let plan = manifest.file()?;
         let tasks = Tasks::new(&plan, &manifest.base)?;

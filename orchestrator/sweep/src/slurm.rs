@@ -159,7 +159,7 @@ pub fn is_queued(job: u64) -> Result<bool, Error> {
     }
 }
 
-/// What a program of Slurm prints.
+/// Output of a program of Slurm.
 fn ask(command: &mut Command) -> Result<String, Error> {
     let name = command.get_program().to_string_lossy().into_owned();
     let refused = |problem: String| Error::Engine { engine: "slurm", problem };

@@ -27,7 +27,7 @@ const ROUNDING: f64 = 1e-6;
 /// Reason why a call fails, in words.
 pub(crate) type Refused = String;
 
-/// What runs the components, once they are initialized.
+/// Runner of the components, once they are initialized.
 enum Runner {
     Slaves(Box<Slaves>),
     Models(Box<Models>),

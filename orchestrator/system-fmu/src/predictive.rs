@@ -1,7 +1,7 @@
 //! The FMU as a model predictive controller: the system inside is its model.
 //!
-//! Inputs `y[i]` and `noise[i]`, outputs `u[j]` and `x_hat[i]` as those of the FMU `tvlqr-controller`, so that one wiring
-//! serves both; and `solve_time`, `iterations` and `feasible` of the last solve.
+//! Inputs `y[i]` and `noise[i]`, outputs `u[j]` and `x_hat[i]` as those of the FMU `tvlqr-controller`, so that one
+//! wiring serves both; and `solve_time`, `iterations` and `feasible` of the last solve.
 
 use std::sync::{Mutex, PoisonError};
 

@@ -33,8 +33,8 @@ pub fn fmu(folder: &Path) {
     c_fmu::pack(&folder.join("joints.fmu"), DESCRIPTION, Some(("joints", &library)));
 }
 
-/// State (`q_1`, `q_2`, `w_1`, `w_2`) after a step `h` \[s\] of classical Runge-Kutta under torques \[N m\], with dry friction of
-/// `dry` \[N m\] that changes its sign over `vt` \[rad/s\].
+/// State (`q_1`, `q_2`, `w_1`, `w_2`) after a step `h` \[s\] of classical Runge-Kutta under torques \[N m\], with dry
+/// friction of `dry` \[N m\] that changes its sign over `vt` \[rad/s\].
 pub fn step(s: [f64; 4], torque: [f64; 2], dry: [f64; 2], vt: f64, h: f64) -> [f64; 4] {
     let rate = |s: [f64; 4]| {
         let [q1, q2, w1, w2] = s;

@@ -1,4 +1,4 @@
-//! What is mutated: files of the repository, and a few of `tests/fuzz/corpus` for what the repository has no file of.
+//! Inputs to mutate: files of the repository, and a few of `tests/fuzz/corpus` for kinds that the repository lacks.
 
 use std::path::{Path, PathBuf};
 

@@ -30,13 +30,13 @@ pub enum Budget {
 
 /// An input that a reader did not survive.
 pub struct Fault {
-    /// What ended the child, and its last words.
+    /// End of the child, and its last words.
     pub what: String,
     /// Where the input is kept.
     pub kept: PathBuf,
 }
 
-/// What came of a target.
+/// Outcome of a target.
 pub struct Outcome {
     target: Target,
     inputs: u64,
@@ -65,7 +65,7 @@ impl fmt::Display for Outcome {
 struct End {
     /// Number of the last input that was begun.
     last: Option<u64>,
-    /// What was wrong, if anything.
+    /// Fault found, if any.
     fault: Option<String>,
 }
 

@@ -30,7 +30,7 @@ use crate::runs;
 pub struct Target {
     /// Name on the command line.
     pub name: &'static str,
-    /// What it reads.
+    /// Input that it reads.
     pub what: &'static str,
     /// Name of the file that it reads, in its place.
     pub file: &'static str,

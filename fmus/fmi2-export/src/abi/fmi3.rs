@@ -1,5 +1,5 @@
-//! The functions of FMI 3.0 across the C boundary: argument lists of 3.0 over the instances, call rules and equations of
-//! 2.0.
+//! The functions of FMI 3.0 across the C boundary: argument lists of 3.0 over the instances, call rules and equations
+//! of 2.0.
 //!
 //! All variables are scalars, so that as many values as value references belong to a call. A Boolean of FMI 3.0 is a
 //! byte, which is read and written as a number.

@@ -54,8 +54,8 @@ pub(crate) fn call_log_message(
     category: &CStr,
     message: &CStr,
 ) {
-    // SAFETY: the importer promises a callback that lives as long as the instance (FMI 3.0 section 2.3.1); every pointer
-    // is a null-terminated text that outlives the call.
+    // SAFETY: the importer promises a callback that lives as long as the instance (FMI 3.0 section 2.3.1); every
+    // pointer is a null-terminated text that outlives the call.
     unsafe { callback(environment, status, category.as_ptr(), message.as_ptr()) }
 }
 

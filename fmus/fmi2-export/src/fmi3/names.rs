@@ -1,6 +1,6 @@
 //! Messages in the words of FMI 3.0.
 
-/// What FMI 3.0 calls otherwise, longer texts first.
+/// Terms of FMI 2.0 and their names in FMI 3.0, longer texts first.
 const WORDS: [(&str, &str); 13] = [
     ("fmi2GetRealOutputDerivatives", "fmi3GetOutputDerivatives"),
     ("fmi2SetupExperiment", "fmi3EnterInitializationMode"),

@@ -6,7 +6,7 @@ use crate::table::Kind;
 /// Mark of the type, in the bits above this one.
 const SHIFT: u32 = 24;
 
-/// What a value reference of FMI 3.0 stands for.
+/// Object that a value reference of FMI 3.0 stands for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Meaning {
     /// Float64.

@@ -104,7 +104,8 @@ fn mass_is_kept_between_supply_ports_tubes_and_chambers() {
         let side = |i: usize| {
             let s = &m.sides[i];
             // What entered the tube over the last 30 substeps has not left it. The port loses the integral of a flow of
-            // which the tube takes the value at the start of each substep: half a substep of the present flow is between.
+            // which the tube takes the value at the start of each substep: half a substep of the present flow is
+            // between.
             let on_the_way = (0..30).map(|k| q[s.line.at(k)] * 1e-4).sum::<f64>() + 0.5e-4 * q[s.m_tube];
             let port = q[s.valve.pv] * q[m.k.Vt] / (1.2 * rt);
             [port, on_the_way, q[s.p] * volumes[i] / rt]

@@ -8,7 +8,8 @@ pub(super) const MAX_NX: usize = 16;
 pub(super) const MAX_NU: usize = 4;
 /// Most measured signals.
 pub(super) const MAX_NY: usize = 16;
-/// Columns of a table with phases: number of the sample, 0 at the start of the plan, and the mode in which the row holds.
+/// Columns of a table with phases: number of the sample, 0 at the start of the plan, and the mode in which the row
+/// holds.
 const PHASES: [&str; 2] = ["sample", "mode"];
 /// First field of the last line of a table whose phases begin again after the last one.
 const REPEAT: &str = "repeat";

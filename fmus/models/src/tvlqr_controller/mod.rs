@@ -38,8 +38,8 @@ const UNLIMITED: f64 = 1e15;
 /// | `mode` | 1 | mode of the plant, for tables with phases |
 ///
 /// A table with phases has rows for each of them, beyond its ends as well: a phase begins at the first sample at which
-/// `mode` is that of the next one, whenever that is, and `x0 + e` continues without a jump. Where the table says so, the
-/// first phase comes after the last, with nominal states and measured signals that have moved on.
+/// `mode` is that of the next one, whenever that is, and `x0 + e` continues without a jump. Where the table says so,
+/// the first phase comes after the last, with nominal states and measured signals that have moved on.
 ///
 /// The estimate starts on the trajectory. Sampled in both interfaces; `u(k)` depends on `y(k)`.
 pub struct TvlqrController {

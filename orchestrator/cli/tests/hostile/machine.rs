@@ -1,7 +1,7 @@
 //! Faults of the machine: disks that are full, folders that go away, signals, readers who leave.
 //!
-//! Each fault is done to a command, which then ends with the exit code and the message of the table and leaves the files
-//! of the table; rows are whole wherever they are.
+//! Each fault is done to a command, which then ends with the exit code and the message of the table and leaves the
+//! files of the table; rows are whole wherever they are.
 
 use std::fs::File;
 use std::os::unix::process::CommandExt;
@@ -11,7 +11,7 @@ use std::time::{Duration, Instant};
 
 /// One line of the table.
 pub struct Fault {
-    /// What happens to the command.
+    /// Event during the command.
     pub what: &'static str,
     /// Arguments of the program.
     pub command: &'static str,

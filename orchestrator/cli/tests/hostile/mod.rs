@@ -14,7 +14,7 @@ mod tables;
 
 /// One line of the table.
 pub struct Case {
-    /// What is wrong.
+    /// Description of the fault.
     pub what: String,
     /// Files by name.
     files: Vec<(String, Vec<u8>)>,

@@ -69,7 +69,7 @@ pub struct Watch<'a> {
     pub progress: &'a mut dyn FnMut(u64, u64),
 }
 
-/// What is kept of a run, and where.
+/// Samples of a run that are kept, and their place.
 #[derive(Debug, Default)]
 pub struct Record {
     /// Rows that are kept.

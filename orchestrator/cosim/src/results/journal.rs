@@ -2,8 +2,8 @@
 //!
 //! No row crosses a page of the file, because SIGKILL may end a writing where it goes on to the next page, and nowhere
 //! else: whatever happens, the file ends with a whole row. The row before one that would cross gets zeros that do not
-//! change its numbers until it fills its page. Rows that are longer than a page have no such place, and before the first row
-//! is the header, which stays as it is.
+//! change its numbers until it fills its page. Rows that are longer than a page have no such place, and before the
+//! first row is the header, which stays as it is.
 
 use std::fs::File;
 use std::io::{Error, ErrorKind, Read, Result, Seek, SeekFrom, Write};

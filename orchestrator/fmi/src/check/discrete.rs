@@ -1,7 +1,7 @@
 //! Declared dependencies of and on variables that are no continuous Reals, at events and at initialization.
 //!
-//! Two new instances go the same way, but for one known that is set to another value in one of them; an unknown that differs
-//! depends on it. (Continuous Reals are left to `dependencies.rs`, which looks at them without new instances.)
+//! Two new instances go the same way, but for one known that is set to another value in one of them; an unknown that
+//! differs depends on it. (Continuous Reals are left to `dependencies.rs`, which looks at them without new instances.)
 
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -105,8 +105,8 @@ fn compare(
                 "at {} the value depends on it, but the dependencies of ModelStructure do not say so",
                 moment.name()
             );
-            // Parameters do not take part in the order in which connected units are initialized; after an event, values may have
-            // gone through a memory.
+            // Parameters do not take part in the order in which connected units are initialized; after an event, values
+            // may have gone through a memory.
             if variable.causality == Causality::Parameter || is_after_only {
                 findings.warning("dependency-undeclared", place, message);
             } else {

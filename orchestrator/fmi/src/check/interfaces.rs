@@ -1,7 +1,7 @@
 //! Co-Simulation against Model Exchange: both interfaces of an FMU are the same model.
 //!
-//! The steps of Co-Simulation are compared with Model Exchange under explicit Euler steps of the same length and with much
-//! shorter ones; the difference of these two is what a simple integrator inside the FMU may be off by.
+//! The steps of Co-Simulation are compared with Model Exchange under explicit Euler steps of the same length and with
+//! much shorter ones; the difference of these two is what a simple integrator inside the FMU may be off by.
 
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -27,8 +27,8 @@ const MAX_ERROR_OVER_RANGE: f64 = 1e-3;
 /// Largest error of Euler steps over the range in which a variable has moved, for a comparison.
 const MAX_EULER_ERROR_OVER_RANGE: f64 = 0.25;
 
-/// An error beyond the other limits counts as one where it is also larger than this over the range, and no communication step
-/// nearby has the value: coupled units inside of an FMU may lag by a step.
+/// An error beyond the other limits counts as one where it is also larger than this over the range, and no
+/// communication step nearby has the value: coupled units inside of an FMU may lag by a step.
 const MAX_LAGGING_ERROR_OVER_RANGE: f64 = 0.02;
 
 /// So many communication steps before and after are nearby.

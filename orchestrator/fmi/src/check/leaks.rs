@@ -13,7 +13,8 @@ use crate::{Error, Fmu, InterfaceKind};
 /// Steps of each life.
 const STEPS: usize = 3;
 
-/// Lives before the first look: what a library makes once for all is there then, and the allocator's own lists are filled.
+/// Lives before the first look: what a library makes once for all is there then, and the allocator's own lists are
+/// filled.
 const FIRST_LIVES: usize = 20;
 
 /// Looks; a leak grows between each two.
@@ -37,7 +38,7 @@ const MORE_PATIENCE: Duration = Duration::from_secs(30);
 /// A name, and its count in this process.
 type Counted = (&'static str, fn() -> usize);
 
-/// What is counted: names, and the counts of this process.
+/// Resources counted: names, and the counts of this process.
 const COUNTED: [Counted; 3] = [("bytes", in_use), ("open files", open_files), ("threads", threads)];
 
 pub(super) fn check(fmu: &Arc<Fmu>, kind: InterfaceKind, findings: &mut Findings) {
@@ -51,8 +52,8 @@ pub(super) fn check(fmu: &Arc<Fmu>, kind: InterfaceKind, findings: &mut Findings
     }
 }
 
-/// What each life leaves behind, if it is so much every time and goes on: what the allocator keeps at hand grows as well, with
-/// every size that is asked for the first time, and comes to an end.
+/// Growth per life, where it is the same each time and goes on: the stock of the allocator grows as well, with every
+/// size that is asked for the first time, but comes to an end.
 fn grown(fmu: &Arc<Fmu>, kind: InterfaceKind) -> Result<[Option<usize>; COUNTED.len()], Error> {
     let until = Instant::now() + PATIENCE;
     for _ in 0..FIRST_LIVES {
@@ -69,7 +70,8 @@ fn grown(fmu: &Arc<Fmu>, kind: InterfaceKind) -> Result<[Option<usize>; COUNTED.
     Ok(std::array::from_fn(|_| pairs.next().flatten()).map(|count| count.map(|count| count as usize)))
 }
 
-/// Growth per life over looks that are `lives` apart; none where it is uneven or below one per life, or where time is up.
+/// Growth per life over looks that are `lives` apart; none where it is uneven or below one per life, or where time is
+/// up.
 fn leaks(
     fmu: &Arc<Fmu>,
     kind: InterfaceKind,

@@ -368,8 +368,8 @@ fn bits(values: &[f64]) -> impl Iterator<Item = u64> + '_ {
     values.iter().map(|value| value.to_bits())
 }
 
-/// A step of the explicit Euler method that lets no state grow to more than about ten times of what it is: a stiff model
-/// would leave all numbers with the steps of its experiment, which says nothing against the model.
+/// A step of the explicit Euler method that lets no state grow to more than about ten times of what it is: a stiff
+/// model would leave all numbers with the steps of its experiment, which says nothing against the model.
 fn bounded_step(states: &[f64], derivatives: &[f64]) -> f64 {
     let bound = |(state, rate): (&f64, &f64)| MAX_GROWTH * state.abs().max(1.0) / rate.abs();
     states.iter().zip(derivatives).map(bound).fold(f64::INFINITY, f64::min)

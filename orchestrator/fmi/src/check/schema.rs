@@ -1,10 +1,11 @@
-//! `modelDescription.xml` against the XML schema of its version: elements in their order, attributes known and well-formed.
+//! `modelDescription.xml` against the XML schema of its version: elements in their order, attributes known and
+//! well-formed.
 //!
-//! The schema stands in two tables of text, `schema_fmi2.txt` and `schema_fmi3.txt`, with one line for each type of element:
-//! `type: attributes ; children`. An attribute is `name`, `name!` if it must be there, and `=` with what its value is:
-//! `b`oolean, `i`nteger of 32 bits, `u`nsigned, `l`ong, `d`ouble, `t`ime stamp, `U`nsigned numbers in a list, or words in
-//! brackets; `*` allows others. A child is `name` or `name:type`, several in brackets for any of them, with `?`, `*` or `+` as
-//! in regular expressions; `...` allows anything.
+//! The schema stands in two tables of text, `schema_fmi2.txt` and `schema_fmi3.txt`, with one line for each type of
+//! element: `type: attributes ; children`. An attribute is `name`, `name!` if it must be there, and `=` with what its
+//! value is: `b`oolean, `i`nteger of 32 bits, `u`nsigned, `l`ong, `d`ouble, `t`ime stamp, `U`nsigned numbers in a list,
+//! or words in brackets; `*` allows others. A child is `name` or `name:type`, several in brackets for any of them, with
+//! `?`, `*` or `+` as in regular expressions; `...` allows anything.
 
 use std::collections::HashMap;
 
@@ -201,7 +202,7 @@ fn is_valid(value: &str, kind: &str) -> bool {
     }
 }
 
-/// What is needed, in words.
+/// Values expected of a kind, in words.
 fn expected(kind: &str) -> String {
     match kind {
         "b" => "true or false".to_owned(),

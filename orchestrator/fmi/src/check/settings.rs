@@ -1,5 +1,5 @@
-//! What is set is kept, and by this instance alone: parameters, inputs and starts of states before initialization, inputs and
-//! tunable parameters during a run, all of them gone after a reset.
+//! Values that are set are kept, and by this instance alone: parameters, inputs and starts of states before
+//! initialization, inputs and tunable parameters during a run, all of them gone after a reset.
 
 use std::sync::Arc;
 
@@ -223,8 +223,8 @@ fn judge_held(
     Ok(())
 }
 
-/// Inputs and tunable parameters take their start values, or the changed ones, in event mode and before the next step; yields
-/// whether the run can go on.
+/// Inputs and tunable parameters take their start values, or the changed ones, in event mode and before the next step;
+/// yields whether the run can go on.
 fn during_run(
     probe: &mut Probe,
     fmu: &Fmu,

@@ -19,7 +19,8 @@ const MAX_STEPS_TO_MEET: usize = 200;
 /// Largest difference of two ways to the same time, over the step: steps inside that do not divide it add up.
 const MAX_TIME_DIFFERENCE: f64 = 0.01;
 
-/// Largest difference of an output derivative and a difference of outputs, over their size: both are of different times.
+/// Largest difference of an output derivative and a difference of outputs, over their size: both are of different
+/// times.
 const MAX_DERIVATIVE_DIFFERENCE: f64 = 0.5;
 
 /// Outputs are as exact as this, over their size or nominal.
@@ -119,7 +120,8 @@ fn response(fmu: &Arc<Fmu>, findings: &mut Findings) -> Result<(), Error> {
     Ok(())
 }
 
-/// The independent variable is the time that the steps have reached, where the FMU makes longer steps inside now and then.
+/// The independent variable is the time that the steps have reached, where the FMU makes longer steps inside now and
+/// then.
 fn clock(fmu: &Arc<Fmu>, findings: &mut Findings) -> Result<(), Error> {
     let variables = &fmu.description.variables;
     let Some(clock) = variables.iter().find(|variable| variable.causality == Causality::Independent) else {

@@ -1,5 +1,5 @@
-//! Values change only when their variability allows, reading changes nothing, and many values read at once are those read one
-//! by one.
+//! Values change only when their variability allows, reading changes nothing, and many values read at once are those
+//! read one by one.
 
 use std::sync::Arc;
 

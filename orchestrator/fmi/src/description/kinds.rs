@@ -1,4 +1,4 @@
-//! What type definitions and variables of both versions of FMI say alike about their type.
+//! Attributes of types shared by type definitions and variables in both versions of FMI.
 
 use std::collections::HashMap;
 

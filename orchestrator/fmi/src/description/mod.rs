@@ -1,7 +1,8 @@
 //! The model description of an FMU of FMI 2.0 or 3.0 as typed data, with the defaults of the standard filled in.
 //!
 //! Indices into [`ModelDescription::variables`] are 0-based everywhere, while the XML counts from 1. Reading is in
-//! `read.rs`, for FMI 3.0 in `fmi3`; judging what was read (beyond what makes the file unusable) is left to `fmu::check`.
+//! `read.rs`, for FMI 3.0 in `fmi3`; judging what was read (beyond what makes the file unusable) is left to
+//! `fmu::check`.
 
 use serde::Serialize;
 

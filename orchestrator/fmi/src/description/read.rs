@@ -88,7 +88,7 @@ fn is_fmi3(root: &Element) -> Result<bool, DescriptionError> {
     }
 }
 
-/// What both versions say alike; all else is empty.
+/// Attributes of the description shared by both versions; all else is empty.
 pub(super) fn shared(root: &Element) -> Result<ModelDescription, DescriptionError> {
     let conventions = [("flat", NamingConvention::Flat), ("structured", NamingConvention::Structured)];
     Ok(ModelDescription {

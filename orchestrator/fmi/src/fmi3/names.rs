@@ -43,7 +43,7 @@ pub(crate) fn of(function: &'static str) -> &'static str {
     NAMES.iter().find(|(two, _)| *two == function).map_or(function, |(_, three)| three)
 }
 
-/// What the standard calls otherwise in FMI 3.0, for texts about FMI 2.0.
+/// Terms of FMI 2.0 and their names in FMI 3.0, for texts about FMUs of FMI 2.0.
 const WORDS: [(&str, &str); 7] = [
     ("FMI 2.0.4 section 2.2.8", "FMI 3.0 section 2.4.8"),
     ("ModelStructure/Outputs", "Output elements of ModelStructure"),

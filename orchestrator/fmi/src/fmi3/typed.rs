@@ -8,8 +8,8 @@ use crate::description::layout::BaseType;
 /// Bits of the element at `place`: of a float those of an f64, of an integer those of an i64 or u64.
 pub(super) fn read(values: &[u64], base: BaseType, place: usize) -> u64 {
     let start: *const u64 = values.as_ptr();
-    // SAFETY: `values` has at least as many eight-byte words as there are elements of any type, all of them initialized,
-    // and every type is at most eight bytes long and aligned in it.
+    // SAFETY: `values` has at least as many eight-byte words as there are elements of any type, all of them
+    // initialized, and every type is at most eight bytes long and aligned in it.
     unsafe {
         match base {
             BaseType::Float32 => f64::from(*start.cast::<f32>().add(place)).to_bits(),

@@ -7,7 +7,8 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use super::{Error, Instance};
 
-/// A serialized state that is longer is refused: such a number is a fault of the library, and no memory is to be had for it.
+/// A serialized state that is longer is refused: such a number is a fault of the library, and no memory is to be had
+/// for it.
 const MAX_STATE_BYTES: usize = 1 << 30;
 
 /// A saved state of one instance. The instance owns the memory and frees what is left when it is dropped; give the

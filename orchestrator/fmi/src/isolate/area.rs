@@ -15,7 +15,7 @@ const LOG: usize = 1 << 16;
 /// Place of calls and answers.
 const DATA: usize = HEADER + LOG;
 
-/// What both processes look at.
+/// Part of the shared memory with fixed layout, read by both processes.
 #[repr(C)]
 pub(super) struct Header {
     /// Number of the last request.
@@ -58,7 +58,8 @@ impl Area {
             if file < 0 {
                 return Err(io::Error::last_os_error());
             }
-            // A library that makes it shorter would crash the owner, too. Where seals are unknown, that remains possible.
+            // A library that makes it shorter would crash the owner, too. Where seals are unknown, that remains
+            // possible.
             libc::fcntl(file, libc::F_ADD_SEALS, libc::F_SEAL_SHRINK | libc::F_SEAL_SEAL);
             File::from_raw_fd(file)
         };

@@ -43,7 +43,7 @@ pub(super) struct Answer {
     pub(super) status: u32,
     /// Its number, from 0.
     pub(super) index: u64,
-    /// What the calls gave.
+    /// Results of the calls.
     pub(super) payload: Vec<u8>,
     /// Messages of the FMU.
     pub(super) log: Vec<LogMessage>,

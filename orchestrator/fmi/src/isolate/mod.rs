@@ -79,8 +79,8 @@ fn interrupted() -> bool {
     INTERRUPTED.load(Ordering::Relaxed)
 }
 
-/// What happened to workers after their results were taken, and what libraries changed in this process, one sentence
-/// each; they are forgotten here.
+/// Takes the notes on workers that failed after their results were taken, and on changes that libraries made to this
+/// process, one sentence each; they are forgotten here.
 pub fn take_notes() -> Vec<String> {
     std::mem::take(&mut NOTES.lock().unwrap_or_else(PoisonError::into_inner))
 }

@@ -1,7 +1,7 @@
 //! Time that one side looks at a word of the shared memory before it sleeps.
 //!
-//! An answer that comes while one looks costs less than the two switches of a sleep. On a busy computer it does not come,
-//! as who should give it waits for the processor that looks: so looking ends where it did not pay lately.
+//! An answer that comes while one looks costs less than the two switches of a sleep. On a busy computer it does not
+//! come, as who should give it waits for the processor that looks: so looking ends where it did not pay lately.
 
 use std::time::{Duration, Instant};
 

@@ -133,7 +133,7 @@ pub fn end(child: &mut Child) {
     let _ = child.wait();
 }
 
-/// What a worker does with itself before it becomes another program.
+/// Preparation of a worker by itself before it becomes another program.
 fn prepare(area: Option<RawFd>, memory: u64) -> std::io::Result<()> {
     // SAFETY: plain system calls with numbers and locals.
     let done = unsafe {

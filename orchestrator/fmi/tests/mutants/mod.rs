@@ -30,7 +30,7 @@ pub enum Change {
 /// An FMU that the checker judges.
 #[derive(Clone, Copy)]
 pub struct Mutant {
-    /// What is wrong, or odd.
+    /// Defect or oddity.
     pub name: &'static str,
     /// 2 or 3.
     pub version: u32,

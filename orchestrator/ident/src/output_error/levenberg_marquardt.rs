@@ -171,8 +171,8 @@ pub(super) fn minimize<P: Problem>(
             }
         }
         if let Some((next_moments, next)) = better {
-            // The cost is about the number of residuals; by default a millionth of it, or a hundredth, is slow: the latter
-            // is a tenth of a standard deviation.
+            // The cost is about the number of residuals; by default a millionth of it, or a hundredth, is slow: the
+            // latter is a tenth of a standard deviation.
             let gained = cost - next_moments.cost(&root);
             slow = if gained < options.tolerance * f64::max(0.01 * cost, 100.0) { slow + 1 } else { 0 };
             (moments, point) = (next_moments, next);

@@ -160,8 +160,8 @@ impl Controller {
         (inputs, states)
     }
 
-    /// The table that the FMU `tvlqr-controller` reads: a header, then a row per sample, with every digit, and of a plan
-    /// that repeats itself `repeat`, the samples until it begins again and the change of the states until then.
+    /// The table that the FMU `tvlqr-controller` reads: a header, then a row per sample, with every digit, and of a
+    /// plan that repeats itself `repeat`, the samples until it begins again and the change of the states until then.
     pub fn table(&self) -> String {
         let row = &self.rows[0];
         let mut text = String::from(if self.phases.is_empty() { "time" } else { "time,sample,mode" });

@@ -58,7 +58,7 @@ pub enum Error {
     /// A request that the problem does not allow.
     #[error("{request}: {reason}")]
     Request {
-        /// What was asked for.
+        /// Request that was made.
         request: &'static str,
         /// Reason and remedy.
         reason: String,

@@ -8,7 +8,7 @@ use super::part::Part;
 use super::problem::{Limit, Variable};
 use airloop_optim::{Bounds, EvaluationError};
 
-/// What happens to the states at a link, borrowed or owned.
+/// Map of the states at a link, borrowed or owned.
 pub(super) enum States<'p> {
     Continuous,
     Pairs(Vec<(usize, usize)>),

@@ -14,7 +14,8 @@ use airloop_optim::{self as optim, Method, Monitor, Multipliers, Settings, Solut
 /// Setting bounds and states, moving the start ahead, and solving allocate nothing after the first solve, but for what
 /// [`optim::Solver`] names; so do FMUs of this project. [`Solver::trajectory`] allocates what it returns.
 ///
-/// A solve depends on the problem and the start alone: with [`Solver::start_at`] before it, it has the same bits every time.
+/// A solve depends on the problem and the start alone: with [`Solver::start_at`] before it, it has the same bits every
+/// time.
 pub struct Solver {
     program: Scaled<Program<'static>>,
     solver: optim::Solver,

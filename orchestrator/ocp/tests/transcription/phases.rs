@@ -253,8 +253,8 @@ fn broken(end: Limit) -> Vec<String> {
 
 #[test]
 fn what_has_to_give_way_is_named_with_its_phase_and_its_least_amount() {
-    // With full thrust the mass comes to 1/2 m and 1 m/s: 1.5 m are missing to 2 m, as a state that is fixed at the end and,
-    // with the velocity, as a row; 0.4 m can be done.
+    // With full thrust the mass comes to 1/2 m and 1 m/s: 1.5 m are missing to 2 m, as a state that is fixed at the end
+    // and, with the velocity, as a row; 0.4 m can be done.
     let missed = "phase `second`, goal: position = 2 m at t = 1 s violated by 1.5 m";
     assert_eq!(broken(Limit::equal("goal", "m", position(), 2.0)), [missed]);
     let sum = vec![(position(), 1.0), (velocity(), 1.0)];
@@ -263,9 +263,9 @@ fn what_has_to_give_way_is_named_with_its_phase_and_its_least_amount() {
     assert_eq!(broken(Limit::equal("goal", "m", position(), 0.4)), [""; 0]);
 }
 
-/// A ball that bounces with restitution 1/2 and is kept bouncing at equal heights with the least effort: with
-/// x'' = u - g over T = 1 s, u = a + b t, x(0) = x(1) = 0 and x'(0) = -x'(1)/2 follow a = g, b = -3 g / 2, cost g^2 / 4,
-/// x'(0) = g / 4.
+/// A ball that bounces with restitution 1/2 and is kept bouncing at equal heights with the least effort: with x'' = u -
+/// g over T = 1 s, u = a + b t, x(0) = x(1) = 0 and x'(0) = -x'(1)/2 follow a = g, b = -3 g / 2, cost g^2 / 4, x'(0) =
+/// g / 4.
 #[test]
 fn a_ball_is_kept_bouncing_with_the_least_effort() {
     let g = 10.0;

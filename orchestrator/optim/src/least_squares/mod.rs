@@ -129,7 +129,8 @@ pub enum Error {
 /// use airloop_optim::least_squares::{Problem, Settings, solve};
 /// // r = p^2 - 2 with p >= 0
 /// let evaluate = |p: &[f64], r: &mut [f64]| { r[0] = p[0] * p[0] - 2.0; true };
-/// let problem = Problem { residuals: 1, lower: &[0.0], upper: &[9.0], scale: &[1.0], evaluate: &evaluate, jacobian: None };
+/// let (lower, upper, scale) = (&[0.0], &[9.0], &[1.0]);
+/// let problem = Problem { residuals: 1, lower, upper, scale, evaluate: &evaluate, jacobian: None };
 /// let root = solve(&problem, &[5.0], &Settings::default()).unwrap();
 /// assert!((root.parameters[0] - 2f64.sqrt()).abs() < 1e-9);
 /// ```

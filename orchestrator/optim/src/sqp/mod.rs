@@ -21,11 +21,11 @@ use active_set::ActiveSet;
 use step::Step;
 
 const CORRECTIONS: usize = 2;
-/// Radius after a step, in units of the part of it that was taken. On re-solves of the swing-up that have to go to another
-/// minimum (offsets of 1 to 2.4 %, meshes of 40 to 100 intervals) 1 and 4 cost more.
+/// Radius after a step, in units of the part of it that was taken. On re-solves of the swing-up that have to go to
+/// another minimum (offsets of 1 to 2.4 %, meshes of 40 to 100 intervals) 1 and 4 cost more.
 const RADIUS_IN_STEPS: f64 = 2.0;
-/// Least radius, in scaled variables: shorter steps are cut for reasons that no model knows, such as noise of derivatives
-/// from differences.
+/// Least radius, in scaled variables: shorter steps are cut for reasons that no model knows, such as noise of
+/// derivatives from differences.
 const MIN_RADIUS: f64 = 1.0;
 
 /// Outcome of a run.

@@ -11,7 +11,8 @@ use program::Program;
 /// Programs up to this size are solved here; `benches/programs.rs` solves all.
 const LARGEST: usize = 100;
 
-/// What interior points, line searches or Newton steps stumble over, as a rule; the second method where it does here.
+/// Programs that are hard for interior points, line searches or Newton steps; the second method where it finds them
+/// hard here.
 const HARD: [(&str, Option<Method>); 12] = [
     ("BROWNBS", None),
     ("BYRDSPHR", None),

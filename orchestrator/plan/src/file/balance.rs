@@ -13,7 +13,7 @@ pub struct Balance {
     pub energy: Text,
     /// Coordinates and their rates, both states.
     pub coordinates: Entries<Text>,
-    /// What drives the system: a variable, and the coordinates along which it pushes, by how much per unit.
+    /// Drives of the system: a variable, and the coordinates along which it pushes, by how much per unit.
     pub drives: Entries<Entries<f64>>,
     /// Forces, and the coordinate of the point on which each acts, along the force.
     pub forces: Entries<Text>,

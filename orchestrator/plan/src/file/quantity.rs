@@ -31,7 +31,7 @@ pub enum QuantityOr<T> {
     Table(T),
 }
 
-/// What stands in the file, before it is read as a quantity. Unlike an untagged enum it keeps the places in the table.
+/// Value in the file before it is read as a quantity. Unlike an untagged enum it keeps the places in the table.
 pub(super) enum Raw<T> {
     Number(f64),
     Text(String),

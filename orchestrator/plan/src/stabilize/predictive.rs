@@ -1,4 +1,5 @@
-//! Model predictive control of a stabilized plan: settings become numbers, named parameters become members of the model.
+//! Model predictive control of a stabilized plan: settings become numbers, named parameters become members of the
+//! model.
 
 use super::Stabilized;
 use super::settings::{NmpcSettings, Settings};
@@ -59,8 +60,8 @@ pub struct Predictive {
 /// Makes the controller for a plan with its regulator.
 ///
 /// # Errors
-/// A plan with phases, times that do not fit each other, or parameters that are unknown or leave their range, with their
-/// place.
+/// A plan with phases, times that do not fit each other, or parameters that are unknown or leave their range, with
+/// their place.
 pub fn predictive(
     prepared: &Prepared,
     stabilized: &Stabilized,

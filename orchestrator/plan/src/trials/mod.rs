@@ -1,8 +1,8 @@
 //! Trials: the closed loop, and the plan alone, on systems whose parameters and initial states differ from the model's.
 //!
 //! A trial is a run of the closed-loop system through a master. Its seed gives the perturbations, in the order of the
-//! file, each drawn again as long as it leaves the range of a variable, and the sensor noise, sample by sample; the same
-//! seed gives the same trial on any number of threads, with and without feedback.
+//! file, each drawn again as long as it leaves the range of a variable, and the sensor noise, sample by sample; the
+//! same seed gives the same trial on any number of threads, with and without feedback.
 
 mod judge;
 mod ready;
@@ -92,7 +92,8 @@ pub fn run(
         .install(|| jobs.par_iter().with_max_len(1).filter_map(trial).collect())
 }
 
-/// One trial, by (whether the controller has feedback, seed, whether the trajectory is kept); none if it was interrupted.
+/// One trial, by (whether the controller has feedback, seed, whether the trajectory is kept); none if it was
+/// interrupted.
 ///
 /// # Errors
 /// A trial that cannot begin.

@@ -1,9 +1,12 @@
-//! The amended system: the declared one with what it lacks, as FMUs that any tool runs.
+//! The amended system: the declared system of FMUs with the effects of an answer added, as files that any FMI tool
+//! runs.
 //!
-//! [`network`] puts blocks in series into a system, [`blocks`] says which block an effect of the vocabulary becomes in the
-//! rig, [`port`] at any port of a study, [`own`] that of a formula,
-//! [`rig`] has the declared rig and [`study`] the system of a study, and where blocks go in them. [`write()`] derives the
-//! FMUs and writes `.ssd`, `.ssp` and the table of the columns of a study's records. The declared FMUs keep their equations: an effect is a block beside them, or other values of their parameters.
+//! [`network`] puts blocks in series into a system. A block is chosen by [`blocks`] for an effect of the vocabulary in
+//! the rig, by [`port`] at any port of a study, and by [`own`] for a formula. [`rig`] builds the declared rig and
+//! [`study`] the system of a study; both say where blocks go. [`write()`] derives the FMUs and writes `.ssd`, `.ssp`
+//! and the table of the columns of a study's records.
+//!
+//! The declared FMUs keep their equations: an effect is a block connected to them, or another value of a parameter.
 
 pub mod blocks;
 pub mod network;

@@ -35,7 +35,7 @@ pub struct Baked {
 /// A block that goes in series.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Block {
-    /// What it is.
+    /// FMU part that the block becomes.
     pub part: Part,
     /// Its input and output on the way, with their unit.
     pub way: (&'static str, &'static str, Option<&'static str>),
@@ -119,7 +119,7 @@ impl Network {
         });
     }
 
-    /// What the connection to an input makes of its value, which it does no more.
+    /// Takes the unit conversion off the connection to an input, factor and offset, and returns it.
     fn take_conversion(&mut self, to: &Endpoint) -> Option<(f64, f64)> {
         let own = self.structure.connections.iter_mut().find(|connection| connection.end == *to)?;
         to.element.as_ref()?;

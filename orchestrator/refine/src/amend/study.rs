@@ -262,7 +262,7 @@ fn is_block(network: &Network, place: &Endpoint) -> bool {
     network.parts.iter().any(|part| place.element.as_ref() == Some(&part.name))
 }
 
-/// What stands in front of the blocks that are there already.
+/// Source at the head of the chain of blocks that already act on an input.
 fn first_source(network: &Network, place: &Endpoint) -> Endpoint {
     if !is_block(network, place) {
         return place.clone();

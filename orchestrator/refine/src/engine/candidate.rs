@@ -1,4 +1,4 @@
-//! What may be missing from a declared model, as the engine sees it.
+//! Candidate effects as the engine sees them: names, free parameters and points to start a fit from; no physics.
 
 use super::fit::Free;
 

@@ -1,6 +1,6 @@
-//! The declared model with its parameters slightly off: corrected within what is known of them, alone or with candidates.
+//! The declared model with its parameters slightly off: corrected within their tolerances, alone or with candidates.
 //!
-//! A correction far outside of what is known is no correction: an effect that does the same explains the records better.
+//! A correction far outside of a tolerance is no correction: an effect that does the same explains the records better.
 
 use super::System;
 use super::fit::Free;

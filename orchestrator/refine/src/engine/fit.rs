@@ -186,8 +186,9 @@ pub(super) fn moved_by(
     (q, moved)
 }
 
-/// Covariance of the free parameters by the scatter of the records around the common optimum, for residuals that are not
-/// white: each record counts as one observation of the gradient. Once the search is asked to end, that for white ones.
+/// Covariance of the free parameters by the scatter of the records around the common optimum, for residuals that are
+/// not white: each record counts as one observation of the gradient. Once the search is asked to end, that for white
+/// ones.
 pub fn scatter<S: System + ?Sized>(system: &S, records: &[usize], fit: &Fit) -> DMatrix<f64> {
     let gradients = gradients(system, records, &fit.parameters, &fit.free, &fit.locals);
     if stop::asked() {

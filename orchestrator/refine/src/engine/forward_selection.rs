@@ -1,9 +1,9 @@
-//! The effect that matters where no model reaches the sensor noise.
+//! Forward selection of the effects that matter where no model reaches the sensor noise.
 //!
-//! The declared parameters are free within what is known of them in every fit, so that they compete with the effects. The
+//! The declared parameters are free within their tolerances in every fit, so that they compete with the effects. The
 //! residuals count as many independent samples as they hold ([`Weighted`]). An effect is accepted for the share of the
-//! error on held-out records that it takes away beyond the corrected parameters; how far from the noise the model ends is
-//! no reason against it.
+//! error on held-out records that it takes away beyond the corrected parameters, however far from the noise the model
+//! ends.
 
 use std::collections::BTreeMap;
 
@@ -48,7 +48,7 @@ pub fn search(question: &Question) -> Found {
             weights = reweighed;
         }
         found.steps.push(step);
-        // What is left must hold at least what the next effect has to take away.
+        // The residual must hold at least as much as the next effect has to take away.
         let worth = |accepted: Tried| accepted.error >= question.settings.min_held_out_share * declared_error;
         if !accepted.is_some_and(worth) {
             break;
@@ -89,7 +89,7 @@ const FOLD_ROUNDS: usize = 2;
 const LOCAL_ROUNDS: usize = 3;
 /// Free forms that are fitted.
 const FITTED_FREE_FORMS: usize = 2;
-/// Candidates that are fitted for what they promise beside the corrections, and for what they do without them.
+/// Candidates fitted because of their predicted gain with the corrections, and because of their gain without them.
 const FITTED_CANDIDATES: (usize, usize) = (5, 5);
 /// Candidates that are fitted again under the weights of the best.
 const REFITTED_CANDIDATES: usize = 4;
@@ -406,8 +406,8 @@ impl<'a> Run<'a> {
         (q.sense)(own, &tried.model)
     }
 
-    /// The best of the candidates without objection: of those that leave about the least error the likeliest, or one with
-    /// fewer parameters that takes as much away without corrections.
+    /// The best of the candidates without objection: of those that leave about the least error the likeliest, or one
+    /// with fewer parameters that takes as much away without corrections.
     pub(super) fn accepted<'t>(&self, tried: &'t [Tried]) -> Option<&'t Tried> {
         let (q, tie) = (self.question, self.question.settings.tie_share);
         let size = |t: &Tried| q.candidates[t.candidate].free.len();
@@ -438,7 +438,7 @@ impl<'a> Run<'a> {
     }
 }
 
-/// The best promise of every candidate, in order.
+/// The best predicted start of every candidate, in order.
 fn distinct(promises: Vec<Promise>) -> Vec<Promise> {
     let mut found: Vec<Promise> = Vec::new();
     for promise in promises {

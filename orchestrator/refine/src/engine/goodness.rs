@@ -1,4 +1,5 @@
-//! Is a residual noise? Sums of squares over blocks of several lengths against their distribution under the null.
+//! Test whether a residual is noise: sums of squares over blocks of several lengths against their distribution under
+//! the null.
 //!
 //! Blocks of one sample see the power of the residual, longer blocks its slow part, which a small power can hide in.
 //! The null is simulated: the predicted signals plus sensor noise, rounded as the records are.
@@ -27,7 +28,7 @@ pub struct Null {
     white: Vec<[f64; 3]>,
     /// Powers up to which a signal is noise whose level is known roughly.
     tolerated: Vec<[f64; 3]>,
-    /// Largest normalised power that noise alone gives (of the draws not used for the scale).
+    /// Largest normalized power that noise alone gives (of the draws not used for the scale).
     pub quantile: f64,
     /// Draws made.
     pub draws: usize,
@@ -121,14 +122,14 @@ impl Null {
         &self.mean
     }
 
-    /// Largest normalised power of every signal: about normal under the null.
+    /// Largest normalized power of every signal: about normal under the null.
     pub fn normalised(&self, powers: &[(String, [f64; 3])]) -> Vec<(String, f64)> {
         powers
             .iter()
             .enumerate()
             .map(|(s, (name, power))| {
-                // Rounding noise of a moving encoder cancels in long blocks, so that its powers hardly vary; an error of
-                // some percent of the noise must not count there. White noise is the yardstick.
+                // Rounding noise of a moving encoder cancels in long blocks, so that its powers hardly vary; an error
+                // of some percent of the noise must not count there. White noise is the yardstick.
                 let z =
                     (0..3).map(|i| (power[i] - self.mean[s][i]) / self.deviation[s][i].max(self.white[s][i]));
                 // A simulation that ran away leaves no number.

@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 
 use super::{System, parallel};
 
-/// How far a model is from some records: each signal divided by its unit, root mean square over signals, the variance of
-/// the sensor noise taken off.
+/// How far a model is from some records: each signal divided by its unit, root mean square over signals, the variance
+/// of the sensor noise taken off.
 pub struct HeldOut<'a> {
     system: &'a dyn System,
     /// Unit by signal; signals without one are not judged.
@@ -18,8 +18,8 @@ impl<'a> HeldOut<'a> {
         HeldOut { system, units }
     }
 
-    /// Mean square of every judged signal above the variance of its noise \[unit^2\]; `locals`: local parameters of each
-    /// record, where it has any.
+    /// Mean square of every judged signal above the variance of its noise \[unit^2\]; `locals`: local parameters of
+    /// each record, where it has any.
     pub fn squares(&self, p: &[f64], records: &[usize], locals: &[Vec<f64>]) -> BTreeMap<String, f64> {
         let parts = parallel::map(records.len(), |i| {
             let (record, own) = (records[i], locals.get(i).map_or(&[][..], Vec::as_slice));
@@ -42,7 +42,8 @@ impl<'a> HeldOut<'a> {
         sums.into_iter().map(|(signal, (sum, samples))| (signal, (sum / samples).max(0.0))).collect()
     }
 
-    /// Root mean square over signals \[units\] of a system without local parameters; infinite where a prediction is no number.
+    /// Root mean square over signals \[units\] of a system without local parameters; infinite where a prediction is no
+    /// number.
     pub fn error(&self, p: &[f64], records: &[usize]) -> f64 {
         self.error_from(p, records, &[])
     }

@@ -1,8 +1,8 @@
-//! Fits that begin with the beginnings of the records: a second of them is followed where four seconds are lost.
+//! Fits in rungs: first on the beginnings of the records, then on longer spans of them.
 //!
-//! A simulation over a whole record depends on parameters the less linearly the longer it is: a pole that turns over
-//! once too often has no useful derivative. What does not follow the beginning does not follow the whole either, and is
-//! given up at a fraction of the cost.
+//! A simulation over a whole record depends on parameters the less linearly the longer it is: where a pole turns over
+//! once too often, the derivative is useless. A model that does not follow one second does not follow four either, and
+//! is given up at a fraction of the cost.
 
 use super::candidate::Candidate;
 use super::fit::Free;
@@ -65,7 +65,7 @@ impl<'a, S: System + ?Sized> Ladder<'a, S> {
         self.beginnings.len()
     }
 
-    /// Largest normalised power that counts as noise on a rung.
+    /// Largest normalized power that counts as noise on a rung.
     pub fn limit(&self, rung: usize) -> f64 {
         self.beginnings.get(rung).map_or(self.whole.null.quantile, |search| search.null.quantile)
             + self.margin
@@ -85,7 +85,7 @@ impl<'a, S: System + ?Sized> Ladder<'a, S> {
         }
     }
 
-    /// What every candidate that `base` lacks promises on a rung, best first.
+    /// Predicted sum of squares of every candidate that `base` lacks on a rung, best first.
     pub fn screen(&self, rung: usize, base: &Model) -> Vec<Promise> {
         self.beginnings.get(rung).map_or_else(|| self.whole.screen(base), |search| search.screen(base))
     }

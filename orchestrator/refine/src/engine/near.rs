@@ -1,8 +1,8 @@
 //! Fits near a point whose derivatives are known: a step costs one simulation of every record instead of one for every
 //! parameter.
 //!
-//! Gauss-Newton with frozen derivatives (the chord method) ends where these, not the true ones, meet the residuals. Close to
-//! the point that makes no difference; far from it the fit says so.
+//! Gauss-Newton with frozen derivatives (the chord method) ends where these, not the true ones, are orthogonal to the
+//! residuals. Close to the point that makes no difference; far from it the fit says so.
 
 use super::fit::{Fit, Free, assembled, damped_step, held_at_bounds, moved_by, predicted};
 use super::normal::{Columns, Normal, cost, residuals};
@@ -14,25 +14,25 @@ const ROUNDS: usize = 6;
 const MAX_REFUSED: usize = 2;
 /// Gain of a step, as a share of the sum of squares, below which nothing moves any more.
 const MIN_GAIN: f64 = 1e-4;
-/// Share of its promise that every step has to gain for the derivatives to hold.
+/// Share of its predicted gain that every step has to reach for the derivatives to hold.
 const MIN_GAIN_OVER_PROMISE: f64 = 0.5;
 
 /// A fit with frozen derivatives.
 pub struct Near {
     /// The fit; its covariance is that of the derivatives that were given.
     pub fit: Fit,
-    /// Whether every step gained what the derivatives promise, and the last had next to nothing left to gain.
+    /// Whether every step gained as much as the derivatives predict, and the last had next to nothing left to gain.
     pub settled: bool,
 }
 
-/// Fits the shared parameters `free` and all local ones to `records`, from the start `p` and `locals`, with the derivatives of
-/// a point nearby.
+/// Fits the shared parameters `free` and all local ones to `records`, from the start `p` and `locals`, with the
+/// derivatives of a point nearby.
 ///
 /// | name | shape | meaning |
 /// |------|-------|---------|
 /// | `p` | \[parameters\] | start of the shared parameters |
 /// | `locals` | \[records\]\[locals\] | start of the local ones |
-/// | `columns` | \[records\] of \[free + locals\]\[samples\] | derivatives of whitened residuals; their residuals are not read |
+/// | `columns` | \[records\] of \[free + locals\]\[samples\] | derivatives of whitened residuals; the rest unread |
 pub fn fit_near<S: System + ?Sized>(
     system: &S,
     records: &[usize],

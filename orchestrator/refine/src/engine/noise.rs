@@ -27,7 +27,7 @@ static ZIGGURAT: LazyLock<([f64; LAYERS + 1], [f64; LAYERS + 1])> = LazyLock::ne
 impl Noise {
     /// The stream `stream` of a seed.
     pub fn new(seed: u64, stream: u64) -> Noise {
-        // SplitMix64 separates neighbouring seeds.
+        // SplitMix64 separates neighboring seeds.
         let mut z = seed.wrapping_add(stream.wrapping_add(1).wrapping_mul(0x9E37_79B9_7F4A_7C15));
         z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
         z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
@@ -53,7 +53,8 @@ impl Noise {
         let (ends, density) = &*ZIGGURAT;
         loop {
             let bits = self.bits();
-            // The lowest bits of this generator are its weakest and serve neither for the layer nor for the place in it.
+            // The lowest bits of this generator are its weakest and serve neither for the layer nor for the place in
+            // it.
             let layer = (bits >> 3) as usize % LAYERS;
             let x = (2.0 * fraction(bits) - 1.0) * ends[layer];
             if x.abs() < ends[layer + 1] {

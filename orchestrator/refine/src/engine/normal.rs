@@ -21,10 +21,11 @@ pub struct Columns {
 
 /// Residuals and their derivatives of several records; jobs of all of them run side by side.
 ///
-/// Once the search is asked to end, the residuals are still true and derivatives that are not there yet are zero: nothing
-/// is gained along them, and the parameter is as uncertain as can be.
+/// Once the search is asked to end, the residuals are still true and derivatives not computed yet are zero: nothing is
+/// gained along them, and the uncertainty of the parameter is the largest possible.
 ///
-/// Without `local_columns` the derivatives by local parameters are left out. `known`: residuals that need no simulation.
+/// Without `local_columns` the derivatives by local parameters are left out. `known`: residuals that need no
+/// simulation.
 pub fn columns<S: System + ?Sized>(
     system: &S,
     records: &[usize],
@@ -147,7 +148,7 @@ impl Joint {
         Joint { matrix, right, chi2 }
     }
 
-    /// Fall of the sum of squares that a step, shape \[new + shared + locals\], promises.
+    /// Predicted fall of the sum of squares for a step, shape \[new + shared + locals\].
     pub fn gain(&self, step: &DVector<f64>) -> f64 {
         2.0 * step.dot(&self.right) - (&self.matrix * step).dot(step)
     }
@@ -251,7 +252,7 @@ pub fn gradients<S: System + ?Sized>(
     columns(system, records, p, free, &starts, false, None).into_iter().map(one).collect()
 }
 
-/// What known parameters add to the sum of squares.
+/// Sum of squares of the priors: `(p / prior)^2` summed over free parameters with a known tolerance.
 fn surprise(p: &[f64], free: &[Free]) -> f64 {
     free.iter().map(|f| f.prior.map_or(0.0, |prior| (p[f.index] / prior).powi(2))).sum()
 }

@@ -1,4 +1,4 @@
-//! What forward selection is asked, and what it finds.
+//! Question and result of forward selection as data: system, candidates, corrections, folds; models and steps found.
 
 use super::System;
 use super::candidate::Candidate;
@@ -18,7 +18,7 @@ pub struct Correction {
     pub declared: f64,
 }
 
-/// What is searched.
+/// Input of a forward selection.
 pub struct Question<'a> {
     /// System.
     pub system: &'a dyn System,
@@ -40,7 +40,8 @@ pub struct Question<'a> {
     pub proposals: &'a [(Vec<usize>, Vec<f64>)],
     /// Whether two effects are tried together where none is accepted alone.
     pub pairs: bool,
-    /// Candidates that are free forms over one variable: they join nothing, but tell whether effects have the right form.
+    /// Candidates that are free forms over one variable: they join no model, but show whether effects have the right
+    /// form.
     pub free_forms: &'a [usize],
     /// Estimation records.
     pub records: Vec<usize>,
@@ -67,7 +68,7 @@ pub struct Tried {
     pub gain: f64,
     /// Fall of the error on held-out records, as a share of the error of the declared model.
     pub held_out: f64,
-    /// Error that is left on the held-out records \[units\].
+    /// Error of the residual on the held-out records \[units\].
     pub error: f64,
     /// Share of the error of the model before it that it takes away without any correction.
     pub alone: f64,
@@ -84,7 +85,7 @@ pub struct Step {
     pub tried: Vec<Tried>,
 }
 
-/// What was found.
+/// Result of a forward selection.
 #[derive(Debug, Clone)]
 pub struct Found {
     /// Corrections alone.
@@ -113,7 +114,8 @@ pub struct FreeForm {
 }
 
 impl Question<'_> {
-    /// Corrections beside the effects `added`, without those that an effect takes the place of, and what is always free.
+    /// Corrections beside the effects `added`, without those that an effect takes the place of, and what is always
+    /// free.
     pub(super) fn beside(&self, added: &[usize]) -> Vec<Free> {
         let kept = |c: &&Correction| !c.effect.is_some_and(|effect| added.contains(&effect));
         self.always.iter().copied().chain(self.corrections.iter().filter(kept).map(|c| c.free)).collect()

@@ -15,12 +15,12 @@ pub struct Model {
     pub added: Vec<usize>,
     /// The fit.
     pub fit: Fit,
-    /// Largest normalised power of each signal that is left.
+    /// Largest normalized power of the residual of each signal.
     pub left: Vec<(String, f64)>,
 }
 
 impl Model {
-    /// Largest normalised power of all signals.
+    /// Largest normalized power of all signals.
     pub fn worst(&self) -> f64 {
         self.left.iter().map(|(_, z)| *z).fold(f64::MIN, f64::max)
     }
@@ -43,7 +43,7 @@ pub struct Search<'a, S: System + ?Sized> {
     pub screened: Vec<usize>,
     /// Null distribution.
     pub null: Null,
-    /// What it has to respect beyond that.
+    /// Conditions on models beyond goodness of fit.
     pub rules: Rules<'a>,
 }
 
@@ -52,18 +52,18 @@ pub type MayJoin<'a> = &'a (dyn Fn(usize, &[usize]) -> bool + Sync);
 /// Whether effects with the parameters of a fit make sense.
 pub type Sense<'a> = &'a (dyn Fn(&[usize], &Fit) -> bool + Sync);
 
-/// What the models of a search have to respect; by default nothing.
+/// Conditions that the models of a search have to meet; by default none.
 #[derive(Clone, Copy, Default)]
 pub struct Rules<'a> {
     /// Declared parameters that every fit is free to choose.
     pub always: &'a [Free],
     /// Whether a candidate may join the effects found before.
     pub may_join: Option<MayJoin<'a>>,
-    /// Whether effects with the fitted parameters make sense: what makes none explains nothing.
+    /// Whether effects with the fitted parameters make sense: an effect without sense explains nothing.
     pub sense: Option<Sense<'a>>,
 }
 
-/// A start of a candidate and the sum of squares that the linear step from there promises.
+/// A start of a candidate and the sum of squares that the linear step from there predicts.
 #[derive(Debug, Clone)]
 pub struct Promise {
     /// Candidate.
@@ -124,7 +124,7 @@ impl<S: System + ?Sized> Search<'_, S> {
         self.null.normalised(&pooled(self.system, &self.records, &residuals))
     }
 
-    /// What every start of every candidate that `base` lacks promises, best first.
+    /// Predicted sum of squares of every start of every candidate that `base` lacks, best first.
     pub fn screen(&self, base: &Model) -> Vec<Promise> {
         self.screen_some(base, &|_| true)
     }

@@ -1,9 +1,9 @@
-//! Which candidates are missing: the smallest set that leaves nothing but noise.
+//! Smallest set of candidates that leaves nothing but noise.
 //!
-//! Models are tried in the order of what they assume: the declared model as it is, one candidate, a pair of candidates,
-//! the declared model with its parameters slightly off, and candidates on top of that. The first stage whose best
-//! model leaves only noise decides. Within it the Bayesian information criterion chooses, and what comes within
-//! [`MAX_DIFFERENCE_OF_CRITERION`] of the best cannot be told apart from it by these records.
+//! Models are tried in the order of their assumptions: the declared model as it is, one candidate, a pair of
+//! candidates, the declared model with its parameters slightly off, and candidates on top of that. The first stage
+//! whose best model leaves only noise decides. Within it the Bayesian information criterion chooses; models within
+//! [`MAX_DIFFERENCE_OF_CRITERION`] of the best cannot be distinguished from it by these records.
 
 use super::candidate::Candidate;
 use super::corrected::{as_declared, with_corrections};
@@ -12,10 +12,10 @@ use super::ladder::{Ladder, Reached, beginnings};
 use super::search::{Model, Promise, Search};
 use super::{System, stop};
 
-/// A model leaves only noise when no normalised power exceeds the largest of the null by more than this.
+/// A model leaves only noise when no normalized power exceeds the largest of the null by more than this.
 pub const MARGIN: f64 = 8.0;
-/// A model that leaves more than the largest normalised power of the null plus this, if less than [`MARGIN`], is compared
-/// with the declared model corrected.
+/// A model that leaves more than the largest normalized power of the null plus this, if less than [`MARGIN`], is
+/// compared with the declared model corrected.
 pub const MIN_EXCESS_OF_NULL: f64 = 1.0;
 /// Improvement of the sum of squares below which an effect is not looked at; noise gives up to some 25.
 pub const MIN_FALL_OF_SQUARES: f64 = 45.0;
@@ -50,7 +50,7 @@ pub struct Selection {
     pub tried: Vec<Model>,
     /// The declared model with the initial states fitted.
     pub declared: Model,
-    /// What every candidate promised beside the declared model, best first.
+    /// Predicted sum of squares of every candidate added to the declared model, best first.
     pub screened: Vec<Promise>,
 }
 

@@ -7,8 +7,8 @@ use super::stop;
 
 /// Candidates that pairs are made of.
 const PAIRED_SINGLES: usize = 3;
-/// Fall of the error on held-out folds that each effect of a set must bring: as a share of it, and of that of the declared
-/// model.
+/// Fall of the error on held-out folds that each effect of a set must bring: as a share of it, and of that of the
+/// declared model.
 const MIN_FALL_OF_SET: (f64, f64) = (0.05, 0.02);
 /// Ratio of the errors of a proposed set and of the best model from which on it is not looked at further.
 const MAX_ERROR_RATIO_OF_SET: f64 = 1.1;

@@ -1,4 +1,5 @@
-//! Every number that decides an answer, in one table: name, meaning, default, range, and the command that shows its effect.
+//! Every number that decides an answer, in one table: name, meaning, default, range, and the command that shows its
+//! effect.
 
 use super::select::{MARGIN, MAX_DIFFERENCE_OF_CRITERION, MIN_EXCESS_OF_NULL, MIN_FALL_OF_SQUARES};
 

@@ -1,5 +1,4 @@
-//! When a search is to end before it is through: on request, or when its time is up. What it has found until then is its
-//! answer.
+//! End of a search before it is through, on request or when its time is up: the best model so far is its answer.
 
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};

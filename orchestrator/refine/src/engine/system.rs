@@ -1,4 +1,4 @@
-//! What the engine needs to know of a system: residuals of its records as a function of one parameter vector.
+//! Interface of the engine to a system: residuals of its records as a function of one parameter vector.
 
 use std::ops::Range;
 
@@ -18,9 +18,9 @@ pub trait System: Sync {
     fn locals(&self, record: usize) -> Vec<(f64, f64)>;
     /// Where the residuals of each signal stand.
     fn signals(&self, record: usize) -> Vec<Span>;
-    /// What the sensors would show without noise, all signals one after the other.
+    /// Predicted sensor values without noise, all signals one after the other.
     fn predict(&self, record: usize, parameters: &[f64], locals: &[f64]) -> Vec<f64>;
-    /// What the sensors have shown, laid out as in `predict`.
+    /// Measured sensor values, laid out as in `predict`.
     fn measured(&self, record: usize) -> Vec<f64>;
     /// (measured - predicted) / noise.
     fn whiten(&self, record: usize, predicted: &[f64]) -> Vec<f64>;
@@ -30,7 +30,7 @@ pub trait System: Sync {
     fn beginning(&self, _share: f64) -> Option<Box<dyn System + '_>> {
         None
     }
-    /// A stage of the search begins: told to whoever watches.
+    /// A stage of the search begins: reported to a listener.
     fn stage(&self, _name: &str) {}
     /// Whitened residuals.
     fn residuals(&self, record: usize, parameters: &[f64], locals: &[f64]) -> Vec<f64> {

@@ -1,9 +1,9 @@
 //! A system whose residuals count as many independent samples as they hold.
 //!
-//! Where no model reaches the sensor noise, residuals are model error with a correlation time of many samples. In units of
-//! the sensor noise their sum of squares would outweigh everything that is known of the declared parameters. Divided by
-//! the long-run standard deviation of the residual of the best model so far it counts effective samples; for white noise
-//! of the declared rms nothing changes.
+//! Where no model reaches the sensor noise, residuals are model error with a correlation time of many samples. In units
+//! of the sensor noise their sum of squares would outweigh all priors of the declared parameters. Divided by the
+//! long-run standard deviation of the residual of the best model so far it counts effective samples; for white noise of
+//! the declared rms nothing changes.
 
 use std::collections::BTreeMap;
 

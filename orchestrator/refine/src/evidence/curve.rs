@@ -14,7 +14,7 @@ pub struct Curve {
     pub title: String,
     /// Variable and unit.
     pub over: (&'static str, &'static str),
-    /// What the effect is, and its unit.
+    /// Meaning of the ordinate and its unit.
     pub what: (&'static str, &'static str),
     /// Per point: variable, value, lower and upper end of the 95 % band.
     pub points: Vec<[f64; 4]>,

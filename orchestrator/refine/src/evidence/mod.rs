@@ -1,7 +1,7 @@
-//! What a report shows of an answer beside its numbers: residuals over time and against what they depend on, their
-//! autocorrelation, the place in the rig, the curve of the effect.
+//! Figures of a report as data: residuals over time and against variables, their autocorrelation, the place in the rig,
+//! the curve of each effect with its band.
 //!
-//! Nothing here decides anything; the search is over. All of it is about validation records.
+//! Nothing here decides anything; the search is over. All data come from validation records.
 
 pub mod correlation;
 pub mod curve;
@@ -57,7 +57,7 @@ pub struct Record {
     pub sample_time: f64,
     /// Signals.
     pub residuals: Vec<Residual>,
-    /// What residuals may depend on, under the corrected model.
+    /// Variables to show residuals against, under the corrected model.
     pub variables: Vec<Variable>,
 }
 
@@ -72,7 +72,7 @@ pub struct Evidence {
     pub dependence: Vec<Dependence>,
     /// Autocorrelation of the residuals, one entry per signal.
     pub correlation: Vec<Correlation>,
-    /// Where in the rig something is left.
+    /// Parts of the rig with the power of their residuals.
     pub ports: Vec<Port>,
     /// Curves of the selected effects.
     pub curves: Vec<Curve>,

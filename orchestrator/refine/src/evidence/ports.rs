@@ -1,4 +1,4 @@
-//! Where in the rig something is left: each part driven by what was measured in front of it.
+//! Residuals of each part of the rig by itself, driven by the signal measured in front of it.
 //!
 //! The forces are simulated from the command. Position and angle are predicted from the measured force of the load cell
 //! where there is one, so that an error of the actuator does not show as one of the cart.
@@ -18,11 +18,11 @@ const DRAWS: usize = 40;
 /// A part of the rig between two measured places.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Port {
-    /// What drives it.
+    /// Measured signal that drives the part.
     pub from: &'static str,
-    /// What is measured behind it.
+    /// Signal measured behind the part.
     pub to: String,
-    /// Normalised power of what is left, before and after: about 1 for noise.
+    /// Normalized power of the residual, before and after: about 1 for noise.
     pub left: [f64; 2],
 }
 

@@ -94,7 +94,7 @@ fn ports(study: &Study, answer: &Answer) -> Vec<Port> {
     answer.left[0].iter().zip(&answer.left[1]).map(one).collect()
 }
 
-/// What residuals may depend on: commands, and what is known at the attachments under the corrected model.
+/// Variables to show residuals against: commands, and the signals at the attachments under the corrected model.
 fn variables(study: &Study, n: usize, traces: &[Vec<Point>], inputs: &[Option<Vec<f64>>]) -> Vec<Variable> {
     let mut found: Vec<Variable> = Vec::new();
     let mut add = |name: &str, unit: &str, values: Vec<f64>| {

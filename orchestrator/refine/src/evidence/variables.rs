@@ -1,4 +1,4 @@
-//! What residuals may depend on: the command, the pressure force, position and angle with their rates.
+//! Variables of the rig to show residuals against: command, pressure force, position and angle with their rates.
 
 use super::{Residual, Signal};
 use crate::case::Case;

@@ -1,4 +1,5 @@
-//! Free forms at a port over the motion at other ports: what couples joints or tanks depends on both.
+//! Free forms at a port over the motion at other ports: a force that couples two joints or tanks depends on both
+//! motions.
 
 use super::free_form::FreeForm;
 use super::place::{CURVE_KNOTS, MAX_ERROR_WITHOUT_SECOND, SCREENING_KNOTS, SURFACE_KNOTS};
@@ -11,11 +12,11 @@ use crate::study::model::{Study, Tap};
 
 /// Pairs of ports of which one may depend on the motion at the other; with more the search takes too long.
 const MAX_PAIRS_OF_PORTS: usize = 6;
-/// Ratio of what a form over the motion at another port leaves above noise to what the best form over that at the port itself
-/// leaves, below which it takes its place.
+/// Ratio of the excess over noise of a form over the motion at another port to that of the best form over the motion at
+/// the port itself, below which the former takes its place.
 const MAX_EXCESS_OVER_OWN: f64 = 0.5;
 
-/// A place of velocity and position in a motion: which of the two port has it, 0 the port itself, 1 the other, and what it is there.
+/// Place of velocity and position in a motion: port (0 the port itself, 1 the other) and variable there.
 type Shown = (usize, Variable);
 
 /// Velocity and position of the motions at a port `a` that are looked at beside its own, `b` another port.

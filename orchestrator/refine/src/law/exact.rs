@@ -1,4 +1,5 @@
-//! Formulas for a free form, fitted exactly in simulation, and which of them is the law; laws with a memory.
+//! Exact fits in simulation of the best formulas for a free form, the choice of the law among them, and laws with a
+//! memory.
 
 use std::sync::Arc;
 
@@ -43,7 +44,7 @@ impl Tried {
     }
 }
 
-/// What formulas are ranked by, least first: the logarithm of the error, and a price for what is assumed.
+/// Rank of a formula, least first: the logarithm of the error plus a price for its complexity.
 fn rank(error: f64, formula: &Formula) -> f64 {
     error.ln() + PRICE * formula.complexity() as f64
 }
@@ -181,8 +182,8 @@ impl Finder<'_> {
         (c, p)
     }
 
-    /// Leaves terms of the best formula out that only stand for declared parameters which are slightly off, where formulas
-    /// were sought without corrections of these.
+    /// Leaves terms of the best formula out that only stand for declared parameters which are slightly off, where
+    /// formulas were sought without corrections of these.
     fn prune_beside_corrections(
         &self,
         study: &mut Study,

@@ -1,5 +1,5 @@
-//! Search among sums of terms for those that do what a free form does, on its quadratic forms: every fit is a curve through
-//! a few heights, weighted by what the records say about each.
+//! Search among sums of terms for those that reproduce a free form, on its quadratic forms: every fit is a curve
+//! through a few heights, weighted by the information of the records on each.
 
 use nalgebra::{Cholesky, DMatrix, DVector};
 
@@ -31,7 +31,7 @@ pub struct Found {
 }
 
 impl Found {
-    /// What is ranked: the logarithm of the held-out error, and a price for what is assumed.
+    /// Rank, least first: the logarithm of the held-out error plus a price for the complexity.
     pub fn rank(&self) -> f64 {
         0.5 * self.held_out.max(1e-300).ln() + PRICE * self.formula.complexity() as f64
     }

@@ -1,4 +1,4 @@
-//! A law that was found, and the sentences on it.
+//! Result of the search for a law, and the sentences of the report about it.
 
 use std::sync::Arc;
 

@@ -13,9 +13,9 @@ use crate::study::simulate::Piece;
 pub(super) const GROWING_SHARES: [f64; 5] = [0.03, 0.07, 0.15, 0.3, 0.6];
 /// Part of the records, from their beginning, on which variables are compared.
 const SCREENED_SHARE_OF_RECORDS: f64 = 0.35;
-/// Ratio of the error of a free form to what its quadratic form promises, up to which it is at its optimum.
+/// Ratio of the error of a free form to that predicted by its quadratic form, up to which it is at its optimum.
 const MAX_ERROR_OVER_QUADRATIC: f64 = 1.5;
-/// Steps of the free form towards its optimum.
+/// Steps of the free form toward its optimum.
 const ROUNDS: usize = 3;
 
 /// One free form, fitted.
@@ -111,7 +111,8 @@ impl Finder<'_> {
         };
         let mut at = match direct {
             Some(at) if consistent(&at) => at,
-            // What leaves the declared model leaves it far behind at the end of a record: the beginning is understood first.
+            // What leaves the declared model leaves it far behind at the end of a record: the beginning is understood
+            // first.
             direct => {
                 let grown = self.grown(&fits, &form, free, (p, locals));
                 match (direct, grown) {

@@ -335,7 +335,8 @@ fn by_exponents(parts: &[(&str, i32)]) -> String {
     if text.is_empty() { "1".into() } else { text }
 }
 
-/// Terms over the variables: shapes of each, and products over two. Shapes that make no sense for a variable are left out.
+/// Terms over the variables: shapes of each, and products over two. Shapes that make no sense for a variable are left
+/// out.
 pub fn terms(axes: &[Axis]) -> Vec<Term> {
     let mut found = vec![Term::of(0, Shape::Power(0))];
     for (variable, axis) in axes.iter().enumerate() {

@@ -1,11 +1,11 @@
-//! Laws that no list holds: from what is left at a port to a smooth form, and from that to a formula.
+//! Laws that no list holds: from the residual at a port to a smooth free form, and from that to a formula.
 //!
-//! [`surface`] is the free form, heights at knots over one or two variables of a port. [`surrogate`] fits it in simulation
-//! with a penalty that held-out parts choose; around its optimum the error is a quadratic form of the heights. [`grammar`]
-//! has the terms of formulas, [`formula`] searches among their sums on that quadratic form, where a fit costs next to nothing;
-//! [`study`] compares free forms in short [`windows`] of the records, `crossed` those over the motion at other ports,
-//! [`exact`] fits the best formulas in simulation and decides; [`rig`] does so for the rig of the vocabulary. [`written`]
-//! turns a formula into an effect of one's own, [`found`] is the answer.
+//! [`surface`] is the free form, heights at knots over one or two variables of a port. [`surrogate`] fits it in
+//! simulation with a penalty chosen by held-out folds; around its optimum the error is a quadratic form of the heights.
+//! [`grammar`] lists the terms of formulas, [`formula`] searches among their sums on that quadratic form, where a fit
+//! costs next to nothing. [`study`] compares free forms in short [`windows`] of the records, `crossed` those over the
+//! motion at other ports, [`exact`] fits the best formulas in simulation and decides; [`rig`] does so for the rig of
+//! the vocabulary. [`written`] turns a formula into an effect of one's own, [`found`] is the answer.
 
 mod crossed;
 pub mod exact;

@@ -1,4 +1,4 @@
-//! At which port of a study, and over which variables, a free form takes most of what is left.
+//! Port of a study, and variables there, over which a free form explains most of the residual.
 
 use super::free_form::FreeForm;
 use super::study::{Aim, Finder, Found, Outcome};
@@ -11,7 +11,7 @@ use crate::study::fits::Model;
 use crate::study::law::Variable;
 use crate::study::model::Study;
 
-/// Share of what is left above noise that a free form has to take away for a law to be looked for.
+/// Share of the excess over noise that a free form has to take away for a law to be looked for.
 const MIN_SHARE_OF_EXCESS: f64 = 0.2;
 /// Share of a second variable in what one leaves, from which on both are needed.
 const MIN_SHARE_OF_SECOND_VARIABLE: f64 = 0.15;
@@ -33,8 +33,8 @@ const MIN_EXCESS_OF_LEAST: f64 = 0.03;
 const MIN_GAIN_OF_OTHER_PORT: f64 = 0.9;
 /// Other ports at which a law is looked for.
 const MAX_OTHER_PORTS: usize = 2;
-/// Ratio of the error of a law at another port to that at the first, below which the other is its place; so it is where it
-/// alone leaves noise.
+/// Ratio of the error of a law at another port to that at the first, below which the law belongs to the other port; so
+/// it does where it alone leaves noise.
 const MAX_ERROR_AT_OTHER_PORT: f64 = 0.95;
 /// Share of the declared model's error that a law without memory has to leave for one with a memory to be tried.
 const MIN_LEFT_FOR_MEMORY: f64 = 0.02;
@@ -198,8 +198,8 @@ impl Finder<'_> {
         self.say_law(study, judge, declared, found, answer)
     }
 
-    /// Whether a law leaves noise, if need be fitted in units of the noise: where signals are weighed by what the declared model
-    /// leaves of them, the best fit may leave more of those that matter little.
+    /// Whether a law leaves noise, if need be fitted in units of the noise: where signals are weighed by the residual
+    /// of the declared model, the best fit may leave more of those that matter little.
     fn explains(&self, study: &Study, judge: &Judge, model: &Model) -> bool {
         let fits = self.fits(study);
         let near = model.error < self.max_error;
@@ -207,9 +207,9 @@ impl Finder<'_> {
             || near && self.in_noise(study, &[], model).is_some_and(|own| judge.explained(&fits, &own))
     }
 
-    /// Puts that of the best forms first whose port is the place: ports whose motions are nearly the same are told apart by
-    /// forms with all knots. `near`: whether the gain of a form is near to the largest. Gives the form with all knots at that
-    /// port, if several were compared.
+    /// Puts that of the best forms first whose port is the place: ports whose motions are nearly the same are
+    /// distinguished by forms with all knots. `near`: whether the gain of a form is near to the largest. Gives the form
+    /// with all knots at that port, if several were compared.
     fn tell_ports(
         &self,
         study: &mut Study,

@@ -31,7 +31,7 @@ const MIN_SHARE_OF_ERROR: f64 = 0.1;
 const MIN_VALIDATED_SHARE: f64 = 0.05;
 /// Share of a second variable in what one leaves, from which on both are needed.
 const MIN_SHARE_OF_SECOND_VARIABLE: f64 = 0.1;
-/// Steps of the free form towards its optimum.
+/// Steps of the free form toward its optimum.
 const ROUNDS: usize = 3;
 /// Samples over which the velocity is taken.
 const VELOCITY_SAMPLES: usize = 8;
@@ -90,8 +90,8 @@ struct Finder<'a> {
     units: &'a BTreeMap<String, f64>,
 }
 
-/// Puts a law into an answer that found nothing to name; whether there is one. `units`: those in which errors of signals are
-/// compared; `corrected`: parameters that may be off by their tolerances.
+/// Puts a law into an answer that found nothing to name; whether there is one. `units`: those in which errors of
+/// signals are compared; `corrected`: parameters that may be off by their tolerances.
 pub fn explain(rig: &Rig, units: &BTreeMap<String, f64>, corrected: &[Free], found: &mut Answer) -> bool {
     let Some(coupled) = &rig.coupled else { return false };
     let channel = found.unexplained.as_ref().map(|own| own.0.clone()).unwrap_or_default();

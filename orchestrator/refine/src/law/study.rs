@@ -34,30 +34,30 @@ const MIN_VALIDATED_SHARE: f64 = 0.05;
 const MIN_SHARE_ABOVE_NOISE: f64 = 0.9;
 /// Share of the error on validation records from which on a law needs no parameter corrected beside it.
 const MIN_SHARE_WITHOUT_CORRECTIONS: f64 = 0.98;
-/// Power above noise that the declared model with corrections leaves, over that without, below which no law is looked for
-/// before the search for shares.
+/// Power above noise that the declared model with corrections leaves, over that without, below which no law is looked
+/// for before the search for shares.
 const MAX_EXCESS_OF_CORRECTED: f64 = 0.1;
 /// Share of the error on validation records that effects have to leave for a law to be looked for in their place.
 const MIN_LEFT_BY_EFFECTS: f64 = 0.02;
-/// Share of the error on validation records of which effects leave no more, where only laws without memory over the motion at
-/// the port itself are tried in their place: those show whether the form of an effect is wrong.
+/// Share of the error on validation records of which effects leave no more, where only laws without memory over the
+/// motion at the port itself are tried in their place: those show whether the form of an effect is wrong.
 const MAX_LEFT_FOR_SIMPLE_LAWS: f64 = 0.2;
 /// Share of what effects leave that a law may leave to take their place: one that leaves noise, and any other.
 const MAX_OF_EFFECTS_AT_NOISE: f64 = 0.5;
 const MAX_OF_EFFECTS: f64 = 0.1;
-/// Ratio of the error of a free form on estimation records to that which a law may leave on validation records, or to what
-/// counts as noise, from which on no formula for it is looked for.
+/// Ratio of the error of a free form on estimation records to that which a law may leave on validation records, or to
+/// what counts as noise, from which on no formula for it is looked for.
 const MAX_ERROR_OF_FREE_FORM: f64 = 2.0;
 
-/// What a law has to do.
+/// Aim of the search for a law.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Aim {
-    /// It is a formula that leaves noise or next to nothing; looked for no longer than a free form promises that.
+    /// A formula that leaves noise or next to nothing; given up once the free form predicts that none does.
     Noise {
         /// Tolerances up to which declared parameters are corrected beside it.
         max_tolerances: f64,
     },
-    /// It takes nearly all of what is left.
+    /// A law that explains nearly all of the residual.
     Share,
 }
 
@@ -69,7 +69,7 @@ pub(super) struct Finder<'a> {
     pub(super) corrections: Vec<Free>,
     /// Simulations with steps of second order, where they change the error of the declared model by next to nothing.
     pub(super) quick: bool,
-    /// What the attachments show, `[taps][n]`.
+    /// Signals at the attachments, `[taps][n]`.
     pub(super) trace: Vec<Vec<Point>>,
     /// Windows in which free forms are compared; none: whole records.
     pub(super) windows: Option<Windows>,
@@ -81,8 +81,9 @@ pub(super) struct Finder<'a> {
     pub(super) wide: bool,
 }
 
-/// Puts a law into an answer that found nothing to name, or effects that leave much; the model with it, if there is one.
-/// `base`: the declared model with its corrections, beside which the law is fitted. Without a law the study stays as it is.
+/// Puts a law into an answer that found nothing to name, or effects that leave much; the model with it, if there is
+/// one. `base`: the declared model with its corrections, beside which the law is fitted. Without a law the study stays
+/// as it is.
 pub fn explain(
     study: &mut Study,
     scale: &[f64],
@@ -173,8 +174,8 @@ fn sought(
     Some(model)
 }
 
-/// What the attachments show in the estimation records, `[taps][n]`: measured where an output shows it or its derivative, of
-/// a model otherwise.
+/// Signals at the attachments in the estimation records, `[taps][n]`: measured where an output shows the signal or its
+/// derivative, else simulated with the model.
 fn motion(fits: &Fits, model: &Model) -> Vec<Vec<Point>> {
     let study = fits.study;
     let view = fits.view(&[], &fits.pieces);
@@ -209,8 +210,8 @@ fn motion(fits: &Fits, model: &Model) -> Vec<Vec<Point>> {
     all
 }
 
-/// Whether declared parameters up to `max_tolerances` of their tolerances take nearly all that the declared model leaves, beside the
-/// effects of one of some models.
+/// Whether corrections of declared parameters up to `max_tolerances` of their tolerances take away nearly all of the
+/// residual of the declared model, with the effects of one of some models.
 pub fn corrections_explain(
     fits: &Fits,
     judge: &Judge,
@@ -230,8 +231,8 @@ pub fn corrections_explain(
     })
 }
 
-/// Corrections of the declared parameters up to `most` of their tolerances; none where they are too many to be fitted beside
-/// a law.
+/// Corrections of the declared parameters up to `most` of their tolerances; none where they are too many to be fitted
+/// beside a law.
 pub(super) fn corrections(study: &Study, most: f64) -> Vec<Free> {
     let found = tolerance::corrections(study, most);
     if found.len() > MAX_CORRECTIONS { Vec::new() } else { found.into_iter().map(|own| own.0).collect() }
@@ -342,7 +343,8 @@ impl Finder<'_> {
             model =
                 fits.fit_from(model.added.clone(), &model.fit.parameters, &model.fit.locals).unwrap_or(model);
         }
-        // Declared parameters within their tolerances shift the parameters of a law; what leaves noise is weighed by the noise.
+        // Declared parameters within their tolerances shift the parameters of a law; what leaves noise is weighed by
+        // the noise.
         let corrections = match self.aim {
             Aim::Noise { max_tolerances } => Some(corrections(study, max_tolerances)),
             Aim::Share => judge.explained(&fits, &model).then(|| self.corrections.clone()),
@@ -456,7 +458,7 @@ pub(super) struct Outcome {
     pub(super) after: [Errors; 2],
 }
 
-/// What was chosen, before it is said.
+/// Law chosen, before its sentences are written.
 pub(super) struct Found {
     pub(super) tap: usize,
     pub(super) variables: Vec<Variable>,

@@ -1,9 +1,8 @@
-//! The error of a system as a quadratic form of the heights of a free form, in parts of the records that are held out in
-//! turn.
+//! The error of a system as a quadratic form of the heights of a free form, one for each fold of the records.
 //!
-//! Residuals and their derivatives by the heights are simulated; initial states are taken out of both record by record. What
-//! is left per part of the records is a matrix, a vector and a number; fits, penalties and held-out errors are small
-//! linear algebra from there.
+//! Residuals and their derivatives by the heights are simulated; initial states are eliminated from both record by
+//! record. A matrix, a vector and a number remain for each fold; fits, penalties and held-out errors are small linear
+//! algebra from there.
 
 use nalgebra::{Cholesky, DMatrix, DVector};
 
@@ -81,8 +80,8 @@ pub struct Smooth {
 }
 
 impl Surrogate {
-    /// Simulates around `p`, whose heights stand at `heights`; `shared`: parameters that are fitted along with them. Records of
-    /// one of the `groups` are held out together; without any, by their number.
+    /// Simulates around `p`, whose heights stand at `heights`; `shared`: parameters that are fitted along with them.
+    /// Records of one of the `groups` are held out together; without any, by their number.
     pub fn new<S: System + ?Sized>(
         system: &S,
         surface: &Surface,
@@ -136,7 +135,7 @@ impl Surrogate {
         found
     }
 
-    /// Change that lowers the penalised error most.
+    /// Change that lowers the penalized error most.
     fn step(&self, own: &Quadratic, penalty: f64) -> Option<DVector<f64>> {
         let n = own.matrix.nrows();
         let mean = (0..self.count).map(|i| own.matrix[(i, i)]).sum::<f64>() / self.count as f64;
@@ -322,13 +321,14 @@ impl Approach {
         knots.iter().zip(heights).map(|(x, (y, s))| [*x, *y, 1.96 * residual * s]).collect()
     }
 
-    /// What the form takes away on held-out parts.
+    /// Fall of the sum of squares on held-out folds.
     pub fn gain(&self) -> f64 {
         self.smooth.without - self.smooth.held_out
     }
 }
 
-/// Quadratic forms of the parts of one record, local parameters taken out; `whole`: the part that the record is as a whole.
+/// Quadratic forms of the parts of one record, local parameters taken out; `whole`: the part that the record is as a
+/// whole.
 fn parts_of(
     own: &Columns,
     shared: usize,

@@ -1,5 +1,5 @@
-//! Records cut into short windows whose first states are fitted along: a law that leads the motion of a whole record away is
-//! still nearly linear there.
+//! Records cut into short windows whose first states are fitted along: a law that makes the motion over a whole record
+//! diverge is still nearly linear in a window.
 
 use crate::study::declaration::{Initial, InitialWord};
 use crate::study::fits::{Fits, Model};
@@ -39,7 +39,8 @@ pub fn positions(first: f64, velocities: &[f64], step: f64) -> Vec<f64> {
     std::iter::once(first).chain(rest).collect()
 }
 
-/// Where a state is seen: the output that is the state, the output whose derivative it is, or the output that is its derivative.
+/// Where a state is seen: the output that is the state, the output whose derivative it is, or the output that is its
+/// derivative.
 #[derive(Clone, Copy)]
 enum Seen {
     Output(usize),
@@ -74,8 +75,8 @@ fn seen(study: &Study) -> Option<Vec<Option<Seen>>> {
 }
 
 impl Windows {
-    /// Windows with states as measured, and of a model where they are not; none where a simulation cannot start anywhere, or
-    /// already restarts in windows.
+    /// Windows with states as measured, and of a model where they are not; none where a simulation cannot start
+    /// anywhere, or already restarts in windows.
     pub fn new(fits: &Fits, base: &Model) -> Option<Windows> {
         let study = fits.study;
         if study.sampled || study.windows.is_some() {
@@ -89,7 +90,7 @@ impl Windows {
         for (r, piece) in fits.pieces.iter().enumerate() {
             let record = &study.records[piece.record];
             let (_, states) = view.traced(r, &base.fit.parameters, &base.fit.locals[r]);
-            // A model that lacks a law leads positions away that measured velocities keep.
+            // A model that lacks a law makes positions drift away that measured velocities keep.
             let places: Vec<Vec<f64>> = seen
                 .iter()
                 .enumerate()

@@ -121,8 +121,8 @@ fn withdraw_what_does_not_validate(found: &mut Answer) {
 
 /// Names the channel of what no candidate explains; behind a wrong actuator, effects of the mechanics are still found.
 ///
-/// Whether a part of the rig follows its declared model to the noise: then the rest must do so as well, and an effect that
-/// leaves more is none.
+/// Whether a part of the rig follows its declared model to the noise: then the rest must do so as well, and an effect
+/// that leaves more is none.
 fn trace(
     rig: &Rig,
     search: &Search<dyn System + '_>,

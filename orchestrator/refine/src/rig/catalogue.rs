@@ -7,7 +7,7 @@ use crate::case::{Declared, Kind};
 use crate::engine::candidate::{Candidate, Start};
 use crate::engine::fit::Free;
 
-/// What decides about the candidates of a case.
+/// Facts of a case that decide which candidates its records can show.
 #[derive(Debug, Clone)]
 pub struct Scope<'a> {
     /// Declared parameters, for passivity bounds.

@@ -14,8 +14,8 @@ pub struct Entry {
     pub path: &'static str,
     /// Index of its correction in the parameter vector.
     pub index: usize,
-    /// Standard deviation where a case states none: relative to the value, of poles absolute. `None`: only corrected where
-    /// the records are explained to the noise.
+    /// Standard deviation where a case states none: relative to the value, of poles absolute. `None`: only corrected
+    /// where the records are explained to the noise.
     pub tolerance: Option<f64>,
     /// Effect of the vocabulary that changes the same, with its parameter.
     pub effect: Option<(&'static str, &'static str)>,

@@ -64,8 +64,8 @@ impl<'a> Running<'a> {
         Running { terms, command: terms.shaped_command(u), y: [0.0; 2], before: 0.0, mode: [0.0; 2] }
     }
 
-    /// Force command \[N\] that arrives at the actuator in sample `k` at time `t` \[s\]; behind the end of the record it is
-    /// zero.
+    /// Force command \[N\] that arrives at the actuator in sample `k` at time `t` \[s\]; behind the end of the record
+    /// it is zero.
     pub fn command(&mut self, k: usize, t: f64, x: f64) -> f64 {
         let terms = self.terms;
         let mut u = self.command.get(k).copied().unwrap_or(0.0) * (1.0 + terms.posgain * x);
@@ -223,7 +223,7 @@ impl Coupled {
         found
     }
 
-    /// What the sensors of a trial would show of a prediction.
+    /// Sensor values of a trial for a prediction, all signals one after the other.
     fn shown(&self, record: usize, prediction: &Prediction, p: &[f64]) -> Vec<f64> {
         let trial = &self.trials[record];
         let mut seen = Vec::with_capacity(trial.u.len());
@@ -254,7 +254,7 @@ pub fn sensor(name: &str) -> Option<[usize; 3]> {
     }
 }
 
-/// What a sensor with its effects shows of the true signal; `before` is the signal before the record begins.
+/// Signal of a sensor with its effects (offset, delay, gain); `before` is the true signal before the record begins.
 pub fn sensed(name: &str, truth: &[f64], p: &[f64], dt: f64, before: f64, out: &mut Vec<f64>) {
     let Some([offset, delay, gain]) = sensor(name) else { return };
     let (offset, delay, gain) = (p[offset], p[delay] / dt, 1.0 + p[gain]);

@@ -1,8 +1,8 @@
 //! A pneumatic cylinder from first principles: two chambers, each fed by a pressure-control valve through a tube.
 //!
-//! What an actuator identified with its rod fixed cannot know is that a moving piston compresses the air in front of it
-//! and expands the air behind. This model knows it from geometry and gas law, so it takes the place of an identified
-//! actuator that moving records contradict. The equations are those of the FMU `pneumatic-cylinder`, typed for several
+//! A moving piston compresses the air in front of it and expands the air behind. An actuator identified with its rod
+//! fixed cannot know that; this model has it from geometry and gas law, and takes the place of an identified actuator
+//! that moving records contradict. The equations are those of the FMU `pneumatic-cylinder`, written for several
 //! simulations side by side; a test compares the two.
 
 use serde::Deserialize;
@@ -169,17 +169,18 @@ fn curve(ratio: f64) -> f64 {
     FLOW.1 * ratio.powf(1.0 / 1.4) * (1.0 - ratio.powf(0.4 / 1.4)).sqrt()
 }
 
-/// What the equations need of the parameters.
+/// Coefficients of the equations, computed from the parameters once for each simulation.
 #[derive(Debug, Clone)]
 pub struct Chambers {
     k: Cylinder,
-    /// Time \[s\] after which cylinder and mechanics of the rig tell each other force and motion.
+    /// Time \[s\] after which cylinder and mechanics of the rig exchange force and motion.
     pub exchange: f64,
     /// Piston areas \[m2\].
     area: [f64; 2],
     /// Force of either side at rest \[N\].
     bias: f64,
-    /// Square of the curve over 1 - ratio, as a polynomial of the ratio from -1 to 1 over [`CURVED`], lowest power first.
+    /// Square of the curve over 1 - ratio, as a polynomial of the ratio from -1 to 1 over [`CURVED`], lowest power
+    /// first.
     squared: [f64; TERMS],
     /// Flow over 1 - ratio above the curve.
     linear: f64,
@@ -187,7 +188,8 @@ pub struct Chambers {
     factor: f64,
 }
 
-/// States of one side: filtered command \[Pa\], integrator, spool, its rate \[1/s\], pressure of port and chamber \[Pa\].
+/// States of one side: filtered command \[Pa\], integrator, spool, its rate \[1/s\], pressure of port and chamber
+/// \[Pa\].
 pub type Side<const L: usize> = [Lanes<L>; 6];
 
 /// Rates of both sides, and the flows \[kg/s\] that enter the tubes.
@@ -278,8 +280,8 @@ impl Chambers {
         })
     }
 
-    /// Rates under the pressure commands `play` \[Pa\], the flows `delayed` \[kg/s\] that leave the tubes, and the motion of
-    /// the piston \[m, m/s\].
+    /// Rates under the pressure commands `play` \[Pa\], the flows `delayed` \[kg/s\] that leave the tubes, and the
+    /// motion of the piston \[m, m/s\].
     #[inline(always)]
     pub fn rates<const L: usize>(
         &self,
@@ -305,7 +307,7 @@ impl Chambers {
             let to = each(|i| if open.0[i] >= 0.0 { port.0[i] } else { k.patm });
             let valve = self.flow(from, to) * open * (k.Cd * k.Avmax);
             let tube = self.flow(port, p) * (k.Cd * k.At);
-            // At the end of the stroke the dead volume is left.
+            // At the end of the stroke the dead volume remains.
             let gap = x * sign + 0.5 * k.stroke;
             let volume = gap.where_positive(gap) * self.area[i] + k.dead;
             let inflow = each(|j| if delayed[i].0[j] > 0.0 { k.kin } else { k.kout } * delayed[i].0[j]);

@@ -1,8 +1,9 @@
-//! The mechanics behind a pneumatic cylinder: both move in the same Runge-Kutta steps, since the cylinder feels its piston.
+//! The mechanics behind a pneumatic cylinder: both move in the same Runge-Kutta steps, since the cylinder feels its
+//! piston.
 //!
-//! The two parts of the rig tell each other force and motion after short times ([`Chambers::exchange`]): the cylinder steps
-//! first, under the motion at the beginning, and the mechanics under the force at the end. Steps here are longer, so the
-//! force leads, the motion lags and the tube is shorter by half of that time, as it is on average.
+//! The two parts of the rig exchange force and motion after short times ([`Chambers::exchange`]): the cylinder steps
+//! first, under the motion at the beginning, and the mechanics under the force at the end. Steps here are longer, so
+//! the force is early, the motion late and the tube shorter by half of that time, as on average.
 
 use super::cylinder::{Chambers, Rates, Side};
 use super::lanes::Lanes;
@@ -58,8 +59,8 @@ impl<'a, const L: usize> Driven<'a, L> {
         [0, 1].map(|i| near[i] * (1.0 - part) + far[i] * part)
     }
 
-    /// One step of order 4; `p` is the magnitude of the pressure force \[N\], `lost` what speed takes from the force on the
-    /// piston \[N s/m\].
+    /// One step of order 4; `p` is the magnitude of the pressure force \[N\], `lost` what speed takes from the force on
+    /// the piston \[N s/m\].
     #[inline(always)]
     pub fn step(&mut self, plant: &Mechanics<L>, s: &State<L>, p: Lanes<L>, lost: Lanes<L>) -> State<L> {
         let (h, told) = (self.h, 0.5 * self.chambers.exchange);

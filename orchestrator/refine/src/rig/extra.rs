@@ -6,7 +6,7 @@ use crate::law::surface::Surface;
 use crate::study::law::Point;
 use crate::vocabulary::Own;
 
-/// What the law is; its parameters stand behind those of the rig.
+/// Form of a law; its parameters stand behind those of the rig.
 #[derive(Debug, Clone)]
 pub enum Form {
     /// Heights of a free form.

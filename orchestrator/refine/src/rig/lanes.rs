@@ -1,7 +1,8 @@
-//! Several simulations side by side: arithmetic on a few numbers at once, and the functions that friction and pole need.
+//! Several simulations side by side: arithmetic on a few numbers at once, and the functions that friction and pole
+//! need.
 //!
 //! The functions are polynomials without branches or tables, so that the compiler turns them into vector instructions;
-//! every lane gets the same bits whatever its neighbours are. They know no physics.
+//! every lane gives the same bits whatever its neighbors are. They know no physics.
 
 use std::ops::{Add, Div, Mul, Neg, Sub};
 

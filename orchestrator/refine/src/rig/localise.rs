@@ -1,4 +1,4 @@
-//! Where something is missing when no candidate explains it, and what it depends on.
+//! Place of a missing effect that no candidate explains, and the variables that it depends on.
 
 use super::coupled::Coupled;
 use super::observer::{Observer, Walk};
@@ -19,11 +19,11 @@ const FORCE_WALKS: [Walk; 7] = [
     [0.0, 0.0, 0.0, 0.01],
     [0.03, 0.0, 0.0, 0.003],
 ];
-/// Shares of a sample by which the force of an actuator may lead: what it does between samples is not measured, and looks
-/// like a mass where friction grows with the speed.
+/// Time advances of the force of an actuator that are tried, as shares of a sample: its values between samples are not
+/// measured, and an advance looks like a mass where friction grows with the speed.
 const LEADS: [f64; 4] = [0.5, 0.0, 0.25, 0.75];
-/// Normalised power of the innovations up to which the mechanics count as explained. The disturbance of a wrong actuator
-/// is not quite a random walk, so that it need not come down to that of noise.
+/// Normalized power of the innovations up to which the mechanics count as explained. The disturbance of a wrong
+/// actuator is not quite a random walk, so that it need not come down to that of noise.
 const MAX_LOGLIKELIHOOD_LEFT: f64 = 30.0;
 /// The same as a share of what the declared model leaves: gains fixed beforehand fit a much changed model less well.
 const MAX_SHARE_LEFT: f64 = 2e-4;
@@ -40,7 +40,7 @@ const MIN_LOGLIKELIHOOD_GAIN: f64 = 150.0;
 /// Square of Student's 97.5 % quantile for six records over that of the normal law.
 const FEW_RECORDS: f64 = 1.72;
 
-/// What the measured force says about the rest of the rig.
+/// Conclusions from the measured force about the rest of the rig.
 pub struct Findings {
     /// Mechanical candidates that explain position and angle, given the measured force.
     pub effects: Option<Model>,
@@ -163,7 +163,7 @@ struct Tuned<'a> {
     model: Model,
 }
 
-/// What all searches around observers share.
+/// Data shared by all searches around observers.
 struct Around<'a> {
     rig: &'a Coupled,
     candidates: &'a [Candidate],
@@ -185,7 +185,7 @@ impl<'a> Around<'a> {
         }
     }
 
-    /// The walk that suits a model, and the model fitted again with its gains.
+    /// The random-walk intensities that suit a model, and the model fitted again with their gains.
     fn tuned(&self, model: &Model) -> Tuned<'a> {
         let refit = |observer: &Observer<'a>, model: &Model, rounds: usize| {
             self.search(observer).fit(&model.added, &[], &model.fit.parameters, &model.fit.locals, rounds)
@@ -198,7 +198,7 @@ impl<'a> Around<'a> {
     }
 }
 
-/// The walk that makes the records most likely, and then the lead.
+/// The random-walk intensities that make the records most likely, and then the time advance.
 fn best_walk<'a>(rig: &'a Coupled, walks: &[Walk], p: &[f64]) -> Observer<'a> {
     let likelier =
         |best: Observer<'a>, other: Observer<'a>| if best.cost <= other.cost { best } else { other };
@@ -212,8 +212,8 @@ fn best_walk<'a>(rig: &'a Coupled, walks: &[Walk], p: &[f64]) -> Observer<'a> {
     LEADS[1..].iter().fold(best, |best, &lead| likelier(best, around(walk, lead)))
 }
 
-/// Variables that the estimated disturbance depends on: those whose bins explain most of its variance, and the share of it
-/// that the bins of the first explain.
+/// Variables that the estimated disturbance depends on: those whose bins explain most of its variance, and the share of
+/// it that the bins of the first explain.
 fn variables(
     observer: &Observer,
     records: &[usize],

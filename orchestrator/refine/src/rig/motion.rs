@@ -18,7 +18,7 @@ pub struct Motion {
     pub variance_v: Vec<f64>,
     /// Variance of the acceleration \[m2/s4\].
     pub variance_a: Vec<f64>,
-    /// What the position shows beyond what all records before let expect \[m\]; empty: it is not measured.
+    /// Measured position less its prediction from all samples before \[m\]; empty: it is not measured.
     pub innovations: Vec<f64>,
     /// Standard deviations of the innovations \[m\].
     pub deviations: Vec<f64>,
@@ -46,7 +46,7 @@ pub fn intensity(x: Option<Record>, v: Option<Record>, dt: f64) -> f64 {
     runs.min_by(|a, b| a.1.total_cmp(&b.1)).map_or(1.0, |(q, _)| q)
 }
 
-/// What is known of a motion and its records beforehand.
+/// Prior knowledge of a motion and its records.
 #[derive(Debug, Clone, Copy)]
 pub struct Course {
     /// Sample time \[s\].

@@ -1,9 +1,9 @@
 //! The mechanics alone, driven by the measured load-cell force: a Kalman predictor.
 //!
-//! When the actuator does not do what its model says, a simulation from the command says nothing about the rest of the
-//! rig. Here the force of the actuator model gets a disturbance that walks at random, and the load cell tells it; what
-//! position and angle then do that was not predicted is owed to the mechanics. A disturbance may also act on the cart or
-//! as a torque on the pole: the one that makes the innovations white names the channel.
+//! When the actuator does not follow its model, a simulation from the command says nothing about the rest of the rig.
+//! Here the force of the actuator model gets a random-walk disturbance, which the load cell shows; motion of position
+//! and angle that was not predicted is then due to the mechanics. A disturbance may also act on the cart or as a torque
+//! on the pole: the one that makes the innovations white names the channel.
 //!
 //! Gains come from one pass over the record with the declared model and stay the same for all candidates, so that the
 //! innovations are smooth functions of the parameters.
@@ -25,8 +25,8 @@ const STATES: usize = 8;
 type Vector = SVector<f64, STATES>;
 type Matrix = SMatrix<f64, STATES, STATES>;
 
-/// Steps of the random walks per sample: actuator force \[N\], cart force \[N\], pole torque \[N m\], change of the
-/// actuator force per sample \[N\]; 0: none.
+/// Random-walk intensities, standard deviation of the increment per sample: actuator force \[N\], cart force \[N\],
+/// pole torque \[N m\], change of the actuator force per sample \[N\]; 0: none.
 pub type Walk = [f64; 4];
 
 /// Gain and standard deviation of the innovation of one measured signal at one sample.
@@ -39,14 +39,14 @@ pub struct Observer<'a> {
     corrections: Vec<Vec<Vec<Correction>>>,
     /// Disturbance that is allowed.
     pub walk: Walk,
-    /// Share of its change over a sample that the force of the actuator leads by: 0 for one that is held over samples,
-    /// 0.5 for one that changes smoothly.
+    /// Time advance of the actuator force as a share of its change over a sample: 0 for a force that is held over
+    /// samples, 0.5 for one that changes smoothly.
     pub lead: f64,
     /// Twice the negative logarithm of the likelihood of all estimation records.
     pub cost: f64,
 }
 
-/// What a pass over a record gives.
+/// Result of a pass over a record.
 pub struct Pass {
     /// Innovations over their standard deviation: x, then theta.
     pub innovations: Vec<f64>,
@@ -69,7 +69,7 @@ fn begin(trial: &Trial) -> [f64; STATES] {
     [first("x"), 0.0, first("theta"), 0.0, 0.0, 0.0, 0.0, 0.0]
 }
 
-/// What an ideal sensor would show; `f_act` is the force of the actuator model.
+/// Value of an ideal sensor; `f_act` is the force of the actuator model.
 #[inline(always)]
 fn ideal<const L: usize>(
     name: &str,
@@ -86,8 +86,8 @@ fn ideal<const L: usize>(
     }
 }
 
-/// One sample on; `hidden` are the presliding states, `change` is that of the force of the actuator model since the sample
-/// before.
+/// One sample on; `hidden` are the presliding states, `change` is that of the force of the actuator model since the
+/// sample before.
 #[inline(always)]
 fn step<const L: usize>(
     plant: &Mechanics<L>,
@@ -111,7 +111,7 @@ fn sensing(name: &str, p: &[f64]) -> (f64, f64) {
     sensor(name).map_or((0.0, 1.0), |[offset, _, gain]| (p[offset], 1.0 + p[gain]))
 }
 
-/// Gains of a record, and twice the negative logarithm of its likelihood. The filter is linearised by differences: lane
+/// Gains of a record, and twice the negative logarithm of its likelihood. The filter is linearized by differences: lane
 /// 0 is the estimate, the others are moved in one state each.
 fn gains(rig: &Coupled, trial: &Trial, p: &[f64], (walk, lead): (Walk, f64)) -> (Vec<Vec<Correction>>, f64) {
     const MOVE: f64 = 1e-6;
@@ -175,7 +175,7 @@ fn gains(rig: &Coupled, trial: &Trial, p: &[f64], (walk, lead): (Walk, f64)) -> 
 }
 
 impl<'a> Observer<'a> {
-    /// Computes the gains with the parameters `p`; for `lead` see [`Observer::lead`].
+    /// Computes the gains with the parameters `p`; for the time advance `lead` see [`Observer::lead`].
     pub fn around(rig: &'a Coupled, walk: Walk, lead: f64, p: &[f64]) -> Observer<'a> {
         let found = parallel::map(rig.trials.len(), |i| {
             let trial = &rig.trials[i];

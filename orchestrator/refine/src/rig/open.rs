@@ -26,7 +26,7 @@ pub struct Rig {
     pub candidates: Vec<Candidate>,
     /// Declared parameters that may be off.
     pub corrections: Vec<Correction>,
-    /// What the estimation records moved through.
+    /// Motion range of the estimation records.
     pub reach: Reach,
     /// Effects of the vocabulary that cannot be looked for, and why.
     pub not_testable: Vec<(String, String)>,
@@ -120,7 +120,7 @@ fn sweeps(case: &Case) -> Result<Sweeps, Error> {
     Ok(Sweeps { declared: declaration.model.clone(), dt, sweeps })
 }
 
-/// What records moved through; the speed where none is measured from the positions, over 20 ms.
+/// Motion range of records; the speed where none is measured from the positions, over 20 ms.
 fn reach<'a>(records: impl Iterator<Item = &'a TimeSeries>, rate: f64) -> Reach {
     let mut found = Reach::default();
     let over = ((0.02 * rate).round() as usize).max(1);

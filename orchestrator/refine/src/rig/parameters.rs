@@ -1,8 +1,8 @@
 //! All numbers a simulation of the rig depends on besides the declared model: parameters of the candidate effects and
 //! relative corrections of the declared parameters. One flat vector, so that the engine can fit any of them.
 //!
-//! A neutral value switches an effect off exactly. `CYLINDER` is no number to fit: 1 puts the pneumatic cylinder in place
-//! of the declared actuator.
+//! A neutral value switches an effect off exactly. `CYLINDER` is no number to fit: 1 puts the pneumatic cylinder in
+//! place of the declared actuator.
 
 /// One entry of the parameter vector.
 #[derive(Debug, Clone, Copy)]

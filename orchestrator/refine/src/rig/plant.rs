@@ -133,7 +133,7 @@ pub struct Mechanics<const L: usize> {
     spring: (Lanes<L>, Lanes<L>),
     /// cart.endstop: position \[m\], stiffness \[N/m\], damping \[N s/m\].
     stop: Option<[Lanes<L>; 3]>,
-    /// cart.cogging: amplitudes of sine and cosine \[N\], radians per metre.
+    /// cart.cogging: amplitudes of sine and cosine \[N\], radians per meter.
     cogging: Option<[Lanes<L>; 3]>,
     /// cart.tilt: angle \[rad\] and the force it takes from the cart \[N\].
     tilt: Option<(Lanes<L>, Lanes<L>)>,
@@ -147,8 +147,8 @@ pub struct Mechanics<const L: usize> {
 pub type State<const L: usize> = [Lanes<L>; 6];
 
 impl<const L: usize> Mechanics<L> {
-    /// Time derivative of the state under the held force `f_act` \[N\]; `p` is the magnitude of the pressure force \[N\],
-    /// `extra` a torque on the pole \[N m\].
+    /// Time derivative of the state under the held force `f_act` \[N\]; `p` is the magnitude of the pressure force
+    /// \[N\], `extra` a torque on the pole \[N m\].
     #[inline(always)]
     pub fn derivative(&self, s: &State<L>, f_act: Lanes<L>, p: Lanes<L>, extra: Lanes<L>) -> State<L> {
         let [x, v, th, om, zp, zc] = *s;

@@ -1,4 +1,4 @@
-//! A measured signal with the weight of every sample, and what its sensor would show again.
+//! A measured signal with the weight of every sample, and the rounding of its sensor.
 
 use crate::engine::noise::Noise;
 use crate::engine::system::Span;
@@ -89,8 +89,8 @@ pub fn whitened(signals: &[Measured], predicted: &[f64]) -> Vec<f64> {
     out
 }
 
-/// A value that an encoder repeats carries one rounding error, not many independent ones: a run of r equal values counts
-/// as one sample.
+/// A value that an encoder repeats carries one rounding error, not many independent ones: a run of r equal values
+/// counts as one sample.
 fn weights(values: &[f64], noise: f64) -> Vec<f64> {
     let mut weights = Vec::with_capacity(values.len());
     while weights.len() < values.len() {

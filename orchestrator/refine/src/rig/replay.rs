@@ -1,8 +1,8 @@
 //! The actuator and the piston alone: pressure force and load cell from the command and the measured motion.
 //!
-//! The rig is a series, so the forces need no model of cart and pole where the motion is measured. What is missing from
-//! the actuator or from the friction of the piston is found here without what is missing behind it, and proposed to the
-//! search over the whole rig. The motion is smoothed from the positions, which blunts reversals; so nothing is decided here.
+//! The rig is a series, so the forces need no model of cart and pole where the motion is measured. Effects of the
+//! actuator and of the friction of the piston are found here without those behind them, and proposed to the search over
+//! the whole rig. The motion is smoothed from the positions, which blunts reversals; so nothing is decided here.
 
 use super::coupled::{Coupled, Running, sensed};
 use super::lanes::Lanes;
@@ -129,7 +129,7 @@ impl System for Replay<'_> {
     }
 }
 
-/// How far the measured forces are from noise, given the motion, with the parameters `p`: normalised powers by signal.
+/// Distance of the measured forces from noise, given the motion, with the parameters `p`: normalized powers by signal.
 /// Nothing where no force is measured.
 pub fn left(rig: &Coupled, p: &[f64]) -> Vec<(String, f64)> {
     let replay = Replay::new(rig);
@@ -140,8 +140,8 @@ pub fn left(rig: &Coupled, p: &[f64]) -> Vec<(String, f64)> {
     null.normalised(&pooled(&replay, &records, &residuals))
 }
 
-/// What explains the forces best, given the motion: the best single candidate, and the best pair if it is much better.
-/// Nothing where no force is measured, or where the forces are as declared.
+/// Candidates that explain the forces best, given the motion: the best single one, and the best pair if it is much
+/// better. None where no force is measured, or where the forces are as declared.
 pub fn proposals(rig: &Coupled, candidates: &[Candidate], groups: &[usize], limit: f64) -> Vec<Proposal> {
     let replay = Replay::new(rig);
     let measured = |trial: &Trial| trial.forces.iter().any(|m| m.name == "F_p");

@@ -1,10 +1,10 @@
-//! What an effect of a rig must not be, however well it fits.
+//! Limits of physical sense on fitted effects of the rig: an effect beyond them is refused, however well it fits.
 
 use super::parameters::*;
 use crate::engine::candidate::Candidate;
 use crate::engine::search::Model;
 
-/// What the estimation records moved through.
+/// Motion range of the estimation records.
 #[derive(Debug, Clone, Default)]
 pub struct Reach {
     /// Positions \[m\], sorted.

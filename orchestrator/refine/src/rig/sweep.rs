@@ -1,8 +1,8 @@
 //! Friction sweeps: the piston alone or the cart alone, moved by a drive, with the load cell in between.
 //!
-//! The motion is smoothed from the records of position and speed before the search. Where both are measured they have to
-//! fit each other: what the position shows beyond what both records let expect is a residual of its own. The speed has
-//! none: its innovations show first of all that a drive does not move at random.
+//! The motion is smoothed from the records of position and speed before the search. Where both are measured they have
+//! to fit each other: the innovation of the position, given both records, is a residual of its own. The speed has none:
+//! its innovations show first of all that a drive does not move at random.
 
 use std::borrow::Cow;
 
@@ -23,7 +23,7 @@ pub struct Sweep {
     pub motion: Motion,
     /// Records of position and speed, as far as they are measured: values and noise rms.
     records: [Option<(Vec<f64>, f64)>; 2],
-    /// What is known of the motion and its records.
+    /// Prior knowledge of the motion and its records.
     course: Course,
     /// Position, where both are measured.
     position: Option<Measured>,
@@ -36,8 +36,9 @@ pub struct Sweep {
 }
 
 impl Sweep {
-    /// A sweep from its records of position \[m\] and speed \[m/s\], of which one may be missing, sampled every `dt` \[s\];
-    /// for `skew` see [`super::motion::skew`]. `roles`: whether the cart was moved, and whether it may be fitted.
+    /// A sweep from its records of position \[m\] and speed \[m/s\], of which one may be missing, sampled every `dt`
+    /// \[s\]; for `skew` see [`super::motion::skew`]. `roles`: whether the cart was moved, and whether it may be
+    /// fitted.
     pub fn new(
         records: [Option<Record>; 2],
         force: Measured,

@@ -1,4 +1,4 @@
-//! A rig with records of its own for tests: what a rig with some effects shows, with the noise of its sensors.
+//! A rig with records of its own for tests: the simulated sensor signals of a rig with some effects, noise included.
 
 use super::coupled::{Coupled, Trial};
 use super::cylinder::{Chambers, Cylinder};

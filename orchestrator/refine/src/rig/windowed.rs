@@ -1,8 +1,8 @@
 //! Windowed predictions: the simulation begins again every half second from the measured motion.
 //!
 //! Over whole records small errors of a model add up, and the pole soon forgets what moved it. Over half a second the
-//! prediction is nearly linear in what is missing. The states at the beginnings of the windows come from local parabolas
-//! through position and angle; actuator and presliding run on.
+//! prediction is nearly linear in what is missing. The states at the beginnings of the windows come from local
+//! parabolas through position and angle; actuator and presliding run on.
 
 use super::coupled::{Coupled, Trial};
 use super::parameters::{OFFSET_THETA, SENSOR_DELAY_THETA, SENSOR_DELAY_X, SENSOR_GAIN_THETA, SENSOR_GAIN_X};

@@ -1,4 +1,4 @@
-//! A study from the declaration to the answer in the terms of the vocabulary.
+//! A study from the declaration to the answer in the terms of the vocabulary: records and system, searches, verdict.
 
 use std::collections::BTreeMap;
 
@@ -35,7 +35,7 @@ const EXACT_SHARE_OF_TIME: f64 = 0.5;
 /// Reads, searches and answers.
 ///
 /// # Errors
-/// Whatever does not fit in the declaration, the records or the system, and a declared model that cannot be simulated.
+/// A declaration, records or a system that do not fit together, and a declared model that cannot be simulated.
 pub fn answer(file: &File, settings: &Settings, say: Say) -> Result<(Answer, Evidence), Error> {
     let (mut study, _, declared) = prepared(file, say)?;
     let scale = scales(&study, &declared);
@@ -45,7 +45,7 @@ pub fn answer(file: &File, settings: &Settings, say: Say) -> Result<(Answer, Evi
     let mut quick = fits.quick;
     say("noise floor");
     let judge = Judge::new(&fits, &model, settings.draws, settings.seed);
-    // What is left of a limited time is for effects that leave more than noise.
+    // The rest of a limited time is for effects that leave more than noise.
     stop::stage(EXACT_SHARE_OF_TIME);
     let mut exact = exact::search(&Fits::new(&study, scale.clone()), &judge, &model, settings, say);
     if let Err(Some(best)) = &exact
@@ -182,9 +182,9 @@ fn beside_corrections(search: &by_share::Search, exact: Selection) -> (Selection
     (found.selection.clone(), Some(found))
 }
 
-/// The weakest effect that stands only by the company of others, and the share of the error on validation records that it
-/// takes away alone. Where all is explained, each is needed. Coulomb friction that nothing but the search for another friction
-/// needed comes last; that on which presliding acts stays.
+/// The weakest effect that explains little without the other effects, and the share of the error on validation records
+/// that it takes away alone. Where all is explained, each is needed. Coulomb friction needed by nothing but the search
+/// for another friction comes last; that on which presliding acts stays.
 fn company(search: &by_share::Search, selection: &Selection, found: &Answer) -> Option<(usize, f64)> {
     let (study, added) = (search.fits.study, &selection.best.added);
     if found.verdict != Verdict::Effect || found.complete || added.len() < 2 || stop::asked() {
@@ -333,7 +333,8 @@ fn assemble(
     let roles = [Role::Estimation, Role::Validation];
     let all = |model: &Model| {
         let added = &model.added;
-        // Parameters are fitted for each error: for that of the study, which starts from smoothed derivatives as they are.
+        // Parameters are fitted for each error: for that of the study, which starts from smoothed derivatives as they
+        // are.
         let own = fits.as_declared(model);
         let p = &own.parameters;
         let mut found = [
@@ -434,7 +435,7 @@ fn assemble(
     }
 }
 
-/// Place of what is left where nothing shows a better one.
+/// Place of the residual where nothing shows a better one.
 fn first_place(study: &Study) -> String {
     study.candidates.first().map_or_else(|| "actuator".to_owned(), |c| c.place())
 }
@@ -463,7 +464,7 @@ fn as_printed(study: &Study, selection: &Selection, p: &[f64], effects: &mut [Ef
     }
 }
 
-/// Sentences on what is left on the estimation records.
+/// Sentences on the residual on the estimation records.
 fn leftover(fits: &Fits, judge: &Judge, model: &Model, rest: &Rest) -> Vec<String> {
     let times = model.error / judge.power.sqrt();
     let mut found = vec![format!(
@@ -502,7 +503,7 @@ pub(crate) fn fitted(study: &Study, p: &[f64]) -> Vec<(String, f64)> {
     own.filter_map(value).collect()
 }
 
-/// Sentences on declared parameters, on other records and on what is left.
+/// Sentences on declared parameters, on other records and on the residual.
 fn remarks(fits: &Fits, selection: &Selection, after: &Model) -> Vec<String> {
     let study = fits.study;
     let before = &selection.declared;

@@ -1,5 +1,7 @@
-//! Where the fit of an initial state begins that no column of `[states]` shows: an output that is this state shows it, too; any
-//! other state begins as its FMU does. A level of zero is no place to begin from: what flows out of a tank there has no slope.
+//! Start of the fit of an initial state that no column of `[states]` shows: an output that is this state shows it, too;
+//! any other state begins as its FMU does.
+//!
+//! A level of zero is no place to begin from: the outflow of a tank has no slope there.
 
 use super::declaration::{Initial, InitialWord};
 use super::fits::Fits;

@@ -1,4 +1,5 @@
-//! Candidates beside a fitted model: what the linear step promises, and fits with the derivatives around the model.
+//! Candidates added to a fitted model: their predicted gain by the linear step, and fits with the derivatives around
+//! it.
 
 use nalgebra::{Cholesky, DMatrix, DVector};
 
@@ -61,9 +62,9 @@ impl Fits<'_> {
         self.fit_from(added_to(base, c), &p, &base.fit.locals)
     }
 
-    /// Candidate `c` on top of `base`, from the start `p`, on some records with the derivatives around `base`, only those of the
-    /// candidate anew: what it promises beyond the linear step. The error is that of `base` times the ratio on these records, and
-    /// may be too large where the candidate leads far away.
+    /// Candidate `c` on top of `base`, from the start `p`, on some records with the derivatives around `base`, only
+    /// those of the candidate anew: its gain beyond the linear step. The error is that of `base` times the ratio on
+    /// these records, and may be too large where the candidate moves the motion far away.
     ///
     /// Without derivatives around `base` the fit of everything.
     pub fn add_near(&self, base: &Model, around: Option<&Around>, (c, p): (usize, &[f64])) -> Option<Model> {
@@ -93,8 +94,8 @@ impl Fits<'_> {
         error.is_finite().then_some(Model::new(added, fit, error))
     }
 
-    /// For each candidate the share of the sum of squares that the linear step from its best start promises to leave beside
-    /// `base`, and the parameters after it; none where no step can be made.
+    /// Predicted sum of squares of the linear step from the best start of each candidate, as a share of that of `base`,
+    /// and the parameters after it; none where no step can be made.
     pub fn promises(
         &self,
         base: &Model,
@@ -138,7 +139,7 @@ impl Fits<'_> {
         self.around_some(base, 1)
     }
 
-    /// Error that the linear step over the entries of some candidates beside `base` promises.
+    /// Predicted error of the linear step over the entries of some candidates added to `base`.
     pub fn promised(&self, base: &Model, around: &Around, own: &[usize]) -> Option<f64> {
         let added: Vec<usize> = base.added.iter().chain(own).copied().collect();
         let view = self.view(&added, &around.pieces);
@@ -149,7 +150,7 @@ impl Fits<'_> {
         Some(self.rms(chi2))
     }
 
-    /// Start of a candidate beside `base` that promises the smallest sum of squares, after the linear step.
+    /// Start of a candidate added to `base` with the smallest predicted sum of squares, after the linear step.
     fn promise(&self, base: &Model, c: usize) -> Option<Vec<f64>> {
         let own = &self.study.candidates[c];
         if self.starts_at_zero(c) {
@@ -174,7 +175,8 @@ impl Fits<'_> {
         matches!(self.study.candidates[c].action, Action::Block { law: Law::Presliding, .. })
     }
 
-    /// The start of a candidate whose linear step promises the smallest sum of squares on some pieces, and that sum.
+    /// The start of a candidate with the smallest sum of squares predicted by the linear step on some pieces, and that
+    /// sum.
     fn best_start(&self, base: &Model, c: usize, around: &Around) -> Option<(f64, Vec<f64>)> {
         let Around { pieces, locals: own_locals, columns: shared } = around;
         let own = &self.study.candidates[c];
@@ -204,8 +206,9 @@ impl Fits<'_> {
         promises.into_iter().flatten().min_by(|a, b| a.0.total_cmp(&b.0))
     }
 
-    /// What starts are compared on: all estimation records; where the study has windows, short ones, in which the motion stays
-    /// so near the measured one that the linear step holds. Every third of them where there are many starts.
+    /// Pieces on which starts are compared: all estimation records; where the study has windows, short ones, in which
+    /// the motion stays so near the measured one that the linear step holds. Every third of them where there are many
+    /// starts.
     fn screened(&self, fit: &Fit, starts: usize) -> (Vec<Piece>, Vec<Vec<f64>>) {
         let Some(window) = self.study.windows else {
             return (self.pieces.clone(), fit.locals.clone());
@@ -250,7 +253,7 @@ fn linear_step(
     let gain = joint.gain(&step);
     for (a, f) in open.iter().enumerate() {
         p[f.index] = (p[f.index] + step[a]).clamp(f.bounds.0, f.bounds.1);
-        // A strength at its bound would promise what it cannot give.
+        // The predicted gain of a strength at its bound would be out of reach.
         if step[a] < 0.0 && f.bounds.0 == 0.0 {
             return Some((chi2, p));
         }

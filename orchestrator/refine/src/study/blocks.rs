@@ -1,4 +1,4 @@
-//! The blocks of candidates while a system is simulated: their states, and what they do to the values that pass.
+//! The blocks of candidates while a system is simulated: their states, and the values that they change.
 
 use std::cell::{Cell, RefCell};
 use std::ops::Range;
@@ -41,14 +41,14 @@ pub(super) struct Blocks<'a> {
     /// For each tap: what was seen at the sample, and last, with the time of that.
     pub(super) within: Vec<[Cell<Point>; 2]>,
     pub(super) survey: Option<RefCell<Survey>>,
-    /// What the laws depend on at every sample, `[taps][n]`; empty: not asked for.
+    /// Signals that the laws depend on at every sample, `[taps][n]`; empty: not recorded.
     pub(super) trace: Vec<Vec<Point>>,
     /// States at every sample of a trace, `[n][nx]`.
     pub(super) states: Vec<Vec<f64>>,
 }
 
 impl Blocks<'_> {
-    /// What the laws at an attachment depend on.
+    /// Signals that the laws at an attachment depend on.
     pub(super) fn point(&self, tap: usize, slots: &[f64]) -> Point {
         let at = |slot: Option<usize>| slot.map_or(0.0, |slot| slots[slot]);
         let [velocity, position, pressure_force, pressure] = self.study.taps[tap].signals.map(at);

@@ -34,7 +34,7 @@ pub struct ByShare {
     pub one_by_one: (Vec<usize>, Vec<f64>),
     /// Whether the fits counted residuals as the independent samples that they hold.
     pub weighted: bool,
-    /// What was tried.
+    /// Candidates tried, step by step.
     pub steps: Vec<Step>,
     /// Channel and variable of a free form that takes away much more than the effects, and the share that it takes.
     pub free_form: Option<(String, Vec<String>, f64)>,
@@ -57,7 +57,7 @@ impl ByShare {
 pub struct Search<'a> {
     /// Fits of the study.
     pub fits: &'a Fits<'a>,
-    /// What noise of the sensors leaves.
+    /// Power that the noise of the sensors gives.
     pub judge: &'a Judge,
     /// Unit of the error by output.
     pub units: &'a [f64],
@@ -75,8 +75,8 @@ impl Search<'_> {
         })
     }
 
-    /// What was found, fitted again without an effect that takes away the share `alone` of the error on validation records; the
-    /// effects accepted one by one in its place, where they do better on the estimation records.
+    /// The effects `found`, fitted again without an effect that takes away the share `alone` of the error on validation
+    /// records; the effects accepted one by one in its place, where they do better on the estimation records.
     pub fn without(&self, found: &ByShare, weak: usize, alone: f64) -> ByShare {
         let (study, selection) = (self.fits.study, &found.selection);
         let rest: Vec<usize> = selection.best.added.iter().copied().filter(|&c| c != weak).collect();
@@ -158,7 +158,7 @@ impl Search<'_> {
     }
 }
 
-/// What is fitted, and folds of it that are held out in turn: whole records, or spans where there are few.
+/// Pieces to be fitted, and folds of them that are held out in turn: whole records, or spans where there are few.
 fn pieces(fits: &Fits) -> (Vec<Piece>, Vec<Vec<usize>>) {
     if fits.pieces.len() > FEW_RECORDS {
         let groups = fits.pieces.len().min(4);

@@ -25,7 +25,7 @@ pub struct Candidate {
     pub twin: bool,
     /// Measured signal of a sensor effect.
     pub signal: Option<String>,
-    /// What it does.
+    /// Place and kind of the change.
     pub action: Action,
     /// Its entries of the parameter vector.
     pub entries: Range<usize>,
@@ -33,7 +33,7 @@ pub struct Candidate {
     pub starts: Vec<Vec<f64>>,
     /// How much it assumes: memoryless and linear 0, with a shape or a memory more.
     pub complexity: usize,
-    /// A free form that shows on what depends what is left; never part of an answer.
+    /// A free form that shows on what the residual depends; never part of an answer.
     pub probe: bool,
     /// It changes the Coulomb level of its attachment: without one in the declared model it needs this other one.
     pub needs: Option<usize>,
@@ -141,7 +141,7 @@ fn starts(law: Law, count: usize, ranges: &[(f64, f64); 5]) -> Result<Vec<Vec<f6
     })
 }
 
-/// What the declared model has already with a free coefficient: the candidate would change nothing.
+/// Whether the declared model has the law already with a free coefficient: the candidate would change nothing.
 fn declared_twin(attachment: &Attachment, law: Law, free: &dyn Fn(&Option<String>) -> bool) -> bool {
     match law {
         Law::Viscous => free(&attachment.viscous),
@@ -271,8 +271,8 @@ fn plain_names(found: &mut [(String, String)], candidates: &[(String, Option<Str
     }
 }
 
-/// The Coulomb candidate that laws need which change a Coulomb level, where the declared model has none: a friction peak
-/// without friction at higher speed is no friction.
+/// The Coulomb candidate that laws need which change a Coulomb level, where the declared model has none: a friction
+/// peak without friction at higher speed is no friction.
 fn coulomb_beside(study: &Study, candidate: usize) -> Option<usize> {
     let Action::Block { law, tap } = study.candidates[candidate].action else { return None };
     let changes = [Law::Presliding, Law::Stribeck, Law::PositionCoulomb, Law::Asymmetry].contains(&law);
@@ -331,8 +331,8 @@ fn push(study: &mut Study, kind: &Kind, channel: &'static str, tap: usize, start
     });
 }
 
-/// Free forms over the variables of an attachment, each at the channel where such a force would belong.
-/// Channel of a free form over a variable at an attachment; empty where none is declared, none where no declared channel fits.
+/// Free forms over the variables of an attachment, each at the channel where such a force would belong. Channel of a
+/// free form over a variable at an attachment; empty where none is declared, none where no declared channel fits.
 pub fn channel_of(attachment: &Attachment, variable: Variable) -> Option<&'static str> {
     if attachment.channels.is_empty() {
         return Some("");
@@ -440,7 +440,7 @@ fn fastest(study: &Study, input: usize) -> f64 {
 
 fn sensors(study: &mut Study) {
     // Where initial states are measured or fitted and no input drives them, and where outputs follow inputs at once, a
-    // wrong sensor cannot be told from other initial states and parameters.
+    // wrong sensor cannot be distinguished from other initial states and parameters.
     let driven = study.records.iter().any(|record| record.inputs.iter().any(Option::is_some));
     let states = study.records.iter().any(|record| !record.states.is_empty());
     if !driven || !states || study.windows.is_some() {

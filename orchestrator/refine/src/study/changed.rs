@@ -1,4 +1,4 @@
-//! Declared parameters that differ from what is declared by more than their tolerance allows: effects of their own.
+//! Declared parameters that differ from their declared values by more than the tolerance allows: effects of their own.
 
 use super::fits::Model;
 use super::model::{Entry, Study, Target};
@@ -18,8 +18,8 @@ pub fn corrected(study: &Study, fit: &Fit) -> Vec<Free> {
     fit.free.iter().filter(|free| is_correction(&study.entries[free.index])).copied().collect()
 }
 
-/// Those of them that exceed `most` of their tolerances, the one that exceeds it most first, without a tolerance that would
-/// hold them back.
+/// Those of them that exceed `most` of their tolerances, the one that exceeds it most first, without a tolerance that
+/// would hold them back.
 pub fn changed(study: &Study, fit: &Fit, most: f64) -> Vec<Free> {
     let tolerances = |free: &Free| {
         let tolerance = study.entries[free.index].free.prior.unwrap_or(f64::INFINITY);

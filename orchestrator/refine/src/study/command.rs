@@ -1,5 +1,5 @@
-//! Effects on a measured command that have a memory: computed on the samples before the simulation. Before the first sample
-//! the command counts as the first, at which everything has settled: a pump need not have stood still.
+//! Effects on a measured command that have a memory: computed on the samples before the simulation. Before the first
+//! sample the command counts as the first, at which everything has settled: a pump need not have stood still.
 
 /// Kind of the change.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -41,7 +41,8 @@ impl Command {
         }
     }
 
-    /// The changed command, `[n]` at `step` \[s\]; `held`: between samples it stays where it is, else it moves in a line.
+    /// The changed command, `[n]` at `step` \[s\]; `held`: between samples it stays where it is, else it moves in a
+    /// line.
     pub fn apply(self, p: &[f64], values: &[f64], step: f64, held: bool) -> Vec<f64> {
         match self {
             Command::Delay => delayed(values, p[0] / step),
@@ -82,8 +83,8 @@ pub fn delayed(values: &[f64], samples: f64) -> Vec<f64> {
     (0..values.len()).map(one).collect()
 }
 
-/// `y' = (u - y)/tau` with `tau` by the sign of `u - y`, settled at the first value; exact but for samples in which the sign
-/// changes.
+/// `y' = (u - y)/tau` with `tau` by the sign of `u - y`, settled at the first value; exact but for samples in which the
+/// sign changes.
 fn lag(values: &[f64], up: f64, down: f64, step: f64, held: bool) -> Vec<f64> {
     let mut y = values.first().copied().unwrap_or(0.0);
     let mut found = Vec::with_capacity(values.len());

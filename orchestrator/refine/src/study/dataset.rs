@@ -1,9 +1,10 @@
-//! Folders of measured data without a study: `dataset.toml` names columns, units, parameters and segments, and the units
-//! tell what the rig is.
+//! Folders of measured data without a study: `dataset.toml` names columns, units, parameters and segments, and the
+//! units show which rig it is.
 //!
 //! | columns | declared model |
 //! |---|---|
-//! | one angle, no force | pendulum on a fixed joint with viscous damping; inertia, damping and an offset of the angle are free |
+//! | one angle, no force | pendulum with viscous damping on a fixed joint; inertia, damping and offset of the angle are
+//! free |
 //! | a force and a position | mass with viscous friction; both are free |
 //! | a force, a pressure and a position | piston force less Coulomb and viscous friction and a bias, all three free |
 
@@ -72,7 +73,7 @@ impl Dataset {
         words.iter().find_map(|word| named(word)).map(|(_, value)| value.value)
     }
 
-    /// The column that is meant where there are several: the one whose name holds one of the words, else the first.
+    /// The column to use where there are several: the one whose name holds one of the words, else the first.
     fn one<'a>(columns: &[&'a String], not: &[&str]) -> Option<&'a String> {
         let plain = columns.iter().find(|name| !not.iter().any(|word| name.contains(word)));
         plain.or(columns.first()).copied()
@@ -212,7 +213,8 @@ viscous = "b"
     Ok((body, note.into()))
 }
 
-/// Angular frequency \[rad/s\] of a free swing, from its zero crossings; large amplitudes make it up to a tenth too low.
+/// Angular frequency \[rad/s\] of a free swing, from its zero crossings; large amplitudes make it up to a tenth too
+/// low.
 fn angular_frequency(set: &Dataset, folder: &Path, angle: &str) -> Result<f64, Error> {
     let name = set.segment.iter().find(|span| ESTIMATION.contains(&span.role.as_str()));
     let Some(span) = name.or(set.segment.first()) else { return Ok(1.0) };

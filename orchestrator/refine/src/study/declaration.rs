@@ -1,4 +1,4 @@
-//! `study.toml`: what is known of a system and its records.
+//! The file `study.toml`: system, records, places where effects may act, and what is known of parameters.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -21,8 +21,8 @@ pub struct Declaration {
     /// Step of the simulation and of the records \[s\]; the step of the records without it.
     #[serde(default)]
     pub step_s: Option<Spanned<f64>>,
-    /// Whether poles and gains of identified linear models (state spaces) are fitted anew beside every effect; yes without it,
-    /// unless `[[free]]` names what is free.
+    /// Whether poles and gains of identified linear models (state spaces) are fitted anew beside every effect; yes
+    /// without it, unless `[[free]]` names what is free.
     #[serde(default)]
     pub fit_identified: Option<bool>,
     /// Values of parameters of the system, in their units.
@@ -145,7 +145,7 @@ pub enum Fitted {
 pub struct Segment {
     /// CSV file, relative to this file.
     pub file: String,
-    /// What it is for.
+    /// Use of the segment.
     pub role: Role,
     /// Begin \[s\].
     #[serde(default)]
@@ -158,7 +158,7 @@ pub struct Segment {
     pub initial: Option<Initial>,
 }
 
-/// What a segment is for.
+/// Use of a segment.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Role {
@@ -261,7 +261,8 @@ pub struct Attachment {
     /// Ids of effects to look for; all of the channels without it. Kinds where there is no channel.
     #[serde(default)]
     pub effects: Option<Vec<String>>,
-    /// What the system shows of the port, and the sign of its influence; none where channels are declared.
+    /// Part of this place in a search by the structure of the system, and the sign of its influence; none where
+    /// channels are declared.
     #[serde(skip)]
     pub port: Option<Duty>,
 }
@@ -323,9 +324,9 @@ pub struct File {
     pub text: String,
     /// Folder that relative paths start from.
     pub folder: PathBuf,
-    /// What it says.
+    /// Its contents.
     pub declaration: Declaration,
-    /// What was assumed, one sentence each.
+    /// Assumptions made, one sentence each.
     pub notes: Vec<String>,
     /// Effects of one's own that are looked for as well.
     pub effects: Vec<std::sync::Arc<crate::vocabulary::Own>>,

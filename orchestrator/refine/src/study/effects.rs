@@ -1,4 +1,5 @@
-//! The effects of an answer: those chosen, those that cannot be told from them, and those that were tried.
+//! The effects of an answer: those chosen, those that the records cannot distinguish from them, and those that were
+//! tried.
 
 use std::sync::Arc;
 
@@ -111,8 +112,8 @@ pub(crate) fn wiring(study: &Study, model: &Model, c: usize) -> Option<Wiring> {
     })
 }
 
-/// Places of effects, first what costs most if it is left out: `gains`; `needs`: the place of the Coulomb friction that an
-/// effect acts on, which stands before it.
+/// Places of effects, first the one whose removal costs most: `gains`; `needs`: the place of the Coulomb friction that
+/// an effect acts on, which stands before it.
 fn ranked(gains: &[f64], needs: &[Option<usize>]) -> Vec<usize> {
     let mut order: Vec<usize> = (0..gains.len()).collect();
     order.sort_by(|&a, &b| gains[b].total_cmp(&gains[a]));
@@ -129,7 +130,7 @@ fn ranked(gains: &[f64], needs: &[Option<usize>]) -> Vec<usize> {
     order
 }
 
-/// Effects of the best model in the order in which they are printed: first what costs most if it is left out.
+/// Effects of the best model in the order in which they are printed: first the one whose removal costs most.
 pub fn order(fits: &Fits, selection: &Selection) -> Vec<usize> {
     let best = &selection.best;
     let gains: Vec<f64> =

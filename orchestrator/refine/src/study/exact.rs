@@ -1,5 +1,5 @@
-//! The smallest set of effects with which a study leaves nothing but what its sensors give: the engine's search, with
-//! residuals in units of the noise.
+//! The smallest set of effects with which a study leaves nothing but sensor noise: the engine's search, with residuals
+//! in units of the noise.
 
 use super::beside::SCREENED_RECORDS;
 use super::changed;

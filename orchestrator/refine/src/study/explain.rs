@@ -1,7 +1,8 @@
-//! What is left and on what it depends: a force of free form over one variable, fitted beside a model by the linear step.
+//! Variables that the residual of a model depends on: a force of free form over one variable, fitted with the model by
+//! the linear step.
 //!
-//! A variable on which what is left depends takes much of it away as a free form, whatever the law may be; what the
-//! sensors give depends on nothing. [`Judge`] also says when a model leaves no more than sensors give.
+//! A free form over such a variable takes away much of the residual, whatever the law may be; sensor noise depends on
+//! nothing. [`Judge`] also says when a model leaves no more than sensor noise.
 
 use super::fits::{Fits, Model};
 use super::law::{Law, Variable};
@@ -14,18 +15,18 @@ use crate::engine::{parallel, stop};
 
 /// Powers within this factor of those of the noise are noise: its level is estimated.
 const MAX_POWER_OVER_NOISE: f64 = 1.3;
-/// Share of what is left that a free form has to take away.
+/// Share of the residual power that a free form has to take away.
 const MIN_SHARE_OF_EXCESS: f64 = 0.2;
 /// Share of the noise power that a free form has to take away.
 const MIN_SHARE_OF_NOISE: f64 = 0.1;
-/// Share of what is left that one variable has to tell to be enough.
+/// Share of the residual power that one variable has to explain to be enough.
 const MIN_SHARE_OF_ONE_VARIABLE: f64 = 0.6;
 /// A second variable has to add this share of what the first takes away.
 const MIN_SHARE_OF_SECOND_VARIABLE: f64 = 0.3;
 /// Draws of the null at most, once the search is asked to end.
 const DRAWS_AT_THE_END: usize = 50;
 
-/// What is left of a model.
+/// Residual of a model.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Rest {
     /// Channel and variables that it depends on; none: on nothing that is known.
@@ -85,7 +86,7 @@ impl Judge {
         self.null.draws
     }
 
-    /// Largest normalised power that noise gives.
+    /// Largest normalized power that noise gives.
     pub fn limit(&self) -> f64 {
         self.null.quantile
     }
@@ -168,7 +169,8 @@ impl Judge {
         let around = fits.around_all(model);
         // One variable that tells most of it needs no second.
         let tells_most = |gain: f64| gain >= MIN_SHARE_OF_ONE_VARIABLE * self.excess(model);
-        // The linear step promises too much where forces change the motion that they depend on: what it lets hope is fitted.
+        // The linear step predicts too much where forces change the motion that they depend on: those above the limit
+        // are fitted.
         let promised = |own: &[usize]| {
             if stop::asked() {
                 return 0.0;
@@ -186,7 +188,7 @@ impl Judge {
         open.sort_by(|a, b| b.1.total_cmp(&a.1));
         let mut singles: Vec<(usize, f64)> = Vec::new();
         for (probe, promised) in open {
-            // No fit gains more than its promise, so the places that count may be known before all are fitted.
+            // No fit gains more than predicted, so the places that count may be known before all are fitted.
             let counting = singles.first().map_or(1, |&(_, most)| if tells_most(most) { 1 } else { 3 });
             let known = singles.get(counting - 1).is_some_and(|&(_, least)| promised <= least);
             if known {

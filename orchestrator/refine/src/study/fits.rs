@@ -53,7 +53,7 @@ pub struct Fits<'a> {
     pub scale: Vec<f64>,
     /// Estimation records.
     pub pieces: Vec<Piece>,
-    /// What is fitted and what is held out.
+    /// Pairs of fitted and held-out pieces.
     pub folds: Vec<(Vec<Piece>, Vec<Piece>)>,
     /// Simulations with steps of second order.
     pub quick: bool,
@@ -67,8 +67,8 @@ pub fn pieces(study: &Study, role: Role) -> Vec<Piece> {
     of_role.map(|(record, own)| Piece { record, range: 0..own.n }).collect()
 }
 
-/// Where windows begin that start from a well known state: at the beginning of a file a derivative is far worse known than
-/// elsewhere, and one window would hide what the others show.
+/// Begin of windows that start from a well known state: at the beginning of a file a derivative is far worse known than
+/// elsewhere, and one window would hide the information of the others.
 fn settled(study: &Study, piece: &Piece) -> usize {
     let record = &study.records[piece.record];
     let length = study.windows.map_or(0, |window| ((window / record.step).round() as usize).max(2));
@@ -325,8 +325,8 @@ impl<'a> Fits<'a> {
         model.held_out = (logarithms / model.parts.len().max(1) as f64).exp();
     }
 
-    /// Error on a fold of whole records and the parameters without it, from the derivatives around the fit to all; none where
-    /// these do not hold.
+    /// Error on a fold of whole records and the parameters without it, from the derivatives around the fit to all; none
+    /// where these do not hold.
     fn fold_near(&self, model: &Model, around: &Around, fold: usize) -> Option<(f64, Vec<f64>)> {
         let (outside, inside) = &self.folds[fold];
         let ng = model.fit.free.len();

@@ -1,5 +1,5 @@
-//! Coefficients of identified linear models, which the records have to choose anew beside an effect: what the effect does
-//! was in the data of the identification, and the coefficients took some of it.
+//! Coefficients of identified linear models, which the records have to choose anew with every effect: the effect acted
+//! in the data of the identification, and the coefficients took some of it.
 
 use super::plant::Plant;
 use airloop_cosim::system::SystemGraph;
@@ -27,9 +27,9 @@ fn integer(component: &Component, index: usize) -> Option<usize> {
     usize::try_from(own).ok()
 }
 
-/// Parameters `A[i,i]` and `C[j,i]` of components that are a state space, if they are not zero, and `y_offset[j]`, as a study
-/// names them. They move its poles, how much each shows, and the values at rest; the other elements add directions that
-/// mostly change the coordinates alone.
+/// Parameters `A[i,i]` and `C[j,i]` of components that are a state space, if they are not zero, and `y_offset[j]`, as a
+/// study names them. They move its poles, how much each shows, and the values at rest; the other elements add
+/// directions that mostly change the coordinates alone.
 pub fn coefficients(graph: &SystemGraph) -> Vec<String> {
     let mut found = Vec::new();
     for component in &graph.components {
@@ -69,7 +69,7 @@ pub fn coefficients(graph: &SystemGraph) -> Vec<String> {
     found
 }
 
-/// What the report says of them.
+/// Note of the report about refitted coefficients; none without any.
 pub fn note(names: &[String]) -> Option<String> {
     (!names.is_empty()).then(|| {
         format!(

@@ -1,4 +1,4 @@
-//! What corrections of the declared parameters change in the records, and which effects change the same.
+//! Changes of the residuals by corrections of the declared parameters, and the effects that change the same.
 
 use super::model::Study;
 use super::tolerance::{MAX_CORRECTIONS, corrections};
@@ -8,7 +8,8 @@ use crate::engine::candidate::Candidate;
 use crate::engine::fit::Free;
 use crate::engine::normal::{Columns, columns, dot};
 
-/// Fall of the sum of squares, residuals in units of the floor, that a correction of one tolerance must be able to bring.
+/// Fall of the sum of squares, residuals in units of the floor, that a correction of one tolerance must be able to
+/// bring.
 const MIN_INFLUENCE: f64 = 4.0;
 /// Cosine of the angle between what a correction and an effect change from which on they are the same.
 const MIN_COSINE_OF_SAME: f64 = 0.999;
@@ -19,7 +20,7 @@ pub struct Influential {
     pub free: Free,
     /// Declared value of its parameter.
     pub declared: f64,
-    /// What it changes in the residuals of each record.
+    /// Derivatives of the residuals of each record by the correction.
     columns: Vec<Vec<f64>>,
 }
 
@@ -30,7 +31,8 @@ fn around(whole: &Whole, (p, locals): (&[f64], &[Vec<f64>]), free: &[Free]) -> V
     columns(whole, &records, p, free, &locals, false, None)
 }
 
-/// The corrections that the records show around `at`, bounded to `most` of their tolerances, most influential first; at most
+/// The corrections that the records show around `at`, bounded to `most` of their tolerances, most influential first; at
+/// most
 /// [`MAX_CORRECTIONS`].
 pub fn influential(study: &Study, whole: &Whole, at: (&[f64], &[Vec<f64>]), most: f64) -> Vec<Influential> {
     let own = corrections(study, most);

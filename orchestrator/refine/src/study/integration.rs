@@ -1,4 +1,4 @@
-//! How finely a study is integrated: as finely as the noise of its sensors can tell.
+//! Step of the integration of a study: as small as the noise of its sensors can show.
 
 use super::fits::{Fits, Model};
 use super::model::Study;
@@ -7,16 +7,16 @@ use crate::engine::System;
 
 /// Steps per sample that are tried.
 const SUBSTEPS: [usize; 3] = [1, 2, 4];
-/// Error of the integration over the noise of a sensor, rms, up to which it does not show: in sums over 64 samples it gives
-/// less than a twentieth of the power of the noise.
+/// Error of the integration over the noise of a sensor, rms, up to which it does not show: in sums over 64 samples it
+/// gives less than a twentieth of the power of the noise.
 const MAX_ERROR_OVER_NOISE: f64 = 0.03;
 /// Share of what a model leaves, rms, from which on its integration is to blame.
 const MIN_SHARE_OF_LEFT: f64 = 0.3;
 /// Records, and samples of each, on which steps are compared.
 const COMPARED: (usize, usize) = (3, 4000);
 
-/// Runge-Kutta steps per sample after which half of them change the outputs of the declared model by next to nothing of the
-/// noise of their sensors; twice the most that is tried where none does.
+/// Runge-Kutta steps per sample after which half of them change the outputs of the declared model by next to nothing of
+/// the noise of their sensors; twice the most that is tried where none does.
 pub fn substeps(study: &Study) -> usize {
     let fits = Fits::new(study, vec![1.0; study.outputs.len()]);
     let short = |piece: &Piece| {
@@ -41,8 +41,8 @@ pub fn substeps(study: &Study) -> usize {
     2 * SUBSTEPS[SUBSTEPS.len() - 1]
 }
 
-/// Runge-Kutta steps per sample that a model needs, if what it leaves is the error of its integration: friction that it adds
-/// changes its sign faster than anything in the declared model.
+/// Runge-Kutta steps per sample that a model needs, if what it leaves is the error of its integration: friction that it
+/// adds changes its sign faster than anything in the declared model.
 pub fn finer(fits: &Fits, model: &Model) -> Option<usize> {
     let study = fits.study;
     let most = 2 * SUBSTEPS[SUBSTEPS.len() - 1];

@@ -61,7 +61,7 @@ const ACTUATOR: [Kind; 6] = [
     kind("act.droop", Law::Droop, &[("depth", "1"), ("tau", "s")], &[1]),
 ];
 
-/// What a force or torque may lack. Units: E of the value that passes, V of the velocity, X of the position.
+/// Effects on a force or torque. Units: E of the value that passes, V of the velocity, X of the position.
 pub(super) const MECHANICAL: [Kind; 13] = [
     kind("viscous", Law::Viscous, &[("coef", "E/V")], &[0]),
     kind("coulomb", Law::Coulomb, &[("force", "E"), ("vt", "V")], &[0, 1]),
@@ -78,7 +78,7 @@ pub(super) const MECHANICAL: [Kind; 13] = [
     kind("cogging", Law::Cogging, &[("amp", "E"), ("phase", "rad"), ("period", "X")], &[2]),
 ];
 
-/// What a flow into a level, or anything else that a state sums up, may lack.
+/// Effects on a flow into a level, or on anything else that a state integrates.
 pub(super) const FLOW: [Kind; 5] = [
     kind("offset", Law::Bias, &[("value", "E")], &[]),
     kind("linear_leakage", Law::Leakage, &[("coef", "E/X")], &[0]),
@@ -87,7 +87,7 @@ pub(super) const FLOW: [Kind; 5] = [
     kind("drift", Law::Drift, &[("slope", "E/s")], &[]),
 ];
 
-/// What a command of any kind may lack.
+/// Effects on a command of any kind.
 pub(super) const COMMAND: [Kind; 4] = [
     kind("gain", Law::Gain, &[("gain", "1")], &[]),
     kind("deadband", Law::DeadBand, &[("width", "E")], &[0]),

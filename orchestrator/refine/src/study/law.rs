@@ -1,6 +1,6 @@
-//! The laws of the candidate effects, as forces and as changes of a command: what a block at an attachment computes.
+//! The laws of the candidate effects, as forces and as changes of a command: the equations of a block at an attachment.
 
-/// What a law may depend on.
+/// Signals that a law may depend on.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Point {
     /// Velocity at the attachment.
@@ -71,7 +71,8 @@ pub enum Variable {
 /// Knots of a free form.
 pub const KNOTS: usize = 8;
 
-/// Piecewise linear through `heights`, `[KNOTS]`, over `range`; over a velocity that changes its sign it may jump at zero.
+/// Piecewise linear through `heights`, `[KNOTS]`, over `range`; over a velocity that changes its sign it may jump at
+/// zero.
 pub fn shape(variable: Variable, heights: &[f64], range: (f64, f64), at: f64) -> f64 {
     let line = |heights: &[f64], low: f64, high: f64| {
         let last = heights.len() - 1;
@@ -159,7 +160,7 @@ impl Law {
         }
     }
 
-    /// What it depends on; a bias is part of any free form over velocity or position.
+    /// Variables that the law depends on; a bias is part of any free form over velocity or position.
     pub fn variables(self) -> Vec<Variable> {
         use Variable::{Position, PressureForce, Time, Value, Velocity};
         match self {
@@ -199,7 +200,8 @@ impl Law {
         )
     }
 
-    /// Place in the order in which laws act at one attachment: changes of a command first, as the amended system has them.
+    /// Place in the order in which laws act at one attachment: changes of a command first, as the amended system has
+    /// them.
     pub fn rank(self) -> usize {
         match self {
             Law::DeadBand => 0,
@@ -211,9 +213,8 @@ impl Law {
         }
     }
 
-    /// What is taken from the value that passes the attachment. `s` is the factor that changes sign with the velocity, where
-    /// there is one,
-    /// `z` the state of presliding, `level` the Coulomb level it acts on.
+    /// Value subtracted from the one that passes the attachment. `s` is the factor that changes sign with the velocity,
+    /// where there is one, `z` the state of presliding, `level` the Coulomb level it acts on.
     pub fn force(self, p: &[f64], at: &Point, s: f64, z: f64, level: f64) -> f64 {
         let (v, x) = (at.velocity, at.position);
         match self {
@@ -276,8 +277,8 @@ pub fn preslide(z: f64, v: f64, disp: f64, step: f64) -> f64 {
     if v == 0.0 { z } else { end + (z - end) * (-v.abs() * step / disp).exp() }
 }
 
-/// State of presliding after `step` \[s\] while the velocity goes from `from` to `to` in a line: exact, as the state follows
-/// the path, `dz/ds = sgn(v) - z/disp`.
+/// State of presliding after `step` \[s\] while the velocity goes from `from` to `to` in a line: exact, as the state
+/// follows the path, `dz/ds = sgn(v) - z/disp`.
 pub fn preslide_along(z: f64, [from, to]: [f64; 2], disp: f64, step: f64) -> f64 {
     if from * to >= 0.0 {
         return preslide(z, 0.5 * (from + to), disp, step);

@@ -1,15 +1,18 @@
-//! What any declared system lacks: a `study.toml` names a system of FMUs, records and places where effects may act.
+//! Search for effects missing from any declared system: a `study.toml` names a system of FMUs, records and places where
+//! effects may act.
 //!
-//! [`declaration`] is the file, [`dataset`] reads folders of measured data that come without one, [`read`] makes records,
-//! [`plant`] evaluates the FMUs, [`ports`] finds where something may be missing, [`plan`] lists that, [`simulate`] integrates
-//! them for the engine, [`fits`] fits, [`catalogue`] lists the candidates, [`exact`] asks the engine for the fewest of them that
-//! leave nothing but noise; where there are none, [`search`] chooses by the error on records that are held out, [`physical`] what no model may be, [`noise`] carries the noise of the sensors to that error,
-//! [`smoothed`] what filters take from measured derivatives, [`explain`] finds on what depends what is left.
+//! [`declaration`] is the file, [`dataset`] reads folders of measured data that come without one, [`read`] makes
+//! records, [`plant`] evaluates the FMUs, [`ports`] finds where something may be missing, [`plan`] lists that,
+//! [`simulate`] integrates them for the engine, [`fits`] fits, [`catalogue`] lists the candidates, [`exact`] asks the
+//! engine for the fewest of them that leave nothing but noise. Where there are none, [`search`] chooses by the error on
+//! held-out records. [`physical`] refuses models without physical sense, [`noise`] carries the noise of the sensors to
+//! the error, [`smoothed`] has the errors of filtered derivatives, [`explain`] finds the variables that the residual
+//! depends on.
 //!
 //! Where that search ends above the noise, [`by_share`] asks the engine's forward selection for the effects that matter
-//! beside corrections of declared parameters ([`tolerance`]); [`whole`] is the study as one system of the engine. [`answer`]
-//! says what was found, [`replay`] simulates another system on the same records. The rig of the vocabulary, whose sensors
-//! are known, has a search of its own in `rig`.
+//! in addition to corrections of declared parameters ([`tolerance`]); [`whole`] is the study as one system of the
+//! engine. [`answer`] puts the result into words, [`replay`] simulates another system on the same records. The rig of
+//! the vocabulary, whose sensors are known, has a search of its own in `rig`.
 
 pub mod answer;
 mod begin;
@@ -63,7 +66,7 @@ pub const STUDY: &str = "study.toml";
 /// JSON schema of a study.
 pub const SCHEMA: &str = include_str!("study.schema.json");
 
-/// What is wrong with a study, without the place.
+/// Problem with a study, without the place in its file.
 #[derive(Debug, thiserror::Error)]
 pub enum Problem {
     /// The system cannot be studied.
@@ -72,11 +75,11 @@ pub enum Problem {
     /// A name that is not there.
     #[error("there is no {what} `{name}`; known are: {known}")]
     Name {
-        /// What it should be.
+        /// Kind of thing that was looked for.
         what: &'static str,
-        /// What was written.
+        /// Name as written.
         name: String,
-        /// What there is.
+        /// Names that exist.
         known: String,
     },
     /// An FMU fails.
@@ -102,8 +105,8 @@ impl Problem {
     }
 }
 
-/// The study that a path means: a `study.toml` (or another `.toml` file), a folder with one, or a folder of measured data
-/// with `dataset.toml`; none if it is something else.
+/// The study that a path means: a `study.toml` (or another `.toml` file), a folder with one, or a folder of measured
+/// data with `dataset.toml`; none if it is something else.
 ///
 /// # Errors
 /// A file that is no study.

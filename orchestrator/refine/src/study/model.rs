@@ -1,4 +1,4 @@
-//! A study ready to be simulated: records, the parameter vector, and what its entries change.
+//! A study ready to be simulated: records, the parameter vector, and the place in the system of each of its entries.
 
 use std::sync::{Mutex, PoisonError};
 
@@ -30,7 +30,7 @@ pub struct Output {
     pub offset: Option<usize>,
 }
 
-/// What an entry of the parameter vector is.
+/// Role of an entry of the parameter vector.
 #[derive(Debug, Clone)]
 pub enum Target {
     /// A parameter of the system.
@@ -55,7 +55,7 @@ pub struct Entry {
     pub name: String,
     /// Unit.
     pub unit: String,
-    /// What it is.
+    /// Role of the entry.
     pub target: Target,
     /// Value to start from.
     pub start: f64,
@@ -70,7 +70,8 @@ pub struct Tap {
     pub name: String,
     /// Slots of velocity, position, pressure force and pressure.
     pub signals: [Option<usize>; 4],
-    /// Names of velocity and position in words: those of the vocabulary where a channel is declared, else of the system.
+    /// Names of velocity and position in words: those of the vocabulary where a channel is declared, else of the
+    /// system.
     pub words: [String; 2],
     /// Units of the value that passes, of velocity and position.
     pub units: [String; 3],
@@ -111,7 +112,7 @@ impl Level {
     }
 }
 
-/// What a candidate does.
+/// Place and kind of the change that a candidate makes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Action {
     /// A block at an attachment.
@@ -225,7 +226,8 @@ impl Study {
         self.pool.get_mut().unwrap_or_else(PoisonError::into_inner).clear();
     }
 
-    /// Notes why a simulation failed, if it is the first; values that an FMU refuses are those of a model that diverges.
+    /// Notes why a simulation failed, if it is the first; values that an FMU refuses are those of a model that
+    /// diverges.
     pub fn failed(&self, problem: &Problem) {
         if !problem.is_refusal() {
             let mut first = self.failure.lock().unwrap_or_else(PoisonError::into_inner);

@@ -1,4 +1,4 @@
-//! What sensors alone leave: errors of a true model when columns carry the noise and the rounding of their sensors, also
+//! Noise floor of a study: errors of a true model when columns carry the noise and the rounding of their sensors, also
 //! where they serve as inputs or initial states.
 //!
 //! [`SensorNoise`] says how much noise the columns carry. [`Noisy`] is a view whose null ([`crate::engine::goodness`])
@@ -21,7 +21,7 @@ const SIMULATED: usize = 24;
 const SIMULATED_AT_THE_END: usize = 2;
 /// Errors of smoothed derivatives as multiples of what smoothing once more does: smooth motion has lost some already.
 const ERROR_OVER_SECOND_SMOOTHING: f64 = std::f64::consts::SQRT_2;
-/// Share of the errors of smoothed derivatives that is left where they are corrected by a model.
+/// Share of the errors of smoothed derivatives that remains where they are corrected by a model.
 const SHARE_LEFT_BY_CORRECTION: f64 = 0.2;
 
 /// Sensor of a column, in its unit: white noise before rounding, step.
@@ -191,8 +191,8 @@ fn drawn<'s>(
     study.sensors.of_role(role).iter().map(one).collect()
 }
 
-/// What smoothing takes from derivatives, `[signals][n]`: known by a model, or estimated from what smoothing them once more
-/// does. None for signals that are no derivatives.
+/// Errors of derivatives by smoothing, `[signals][n]`: known by a model, or estimated by smoothing them once more. None
+/// for signals that are no derivatives.
 fn smoothing(
     study: &Study,
     record: &Record,
@@ -221,7 +221,7 @@ fn smoothing(
     study.sensors.signals[list].iter().zip(values).map(one).collect()
 }
 
-/// What is known of the smoothing of measured states, or a share of it.
+/// Known errors of smoothed measured states, times `share`.
 fn known(record: &Record, share: f64) -> Vec<Option<Vec<f64>>> {
     let one = |own: &Option<Vec<f64>>| own.as_ref().map(|own| own.iter().map(|e| share * e).collect());
     record.smoothed.iter().map(one).collect()

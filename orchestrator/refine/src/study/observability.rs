@@ -1,4 +1,4 @@
-//! States that no measured output shows: nothing can be fitted to where they begin.
+//! States that no measured output shows: no initial value can be fitted to them.
 
 use super::fits::Fits;
 use super::model::Study;
@@ -10,8 +10,8 @@ const SAMPLES: usize = 2000;
 /// Changes of an initial state, relative to it or to 1.
 const CHANGES: [f64; 2] = [1e-3, -1e-3];
 
-/// Whether each state, `[nx]`, is unobservable: the outputs of the declared model are the same to the last bit in every record,
-/// wherever it begins. Empty where no initial states are fitted.
+/// Whether each state, `[nx]`, is unobservable: the outputs of the declared model are the same to the last bit in every
+/// record, wherever it begins. Empty where no initial states are fitted.
 pub fn unobservable(study: &Study) -> Vec<bool> {
     let fits = Fits::new(study, vec![1.0; study.outputs.len()]);
     let short = |piece: &Piece| {

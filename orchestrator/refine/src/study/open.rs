@@ -334,7 +334,7 @@ fn taps(
 /// Opens a study: its candidates are not there yet, as they depend on what a simulation shows.
 ///
 /// # Errors
-/// Whatever does not fit, with file, line and column.
+/// A name, unit, column or value that does not fit, with file, line and column.
 pub fn open(file: &File) -> Result<(Study, Vec<Attachment>), Error> {
     check(file)?;
     let declaration: &Declaration = &file.declaration;
@@ -349,7 +349,7 @@ pub fn open(file: &File) -> Result<(Study, Vec<Attachment>), Error> {
     let stated = declaration.attachment.iter().map(|spanned| spanned.get_ref());
     let mut shown: Vec<String> =
         stated.flat_map(Attachment::signals).chain(declaration.outputs.keys()).cloned().collect();
-    // One attachment after the other, so that an unknown input is told with its place.
+    // One attachment after the other, so that an unknown input is reported with its place.
     for spanned in &declaration.attachment {
         Plant::new(&graph, std::slice::from_ref(&spanned.get_ref().input), &[], &[])
             .map_err(|problem| file.refuse(spanned, problem))?;

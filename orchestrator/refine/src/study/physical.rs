@@ -1,4 +1,5 @@
-//! What a fitted model must not be: friction that drives, and shapes that lie outside of what the records show.
+//! Models refused for lack of physical sense: friction that drives, and shapes that lie outside the range of the
+//! records.
 
 use super::fits::Model;
 use super::law::{Law, Variable};
@@ -17,8 +18,8 @@ pub fn physical(study: &Study, model: &Model) -> bool {
     passive(study, model) && model.added.iter().all(|&c| shown(study, model, c))
 }
 
-/// Whether the shape of a candidate shows in the records. Far from where the records were, a spring is a constant force,
-/// so is an end stop, a long wave is a spring, a wide friction peak is Coulomb friction.
+/// Whether the shape of a candidate shows in the records. Far from where the records were, a spring is a constant
+/// force, so is an end stop, a long wave is a spring, a wide friction peak is Coulomb friction.
 fn shown(study: &Study, model: &Model, c: usize) -> bool {
     let (p, own) = (&model.fit.parameters, &study.candidates[c]);
     let Action::Block { law, tap } = own.action else {

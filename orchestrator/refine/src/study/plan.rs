@@ -1,4 +1,4 @@
-//! What a search would look for, without the search: ports, signals, candidates.
+//! Plan of a search without the search: ports, signals and candidates of a study.
 
 use super::answer::prepared;
 use super::declaration::File;
@@ -11,7 +11,7 @@ pub struct Plan {
     pub places: Vec<Place>,
     /// Measured outputs with the kinds of sensor effects.
     pub sensors: Vec<(String, Vec<String>)>,
-    /// What cannot be looked for, and why.
+    /// Effects that cannot be looked for, and why.
     pub not_testable: Vec<(String, String)>,
 }
 

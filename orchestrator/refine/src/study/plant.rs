@@ -15,7 +15,7 @@ use airloop_cosim::system::SystemGraph;
 use airloop_cosim::system::graph::{Component, Conversion, DataType, Source, Start};
 use airloop_fmi::{Causality, Initial, InterfaceKind, Model, Variability, VariableKind};
 
-/// What an input of a component receives.
+/// Source of the value of an input of a component.
 #[derive(Debug, Clone)]
 struct Feed {
     reference: u32,
@@ -56,12 +56,13 @@ struct Part {
     in_event: bool,
 }
 
-/// What the rates of the states depend on.
+/// Dependence of the rates of the states on the attachments, for the detection of ports.
 #[derive(Debug, Clone, Default)]
 pub struct Sense {
     /// States and their rates at some points.
     pub points: Vec<(Vec<f64>, Vec<f64>)>,
-    /// Change of the rate of each state with the value at each attachment, `[attachments][nx]`; only its proportions count.
+    /// Change of the rate of each state with the value at each attachment, `[attachments][nx]`; only its proportions
+    /// count.
     pub influence: Vec<Vec<f64>>,
     /// Change of each measured signal at the same instant, `[attachments][measured]`.
     pub shown: Vec<Vec<f64>>,
@@ -92,7 +93,8 @@ pub struct Plant {
 
 impl Plant {
     /// Instantiates the components of a graph opened for Model Exchange; `attachments` are the inputs where blocks act,
-    /// `extra` further signals, which have the last slots; `wanted`: variables that are shown although they are no outputs.
+    /// `extra` further signals, which have the last slots; `wanted`: variables that are shown although they are no
+    /// outputs.
     ///
     /// # Errors
     /// Algebraic loops, names that are no inputs, FMUs that fail.
@@ -309,8 +311,8 @@ impl Plant {
         found
     }
 
-    /// What the rates of the states depend on: the system at some points, and the influence of every attachment, also on the
-    /// signals `measured`.
+    /// Dependence of the rates of the states: the system at some points, and the influence of every attachment, also on
+    /// the signals `measured`.
     ///
     /// # Errors
     /// An FMU that fails.
@@ -421,8 +423,8 @@ impl Plant {
         Ok(false)
     }
 
-    /// The events of `time` \[s\], one component after the other; they may change the states `x`, `[nx]`. `state`: a state
-    /// event, which concerns all components that have some; else those whose time has come.
+    /// The events of `time` \[s\], one component after the other; they may change the states `x`, `[nx]`. `state`: a
+    /// state event, which concerns all components that have some; else those whose time has come.
     ///
     /// # Errors
     /// An FMU that fails.

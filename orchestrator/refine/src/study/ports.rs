@@ -1,10 +1,11 @@
 //! Ports of a system that its graph and its equations show: inputs where something may be missing, and the velocity and
 //! position, or flow and level, that belong to them.
 //!
-//! Units say what kind an input is. What it acts on is seen from the right-hand side: the velocity along a force is the state
-//! whose rate the force changes, the position is the state whose rate that velocity is. Of several forces and velocities
-//! those belong together whose product of influences is largest: the inverse of a mass matrix is positive definite, so
-//! that the force of a joint moves its own joint more than it moves others. What a study states wins.
+//! The kind of an input follows from its unit. Its states are seen from the right-hand side: the velocity along a force
+//! is the state whose rate the force changes, the position is the state whose rate that velocity is. Of several forces
+//! and velocities those belong together whose product of influences is largest: the inverse of a mass matrix is
+//! positive definite, so that the force of a joint moves its own joint more than it moves others. A statement of the
+//! study overrides the detection.
 
 use airloop_series::compound_unit;
 use airloop_series::units::{Exponents, Unit, lookup};
@@ -18,12 +19,13 @@ use airloop_cosim::system::SystemGraph;
 use airloop_cosim::system::graph::{DataType, Source, unit_of};
 use airloop_fmi::Causality;
 
-/// What passes a port.
+/// Kind of a port.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Kind {
     /// A force or torque: it acts along a velocity.
     Mechanical,
-    /// What a state sums up without being the velocity of another one: flow into a level, heat, or a value without unit.
+    /// A quantity that a state integrates without being the velocity of another one: flow into a level, heat, or a
+    /// value without unit.
     Flow,
     /// Anything else.
     Signal,
@@ -34,7 +36,7 @@ pub enum Kind {
 pub struct Port {
     /// Input of the system or of a component.
     pub name: String,
-    /// What passes.
+    /// Kind, by its unit and its states.
     pub kind: Kind,
     /// Its unit.
     pub unit: Option<String>,
@@ -52,14 +54,15 @@ pub struct Port {
     pub fills: bool,
 }
 
-/// What is looked for at a port. Ports that act alike share it, so that nothing is looked for twice.
+/// Effects looked for at a port. Ports that act alike share them, so that nothing is looked for twice.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Duty {
-    /// What passes.
+    /// Kind of the port.
     pub kind: Kind,
     /// See [`Port::sign`].
     pub sign: f64,
-    /// Whether what depends on velocity and position is looked for here: at a port that nothing drives, if there is one.
+    /// Whether effects that depend on velocity and position are looked for here: at a port that nothing drives, if
+    /// there is one.
     pub forces: bool,
     /// Whether a constant and a drift are looked for here: at a port that a command drives, if there is one.
     pub constants: bool,
@@ -79,7 +82,7 @@ fn base(graph: &SystemGraph, component: usize, variable: usize) -> Option<Unit> 
     own.or_else(|| lookup(name))
 }
 
-/// What a port carries, by its unit: a force, a torque, a flow (of volume, mass, amount or heat), or else a signal.
+/// Kind of a port by its unit: a force, a torque, a flow (of volume, mass, amount or heat), or else a signal.
 pub(crate) fn kind(unit: &str) -> PortKind {
     match compound_unit::parse(unit) {
         Some(own) if is_mechanical(&own) => [PortKind::Force, PortKind::Torque][own.exponents.m as usize - 1],
@@ -99,7 +102,8 @@ fn is_flow(unit: &Unit) -> bool {
     (A, K, cd) == (0, 0, 0) && (matter || (kg, m, s, mol) == (1, 2, -3, 0))
 }
 
-/// Inputs of the system, then inputs of components that other components drive or nothing drives: name, component, variable.
+/// Inputs of the system, then inputs of components that other components drive or nothing drives: name, component,
+/// variable.
 fn inputs(graph: &SystemGraph) -> Vec<(String, usize, usize)> {
     let real = |component: usize, variable: usize| {
         DataType::of(&graph.components[component].fmu.description.variables[variable]) == DataType::Real
@@ -230,7 +234,7 @@ fn is_rate(unit: &Unit) -> bool {
     (kg, s) == (0, -1) && (m == 1 || m == 0 && unit.exponents.rad != 0)
 }
 
-/// Whether a unit is that of a state per second: what is added to a level that is told in volts of its sensor.
+/// Whether a unit is that of a state per second: that of an addition to a level measured in volts of its sensor.
 fn is_rate_of(graph: &SystemGraph, state: &str, unit: &Unit) -> bool {
     let own = names::unit_of(graph, state).and_then(|own| compound_unit::parse(&format!("{own}/s")));
     own.is_some_and(|own| own.exponents == unit.exponents) && !is_rate(unit)
@@ -250,8 +254,8 @@ fn moves_alike(sense: &Sense, a: usize, b: usize) -> bool {
     ratio(sense, a, b).is_some()
 }
 
-/// Whether two ports move the same states and change what is measured in the same proportion: a force in front of a load cell
-/// is another one than a force behind it.
+/// Whether two ports move the same states and change what is measured in the same proportion: a force in front of a
+/// load cell is another one than a force behind it.
 fn is_alike(sense: &Sense, a: usize, b: usize) -> bool {
     ratio(sense, a, b).is_some_and(|ratio| {
         let near = |(u, v): (&f64, &f64)| (v - ratio * u).abs() <= 1e-6 * v.abs().max((ratio * u).abs());
@@ -323,7 +327,7 @@ pub fn attachments(file: &File, graph: &SystemGraph) -> Result<Vec<Attachment>, 
     Ok(stated.iter().map(|own| one(own.get_ref())).collect())
 }
 
-/// What is looked for at a port among those that act alike.
+/// Effects looked for at a port among those that act alike.
 fn duty(ports: &[Port], port: &Port, fed: &dyn Fn(&Port) -> bool) -> Duty {
     let first = port.like.as_ref().unwrap_or(&port.name);
     let alike = || ports.iter().filter(|other| other.name == *first || other.like.as_ref() == Some(first));
@@ -334,7 +338,7 @@ fn duty(ports: &[Port], port: &Port, fed: &dyn Fn(&Port) -> bool) -> Duty {
     Duty { kind: port.kind, sign: port.sign, forces, constants, fills: port.fills }
 }
 
-/// What is stated, else what the system shows.
+/// The stated attachment, completed by the states that the system shows.
 fn filled(stated: &Attachment, port: &Port, duty: Duty) -> Attachment {
     let own = stated.clone();
     Attachment {

@@ -15,7 +15,7 @@ use airloop_series::{Interpolation, TimeSeries, csv};
 pub struct Record {
     /// File and span, for messages and tables.
     pub name: String,
-    /// What it is for.
+    /// Use of the segment.
     pub role: Role,
     /// Initial states.
     pub initial: Initial,
@@ -33,19 +33,19 @@ pub struct Record {
     pub units: Vec<Option<String>>,
     /// Measured states, `[nx][n]`, where there are columns for them.
     pub states: Vec<Option<Vec<f64>>>,
-    /// What the columns in use show of their sensors, before any interpolation.
+    /// Noise of the sensors of the columns in use, before any interpolation.
     pub sensors: BTreeMap<String, Sensor>,
     /// Factors from the units of columns to those of signals: inputs, states, further signals, outputs.
     pub factors: [Vec<f64>; 4],
     /// Whether the file begins and ends with it.
     pub ends: [bool; 2],
-    /// What smoothing adds to measured states, `[nx][n]`; empty: not known.
+    /// Error of measured states by smoothing, `[nx][n]`; empty: not known.
     pub smoothed: Vec<Option<Vec<f64>>>,
     /// Filtered signals for the force residual.
     pub force: Option<ForceRecord>,
 }
 
-/// What a column shows of its sensor, in the unit of the column.
+/// Noise and rounding of a sensor seen in its column, in the unit of the column.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Sensor {
     /// Scatter from sample to sample.
@@ -235,7 +235,7 @@ fn values(grid: &Grid, signal: &Signal, wanted: Option<&str>) -> Result<Vec<f64>
     Ok(processed(in_unit(source, name, signal, wanted)?, signal, grid.step))
 }
 
-/// What a signal makes of the values of its column: a linear operation.
+/// Values of a signal, `[n]`, from those of its column, `[n]`: a linear filter, derivative and scale.
 pub fn processed(values: Vec<f64>, signal: &Signal, step: f64) -> Vec<f64> {
     let mut values = signal::low_pass(&values, signal.low_pass_hz, step);
     if signal.derivative_of.is_some() {
@@ -263,7 +263,7 @@ pub fn records(file: &File, layout: &Layout, notes: &mut Vec<String>) -> Result<
         step => step.as_ref().map(|step| *step.get_ref()),
     };
     separate(file)?;
-    // What stands out in a held command was meant.
+    // An outstanding sample of a held command is intended.
     let measured = layout.signals().into_iter().flatten().flatten().filter(|signal| !signal.hold);
     let measured: Vec<&str> = measured.filter_map(Signal::source).map(String::as_str).collect();
     let mut grids: BTreeMap<&str, Grid> = BTreeMap::new();
@@ -343,7 +343,7 @@ pub fn records(file: &File, layout: &Layout, notes: &mut Vec<String>) -> Result<
             let driven = layout.inputs.iter().flatten().any(|own| own.source() == Some(name));
             let corners =
                 corners.chain(layout.force.iter().filter(|_| driven).map(|force| force.0.low_pass_hz));
-            // What a low-pass of the study takes away is noise by its own word; neighbours may hide it, as
+            // What a low-pass of the study takes away is noise by its own word; neighbors may hide it, as
             // interpolating encoders do.
             let removed = corners.fold(0.0f64, |most, corner| {
                 most.max(

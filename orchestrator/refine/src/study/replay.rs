@@ -1,4 +1,5 @@
-//! A system of FMUs on the records of a study, as the study compares them: windows, fitted initial states, derived inputs.
+//! A system of FMUs on the records of a study, as the study compares them: windows, fitted initial states, derived
+//! inputs.
 //!
 //! With the amended system of a report the errors are those that the report prints.
 
@@ -29,7 +30,7 @@ const MIN_FITTED_SAMPLES: usize = 16;
 pub struct Replayed {
     /// Name of the record.
     pub record: String,
-    /// What it is for.
+    /// Use of the record.
     pub role: Role,
     /// Errors by output.
     pub errors: Errors,
@@ -49,11 +50,12 @@ pub struct Replay {
 /// Simulates `system` (`.ssd`, `.ssp` or `.fmu`) with the inputs, initial states and windows of a study.
 ///
 /// Parameters are those of the system: what the study declares or leaves free has its values there. Only offsets of
-/// sensors and initial states that the study fits are fitted. With `beginning` \[s\] every record is one free run instead: its
-/// initial states are fitted to so much of its beginning, and errors are those of the rest.
+/// sensors and initial states that the study fits are fitted. With `beginning` \[s\] every record is one free run
+/// instead: its initial states are fitted to so much of its beginning, and errors are those of the rest.
 ///
 /// # Errors
-/// Names of the study that the system does not have, whatever cannot be simulated, and a beginning that leaves nothing of a record.
+/// Names of the study that the system does not have, a simulation that fails, and a beginning that leaves nothing of a
+/// record.
 pub fn replay(file: &File, system: &Path, beginning: Option<f64>) -> Result<Replay, Error> {
     let file = with_system(file, system)?;
     let (mut study, _) = open(&file)?;

@@ -14,8 +14,8 @@ use super::search::Selection;
 use crate::answer::{Errors, Verdict};
 use crate::engine::settings::ForwardSelection;
 
-/// Error in rms of the noise from which on something is missing even if what is left depends on nothing that is known:
-/// the noise may be coloured, which its scatter from sample to sample does not show.
+/// Error in rms of the noise from which on something is missing even if the residual depends on nothing that is known:
+/// the noise may be colored, which its scatter from sample to sample does not show.
 const MIN_ERROR_OVER_NOISE: f64 = 3.0;
 
 /// Ratio of the errors on validation records below which effects are no imitation of something else.
@@ -26,7 +26,7 @@ const MAX_FLOORS: f64 = 3.0;
 /// Share of the error on validation records below which effects are withdrawn.
 const MIN_VALIDATED_SHARE: f64 = 0.05;
 
-/// A verdict, what is left beside it, and whether the effects lower the error on validation records.
+/// A verdict, the residual that goes with it, and whether the effects lower the error on validation records.
 pub(super) struct Ruling {
     pub(super) verdict: Verdict,
     pub(super) rest: Rest,
@@ -52,8 +52,8 @@ pub(crate) fn share(
     if declared > 0.0 { 1.0 - (best / declared).sqrt() } else { 0.0 }
 }
 
-/// Shares of the error on validation records that each effect of the answer, and then each changed parameter, takes away
-/// without the others and without corrections, in the order in which they are printed.
+/// Shares of the error on validation records that each effect of the answer, and then each changed parameter, takes
+/// away without the others and without corrections, in the order in which they are printed.
 pub(super) fn alone(
     fits: &Fits,
     selection: &Selection,
@@ -109,8 +109,8 @@ pub(super) fn rule_by_share(
     Ruling { verdict: Verdict::Unexplained, rest, helps }
 }
 
-/// The verdict on effects that were chosen because they leave noise, or nearly; errors on validation records of the declared model
-/// and of the best one, floor of the declared one.
+/// The verdict on effects that were chosen because they leave noise, or nearly; errors on validation records of the
+/// declared model and of the best one, floor of the declared one.
 pub(super) fn rule(
     fits: &Fits,
     judge: &Judge,

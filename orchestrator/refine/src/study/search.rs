@@ -21,7 +21,7 @@ pub const MAX_DIFFERENCE_OF_EQUALS: f64 = 0.03;
 /// Models of each step whose error on what is held out is computed.
 const HELD_OUT_MODELS: usize = 3;
 /// Candidates that are fitted on top of the declared model, and beside effects found before: those whose linear step
-/// promises most.
+/// predicts most.
 const FITTED_CANDIDATES: (usize, usize) = (24, 16);
 /// Models with one more effect that are fitted to all records with derivatives of their own: at least, at most.
 const REFITTED: (usize, usize) = (3, 8);
@@ -107,8 +107,8 @@ impl<'a> Search<'a> {
         self.fits.study
     }
 
-    /// Exchanges effects for others that do better, or as well and are simpler; then the models with one effect exchanged
-    /// that are as good. Those that only contain it with more freedom are no other explanation.
+    /// Exchanges effects for others that do better, or as well and are simpler; then the models with one effect
+    /// exchanged that are as good. Those that only contain it with more freedom are no other explanation.
     fn exchange(&self, mut best: Model) -> (Model, Vec<(usize, Model)>) {
         let mut exchanged = 0;
         'again: loop {
@@ -192,7 +192,8 @@ impl<'a> Search<'a> {
         self.refitted(found.into_iter().flatten().collect())
     }
 
-    /// Models that were fitted with the derivatives around another one, best first: the best of them fitted with their own.
+    /// Models that were fitted with the derivatives around another one, best first: the best of them fitted with their
+    /// own.
     fn refitted(&self, mut models: Vec<Model>) -> Vec<Model> {
         models.sort_by(|a, b| a.error.total_cmp(&b.error));
         if self.study().windows.is_some() {
@@ -266,7 +267,7 @@ impl<'a> Search<'a> {
 
     /// Adds effects to `from` one by one (first two where only the pair is worth it) up to `most`.
     fn climb(&self, from: Model, most: usize, path: &mut Vec<(Vec<usize>, f64)>) -> Model {
-        // What takes away next to nothing of the declared model's error is no finding, however little is left.
+        // Taking away next to nothing of the declared model's error is no finding, however small the residual.
         let least = path.first().map_or(0.0, |(_, error)| MIN_SHARE_OF_DECLARED * error);
         let mut best = from;
         while best.added.len() < most && !stop::asked() && !self.enough(&best) {
@@ -283,7 +284,8 @@ impl<'a> Search<'a> {
                 self.judge.halves(best.error, model.error) && self.judge.falls(best.held_out, model.held_out)
             };
             let halves = |model: &Model| self.judge.halves(best.held_out, model.held_out) || near(model);
-            // Beside an effect, the next one has to take away some of what is left; less is for the search for shares.
+            // Added to an effect, the next one has to take away some of the residual; less is for the search for
+            // shares.
             let notable =
                 |model: &Model| best.added.is_empty() || self.judge.lessens(best.held_out, model.held_out);
             let single = self.judge(&promising);
@@ -338,8 +340,8 @@ impl<'a> Search<'a> {
         best
     }
 
-    /// Leaves effects out that help on no more than half of the parts that were held out and not clearly, or whose strength changes its
-    /// sign between them.
+    /// Leaves out effects that help on no more than half of the held-out folds and not clearly, or whose strength
+    /// changes its sign between them.
     fn steady(&self, mut best: Model) -> (Model, Vec<Stability>, Vec<(usize, Stability)>) {
         let mut refused = Vec::new();
         loop {
@@ -402,8 +404,8 @@ pub fn stability(fits: &Fits, declared: Option<&Model>, best: &mut Model) -> Vec
     best.added.iter().map(one).collect()
 }
 
-/// A selection once more under initial states that the model of its answer corrects: what the corrections of the declared
-/// model had left may have looked like an effect.
+/// A selection once more under initial states that the model of its answer corrects: what the corrections of the
+/// declared model had left may have looked like an effect.
 pub fn confirm(fits: &Fits, judge: &Judge, mut selection: Selection, say: Say) -> Selection {
     let best = &selection.best;
     if best.added.is_empty() || stop::asked() {

@@ -58,10 +58,10 @@ const MIN_RATIO_OF_WHITE: f64 = 0.9;
 /// Samples per order that differences of fast motion need.
 const MIN_SAMPLES_PER_ORDER: usize = 40;
 
-/// Rms of what changes from sample to sample: the least of third, fifth and seventh differences, in which smooth motion all
-/// but vanishes, the faster the motion against the sampling the higher the order it takes; jumps, as at reversals, do not
-/// count. Motion that fills most of the band shows in these; where differences of higher orders reach a level that the next
-/// order keeps, as white noise alone does, it is that level.
+/// Rms of what changes from sample to sample: the least of third, fifth and seventh differences, in which smooth motion
+/// all but vanishes, the faster the motion against the sampling the higher the order it takes; jumps, as at reversals,
+/// do not count. Motion that fills most of the band shows in these; where differences of higher orders reach a level
+/// that the next order keeps, as white noise alone does, it is that level.
 pub fn scatter(values: &[f64]) -> f64 {
     let mut differences = Differences { values: values.to_vec(), order: 0 };
     let least = ORDERS.map(|order| differences.scatter(order)).into_iter().fold(f64::INFINITY, f64::min);
@@ -101,8 +101,8 @@ impl Differences {
     }
 }
 
-/// Typical size of what a zero-phase low-pass takes away, as the rms of noise: the lower quartile over spans of a fortieth
-/// of the record, so that jumps do not count, and the ends of a record neither.
+/// Typical size of what a zero-phase low-pass takes away, as the rms of noise: the lower quartile over spans of a
+/// fortieth of the record, so that jumps do not count, and the ends of a record neither.
 pub fn above(values: &[f64], corner: f64, step: f64) -> f64 {
     let smooth = low_pass(values, Some(corner), step);
     let rest: Vec<f64> = values.iter().zip(&smooth).map(|(a, b)| (a - b).powi(2)).collect();
@@ -122,7 +122,7 @@ pub fn quantum(values: &[f64]) -> f64 {
     let mut steps: Vec<f64> = steps.collect();
     steps.sort_by(f64::total_cmp);
     let Some(&step) = steps.first() else { return 0.0 };
-    // Means of neighbours sharpen what rounding of the text has left of the step.
+    // Means of neighbors sharpen the step that rounding of the text has left.
     let near: Vec<f64> = steps.iter().copied().take_while(|other| *other < 1.2 * step).collect();
     let step = near.iter().sum::<f64>() / near.len() as f64;
     let whole = |change: &&f64| (*change / step - (*change / step).round()).abs() < 0.05;

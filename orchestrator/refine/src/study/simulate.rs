@@ -41,7 +41,7 @@ pub struct View<'a> {
     pub active: Vec<usize>,
     /// Pieces.
     pub pieces: Vec<Piece>,
-    /// What residuals are divided by, one number for each output.
+    /// Divisors of the residuals, one number for each output.
     pub scale: Vec<f64>,
     /// Steps of second order instead of fourth, at half the cost.
     pub quick: bool,
@@ -49,12 +49,12 @@ pub struct View<'a> {
     pub substeps: usize,
     /// Measured initial states without what smoothing adds to them; otherwise as the study says.
     pub corrected: bool,
-    /// States from which each piece starts, where it is, `[pieces][nx]`: local parameters that are fitted along. Empty: pieces
-    /// start as the study says.
+    /// States at the start of each piece, `[pieces][nx]`: local parameters that are fitted along. Empty: pieces start
+    /// as the study says.
     pub begins: Vec<Vec<f64>>,
 }
 
-/// What is added to measured signals.
+/// Values added to measured signals.
 #[derive(Debug, Clone, Default)]
 pub struct Shift {
     /// To initial states where they are measured, `[nx][n]`; empty: nothing.
@@ -401,7 +401,7 @@ impl<'a> View<'a> {
         Some(values[k] + added - smoothed)
     }
 
-    /// What the laws at each attachment depend on, `[taps][n]`; shorter where the simulation cannot go on.
+    /// Signals that the laws at each attachment depend on, `[taps][n]`; shorter where the simulation cannot go on.
     pub fn trace(&self, record: usize, p: &[f64], locals: &[f64]) -> Vec<Vec<Point>> {
         self.traced(record, p, locals).0
     }
@@ -431,7 +431,7 @@ impl<'a> View<'a> {
         self.study.fixed.iter().copied().chain(declared).collect()
     }
 
-    /// What the sensors make of the outputs.
+    /// Applies the sensor effects of the acting candidates to the outputs `out`, `[outputs][n]`, in place.
     fn sense(&self, piece: &Piece, p: &[f64], out: &mut [f64]) {
         let n = piece.range.len();
         let step = self.study.records[piece.record].step;

@@ -1,8 +1,8 @@
-//! What smoothing takes from measured derivatives, by a model: where motion is sharper than the filter, a state made of
-//! them is not the state, and a simulation that starts there is wrong whatever the model.
+//! Errors of measured derivatives by smoothing, from a model: where motion is sharper than the filter, a filtered
+//! derivative is not the state, and a simulation that starts there is wrong whatever the model.
 //!
 //! The model's derivatives at the measured states and inputs are integrated (sharp as the inputs are, slowly drifting,
-//! which a filter lets pass); what the filter of the signal makes of that motion, less the motion, is the error.
+//! which a filter lets pass); the filtered motion less the motion is the error.
 
 use super::declaration::{Initial, InitialWord, Signal};
 use super::model::Study;
@@ -77,8 +77,8 @@ fn rates(view: &View, record: &Record, states: &[usize], p: &[f64]) -> Option<Ve
     found.iter().flatten().all(|rate| rate.is_finite()).then_some(found)
 }
 
-/// What the filter of `signal` adds to the motion of these rates, one more value than those; `ends`: whether its file
-/// begins and ends there.
+/// Error that the filter of `signal` makes of the motion of these rates, one more value than those; `ends`: whether its
+/// file begins and ends there.
 fn error(rates: &[f64], signal: &Signal, step: f64, ends: [bool; 2]) -> Vec<f64> {
     let reach = match (signal.low_pass_hz, signal.savitzky_golay_points) {
         (Some(corner), _) => (4.0 / (corner * step)).ceil() as usize,
@@ -111,7 +111,8 @@ fn error(rates: &[f64], signal: &Signal, step: f64, ends: [bool; 2]) -> Vec<f64>
 mod tests {
     use super::*;
 
-    /// A body that a constant force seizes at 0.5 s: velocity rate `[n - 1]`, velocity and position `[n]` in closed form.
+    /// A body that a constant force seizes at 0.5 s: velocity rate `[n - 1]`, velocity and position `[n]` in closed
+    /// form.
     fn seized(n: usize, step: f64) -> (Vec<f64>, Vec<f64>, Vec<f64>) {
         let since = |k: usize| (k as f64 * step - 0.5).max(0.0);
         let rates = (0..n - 1).map(|k| 2.0 * (since(k + 1) - since(k)) / step).collect();

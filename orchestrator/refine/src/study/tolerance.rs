@@ -16,8 +16,8 @@ const MASS_OR_LENGTH: f64 = 0.01;
 const FRICTION: f64 = 0.03;
 const SLOPE: f64 = 0.1;
 
-/// Relative standard deviation of a declared parameter that the study says nothing about, by its unit; none for constants
-/// of nature and for counts of time that are no property of a machine.
+/// Relative standard deviation of a declared parameter that the study says nothing about, by its unit; none for
+/// constants of nature and for counts of time that are no property of a machine.
 fn usual(unit: Option<&str>) -> Option<f64> {
     let Some(own) = unit.and_then(lookup).map(|unit| unit.exponents) else { return Some(MASS_OR_LENGTH) };
     let Exponents { kg, m, s, .. } = own;

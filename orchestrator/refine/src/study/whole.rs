@@ -1,5 +1,5 @@
-//! A study as one system of the engine: which candidates act follows from the parameter vector. Its candidates and models as
-//! the engine has them.
+//! A study as one system of the engine, with its candidates and models as the engine has them: the parameter vector
+//! says which candidates act.
 
 use super::fits::{self, Fits};
 use super::model::Study;

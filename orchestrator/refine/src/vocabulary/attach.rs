@@ -19,9 +19,10 @@ const MAX_STATE: f64 = 1e12;
 /// Ranges that parameters without bounds may take, in sizes of their start.
 const MAX_CHANGE: f64 = 1e3;
 
-/// Adds candidates for effects of one's own; `trace`: what the attachments show with the declared model, `[records][taps][n]`.
+/// Adds candidates for effects of one's own; `trace`: what the attachments show with the declared model,
+/// `[records][taps][n]`.
 ///
-/// What cannot be attached, has no value on the data or runs away there is told in [`Study::not_testable`].
+/// Reports in [`Study::not_testable`] the effects that cannot be attached, have no value on the data or run away there.
 pub fn fill(
     study: &mut Study,
     attachments: &[Attachment],

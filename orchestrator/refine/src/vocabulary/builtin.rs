@@ -1,7 +1,7 @@
 //! Effects of the program in words and, where a formula can say them, as the files that effects of one's own are.
 //!
-//! Formulas say what [`crate::study::law::Law`] computes. In a search, friction at a channel changes its sign over the `vt`
-//! of the attachment, and a constant and a phase are found as linear terms.
+//! Formulas say what [`crate::study::law::Law`] computes. In a search, friction at a channel changes its sign over the
+//! `vt` of the attachment, and a constant and a phase are found as linear terms.
 
 use super::own::Own;
 
@@ -12,7 +12,7 @@ pub struct Builtin {
     pub kind: &'static str,
     /// Ports where it is looked for.
     pub ports: &'static str,
-    /// What it is.
+    /// Description in words.
     pub words: &'static str,
     /// TOML text, where a formula can say it.
     pub toml: Option<&'static str>,

@@ -15,8 +15,8 @@ pub struct Folder {
 }
 
 impl Folder {
-    /// Reads a folder, or one file. Files are taken in the order of their names; of two with the same kind the second is
-    /// refused.
+    /// Reads a folder, or one file. Files are taken in the order of their names; of two with the same kind the second
+    /// is refused.
     ///
     /// # Errors
     /// A folder or file that cannot be read, or that holds no `.toml`.

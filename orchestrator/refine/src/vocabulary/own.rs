@@ -19,7 +19,7 @@ pub const VALUES: usize = VARIABLES.len() + STATES + PARAMETERS;
 /// Starts that are tried together at most.
 const MAX_STARTS: usize = 48;
 
-/// What a port carries.
+/// Quantity that a port carries.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum PortKind {
@@ -60,13 +60,13 @@ impl PortKind {
     }
 }
 
-/// What is wrong with an effect, and where in its file.
+/// Problem with an effect, and its place in the file.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{place}{problem}")]
 pub struct Problem {
     /// `line L, column C: `, or empty.
     pub place: String,
-    /// What is wrong and what to do.
+    /// Problem and remedy.
     pub problem: String,
 }
 
@@ -96,7 +96,7 @@ pub struct Own {
     pub units: [String; 3],
     /// Formula as written.
     pub formula: String,
-    /// What it is, for reports.
+    /// Description for reports.
     pub words: String,
     /// It takes energy: formula times velocity is not negative on average.
     pub dissipative: bool,
@@ -213,8 +213,8 @@ impl Own {
         self.expression.value(&self.values(variables, z, p))
     }
 
-    /// States after `step` \[s\] with the variables held: each by the exponential of its own rate, which is exact where the
-    /// rate is linear in the state and stays stable however fast it is.
+    /// States after `step` \[s\] with the variables held: each by the exponential of its own rate, which is exact where
+    /// the rate is linear in the state and stays stable however fast it is.
     pub fn advance(&self, variables: [f64; 4], z: &mut [f64], p: &[f64], step: f64) {
         let values = self.values(variables, z, p);
         for (i, rate) in self.rates.iter().enumerate() {

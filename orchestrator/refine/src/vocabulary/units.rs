@@ -35,8 +35,8 @@ fn times(a: &Dimension, b: &Dimension, power: f64) -> Dimension {
 /// Checks that the formula has the unit of its port, and every rate that of its state per second. `known`: units of the
 /// variables and of the parameters; `given`: those of states, where they are given.
 ///
-/// Units of states that are not given are tried: that of every variable, of the rate that the formula would need, and of
-/// every parameter.
+/// Units of states that are not given are tried: that of every variable, of the rate that the formula would need, and
+/// of every parameter.
 ///
 /// # Errors
 /// The state in question, if it is one, and what does not fit.

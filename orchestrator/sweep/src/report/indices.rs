@@ -30,8 +30,8 @@ pub struct Indices {
     pub total: Estimate,
 }
 
-/// Indices of every factor, and the number of points that they are from. `values` are in the order of the tasks; a point
-/// with a value that is not finite is left out. None where the quantity does not vary.
+/// Indices of every factor, and the number of points that they are from. `values` are in the order of the tasks; a
+/// point with a value that is not finite is left out. None where the quantity does not vary.
 pub fn indices(values: &[f64], factors: usize) -> Option<(Vec<Indices>, usize)> {
     let per_point = tasks_per_point(factors) as usize;
     let whole = values.chunks_exact(per_point).filter(|point| point.iter().all(|value| value.is_finite()));

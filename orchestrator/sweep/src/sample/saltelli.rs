@@ -1,8 +1,8 @@
 //! The arrangement of Sobol' points from which first-order and total indices are estimated.
 //!
-//! Source: A. Saltelli et al., "Variance based sensitivity analysis of model output", Computer Physics Communications 181
-//! (2010). A point of `2 d` coordinates is two points of `d`: a row of the matrix A and one of the matrix B. Its tasks are
-//! A, B, and for each factor A with the coordinate of B.
+//! Source: A. Saltelli et al., "Variance based sensitivity analysis of model output", Computer Physics Communications
+//! 181 (2010). A point of `2 d` coordinates is two points of `d`: a row of the matrix A and one of the matrix B. Its
+//! tasks are A, B, and for each factor A with the coordinate of B.
 
 use super::sobol;
 

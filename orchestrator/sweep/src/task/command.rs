@@ -13,7 +13,7 @@ use crate::table::{Cell, Column, Type};
 
 /// Folder of the tasks in that of the sweep.
 const TASKS: &str = "tasks";
-/// What a command prints, in its folder.
+/// Output of a command, in its folder.
 const LOG: &str = "log.txt";
 /// Time between two looks at a process.
 const LOOK: Duration = Duration::from_millis(20);

@@ -59,7 +59,7 @@ impl ExpressionEffect {
         texts.map(|text| q[text].as_str())
     }
 
-    /// What formulas may use, in the order of the names of [`Law::read`].
+    /// Values that formulas may use, in the order of the names of [`Law::read`].
     fn values<S: Scalar>(&self, q: &Values<S>, law: &Law) -> [S; VALUES] {
         let mut values = [S::zero(); VALUES];
         let own = [q[self.x], q[self.v], q[self.f_in], q.time];

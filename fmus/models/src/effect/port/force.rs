@@ -1,4 +1,4 @@
-//! What is taken off the value: friction, springs, stops, leakage, offsets.
+//! Laws subtracted from the value that passes: friction, springs, stops, leakage, offsets.
 
 use fmi2_export::{Real, Scalar, Table, Values};
 
@@ -11,7 +11,7 @@ use super::Point;
 /// | viscous | `viscous_coef v` | `viscous_coef = 0` |
 /// | Coulomb | `coulomb_level s` | `coulomb_level = 0` |
 /// | Stribeck | `stribeck_level exp(-(w/stribeck_vs)^2) s` | `stribeck_level = 0` |
-/// | presliding | `presliding_level (z/presliding_disp - s)`, `z' = w - abs(w) z/presliding_disp` | `presliding_disp = 0` |
+/// | presliding | `presliding_level (z/disp - s)`, `z' = w - abs(w) z/disp`, `disp = presliding_disp` | `disp = 0` |
 /// | asymmetry, v > 0 | `asymmetry_level s + asymmetry_coef v` | both 0 |
 /// | load | `load_coef abs(load) s` | `load_coef = 0` |
 /// | along the way | `poscoulomb_slope x s` | `poscoulomb_slope = 0` |

@@ -1,7 +1,8 @@
-//! What a declared model lacks at any port, as a continuous block in series: forces, torques, voltages, flows, commands.
+//! Effects missing from a declared model at any port, as a continuous block in series: forces, torques, voltages,
+//! flows, commands.
 //!
-//! No variable has a unit: the block works in those of the port. [`command`] changes the value that passes, [`force`] is
-//! taken off it.
+//! No variable has a unit: the block works in those of the port. [`command`] changes the value that passes, [`force`]
+//! is taken off it.
 
 mod command;
 mod force;
@@ -13,7 +14,7 @@ use fmi2_export::{Identity, Model, Outcome, Real, Scalar, Table, Values};
 use command::Command;
 use force::Force;
 
-/// What the terms depend on.
+/// Signals that the terms depend on.
 #[derive(Clone, Copy, Debug)]
 struct Point<S> {
     /// Position and velocity, or their like: level and flow, charge and current.

@@ -63,7 +63,7 @@ fn is_smooth(variable: &Variable) -> bool {
     matches!(variable.kind, VariableKind::Real(_)) && variable.variability == Variability::Continuous
 }
 
-/// What the last evaluation was for.
+/// Purpose of the last evaluation.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd)]
 enum Fresh {
     Nothing,

@@ -4,9 +4,9 @@
 //! the units where these give the same numbers, and are written out otherwise (`connections`). Equal graphs give
 //! equal bytes. Geometry, annotations and connectors that are not connected are not part of a graph and are lost.
 //!
-//! What other tools make of a file decides its form, see [`Tool`]: start values are inside the FMUs of a package as far
-//! as these can hold them (`baked`) and in parameter sets of one name beside, and a step size stands where OMSimulator
-//! looks for it.
+//! The form of a file follows from the tool that reads it, see [`Tool`]: start values are inside the FMUs of a package
+//! as far as these can hold them (`baked`) and in parameter sets of one name next to them, and a step size stands where
+//! OMSimulator looks for it.
 
 mod baked;
 mod connections;

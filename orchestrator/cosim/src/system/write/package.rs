@@ -1,7 +1,7 @@
 //! An `.ssp` archive: the description, the FMUs and a parameter set per component that has start values.
 //!
-//! FMUs that can hold start values get those of their component ([`baked`]); the parameter set says the same once more, for
-//! readers that know FMUs by their files.
+//! FMUs that can hold start values get those of their component ([`baked`]); the parameter set says the same once more,
+//! for readers that know FMUs by their files.
 
 use std::fs::File;
 use std::io::{self, Seek, Write};

@@ -68,7 +68,7 @@ impl Tool {
         Ok(Cow::Owned(closed))
     }
 
-    /// What a run in the tool lacks, one sentence each; empty if it is all there.
+    /// Limits of a run in the tool, one sentence each; empty if there are none.
     pub fn notes(self, graph: &SystemGraph) -> Vec<String> {
         let mut notes = Vec::new();
         if !self.reads_system_connectors() {

@@ -310,7 +310,7 @@ fn index_text(mut number: usize, shape: &[usize]) -> String {
     format!("[{}]", indices.join(","))
 }
 
-/// What all elements of a variable share; the kind has no start value yet.
+/// Attributes shared by all elements of a variable; the kind has no start value yet.
 fn variable(
     declared: &Declared<'_>,
     types: &HashMap<&str, &TypeDefinition>,

@@ -1,5 +1,5 @@
-//! Nonlinear model predictive control along a planned trajectory: at every solve the rest of the plan is optimized again
-//! from the estimated state, with the parameters that were learned so far.
+//! Nonlinear model predictive control along a planned trajectory: at every solve the rest of the plan is optimized
+//! again from the estimated state, with the parameters that were learned so far.
 //!
 //! | module | what |
 //! |---|---|
@@ -8,8 +8,8 @@
 //! | [`estimator`] | extended Kalman filter of states, disturbances and parameters |
 //! | [`horizon`] | the problem over the horizon, solved by stage-wise Gauss-Newton steps |
 //!
-//! Beyond the horizon counts the cost of the regulator ([`super::tvlqr`]) from there on. Between the solves the feedback
-//! that the last one left acts at every sample.
+//! Beyond the horizon counts the cost of the regulator ([`super::tvlqr`]) from there on. Between the solves the
+//! feedback that the last one left acts at every sample.
 
 pub mod estimator;
 pub mod family;

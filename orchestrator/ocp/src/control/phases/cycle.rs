@@ -4,7 +4,8 @@
 //! of the samples' derivatives and of the saltation matrices between them, that of the return included. Its eigenvalues
 //! are the Poincaré multipliers of the section at the begin of a turn. The section is a time, not an event: without
 //! feedback the inputs are functions of time; with feedback the mode of the plant changes to the nominal trajectory of
-//! the next phase, which goes on beyond its ends as a function of time (Hiskens and Pai, "Trajectory sensitivity analysis of hybrid systems", IEEE Trans. Circuits Syst. I 47, 2000).
+//! the next phase, which goes on beyond its ends as a function of time (Hiskens and Pai, "Trajectory sensitivity
+//! analysis of hybrid systems", IEEE Trans. Circuits Syst. I 47, 2000).
 
 use nalgebra::{Complex, DMatrix, DVector};
 
@@ -50,7 +51,8 @@ pub struct Monodromy {
 pub struct Periodic {
     /// The controller.
     pub controller: Controller,
-    /// Its rows at the first samples of [`Phases::nominal`], over as many turns as bring all states back to their places.
+    /// Its rows at the first samples of [`Phases::nominal`], over as many turns as bring all states back to their
+    /// places.
     pub rows: Vec<Row>,
     /// The plan under its own inputs, as functions of time.
     pub open_loop: Monodromy,
@@ -314,7 +316,8 @@ impl Phases<'_> {
         Ok((rows, phases))
     }
 
-    /// Repeats the nominal trajectory, of which `rows` have the first turns, up to a number of samples and the one after.
+    /// Repeats the nominal trajectory, of which `rows` have the first turns, up to a number of samples and the one
+    /// after.
     fn go_on(&mut self, rows: &[Row], advance: &[f64], samples: usize) {
         let at = |k: usize| -> (Vec<f64>, Vec<f64>) {
             let (row, times) = (&rows[k % rows.len()], (k / rows.len()) as f64);

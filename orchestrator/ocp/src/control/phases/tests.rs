@@ -243,8 +243,8 @@ fn the_table_of_a_controller_with_phases_names_sample_and_mode() {
     });
 }
 
-/// A ball that is kept bouncing, once a second: under the push g - 3/2 g t it rises until t = 1/sqrt(3) s and is back on
-/// the floor after 1 s, twice as fast as it left.
+/// A ball that is kept bouncing, once a second: under the push g - 3/2 g t it rises until t = 1/sqrt(3) s and is back
+/// on the floor after 1 s, twice as fast as it left.
 fn with_turn<T>(then: impl FnOnce(&mut Phases<'_>) -> T) -> T {
     let top = (1.0_f64 / 3.0).sqrt();
     let table = |from: f64, to: f64| -> Table {

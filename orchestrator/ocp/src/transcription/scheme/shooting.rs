@@ -269,8 +269,8 @@ impl Scheme for MultipleShooting {
                 self.integrated.iter().for_each(|&i| later[i] = now[f + i]);
                 let bent = match (self.simplified, stage) {
                     (false, _) => Some(p),
-                    // All weights of the step, summed where those of a midpoint would be, at its second point, which lies
-                    // in its middle.
+                    // All weights of the step, summed where those of a midpoint would be, at its second point, which
+                    // lies in its middle.
                     (true, 0) => {
                         add(&mut worker.weights, 1.0, &interval.on_values);
                         Some(p + 1)

@@ -8,12 +8,12 @@ use airloop_fmi::Instance;
 const PROBES: usize = 3;
 
 impl Plant {
-    /// (Re)initialises all components at `time` \[s\] with these values of parameters and the system inputs that stand in
-    /// the first slots; `x`, `[nx]`, gets the states.
+    /// (Re)initializes all components at `time` \[s\] with these values of parameters and the system inputs that stand
+    /// in the first slots; `x`, `[nx]`, gets the states.
     ///
-    /// `begin`: values of some states, `[nx]`, or no list for the start values. Where a component changes at events only,
-    /// they are start values, as its first event is part of the initialization: `x` has what it made of its own, and the
-    /// values of the others.
+    /// `begin`: values of some states, `[nx]`, or no list for the start values. Where a component changes at events
+    /// only, they are start values, as its first event is part of the initialization: `x` has what it made of its own,
+    /// and the values of the others.
     ///
     /// # Errors
     /// An FMU that fails.
@@ -43,8 +43,8 @@ impl Plant {
         Ok(())
     }
 
-    /// Asks the components that have time events whether their states change at events only, as those of a sampled model
-    /// do: whether all rates are zero wherever the states are. Whether any was asked.
+    /// Asks the components that have time events whether their states change at events only, as those of a sampled
+    /// model do: whether all rates are zero wherever the states are. Whether any was asked.
     fn probe(&mut self, time: f64, x: &[f64]) -> bool {
         let mut asked = false;
         for part in &mut self.parts {
@@ -69,7 +69,7 @@ impl Plant {
         asked
     }
 
-    /// Initialises all components; `states` as `begin` of [`Plant::initialise`].
+    /// Initializes all components; `states` as `begin` of [`Plant::initialise`].
     fn begin(
         &mut self,
         states: &[Option<f64>],
