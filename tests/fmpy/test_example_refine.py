@@ -55,6 +55,13 @@ def test_the_numbers_are_those_of_the_readme(example):
             assert report["residual"]["validation"][key][signal] == pytest.approx(expected, rel=0.02), (key, signal)
 
 
+def test_what_is_left_is_told_by_the_inputs_of_the_rig(example):
+    left = report_of(example[0])["remaining"]["ports"]
+    assert set(left) == {"actuator.u", "piston_friction.F_out", "cart_pole.F", "cart_pole.tau_ext"}
+    # The spring explains the records: what is left is the noise.
+    assert all(own["floors"] < 4.0 for own in left.values()), left
+
+
 def test_the_terminal_shows_before_and_after_and_names_the_page(example):
     folder, text = example
     assert "cart.spring" in text and str(folder / "report.html") in text

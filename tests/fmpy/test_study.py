@@ -49,6 +49,16 @@ def test_dry_friction_and_drag_are_found_together_with_their_values(tmp_path):
     assert residual["rms_after"]["angle"] < 0.2 * residual["rms_before"]["angle"]
 
 
+def test_steps_and_what_is_left_are_told_by_the_ports_of_the_study(tmp_path):
+    found = report(EXAMPLE, tmp_path / "out")
+    tried = [own for step in found["steps"] for own in step["candidates"]]
+    # Accepted ones are the selected ones; a rejected one says why.
+    assert {own["id"] for own in tried if own["rejected"] is None} == set(named(found))
+    ports = {own["port"] for own in tried if not own["id"].startswith("sensor")}
+    assert ports == {"tau_ext"}
+    assert set(found["remaining"]["ports"]) <= {"tau_ext"}
+
+
 @pytest.mark.parametrize(
     "old, new, words",
     [

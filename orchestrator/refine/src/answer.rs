@@ -189,8 +189,8 @@ impl Correction {
 pub struct Tried {
     /// Id, with the signal for sensors.
     pub id: String,
-    /// Channel.
-    pub channel: String,
+    /// Input where it acts, or the output that a sensor shows; none: a sensor of the rig.
+    pub port: Option<String>,
     /// Share of the declared model's error on held-out estimation records that it takes away beyond the model before
     /// it.
     pub held_out_gain: f64,
@@ -227,8 +227,13 @@ pub struct Answer {
     pub partial: bool,
     /// Share of the declared model's error on validation records that effects and corrections take away together.
     pub share: Option<f64>,
-    /// Steps of the search for a share of the error; empty where the noise was reached.
+    /// Steps of the search, with what was held out; empty where nothing was.
     pub steps: Vec<Step>,
+    /// Whether effects count for their share of the error, each residual as many samples as it holds; else for the
+    /// noise that they leave.
+    pub by_share: bool,
+    /// Errors that free forms would still take away on estimation records, by port, in multiples of the noise; of a study.
+    pub left_at: Vec<(String, f64)>,
     /// Share of the variance of the force or torque behind [`Answer::unexplained`] that a free form over its first
     /// variable explains, where the records show it.
     pub share_of_free_form: Option<f64>,

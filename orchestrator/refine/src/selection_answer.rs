@@ -14,7 +14,7 @@ use super::interval;
 use super::law::rig as law;
 use super::rig::open::Rig;
 use super::rig::parameters::D_ACT_GAIN;
-use super::rig::sense;
+use super::rig::{port, sense};
 
 /// Units in which errors of signals are compared [SI].
 const UNITS: [(&str, f64); 4] = [("F_hat", 0.3), ("F_p", 0.3), ("x", 2e-3), ("theta", 1e-2)];
@@ -219,13 +219,14 @@ fn write_answer(
                 .iter()
                 .map(|own| Tried {
                     id: label(own.candidate),
-                    channel: rig.candidates[own.candidate].channel.into(),
+                    port: port::of_channel(rig.candidates[own.candidate].channel).map(str::to_owned),
                     held_out_gain: own.held_out,
                     rejected: own.rejected.clone(),
                 })
                 .collect(),
         })
         .collect();
+    found.by_share = true;
     let whole = share(&best.fit.parameters);
     let effect = |c: usize, model: &Model, gain: f64, selected: bool, reason: String| {
         let own = &rig.candidates[c];

@@ -6,6 +6,7 @@ use serde::Serialize;
 
 use super::{Report, names, next};
 use airloop_refine::answer::{self, Answer, Errors, Verdict};
+use airloop_refine::rig::port;
 
 /// Version of the layout of `report.json`.
 pub const SCHEMA_VERSION: u32 = 2;
@@ -123,7 +124,7 @@ struct Unexplained<'a> {
 #[derive(Serialize)]
 struct Law<'a> {
     port: &'a str,
-    channel: &'a str,
+    channel: Option<&'a str>,
     variables: &'a [String],
     formula: Option<&'a str>,
     params: BTreeMap<&'a str, Parameter<'a>>,
@@ -166,7 +167,7 @@ fn law(own: &airloop_refine::law::found::Law) -> Law<'_> {
     });
     Law {
         port: &own.port,
-        channel: &own.channel,
+        channel: stated(&own.channel),
         variables: &own.variables,
         formula: formula.filter(|_| own.named),
         params: parameters(&own.effect.parameters),
@@ -190,7 +191,7 @@ fn law(own: &airloop_refine::law::found::Law) -> Law<'_> {
 #[derive(Serialize)]
 struct Remaining<'a> {
     signals: BTreeMap<&'a str, Left>,
-    ports: BTreeMap<String, Port>,
+    ports: BTreeMap<&'a str, Port>,
 }
 
 #[derive(Serialize)]
@@ -250,7 +251,7 @@ fn parameters(own: &[answer::Parameter]) -> BTreeMap<&str, Parameter<'_>> {
     own.iter().map(|p| (p.name.as_str(), Parameter { value: p.value, unit: &p.unit, ci95: one(p) })).collect()
 }
 
-/// Signals and ports where something is left, on validation records.
+/// Signals on validation records, and ports, where something is left.
 fn remaining<'a>(report: &Report<'a>) -> Remaining<'a> {
     let answer = report.answer;
     let left = |(signal, rms): (&'a String, &f64)| {
@@ -258,31 +259,16 @@ fn remaining<'a>(report: &Report<'a>) -> Remaining<'a> {
         let floors = answer.floor_of(signal).map(|floor| rms / floor);
         (signal.as_str(), Left { rms: *rms, floors, ratio: before.map(|before| rms / before) })
     };
-    // Normalised powers stand for standard deviations of a sum of squares; the root is about multiples of the noise.
-    let port = |port: &airloop_refine::evidence::Port| {
-        let floors = port.left[1].max(0.0).sqrt();
-        floors.is_finite().then(|| (format!("{} -> {}", port.from, port.to), Port { floors }))
-    };
+    let port = |(port, floors): &'a (String, f64)| (port.as_str(), Port { floors: *floors });
     Remaining {
         signals: answer.after[1].rms.iter().map(left).collect(),
-        ports: report.evidence.ports.iter().filter_map(port).collect(),
+        ports: report.evidence.left_at.iter().map(port).collect(),
     }
 }
 
 /// A channel, if one is declared.
 fn stated(channel: &str) -> Option<&str> {
     (!channel.is_empty()).then_some(channel)
-}
-
-/// Port of a system at which a channel of the rig acts.
-fn port(channel: &str) -> Option<&'static str> {
-    Some(match channel {
-        "actuator" => "actuator.u",
-        "piston_friction" => "piston_friction.F_out",
-        "cart_friction" | "cart" => "cart_pole.F",
-        "pole" => "cart_pole.tau_ext",
-        _ => return None,
-    })
 }
 
 fn set<'a>(before: &'a Errors, after: &'a Errors) -> Set<'a> {
@@ -323,7 +309,7 @@ pub fn text(report: &Report) -> String {
         channel: stated(&e.channel),
         signal: e.signal.as_deref(),
         kind: e.kind(),
-        port: e.port.as_deref().or_else(|| port(&e.channel)),
+        port: e.port.as_deref().or_else(|| port::of_channel(&e.channel)),
         share: e.share,
         selected: e.selected,
         group: e.group,
@@ -359,7 +345,7 @@ pub fn text(report: &Report) -> String {
             let (channel, at) = names::place(place);
             Unexplained {
                 channel: stated(channel),
-                port: at.or_else(|| port(channel)),
+                port: at.or_else(|| port::of_channel(channel)),
                 variables,
                 share_of_free_form: answer.share_of_free_form,
             }
@@ -371,7 +357,7 @@ pub fn text(report: &Report) -> String {
         },
         noise_floor: &answer.noise,
         error_floor: Floor { estimation: floor(answer, 0), validation: floor(answer, 1) },
-        score_kind: if answer.steps.is_empty() { "delta BIC" } else { "delta weighted chi2" },
+        score_kind: if answer.by_share { "delta weighted chi2" } else { "delta BIC" },
         corrections: answer
             .corrections
             .iter()
@@ -397,7 +383,7 @@ pub fn text(report: &Report) -> String {
                     .iter()
                     .map(|own| Tried {
                         id: &own.id,
-                        port: port(&own.channel),
+                        port: own.port.as_deref(),
                         held_out_gain: own.held_out_gain,
                         rejected: own.rejected.as_deref(),
                     })

@@ -186,7 +186,8 @@ pub const STEP_HEADER: [&str; 4] = ["beside", "candidate", "held-out share", "no
 /// Candidates of every step of a search for a share of the error.
 pub fn step_rows(answer: &Answer) -> Vec<Vec<String>> {
     let rows = answer.steps.iter().flat_map(|step| {
-        let model = if step.model.is_empty() { "corrections".into() } else { step.model.join(", ") };
+        let none = if answer.by_share { "corrections" } else { "declared model" };
+        let model = if step.model.is_empty() { none.into() } else { step.model.join(", ") };
         step.candidates.iter().map(move |own| {
             // Without the sign of a share that is zero.
             let share = format!("{:.0} %", (100.0 * own.held_out_gain).round() + 0.0);
@@ -198,6 +199,9 @@ pub fn step_rows(answer: &Answer) -> Vec<Vec<String>> {
 
 /// Note under the table of steps.
 pub fn step_note(answer: &Answer) -> String {
+    if !answer.by_share {
+        return "Share of the declared model's error on held-out parts of the estimation records that each model takes away beyond the one before it.".into();
+    }
     let note = "No model of the vocabulary reaches the noise, so an effect counts for the share of the declared model's error that it takes away on held-out records, beyond what corrections of declared parameters within their tolerances do.";
     // Studies carry the noise to a floor and say themselves when they begin again.
     let rig = answer.floor[1].is_empty();
@@ -329,7 +333,7 @@ pub const CANDIDATE_HEADER: [&str; 6] = ["effect", "what", "improvement", "margi
 
 /// Meaning of the improvement of a candidate.
 pub fn candidate_note(answer: &Answer) -> &'static str {
-    if answer.steps.is_empty() {
+    if !answer.by_share {
         "Improvement: decrease of the Bayesian information criterion against the declared model on the estimation records. Margin: how much less than the best; candidates within some 12 of each other cannot be told apart."
     } else {
         "Improvement: decrease of the sum of squares beyond the corrections, on the estimation records, each residual counted as many independent samples as it holds. Margin: how much less than the best."

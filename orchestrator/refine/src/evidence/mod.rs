@@ -74,6 +74,8 @@ pub struct Evidence {
     pub correlation: Vec<Correlation>,
     /// Parts of the rig with the power of their residuals.
     pub ports: Vec<Port>,
+    /// Inputs where something is left, in multiples of the noise.
+    pub left_at: Vec<(String, f64)>,
     /// Curves of the selected effects.
     pub curves: Vec<Curve>,
 }
@@ -121,8 +123,9 @@ pub fn gather(case: &Case, rig: &Rig, answer: &Answer) -> Evidence {
     let dependence = dependence::of(&signals, &records);
     let correlation = correlation::of(&signals, &records);
     let ports = ports::of(declaration.kind, rig, answer);
+    let left_at = ports::left_at(case, rig, answer, &ports);
     let curves = curve::of(case, answer, &records);
-    Evidence { signals, records: shown(records), dependence, correlation, ports, curves }
+    Evidence { signals, records: shown(records), dependence, correlation, ports, left_at, curves }
 }
 
 /// The first records of different commands.

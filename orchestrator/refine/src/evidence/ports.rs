@@ -4,11 +4,13 @@
 //! where there is one, so that an error of the actuator does not show as one of the cart.
 
 use crate::answer::Answer;
-use crate::case::Kind;
+use crate::case::{Case, Experiment, Kind};
 use crate::engine::System;
 use crate::engine::goodness::{Null, pooled};
+use crate::engine::normal::residuals;
 use crate::rig::observer::Observer;
 use crate::rig::open::Rig;
+use crate::rig::port;
 
 /// Random walk of the actuator force that the load cell corrects \[N per sample\].
 const WALK: f64 = 0.1;
@@ -57,4 +59,46 @@ pub fn of(kind: Kind, rig: &Rig, answer: &Answer) -> Vec<Port> {
         found.push(Port { from: "load cell", to: name.clone(), left: [*before, left[1][index].1] });
     }
     found
+}
+
+/// Inputs where something is left with the corrected model, in multiples of the noise: the largest of what their signals show.
+pub fn left_at(case: &Case, rig: &Rig, answer: &Answer, ports: &[Port]) -> Vec<(String, f64)> {
+    let kind = case.declaration.kind;
+    let shown: Vec<(&str, f64)> = if kind == Kind::Friction {
+        of_sweeps(case, rig, &answer.parameters[1])
+    } else {
+        let own = |port: &Port| Some((port::shown_by(&port.to, kind == Kind::Actuator)?, port.left[1]));
+        ports.iter().filter_map(own).collect()
+    };
+    let mut found: Vec<(String, f64)> = Vec::new();
+    for (name, left) in shown.into_iter().filter(|own| own.1.is_finite()) {
+        // Normalised powers stand for standard deviations of a sum of squares; the root is about multiples of the noise.
+        let floors = left.max(0.0).sqrt();
+        match found.iter_mut().find(|own| own.0 == name) {
+            Some(own) => own.1 = own.1.max(floors),
+            None => found.push((name.to_owned(), floors)),
+        }
+    }
+    found
+}
+
+/// Normalised powers of the sweeps of the piston and of those of the cart, at the inputs where their frictions act.
+fn of_sweeps(case: &Case, rig: &Rig, p: &[f64]) -> Vec<(&'static str, f64)> {
+    let system = rig.system.as_ref();
+    let files = &case.declaration.files;
+    let both = [(Experiment::SweepPiston, "piston_friction"), (Experiment::SweepCart, "cart_friction")];
+    let one = |(experiment, channel): (Experiment, &str)| {
+        let records: Vec<usize> =
+            (0..files.len()).filter(|&r| files[r].experiment == experiment && system.estimation(r)).collect();
+        if records.is_empty() {
+            return None;
+        }
+        let locals = vec![Vec::new(); records.len()];
+        let null = Null::simulate(system, &records, p, &locals, DRAWS, 1);
+        let own = residuals(system, &records, p, &locals);
+        let left = null.normalised(&pooled(system, &records, &own));
+        let force = left.iter().find(|(signal, _)| signal == "F_p")?.1;
+        Some((port::of_channel(channel)?, force))
+    };
+    both.into_iter().filter_map(one).collect()
 }

@@ -52,6 +52,7 @@ pub fn gather(fits: &Fits, models: [&Model; 2], answer: &Answer) -> Evidence {
         correlation: correlation::of(&signals, &records),
         curves: curves(&friction, answer, &records),
         ports: ports(study, answer),
+        left_at: answer.left_at.clone(),
         records: records.into_iter().take(SHOWN).collect(),
         signals: all_signals(study, answer, signals),
     }

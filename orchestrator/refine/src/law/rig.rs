@@ -20,6 +20,7 @@ use crate::rig::coupled::Coupled;
 use crate::rig::extra::{Extra, Form};
 use crate::rig::open::Rig;
 use crate::rig::parameters::TABLE;
+use crate::rig::port;
 use crate::study::law::Variable;
 use crate::vocabulary::Own;
 
@@ -314,7 +315,7 @@ impl Finder<'_> {
         };
         Some(Law {
             place: channel.to_owned(),
-            port: if self.pole { "cart_pole.tau_ext" } else { "cart_pole.F" }.into(),
+            port: port::of_channel(channel).unwrap_or_default().to_owned(),
             channel: channel.to_owned(),
             variables: form.surface.variables.iter().map(|own| word(own).to_owned()).collect(),
             curve: form.at.curve(&form.surface, widen),

@@ -166,6 +166,8 @@ fn sought(
     found.share = Some(law.share);
     found.complete = complete;
     found.left[1] = judge.left(&fits, &model);
+    let left = (law.port.clone(), judge.floors(judge.excess(&model)));
+    found.left_at = if complete { Vec::new() } else { vec![left] };
     found.law = Some(law);
     found.fitted = answer::fitted(study, &model.fit.parameters);
     found.corrections = by_share::corrections_beside(study, &model, &found.corrections);

@@ -19,6 +19,7 @@ pub mod open;
 pub mod parameters;
 pub mod physical;
 pub mod plant;
+pub mod port;
 pub mod record;
 pub mod replay;
 pub mod sense;

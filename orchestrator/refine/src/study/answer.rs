@@ -19,9 +19,10 @@ use super::ruling::{Ruling, alone, rule, rule_by_share, share};
 use super::search::{Say, Selection, confirm, search};
 use super::simulate::Piece;
 use super::smoothed;
+use super::steps;
 use super::tolerance;
 use crate::Error;
-use crate::answer::{Answer, Effect, Settings, Verdict};
+use crate::answer::{Answer, Correction, Effect, Settings, Verdict};
 use crate::engine::fit::{Fit, fit};
 use crate::engine::{System, stop};
 use crate::evidence::{Evidence, study as evidence};
@@ -410,14 +411,17 @@ fn assemble(
     }
     notes.extend(leftover(fits, judge, shown, &rest));
     let unexplained = (verdict == Verdict::Unexplained)
-        .then(|| rest.place.unwrap_or_else(|| (first_place(study), Vec::new())));
+        .then(|| rest.place.clone().unwrap_or_else(|| (first_place(study), Vec::new())));
     Answer {
         verdict,
         effects,
         unexplained,
         complete: judge.explained(fits, by_share.filter(|_| !chosen).map_or(shown, |found| &found.corrected)),
-        corrections: by_share.map_or_else(Vec::new, |found| found.corrections.clone()),
-        steps: by_share.map_or_else(Vec::new, |found| found.steps.clone()),
+        corrections: by_share
+            .map_or_else(|| corrections(study, selection, shown), |found| found.corrections.clone()),
+        steps: by_share.map_or_else(|| steps::held_out(study, selection), |found| found.steps.clone()),
+        by_share: by_share.is_some(),
+        left_at: left_at(judge, &rest),
         partial: stop::ended(),
         share: chosen.then_some(share),
         share_of_free_form: by_share.and_then(|found| found.free_form.as_ref()).map(|form| form.2),
@@ -433,6 +437,22 @@ fn assemble(
         notes,
         ..Answer::default()
     }
+}
+
+/// Corrections of a model beside the changes of declared parameters that are effects of their own.
+fn corrections(study: &Study, selection: &Selection, model: &Model) -> Vec<Correction> {
+    let changed = |own: &Correction| {
+        let name = if own.component.is_empty() { own.parameter.clone() } else { own.path() };
+        selection.changed.iter().any(|free| study.entries[free.index].name == name)
+    };
+    let mut found = by_share::corrections(study, model, &[]);
+    found.retain(|own| !changed(own));
+    found
+}
+
+/// Errors that free forms at the ports would take away, in multiples of the noise.
+fn left_at(judge: &Judge, rest: &Rest) -> Vec<(String, f64)> {
+    rest.ports.iter().map(|(port, gain)| (port.clone(), judge.floors(*gain))).collect()
 }
 
 /// Place of the residual where nothing shows a better one.

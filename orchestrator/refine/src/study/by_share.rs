@@ -226,7 +226,7 @@ fn answer(fits: &Fits, declared: &fits::Model, known: &[question::Correction], f
                 .iter()
                 .map(|own| Tried {
                     id: study.candidates[own.candidate].name(),
-                    channel: study.candidates[own.candidate].channel.into(),
+                    port: Some(study.candidates[own.candidate].port.clone()),
                     held_out_gain: own.held_out,
                     rejected: own.rejected.clone(),
                 })

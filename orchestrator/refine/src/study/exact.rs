@@ -16,6 +16,8 @@ use crate::engine::fit::{Fit, Free, fit};
 use crate::engine::search::{self, Rules, Search};
 use crate::engine::select::{Effort, select};
 
+/// Single candidates whose errors on what is held out are shown beside that of the best model.
+const HELD_OUT_RIVALS: usize = 3;
 /// Rounds of a fit of everything.
 const ROUNDS: usize = 14;
 
@@ -89,6 +91,9 @@ pub fn search(
     say("stability over parts of the records");
     fits.hold_out(&mut declared);
     let stability = stability(fits, Some(&declared), &mut best);
+    // Others that do nearly as well are held out, too, to be shown.
+    let near = singles.iter_mut().filter(|own| own.added != best.added);
+    near.take(HELD_OUT_RIVALS).for_each(|own| fits.hold_out(own));
     let path = vec![(Vec::new(), declared.held_out), (best.added.clone(), best.held_out)];
     let selection = Selection::new(declared, best, singles, path);
     Ok(Selection { equals, stability, exact: true, changed, ..selection })

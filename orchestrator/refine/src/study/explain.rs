@@ -4,6 +4,8 @@
 //! A free form over such a variable takes away much of the residual, whatever the law may be; sensor noise depends on
 //! nothing. [`Judge`] also says when a model leaves no more than sensor noise.
 
+use std::collections::BTreeMap;
+
 use super::fits::{Fits, Model};
 use super::law::{Law, Variable};
 use super::model::{Action, Study};
@@ -33,6 +35,15 @@ pub struct Rest {
     pub place: Option<(String, Vec<String>)>,
     /// Power that the free form takes away, in whitened units per sample.
     pub gain: f64,
+    /// The same by port, for the best free form over one variable there: nothing where noise is left.
+    pub ports: Vec<(String, f64)>,
+}
+
+impl Rest {
+    /// Nothing but noise.
+    pub fn nothing() -> Rest {
+        Rest { place: None, gain: 0.0, ports: Vec::new() }
+    }
 }
 
 /// The null of the estimation records.
@@ -136,6 +147,11 @@ impl Judge {
         })
     }
 
+    /// Error of some power of a whitened sample, in multiples of that which noise gives.
+    pub fn floors(&self, power: f64) -> f64 {
+        (power / self.power.max(f64::MIN_POSITIVE)).max(0.0).sqrt()
+    }
+
     /// Power of a model above that of noise and smoothed derivatives.
     pub fn excess(&self, model: &Model) -> f64 {
         (model.error.powi(2) - self.tolerated).max(0.0)
@@ -187,7 +203,7 @@ impl Judge {
         let mut open: Vec<(usize, f64)> = probes.into_iter().zip(promises).collect();
         open.sort_by(|a, b| b.1.total_cmp(&a.1));
         let mut singles: Vec<(usize, f64)> = Vec::new();
-        for (probe, promised) in open {
+        for &(probe, promised) in &open {
             // No fit gains more than predicted, so the places that count may be known before all are fitted.
             let counting = singles.first().map_or(1, |&(_, most)| if tells_most(most) { 1 } else { 3 });
             let known = singles.get(counting - 1).is_some_and(|&(_, least)| promised <= least);
@@ -197,9 +213,16 @@ impl Judge {
             singles.push((probe, gain(&[probe], promised)));
             singles.sort_by(|a, b| b.1.total_cmp(&a.1));
         }
-        let Some(&(first, alone)) = singles.first() else { return Rest { place: None, gain: 0.0 } };
+        let fitted = |probe: usize| singles.iter().find(|own| own.0 == probe).map(|own| own.1);
+        let mut ports: BTreeMap<&str, f64> = BTreeMap::new();
+        for &(probe, promised) in &open {
+            let most = ports.entry(&study.candidates[probe].port).or_default();
+            *most = most.max(fitted(probe).unwrap_or(promised));
+        }
+        let ports = ports.into_iter().map(|(port, gain)| (port.to_owned(), gain)).collect();
+        let Some(&(first, alone)) = singles.first() else { return Rest::nothing() };
         if alone < enough {
-            return Rest { place: None, gain: alone.max(0.0) };
+            return Rest { place: None, gain: alone.max(0.0), ports };
         }
         let mut best = (vec![first], alone);
         let few = if tells_most(alone) { 0 } else { 2 };
@@ -212,7 +235,7 @@ impl Judge {
         }
         let channel = study.candidates[first].place();
         let variables = best.0.iter().map(|&c| name(study, c).to_owned()).collect();
-        Rest { place: Some((channel, variables)), gain: best.1 }
+        Rest { place: Some((channel, variables)), gain: best.1, ports }
     }
 }
 

@@ -53,6 +53,7 @@ pub mod search;
 pub mod signal;
 pub mod simulate;
 pub mod smoothed;
+pub(crate) mod steps;
 pub mod tolerance;
 pub mod whole;
 

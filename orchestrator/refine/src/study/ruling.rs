@@ -90,20 +90,18 @@ pub(super) fn rule_by_share(
     let helps = !best.added.is_empty() && share >= rules.min_validated_share;
     if let Some((channel, variables, _)) = found.free_form.clone() {
         let gain = best.error.powi(2);
-        return Ruling {
-            verdict: Verdict::Unexplained,
-            rest: Rest { place: Some((channel, variables)), gain },
-            helps,
-        };
+        let port = channel.split_once('@').map_or(channel.as_str(), |(_, port)| port).to_owned();
+        let rest = Rest { place: Some((channel, variables)), gain, ports: vec![(port, gain)] };
+        return Ruling { verdict: Verdict::Unexplained, rest, helps };
     }
     if helps {
         let known = judge.explained(fits, best) || judge.tolerable(fits, best);
-        let rest = if known { Rest { place: None, gain: 0.0 } } else { judge.rest(fits, best) };
+        let rest = if known { Rest::nothing() } else { judge.rest(fits, best) };
         return Ruling { verdict: Verdict::Effect, rest, helps };
     }
     let corrected = &found.corrected;
     if judge.explained(fits, corrected) || judge.tolerable(fits, corrected) {
-        return Ruling { verdict: Verdict::Nothing, rest: Rest { place: None, gain: 0.0 }, helps };
+        return Ruling { verdict: Verdict::Nothing, rest: Rest::nothing(), helps };
     }
     let rest = judge.rest(fits, corrected);
     Ruling { verdict: Verdict::Unexplained, rest, helps }
@@ -126,7 +124,6 @@ pub(super) fn rule(
         };
         fits.study.outputs.iter().zip(&fits.scale).map(share).sum()
     };
-    let nothing = Rest { place: None, gain: 0.0 };
     let helps = selection.effects() > 0
         && total(validation[1]) < total(validation[0])
         && share >= MIN_VALIDATED_SHARE;
@@ -138,11 +135,11 @@ pub(super) fn rule(
     let rest_of_declared = OnceCell::new();
     let of_declared = || rest_of_declared.get_or_init(|| judge.rest(fits, declared));
     if judge.explained(fits, declared) {
-        return Ruling { verdict: Verdict::Nothing, rest: nothing, helps };
+        return Ruling { verdict: Verdict::Nothing, rest: Rest::nothing(), helps };
     }
     if helps {
         let known = judge.explained(fits, best) || judge.tolerable(fits, best);
-        let rest = if known { nothing } else { judge.rest(fits, best) };
+        let rest = if known { Rest::nothing() } else { judge.rest(fits, best) };
         // A free form that takes away more than the effects did is what is missing; they only imitate it.
         let gained = declared.error.powi(2) - best.error.powi(2);
         let imitates = || {
@@ -163,7 +160,7 @@ pub(super) fn rule(
         }
     }
     if judge.tolerable(fits, declared) && !beyond {
-        return Ruling { verdict: Verdict::Nothing, rest: Rest { place: None, gain: 0.0 }, helps };
+        return Ruling { verdict: Verdict::Nothing, rest: Rest::nothing(), helps };
     }
     let rest = of_declared().clone();
     let far = declared.error > MIN_ERROR_OVER_NOISE * judge.tolerated.sqrt();
