@@ -67,6 +67,15 @@ impl Candidate {
     }
 }
 
+/// Where an effect with a memory acts.
+#[derive(Debug, Clone, Copy)]
+enum Entrance {
+    /// On a command of the records: input of the system.
+    Input(usize),
+    /// On a signal inside of the system: attachment, and the largest rate there.
+    Tap(usize, f64),
+}
+
 /// Share of the largest speed at a port over which friction changes its sign, where nothing is stated.
 const SIGN_CHANGE: f64 = 0.01;
 
@@ -177,11 +186,16 @@ pub fn fill(
                 let sums = sums || kind.law == Law::Overflow && duty.is_some_and(|duty| duty.fills);
                 duty.is_none_or(|duty| if constant(kind.law) { duty.constants } else { duty.forces && sums })
             };
-            let blocks: Vec<&Kind> =
-                list.iter().filter(here).chain(COMMAND.iter().filter(|_| command.is_some())).collect();
+            // A command stands in the records, a signal between components is that of the simulation.
+            let passes = command.is_none() && duty.is_some_and(|duty| duty.passes);
+            let entrance = match command {
+                Some(input) => Some(Entrance::Input(input)),
+                None => passes.then(|| Entrance::Tap(tap, survey.fastest.get(tap).copied().unwrap_or(0.0))),
+            };
+            let changes = COMMAND.iter().filter(|_| entrance.is_some());
+            let blocks: Vec<&Kind> = list.iter().filter(here).chain(changes).collect();
             blocks_at(study, tap, attachment, "", &blocks, &ranges);
-            let memories = PORT_COMMANDS.iter().filter(|_| command.is_some());
-            memories_at(study, tap, attachment, (command, "", &ranges), memories);
+            memories_at(study, tap, attachment, (entrance, "", &ranges), PORT_COMMANDS.iter());
             continue;
         }
         for channel in &attachment.channels {
@@ -192,7 +206,8 @@ pub fn fill(
             let blocks: Vec<&Kind> = list.iter().filter(fitting).collect();
             blocks_at(study, tap, attachment, channel, &blocks, &ranges);
             let memories = COMMANDS.iter().filter(|_| channel == "actuator");
-            memories_at(study, tap, attachment, (command, channel, &ranges), memories);
+            let entrance = command.map(Entrance::Input);
+            memories_at(study, tap, attachment, (entrance, channel, &ranges), memories);
         }
     }
     let pairs: Vec<(usize, Option<usize>)> =
@@ -246,15 +261,15 @@ fn memories_at<'a>(
     study: &mut Study,
     tap: usize,
     attachment: &Attachment,
-    (input, channel, ranges): (Option<usize>, &'static str, &[(f64, f64); 5]),
+    (entrance, channel, ranges): (Option<Entrance>, &'static str, &[(f64, f64); 5]),
     list: impl Iterator<Item = &'a Memory>,
 ) {
-    let Some(input) = input else { return };
+    let Some(entrance) = entrance else { return };
     let units = study.taps[tap].units.clone();
     for (id, command, parameters) in list.filter(|own| wanted(attachment, own.0)) {
         let parameters: Vec<(&str, String)> =
             parameters.iter().map(|(name, template)| (*name, unit(template, &units))).collect();
-        memory(study, (id, channel), *command, &parameters, input, ranges[4]);
+        memory(study, (id, channel), *command, &parameters, entrance, ranges[4]);
     }
 }
 
@@ -384,12 +399,15 @@ fn memory(
     (id, channel): (&'static str, &'static str),
     command: Command,
     parameters: &[(&str, String)],
-    input: usize,
+    entrance: Entrance,
     range: (f64, f64),
 ) {
     let size = range.0.abs().max(range.1.abs());
+    let port = match entrance {
+        Entrance::Input(input) => study.graph.inputs[input].name.clone(),
+        Entrance::Tap(tap, _) => study.taps[tap].name.clone(),
+    };
     if range.1 <= range.0 || range.1.is_nan() {
-        let port = &study.graph.inputs[input].name;
         study.not_testable.push((format!("{id}@{port}"), "the command does not change".into()));
         return;
     }
@@ -407,7 +425,10 @@ fn memory(
             (grid.map(|(up, down)| vec![up * step, down * step]).into(), [(0.3 * step, 2000.0 * step); 2])
         }
         Command::RateLimit => {
-            let fastest = fastest(study, input);
+            let fastest = match entrance {
+                Entrance::Input(input) => fastest_command(study, input),
+                Entrance::Tap(_, fastest) => fastest,
+            };
             let start = [0.9, 0.5, 0.2].map(|part| vec![part * fastest]);
             (start.into(), [(1e-3 * fastest, 10.0 * fastest); 2])
         }
@@ -416,10 +437,13 @@ fn memory(
     study.candidates.push(Candidate {
         id: id.to_owned(),
         channel,
-        port: study.graph.inputs[input].name.clone(),
+        port,
         twin: false,
         signal: None,
-        action: Action::Command { kind: command, input },
+        action: match entrance {
+            Entrance::Input(input) => Action::Command { kind: command, input },
+            Entrance::Tap(tap, _) => Action::Block { law: Law::Memory(command), tap },
+        },
         entries: range,
         complexity: 1 + command.parameters(),
         starts,
@@ -429,12 +453,15 @@ fn memory(
 }
 
 /// Largest rate of a command in the estimation records, over some samples: a step has none of its own.
-fn fastest(study: &Study, input: usize) -> f64 {
-    const SPAN: usize = 10;
+fn fastest_command(study: &Study, input: usize) -> f64 {
     let own = study.records.iter().filter_map(|record| Some((record.inputs[input].as_ref()?, record.step)));
-    let rates = own.flat_map(|(values, step)| {
-        values.windows(SPAN + 1).map(move |part| (part[SPAN] - part[0]).abs() / (SPAN as f64 * step))
-    });
+    own.map(|(values, step)| fastest(values, step)).fold(0.0, f64::max)
+}
+
+/// Largest rate of values, `[n]` at `step` \[s\], over some samples.
+pub(super) fn fastest(values: &[f64], step: f64) -> f64 {
+    const SPAN: usize = 10;
+    let rates = values.windows(SPAN + 1).map(|part| (part[SPAN] - part[0]).abs() / (SPAN as f64 * step));
     rates.fold(0.0, f64::max)
 }
 

@@ -87,7 +87,7 @@ pub(super) const FLOW: [Kind; 5] = [
     kind("drift", Law::Drift, &[("slope", "E/s")], &[]),
 ];
 
-/// What a command of any kind may lack.
+/// What a command, or a signal that one component gives another, may lack.
 pub(super) const COMMAND: [Kind; 4] = [
     kind("gain", Law::Gain, &[("gain", "1")], &[]),
     kind("deadband", Law::DeadBand, &[("width", "E")], &[0]),

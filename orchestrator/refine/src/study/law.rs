@@ -1,5 +1,7 @@
 //! The laws of the candidate effects, as forces and as changes of a command: what a block at an attachment computes.
 
+use super::command::Command;
+
 /// What a law may depend on.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Point {
@@ -139,6 +141,8 @@ pub enum Law {
     Drift,
     /// `-value`
     Bias,
+    /// Change with a memory of a signal inside of the system
+    Memory(Command),
     /// Free form over a variable: heights at knots over its range; see [`shape`]
     Shape(Variable),
     /// An effect of one's own: index into [`super::model::Study::own`].
@@ -155,6 +159,7 @@ impl Law {
             Law::CubicSpring | Law::Overflow => 2,
             Law::EndStop | Law::Cogging => 3,
             Law::Shape(_) => KNOTS,
+            Law::Memory(kind) => kind.parameters(),
             _ => 1,
         }
     }
@@ -173,7 +178,7 @@ impl Law {
             Law::Drift => vec![Time],
             Law::Bias => vec![Value, Position],
             Law::Area => vec![PressureForce],
-            Law::Gain | Law::DeadBand | Law::Saturation => vec![Value],
+            Law::Gain | Law::DeadBand | Law::Saturation | Law::Memory(_) => vec![Value],
             Law::PositionGain => vec![Value, Position],
             Law::Droop => vec![Value, Time],
             Law::Shape(variable) => vec![variable],
@@ -183,7 +188,10 @@ impl Law {
 
     /// Whether the law changes a command instead of taking a force from it.
     pub fn changes_command(self) -> bool {
-        matches!(self, Law::Gain | Law::DeadBand | Law::Saturation | Law::PositionGain | Law::Droop)
+        matches!(
+            self,
+            Law::Gain | Law::DeadBand | Law::Saturation | Law::PositionGain | Law::Droop | Law::Memory(_)
+        )
     }
 
     /// Whether the force has a factor that changes its sign with the velocity.
@@ -202,12 +210,13 @@ impl Law {
     /// Place in the order in which laws act at one attachment: changes of a command first, as the amended system has them.
     pub fn rank(self) -> usize {
         match self {
-            Law::DeadBand => 0,
-            Law::Saturation => 1,
-            Law::Gain => 2,
-            Law::PositionGain => 3,
-            Law::Droop => 4,
-            _ => 5,
+            Law::Memory(kind) => kind.rank(),
+            Law::DeadBand => 6,
+            Law::Saturation => 7,
+            Law::Gain => 8,
+            Law::PositionGain => 9,
+            Law::Droop => 10,
+            _ => 11,
         }
     }
 
@@ -252,8 +261,8 @@ impl Law {
             Law::Drift => p[0] * at.time,
             Law::Bias => -p[0],
             Law::Gain | Law::DeadBand | Law::Saturation | Law::PositionGain | Law::Droop => 0.0,
-            // Computed by the study, which has their formulas.
-            Law::Shape(_) | Law::Own(_) | Law::Surface(_) => 0.0,
+            // Computed by the study, which has their formulas and memories.
+            Law::Memory(_) | Law::Shape(_) | Law::Own(_) | Law::Surface(_) => 0.0,
         }
     }
 
