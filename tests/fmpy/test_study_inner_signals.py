@@ -68,12 +68,13 @@ class Passed:
     """What comes out of an effect for what goes in, over fine steps of h."""
 
     def __init__(self, kind, values):
-        self.kind, self.values, self.out = kind, values, None
+        self.kind, self.values, self.out, self.last = kind, values, None, None
 
     def __call__(self, value, h):
         q, kind = self.values, self.kind
         if self.out is None:
-            self.out = value
+            self.out = self.last = value
+        middle, self.last = 0.5 * (self.last + value), value
         if kind == "deadband":
             self.out = np.sign(value) * max(abs(value) - q[0], 0.0)
         elif kind == "saturation":
@@ -81,7 +82,7 @@ class Passed:
         elif kind == "hysteresis":
             self.out = max(value - q[0], min(self.out, value + q[0]))
         elif kind == "fill":
-            self.out += (value - self.out) * (1 - np.exp(-h / (q[0] if value > self.out else q[1])))
+            self.out += (middle - self.out) * (1 - np.exp(-h / (q[0] if middle > self.out else q[1])))
         elif kind == "rate_limit":
             self.out += min(max(value - self.out, -q[0] * h), q[0] * h)
         else:

@@ -70,6 +70,9 @@ pub enum Variable {
     Time,
 }
 
+/// Ratio of pressures below which the flow of air is choked.
+const CRITICAL_RATIO: f64 = 0.528;
+
 /// Knots of a free form.
 pub const KNOTS: usize = 8;
 
@@ -115,6 +118,8 @@ pub enum Law {
     Spring,
     /// x > pos: `max(0, stiffness (x - pos) + damping v)`
     EndStop,
+    /// x < pos: `min(0, stiffness (x - pos) + damping v)`
+    LowerStop,
     /// `sine sin(2 pi x / period) + cosine cos(2 pi x / period)`
     Cogging,
     /// `-coef p`
@@ -125,6 +130,8 @@ pub enum Law {
     DeadBand,
     /// value clipped
     Saturation,
+    /// value clipped between two values
+    Limits,
     /// gain that changes with position
     PositionGain,
     /// gain that falls with time
@@ -137,6 +144,8 @@ pub enum Law {
     Outlet,
     /// `coef max(0, x - level)`
     Overflow,
+    /// `coef x sqrt(1 - (max(0, outside/x - b)/(1 - b))^2)` with the critical ratio of pressures b of a gas
+    Choked,
     /// `slope t`
     Drift,
     /// `-value`
@@ -156,8 +165,8 @@ impl Law {
     pub fn parameters(self) -> usize {
         match self {
             Law::Stribeck | Law::Asymmetry | Law::Spring | Law::Droop => 2,
-            Law::CubicSpring | Law::Overflow => 2,
-            Law::EndStop | Law::Cogging => 3,
+            Law::CubicSpring | Law::Overflow | Law::Limits | Law::Choked => 2,
+            Law::EndStop | Law::LowerStop | Law::Cogging => 3,
             Law::Shape(_) => KNOTS,
             Law::Memory(kind) => kind.parameters(),
             _ => 1,
@@ -173,12 +182,12 @@ impl Law {
             Law::Pressure => vec![Velocity, PressureForce],
             Law::Offset => vec![Velocity, Position],
             Law::PositionCoulomb => vec![Velocity, Position],
-            Law::Spring | Law::EndStop | Law::Cogging => vec![Position],
-            Law::CubicSpring | Law::Leakage | Law::Outlet | Law::Overflow => vec![Position],
+            Law::Spring | Law::EndStop | Law::LowerStop | Law::Cogging => vec![Position],
+            Law::CubicSpring | Law::Leakage | Law::Outlet | Law::Overflow | Law::Choked => vec![Position],
             Law::Drift => vec![Time],
             Law::Bias => vec![Value, Position],
             Law::Area => vec![PressureForce],
-            Law::Gain | Law::DeadBand | Law::Saturation | Law::Memory(_) => vec![Value],
+            Law::Gain | Law::DeadBand | Law::Saturation | Law::Limits | Law::Memory(_) => vec![Value],
             Law::PositionGain => vec![Value, Position],
             Law::Droop => vec![Value, Time],
             Law::Shape(variable) => vec![variable],
@@ -190,7 +199,13 @@ impl Law {
     pub fn changes_command(self) -> bool {
         matches!(
             self,
-            Law::Gain | Law::DeadBand | Law::Saturation | Law::PositionGain | Law::Droop | Law::Memory(_)
+            Law::Gain
+                | Law::DeadBand
+                | Law::Saturation
+                | Law::Limits
+                | Law::PositionGain
+                | Law::Droop
+                | Law::Memory(_)
         )
     }
 
@@ -212,7 +227,7 @@ impl Law {
         match self {
             Law::Memory(kind) => kind.rank(),
             Law::DeadBand => 6,
-            Law::Saturation => 7,
+            Law::Saturation | Law::Limits => 7,
             Law::Gain => 8,
             Law::PositionGain => 9,
             Law::Droop => 10,
@@ -249,6 +264,17 @@ impl Law {
                     0.0
                 }
             }
+            Law::LowerStop => {
+                if x < p[2] {
+                    (p[0] * (x - p[2]) + p[1] * v).min(0.0)
+                } else {
+                    0.0
+                }
+            }
+            Law::Choked => {
+                let above = (p[1] / x - CRITICAL_RATIO).max(0.0) / (1.0 - CRITICAL_RATIO);
+                p[0] * x * (1.0 - above * above).max(0.0).sqrt()
+            }
             Law::Cogging => {
                 let phase = std::f64::consts::TAU * x / p[2];
                 p[0] * phase.sin() + p[1] * phase.cos()
@@ -260,7 +286,8 @@ impl Law {
             Law::Overflow => p[0] * (x - p[1]).max(0.0),
             Law::Drift => p[0] * at.time,
             Law::Bias => -p[0],
-            Law::Gain | Law::DeadBand | Law::Saturation | Law::PositionGain | Law::Droop => 0.0,
+            Law::Gain | Law::DeadBand | Law::Saturation | Law::Limits => 0.0,
+            Law::PositionGain | Law::Droop => 0.0,
             // Computed by the study, which has their formulas and memories.
             Law::Memory(_) | Law::Shape(_) | Law::Own(_) | Law::Surface(_) => 0.0,
         }
@@ -272,6 +299,7 @@ impl Law {
             Law::Gain => (1.0 + p[0]) * value,
             Law::DeadBand => value - value.clamp(-p[0].abs(), p[0].abs()),
             Law::Saturation => value.clamp(-p[0].abs(), p[0].abs()),
+            Law::Limits => value.min(p[1]).max(p[0]),
             Law::PositionGain => (1.0 + p[0] * at.position) * value,
             Law::Droop => (1.0 - p[0] * (1.0 - (-at.time / p[1]).exp())) * value,
             _ => value,
@@ -325,6 +353,9 @@ mod tests {
         let force = |x, v| Law::EndStop.force(&[100.0, 10.0, 0.2], &at(x, v), 0.0, 0.0, 0.0);
         assert_eq!((force(0.1, 1.0), force(0.3, -5.0)), (0.0, 0.0));
         assert!((force(0.3, 0.5) - 15.0).abs() < 1e-12);
+        let force = |x, v| Law::LowerStop.force(&[100.0, 10.0, -0.2], &at(x, v), 0.0, 0.0, 0.0);
+        assert_eq!((force(-0.1, -1.0), force(-0.3, 5.0)), (0.0, 0.0));
+        assert!((force(-0.3, -0.5) + 15.0).abs() < 1e-12);
     }
 
     #[test]

@@ -453,6 +453,12 @@ impl<'a> View<'a> {
                 match kind {
                     Sensor::Offset => own.iter_mut().for_each(|y| *y += value),
                     Sensor::Gain => own.iter_mut().for_each(|y| *y *= 1.0 + value),
+                    Sensor::Drift => {
+                        let begin = piece.range.start;
+                        let time = |k: usize| (begin + k) as f64 * step;
+                        own.iter_mut().enumerate().for_each(|(k, y)| *y += value * time(k));
+                    }
+                    Sensor::Nonlinearity => own.iter_mut().for_each(|y| *y += value * *y * *y),
                     Sensor::Delay => {
                         let late = delayed(own, value / step);
                         own.copy_from_slice(&late);
