@@ -40,6 +40,8 @@ pub fn effect(id: &str) -> &str {
         "sensor.offset" => "an offset of the sensor",
         "sensor.delay" => "a delay of the sensor",
         "sensor.lag" => "a lag of the sensor",
+        "sensor.drift" => "a drift of the sensor with time",
+        "sensor.nonlinearity" => "a curved characteristic of the sensor",
         "sensor.gain" => "a gain error of the sensor",
         other => other,
     }
@@ -60,6 +62,9 @@ pub fn kind(kind: &str) -> &str {
         "spring" => "a spring",
         "cubic_spring" => "a spring that stiffens with the cube of the way",
         "endstop" => "an end stop",
+        "lower_endstop" => "an end stop at the lower end",
+        "limits" => "a limit for each direction",
+        "choked_flow" => "a leak of gas that may be choked",
         "leakage" => "leakage with the square root of the level",
         "linear_leakage" => "leakage in proportion to the level",
         "overflow" => "an overflow above a level",

@@ -8,7 +8,7 @@ use super::network::{Block, Part};
 use crate::answer::{Effect, Wiring};
 
 /// Order of the kinds that change the value that passes, as the search has them; all others add up behind them.
-pub const ORDER: [&str; 11] = [
+pub const ORDER: [&str; 12] = [
     "delay",
     "hysteresis",
     "lag",
@@ -17,6 +17,7 @@ pub const ORDER: [&str; 11] = [
     "mode",
     "deadband",
     "saturation",
+    "limits",
     "gain",
     "posgain",
     "droop",

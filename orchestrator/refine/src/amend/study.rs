@@ -9,6 +9,7 @@ use super::{own, port};
 use crate::answer::{Answer, Effect, Wiring};
 use crate::study::declaration::{Attachment, File, Signal};
 use crate::study::open;
+use crate::vocabulary::builtin::Builtin;
 use airloop_cosim::system::SystemGraph;
 use airloop_cosim::system::graph::{Component, Conversion, Source, Start, StartValue, SystemOutput};
 use airloop_cosim::system::ssp::{self, Endpoint};
@@ -18,6 +19,8 @@ use airloop_fmi::{Causality, Variability};
 
 /// Step of sampled blocks where the study states none \[s\].
 const STEP: f64 = 1e-3;
+/// Samples of a block that has to be sampled, on a signal that moves between those of the records.
+const SAMPLES_PER_STEP: f64 = 10.0;
 
 /// The declared system with the selected effects of an answer, and with the values that its free parameters have beside
 /// them. `work`: a folder for a passing file.
@@ -143,6 +146,9 @@ fn sense(
         };
         let block = match effect.kind() {
             "lag" => lagging(),
+            "drift" | "nonlinearity" => Builtin::formula(&effect.id).map(|formula| {
+                own::block(&formula, (effect, blocks::name(effect)), 1.0, &Sources::default())
+            }),
             _ => blocks::sensor(effect, step, sampled, false),
         };
         let Some(mut block) = block.filter(|_| shown) else { continue };
@@ -223,6 +229,9 @@ fn place(
         let stated = file.declaration.inputs.get(input).is_some_and(|own| own.get_ref().hold);
         stated || graph.input_is_held(index)
     });
+    // A signal inside of the system moves between the samples of the records.
+    let inner = index.is_none() && effect.kind() == "hysteresis";
+    let sampling = if inner { step / SAMPLES_PER_STEP } else { step };
     let twin = selected.iter().filter(|other| other.id == effect.id).count() > 1;
     let mut name = blocks::name(effect).split('@').next().unwrap_or("effect").to_owned();
     if twin || effect.id.contains('@') {
@@ -230,8 +239,12 @@ fn place(
     }
     let block = match &effect.own {
         Some(formula) => Some(own::block(formula, (effect, name), wiring.sign, &sources)),
-        None => blocks::memory(effect, &name, step, held)
-            .or_else(|| port::block(effect, name, wiring, step, &sources)),
+        None => blocks::memory(effect, &name, sampling, held)
+            .or_else(|| port::block(effect, name.clone(), wiring, step, &sources))
+            .or_else(|| {
+                let formula = Builtin::formula(effect.kind())?;
+                Some(own::block(&formula, (effect, name), wiring.sign, &sources))
+            }),
     };
     let Some(block) = block else { return };
     for (index, target) in targets(network, graph, input).iter().enumerate() {

@@ -134,7 +134,7 @@ pub fn prepared(file: &File, say: Say) -> Result<(Study, Vec<Attachment>, Fit), 
     study.unobservable = observability::unobservable(&study);
     say("fitting the declared model");
     let declared = declared(file, &study)?;
-    let survey = {
+    let mut survey = {
         let fits = Fits::new(&study, vec![1.0; study.outputs.len()]);
         fits.view(&[], &fits.pieces).survey(&declared.parameters, &declared.locals)
     };
@@ -143,8 +143,9 @@ pub fn prepared(file: &File, say: Say) -> Result<(Study, Vec<Attachment>, Fit), 
     let fed: Vec<bool> =
         (0..inputs.len()).map(|i| study.records.iter().all(|record| record.inputs[i].is_some())).collect();
     let place = |name: &str| inputs.iter().position(|input| input == name).filter(|&i| fed[i]);
+    let trace = trace(&study, &declared);
+    survey.trace(&trace);
     catalogue::fill(&mut study, &attachments, &survey, &place);
-    let trace = if file.effects.is_empty() { Vec::new() } else { trace(&study, &declared) };
     attach::fill(&mut study, &attachments, &file.effects, &trace);
     tolerance::fill(&mut study, file);
     if study.candidates.is_empty() {

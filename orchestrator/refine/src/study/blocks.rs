@@ -3,7 +3,9 @@
 use std::cell::{Cell, RefCell};
 use std::ops::Range;
 
+use super::catalogue::fastest;
 use super::law::{Law, Point, preslide_along, shape};
+use super::memory::Memory;
 use super::model::Study;
 use crate::vocabulary::own::STATES;
 
@@ -12,9 +14,33 @@ use crate::vocabulary::own::STATES;
 pub struct Survey {
     /// For each attachment: ranges of velocity, position, pressure force, pressure, and of the value that passes.
     pub ranges: Vec<[(f64, f64); 5]>,
+    /// For each attachment: largest rate of that value; empty: not looked for.
+    pub fastest: Vec<f64>,
+    /// For each attachment: positions at the samples, sorted; empty: not looked for.
+    pub positions: Vec<Vec<f64>>,
 }
 
 impl Survey {
+    /// Adds what a trace shows, `[records]` of its step \[s\] and points `[taps][n]`.
+    pub(super) fn trace(&mut self, records: &[(f64, Vec<Vec<Point>>)]) {
+        let rate = |tap: usize| {
+            let own = records.iter().filter_map(|(step, taps)| Some((*step, taps.get(tap)?)));
+            own.map(|(step, points)| {
+                let values: Vec<f64> = points.iter().map(|point| point.value).collect();
+                fastest(&values, step)
+            })
+            .fold(0.0, f64::max)
+        };
+        self.fastest = (0..self.ranges.len()).map(rate).collect();
+        let positions = |tap: usize| {
+            let own = records.iter().filter_map(|(_, taps)| taps.get(tap)).flatten();
+            let mut found: Vec<f64> = own.map(|point| point.position).collect();
+            found.sort_by(f64::total_cmp);
+            found
+        };
+        self.positions = (0..self.ranges.len()).map(positions).collect();
+    }
+
     pub(super) fn see(&mut self, tap: usize, values: [f64; 5]) {
         for (range, value) in self.ranges[tap].iter_mut().zip(values) {
             *range = (range.0.min(value), range.1.max(value));
@@ -32,6 +58,8 @@ pub(super) struct Blocks<'a> {
     /// For each tap: law, its parameters, its states in `z`.
     pub(super) laws: Vec<Vec<Acting>>,
     pub(super) z: Vec<f64>,
+    /// For each of these states: what an effect with a memory has seen.
+    pub(super) memories: Vec<Memory>,
     /// Time of the sample \[s\].
     pub(super) time: f64,
     /// Time of the evaluation \[s\].
@@ -54,6 +82,15 @@ impl Blocks<'_> {
         let [velocity, position, pressure_force, pressure] = self.study.taps[tap].signals.map(at);
         let value = self.seen[tap].get();
         Point { velocity, position, pressure_force, pressure, time: self.time, value }
+    }
+
+    /// Puts the states to where they begin.
+    pub(super) fn rest(&mut self) {
+        for (law, _, states) in self.laws.iter().flatten() {
+            let value = if matches!(law, Law::Memory(_)) { f64::NAN } else { 0.0 };
+            self.z[states.clone()].fill(value);
+        }
+        self.memories.iter().for_each(Memory::clear);
     }
 
     /// Coulomb level that presliding acts on: declared and added.
@@ -96,6 +133,9 @@ impl Blocks<'_> {
             } else if let Law::Surface(index) = *law {
                 let at = Point { value, time: self.now.get(), ..point };
                 value -= own.sign * self.study.surfaces[index].value(p, &at);
+            } else if let Law::Memory(kind) = *law {
+                let (memory, z) = (&self.memories[states.start], &self.z[states.clone()]);
+                value = memory.pass((kind, p), z, (self.time, self.now.get()), value);
             } else if law.changes_command() {
                 value = law.command(p, &point, value);
             } else if let Law::Shape(variable) = *law {
@@ -149,6 +189,10 @@ impl Blocks<'_> {
                     Law::Own(index) => {
                         let mean = sample.towards(last, 0.5 * part);
                         self.study.own[index].advance(mean.variables(), z, &self.p[range.clone()], step);
+                    }
+                    Law::Memory(kind) => {
+                        let p = &self.p[range.clone()];
+                        self.memories[states.start].advance((kind, p), z, self.time, step);
                     }
                     _ => {}
                 }

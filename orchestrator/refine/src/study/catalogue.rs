@@ -2,13 +2,16 @@
 
 use std::ops::Range;
 
+use airloop_series::compound_unit;
+
 use super::blocks::Survey;
 use super::command::Command;
-use super::declaration::Attachment;
+use super::declaration::{Attachment, Initial, InitialWord};
 use super::kinds::{COMMAND, COMMANDS, FLOW, Kind, MECHANICAL, Memory, PORT_COMMANDS, kinds, unit};
 use super::law::{KNOTS, Law, Variable};
 use super::model::{Action, Entry, Sensor, Study, Target};
 use super::ports;
+use super::read::Record;
 use crate::answer::Effect;
 use crate::engine::fit::Free;
 
@@ -67,6 +70,15 @@ impl Candidate {
     }
 }
 
+/// Where an effect with a memory acts.
+#[derive(Debug, Clone, Copy)]
+enum Entrance {
+    /// On a command of the records: input of the system.
+    Input(usize),
+    /// On a signal inside of the system: attachment, and the largest rate there.
+    Tap(usize, f64),
+}
+
 /// Share of the largest speed at a port over which friction changes its sign, where nothing is stated.
 const SIGN_CHANGE: f64 = 0.01;
 
@@ -87,14 +99,17 @@ fn starts(law: Law, count: usize, ranges: &[(f64, f64); 5]) -> Result<Vec<Vec<f6
             return Err(needs_motion);
         }
         Law::PositionCoulomb | Law::Cogging if v <= 0.0 || x <= 0.0 => return Err(needs_position),
-        Law::Spring | Law::EndStop | Law::PositionGain | Law::CubicSpring if x <= 0.0 => {
+        Law::Spring | Law::EndStop | Law::LowerStop | Law::PositionGain | Law::CubicSpring if x <= 0.0 => {
             return Err(needs_position);
         }
-        Law::Leakage | Law::Outlet | Law::Overflow if x <= 0.0 => {
+        Law::Leakage | Law::Outlet | Law::Overflow | Law::Choked if x <= 0.0 => {
             return Err("the level does not change in the estimation records, or none is known at the port");
         }
         Law::Outlet | Law::Overflow if position.0 < -0.01 * x || position.1 <= 0.0 => {
             return Err("it is below zero at times, so that it is no level");
+        }
+        Law::Choked if position.0 <= 0.0 => {
+            return Err("the pressure is not above zero at all times, so that it is no absolute one");
         }
         Law::Pressure if v <= 0.0 || width(pressure_force) <= 0.1 * size(pressure_force) => {
             return Err("the pressure force hardly changes, or none is known at the attachment");
@@ -102,8 +117,8 @@ fn starts(law: Law, count: usize, ranges: &[(f64, f64); 5]) -> Result<Vec<Vec<f6
         Law::Area if width(pressure) <= 0.1 * size(pressure) => {
             return Err("the pressure hardly changes, or none is known at the attachment");
         }
-        Law::Gain | Law::DeadBand | Law::Saturation | Law::Droop if width(value) <= 0.0 => {
-            return Err("the command does not change");
+        Law::Gain | Law::DeadBand | Law::Saturation | Law::Limits | Law::Droop if width(value) <= 0.0 => {
+            return Err("the value does not change");
         }
         _ => {}
     }
@@ -123,6 +138,15 @@ fn starts(law: Law, count: usize, ranges: &[(f64, f64); 5]) -> Result<Vec<Vec<f6
         Law::Droop => [0.3, 1.0, 3.0].map(|tau| vec![0.0, tau]).into(),
         Law::DeadBand => [0.02, 0.1].map(|part| vec![part * size(value)]).into(),
         Law::Saturation => [0.95, 0.8, 0.6].map(|part| vec![part * size(value)]).into(),
+        Law::Limits => {
+            let part = |part: f64| value.0 + part * width(value);
+            [(0.02, 0.8), (0.1, 0.9), (0.2, 0.98)].map(|(low, high)| vec![part(low), part(high)]).into()
+        }
+        Law::Choked => [0.3, 0.6, 0.9].map(|part| vec![0.0, part * position.1]).into(),
+        Law::LowerStop => {
+            let inside = [0.5, 0.3, 0.18, 0.1, 0.04];
+            inside.map(|part| vec![0.0, 0.0, position.0 + part * x]).into()
+        }
         Law::EndStop => {
             let inside = [0.5, 0.7, 0.82, 0.9, 0.96];
             inside.map(|part| vec![0.0, 0.0, position.0 + part * x]).into()
@@ -170,18 +194,29 @@ pub fn fill(
             let duty = attachment.port;
             let mechanical = duty.is_some_and(|duty| duty.kind == ports::Kind::Mechanical);
             let list = if mechanical { &MECHANICAL[..] } else { &FLOW[..] };
+            let attachment_units = study.taps[tap].units.clone();
             let constant = |law: Law| matches!(law, Law::Bias | Law::Drift);
             let sums = duty.is_some_and(|duty| duty.kind != ports::Kind::Signal);
             let here = |kind: &&Kind| {
                 // A command that fills a level may run over it, whatever its unit.
                 let sums = sums || kind.law == Law::Overflow && duty.is_some_and(|duty| duty.fills);
+                if kind.law == Law::Choked && !is_pressure(&attachment_units[2]) {
+                    return false;
+                }
                 duty.is_none_or(|duty| if constant(kind.law) { duty.constants } else { duty.forces && sums })
             };
-            let blocks: Vec<&Kind> =
-                list.iter().filter(here).chain(COMMAND.iter().filter(|_| command.is_some())).collect();
+            // A command stands in the records, a signal between components is that of the simulation.
+            let passes = command.is_none() && duty.is_some_and(|duty| duty.passes);
+            let entrance = match command {
+                Some(input) => Some(Entrance::Input(input)),
+                None => passes.then(|| Entrance::Tap(tap, survey.fastest.get(tap).copied().unwrap_or(0.0))),
+            };
+            // A gain may vary along the way of a force, not with any state that a signal moves.
+            let varies = |kind: &&Kind| mechanical || kind.law != Law::PositionGain;
+            let changes = COMMAND.iter().filter(|_| entrance.is_some()).filter(varies);
+            let blocks: Vec<&Kind> = list.iter().filter(here).chain(changes).collect();
             blocks_at(study, tap, attachment, "", &blocks, &ranges);
-            let memories = PORT_COMMANDS.iter().filter(|_| command.is_some());
-            memories_at(study, tap, attachment, (command, "", &ranges), memories);
+            memories_at(study, tap, attachment, (entrance, "", &ranges), PORT_COMMANDS.iter());
             continue;
         }
         for channel in &attachment.channels {
@@ -192,9 +227,11 @@ pub fn fill(
             let blocks: Vec<&Kind> = list.iter().filter(fitting).collect();
             blocks_at(study, tap, attachment, channel, &blocks, &ranges);
             let memories = COMMANDS.iter().filter(|_| channel == "actuator");
-            memories_at(study, tap, attachment, (command, channel, &ranges), memories);
+            let entrance = command.map(Entrance::Input);
+            memories_at(study, tap, attachment, (entrance, channel, &ranges), memories);
         }
     }
+    study.positions.clone_from(&survey.positions);
     let pairs: Vec<(usize, Option<usize>)> =
         (0..study.candidates.len()).map(|c| (c, coulomb_beside(study, c))).collect();
     for (candidate, needs) in pairs {
@@ -213,6 +250,12 @@ pub fn fill(
             probes(study, tap, attachment, fed(&attachment.input).is_some());
         }
     }
+}
+
+/// Whether a unit is one of pressure.
+fn is_pressure(unit: &str) -> bool {
+    let known = |text: &str| compound_unit::parse(text).map(|own| own.exponents);
+    known(unit).is_some() && known(unit) == known("Pa")
 }
 
 /// Whether an effect is looked for at an attachment; the list may name it as reports do, with its port.
@@ -246,15 +289,15 @@ fn memories_at<'a>(
     study: &mut Study,
     tap: usize,
     attachment: &Attachment,
-    (input, channel, ranges): (Option<usize>, &'static str, &[(f64, f64); 5]),
+    (entrance, channel, ranges): (Option<Entrance>, &'static str, &[(f64, f64); 5]),
     list: impl Iterator<Item = &'a Memory>,
 ) {
-    let Some(input) = input else { return };
+    let Some(entrance) = entrance else { return };
     let units = study.taps[tap].units.clone();
     for (id, command, parameters) in list.filter(|own| wanted(attachment, own.0)) {
         let parameters: Vec<(&str, String)> =
             parameters.iter().map(|(name, template)| (*name, unit(template, &units))).collect();
-        memory(study, (id, channel), *command, &parameters, input, ranges[4]);
+        memory(study, (id, channel), *command, &parameters, entrance, ranges[4]);
     }
 }
 
@@ -384,13 +427,16 @@ fn memory(
     (id, channel): (&'static str, &'static str),
     command: Command,
     parameters: &[(&str, String)],
-    input: usize,
+    entrance: Entrance,
     range: (f64, f64),
 ) {
     let size = range.0.abs().max(range.1.abs());
+    let port = match entrance {
+        Entrance::Input(input) => study.graph.inputs[input].name.clone(),
+        Entrance::Tap(tap, _) => study.taps[tap].name.clone(),
+    };
     if range.1 <= range.0 || range.1.is_nan() {
-        let port = &study.graph.inputs[input].name;
-        study.not_testable.push((format!("{id}@{port}"), "the command does not change".into()));
+        study.not_testable.push((format!("{id}@{port}"), "the value does not change".into()));
         return;
     }
     let step = study.records.first().map_or(1e-3, |record| record.step);
@@ -407,7 +453,10 @@ fn memory(
             (grid.map(|(up, down)| vec![up * step, down * step]).into(), [(0.3 * step, 2000.0 * step); 2])
         }
         Command::RateLimit => {
-            let fastest = fastest(study, input);
+            let fastest = match entrance {
+                Entrance::Input(input) => fastest_command(study, input),
+                Entrance::Tap(_, fastest) => fastest,
+            };
             let start = [0.9, 0.5, 0.2].map(|part| vec![part * fastest]);
             (start.into(), [(1e-3 * fastest, 10.0 * fastest); 2])
         }
@@ -416,10 +465,13 @@ fn memory(
     study.candidates.push(Candidate {
         id: id.to_owned(),
         channel,
-        port: study.graph.inputs[input].name.clone(),
+        port,
         twin: false,
         signal: None,
-        action: Action::Command { kind: command, input },
+        action: match entrance {
+            Entrance::Input(input) => Action::Command { kind: command, input },
+            Entrance::Tap(tap, _) => Action::Block { law: Law::Memory(command), tap },
+        },
         entries: range,
         complexity: 1 + command.parameters(),
         starts,
@@ -429,33 +481,51 @@ fn memory(
 }
 
 /// Largest rate of a command in the estimation records, over some samples: a step has none of its own.
-fn fastest(study: &Study, input: usize) -> f64 {
-    const SPAN: usize = 10;
+fn fastest_command(study: &Study, input: usize) -> f64 {
     let own = study.records.iter().filter_map(|record| Some((record.inputs[input].as_ref()?, record.step)));
-    let rates = own.flat_map(|(values, step)| {
-        values.windows(SPAN + 1).map(move |part| (part[SPAN] - part[0]).abs() / (SPAN as f64 * step))
-    });
+    own.map(|(values, step)| fastest(values, step)).fold(0.0, f64::max)
+}
+
+/// Largest rate of values, `[n]` at `step` \[s\], over some samples.
+pub(super) fn fastest(values: &[f64], step: f64) -> f64 {
+    const SPAN: usize = 10;
+    let rates = values.windows(SPAN + 1).map(|part| (part[SPAN] - part[0]).abs() / (SPAN as f64 * step));
     rates.fold(0.0, f64::max)
 }
 
-fn sensors(study: &mut Study) {
-    // Where initial states are measured or fitted and no input drives them, and where outputs follow inputs at once, a
-    // wrong sensor cannot be distinguished from other initial states and parameters.
+/// Whether a wrong sensor of an output can be distinguished from other initial states and parameters.
+fn told(study: &Study, output: usize) -> bool {
     let driven = study.records.iter().any(|record| record.inputs.iter().any(Option::is_some));
-    let states = study.records.iter().any(|record| !record.states.is_empty());
-    if !driven || !states || study.windows.is_some() {
-        study.not_testable.push((
-            "sensor".into(),
-            "without a measured input that drives the states over whole segments, a wrong sensor cannot be told from other parameters and initial states".into(),
-        ));
-        return;
+    let beside = study.outputs.len() > 1;
+    if study.records.iter().all(|record| record.states.is_empty()) {
+        return driven && beside;
     }
+    let column = Some(&study.outputs[output].name);
+    let begins = study.sensors.signals[1].iter().flatten().any(|signal| signal.source() == column);
+    let of = |record: &Record| match &record.initial {
+        Initial::Given(_) => true,
+        Initial::Word(InitialWord::Measured) => !begins,
+        Initial::Word(InitialWord::Fit) => false,
+    };
+    if study.windows.is_some() { !begins } else { driven || study.records.iter().all(of) }
+}
+
+fn sensors(study: &mut Study) {
+    let open: Vec<usize> = (0..study.outputs.len()).filter(|&output| !told(study, output)).collect();
+    let why = "a wrong sensor cannot be told from other parameters and initial states: these come from its column or are fitted without a measured input that drives the system, or outputs follow inputs at once and no other output shows the difference";
+    let names: Vec<String> = if open.len() == study.outputs.len() {
+        vec!["sensor".into()]
+    } else {
+        open.iter().map(|&output| format!("sensor({})", study.outputs[output].name)).collect()
+    };
+    study.not_testable.extend(names.into_iter().map(|name| (name, why.to_owned())));
     let step = study.records.first().map_or(1e-3, |record| record.step);
     let all = (f64::NEG_INFINITY, f64::INFINITY);
-    for output in 0..study.outputs.len() {
+    for output in (0..study.outputs.len()).filter(|output| !open.contains(output)) {
         let (name, unit) = (study.outputs[output].name.clone(), study.outputs[output].unit.clone());
-        // A lag is asked for where the ports were: effects.md has none.
-        let lag = study.taps.iter().all(|tap| !tap.stated);
+        let (per_second, per_unit) = (format!("{unit}/s"), format!("1/({unit})"));
+        // These are asked for where the ports were found, not where channels of the rig are stated.
+        let found = study.taps.iter().all(|tap| !tap.stated);
         let kinds = [
             (
                 "sensor.lag",
@@ -464,6 +534,8 @@ fn sensors(study: &mut Study) {
                 vec![vec![3.0 * step], vec![15.0 * step]],
                 (0.0, 500.0 * step),
             ),
+            ("sensor.drift", Sensor::Drift, ("slope", per_second.as_str()), vec![vec![0.0]], all),
+            ("sensor.nonlinearity", Sensor::Nonlinearity, ("coef", per_unit.as_str()), vec![vec![0.0]], all),
             ("sensor.offset", Sensor::Offset, ("value", unit.as_str()), vec![vec![0.0]], all),
             ("sensor.gain", Sensor::Gain, ("gain", "1"), vec![vec![0.0]], all),
             (
@@ -475,8 +547,8 @@ fn sensors(study: &mut Study) {
             ),
         ];
         for (id, kind, parameter, starts, bounds) in kinds {
-            if kind == Sensor::Offset && study.outputs[output].offset.is_some() || kind == Sensor::Lag && !lag
-            {
+            let of_ports = matches!(kind, Sensor::Lag | Sensor::Drift | Sensor::Nonlinearity);
+            if kind == Sensor::Offset && study.outputs[output].offset.is_some() || of_ports && !found {
                 continue;
             }
             let parameter = (parameter.0, parameter.1.to_owned());

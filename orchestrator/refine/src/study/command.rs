@@ -24,6 +24,11 @@ impl Command {
         if matches!(self, Command::Mode | Command::Fill) { 2 } else { 1 }
     }
 
+    /// Number of states on a signal inside of the system.
+    pub fn states(self) -> usize {
+        if self == Command::Mode { 2 } else { 1 }
+    }
+
     /// Whether the changed command moves between its samples even if the one before is held.
     pub fn moves_between_samples(self) -> bool {
         matches!(self, Command::Lag | Command::Fill | Command::RateLimit | Command::Mode)
@@ -91,37 +96,51 @@ fn lag(values: &[f64], up: f64, down: f64, step: f64, held: bool) -> Vec<f64> {
     for (k, &u) in values.iter().enumerate() {
         found.push(y);
         let next = values.get(k + 1).copied().filter(|_| !held).unwrap_or(u);
-        let tau = if 0.5 * (u + next) > y { up } else { down }.max(1e-9);
-        let (decay, slope) = ((-step / tau).exp(), (next - u) / step);
-        // The particular solution of a line is the line, late by the time constant.
-        y = (u - slope * (tau - step)) + (y - (u - slope * tau)) * decay;
+        y = lag_along(y, [u, next], [up, down], step);
     }
     found
 }
 
+/// Value of a lag after `step` \[s\] in which its input goes from `u` to `next` in a line.
+pub(super) fn lag_along(y: f64, [u, next]: [f64; 2], [up, down]: [f64; 2], step: f64) -> f64 {
+    if step <= 0.0 {
+        return y;
+    }
+    let tau = if 0.5 * (u + next) > y { up } else { down }.max(1e-9);
+    let (decay, slope) = ((-step / tau).exp(), (next - u) / step);
+    // The particular solution of a line is the line, late by the time constant.
+    (u - slope * (tau - step)) + (y - (u - slope * tau)) * decay
+}
+
 /// `y'' + 2 zeta w y' + w^2 y = w^2 u` with u held over each sample or linear between samples.
 fn mode(values: &[f64], freq: f64, zeta: f64, step: f64, held: bool) -> Vec<f64> {
-    let w = std::f64::consts::TAU * freq.max(1e-6);
+    let mut z = [values.first().copied().unwrap_or(0.0), 0.0];
+    let mut found = Vec::with_capacity(values.len());
+    for (k, &u) in values.iter().enumerate() {
+        found.push(z[0]);
+        let next = values.get(k + 1).copied().filter(|_| !held).unwrap_or(u);
+        z = mode_along(z, [u, next], [freq, zeta], step);
+    }
+    found
+}
+
+/// Value and rate of a mode after `step` \[s\] in which its input goes from `u` to `next` in a line.
+pub(super) fn mode_along([mut y, mut v]: [f64; 2], [u, next]: [f64; 2], p: [f64; 2], step: f64) -> [f64; 2] {
+    let (w, zeta) = (std::f64::consts::TAU * p[0].max(1e-6), p[1]);
     // Sub-steps of classical Runge-Kutta short against the mode.
     let count = (w * step / 0.2).ceil().clamp(1.0, 200.0) as usize;
     let h = step / count as f64;
-    let (mut y, mut v) = (values.first().copied().unwrap_or(0.0), 0.0);
-    let mut found = Vec::with_capacity(values.len());
-    for (k, &u) in values.iter().enumerate() {
-        found.push(y);
-        let next = values.get(k + 1).copied().filter(|_| !held).unwrap_or(u);
-        for part in 0..count {
-            let input = |ahead: f64| u + (next - u) * (part as f64 + ahead) / count as f64;
-            let rate = |at: f64, y: f64, v: f64| (v, w * w * (input(at) - y) - 2.0 * zeta * w * v);
-            let (a1, b1) = rate(0.0, y, v);
-            let (a2, b2) = rate(0.5, y + 0.5 * h * a1, v + 0.5 * h * b1);
-            let (a3, b3) = rate(0.5, y + 0.5 * h * a2, v + 0.5 * h * b2);
-            let (a4, b4) = rate(1.0, y + h * a3, v + h * b3);
-            y += h / 6.0 * (a1 + 2.0 * (a2 + a3) + a4);
-            v += h / 6.0 * (b1 + 2.0 * (b2 + b3) + b4);
-        }
+    for part in 0..count {
+        let input = |ahead: f64| u + (next - u) * (part as f64 + ahead) / count as f64;
+        let rate = |at: f64, y: f64, v: f64| (v, w * w * (input(at) - y) - 2.0 * zeta * w * v);
+        let (a1, b1) = rate(0.0, y, v);
+        let (a2, b2) = rate(0.5, y + 0.5 * h * a1, v + 0.5 * h * b1);
+        let (a3, b3) = rate(0.5, y + 0.5 * h * a2, v + 0.5 * h * b2);
+        let (a4, b4) = rate(1.0, y + h * a3, v + h * b3);
+        y += h / 6.0 * (a1 + 2.0 * (a2 + a3) + a4);
+        v += h / 6.0 * (b1 + 2.0 * (b2 + b3) + b4);
     }
-    found
+    [y, v]
 }
 
 #[cfg(test)]

@@ -62,7 +62,7 @@ const ACTUATOR: [Kind; 6] = [
 ];
 
 /// Effects on a force or torque. Units: E of the value that passes, V of the velocity, X of the position.
-pub(super) const MECHANICAL: [Kind; 13] = [
+pub(super) const MECHANICAL: [Kind; 15] = [
     kind("viscous", Law::Viscous, &[("coef", "E/V")], &[0]),
     kind("coulomb", Law::Coulomb, &[("force", "E"), ("vt", "V")], &[0, 1]),
     kind("stribeck", Law::Stribeck, &[("force", "E"), ("vs", "V")], &[0, 1]),
@@ -75,23 +75,28 @@ pub(super) const MECHANICAL: [Kind; 13] = [
     kind("spring", Law::Spring, &[("stiffness", "E/X"), ("rest", "X")], &[0]),
     kind("cubic_spring", Law::CubicSpring, &[("stiffness", "E/X3"), ("rest", "X")], &[0]),
     kind("endstop", Law::EndStop, &[("stiffness", "E/X"), ("damping", "E/V"), ("pos", "X")], &[0, 1]),
+    kind("lower_endstop", Law::LowerStop, &[("stiffness", "E/X"), ("damping", "E/V"), ("pos", "X")], &[0, 1]),
     kind("cogging", Law::Cogging, &[("amp", "E"), ("phase", "rad"), ("period", "X")], &[2]),
+    kind("drift", Law::Drift, &[("slope", "E/s")], &[]),
 ];
 
 /// Effects on a flow into a level, or on anything else that a state integrates.
-pub(super) const FLOW: [Kind; 5] = [
+pub(super) const FLOW: [Kind; 6] = [
     kind("offset", Law::Bias, &[("value", "E")], &[]),
     kind("linear_leakage", Law::Leakage, &[("coef", "E/X")], &[0]),
     kind("leakage", Law::Outlet, &[("coef", "E/X0.5")], &[0]),
     kind("overflow", Law::Overflow, &[("coef", "E/X"), ("level", "X")], &[0]),
+    kind("choked_flow", Law::Choked, &[("coef", "E/X"), ("outside", "X")], &[0, 1]),
     kind("drift", Law::Drift, &[("slope", "E/s")], &[]),
 ];
 
-/// Effects on a command of any kind.
-pub(super) const COMMAND: [Kind; 4] = [
+/// Effects on a command, or on a signal that one component gives another.
+pub(super) const COMMAND: [Kind; 6] = [
     kind("gain", Law::Gain, &[("gain", "1")], &[]),
     kind("deadband", Law::DeadBand, &[("width", "E")], &[0]),
     kind("saturation", Law::Saturation, &[("limit", "E")], &[0]),
+    kind("limits", Law::Limits, &[("low", "E"), ("high", "E")], &[]),
+    kind("posgain", Law::PositionGain, &[("slope", "1/X")], &[]),
     kind("droop", Law::Droop, &[("depth", "1"), ("tau", "s")], &[1]),
 ];
 

@@ -1,5 +1,7 @@
 //! The laws of the candidate effects, as forces and as changes of a command: the equations of a block at an attachment.
 
+use super::command::Command;
+
 /// Signals that a law may depend on.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Point {
@@ -68,6 +70,9 @@ pub enum Variable {
     Time,
 }
 
+/// Ratio of pressures below which the flow of air is choked.
+const CRITICAL_RATIO: f64 = 0.528;
+
 /// Knots of a free form.
 pub const KNOTS: usize = 8;
 
@@ -114,6 +119,8 @@ pub enum Law {
     Spring,
     /// x > pos: `max(0, stiffness (x - pos) + damping v)`
     EndStop,
+    /// x < pos: `min(0, stiffness (x - pos) + damping v)`
+    LowerStop,
     /// `sine sin(2 pi x / period) + cosine cos(2 pi x / period)`
     Cogging,
     /// `-coef p`
@@ -124,6 +131,8 @@ pub enum Law {
     DeadBand,
     /// value clipped
     Saturation,
+    /// value clipped between two values
+    Limits,
     /// gain that changes with position
     PositionGain,
     /// gain that falls with time
@@ -136,10 +145,14 @@ pub enum Law {
     Outlet,
     /// `coef max(0, x - level)`
     Overflow,
+    /// `coef x sqrt(1 - (max(0, outside/x - b)/(1 - b))^2)` with the critical ratio of pressures b of a gas
+    Choked,
     /// `slope t`
     Drift,
     /// `-value`
     Bias,
+    /// Change with a memory of a signal inside of the system
+    Memory(Command),
     /// Free form over a variable: heights at knots over its range; see [`shape`]
     Shape(Variable),
     /// An effect of one's own: index into [`super::model::Study::own`].
@@ -153,9 +166,10 @@ impl Law {
     pub fn parameters(self) -> usize {
         match self {
             Law::Stribeck | Law::Asymmetry | Law::Spring | Law::Droop => 2,
-            Law::CubicSpring | Law::Overflow => 2,
-            Law::EndStop | Law::Cogging => 3,
+            Law::CubicSpring | Law::Overflow | Law::Limits | Law::Choked => 2,
+            Law::EndStop | Law::LowerStop | Law::Cogging => 3,
             Law::Shape(_) => KNOTS,
+            Law::Memory(kind) => kind.parameters(),
             _ => 1,
         }
     }
@@ -169,12 +183,12 @@ impl Law {
             Law::Pressure => vec![Velocity, PressureForce],
             Law::Offset => vec![Velocity, Position],
             Law::PositionCoulomb => vec![Velocity, Position],
-            Law::Spring | Law::EndStop | Law::Cogging => vec![Position],
-            Law::CubicSpring | Law::Leakage | Law::Outlet | Law::Overflow => vec![Position],
+            Law::Spring | Law::EndStop | Law::LowerStop | Law::Cogging => vec![Position],
+            Law::CubicSpring | Law::Leakage | Law::Outlet | Law::Overflow | Law::Choked => vec![Position],
             Law::Drift => vec![Time],
             Law::Bias => vec![Value, Position],
             Law::Area => vec![PressureForce],
-            Law::Gain | Law::DeadBand | Law::Saturation => vec![Value],
+            Law::Gain | Law::DeadBand | Law::Saturation | Law::Limits | Law::Memory(_) => vec![Value],
             Law::PositionGain => vec![Value, Position],
             Law::Droop => vec![Value, Time],
             Law::Shape(variable) => vec![variable],
@@ -184,7 +198,16 @@ impl Law {
 
     /// Whether the law changes a command instead of taking a force from it.
     pub fn changes_command(self) -> bool {
-        matches!(self, Law::Gain | Law::DeadBand | Law::Saturation | Law::PositionGain | Law::Droop)
+        matches!(
+            self,
+            Law::Gain
+                | Law::DeadBand
+                | Law::Saturation
+                | Law::Limits
+                | Law::PositionGain
+                | Law::Droop
+                | Law::Memory(_)
+        )
     }
 
     /// Whether the force has a factor that changes its sign with the velocity.
@@ -204,12 +227,13 @@ impl Law {
     /// them.
     pub fn rank(self) -> usize {
         match self {
-            Law::DeadBand => 0,
-            Law::Saturation => 1,
-            Law::Gain => 2,
-            Law::PositionGain => 3,
-            Law::Droop => 4,
-            _ => 5,
+            Law::Memory(kind) => kind.rank(),
+            Law::DeadBand => 6,
+            Law::Saturation | Law::Limits => 7,
+            Law::Gain => 8,
+            Law::PositionGain => 9,
+            Law::Droop => 10,
+            _ => 11,
         }
     }
 
@@ -241,6 +265,17 @@ impl Law {
                     0.0
                 }
             }
+            Law::LowerStop => {
+                if x < p[2] {
+                    (p[0] * (x - p[2]) + p[1] * v).min(0.0)
+                } else {
+                    0.0
+                }
+            }
+            Law::Choked => {
+                let above = (p[1] / x - CRITICAL_RATIO).max(0.0) / (1.0 - CRITICAL_RATIO);
+                p[0] * x * (1.0 - above * above).max(0.0).sqrt()
+            }
             Law::Cogging => {
                 let phase = std::f64::consts::TAU * x / p[2];
                 p[0] * phase.sin() + p[1] * phase.cos()
@@ -252,9 +287,10 @@ impl Law {
             Law::Overflow => p[0] * (x - p[1]).max(0.0),
             Law::Drift => p[0] * at.time,
             Law::Bias => -p[0],
-            Law::Gain | Law::DeadBand | Law::Saturation | Law::PositionGain | Law::Droop => 0.0,
-            // Computed by the study, which has their formulas.
-            Law::Shape(_) | Law::Own(_) | Law::Surface(_) => 0.0,
+            Law::Gain | Law::DeadBand | Law::Saturation | Law::Limits => 0.0,
+            Law::PositionGain | Law::Droop => 0.0,
+            // Computed by the study, which has their formulas and memories.
+            Law::Memory(_) | Law::Shape(_) | Law::Own(_) | Law::Surface(_) => 0.0,
         }
     }
 
@@ -264,6 +300,7 @@ impl Law {
             Law::Gain => (1.0 + p[0]) * value,
             Law::DeadBand => value - value.clamp(-p[0].abs(), p[0].abs()),
             Law::Saturation => value.clamp(-p[0].abs(), p[0].abs()),
+            Law::Limits => value.min(p[1]).max(p[0]),
             Law::PositionGain => (1.0 + p[0] * at.position) * value,
             Law::Droop => (1.0 - p[0] * (1.0 - (-at.time / p[1]).exp())) * value,
             _ => value,
@@ -317,6 +354,9 @@ mod tests {
         let force = |x, v| Law::EndStop.force(&[100.0, 10.0, 0.2], &at(x, v), 0.0, 0.0, 0.0);
         assert_eq!((force(0.1, 1.0), force(0.3, -5.0)), (0.0, 0.0));
         assert!((force(0.3, 0.5) - 15.0).abs() < 1e-12);
+        let force = |x, v| Law::LowerStop.force(&[100.0, 10.0, -0.2], &at(x, v), 0.0, 0.0, 0.0);
+        assert_eq!((force(-0.1, -1.0), force(-0.3, 5.0)), (0.0, 0.0));
+        assert!((force(-0.3, -0.5) + 15.0).abs() < 1e-12);
     }
 
     #[test]

@@ -36,6 +36,7 @@ pub mod influence;
 pub mod integration;
 pub mod kinds;
 pub mod law;
+mod memory;
 pub mod model;
 pub mod names;
 pub mod noise;

@@ -149,6 +149,10 @@ pub enum Sensor {
     Delay,
     /// `tau y' = value - y`
     Lag,
+    /// `y + slope t`
+    Drift,
+    /// `y + coef y^2`
+    Nonlinearity,
 }
 
 /// A study.
@@ -190,6 +194,8 @@ pub struct Study {
     pub candidates: Vec<Candidate>,
     /// Ranges at each attachment: velocity, position, pressure force, pressure, the value that passes.
     pub ranges: Vec<[(f64, f64); 5]>,
+    /// Positions at each attachment with the declared model, sorted; empty: not looked for.
+    pub positions: Vec<Vec<f64>>,
     /// Restart of the simulation \[s\].
     pub windows: Option<f64>,
     /// Force residual: rule, velocity state, tap, output column of the driving force.

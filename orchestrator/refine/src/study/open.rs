@@ -495,6 +495,7 @@ pub fn open(file: &File) -> Result<(Study, Vec<Attachment>), Error> {
         surfaces: Vec::new(),
         candidates: Vec::new(),
         ranges: Vec::new(),
+        positions: Vec::new(),
         windows: declaration.error.windows_s,
         force,
         sampled,

@@ -5,6 +5,9 @@ use super::fits::Model;
 use super::law::{Law, Variable};
 use super::model::{Action, Study};
 
+/// Share of the samples from which on what pushes back is no end stop but a spring.
+const MAX_CONTACT_SHARE: f64 = 0.4;
+
 /// Largest gain error of a sensor.
 const MAX_SENSOR_GAIN: f64 = 0.5;
 
@@ -33,7 +36,13 @@ fn shown(study: &Study, model: &Model, c: usize) -> bool {
             let rest = -p[first + 1] / p[first];
             p[first] > 0.0 && (low - travel..=high + travel).contains(&rest)
         }
-        Law::EndStop => (low + 0.5 * travel..=high).contains(&p[first + 2]),
+        Law::EndStop | Law::LowerStop => {
+            let (pos, upper) = (p[first + 2], law == Law::EndStop);
+            let half = if upper { low + 0.5 * travel..=high } else { low..=low + 0.5 * travel };
+            half.contains(&pos) && contact(study, tap, pos, upper) <= MAX_CONTACT_SHARE
+        }
+        Law::Limits => p[first] < p[first + 1],
+        Law::Choked => p[first] > 0.0 && p[first + 1] <= high,
         Law::CubicSpring => p[first] > 0.0 && (low..=high).contains(&p[first + 1]),
         // One above all levels does nothing, so its gain tells; the scale of a level that no sensor shows is open.
         Law::Overflow => p[first] > 0.0 && p[first + 1] >= low,
@@ -43,6 +52,14 @@ fn shown(study: &Study, model: &Model, c: usize) -> bool {
         Law::Presliding => travel <= 0.0 || p[first] <= 0.25 * travel,
         _ => true,
     }
+}
+
+/// Share of the samples in which the declared model lies behind a stop.
+fn contact(study: &Study, tap: usize, pos: f64, upper: bool) -> f64 {
+    let Some(positions) = study.positions.get(tap).filter(|own| !own.is_empty()) else { return 0.0 };
+    let below = positions.partition_point(|&x| x < pos);
+    let behind = if upper { positions.len() - below } else { below };
+    behind as f64 / positions.len() as f64
 }
 
 /// Whether a fitted model takes energy out where friction should, over the whole range of the records.

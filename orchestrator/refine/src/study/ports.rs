@@ -68,6 +68,9 @@ pub struct Duty {
     pub constants: bool,
     /// See [`Port::fills`].
     pub fills: bool,
+    /// Whether it is a signal that one component gives another, and changes of that signal are looked for here: dead bands,
+    /// gains, lags.
+    pub passes: bool,
 }
 
 /// Influence of a port on a state below this share of its largest one is rounding.
@@ -321,6 +324,7 @@ pub fn attachments(file: &File, graph: &SystemGraph) -> Result<Vec<Attachment>, 
             forces: true,
             constants: true,
             fills: port.fills,
+            passes: passes(port),
         };
         port.map_or_else(|| own.clone(), |port| filled(own, port, all(port)))
     };
@@ -335,7 +339,17 @@ fn duty(ports: &[Port], port: &Port, fed: &dyn Fn(&Port) -> bool) -> Duty {
     let forces = alike().find(quiet).or_else(|| alike().next()).is_none_or(|own| own.name == port.name);
     let constants =
         alike().find(|own| fed(own)).or_else(|| alike().next()).is_none_or(|own| own.name == port.name);
-    Duty { kind: port.kind, sign: port.sign, forces, constants, fills: port.fills }
+    // What a signal that acts as a command or a force lacks, these lack.
+    let elsewhere = |own: &Port| fed(own) || own.kind == Kind::Mechanical;
+    let first = alike().find(|own| passes(own)).is_some_and(|own| own.name == port.name);
+    let passes = first && !alike().any(elsewhere);
+    Duty { kind: port.kind, sign: port.sign, forces, constants, fills: port.fills, passes }
+}
+
+/// Whether a port gets a plain signal from another component, by its unit: no force, torque or flow.
+fn passes(port: &Port) -> bool {
+    let unit = port.unit.as_deref().unwrap_or("1");
+    !port.free && port.kind != Kind::Mechanical && kind(unit) == PortKind::Signal
 }
 
 /// The stated attachment, completed by the states that the system shows.

@@ -8,6 +8,7 @@ use super::blocks::{Acting, Blocks, Survey};
 use super::command::{Command, delayed};
 use super::declaration::{Initial, InitialWord};
 use super::law::{Law, Point};
+use super::memory::Memory;
 use super::model::{Action, Sensor, Study, Target};
 use super::plant::Plant;
 use super::read::Record;
@@ -86,6 +87,7 @@ impl<'a> View<'a> {
                 let states = match law {
                     Law::Own(index) => study.own[index].states.len(),
                     Law::Surface(_) => 0,
+                    Law::Memory(kind) => kind.states(),
                     _ => 1,
                 };
                 laws[tap].push((law, own.entries.clone(), count..count + states));
@@ -94,12 +96,14 @@ impl<'a> View<'a> {
         }
         laws.iter_mut().for_each(|own| own.sort_by_key(|(law, ..): &Acting| law.rank()));
         let seen = [(f64::INFINITY, f64::NEG_INFINITY); 5];
-        let survey = survey.then(|| RefCell::new(Survey { ranges: vec![seen; study.taps.len()] }));
-        Blocks {
+        let survey = survey
+            .then(|| RefCell::new(Survey { ranges: vec![seen; study.taps.len()], ..Survey::default() }));
+        let mut blocks = Blocks {
             study,
             p,
             laws,
             z: vec![0.0; count],
+            memories: (0..count).map(|_| Memory::default()).collect(),
             time: 0.0,
             now: Cell::new(0.0),
             seen: vec![Cell::new(0.0); study.taps.len()],
@@ -107,7 +111,9 @@ impl<'a> View<'a> {
             survey,
             trace: Vec::new(),
             states: Vec::new(),
-        }
+        };
+        blocks.rest();
+        blocks
     }
 
     /// Ranges of what passes the attachments in a simulation of all pieces.
@@ -253,7 +259,7 @@ impl<'a> View<'a> {
             if !own && window.is_some_and(|window| (k - piece.range.start).is_multiple_of(window)) {
                 self.measured_states((record, k), &start, shift, &mut x);
                 plant.moved();
-                blocks.z.fill(0.0);
+                blocks.rest();
             }
             let t = k as f64 * step;
             // Sums of steps are not their multiples to the last bit.
@@ -447,6 +453,12 @@ impl<'a> View<'a> {
                 match kind {
                     Sensor::Offset => own.iter_mut().for_each(|y| *y += value),
                     Sensor::Gain => own.iter_mut().for_each(|y| *y *= 1.0 + value),
+                    Sensor::Drift => {
+                        let begin = piece.range.start;
+                        let time = |k: usize| (begin + k) as f64 * step;
+                        own.iter_mut().enumerate().for_each(|(k, y)| *y += value * time(k));
+                    }
+                    Sensor::Nonlinearity => own.iter_mut().for_each(|y| *y += value * *y * *y),
                     Sensor::Delay => {
                         let late = delayed(own, value / step);
                         own.copy_from_slice(&late);

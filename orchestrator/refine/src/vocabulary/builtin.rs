@@ -19,6 +19,11 @@ pub struct Builtin {
 }
 
 impl Builtin {
+    /// The effect of a kind as a formula, where it has one.
+    pub fn formula(kind: &str) -> Option<Own> {
+        BUILTIN.iter().find(|own| own.kind == kind).and_then(Builtin::own)
+    }
+
     /// The effect as a formula, where there is one.
     pub fn own(&self) -> Option<Own> {
         // The texts are part of the program; a test reads them all.
@@ -59,28 +64,48 @@ pub const BUILTIN: &[Builtin] = &[
     builtin("spring", "force, torque", "spring", text!("spring")),
     builtin("cubic_spring", "force, torque", "spring that stiffens", text!("cubic_spring")),
     builtin("endstop", "force, torque", "end stop", text!("endstop")),
+    builtin("lower_endstop", "force, torque", "end stop at the lower end", text!("lower_endstop")),
     builtin("cogging", "force, torque", "force that repeats along the guide", text!("cogging")),
     builtin("area", "force", "force of a chamber pressure on an area that the model lacks", None),
     builtin("offset", "any", "constant that is added", None),
     builtin("linear_leakage", "flow", "leak in proportion to the level", text!("linear_leakage")),
     builtin("leakage", "flow", "leak through an opening at the bottom", text!("leakage")),
     builtin("overflow", "flow", "overflow above a level", text!("overflow")),
-    builtin("drift", "flow, signal", "constant that grows with time", text!("drift")),
-    builtin("gain", "command", "gain error", text!("gain")),
-    builtin("deadband", "command", "dead band", text!("deadband")),
-    builtin("saturation", "command", "limit", text!("saturation")),
-    builtin("posgain", "command", "gain that varies with position", text!("posgain")),
-    builtin("droop", "command", "gain that falls with time", text!("droop")),
-    builtin("delay", "command", "the value some time before", None),
-    builtin("hysteresis", "command", "play: the value moves only behind a width on either side", None),
-    builtin("rate_limit", "command", "the value follows at a limited rate", None),
-    builtin("lag", "command", "first-order lag", text!("lag")),
-    builtin("fill", "command", "lag with a time constant upwards and one downwards", text!("fill")),
-    builtin("mode", "command", "second-order lag: a resonance", text!("mode")),
+    builtin(
+        "choked_flow",
+        "flow",
+        "leak of a gas, choked below a ratio of pressures of 0.528 (ISO 6358)",
+        text!("choked_flow"),
+    ),
+    builtin("drift", "any", "constant that grows with time", text!("drift")),
+    builtin("gain", "command, signal", "gain error", text!("gain")),
+    builtin("deadband", "command, signal", "dead band", text!("deadband")),
+    builtin("saturation", "command, signal", "limit", text!("saturation")),
+    builtin("limits", "command, signal", "a limit for each direction", text!("limits")),
+    builtin("posgain", "command, signal", "gain that varies with position", text!("posgain")),
+    builtin("droop", "command, signal", "gain that falls with time", text!("droop")),
+    builtin("delay", "command, signal", "the value some time before", None),
+    builtin(
+        "hysteresis",
+        "command, signal",
+        "play: the value moves only behind a width on either side",
+        None,
+    ),
+    builtin("rate_limit", "command, signal", "the value follows at a limited rate", None),
+    builtin("lag", "command, signal", "first-order lag", text!("lag")),
+    builtin("fill", "command, signal", "lag with a time constant upwards and one downwards", text!("fill")),
+    builtin("mode", "command, signal", "second-order lag: a resonance", text!("mode")),
     builtin("sensor.offset", "sensor", "constant that the sensor adds", None),
     builtin("sensor.gain", "sensor", "gain of the sensor", None),
     builtin("sensor.delay", "sensor", "the sensor shows the value some time before", None),
     builtin("sensor.lag", "sensor", "first-order lag of the sensor", None),
+    builtin("sensor.drift", "sensor", "zero of the sensor that moves with time", text!("sensor_drift")),
+    builtin(
+        "sensor.nonlinearity",
+        "sensor",
+        "curved characteristic of the sensor",
+        text!("sensor_nonlinearity"),
+    ),
 ];
 
 #[cfg(test)]
@@ -106,7 +131,7 @@ mod tests {
         for own in BUILTIN {
             if let Some(text) = own.toml {
                 let read = Own::read(text).unwrap_or_else(|problem| panic!("{}: {problem}", own.kind));
-                assert_eq!((read.kind.as_str(), read.words.as_str()), (own.kind, own.words));
+                assert_eq!((read.kind, read.words.as_str()), (own.kind.replace('.', "_"), own.words));
             }
         }
     }
@@ -122,7 +147,15 @@ mod tests {
 
     #[test]
     fn formulas_are_the_laws_of_the_search() {
-        let laws: [Same; 20] = [
+        let laws: [Same; 23] = [
+            (
+                "lower_endstop",
+                Law::LowerStop,
+                &[("stiffness", 500.0), ("damping", 30.0), ("pos", 0.02)],
+                &[500.0, 30.0, 0.02],
+            ),
+            ("limits", Law::Limits, &[("low", -0.4), ("high", 1.2)], &[-0.4, 1.2]),
+            ("choked_flow", Law::Choked, &[("coef", 0.2), ("outside", 0.03)], &[0.2, 0.03]),
             ("viscous", Law::Viscous, &[("coef", 3.0)], &[3.0]),
             ("coulomb", Law::Coulomb, &[("force", 2.0), ("vt", 0.01)], &[2.0]),
             ("stribeck", Law::Stribeck, &[("force", 1.5), ("vs", 0.06), ("vt", 0.01)], &[1.5, 0.06]),
