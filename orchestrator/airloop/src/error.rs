@@ -99,6 +99,14 @@ pub enum Error {
         /// Obstacle.
         problem: String,
     },
+    /// A record cannot be put on a grid.
+    #[error("{}: {problem}", file.display())]
+    Resample {
+        /// File.
+        file: std::path::PathBuf,
+        /// What does not fit.
+        problem: airloop_series::uniform::Problem,
+    },
     /// The standard output.
     #[error("the standard output cannot be written: {0}")]
     Output(std::io::Error),

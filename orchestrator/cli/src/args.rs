@@ -62,6 +62,11 @@ pub enum Command {
     Derive(super::derive::Args),
     /// Write a command for an experiment: chirp, random stairs, multisine or pseudo-random binary sequence.
     Excite(super::excite::Args),
+    /// Put records on a uniform grid, by their own time stamps and without aliasing.
+    ///
+    /// On a coarser grid continuous signals pass a zero-phase low-pass first; columns of --held (commands, discrete signals)
+    /// keep their last sample. Units stay. What was done is printed.
+    Resample(super::resample::Args),
     /// A virtual rig: records as an experimenter would take them.
     Rig {
         /// Action to perform.

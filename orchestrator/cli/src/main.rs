@@ -26,6 +26,7 @@ mod reference;
 pub mod refine;
 mod refine_progress;
 mod report;
+pub mod resample;
 mod restart;
 pub mod rig;
 pub mod run;
@@ -62,8 +63,9 @@ pub fn main() -> ExitCode {
         Command::ExportFmu(args) => export_fmu::run(&args),
         Command::Derive(args) => derive::run(&args),
         Command::Excite(args) => excite::run(&args),
+        Command::Resample(args) => resample::run(&args),
         Command::Rig { command } => rig::run(&command),
-        Command::Identify { command } => identify::run(&command),
+        Command::Identify { mut command } => identify::run(&mut command),
         Command::Stabilize(args) => stabilize::run(&args),
         Command::Trials(args) => trials::run(&args),
         Command::Optimize(args) => optimize::run(&args),

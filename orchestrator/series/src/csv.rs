@@ -24,6 +24,15 @@ pub fn read(path: &Path) -> Result<TimeSeries, Error> {
     collect(Stream::whole(file, path)?, path)
 }
 
+/// Reads a CSV file some of whose columns have fewer samples: empty cells become NaN.
+///
+/// # Errors
+/// Same as [`read`].
+pub fn read_with_empty_cells(path: &Path) -> Result<TimeSeries, Error> {
+    let file = super::file::open(path).map_err(|source| Error::Io { path: path.into(), source })?;
+    collect(Stream::whole(file, path)?.with_empty_cells(), path)
+}
+
 /// Reads CSV text; `path` is only used in messages.
 ///
 /// ```
@@ -116,6 +125,17 @@ mod tests {
 
     fn of(text: &str) -> Result<TimeSeries, Error> {
         parse(text, Path::new("record.csv"))
+    }
+
+    #[test]
+    fn empty_cells_are_nan_where_they_are_allowed_and_nothing_else_is() {
+        let file = tempfile::NamedTempFile::new().unwrap();
+        std::fs::write(file.path(), "time,a,b\n0,1,\n0.1,,2\n").unwrap();
+        let found = read_with_empty_cells(file.path()).unwrap();
+        assert!(found.channels()[0].values[1].is_nan() && found.channels()[1].values[0].is_nan());
+        assert!(read(file.path()).is_err());
+        std::fs::write(file.path(), "time,a\n0,1\n0.1,nan\n").unwrap();
+        assert!(read_with_empty_cells(file.path()).is_err());
     }
 
     #[test]

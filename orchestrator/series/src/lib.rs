@@ -13,6 +13,7 @@ pub mod resample;
 pub mod rows;
 pub mod scratch;
 pub mod stream;
+pub mod uniform;
 pub mod units;
 
 pub use resample::Interpolation;
@@ -135,6 +136,16 @@ impl TimeSeries {
         }
         self.channels.push(Channel { name, unit, values, words: false });
         Ok(())
+    }
+
+    /// The same series with the other sign of the channel `name`.
+    #[must_use]
+    pub fn negated(&self, name: &str) -> TimeSeries {
+        let mut series = self.clone();
+        for channel in series.channels.iter_mut().filter(|channel| channel.name == name) {
+            channel.values.iter_mut().for_each(|value| *value = -*value);
+        }
+        series
     }
 
     /// Time axis \[s\], shape \[n\].

@@ -8,13 +8,17 @@
 use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
+use tempfile::TempDir;
 
-use crate::folder;
+use crate::{folder, output, resample};
 use airloop::Error;
 use airloop_ident::record;
 use airloop_ident::record::set::Request;
 use airloop_ident::record::{Detrend, Experiments, Record};
 use airloop_ident::source::{FileSource, Source};
+use airloop_series::scratch;
+use airloop_series::uniform::Method;
+use airloop_series::units::parse_duration;
 
 /// Data to use, and the folder of the results.
 #[derive(Debug, Clone, Args)]
@@ -29,6 +33,13 @@ pub struct DataArgs {
     /// Columns of the outputs, separated by commas.
     #[arg(long, value_delimiter = ',', required = true, value_name = "NAMES")]
     pub outputs: Vec<String>,
+    /// Put all records on a grid of this step first, as `airloop resample` does: by their time stamps, with a low-pass where
+    /// it is coarser.
+    #[arg(long, value_parser = parse_duration, value_name = "TIME")]
+    pub resample: Option<f64>,
+    /// Columns that keep their last sample when records are put on a grid, separated by commas: commands that are held.
+    #[arg(long, value_delimiter = ',', value_name = "NAMES", requires = "resample")]
+    pub held: Vec<String>,
     /// CSV files that only judge the model.
     #[arg(long, num_args = 1.., value_name = "FILE")]
     pub validate: Vec<PathBuf>,
@@ -78,6 +89,31 @@ impl DataArgs {
             outputs: self.outputs.clone(),
             detrend: self.detrend.into(),
         }
+    }
+
+    /// Puts the files on the grid of `--resample` in a folder of their own, and names those instead.
+    ///
+    /// # Errors
+    /// Same as [`resample::run`].
+    pub fn resample_files(&mut self) -> Result<Option<TempDir>, Error> {
+        let Some(step) = self.resample else { return Ok(None) };
+        self.check_output(&[])?;
+        let io = |source: std::io::Error| Error::OutputFolder {
+            folder: std::env::temp_dir(),
+            problem: source.to_string(),
+        };
+        let folder = scratch::folder().map_err(io)?;
+        for (index, path) in self.files.iter_mut().chain(&mut self.validate).enumerate() {
+            let name = path.file_name().unwrap_or_default();
+            // Two files may have one name in different folders.
+            let target = folder.path().join(index.to_string()).join(name);
+            let notes = resample::write(path, &target, step, Method::Filter, &self.held)?;
+            if !self.quiet {
+                notes.iter().for_each(|note| output::complain(&format!("note: {}: {note}", path.display())));
+            }
+            *path = target;
+        }
+        Ok(Some(folder))
     }
 
     /// Numbers of inputs and outputs.

@@ -68,7 +68,15 @@ pub enum Command {
 ///
 /// # Errors
 /// Fails if there is no result.
-pub fn run(command: &Command) -> Result<ExitCode, Error> {
+pub fn run(command: &mut Command) -> Result<ExitCode, Error> {
+    let data = match command {
+        Command::Arx(args) => Some(&mut args.data),
+        Command::StateSpace(args) => Some(&mut args.data),
+        Command::Compare(args) => Some(&mut args.data),
+        Command::Friction(_) => None,
+    };
+    // The files on a grid are there until the command ends.
+    let _scratch = data.map(data::DataArgs::resample_files).transpose()?;
     match command {
         Command::Arx(args) => arx::run(args),
         Command::Friction(args) => friction::run(args),

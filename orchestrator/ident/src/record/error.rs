@@ -23,7 +23,7 @@ pub enum Error {
     Gap { file: String, line: usize, before: f64, after: f64, sample_time: f64 },
     /// Time stamps at uneven distances.
     #[error(
-        "{file}: line {line}: unevenly sampled: this row comes {interval} s after the one before, the mean is {sample_time} s; resample the record at a fixed rate, from the time stamps of the measurement"
+        "{file}: line {line}: unevenly sampled: this row comes {interval} s after the one before, the mean is {sample_time} s; resample the record at a fixed rate, from the time stamps of the measurement (`airloop resample`, or --resample)"
     )]
     Uneven { file: String, line: usize, interval: f64, sample_time: f64 },
     /// A column without any number.
