@@ -2,6 +2,7 @@
 
 mod command;
 mod empty;
+mod limit;
 mod quantity;
 mod simulate;
 mod trials;

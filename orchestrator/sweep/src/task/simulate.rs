@@ -1,17 +1,17 @@
 //! Simulations of a system over factors.
 
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::{Duration, Instant};
+use std::sync::atomic::AtomicBool;
 
 use airloop::discrepancy::signals::SignalTable;
 use airloop::simulation::{self, Data, Options, Request, Setup};
 use airloop_cosim::master::Algorithm;
-use airloop_cosim::master::simulate::{End, Record, Run, Watch};
+use airloop_cosim::master::simulate::{End, Record, Run};
 use airloop_cosim::results::summary::SignalRecord;
 use airloop_cosim::system::SystemGraph;
 use airloop_series::{Interpolation, TimeSeries, csv};
 
+use super::limit::Limit;
 use super::{Outcome, Place, Task, Work, quantity};
 use crate::Error;
 use crate::file::{Of, PlanFile, Quantity, Run as RunTable};
@@ -51,7 +51,7 @@ pub struct Simulate {
     inputs: Vec<Recorded>,
     measured: Option<Recorded>,
     quantities: Vec<Quantity>,
-    limit: Option<Duration>,
+    limit: Limit,
     further: Vec<PathBuf>,
 }
 
@@ -108,7 +108,7 @@ impl Simulate {
             inputs,
             measured,
             quantities: plan.quantities.clone(),
-            limit: plan.time_limit.map(Duration::from_secs_f64),
+            limit: Limit::of(plan),
             further: plan.inputs.iter().map(|name| base.join(name)).collect(),
         })
     }
@@ -178,22 +178,12 @@ impl Simulate {
 
     fn simulate(&self, setup: &Setup, stop: &AtomicBool) -> Option<Outcome> {
         let columns = self.quantities.len();
-        let (began, own) = (Instant::now(), AtomicBool::new(false));
-        let mut look = |_, _| {
-            if stop.load(Ordering::Relaxed) || self.limit.is_some_and(|limit| began.elapsed() > limit) {
-                own.store(true, Ordering::Relaxed);
-            }
-        };
-        let run = match setup.run(Watch { stop: &own, progress: &mut look }, Record::default()) {
+        let run = match self.limit.watch(stop, |watch| setup.run(watch, Record::default())) {
             Ok(run) => run,
             Err(error) => return Some(Outcome::failed("failed", columns, error.to_string())),
         };
         match &run.end {
-            End::Interrupted if stop.load(Ordering::Relaxed) => None,
-            End::Interrupted => {
-                let cause = format!("longer than {} s", self.limit.unwrap_or_default().as_secs_f64());
-                Some(Outcome::failed("timeout", columns, cause))
-            }
+            End::Interrupted => self.limit.stopped(stop, columns),
             End::Failed(error) => Some(Outcome::failed("failed", columns, error.to_string())),
             End::Terminated { component, .. } => Some(Outcome {
                 status: "terminated",
