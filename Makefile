@@ -29,10 +29,12 @@ test-slurm: fmu      ## a sweep on a Slurm cluster of three nodes on this comput
 	if [ "$$(id -u)" = 0 ] && ! command -v slurmd >/dev/null; then apt-get update -qq && apt-get install -y -qq slurmctld slurmd slurm-client munge; fi
 	python3 tests/slurm/run.py target/release/airloop
 
-study-sweep: fmu     ## sweeps killed at random times and by dask, and the cost of 1e3 to 1e6 tasks
+TASKS ?= 10000       # trials of `make study-sweep`
+study-sweep: fmu     ## trials in shards and on threads, sweeps killed at random and by dask, the cost of 1e3 to 1e6 tasks
 	scripts/setup.sh study
 	.venv/bin/python -m pip install --quiet --disable-pip-version-check 'dask[distributed]==2026.8.0'
 	.venv/bin/python tests/study/sweep/dask_shards.py target/release/airloop
+	python3 tests/study/sweep/trials.py target/release/airloop $(strip $(TASKS))
 	python3 tests/study/sweep/kills.py target/release/airloop 20
 	python3 tests/study/sweep/cost.py target/release/airloop
 

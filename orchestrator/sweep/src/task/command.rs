@@ -7,6 +7,7 @@ use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
 use super::limit::Limit;
+use super::named;
 use super::{Outcome, Place, Task, Work};
 use crate::Error;
 use crate::file::{PlanFile, Quantity};
@@ -59,22 +60,11 @@ impl Command {
                 return Err(wrong(&format!("quantity `{}`", quantity.name), problem.into()));
             }
         }
-        // Files that the words name, and those of all values of the factors.
-        let named = plan.command.iter().map(|word| base.join(word)).filter(|path| path.is_file());
-        let values = plan.factors.iter().flat_map(|factor| {
-            let listed = factor.values.iter().flatten().filter_map(|value| value.as_str());
-            let folder = factor.entries_of.as_deref();
-            listed
-                .chain(folder)
-                .map(|value| base.join(value))
-                .filter(|path| path.exists())
-                .collect::<Vec<_>>()
-        });
         let given = plan.inputs.iter().map(|path| base.join(path));
         Ok(Command {
             base: base.into(),
             words: plan.command.clone(),
-            inputs: named.chain(values).chain(given).collect(),
+            inputs: named::files(plan, base).into_iter().chain(given).collect(),
             quantities: plan.quantities.clone(),
             limit: Limit::of(plan),
         })
@@ -203,7 +193,7 @@ impl Work for Command {
         match self.execute(task, place, &output)? {
             Err(outcome) => Some(outcome),
             Ok(()) => match self.cells(task, &output) {
-                Ok(cells) => Some(Outcome { cells, status: "ok", cause: None }),
+                Ok(cells) => Some(Outcome::ok(cells)),
                 Err(cause) => Some(Outcome::failed("failed", self.columns().len(), cause)),
             },
         }

@@ -48,8 +48,7 @@ impl Trials {
         let (system, file) = trials::sources(&base.join(system), given.as_deref()).map_err(airloop)?;
         let settings = settings::read(&file).map_err(airloop)?;
         let ready = trials::prepare(&system, &settings, algorithm).map_err(airloop)?;
-        let mut files = super::system_files(&system, &ready.graph);
-        files.push(file);
+        let mut files = vec![system.clone(), file];
         files.extend(plan.inputs.iter().map(|name| base.join(name)));
         let count = usize::try_from(table.count).unwrap_or(usize::MAX);
         let request = Request { count, seed: plan.seed, scale: table.scale, algorithm, threads: 1, keep: 0 };
@@ -94,7 +93,7 @@ impl Work for Trials {
             let trial = (closed, task.seed, false);
             self.limit.watch(place.stop, |watch| trials::one(ready, &self.request, trial, watch))
         };
-        let done = match place.isolated {
+        let done = match super::is_isolated(&self.ready.graph) {
             true => trials::prepare(&self.system, &self.settings, self.request.algorithm)
                 .and_then(|fresh| one(&fresh)),
             false => one(&self.ready),
@@ -105,7 +104,7 @@ impl Work for Trials {
                 let kept = trial.judgment.iter().map(|(_, kept)| Cell::Integer(u64::from(*kept)));
                 let cells = std::iter::once(kind.clone()).chain(kept).collect();
                 let status = if trial.problem.is_some() { "failed" } else { "ok" };
-                Some(Outcome { cells, status, cause: trial.problem })
+                Some(Outcome { status, cause: trial.problem, ..Outcome::ok(cells) })
             }
             Err(error) => Some(without_results(Outcome::failed("failed", columns, error.to_string()))),
         }
