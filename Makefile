@@ -1,5 +1,5 @@
 # `make demo` and `make test` work on a fresh machine with Rust, a C compiler and Python 3: each sets up what is missing first.
-.PHONY: demo docs test test-slurm test-wheel wheel check bench fuzz study study-checker study-faults study-isolation study-refine study-refine-messy study-systems study-laws study-machines study-nmpc study-foreign study-rig-over-fmus study-programs study-sweep study-swing-up study-walker fmu portable windows setup setup-build clean
+.PHONY: demo docs test test-slurm test-wheel wheel check bench fuzz study study-checker study-compare study-faults study-isolation study-refine study-refine-messy study-systems study-laws study-machines study-nmpc study-foreign study-rig-over-fmus study-programs study-sweep study-swing-up study-walker fmu portable windows setup setup-build clean
 export CARGO_NET_RETRY ?= 10
 # A build that happens once gains nothing from files for the next one; they cost a fifth of its time.
 ifdef CI
@@ -29,12 +29,22 @@ test-slurm: fmu      ## a sweep on a Slurm cluster of three nodes on this comput
 	if [ "$$(id -u)" = 0 ] && ! command -v slurmd >/dev/null; then apt-get update -qq && apt-get install -y -qq slurmctld slurmd slurm-client munge; fi
 	python3 tests/slurm/run.py target/release/airloop
 
-study-sweep: fmu     ## sweeps killed at random times and by dask, and the cost of 1e3 to 1e6 tasks
+TASKS ?= 10000       # trials of `make study-sweep`
+study-sweep: fmu     ## trials in shards and on threads, sweeps killed at random and by dask, the cost of 1e3 to 1e6 tasks
 	scripts/setup.sh study
 	.venv/bin/python -m pip install --quiet --disable-pip-version-check 'dask[distributed]==2026.8.0'
 	.venv/bin/python tests/study/sweep/dask_shards.py target/release/airloop
+	python3 tests/study/sweep/trials.py target/release/airloop $(strip $(TASKS))
 	python3 tests/study/sweep/kills.py target/release/airloop 20
 	python3 tests/study/sweep/cost.py target/release/airloop
+
+study-compare: fmu   ## the tables of docs/comparisons.md: FMPy, PySINDy, CasADi and SciPy on the same work
+	scripts/setup.sh study
+	.venv/bin/python -m pip install --quiet --disable-pip-version-check pysindy==2.0.0 scikit-learn==1.6.1
+	.venv/bin/python tests/study/compare/fmpy_fit.py
+	.venv/bin/python tests/study/compare/scipy_grey_box.py
+	.venv/bin/python tests/study/compare/pysindy_terms.py
+	.venv/bin/python tests/study/compare/casadi_swing_up.py
 
 docs: wheel          ## the documentation site, notebooks executed, every link checked: out/site/index.html
 	docs/site/build.sh out/wheel

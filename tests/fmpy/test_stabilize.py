@@ -211,6 +211,39 @@ def test_trials_do_not_depend_on_the_number_of_threads(trials):
         assert (trials[1, 1] / name).read_bytes() == (trials[1, 2] / name).read_bytes()
 
 
+def swept(folder, plan):
+    """Merged rows of a sweep with the text of a plan."""
+    (folder / "plan.toml").write_text(plan)
+    airloop("sweep", "plan", folder / "plan.toml", "-o", folder / "sweep")
+    for word in ("run", "merge"):
+        airloop("sweep", word, folder / "sweep", "--quiet")
+    with open(folder / "sweep" / "results.csv") as file:
+        return list(csv.DictReader(file))
+
+
+def test_a_sweep_of_trials_has_their_rows(stabilized, trials, tmp_path):
+    rows = swept(tmp_path, f'kind = "trials"\nsystem = "{stabilized}"\ntime_limit = 60\n[trials]\ncount = 8\n')
+    with open(trials[1, 1] / "trials.csv") as file:
+        expected = list(csv.DictReader(file))
+    names = [name for name in expected[0] if name in rows[0]]
+    assert {"seed", "loop", "reach", "held", "bounds"} <= set(names) and len(rows) == 16
+    assert [[row[name] for name in names] for row in rows] == [[row[name] for name in names] for row in expected]
+
+
+def test_a_trial_of_a_sweep_that_lasts_too_long_is_a_row(stabilized, tmp_path):
+    # 400 s of the closed loop in steps of 1 ms are some 0.7 s of an idle processor.
+    settings = (stabilized / "settings.toml").read_text().replace('duration = "4 s"', 'duration = "400 s"')
+    assert "400 s" in settings
+    (tmp_path / "long.toml").write_text(settings)
+    plan = f'kind = "trials"\nsystem = "{stabilized}"\ntime_limit = 0.1\n'
+    rows = swept(tmp_path, plan + '[trials]\ncount = 1\nsettings = "long.toml"\n')
+    assert [(row["loop"], row["status"], row["cause"]) for row in rows] == [
+        ("closed", "timeout", "longer than 0.1 s"),
+        ("open", "timeout", "longer than 0.1 s"),
+    ]
+    assert all(row["held"] == "" for row in rows)
+
+
 def test_what_is_wrong_is_named_with_its_place(plan, tmp_path):
     cases = {
         "[sensors]\nthetta = 1e-3\n": ["line 2", "thetta", "theta"],

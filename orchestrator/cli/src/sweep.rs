@@ -65,6 +65,7 @@ pub struct FolderArgs {
 
 /// `airloop sweep plan`
 #[derive(Debug, clap::Args)]
+#[command(mut_arg("isolate", |isolate| isolate.default_value("third-party")))]
 pub struct PlanArgs {
     /// Plan (TOML); paths in it begin at its folder.
     pub plan: PathBuf,
@@ -77,6 +78,9 @@ pub struct PlanArgs {
     /// Folder of the sweep; it is made if it is not there.
     #[arg(short, long, value_name = "DIR", default_value = "out/sweep")]
     pub output: PathBuf,
+    /// Processes of FMUs.
+    #[command(flatten)]
+    pub isolate: IsolateArgs,
     /// Print nothing but errors.
     #[arg(short, long)]
     pub quiet: bool,
@@ -84,6 +88,7 @@ pub struct PlanArgs {
 
 /// `airloop sweep run`
 #[derive(Debug, clap::Args)]
+#[command(mut_arg("isolate", |isolate| isolate.default_value("third-party")))]
 pub struct RunArgs {
     /// Folder of `airloop sweep plan`.
     pub folder: PathBuf,
@@ -104,6 +109,7 @@ pub struct RunArgs {
 
 /// `airloop sweep submit`
 #[derive(Debug, clap::Args)]
+#[command(mut_arg("isolate", |isolate| isolate.default_value("third-party")))]
 pub struct SubmitArgs {
     /// Folder of `airloop sweep plan`; on a cluster, one that all nodes see.
     pub folder: PathBuf,
@@ -172,6 +178,7 @@ pub fn run(command: &Command) -> Result<ExitCode, Error> {
 }
 
 fn plan(args: &PlanArgs) -> Result<ExitCode, SweepError> {
+    args.isolate.choose()?;
     let mut manifest = Manifest::plan(&args.plan)?;
     if let Some(shards) = args.shards {
         manifest.shards = shards.min(manifest.tasks.max(1));
@@ -197,7 +204,7 @@ fn plan(args: &PlanArgs) -> Result<ExitCode, SweepError> {
 fn shards_of(manifest: &Manifest, time: f64) -> Result<u64, SweepError> {
     let folder =
         tempfile::tempdir().map_err(|source| SweepError::Io { path: std::env::temp_dir(), source })?;
-    let runner = Runner::new(folder.path(), manifest.clone(), 1, false)?;
+    let runner = Runner::new(folder.path(), manifest.clone(), 1)?;
     let each = runner.time_of_a_task(&run::stop_flag()).ok_or(SweepError::Interrupted)?;
     let shards = (each * manifest.tasks as f64 / time).ceil();
     Ok((shards as u64).clamp(1, manifest.tasks.clamp(1, MOST_SHARDS)))
@@ -205,7 +212,7 @@ fn shards_of(manifest: &Manifest, time: f64) -> Result<u64, SweepError> {
 
 fn run_shards(args: &RunArgs) -> Result<ExitCode, SweepError> {
     let threads = args.threads.map_or_else(processors, |threads| threads as usize);
-    let runner = Runner::open(&args.folder, threads, args.isolate.isolate != IsolateChoice::None)?;
+    let runner = Runner::open(&args.folder, threads)?;
     let shards = match &args.shard {
         Some(shard) => vec![shard.parse()?],
         None => all(runner.manifest.shards),
@@ -299,7 +306,8 @@ fn status(args: &FolderArgs) -> Result<ExitCode, SweepError> {
         text += &format!("damaged: {problem}\n");
     }
     if let Some(submission) = slurm::read(&args.folder)? {
-        text += &format!("submitted: Slurm job {} with {} shards\n", submission.job, submission.shards);
+        let (job, shards) = (submission.job, submission.shards);
+        text += &format!("submitted: Slurm job {job} with {shards} shards; {}\n", queued(job));
     }
     if !args.quiet {
         output::print(&text)?;
@@ -308,10 +316,22 @@ fn status(args: &FolderArgs) -> Result<ExitCode, SweepError> {
     Ok(if whole { ExitCode::SUCCESS } else { ExitCode::FAILURE })
 }
 
+/// What the cluster says about the shards of a job.
+fn queued(job: u64) -> String {
+    match slurm::states(job) {
+        Ok(states) if states.is_empty() => "none of them waits or runs".into(),
+        Ok(states) => {
+            let count = |(state, count): (&String, &u64)| format!("{count} {}", state.to_lowercase());
+            states.iter().map(count).collect::<Vec<_>>().join(", ")
+        }
+        Err(error) => error.to_string(),
+    }
+}
+
 fn submit(args: &SubmitArgs) -> Result<ExitCode, SweepError> {
     if args.engine == Engine::Local {
         let threads = args.threads.map_or_else(processors, |threads| threads as usize);
-        let runner = Runner::open(&args.folder, threads, args.isolate.isolate != IsolateChoice::None)?;
+        let runner = Runner::open(&args.folder, threads)?;
         let shards = args.shards.unwrap_or(runner.manifest.shards);
         return run_all(&runner, &all(shards), args.quiet);
     }
@@ -332,7 +352,7 @@ fn submit(args: &SubmitArgs) -> Result<ExitCode, SweepError> {
 /// The words for a shard on another machine.
 fn isolation(args: &IsolateArgs) -> Vec<String> {
     let which = match args.isolate {
-        IsolateChoice::None => return Vec::new(),
+        IsolateChoice::None => "none",
         IsolateChoice::All => "all",
         IsolateChoice::ThirdParty => "third-party",
     };

@@ -120,7 +120,12 @@ fn a_grid_of_decays_has_the_closed_form_for_any_shards_and_threads() {
 fn a_crash_of_the_fmu_costs_its_tasks_only() {
     let place = Place::new(PLAN);
     place.succeeds("plan plan.toml -o out");
-    let output = place.sweep("run out --isolate --threads 2", "fmi2DoStep:segv:0.5");
+    // In the process of the shard a crash is the end of all; nothing half-written is left.
+    let output = place.sweep("run out --isolate=none --threads 1", "fmi2DoStep:segv:0.5");
+    assert!(!output.status.success());
+    assert!(place.fails("merge out", 1).contains("8 of 8 tasks are missing"));
+    // FMUs of other tools have processes of their own.
+    let output = place.sweep("run out --threads 2", "fmi2DoStep:segv:0.5");
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     place.succeeds("merge out");
     let text = place.read("out/results.csv");
@@ -132,7 +137,7 @@ fn a_crash_of_the_fmu_costs_its_tasks_only() {
     }
     assert!(place.succeeds("status out").contains("8 of 8 tasks done, 4 of them failed"));
     // Shards of another number over the same tasks are no more failures.
-    let output = place.sweep("run out --isolate --shard 2/3", "fmi2DoStep:segv:0.5");
+    let output = place.sweep("run out --shard 2/3", "fmi2DoStep:segv:0.5");
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     assert!(place.succeeds("status out").contains("8 of 8 tasks done, 4 of them failed"));
     place.succeeds("report out");
@@ -158,6 +163,97 @@ fn an_input_that_changes_between_shards_is_named_and_nothing_is_lost() {
     place.succeeds("run out --shard 2/2");
     place.succeeds("merge out");
     assert_eq!(place.read("out/results.csv").lines().count(), 9);
+}
+
+#[test]
+fn files_behind_the_words_of_commands_are_inputs() {
+    let place = Place::new(
+        r#"
+kind = "command"
+command = ["run", "{system}", "--step", "10ms", "--stop", "0.1", "--no-plots", "-o", "{output}"]
+[[factors]]
+name = "system"
+entries_of = "systems"
+"#,
+    );
+    let write = |file: &str, text: &str| {
+        let path = place.0.path().join(file);
+        std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+        std::fs::write(path, text).unwrap();
+    };
+    let system = r#"<ssd:SystemStructureDescription xmlns:ssd="http://ssp-standard.org/SSP1/SystemStructureDescription" version="1.0" name="s">
+  <ssd:System name="s"><ssd:Elements>
+    <ssd:Component name="a" source="../m.fmu">
+      <ssd:ParameterBindings><ssd:ParameterBinding source="../far/set.ssv"/></ssd:ParameterBindings>
+    </ssd:Component>
+  </ssd:Elements></ssd:System>
+</ssd:SystemStructureDescription>
+"#;
+    let set = |x: u8| {
+        format!(
+            r#"<ssv:ParameterSet xmlns:ssv="http://ssp-standard.org/SSP1/SystemStructureParameterValues" version="1.0" name="p"><ssv:Parameters><ssv:Parameter name="x"><ssv:Real value="{x}"/></ssv:Parameter></ssv:Parameters></ssv:ParameterSet>"#
+        )
+    };
+    write("systems/one.ssd", system);
+    write("systems/two.ssd", system);
+    write("far/set.ssv", &set(1));
+    place.succeeds("plan plan.toml -o out");
+    place.succeeds("run out --shard 1/2");
+    let fmu = place.bytes("m.fmu");
+    let changed = c_fmu::DESCRIPTION.replace("<Real start=\"1\"/>", "<Real start=\"2\"/>");
+    let library = place.0.path().join("m.so");
+    c_fmu::pack(&place.0.path().join("m.fmu"), &changed, Some(("m", &library)));
+    let refused = |file: &str| {
+        let message = place.fails("run out --shard 2/2", 1);
+        assert!(message.contains(file) && message.contains("has changed since"), "{message}");
+    };
+    refused("m.fmu");
+    std::fs::write(place.0.path().join("m.fmu"), fmu).unwrap();
+    write("far/set.ssv", &set(3));
+    refused("far/set.ssv");
+    write("far/set.ssv", &set(1));
+    write("systems/three.ssd", system);
+    refused("systems");
+    std::fs::remove_file(place.0.path().join("systems/three.ssd")).unwrap();
+    place.succeeds("run out --shard 2/2");
+    place.succeeds("merge out");
+    assert_eq!(place.read("out/results.csv").matches(",ok,").count(), 2);
+}
+
+#[test]
+fn signals_have_the_same_bytes_for_any_shards_and_threads() {
+    let place = Place::new(&format!("{PLAN}[signals]\nnames = [\"y\"]\nevery = 10\n"));
+    for (folder, shards) in
+        [("a", &["1/1"][..]), ("b", &["3/3", "1/3", "2/3"]), ("c", &["1/2", "2/3", "3/3"])]
+    {
+        place.succeeds(&format!("plan plan.toml -o {folder}"));
+        for shard in shards {
+            place.succeeds(&format!("run {folder} --threads {} --shard {shard}", shards.len().min(2)));
+        }
+        place.succeeds(&format!("merge {folder}"));
+        for file in ["results.csv", "signals.parquet"] {
+            assert_eq!(
+                place.bytes(&format!("a/{file}")),
+                place.bytes(&format!("{folder}/{file}")),
+                "{folder}/{file}"
+            );
+        }
+    }
+    assert!(place.read("a/summary.json").contains("signals.parquet"));
+    // Four tasks of 25 steps keep rows 0, 10, 20 and 25, four of 100 steps 11 rows: task, time and y, 8 bytes each.
+    let bytes = place.bytes("a/signals.parquet");
+    assert!((60 * 24..60 * 24 + 4000).contains(&bytes.len()), "{} bytes", bytes.len());
+    // What another shard wrote is named, and its rows are told to be run again.
+    std::fs::copy(
+        place.0.path().join("b/shards/0000000000-0000000002.signals.parquet"),
+        place.0.path().join("b/shards/0000000002-0000000005.signals.parquet"),
+    )
+    .unwrap();
+    let message = place.fails("merge b", 1);
+    assert!(message.contains("0000000002-0000000005.csv") && message.contains("are not those"), "{message}");
+    let wrong = PLAN.to_owned() + "[signals]\nnames = [\"z\"]\n";
+    std::fs::write(place.0.path().join("wrong.toml"), wrong).unwrap();
+    assert!(place.fails("plan wrong.toml -o wrong", 1).contains("[signals] names: there is no signal `z`"));
 }
 
 #[test]
@@ -212,7 +308,10 @@ text = true
     assert_eq!(rows[3][2..5], ["1", "tasks/000002/result", "1"]);
     assert!(place.read("out/tasks/000000/result/summary.json").contains("\"status\": \"completed\""));
     place.succeeds("report out");
-    assert!(place.read("out/index.html").contains("href=\"tasks/000000/result\""));
+    let page = place.read("out/index.html");
+    assert!(page.contains("href=\"tasks/000000/result\""));
+    // Factors that are texts: figures of the kinds of outcomes and of every task.
+    assert!(page.contains("outcome: number of tasks") && page.contains("end_time of every task"), "{page}");
 }
 
 #[test]
@@ -330,7 +429,9 @@ fn of_two_submissions_to_a_cluster_one_is_refused() {
     // A cluster whose job waits for ever.
     let programs = place.0.path().join("bin");
     std::fs::create_dir(&programs).unwrap();
-    for (name, text) in [("sbatch", "sleep 0.5; echo 17"), ("squeue", "echo 17_1 PENDING")] {
+    for (name, text) in
+        [("sbatch", "sleep 0.5; echo 17"), ("squeue", "echo RUNNING; echo PENDING; echo PENDING")]
+    {
         let path = programs.join(name);
         std::fs::write(&path, format!("#!/bin/sh\n{text}\n")).unwrap();
         std::fs::set_permissions(&path, std::os::unix::fs::PermissionsExt::from_mode(0o755)).unwrap();
@@ -351,6 +452,21 @@ fn of_two_submissions_to_a_cluster_one_is_refused() {
     assert_eq!(both.iter().filter(|output| output.status.success()).count(), 1, "{both:?}");
     let late = begin().wait_with_output().unwrap();
     assert!(refused(&late).contains("job 17 runs this folder already"), "{late:?}");
+    let status = |path: &str| {
+        let output = Command::new(env!("CARGO_BIN_EXE_airloop"))
+            .args(["sweep", "status", "out"])
+            .env("PATH", path)
+            .current_dir(place.0.path())
+            .output();
+        String::from_utf8(output.unwrap().stdout).unwrap()
+    };
+    let asked = status(&format!("{}:/usr/bin:/bin", programs.display()));
+    assert!(asked.contains("Slurm job 17 with 1 shards; 2 pending, 1 running"), "{asked}");
+    let elsewhere = status("/nowhere");
+    assert!(
+        elsewhere.contains("0 of 8 tasks done") && elsewhere.contains("`squeue` cannot be started"),
+        "{elsewhere}"
+    );
 }
 
 #[test]
@@ -378,4 +494,39 @@ fn a_saltelli_sample_has_indices_in_its_report() {
     place.succeeds("report out");
     let page = place.read("out/index.html");
     assert!(page.contains("indices of end, from 8 points"), "{page}");
+}
+
+#[test]
+fn a_full_disk_leaves_nothing_half_written_and_the_same_command_goes_on() {
+    let place = Place::new("kind = \"empty\"\n[sample]\ncount = 60000\n");
+    // A file system of 1 MB in a name space of its own; three shards of 600 kB do not fit.
+    let script = r#"
+        mkdir small && mount -t tmpfs -o size=1m small small || exit 77
+        "$0" sweep plan plan.toml --shards 3 -o small/out -q || exit 1
+        "$0" sweep run small/out --threads 1 -q 2> said && exit 2
+        ls -A small/out/shards | grep -v lock > left
+        mount -o remount,size=20m small || exit 77
+        "$0" sweep run small/out --threads 1 -q && "$0" sweep merge small/out -q || exit 3
+        cp small/out/results.csv full.csv
+    "#;
+    let output = Command::new("unshare")
+        .args(["--map-root-user", "--mount", "sh", "-c", script, env!("CARGO_BIN_EXE_airloop")])
+        .current_dir(place.0.path())
+        .output();
+    let allowed = output.as_ref().is_ok_and(|output| {
+        output.status.code() != Some(77) && !String::from_utf8_lossy(&output.stderr).contains("unshare")
+    });
+    if !allowed {
+        eprintln!("skipped: no name space of one's own is allowed here: {output:?}");
+        return;
+    }
+    let output = output.unwrap();
+    assert!(output.status.success(), "{output:?}");
+    let said = place.read("said");
+    assert!(said.contains("make room and run again"), "{said}");
+    assert_eq!(place.read("left"), "0000000000-0000020000.csv\n");
+    place.succeeds("plan plan.toml -o whole");
+    place.succeeds("run whole");
+    place.succeeds("merge whole");
+    assert_eq!(place.bytes("full.csv"), place.bytes("whole/results.csv"));
 }

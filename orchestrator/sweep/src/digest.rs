@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use sha2::{Digest, Sha256};
 
-use crate::Error;
+use crate::{Error, follow};
 
 /// SHA-256 as hexadecimal digits.
 pub fn hex(hash: Sha256) -> String {
@@ -18,7 +18,7 @@ pub fn of_text(text: &str) -> String {
     hex(Sha256::new_with_prefix(text))
 }
 
-/// Content of a file, or of all files under a folder with their relative paths.
+/// Content of a file, or the relative paths of all files under a folder.
 ///
 /// # Errors
 /// [`Error::Io`] if something cannot be read.
@@ -27,9 +27,9 @@ pub fn of_path(path: &Path) -> Result<String, Error> {
         return of_file(path);
     }
     let mut hash = Sha256::new();
-    for file in files_under(path)? {
+    for file in follow::files_under(path)? {
         let name = file.strip_prefix(path).unwrap_or(&file).to_string_lossy().replace('\\', "/");
-        hash.update(format!("{name}\n{}\n", of_file(&file)?));
+        hash.update(format!("{name}\n"));
     }
     Ok(hex(hash))
 }
@@ -56,17 +56,6 @@ pub fn entries(folder: &Path) -> Result<Vec<PathBuf>, Error> {
     all.retain(|path| !path.file_name().is_some_and(|name| name.to_string_lossy().starts_with('.')));
     all.sort();
     Ok(all)
-}
-
-fn files_under(folder: &Path) -> Result<Vec<PathBuf>, Error> {
-    let mut files = Vec::new();
-    for path in entries(folder)? {
-        match path.is_dir() {
-            true => files.extend(files_under(&path)?),
-            false => files.push(path),
-        }
-    }
-    Ok(files)
 }
 
 /// A writer that hashes what passes.

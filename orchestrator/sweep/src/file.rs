@@ -145,6 +145,17 @@ pub struct Quantity {
     pub text: bool,
 }
 
+/// `[signals]`: whole signals of every simulation.
+#[derive(Debug, Clone, PartialEq, Eq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Signals {
+    /// Names, as in the results of `airloop run`.
+    pub names: Vec<String>,
+    /// Each so many rows of a simulation one is kept, and the last.
+    #[serde(default = "one")]
+    pub every: u64,
+}
+
 /// `[run]`: settings of all simulations, with the names of `airloop run`.
 #[derive(Debug, Clone, PartialEq, Default, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -253,6 +264,8 @@ pub struct PlanFile {
     /// Quantities.
     #[serde(default)]
     pub quantities: Vec<Quantity>,
+    /// Whole signals that are kept.
+    pub signals: Option<Signals>,
     /// Options of Slurm.
     #[serde(default)]
     pub slurm: Slurm,

@@ -11,6 +11,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::digest;
 use crate::file::{Factor, Kind, Method, PlanFile, Sample, Scale};
+use crate::follow;
 use crate::sample::{Design, Range, Value};
 use crate::table::{Cell, Column, Type};
 use crate::task;
@@ -74,6 +75,9 @@ pub struct Manifest {
     pub tasks: u64,
     /// Columns of the results.
     pub columns: Vec<Column>,
+    /// Columns of the signals that are kept of every task, time first; none if no signals are kept.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub signals: Vec<Column>,
     /// Number of shards, unless a run asks for another.
     pub shards: u64,
 }
@@ -102,7 +106,7 @@ impl Manifest {
             return Err(Error::Plan { place: format!("column `{}`", twice.1.name), problem });
         }
         let mut inputs = Vec::new();
-        for path in work.inputs() {
+        for path in follow::follow(work.inputs(), &base)? {
             let sha256 = digest::of_path(&path)?;
             inputs.push(Input { path: path.strip_prefix(&base).unwrap_or(&path).into(), sha256 });
         }
@@ -122,6 +126,7 @@ impl Manifest {
             inputs,
             tasks,
             columns,
+            signals: work.signals(),
             shards: parsed.shards.unwrap_or(1).clamp(1, tasks.max(1)),
         };
         manifest.digest = manifest.content();

@@ -11,6 +11,7 @@ use crate::Error;
 use crate::manifest::Manifest;
 use crate::parquet_file::{Complete, Writer};
 use crate::shard::{self, Foot, Reader};
+use crate::signals::{self, SIGNALS};
 use crate::table::{self, Cell};
 
 /// Merged rows as text.
@@ -107,13 +108,15 @@ fn failed_from(path: &Path, manifest: &Manifest, from: u64) -> Result<(u64, Foot
     }
 }
 
-/// Merges the finished shards of a folder into `results.csv`, `results.parquet` and `summary.json`.
+/// Merges the finished shards of a folder into `results.csv`, `results.parquet` and `summary.json`, and their signals, if they keep
+/// some, into `signals.parquet`.
 ///
 /// # Errors
 /// [`Error::Incomplete`] if rows are missing, [`Error::Damaged`], or a file that cannot be written.
 pub fn merge(folder: &Path) -> Result<Summary, Error> {
     let manifest = Manifest::read(folder)?;
     let cover = cover(folder, &manifest)?;
+    let signals = signals::merge(&cover, &manifest, folder)?;
     let csv = folder.join(RESULTS);
     let parquet = folder.join(PARQUET);
     let mut outcome = None;
@@ -136,12 +139,16 @@ pub fn merge(folder: &Path) -> Result<Summary, Error> {
         })?,
         None => 0,
     };
+    let names = [RESULTS, PARQUET].into_iter().chain(signals.as_ref().map(|_| SIGNALS)).chain([SUMMARY]);
+    if let Some(signals) = signals {
+        signals.persist()?;
+    }
     let summary = Summary {
         digest: manifest.digest.clone(),
         airloop_version: manifest.program.version.clone(),
         tasks: manifest.tasks,
         failed,
-        files: [RESULTS, PARQUET, SUMMARY].map(String::from).to_vec(),
+        files: names.map(String::from).collect(),
     };
     let path = folder.join(SUMMARY);
     airloop_series::file::write_json(&path, &summary).map_err(Error::io(&path))?;
@@ -185,7 +192,7 @@ fn copy(
     rows: &mut dyn FnMut(&str) -> std::io::Result<()>,
 ) -> Result<(u64, Complete), Error> {
     let mut failed = 0;
-    let mut writer = Writer::create(parquet, manifest)?;
+    let mut writer = Writer::create(parquet, &manifest.columns, manifest)?;
     let status = manifest.columns.len() - 2;
     for (wanted, path) in cover {
         let damaged = |problem: &str| Error::Damaged { path: path.clone(), problem: problem.into() };

@@ -1,15 +1,19 @@
 //! Rows as a Parquet file: plain pages in row groups of a fixed length, so that equal rows are equal bytes.
 
+use std::fs::File;
 use std::io::BufWriter;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use airloop_series::file;
 use parquet::basic::{Encoding, LogicalType, Repetition, Type as Physical};
-use parquet::data_type::{ByteArray, ByteArrayType, DoubleType, Int64Type};
+use parquet::column::reader::ColumnReader;
+use parquet::data_type::{ByteArray, ByteArrayType, DataType, DoubleType, Int64Type};
 use parquet::errors::ParquetError;
 use parquet::file::metadata::KeyValue;
 use parquet::file::properties::WriterProperties;
+use parquet::file::reader::FileReader;
+use parquet::file::serialized_reader::SerializedFileReader;
 use parquet::file::writer::{SerializedColumnWriter, SerializedFileWriter};
 use parquet::schema::types::{Type as Schema, TypePtr};
 use tempfile::NamedTempFile;
@@ -30,18 +34,18 @@ pub struct Writer {
 }
 
 impl Writer {
-    /// Begins a file with the columns of a manifest; its metadata say the plan and the unit of every column.
+    /// Begins a file of a sweep; its metadata say the plan and the unit of every column.
     ///
     /// # Errors
     /// [`Error::Io`], [`Error::Parquet`].
-    pub fn create(path: &Path, manifest: &Manifest) -> Result<Writer, Error> {
+    pub fn create(path: &Path, columns: &[Column], manifest: &Manifest) -> Result<Writer, Error> {
         let parquet = |source| Error::Parquet { path: path.into(), source };
-        let fields = manifest.columns.iter().map(field).collect::<Result<Vec<_>, _>>().map_err(parquet)?;
+        let fields = columns.iter().map(field).collect::<Result<Vec<_>, _>>().map_err(parquet)?;
         let schema = Schema::group_type_builder("sweep").with_fields(fields).build().map_err(parquet)?;
-        let columns = serde_json::to_string(&manifest.columns).expect("names and units");
+        let described = serde_json::to_string(columns).expect("names and units");
         let metadata = vec![
             KeyValue::new("airloop.digest".into(), manifest.digest.clone()),
-            KeyValue::new("airloop.columns".into(), columns),
+            KeyValue::new("airloop.columns".into(), described),
         ];
         let properties = WriterProperties::builder()
             .set_created_by(format!("airloop {}", manifest.program.version))
@@ -54,7 +58,7 @@ impl Writer {
         let out = BufWriter::new(file::temporary(folder).map_err(Error::io(path))?);
         let inner =
             SerializedFileWriter::new(out, Arc::new(schema), Arc::new(properties)).map_err(parquet)?;
-        Ok(Writer { path: path.into(), columns: manifest.columns.clone(), inner, rows: Vec::new() })
+        Ok(Writer { path: path.into(), columns: columns.to_vec(), inner, rows: Vec::new() })
     }
 
     /// Adds a row, whose cells are of the types of the columns.
@@ -98,6 +102,7 @@ impl Writer {
         let path = self.path;
         let out = self.inner.into_inner().map_err(|source| Error::Parquet { path: path.clone(), source })?;
         let written = out.into_inner().map_err(|error| Error::io(&path)(error.into_error()))?;
+        written.as_file().sync_all().map_err(Error::io(&path))?;
         Ok(Complete { path, written })
     }
 }
@@ -115,6 +120,66 @@ impl Complete {
     /// [`Error::Io`].
     pub fn persist(self) -> Result<(), Error> {
         file::persist(self.written, &self.path).map_err(Error::io(&self.path))
+    }
+}
+
+/// Columns of numbers of one row group after the other, as [`Writer`] writes them.
+pub struct Reader {
+    path: PathBuf,
+    columns: usize,
+    inner: SerializedFileReader<File>,
+}
+
+impl Reader {
+    /// Opens a file whose columns are one of whole numbers and `columns - 1` of numbers.
+    ///
+    /// # Errors
+    /// [`Error::Io`], [`Error::Parquet`].
+    pub fn open(path: &Path, columns: usize) -> Result<Reader, Error> {
+        let file = File::open(path).map_err(Error::io(path))?;
+        let parquet = |source| Error::Parquet { path: path.into(), source };
+        let inner = SerializedFileReader::new(file).map_err(parquet)?;
+        let found = inner.metadata().file_metadata().schema_descr().num_columns();
+        match found == columns {
+            true => Ok(Reader { path: path.into(), columns, inner }),
+            false => Err(Error::Damaged {
+                path: path.into(),
+                problem: format!("it has {found} columns, not {columns}"),
+            }),
+        }
+    }
+
+    /// Number of row groups.
+    pub fn groups(&self) -> usize {
+        self.inner.metadata().num_row_groups()
+    }
+
+    /// The whole numbers of a row group, and its numbers column by column.
+    ///
+    /// # Errors
+    /// [`Error::Parquet`].
+    pub fn group(&self, index: usize) -> Result<(Vec<u64>, Vec<Vec<f64>>), Error> {
+        self.try_group(index).map_err(|source| Error::Parquet { path: self.path.clone(), source })
+    }
+
+    fn try_group(&self, index: usize) -> Result<(Vec<u64>, Vec<Vec<f64>>), ParquetError> {
+        let group = self.inner.get_row_group(index)?;
+        let rows = usize::try_from(group.metadata().num_rows()).unwrap_or(0);
+        let whole: Vec<i64> = read::<Int64Type>(group.get_column_reader(0)?, rows)?;
+        let numbers =
+            (1..self.columns).map(|column| read::<DoubleType>(group.get_column_reader(column)?, rows));
+        Ok((whole.into_iter().map(i64::cast_unsigned).collect(), numbers.collect::<Result<_, _>>()?))
+    }
+}
+
+fn read<T: DataType>(column: ColumnReader, rows: usize) -> Result<Vec<T::T>, ParquetError> {
+    let wrong = || ParquetError::General("a column is of another type".into());
+    let mut column = T::get_column_reader(column).ok_or_else(wrong)?;
+    let (mut there, mut values) = (Vec::new(), Vec::with_capacity(rows));
+    column.read_records(rows, Some(&mut there), None, &mut values)?;
+    match values.len() == rows {
+        true => Ok(values),
+        false => Err(ParquetError::General("values are missing".into())),
     }
 }
 
@@ -172,4 +237,36 @@ fn field(column: &Column) -> Result<TypePtr, ParquetError> {
         .with_repetition(Repetition::OPTIONAL)
         .with_logical_type(logical);
     Ok(Arc::new(field.build()?))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_come_back_bit_for_bit() {
+        let place = tempfile::tempdir().unwrap();
+        std::fs::write(place.path().join("plan.toml"), "kind = \"empty\"").unwrap();
+        let manifest = Manifest::plan(&place.path().join("plan.toml")).unwrap();
+        let columns = [Column::new("task", Type::Integer), Column::new("x", Type::Number)];
+        let path = place.path().join("x.parquet");
+        let mut writer = Writer::create(&path, &columns, &manifest).unwrap();
+        let number = |row: usize| [0.1 + row as f64, -0.0, f64::NAN, 1e300, f64::NEG_INFINITY][row % 5];
+        let rows = GROUP + 1000;
+        for row in 0..rows {
+            writer.push(vec![Cell::Integer(u64::MAX - row as u64), Cell::Number(number(row))]).unwrap();
+        }
+        writer.finish().unwrap().persist().unwrap();
+        let reader = Reader::open(&path, 2).unwrap();
+        let mut row = 0;
+        for group in 0..reader.groups() {
+            let (tasks, numbers) = reader.group(group).unwrap();
+            for (task, found) in tasks.iter().zip(&numbers[0]) {
+                assert_eq!((*task, found.to_bits()), (u64::MAX - row as u64, number(row).to_bits()));
+                row += 1;
+            }
+        }
+        assert_eq!((row, reader.groups()), (rows, 2));
+        assert!(matches!(Reader::open(&path, 3), Err(Error::Damaged { .. })));
+    }
 }

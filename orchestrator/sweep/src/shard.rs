@@ -16,6 +16,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::digest::Hashed;
 use crate::manifest::{Manifest, Tasks, leading_cells, short};
+use crate::signals::Tape;
 use crate::table::{self, Cell};
 use crate::task::{self, Place, Work};
 use crate::{Error, Task};
@@ -24,6 +25,8 @@ use crate::{Error, Task};
 const SHARDS: &str = "shards";
 /// Tasks that are shared out among the threads at a time; the rows of so many are in memory.
 const BLOCK: u64 = 4096;
+/// Same where signals are kept.
+const BLOCK_WITH_SIGNALS: u64 = 256;
 
 /// Part `index` of `of`, from 1.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -69,6 +72,9 @@ pub struct Foot {
     pub rows: u64,
     /// SHA-256 of their lines.
     pub sha256: String,
+    /// SHA-256 of the file of the signals, if there is one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub signals: Option<String>,
     /// Tasks that are not `ok`.
     pub failed: u64,
     /// Wall-clock time \[s\].
@@ -111,6 +117,13 @@ pub enum Done {
     Nothing,
 }
 
+/// What a task gives.
+struct Row {
+    line: String,
+    ok: bool,
+    signals: Vec<Vec<f64>>,
+}
+
 /// A sweep whose tasks can run.
 pub struct Runner {
     folder: PathBuf,
@@ -119,30 +132,29 @@ pub struct Runner {
     tasks: Tasks,
     work: Box<dyn Work>,
     threads: usize,
-    isolated: bool,
 }
 
 impl Runner {
-    /// Opens the sweep of a folder for this many threads, and checks that program and inputs are those of the plan;
-    /// `isolated` says whether FMUs run in processes of their own.
+    /// Opens the sweep of a folder for this many threads, and checks that program and inputs are those of the plan. FMUs run
+    /// in processes of their own where [`isolate::choose`](airloop_fmi::isolate::choose) says so.
     ///
     /// # Errors
     /// [`Error::Changed`], [`Error::Program`], or whatever opening the plan says.
-    pub fn open(folder: &Path, threads: usize, isolated: bool) -> Result<Runner, Error> {
+    pub fn open(folder: &Path, threads: usize) -> Result<Runner, Error> {
         let manifest = Manifest::read(folder)?;
         manifest.check()?;
-        Runner::new(folder, manifest, threads, isolated)
+        Runner::new(folder, manifest, threads)
     }
 
     /// The tasks of a manifest, which need not lie in the folder yet.
     ///
     /// # Errors
     /// The errors of opening the plan.
-    pub fn new(folder: &Path, manifest: Manifest, threads: usize, isolated: bool) -> Result<Runner, Error> {
+    pub fn new(folder: &Path, manifest: Manifest, threads: usize) -> Result<Runner, Error> {
         let plan = manifest.file()?;
         let tasks = Tasks::new(&plan, &manifest.base)?;
         let work = task::open(&plan, &manifest.base)?;
-        Ok(Runner { folder: folder.into(), manifest, tasks, work, threads: threads.max(1), isolated })
+        Ok(Runner { folder: folder.into(), manifest, tasks, work, threads: threads.max(1) })
     }
 
     /// Time of a task \[s\]: the mean of the first, the middle and the last, whose results are forgotten. None if there
@@ -210,28 +222,36 @@ impl Runner {
             if stop.load(Ordering::Relaxed) {
                 return None;
             }
-            let (line, ok) = self.row(&self.tasks.task(number), stop)?;
-            failed.fetch_add(u64::from(!ok), Ordering::Relaxed);
+            let row = self.row(&self.tasks.task(number), stop)?;
+            failed.fetch_add(u64::from(!row.ok), Ordering::Relaxed);
             progress(done.fetch_add(1, Ordering::Relaxed) + 1);
-            Some(line)
+            Some((number, row))
         };
+        let mut tape = Tape::create(path, &self.manifest)?;
+        let most = if tape.is_some() { BLOCK_WITH_SIGNALS } else { BLOCK };
         let mut from = tasks.start;
         while from < tasks.end {
-            let end = tasks.end.min(from + BLOCK);
+            let end = tasks.end.min(from + most);
             let block: Vec<u64> = (from..end).collect();
             from = end;
-            let lines: Option<Vec<String>> =
+            let rows: Option<Vec<(u64, Row)>> =
                 pool.install(|| block.into_par_iter().with_max_len(1).map(row).collect());
-            for line in lines.ok_or(Error::Interrupted)? {
-                out.write_all(line.as_bytes()).map_err(io())?;
+            for (number, row) in rows.ok_or(Error::Interrupted)? {
+                out.write_all(row.line.as_bytes()).map_err(io())?;
+                if let Some(tape) = &mut tape {
+                    tape.push(number, &row.signals)?;
+                }
             }
         }
         // A file that changed while the tasks ran would make rows of two contents.
         self.manifest.check()?;
+        // The rows come last: where they are, the signals are too.
+        let signals = tape.map(Tape::finish).transpose()?;
         let (mut out, sha256) = out.finish();
         let foot = Foot {
             rows: tasks.end - tasks.start,
             sha256,
+            signals,
             failed: failed.into_inner(),
             seconds: began.elapsed().as_secs_f64(),
             threads: self.threads,
@@ -244,16 +264,16 @@ impl Runner {
         Ok(foot)
     }
 
-    /// The line of a task, and whether it is ok; none if it was interrupted.
-    fn row(&self, task: &Task, stop: &AtomicBool) -> Option<(String, bool)> {
-        let outcome = self.work.run(task, Place { folder: &self.folder, stop, isolated: self.isolated })?;
+    /// The row of a task; none if it was interrupted.
+    fn row(&self, task: &Task, stop: &AtomicBool) -> Option<Row> {
+        let outcome = self.work.run(task, Place { folder: &self.folder, stop })?;
         let mut cells = leading_cells(task);
         cells.extend(outcome.cells);
         cells.push(Cell::Text(outcome.status.into()));
         cells.push(outcome.cause.filter(|cause| !cause.is_empty()).map_or(Cell::Empty, Cell::Text));
         let mut line = String::new();
         table::write_row(&mut line, cells.iter());
-        Some((line, outcome.status == "ok"))
+        Some(Row { line, ok: outcome.status == "ok", signals: outcome.signals })
     }
 }
 

@@ -1,5 +1,6 @@
 //! Shards as the tasks of one Slurm job array.
 
+use std::collections::BTreeMap;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -95,7 +96,7 @@ pub fn submit(
     let _lock = shard::lock(&folder.join(SUBMISSION).with_extension("lock"))?;
     if let Some(earlier) = read(&folder)?
         && !again
-        && is_queued(earlier.job)?
+        && !states(earlier.job)?.is_empty()
     {
         let problem = format!(
             "job {} runs this folder already; wait for it, end it with `airloop sweep cancel {}`, or give --again: shards that run twice are written once",
@@ -146,17 +147,23 @@ pub fn cancel(folder: &Path) -> Result<Option<u64>, Error> {
     Ok(Some(submission.job))
 }
 
-/// Whether some shard of a job waits or runs.
+/// Number of shards of a job in each state of the cluster, such as `PENDING` and `RUNNING`; those that are over are left out.
 ///
 /// # Errors
 /// `squeue` that is not there.
-pub fn is_queued(job: u64) -> Result<bool, Error> {
-    match ask(Command::new("squeue").args(["--noheader", "--jobs", &job.to_string()])) {
-        Ok(lines) => Ok(!lines.trim().is_empty()),
-        // Slurm forgets jobs that are over.
-        Err(Error::Engine { problem, .. }) if problem.contains("Invalid job id") => Ok(false),
-        Err(error) => Err(error),
+pub fn states(job: u64) -> Result<BTreeMap<String, u64>, Error> {
+    let job = job.to_string();
+    let lines =
+        match ask(Command::new("squeue").args(["--noheader", "--array", "--format=%T", "--jobs", &job])) {
+            // Slurm forgets jobs that are over.
+            Err(Error::Engine { problem, .. }) if problem.contains("Invalid job id") => String::new(),
+            asked => asked?,
+        };
+    let mut states = BTreeMap::new();
+    for state in lines.split_whitespace() {
+        *states.entry(state.to_owned()).or_insert(0) += 1;
     }
+    Ok(states)
 }
 
 /// Output of a program of Slurm.

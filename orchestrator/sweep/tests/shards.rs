@@ -36,7 +36,7 @@ fn planned(place: &TempDir, name: &str) -> PathBuf {
 }
 
 fn run(folder: &Path, shard: &str, threads: usize) -> Result<Done, Error> {
-    let runner = Runner::open(folder, threads, false)?;
+    let runner = Runner::open(folder, threads)?;
     runner.run(shard.parse()?, &AtomicBool::new(false), &|_| {})
 }
 
@@ -97,6 +97,32 @@ fn a_shard_that_another_process_runs_is_left_to_it() {
     assert!(matches!(run(&folder, "1/1", 1), Err(Error::Busy { .. })));
     drop(held);
     assert!(matches!(run(&folder, "1/1", 1), Ok(Done::Ran(_))));
+}
+
+#[test]
+fn clocks_that_differ_between_computers_change_nothing() {
+    let place = TempDir::new().unwrap();
+    let whole = planned(&place, "whole");
+    run(&whole, "1/1", 1).unwrap();
+    let truth = merged(&whole);
+    let folder = planned(&place, "sweep");
+    run(&folder, "1/2", 1).unwrap();
+    // What a computer wrote whose clock is years off, with the locks that it left when it was switched off.
+    let years = |count: u64| std::time::Duration::from_secs(count * 365 * 86_400);
+    let now = std::time::SystemTime::now();
+    for (when, shard) in [(now + years(20), "2/4"), (now - years(20), "3/4")] {
+        for file in [folder.join("manifest.json"), place.path().join("plan.toml")] {
+            std::fs::File::options().append(true).open(file).unwrap().set_modified(when).unwrap();
+        }
+        for entry in std::fs::read_dir(folder.join("shards")).unwrap() {
+            let file = std::fs::File::options().append(true).open(entry.unwrap().path()).unwrap();
+            file.set_modified(when).unwrap();
+        }
+        assert!(matches!(run(&folder, "1/2", 1), Ok(Done::Skipped(_))));
+        assert!(matches!(run(&folder, shard, 1), Ok(Done::Ran(_))));
+    }
+    run(&folder, "4/4", 1).unwrap();
+    assert_eq!(merged(&folder), truth);
 }
 
 #[test]

@@ -111,6 +111,23 @@ pub fn read(file: &Path) -> Result<Structure, Error> {
     read_description(file, file, None)
 }
 
+/// Files that a description names as `source` of anything: FMUs, parameter sets, mappings; also those that are not there.
+///
+/// # Errors
+/// [`Error::Io`], [`Error::Xml`] for a file that cannot be read.
+pub fn sources(file: &Path) -> Result<Vec<PathBuf>, Error> {
+    let root = xml::read(file, file)?;
+    let reader = Reader { file, base: file.parent().unwrap_or(Path::new("")), package: None };
+    let mut found = Vec::new();
+    let mut open = vec![&root];
+    while let Some(element) = open.pop() {
+        let source = element.attribute("source").and_then(|uri| reader.resolve(element, uri).ok());
+        found.extend(source.map(|(path, _)| path));
+        open.extend(&element.children);
+    }
+    Ok(found)
+}
+
 /// Reads the description of a package that is unpacked in `folder`; messages name places inside of `package`.
 pub(super) fn read_unpacked(folder: &Path, package: &Path) -> Result<Structure, Error> {
     let file = folder.join(DESCRIPTION);

@@ -70,6 +70,11 @@ pub(crate) fn choice(tool: &str) -> Option<Arc<Isolation>> {
     wanted.then_some(choice)
 }
 
+/// Whether the library of an FMU made by `tool` (its `generationTool`) gets a worker.
+pub fn applies_to(tool: &str) -> bool {
+    choice(tool).is_some()
+}
+
 /// Ends calls that are in progress in workers soon, as the user asked for the end: from a handler of signals, say.
 pub fn interrupt() {
     INTERRUPTED.store(true, Ordering::Relaxed);

@@ -84,7 +84,7 @@ pub fn run(
         if stop.load(Ordering::Relaxed) {
             return None;
         }
-        let trial = one(ready, request, job, stop);
+        let trial = one(ready, request, job, Watch { stop, progress: &mut |_, _| {} });
         progress(done.fetch_add(1, Ordering::Relaxed) + 1, jobs.len());
         trial.transpose()
     };
@@ -92,8 +92,8 @@ pub fn run(
         .install(|| jobs.par_iter().with_max_len(1).filter_map(trial).collect())
 }
 
-/// One trial, by (whether the controller has feedback, seed, whether the trajectory is kept); none if it was
-/// interrupted.
+/// One trial, by (whether the controller has feedback, seed, whether the trajectory is kept); none if `watch`
+/// stopped it.
 ///
 /// # Errors
 /// A trial that cannot begin.
@@ -101,7 +101,7 @@ pub fn one(
     ready: &Ready,
     request: &Request,
     (closed, seed, keep): (bool, u64, bool),
-    stop: &AtomicBool,
+    watch: Watch,
 ) -> Result<Option<Trial>, Error> {
     let mut random = Random::new(seed);
     let mut graph = ready.graph.clone();
@@ -118,7 +118,6 @@ pub fn one(
         algorithm: request.algorithm,
         ..MasterSettings::default()
     };
-    let watch = Watch { stop, progress: &mut |_, _| {} };
     let run = simulate::run(&graph, &settings, Some(&stimulus), watch).map_err(|error| Error::Place {
         place: format!("trial of seed {seed}"),
         problem: format!("{error}; if a parameter is out of its range, perturb it less"),

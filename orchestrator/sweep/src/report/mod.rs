@@ -3,6 +3,7 @@
 mod figures;
 mod indices;
 mod statistics;
+mod tasks;
 
 use std::collections::BTreeMap;
 use std::io::{BufRead, BufReader, Write};
@@ -10,7 +11,6 @@ use std::path::{Path, PathBuf};
 
 use airloop_report::plot::fit_page::{Page, Table, html};
 use airloop_report::plot::run::short;
-use airloop_report::plot::svg::escape;
 use airloop_series::file::write_whole;
 
 use crate::Error;
@@ -27,14 +27,26 @@ const MAX_GROUPS: usize = 12;
 const DRAWN: usize = 8;
 /// Points of a scatter figure.
 const MAX_POINTS: usize = 4000;
-/// Folders of commands that are linked.
-const MAX_LINKS: usize = 1000;
 
 /// A column of the results.
 struct Values {
     column: Column,
     numbers: Vec<f64>,
     texts: Vec<String>,
+}
+
+impl Values {
+    /// Value of a task as a text; empty if it has none.
+    fn text(&self, task: usize) -> String {
+        match self.column.kind {
+            Type::Text => self.texts.get(task).cloned().unwrap_or_default(),
+            _ => self
+                .numbers
+                .get(task)
+                .filter(|value| value.is_finite())
+                .map_or_else(String::new, |one| short(*one)),
+        }
+    }
 }
 
 /// Writes the page of a merged sweep; its path.
@@ -46,7 +58,8 @@ pub fn write(folder: &Path) -> Result<PathBuf, Error> {
     let plan = manifest.file()?;
     let columns = read(folder, &manifest)?;
     let page = page(&manifest, &plan, &columns);
-    let text = with_links(html(&page), &columns, folder);
+    let tasks = tasks::table(&columns, folder);
+    let text = html(&page).replacen("</main>", &format!("{tasks}</main>"), 1);
     let path = folder.join(PAGE);
     write_whole(&path, |out| out.write_all(text.as_bytes())).map_err(Error::io(&path))?;
     Ok(path)
@@ -91,36 +104,20 @@ fn page(manifest: &Manifest, plan: &PlanFile, columns: &[Values]) -> Page {
     let bad = status.texts.iter().filter(|status| *status != "ok").count();
     let numbers: Vec<&Values> = results.iter().filter(|one| one.column.kind != Type::Text).collect();
     let mut tables = vec![quantities(&numbers)];
-    let grouping = |one: &&Values| (2..=MAX_GROUPS).contains(&counts(&one.texts).len());
-    tables.extend(
-        inner
-            .iter()
-            .filter(|one| one.column.kind == Type::Text)
-            .filter(grouping)
-            .map(|one| groups(one, &numbers)),
-    );
+    let is_group = |one: &&Values| {
+        let groups = one.column.kind == Type::Text && !tasks::is_folder(one);
+        groups && (1..=MAX_GROUPS).contains(&counts(&one.texts).len())
+    };
+    tables.extend(inner.iter().filter(is_group).map(|one| groups(one, &numbers)));
     if plan.sample.as_ref().is_some_and(|sample| sample.method == Method::Saltelli) {
         tables.extend(numbers.iter().filter_map(|quantity| sobol_indices(quantity, factors)));
     }
-    let factors: Vec<&Values> = factors.iter().filter(|one| one.column.kind != Type::Text).collect();
-    let mut figures = Vec::new();
+    let mut figures: Vec<String> = results.iter().filter(is_group).map(count_figure).collect();
     for quantity in numbers.iter().take(DRAWN) {
-        let mut influence: Vec<(&Values, f64)> = factors
-            .iter()
-            .filter_map(|factor| {
-                Some((*factor, statistics::rank_correlation(&factor.numbers, &quantity.numbers)?))
-            })
-            .collect();
-        influence.sort_by(|a, b| b.1.abs().total_cmp(&a.1.abs()));
-        let Some((strongest, _)) = influence.first() else { continue };
-        let bars: Vec<(&str, f64)> =
-            influence.iter().map(|(factor, value)| (factor.column.name.as_str(), *value)).collect();
-        figures.push(figures::tornado(&quantity.column.name, &bars));
-        let pairs = strongest.numbers.iter().copied().zip(quantity.numbers.iter().copied());
-        let every = strongest.numbers.len().div_ceil(MAX_POINTS).max(1);
-        let points: Vec<(f64, f64)> =
-            pairs.filter(|(a, b)| a.is_finite() && b.is_finite()).step_by(every).collect();
-        figures.push(figures::scatter(&points, (&strongest.column.title(), &quantity.column.title())));
+        figures.extend(influence_figures(quantity, factors));
+        if !factors.is_empty() && factors.iter().all(|one| one.column.kind == Type::Text) {
+            figures.extend(tasks::figure(quantity, factors));
+        }
     }
     Page {
         title: "Sweep".into(),
@@ -135,6 +132,36 @@ fn page(manifest: &Manifest, plan: &PlanFile, columns: &[Values]) -> Page {
         figures,
         ..Page::default()
     }
+}
+
+/// Rank correlation of a quantity with every factor that is a number, and the quantity over the strongest; none if nothing moves
+/// it.
+fn influence_figures(quantity: &Values, factors: &[Values]) -> Vec<String> {
+    let numbers = factors.iter().filter(|one| one.column.kind != Type::Text);
+    let mut influence: Vec<(&Values, f64)> = numbers
+        .filter_map(|factor| {
+            Some((factor, statistics::rank_correlation(&factor.numbers, &quantity.numbers)?))
+        })
+        .collect();
+    influence.sort_by(|a, b| b.1.abs().total_cmp(&a.1.abs()));
+    let Some((strongest, _)) = influence.first() else { return Vec::new() };
+    let bars: Vec<(&str, f64)> =
+        influence.iter().map(|(factor, value)| (factor.column.name.as_str(), *value)).collect();
+    let pairs = strongest.numbers.iter().copied().zip(quantity.numbers.iter().copied());
+    let every = strongest.numbers.len().div_ceil(MAX_POINTS).max(1);
+    let points: Vec<(f64, f64)> =
+        pairs.filter(|(a, b)| a.is_finite() && b.is_finite()).step_by(every).collect();
+    vec![
+        figures::tornado(&quantity.column.name, &bars),
+        figures::scatter(&points, (&strongest.column.title(), &quantity.column.title())),
+    ]
+}
+
+/// Number of tasks of each text, the most frequent first.
+fn count_figure(group: &Values) -> String {
+    let mut bars: Vec<(&str, usize)> = counts(&group.texts).into_iter().collect();
+    bars.sort_by_key(|(_, count)| std::cmp::Reverse(*count));
+    figures::counts(&group.column.name, &bars)
 }
 
 fn counts(texts: &[String]) -> BTreeMap<&str, usize> {
@@ -211,20 +238,4 @@ fn groups(group: &Values, numbers: &[&Values]) -> Table {
         header: header.collect(),
         rows: counts(&group.texts).into_iter().map(row).collect(),
     }
-}
-
-/// Adds links to the pages of commands, or to their folders where they wrote none.
-fn with_links(html: String, columns: &[Values], sweep: &Path) -> String {
-    let folders = columns.iter().find(|one| one.column.name == "folder" && one.column.kind == Type::Text);
-    let Some(folders) = folders else { return html };
-    let target = |folder: &str| {
-        let pages = ["index.html", "report.html"].map(|page| format!("{folder}/{page}"));
-        pages.into_iter().find(|page| sweep.join(page).exists()).unwrap_or_else(|| folder.to_owned())
-    };
-    let line = |(task, folder): (usize, &String)| {
-        format!("<li>task {task}: <a href=\"{}\">{}</a></li>\n", escape(&target(folder)), escape(folder))
-    };
-    let links = folders.texts.iter().enumerate().filter(|(_, folder)| !folder.is_empty()).take(MAX_LINKS);
-    let links: String = links.map(line).collect();
-    html.replacen("</main>", &format!("<h2>Results of the tasks</h2>\n<ul>\n{links}</ul>\n</main>"), 1)
 }

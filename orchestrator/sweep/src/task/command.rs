@@ -6,6 +6,8 @@ use std::process::{Child, Command as Process, ExitStatus, Stdio};
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
+use super::limit::Limit;
+use super::named;
 use super::{Outcome, Place, Task, Work};
 use crate::Error;
 use crate::file::{PlanFile, Quantity};
@@ -29,7 +31,7 @@ pub struct Command {
     words: Vec<String>,
     inputs: Vec<PathBuf>,
     quantities: Vec<Quantity>,
-    limit: Option<Duration>,
+    limit: Limit,
 }
 
 impl Command {
@@ -58,24 +60,13 @@ impl Command {
                 return Err(wrong(&format!("quantity `{}`", quantity.name), problem.into()));
             }
         }
-        // Files that the words name, and those of all values of the factors.
-        let named = plan.command.iter().map(|word| base.join(word)).filter(|path| path.is_file());
-        let values = plan.factors.iter().flat_map(|factor| {
-            let listed = factor.values.iter().flatten().filter_map(|value| value.as_str());
-            let folder = factor.entries_of.as_deref();
-            listed
-                .chain(folder)
-                .map(|value| base.join(value))
-                .filter(|path| path.exists())
-                .collect::<Vec<_>>()
-        });
         let given = plan.inputs.iter().map(|path| base.join(path));
         Ok(Command {
             base: base.into(),
             words: plan.command.clone(),
-            inputs: named.chain(values).chain(given).collect(),
+            inputs: named::files(plan, base).into_iter().chain(given).collect(),
             quantities: plan.quantities.clone(),
-            limit: plan.time_limit.map(Duration::from_secs_f64),
+            limit: Limit::of(plan),
         })
     }
 
@@ -91,14 +82,9 @@ impl Command {
         self.words.iter().map(replace).collect()
     }
 
-    /// Starts the command and waits for it; the cause if it failed, none if all was interrupted.
-    fn execute(
-        &self,
-        task: &Task,
-        place: Place,
-        output: &Path,
-    ) -> Option<Result<(), (&'static str, String)>> {
-        let failed = |cause: String| Some(Err(("failed", cause)));
+    /// Starts the command and waits for it; the outcome if it has no results, none if all was interrupted.
+    fn execute(&self, task: &Task, place: Place, output: &Path) -> Option<Result<(), Outcome>> {
+        let failed = |cause: String| Some(Err(Outcome::failed("failed", self.columns().len(), cause)));
         let child = match self.start(task, output) {
             Ok(child) => child,
             Err(error) => return failed(format!("the command cannot be started: {error}")),
@@ -116,9 +102,8 @@ impl Command {
                     return failed(format!("{status}; {last}"));
                 }
                 Ok(None) if place.stop.load(Ordering::Relaxed) => return None,
-                Ok(None) if self.limit.is_some_and(|limit| began.elapsed() > limit) => {
-                    let limit = self.limit.unwrap_or_default().as_secs_f64();
-                    return Some(Err(("timeout", format!("longer than {limit} s"))));
+                Ok(None) if self.limit.is_over(began) => {
+                    return Some(Err(self.limit.timeout(self.columns().len())));
                 }
                 Ok(None) => std::thread::sleep(LOOK),
             }
@@ -202,16 +187,14 @@ impl Work for Command {
     }
 
     fn run(&self, task: &Task, place: Place) -> Option<Outcome> {
-        let columns = 1 + self.quantities.len();
         let output = place.folder.join(TASKS).join(format!("{:06}", task.number));
         // Relative paths in the words begin at the plan, the folder of the sweep at the caller.
         let output = std::path::absolute(&output).unwrap_or(output);
-        let failed = |status, cause| Some(Outcome::failed(status, columns, cause));
         match self.execute(task, place, &output)? {
-            Err((status, cause)) => failed(status, cause),
+            Err(outcome) => Some(outcome),
             Ok(()) => match self.cells(task, &output) {
-                Ok(cells) => Some(Outcome { cells, status: "ok", cause: None }),
-                Err(cause) => failed("failed", cause),
+                Ok(cells) => Some(Outcome::ok(cells)),
+                Err(cause) => Some(Outcome::failed("failed", self.columns().len(), cause)),
             },
         }
     }

@@ -2,6 +2,8 @@
 
 mod command;
 mod empty;
+mod limit;
+mod named;
 mod quantity;
 mod simulate;
 mod trials;
@@ -10,9 +12,9 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 
 use airloop_cosim::system::SystemGraph;
+use airloop_fmi::isolate;
 
 use crate::Error;
-use crate::digest;
 use crate::file::{Kind, PlanFile};
 use crate::sample::Value;
 use crate::table::{Cell, Column};
@@ -37,12 +39,19 @@ pub struct Outcome {
     pub status: &'static str,
     /// Cause, where it is not `ok`.
     pub cause: Option<String>,
+    /// Rows of [`Work::signals`], column by column; none where a task failed or its kind keeps no signals.
+    pub signals: Vec<Vec<f64>>,
 }
 
 impl Outcome {
+    /// A task that has results.
+    fn ok(cells: Vec<Cell>) -> Outcome {
+        Outcome { cells, status: "ok", cause: None, signals: Vec::new() }
+    }
+
     /// A task that has no results.
     fn failed(status: &'static str, columns: usize, cause: String) -> Outcome {
-        Outcome { cells: vec![Cell::Empty; columns], status, cause: Some(cause) }
+        Outcome { cells: vec![Cell::Empty; columns], status, cause: Some(cause), signals: Vec::new() }
     }
 }
 
@@ -53,8 +62,6 @@ pub struct Place<'a> {
     pub folder: &'a Path,
     /// Set when the run is interrupted.
     pub stop: &'a AtomicBool,
-    /// Whether FMUs run in processes of their own: then each task opens its own, so that a crash costs no other task.
-    pub isolated: bool,
 }
 
 /// A kind of tasks, opened.
@@ -67,7 +74,12 @@ pub trait Work: Sync {
     /// Columns of the results.
     fn columns(&self) -> Vec<Column>;
 
-    /// Files and folders that decide the results.
+    /// Columns of the signals that are kept of every task, time first; none if no signals are kept.
+    fn signals(&self) -> Vec<Column> {
+        Vec::new()
+    }
+
+    /// Files and folders that decide the results; those that they name in turn are found by [`follow`](crate::follow).
     fn inputs(&self) -> Vec<PathBuf>;
 
     /// Number of tasks, where the kind has its own.
@@ -85,16 +97,9 @@ pub trait Work: Sync {
     fn run(&self, task: &Task, place: Place) -> Option<Outcome>;
 }
 
-/// Files of a system: its description with parameter files beside it, and the archives of its FMUs.
-fn system_files(system: &Path, graph: &SystemGraph) -> Vec<PathBuf> {
-    let mut files = vec![system.to_owned()];
-    if system.extension().is_some_and(|kind| kind == "ssd") {
-        files.extend(graph.components.iter().map(|component| component.fmu.path.clone()));
-        let beside = system.parent().and_then(|folder| digest::entries(folder).ok()).unwrap_or_default();
-        let is_part = |path: &PathBuf| path.extension().is_some_and(|kind| kind == "ssv" || kind == "ssm");
-        files.extend(beside.into_iter().filter(is_part));
-    }
-    files
+/// Whether an FMU of a system runs in a process of its own: then each task opens its own, so that a crash costs no other task.
+fn is_isolated(graph: &SystemGraph) -> bool {
+    graph.components.iter().any(|one| isolate::applies_to(&one.fmu.description.generation_tool))
 }
 
 /// Opens what a plan names.
@@ -109,6 +114,10 @@ pub fn open(plan: &PlanFile, base: &Path) -> Result<Box<dyn Work>, Error> {
     if plan.kind != Kind::Command && !plan.command.is_empty() {
         let problem = "only a plan with kind = \"command\" has one".into();
         return Err(Error::Plan { place: "command".into(), problem });
+    }
+    if plan.kind != Kind::Simulate && plan.signals.is_some() {
+        let problem = "only a plan with kind = \"simulate\" keeps signals".into();
+        return Err(Error::Plan { place: "[signals]".into(), problem });
     }
     Ok(match plan.kind {
         Kind::Simulate => Box::new(simulate::Simulate::open(plan, base)?),

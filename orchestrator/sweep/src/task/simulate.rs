@@ -1,20 +1,20 @@
 //! Simulations of a system over factors.
 
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::{Duration, Instant};
+use std::sync::atomic::AtomicBool;
 
 use airloop::discrepancy::signals::SignalTable;
 use airloop::simulation::{self, Data, Options, Request, Setup};
 use airloop_cosim::master::Algorithm;
-use airloop_cosim::master::simulate::{End, Record, Run, Watch};
+use airloop_cosim::master::simulate::{End, Record, Run};
 use airloop_cosim::results::summary::SignalRecord;
 use airloop_cosim::system::SystemGraph;
 use airloop_series::{Interpolation, TimeSeries, csv};
 
+use super::limit::Limit;
 use super::{Outcome, Place, Task, Work, quantity};
 use crate::Error;
-use crate::file::{Of, PlanFile, Quantity, Run as RunTable};
+use crate::file::{Of, PlanFile, Quantity, Run as RunTable, Signals};
 use crate::sample::Value;
 use crate::table::{Cell, Column, Type};
 
@@ -51,7 +51,8 @@ pub struct Simulate {
     inputs: Vec<Recorded>,
     measured: Option<Recorded>,
     quantities: Vec<Quantity>,
-    limit: Option<Duration>,
+    signals: Option<Signals>,
+    limit: Limit,
     further: Vec<PathBuf>,
 }
 
@@ -64,8 +65,14 @@ impl Simulate {
         let wrong = |place: &str, problem: &str| Error::Plan { place: place.into(), problem: problem.into() };
         let system = plan.system.as_ref().ok_or_else(|| wrong("system", "name the system to simulate"))?;
         let system = base.join(system);
-        if plan.quantities.is_empty() {
-            return Err(wrong("[[quantities]]", "name at least one: name, signal, of"));
+        match &plan.signals {
+            None if plan.quantities.is_empty() => {
+                return Err(wrong("[[quantities]]", "name at least one: name, signal, of"));
+            }
+            Some(signals) if signals.names.is_empty() || signals.every == 0 => {
+                return Err(wrong("[signals]", "give at least one of `names`, and `every` of at least 1"));
+            }
+            _ => {}
         }
         for quantity in &plan.quantities {
             let place = format!("quantity `{}`", quantity.name);
@@ -108,12 +115,13 @@ impl Simulate {
             inputs,
             measured,
             quantities: plan.quantities.clone(),
-            limit: plan.time_limit.map(Duration::from_secs_f64),
+            signals: plan.signals.clone(),
+            limit: Limit::of(plan),
             further: plan.inputs.iter().map(|name| base.join(name)).collect(),
         })
     }
 
-    /// Does something with the setup of a task, with FMUs that are shared or `fresh`.
+    /// Does something with the setup of a task; `fresh` FMUs are those of no other task if they have processes of their own.
     fn with_setup<T>(&self, task: &Task, fresh: bool, with: impl FnOnce(&Setup) -> T) -> Result<T, Error> {
         let mut run = self.run.clone();
         let mut set = self.set.clone();
@@ -139,7 +147,7 @@ impl Simulate {
         let algorithm = run.master.as_deref().map_or(Ok(Algorithm::default()), master)?;
         let graph = self.graphs.iter().find(|(one, _)| *one == algorithm);
         let (_, graph) = graph.expect("a system was opened for every master of the plan");
-        let graph = match fresh {
+        let graph = match fresh && super::is_isolated(graph) {
             true => SystemGraph::open_for(&self.system, simulation::interface(algorithm))
                 .map_err(airloop::Error::from)?,
             false => graph.clone(),
@@ -178,22 +186,12 @@ impl Simulate {
 
     fn simulate(&self, setup: &Setup, stop: &AtomicBool) -> Option<Outcome> {
         let columns = self.quantities.len();
-        let (began, own) = (Instant::now(), AtomicBool::new(false));
-        let mut look = |_, _| {
-            if stop.load(Ordering::Relaxed) || self.limit.is_some_and(|limit| began.elapsed() > limit) {
-                own.store(true, Ordering::Relaxed);
-            }
-        };
-        let run = match setup.run(Watch { stop: &own, progress: &mut look }, Record::default()) {
+        let run = match self.limit.watch(stop, |watch| setup.run(watch, Record::default())) {
             Ok(run) => run,
             Err(error) => return Some(Outcome::failed("failed", columns, error.to_string())),
         };
         match &run.end {
-            End::Interrupted if stop.load(Ordering::Relaxed) => None,
-            End::Interrupted => {
-                let cause = format!("longer than {} s", self.limit.unwrap_or_default().as_secs_f64());
-                Some(Outcome::failed("timeout", columns, cause))
-            }
+            End::Interrupted => self.limit.stopped(stop, columns),
             End::Failed(error) => Some(Outcome::failed("failed", columns, error.to_string())),
             End::Terminated { component, .. } => Some(Outcome {
                 status: "terminated",
@@ -210,7 +208,25 @@ impl Simulate {
             Err(error) => return Outcome::failed("failed", self.quantities.len(), error.to_string()),
         };
         let cell = |one: &Quantity| self.value(one, run, &fits).map_or(Cell::Empty, Cell::Number);
-        Outcome { cells: self.quantities.iter().map(cell).collect(), status: "ok", cause: None }
+        let cells = self.quantities.iter().map(cell).collect();
+        Outcome { signals: self.kept(&run.result), ..Outcome::ok(cells) }
+    }
+
+    /// Time and signals that are kept, thinned out.
+    fn kept(&self, result: &TimeSeries) -> Vec<Vec<f64>> {
+        let Some(signals) = &self.signals else { return Vec::new() };
+        let last = result.time().len().saturating_sub(1);
+        let every = usize::try_from(signals.every).unwrap_or(usize::MAX);
+        let thin = |values: &[f64]| {
+            let chosen = values.iter().enumerate().filter(|(row, _)| row % every == 0 || *row == last);
+            chosen.map(|(_, value)| *value).collect::<Vec<f64>>()
+        };
+        let channels = signals.names.iter().map(|name| match result.channel(name) {
+            Some(channel) => thin(&channel.values),
+            // A variable that this master does not record.
+            None => thin(&vec![f64::NAN; last + 1]),
+        });
+        std::iter::once(thin(result.time())).chain(channels).collect()
     }
 
     fn value(&self, quantity: &Quantity, run: &Run, fits: &[SignalRecord]) -> Option<f64> {
@@ -261,33 +277,44 @@ impl Work for Simulate {
         self.quantities.iter().map(column).collect()
     }
 
+    fn signals(&self) -> Vec<Column> {
+        let Some(signals) = &self.signals else { return Vec::new() };
+        let column =
+            |name: &String| Column { unit: self.unit(name).flatten(), ..Column::new(name, Type::Number) };
+        let time = Column { unit: Some("s".into()), ..Column::new("time", Type::Number) };
+        std::iter::once(time).chain(signals.names.iter().map(column)).collect()
+    }
+
     fn inputs(&self) -> Vec<PathBuf> {
-        let mut all = super::system_files(&self.system, &self.graphs[0].1);
+        let mut all = vec![self.system.clone()];
         all.extend(self.inputs.iter().chain(&self.measured).map(|record| record.path.clone()));
         all.extend(self.further.iter().cloned());
         all
     }
 
     fn check(&self, task: &Task) -> Result<(), Error> {
-        for quantity in &self.quantities {
-            let signal = quantity.signal.as_deref().unwrap_or_default();
+        let quantities = self
+            .quantities
+            .iter()
+            .map(|one| (format!("quantity `{}`", one.name), one.signal.as_deref().unwrap_or_default()));
+        let signals = self.signals.iter().flat_map(|signals| &signals.names);
+        let signals = signals.map(|name| ("[signals] names".to_owned(), name.as_str()));
+        for (place, signal) in quantities.chain(signals) {
             if self.unit(signal).is_none() {
                 let outputs: Vec<&str> =
                     self.graphs[0].1.outputs.iter().map(|output| output.name.as_str()).collect();
-                return Err(Error::Plan {
-                    place: format!("quantity `{}`", quantity.name),
-                    problem: format!(
-                        "there is no signal `{signal}`; outputs of the system are: {}, others component.variable",
-                        outputs.join(", ")
-                    ),
-                });
+                let problem = format!(
+                    "there is no signal `{signal}`; outputs of the system are: {}, others component.variable",
+                    outputs.join(", ")
+                );
+                return Err(Error::Plan { place, problem });
             }
         }
         self.with_setup(task, false, |_| ())
     }
 
     fn run(&self, task: &Task, place: Place) -> Option<Outcome> {
-        match self.with_setup(task, place.isolated, |setup| self.simulate(setup, place.stop)) {
+        match self.with_setup(task, true, |setup| self.simulate(setup, place.stop)) {
             Ok(outcome) => outcome,
             Err(error) => Some(Outcome::failed("failed", self.quantities.len(), error.to_string())),
         }

@@ -7,6 +7,7 @@ use airloop_cosim::master::Algorithm;
 use airloop_plan::stabilize::settings::{self, Settings};
 use airloop_plan::trials::{self, Ready, Request};
 
+use super::limit::Limit;
 use super::{Outcome, Place, Task, Work};
 use crate::Error;
 use crate::file::PlanFile;
@@ -19,6 +20,7 @@ pub struct Trials {
     settings: Settings,
     request: Request,
     open_loop: bool,
+    limit: Limit,
     files: Vec<PathBuf>,
 }
 
@@ -46,12 +48,12 @@ impl Trials {
         let (system, file) = trials::sources(&base.join(system), given.as_deref()).map_err(airloop)?;
         let settings = settings::read(&file).map_err(airloop)?;
         let ready = trials::prepare(&system, &settings, algorithm).map_err(airloop)?;
-        let mut files = super::system_files(&system, &ready.graph);
-        files.push(file);
+        let mut files = vec![system.clone(), file];
         files.extend(plan.inputs.iter().map(|name| base.join(name)));
         let count = usize::try_from(table.count).unwrap_or(usize::MAX);
         let request = Request { count, seed: plan.seed, scale: table.scale, algorithm, threads: 1, keep: 0 };
-        Ok(Trials { ready, system, settings, request, open_loop: table.open_loop, files })
+        let (open_loop, limit) = (table.open_loop, Limit::of(plan));
+        Ok(Trials { ready, system, settings, request, open_loop, limit, files })
     }
 
     /// Whether a task has feedback.
@@ -82,26 +84,29 @@ impl Work for Trials {
     fn run(&self, task: &Task, place: Place) -> Option<Outcome> {
         let closed = self.closed(task);
         let kind = Cell::Text(if closed { "closed" } else { "open" }.into());
-        let failed = |columns: usize, cause: String| {
-            let mut outcome = Outcome::failed("failed", columns, cause);
+        let columns = 1 + self.ready.criteria_names().len();
+        let without_results = |mut outcome: Outcome| {
             outcome.cells[0] = kind.clone();
             outcome
         };
-        let one = |ready: &Ready| trials::one(ready, &self.request, (closed, task.seed, false), place.stop);
-        let done = match place.isolated {
+        let one = |ready: &Ready| {
+            let trial = (closed, task.seed, false);
+            self.limit.watch(place.stop, |watch| trials::one(ready, &self.request, trial, watch))
+        };
+        let done = match super::is_isolated(&self.ready.graph) {
             true => trials::prepare(&self.system, &self.settings, self.request.algorithm)
                 .and_then(|fresh| one(&fresh)),
             false => one(&self.ready),
         };
         match done {
-            Ok(None) => None,
+            Ok(None) => self.limit.stopped(place.stop, columns).map(without_results),
             Ok(Some(trial)) => {
                 let kept = trial.judgment.iter().map(|(_, kept)| Cell::Integer(u64::from(*kept)));
                 let cells = std::iter::once(kind.clone()).chain(kept).collect();
                 let status = if trial.problem.is_some() { "failed" } else { "ok" };
-                Some(Outcome { cells, status, cause: trial.problem })
+                Some(Outcome { status, cause: trial.problem, ..Outcome::ok(cells) })
             }
-            Err(error) => Some(failed(1 + self.ready.criteria_names().len(), error.to_string())),
+            Err(error) => Some(without_results(Outcome::failed("failed", columns, error.to_string()))),
         }
     }
 }
