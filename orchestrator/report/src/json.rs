@@ -31,7 +31,7 @@ struct Document<'a> {
     remaining: Remaining<'a>,
     steps: Vec<Step<'a>>,
     not_testable: BTreeMap<&'a str, &'a str>,
-    localisation: Vec<Localised<'a>>,
+    localization: Vec<Localized<'a>>,
     measure_next: Vec<String>,
     amended_system: Option<String>,
     notes: &'a [String],
@@ -71,7 +71,7 @@ struct Floor<'a> {
 }
 
 #[derive(Serialize)]
-struct Localised<'a> {
+struct Localized<'a> {
     driven_by: &'a str,
     compared_with: &'a str,
     left_before: Option<f64>,
@@ -258,7 +258,7 @@ fn remaining<'a>(report: &Report<'a>) -> Remaining<'a> {
         let floors = answer.floor_of(signal).map(|floor| rms / floor);
         (signal.as_str(), Left { rms: *rms, floors, ratio: before.map(|before| rms / before) })
     };
-    // Normalised powers stand for standard deviations of a sum of squares; the root is about multiples of the noise.
+    // Normalized powers stand for standard deviations of a sum of squares; the root is about multiples of the noise.
     let port = |port: &airloop_refine::evidence::Port| {
         let floors = port.left[1].max(0.0).sqrt();
         floors.is_finite().then(|| (format!("{} -> {}", port.from, port.to), Port { floors }))
@@ -405,11 +405,11 @@ pub fn text(report: &Report) -> String {
             })
             .collect(),
         not_testable: answer.not_testable.iter().map(|(id, why)| (id.as_str(), why.as_str())).collect(),
-        localisation: report
+        localization: report
             .evidence
             .ports
             .iter()
-            .map(|port| Localised {
+            .map(|port| Localized {
                 driven_by: port.from,
                 compared_with: &port.to,
                 left_before: finite(port.left[0]),

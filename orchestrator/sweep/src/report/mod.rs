@@ -24,7 +24,7 @@ pub const PAGE: &str = "index.html";
 /// A text column with more different values is no group.
 const MAX_GROUPS: usize = 12;
 /// Quantities that are drawn.
-const DRAWN: usize = 8;
+const MAX_DRAWN_QUANTITIES: usize = 8;
 /// Points of a scatter figure.
 const MAX_POINTS: usize = 4000;
 /// Folders of commands that are linked.
@@ -104,7 +104,7 @@ fn page(manifest: &Manifest, plan: &PlanFile, columns: &[Values]) -> Page {
     }
     let factors: Vec<&Values> = factors.iter().filter(|one| one.column.kind != Type::Text).collect();
     let mut figures = Vec::new();
-    for quantity in numbers.iter().take(DRAWN) {
+    for quantity in numbers.iter().take(MAX_DRAWN_QUANTITIES) {
         let mut influence: Vec<(&Values, f64)> = factors
             .iter()
             .filter_map(|factor| {

@@ -16,7 +16,7 @@ const TASKS: &str = "tasks";
 /// Output of a command, in its folder.
 const LOG: &str = "log.txt";
 /// Time between two looks at a process.
-const LOOK: Duration = Duration::from_millis(20);
+const POLL_INTERVAL: Duration = Duration::from_millis(20);
 /// Commands that may be tasks.
 const COMMANDS: [&str; 6] = ["run", "identify", "optimize", "refine", "stabilize", "trials"];
 
@@ -120,7 +120,7 @@ impl Command {
                     let limit = self.limit.unwrap_or_default().as_secs_f64();
                     return Some(Err(("timeout", format!("longer than {limit} s"))));
                 }
-                Ok(None) => std::thread::sleep(LOOK),
+                Ok(None) => std::thread::sleep(POLL_INTERVAL),
             }
         }
     }
