@@ -1,5 +1,5 @@
 # `make demo` and `make test` work on a fresh machine with Rust, a C compiler and Python 3: each sets up what is missing first.
-.PHONY: demo docs test test-slurm test-wheel wheel check bench fuzz study study-checker study-compare study-faults study-isolation study-refine study-refine-messy study-systems study-laws study-machines study-nmpc study-foreign study-rig-over-fmus study-programs study-sweep study-swing-up study-walker fmu portable windows setup setup-build clean
+.PHONY: demo docs test test-slurm test-wheel wheel check bench fuzz study study-checker study-compare study-faults study-isolation study-refine study-refine-messy study-systems study-laws study-machines study-nmpc study-third-party study-rig-over-fmus study-programs study-sweep study-swing-up study-walker fmu portable windows setup setup-build clean
 export CARGO_NET_RETRY ?= 10
 # A build that happens once gains nothing from files for the next one; they cost a fifth of its time.
 ifdef CI
@@ -109,12 +109,12 @@ study-machines: fmu  ## cubic springs, electronic oscillators, cascaded tanks an
 	.venv/bin/python tests/study/laws/make_machines.py out/study-machines/cases --seed $(strip $(SEED)) --only '$(strip $(ONLY))'
 	.venv/bin/python tests/study/laws/score_machines.py target/release/airloop out/study-machines/cases out/study-machines/reports
 
-SAMPLE ?= 0          # so many cases of study-foreign, spread over systems and classes; 0: all
+SAMPLE ?= 0          # so many cases of study-third-party, spread over systems and classes; 0: all
 FLAVOR ?= study      # study: with attachments; plain: without
-study-foreign: fmu   ## machines of other kinds as FMUs in C, and what `airloop refine` makes of them: out/study-foreign
+study-third-party: fmu   ## machines of other kinds as FMUs in C, and what `airloop refine` makes of them: out/study-third-party
 	scripts/setup.sh study
-	.venv/bin/python tests/study/foreign/make_foreign.py out/study-foreign/cases --seed $(strip $(SEED)) --only '$(strip $(ONLY))'
-	.venv/bin/python tests/study/foreign/score_foreign.py target/release/airloop out/study-foreign/cases out/study-foreign/reports \
+	.venv/bin/python tests/study/third_party/make_third_party.py out/study-third-party/cases --seed $(strip $(SEED)) --only '$(strip $(ONLY))'
+	.venv/bin/python tests/study/third_party/score_third_party.py target/release/airloop out/study-third-party/cases out/study-third-party/reports \
 		--flavor $(strip $(FLAVOR)) --only '$(strip $(ONLY))' --sample $(strip $(SAMPLE))
 
 CASES ?= data/rig     # folders with a case.toml, of the rig of examples/01_run

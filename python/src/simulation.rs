@@ -89,10 +89,10 @@ impl Simulation {
     /// Steps on.
     #[pyo3(signature = (step=None, count=1))]
     fn step(&self, py: Python<'_>, step: Option<f64>, count: u64) -> PyResult<f64> {
-        const LOOK: u64 = 4096;
+        const STEPS_BETWEEN_CHECKS: u64 = 4096;
         let mut left = count;
         loop {
-            let some = left.min(LOOK);
+            let some = left.min(STEPS_BETWEEN_CHECKS);
             let mut lane = self.lock(py);
             let lane = lane.as_mut().ok_or_else(|| {
                 ClosedError::new_err("the simulation is closed; make a new one with system.instantiate()")

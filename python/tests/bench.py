@@ -142,12 +142,12 @@ def main():
     with tempfile.TemporaryDirectory() as folder:
         one = Path(folder) / "example_01.fmu"
         airloop.System(example).export(one)
-        foreign = third_party(Path(folder))
+        in_c = third_party(Path(folder))
         cases = [
             ("example 01, four FMUs", example, parts),
             ("example 01 as one FMU", one, [one]),
             ("friction", parts[1], parts[1:2]),
-            ("an FMU in C", foreign, [foreign]),
+            ("an FMU in C", in_c, [in_c]),
             *((Path(file).name, file, [file]) for file in sys.argv[1:]),
         ]
         print(f"us per instance and step; batch of {batch}, {os.cpu_count()} processors, step {STEP} s")

@@ -181,7 +181,7 @@ def test_the_page_of_a_study_has_its_charts(tmp_path):
     assert page.count("<svg") >= 6 and len(page) < 1_000_000 and "http" not in page.replace("http://www.w3.org", "")
     for words in ["measured less predicted", "over theta", "autocorrelation", "pole.quaddrag"]:
         assert words in page, words
-    assert found["localisation"][0]["compared_with"] == "angle"
+    assert found["localization"][0]["compared_with"] == "angle"
 
 
 def test_free_pendulum(tmp_path):

@@ -32,7 +32,7 @@ pub struct CartPole {
 }
 
 /// Smallest mass \[kg\] and length \[m\]: the mass matrix stays regular.
-const SMALLEST: f64 = 1e-9;
+const MIN_MASS_OR_LENGTH: f64 = 1e-9;
 
 impl Model for CartPole {
     const IDENTITY: Identity = Identity {
@@ -61,7 +61,7 @@ impl Model for CartPole {
         let v = t.state("v").unit("m/s").about("velocity of the cart").output().real(0.0);
         let omega = t.state("omega").unit("rad/s").about("angular velocity of the pole").output().real(0.0);
         let mass = |t: &mut Table, name: &'static str, about: &'static str, start: f64| {
-            t.parameter(name).unit("kg").about(about).min(SMALLEST).real(start)
+            t.parameter(name).unit("kg").about(about).min(MIN_MASS_OR_LENGTH).real(start)
         };
         Self {
             F,
@@ -89,7 +89,7 @@ impl Model for CartPole {
             l: t.parameter("l")
                 .unit("m")
                 .about("distance of the pole's mass from the joint")
-                .min(SMALLEST)
+                .min(MIN_MASS_OR_LENGTH)
                 .real(0.2),
             g: t.parameter("g").unit("m/s2").about("gravity").real(9.81),
             b_p: t

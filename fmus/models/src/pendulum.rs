@@ -29,7 +29,7 @@ pub struct Pendulum {
 }
 
 /// Smallest moment of inertia \[kg m²\].
-const SMALLEST: f64 = 1e-12;
+const MIN_INERTIA: f64 = 1e-12;
 
 impl Model for Pendulum {
     const IDENTITY: Identity = Identity {
@@ -69,7 +69,7 @@ impl Model for Pendulum {
             I: t.parameter("I")
                 .unit("kg.m2")
                 .about("moment of inertia about the joint")
-                .min(SMALLEST)
+                .min(MIN_INERTIA)
                 .nominal(0.004)
                 .real(0.004),
             m: t.parameter("m").unit("kg").about("mass").min(0.0).real(0.1),

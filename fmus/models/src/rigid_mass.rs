@@ -24,7 +24,7 @@ pub struct RigidMass {
 }
 
 /// Smallest mass \[kg\].
-const SMALLEST: f64 = 1e-9;
+const MIN_MASS: f64 = 1e-9;
 
 impl Model for RigidMass {
     const IDENTITY: Identity = Identity {
@@ -51,7 +51,7 @@ impl Model for RigidMass {
             der_x: t.derivative("der(x)", x).unit("m/s").about("rate of x").computed(),
             a: t.derivative("a", v).unit("m/s2").about("acceleration").output().computed(),
             energy: t.output("energy").unit("J").about("kinetic energy").computed(),
-            m: t.parameter("m").unit("kg").about("mass").min(SMALLEST).real(1.0),
+            m: t.parameter("m").unit("kg").about("mass").min(MIN_MASS).real(1.0),
             b: t.parameter("b").unit("N.s/m").about("viscous friction").min(0.0).real(0.0),
         }
     }

@@ -128,7 +128,7 @@ fn row(kind: &str, ports: &str, own: Option<&Own>, words: &str) -> Vec<String> {
 
 /// Says what is no effect; the exit code.
 fn told(folder: &Folder) -> ExitCode {
-    folder.problems().iter().for_each(|problem| output::complain(&format!("error: {problem}")));
+    folder.problems().iter().for_each(|problem| output::to_stderr(&format!("error: {problem}")));
     if folder.refused.is_empty() { ExitCode::SUCCESS } else { ExitCode::FAILURE }
 }
 
@@ -170,7 +170,7 @@ fn show(args: &Show) -> Result<ExitCode, Error> {
     let Some((_, own)) = found else {
         let known: Vec<&str> = folder.effects.iter().map(|(_, own)| own.kind.as_str()).collect();
         let wanted = args.kind.as_deref().unwrap_or("any");
-        output::complain(&format!(
+        output::to_stderr(&format!(
             "error: {}: there is no effect `{wanted}`; known are: {}",
             args.path.display(),
             known.join(", ")
@@ -194,7 +194,7 @@ fn shown(own: &Own, args: &Show) -> Result<ExitCode, Error> {
         let (points, labels) = match drawn(own, args.over.as_deref(), args.range) {
             Ok(found) => found,
             Err(problem) => {
-                output::complain(&format!("error: {problem}"));
+                output::to_stderr(&format!("error: {problem}"));
                 return Ok(ExitCode::from(super::USAGE));
             }
         };
@@ -215,7 +215,7 @@ fn without_formula(builtin: &Builtin, args: &Show) -> Result<ExitCode, Error> {
     if args.figure.is_none() && !args.toml {
         return Ok(ExitCode::SUCCESS);
     }
-    output::complain(&format!(
+    output::to_stderr(&format!(
         "error: `{}` is no formula over x, v, f, t and states; it has no figure and no file",
         builtin.kind
     ));

@@ -26,7 +26,7 @@ const HEADS: [&str; 3] = ["summary.json", "report.json", "index.html"];
 /// A single file that nobody went on with for this long is of a command that was killed.
 const ABANDONED: Duration = Duration::from_secs(24 * 3600);
 /// Time to wait for another command that writes into the folder.
-const PATIENCE: Duration = Duration::from_secs(3);
+const MAX_WAIT_FOR_OTHER_COMMAND: Duration = Duration::from_secs(3);
 
 /// Results that are all there: what is moved, and what goes.
 #[derive(Debug, Serialize, Deserialize)]
@@ -131,7 +131,7 @@ impl Results {
     fn rescue(&self, stage: &Path) {
         for (name, file) in &self.rescued {
             if std::fs::rename(stage.join(name), file).is_ok() {
-                super::output::complain(&format!("{name} is kept as {}", file.display()));
+                super::output::to_stderr(&format!("{name} is kept as {}", file.display()));
             }
         }
     }
@@ -285,7 +285,7 @@ fn lock(folder: &Path) -> Result<Option<File>, Error> {
     loop {
         match lock.try_lock() {
             Ok(()) => return Ok(Some(lock)),
-            Err(TryLockError::WouldBlock) if began.elapsed() < PATIENCE => {
+            Err(TryLockError::WouldBlock) if began.elapsed() < MAX_WAIT_FOR_OTHER_COMMAND => {
                 std::thread::sleep(Duration::from_millis(50));
             }
             Err(TryLockError::WouldBlock) => {

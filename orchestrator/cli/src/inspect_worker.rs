@@ -19,7 +19,7 @@ const DONE: &str = "done";
 /// Most memory (address space) of the process \[bytes\].
 const MEMORY: u64 = 4 << 30;
 /// Time between two looks at the process.
-const LOOK: Duration = Duration::from_millis(5);
+const POLL_INTERVAL: Duration = Duration::from_millis(5);
 
 /// The worker: runs the library of the FMU at `file` and writes its findings into `folder`.
 ///
@@ -73,7 +73,7 @@ pub fn findings(fmu: &Fmu, limit: Duration) -> Result<Vec<Finding>, Error> {
         match child.try_wait().map_err(io)? {
             Some(status) => break Some(status),
             None if began.elapsed() > limit => break None,
-            None => std::thread::sleep(LOOK),
+            None => std::thread::sleep(POLL_INTERVAL),
         }
     };
     // Also what the library started.

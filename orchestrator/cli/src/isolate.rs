@@ -69,7 +69,7 @@ pub fn work() -> ExitCode {
     match isolate::serve() {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
-            super::output::complain(&format!("error: {WORKER} is started by other commands only: {error}"));
+            super::output::to_stderr(&format!("error: {WORKER} is started by other commands only: {error}"));
             ExitCode::FAILURE
         }
     }

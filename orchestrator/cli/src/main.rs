@@ -82,10 +82,10 @@ pub fn main() -> ExitCode {
     };
     airloop_fmi::last_words::end();
     for note in airloop_fmi::isolate::take_notes() {
-        output::complain(&format!("note: {note}"));
+        output::to_stderr(&format!("note: {note}"));
     }
     outcome.unwrap_or_else(|error| {
-        output::complain(&format!("error: {error}"));
+        output::to_stderr(&format!("error: {error}"));
         // A setting out of range is wrong usage, be it a word on its own or only together with others.
         let usage = matches!(
             error,
@@ -108,7 +108,7 @@ fn usage(message: &clap::Error) -> ExitCode {
     match output::allow_closed(printed) {
         Ok(()) => ExitCode::from(u8::try_from(message.exit_code()).unwrap_or(USAGE)),
         Err(error) => {
-            output::complain(&format!("error: {error}"));
+            output::to_stderr(&format!("error: {error}"));
             ExitCode::FAILURE
         }
     }

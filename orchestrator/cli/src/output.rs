@@ -14,7 +14,7 @@ pub fn print(text: &str) -> Result<(), Error> {
 }
 
 /// Prints a line to the standard error; if even that is closed, there is nobody to tell.
-pub fn complain(text: &str) {
+pub fn to_stderr(text: &str) {
     let _ = writeln!(std::io::stderr(), "{}", without_controls(text));
 }
 

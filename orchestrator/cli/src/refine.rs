@@ -169,7 +169,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
         } else {
             "after the search; its report"
         };
-        output::complain(&format!("interrupted {when} is in {}", kept.display()));
+        output::to_stderr(&format!("interrupted {when} is in {}", kept.display()));
         return Ok(ExitCode::from(super::INTERRUPTED));
     }
     Ok(exit(&found))
@@ -248,7 +248,7 @@ impl Question {
     /// Adds effects of one's own; those that are none become notes.
     fn take_effects(&mut self, path: &Path) -> Result<(), Error> {
         let folder = Folder::read(path)?;
-        folder.problems().iter().for_each(|problem| output::complain(&format!("warning: {problem}")));
+        folder.problems().iter().for_each(|problem| output::to_stderr(&format!("warning: {problem}")));
         match self {
             Question::Study(file) => {
                 file.effects.extend(folder.effects.iter().map(|(_, own)| Arc::clone(own)));

@@ -115,5 +115,5 @@ fn leave(folder: &Path, made: bool) {
         true => format!("the earlier report in {} is as it was", folder.display()),
         false => "nothing was written".into(),
     };
-    output::complain(&format!("interrupted during the search; {kept}"));
+    output::to_stderr(&format!("interrupted during the search; {kept}"));
 }

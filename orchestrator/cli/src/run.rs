@@ -414,11 +414,11 @@ fn exit(run: &Run, args: &RunArgs) -> ExitCode {
     match &run.end {
         End::Completed | End::Terminated { .. } => ExitCode::SUCCESS,
         End::Interrupted => {
-            output::complain(&format!("interrupted; the result so far is in {}", kept.display()));
+            output::to_stderr(&format!("interrupted; the result so far is in {}", kept.display()));
             ExitCode::from(super::INTERRUPTED)
         }
         End::Failed(error) => {
-            output::complain(&format!("error: {error}\nthe result so far is in {}", kept.display()));
+            output::to_stderr(&format!("error: {error}\nthe result so far is in {}", kept.display()));
             ExitCode::FAILURE
         }
     }

@@ -166,11 +166,11 @@ pub fn run(command: &Command) -> Result<ExitCode, Error> {
         Ok(code) => Ok(code),
         Err(SweepError::Airloop(error)) => Err(error),
         Err(error @ SweepError::Interrupted) => {
-            output::complain(&error.to_string());
+            output::to_stderr(&error.to_string());
             Ok(ExitCode::from(super::INTERRUPTED))
         }
         Err(error) => {
-            output::complain(&format!("error: {error}"));
+            output::to_stderr(&format!("error: {error}"));
             let usage = matches!(error, SweepError::Shard { .. });
             Ok(if usage { ExitCode::from(super::USAGE) } else { ExitCode::FAILURE })
         }
@@ -238,7 +238,7 @@ fn run_all(runner: &Runner, shards: &[Shard], quiet: bool) -> Result<ExitCode, S
             Ok(Done::Skipped(foot)) => (skipped, failed) = (skipped + foot.rows, failed + foot.failed),
             Ok(Done::Nothing) => {}
             Err(error @ SweepError::Busy { .. }) => {
-                output::complain(&format!("note: {error}"));
+                output::to_stderr(&format!("note: {error}"));
                 busy += 1;
             }
             Err(error) => return Err(error),

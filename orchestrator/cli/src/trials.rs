@@ -28,7 +28,7 @@ use airloop_series::{TimeSeries, csv};
 /// A row per trial.
 const TRIALS: &str = "trials.csv";
 /// Trials whose trajectories are drawn, as in Fig. 10 of the paper.
-const DRAWN: usize = 10;
+const MAX_DRAWN_TRIALS: usize = 10;
 
 /// `airloop trials`
 #[derive(Debug, clap::Args)]
@@ -92,7 +92,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
         scale: args.scale,
         algorithm: args.master.into(),
         threads: args.threads.map_or(processors, |threads| threads as usize),
-        keep: DRAWN,
+        keep: MAX_DRAWN_TRIALS,
     };
     let bar = (!args.quiet && std::io::stderr().is_terminal()).then(|| {
         let style = ProgressStyle::with_template("trials {bar:40} {pos}/{len} {eta}");
@@ -157,7 +157,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
         output::print(&report(&summary, &args.output))?;
     }
     if interrupted {
-        output::complain(&format!("interrupted; the trials so far are in {}", args.output.display()));
+        output::to_stderr(&format!("interrupted; the trials so far are in {}", args.output.display()));
         return Ok(ExitCode::from(super::INTERRUPTED));
     }
     Ok(ExitCode::SUCCESS)

@@ -4,18 +4,18 @@ use super::curve::Curve;
 use super::{Error, Function, Kind, Node};
 
 /// Brackets within brackets.
-const DEEPEST: usize = 64;
+const MAX_NESTED_BRACKETS: usize = 64;
 /// Bytes of a formula: what is evaluated by recursion must end.
-const LONGEST: usize = 4000;
+const MAX_BYTES: usize = 4000;
 
 const FUNCTIONS: [&str; 13] =
     ["sin", "cos", "tan", "tanh", "exp", "ln", "sqrt", "abs", "sign", "min", "max", "clamp", "curve"];
 
 /// Reads a formula.
 pub(crate) fn parse(text: &str, names: &[&str]) -> Result<Node, Error> {
-    if text.len() > LONGEST {
-        let problem = format!("the formula has {} characters; {LONGEST} are allowed", text.len());
-        return Err(Error { at: LONGEST, problem });
+    if text.len() > MAX_BYTES {
+        let problem = format!("the formula has {} characters; {MAX_BYTES} are allowed", text.len());
+        return Err(Error { at: MAX_BYTES, problem });
     }
     let mut reader = Reader { text, at: 0, names, depth: 0 };
     let root = reader.sum()?;
@@ -66,8 +66,8 @@ impl Reader<'_> {
 
     fn sum(&mut self) -> Result<Node, Error> {
         self.depth += 1;
-        if self.depth > DEEPEST {
-            return Err(self.error(format!("more than {DEEPEST} brackets within each other")));
+        if self.depth > MAX_NESTED_BRACKETS {
+            return Err(self.error(format!("more than {MAX_NESTED_BRACKETS} brackets within each other")));
         }
         let mut left = self.product()?;
         loop {
@@ -121,8 +121,8 @@ impl Reader<'_> {
             return Ok(base);
         }
         self.depth += 1;
-        if self.depth > DEEPEST {
-            return Err(self.error(format!("more than {DEEPEST} powers within each other")));
+        if self.depth > MAX_NESTED_BRACKETS {
+            return Err(self.error(format!("more than {MAX_NESTED_BRACKETS} powers within each other")));
         }
         self.peek();
         let place = self.at;

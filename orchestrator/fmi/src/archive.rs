@@ -252,12 +252,12 @@ fn not_a_zip(error: ZipError) -> ArchiveError {
 fn check_directory(mut file: &File, size: u64, limits: &Limits) -> Result<(), ArchiveError> {
     const SIGNATURE: &[u8] = b"PK\x05\x06";
     /// Bytes of the record at the end, and of the longest comment behind it.
-    const LONGEST: u64 = 22 + 0xffff;
+    const MAX_BYTES_OF_END: u64 = 22 + 0xffff;
     /// Bytes of an entry in the list, with a long name.
     const ENTRY: u64 = 1024;
-    file.seek(SeekFrom::Start(size.saturating_sub(LONGEST))).map_err(ArchiveError::Read)?;
+    file.seek(SeekFrom::Start(size.saturating_sub(MAX_BYTES_OF_END))).map_err(ArchiveError::Read)?;
     let mut end = Vec::new();
-    file.take(LONGEST).read_to_end(&mut end).map_err(ArchiveError::Read)?;
+    file.take(MAX_BYTES_OF_END).read_to_end(&mut end).map_err(ArchiveError::Read)?;
     let Some(at) = end.windows(4).rposition(|bytes| bytes == SIGNATURE) else { return Ok(()) };
     let Some(record) = end.get(at..at + 22) else { return Ok(()) };
     let entries = u64::from(u16::from_le_bytes([record[10], record[11]]));

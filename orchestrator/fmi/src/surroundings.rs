@@ -59,10 +59,10 @@ pub(crate) fn keep_rounding_often(calls: &mut u8, shown: &Path) {
 #[inline(always)]
 fn computes_otherwise() -> bool {
     /// Below half the distance of 1 to its neighbors.
-    const SMALL: f64 = 1.0 / (1_u64 << 60) as f64;
+    const BELOW_HALF_EPSILON: f64 = 1.0 / (1_u64 << 60) as f64;
     const SUBNORMAL: f64 = f64::from_bits(1);
     // Read from memory, so that the processor computes the sums and not the compiler.
-    let (one, small, subnormal) = std::hint::black_box((1.0, SMALL, SUBNORMAL));
+    let (one, small, subnormal) = std::hint::black_box((1.0, BELOW_HALF_EPSILON, SUBNORMAL));
     (one + small) - (one - small) != 0.0 || subnormal + subnormal == 0.0
 }
 

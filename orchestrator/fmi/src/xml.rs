@@ -63,6 +63,9 @@ pub struct XmlError {
 }
 
 /// Reads a whole document and returns its root.
+///
+/// # Errors
+/// [`XmlError`] with the line of the fault: another encoding than UTF-8, or a document that is not well-formed.
 pub fn parse(bytes: &[u8]) -> Result<Element, XmlError> {
     const UTF_16: [&[u8]; 4] = [b"\xFE\xFF", b"\xFF\xFE", b"<\0", b"\0<"];
     if UTF_16.iter().any(|start| bytes.starts_with(start)) {

@@ -17,7 +17,7 @@ mod mutants;
 const MAX_MISSED: usize = 2;
 
 /// Time for the library of one mutant.
-const PATIENCE: Duration = Duration::from_secs(6);
+const MAX_TIME: Duration = Duration::from_secs(6);
 
 /// Name of the variable that tells a child what to run.
 const SUBJECT: &str = "AIRLOOP_CHECKED_FMU";
@@ -58,7 +58,7 @@ fn judge(path: &Path) -> Verdict {
         if let Some(status) = child.try_wait().unwrap() {
             break Some(status);
         }
-        if began.elapsed() > PATIENCE {
+        if began.elapsed() > MAX_TIME {
             child.kill().unwrap();
             child.wait().unwrap();
             break None;

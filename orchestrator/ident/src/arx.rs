@@ -152,6 +152,12 @@ pub fn estimate(
 
 /// The model of a structure whose regressors are all in the triangle.
 ///
+/// | name | shape | unit | meaning |
+/// |------|-------|------|---------|
+/// | `sample_time` | | s | above 0 |
+/// | `input_offset` | \[inputs\] | of each input | operating point that the regression is about; kept in the model |
+/// | `output_offset` | \[outputs\] | of each output | the same for the outputs |
+///
 /// # Errors
 /// Same as [`estimate`].
 pub fn solve(

@@ -49,7 +49,8 @@ impl Parameters {
     }
 
     /// Changes of the parameters along which their uncertainty is independent, one standard deviation each (columns of
-    /// a factor L with `L L^T` the covariance).
+    /// a factor L with `L L^T` the covariance): up to `[parameters]` vectors of shape `[parameters]`, in the units of
+    /// the parameters; none without a covariance.
     pub fn deviations(&self) -> Vec<DVector<f64>> {
         let Some(covariance) = &self.covariance else { return Vec::new() };
         // Scaled to correlations: parameters of different size keep their digits.

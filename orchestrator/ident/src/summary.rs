@@ -95,7 +95,7 @@ pub fn coefficients(model: &Linear) -> Value {
     Value::Object(values)
 }
 
-/// Matrices as `A1`, `A2` .. or `B0`, `B1` ..
+/// Matrices as `A1`, `A2` .. or `B0`, `B1` ..: `name` with a number from `first` on, each matrix a list of its rows.
 pub fn numbered<'a>(
     name: &'a str,
     first: usize,

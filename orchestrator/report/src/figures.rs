@@ -8,10 +8,10 @@ use airloop_refine::law::found::Law;
 use airloop_refine::vocabulary::own::VARIABLES;
 
 /// Size of a chart over the whole width, and of one of a pair \[px\].
-const WIDE: (f64, f64) = (920.0, 230.0);
-const HALF: (f64, f64) = (470.0, 250.0);
+const FULL_WIDTH_SIZE: (f64, f64) = (920.0, 230.0);
+const HALF_WIDTH_SIZE: (f64, f64) = (470.0, 250.0);
 /// Most points of a curve over time.
-const DRAWN: usize = 6000;
+const MAX_DRAWN_POINTS: usize = 6000;
 
 /// Errors on validation records in multiples of the noise floor.
 pub fn errors(answer: &Answer) -> Option<String> {
@@ -34,19 +34,20 @@ pub fn ports(ports: &[Port], limit: f64) -> Option<String> {
         .iter()
         .map(|port| (format!("{} \u{2192} {}", port.from, port.to), port.left[0], port.left[1]))
         .collect();
-    let label = "what is left, in standard deviations above sensor noise";
-    (!rows.is_empty()).then(|| bars("Where something is left", &rows, (limit.max(1.0), "limit"), label))
+    let label = "residual, in standard deviations above sensor noise";
+    (!rows.is_empty())
+        .then(|| bars("Residuals by part of the system", &rows, (limit.max(1.0), "limit"), label))
 }
 
 /// Points of a curve over time: all of them, or the least and the largest of spans of equal length where there are more
 /// than a chart can show.
 fn thinned(values: &[f64], step: f64) -> Vec<(f64, f64)> {
     let at = |k: usize| (k as f64 * step, values[k]);
-    if values.len() <= DRAWN {
+    if values.len() <= MAX_DRAWN_POINTS {
         return (0..values.len()).map(at).collect();
     }
-    let length = values.len().div_ceil(DRAWN / 2);
-    let mut found = Vec::with_capacity(DRAWN);
+    let length = values.len().div_ceil(MAX_DRAWN_POINTS / 2);
+    let mut found = Vec::with_capacity(MAX_DRAWN_POINTS);
     for begin in (0..values.len()).step_by(length) {
         let span = begin..(begin + length).min(values.len());
         let least = span.clone().min_by(|&a, &b| values[a].total_cmp(&values[b])).unwrap_or(begin);
@@ -67,7 +68,7 @@ pub fn residuals(record: &Record, evidence: &Evidence) -> Vec<String> {
         let chart = Chart {
             title: format!("{}: measured less predicted", signal.name),
             labels: ("time [s]".into(), format!("residual [{}]", signal.unit)),
-            size: WIDE,
+            size: FULL_WIDTH_SIZE,
             marks: vec![
                 Mark::Line { name: "before", class: "before", points: points(0) },
                 Mark::Line { name: "after", class: "after", points: points(1) },
@@ -89,7 +90,7 @@ pub fn dependence(dependence: &Dependence) -> String {
             format!("{} [{unit}]", names::variable(name)),
             format!("mean residual [{}]", dependence.unit),
         ),
-        size: HALF,
+        size: HALF_WIDTH_SIZE,
         marks: vec![
             Mark::Dots {
                 name: "before",
@@ -139,7 +140,7 @@ pub fn law(law: &Law) -> Option<String> {
     let chart = Chart {
         title: format!("What is missing at {}", law.port),
         labels: (format!("{name} [{unit}]"), format!("[{}]", own.units[2])),
-        size: WIDE,
+        size: FULL_WIDTH_SIZE,
         marks,
         noise: None,
         linked: None,
@@ -155,7 +156,7 @@ pub fn correlation(correlation: &Correlation) -> String {
     let chart = Chart {
         title: format!("{}: autocorrelation", correlation.signal),
         labels: ("lag [s]".into(), "correlation".into()),
-        size: HALF,
+        size: HALF_WIDTH_SIZE,
         marks: vec![
             Mark::Line { name: "before", class: "before", points: points(0) },
             Mark::Line { name: "after", class: "after", points: points(1) },
@@ -193,7 +194,7 @@ pub fn curve(curve: &Curve) -> String {
 }
 
 /// The dependence of the residuals in words, for readers of the text form.
-pub fn told(dependence: &Dependence) -> [String; 5] {
+pub fn dependence_row(dependence: &Dependence) -> [String; 5] {
     let largest = |f: &dyn Fn(&(f64, f64, f64)) -> f64| {
         dependence.bins.iter().map(|bin| f(bin).abs()).fold(0.0, f64::max)
     };
@@ -215,7 +216,7 @@ mod tests {
         let mut values: Vec<f64> = (0..100_000).map(|k| f64::from(k % 7)).collect();
         (values[54_321], values[77_777]) = (50.0, -50.0);
         let points = thinned(&values, 0.5);
-        assert!(points.len() <= DRAWN && points.windows(2).all(|pair| pair[0].0 < pair[1].0));
+        assert!(points.len() <= MAX_DRAWN_POINTS && points.windows(2).all(|pair| pair[0].0 < pair[1].0));
         assert!(points.contains(&(27_160.5, 50.0)) && points.contains(&(38_888.5, -50.0)));
         assert_eq!(thinned(&values[..5], 1.0).len(), 5);
     }

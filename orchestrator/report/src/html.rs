@@ -70,7 +70,7 @@ pub fn text(report: &Report) -> String {
     for record in &evidence.records {
         let _ = writeln!(
             out,
-            "<h2>Residuals of {}</h2>\n<p class=\"how\">A validation record, simulated as for its error: over its whole length with a fitted initial state, or as the study says. Grey: two standard deviations of the sensor noise. Drag to zoom, double-click to see all, point for values.</p>",
+            "<h2>Residuals of {}</h2>\n<p class=\"how\">A validation record, simulated as for its error: over its whole length with a fitted initial state, or as the study says. Gray: two standard deviations of the sensor noise. Drag to zoom, double-click to see all, point for values.</p>",
             escape(&record.name)
         );
         figures::residuals(record, evidence).iter().for_each(|svg| figure(&mut out, svg));
@@ -137,12 +137,12 @@ fn place(out: &mut String, report: &Report) {
 fn dependence(out: &mut String, report: &Report) {
     let evidence = report.evidence;
     if !evidence.dependence.is_empty() {
-        out.push_str("<h2>Residuals against the variables they depend on</h2>\n<p class=\"how\">All validation records, in bins of equal count; the two variables that told most of the residual before. Grey: two standard deviations of the mean of a bin under sensor noise.</p>\n<div class=\"pair\">\n");
+        out.push_str("<h2>Residuals against the variables they depend on</h2>\n<p class=\"how\">All validation records, in bins of equal count; the two variables that explained most of the residual before. Gray: two standard deviations of the mean of a bin under sensor noise.</p>\n<div class=\"pair\">\n");
         evidence.dependence.iter().for_each(|d| figure(out, &figures::dependence(d)));
         out.push_str("</div>\n");
     }
     if !evidence.correlation.is_empty() {
-        out.push_str("<h2>Autocorrelation of the residuals</h2>\n<p class=\"how\">White noise stays in the grey band with 99 %. A rounding sensor at rest repeats its error, which shows as correlation that is no missing effect.</p>\n<div class=\"pair\">\n");
+        out.push_str("<h2>Autocorrelation of the residuals</h2>\n<p class=\"how\">White noise stays in the gray band with 99 %. A rounding sensor at rest repeats its error, which shows as correlation that is no missing effect.</p>\n<div class=\"pair\">\n");
         evidence.correlation.iter().for_each(|c| figure(out, &figures::correlation(c)));
         out.push_str("</div>\n");
     }

@@ -32,7 +32,7 @@ struct Document<'a> {
     remaining: Remaining<'a>,
     steps: Vec<Step<'a>>,
     not_testable: BTreeMap<&'a str, &'a str>,
-    localisation: Vec<Localised<'a>>,
+    localization: Vec<Localized<'a>>,
     measure_next: Vec<String>,
     amended_system: Option<String>,
     notes: &'a [String],
@@ -72,7 +72,7 @@ struct Floor<'a> {
 }
 
 #[derive(Serialize)]
-struct Localised<'a> {
+struct Localized<'a> {
     driven_by: &'a str,
     compared_with: &'a str,
     left_before: Option<f64>,
@@ -391,11 +391,11 @@ pub fn text(report: &Report) -> String {
             })
             .collect(),
         not_testable: answer.not_testable.iter().map(|(id, why)| (id.as_str(), why.as_str())).collect(),
-        localisation: report
+        localization: report
             .evidence
             .ports
             .iter()
-            .map(|port| Localised {
+            .map(|port| Localized {
                 driven_by: port.from,
                 compared_with: &port.to,
                 left_before: finite(port.left[0]),

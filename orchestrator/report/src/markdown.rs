@@ -73,10 +73,10 @@ pub fn text(report: &Report) -> String {
     }
     if !evidence.dependence.is_empty() {
         heading(&mut out, "Residuals against the variables they depend on");
-        let rows = evidence.dependence.iter().map(|d| figures::told(d).into());
+        let rows = evidence.dependence.iter().map(|d| figures::dependence_row(d).into());
         table(
             &mut out,
-            &["signal", "variable", "share told", "largest mean before", "largest mean after"],
+            &["signal", "variable", "explained variance", "largest mean before", "largest mean after"],
             rows,
         );
     }

@@ -6,7 +6,7 @@ use super::{names, words};
 use airloop_refine::answer::{Answer, Effect, Verdict};
 
 /// Share of a value above which its 95 % interval counts as wide.
-const WIDE: f64 = 0.3;
+const MIN_WIDE_INTERVAL_SHARE: f64 = 0.3;
 /// Error as a multiple of its floor up to which nothing worth measuring is left.
 const COMPLETE: f64 = 3.0;
 
@@ -47,7 +47,7 @@ pub fn advice(answer: &Answer) -> Vec<String> {
         for p in &effect.parameters {
             let half = 0.5 * (p.interval.1 - p.interval.0);
             let apart_from_zero = p.interval.0 * p.interval.1 > 0.0;
-            if half > WIDE * p.value.abs() && apart_from_zero {
+            if half > MIN_WIDE_INTERVAL_SHARE * p.value.abs() && apart_from_zero {
                 found.push(format!(
                     "{} of {} is known to {:.0} % only: record a command that excites it more, or repeat the trials; four times the data halve the interval.",
                     p.name,

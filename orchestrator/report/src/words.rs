@@ -41,7 +41,7 @@ pub fn what(effect: &Effect) -> String {
 }
 
 /// An effect in the words of a reader, with its id.
-fn told(effect: &Effect) -> String {
+fn in_words(effect: &Effect) -> String {
     match &effect.own {
         Some(own) if own.words.is_empty() => format!("{} ({})", effect.id, own.formula),
         Some(own) => format!("{} ({}: {})", own.words, effect.id, own.formula),
@@ -83,7 +83,8 @@ pub fn sentence(answer: &Answer) -> String {
 
 fn answered(answer: &Answer) -> String {
     let chosen: Vec<&Effect> = answer.effects.iter().filter(|effect| effect.selected).collect();
-    let list = chosen.iter().map(|e| format!("{}: {}", told(e), size(e))).collect::<Vec<_>>().join("; and ");
+    let list =
+        chosen.iter().map(|e| format!("{}: {}", in_words(e), size(e))).collect::<Vec<_>>().join("; and ");
     let rest = answer.unexplained.as_ref().map(|(place, variables)| {
         let (channel, port) = names::place(place);
         let on = match variables.is_empty() {
@@ -172,11 +173,11 @@ fn share_and_remainder(answer: &Answer) -> String {
     match worst {
         Some((signal, times)) if times > 1.05 => {
             format!(
-                "{taken}; what is left, {} times the noise, sits in {signal}.",
+                "{taken}; the largest residual, {} times the noise, is that of {signal}.",
                 super::chart::short(times)
             )
         }
-        _ => format!("{taken}; what is left is about the noise."),
+        _ => format!("{taken}; the residual is about the noise."),
     }
 }
 
@@ -230,7 +231,7 @@ pub fn effect_on_error(answer: &Answer) -> Option<String> {
 
 /// The other effects that the records cannot tell from a selected one, if any.
 pub fn rivals(answer: &Answer) -> Vec<String> {
-    answer.effects.iter().filter(|e| !e.selected && e.group.is_some()).map(told).collect()
+    answer.effects.iter().filter(|e| !e.selected && e.group.is_some()).map(in_words).collect()
 }
 
 /// Header of [`errors`].
@@ -282,9 +283,9 @@ pub fn parameter_rows(answer: &Answer) -> Vec<Vec<String>> {
 
 /// Header of [`stability_rows`].
 pub const STABILITY_HEADER: [&str; 4] =
-    ["effect", "parts it helps on", "parameter", "values without one part"];
+    ["effect", "folds it helps on", "parameter", "values without one fold"];
 /// Meaning of stability.
-pub const STABILITY_NOTE: &str = "The estimation records in parts, each held out in turn: on how many of them the model with the effect, fitted on the others, is better than the one without it, and between which values its parameters then move. Company that helps on no more than half of the parts, and little, is left out.";
+pub const STABILITY_NOTE: &str = "The estimation records in folds, each held out in turn: on how many of them the model with the effect, fitted on the others, is better than the one without it, and between which values its parameters then move. An effect next to others that helps on no more than half of the folds, and little, is left out.";
 
 /// How effects hold on parts of the estimation records.
 pub fn stability_rows(answer: &Answer) -> Vec<Vec<String>> {

@@ -19,6 +19,10 @@ use super::{Channel, TimeSeries};
 /// assert_eq!(series.time(), [0.0, 0.007]);
 /// ```
 ///
+/// | name | shape | meaning |
+/// |------|-------|---------|
+/// | `columns` | \[cells of the header\]\[n\] | time, increasing, and the channels, in the units of the header |
+///
 /// # Errors
 /// The [`Error`] that the file would get: header, number of cells, values that are not finite, time that does not
 /// increase.

@@ -96,6 +96,11 @@ impl TimeSeries {
 
     /// A series with all its channels (name, unit, values), however many there are.
     ///
+    /// | name | shape | unit | meaning |
+    /// |------|-------|------|---------|
+    /// | `time` | \[n\] | s | finite and strictly increasing |
+    /// | values of a channel | \[n\] | that of the channel | samples at `time` |
+    ///
     /// # Errors
     /// Same as [`TimeSeries::new`] and [`TimeSeries::push`].
     pub fn with_channels(

@@ -20,7 +20,7 @@ use crate::state::{Number, Saved, mode};
 use crate::table::{Role, Table};
 
 /// Steps to a stop time that nobody has stated.
-const FAR: f64 = 1e9;
+const STEPS_TO_UNSTATED_STOP: f64 = 1e9;
 /// A remainder below this fraction of a step is rounding.
 const ROUNDING: f64 = 1e-6;
 
@@ -159,7 +159,7 @@ impl Instance {
     /// Initializes all components; at the end of initialization, or earlier where a value is asked for.
     fn running(&mut self) -> Result<&mut Runner, Refused> {
         if self.runner.is_none() {
-            let stop = self.stop.unwrap_or(self.start + FAR * self.recipe.step);
+            let stop = self.stop.unwrap_or(self.start + STEPS_TO_UNSTATED_STOP * self.recipe.step);
             let settings = self.recipe.settings(self.start, stop, self.tolerance);
             let given = self.inputs.iter().enumerate().filter_map(|(input, value)| Some((input, (*value)?)));
             let inputs: Vec<(usize, f64)> = given.collect();
@@ -370,7 +370,7 @@ impl Instance {
         if let Some((_, grid)) = self.grid.filter(|(origin, _)| *origin == self.origin) {
             return Ok(grid);
         }
-        let stop = self.origin + FAR * self.recipe.step;
+        let stop = self.origin + STEPS_TO_UNSTATED_STOP * self.recipe.step;
         let grid = Grid::new(self.origin, stop, self.recipe.step).map_err(|error| error.to_string())?;
         self.grid = Some((self.origin, grid));
         Ok(grid)

@@ -1,7 +1,8 @@
 //! A whole system of FMUs as one FMU 2.0, Co-Simulation and Model Exchange.
 //!
 //! [`write()`] makes the archive from a [`SystemGraph`](airloop_cosim::system::SystemGraph) and the library of this
-//! crate; the same library, inside the archive, opens the system again and runs it under an importer (`abi`, `instance`).
+//! crate; the same library, inside the archive, opens the system again and runs it under an importer (`abi`,
+//! `instance`).
 //! With [`Nmpc`] in its [`Recipe`] the FMU is a controller that predicts with the system (`predictive`).
 //! Both sides find the same variables (`table`), because both derive them from the system. This is the one crate that
 //! knows FMUs as importer and as exporter.

@@ -1,6 +1,6 @@
 """Declared models of the machines whose laws `make_machines.py` hides: a mass on a spring, an electronic oscillator, two tanks.
 
-Equations of the declared models stand in equations/NAME.h and become FMUs in C by ../foreign/fmu.py; the true machines are typed
+Equations of the declared models stand in equations/NAME.h and become FMUs in C by ../third_party/fmu.py; the true machines are typed
 again in make_machines.py.
 """
 
@@ -8,7 +8,7 @@ import dataclasses
 import pathlib
 import sys
 
-sys.path.insert(0, str(pathlib.Path(__file__).parent.parent / "foreign"))
+sys.path.insert(0, str(pathlib.Path(__file__).parent.parent / "third_party"))
 import fmu  # noqa: E402
 
 

@@ -4,7 +4,7 @@
 
 Runs the program on every case that has no report yet; writes OUT/messy.csv and OUT/messy.md (a row per case) and prints a
 summary. A case with an effect is right when the verdict is "effect" (exit code 0 or 12) and the true effect is the first
-selected one; `company` are other selected effects, those that only correct a declared parameter stand under
+selected one; `other_effects` are the other selected ones, those that only correct a declared parameter stand under
 `corrections`. `listed`: the true effect heads the list, selected or not. On a control nothing but corrections may be selected. Fields that a report lacks are shown as "-".
 """
 import argparse
@@ -36,11 +36,11 @@ def row_of(case, report, run):
     row = dict(case=case.name, truth=label(true) if true else "none", verdict=report.get("verdict", "no report"), exit=run[2] if len(run) > 2 else NONE,
                selected=" ".join(map(label, selected)) or NONE, first=bool(true and selected and key(selected[0]) == key(true)),
                listed=bool(true and report.get("effects") and key(report["effects"][0]) == key(true)), right=False,
-               company=" ".join(label(e) for e in others if e["id"] not in CORRECTIONS) or NONE, corrections=" ".join(sorted(corrections)) or NONE,
+               other_effects=" ".join(label(e) for e in others if e["id"] not in CORRECTIONS) or NONE, corrections=" ".join(sorted(corrections)) or NONE,
                error=NONE, inside=NONE, share=NONE, true_share=truth.get("share", NONE), complete=report.get("complete", NONE),
                seconds=float(run[1]) if len(run) > 1 else NONE)
     if true is None:
-        row["right"] = row["verdict"] != "no report" and row["company"] == NONE
+        row["right"] = row["verdict"] != "no report" and row["other_effects"] == NONE
         return row
     row["right"] = row["first"] and row["verdict"] == "effect" and row["exit"] in ("0", "12", NONE)
     found = next((e for e in selected if key(e) == key(true)), {})
@@ -68,10 +68,10 @@ def summary(rows):
     if effects:
         lines.append(f"effects: first with verdict effect {count(effects, 'right')} of {len(effects)}; named first {count(effects, 'first')}; "
                      f"listed first, selected or not, {count(effects, 'listed')}; "
-                     f"with false company {len(number(effects, 'company'))}; main parameter within 10 %: {sum(e <= 0.1 for e in errors)} of {len(errors)}, "
+                     f"with false effects {len(number(effects, 'other_effects'))}; main parameter within 10 %: {sum(e <= 0.1 for e in errors)} of {len(errors)}, "
                      f"median error {shown(float(np.median(errors))) if errors else NONE}; share within 0.1: {sum(g <= 0.1 for g in gaps)} of {len(gaps)}")
     if controls:
-        lines.append(f"controls: something other than corrections named on {sum(r['company'] != NONE for r in controls)} of {len(controls)}")
+        lines.append(f"controls: something other than corrections named on {sum(r['other_effects'] != NONE for r in controls)} of {len(controls)}")
     return lines + [f"wall time: median {np.median(seconds):.1f} s, largest {max(seconds):.1f} s"] if seconds else lines
 
 

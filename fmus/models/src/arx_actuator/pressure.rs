@@ -24,7 +24,7 @@ const AREA: f64 = std::f64::consts::PI * 0.01 * 0.01;
 /// Supply pressure of the paper's experiments \[Pa\].
 const SUPPLY: f64 = 0.5e6;
 /// Smallest area \[m²\].
-const SMALLEST: f64 = 1e-9;
+const MIN_AREA: f64 = 1e-9;
 
 /// The two inputs, declared with the inputs of the actuator.
 pub fn declare_inputs(t: &mut Table) -> [Real; 2] {
@@ -39,7 +39,7 @@ impl Pressure {
             t.output(name).unit("Pa").about(about).nominal(1e5).computed()
         };
         let area = |t: &mut Table, name: &'static str, about: &'static str| {
-            t.parameter(name).unit("m2").about(about).min(SMALLEST).nominal(3e-4).real(AREA)
+            t.parameter(name).unit("m2").about(about).min(MIN_AREA).nominal(3e-4).real(AREA)
         };
         Self {
             p1_measured,

@@ -64,7 +64,7 @@ pub struct Memories {
 }
 
 /// Smallest mass \[kg\] and inertia \[kg m²\]: the mass matrix stays regular.
-const SMALLEST: f64 = 1e-9;
+const MIN_MASS_OR_INERTIA: f64 = 1e-9;
 
 const COORDINATES: [(&str, &str, &str, f64); 6] = [
     ("x", "m", "horizontal position of the hip", 0.0),
@@ -94,10 +94,10 @@ const BODY: [(&str, &str, &str, f64, f64); 11] = [
     ("m3", "kg", "mass of the trunk (W-1)", 0.0, 6.0),
     ("d", "m", "center of the trunk above the hip (W-1)", 0.0, 0.10),
     ("I3", "kg.m2", "inertia of the trunk about its center (W-1)", 0.0, 0.10),
-    ("mu", "kg", "mass of an upper leg (W-2)", SMALLEST, 3.7),
+    ("mu", "kg", "mass of an upper leg (W-2)", MIN_MASS_OR_INERTIA, 3.7),
     ("a", "m", "center of an upper leg below the hip (W-2)", 0.0, 0.35),
-    ("Iu", "kg.m2", "inertia of an upper leg about its center (W-2)", SMALLEST, 0.20),
-    ("mt", "kg", "mass of a toe (W-3)", SMALLEST, 0.8),
+    ("Iu", "kg.m2", "inertia of an upper leg about its center (W-2)", MIN_MASS_OR_INERTIA, 0.20),
+    ("mt", "kg", "mass of a toe (W-3)", MIN_MASS_OR_INERTIA, 0.8),
     ("c", "m", "center of a toe above its tip (W-3)", 0.0, 0.10),
     ("It", "kg.m2", "inertia of a toe about its center (W-3)", 0.0, 0.005),
     ("Ir", "kg.m2", "reflected rotor inertia on th2' - th1' (W-4), 0: none", 0.0, 0.05),

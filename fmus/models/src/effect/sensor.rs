@@ -3,7 +3,7 @@
 use fmi2_export::{Boolean, Identity, MemoryBlock, Model, Outcome, Real, Refusal, Scalar, Table, Values};
 
 /// Longest delay \[samples\].
-const LONGEST: usize = 256;
+const MAX_DELAY_SAMPLES: usize = 256;
 
 /// `y(t) = (1 + gain) u(t - delay) + offset_value`, the past of `u` linear between samples.
 ///
@@ -62,19 +62,19 @@ impl Model for SensorEffect {
                 .parameter("starts_at_zero")
                 .about("before the start u was 0; else it had its first value")
                 .boolean(false),
-            line: t.memory(LONGEST),
+            line: t.memory(MAX_DELAY_SAMPLES),
             last: t.memory(2),
         }
     }
 
     fn prepare<S: Scalar>(&self, q: &mut Values<S>) -> Outcome {
         let samples = q[self.delay].value() / q[self.sample_time].value();
-        if samples + 1.0 > LONGEST as f64 {
+        if samples + 1.0 > MAX_DELAY_SAMPLES as f64 {
             return Err(Refusal::Error(format!(
                 "delay = {} s is {samples:.1} samples of {} s, but {} are kept; use a shorter delay or a longer sample_time",
                 q[self.delay].value(),
                 q[self.sample_time].value(),
-                LONGEST - 1
+                MAX_DELAY_SAMPLES - 1
             )));
         }
         Ok(())
@@ -82,7 +82,7 @@ impl Model for SensorEffect {
 
     fn initialize<S: Scalar>(&self, q: &mut Values<S>) -> Outcome {
         let before = if q[self.starts_at_zero] { S::zero() } else { q[self.u] };
-        (0..LONGEST).for_each(|i| q[self.line.at(i)] = before);
+        (0..MAX_DELAY_SAMPLES).for_each(|i| q[self.line.at(i)] = before);
         q[self.last.at(0)] = q.time - q[self.sample_time];
         q[self.last.at(1)] = q[self.u];
         Ok(())
@@ -98,7 +98,7 @@ impl Model for SensorEffect {
     }
 
     fn sample(&self, q: &mut Values<f64>) {
-        for i in (1..LONGEST).rev() {
+        for i in (1..MAX_DELAY_SAMPLES).rev() {
             q[self.line.at(i)] = q[self.line.at(i - 1)];
         }
         q[self.line.at(0)] = if q.is_co_simulation() { q[self.last.at(1)] } else { q[self.u] };
@@ -129,7 +129,7 @@ impl SensorEffect {
             let young = q[self.line.at(0)];
             return young + (since - samples) / since * (q[self.u] - young);
         }
-        let i = (back.value().floor() as usize).min(LONGEST - 2);
+        let i = (back.value().floor() as usize).min(MAX_DELAY_SAMPLES - 2);
         let (near, far) = (q[self.line.at(i)], q[self.line.at(i + 1)]);
         near + (back - i as f64) * (far - near)
     }

@@ -70,7 +70,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
     folder::check(&args.output, &inputs, &write::names())?;
     let found = match search(args, statement, &settings, &choice, began, &stop) {
         Err(Error::Plan(error)) if no_value(&error) => {
-            output::complain(&format!("error: {error}"));
+            output::to_stderr(&format!("error: {error}"));
             return Ok(ExitCode::from(NO_VALUE));
         }
         found => found?,
@@ -127,7 +127,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
         output::print(&text::report(&summary, &args.output, !args.no_plots))?;
     }
     if let Some(departure) = departure {
-        output::complain(&format!("error: {}\n{departure}", write::NO_SEQUENCE));
+        output::to_stderr(&format!("error: {}\n{departure}", write::NO_SEQUENCE));
         return Ok(ExitCode::from(INFEASIBLE));
     }
     Ok(exit(solved, diagnosis.as_ref(), &stop, &args.output))
@@ -158,7 +158,7 @@ fn search(
     let mut monitor = |progress: &Progress| {
         show(&bar, progress);
         if args.verbose {
-            bar.suspend(|| output::complain(&text::iteration(progress)));
+            bar.suspend(|| output::to_stderr(&text::iteration(progress)));
         }
         if stop.load(Ordering::Relaxed) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     };
@@ -341,7 +341,7 @@ fn roll_out(prepared: &Prepared, solved: &Solved, stop: &Arc<AtomicBool>) -> Res
 
 fn exit(solved: &Solved, diagnosis: Option<&Diagnosis>, stop: &AtomicBool, folder: &Path) -> ExitCode {
     let kept = || {
-        output::complain(&format!(
+        output::to_stderr(&format!(
             "interrupted; the best point so far is in {}; go on with --resume {}",
             folder.join(write::TRAJECTORY).display(),
             folder.display()
@@ -349,7 +349,7 @@ fn exit(solved: &Solved, diagnosis: Option<&Diagnosis>, stop: &AtomicBool, folde
         ExitCode::from(super::INTERRUPTED)
     };
     if let Some(diagnosis) = diagnosis {
-        output::complain(&format!("error: {}\n{diagnosis}", write::NO_MOTION));
+        output::to_stderr(&format!("error: {}\n{diagnosis}", write::NO_MOTION));
         return ExitCode::from(INFEASIBLE);
     }
     match solved.status() {
@@ -358,7 +358,7 @@ fn exit(solved: &Solved, diagnosis: Option<&Diagnosis>, stop: &AtomicBool, folde
         Status::Solved | Status::Acceptable => ExitCode::SUCCESS,
         status => {
             let worst = solved.worst.as_ref().map_or(String::new(), |worst| format!("\n{worst}"));
-            output::complain(&format!("error: {status}{worst}"));
+            output::to_stderr(&format!("error: {status}{worst}"));
             ExitCode::from(match status {
                 Status::Infeasible => INFEASIBLE,
                 Status::EvaluationFailed(_) => NO_VALUE,

@@ -27,10 +27,10 @@ pub struct Fault {
 /// Another user, to whom the system says no where it says nothing to root.
 const NOBODY: u32 = 65534;
 /// Time after which a command that should have begun has not.
-const PATIENCE: Duration = Duration::from_secs(30);
+const MAX_WAIT: Duration = Duration::from_secs(30);
 
-const SHORT: &str = "run m.fmu --stop 1 --step 1ms --no-plots -o out";
-const LONG: &str = "run m.fmu --stop 1e6 --step 1ms --no-plots -o out";
+const SHORT_RUN: &str = "run m.fmu --stop 1 --step 1ms --no-plots -o out";
+const LONG_RUN: &str = "run m.fmu --stop 1e6 --step 1ms --no-plots -o out";
 const RESULT: &[&str] = &["result.csv", "summary.json"];
 const KILLED: &[&str] = &["result.partial.csv"];
 
@@ -38,7 +38,7 @@ const KILLED: &[&str] = &["result.partial.csv"];
 pub const FAULTS: &[Fault] = &[
     Fault {
         what: "the disk is full where the rows go",
-        command: SHORT,
+        command: SHORT_RUN,
         code: Some(1),
         says: "No space left on device",
         left: &[],
@@ -54,7 +54,7 @@ pub const FAULTS: &[Fault] = &[
     },
     Fault {
         what: "the folder is read-only",
-        command: SHORT,
+        command: SHORT_RUN,
         code: Some(1),
         says: "output folder out: nothing can be written there: Permission denied",
         left: &[],
@@ -62,7 +62,7 @@ pub const FAULTS: &[Fault] = &[
     },
     Fault {
         what: "the parent folder is read-only",
-        command: SHORT,
+        command: SHORT_RUN,
         code: Some(1),
         says: "output folder out: Permission denied",
         left: &[],
@@ -70,7 +70,7 @@ pub const FAULTS: &[Fault] = &[
     },
     Fault {
         what: "a file has the name of the folder",
-        command: SHORT,
+        command: SHORT_RUN,
         code: Some(1),
         says: "output folder out: a file of that name is there; choose another folder",
         left: &[],
@@ -78,7 +78,7 @@ pub const FAULTS: &[Fault] = &[
     },
     Fault {
         what: "the folder is a link to nowhere",
-        command: SHORT,
+        command: SHORT_RUN,
         code: Some(1),
         says: "output folder out:",
         left: &[],
@@ -86,7 +86,7 @@ pub const FAULTS: &[Fault] = &[
     },
     Fault {
         what: "the folder is removed while the run goes on",
-        command: LONG,
+        command: LONG_RUN,
         code: Some(1),
         says: "No such file or directory",
         left: &[],
@@ -94,7 +94,7 @@ pub const FAULTS: &[Fault] = &[
     },
     Fault {
         what: "the FMU is removed while the run goes on, then Ctrl-C",
-        command: LONG,
+        command: LONG_RUN,
         code: Some(130),
         says: "interrupted; the result so far is in out/result.csv",
         left: RESULT,
@@ -102,7 +102,7 @@ pub const FAULTS: &[Fault] = &[
     },
     Fault {
         what: "another run writes into the folder",
-        command: SHORT,
+        command: SHORT_RUN,
         code: Some(1),
         says: "another airloop writes into it",
         left: KILLED,
@@ -110,7 +110,7 @@ pub const FAULTS: &[Fault] = &[
     },
     Fault {
         what: "SIGKILL after 1 to 200 ms, five times (`make study-faults`: 100)",
-        command: LONG,
+        command: LONG_RUN,
         code: None,
         says: "",
         left: KILLED,
@@ -118,7 +118,7 @@ pub const FAULTS: &[Fault] = &[
     },
     Fault {
         what: "SIGKILL of a run over an earlier result",
-        command: LONG,
+        command: LONG_RUN,
         code: None,
         says: "",
         left: &["result.csv", "result.partial.csv", "summary.json"],
@@ -126,7 +126,7 @@ pub const FAULTS: &[Fault] = &[
     },
     Fault {
         what: "SIGINT (Ctrl-C)",
-        command: LONG,
+        command: LONG_RUN,
         code: Some(130),
         says: "interrupted; the result so far is in out/result.csv",
         left: RESULT,
@@ -134,7 +134,7 @@ pub const FAULTS: &[Fault] = &[
     },
     Fault {
         what: "SIGTERM (a batch system)",
-        command: LONG,
+        command: LONG_RUN,
         code: Some(130),
         says: "interrupted; the result so far is in out/result.csv",
         left: RESULT,
@@ -142,7 +142,7 @@ pub const FAULTS: &[Fault] = &[
     },
     Fault {
         what: "SIGHUP (the terminal is closed)",
-        command: LONG,
+        command: LONG_RUN,
         code: Some(130),
         says: "interrupted; the result so far is in out/result.csv",
         left: RESULT,
@@ -158,7 +158,7 @@ pub const FAULTS: &[Fault] = &[
     },
     Fault {
         what: "who reads the standard output leaves (SIGPIPE)",
-        command: SHORT,
+        command: SHORT_RUN,
         code: Some(0),
         says: "",
         left: RESULT,
@@ -166,7 +166,7 @@ pub const FAULTS: &[Fault] = &[
     },
     Fault {
         what: "the standard output is a full disk",
-        command: SHORT,
+        command: SHORT_RUN,
         code: Some(1),
         says: "the standard output cannot be written: No space left on device",
         left: RESULT,
@@ -174,7 +174,7 @@ pub const FAULTS: &[Fault] = &[
     },
     Fault {
         what: "standard input, output and error are closed",
-        command: SHORT,
+        command: SHORT_RUN,
         code: Some(0),
         says: "",
         left: RESULT,
@@ -182,7 +182,7 @@ pub const FAULTS: &[Fault] = &[
     },
     Fault {
         what: "TMPDIR is not there",
-        command: SHORT,
+        command: SHORT_RUN,
         code: Some(1),
         says: "check free space, or set TMPDIR",
         left: &[],
@@ -190,7 +190,7 @@ pub const FAULTS: &[Fault] = &[
     },
     Fault {
         what: "4 file descriptors (ulimit -n 4)",
-        command: SHORT,
+        command: SHORT_RUN,
         code: Some(1),
         says: "Too many open files",
         left: &[],
@@ -198,7 +198,7 @@ pub const FAULTS: &[Fault] = &[
     },
     Fault {
         what: "no environment",
-        command: SHORT,
+        command: SHORT_RUN,
         code: Some(0),
         says: "",
         left: RESULT,
@@ -206,7 +206,7 @@ pub const FAULTS: &[Fault] = &[
     },
     Fault {
         what: "the clock is wrong: files of the earlier result are of the years 1970 and 2100",
-        command: SHORT,
+        command: SHORT_RUN,
         code: Some(0),
         says: "",
         left: RESULT,
@@ -214,7 +214,7 @@ pub const FAULTS: &[Fault] = &[
     },
     Fault {
         what: "an earlier command was killed while it moved its result",
-        command: SHORT,
+        command: SHORT_RUN,
         code: Some(0),
         says: "",
         left: RESULT,
@@ -302,7 +302,7 @@ pub fn begun(folder: &Path, command: &mut Command) -> Child {
     let mut child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
     let began = Instant::now();
     let rows = folder.join("out/result.partial.csv");
-    while rows.metadata().map_or(0, |file| file.len()) < 100 && began.elapsed() < PATIENCE {
+    while rows.metadata().map_or(0, |file| file.len()) < 100 && began.elapsed() < MAX_WAIT {
         assert!(child.try_wait().unwrap().is_none(), "it ends before it writes");
         std::thread::sleep(Duration::from_millis(2));
     }
@@ -367,7 +367,7 @@ fn fmu_vanishes(folder: &Path, mut command: Command) -> Output {
 }
 
 fn two_runs(folder: &Path, mut command: Command) -> Output {
-    let mut first = begun(folder, &mut airloop(folder, LONG));
+    let mut first = begun(folder, &mut airloop(folder, LONG_RUN));
     let output = command.output().unwrap();
     first.kill().unwrap();
     first.wait().unwrap();
@@ -402,7 +402,7 @@ fn remove_stages(folder: &Path) {
 }
 
 fn killed_over_a_result(folder: &Path, mut command: Command) -> Output {
-    assert!(airloop(folder, SHORT).output().unwrap().status.success());
+    assert!(airloop(folder, SHORT_RUN).output().unwrap().status.success());
     let before = std::fs::read(folder.join("out/result.csv")).unwrap();
     let mut child = begun(folder, &mut command);
     child.kill().unwrap();
@@ -448,7 +448,7 @@ fn few_descriptors(_: &Path, command: Command) -> Output {
 }
 
 fn wrong_clock(folder: &Path, mut command: Command) -> Output {
-    assert!(airloop(folder, SHORT).output().unwrap().status.success());
+    assert!(airloop(folder, SHORT_RUN).output().unwrap().status.success());
     let set = |name: &str, seconds: u64| {
         let file = File::options().write(true).open(folder.join("out").join(name)).unwrap();
         file.set_modified(std::time::UNIX_EPOCH + Duration::from_secs(seconds)).unwrap();

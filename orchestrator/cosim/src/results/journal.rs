@@ -17,7 +17,7 @@ const BLOCK: usize = 1 << 14;
 /// Bytes of a page of the system's cache; where pages are larger, their ends are ends of these, too.
 const PAGE: u64 = 4096;
 /// Time that a finished row waits at most, while the run makes steps.
-const LATEST: Duration = Duration::from_millis(20);
+const MAX_WAIT_OF_ROW: Duration = Duration::from_millis(20);
 
 /// A file of rows, in the format of [`airloop_series::csv`].
 #[derive(Debug)]
@@ -82,7 +82,7 @@ impl Journal {
 
     /// Whether the last writing was long ago.
     pub(super) fn is_due(&self) -> bool {
-        self.flushed.elapsed() > LATEST
+        self.flushed.elapsed() > MAX_WAIT_OF_ROW
     }
 
     /// Adds a row; every now and then rows go to the file.

@@ -75,7 +75,7 @@ const RESERVED_VALUES: usize = 1 << 25;
 /// The same where rows leave the memory.
 const RESERVED_IN_PASSING: usize = 1 << 16;
 /// Part of the interval by which a row may come early: times are sums of steps.
-const EARLY: f64 = 1e-6;
+const MAX_EARLY_SHARE_OF_INTERVAL: f64 = 1e-6;
 
 impl Recorder {
     /// A recorder for buffers of `width` = \[Real, Integer, Boolean\] values and about `rows` rows.
@@ -183,9 +183,9 @@ impl Recorder {
     /// Decides whether the row at `time` stays.
     fn select(&mut self, time: f64, interval: f64) {
         let intervals = (time - *self.begin.get_or_insert(time)) / interval;
-        self.passing = intervals < self.next - EARLY;
+        self.passing = intervals < self.next - MAX_EARLY_SHARE_OF_INTERVAL;
         if !self.passing {
-            self.next = (intervals + EARLY).floor() + 1.0;
+            self.next = (intervals + MAX_EARLY_SHARE_OF_INTERVAL).floor() + 1.0;
         }
     }
 

@@ -13,7 +13,7 @@ use crate::description::{Causality, Initial, Unknown, Variability, Variable, Var
 use crate::{Error, Fmu, InterfaceKind};
 
 /// Time for all instances.
-const PATIENCE: Duration = Duration::from_secs(5);
+const MAX_TIME: Duration = Duration::from_secs(5);
 
 /// A larger change of a number, over its size, than the one that [`another`] makes.
 const LARGE_CHANGE: f64 = 0.75;
@@ -76,7 +76,7 @@ fn compare(
         }
         let mut depends = vec![false; usual.len()];
         for value in values(fmu, known) {
-            if began.elapsed() > PATIENCE {
+            if began.elapsed() > MAX_TIME {
                 return Ok(());
             }
             // A value may lie outside of what the FMU accepts; that says nothing about dependencies.

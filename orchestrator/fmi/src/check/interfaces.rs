@@ -44,7 +44,7 @@ const INPUT_CHANGE: f64 = 0.3;
 const FIRST_POINT: usize = 1;
 
 /// Time for all runs; a slow FMU is compared as far as it gets.
-const PATIENCE: Duration = Duration::from_secs(5);
+const MAX_TIME: Duration = Duration::from_secs(5);
 
 pub(super) fn check(fmu: &Arc<Fmu>, findings: &mut Findings) {
     let inputs = inputs(fmu);
@@ -109,7 +109,7 @@ fn run(
     let mut run = Run::default();
     let mut outcome = probe.finish()?;
     for step in 1..=STEPS + 1 {
-        if outcome != Advance::Done || began.elapsed() > PATIENCE {
+        if outcome != Advance::Done || began.elapsed() > MAX_TIME {
             break;
         }
         run.values.push(probe.values()?);

@@ -30,7 +30,7 @@ const MORE_LIVES: usize = 64;
 const MAX_UNEVENNESS: f64 = 2.0;
 
 /// Time for all lives; a slow FMU is not judged.
-const PATIENCE: Duration = Duration::from_secs(5);
+const MAX_TIME: Duration = Duration::from_secs(5);
 
 /// The same for the second time.
 const MORE_PATIENCE: Duration = Duration::from_secs(30);
@@ -55,7 +55,7 @@ pub(super) fn check(fmu: &Arc<Fmu>, kind: InterfaceKind, findings: &mut Findings
 /// Growth per life, where it is the same each time and goes on: the stock of the allocator grows as well, with every
 /// size that is asked for the first time, but comes to an end.
 fn grown(fmu: &Arc<Fmu>, kind: InterfaceKind) -> Result<[Option<usize>; COUNTED.len()], Error> {
-    let until = Instant::now() + PATIENCE;
+    let until = Instant::now() + MAX_TIME;
     for _ in 0..FIRST_LIVES {
         live(fmu, kind)?;
     }

@@ -162,7 +162,7 @@ fn check_aliases(variables: &[Variable], elements: &[&Element]) -> Result<(), De
     let mut settable_alias: HashMap<(&str, u32), usize> = HashMap::new();
     for (position, variable) in variables.iter().enumerate() {
         let key = (base(&variable.kind), variable.value_reference);
-        let complain = |other: &Variable, what: &str| {
+        let refused = |other: &Variable, what: &str| {
             Err(elements[position].error(format!(
                 "it shares valueReference {} with \"{}\" (line {}), but {what}; give it a reference of its own",
                 variable.value_reference, other.name, other.line
@@ -171,7 +171,7 @@ fn check_aliases(variables: &[Variable], elements: &[&Element]) -> Result<(), De
         if settable(variable)
             && let Some(other) = settable_alias.insert(key, position)
         {
-            return complain(&variables[other], "both can be set, which would set one by the other");
+            return refused(&variables[other], "both can be set, which would set one by the other");
         }
         let &mut other = first.entry(key).or_insert(position);
         if other == position {
@@ -183,17 +183,17 @@ fn check_aliases(variables: &[Variable], elements: &[&Element]) -> Result<(), De
         }
         let other = &variables[other];
         if other.kind.name() != variable.kind.name() {
-            return complain(other, "their types differ");
+            return refused(other, "their types differ");
         }
         if variable.kind.has_start() {
             let other = &variables[*first_start.entry(key).or_insert(position)];
             if !same_start(&other.kind, &variable.kind) {
-                return complain(other, "their start values differ");
+                return refused(other, "their start values differ");
             }
         }
         let constant = |variable: &Variable| variable.variability == Variability::Constant;
         if constant(other) != constant(variable) {
-            return complain(other, "only one of them is constant");
+            return refused(other, "only one of them is constant");
         }
     }
     Ok(())

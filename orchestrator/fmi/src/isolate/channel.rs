@@ -18,11 +18,11 @@ const ROOM: usize = 1 << 20;
 /// Bytes for calls and answers at most.
 const MOST_ROOM: usize = 1 << 30;
 /// Time between two looks at whether the worker lives.
-const LOOK: Duration = Duration::from_millis(20);
+const POLL_INTERVAL: Duration = Duration::from_millis(20);
 /// Time that a call may still take after Ctrl-C.
 const GRACE: Duration = Duration::from_secs(1);
 /// Messages of the FMU that are told with its end.
-const SHOWN: usize = 5;
+const MAX_MESSAGES_REPORTED: usize = 5;
 /// Time to unload the library.
 const UNLOADING: Duration = Duration::from_secs(2);
 
@@ -145,7 +145,7 @@ impl Line {
         let mut asked = None;
         loop {
             let header = self.area.header();
-            wait(&header.answer, &header.owner_sleeps, before, patience, Some(LOOK));
+            wait(&header.answer, &header.owner_sleeps, before, patience, Some(POLL_INTERVAL));
             if header.answer.load(Ordering::Acquire) == self.number {
                 break;
             }
@@ -189,7 +189,7 @@ impl Line {
         let cause = reason.unwrap_or_else(|| format!("its process ended by {how}"));
         let mut printed: Vec<String> =
             messages(&self.area.take_log()).iter().map(ToString::to_string).collect();
-        printed.drain(..printed.len().saturating_sub(SHOWN));
+        printed.drain(..printed.len().saturating_sub(MAX_MESSAGES_REPORTED));
         printed.extend(self.process.printed().into_iter().map(|line| format!("printed: {line}")));
         Death { function, cause, printed }
     }

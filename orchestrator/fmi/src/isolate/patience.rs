@@ -6,7 +6,7 @@
 use std::time::{Duration, Instant};
 
 /// Longest time of looking; two switches of processes take about as long.
-const LONGEST: Duration = Duration::from_micros(20);
+const MAX_SPIN_TIME: Duration = Duration::from_micros(20);
 /// Looks between two looks at the clock.
 const LOOKS_PER_CLOCK: u32 = 32;
 /// Waits without looking after which it is tried again.
@@ -24,7 +24,7 @@ pub(super) struct Patience {
 impl Patience {
     /// All the patience there is.
     pub(super) fn new() -> Patience {
-        Patience { time: LONGEST, longest: LONGEST, waits_without: 0 }
+        Patience { time: MAX_SPIN_TIME, longest: MAX_SPIN_TIME, waits_without: 0 }
     }
 
     /// None, for ever.

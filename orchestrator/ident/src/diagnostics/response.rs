@@ -11,7 +11,7 @@ use crate::parameters::Parameters;
 use crate::record::Record;
 
 /// Share of a standard deviation by which parameters are changed to find derivatives.
-const NUDGE: f64 = 0.01;
+const DIFFERENCE_STEP_PER_DEVIATION: f64 = 0.01;
 
 /// An estimate with its neighbors: parameters with their covariance, and the model for any of them.
 #[derive(Clone, Copy)]
@@ -26,7 +26,12 @@ impl Family<'_> {
     /// Pairs of models a little to either side of the estimate, one pair per independent direction.
     fn neighbors(&self) -> Vec<[StateSpace; 2]> {
         let values = &self.parameters.values;
-        let pair = |d: DVector<f64>| [(self.at)(&(values + &d * NUDGE)), (self.at)(&(values - &d * NUDGE))];
+        let pair = |d: DVector<f64>| {
+            [
+                (self.at)(&(values + &d * DIFFERENCE_STEP_PER_DEVIATION)),
+                (self.at)(&(values - &d * DIFFERENCE_STEP_PER_DEVIATION)),
+            ]
+        };
         self.parameters.deviations().into_iter().map(pair).collect()
     }
 
@@ -42,7 +47,7 @@ impl Family<'_> {
             let (above, below) = (of(&above), of(&below));
             squares.resize(above.len(), 0.0);
             for ((square, a), b) in squares.iter_mut().zip(above).zip(below) {
-                *square += ((a - b) / (2.0 * NUDGE)).powi(2);
+                *square += ((a - b) / (2.0 * DIFFERENCE_STEP_PER_DEVIATION)).powi(2);
             }
         }
         squares.into_iter().map(f64::sqrt).collect()

@@ -3,7 +3,8 @@
 //! ```text
 //! minimize   sum over phases of  integral sum w (q - r)^2 dt + sum w (q(end) - r)^2 + w T
 //! subject to dx/dt = f(t, x, u), bounds on quantities q along the path and at both ends, on the rates of inputs and on
-//!            the durations T, and links between a phase and the next, in periodic motions also from the last to the first
+//!            the durations T, and links between a phase and the next, in periodic motions also from the last to the
+//!            first
 //! ```
 //!
 //! A quantity q is a linear combination of states, inputs and outputs. How time is made discrete is left to

@@ -164,6 +164,9 @@ pub trait Choice: Copy + 'static {
 }
 
 /// Reads one of the named values.
+///
+/// # Errors
+/// A text that is none of the names; the message lists them.
 pub fn choice<'de, D: Deserializer<'de>, T: Choice, R: From<T>>(deserializer: D) -> Result<R, D::Error> {
     let text = String::deserialize(deserializer)?;
     let names: Vec<&str> = T::CHOICES.iter().map(|(name, _)| *name).collect();
@@ -190,21 +193,33 @@ where
 }
 
 /// A tolerance, above 0 and below 1.
+///
+/// # Errors
+/// No number, or one outside of that range.
 pub fn tolerance<'de, D: Deserializer<'de>, R: From<f64>>(deserializer: D) -> Result<R, D::Error> {
     checked(deserializer, "a tolerance between 0 and 1", |value| *value > 0.0 && *value < 1.0)
 }
 
 /// A number of 0 or more.
+///
+/// # Errors
+/// No number, or a negative one.
 pub fn not_negative<'de, D: Deserializer<'de>, R: From<f64>>(deserializer: D) -> Result<R, D::Error> {
     checked(deserializer, "a number of 0 or more", |value| *value >= 0.0)
 }
 
 /// A whole number of 1 or more.
+///
+/// # Errors
+/// No whole number, or 0.
 pub fn count<'de, D: Deserializer<'de>, R: From<usize>>(deserializer: D) -> Result<R, D::Error> {
     checked(deserializer, "a whole number of at least 1", |value| *value >= 1)
 }
 
 /// A number of intervals: 1 to 100,000. A problem with more does not fit into the memory of a machine.
+///
+/// # Errors
+/// No whole number, or one outside of that range.
 pub fn intervals<'de, D: Deserializer<'de>, R: From<usize>>(deserializer: D) -> Result<R, D::Error> {
     let value = count::<_, usize>(deserializer)?;
     if value <= 100_000 {

@@ -44,6 +44,9 @@ fn refused(case: &Case, problem: &str) -> Error {
 }
 
 /// Coupled trials, or the actuator with the rod fixed.
+///
+/// # Errors
+/// [`Error::Case`] where the sample times of actuator and records differ, or a record lacks a column that its kind needs.
 pub fn coupled(case: &Case, actuator: Actuator) -> Result<Coupled, Error> {
     let declaration = &case.declaration;
     let refused = |problem: &str| refused(case, problem);

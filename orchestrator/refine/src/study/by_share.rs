@@ -102,7 +102,7 @@ impl Search<'_> {
             }
         }
         let reason = format!(
-            "on validation records it takes away {:.0} % of the error alone, and beside the others less than {:.0} %: it stands only by their company",
+            "on validation records it takes away {:.0} % of the error alone, and with the others less than {:.0} %: it explains little without them",
             100.0 * alone,
             100.0 * self.settings.forward_selection.min_validated_share
         );

@@ -24,7 +24,7 @@ pub const PAGE: &str = "index.html";
 /// A text column with more different values is no group.
 const MAX_GROUPS: usize = 12;
 /// Quantities that are drawn.
-const DRAWN: usize = 8;
+const MAX_DRAWN_QUANTITIES: usize = 8;
 /// Points of a scatter figure.
 const MAX_POINTS: usize = 4000;
 
@@ -113,7 +113,7 @@ fn page(manifest: &Manifest, plan: &PlanFile, columns: &[Values]) -> Page {
         tables.extend(numbers.iter().filter_map(|quantity| sobol_indices(quantity, factors)));
     }
     let mut figures: Vec<String> = results.iter().filter(is_group).map(count_figure).collect();
-    for quantity in numbers.iter().take(DRAWN) {
+    for quantity in numbers.iter().take(MAX_DRAWN_QUANTITIES) {
         figures.extend(influence_figures(quantity, factors));
         if !factors.is_empty() && factors.iter().all(|one| one.column.kind == Type::Text) {
             figures.extend(tasks::figure(quantity, factors));

@@ -18,7 +18,7 @@ const TASKS: &str = "tasks";
 /// Output of a command, in its folder.
 const LOG: &str = "log.txt";
 /// Time between two looks at a process.
-const LOOK: Duration = Duration::from_millis(20);
+const POLL_INTERVAL: Duration = Duration::from_millis(20);
 /// Commands that may be tasks.
 const COMMANDS: [&str; 6] = ["run", "identify", "optimize", "refine", "stabilize", "trials"];
 
@@ -105,7 +105,7 @@ impl Command {
                 Ok(None) if self.limit.is_over(began) => {
                     return Some(Err(self.limit.timeout(self.columns().len())));
                 }
-                Ok(None) => std::thread::sleep(LOOK),
+                Ok(None) => std::thread::sleep(POLL_INTERVAL),
             }
         }
     }

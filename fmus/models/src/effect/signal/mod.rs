@@ -16,7 +16,7 @@ use hysteresis::Hysteresis;
 use mode::Mode;
 
 /// Longest delay \[samples\].
-const LONGEST: usize = 256;
+const MAX_DELAY_SAMPLES: usize = 256;
 
 /// `y(k) = effects(u(k)) - backpressure_coef v(k) + offset_value`, held over the sample.
 ///
@@ -116,7 +116,7 @@ impl Model for SignalEffect {
                 .min(1e-9)
                 .nominal(0.001)
                 .real(0.001),
-            delay: Delay::declare(t, LONGEST),
+            delay: Delay::declare(t, MAX_DELAY_SAMPLES),
             hysteresis: Hysteresis::declare(t),
             deadband: parameter(t, "deadband_width", "half-width of the dead band, unit of u"),
             limit: parameter(t, "saturation_limit", "largest signal, unit of u, 0: none"),

@@ -15,7 +15,7 @@ use crate::master::{Coupling, Error, Values};
 /// Steps of an iteration to a tolerance before it is given up.
 const MAX_STEPS: u32 = 20;
 /// Change of an input for a difference quotient, as a part of the larger of value and nominal value.
-const NUDGE: f64 = 1e-3;
+const RELATIVE_DIFFERENCE_STEP: f64 = 1e-3;
 
 /// See the module.
 #[derive(Debug)]
@@ -215,7 +215,7 @@ impl Coupled {
             let nudged = &mut self.nudged[..block.y.len()];
             for k in 0..block.u.len() {
                 let value = unit.value[k];
-                let step = NUDGE * value.abs().max(unit.inputs[k].nominal);
+                let step = RELATIVE_DIFFERENCE_STEP * value.abs().max(unit.inputs[k].nominal);
                 unit.restore(node)?;
                 unit.value[k] = value + step;
                 unit.advance(node, t, h, true)?;

@@ -10,7 +10,7 @@ use crate::master::stop::Stop;
 use airloop_fmi::Model;
 
 /// Relative size of the change of an input for a difference quotient.
-const NUDGE: f64 = 1e-6;
+const RELATIVE_DIFFERENCE_STEP: f64 = 1e-6;
 
 /// See the module.
 #[derive(Debug)]
@@ -62,7 +62,7 @@ impl Secant {
                 let known = [unit.input_references[k]];
                 node.slave().directional_derivative(&unit.output_references, &known, &[1.0], column)?;
             } else {
-                let step = NUDGE * unit.u[k].abs().max(unit.inputs[k].nominal);
+                let step = RELATIVE_DIFFERENCE_STEP * unit.u[k].abs().max(unit.inputs[k].nominal);
                 unit.value.copy_from_slice(&self.u0);
                 unit.slope.fill(0.0);
                 unit.value[k] += step;
@@ -138,7 +138,7 @@ impl Function {
                     if *derivatives {
                         model.directional_derivative(&unit.output_references, &known, &[1.0], column)?;
                     } else {
-                        let step = NUDGE * u[k].abs().max(unit.inputs[k].nominal);
+                        let step = RELATIVE_DIFFERENCE_STEP * u[k].abs().max(unit.inputs[k].nominal);
                         model.set_real(&known, &[u[k] + step])?;
                         model.get_real(&unit.output_references, column)?;
                         model.set_real(&known, &u[k..=k])?;

@@ -22,7 +22,7 @@ const STAGNATION: f64 = 1e-6;
 const MOST_ITERATIONS: usize = 40;
 const MOST_HALVINGS: usize = 6;
 /// Change of an input for a difference quotient, in units of max(|value|, nominal).
-const NUDGE: f64 = 1e-6;
+const RELATIVE_DIFFERENCE_STEP: f64 = 1e-6;
 
 /// See the module; `n` unknowns.
 #[derive(Debug)]
@@ -243,7 +243,8 @@ impl OverStep {
         self.base_residuals.copy_from_slice(&self.residuals);
         for column in 0..n {
             let number = self.inputs[column].instance;
-            self.w[column] += NUDGE * self.base[column].abs().max(self.inputs[column].nominal);
+            self.w[column] +=
+                RELATIVE_DIFFERENCE_STEP * self.base[column].abs().max(self.inputs[column].nominal);
             let moved = self.w[column] - self.base[column];
             self.advance(number, nodes, values, step)?;
             for row in 0..n {

@@ -14,7 +14,7 @@ use crate::transcription::Point;
 /// Parts of a step that are tried.
 const PARTS: [f64; 4] = [1.0, 0.5, 0.2, 0.05];
 /// Distance from a reference, in allowed deviations, that ends a simulation as lost.
-const LOST: f64 = 1e4;
+const MAX_DISTANCE_FROM_REFERENCE: f64 = 1e4;
 
 /// A simulation of the horizon, row-major.
 #[derive(Clone)]
@@ -201,7 +201,7 @@ impl Horizon {
                 || after[..n]
                     .iter()
                     .zip(&plant.deviation)
-                    .any(|(x, size)| x.is_nan() || x.abs() > LOST * size)
+                    .any(|(x, size)| x.is_nan() || x.abs() > MAX_DISTANCE_FROM_REFERENCE * size)
             {
                 return false;
             }

@@ -14,7 +14,7 @@ use airloop_series::{Interpolation, TimeSeries};
 /// Poses in the figure of a plan.
 pub(in crate::plot) const POSES: usize = 15;
 /// Points of each path.
-const FINE: usize = 2000;
+const POINTS_PER_PATH: usize = 2000;
 /// Height of the plot in pixels; its width is that of the sheet.
 const HEIGHT: f64 = 620.0;
 /// Width of the plot in pixels.
@@ -93,7 +93,7 @@ pub(in crate::plot) fn poses(series: &TimeSeries, record: &StickRecord, count: u
         let poses = |count: usize| -> Vec<Pose> {
             (0..count).map(|k| figure.pose(first + (last - first) * k as f64 / (count - 1) as f64)).collect()
         };
-        let fine = poses(FINE);
+        let fine = poses(POINTS_PER_PATH);
         let ends = fine.iter().flatten();
         let (left, right) = range(ends.clone().map(|end| end.0));
         let (low, high) = range(ends.map(|end| end.1).chain([0.0]));

@@ -71,7 +71,7 @@ def description(system, guid):
     derivatives = "".join(unknown(index[rate]) for _, rate in rates)
     initial = "".join(unknown(k) for k in sorted(index[rate] for _, rate in rates if rate not in system.states))
     return f"""<?xml version="1.0" encoding="UTF-8"?>
-<fmiModelDescription fmiVersion="2.0" modelName="{system.name}" guid="{guid}" generationTool="tests/study/foreign/fmu.py" numberOfEventIndicators="0">
+<fmiModelDescription fmiVersion="2.0" modelName="{system.name}" guid="{guid}" generationTool="tests/study/third_party/fmu.py" numberOfEventIndicators="0">
   <ModelExchange modelIdentifier="{system.name}" canNotUseMemoryManagementFunctions="true"/>
   <UnitDefinitions>
 {define}  </UnitDefinitions>
@@ -107,7 +107,7 @@ static void rates(const double *x_, const double *u_, const double *p_, double *
 
 def make(system, path, home=HERE):
     """Writes the FMU of a system for Linux on this machine; `home`: folder with equations/NAME.h."""
-    guid = f"airloop-foreign-{system.name}"
+    guid = f"airloop-third-party-{system.name}"
     with tempfile.TemporaryDirectory() as folder:
         folder = pathlib.Path(folder)
         (folder / "model.c").write_text(source(system, guid))

@@ -1,4 +1,4 @@
-"""The six foreign systems: declared values with units and tolerances, sensors, and where a study looks for effects.
+"""The six third-party systems: declared values with units and tolerances, sensors, and where a study looks for effects.
 
 Order of states, inputs and parameters is that of truth.c. Tolerances are one standard deviation, relative.
 """

@@ -1,7 +1,7 @@
 """Proves that the FMUs and the machines of truth.c follow the same equations where nothing is missing, with FMPy and
 CVode.
 
-    python same.py DIR      DIR/fmu/NAME.fmu as make_foreign.py writes them
+    python same.py DIR      DIR/fmu/NAME.fmu as make_third_party.py writes them
 
 From random states under constant commands, every state of a fifth of a record agrees within 2e-5 of its range (the
 tolerance of CVode is 1e-9).

@@ -1,13 +1,13 @@
-"""Makes the cases of the foreign systems: records of six machines with known truth, the FMU of each declared model, and
+"""Makes the cases of the third-party systems: records of six machines with known truth, the FMU of each declared model, and
 two studies per case.
 
-    python make_foreign.py DIR [--seed S] [--only REGEX]
+    python make_third_party.py DIR [--seed S] [--only REGEX]
 
 A case DIR/SYSTEM_E_NAME: E is `e`, exact: the declared values are right, an effect and white sensor noise; or `m`,
 messy: every declared value is off by its tolerance, small forces of no listed form act at every port, and the noise is
 colored. Names: `KIND_PORT` an effect, `pair_...`, `none` a control, `outside_...` an effect that no vocabulary has.
 `study.toml` attaches channels to inputs, `plain.toml` leaves the places to the program. truth.json holds the answer;
-see score_foreign.py.
+see score_third_party.py.
 
 An exact effect is scaled so that the error of the declared model on validation records is 6 to 30 times the sensor
 noise; a messy one takes 62 to 96 % of the validation error when it is put into the declared model with its true
@@ -23,7 +23,7 @@ import zlib
 import numpy as np
 
 import fmu
-from catalogue import ALIKE, CONTROLS, IDS, OUTSIDE, PAIRS, SAME, SINGLES, SMALL, SMALL_COMMAND
+from catalog import ALIKE, CONTROLS, IDS, OUTSIDE, PAIRS, SAME, SINGLES, SMALL, SMALL_COMMAND
 from systems import SYSTEMS, multisine
 from truth import MAIN, PARAMETERS, Machine, parameters, scales
 
@@ -71,8 +71,8 @@ def errors(system, truth, model):
 class Draw:
     """A case before it is written: records, true parameters, effects with shapes, small terms."""
 
-    def __init__(self, system, names, messy, rng, foreign=False):
-        self.system, self.names, self.messy, self.rng, self.foreign = system, names, messy, rng, foreign
+    def __init__(self, system, names, messy, rng, third_party=False):
+        self.system, self.names, self.messy, self.rng, self.third_party = system, names, messy, rng, third_party
         self.count = int(rng.integers(4, 6))
         self.roles = ["estimation"] * (self.count - 1 - (self.count > 4)) + ["validation"] * (1 + (self.count > 4))
         self.records = [excitation(system, rng, k) for k in range(self.count)]
@@ -167,7 +167,7 @@ class Draw:
                 [best[1] * 1.7 ** (sign * part) for sign in (-1, 1)] if part and best else np.geomspace(0.01, 12.0, 10) if not part else []
             )
             for strength in tried:
-                if strength > STRONGEST and not self.foreign:
+                if strength > STRONGEST and not self.third_party:
                     continue
                 try:
                     own = self.with_strengths(strength * ratio)

@@ -1,6 +1,6 @@
-"""Judges the answers of `airloop refine` on the cases of make_foreign.py.
+"""Judges the answers of `airloop refine` on the cases of make_third_party.py.
 
-    python score_foreign.py AIRLOOP CASES OUT [--flavor study|plain] [--only REGEX] [--sample N] [--limit SECONDS] [--jobs 1] [--done] [--again]
+    python score_third_party.py AIRLOOP CASES OUT [--flavor study|plain] [--only REGEX] [--sample N] [--limit SECONDS] [--jobs 1] [--done] [--again]
 
 Runs the program on every case that has no answer yet (all with --again), writes OUT/FLAVOR.csv (a row per case) and
 prints that table and counts per class. Rules:
@@ -101,7 +101,7 @@ def row_of(case, truth, report, run, flavor):
         first=NONE,
         exact=NONE,
         right=False,
-        company=NONE,
+        other_effects=NONE,
         corrections=" ".join(c.get("parameter") or c.get("id") for c in report.get("corrections") or []) or NONE,
         error=NONE,
         share=NONE,
@@ -112,16 +112,16 @@ def row_of(case, truth, report, run, flavor):
         cpu=run["cpu"],
         wall=run["wall"],
     )
-    company = [label(e) for e, own in zip(selected, hits) if "yes" not in own and "kind" not in own]
-    row["company"] = " ".join(company) or NONE
+    other_effects = [label(e) for e, own in zip(selected, hits) if "yes" not in own and "kind" not in own]
+    row["other_effects"] = " ".join(other_effects) or NONE
     if truth["class"] in ("single", "pair"):
         row["first"] = hits[0][int(np.argmax([{"yes": 2, "kind": 1, "no": 0}[h] for h in hits[0]]))] if hits else "no"
         found = [any(own[k] == "yes" for own in hits) for k in range(len(truth["effects"]))]
-        row["exact"] = said == "effect" and code in (0, 12) and all(found) and not company
+        row["exact"] = said == "effect" and code in (0, 12) and all(found) and not other_effects
         row["right"] = row["exact"]
         if verdict == "unexplained":
             # No channel of the attachments has such an effect: to say so is right, to name it as well.
-            row["right"] |= said in ("unexplained", "law") and not company
+            row["right"] |= said in ("unexplained", "law") and not other_effects
             row["first"] = row["first"] if row["first"] == "yes" else NONE
         pick = [(e, t) for e, own in zip(selected, hits) for h, t in zip(own, truth["effects"]) if h != "no"]
         if pick:
@@ -209,13 +209,13 @@ def summary(rows):
                 gaps = [abs(r["share"] - r["true_share"]) for r in own if isinstance(r["share"], float)]
                 lines.append(
                     f"{kind} {cls}: right effect first {first['yes']} of {n} (and {first['kind']} without port); exact set {sum(r['exact'] is True for r in own)} of {n}; "
-                    f"right (\"unexplained\" where no channel has the effect) {right} of {len(own)}; with company {sum(r['company'] != NONE for r in own)}; main parameter within 10 %: {sum(e <= 0.1 for e in errors)} of {len(errors)}, "
+                    f"right (\"unexplained\" where no channel has the effect) {right} of {len(own)}; with other effects {sum(r['other_effects'] != NONE for r in own)}; main parameter within 10 %: {sum(e <= 0.1 for e in errors)} of {len(errors)}, "
                     f"median {shown(float(np.median(errors))) if errors else NONE}; share within 0.1: {sum(g <= 0.1 for g in gaps)} of {len(gaps)}; "
                     f"amended system: {', '.join(f'{k} {v}' for k, v in sorted(systems.items()))}"
                 )
             else:
                 lines.append(
-                    f"{kind} {cls}: right {right} of {n}; something wrong named on {sum(r['company'] != NONE for r in own)}; verdicts: "
+                    f"{kind} {cls}: right {right} of {n}; something wrong named on {sum(r['other_effects'] != NONE for r in own)}; verdicts: "
                     + ", ".join(f"{k} {v}" for k, v in sorted(collections.Counter(str(r["verdict"]) for r in own).items()))
                 )
     wall, cpu = [float(r["wall"]) for r in rows], [float(r["cpu"]) for r in rows if r["cpu"] != NONE]

@@ -1,7 +1,7 @@
 """What a search can see at best: every effect of the list at every port, with the machine's own equations (truth.c) and
 nothing of the library.
 
-    python grey.py CASES [--only REGEX] [--sample N]
+    python gray.py CASES [--only REGEX] [--sample N]
 
 Each candidate is fitted alone to the estimation records of a case, on messy machines together with all declared
 parameters, which are linearized and held by their tolerances; candidates are ranked by the error on the validation
@@ -18,7 +18,7 @@ import re
 import numpy as np
 from scipy.optimize import least_squares
 
-from score_foreign import sampled
+from score_third_party import sampled
 from systems import SYSTEMS
 from truth import Machine, parameters, scales
 

@@ -1,4 +1,4 @@
-"""`airloop refine` on machines of other systems that no model fits to the noise, made by tests/study/foreign."""
+"""`airloop refine` on machines of other systems that no model fits to the noise, made by tests/study/third_party."""
 
 import json
 import subprocess
@@ -9,7 +9,7 @@ import pytest
 from command import ROOT, start
 from test_study import named, refine
 
-MAKE = ROOT / "tests" / "study" / "foreign" / "make_foreign.py"
+MAKE = ROOT / "tests" / "study" / "third_party" / "make_third_party.py"
 
 
 def machine(tmp_path, name):
