@@ -1,6 +1,7 @@
 """`airloop refine` on machines of one FMU: stops at the lower end, forces and sensors that drift, limits of one direction, a
 leak of gas, curved sensors. The machines are typed here, the FMUs are made of the same declared equations in C."""
 
+import dataclasses
 import json
 
 import numpy as np
@@ -24,8 +25,9 @@ SYSTEMS = {
         {"u": ("N", 1.0), "F": ("N", 0.0)},
         {"mass": MASS, "damping": DAMPING, "stiffness": STIFFNESS},
     ),
-    "vessel": declared(
-        "vessel", {"p": ("Pa", 1e5, "")}, {"u": ("1", 1.0), "q": ("m3/s", 0.0)}, {"bulk": BULK, "gain": GAIN, "loss": LOSS}
+    "vessel": dataclasses.replace(
+        declared("vessel", {"p": ("Pa", 1e5, "")}, {"u": ("1", 1.0), "q": ("m3/s", 0.0)}, {"bulk": BULK, "gain": GAIN, "loss": LOSS}),
+        start={"p": OUTSIDE},
     ),
 }
 
