@@ -20,7 +20,7 @@ SPEC = importlib.util.spec_from_file_location("bench_fmu", BENCH / "fmu.py")
 fmu = importlib.util.module_from_spec(SPEC)
 SPEC.loader.exec_module(fmu)
 
-STEP, COUNT, FINE, NOISE = 0.01, 1200, 10, 2e-5
+STEP, COUNT, FINE, NOISE = 0.01, 1200, 10, 2e-4
 LATE, FORCE, MASS, DAMPING, STIFFNESS = 0.06, 20.0, 1.5, 6.0, 120.0
 EQUATIONS = {
     "drive": "der_w = (u - w) / late;\n",
@@ -79,6 +79,8 @@ class Passed:
             self.out = np.sign(value) * max(abs(value) - q[0], 0.0)
         elif kind == "saturation":
             self.out = min(max(value, -q[0]), q[0])
+        elif kind == "limits":
+            self.out = min(max(value, q[0]), q[1])
         elif kind == "hysteresis":
             self.out = max(value - q[0], min(self.out, value + q[0]))
         elif kind == "fill":
@@ -139,6 +141,7 @@ def write_study(folder, effect, seed):
         ("deadband", [0.12], ["width"]),
         ("saturation", [0.7], ["limit"]),
         ("hysteresis", [0.06], ["width"]),
+        ("limits", [-0.5, 0.8], ["low", "high"]),
         ("fill", [0.03, 0.12], ["up", "down"]),
         ("rate_limit", [2.5], ["rate"]),
     ],

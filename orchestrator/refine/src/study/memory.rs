@@ -137,22 +137,29 @@ mod tests {
 
     #[test]
     fn a_signal_that_moves_in_lines_is_passed_on_as_a_command_is() {
-        // What follows the command in parts of a step is closer to it.
-        let (step, close) =
-            (0.01, |kind| if matches!(kind, Command::Fill | Command::RateLimit) { 2e-3 } else { 1e-9 });
+        const FINE: usize = 64;
+        let step = 0.01;
         let values: Vec<f64> =
             (0..300).map(|k| 1.0 + (0.05 * f64::from(k)).sin() + 0.3 * (0.21 * f64::from(k)).cos()).collect();
-        for (kind, p) in [
-            (Command::Delay, vec![0.034]),
-            (Command::Hysteresis, vec![0.2]),
-            (Command::Lag, vec![0.05]),
-            (Command::Fill, vec![0.02, 0.09]),
-            (Command::RateLimit, vec![3.0]),
-            (Command::Mode, vec![4.0, 0.3]),
+        // The same lines in steps so short that it does not matter where in one of them a value is crossed.
+        let line = |pair: &[f64]| {
+            let (from, to) = (pair[0], pair[1]);
+            (0..FINE).map(move |part| from + (to - from) * part as f64 / FINE as f64)
+        };
+        let fine: Vec<f64> = values.windows(2).flat_map(line).collect();
+        for (kind, p, most) in [
+            (Command::Delay, vec![0.034], 1e-9),
+            (Command::Hysteresis, vec![0.2], 1e-9),
+            (Command::Lag, vec![0.05], 1e-9),
+            (Command::Fill, vec![0.02, 0.09], 1e-5),
+            // A sixteenth of a step at the largest rate, 3.0 each way.
+            (Command::RateLimit, vec![3.0], 2.0 * 3.0 * 0.01 / 16.0),
+            (Command::Mode, vec![4.0, 0.3], 1e-4),
         ] {
-            let expected = kind.apply(&p, &values, step, false);
-            for (k, (own, expected)) in passed(kind, &p, &values, step).iter().zip(&expected).enumerate() {
-                assert!((own[0] - expected).abs() < close(kind), "{kind:?} {k}: {} {expected}", own[0]);
+            let expected = kind.apply(&p, &fine, step / FINE as f64, false);
+            let expected = expected.iter().step_by(FINE);
+            for (k, (own, expected)) in passed(kind, &p, &values, step).iter().zip(expected).enumerate() {
+                assert!((own[0] - expected).abs() < most, "{kind:?} {k}: {} {expected}", own[0]);
             }
         }
     }

@@ -8,6 +8,9 @@ use super::model::{Action, Study};
 /// Share of the samples from which on what pushes back is no end stop but a spring.
 const MAX_CONTACT_SHARE: f64 = 0.4;
 
+/// Share of the larger one by which limits of two directions differ; below it they are one limit.
+const MIN_ASYMMETRY: f64 = 0.02;
+
 /// Largest gain error of a sensor.
 const MAX_SENSOR_GAIN: f64 = 0.5;
 
@@ -41,7 +44,10 @@ fn shown(study: &Study, model: &Model, c: usize) -> bool {
             let half = if upper { low + 0.5 * travel..=high } else { low..=low + 0.5 * travel };
             half.contains(&pos) && contact(study, tap, pos, upper) <= MAX_CONTACT_SHARE
         }
-        Law::Limits => p[first] < p[first + 1],
+        Law::Limits => {
+            let (below, above) = (p[first], p[first + 1]);
+            below < above && (below + above).abs() > MIN_ASYMMETRY * below.abs().max(above.abs())
+        }
         Law::Choked => p[first] > 0.0 && p[first + 1] <= high,
         Law::CubicSpring => p[first] > 0.0 && (low..=high).contains(&p[first + 1]),
         // One above all levels does nothing, so its gain tells; the scale of a level that no sensor shows is open.
