@@ -26,7 +26,7 @@ test-wheel: wheel    ## the wheel in a fresh environment, with its type stubs: p
 	python/test.sh out/wheel
 
 test-slurm: fmu      ## a sweep on a Slurm cluster of three nodes on this computer, one of them killed; as root
-	if [ "$$(id -u)" = 0 ] && ! command -v slurmd >/dev/null; then apt-get update -qq && apt-get install -y -qq slurmctld slurmd slurm-client munge; fi
+	if [ "$$(id -u)" = 0 ] && ! command -v slurmd >/dev/null; then apt-get update -qq && apt-get install -y -qq slurmctld slurmd slurm-client munge || echo "Slurm cannot be installed here"; fi
 	python3 tests/slurm/run.py target/release/airloop
 
 TASKS ?= 10000       # trials of `make study-sweep`

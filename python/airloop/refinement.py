@@ -2,11 +2,13 @@
 
 import json
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from . import program
+from ._effects import effects_folder
+from ._page import Drawing, drawings
 from .commands import into, table_file
 
 if TYPE_CHECKING:
@@ -86,6 +88,34 @@ class Report:
         """The report as Markdown."""
         return (self.folder / "report.md").read_text()
 
+    @property
+    def figures(self) -> list[Drawing]:
+        """Figures of the page in their order, with their titles and records."""
+        return drawings(self.html)
+
+    def figure(self, title: str, record: str | None = None) -> Drawing:
+        """A figure of the page by its title, or a part of it that only one title has.
+
+        Parameters
+        ----------
+        title
+            Title, e.g. ``"x: measured less predicted"``; the first figure of that title where several records have one.
+        record
+            File of the record, e.g. ``"trial_07.csv"``.
+
+        Raises
+        ------
+        KeyError
+            There is no such figure; the message lists the titles.
+        """
+        own = [one for one in self.figures if record is None or one.record == record]
+        found = [one for one in own if one.title == title] or [one for one in own if title in one.title]
+        if not found or len({one.title for one in found}) > 1:
+            titles = dict.fromkeys(one.title for one in (found or own or self.figures))
+            what = f"`{title}` is part of several titles" if found else f"there is no figure `{title}`"
+            raise KeyError(f"{what}{f' of {record}' if record else ''}; titles: {'; '.join(titles)}")
+        return found[0]
+
     def save(self, folder: "str | os.PathLike[str]") -> Path:
         """Copies the folder of the report."""
         import shutil
@@ -104,6 +134,7 @@ class Report:
 def refine(
     study: "str | os.PathLike[str] | Mapping[str, Any]",
     *,
+    effects: "str | os.PathLike[str] | Mapping[str, Any] | Sequence[str | os.PathLike[str] | Mapping[str, Any]] | None" = None,
     output: "str | os.PathLike[str] | None" = None,
     folder: "str | os.PathLike[str]" = ".",
     set: Mapping[str, float] | None = None,
@@ -117,6 +148,9 @@ def refine(
     study
         Folder with ``case.toml``, ``study.toml`` or ``dataset.toml``; a study file; or the content of a study as
         dictionary, with paths relative to ``folder``.
+    effects
+        Effects of one's own that are looked for as well: a dictionary, the text of an effect in TOML, a path, or a list of
+        these; e.g. ``{"kind": "bristle", "port": "torque", "formula": "k*x^3", "parameters": {"k": {...}}}``.
     output
         Folder for the report; default: a temporary one.
     folder
@@ -141,7 +175,7 @@ def refine(
         Ctrl-C.
     """
     place, kept = into(output)
-    words = program.words({**options, "set": set})
-    with table_file(study, Path(folder)) as file:
+    with table_file(study, Path(folder)) as file, effects_folder(effects) as own:
+        words = program.words({**options, "effects": own, "set": set})
         code, _ = program.run(["refine", file, *words, "-o", str(place)], allowed=_ANSWERS, progress=progress)
     return Report(place, code, kept)

@@ -5,6 +5,7 @@
 
 import json
 import os
+import re
 import subprocess
 import sys
 import tempfile
@@ -76,6 +77,11 @@ def main(program, given=None):
             again = subprocess.run([program, "sweep", "submit", there, "--engine", "slurm"], env=slurm.environment,
                                    capture_output=True, text=True)
             assert again.returncode == 1 and "runs this folder already" in again.stderr, again
+            told = subprocess.run([program, "sweep", "status", there], env=slurm.environment, capture_output=True, text=True)
+            states = re.search(rf"Slurm job {job} with {SHARDS} shards; (.*)", told.stdout)
+            # Right after the submission nothing is over.
+            waiting = sum(int(part.split()[0]) for part in states[1].split(", ")) if states else 0
+            assert waiting == SHARDS, told
             slurm.wait(lambda: finished() >= 3, "three shards are finished", 120)
             slurm.wait(lambda: slurm.working_node() is not None, "a node runs a shard", 60)
             node = slurm.working_node()

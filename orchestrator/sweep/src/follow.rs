@@ -13,8 +13,8 @@ use crate::{Error, digest};
 const MAX_BYTES: u64 = 16 << 20;
 
 /// Everything that is reached from some files and folders, each once: the folders themselves, so that files that are
-/// added or removed are seen, and single files, so that one that changes can be named. Relative paths in JSON files may also
-/// begin at `base`, the working directory of commands.
+/// added or removed are seen, and single files, so that one that changes can be named. Relative paths in JSON files may
+/// also begin at `base`, the working directory of commands.
 ///
 /// # Errors
 /// [`Error::Io`] for a folder or a file of settings that cannot be read.

@@ -108,8 +108,8 @@ fn failed_from(path: &Path, manifest: &Manifest, from: u64) -> Result<(u64, Foot
     }
 }
 
-/// Merges the finished shards of a folder into `results.csv`, `results.parquet` and `summary.json`, and their signals, if they keep
-/// some, into `signals.parquet`.
+/// Merges the finished shards of a folder into `results.csv`, `results.parquet` and `summary.json`, and their signals,
+/// if they keep some, into `signals.parquet`.
 ///
 /// # Errors
 /// [`Error::Incomplete`] if rows are missing, [`Error::Damaged`], or a file that cannot be written.

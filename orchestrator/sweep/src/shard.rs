@@ -135,8 +135,8 @@ pub struct Runner {
 }
 
 impl Runner {
-    /// Opens the sweep of a folder for this many threads, and checks that program and inputs are those of the plan. FMUs run
-    /// in processes of their own where [`isolate::choose`](airloop_fmi::isolate::choose) says so.
+    /// Opens the sweep of a folder for this many threads, and checks that program and inputs are those of the plan.
+    /// FMUs run in processes of their own where [`isolate::choose`](airloop_fmi::isolate::choose) says so.
     ///
     /// # Errors
     /// [`Error::Changed`], [`Error::Program`], or whatever opening the plan says.

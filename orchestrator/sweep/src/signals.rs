@@ -66,8 +66,8 @@ fn push(writer: &mut Writer, task: u64, signals: &[Vec<f64>], rows: Range<usize>
     Ok(())
 }
 
-/// Copies the signals of all shards into one file, in the order of the tasks; it has no name yet. None if the plan keeps no
-/// signals.
+/// Copies the signals of all shards into one file, in the order of the tasks; it has no name yet. None if the plan
+/// keeps no signals.
 ///
 /// # Errors
 /// [`Error::Damaged`] for a file that is not what its shard wrote, [`Error::Io`], [`Error::Parquet`].

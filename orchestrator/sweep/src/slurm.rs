@@ -147,7 +147,8 @@ pub fn cancel(folder: &Path) -> Result<Option<u64>, Error> {
     Ok(Some(submission.job))
 }
 
-/// Number of shards of a job in each state of the cluster, such as `PENDING` and `RUNNING`; those that are over are left out.
+/// Number of shards of a job in each state of the cluster, such as `PENDING` and `RUNNING`; those that are over are
+/// left out.
 ///
 /// # Errors
 /// `squeue` that is not there.

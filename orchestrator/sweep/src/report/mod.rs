@@ -134,8 +134,8 @@ fn page(manifest: &Manifest, plan: &PlanFile, columns: &[Values]) -> Page {
     }
 }
 
-/// Rank correlation of a quantity with every factor that is a number, and the quantity over the strongest; none if nothing moves
-/// it.
+/// Rank correlation of a quantity with every factor that is a number, and the quantity over the strongest; none if
+/// nothing moves it.
 fn influence_figures(quantity: &Values, factors: &[Values]) -> Vec<String> {
     let numbers = factors.iter().filter(|one| one.column.kind != Type::Text);
     let mut influence: Vec<(&Values, f64)> = numbers

@@ -79,7 +79,7 @@ pub trait Work: Sync {
         Vec::new()
     }
 
-    /// Files and folders that decide the results; those that they name in turn are found by [`follow`](crate::follow).
+    /// Files and folders that decide the results; those that they name in turn are found later.
     fn inputs(&self) -> Vec<PathBuf>;
 
     /// Number of tasks, where the kind has its own.
@@ -97,7 +97,8 @@ pub trait Work: Sync {
     fn run(&self, task: &Task, place: Place) -> Option<Outcome>;
 }
 
-/// Whether an FMU of a system runs in a process of its own: then each task opens its own, so that a crash costs no other task.
+/// Whether an FMU of a system runs in a process of its own: then each task opens its own, so that a crash costs no
+/// other task.
 fn is_isolated(graph: &SystemGraph) -> bool {
     graph.components.iter().any(|one| isolate::applies_to(&one.fmu.description.generation_tool))
 }

@@ -106,6 +106,6 @@ mod tests {
         let mut own: Vec<&str> =
             found.iter().filter_map(|path| path.strip_prefix(place.path()).ok()?.to_str()).collect();
         own.sort_unstable();
-        assert_eq!(own, ["cases", "one", "one/system.ssd", "records/", "two", "two/system.ssd"]);
+        assert_eq!(own, ["cases", "one", "one/system.ssd", "records", "two", "two/system.ssd"]);
     }
 }

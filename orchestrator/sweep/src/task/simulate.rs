@@ -121,7 +121,8 @@ impl Simulate {
         })
     }
 
-    /// Does something with the setup of a task; `fresh` FMUs are those of no other task if they have processes of their own.
+    /// Does something with the setup of a task; `fresh` FMUs are those of no other task if they have processes of their
+    /// own.
     fn with_setup<T>(&self, task: &Task, fresh: bool, with: impl FnOnce(&Setup) -> T) -> Result<T, Error> {
         let mut run = self.run.clone();
         let mut set = self.set.clone();
