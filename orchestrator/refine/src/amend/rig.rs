@@ -7,6 +7,7 @@ use crate::answer::{Answer, Effect};
 use crate::case::{Actuator, CartPole, Declaration, Declared, Friction, Kind};
 use crate::law::found::Law;
 use crate::rig::cylinder::Cylinder;
+use crate::rig::extra::Place;
 use airloop_fmi::derive::Value;
 
 /// Stop time of the system \[s\]: the length of a usual record.
@@ -173,6 +174,10 @@ fn cart_pole(model: &Declared, selected: &[&Effect], cylinder: bool, law: Option
         }
         sources.f_hat = output("effect_act_backpressure_F_hat", "y");
     }
+    let [piston, cart] = [(&piston, "pf.coulomb"), (&cart, "cf.coulomb")].map(|(own, id)| {
+        // Presliding acts on the level that is added, too.
+        Friction { c1: own.c1 + found(id).map_or(0.0, |effect| value(effect, "force")), ..own.clone() }
+    });
     let weight = (body.m_c + body.m_p) * body.g;
     let moment = body.m_p * body.l * body.g;
     for &effect in selected {
@@ -191,12 +196,24 @@ fn cart_pole(model: &Declared, selected: &[&Effect], cylinder: bool, law: Option
     if let Some(law) = law
         && let Some(own) = &law.effect.own
     {
-        let pole = law.channel == "pole";
-        let to = end("cart_pole", if pole { "tau_ext" } else { "F" });
         let angular = Sources { x: plant("theta"), v: plant("omega"), ..Sources::default() };
-        let sources = if pole { &angular } else { &sources };
-        let block = own::block(own, (&law.effect, blocks::name(&law.effect)), 1.0, sources);
-        network.insert(&to, block, false);
+        let place = Place::at(&law.port);
+        let own_sources = if place == Some(Place::Pole) { &angular } else { &sources };
+        let name = blocks::name(&law.effect);
+        let block =
+            |suffix: &str| own::block(own, (&law.effect, format!("{name}{suffix}")), 1.0, own_sources);
+        match place {
+            Some(Place::Command) => network.insert(&end("actuator", "u"), block(""), false),
+            // Both sides of the piston feel it, and so do the pressures.
+            Some(Place::Force) => {
+                network.insert(&end("", "F_hat"), block("_F_hat"), true);
+                network.insert(&end("piston_friction", "F_in"), block("_F_act"), true);
+            }
+            Some(Place::Piston) => network.insert(&end("cart_friction", "F_in"), block(""), true),
+            Some(Place::Cart) => network.insert(&end("cart_pole", "F"), block(""), false),
+            Some(Place::Pole) => network.insert(&end("cart_pole", "tau_ext"), block(""), false),
+            None => {}
+        }
     }
     for block in selected.iter().filter_map(|effect| blocks::pole(effect, moment, &sources)) {
         network.insert(&end("cart_pole", "tau_ext"), block, false);
@@ -258,8 +275,14 @@ fn frictions(model: &Declared, selected: &[&Effect]) -> Network {
         network.add(friction(name, &declared));
         network.connect(end("", "v"), end(name, "v"), Some("m/s"), 1.0);
         network.connect(end(name, "F_out"), end("", shown), Some("N"), -1.0);
-        for effect in selected.iter().filter(|effect| effect.channel == channel) {
-            if let Some(block) = blocks::friction(effect, &declared, &sources) {
+        let cart = channel == "cart_friction";
+        for effect in selected {
+            let block = match effect.channel.as_str() {
+                own if own == channel => blocks::friction(effect, &declared, &sources),
+                "cart" if cart => blocks::cart(effect, 0.0, &sources),
+                _ => None,
+            };
+            if let Some(block) = block {
                 network.insert(&end("", shown), block, false);
             }
         }

@@ -12,7 +12,8 @@ pub mod variables;
 
 use super::answer::{Answer, fit_locals};
 use super::case::Case;
-use super::engine::parallel;
+use super::engine::{System, parallel};
+use super::law::rig::with_law;
 use super::rig::open::Rig;
 
 pub use correlation::Correlation;
@@ -93,11 +94,16 @@ pub fn gather(case: &Case, rig: &Rig, answer: &Answer) -> Evidence {
             signals.push(Signal { name: span.signal, unit, noise: span.noise });
         }
     }
-    let fits = [0, 1].map(|model| fit_locals(system, &chosen, &answer.parameters[model]).locals);
+    let lawful = with_law(rig, answer);
+    let models: [(&dyn System, &[f64]); 2] = [
+        (system, &answer.parameters[0]),
+        lawful.as_ref().map_or((system, &answer.parameters[1]), |(own, p)| (own, p)),
+    ];
+    let fits = models.map(|(system, p)| fit_locals(system, &chosen, p).locals);
     let records = parallel::map(chosen.len(), |i| {
         let record = chosen[i];
         let measured = system.measured(record);
-        let predicted = [0, 1].map(|m| system.predict(record, &answer.parameters[m], &fits[m][i]));
+        let predicted = [0, 1].map(|m| models[m].0.predict(record, models[m].1, &fits[m][i]));
         let residual = |span: super::engine::Span| {
             let signal = signals.iter().position(|signal| signal.name == span.signal)?;
             let own = |m: usize| {

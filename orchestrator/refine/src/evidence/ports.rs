@@ -38,8 +38,8 @@ pub fn of(kind: Kind, rig: &Rig, answer: &Answer) -> Vec<Port> {
         Port { from, to: name.clone(), left }
     };
     let names: Vec<&String> = answer.left[0].iter().map(|(name, _)| name).collect();
-    // The observer behind the load cell follows the declared actuator, which a cylinder in its place does not.
-    let observed = !answer.cylinder && names.iter().any(|name| *name == "F_p");
+    // The observer behind the load cell follows the declared actuator, which a cylinder in its place does not, and knows no law.
+    let observed = !answer.cylinder && answer.law.is_none() && names.iter().any(|name| *name == "F_p");
     let Some(coupled) = rig.coupled.as_ref().filter(|_| observed) else {
         return names.into_iter().map(simulated).collect();
     };

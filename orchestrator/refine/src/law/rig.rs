@@ -1,4 +1,4 @@
-//! The law at the cart or at the pole of the rig, in windowed predictions.
+//! The law at a place of the rig, in windowed predictions.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -7,40 +7,84 @@ use super::exact::MIN_SHARE_OF_FREE_FORM;
 use super::formula::{self, PRICE};
 use super::found::{self, Law};
 use super::grammar::Axis;
+use super::rig_whole::Whole;
 use super::surface::{Surface, knots};
 use super::surrogate::Approach;
-use super::written::{curve_text, effect};
-use crate::answer::{Answer, Parameter, Verdict};
+use super::written::{curve_text, effect, name};
+use crate::answer::{Answer, Correction, Parameter, Verdict};
 use crate::engine::fit::{Fit, Free, fit};
 use crate::engine::held_out::HeldOut;
 use crate::engine::noise::Noise;
 use crate::engine::system::{Job, Span};
 use crate::engine::{System, stop};
 use crate::rig::coupled::Coupled;
-use crate::rig::extra::{Extra, Form};
+use crate::rig::extra::{Extra, Form, Place};
 use crate::rig::open::Rig;
 use crate::rig::parameters::TABLE;
-use crate::rig::port;
-use crate::study::law::Variable;
+use crate::study::law::{Point, Variable};
 use crate::vocabulary::Own;
 
 /// Difference steps of heights: of forces \[N\] and torques \[N m\].
 const STEPS: [f64; 2] = [0.05, 1e-3];
 /// Share of the declared model's error that the free form has to take away on held-out parts.
 const MIN_SHARE_OF_ERROR: f64 = 0.1;
-/// Share of the error on validation records below which a law is none.
+/// Share of the error on validation records below which a law is none: one over the motion of cart or pole, and any other
+/// that leaves more than noise. What is left has many small causes, of which anything in time takes some.
 const MIN_VALIDATED_SHARE: f64 = 0.05;
+const MIN_VALIDATED_SHARE_OF_WIDE: f64 = 0.75;
 /// Share of a second variable in what one leaves, from which on both are needed.
 const MIN_SHARE_OF_SECOND_VARIABLE: f64 = 0.1;
 /// Steps of the free form toward its optimum.
 const ROUNDS: usize = 3;
 /// Samples over which the velocity is taken.
 const VELOCITY_SAMPLES: usize = 8;
+/// Samples from one point to the next at which the motion is looked at.
+const EVERY: usize = 4;
+/// Free forms whose laws are fitted, and formulas of each.
+const FORMS: usize = 3;
+const FITTED_FORMULAS: usize = 4;
+/// Mean square of the residuals of the best form over one variable, in units of the noise, below which none over two is tried.
+const MAX_ERROR_WITHOUT_SECOND: f64 = 1.02;
+
+/// Variables over which free forms are tried at a place: alone, and two of them.
+fn variables(place: Place) -> (&'static [Variable], &'static [[Variable; 2]]) {
+    use Variable::{Position, Time, Value, Velocity};
+    match place {
+        Place::Command => (&[Value], &[]),
+        Place::Force => (&[Time, Position, Velocity], &[]),
+        _ => (&[Position, Velocity, Time], &[[Position, Velocity], [Time, Velocity]]),
+    }
+}
+
+/// Places of a channel.
+fn places(channel: &str) -> &'static [Place] {
+    match channel {
+        "actuator" => &[Place::Force, Place::Command],
+        "piston_friction" => &[Place::Piston],
+        "cart" | "cart_friction" => &[Place::Cart],
+        "pole" => &[Place::Pole],
+        _ => &[],
+    }
+}
+
+/// Knots along a variable, alone and as one of two: bumps along the way and ripples of a command are narrow, and friction in
+/// time changes slowly.
+fn count(variable: Variable, alone: bool) -> usize {
+    match (variable, alone) {
+        (Variable::Value, _) => 60,
+        (Variable::Time, true) => 30,
+        (Variable::Position, true) => 32,
+        (_, true) => 20,
+        (Variable::Position, false) => 16,
+        (Variable::Velocity, false) => 6,
+        (_, false) => 8,
+    }
+}
 
 /// Some records of a system.
-struct Subset<'a> {
-    system: &'a Coupled,
-    records: Vec<usize>,
+pub(super) struct Subset<'a> {
+    pub(super) system: &'a Coupled,
+    pub(super) records: Vec<usize>,
 }
 
 impl System for Subset<'_> {
@@ -76,6 +120,7 @@ impl System for Subset<'_> {
 
 /// A free form of one or two variables.
 struct FreeForm {
+    place: Place,
     surface: Surface,
     at: Approach,
 }
@@ -83,12 +128,19 @@ struct FreeForm {
 struct Finder<'a> {
     windowed: Coupled,
     records: Vec<usize>,
-    pole: bool,
+    channel: &'a str,
     base: Vec<f64>,
     shared: Vec<Free>,
-    /// Positions and velocities of the estimation records.
-    motion: [Vec<f64>; 2],
+    /// Measured motion, command and time of the estimation records.
+    motion: Vec<Point>,
     units: &'a BTreeMap<String, f64>,
+}
+
+/// A law with the parameter vector of the rig behind it, and the errors with both: estimation, validation.
+struct Outcome {
+    law: Law,
+    fit: Fit,
+    whole: Whole,
 }
 
 /// Puts a law into an answer that found nothing to name; whether there is one. `units`: those in which errors of
@@ -96,9 +148,8 @@ struct Finder<'a> {
 pub fn explain(rig: &Rig, units: &BTreeMap<String, f64>, corrected: &[Free], found: &mut Answer) -> bool {
     let Some(coupled) = &rig.coupled else { return false };
     let channel = found.unexplained.as_ref().map(|own| own.0.clone()).unwrap_or_default();
-    let pole = channel == "pole";
-    let mechanics = pole || channel == "cart" || channel == "cart_friction";
-    if found.verdict != Verdict::Unexplained || found.cylinder || !mechanics || stop::asked() {
+    let unknown = places(&channel).is_empty();
+    if found.verdict != Verdict::Unexplained || found.cylinder || unknown || stop::asked() {
         return false;
     }
     rig.system.stage("law of what is left");
@@ -109,109 +160,185 @@ pub fn explain(rig: &Rig, units: &BTreeMap<String, f64>, corrected: &[Free], fou
         return false;
     }
     let shared = corrected.iter().filter(|free| base[free.index] != 0.0).copied().collect();
-    let motion = motion(&windowed, &records, pole);
-    let finder = Finder { windowed, records, pole, base, shared, motion, units };
-    let Some(law) = finder.find(&channel, found) else { return false };
+    let motion = motion(&windowed, &records, channel == "pole");
+    let finder = Finder { windowed, records, channel: &channel, base, shared, motion, units };
+    let Some(Outcome { law, fit, whole }) = finder.find(found) else { return false };
     found.notes.extend(found::told(&law));
+    found.notes.extend(whole.contradictions(found));
     found.unexplained = Some((channel, law.variables.clone()));
     found.verdict = Verdict::Law;
     found.share = Some(law.share);
+    found.corrections = corrections(rig, &fit, &found.corrections);
+    found.parameters[1] = fit.parameters[..TABLE.len()].to_vec();
+    (found.left[1], found.complete, found.after) = (whole.left, whole.complete, whole.errors);
     found.law = Some(law);
     true
 }
 
-/// Measured positions or angles with their velocities.
-fn motion(windowed: &Coupled, records: &[usize], pole: bool) -> [Vec<f64>; 2] {
+/// The corrections of an answer with the values that they have beside a law.
+fn corrections(rig: &Rig, fit: &Fit, before: &[Correction]) -> Vec<Correction> {
+    let one = |known: &Correction| {
+        let own = rig.corrections.iter().find(|own| {
+            (own.component(), own.parameter()) == (known.component.as_str(), known.parameter.as_str())
+        })?;
+        let place = fit.free.iter().position(|free| free.index == own.entry.index)?;
+        let deviation = fit.covariance[(place, place)].max(0.0).sqrt();
+        let found = Correction::new(own, fit.parameters[own.entry.index], deviation);
+        Some(Correction { tolerance: known.tolerance, ..found })
+    };
+    before.iter().map(|known| one(known).unwrap_or_else(|| known.clone())).collect()
+}
+
+/// The rig with the law of an answer, and the parameter vector of both; none without a law.
+pub fn with_law(rig: &Rig, answer: &Answer) -> Option<(Coupled, Vec<f64>)> {
+    let law = answer.law.as_ref()?;
+    let (own, place) = (law.effect.own.clone()?, Place::at(&law.port)?);
+    let extra = Some(Arc::new(Extra { place, form: Form::Formula(own) }));
+    let values = law.effect.parameters.iter().map(|p| p.value);
+    let p = answer.parameters[1].iter().copied().chain(values).collect();
+    Some((Coupled { extra, ..rig.coupled.clone()? }, p))
+}
+
+/// Measured positions or angles with their velocities, commands and times.
+fn motion(windowed: &Coupled, records: &[usize], pole: bool) -> Vec<Point> {
     let (name, dt) = (if pole { "theta" } else { "x" }, windowed.actuator.sample_time);
-    let (mut positions, mut velocities) = (Vec::new(), Vec::new());
+    let mut found = Vec::new();
     for &record in records {
-        let measured = windowed.trials[record].measured.iter().find(|own| own.name == name);
+        let trial = &windowed.trials[record];
+        let measured = trial.measured.iter().find(|own| own.name == name);
         let values = measured.map_or(&[][..], |own| &own.values[..]);
-        for k in (VELOCITY_SAMPLES..values.len().saturating_sub(VELOCITY_SAMPLES)).step_by(4) {
-            positions.push(values[k]);
-            velocities.push(
-                (values[k + VELOCITY_SAMPLES] - values[k - VELOCITY_SAMPLES])
-                    / (2.0 * VELOCITY_SAMPLES as f64 * dt),
-            );
+        for k in (VELOCITY_SAMPLES..values.len().saturating_sub(VELOCITY_SAMPLES)).step_by(EVERY) {
+            let covered = values[k + VELOCITY_SAMPLES] - values[k - VELOCITY_SAMPLES];
+            found.push(Point {
+                position: values[k],
+                velocity: covered / (2.0 * VELOCITY_SAMPLES as f64 * dt),
+                value: trial.u[k],
+                time: k as f64 * dt,
+                ..Point::default()
+            });
         }
     }
-    [positions, velocities]
+    found
 }
 
 impl Finder<'_> {
     /// The rig with a law.
-    fn with(&self, form: Form) -> Coupled {
-        Coupled { extra: Some(Arc::new(Extra { pole: self.pole, form })), ..self.windowed.clone() }
+    fn with(&self, place: Place, form: Form) -> Coupled {
+        Coupled { extra: Some(Arc::new(Extra { place, form })), ..self.windowed.clone() }
     }
 
-    fn heights(&self, count: usize) -> Vec<Free> {
-        let step = STEPS[usize::from(self.pole)];
+    fn heights(&self, place: Place, count: usize) -> Vec<Free> {
+        let step = STEPS[usize::from(place == Place::Pole)];
         let bounds = (f64::NEG_INFINITY, f64::INFINITY);
         (0..count).map(|k| Free { index: TABLE.len() + k, bounds, step, prior: None }).collect()
     }
 
     fn knots(&self, variable: Variable, count: usize) -> Option<Vec<f64>> {
-        knots(variable, &self.motion[usize::from(variable == Variable::Velocity)], count)
+        let values: Vec<f64> = self.motion.iter().map(|point| point.of(variable)).collect();
+        knots(variable, &values, count)
     }
 
-    fn form(&self, variables: &[Variable], count: usize, rounds: usize) -> Option<FreeForm> {
-        let knots: Option<Vec<Vec<f64>>> = variables.iter().map(|own| self.knots(*own, count)).collect();
+    fn form(&self, place: Place, variables: &[Variable], rounds: usize) -> Option<FreeForm> {
+        if stop::asked() {
+            return None;
+        }
+        let alone = variables.len() == 1;
+        let knots: Option<Vec<Vec<f64>>> =
+            variables.iter().map(|own| self.knots(*own, count(*own, alone))).collect();
         let surface = Surface { variables: variables.to_vec(), knots: knots? };
-        let rig = self.with(Form::Surface(surface.clone()));
+        let rig = self.with(place, Form::Surface(surface.clone()));
         let system = Subset { system: &rig, records: self.records.clone() };
-        let heights = self.heights(surface.heights());
+        let heights = self.heights(place, surface.heights());
         let p = [&self.base[..], &vec![0.0; heights.len()]].concat();
         let locals = vec![Vec::new(); self.records.len()];
         let free = [&heights[..], &self.shared[..]];
         let at = Approach::begin(&system, &surface, &p, free, &locals, None)?;
         let at = if rounds > 0 { at.towards(&system, &surface, free, rounds)? } else { at };
-        Some(FreeForm { surface, at })
+        Some(FreeForm { place, surface, at })
     }
 
-    fn axes(&self, surface: &Surface) -> Vec<Axis> {
+    /// Units of position, velocity and of the value that is taken off.
+    fn units(place: Place) -> [String; 3] {
+        let units = if place == Place::Pole { ["rad", "rad/s", "N.m"] } else { ["m", "m/s", "N"] };
+        units.map(str::to_owned)
+    }
+
+    fn axes(form: &FreeForm) -> Vec<Axis> {
+        let [x, v, f] = Self::units(form.place);
         let axis = |(variable, knots): (&Variable, &Vec<f64>)| {
-            let velocity = *variable == Variable::Velocity;
-            let unit = match (self.pole, velocity) {
-                (false, false) => "m",
-                (false, true) => "m/s",
-                (true, false) => "rad",
-                (true, true) => "rad/s",
+            let unit = match variable {
+                Variable::Velocity => v.clone(),
+                Variable::Time => "s".to_owned(),
+                Variable::Position => x.clone(),
+                _ => f.clone(),
             };
-            let name = if velocity { "v" } else { "x" };
-            Axis { name, unit: unit.into(), range: (knots[0], knots[knots.len() - 1]) }
+            Axis { name: name(*variable), unit, range: (knots[0], knots[knots.len() - 1]) }
         };
-        surface.variables.iter().zip(&surface.knots).map(axis).collect()
+        form.surface.variables.iter().zip(&form.surface.knots).map(axis).collect()
     }
 
-    fn find(&self, channel: &str, answer: &mut Answer) -> Option<Law> {
-        let (x, v) = (Variable::Position, Variable::Velocity);
-        let mut forms: Vec<FreeForm> =
-            [x, v].iter().filter_map(|own| self.form(&[*own], 20, ROUNDS)).collect();
-        forms.extend(self.form(&[x, v], 7, 2));
-        forms.sort_by(|a, b| a.at.smooth.held_out.total_cmp(&b.at.smooth.held_out));
+    fn find(&self, answer: &mut Answer) -> Option<Outcome> {
+        let mut forms: Vec<FreeForm> = Vec::new();
+        for &place in places(self.channel) {
+            let alone = variables(place).0;
+            forms.extend(alone.iter().filter_map(|own| self.form(place, &[*own], ROUNDS)));
+        }
+        let samples: usize =
+            self.records.iter().map(|&r| self.windowed.signals(r).last().map_or(0, |s| s.range.end)).sum();
+        let held_out = |form: &FreeForm| form.at.smooth.held_out;
+        let least = forms.iter().map(held_out).fold(f64::INFINITY, f64::min);
+        if least > MAX_ERROR_WITHOUT_SECOND * samples as f64 {
+            for &place in places(self.channel) {
+                forms.extend(variables(place).1.iter().filter_map(|both| self.form(place, both, 2)));
+            }
+        }
+        forms.sort_by(|a, b| held_out(a).total_cmp(&held_out(b)));
+        // What something in time or over two variables does not explain, a simpler law may.
+        let mut best: Option<Outcome> = None;
+        for _ in 0..FORMS {
+            let Some(at) = Self::simplest(&forms).filter(|_| !stop::asked()) else { break };
+            let form = forms.remove(at);
+            if form.at.gain() < MIN_SHARE_OF_ERROR * form.at.smooth.without {
+                break;
+            }
+            let Some(found) = self.law(&form, answer) else { continue };
+            let better = |known: &Outcome| {
+                let formula = (found.law.named, found.whole.complete);
+                formula > (known.law.named, known.whole.complete)
+                    || formula == (known.law.named, known.whole.complete) && found.law.share > known.law.share
+            };
+            let complete = found.whole.complete && found.law.named;
+            if best.as_ref().is_none_or(better) {
+                best = Some(found);
+            }
+            if complete {
+                break;
+            }
+        }
+        best
+    }
+
+    /// The best form over one variable where two leave little less, else the best, of forms in the order of what they leave:
+    /// its place.
+    fn simplest(forms: &[FreeForm]) -> Option<usize> {
         let least = forms.first()?.at.smooth.held_out;
-        let simple = |form: &FreeForm| {
+        let simple = |form: &&FreeForm| {
             form.surface.variables.len() == 1
                 && form.at.smooth.held_out < (1.0 + MIN_SHARE_OF_SECOND_VARIABLE) * least
         };
-        let at = forms.iter().position(simple).unwrap_or(0);
-        let form = forms.swap_remove(at);
-        if form.at.gain() < MIN_SHARE_OF_ERROR * form.at.smooth.without {
-            return None;
-        }
-        let axes = self.axes(&form.surface);
-        let units = match self.pole {
-            false => ["m", "m/s", "N"],
-            true => ["rad", "rad/s", "N.m"],
-        }
-        .map(str::to_owned);
+        Some(forms.iter().position(|form| simple(&form)).unwrap_or(0))
+    }
+
+    /// The formula of a free form, or its curve.
+    fn law(&self, form: &FreeForm, answer: &mut Answer) -> Option<Outcome> {
+        let (axes, units) = (Self::axes(form), Self::units(form.place));
         let list =
             formula::Search::new(&form.at.surrogate, &form.surface, &axes).map_or(Vec::new(), |s| s.run());
         let mut tried: Vec<(Fit, Arc<Own>, f64, usize)> = Vec::new();
         for own in &list {
             let share = (form.at.smooth.without - own.held_out) / form.at.gain();
             let (text, parameters) = own.formula.written(&axes, &units[2]);
-            if share < MIN_SHARE_OF_FREE_FORM || tried.len() >= 4 || stop::asked() {
+            if share < MIN_SHARE_OF_FREE_FORM || tried.len() >= FITTED_FORMULAS || stop::asked() {
                 continue;
             }
             let Some(effect) = effect(&text, &parameters, &units, 1.0) else { continue };
@@ -220,56 +347,37 @@ impl Finder<'_> {
                 .iter()
                 .map(|p| parameters.iter().find(|own| own.0 == p.name).map_or(0.0, |own| own.2))
                 .collect();
-            tried.push((
-                self.fit(&effect, &values, &form.at.parameters),
-                effect,
-                share,
-                own.formula.complexity(),
-            ));
+            tried.push((self.fit(form, &effect, &values), effect, share, own.formula.complexity()));
         }
         let ceiling = form.at.smooth.without - form.at.chi2;
         tried.retain(|(fit, ..)| form.at.smooth.without - fit.chi2 >= MIN_SHARE_OF_FREE_FORM * ceiling);
         let rank = |own: &(Fit, Arc<Own>, f64, usize)| 0.5 * own.0.chi2.ln() + PRICE * own.3 as f64;
         tried.sort_by(|a, b| rank(a).total_cmp(&rank(b)));
         let named = !tried.is_empty();
-        let rivals = tried
+        let rivals: Vec<(String, f64)> = tried
             .iter()
             .skip(1)
             .filter(|own| own.0.chi2 < 1.06 * tried[0].0.chi2)
             .map(|own| (own.1.formula.clone(), own.2))
             .collect();
-        let (best, own, share) = match tried.into_iter().next() {
-            Some((fit, own, share, _)) => (fit, own, share),
-            None => {
-                let text = curve_text(&form.surface, &form.at.smooth.heights, &axes)?;
-                let own = effect(&text, &[("a".into(), "1".into(), 1.0)], &units, 1.0)?;
-                (self.fit(&own, &[1.0], &form.at.parameters), own, 1.0)
-            }
-        };
-        let law = self.say(channel, (&form, &best, &own), (named, share, rivals), axes)?;
-        answer.parameters[1] = best.parameters[..TABLE.len()].to_vec();
-        let rig = self.with(Form::Formula(own));
-        for (errors, validation) in answer.after.iter_mut().zip([false, true]) {
-            let records: Vec<usize> =
-                (0..rig.records()).filter(|&r| rig.estimation(r) != validation).collect();
-            let whole = Coupled {
-                trials: rig
-                    .trials
-                    .iter()
-                    .map(|t| crate::rig::coupled::Trial { restart: None, ..t.clone() })
-                    .collect(),
-                ..rig.clone()
-            };
-            *errors = crate::answer::errors(&whole, &records, &best.parameters);
+        if named {
+            // One that whole records refuse gives way to the next.
+            let mut rest = tried.into_iter();
+            return rest.find_map(|(fit, own, share, _)| {
+                self.say((form, fit, &own), (named, share, rivals.clone()), axes.clone(), answer)
+            });
         }
-        Some(law)
+        let text = curve_text(&form.surface, &form.at.smooth.heights, &axes)?;
+        let own = effect(&text, &[("a".into(), "1".into(), 1.0)], &units, 1.0)?;
+        let best = self.fit(form, &own, &[1.0]);
+        self.say((form, best, &own), (named, 1.0, rivals), axes, answer)
     }
 
     /// A formula fitted beside the corrections, from the optimum of the free form.
-    fn fit(&self, own: &Arc<Own>, values: &[f64], start: &[f64]) -> Fit {
-        let rig = self.with(Form::Formula(Arc::clone(own)));
+    fn fit(&self, form: &FreeForm, own: &Arc<Own>, values: &[f64]) -> Fit {
+        let rig = self.with(form.place, Form::Formula(Arc::clone(own)));
         let system = Subset { system: &rig, records: self.records.clone() };
-        let p = [&start[..TABLE.len()], values].concat();
+        let p = [&form.at.parameters[..TABLE.len()], values].concat();
         let free = own.parameters.iter().zip(values).enumerate().map(|(k, (parameter, value))| Free {
             index: TABLE.len() + k,
             bounds: parameter.bounds,
@@ -283,50 +391,86 @@ impl Finder<'_> {
 
     fn say(
         &self,
-        channel: &str,
-        (form, best, own): (&FreeForm, &Fit, &Arc<Own>),
+        (form, best, own): (&FreeForm, Fit, &Arc<Own>),
         (named, of_free_form, rivals): (bool, f64, Vec<(String, f64)>),
         axes: Vec<Axis>,
-    ) -> Option<Law> {
-        let rig = self.with(Form::Formula(Arc::clone(own)));
+        answer: &mut Answer,
+    ) -> Option<Outcome> {
+        let rig = self.with(form.place, Form::Formula(Arc::clone(own)));
         let validation: Vec<usize> = (0..rig.records()).filter(|&r| !rig.estimation(r)).collect();
-        let before = HeldOut::new(&self.windowed, self.units).error(&self.base, &validation);
-        let after = HeldOut::new(&rig, self.units).error(&best.parameters, &validation);
-        let share = 1.0 - after / before.max(f64::MIN_POSITIVE);
-        if share < MIN_VALIDATED_SHARE {
+        let error = |system: &Coupled, p: &[f64]| HeldOut::new(system, self.units).error(p, &validation);
+        let before = error(&self.windowed, &self.base).max(f64::MIN_POSITIVE);
+        let whole = Whole::new(&rig, &self.records, &best);
+        let (best, widen) = match &whole.exact {
+            // What leaves noise over whole records is known best from these.
+            Some(exact) => (exact.clone(), 1.0),
+            None => {
+                let samples = |&r: &usize| rig.signals(r).last().map_or(0, |span| span.range.end);
+                let samples: usize = self.records.iter().map(samples).sum();
+                let widen = (best.chi2 / samples.max(1) as f64).sqrt().max(1.0);
+                (best, widen)
+            }
+        };
+        let after = error(&rig, &best.parameters);
+        // What a law leaves that explains the records to the noise is the noise of the states that windows begin with.
+        let share = if whole.complete && after < before { 1.0 } else { 1.0 - after / before };
+        let over_motion = matches!(form.place, Place::Cart | Place::Pole)
+            && !form.surface.variables.contains(&Variable::Time);
+        let least = if over_motion { MIN_VALIDATED_SHARE } else { MIN_VALIDATED_SHARE_OF_WIDE };
+        if share.is_nan() || share < least {
             return None;
         }
-        let samples: usize =
-            self.records.iter().map(|&r| rig.signals(r).last().map_or(0, |span| span.range.end)).sum();
-        let widen = (best.chi2 / samples.max(1) as f64).sqrt().max(1.0);
+        if let Some(against) = whole.refuses(&answer.before[1]) {
+            let note = format!(
+                "A law over {} at {} takes away {:.0} % of the error of windowed predictions, but {against}: it is none.",
+                form.surface.variables.iter().map(|own| self.word(*own)).collect::<Vec<_>>().join(" and "),
+                form.place.port(),
+                100.0 * share,
+            );
+            if !answer.notes.contains(&note) {
+                answer.notes.push(note);
+            }
+            return None;
+        }
         let values = &best.parameters[TABLE.len()..];
         let known = values.iter().enumerate().map(|(k, value)| {
             let place = best.free.iter().position(|free| free.index == TABLE.len() + k).unwrap_or(0);
             (*value, 1.96 * widen * best.covariance[(place, place)].max(0.0).sqrt())
         });
         let parameters: Vec<Parameter> = found::parameters(own, known).collect();
-        let moved = self.motion[0].iter().zip(&self.motion[1]);
-        let powers = moved.map(|(x, v)| own.value([*x, *v, 0.0, 0.0], &[], values) * v);
-        let word = |variable: &Variable| match (variable, self.pole) {
-            (Variable::Velocity, false) => "xdot",
-            (Variable::Velocity, true) => "thetadot",
-            (_, false) => "x",
-            (_, true) => "theta",
+        let dissipation = if form.place == Place::Command {
+            None
+        } else {
+            let power = |at: &Point| own.value(at.variables(), &[], values) * at.velocity;
+            found::dissipation(self.motion.iter().map(power))
         };
-        Some(Law {
-            place: channel.to_owned(),
-            port: port::of_channel(channel).unwrap_or_default().to_owned(),
-            channel: channel.to_owned(),
-            variables: form.surface.variables.iter().map(|own| word(own).to_owned()).collect(),
+        let law = Law {
+            place: self.channel.to_owned(),
+            port: form.place.port().into(),
+            channel: self.channel.to_owned(),
+            variables: form.surface.variables.iter().map(|own| self.word(*own).to_owned()).collect(),
             curve: form.at.curve(&form.surface, widen),
             named,
             of_free_form,
             share,
             rivals,
             covered: axes.into_iter().map(|a| (a.name.to_owned(), a.range.0, a.range.1, a.unit)).collect(),
-            dissipation: found::dissipation(powers),
+            dissipation,
             toml: own.to_toml(values),
-            effect: found::as_effect(own, channel, share, parameters),
-        })
+            effect: found::as_effect(own, self.channel, share, parameters),
+        };
+        Some(Outcome { law, fit: best, whole })
+    }
+
+    /// A variable in the words of the vocabulary.
+    fn word(&self, variable: Variable) -> &'static str {
+        match (variable, self.channel == "pole") {
+            (Variable::Velocity, false) => "xdot",
+            (Variable::Velocity, true) => "thetadot",
+            (Variable::Time, _) => "time",
+            (Variable::Value, _) => "u",
+            (_, false) => "x",
+            (_, true) => "theta",
+        }
     }
 }

@@ -134,10 +134,28 @@ fn cart_friction(scope: &Scope, found: &mut Vec<Candidate>) {
     found.push(linear("cf.poscoulomb", channel, &[CF_POSCOULOMB]));
 }
 
+/// A force that is periodic along the guide, its period on a grid.
+fn cogging(scope: &Scope) -> Candidate {
+    let (low, high) = scope.positions;
+    let mut period = 0.2;
+    let mut grid = Vec::new();
+    // Neighbours differ by half a turn over the stroke; a fit finds its way over a whole one.
+    while period > 0.006 {
+        grid.push(period);
+        period = 1.0 / (1.0 / period + 0.5 / (high - low));
+    }
+    shaped("cart.cogging", "cart", &[COG_SIN, COG_COS, COG_PERIOD], &grid)
+}
+
 fn cart(scope: &Scope, found: &mut Vec<Candidate>) {
     let channel = "cart";
     found.push(linear("cart.mass", channel, &[MASS]));
+    let swept = scope.positions.1 - scope.positions.0;
     if scope.kind != Kind::Cartpole {
+        // A drive leads the cart along the guide: a spring, a wall or a slope would be felt by the drive, and so would cogging.
+        if swept > 0.0 && swept.is_finite() {
+            found.push(cogging(scope));
+        }
         return;
     }
     found.push(linear("cart.spring", channel, &[SPRING, SPRING_FORCE]));
@@ -151,14 +169,7 @@ fn cart(scope: &Scope, found: &mut Vec<Candidate>) {
         })
         .into();
     found.push(stop);
-    let mut period = 0.2;
-    let mut grid = Vec::new();
-    // Neighbours differ by half a turn over the stroke; a fit finds its way over a whole one.
-    while period > 0.006 {
-        grid.push(period);
-        period = 1.0 / (1.0 / period + 0.5 / (high - low));
-    }
-    found.push(shaped("cart.cogging", channel, &[COG_SIN, COG_COS, COG_PERIOD], &grid));
+    found.push(cogging(scope));
     found.push(linear("cart.tilt", channel, &[TILT]));
 }
 

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use super::cylinder::Chambers;
 use super::driven::Driven;
-use super::extra::Extra;
+use super::extra::{Extra, Place};
 use super::lanes::Lanes;
 use super::parameters::*;
 use super::plant::{ActuatorTerms, Mechanics, State, actuator, mechanics};
@@ -15,6 +15,7 @@ use crate::case::{Actuator, Declared};
 use crate::engine::System;
 use crate::engine::noise::Noise;
 use crate::engine::system::{Job, Span};
+use crate::study::law::Point;
 
 /// Runge-Kutta steps per sample. The stiffest mode (friction at standstill) has a time constant of 0.8 ms.
 const SUBSTEPS: usize = 2;
@@ -72,6 +73,7 @@ impl<'a> Running<'a> {
         if terms.droop.0 != 0.0 {
             u *= 1.0 - terms.droop.0 * (1.0 - (-t / terms.droop.1).exp());
         }
+        u -= terms.taken(Place::Command, &Point { value: u, position: x, time: t, ..Point::default() });
         if let Some((transition, input)) = &terms.mode {
             let q = self.mode;
             self.mode =
@@ -89,7 +91,8 @@ impl<'a> Running<'a> {
             -(terms.a[i][0] * y[0] + terms.a[i][1] * y[1]) + terms.b0[i] * u + terms.b1[i] * self.before // eq. 6
         });
         self.before = u;
-        let lost = terms.backpressure * v;
+        let point = Point { position: x, velocity: v, time: t, ..Point::default() };
+        let lost = terms.backpressure * v + terms.taken(Place::Force, &point);
         [self.y[0] - lost, self.y[1] - lost]
     }
 }
@@ -113,6 +116,7 @@ fn simulate<const L: usize>(
         Prediction { f_hat: room(), f_p: room(), x: room(), theta: room() }
     });
     let mut running: [Running; L] = from_fn(|i| Running::new(&terms[i], u[i]));
+    let mut plant = plant.clone();
     let none = Lanes::default();
     let mut s: State<L> = [start[0], none, start[1], none, none, none];
     let substeps = if chambers.is_some() { SUBSTEPS_WITH_CYLINDER } else { SUBSTEPS };
@@ -128,6 +132,7 @@ fn simulate<const L: usize>(
                 }
             }
         }
+        plant.time = k as f64 * dt;
         let (mut f_hat, mut f_act) = (none, none);
         match &mut cylinder {
             Some(cylinder) => {
@@ -142,6 +147,7 @@ fn simulate<const L: usize>(
         }
         let p = f_hat.abs();
         let f_p = f_act - plant.piston.force(s[1], s[0], p, s[4]);
+        let f_p = plant.taken(Place::Piston, s[0], s[1]).map_or(f_p, |taken| f_p - taken);
         for (i, own) in out.iter_mut().enumerate().filter(|(i, _)| k < u[*i].len()) {
             own.f_hat.push(f_hat.0[i]);
             own.f_p.push(f_p.0[i]);
@@ -150,7 +156,7 @@ fn simulate<const L: usize>(
         }
         for _ in 0..substeps {
             s = match &mut cylinder {
-                Some(cylinder) => cylinder.step(plant, &s, p, lost),
+                Some(cylinder) => cylinder.step(&plant, &s, p, lost),
                 None => plant.step(&s, f_act, p, none, h),
             };
         }
@@ -185,13 +191,19 @@ pub struct Coupled {
 pub const SIDE_BY_SIDE: usize = 4;
 
 impl Coupled {
+    /// The actuator for a parameter vector, with the law beyond the vocabulary if there is one.
+    fn actuator_terms(&self, p: &[f64]) -> ActuatorTerms {
+        let extra = self.extra.as_ref().map(|extra| (Arc::clone(extra), p[TABLE.len()..].to_vec()));
+        ActuatorTerms { extra, ..actuator(&self.actuator, p) }
+    }
+
     /// Predicted signals of up to [`SIDE_BY_SIDE`] jobs, without sensor effects.
     fn simulate(&self, jobs: &[Job]) -> Vec<Prediction> {
         let dt = self.actuator.sample_time;
         let fixed = |job: &Job| self.trials[job.record].fixed;
         if jobs.iter().any(fixed) {
             let one = |job: &Job| {
-                simulate_fixed(&actuator(&self.actuator, &job.parameters), &self.trials[job.record].u, dt)
+                simulate_fixed(&self.actuator_terms(&job.parameters), &self.trials[job.record].u, dt)
             };
             return jobs.iter().map(one).collect();
         }
@@ -211,7 +223,7 @@ impl Coupled {
         }
         let start = [0, 1].map(|j| Lanes(from_fn(|i| job(i).locals.get(j).copied().unwrap_or(0.0))));
         let u = from_fn(|i| jobs.get(i).map_or(&[][..], |job| &self.trials[job.record].u[..]));
-        let terms = from_fn(|i| actuator(&self.actuator, &job(i).parameters));
+        let terms = from_fn(|i| self.actuator_terms(&job(i).parameters));
         let windows = from_fn(|i| {
             let restart = jobs.get(i).and_then(|job| self.trials[job.record].restart.as_ref());
             restart.map_or(Vec::new(), |restart| restart.states(&job(i).parameters))

@@ -2,10 +2,11 @@
 
 use std::sync::Arc;
 
-use super::extra::Extra;
+use super::extra::{Extra, Place};
 use super::lanes::{Lanes, each};
 use super::parameters::*;
 use crate::case::{Actuator, CartPole, Declared, Friction};
+use crate::study::law::Point;
 
 /// Fastest rate of presliding \[1/s\] that Runge-Kutta steps of half a millisecond are to follow.
 const MAX_PRESLIDING_RATE: f64 = 4000.0;
@@ -40,14 +41,15 @@ impl<const L: usize> FrictionTerms<L> {
             Some(disp) => each(|i| if disp.0[i] > 0.0 { z.0[i] / disp.0[i] } else { s.0[i] }),
             None => s,
         };
-        let mut level = self.coulomb + self.pressure * p + self.position * x;
+        // Presliding softens the whole level, whatever adds to it.
+        let mut level = self.c1 + self.coulomb + self.pressure * p + self.position * x;
         if let Some((force, vs)) = self.stribeck {
             let ratio = w / vs;
             level = level + force * (-(ratio * ratio)).exp();
         }
-        let mut force = self.c1 * main + self.slope * v + self.offset + level * s;
+        let mut force = level * main + self.slope * v + self.offset;
         if let Some((level, slope)) = self.asymmetry {
-            force = force + (level * s + slope * v).where_positive(v);
+            force = force + (level * main + slope * v).where_positive(v);
         }
         force
     }
@@ -106,6 +108,8 @@ pub struct ActuatorTerms {
     pub droop: (f64, f64),
     /// Sampled second-order mode: transition \[2, 2\] and input \[2\] matrices.
     pub mode: Option<([[f64; 2]; 2], [f64; 2])>,
+    /// A law that the vocabulary does not have, with its parameters.
+    pub extra: Option<(Arc<Extra>, Vec<f64>)>,
 }
 
 /// Everything the equations of motion need.
@@ -141,12 +145,32 @@ pub struct Mechanics<const L: usize> {
     pub cart_mass: Lanes<L>,
     /// A law that the vocabulary does not have, with its parameters.
     pub extra: Option<(Arc<Extra>, [Vec<f64>; L])>,
+    /// Time of the sample \[s\], for such a law.
+    pub time: f64,
 }
 
 /// States of the mechanics: x, v, theta, omega, presliding of piston and cart.
 pub type State<const L: usize> = [Lanes<L>; 6];
 
 impl<const L: usize> Mechanics<L> {
+    /// Force \[N\] that cart.cogging takes from the cart at position `x` \[m\]; none without the effect.
+    #[inline(always)]
+    pub fn cogging(&self, x: Lanes<L>) -> Option<Lanes<L>> {
+        let [sin_amp, cos_amp, wave] = self.cogging?;
+        let (sin, cos) = (wave * x).sin_cos();
+        Some(sin_amp * sin + cos_amp * cos)
+    }
+
+    /// Force \[N\] or torque \[N m\] that a law beyond the vocabulary takes off at a place, at a position and velocity there.
+    pub fn taken(&self, place: Place, position: Lanes<L>, velocity: Lanes<L>) -> Option<Lanes<L>> {
+        let (extra, p) = self.extra.as_ref().filter(|own| own.0.place == place)?;
+        let time = self.time;
+        Some(each(|i| {
+            let (position, velocity) = (position.0[i], velocity.0[i]);
+            extra.value(&p[i], &Point { position, velocity, time, ..Point::default() })
+        }))
+    }
+
     /// Time derivative of the state under the held force `f_act` \[N\]; `p` is the magnitude of the pressure force
     /// \[N\], `extra` a torque on the pole \[N m\].
     #[inline(always)]
@@ -154,14 +178,11 @@ impl<const L: usize> Mechanics<L> {
         let [x, v, th, om, zp, zc] = *s;
         let mut f = f_act - self.piston.force(v, x, p, zp) - self.cart.force(v, x, p, zc);
         f = f - (self.spring.0 * x - self.spring.1);
+        f = self.cogging(x).map_or(f, |taken| f - taken);
         if let Some([position, stiffness, damping]) = self.stop {
             let depth = x - position;
             let push = stiffness * depth + damping * v;
             f = f - push.where_positive(push).where_positive(depth);
-        }
-        if let Some([sin_amp, cos_amp, wave]) = self.cogging {
-            let (sin, cos) = (wave * x).sin_cos();
-            f = f - (sin_amp * sin + cos_amp * cos);
         }
         let (sin, cos) = th.sin_cos();
         let mut weight = self.weight * sin;
@@ -173,14 +194,11 @@ impl<const L: usize> Mechanics<L> {
         if let Some(dry) = self.pole_coulomb {
             torque = torque - dry * (om * (1.0 / 0.05)).tanh();
         }
-        if let Some((extra, p)) = &self.extra {
-            let (position, velocity) = if extra.pole { (th, om) } else { (x, v) };
-            let taken = each(|i| extra.value(&p[i], position.0[i], velocity.0[i]));
-            if extra.pole {
-                torque = torque - taken;
-            } else {
-                f = f - taken;
+        if self.extra.is_some() {
+            for place in [Place::Piston, Place::Cart] {
+                f = self.taken(place, x, v).map_or(f, |taken| f - taken);
             }
+            torque = self.taken(Place::Pole, th, om).map_or(torque, |taken| torque - taken);
         }
         let row = f + self.ml * om * om * sin; // eq. 4
         let (m, c, j) = (self.mass, self.ml * cos, self.inertia);
@@ -226,6 +244,7 @@ pub fn actuator(declared: &Actuator, p: &[f64]) -> ActuatorTerms {
         mode: p[MODE_FREQ]
             .is_finite()
             .then(|| sampled_mode(p[MODE_FREQ], p[MODE_ZETA], declared.sample_time)),
+        extra: None,
     }
 }
 
@@ -306,6 +325,7 @@ pub fn mechanics<const L: usize>(declared: &Declared, vectors: [&[f64]; L]) -> M
         tilt: used(TILT).then(|| (p(TILT), mass * uphill * body.g)),
         cart_mass,
         extra: None,
+        time: 0.0,
     }
 }
 
@@ -332,6 +352,12 @@ fn sampled_mode(freq: f64, zeta: f64, dt: f64) -> ([[f64; 2]; 2], [f64; 2]) {
 }
 
 impl ActuatorTerms {
+    /// Force \[N\] that a law beyond the vocabulary takes off at a place; zero without one.
+    pub fn taken(&self, place: Place, point: &Point) -> f64 {
+        let own = self.extra.as_ref().filter(|own| own.0.place == place);
+        own.map_or(0.0, |(extra, p)| extra.value(p, point))
+    }
+
     /// Command after delay, hysteresis, dead band, saturation and gain, shape \[n\]; before the first sample it is 0.
     pub fn shaped_command(&self, u: &[f64]) -> Vec<f64> {
         let at = |index: i64| if index < 0 { 0.0 } else { u[index as usize] };
@@ -374,6 +400,19 @@ mod tests {
             // Runge-Kutta of order 4 with w h = 0.02: some 1e-10.
             assert!((q[0] - exact).abs() < 1e-7, "{k}: {} {exact}", q[0]);
         }
+    }
+
+    #[test]
+    fn presliding_softens_the_whole_level_and_ends_in_it() {
+        let piston = Friction { c1: 1.5, c2: 40.0, c4: 50.0, ..Friction::default() };
+        let declared = Declared { piston_friction: Some(piston), ..Declared::default() };
+        let mut p = neutral();
+        (p[PF_COULOMB], p[PF_PRESSURE], p[PF_PRESLIDING]) = (2.0, 0.1, 1e-3);
+        let friction = mechanics(&declared, [&p[..]]).piston;
+        let force = |z: f64| friction.force(Lanes([0.3]), Lanes([0.0]), Lanes([20.0]), Lanes([z])).0[0];
+        // Declared 1.5 N, 2 N more, and a tenth of 20 N, beside 50 N s/m.
+        assert!((force(0.0) - 15.0).abs() < 1e-12 && (force(5e-4) - 15.0 - 2.75).abs() < 1e-12);
+        assert!((force(1e-3) - 15.0 - 5.5).abs() < 1e-12);
     }
 
     #[test]

@@ -142,7 +142,9 @@ impl crate::engine::System for Sweeps {
         let mut z = 0.0;
         let mut truth = Vec::with_capacity(x.len());
         for k in 0..x.len() {
-            truth.push(mass * a[k] + force(friction, v[k], x[k], z));
+            let periodic = if sweep.cart { plant.cogging(Lanes([x[k]])) } else { None };
+            let periodic = periodic.map_or(0.0, |force| force.0[0]);
+            truth.push(mass * a[k] + force(friction, v[k], x[k], z) + periodic);
             if friction.disp.is_some() && k + 1 < x.len() {
                 // Exact for a constant speed: sliding may set in within a fraction of a sample.
                 for part in [0.125, 0.375, 0.625, 0.875] {
@@ -191,7 +193,7 @@ mod tests {
     use super::*;
     use crate::case::Friction;
     use crate::engine::System;
-    use crate::rig::parameters::{OFFSET_V, SENSOR_DELAY_X, SENSOR_GAIN_V};
+    use crate::rig::parameters::{COG_PERIOD, COG_SIN, OFFSET_V, SENSOR_DELAY_X, SENSOR_GAIN_V};
 
     const DT: f64 = 1e-3;
     const N: usize = 3000;
@@ -234,6 +236,20 @@ mod tests {
     /// A mean square of one within four standard deviations.
     fn is_noise(misfit: [f64; 2]) -> bool {
         misfit.iter().all(|square| (square - 1.0).abs() < 4.0 * (2.0 / N as f64).sqrt())
+    }
+
+    #[test]
+    fn cogging_shows_in_the_load_cell_of_a_led_cart() {
+        let mut own = sweeps(|t| [position(t), speed(t)]);
+        own.sweeps[0].cart = true;
+        let mut p = neutral();
+        let without = own.predict(0, &p, &[]);
+        (p[COG_SIN], p[COG_PERIOD]) = (0.8, 0.02);
+        let with = own.predict(0, &p, &[]);
+        for (k, x) in own.sweeps[0].motion.x.iter().enumerate() {
+            let expected = 0.8 * (std::f64::consts::TAU * x / 0.02).sin();
+            assert!((with[k] - without[k] - expected).abs() < 1e-9, "{k}");
+        }
     }
 
     #[test]

@@ -93,11 +93,15 @@ impl Blocks<'_> {
         self.memories.iter().for_each(Memory::clear);
     }
 
-    /// Coulomb level that presliding acts on: declared and added.
-    pub(super) fn level(&self, tap: usize) -> f64 {
-        let declared = self.study.taps[tap].coulomb.map_or(0.0, |level| level.of(self.p));
-        let added = self.laws[tap].iter().find(|(law, ..)| *law == Law::Coulomb);
-        declared + added.map_or(0.0, |(_, range, _)| self.p[range.start])
+    /// Level that presliding acts on: declared, and whatever other laws add to it.
+    pub(super) fn level(&self, tap: usize, at: &Point) -> f64 {
+        let own = &self.study.taps[tap];
+        let declared = own.coulomb.map_or(0.0, |level| level.of(self.p));
+        let one = |(law, range, _): &Acting| {
+            let v0 = if *law == Law::Stribeck { own.v0 } else { 0.0 };
+            law.level(&self.p[range.clone()], &Point { velocity: at.velocity - v0, ..*at })
+        };
+        declared + self.laws[tap].iter().map(one).sum::<f64>()
     }
 
     /// The value behind an attachment.
@@ -146,7 +150,7 @@ impl Blocks<'_> {
                         let at = Point { value, time: self.now.get(), ..point };
                         let speeds = [self.see(tap, at).velocity - own.v0, from_sign_change];
                         let z = preslide_along(self.z[states.start], speeds, p[0], at.time - self.time);
-                        (self.level(tap), z)
+                        (self.level(tap, &point), z)
                     }
                     _ => (0.0, 0.0),
                 };

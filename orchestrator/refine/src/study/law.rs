@@ -237,16 +237,26 @@ impl Law {
         }
     }
 
+    /// Level that the law adds to the factor `s` that changes sign with the velocity, on which presliding acts as well.
+    pub fn level(self, p: &[f64], at: &Point) -> f64 {
+        match self {
+            Law::Coulomb => p[0],
+            Law::Stribeck => p[0] * (-(at.velocity / p[1]).powi(2)).exp(),
+            Law::Pressure => p[0] * at.pressure_force.abs(),
+            Law::PositionCoulomb => p[0] * at.position,
+            Law::Asymmetry if at.velocity > 0.0 => p[0],
+            _ => 0.0,
+        }
+    }
+
     /// Value subtracted from the one that passes the attachment. `s` is the factor that changes sign with the velocity,
     /// where there is one, `z` the state of presliding, `level` the Coulomb level it acts on.
     pub fn force(self, p: &[f64], at: &Point, s: f64, z: f64, level: f64) -> f64 {
         let (v, x) = (at.velocity, at.position);
         match self {
             Law::Viscous => p[0] * v,
-            Law::Coulomb => p[0] * s,
-            Law::Stribeck => p[0] * (-(v / p[1]).powi(2)).exp() * s,
+            Law::Coulomb | Law::Stribeck | Law::Pressure | Law::PositionCoulomb => self.level(p, at) * s,
             Law::Presliding => level * (z / p[0] - s),
-            Law::Pressure => p[0] * at.pressure_force.abs() * s,
             Law::Offset => p[0],
             Law::Asymmetry => {
                 if v > 0.0 {
@@ -255,7 +265,6 @@ impl Law {
                     0.0
                 }
             }
-            Law::PositionCoulomb => p[0] * x * s,
             Law::Drag => p[0] * v.abs() * v,
             Law::Spring => p[0] * x + p[1],
             Law::EndStop => {
@@ -346,6 +355,15 @@ mod tests {
             preslide(z, from + (to - from) * (f64::from(k) + 0.5) / f64::from(count), disp, h)
         });
         assert!((preslide_along(2e-4, [from, to], disp, step) - fine).abs() < 1e-9 * disp);
+    }
+
+    #[test]
+    fn presliding_acts_on_the_level_that_other_friction_adds() {
+        let at = Point { velocity: -0.1, position: 0.2, pressure_force: -30.0, ..Point::default() };
+        assert_eq!(Law::Coulomb.level(&[2.0], &at), 2.0);
+        assert_eq!(Law::Pressure.level(&[0.1], &at), 3.0);
+        assert!((Law::Stribeck.level(&[2.0, 0.1], &at) - 2.0 / std::f64::consts::E).abs() < 1e-12);
+        assert_eq!((Law::Asymmetry.level(&[1.0, 5.0], &at), Law::Viscous.level(&[9.0], &at)), (0.0, 0.0));
     }
 
     #[test]
