@@ -20,14 +20,15 @@ pub const RECORDS: usize = 3;
 /// Whether the declared model is clearly better with the other sign of a column; errors over the spread of the measured
 /// signals, no number where the model diverges.
 pub fn is_wrong(stated: f64, other: f64) -> bool {
-    if !other.is_finite() {
+    // What predicts no better than the mean of the records says nothing, however bad the stated sign is.
+    if other.is_nan() || other >= MAX_ERROR_OF_OTHER_SIGN {
         return false;
     }
     if !stated.is_finite() {
-        return other < MAX_ERROR_OF_OTHER_SIGN;
+        return true;
     }
-    let bad = stated > 1.0 && other < MAX_ERROR_OF_OTHER_SIGN && other < MAX_RATIO_OF_A_BAD_MODEL * stated;
-    stated > MIN_ERROR && (other < MAX_RATIO * stated || bad)
+    let most = if stated > 1.0 { MAX_RATIO_OF_A_BAD_MODEL } else { MAX_RATIO };
+    stated > MIN_ERROR && other < most * stated
 }
 
 /// How the errors are told.

@@ -104,7 +104,10 @@ fn folds(study: &Study, pieces: &[Piece]) -> Vec<(Vec<Piece>, Vec<Piece>)> {
             let units = piece.range.len() / unit;
             let edge = |k: usize| piece.range.start + unit * (k * units / SPANS_PER_RECORD);
             (0..SPANS_PER_RECORD)
-                .map(|k| Piece { record: piece.record, range: begin(study, piece.record, edge(k)..edge(k + 1)) })
+                .map(|k| Piece {
+                    record: piece.record,
+                    range: begin(study, piece.record, edge(k)..edge(k + 1)),
+                })
                 .collect()
         })
         .collect();

@@ -463,17 +463,6 @@ impl<'a> View<'a> {
         }
     }
 
-    /// Puts zero where an output was not measured: in a true model there is nothing to be seen.
-    pub fn silence(&self, record: usize, residuals: &mut [f64]) {
-        let piece = &self.pieces[record];
-        let n = piece.range.len();
-        for (o, measured) in self.study.records[piece.record].measured.iter().enumerate() {
-            let Some(measured) = measured else { continue };
-            let own = residuals[o * n..(o + 1) * n].iter_mut().zip(&measured[piece.range.clone()]);
-            own.filter(|(_, there)| !**there).for_each(|(value, _)| *value = 0.0);
-        }
-    }
-
     fn fitted(&self, record: &Record) -> bool {
         self.study.windows.is_none() && record.initial == Initial::Word(InitialWord::Fit)
     }
@@ -528,6 +517,16 @@ impl System for View<'_> {
         let piece = &self.pieces[record];
         let outputs = &self.study.records[piece.record].outputs;
         outputs.iter().flat_map(|values| values[piece.range.clone()].iter().copied()).collect()
+    }
+
+    fn silence(&self, record: usize, residuals: &mut [f64]) {
+        let piece = &self.pieces[record];
+        let n = piece.range.len();
+        for (o, measured) in self.study.records[piece.record].measured.iter().enumerate() {
+            let Some(measured) = measured else { continue };
+            let own = residuals[o * n..(o + 1) * n].iter_mut().zip(&measured[piece.range.clone()]);
+            own.filter(|(_, there)| !**there).for_each(|(value, _)| *value = 0.0);
+        }
     }
 
     fn whiten(&self, record: usize, predicted: &[f64]) -> Vec<f64> {
