@@ -17,7 +17,7 @@ use airloop::Error;
 use airloop::relative_path::relative_path;
 use airloop_fmi::template_folder::VARIABLE;
 use airloop_refine::amend;
-use airloop_refine::answer::{Answer, Settings, Verdict};
+use airloop_refine::answer::{Answer, Settings, Verdict, WARNING};
 use airloop_refine::case::{Case, Role};
 use airloop_refine::engine::parallel;
 use airloop_refine::engine::settings::ForwardSelection;
@@ -25,6 +25,7 @@ use airloop_refine::engine::stop;
 use airloop_refine::evidence::{self, Evidence};
 use airloop_refine::rig::answer::answer;
 use airloop_refine::rig::open::{Rig, open};
+use airloop_refine::sign;
 use airloop_refine::study;
 use airloop_refine::vocabulary::folder::Folder;
 use airloop_refine::watch::Event;
@@ -276,6 +277,7 @@ impl Question {
                 Ok(found?)
             }
             Question::Rig { case, rig } => {
+                sign::check(case)?;
                 let files = &case.declaration.files;
                 let groups: Vec<String> = files.iter().map(|file| file.group.clone()).collect();
                 let records = files.iter().filter(|file| file.role == Role::Estimation);
@@ -375,6 +377,9 @@ fn print(found: &Answer, evidence: &Evidence, folder: &Path, system: bool) -> Re
     let mut text = format!("{}\n", words::sentence(found));
     if !rivals.is_empty() {
         text += &format!("These records cannot tell it from: {}.\n", rivals.join(", "));
+    }
+    for note in found.notes.iter().filter(|note| note.starts_with(WARNING)) {
+        text += &format!("{note}\n");
     }
     text += &format!("\nError on validation records\n{rows}\n");
     text += &format!("report  {}\n", folder.join("report.html").display());

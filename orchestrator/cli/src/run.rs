@@ -244,7 +244,10 @@ fn note_inputs(
     };
     for (index, input) in graph.inputs.iter().enumerate() {
         if !given(index) {
-            notes.push(format!("no data for the system input `{}`: it keeps its start value", input.name));
+            notes.push(format!(
+                "no data for the system input `{0}`: it keeps its start value; name a column `{0}`, map one with --signals, or state its value with --set {0}=VALUE",
+                input.name
+            ));
         }
     }
     if let Some(stimulus) = stimulus.filter(|stimulus| !stimulus.links.is_empty()) {

@@ -8,6 +8,9 @@ use super::law::found::Law;
 use super::rig::corrections;
 use super::vocabulary::Own;
 
+/// Beginning of the remarks that are shown with the answer, not in the report alone.
+pub const WARNING: &str = "Warning: ";
+
 /// Settings of the search.
 #[derive(Debug, Clone, Copy)]
 pub struct Settings {

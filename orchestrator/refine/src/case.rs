@@ -6,10 +6,11 @@ use std::path::Path;
 use serde::Deserialize;
 
 use super::Error;
-use super::outliers;
 use super::rig::corrections;
 use super::rig::cylinder::Cylinder;
+use super::study::clipping::clipping;
 use super::study::declaration::words;
+use super::{outliers, regime};
 use airloop_series::{TimeSeries, csv};
 
 /// Contents of `case.toml`: the declared model, its sensors and the list of records.
@@ -260,8 +261,51 @@ impl Case {
             let series = outliers::without(series, &file.name, &measured, &mut notes);
             records.push(series.map_err(|problem| Error::Case { path, problem })?);
         }
+        notes.extend(check_regimes(&declaration, &records).map_err(refused)?);
+        check_limits(&declaration, &records, &measured).map_err(refused)?;
         Ok(Case { declaration, records, notes })
     }
+}
+
+/// Records are of one regime, and show more than noise.
+fn check_regimes(declaration: &Declaration, records: &[TimeSeries]) -> Result<Vec<String>, String> {
+    let step = 1.0 / declaration.sample_rate_hz;
+    let files = || declaration.files.iter().zip(records);
+    let of = |name: &str, role: Role| {
+        let own = files().filter(|(file, _)| file.role == role);
+        own.filter_map(|(file, record)| {
+            Some(regime::Values { name: &file.name, step, values: &record.channel(name)?.values })
+        })
+        .collect()
+    };
+    let mut signals = Vec::new();
+    for (name, sensor) in &declaration.sensors {
+        let [estimation, validation] = [Role::Estimation, Role::Validation].map(|role| of(name, role));
+        let driven = sensor.noise_rms == 0.0;
+        signals.push(regime::Signal { name, driven, noise: sensor.noise_rms, estimation, validation });
+    }
+    regime::check(&signals)
+}
+
+/// No sensor stands at a limit again and again, over all records: what the limit hides would be taken for an effect.
+fn check_limits(declaration: &Declaration, records: &[TimeSeries], measured: &[&str]) -> Result<(), String> {
+    for name in measured {
+        let values =
+            |record: &TimeSeries| record.channel(name).map_or_else(Vec::new, |own| own.values.clone());
+        let Some(found) = clipping(&records.iter().flat_map(values).collect::<Vec<f64>>()) else { continue };
+        let there =
+            |record: &TimeSeries| values(record).into_iter().filter(|value| *value == found.at).count();
+        let files = declaration.files.iter().zip(records);
+        let Some((most, file)) = files.map(|(file, record)| (there(record), &file.name)).max() else {
+            continue;
+        };
+        return Err(format!(
+            "column `{name}` stands at {} again and again, in {:.1} % of the samples of all records (in {file} in {most}), as if the sensor were saturated or the machine at its limit there; what happens beyond it would be taken for an effect. Record again with a wider range or a smaller command, or cut these spans out of the files",
+            found.at,
+            100.0 * found.share
+        ));
+    }
+    Ok(())
 }
 
 /// Every tolerance belongs to a declared parameter and is a standard deviation.

@@ -1,6 +1,6 @@
 //! Withdrawal of the verdict "nothing is missing" where the declared model explains no signal of the records.
 
-use super::answer::{Answer, Verdict};
+use super::answer::{Answer, Verdict, WARNING};
 
 /// Error over the spread of the measured signal from which on a model explains nothing of it.
 const MIN_NRMSE_OF_NO_MODEL: f64 = 0.9;
@@ -25,9 +25,101 @@ pub fn refuse_where_nothing_is(found: &mut Answer, place: &str) {
     found.unexplained = Some((place.to_owned(), Vec::new()));
 }
 
+/// Error above the floor, over the spread of the measured signal, from which on an answer is none.
+const MIN_NRMSE_OF_NO_ANSWER: f64 = 0.5;
+/// Ratio of the errors with and without the answer from which on it has not halved the error.
+const MIN_RATIO_OF_NO_ANSWER: f64 = 0.5;
+/// Relative change of the error of a signal from which on the answer claims something about it.
+const MIN_CHANGE_OF_A_CLAIM: f64 = 0.05;
+
+/// Takes effects and laws back that leave more than half of a signal on validation records that they claim to explain, and
+/// have not even halved its error; an answer that changes no signal claims all of them. What is left has its place at
+/// `place`. Whether it did.
+pub fn refuse_what_explains_too_little(found: &mut Answer, place: &str) -> bool {
+    if !matches!(found.verdict, Verdict::Effect | Verdict::Law) {
+        return false;
+    }
+    let [before, after] = [&found.before[1], &found.after[1]];
+    let change = |signal: &str| {
+        let [was, is] = [before, after].map(|errors| errors.rms.get(signal).copied().unwrap_or(f64::NAN));
+        is / was
+    };
+    let claimed = |signal: &str| !((change(signal) - 1.0).abs() < MIN_CHANGE_OF_A_CLAIM);
+    let claims = after.nrmse.keys().any(|signal| claimed(signal));
+    let left = |(signal, nrmse): (&String, &f64)| {
+        let rms = after.rms.get(signal).copied().unwrap_or(f64::NAN);
+        let noise = (found.floor_of(signal).unwrap_or(0.0) / rms).min(1.0);
+        let above = nrmse * (1.0 - noise * noise).sqrt();
+        let far = !(above < MIN_NRMSE_OF_NO_ANSWER) && !(change(signal) < MIN_RATIO_OF_NO_ANSWER);
+        (far && (claimed(signal) || !claims)).then(|| format!("{signal} {:.0} %", 100.0 * nrmse))
+    };
+    let left: Vec<String> = after.nrmse.iter().filter_map(left).collect();
+    if left.is_empty() {
+        return false;
+    }
+    let kind = if found.verdict == Verdict::Law { "a law" } else { "effects" };
+    found.notes.push(format!(
+        "{WARNING}the search ended with {kind}, but on validation records the error would still be {} of the spread of the data: what leaves more than {:.0} % of a signal is no answer. Check signs, units, parameters and initial states of the declared model, or give it shorter records or windows over which it can be predicted.",
+        left.join(", "),
+        100.0 * MIN_NRMSE_OF_NO_ANSWER
+    ));
+    for effect in found.effects.iter_mut().filter(|effect| effect.selected) {
+        (effect.selected, effect.group) = (false, None);
+        "with it, more than half of a signal is left on validation records".clone_into(&mut effect.reason);
+    }
+    (found.verdict, found.complete, found.share) = (Verdict::Unexplained, false, None);
+    found.unexplained.get_or_insert_with(|| (place.to_owned(), Vec::new()));
+    found.law = None;
+    found.cylinder = false;
+    found.corrections.clear();
+    found.after = found.before.clone();
+    found.parameters[1] = found.parameters[0].clone();
+    found.left[1] = found.left[0].clone();
+    true
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// An answer with these errors before and after of signals with a spread of 1 and a floor of 0.01.
+    fn effect(errors: &[(f64, f64)]) -> Answer {
+        let of = |pick: fn(&(f64, f64)) -> f64| {
+            let own = errors.iter().enumerate().map(|(k, pair)| (format!("y{k}"), pick(pair)));
+            let own: std::collections::BTreeMap<String, f64> = own.collect();
+            crate::answer::Errors { rms: own.clone(), nrmse: own }
+        };
+        let (mut found, floor) = (Answer { verdict: Verdict::Effect, ..Answer::default() }, 0.01);
+        found.before[1] = of(|pair| pair.0);
+        found.after[1] = of(|pair| pair.1);
+        found.noise = errors.iter().enumerate().map(|(k, _)| (format!("y{k}"), floor)).collect();
+        found
+    }
+
+    #[test]
+    fn what_leaves_half_of_a_signal_that_it_changes_is_no_answer() {
+        for errors in [
+            &[(2.036, 2.036), (2.8, 2.72)][..],
+            &[(0.9, 0.01), (0.9, 0.7)],
+            &[(1.3, 1.7)],
+            &[(0.9, f64::NAN)],
+        ] {
+            let mut found = effect(errors);
+            assert!(refuse_what_explains_too_little(&mut found, "cart"), "{errors:?}");
+            assert_eq!(found.verdict, Verdict::Unexplained);
+            assert!(found.notes[0].contains("is no answer"), "{:?}", found.notes);
+        }
+    }
+
+    #[test]
+    fn a_signal_that_is_not_touched_and_one_of_noise_are_no_objection() {
+        for errors in [&[(0.9, 0.01), (0.9, 0.9)][..], &[(2.0, 0.6)], &[(0.9, 0.4)]] {
+            assert!(!refuse_what_explains_too_little(&mut effect(errors), "cart"), "{errors:?}");
+        }
+        let mut noisy = effect(&[(0.9, 0.8)]);
+        noisy.noise.insert("y0".into(), 0.75);
+        assert!(!refuse_what_explains_too_little(&mut noisy, "cart"));
+    }
 
     fn answer(errors: &[f64]) -> Answer {
         let mut found = Answer { verdict: Verdict::Nothing, complete: true, ..Answer::default() };

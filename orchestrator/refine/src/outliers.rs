@@ -109,6 +109,71 @@ pub fn bridge(values: &mut [f64], outliers: &[Outlier]) {
     }
 }
 
+/// Places and values of the cells that are not empty.
+fn there(values: &[f64]) -> (Vec<usize>, Vec<f64>) {
+    values.iter().copied().enumerate().filter(|(_, value)| !value.is_nan()).unzip()
+}
+
+/// Longest run of samples that counts as a failure of a sensor.
+const MAX_RUN: usize = 50;
+/// Runs of a record up to which they are failures: a signal that jumps again and again means it.
+const MAX_RUNS: usize = 3;
+/// Jump to a run and back, over all steps but the largest of [`SHARE_OF_STEPS`].
+const MIN_JUMP_OVER_STEPS: f64 = 10.0;
+const SHARE_OF_STEPS: f64 = 0.99;
+/// The same over the range of the signal.
+const MIN_JUMP_OVER_RANGE: f64 = 0.3;
+/// Difference of the jumps there and back, over the jump.
+const MAX_DIFFERENCE_OF_JUMPS: f64 = 0.3;
+
+/// Runs of samples to which a signal jumps, and from which it jumps back: longer than those that [`find`] sees.
+pub fn failures(values: &[f64]) -> Vec<std::ops::Range<usize>> {
+    let steps: Vec<f64> = values.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    let mut sizes: Vec<f64> = steps.iter().map(|step| step.abs()).collect();
+    let mut levels = values.to_vec();
+    if values.len() < 4 * MAX_RUN {
+        return Vec::new();
+    }
+    sizes.sort_by(f64::total_cmp);
+    levels.sort_by(f64::total_cmp);
+    let part = |sorted: &[f64], share: f64| sorted[(share * (sorted.len() - 1) as f64) as usize];
+    let range = part(&levels, 0.95) - part(&levels, 0.05);
+    let least = (MIN_JUMP_OVER_STEPS * part(&sizes, SHARE_OF_STEPS)).max(MIN_JUMP_OVER_RANGE * range);
+    let jumps: Vec<usize> = (0..steps.len()).filter(|&k| steps[k].abs() > least).collect();
+    let mut found = Vec::new();
+    for pair in jumps.windows(2) {
+        let (there, back) = (pair[0], pair[1]);
+        let differ = (steps[there] + steps[back]).abs() > MAX_DIFFERENCE_OF_JUMPS * steps[there].abs();
+        if !differ && back - there <= MAX_RUN {
+            found.push(there + 1..back + 1);
+        }
+    }
+    if found.len() > MAX_RUNS || 2 * found.len() < jumps.len() { Vec::new() } else { found }
+}
+
+/// The record `name` with empty cells where a sensor failed for a while; a sentence on each goes to `notes`.
+pub fn emptied(series: TimeSeries, name: &str, columns: &[&str], notes: &mut Vec<String>) -> TimeSeries {
+    let (time, mut channels) = parts(series.clone());
+    let mut any = false;
+    for channel in channels.iter_mut().filter(|channel| columns.contains(&channel.name.as_str())) {
+        let (places, values) = there(&channel.values);
+        for run in failures(&values) {
+            any = true;
+            notes.push(format!(
+                "The sensor of `{}` failed in {name} from {} s to {} s, {} samples near {}: they count for no error.",
+                channel.name,
+                time[places[run.start]],
+                time[places[run.end - 1]],
+                run.len(),
+                values[run.start]
+            ));
+            run.for_each(|k| channel.values[places[k]] = f64::NAN);
+        }
+    }
+    let channels = channels.into_iter().map(|channel| (channel.name, channel.unit, channel.values)).collect();
+    TimeSeries::with_channels(time, channels).ok().filter(|_| any).unwrap_or(series)
+}
+
 /// The record `name` without the outliers of its `columns`; a sentence on each goes to `notes`.
 ///
 /// # Errors
@@ -135,7 +200,7 @@ pub fn without(
         .iter()
         .enumerate()
         .filter(|(_, channel)| columns.contains(&channel.name.as_str()))
-        .map(|(index, channel)| (index, find(&channel.values)))
+        .map(|(index, channel)| (index, find(&there(&channel.values).1)))
         .filter(|(_, outliers)| !outliers.is_empty())
         .collect();
     if found.is_empty() {
@@ -144,13 +209,14 @@ pub fn without(
     let (time, mut channels) = parts(series);
     for (index, outliers) in &found {
         let channel = &mut channels[*index];
+        let (places, mut values) = there(&channel.values);
         for outlier in outliers {
             let unit = channel.unit.as_deref().map(|unit| format!(" {unit}")).unwrap_or_default();
             notes.push(format!(
                 "Outlier in {name}: `{}` is {}{unit} at {} s, its neighbors are near {}{unit}; {} replaced by the line between the samples before and after.",
                 channel.name,
                 outlier.value,
-                time[outlier.first],
+                time[places[outlier.first]],
                 outlier.neighbors,
                 match outlier.count {
                     1 => "the sample was".to_owned(),
@@ -158,7 +224,8 @@ pub fn without(
                 }
             ));
         }
-        bridge(&mut channel.values, outliers);
+        bridge(&mut values, outliers);
+        places.iter().zip(values).for_each(|(&k, value)| channel.values[k] = value);
     }
     let channels = channels.into_iter().map(|channel| (channel.name, channel.unit, channel.values)).collect();
     TimeSeries::with_channels(time, channels).map_err(|error| error.to_string())
@@ -201,6 +268,24 @@ mod tests {
             values.reverse();
             assert_eq!(find(&values), [], "{end} reversed");
         }
+    }
+
+    #[test]
+    fn a_sensor_that_fails_for_a_while_is_found_and_a_signal_that_jumps_is_not() {
+        let mut values = swing();
+        values[400..430].fill(0.5);
+        assert_eq!(failures(&values), [400..430]);
+        assert_eq!(failures(&swing()), []);
+        let pulses: Vec<f64> = (0..1000).map(|k| f64::from(u8::from(k % 100 < 20))).collect();
+        assert_eq!(failures(&pulses), []);
+        let step: Vec<f64> = (0..1000).map(|k| f64::from(u8::from(k > 500))).collect();
+        assert_eq!(failures(&step), []);
+        let time: Vec<f64> = (0..1000).map(|k| 0.001 * f64::from(k)).collect();
+        let series = TimeSeries::with_channels(time, vec![("x".into(), None, values)]).unwrap();
+        let mut notes = Vec::new();
+        let found = emptied(series, "a.csv", &["x"], &mut notes);
+        assert_eq!(found.channels()[0].values.iter().filter(|value| value.is_nan()).count(), 30);
+        assert!(notes[0].contains("`x`") && notes[0].contains("0.4 s to 0.429 s"), "{notes:?}");
     }
 
     #[test]

@@ -89,7 +89,8 @@ pub fn uniform(source: &TimeSeries, step: f64, method: Method, held: &[String]) 
     let own = median(&time.windows(2).map(|pair| pair[1] - pair[0]).collect::<Vec<_>>());
     let coarser = step > MIN_RATIO_OF_COARSER * own;
     // So many steps of the fine grid make one of the new, and none is longer than those of the series.
-    let parts = if coarser { (step / own).ceil() as usize } else { 1 };
+    // A whole ratio stays one although stamps are rounded.
+    let parts = if coarser { (step / own - 1e-3).ceil().max(1.0) as usize } else { 1 };
     let count = (span / step * (1.0 + 1e-12)) as usize + 1;
     let axis = |parts: usize, count: usize| {
         (0..count).map(|k| time[0] + k as f64 * step / parts as f64).collect::<Vec<f64>>()

@@ -24,20 +24,23 @@ impl<'a> HeldOut<'a> {
         let parts = parallel::map(records.len(), |i| {
             let (record, own) = (records[i], locals.get(i).map_or(&[][..], Vec::as_slice));
             let (predicted, measured) = (self.system.predict(record, p, own), self.system.measured(record));
-            let square = |range: std::ops::Range<usize>| -> f64 {
-                measured[range.clone()].iter().zip(&predicted[range]).map(|(a, b)| (a - b).powi(2)).sum()
-            };
+            let (mut left, mut there): (Vec<f64>, Vec<f64>) =
+                measured.iter().zip(&predicted).map(|(a, b)| (a - b, 1.0)).unzip();
+            self.system.silence(record, &mut left);
+            self.system.silence(record, &mut there);
+            let square = |range: std::ops::Range<usize>| left[range].iter().map(|e| e * e).sum::<f64>();
+            let count = |range: std::ops::Range<usize>| there[range].iter().sum::<f64>();
             let spans = self.system.signals(record).into_iter();
             spans
-                .map(|span| (span.signal, span.range.len(), square(span.range), span.noise))
+                .map(|span| (span.signal, count(span.range.clone()), square(span.range), span.noise))
                 .collect::<Vec<_>>()
         });
         let mut sums: BTreeMap<String, (f64, f64)> = BTreeMap::new();
         for (signal, samples, square, noise) in parts.into_iter().flatten() {
             let Some(unit) = self.units.get(&signal) else { continue };
             let sum = sums.entry(signal).or_default();
-            sum.0 += (square - samples as f64 * noise * noise) / (unit * unit);
-            sum.1 += samples as f64;
+            sum.0 += (square - samples * noise * noise) / (unit * unit);
+            sum.1 += samples;
         }
         sums.into_iter().map(|(signal, (sum, samples))| (signal, (sum / samples).max(0.0))).collect()
     }

@@ -26,6 +26,8 @@ pub trait System: Sync {
     fn whiten(&self, record: usize, predicted: &[f64]) -> Vec<f64>;
     /// The whitened residuals as they would be if `predicted` were true: sensor noise and rounding.
     fn redraw(&self, record: usize, predicted: &[f64], noise: &mut Noise) -> Vec<f64>;
+    /// Puts zero where a signal of a record was not measured: values laid out as in `predict`.
+    fn silence(&self, _record: usize, _values: &mut [f64]) {}
     /// The same records, only this share of them from their beginning; `None` where they cannot be cut.
     fn beginning(&self, _share: f64) -> Option<Box<dyn System + '_>> {
         None

@@ -61,6 +61,9 @@ impl System for Weighted<'_> {
     fn measured(&self, record: usize) -> Vec<f64> {
         self.inner.measured(record)
     }
+    fn silence(&self, record: usize, values: &mut [f64]) {
+        self.inner.silence(record, values);
+    }
     fn whiten(&self, record: usize, predicted: &[f64]) -> Vec<f64> {
         let mut residuals = self.inner.whiten(record, predicted);
         self.scale(record, &mut residuals);

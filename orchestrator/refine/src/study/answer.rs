@@ -17,6 +17,7 @@ use super::observability;
 use super::open::open;
 use super::ruling::{Ruling, alone, rule, rule_by_share, share};
 use super::search::{Say, Selection, confirm, search};
+use super::sign;
 use super::simulate::Piece;
 use super::smoothed;
 use super::steps;
@@ -116,10 +117,14 @@ pub fn answer(file: &File, settings: &Settings, say: Say) -> Result<(Answer, Evi
         }
     };
     explained::refuse_where_nothing_is(&mut found, &first_place(&study));
+    let refused = explained::refuse_what_explains_too_little(&mut found, &first_place(&study));
+    if refused {
+        found.fitted = fitted(&study, &found.parameters[0]);
+    }
     let fits = Fits::new(&study, scale);
     say("figures");
     let shown = if found.verdict == Verdict::Effect { &selection.best } else { &selection.declared };
-    let shown = with_law.as_ref().unwrap_or(shown);
+    let shown = with_law.as_ref().filter(|_| !refused).unwrap_or(shown);
     let evidence = evidence::gather(&fits, [&selection.declared, shown], &found);
     Ok((found, evidence))
 }
@@ -133,7 +138,9 @@ pub fn prepared(file: &File, say: Say) -> Result<(Study, Vec<Attachment>, Fit), 
     study.substeps = integration::substeps(&study);
     study.unobservable = observability::unobservable(&study);
     say("fitting the declared model");
-    let declared = declared(file, &study)?;
+    let fitted = declared(file, &study);
+    sign::check(file, &mut study)?;
+    let declared = fitted?;
     let mut survey = {
         let fits = Fits::new(&study, vec![1.0; study.outputs.len()]);
         fits.view(&[], &fits.pieces).survey(&declared.parameters, &declared.locals)

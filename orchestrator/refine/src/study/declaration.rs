@@ -87,12 +87,18 @@ pub struct Signal {
     /// Column whose derivative by time it is.
     #[serde(default)]
     pub derivative_of: Option<String>,
+    /// Column whose integral over time it is, zero where the file begins.
+    #[serde(default)]
+    pub integral_of: Option<String>,
     /// Unit of the column; that of the system's signal without it.
     #[serde(default)]
     pub unit: Option<String>,
     /// Factor, for columns of the other sign.
     #[serde(default)]
     pub scale: Option<f64>,
+    /// What is added behind `scale`, in the unit of the system's signal.
+    #[serde(default)]
+    pub offset: Option<f64>,
     /// Held between its samples (a sampled command) instead of interpolated.
     #[serde(default)]
     pub hold: bool,
@@ -107,10 +113,8 @@ pub struct Signal {
 impl Signal {
     /// Column that it is made of; none where that is not clear.
     pub fn source(&self) -> Option<&String> {
-        match (&self.column, &self.derivative_of) {
-            (Some(column), None) | (None, Some(column)) => Some(column),
-            _ => None,
-        }
+        let mut given = [&self.column, &self.derivative_of, &self.integral_of].into_iter().flatten();
+        given.next().filter(|_| given.next().is_none())
     }
 }
 
@@ -126,9 +130,33 @@ pub struct Output {
     /// Rms of the sensor noise in `unit`; estimated from the scatter from sample to sample without it.
     #[serde(default)]
     pub noise: Option<f64>,
-    /// `fit`: a constant offset of the sensor belongs to the declared model.
+    /// Factor, for columns of the other sign.
     #[serde(default)]
-    pub offset: Option<Fitted>,
+    pub scale: Option<f64>,
+    /// `fit`: a constant offset of the sensor belongs to the declared model; a number: added behind `scale`, in the unit of the
+    /// system's signal.
+    #[serde(default)]
+    pub offset: Option<Offset>,
+}
+
+/// An offset of an output.
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
+#[serde(untagged, expecting = "`offset` is a number or \"fit\"")]
+pub enum Offset {
+    /// Known.
+    Known(f64),
+    /// To be fitted.
+    Fitted(Fitted),
+}
+
+impl Offset {
+    /// The value that is known.
+    pub fn known(self) -> Option<f64> {
+        match self {
+            Offset::Known(value) => Some(value),
+            Offset::Fitted(_) => None,
+        }
+    }
 }
 
 /// The word `fit`.

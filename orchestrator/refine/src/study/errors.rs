@@ -44,10 +44,14 @@ pub(super) fn errors_from(
     let mut sums: BTreeMap<String, (f64, f64, f64, f64)> = BTreeMap::new();
     for (r, local) in locals.iter().enumerate() {
         let (predicted, measured) = (view.predict(r, p, local), view.measured(r));
+        let mut there = vec![1.0; measured.len()];
+        view.silence(r, &mut there);
         for span in view.signals(r) {
             let sum = sums.entry(span.signal).or_default();
             let range = span.range.start + from[r]..span.range.end;
-            for (a, b) in measured[range.clone()].iter().zip(&predicted[range]) {
+            let there = there[range.clone()].iter();
+            let pairs = measured[range.clone()].iter().zip(&predicted[range]).zip(there);
+            for ((a, b), _) in pairs.filter(|(_, there)| **there != 0.0) {
                 *sum = (sum.0 + 1.0, sum.1 + (a - b).powi(2), sum.2 + a, sum.3 + a * a);
             }
         }
@@ -91,8 +95,14 @@ pub fn floor(fits: &Fits, model: &Model, role: Role, seed: u64) -> BTreeMap<Stri
         powers.iter_mut().enumerate().for_each(|(o, power)| *power += own(o));
         powers
     });
-    let samples = pieces.iter().map(|piece| piece.range.len()).sum::<usize>().max(1) as f64;
-    let power = |o: usize| found.iter().map(|own| own[o]).sum::<f64>() / samples;
+    let count = |o: usize| {
+        let own = |piece: &Piece| match &study.records[piece.record].measured[o] {
+            Some(measured) => measured[piece.range.clone()].iter().filter(|there| **there).count(),
+            None => piece.range.len(),
+        };
+        pieces.iter().map(own).sum::<usize>().max(1) as f64
+    };
+    let power = |o: usize| found.iter().map(|own| own[o]).sum::<f64>() / count(o);
     let outputs = study.outputs.iter().enumerate();
     let mut floor: BTreeMap<String, f64> =
         outputs.map(|(o, output)| (output.name.clone(), power(o).sqrt())).collect();

@@ -1,5 +1,7 @@
 //! Fits of a study in simulation: the declared model alone and with candidates, and their error on spans held out.
 
+use std::ops::Range;
+
 use super::beside::Around;
 use super::declaration::{Initial, InitialWord, Role};
 use super::model::Study;
@@ -77,6 +79,14 @@ fn settled(study: &Study, piece: &Piece) -> usize {
     if record.ends[0] && derived && record.n >= 4 * length { begin + length } else { begin }
 }
 
+/// A span that begins where outputs were measured, not in a gap: there its initial states have nothing to begin from.
+fn begin(study: &Study, record: usize, span: Range<usize>) -> Range<usize> {
+    let measured = &study.records[record].measured;
+    let is_measured = |k: &usize| measured.iter().flatten().all(|own| own[*k]);
+    let first = span.clone().find(is_measured).filter(|_| study.windows.is_none());
+    first.unwrap_or(span.start)..span.end
+}
+
 fn folds(study: &Study, pieces: &[Piece]) -> Vec<(Vec<Piece>, Vec<Piece>)> {
     if pieces.len() >= MIN_RECORDS_FOR_WHOLE {
         let groups = pieces.len().min(SPANS_PER_RECORD + 1);
@@ -94,7 +104,10 @@ fn folds(study: &Study, pieces: &[Piece]) -> Vec<(Vec<Piece>, Vec<Piece>)> {
             let units = piece.range.len() / unit;
             let edge = |k: usize| piece.range.start + unit * (k * units / SPANS_PER_RECORD);
             (0..SPANS_PER_RECORD)
-                .map(|k| Piece { record: piece.record, range: edge(k)..edge(k + 1) })
+                .map(|k| Piece {
+                    record: piece.record,
+                    range: begin(study, piece.record, edge(k)..edge(k + 1)),
+                })
                 .collect()
         })
         .collect();

@@ -325,6 +325,10 @@ impl System for Noisy<'_> {
         self.view.measured(record)
     }
 
+    fn silence(&self, record: usize, residuals: &mut [f64]) {
+        self.view.silence(record, residuals);
+    }
+
     fn whiten(&self, record: usize, predicted: &[f64]) -> Vec<f64> {
         self.view.whiten(record, predicted)
     }
@@ -338,11 +342,10 @@ impl System for Noisy<'_> {
         for (o, signal) in study.sensors.signals[3].iter().enumerate() {
             if let Some(name) = signal.as_ref().and_then(Signal::source) {
                 let mut whole = vec![0.0; record.n];
+                let scale = signal.as_ref().and_then(|signal| signal.scale).filter(|scale| *scale != 0.0);
+                let factor = record.factors[3][o] * scale.unwrap_or(1.0);
                 let own = predicted[o * n..(o + 1) * n].iter();
-                whole[piece.range.clone()]
-                    .iter_mut()
-                    .zip(own)
-                    .for_each(|(a, b)| *a = b / record.factors[3][o]);
+                whole[piece.range.clone()].iter_mut().zip(own).for_each(|(a, b)| *a = b / factor);
                 clean.insert(name.as_str(), whole);
             }
         }
@@ -382,6 +385,9 @@ impl System for Noisy<'_> {
             let sign = if noise.uniform() < 0.5 { -1.0 } else { 1.0 };
             found.iter_mut().zip(own).for_each(|(value, own)| *value -= sign * own);
         }
-        found.iter().enumerate().map(|(i, value)| value / self.view.scale[i / n]).collect()
+        let mut found: Vec<f64> =
+            found.iter().enumerate().map(|(i, value)| value / self.view.scale[i / n]).collect();
+        self.view.silence(r, &mut found);
+        found
     }
 }

@@ -7,7 +7,7 @@ use std::sync::Mutex;
 use super::Problem;
 use super::begin::begins;
 use super::clipping::{MAX_SHARE, clipping};
-use super::declaration::{Attachment, Declaration, File, Initial, Role, Value};
+use super::declaration::{Attachment, Declaration, File, Initial, Offset, Role, Value};
 use super::identified;
 use super::kinds;
 use super::model::{Entry, Level, Output, Study, Tap, Target};
@@ -18,9 +18,9 @@ use super::plant::{self, Plant};
 use super::ports;
 use super::read::{self, Layout};
 use super::tolerance;
-use crate::Error;
 use crate::engine::fit::Free;
-use airloop_cosim::system::SystemGraph;
+use crate::{Error, regime};
+use airloop_cosim::system::{Error as SystemError, SystemGraph};
 use airloop_fmi::{Causality, InterfaceKind, template_folder};
 
 /// FMUs of this project in a study: `airloop:NAME`.
@@ -42,7 +42,16 @@ pub fn system(file: &File) -> Result<SystemGraph, Error> {
         Some(name) => template_folder::template(name, None).map_err(|error| file.refuse(spanned, error))?,
         None => file.folder.join(spanned.get_ref()),
     };
-    SystemGraph::open_for(&path, InterfaceKind::ModelExchange).map_err(|error| file.refuse(spanned, error))
+    SystemGraph::open_for(&path, InterfaceKind::ModelExchange).map_err(|error| match error {
+        SystemError::NoModelExchange { component, fmu, .. } => file.refuse(
+            spanned,
+            format!(
+                "component `{component}`: {} has Co-Simulation only; a study simulates the system thousands of times as one set of differential equations with effects inside of it, which needs Model Exchange. Export the FMU with Model Exchange (or both interfaces), or replace it by a model identified from its records (`airloop identify`)",
+                fmu.display()
+            ),
+        ),
+        error => file.refuse(spanned, error),
+    })
 }
 
 /// The system of a piston with friction, written where the FMUs are found.
@@ -86,6 +95,8 @@ fn layout(file: &File, graph: &SystemGraph, plant: &Plant) -> Result<Layout, Err
     let outputs = declaration.outputs.values().map(|output| super::declaration::Signal {
         column: Some(output.get_ref().column.clone()),
         unit: output.get_ref().unit.clone(),
+        scale: output.get_ref().scale,
+        offset: output.get_ref().offset.and_then(Offset::known),
         ..Default::default()
     });
     let units = [
@@ -436,9 +447,10 @@ pub fn open(file: &File) -> Result<(Study, Vec<Attachment>), Error> {
                 output.column
             ));
         }
-        let factor = records.first().map_or(1.0, |record| record.factors[3][o].abs());
+        let factor = records.first().map_or(1.0, |record| record.factors[3][o].abs())
+            * output.scale.unwrap_or(1.0).abs();
         let noise = (factor * sensors.of(&output.column).rms()).max(1e-12);
-        let offset = output.offset.map(|_| {
+        let offset = output.offset.filter(|offset| offset.known().is_none()).map(|_| {
             let index = entries.len();
             let bounds = (f64::NEG_INFINITY, f64::INFINITY);
             let free = Free { index, bounds, step: 1e-4 * size.max(1e-9), prior: None };
@@ -448,6 +460,10 @@ pub fn open(file: &File) -> Result<(Study, Vec<Attachment>), Error> {
         });
         let (column, port) = (output.column.clone(), name.clone());
         outputs.push(Output { name: column, port, slot, unit, noise, offset });
+    }
+    notes.extend(regimes(&graph, &records, &outputs, &layout).map_err(|problem| file.refuse_all(problem))?);
+    if layout.inputs.iter().any(Option::is_some) {
+        notes.push("Before the first sample of a segment a command counts as that sample: effects on it with a memory begin settled there.".into());
     }
     let taps = taps(file, &attachments, &graph, &plant, &entries, &fixed)?;
     let force = match &layout.force {
@@ -508,6 +524,45 @@ pub fn open(file: &File) -> Result<(Study, Vec<Attachment>), Error> {
     };
     study.begins = begins(&study);
     Ok((study, attachments))
+}
+
+/// Whether records are of one regime, and show more than noise: inputs by their columns, and outputs.
+fn regimes(
+    graph: &SystemGraph,
+    records: &[read::Record],
+    outputs: &[Output],
+    layout: &Layout,
+) -> Result<Vec<String>, String> {
+    fn of<'a>(
+        records: &'a [read::Record],
+        role: Role,
+        values: impl Fn(&'a read::Record) -> Option<&'a Vec<f64>>,
+    ) -> Vec<regime::Values<'a>> {
+        let own = records.iter().filter(|record| record.role == role);
+        own.filter_map(|record| {
+            Some(regime::Values { name: &record.name, step: record.step, values: values(record)? })
+        })
+        .collect()
+    }
+    let input = |i: usize| {
+        let column = layout.inputs[i].as_ref().and_then(super::declaration::Signal::source)?;
+        let [estimation, validation] = [Role::Estimation, Role::Validation]
+            .map(|role| of(records, role, |record| record.inputs[i].as_ref()));
+        Some(regime::Signal { name: column, driven: true, noise: 0.0, estimation, validation })
+    };
+    let mut signals: Vec<regime::Signal> = (0..graph.inputs.len()).filter_map(input).collect();
+    for (o, output) in outputs.iter().enumerate() {
+        let [estimation, validation] = [Role::Estimation, Role::Validation]
+            .map(|role| of(records, role, |record| Some(&record.outputs[o])));
+        signals.push(regime::Signal {
+            name: &output.name,
+            driven: false,
+            noise: output.noise,
+            estimation,
+            validation,
+        });
+    }
+    regime::check(&signals)
 }
 
 fn declaration_holds(file: &File, graph: &SystemGraph) -> Vec<bool> {

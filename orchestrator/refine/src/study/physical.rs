@@ -53,6 +53,8 @@ fn shown(study: &Study, model: &Model, c: usize) -> bool {
         // One above all levels does nothing, so its gain tells; the scale of a level that no sensor shows is open.
         Law::Overflow => p[first] > 0.0 && p[first + 1] >= low,
         Law::Coulomb if own.entries.len() == 2 => p[first + 1] <= 0.2 * fastest.abs().max(slowest.abs()),
+        // One below -1 is a wrong sign, no gain.
+        Law::Gain => p[first] > -1.0,
         Law::Cogging => p[first + 2] <= 0.5 * travel,
         Law::Stribeck => p[first + 1] <= 0.5 * fastest.abs().max(slowest.abs()),
         Law::Presliding => travel <= 0.0 || p[first] <= 0.25 * travel,

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::ops::Range;
 
 use super::declaration::{File, ForceRule, Initial, InitialWord, Role, Signal};
-use super::{names, signal};
+use super::{names, signal, sparse};
 use crate::{Error, outliers};
 use airloop_cosim::system::SystemGraph;
 use airloop_series::units::{Compatibility, compatible, lookup};
@@ -29,6 +29,8 @@ pub struct Record {
     pub extra: Vec<Vec<f64>>,
     /// Measured outputs, `[outputs][n]`.
     pub outputs: Vec<Vec<f64>>,
+    /// Which samples of the outputs were measured, `[outputs][n]`; none: all. Others are interpolated, and count for nothing.
+    pub measured: Vec<Option<Vec<bool>>>,
     /// Units of the columns of the outputs, by the header of the file.
     pub units: Vec<Option<String>>,
     /// Measured states, `[nx][n]`, where there are columns for them.
@@ -108,6 +110,8 @@ struct Grid {
     held: TimeSeries,
     raw: TimeSeries,
     gaps: usize,
+    /// Which samples the columns measured that have empty cells, or a gap.
+    measured: BTreeMap<String, Vec<bool>>,
 }
 
 fn median_step(time: &[f64]) -> f64 {
@@ -136,7 +140,9 @@ fn own_step(time: &[f64]) -> f64 {
     if time.windows(2).all(near) && (mean / median - 1.0).abs() > 1e-6 { mean } else { median }
 }
 
-fn grid(series: TimeSeries, step: Option<f64>) -> Result<Grid, String> {
+fn grid(raw: TimeSeries, step: Option<f64>) -> Result<Grid, String> {
+    let [series, stairs] = [Interpolation::Linear, Interpolation::Hold].map(|own| sparse::filled(&raw, own));
+    let (series, stairs) = (series?, stairs?);
     let time = series.time();
     let own = own_step(time);
     if time.len() < 8 {
@@ -156,7 +162,8 @@ fn grid(series: TimeSeries, step: Option<f64>) -> Result<Grid, String> {
     let drift = |(k, t): (usize, &f64)| (t - time[0] - k as f64 * step).abs();
     let drift = time.iter().enumerate().map(drift).fold(0.0, f64::max);
     if time.windows(2).all(regular) && drift < MAX_DRIFT * step {
-        return Ok(Grid { held: series.clone(), raw: series.clone(), series, step, gaps: 0 });
+        let measured = measured(&raw, time, false);
+        return Ok(Grid { held: stairs, raw, series, step, gaps: 0, measured });
     }
     let samples = (span / step).floor() + 1.0;
     if samples > MAX_SAMPLES.max(MAX_SAMPLES_OF_A_ROW * time.len() as f64) {
@@ -167,9 +174,18 @@ fn grid(series: TimeSeries, step: Option<f64>) -> Result<Grid, String> {
     }
     let count = (span / step * (1.0 + 1e-12)) as usize + 1;
     let axis: Vec<f64> = (0..count).map(|k| time[0] + k as f64 * step).collect();
-    let on = |interpolation| series.resample(axis.clone(), interpolation).map_err(|error| error.to_string());
-    let (held, linear) = (on(Interpolation::Hold)?, on(Interpolation::Linear)?);
-    Ok(Grid { held, series: linear, raw: series, step, gaps })
+    let on = |source: &TimeSeries, interpolation| {
+        source.resample(axis.clone(), interpolation).map_err(|error| error.to_string())
+    };
+    let (held, linear) = (on(&stairs, Interpolation::Hold)?, on(&series, Interpolation::Linear)?);
+    let measured = measured(&raw, &axis, gaps > 0);
+    Ok(Grid { held, series: linear, raw, step, gaps, measured })
+}
+
+/// Which samples of a grid the columns of a file measured, where not all.
+fn measured(raw: &TimeSeries, axis: &[f64], gaps: bool) -> BTreeMap<String, Vec<bool>> {
+    let names = raw.channels().iter().map(|channel| &channel.name);
+    names.filter_map(|name| Some((name.clone(), sparse::measured(raw, name, axis, gaps)?))).collect()
 }
 
 /// Factor and offset from the unit of a column to that of the signal `wanted`.
@@ -186,19 +202,21 @@ fn conversion(
     let known =
         |unit: &str| lookup(unit).ok_or_else(|| format!("unit `{unit}` of column `{name}` is not known"));
     let mut column = known(unit)?;
-    let derived = signal.derivative_of.is_some();
-    if derived {
+    let (before, behind) = match (&signal.derivative_of, &signal.integral_of) {
+        (Some(_), _) => ("the derivative of ", "/s"),
+        (_, Some(_)) => ("the integral of ", " s"),
+        _ => ("", ""),
+    };
+    if !before.is_empty() {
         // An offset does not show in a derivative, and time is in seconds.
-        column.exponents.s -= 1;
+        column.exponents.s += if signal.derivative_of.is_some() { -1 } else { 1 };
         column.offset = 0.0;
     }
     match compatible(&column, &known(wanted)?) {
         Compatibility::Equal => Ok((1.0, 0.0)),
         Compatibility::Convertible { factor, offset } => Ok((factor, offset)),
         Compatibility::Incompatible => Err(format!(
-            "{}column `{name}` is in {unit}{}, the signal of the system in {wanted}; name another column or correct the unit",
-            if derived { "the derivative of " } else { "" },
-            if derived { "/s" } else { "" },
+            "{before}column `{name}` is in {unit}{behind}, the signal of the system in {wanted}; name another column or correct the unit"
         )),
     }
 }
@@ -229,10 +247,14 @@ fn in_unit(
 /// Values of a signal on the grid of its file, in the unit `wanted`.
 fn values(grid: &Grid, signal: &Signal, wanted: Option<&str>) -> Result<Vec<f64>, String> {
     let Some(name) = signal.source() else {
-        return Err("a signal needs either `column` or `derivative_of`".into());
+        return Err("a signal needs one of `column`, `derivative_of` and `integral_of`".into());
     };
     let source = if signal.hold { &grid.held } else { &grid.series };
-    Ok(processed(in_unit(source, name, signal, wanted)?, signal, grid.step))
+    let mut values = processed(in_unit(source, name, signal, wanted)?, signal, grid.step);
+    if let Some(offset) = signal.offset {
+        values.iter_mut().for_each(|value| *value += offset);
+    }
+    Ok(values)
 }
 
 /// Values of a signal, `[n]`, from those of its column, `[n]`: a linear filter, derivative and scale.
@@ -243,6 +265,9 @@ pub fn processed(values: Vec<f64>, signal: &Signal, step: f64) -> Vec<f64> {
             Some(points) => signal::savitzky_golay(&values, points, step),
             None => signal::central(&values, step),
         };
+    }
+    if signal.integral_of.is_some() {
+        values = signal::integral(&values, step);
     }
     if let Some(scale) = signal.scale {
         values.iter_mut().for_each(|value| *value *= scale);
@@ -266,6 +291,8 @@ pub fn records(file: &File, layout: &Layout, notes: &mut Vec<String>) -> Result<
     // An outstanding sample of a held command is intended.
     let measured = layout.signals().into_iter().flatten().flatten().filter(|signal| !signal.hold);
     let measured: Vec<&str> = measured.filter_map(Signal::source).map(String::as_str).collect();
+    let compared: Vec<&str> = layout.outputs.iter().filter_map(Signal::source).map(String::as_str).collect();
+    let read: Vec<&str> = layout.columns().map(String::as_str).collect();
     let mut grids: BTreeMap<&str, Grid> = BTreeMap::new();
     let mut found = Vec::new();
     for spanned in &declaration.segment {
@@ -273,13 +300,25 @@ pub fn records(file: &File, layout: &Layout, notes: &mut Vec<String>) -> Result<
         let path = file.folder.join(&segment.file);
         let refuse = |problem: String| file.refuse(spanned, format!("{}: {problem}", path.display()));
         if !grids.contains_key(segment.file.as_str()) {
-            let series =
-                outliers::without(csv::read(&path)?, &segment.file, &measured, notes).map_err(&refuse)?;
+            let series = csv::read_with_empty_cells(&path)?;
+            let series = outliers::without(series, &segment.file, &measured, notes).map_err(&refuse)?;
+            let series = outliers::emptied(series, &segment.file, &compared, notes);
             let grid = grid(series, step).map_err(&refuse)?;
             if grid.gaps > 0 {
                 notes.push(format!(
-                    "{}: linear interpolation bridges {} of its steps, which are longer than three times the usual one.",
+                    "{}: linear interpolation bridges {} of its steps, which are longer than three times the usual one; what lies between counts for no error.",
                     segment.file, grid.gaps
+                ));
+            }
+            let slow =
+                |name: &&&str| grid.raw.channel(name).is_some_and(|own| sparse::is_sparse(&own.values));
+            let mut slow: Vec<&str> = read.iter().filter(slow).copied().collect();
+            slow.dedup();
+            if !slow.is_empty() {
+                notes.push(format!(
+                    "{}: {} has empty cells; between its samples it is interpolated (held where `hold` says so), and errors count only where it was measured.",
+                    segment.file,
+                    slow.join(", ")
                 ));
             }
             let own = own_step(grid.raw.time());
@@ -338,6 +377,8 @@ pub fn records(file: &File, layout: &Layout, notes: &mut Vec<String>) -> Result<
         };
         let sensors = layout.columns().filter_map(|name| {
             let values = &grid.raw.channel(name)?.values;
+            let values: Vec<f64> = values.iter().copied().filter(|value| value.is_finite()).collect();
+            let values = &values[..];
             let corners = layout.signals().into_iter().flatten().flatten();
             let corners = corners.filter(|own| own.source() == Some(name)).filter_map(|own| own.low_pass_hz);
             let driven = layout.inputs.iter().flatten().any(|own| own.source() == Some(name));
@@ -361,6 +402,14 @@ pub fn records(file: &File, layout: &Layout, notes: &mut Vec<String>) -> Result<
         found.push(Record {
             sensors,
             units: layout.outputs.iter().map(unit).collect(),
+            measured: layout
+                .outputs
+                .iter()
+                .map(|signal| {
+                    let own = grid.measured.get(signal.source()?)?[first..last].to_vec();
+                    own.contains(&false).then_some(own)
+                })
+                .collect(),
             factors: factors(grid, layout).map_err(&refuse)?,
             name: format!("{} {}-{} s", segment.file, round(time[first]), round(time[last - 1])),
             role: segment.role,

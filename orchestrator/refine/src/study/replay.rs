@@ -20,6 +20,7 @@ use super::simulate::{Piece, View};
 use crate::Error;
 use crate::answer::Errors;
 use crate::engine::System;
+use airloop_cosim::system::SystemGraph;
 use airloop_series::TimeSeries;
 
 /// Fewest samples of the beginning of a free run to which its initial states are fitted.
@@ -149,6 +150,23 @@ fn free_run(file: &File, study: &mut Study, beginning: f64) -> Result<(), Error>
     Ok(())
 }
 
+/// Refuses an input for which the study has no column and which its own system does not have: those it leaves at their start
+/// values.
+fn fed(file: &File, graph: &SystemGraph) -> Result<(), Error> {
+    let own = open::system(file);
+    let known = |name: &str| {
+        let left = own.as_ref().is_ok_and(|own| own.inputs.iter().any(|input| input.name == name));
+        left || file.declaration.inputs.contains_key(name)
+    };
+    match graph.inputs.iter().find(|input| !known(&input.name)) {
+        None => Ok(()),
+        Some(input) => Err(file.refuse_all(format!(
+            "the system has an input `{0}`, for which the study has no column; add [inputs] {0} = {{ column = \"...\" }} with the column that feeds it, or run the system with --measured, where it keeps its start value",
+            input.name
+        ))),
+    }
+}
+
 /// The study of another system: no parameters, nothing to look for; states by the names that they have there.
 fn with_system(file: &File, system: &Path) -> Result<File, Error> {
     let mut own = file.clone();
@@ -165,6 +183,7 @@ fn with_system(file: &File, system: &Path) -> Result<File, Error> {
     declaration.attachment.clear();
     declaration.error.force = None;
     let graph = open::system(&own)?;
+    fed(file, &graph)?;
     let plant = Plant::new(&graph, &[], &[], &[])
         .map_err(|problem| file.refuse(&file.declaration.system, problem))?;
     let named = |name: &str| -> String {

@@ -40,6 +40,20 @@ pub fn central(values: &[f64], step: f64) -> Vec<f64> {
         .collect()
 }
 
+/// Integral by the trapezoidal rule, zero at the first sample.
+pub fn integral(values: &[f64], step: f64) -> Vec<f64> {
+    let (mut sum, mut before) = (0.0, values.first().copied().unwrap_or(0.0));
+    let one = |value: &f64| {
+        sum += 0.5 * step * (before + value);
+        before = *value;
+        sum
+    };
+    let mut found: Vec<f64> = values.iter().skip(1).map(one).collect();
+    found.insert(0, 0.0);
+    found.truncate(values.len());
+    found
+}
+
 /// Zero-phase low-pass of order 4; as it is where the corner is not below half the sample rate.
 pub fn low_pass(values: &[f64], corner: Option<f64>, step: f64) -> Vec<f64> {
     let mut filtered = values.to_vec();
@@ -141,6 +155,16 @@ mod tests {
         for (k, slope) in savitzky_golay(&values, 7, 0.1).iter().enumerate() {
             assert!((slope - (-1.0 + 0.6 * k as f64)).abs() < 1e-10, "{k}: {slope}");
         }
+    }
+
+    #[test]
+    fn the_integral_of_a_line_is_its_parabola() {
+        let line: Vec<f64> = (0..30).map(|k| 2.0 - 0.6 * f64::from(k)).collect();
+        for (k, sum) in integral(&line, 0.1).iter().enumerate() {
+            let t = 0.1 * k as f64;
+            assert!((sum - (2.0 * t - 3.0 * t * t)).abs() < 1e-12, "{k}: {sum}");
+        }
+        assert!(integral(&[], 0.1).is_empty());
     }
 
     #[test]

@@ -531,15 +531,30 @@ impl System for View<'_> {
         outputs.iter().flat_map(|values| values[piece.range.clone()].iter().copied()).collect()
     }
 
+    fn silence(&self, record: usize, residuals: &mut [f64]) {
+        let piece = &self.pieces[record];
+        let n = piece.range.len();
+        for (o, measured) in self.study.records[piece.record].measured.iter().enumerate() {
+            let Some(measured) = measured else { continue };
+            let own = residuals[o * n..(o + 1) * n].iter_mut().zip(&measured[piece.range.clone()]);
+            own.filter(|(_, there)| !**there).for_each(|(value, _)| *value = 0.0);
+        }
+    }
+
     fn whiten(&self, record: usize, predicted: &[f64]) -> Vec<f64> {
         let n = self.pieces[record].range.len();
         let measured = self.measured(record);
-        measured.iter().zip(predicted).enumerate().map(|(i, (m, p))| (m - p) / self.scale[i / n]).collect()
+        let own = measured.iter().zip(predicted).enumerate().map(|(i, (m, p))| (m - p) / self.scale[i / n]);
+        let mut residuals: Vec<f64> = own.collect();
+        self.silence(record, &mut residuals);
+        residuals
     }
 
     fn redraw(&self, record: usize, predicted: &[f64], noise: &mut Noise) -> Vec<f64> {
         let n = self.pieces[record].range.len();
         let one = |i: usize| self.study.outputs[i / n].noise / self.scale[i / n];
-        (0..predicted.len()).map(|i| one(i) * noise.normal()).collect()
+        let mut drawn: Vec<f64> = (0..predicted.len()).map(|i| one(i) * noise.normal()).collect();
+        self.silence(record, &mut drawn);
+        drawn
     }
 }

@@ -58,6 +58,10 @@ impl System for Whole<'_> {
     fn measured(&self, record: usize) -> Vec<f64> {
         self.view.measured(record)
     }
+    fn silence(&self, record: usize, residuals: &mut [f64]) {
+        self.view.silence(record, residuals);
+    }
+
     fn whiten(&self, record: usize, predicted: &[f64]) -> Vec<f64> {
         self.view.whiten(record, predicted)
     }

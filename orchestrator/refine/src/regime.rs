@@ -1,0 +1,187 @@
+//! Regimes of records: excitation above the noise of the sensors, and validation records that are like those of the estimation.
+
+use crate::answer::WARNING;
+use crate::study::declaration::Role;
+
+/// Spread of a signal in multiples of its noise below which it shows no motion.
+const MIN_SPREAD_OVER_NOISE: f64 = 1.5;
+/// Ratio of spreads or frequencies from which on records are of another regime.
+const MIN_RATIO_OF_ANOTHER_REGIME: f64 = 3.0;
+/// Ratio of spreads from which on what was fitted says nothing of the validation records: all of it is extrapolation.
+const MIN_RATIO_OF_EXTRAPOLATION: f64 = 10.0;
+/// Periods that a frequency needs.
+const MIN_PERIODS: f64 = 5.0;
+/// Distance from the mean over the standard deviation at which a period is counted, so that noise is not.
+const HYSTERESIS: f64 = 0.5;
+
+/// A signal of one record.
+#[derive(Debug, Clone, Copy)]
+pub struct Values<'a> {
+    /// Name of the record.
+    pub name: &'a str,
+    /// Step \[s\].
+    pub step: f64,
+    /// Values `[n]`.
+    pub values: &'a [f64],
+}
+
+/// A signal of the records.
+#[derive(Debug, Clone)]
+pub struct Signal<'a> {
+    /// Name of its column.
+    pub name: &'a str,
+    /// Whether it drives the system; else it is measured.
+    pub driven: bool,
+    /// Rms of the noise of its sensor, in the unit of the values.
+    pub noise: f64,
+    /// Estimation records.
+    pub estimation: Vec<Values<'a>>,
+    /// Validation records.
+    pub validation: Vec<Values<'a>>,
+}
+
+impl<'a> Signal<'a> {
+    fn of(&self, role: Role) -> &[Values<'a>] {
+        if role == Role::Estimation { &self.estimation } else { &self.validation }
+    }
+}
+
+/// Warnings on records that differ.
+///
+/// # Errors
+/// Records that show no motion, or validation records so much larger that nothing can be said of them: record, signal, sizes,
+/// remedy.
+pub fn check(signals: &[Signal]) -> Result<Vec<String>, String> {
+    let mut warnings = Vec::new();
+    for role in [Role::Estimation, Role::Validation] {
+        let measured: Vec<&Signal> = signals.iter().filter(|own| !own.driven).collect();
+        let records = measured.first().map_or(&[][..], |own| own.of(role));
+        let still = |k: &usize| {
+            measured.iter().all(|own| deviation(&own.of(role)[*k..=*k]) < MIN_SPREAD_OVER_NOISE * own.noise)
+        };
+        let names: Vec<&str> = (0..records.len()).filter(still).map(|k| records[k].name).collect();
+        let role = role.word();
+        if !names.is_empty() && names.len() == records.len() {
+            return Err(format!(
+                "no {role} record shows more than the noise of its sensors ({}); record a motion, or correct the stated noise",
+                names.join(", ")
+            ));
+        }
+        if !names.is_empty() {
+            warnings.push(format!(
+                "{WARNING}{} ({role}) shows no more than the noise of its sensors.",
+                names.join(", ")
+            ));
+        }
+    }
+    for own in signals {
+        let [fitted, judged] = [&own.estimation, &own.validation].map(|records| deviation(records));
+        let ratio = judged / fitted;
+        let significant = judged > MIN_SPREAD_OVER_NOISE * own.noise;
+        if fitted > 0.0 && ratio > MIN_RATIO_OF_EXTRAPOLATION && significant {
+            return Err(format!(
+                "`{}` is {ratio:.0} times larger in the validation records (standard deviation {judged:.3e}) than in the estimation records ({fitted:.3e}): what is fitted to small motion says nothing of large motion. Exchange the roles, or give both roles records of either kind",
+                own.name
+            ));
+        }
+        if fitted > 0.0 && significant && ratio > MIN_RATIO_OF_ANOTHER_REGIME {
+            warnings.push(format!(
+                "{WARNING}`{}` is {ratio:.1} times larger in the validation records (standard deviation {judged:.3e}) than in the estimation records ({fitted:.3e}): they are another regime, in which other effects may act.",
+                own.name
+            ));
+        } else if own.driven && judged > 0.0 && ratio < 1.0 / MIN_RATIO_OF_EXTRAPOLATION {
+            warnings.push(format!(
+                "{WARNING}`{}` is {:.0} times smaller in the validation records than in the estimation records: they may not show what was fitted.",
+                own.name,
+                1.0 / ratio
+            ));
+        }
+        let [fitted, judged] = [&own.estimation, &own.validation].map(|records| frequency(records));
+        if let (Some(fitted), Some(judged)) = (fitted, judged)
+            && (judged / fitted).max(fitted / judged) > MIN_RATIO_OF_ANOTHER_REGIME
+        {
+            warnings.push(format!(
+                "{WARNING}`{}` has {judged:.3} periods per second in the validation records and {fitted:.3} in the estimation records: they are another regime.",
+                own.name
+            ));
+        }
+    }
+    Ok(warnings)
+}
+
+/// Standard deviation about the mean of each record.
+fn deviation(records: &[Values]) -> f64 {
+    let (mut sum, mut count) = (0.0, 0);
+    for Values { values, .. } in records {
+        let mean = values.iter().sum::<f64>() / values.len().max(1) as f64;
+        sum += values.iter().map(|value| (value - mean).powi(2)).sum::<f64>();
+        count += values.len();
+    }
+    (sum / count.max(1) as f64).sqrt()
+}
+
+/// Periods per second; none where the records hold too few.
+fn frequency(records: &[Values]) -> Option<f64> {
+    let (mut periods, mut time) = (0.0, 0.0);
+    for own in records {
+        let Values { step, values, .. } = own;
+        let mean = values.iter().sum::<f64>() / values.len().max(1) as f64;
+        let level = HYSTERESIS * deviation(std::slice::from_ref(own));
+        let mut above = false;
+        for value in *values {
+            if !above && value - mean > level {
+                (above, periods) = (true, periods + 1.0);
+            } else if value - mean < -level {
+                above = false;
+            }
+        }
+        time += step * values.len() as f64;
+    }
+    (periods >= MIN_PERIODS).then_some(periods / time)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn wave(size: f64, frequency: f64) -> Vec<f64> {
+        let mut noise = crate::engine::noise::Noise::new(1, 0);
+        let w = std::f64::consts::TAU * frequency;
+        (0..4000).map(|k| size * (w * 0.005 * f64::from(k)).sin() + 0.01 * noise.normal()).collect()
+    }
+
+    fn checked(estimation: &[f64], validation: &[f64]) -> Result<Vec<String>, String> {
+        let signal = Signal {
+            name: "x",
+            driven: false,
+            noise: 0.01,
+            estimation: vec![Values { name: "a.csv", step: 0.005, values: estimation }],
+            validation: vec![Values { name: "b.csv", step: 0.005, values: validation }],
+        };
+        check(&[signal])
+    }
+
+    #[test]
+    fn records_of_one_kind_give_no_warning() {
+        assert_eq!(checked(&wave(1.0, 1.0), &wave(1.5, 1.7)), Ok(Vec::new()));
+        // A free swing that dies out is fitted where it is large.
+        assert_eq!(checked(&wave(1.0, 1.0), &wave(0.05, 1.0)), Ok(Vec::new()));
+    }
+
+    #[test]
+    fn larger_and_faster_validation_is_told_and_much_larger_one_refused() {
+        let found = checked(&wave(1.0, 1.0), &wave(5.0, 1.0)).unwrap();
+        assert!(found.len() == 1 && found[0].contains("5.0 times larger"), "{found:?}");
+        let found = checked(&wave(1.0, 1.0), &wave(1.0, 5.0)).unwrap();
+        assert!(found.len() == 1 && found[0].contains("periods per second"), "{found:?}");
+        let problem = checked(&wave(1.0, 1.0), &wave(30.0, 1.0)).unwrap_err();
+        assert!(problem.contains("30 times larger") && problem.contains("Exchange"), "{problem}");
+    }
+
+    #[test]
+    fn records_of_noise_alone_are_refused() {
+        let problem = checked(&wave(0.0, 1.0), &wave(1.0, 1.0)).unwrap_err();
+        assert!(problem.contains("estimation") && problem.contains("a.csv"), "{problem}");
+        assert!(checked(&wave(1.0, 1.0), &wave(0.0, 1.0)).unwrap_err().contains("validation"));
+    }
+}

@@ -1,0 +1,126 @@
+//! Signs of the columns of a study: the declared model is fitted with the other sign of every column, and of every signal
+//! where a column makes several.
+
+use toml::Spanned;
+
+use super::declaration::{File, Role};
+use super::fits::Fits;
+use super::model::Study;
+use super::read::Record;
+use crate::Error;
+use crate::sign::{MIN_ERROR, RECORDS, is_wrong, words};
+
+/// A signal: its list (inputs, states, further signals, outputs) and its place there.
+type Place = (usize, usize);
+
+/// Refuses a study one of whose columns has the other sign; call it where the declared model is fitted.
+///
+/// # Errors
+/// Column, errors with both signs, and `scale` to be written, at the place of the signal.
+pub fn check(file: &File, study: &mut Study) -> Result<(), Error> {
+    let stated = error(study);
+    if stated <= MIN_ERROR {
+        return Ok(());
+    }
+    let mut best: Option<(f64, Vec<Place>)> = None;
+    for places in flips(study) {
+        negate(&mut study.records, &places);
+        let other = error(study);
+        negate(&mut study.records, &places);
+        if best.as_ref().is_none_or(|(least, _)| other < *least) && other.is_finite() {
+            best = Some((other, places));
+        }
+    }
+    match best.filter(|(other, _)| is_wrong(stated, *other)) {
+        Some((other, places)) => Err(refusal(file, study, &places, (stated, other))),
+        None => Ok(()),
+    }
+}
+
+/// Error of the declared model over the spread of the outputs on the first estimation records.
+fn error(study: &Study) -> f64 {
+    let spread = |o: usize| {
+        let values = study.records.iter().filter(|record| record.role == Role::Estimation);
+        let values: Vec<f64> = values.flat_map(|record| record.outputs[o].iter().copied()).collect();
+        let mean = values.iter().sum::<f64>() / values.len() as f64;
+        (values.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / values.len() as f64).sqrt()
+    };
+    let mut fits = Fits::new(study, (0..study.outputs.len()).map(spread).collect());
+    fits.pieces.truncate(RECORDS);
+    fits.declared().error
+}
+
+/// Signals whose sign is changed together: all of a column, or one alone where there are several.
+fn flips(study: &Study) -> Vec<Vec<Place>> {
+    let mut columns: Vec<(&String, Vec<Place>)> = Vec::new();
+    for (list, signals) in study.sensors.signals.iter().enumerate() {
+        for (index, signal) in signals.iter().enumerate() {
+            let Some(column) = signal.as_ref().and_then(|signal| signal.source()) else { continue };
+            match columns.iter_mut().find(|(own, _)| *own == column) {
+                Some((_, places)) => places.push((list, index)),
+                None => columns.push((column, vec![(list, index)])),
+            }
+        }
+    }
+    let alone = |places: &[Place]| if places.len() > 1 { places.to_vec() } else { Vec::new() };
+    let one = |places: Vec<Place>| {
+        let single = alone(&places).into_iter().map(|place| vec![place]);
+        single.chain([places]).collect::<Vec<_>>()
+    };
+    columns.into_iter().flat_map(|(_, places)| one(places)).collect()
+}
+
+/// Changes the sign of signals.
+fn negate(records: &mut [Record], places: &[Place]) {
+    let turn = |values: &mut Vec<f64>| values.iter_mut().for_each(|value| *value = -*value);
+    for record in records {
+        for &(list, index) in places {
+            match list {
+                0 => record.inputs[index].iter_mut().for_each(turn),
+                1 => record.states[index].iter_mut().for_each(turn),
+                2 => turn(&mut record.extra[index]),
+                _ => turn(&mut record.outputs[index]),
+            }
+        }
+    }
+}
+
+/// What to write where.
+fn refusal(file: &File, study: &Study, places: &[Place], (stated, other): (f64, f64)) -> Error {
+    let declaration = &file.declaration;
+    let mut remedies = Vec::new();
+    let mut at: Option<&Spanned<_>> = None;
+    let mut column = String::new();
+    for &(list, index) in places {
+        let Some(signal) = &study.sensors.signals[list][index] else { continue };
+        if let Some(source) = signal.source() {
+            column.clone_from(source);
+        }
+        let (table, name) = match list {
+            0 => ("inputs", study.graph.inputs[index].name.clone()),
+            2 => ("signals", study.extra[index].clone()),
+            3 => ("outputs", study.outputs[index].port.clone()),
+            _ => {
+                let own = declaration.states.iter().find(|(_, own)| own.get_ref() == signal);
+                ("states", own.map(|(name, _)| name.clone()).unwrap_or_default())
+            }
+        };
+        let stated = match list {
+            0 => declaration.inputs.get(&name),
+            1 => declaration.states.get(&name),
+            2 => declaration.signals.get(&name),
+            _ => None,
+        };
+        at = at.or(stated);
+        remedies.push(format!("`scale = {}` at {table}.{name}", -signal.scale.unwrap_or(1.0)));
+    }
+    let problem = format!(
+        "column `{column}` has the other sign than in the declared model: {}; write {} (a command that acts in the other direction, a sensor that counts in the other), or correct the model",
+        words(stated, other),
+        remedies.join(", ")
+    );
+    match at {
+        Some(at) => file.refuse(at, problem),
+        None => file.refuse_all(problem),
+    }
+}
