@@ -109,7 +109,7 @@ impl DataArgs {
             let target = folder.path().join(index.to_string()).join(name);
             let notes = resample::write(path, &target, step, Method::Filter, &self.held)?;
             if !self.quiet {
-                notes.iter().for_each(|note| output::complain(&format!("note: {}: {note}", path.display())));
+                notes.iter().for_each(|note| output::to_stderr(&format!("note: {}: {note}", path.display())));
             }
             *path = target;
         }
