@@ -104,7 +104,7 @@ pub enum Error {
     Resample {
         /// File.
         file: std::path::PathBuf,
-        /// What does not fit.
+        /// Problem of the grid.
         problem: airloop_series::uniform::Problem,
     },
     /// The standard output.

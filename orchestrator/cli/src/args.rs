@@ -64,8 +64,8 @@ pub enum Command {
     Excite(super::excite::Args),
     /// Put records on a uniform grid, by their own time stamps and without aliasing.
     ///
-    /// On a coarser grid continuous signals pass a zero-phase low-pass first; columns of --held (commands, discrete signals)
-    /// keep their last sample. Units stay. What was done is printed.
+    /// On a coarser grid continuous signals pass a zero-phase low-pass first; columns of --held (commands, discrete
+    /// signals) keep their last sample. Units stay. What was done is printed.
     Resample(super::resample::Args),
     /// A virtual rig: records as an experimenter would take them.
     Rig {

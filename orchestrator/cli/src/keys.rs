@@ -27,7 +27,7 @@ struct Kind<'a> {
 }
 
 impl<'a> Tables<'a> {
-    /// What a reference leads to.
+    /// Target of a reference.
     fn resolved(&self, node: &'a Value) -> &'a Value {
         let Some(reference) = node["$ref"].as_str() else { return node };
         self.root.pointer(reference.trim_start_matches('#')).expect("a definition of the schema")

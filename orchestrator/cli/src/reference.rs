@@ -1,5 +1,5 @@
-//! `docs/commands.md`, `docs/files.md` and `docs/effects.md`: the reference of all commands, of the files that they read and of
-//! all effects of the program, made from their definitions.
+//! `docs/commands.md`, `docs/files.md` and `docs/effects.md`: the reference of all commands, of the files that they
+//! read and of all effects of the program, made from their definitions.
 
 use std::path::{Path, PathBuf};
 

@@ -316,7 +316,7 @@ fn status(args: &FolderArgs) -> Result<ExitCode, SweepError> {
     Ok(if whole { ExitCode::SUCCESS } else { ExitCode::FAILURE })
 }
 
-/// What the cluster says about the shards of a job.
+/// Counts of the shards of a job by their state in the cluster.
 fn queued(job: u64) -> String {
     match slurm::states(job) {
         Ok(states) if states.is_empty() => "none of them waits or runs".into(),

@@ -1,5 +1,5 @@
-//! Direct feed-through of an FMU: the inputs on which each output depends at the same time, by the `dependencies` of the
-//! model structure. Looked up once per FMU, as systems ask for every output.
+//! Direct feed-through of an FMU: the inputs on which each output depends at the same time, by the `dependencies` of
+//! the model structure. Looked up once per FMU, as systems ask for every output.
 
 use std::collections::HashMap;
 
@@ -36,8 +36,8 @@ impl FeedThrough {
         }
     }
 
-    /// Inputs on which an output depends directly after initialization: none where it is a continuous state of an FMU with
-    /// Model Exchange, else all inputs where the FMU does not say.
+    /// Inputs on which an output depends directly after initialization: none where it is a continuous state of an FMU
+    /// with Model Exchange, else all inputs where the FMU does not say.
     pub(super) fn running(&self, output: usize) -> &[usize] {
         self.running.get(&output).and_then(Option::as_deref).unwrap_or(&self.inputs)
     }

@@ -253,8 +253,8 @@ impl Fmu {
         self.all_feed_through().running(output)
     }
 
-    /// Inputs (indices of variables) on which an output depends in initialization mode; where the FMU does not say, those
-    /// of [`Fmu::feed_through`].
+    /// Inputs (indices of variables) on which an output depends in initialization mode; where the FMU does not say,
+    /// those of [`Fmu::feed_through`].
     pub fn initial_feed_through(&self, output: usize) -> &[usize] {
         self.all_feed_through().initial(output)
     }

@@ -235,7 +235,8 @@ pub struct Answer {
     /// Whether effects count for their share of the error, each residual as many samples as it holds; else for the
     /// noise that they leave.
     pub by_share: bool,
-    /// Errors that free forms would still take away on estimation records, by port, in multiples of the noise; of a study.
+    /// Errors that free forms would still take away on estimation records, by port, in multiples of the noise; of a
+    /// study.
     pub left_at: Vec<(String, f64)>,
     /// Share of the variance of the force or torque behind [`Answer::unexplained`] that a free form over its first
     /// variable explains, where the records show it.

@@ -1,4 +1,5 @@
-//! Regimes of records: excitation above the noise of the sensors, and validation records that are like those of the estimation.
+//! Regimes of records: excitation above the noise of the sensors, and validation records that are like those of the
+//! estimation.
 
 use crate::answer::WARNING;
 use crate::study::declaration::Role;
@@ -49,8 +50,8 @@ impl<'a> Signal<'a> {
 /// Warnings on records that differ.
 ///
 /// # Errors
-/// Records that show no motion, or validation records so much larger that nothing can be said of them: record, signal, sizes,
-/// remedy.
+/// Records that show no motion, or validation records so much larger that nothing can be said of them: record, signal,
+/// sizes, remedy.
 pub fn check(signals: &[Signal]) -> Result<Vec<String>, String> {
     let mut warnings = Vec::new();
     for role in [Role::Estimation, Role::Validation] {

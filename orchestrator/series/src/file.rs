@@ -65,8 +65,8 @@ pub(super) fn begins_as_utf_16(bytes: &[u8]) -> bool {
     [&b"\xff\xfe"[..], b"\xfe\xff"].iter().any(|mark| bytes.starts_with(mark))
 }
 
-/// Writes a file in one piece: `fill` writes to a temporary file next to `path`, which then takes that name. A link stays,
-/// and the file that it leads to is replaced.
+/// Writes a file in one piece: `fill` writes to a temporary file next to `path`, which then takes that name. A link
+/// stays, and the file that it leads to is replaced.
 ///
 /// # Errors
 /// An error of `fill` or of the file system; nothing is left under `path` or next to it.

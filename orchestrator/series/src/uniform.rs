@@ -1,12 +1,13 @@
 //! A series on a uniform grid: by its own time stamps, without aliasing where the grid is coarser.
 //!
-//! A signal that is held between its samples (a command, a discrete output) keeps the value of its last sample. A continuous
-//! one moves on straight lines between its samples; for a coarser grid a zero-phase low-pass takes away first what the grid
-//! cannot show.
+//! A signal that is held between its samples (a command, a discrete output) keeps the value of its last sample. A
+//! continuous one moves on straight lines between its samples; for a coarser grid a zero-phase low-pass takes away
+//! first what the grid cannot show.
 
 use super::{Error, Interpolation, TimeSeries};
 
-/// Stop band of the low-pass, as a share of the new sample rate: half of it is the highest frequency that a grid can show.
+/// Stop band of the low-pass, as a share of the new sample rate: half of it is the highest frequency that a grid can
+/// show.
 const STOP_BAND: f64 = 0.5;
 /// Pass band of the low-pass, as a share of the new sample rate.
 const PASS_BAND: f64 = 0.4;
@@ -36,7 +37,7 @@ pub enum Method {
 pub struct Uniform {
     /// The series; its first time is that of the source.
     pub series: TimeSeries,
-    /// What was done.
+    /// Description of the work done, for the user.
     pub notes: Vec<String>,
 }
 
@@ -70,8 +71,8 @@ pub enum Problem {
     Series(#[from] Error),
 }
 
-/// Puts a series on a grid of `step` \[s\] from its first time on; `method` for all signals but those of `held`, which keep their
-/// last sample, as truth values do.
+/// Puts a series on a grid of `step` \[s\] from its first time on; `method` for all signals but those of `held`, which
+/// keep their last sample, as truth values do.
 ///
 /// # Errors
 /// [`Problem`].

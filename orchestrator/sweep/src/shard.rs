@@ -117,7 +117,7 @@ pub enum Done {
     Nothing,
 }
 
-/// What a task gives.
+/// Result of a task.
 struct Row {
     line: String,
     ok: bool,

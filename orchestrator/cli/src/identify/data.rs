@@ -33,8 +33,8 @@ pub struct DataArgs {
     /// Columns of the outputs, separated by commas.
     #[arg(long, value_delimiter = ',', required = true, value_name = "NAMES")]
     pub outputs: Vec<String>,
-    /// Put all records on a grid of this step first, as `airloop resample` does: by their time stamps, with a low-pass where
-    /// it is coarser.
+    /// Put all records on a grid of this step first, as `airloop resample` does: by their time stamps, with a low-pass
+    /// where it is coarser.
     #[arg(long, value_parser = parse_duration, value_name = "TIME")]
     pub resample: Option<f64>,
     /// Columns that keep their last sample when records are put on a grid, separated by commas: commands that are held.

@@ -278,7 +278,8 @@ impl Recorder {
     }
 }
 
-/// Gives columns names that a file of rows can have: without control characters, unlike that of the time, all different.
+/// Gives columns names that a file of rows can have: without control characters, unlike that of the time, all
+/// different.
 fn name_as_in_files(columns: &mut [Column]) {
     let mut taken = HashSet::from(["time".to_owned()]);
     for column in columns {

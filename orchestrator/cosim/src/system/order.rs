@@ -118,7 +118,8 @@ pub fn evaluation_order(graph: &SystemGraph) -> Vec<usize> {
         waiting[to][rank] += 1;
         consumers[from].push((to, rank));
     }
-    // The group that waits for the fewest comes first; one that has been counted down since it was queued is queued again.
+    // The group that waits for the fewest comes first; one that has been counted down since it was queued is queued
+    // again.
     let mut order = Vec::with_capacity(graph.components.len());
     let mut queue: BinaryHeap<_> = (0..groups.len()).map(|group| Reverse((waiting[group], group))).collect();
     let mut taken = vec![false; groups.len()];

@@ -111,7 +111,8 @@ pub fn read(file: &Path) -> Result<Structure, Error> {
     read_description(file, file, None)
 }
 
-/// Files that a description names as `source` of anything: FMUs, parameter sets, mappings; also those that are not there.
+/// Files that a description names as `source` of anything: FMUs, parameter sets, mappings; also those that are not
+/// there.
 ///
 /// # Errors
 /// [`Error::Io`], [`Error::Xml`] for a file that cannot be read.

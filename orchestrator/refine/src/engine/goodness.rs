@@ -106,7 +106,7 @@ impl Null {
         let tolerated = vec![[0.0; 3]; mean.len()];
         let mut null = Null { signals, mean, deviation, white, tolerated, quantile: 0.0, draws };
         let worst = |draw: &Vec<(String, [f64; 3])>| {
-            null.normalised(draw).into_iter().map(|(_, z)| z).fold(f64::MIN, f64::max)
+            null.normalized(draw).into_iter().map(|(_, z)| z).fold(f64::MIN, f64::max)
         };
         null.quantile = samples[half..].iter().map(worst).fold(0.0, f64::max);
         null
@@ -123,7 +123,7 @@ impl Null {
     }
 
     /// Largest normalized power of every signal: about normal under the null.
-    pub fn normalised(&self, powers: &[(String, [f64; 3])]) -> Vec<(String, f64)> {
+    pub fn normalized(&self, powers: &[(String, [f64; 3])]) -> Vec<(String, f64)> {
         powers
             .iter()
             .enumerate()
@@ -151,7 +151,7 @@ mod tests {
     fn what_ran_away_is_no_noise_and_what_is_tolerated_is() {
         let system = Lines::new(0.0, 0.0);
         let null = Null::simulate(&system, &[0], &[0.0, 0.0], &[vec![0.0]], 200, 1);
-        let worst = |null: &Null, power: f64| null.normalised(&[("y".into(), [power; 3])])[0].1;
+        let worst = |null: &Null, power: f64| null.normalized(&[("y".into(), [power; 3])])[0].1;
         assert_eq!(worst(&null, f64::NAN), f64::INFINITY);
         assert!(worst(&null, 1e4) > null.quantile);
         let tolerant = null.tolerating(vec![[2e4; 3]]);
@@ -165,7 +165,7 @@ mod tests {
         let mut noise = Noise::new(3, 0);
         let white: Vec<f64> = (0..512).map(|_| noise.normal()).collect();
         let biased: Vec<f64> = white.iter().map(|value| value + 0.45).collect();
-        let worst = |r: &[f64]| null.normalised(&[("y".into(), powers(r))])[0].1;
+        let worst = |r: &[f64]| null.normalized(&[("y".into(), powers(r))])[0].1;
         assert!(worst(&white) < null.quantile + 1.0);
         assert!(worst(&biased) > null.quantile + 8.0);
         let power_alone = (powers(&biased)[0] - 512.0) / 1024f64.sqrt();

@@ -118,10 +118,10 @@ impl<S: System + ?Sized> Search<'_, S> {
         Model { added: added.to_vec(), fit, left }
     }
 
-    /// Normalised powers of the residuals of a fit.
+    /// Normalized powers of the residuals of a fit.
     pub fn left(&self, fit: &Fit) -> Vec<(String, f64)> {
         let residuals = residuals(self.system, &self.records, &fit.parameters, &fit.locals);
-        self.null.normalised(&pooled(self.system, &self.records, &residuals))
+        self.null.normalized(&pooled(self.system, &self.records, &residuals))
     }
 
     /// Predicted sum of squares of every start of every candidate that `base` lacks, best first.

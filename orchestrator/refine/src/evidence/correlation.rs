@@ -3,7 +3,7 @@
 use super::{Record, Signal};
 
 /// Longest lag \[s\], and most lags.
-const LONGEST: f64 = 0.2;
+const MAX_LAG_TIME: f64 = 0.2;
 const LAGS: usize = 100;
 
 /// Autocorrelation of the residuals of a signal before and after.
@@ -22,7 +22,7 @@ pub struct Correlation {
 /// Autocorrelation of all signals, pooled over the records.
 pub fn of(signals: &[Signal], records: &[Record]) -> Vec<Correlation> {
     let Some(dt) = records.first().map(|record| record.sample_time) else { return Vec::new() };
-    let every = ((LONGEST / dt / LAGS as f64).round() as usize).max(1);
+    let every = ((MAX_LAG_TIME / dt / LAGS as f64).round() as usize).max(1);
     let steps: Vec<usize> = (1..=LAGS).map(|lag| lag * every).collect();
     let one = |(index, signal): (usize, &Signal)| {
         let own: Vec<_> =

@@ -5,7 +5,7 @@ use super::{Record, Signal};
 /// Bins of equal count.
 const BINS: usize = 24;
 /// Variables shown per signal, and the share that a second one has to tell.
-const SHOWN: usize = 2;
+const MAX_VARIABLES_PER_SIGNAL: usize = 2;
 const MIN_SHARE_OF_SECOND_VARIABLE: f64 = 0.02;
 
 /// Mean residual of a signal over a variable.
@@ -35,9 +35,9 @@ pub fn of(signals: &[Signal], records: &[Record]) -> Vec<Dependence> {
             .filter(|dependence| !dependence.bins.is_empty())
             .collect();
         own.sort_by(|a, b| b.share.total_cmp(&a.share));
-        own.truncate(SHOWN);
+        own.truncate(MAX_VARIABLES_PER_SIGNAL);
         let second = own.get(1).is_some_and(|dependence| dependence.share < MIN_SHARE_OF_SECOND_VARIABLE);
-        own.truncate(if second { 1 } else { SHOWN });
+        own.truncate(if second { 1 } else { MAX_VARIABLES_PER_SIGNAL });
         found.append(&mut own);
     }
     found

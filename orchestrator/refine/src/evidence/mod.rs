@@ -23,7 +23,7 @@ pub use ports::Port;
 pub use variables::Variable;
 
 /// Most records whose residuals are shown over time.
-pub const SHOWN: usize = 2;
+pub const MAX_RECORDS_OVER_TIME: usize = 2;
 
 /// A measured signal.
 #[derive(Debug, Clone, PartialEq)]
@@ -139,7 +139,7 @@ fn shown(records: Vec<Record>) -> Vec<Record> {
     let mut found: Vec<Record> = Vec::new();
     for record in records {
         let repeated = found.iter().any(|other| !record.group.is_empty() && other.group == record.group);
-        if !repeated && found.len() < SHOWN {
+        if !repeated && found.len() < MAX_RECORDS_OVER_TIME {
             found.push(record);
         }
     }

@@ -13,7 +13,7 @@ use crate::rig::open::Rig;
 use crate::rig::port;
 
 /// Random walk of the actuator force that the load cell corrects \[N per sample\].
-const WALK: f64 = 0.1;
+const FORCE_WALK_INTENSITY: f64 = 0.1;
 /// Draws of the null of the predictions.
 const DRAWS: usize = 40;
 
@@ -38,7 +38,8 @@ pub fn of(kind: Kind, rig: &Rig, answer: &Answer) -> Vec<Port> {
         Port { from, to: name.clone(), left }
     };
     let names: Vec<&String> = answer.left[0].iter().map(|(name, _)| name).collect();
-    // The observer behind the load cell follows the declared actuator, which a cylinder in its place does not, and knows no law.
+    // The observer behind the load cell follows the declared actuator, which a cylinder in its place does not, and
+    // knows no law.
     let observed = !answer.cylinder && answer.law.is_none() && names.iter().any(|name| *name == "F_p");
     let Some(coupled) = rig.coupled.as_ref().filter(|_| observed) else {
         return names.into_iter().map(simulated).collect();
@@ -49,11 +50,11 @@ pub fn of(kind: Kind, rig: &Rig, answer: &Answer) -> Vec<Port> {
     let locals = vec![Vec::new(); records.len()];
     let left = [0, 1].map(|model| {
         let p = &answer.parameters[model];
-        let observer = Observer::around(coupled, [WALK, 0.0, 0.0, 0.0], 0.0, p);
+        let observer = Observer::around(coupled, [FORCE_WALK_INTENSITY, 0.0, 0.0, 0.0], 0.0, p);
         let null = Null::simulate(&observer, &records, p, &locals, DRAWS, 1);
         let residuals: Vec<Vec<f64>> =
             records.iter().map(|&record| observer.residuals(record, p, &[])).collect();
-        null.normalised(&pooled(&observer, &records, &residuals))
+        null.normalized(&pooled(&observer, &records, &residuals))
     });
     for (index, (name, before)) in left[0].iter().enumerate() {
         found.push(Port { from: "load cell", to: name.clone(), left: [*before, left[1][index].1] });
@@ -61,7 +62,8 @@ pub fn of(kind: Kind, rig: &Rig, answer: &Answer) -> Vec<Port> {
     found
 }
 
-/// Inputs where something is left with the corrected model, in multiples of the noise: the largest of what their signals show.
+/// Inputs where something is left with the corrected model, in multiples of the noise: the largest of what their
+/// signals show.
 pub fn left_at(case: &Case, rig: &Rig, answer: &Answer, ports: &[Port]) -> Vec<(String, f64)> {
     let kind = case.declaration.kind;
     let shown: Vec<(&str, f64)> = if kind == Kind::Friction {
@@ -72,7 +74,8 @@ pub fn left_at(case: &Case, rig: &Rig, answer: &Answer, ports: &[Port]) -> Vec<(
     };
     let mut found: Vec<(String, f64)> = Vec::new();
     for (name, left) in shown.into_iter().filter(|own| own.1.is_finite()) {
-        // Normalised powers stand for standard deviations of a sum of squares; the root is about multiples of the noise.
+        // Normalized powers stand for standard deviations of a sum of squares; the root is about multiples of the
+        // noise.
         let floors = left.max(0.0).sqrt();
         match found.iter_mut().find(|own| own.0 == name) {
             Some(own) => own.1 = own.1.max(floors),
@@ -82,7 +85,7 @@ pub fn left_at(case: &Case, rig: &Rig, answer: &Answer, ports: &[Port]) -> Vec<(
     found
 }
 
-/// Normalised powers of the sweeps of the piston and of those of the cart, at the inputs where their frictions act.
+/// Normalized powers of the sweeps of the piston and of those of the cart, at the inputs where their frictions act.
 fn of_sweeps(case: &Case, rig: &Rig, p: &[f64]) -> Vec<(&'static str, f64)> {
     let system = rig.system.as_ref();
     let files = &case.declaration.files;
@@ -96,7 +99,7 @@ fn of_sweeps(case: &Case, rig: &Rig, p: &[f64]) -> Vec<(&'static str, f64)> {
         let locals = vec![Vec::new(); records.len()];
         let null = Null::simulate(system, &records, p, &locals, DRAWS, 1);
         let own = residuals(system, &records, p, &locals);
-        let left = null.normalised(&pooled(system, &records, &own));
+        let left = null.normalized(&pooled(system, &records, &own));
         let force = left.iter().find(|(signal, _)| signal == "F_p")?.1;
         Some((port::of_channel(channel)?, force))
     };

@@ -1,7 +1,8 @@
 //! The material of the figures of a study.
 
 use super::{
-    Curve, Evidence, Port, Record, Residual, SHOWN, Signal, Variable, correlation, curve, dependence,
+    Curve, Evidence, MAX_RECORDS_OVER_TIME, Port, Record, Residual, Signal, Variable, correlation, curve,
+    dependence,
 };
 use crate::answer::{Answer, Effect};
 use crate::case::Friction;
@@ -53,7 +54,7 @@ pub fn gather(fits: &Fits, models: [&Model; 2], answer: &Answer) -> Evidence {
         curves: curves(&friction, answer, &records),
         ports: ports(study, answer),
         left_at: answer.left_at.clone(),
-        records: records.into_iter().take(SHOWN).collect(),
+        records: records.into_iter().take(MAX_RECORDS_OVER_TIME).collect(),
         signals: all_signals(study, answer, signals),
     }
 }

@@ -54,7 +54,7 @@ impl Finder<'_> {
         let mut best = least(forms).and_then(|form| {
             let variable = form.surface.variables[0];
             let fine = self.over(study, declared, form.tap, &[variable], CURVE_KNOTS)?;
-            self.towards(study, fine)
+            self.toward(study, fine)
         });
         let alone = |best: &Option<FreeForm>| {
             let limit = MAX_ERROR_WITHOUT_SECOND * noise;
@@ -71,7 +71,7 @@ impl Finder<'_> {
                     }
                 }
             }
-            let two = least(forms).and_then(|form| self.towards(study, form));
+            let two = least(forms).and_then(|form| self.toward(study, form));
             let better = |two: &FreeForm| best.as_ref().is_none_or(|one| excess(two) < 0.5 * excess(one));
             best = two.filter(better).or(best);
         }

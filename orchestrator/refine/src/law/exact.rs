@@ -3,7 +3,7 @@
 
 use std::sync::Arc;
 
-use super::formula::{self, PRICE};
+use super::formula::{self, PRICE_PER_COMPLEXITY};
 use super::free_form::{FreeForm, GROWING_SHARES};
 use super::grammar::{Axis, Formula, product};
 use super::place::CURVE_KNOTS;
@@ -46,7 +46,7 @@ impl Tried {
 
 /// Rank of a formula, least first: the logarithm of the error plus a price for its complexity.
 fn rank(error: f64, formula: &Formula) -> f64 {
-    error.ln() + PRICE * formula.complexity() as f64
+    error.ln() + PRICE_PER_COMPLEXITY * formula.complexity() as f64
 }
 
 /// A free form, its axes, and the units of formulas.

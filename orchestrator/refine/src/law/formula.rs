@@ -13,11 +13,11 @@ const TERMS: usize = 3;
 /// Formulas that are carried on from one number of terms to the next.
 const BEAM: usize = 8;
 /// Formulas that are given on.
-pub const KEPT: usize = 8;
+pub const MAX_FORMULAS_GIVEN_ON: usize = 8;
 /// Most parameters: the FMU that evaluates formulas has no more.
 const PARAMETERS: usize = 12;
 /// Share of the error that one more unit of complexity must save.
-pub const PRICE: f64 = 0.02;
+pub const PRICE_PER_COMPLEXITY: f64 = 0.02;
 
 /// A formula with its errors on the quadratic form.
 #[derive(Debug, Clone)]
@@ -33,7 +33,7 @@ pub struct Found {
 impl Found {
     /// Rank, least first: the logarithm of the held-out error plus a price for the complexity.
     pub fn rank(&self) -> f64 {
-        0.5 * self.held_out.max(1e-300).ln() + PRICE * self.formula.complexity() as f64
+        0.5 * self.held_out.max(1e-300).ln() + PRICE_PER_COMPLEXITY * self.formula.complexity() as f64
     }
 }
 
@@ -225,8 +225,9 @@ impl<'a> Search<'a> {
             });
             let mut next: Vec<(f64, Formula)> =
                 next.into_iter().flatten().filter(|own| own.0.is_finite()).collect();
-            let rank =
-                |own: &(f64, Formula)| 0.5 * own.0.max(1e-300).ln() + PRICE * own.1.complexity() as f64;
+            let rank = |own: &(f64, Formula)| {
+                0.5 * own.0.max(1e-300).ln() + PRICE_PER_COMPLEXITY * own.1.complexity() as f64
+            };
             next.sort_by(|a, b| rank(a).total_cmp(&rank(b)));
             let mut kept: Vec<Formula> = Vec::new();
             for (_, own) in next {
@@ -247,7 +248,7 @@ impl<'a> Search<'a> {
                 kept.push(own);
             }
         }
-        kept.truncate(KEPT);
+        kept.truncate(MAX_FORMULAS_GIVEN_ON);
         kept
     }
 }

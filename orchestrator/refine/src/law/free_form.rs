@@ -84,13 +84,13 @@ impl Finder<'_> {
     }
 
     /// The free form at its optimum.
-    pub(super) fn towards(&self, study: &Study, form: FreeForm) -> Option<FreeForm> {
+    pub(super) fn toward(&self, study: &Study, form: FreeForm) -> Option<FreeForm> {
         let Some(windows) = &self.windows else { return self.whole(study, form) };
         let fits = self.fits(study);
         let own = study.candidates[form.candidate].entries.clone();
         let heights: Vec<Free> = own.map(|index| study.entries[index].free).collect();
         let free = [&heights[..], &self.shared(study)[..]];
-        let at = form.at.towards(&windows.view(&fits, form.candidate), &form.surface, free, 2 * ROUNDS)?;
+        let at = form.at.toward(&windows.view(&fits, form.candidate), &form.surface, free, 2 * ROUNDS)?;
         Some(FreeForm { at, ..form })
     }
 
@@ -105,7 +105,7 @@ impl Finder<'_> {
         let base = Approach::begin(&whole, &form.surface, &form.at.parameters, free, &form.locals, None)?;
         let without = base.smooth.without;
         let (p, locals) = (base.parameters.clone(), base.locals.clone());
-        let direct = base.towards(&whole, &form.surface, free, ROUNDS);
+        let direct = base.toward(&whole, &form.surface, free, ROUNDS);
         let consistent = |at: &Approach| {
             at.chi2 < MAX_ERROR_OVER_QUADRATIC * at.smooth.held_out && at.smooth.held_out < without
         };
@@ -140,12 +140,12 @@ impl Finder<'_> {
         for part in GROWING_SHARES {
             let view = fits.view(&[form.candidate], &beginnings(&fits.pieces, part));
             let at = Approach::begin(&view, &form.surface, &p, free, &locals, None)?;
-            let at = at.towards(&view, &form.surface, free, ROUNDS)?;
+            let at = at.toward(&view, &form.surface, free, ROUNDS)?;
             (p, locals) = (at.parameters, at.locals);
         }
         let whole = fits.view(&[form.candidate], &fits.pieces);
         let at = Approach::begin(&whole, &form.surface, &p, free, &locals, None)?;
-        at.towards(&whole, &form.surface, free, 2 * ROUNDS)
+        at.toward(&whole, &form.surface, free, 2 * ROUNDS)
     }
 }
 

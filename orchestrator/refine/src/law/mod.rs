@@ -5,7 +5,8 @@
 //! [`grammar`] lists the terms of formulas, [`formula`] searches among their sums on that quadratic form, where a fit
 //! costs next to nothing. [`study`] compares free forms in short [`windows`] of the records, `crossed` those over the
 //! motion at other ports, [`exact`] fits the best formulas in simulation and decides; [`rig`] does so for the rig of
-//! the vocabulary, which [`rig_whole`] holds against whole records. [`written`] turns a formula into an effect of one's own, [`found`] is the answer.
+//! the vocabulary, which [`rig_whole`] holds against whole records. [`written`] turns a formula into an effect of one's
+//! own, [`found`] is the answer.
 
 mod crossed;
 pub mod exact;

@@ -5,7 +5,7 @@ use super::study::{Aim, Finder, Found, Outcome};
 use super::surface::Surface;
 use crate::answer::Answer;
 use crate::engine::stop;
-use crate::study::catalogue;
+use crate::study::catalog;
 use crate::study::explain::Judge;
 use crate::study::fits::Model;
 use crate::study::law::Variable;
@@ -57,9 +57,9 @@ fn places(study: &Study) -> Vec<(usize, Variable)> {
             (Variable::Value, fed),
             (Variable::Time, forces),
         ];
-        let here = variables.into_iter().filter(|(variable, there)| {
-            *there && catalogue::channel_of(&own.attachment, *variable).is_some()
-        });
+        let here = variables
+            .into_iter()
+            .filter(|(variable, there)| *there && catalog::channel_of(&own.attachment, *variable).is_some());
         found.extend(here.map(|(variable, _)| (tap, variable)));
     }
     found
@@ -140,7 +140,7 @@ impl Finder<'_> {
         }
         pairs.sort_by(|a, b| a.at.smooth.held_out.total_cmp(&b.at.smooth.held_out));
         if let Some(pair) = pairs.into_iter().next() {
-            forms.extend(self.towards(study, pair));
+            forms.extend(self.toward(study, pair));
         }
         forms.sort_by(|a, b| a.at.smooth.held_out.total_cmp(&b.at.smooth.held_out));
         let least = forms.first()?.at.smooth.held_out;
@@ -246,7 +246,7 @@ impl Finder<'_> {
         let knots = self.knots(study, tap, variable, count)?;
         let surface = Surface { variables: vec![variable], knots: vec![knots] };
         let form = self.form(study, declared, tap, surface)?;
-        self.towards(study, form)
+        self.toward(study, form)
     }
 
     /// Samples of the estimation records, of all outputs.

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use super::exact::MIN_SHARE_OF_FREE_FORM;
-use super::formula::{self, PRICE};
+use super::formula::{self, PRICE_PER_COMPLEXITY};
 use super::found::{self, Law};
 use super::grammar::Axis;
 use super::rig_whole::Whole;
@@ -28,8 +28,8 @@ use crate::vocabulary::Own;
 const STEPS: [f64; 2] = [0.05, 1e-3];
 /// Share of the declared model's error that the free form has to take away on held-out parts.
 const MIN_SHARE_OF_ERROR: f64 = 0.1;
-/// Share of the error on validation records below which a law is none: one over the motion of cart or pole, and any other
-/// that leaves more than noise. What is left has many small causes, of which anything in time takes some.
+/// Share of the error on validation records below which a law is none: one over the motion of cart or pole, and any
+/// other that leaves more than noise. What is left has many small causes, of which anything in time takes some.
 const MIN_VALIDATED_SHARE: f64 = 0.05;
 const MIN_VALIDATED_SHARE_OF_WIDE: f64 = 0.75;
 /// Share of a second variable in what one leaves, from which on both are needed.
@@ -43,7 +43,8 @@ const EVERY: usize = 4;
 /// Free forms whose laws are fitted, and formulas of each.
 const FORMS: usize = 3;
 const FITTED_FORMULAS: usize = 4;
-/// Mean square of the residuals of the best form over one variable, in units of the noise, below which none over two is tried.
+/// Mean square of the residuals of the best form over one variable, in units of the noise, below which none over two is
+/// tried.
 const MAX_ERROR_WITHOUT_SECOND: f64 = 1.02;
 
 /// Variables over which free forms are tried at a place: alone, and two of them.
@@ -67,8 +68,8 @@ fn places(channel: &str) -> &'static [Place] {
     }
 }
 
-/// Knots along a variable, alone and as one of two: bumps along the way and ripples of a command are narrow, and friction in
-/// time changes slowly.
+/// Knots along a variable, alone and as one of two: bumps along the way and ripples of a command are narrow, and
+/// friction in time changes slowly.
 fn count(variable: Variable, alone: bool) -> usize {
     match (variable, alone) {
         (Variable::Value, _) => 60,
@@ -253,7 +254,7 @@ impl Finder<'_> {
         let locals = vec![Vec::new(); self.records.len()];
         let free = [&heights[..], &self.shared[..]];
         let at = Approach::begin(&system, &surface, &p, free, &locals, None)?;
-        let at = if rounds > 0 { at.towards(&system, &surface, free, rounds)? } else { at };
+        let at = if rounds > 0 { at.toward(&system, &surface, free, rounds)? } else { at };
         Some(FreeForm { place, surface, at })
     }
 
@@ -318,8 +319,8 @@ impl Finder<'_> {
         best
     }
 
-    /// The best form over one variable where two leave little less, else the best, of forms in the order of what they leave:
-    /// its place.
+    /// The best form over one variable where two leave little less, else the best, of forms in the order of what they
+    /// leave: its place.
     fn simplest(forms: &[FreeForm]) -> Option<usize> {
         let least = forms.first()?.at.smooth.held_out;
         let simple = |form: &&FreeForm| {
@@ -351,7 +352,8 @@ impl Finder<'_> {
         }
         let ceiling = form.at.smooth.without - form.at.chi2;
         tried.retain(|(fit, ..)| form.at.smooth.without - fit.chi2 >= MIN_SHARE_OF_FREE_FORM * ceiling);
-        let rank = |own: &(Fit, Arc<Own>, f64, usize)| 0.5 * own.0.chi2.ln() + PRICE * own.3 as f64;
+        let rank =
+            |own: &(Fit, Arc<Own>, f64, usize)| 0.5 * own.0.chi2.ln() + PRICE_PER_COMPLEXITY * own.3 as f64;
         tried.sort_by(|a, b| rank(a).total_cmp(&rank(b)));
         let named = !tried.is_empty();
         let rivals: Vec<(String, f64)> = tried

@@ -22,7 +22,7 @@ pub struct Whole {
     pub exact: Option<Fit>,
     /// Whether it does.
     pub complete: bool,
-    /// Normalised powers that it leaves on estimation records, by signal.
+    /// Normalized powers that it leaves on estimation records, by signal.
     pub left: Vec<(String, f64)>,
     /// Errors with the law: estimation, validation.
     pub errors: [Errors; 2],
@@ -40,7 +40,7 @@ impl Whole {
         let found = fit(&system, &all, &best.parameters, &best.free, &starts, ROUNDS);
         let left = |fit: &Fit, null: &Null| {
             let own = residuals(&system, &all, &fit.parameters, &fit.locals);
-            null.normalised(&pooled(&system, &all, &own))
+            null.normalized(&pooled(&system, &all, &own))
         };
         let null = Null::simulate(&system, &all, &found.parameters, &found.locals, DRAWS, 1);
         let own = left(&found, &null);
@@ -71,8 +71,8 @@ impl Whole {
         before.nrmse.iter().filter_map(one).collect()
     }
 
-    /// Why whole validation records speak against the law, if they do: the error of all signals together rises, each over its
-    /// spread.
+    /// Why whole validation records speak against the law, if they do: the error of all signals together rises, each
+    /// over its spread.
     pub fn refuses(&self, before: &Errors) -> Option<String> {
         let total = |errors: &Errors| errors.nrmse.values().map(|own| own * own).sum::<f64>();
         if total(&self.errors[1]) < total(before) {

@@ -14,7 +14,7 @@ use crate::engine::fit::Free;
 use crate::engine::stop;
 use crate::study::answer;
 use crate::study::by_share;
-use crate::study::catalogue::{self, Candidate};
+use crate::study::catalog::{self, Candidate};
 use crate::study::changed::corrected;
 use crate::study::declaration::Role;
 use crate::study::effects;
@@ -250,7 +250,7 @@ pub(super) fn extended(model: &Model, study: &Study) -> Model {
 
 /// Channel of a law over a variable at an attachment; empty where none is declared.
 pub(super) fn channel(study: &Study, tap: usize, variable: Variable) -> &'static str {
-    catalogue::channel_of(&study.taps[tap].attachment, variable).unwrap_or_default()
+    catalog::channel_of(&study.taps[tap].attachment, variable).unwrap_or_default()
 }
 
 pub(super) fn push(

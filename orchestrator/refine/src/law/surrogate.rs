@@ -269,7 +269,7 @@ impl Approach {
     }
 
     /// Goes to the optimum in some steps, each simulated; `free`: heights and shared parameters.
-    pub fn towards<S: System + ?Sized>(
+    pub fn toward<S: System + ?Sized>(
         mut self,
         system: &S,
         surface: &Surface,

@@ -1,7 +1,7 @@
 //! The answer for the rig of the vocabulary: an explanation to the noise, the effects that matter, or a law.
 
 use super::corrections;
-use super::localise::{localise, pair_behind};
+use super::localize::{localize, pair_behind};
 use super::open::Rig;
 use super::replay::{MAX_FALL_AT_REVERSALS, left, proposals};
 use crate::answer::{Answer, Correction, Effect, Errors, Settings, Verdict, errors, fit_locals};
@@ -152,7 +152,7 @@ fn trace(
     };
     let groups = numbered(groups);
     let candidates: Vec<_> = rig.candidates.iter().filter(|c| behind(c)).cloned().collect();
-    let findings = localise(coupled, &candidates, front, &groups, &super::parameters::neutral());
+    let findings = localize(coupled, &candidates, front, &groups, &super::parameters::neutral());
     found.share_of_free_form = Some(findings.share_of_free_form);
     found.unexplained = findings.channel.map(|channel| (channel, findings.variables));
     // On a rig that is off everywhere by little the pressure force may come near the limit, but not down to the noise.

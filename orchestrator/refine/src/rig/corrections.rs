@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use super::catalogue::{Scope, free};
+use super::catalog::{Scope, free};
 use super::parameters::*;
 use crate::case::{Declared, Friction, Kind};
 use crate::engine::fit::Free;

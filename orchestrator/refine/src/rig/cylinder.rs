@@ -158,7 +158,7 @@ const PORT_EXPONENT: f64 = 1.2;
 /// Bound on the integrator of a valve, and the time \[s\] that it looks ahead.
 const INTEGRATOR: (f64, f64) = (0.3, 1e-3);
 /// Pressure ratios between which the flow follows its curve: critical flow below, linear above.
-const CURVED: (f64, f64) = (0.528, 0.995);
+const CURVE_RATIO: (f64, f64) = (0.528, 0.995);
 /// Flow over the larger pressure and the root of the temperature: critical, and factor of the curve, for R = 287.
 const FLOW: (f64, f64) = (0.040418, 0.156174);
 /// Coefficients of the polynomial for the curve.
@@ -179,7 +179,7 @@ pub struct Chambers {
     area: [f64; 2],
     /// Force of either side at rest \[N\].
     bias: f64,
-    /// Square of the curve over 1 - ratio, as a polynomial of the ratio from -1 to 1 over [`CURVED`], lowest power
+    /// Square of the curve over 1 - ratio, as a polynomial of the ratio from -1 to 1 over [`CURVE_RATIO`], lowest power
     /// first.
     squared: [f64; TERMS],
     /// Flow over 1 - ratio above the curve.
@@ -215,7 +215,7 @@ impl Chambers {
         let area = [whole, whole - std::f64::consts::FRAC_PI_4 * k.rod * k.rod];
         // Interpolation at Chebyshev nodes: the function is smooth, twelve terms leave some 1e-11 of it.
         let node = |j: usize| (std::f64::consts::PI * (j as f64 + 0.5) / TERMS as f64).cos();
-        let ratio = |s: f64| 0.5 * (CURVED.0 + CURVED.1 + (CURVED.1 - CURVED.0) * s);
+        let ratio = |s: f64| 0.5 * (CURVE_RATIO.0 + CURVE_RATIO.1 + (CURVE_RATIO.1 - CURVE_RATIO.0) * s);
         let matrix = nalgebra::DMatrix::from_fn(TERMS, TERMS, |j, power| node(j).powi(power as i32));
         let values = nalgebra::DVector::from_fn(TERMS, |j, _| {
             let r = ratio(node(j));
@@ -228,7 +228,7 @@ impl Chambers {
             area,
             bias: 0.25 * k.psup * (area[0] + area[1]),
             squared: std::array::from_fn(|i| found[i]),
-            linear: curve(CURVED.1) / (1.0 - CURVED.1),
+            linear: curve(CURVE_RATIO.1) / (1.0 - CURVE_RATIO.1),
             factor: (287.0 / k.R).sqrt() / k.T.sqrt(),
         }
     }
@@ -265,7 +265,11 @@ impl Chambers {
         let low: Lanes<L> = each(|i| if a.0[i] > b.0[i] { b.0[i] } else { a.0[i] });
         let ratio = low / high;
         let rest = Lanes::all(1.0) - ratio;
-        let s = clamp((ratio * 2.0 - (CURVED.0 + CURVED.1)) / (CURVED.1 - CURVED.0), -1.0, 1.0);
+        let s = clamp(
+            (ratio * 2.0 - (CURVE_RATIO.0 + CURVE_RATIO.1)) / (CURVE_RATIO.1 - CURVE_RATIO.0),
+            -1.0,
+            1.0,
+        );
         let mut squared = Lanes::all(self.squared[TERMS - 1]);
         for &term in self.squared[..TERMS - 1].iter().rev() {
             squared = squared * s + term;
@@ -273,8 +277,8 @@ impl Chambers {
         let squared = squared * rest;
         each(|i| {
             let curved = squared.0[i].abs().sqrt();
-            let value = if ratio.0[i] >= CURVED.1 { self.linear * rest.0[i] } else { curved };
-            let value = if ratio.0[i] <= CURVED.0 { FLOW.0 } else { value };
+            let value = if ratio.0[i] >= CURVE_RATIO.1 { self.linear * rest.0[i] } else { curved };
+            let value = if ratio.0[i] <= CURVE_RATIO.0 { FLOW.0 } else { value };
             let value = value * high.0[i] * self.factor;
             if a.0[i] < b.0[i] { -value } else { value }
         })

@@ -67,7 +67,7 @@ impl<const L: usize> Lanes<L> {
         Lanes([value; L])
     }
 
-    /// Whether any lane fulfils the condition.
+    /// Whether any lane fulfills the condition.
     pub fn any(&self, condition: impl Fn(f64) -> bool) -> bool {
         self.0.iter().any(|&value| condition(value))
     }

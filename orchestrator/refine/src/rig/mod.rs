@@ -5,14 +5,14 @@
 //! and a call through FMI costs as much as the whole right-hand side. What is added in the end are FMUs.
 
 pub mod answer;
-pub mod catalogue;
+pub mod catalog;
 pub mod corrections;
 pub mod coupled;
 pub mod cylinder;
 pub mod driven;
 pub mod extra;
 pub mod lanes;
-pub mod localise;
+pub mod localize;
 pub mod motion;
 pub mod observer;
 pub mod open;

@@ -40,7 +40,7 @@ pub type Record<'a> = (&'a [f64], f64);
 /// two may contradict each other.
 pub fn intensity(x: Option<Record>, v: Option<Record>, dt: f64) -> f64 {
     let (x, v) = if v.is_some() { (None, v) } else { (x, None) };
-    let filter = |x, v, dt, intensity| filter(x, v, Course { dt, intensity, late: [0.0; 2] });
+    let filter = |x, v, dt, intensity| filter(x, v, MotionProcess { dt, intensity, late: [0.0; 2] });
     let runs =
         (8..56).map(|power| 10f64.powf(0.25 * f64::from(power))).map(|q| (q, filter(x, v, dt, q).cost));
     runs.min_by(|a, b| a.1.total_cmp(&b.1)).map_or(1.0, |(q, _)| q)
@@ -48,7 +48,7 @@ pub fn intensity(x: Option<Record>, v: Option<Record>, dt: f64) -> f64 {
 
 /// Prior knowledge of a motion and its records.
 #[derive(Debug, Clone, Copy)]
-pub struct Course {
+pub struct MotionProcess {
     /// Sample time \[s\].
     pub dt: f64,
     /// See [`intensity`].
@@ -84,9 +84,9 @@ pub fn skew(records: &[[&[f64]; 2]], dt: f64) -> f64 {
 }
 
 /// Smooths records of position and speed; either may be missing.
-pub fn smooth(x: Option<Record>, v: Option<Record>, course: Course) -> Motion {
-    let best = filter(x, v, course);
-    let dt = course.dt;
+pub fn smooth(x: Option<Record>, v: Option<Record>, process: MotionProcess) -> Motion {
+    let best = filter(x, v, process);
+    let dt = process.dt;
     let transition = transition(dt);
     let n = best.posterior.len();
     let mut smoothed = best.posterior.clone();
@@ -139,8 +139,8 @@ fn transition(dt: f64) -> Matrix4<f64> {
     )
 }
 
-fn filter(x: Option<Record>, v: Option<Record>, course: Course) -> Filtered {
-    let Course { dt, intensity, late: [dx, dv] } = course;
+fn filter(x: Option<Record>, v: Option<Record>, process: MotionProcess) -> Filtered {
+    let MotionProcess { dt, intensity, late: [dx, dv] } = process;
     let n = x.or(v).map_or(0, |(values, _)| values.len());
     let f = transition(dt);
     let noise = Matrix4::from_fn(|i, j| {
@@ -202,7 +202,7 @@ mod tests {
         let v: Vec<f64> =
             (0..n).map(|k| 0.02 * w * (w * k as f64 * dt).cos() + 1e-3 * noise.normal()).collect();
         let (x, v) = (Some((&x[..], 1e-4)), Some((&v[..], 1e-3)));
-        let motion = smooth(x, v, Course { dt, intensity: intensity(x, v, dt), late: [0.0; 2] });
+        let motion = smooth(x, v, MotionProcess { dt, intensity: intensity(x, v, dt), late: [0.0; 2] });
         let rms = |f: &dyn Fn(usize) -> f64| {
             ((100..n - 100).map(|k| f(k).powi(2)).sum::<f64>() / (n - 200) as f64).sqrt()
         };

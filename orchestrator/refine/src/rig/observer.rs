@@ -41,7 +41,7 @@ pub struct Observer<'a> {
     pub walk: Walk,
     /// Time advance of the actuator force as a share of its change over a sample: 0 for a force that is held over
     /// samples, 0.5 for one that changes smoothly.
-    pub lead: f64,
+    pub time_advance: f64,
     /// Twice the negative logarithm of the likelihood of all estimation records.
     pub cost: f64,
 }
@@ -93,11 +93,11 @@ fn step<const L: usize>(
     plant: &Mechanics<L>,
     s: &mut States<L>,
     hidden: &mut [Lanes<L>; 2],
-    (f_act, change, lead): (Lanes<L>, Lanes<L>, f64),
+    (f_act, change, time_advance): (Lanes<L>, Lanes<L>, f64),
     p: Lanes<L>,
     dt: f64,
 ) {
-    let force = f_act + s[4] + (change + s[7]) * lead + s[5];
+    let force = f_act + s[4] + (change + s[7]) * time_advance + s[5];
     let mut moved = [s[0], s[1], s[2], s[3], hidden[0], hidden[1]];
     for _ in 0..2 {
         moved = plant.step(&moved, force, p, s[6], 0.5 * dt);
@@ -113,8 +113,13 @@ fn sensing(name: &str, p: &[f64]) -> (f64, f64) {
 
 /// Gains of a record, and twice the negative logarithm of its likelihood. The filter is linearized by differences: lane
 /// 0 is the estimate, the others are moved in one state each.
-fn gains(rig: &Coupled, trial: &Trial, p: &[f64], (walk, lead): (Walk, f64)) -> (Vec<Vec<Correction>>, f64) {
-    const MOVE: f64 = 1e-6;
+fn gains(
+    rig: &Coupled,
+    trial: &Trial,
+    p: &[f64],
+    (walk, time_advance): (Walk, f64),
+) -> (Vec<Vec<Correction>>, f64) {
+    const DIFFERENCE_STEP: f64 = 1e-6;
     let dt = rig.actuator.sample_time;
     let terms = actuator(&rig.actuator, p);
     let mut running = Running::new(&terms, &trial.u);
@@ -137,10 +142,10 @@ fn gains(rig: &Coupled, trial: &Trial, p: &[f64], (walk, lead): (Walk, f64)) -> 
     let steps = walk.map(|walk| walk * walk);
     let (mut found, mut cost) = (Vec::with_capacity(trial.u.len()), 0.0);
     let around = |s: &Vector| -> States<{ STATES + 1 }> {
-        from_fn(|j| Lanes(from_fn(|lane| s[j] + if lane == j + 1 { MOVE } else { 0.0 })))
+        from_fn(|j| Lanes(from_fn(|lane| s[j] + if lane == j + 1 { DIFFERENCE_STEP } else { 0.0 })))
     };
     let mut before = Lanes::default();
-    let slope = |value: &Lanes<{ STATES + 1 }>, j: usize| (value.0[j + 1] - value.0[0]) / MOVE;
+    let slope = |value: &Lanes<{ STATES + 1 }>, j: usize| (value.0[j + 1] - value.0[0]) / DIFFERENCE_STEP;
     for k in 0..trial.u.len() {
         let [f_hat, f_act] = running.sample(k, k as f64 * dt, s[0], s[1]);
         let (magnitude, f_act) = (Lanes::all(f_hat.abs()), Lanes::all(f_act));
@@ -160,7 +165,7 @@ fn gains(rig: &Coupled, trial: &Trial, p: &[f64], (walk, lead): (Walk, f64)) -> 
         }
         found.push(own);
         let mut next = around(&s);
-        step(&plant, &mut next, &mut hidden, (f_act, f_act - before, lead), magnitude, dt);
+        step(&plant, &mut next, &mut hidden, (f_act, f_act - before, time_advance), magnitude, dt);
         before = f_act;
         hidden = hidden.map(|z| Lanes::all(z.0[0]));
         let transition = Matrix::from_fn(|i, j| slope(&next[i], j));
@@ -175,14 +180,20 @@ fn gains(rig: &Coupled, trial: &Trial, p: &[f64], (walk, lead): (Walk, f64)) -> 
 }
 
 impl<'a> Observer<'a> {
-    /// Computes the gains with the parameters `p`; for the time advance `lead` see [`Observer::lead`].
-    pub fn around(rig: &'a Coupled, walk: Walk, lead: f64, p: &[f64]) -> Observer<'a> {
+    /// Computes the gains with the parameters `p`; for `time_advance` see [`Observer::time_advance`].
+    pub fn around(rig: &'a Coupled, walk: Walk, time_advance: f64, p: &[f64]) -> Observer<'a> {
         let found = parallel::map(rig.trials.len(), |i| {
             let trial = &rig.trials[i];
-            if trial.estimation { gains(rig, trial, p, (walk, lead)) } else { (Vec::new(), 0.0) }
+            if trial.estimation { gains(rig, trial, p, (walk, time_advance)) } else { (Vec::new(), 0.0) }
         });
         let cost = found.iter().map(|(_, cost)| cost).sum();
-        Observer { rig, corrections: found.into_iter().map(|(own, _)| own).collect(), walk, lead, cost }
+        Observer {
+            rig,
+            corrections: found.into_iter().map(|(own, _)| own).collect(),
+            walk,
+            time_advance,
+            cost,
+        }
     }
 
     /// Passes over estimation records with gains known: smooth functions of the parameters.
@@ -232,7 +243,7 @@ impl<'a> Observer<'a> {
                 pass.states.push(s.map(|value| value.0[i]));
                 pass.force.push(f_act.0[i] + s[4].0[i]);
             }
-            step(&plant, &mut s, &mut hidden, (f_act, f_act - before, self.lead), magnitude, dt);
+            step(&plant, &mut s, &mut hidden, (f_act, f_act - before, self.time_advance), magnitude, dt);
             before = f_act;
         }
         out

@@ -1,6 +1,6 @@
 //! From a case to the system, its candidates and the corrections of its declared parameters.
 
-use super::catalogue::{Scope, candidates};
+use super::catalog::{Scope, candidates};
 use super::corrections::{Correction, corrections};
 use super::coupled::{Coupled, Trial};
 use super::cylinder::Chambers;
@@ -46,7 +46,8 @@ fn refused(case: &Case, problem: &str) -> Error {
 /// Coupled trials, or the actuator with the rod fixed.
 ///
 /// # Errors
-/// [`Error::Case`] where the sample times of actuator and records differ, or a record lacks a column that its kind needs.
+/// [`Error::Case`] where the sample times of actuator and records differ, or a record lacks a column that its kind
+/// needs.
 pub fn coupled(case: &Case, actuator: Actuator) -> Result<Coupled, Error> {
     let declaration = &case.declaration;
     let refused = |problem: &str| refused(case, problem);

@@ -161,7 +161,8 @@ impl<const L: usize> Mechanics<L> {
         Some(sin_amp * sin + cos_amp * cos)
     }
 
-    /// Force \[N\] or torque \[N m\] that a law beyond the vocabulary takes off at a place, at a position and velocity there.
+    /// Force \[N\] or torque \[N m\] that a law beyond the vocabulary takes off at a place, at a position and velocity
+    /// there.
     pub fn taken(&self, place: Place, position: Lanes<L>, velocity: Lanes<L>) -> Option<Lanes<L>> {
         let (extra, p) = self.extra.as_ref().filter(|own| own.0.place == place)?;
         let time = self.time;

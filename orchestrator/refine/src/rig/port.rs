@@ -11,8 +11,8 @@ pub fn of_channel(channel: &str) -> Option<&'static str> {
     })
 }
 
-/// Input at which that acts which a signal shows and those in front of it do not; with the rod fixed (`fixed`), the load cell
-/// shows the actuator alone.
+/// Input at which that acts which a signal shows and those in front of it do not; with the rod fixed (`fixed`), the
+/// load cell shows the actuator alone.
 pub fn shown_by(signal: &str, fixed: bool) -> Option<&'static str> {
     of_channel(match signal {
         "F_hat" => "actuator",

@@ -6,7 +6,7 @@
 
 use super::coupled::{Coupled, Running, sensed};
 use super::lanes::Lanes;
-use super::motion::{Course, Motion, intensity, smooth};
+use super::motion::{Motion, MotionProcess, intensity, smooth};
 use super::parameters::neutral;
 use super::plant::{actuator, mechanics};
 use super::record::{Measured, spans, values, whitened};
@@ -19,7 +19,7 @@ use crate::engine::select::{Proposal, attempt};
 use crate::engine::system::Span;
 use crate::engine::{System, parallel};
 
-/// Normalised power of the load cell up to which the friction of the piston may be as declared: smoothing blunts
+/// Normalized power of the load cell up to which the friction of the piston may be as declared: smoothing blunts
 /// reversals, which leaves some hundred, while a force of three times the noise of the load cell leaves some thousands.
 pub const MAX_FALL_AT_REVERSALS: f64 = 400.0;
 /// Draws of the null, which only ranks.
@@ -54,8 +54,11 @@ impl<'a> Replay<'a> {
             let trial = &rig.trials[i];
             let position = trial.measured.iter().find(|m| m.name == "x");
             let record = position.map(|m| (&m.values[..], m.noise));
-            let motion =
-                smooth(record, None, Course { dt, intensity: intensity(record, None, dt), late: [0.0; 2] });
+            let motion = smooth(
+                record,
+                None,
+                MotionProcess { dt, intensity: intensity(record, None, dt), late: [0.0; 2] },
+            );
             let mut forces: Vec<Measured> = trial
                 .measured
                 .iter()
@@ -137,7 +140,7 @@ pub fn left(rig: &Coupled, p: &[f64]) -> Vec<(String, f64)> {
     let locals = vec![Vec::new(); records.len()];
     let null = Null::simulate(&replay, &records, p, &locals, DRAWS, 1);
     let residuals = residuals(&replay, &records, p, &locals);
-    null.normalised(&pooled(&replay, &records, &residuals))
+    null.normalized(&pooled(&replay, &records, &residuals))
 }
 
 /// Candidates that explain the forces best, given the motion: the best single one, and the best pair if it is much
@@ -189,7 +192,7 @@ pub fn proposals(rig: &Coupled, candidates: &[Candidate], groups: &[usize], limi
 mod tests {
     use super::*;
     use crate::case::{Actuator, Kind};
-    use crate::rig::catalogue::{Scope, candidates};
+    use crate::rig::catalog::{Scope, candidates};
     use crate::rig::parameters::{CF_COULOMB, GAIN, PF_COULOMB};
     use crate::rig::testing;
 

@@ -68,7 +68,7 @@ pub fn objection(candidate: &Candidate, model: &Model, reach: &Reach) -> Option<
 mod tests {
     use super::*;
     use crate::engine::fit::Fit;
-    use crate::rig::catalogue::free;
+    use crate::rig::catalog::free;
 
     /// Whether a model of one candidate with these values makes no sense on records from 0 to 0.1 m.
     fn refused(id: &'static str, values: &[(usize, f64)]) -> bool {

@@ -8,7 +8,7 @@ use std::borrow::Cow;
 
 use super::coupled::{sensed, sensor};
 use super::lanes::Lanes;
-use super::motion::{Course, Motion, Record, intensity, smooth};
+use super::motion::{Motion, MotionProcess, Record, intensity, smooth};
 use super::parameters::{SENSOR_GAIN_X, neutral};
 use super::plant::{FrictionTerms, mechanics};
 use super::record::{Measured, spans, values};
@@ -24,7 +24,7 @@ pub struct Sweep {
     /// Records of position and speed, as far as they are measured: values and noise rms.
     records: [Option<(Vec<f64>, f64)>; 2],
     /// Prior knowledge of the motion and its records.
-    course: Course,
+    process: MotionProcess,
     /// Position, where both are measured.
     position: Option<Measured>,
     /// Load cell \[N\].
@@ -46,13 +46,13 @@ impl Sweep {
         (dt, skew): (f64, f64),
     ) -> Sweep {
         let [x, v] = records;
-        let course = Course { dt, intensity: intensity(x, v, dt), late: [skew, 0.0] };
+        let process = MotionProcess { dt, intensity: intensity(x, v, dt), late: [skew, 0.0] };
         let position =
             x.filter(|_| v.is_some()).map(|(values, rms)| Measured::new("x", values.to_vec(), rms));
         let (cart, estimation) = roles;
-        let motion = smooth(x, v, course);
+        let motion = smooth(x, v, process);
         let records = records.map(|record| record.map(|(values, rms)| (values.to_vec(), rms)));
-        Sweep { motion, records, course, position, force, cart, estimation }
+        Sweep { motion, records, process, position, force, cart, estimation }
     }
 
     /// The motion if the sensors have the effects of the parameters `p`.
@@ -68,9 +68,9 @@ impl Sweep {
             Some((values.iter().map(|value| (value - offset) / gain).collect::<Vec<f64>>(), *rms))
         };
         let (x, v) = (true_values(0, of_x), true_values(1, of_v));
-        let [late_x, late_v] = self.course.late;
-        let course = Course { late: [late_x + of_x.1, late_v + of_v.1], ..self.course };
-        Cow::Owned(smooth(borrowed(&x), borrowed(&v), course))
+        let [late_x, late_v] = self.process.late;
+        let process = MotionProcess { late: [late_x + of_x.1, late_v + of_v.1], ..self.process };
+        Cow::Owned(smooth(borrowed(&x), borrowed(&v), process))
     }
 
     /// Counts the uncertainty of the motion as noise of the force, with the slope `force(v)` of the declared model.

@@ -104,7 +104,7 @@ mod tests {
     use crate::rig::parameters::{SPRING, neutral};
     use crate::rig::testing::rig;
 
-    const FINE: [(&str, f64); 4] = [("F_hat", 0.01), ("F_p", 0.01), ("x", 1e-6), ("theta", 1e-6)];
+    const FINE_NOISE_RMS: [(&str, f64); 4] = [("F_hat", 0.01), ("F_p", 0.01), ("x", 1e-6), ("theta", 1e-6)];
 
     fn actuator() -> Actuator {
         Actuator { sample_time: 1e-3, A1: [[-0.98, 0.0], [0.0, -0.98]], B0: [0.02; 2], B1: [0.0; 2] }
@@ -124,7 +124,7 @@ mod tests {
     #[test]
     fn windows_of_a_true_model_leave_little_and_those_of_a_wrong_one_less_than_the_whole() {
         let values = [(SPRING, 40.0)];
-        let whole = rig(actuator(), 2000, &FINE, &values);
+        let whole = rig(actuator(), 2000, &FINE_NOISE_RMS, &values);
         let windowed = whole.windowed();
         let mut truth = neutral();
         values.iter().for_each(|&(index, value)| truth[index] = value);

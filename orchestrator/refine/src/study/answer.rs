@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use super::by_share::{self, ByShare};
-use super::catalogue;
+use super::catalog;
 use super::declaration::{Attachment, File, Role};
 use super::effects::{effects, order, physical};
 use super::errors::{errors, floor, force, force_noise};
@@ -102,7 +102,8 @@ pub fn answer(file: &File, settings: &Settings, say: Say) -> Result<(Answer, Evi
                 selection.best = fits.with_covariance(&selection.best);
             }
             let mut found = assemble(&fits, &judge, &selection, by_share.as_ref(), settings);
-            while let Some((own, (weak, alone))) = by_share.as_ref().zip(company(&search, &selection, &found))
+            while let Some((own, (weak, alone))) =
+                by_share.as_ref().zip(weakest_dependent(&search, &selection, &found))
             {
                 let without = search.without(own, weak, alone);
                 let rest = assemble(&fits, &judge, &without.selection, Some(&without), settings);
@@ -152,7 +153,7 @@ pub fn prepared(file: &File, say: Say) -> Result<(Study, Vec<Attachment>, Fit), 
     let place = |name: &str| inputs.iter().position(|input| input == name).filter(|&i| fed[i]);
     let trace = trace(&study, &declared);
     survey.trace(&trace);
-    catalogue::fill(&mut study, &attachments, &survey, &place);
+    catalog::fill(&mut study, &attachments, &survey, &place);
     attach::fill(&mut study, &attachments, &file.effects, &trace);
     tolerance::fill(&mut study, file);
     if study.candidates.is_empty() {
@@ -194,7 +195,11 @@ fn beside_corrections(search: &by_share::Search, exact: Selection) -> (Selection
 /// The weakest effect that explains little without the other effects, and the share of the error on validation records
 /// that it takes away alone. Where all is explained, each is needed. Coulomb friction needed by nothing but the search
 /// for another friction comes last; that on which presliding acts stays.
-fn company(search: &by_share::Search, selection: &Selection, found: &Answer) -> Option<(usize, f64)> {
+fn weakest_dependent(
+    search: &by_share::Search,
+    selection: &Selection,
+    found: &Answer,
+) -> Option<(usize, f64)> {
     let (study, added) = (search.fits.study, &selection.best.added);
     if found.verdict != Verdict::Effect || found.complete || added.len() < 2 || stop::asked() {
         return None;

@@ -48,7 +48,7 @@ pub fn begins(study: &Study) -> Vec<Begin> {
     let mut x = vec![0.0; plant.nx];
     let parameters =
         Fits::new(study, vec![1.0; study.outputs.len()]).view(&[], &[]).parameters(&study.start());
-    let started = plant.initialise(&[], &parameters, 0.0, &mut x, &|_, value, _| value);
+    let started = plant.initialize(&[], &parameters, 0.0, &mut x, &|_, value, _| value);
     let output = |i: usize| study.outputs.iter().position(|own| plant.state(&own.port) == Some(i));
     let start = |i: usize| if started.is_ok() && x[i].is_finite() { x[i] } else { 0.0 };
     let found = (0..x.len()).map(|i| Begin { output: output(i), start: start(i) }).collect();

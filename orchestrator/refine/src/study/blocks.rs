@@ -3,7 +3,7 @@
 use std::cell::{Cell, RefCell};
 use std::ops::Range;
 
-use super::catalogue::fastest;
+use super::catalog::fastest;
 use super::law::{Law, Point, preslide_along, shape};
 use super::memory::Memory;
 use super::model::Study;
@@ -186,12 +186,12 @@ impl Blocks<'_> {
                 let part = if last.time > self.time { step / (last.time - self.time) } else { 0.0 };
                 match *law {
                     Law::Presliding => {
-                        let end = sample.towards(last, part);
+                        let end = sample.toward(last, part);
                         let speeds = [sample, end].map(|own| own.velocity - tap.v0);
                         z[0] = preslide_along(z[0], speeds, self.p[range.start], step);
                     }
                     Law::Own(index) => {
-                        let mean = sample.towards(last, 0.5 * part);
+                        let mean = sample.toward(last, 0.5 * part);
                         self.study.own[index].advance(mean.variables(), z, &self.p[range.clone()], step);
                     }
                     Law::Memory(kind) => {

@@ -20,7 +20,7 @@ use crate::engine::question::{self, Found, Question};
 use crate::engine::search::Model;
 
 /// Records up to which spans of them are held out instead of whole ones.
-const FEW_RECORDS: usize = 2;
+const MAX_RECORDS_FOR_SPANS: usize = 2;
 
 /// Outcome of the forward selection in the terms of a study.
 pub struct ByShare {
@@ -160,7 +160,7 @@ impl Search<'_> {
 
 /// Pieces to be fitted, and folds of them that are held out in turn: whole records, or spans where there are few.
 fn pieces(fits: &Fits) -> (Vec<Piece>, Vec<Vec<usize>>) {
-    if fits.pieces.len() > FEW_RECORDS {
+    if fits.pieces.len() > MAX_RECORDS_FOR_SPANS {
         let groups = fits.pieces.len().min(4);
         let of = |group: usize| (0..fits.pieces.len()).filter(|i| i % groups == group).collect();
         return (fits.pieces.clone(), (0..groups).map(of).collect());

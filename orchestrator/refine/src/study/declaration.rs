@@ -96,7 +96,7 @@ pub struct Signal {
     /// Factor, for columns of the other sign.
     #[serde(default)]
     pub scale: Option<f64>,
-    /// What is added behind `scale`, in the unit of the system's signal.
+    /// Number added behind `scale`, in the unit of the system's signal.
     #[serde(default)]
     pub offset: Option<f64>,
     /// Held between its samples (a sampled command) instead of interpolated.
@@ -133,8 +133,8 @@ pub struct Output {
     /// Factor, for columns of the other sign.
     #[serde(default)]
     pub scale: Option<f64>,
-    /// `fit`: a constant offset of the sensor belongs to the declared model; a number: added behind `scale`, in the unit of the
-    /// system's signal.
+    /// `fit`: a constant offset of the sensor belongs to the declared model; a number: added behind `scale`, in the
+    /// unit of the system's signal.
     #[serde(default)]
     pub offset: Option<Offset>,
 }

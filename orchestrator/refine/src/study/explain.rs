@@ -118,9 +118,9 @@ impl Judge {
         self.null.tolerating(powers.map(most).collect())
     }
 
-    /// Normalised powers of what a model leaves, by output.
+    /// Normalized powers of what a model leaves, by output.
     pub fn left(&self, fits: &Fits, model: &Model) -> Vec<(String, f64)> {
-        self.null.normalised(&Self::powers(fits, model))
+        self.null.normalized(&Self::powers(fits, model))
     }
 
     /// Whether what a model leaves is that of the sensors.
@@ -131,7 +131,7 @@ impl Judge {
     /// Whether a model leaves no more than the sensors may give, whose noise is known roughly.
     pub fn explained(&self, fits: &Fits, model: &Model) -> bool {
         let powers = Self::powers(fits, model);
-        let left = self.null.normalised(&powers);
+        let left = self.null.normalized(&powers);
         let near = powers.iter().zip(self.null.means()).map(|((_, own), mean)| {
             own.iter().zip(mean).all(|(own, mean)| *own < MAX_POWER_OVER_NOISE * mean)
         });

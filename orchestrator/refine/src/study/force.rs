@@ -38,7 +38,7 @@ impl ForceView<'_> {
         let Some((_, state, tap, _)) = &self.study().force else { return Ok(Vec::new()) };
         let n = record.acceleration.len();
         let (mut x, mut dx) = (vec![0.0; plant.nx], vec![0.0; plant.nx]);
-        plant.initialise(&[], &self.view.parameters(p), 0.0, &mut x, &|_, value, _| value)?;
+        plant.initialize(&[], &self.view.parameters(p), 0.0, &mut x, &|_, value, _| value)?;
         let mut blocks = self.view.blocks(p, false);
         let mut found = Vec::with_capacity(n);
         let mut slope = 0.0;

@@ -26,7 +26,7 @@ impl Point {
     }
 
     /// A point on the way to another, this part of it.
-    pub fn towards(self, other: Point, part: f64) -> Point {
+    pub fn toward(self, other: Point, part: f64) -> Point {
         let between = |a: f64, b: f64| a + part * (b - a);
         Point {
             velocity: between(self.velocity, other.velocity),
@@ -40,7 +40,7 @@ impl Point {
 
     /// The point between two.
     pub fn mean(self, other: Point) -> Point {
-        self.towards(other, 0.5)
+        self.toward(other, 0.5)
     }
 
     /// Value of a variable.

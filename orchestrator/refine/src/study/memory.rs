@@ -1,5 +1,5 @@
-//! Effects with a memory on a signal inside of the system, which no record shows: they follow what the simulation passes on.
-//! At the beginning of a span they have settled at the first value.
+//! Effects with a memory on a signal inside of the system, which no record shows: they follow what the simulation
+//! passes on. At the beginning of a span they have settled at the first value.
 
 use std::cell::{Cell, RefCell};
 
@@ -8,7 +8,7 @@ use super::command::{Command, lag_along, mode_along};
 /// Parts of the line between two points in time.
 const PARTS: usize = 8;
 
-/// What one effect remembers beside its states.
+/// History of one effect beside its states.
 #[derive(Debug, Default)]
 pub(super) struct Memory {
     /// Time \[s\] and value that came in at the sample, in between, and last.
@@ -85,8 +85,8 @@ impl Memory {
     }
 }
 
-/// States after `step` \[s\] in which the value goes in a line; the first is what leaves. States that are no numbers have
-/// settled at the beginning of the line. What turns where the value crosses the state goes in parts of the line.
+/// States after `step` \[s\] in which the value goes in a line; the first is what leaves. States that are no numbers
+/// have settled at the beginning of the line. What turns where the value crosses the state goes in parts of the line.
 fn follow((kind, p): (Command, &[f64]), z: &[f64], [from, to]: [f64; 2], step: f64) -> [f64; 2] {
     let turns = matches!(kind, Command::Fill | Command::RateLimit);
     let parts = if turns { PARTS } else { 1 };
@@ -118,7 +118,7 @@ fn follow_line((kind, p): (Command, &[f64]), z: &[f64], [from, to]: [f64; 2], st
 mod tests {
     use super::*;
 
-    /// What leaves at every sample, and half a sample later.
+    /// Output at every sample, and half a sample later.
     fn passed(kind: Command, p: &[f64], values: &[f64], step: f64) -> Vec<[f64; 2]> {
         let (memory, mut z) = (Memory::default(), vec![f64::NAN; kind.states()]);
         let mut found = Vec::new();

@@ -3,7 +3,7 @@
 //!
 //! [`declaration`] is the file, [`dataset`] reads folders of measured data that come without one, [`read`] makes
 //! records, [`plant`] evaluates the FMUs, [`ports`] finds where something may be missing, [`plan`] lists that,
-//! [`simulate`] integrates them for the engine, [`fits`] fits, [`catalogue`] lists the candidates, [`exact`] asks the
+//! [`simulate`] integrates them for the engine, [`fits`] fits, [`catalog`] lists the candidates, [`exact`] asks the
 //! engine for the fewest of them that leave nothing but noise. Where there are none, [`search`] chooses by the error on
 //! held-out records. [`physical`] refuses models without physical sense, [`noise`] carries the noise of the sensors to
 //! the error, [`smoothed`] has the errors of filtered derivatives, [`explain`] finds the variables that the residual
@@ -19,7 +19,7 @@ mod begin;
 pub mod beside;
 mod blocks;
 pub mod by_share;
-pub mod catalogue;
+pub mod catalog;
 pub mod changed;
 pub(crate) mod clipping;
 pub mod command;

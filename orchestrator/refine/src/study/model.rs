@@ -4,7 +4,7 @@ use std::sync::{Mutex, PoisonError};
 
 use super::Problem;
 use super::begin::Begin;
-use super::catalogue::Candidate;
+use super::catalog::Candidate;
 use super::declaration::{Attachment, ForceRule, Initial, InitialWord};
 use super::law::{Law, Variable};
 use super::noise::SensorNoise;

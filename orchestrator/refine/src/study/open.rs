@@ -374,7 +374,7 @@ pub fn open(file: &File) -> Result<(Study, Vec<Attachment>), Error> {
         .map_err(|problem| file.refuse(&declaration.system, problem))?;
     let mut states = vec![0.0; plant.nx];
     plant
-        .initialise(&[], &[], 0.0, &mut states, &|_, value, _| value)
+        .initialize(&[], &[], 0.0, &mut states, &|_, value, _| value)
         .map_err(|problem| file.refuse(&declaration.system, problem))?;
     let sampled = plant.next_event().is_some();
     let layout = layout(file, &graph, &plant)?;
@@ -426,7 +426,7 @@ pub fn open(file: &File) -> Result<(Study, Vec<Attachment>), Error> {
             let values = &record.outputs[o];
             size = values.iter().fold(size, |a, b| a.max(b.abs()));
             if values.iter().all(|value| Some(value) == values.first()) {
-                let problem = "the column never changes; nothing can be learnt from it";
+                let problem = "the column never changes; nothing can be learned from it";
                 return Err(file.refuse(spanned, format!("{}: {problem}", record.name)));
             }
             let Some(own) = clipping(values) else { continue };

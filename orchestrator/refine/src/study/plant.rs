@@ -4,7 +4,7 @@
 //! value that an input receives, so that a candidate needs no FMU of its own while the search goes on. Integration is
 //! left to [`super::simulate`].
 
-mod initialisation;
+mod initialization;
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -84,7 +84,7 @@ pub struct Plant {
     states: BTreeMap<String, usize>,
     /// Number of states.
     pub nx: usize,
-    initialised: bool,
+    initialized: bool,
     /// Whether it is known which components change at events only.
     probed: bool,
     /// The states were set from outside: components that change at events only have not seen them.
@@ -279,7 +279,7 @@ impl Plant {
             names,
             states,
             nx,
-            initialised: false,
+            initialized: false,
             probed: false,
             moved: false,
         })
@@ -319,7 +319,7 @@ impl Plant {
     pub fn sense(&mut self, measured: &[&str]) -> Result<Sense, Problem> {
         let pass = |_: usize, value: f64, _: &[f64]| value;
         let (mut x, nx) = (vec![0.0; self.nx], self.nx);
-        self.initialise(&[], &[], 0.0, &mut x, &pass)?;
+        self.initialize(&[], &[], 0.0, &mut x, &pass)?;
         let start = x.clone();
         let attachments = self.parts.iter().flat_map(|part| &part.feeds).flat_map(|feed| &feed.blocks);
         let count = attachments.max().map_or(0, |last| last + 1);
@@ -356,7 +356,7 @@ impl Plant {
             }
             found.points.push((x.clone(), dx));
         }
-        self.initialised = true;
+        self.initialized = true;
         Ok(found)
     }
 

@@ -68,8 +68,8 @@ pub struct Duty {
     pub constants: bool,
     /// See [`Port::fills`].
     pub fills: bool,
-    /// Whether it is a signal that one component gives another, and changes of that signal are looked for here: dead bands,
-    /// gains, lags.
+    /// Whether it is a signal that one component gives another, and changes of that signal are looked for here: dead
+    /// bands, gains, lags.
     pub passes: bool,
 }
 

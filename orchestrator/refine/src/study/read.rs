@@ -29,7 +29,8 @@ pub struct Record {
     pub extra: Vec<Vec<f64>>,
     /// Measured outputs, `[outputs][n]`.
     pub outputs: Vec<Vec<f64>>,
-    /// Which samples of the outputs were measured, `[outputs][n]`; none: all. Others are interpolated, and count for nothing.
+    /// Which samples of the outputs were measured, `[outputs][n]`; none: all. Others are interpolated, and count for
+    /// nothing.
     pub measured: Vec<Option<Vec<bool>>>,
     /// Units of the columns of the outputs, by the header of the file.
     pub units: Vec<Option<String>>,

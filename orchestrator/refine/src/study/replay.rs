@@ -150,8 +150,8 @@ fn free_run(file: &File, study: &mut Study, beginning: f64) -> Result<(), Error>
     Ok(())
 }
 
-/// Refuses an input for which the study has no column and which its own system does not have: those it leaves at their start
-/// values.
+/// Refuses an input for which the study has no column and which its own system does not have: those it leaves at their
+/// start values.
 fn fed(file: &File, graph: &SystemGraph) -> Result<(), Error> {
     let own = open::system(file);
     let known = |name: &str| {

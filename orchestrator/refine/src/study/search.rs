@@ -2,7 +2,7 @@
 
 use std::sync::OnceLock;
 
-use super::catalogue::Candidate;
+use super::catalog::Candidate;
 use super::effects;
 use super::explain::Judge;
 use super::fits::{Fits, Model};
@@ -349,13 +349,13 @@ impl<'a> Search<'a> {
                 return (best, Vec::new(), refused);
             }
             let stability = stability(self.fits, None, &mut best);
-            let company = best.added.len() > 1;
+            let has_others = best.added.len() > 1;
             let unsteady = |(k, own): (usize, &Stability)| {
                 let turns = own.ranges.first().is_some_and(|range| range.0 < 0.0 && range.1 > 0.0);
                 let needed =
                     best.added.iter().any(|&c| self.study().candidates[c].needs == Some(best.added[k]));
                 let rarely = 2 * own.better <= own.parts && own.gain < MIN_GAIN_ON_FEW_PARTS;
-                company && !needed && (rarely || turns && own.better < own.parts)
+                has_others && !needed && (rarely || turns && own.better < own.parts)
             };
             let worst = stability.iter().enumerate().filter(|&(k, own)| unsteady((k, own)));
             let Some((k, own)) = worst.min_by_key(|(_, own)| own.better) else {

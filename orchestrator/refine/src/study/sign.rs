@@ -1,5 +1,5 @@
-//! Signs of the columns of a study: the declared model is fitted with the other sign of every column, and of every signal
-//! where a column makes several.
+//! Signs of the columns of a study: the declared model is fitted with the other sign of every column, and of every
+//! signal where a column makes several.
 
 use toml::Spanned;
 
@@ -85,7 +85,7 @@ fn negate(records: &mut [Record], places: &[Place]) {
     }
 }
 
-/// What to write where.
+/// The error that tells key and place in the file of the other sign.
 fn refusal(file: &File, study: &Study, places: &[Place], (stated, other): (f64, f64)) -> Error {
     let declaration = &file.declaration;
     let mut remedies = Vec::new();

@@ -15,16 +15,16 @@ pub fn savitzky_golay(values: &[f64], points: usize, step: f64) -> Vec<f64> {
     let s4 = s2 * (3.0 * m * m + 3.0 * m - 1.0) / 5.0;
     (0..n)
         .map(|i| {
-            let centre = i.clamp(half, n - 1 - half);
+            let center = i.clamp(half, n - 1 - half);
             let (mut y0, mut y1, mut y2) = (0.0, 0.0, 0.0);
-            for (j, value) in values[centre - half..=centre + half].iter().enumerate() {
+            for (j, value) in values[center - half..=center + half].iter().enumerate() {
                 let k = j as f64 - m;
                 y0 += value;
                 y1 += k * value;
                 y2 += k * k * value;
             }
             let curvature = (count * y2 - s2 * y0) / (count * s4 - s2 * s2);
-            (y1 / s2 + 2.0 * curvature * (i as f64 - centre as f64)) / step
+            (y1 / s2 + 2.0 * curvature * (i as f64 - center as f64)) / step
         })
         .collect()
 }

@@ -245,7 +245,7 @@ impl<'a> View<'a> {
             Initial::Word(_) => (0..nx).map(|i| self.measured_state((record, begin), i, shift)).collect(),
         };
         let pass = |tap, value, slots: &[f64]| blocks.pass(tap, value, slots);
-        plant.initialise(&given, &fixed, begin as f64 * step, &mut x, &pass)?;
+        plant.initialize(&given, &fixed, begin as f64 * step, &mut x, &pass)?;
         let start = x.clone();
         if own {
             // They are those behind the events of the first sample.

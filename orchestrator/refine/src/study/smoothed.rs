@@ -47,7 +47,7 @@ fn rates(view: &View, record: &Record, states: &[usize], p: &[f64]) -> Option<Ve
     let study = view.study;
     let mut plant = study.take().ok()?;
     let (mut x, mut dx) = (vec![0.0; plant.nx], vec![0.0; plant.nx]);
-    plant.initialise(&[], &view.parameters(p), 0.0, &mut x, &|_, value, _| value).ok()?;
+    plant.initialize(&[], &view.parameters(p), 0.0, &mut x, &|_, value, _| value).ok()?;
     let mut blocks = view.blocks(p, false);
     let mut found = vec![Vec::with_capacity(record.n); states.len()];
     for k in 0..record.n - 1 {

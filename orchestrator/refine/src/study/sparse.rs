@@ -4,7 +4,8 @@
 use airloop_series::resample::{locate, value_at};
 use airloop_series::{Interpolation, TimeSeries};
 
-/// Distance of a sample of the grid to the next one of the column, in steps of the grid, up to which it counts as measured.
+/// Distance of a sample of the grid to the next one of the column, in steps of the grid, up to which it counts as
+/// measured.
 const MAX_DISTANCE: f64 = 0.5;
 /// Ratio of the usual step of a column to that of the grid from which on it is slower.
 const MIN_RATIO_OF_SLOW: f64 = 1.5;

@@ -7,7 +7,7 @@ use airloop_series::compound_unit;
 use super::own::{Own, VARIABLES};
 use super::units;
 use crate::engine::fit::Free;
-use crate::study::catalogue::Candidate;
+use crate::study::catalog::Candidate;
 use crate::study::declaration::Attachment;
 use crate::study::kinds::CHANNELS;
 use crate::study::law::{Law, Point};

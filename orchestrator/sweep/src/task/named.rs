@@ -11,8 +11,8 @@ const MAX_WORDS: usize = 10_000;
 /// Any FMU of this project: the others lie in the same folder.
 const ANY_FMU: &str = "friction";
 
-/// What is there of all that the words and the values of the factors name, and the FMUs of this project, which commands
-/// derive others from.
+/// Files that exist of all that the words and the values of the factors name, and the FMUs of this project, which
+/// commands derive others from.
 pub fn files(plan: &PlanFile, base: &Path) -> Vec<PathBuf> {
     let mut found: Vec<PathBuf> = Vec::new();
     for word in plan.command.iter().skip(1).filter(|word| !word.contains("{output}")) {

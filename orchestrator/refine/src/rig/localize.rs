@@ -21,7 +21,7 @@ const FORCE_WALKS: [Walk; 7] = [
 ];
 /// Time advances of the force of an actuator that are tried, as shares of a sample: its values between samples are not
 /// measured, and an advance looks like a mass where friction grows with the speed.
-const LEADS: [f64; 4] = [0.5, 0.0, 0.25, 0.75];
+const TIME_ADVANCES: [f64; 4] = [0.5, 0.0, 0.25, 0.75];
 /// Normalized power of the innovations up to which the mechanics count as explained. The disturbance of a wrong
 /// actuator is not quite a random walk, so that it need not come down to that of noise.
 const MAX_LOGLIKELIHOOD_LEFT: f64 = 30.0;
@@ -38,7 +38,7 @@ const MAX_EFFECTS: usize = 2;
 /// Twice the gain of the logarithm of the likelihood that an effect behind a wrong actuator must bring.
 const MIN_LOGLIKELIHOOD_GAIN: f64 = 150.0;
 /// Square of Student's 97.5 % quantile for six records over that of the normal law.
-const FEW_RECORDS: f64 = 1.72;
+const SQUARED_STUDENT_OVER_NORMAL: f64 = 1.72;
 
 /// Conclusions from the measured force about the rest of the rig.
 pub struct Findings {
@@ -61,7 +61,7 @@ pub struct Findings {
 /// Traces what the candidates cannot explain.
 ///
 /// `front`: channel in front of the cart where the forces do not follow from command and motion, if there is one.
-pub fn localise(
+pub fn localize(
     rig: &Coupled,
     candidates: &[Candidate],
     front: Option<&str>,
@@ -105,7 +105,7 @@ pub fn localise(
             variables(&observer, &records, &model.fit.parameters, 4, channel);
         let effects = (explained && !model.added.is_empty()).then(|| {
             // What the actuator does otherwise is no white noise; few records make the quantile of their scatter wider.
-            model.fit.covariance += scatter(&observer, &records, &model.fit) * FEW_RECORDS;
+            model.fit.covariance += scatter(&observer, &records, &model.fit) * SQUARED_STUDENT_OVER_NORMAL;
             model
         });
         let channel = Some(channel.into());
@@ -192,7 +192,7 @@ impl<'a> Around<'a> {
         };
         let first = best_walk(self.rig, &FORCE_WALKS, &model.fit.parameters);
         let model = refit(&first, model, 8);
-        let observer = Observer::around(self.rig, first.walk, first.lead, &model.fit.parameters);
+        let observer = Observer::around(self.rig, first.walk, first.time_advance, &model.fit.parameters);
         let model = refit(&observer, &model, 3);
         Tuned { observer, model }
     }
@@ -202,14 +202,14 @@ impl<'a> Around<'a> {
 fn best_walk<'a>(rig: &'a Coupled, walks: &[Walk], p: &[f64]) -> Observer<'a> {
     let likelier =
         |best: Observer<'a>, other: Observer<'a>| if best.cost <= other.cost { best } else { other };
-    let around = |walk: Walk, lead: f64| Observer::around(rig, walk, lead, p);
+    let around = |walk: Walk, time_advance: f64| Observer::around(rig, walk, time_advance, p);
     let first = walks.first().copied().unwrap_or([0.1, 0.0, 0.0, 0.0]);
     let best = walks
         .iter()
         .skip(1)
-        .fold(around(first, LEADS[0]), |best, &walk| likelier(best, around(walk, LEADS[0])));
+        .fold(around(first, TIME_ADVANCES[0]), |best, &walk| likelier(best, around(walk, TIME_ADVANCES[0])));
     let walk = best.walk;
-    LEADS[1..].iter().fold(best, |best, &lead| likelier(best, around(walk, lead)))
+    TIME_ADVANCES[1..].iter().fold(best, |best, &time_advance| likelier(best, around(walk, time_advance)))
 }
 
 /// Variables that the estimated disturbance depends on: those whose bins explain most of its variance, and the share of

@@ -139,7 +139,7 @@ fn cogging(scope: &Scope) -> Candidate {
     let (low, high) = scope.positions;
     let mut period = 0.2;
     let mut grid = Vec::new();
-    // Neighbours differ by half a turn over the stroke; a fit finds its way over a whole one.
+    // Neighbors differ by half a turn over the stroke; a fit finds its way over a whole one.
     while period > 0.006 {
         grid.push(period);
         period = 1.0 / (1.0 / period + 0.5 / (high - low));
@@ -152,7 +152,8 @@ fn cart(scope: &Scope, found: &mut Vec<Candidate>) {
     found.push(linear("cart.mass", channel, &[MASS]));
     let swept = scope.positions.1 - scope.positions.0;
     if scope.kind != Kind::Cartpole {
-        // A drive leads the cart along the guide: a spring, a wall or a slope would be felt by the drive, and so would cogging.
+        // A drive leads the cart along the guide: a spring, a wall or a slope would be felt by the drive, and so would
+        // cogging.
         if swept > 0.0 && swept.is_finite() {
             found.push(cogging(scope));
         }

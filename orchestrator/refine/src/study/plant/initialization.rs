@@ -17,7 +17,7 @@ impl Plant {
     ///
     /// # Errors
     /// An FMU that fails.
-    pub fn initialise(
+    pub fn initialize(
         &mut self,
         begin: &[Option<f64>],
         parameters: &[(Parameter, f64)],
@@ -69,7 +69,7 @@ impl Plant {
         asked
     }
 
-    /// Initializes all components; `states` as `begin` of [`Plant::initialise`].
+    /// Initializes all components; `states` as `begin` of [`Plant::initialize`].
     fn begin(
         &mut self,
         states: &[Option<f64>],
@@ -82,7 +82,7 @@ impl Plant {
         let sampled = self.parts.iter().any(|part| part.only_events);
         for place in 0..self.parts.len() {
             let (part, component) = (&mut self.parts[place], &self.starts[place]);
-            if self.initialised {
+            if self.initialized {
                 part.model.reset().map_err(Problem::fmu)?;
             }
             set_start_values(&mut part.model, component)?;
@@ -106,7 +106,7 @@ impl Plant {
             // Instances leave initialization in event mode.
             part.in_event = true;
         }
-        self.initialised = true;
+        self.initialized = true;
         self.settle(time, x, block).map_err(Problem::fmu)
     }
 }

@@ -152,7 +152,7 @@ fn starts(law: Law, count: usize, ranges: &[(f64, f64); 5]) -> Result<Vec<Vec<f6
             inside.map(|part| vec![0.0, 0.0, position.0 + part * x]).into()
         }
         Law::Cogging => {
-            // Neighbours differ by a third of a turn over the travel.
+            // Neighbors differ by a third of a turn over the travel.
             let mut grid = Vec::new();
             let mut period = x;
             while period > x / 25.0 {
