@@ -51,7 +51,7 @@ impl<'a> Tables<'a> {
             node["required"].as_array().into_iter().flatten().filter_map(Value::as_str).collect();
         let mut inner = Vec::new();
         for (key, value) in keys {
-            let kind = self.kind(value, 0);
+            let kind = self.kind(value);
             let needed = if required.contains(&key.as_str()) { " (required)" } else { "" };
             let mut meaning = sentence(
                 value["description"]
@@ -75,7 +75,7 @@ impl<'a> Tables<'a> {
         }
     }
 
-    fn kind(&self, node: &'a Value, depth: usize) -> Kind<'a> {
+    fn kind(&self, node: &'a Value) -> Kind<'a> {
         let plain = |words: String| Kind { words, tables: Vec::new() };
         let node = self.resolved(node);
         if let Some(value) = node.get("const") {
@@ -85,12 +85,12 @@ impl<'a> Tables<'a> {
             return plain(values.iter().map(|value| format!("`{value}`")).collect::<Vec<_>>().join(", "));
         }
         if let Some(all) = node["allOf"].as_array() {
-            return self.kind(&all[0], depth);
+            return self.kind(&all[0]);
         }
         if let Some(any) = node["anyOf"].as_array().or(node["oneOf"].as_array())
             && node["properties"].is_null()
         {
-            let kinds: Vec<Kind> = any.iter().map(|one| self.kind(one, depth)).collect();
+            let kinds: Vec<Kind> = any.iter().map(|one| self.kind(one)).collect();
             let mut words: Vec<String> = Vec::new();
             for kind in &kinds {
                 if !words.contains(&kind.words) && kind.words != "null" {
@@ -115,12 +115,12 @@ impl<'a> Tables<'a> {
             if !node["additionalProperties"].is_object() {
                 return plain("table".into());
             }
-            let of = self.kind(&node["additionalProperties"], depth + 1);
+            let of = self.kind(&node["additionalProperties"]);
             let tables = of.tables.into_iter().map(|(_, table)| ("[KEY.NAME]", table)).collect();
             return Kind { words: format!("table: NAME = {}", of.words), tables };
         }
         if types.contains(&"array") {
-            let of = self.kind(&node["items"], depth + 1);
+            let of = self.kind(&node["items"]);
             let count = match (node["minItems"].as_u64(), node["maxItems"].as_u64()) {
                 (Some(least), Some(most)) if least == most => format!(" of {least}"),
                 (Some(least), _) if least > 0 => format!(" of at least {least}"),

@@ -44,13 +44,15 @@ pub fn refuse_what_explains_too_little(found: &mut Answer, place: &str) -> bool 
         let [was, is] = [before, after].map(|errors| errors.rms.get(signal).copied().unwrap_or(f64::NAN));
         is / was
     };
-    let claimed = |signal: &str| !((change(signal) - 1.0).abs() < MIN_CHANGE_OF_A_CLAIM);
+    let claimed =
+        |signal: &str| (change(signal) - 1.0).abs() >= MIN_CHANGE_OF_A_CLAIM || change(signal).is_nan();
     let claims = after.nrmse.keys().any(|signal| claimed(signal));
     let left = |(signal, nrmse): (&String, &f64)| {
         let rms = after.rms.get(signal).copied().unwrap_or(f64::NAN);
         let noise = (found.floor_of(signal).unwrap_or(0.0) / rms).min(1.0);
         let above = nrmse * (1.0 - noise * noise).sqrt();
-        let far = !(above < MIN_NRMSE_OF_NO_ANSWER) && !(change(signal) < MIN_RATIO_OF_NO_ANSWER);
+        let far = (above >= MIN_NRMSE_OF_NO_ANSWER || above.is_nan())
+            && (change(signal) >= MIN_RATIO_OF_NO_ANSWER || change(signal).is_nan());
         (far && (claimed(signal) || !claims)).then(|| format!("{signal} {:.0} %", 100.0 * nrmse))
     };
     let left: Vec<String> = after.nrmse.iter().filter_map(left).collect();

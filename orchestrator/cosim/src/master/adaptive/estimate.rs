@@ -65,11 +65,7 @@ impl Estimate {
             connections.any(|connection| connection.component == component && connection.variable == variable)
         };
         let direct = |&(component, variable): &(usize, usize)| {
-            graph.components[component]
-                .fmu
-                .feed_through(variable)
-                .into_iter()
-                .any(|&input| fed(component, input))
+            graph.components[component].fmu.feed_through(variable).iter().any(|&input| fed(component, input))
         };
         if !sources.iter().all(direct) {
             sources.retain(|source| !direct(source));
