@@ -88,10 +88,11 @@ mod tests {
             Actuator { sample_time: 1e-3, A1: [[-0.9, 0.0], [0.0, -0.95]], B0: [0.1, 0.05], B1: [0.0; 2] };
         let noises = [("F_hat", 0.3), ("F_p", 0.3), ("x", 1e-4), ("theta", 5e-4)];
         let own = rig(actuator, N, &noises, &[]);
-        let knots = vec![vec![0.0, 0.299, 0.3, 0.301, 0.6]];
+        // Knots close together on both sides, as slopes of the curve reach over one knot.
+        let knots = vec![vec![0.0, 0.297, 0.298, 0.299, 0.3, 0.301, 0.302, 0.6]];
         let surface = Surface { variables: vec![Variable::Time], knots };
         let extra = place.map(|place| Arc::new(Extra { place, form: Form::Surface(surface) }));
-        let heights = if extra.is_some() { vec![0.0, 0.0, 0.5, 0.5, 0.5] } else { Vec::new() };
+        let heights = if extra.is_some() { vec![0.0, 0.0, 0.0, 0.0, 0.5, 0.5, 0.5, 0.5] } else { Vec::new() };
         let own = Coupled { extra, ..own };
         let found = own.predict(0, &[p, &heights].concat(), &[0.0, 0.0]);
         found.chunks(N).map(<[f64]>::to_vec).collect()
