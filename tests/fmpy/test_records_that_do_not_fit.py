@@ -143,6 +143,12 @@ def test_resample_writes_a_grid_with_units_and_says_what_it_did(tmp_path):
     assert {u for *_, u in inside} == {0.0, 1.0}
     again = start("resample", record, "--step", "5ms", "-o", record)
     assert again.returncode == 1 and "record that is read" in again.stderr
+    mine = tmp_path / "mine.csv"
+    mine.write_text("time,y,u\n0,1,2\n0.3,2,3\n")
+    again = start("resample", record, "--step", "5ms", "-o", mine)
+    assert again.returncode == 1 and "mine.csv" in again.stderr and "another name" in again.stderr
+    assert mine.read_text().startswith("time,y,u\n0,1,2")
+    assert start("resample", record, "--step", "5ms", "--held", "u", "-o", tmp_path / "new.csv").returncode == 0
     wrong = start("resample", record, "--step", "5ms", "--held", "v", "-o", tmp_path / "new.csv")
     assert wrong.returncode == 1 and "`v`" in wrong.stderr and "y, u" in wrong.stderr
 

@@ -198,7 +198,7 @@ def test_seal(tmp_path):
     found = measured("pneumatic_seal_friction", tmp_path)
     # Presliding takes the place of act.area and a third effect at the same error.
     assert named(found) == ["pf.pressure", "pf.presliding"]
-    # 1.33 N with the samples of the grid that bridge gaps of the files, which count for no error.
+    # 1.33 N if the declared model is also fitted to what bridges the gaps of the estimation records, up to 0.3 s long.
     assert found["residual"]["validation"]["rms_before"]["force"] == pytest.approx(1.32, abs=0.01)
     assert found["residual"]["validation"]["rms_after"]["force"] <= 0.88
 

@@ -67,12 +67,12 @@ impl From<MethodChoice> for Method {
 /// A file that cannot be read, a step or a column that does not fit, a result that would replace its source.
 pub fn run(args: &Args) -> Result<ExitCode, Error> {
     let several = args.files.len() > 1;
-    let mut text = String::new();
+    let target = |path: &Path| match path.file_name() {
+        Some(name) if several => args.output.join(name),
+        _ => args.output.clone(),
+    };
     for path in &args.files {
-        let target = match path.file_name() {
-            Some(name) if several => args.output.join(name),
-            _ => args.output.clone(),
-        };
+        let target = target(path);
         let refuse = |problem: String| Error::OutputFile { file: target.clone(), problem };
         let same = target.canonicalize().is_ok_and(|own| {
             args.files.iter().any(|other| other.canonicalize().is_ok_and(|other| other == own))
@@ -80,6 +80,16 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
         if same {
             return Err(refuse("this is a record that is read; give another name to -o".into()));
         }
+        file::check_place(&target).map_err(|problem| refuse(problem.to_string()))?;
+        if target.exists() && !is_earlier_result(path, &target, args.step) {
+            return Err(refuse(
+                "it is there and is not this record on this grid; give another name to -o".into(),
+            ));
+        }
+    }
+    let mut text = String::new();
+    for path in &args.files {
+        let target = target(path);
         let notes = write(path, &target, args.step, args.method.into(), &args.held)?;
         text += &format!("{}\n", target.display());
         notes.iter().for_each(|note| text += &format!("  {note}\n"));
@@ -88,6 +98,15 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
         output::print(&text)?;
     }
     Ok(ExitCode::SUCCESS)
+}
+
+/// Whether `target` has the columns of `source` on a grid of `step` \[s\], as an earlier run wrote it.
+fn is_earlier_result(source: &Path, target: &Path, step: f64) -> bool {
+    let (Ok(source), Ok(target)) = (csv::read(source), csv::read(target)) else { return false };
+    let names =
+        |series: &TimeSeries| series.channels().iter().map(|own| own.name.clone()).collect::<Vec<_>>();
+    let on_grid = target.time().windows(2).all(|pair| (pair[1] - pair[0] - step).abs() <= 1e-6 * step);
+    on_grid && names(&source) == names(&target)
 }
 
 /// Writes the file `path` on a grid to `target`; what was done, one sentence each.

@@ -33,8 +33,8 @@ const MIN_RATIO_OF_NO_ANSWER: f64 = 0.5;
 const MIN_CHANGE_OF_A_CLAIM: f64 = 0.05;
 
 /// Takes effects and laws back that leave more than half of a signal on validation records that they claim to explain,
-/// and have not even halved its error; an answer that changes no signal claims all of them. What is left has its place
-/// at `place`. Whether it did.
+/// and have not even halved its error; an answer that changes no signal claims all of them. The residual has its place
+/// at `place`. Returns whether an answer was withdrawn.
 pub fn refuse_what_explains_too_little(found: &mut Answer, place: &str) -> bool {
     if !matches!(found.verdict, Verdict::Effect | Verdict::Law) {
         return false;

@@ -31,7 +31,7 @@ pub fn is_wrong(stated: f64, other: f64) -> bool {
     stated > MIN_ERROR && other < most * stated
 }
 
-/// How the errors are told.
+/// Text of both errors, for the message.
 pub fn words(stated: f64, other: f64) -> String {
     let stated = if stated.is_finite() {
         format!("leaves an error of {:.0} % of the spread of the records", 100.0 * stated)

@@ -4,7 +4,7 @@
 //! continuous one moves on straight lines between its samples; for a coarser grid a zero-phase low-pass takes away
 //! first what the grid cannot show.
 
-use super::{Error, Interpolation, TimeSeries};
+use super::{Channel, Error, Interpolation, TimeSeries};
 
 /// Stop band of the low-pass, as a share of the new sample rate: half of it is the highest frequency that a grid can
 /// show.
@@ -13,12 +13,14 @@ const STOP_BAND: f64 = 0.5;
 const PASS_BAND: f64 = 0.4;
 /// Attenuation of the stop band \[dB\].
 const ATTENUATION: f64 = 60.0;
+/// Length of the low-pass in steps of the new grid.
+const STEPS_OF_LOW_PASS: f64 = 37.0;
 /// Ratio of the new step to that of the series from which on the low-pass is needed.
 const MIN_RATIO_OF_COARSER: f64 = 1.05;
 /// Step between two samples over the median from which on it is a gap.
 const MIN_RATIO_OF_GAP: f64 = 3.0;
-/// Samples of one series at most.
-const MAX_SAMPLES: f64 = 1e8;
+/// Samples of a grid at most, also of the fine one in front of a low-pass.
+const MAX_SAMPLES: f64 = 1e7;
 
 /// How a signal goes from sample to sample.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -58,6 +60,16 @@ pub enum Problem {
         /// Longest step \[s\].
         most: f64,
     },
+    /// The low-pass needs too fine a grid: most samples lie far closer to each other than the rest.
+    #[error(
+        "samples {median:.3e} s apart (the median) over {span} s are too many for the low-pass of a coarser grid; cut the file, or take a method without low-pass"
+    )]
+    TooFine {
+        /// Median step of the series \[s\].
+        median: f64,
+        /// Length \[s\].
+        span: f64,
+    },
     /// A channel is not there.
     #[error("there is no column `{name}`; there are: {known}")]
     Channel {
@@ -92,25 +104,32 @@ pub fn uniform(source: &TimeSeries, step: f64, method: Method, held: &[String]) 
     // So many steps of the fine grid make one of the new, and none is longer than those of the series.
     // A whole ratio stays one although stamps are rounded.
     let parts = if coarser { (step / own - 1e-3).ceil().max(1.0) as usize } else { 1 };
+    let is_held = |channel: &Channel| method == Method::Hold || channel.words || held.contains(&channel.name);
+    let needs_filter = coarser && method == Method::Filter && !source.channels().iter().all(is_held);
+    if needs_filter && (span / step).max(STEPS_OF_LOW_PASS) * parts as f64 >= MAX_SAMPLES {
+        return Err(Problem::TooFine { median: own, span });
+    }
     let count = (span / step * (1.0 + 1e-12)) as usize + 1;
     let axis = |parts: usize, count: usize| {
         (0..count).map(|k| time[0] + k as f64 * step / parts as f64).collect::<Vec<f64>>()
     };
     let on_hold = source.resample(axis(1, count), Interpolation::Hold)?;
-    let on_lines = source.resample(axis(1, count), Interpolation::Linear)?;
-    let fine_count = (span / step * parts as f64 * (1.0 + 1e-12)) as usize + 1;
-    let fine = source.resample(axis(parts, fine_count), Interpolation::Linear)?;
-    let filter = LowPass::new(parts);
+    let on_lines = if needs_filter {
+        let fine_count = (span / step * parts as f64 * (1.0 + 1e-12)) as usize + 1;
+        source.resample(axis(parts, fine_count), Interpolation::Linear)?
+    } else {
+        source.resample(axis(1, count), Interpolation::Linear)?
+    };
+    let filter = LowPass::new(if needs_filter { parts } else { 1 });
     let mut series = TimeSeries::new(axis(1, count))?;
     let (mut kept, mut filtered) = (Vec::new(), Vec::new());
     for (index, channel) in source.channels().iter().enumerate() {
-        let is_held = method == Method::Hold || channel.words || held.contains(&channel.name);
-        let values = if is_held {
+        let values = if is_held(channel) {
             kept.push(channel.name.as_str());
             on_hold.channels()[index].values.clone()
-        } else if coarser && method == Method::Filter {
+        } else if needs_filter {
             filtered.push(channel.name.as_str());
-            let values = &fine.channels()[index].values;
+            let values = &on_lines.channels()[index].values;
             (0..count).map(|k| filter.at(values, k * parts)).collect()
         } else {
             on_lines.channels()[index].values.clone()
@@ -302,6 +321,15 @@ mod tests {
         }
         let finer = uniform(&series, 2e-3, Method::Filter, &[]).unwrap();
         assert!(finer.notes.iter().any(|note| note.contains("interpolated, not measured")));
+    }
+
+    #[test]
+    fn a_burst_of_stamps_does_not_ask_for_a_grid_without_end() {
+        let mut stamps = every(1e-9, 100);
+        stamps.extend([1.0, 2.0, 3.0]);
+        let problem = uniform(&sine(1.0, &stamps), 0.1, Method::Filter, &[]).unwrap_err().to_string();
+        assert!(problem.contains("too many for the low-pass"), "{problem}");
+        assert_eq!(uniform(&sine(1.0, &stamps), 0.1, Method::Linear, &[]).unwrap().series.len(), 31);
     }
 
     #[test]
