@@ -11,7 +11,7 @@ import pytest
 from command import ROOT, start
 from test_study import named, refine
 
-BENCH = ROOT / "tests" / "study" / "foreign"
+BENCH = ROOT / "tests" / "study" / "third_party"
 sys.path.append(str(BENCH))
 from systems import System  # noqa: E402
 
