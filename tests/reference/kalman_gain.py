@@ -1,4 +1,4 @@
-"""Gain of the Kalman predictor by SciPy, for the test of the Riccati equation in orchestrator/src/ident/subspace/riccati.rs.
+"""Gain of the Kalman predictor by SciPy, for the test of the Riccati equation in orchestrator/ident/src/subspace/riccati.rs.
 
     python tests/reference/kalman_gain.py      prints the gain
 """

@@ -1,5 +1,5 @@
 """Optima of the cart-pole without friction (Kelly, SIAM Review 59(4), 2017) by CasADi with IPOPT, equations and
-collocation typed anew: the numbers in `orchestrator/tests/transcription/kelly.rs`.
+collocation typed anew: the numbers in `orchestrator/ocp/tests/transcription/kelly.rs`.
 
     python tests/reference/kelly_cart_pole.py
 """

@@ -1,4 +1,4 @@
-"""Reference fit of eq. 2 for orchestrator/src/ident/friction/tests.rs: scipy.optimize.curve_fit on data typed here again.
+"""Reference fit of eq. 2 for orchestrator/ident/src/friction/tests.rs: scipy.optimize.curve_fit on data typed here again.
 
     python tests/reference/make_friction_reference.py
 

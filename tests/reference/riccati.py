@@ -1,4 +1,4 @@
-"""Discrete Riccati equations solved by SciPy: the numbers in orchestrator/src/control/tests.rs.
+"""Discrete Riccati equations solved by SciPy: the numbers in orchestrator/ocp/src/control/tests.rs.
 
     python tests/reference/riccati.py
 """

@@ -2,7 +2,7 @@
 
     .venv/bin/python tests/reference/van_der_pol_ipopt.py
 
-Prints the objective of examples/03_swing_up/third_party/problem.toml, which orchestrator/tests/optimize_command.rs and
+Prints the objective of examples/03_swing_up/third_party/problem.toml, which orchestrator/cli/tests/optimize_command.rs and
 tests/fmpy/test_optimize.py expect.
 """
 
