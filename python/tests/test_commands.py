@@ -13,6 +13,7 @@ import pandas
 import pytest
 
 import airloop
+from pendulum import study as pendulum_study
 from airloop import program
 
 
@@ -103,24 +104,7 @@ def test_a_study_as_dictionary_finds_the_effect_and_leaves_no_file(tmp_path):
         x = solve_ivp(true, (0, 6), [angle, 0.0], t_eval=t, rtol=1e-9, atol=1e-10).y[0]
         files[name] = {"time": t, "angle": x + 1e-4 * noise.normal(size=len(t))}
         pandas.DataFrame(files[name]).to_csv(tmp_path / f"{name}.csv", index=False)
-    study = {
-        "name": "pendulum",
-        "system": "airloop:pendulum",
-        "parameters": {"m": 0.15, "l": 0.15},
-        "outputs": {"theta": {"column": "angle", "unit": "rad", "noise": 1e-4}},
-        "states": {
-            "theta": {"column": "angle", "unit": "rad"},
-            "omega": {"derivative_of": "angle", "savitzky_golay_points": 9},
-        },
-        "segment": [
-            {"file": "a.csv", "role": "estimation", "initial": "fit"},
-            {"file": "b.csv", "role": "estimation", "initial": "fit"},
-            {"file": "c.csv", "role": "validation", "initial": "fit"},
-        ],
-        "attachment": [
-            {"input": "tau_ext", "channels": ["pole"], "velocity": "omega", "position": "theta", "effects": ["pole.coulomb"]}
-        ],
-    }
+    study = pendulum_study({"m": 0.15, "l": 0.15})
     before = sorted(os.listdir(tmp_path))
     report = airloop.refine(study, folder=tmp_path)
     assert sorted(os.listdir(tmp_path)) == before

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import airloop
+from pendulum import study as pendulum_study
 
 SPRING = {
     "kind": "stop",
@@ -35,24 +36,7 @@ def study(tmp_path_factory):
             c = rate(y + h / 2 * b)
             y = y + h / 6 * (a + 2 * b + 2 * c + rate(y + h * c))
         np.savetxt(folder / f"{name}.csv", rows, delimiter=",", header="time,angle", comments="", fmt="%.6f")
-    return folder, {
-        "name": "pendulum",
-        "system": "airloop:pendulum",
-        "parameters": {"m": 0.15, "l": 0.15, "I": 3.4e-3, "b": 1e-4},
-        "outputs": {"theta": {"column": "angle", "unit": "rad", "noise": 1e-4}},
-        "states": {
-            "theta": {"column": "angle", "unit": "rad"},
-            "omega": {"derivative_of": "angle", "savitzky_golay_points": 9},
-        },
-        "segment": [
-            {"file": "a.csv", "role": "estimation", "initial": "fit"},
-            {"file": "b.csv", "role": "estimation", "initial": "fit"},
-            {"file": "c.csv", "role": "validation", "initial": "fit"},
-        ],
-        "attachment": [
-            {"input": "tau_ext", "channels": ["pole"], "velocity": "omega", "position": "theta", "effects": ["pole.coulomb"]}
-        ],
-    }
+    return folder, pendulum_study({"m": 0.15, "l": 0.15, "I": 3.4e-3, "b": 1e-4})
 
 
 @pytest.fixture(scope="module")
