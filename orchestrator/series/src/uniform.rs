@@ -48,7 +48,7 @@ pub struct Uniform {
 pub enum Problem {
     /// The step does not fit.
     #[error(
-        "a step of {step} s does not fit a series of {samples} samples over {span} s; give one above zero and below {most:.3e} s"
+        "a step of {step} s does not fit a series of {samples} samples over {span} s; give one above zero and up to {most} s"
     )]
     Step {
         /// New step \[s\].
