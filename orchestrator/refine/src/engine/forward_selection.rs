@@ -26,6 +26,7 @@ pub fn search(question: &Question) -> Found {
         weights = run.weights(&base.fit.parameters, &base.fit.locals);
         base = run.fit(&weights, &[], &base.fit.parameters, &base.fit.locals, ROUNDS);
     }
+    (base, weights) = run.reweighed(base);
     let mut found = Found {
         best: base.clone(),
         one_by_one: Default::default(),
@@ -85,6 +86,9 @@ pub fn refit(question: &Question, added: &[usize], start: &[f64]) -> Found {
 pub(super) const ROUNDS: usize = 6;
 pub(super) const REFINEMENT_ROUNDS: usize = 4;
 const FOLD_ROUNDS: usize = 2;
+/// Fits under the weights of the fit before, and the ratio of their errors above which there is no further one.
+const MAX_REWEIGHTS: usize = 8;
+const MAX_ERROR_RATIO_OF_REWEIGHTS: f64 = 0.9;
 /// Rounds of a fit of local parameters alone.
 const LOCAL_ROUNDS: usize = 3;
 /// Free forms that are fitted.
@@ -166,6 +170,26 @@ impl<'a> Run<'a> {
         }
         let extra = self.question.beside(added);
         self.with(weights, records, |search| search.fit(added, &extra, &start, locals, rounds))
+    }
+
+    /// A model fitted under the weights of what it leaves itself, and these weights.
+    ///
+    /// Under those of a model that leaves much more the data say little against the tolerances of the corrections, so
+    /// that one fit ends in the middle of the way.
+    fn reweighed(&self, mut model: Model) -> (Model, Weights) {
+        let mut error = self.fitted_error(&model);
+        let mut weights = self.weights(&model.fit.parameters, &model.fit.locals);
+        for _ in 0..MAX_REWEIGHTS {
+            let fit = &model.fit;
+            let next = self.fit(&weights, &model.added, &fit.parameters, &fit.locals, REFINEMENT_ROUNDS);
+            let left = self.fitted_error(&next);
+            if left > MAX_ERROR_RATIO_OF_REWEIGHTS * error || stop::asked() {
+                break;
+            }
+            weights = self.weights(&next.fit.parameters, &next.fit.locals);
+            (model, error) = (next, left);
+        }
+        (model, weights)
     }
 
     /// Local parameters that fit some records best at `p`, from those given.
@@ -272,8 +296,9 @@ impl<'a> Run<'a> {
             })
             .collect();
         fitted.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let Some(best) = fitted.first() else { return (Vec::new(), weights.clone()) };
-        let weights = self.weights(&best.1.fit.parameters, &best.1.fit.locals);
+        let Some(best) = fitted.first_mut() else { return (Vec::new(), weights.clone()) };
+        let (model, weights) = self.reweighed(best.1.clone());
+        best.1 = model;
         let base = self.fit(&weights, &base.added, &base.fit.parameters, &base.fit.locals, REFINEMENT_ROUNDS);
         let base_error = self.held_out_error(&weights, &base);
         let base_fitted = self.fitted_error(&base);

@@ -10,6 +10,7 @@ pub mod ladder;
 pub mod near;
 pub mod noise;
 pub mod normal;
+mod pairs;
 pub mod parallel;
 pub mod question;
 pub mod search;

@@ -29,6 +29,14 @@ impl Run<'_> {
                     sets.push(([&a.model.added[..], &[b.candidate]].concat(), p));
                 }
             }
+            for pair in self.predicted_pairs(&found.best, &last.tried) {
+                let same = |other: &(Vec<usize>, Vec<f64>)| {
+                    other.0.len() == pair.0.len() && pair.0.iter().all(|c| other.0.contains(c))
+                };
+                if !sets.iter().any(same) {
+                    sets.push(pair);
+                }
+            }
         }
         for (set, p) in sets {
             let known = set.iter().all(|c| found.best.added.contains(c));
@@ -90,7 +98,15 @@ impl Run<'_> {
             break;
         }
         let extra = model.added.len().saturating_sub(best.added.len()).max(1);
-        let enough = base_error - error >= q.settings.min_held_out_share * self.declared_error;
+        // As for one effect: several corrections together could do much of what the set does.
+        let dominant = || {
+            let error_of = |own: &Model| {
+                let p = q.without_corrections(&own.fit.parameters, &own.added);
+                self.error_at(&weights, &p, &own.fit.locals)
+            };
+            error_of(&model) <= (1.0 - q.settings.min_share_of_correction) * error_of(&base)
+        };
+        let enough = base_error - error >= q.settings.min_held_out_share * self.declared_error || dominant();
         let objection = model.added.iter().find_map(|&c| (q.sense)(&q.candidates[c], &model));
         let known = model.added.iter().all(|c| best.added.contains(c));
         if !enough || error > most(extra, best_error) || objection.is_some() || known {

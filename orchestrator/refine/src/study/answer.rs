@@ -179,6 +179,7 @@ fn beside_corrections(search: &by_share::Search, exact: Selection) -> (Selection
         if !exact.exact {
             exact.best = fits.polish(&exact.best).unwrap_or(exact.best);
         }
+        found.beside_corrections = Some(found.selection.best);
         (found.selection, found.corrections, found.weighted) = (exact.clone(), Vec::new(), false);
         return (exact, Some(found));
     }
@@ -371,7 +372,7 @@ fn assemble(
         None => rule(fits, judge, selection, [&before[1], &after[1]], &floors[0], share),
     };
     let chosen = verdict == Verdict::Effect;
-    let mut effects = effects(fits, selection, chosen, by_share.is_some_and(|found| found.weighted));
+    let mut effects = effects(fits, selection, chosen, by_share);
     if let Some(found) = by_share {
         explain_tried(found, &mut effects);
     }

@@ -34,6 +34,8 @@ pub struct ByShare {
     pub one_by_one: (Vec<usize>, Vec<f64>),
     /// Whether the fits counted residuals as the independent samples that they hold.
     pub weighted: bool,
+    /// The effects beside corrections, where those of the selection are fitted without.
+    pub beside_corrections: Option<fits::Model>,
     /// Candidates tried, step by step.
     pub steps: Vec<Step>,
     /// Channel and variable of a free form that takes away much more than the effects, and the share that it takes.
@@ -246,7 +248,16 @@ fn answer(fits: &Fits, declared: &fits::Model, known: &[question::Correction], f
         (own.place(), vec![explain::name(study, form.candidate).to_owned()], form.share)
     });
     let one_by_one = found.one_by_one.clone();
-    ByShare { selection, corrected, corrections, one_by_one, weighted: true, steps, free_form }
+    ByShare {
+        selection,
+        corrected,
+        corrections,
+        one_by_one,
+        weighted: true,
+        beside_corrections: None,
+        steps,
+        free_form,
+    }
 }
 
 /// The corrections of a model.

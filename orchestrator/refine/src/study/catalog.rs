@@ -9,7 +9,7 @@ use super::command::Command;
 use super::declaration::{Attachment, Initial, InitialWord};
 use super::kinds::{COMMAND, COMMANDS, FLOW, Kind, MECHANICAL, Memory, PORT_COMMANDS, kinds, unit};
 use super::law::{KNOTS, Law, Variable};
-use super::model::{Action, Entry, Sensor, Study, Target};
+use super::model::{Action, Entry, Level, Sensor, Study, Target};
 use super::ports;
 use super::read::Record;
 use crate::answer::Effect;
@@ -343,6 +343,12 @@ fn entries(
 fn push(study: &mut Study, kind: &Kind, channel: &'static str, tap: usize, starts: Vec<Vec<f64>>) {
     let smallest = |k: usize| starts.iter().map(|start| start[k]).fold(f64::INFINITY, f64::min);
     let largest = |k: usize| starts.iter().map(|start| start[k]).fold(0.0, f64::max);
+    // Friction of the declared model may be less than declared, as long as what is left of it takes energy.
+    let declared = match (kind.law, study.taps[tap].coulomb) {
+        (Law::Viscous, _) => study.taps[tap].viscous,
+        (Law::Coulomb, Some(Level::Value(level))) => level,
+        _ => 0.0,
+    };
     let bounds = |k: usize| {
         let shape = largest(k);
         match (kind.positive.contains(&k), shape > 0.0) {
@@ -350,7 +356,7 @@ fn push(study: &mut Study, kind: &Kind, channel: &'static str, tap: usize, start
             (true, true) if kind.law == Law::Coulomb => (0.2 * smallest(k), 5.0 * shape),
             // A shape stays within what the records can show.
             (true, true) => (1e-3 * smallest(k), 20.0 * shape),
-            (true, false) => (0.0, f64::INFINITY),
+            (true, false) => (-declared.max(0.0), f64::INFINITY),
             (false, _) => (f64::NEG_INFINITY, f64::INFINITY),
         }
     };

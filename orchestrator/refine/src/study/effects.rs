@@ -3,6 +3,7 @@
 
 use std::sync::Arc;
 
+use super::by_share::ByShare;
 use super::changed;
 use super::fits::{Fits, Model};
 use super::law::Law;
@@ -140,8 +141,26 @@ pub fn order(fits: &Fits, selection: &Selection) -> Vec<usize> {
     ranked(&gains, &needs).into_iter().map(|k| best.added[k]).collect()
 }
 
-/// Effects, chosen ones first; `weighted`: the fits counted residuals as the independent samples that they hold.
-pub fn effects(fits: &Fits, selection: &Selection, chosen: bool, weighted: bool) -> Vec<Effect> {
+/// An effect with the intervals of the same model fitted with residuals as the independent samples that they hold and
+/// with declared parameters within their tolerances, where these are wider.
+fn widened(effect: Effect, other: &Effect) -> Effect {
+    let wider = |(own, other): (Parameter, &Parameter)| {
+        let half = 0.5 * (own.interval.1 - own.interval.0).max(other.interval.1 - other.interval.0);
+        Parameter { interval: (own.value - half, own.value + half), ..own }
+    };
+    let parameters = effect.parameters.into_iter().zip(&other.parameters).map(wider).collect();
+    Effect { parameters, ..effect }
+}
+
+/// Effects, chosen ones first; `by_share`: what the search for a share of the error found, where it was asked.
+pub fn effects(
+    fits: &Fits,
+    selection: &Selection,
+    chosen: bool,
+    by_share: Option<&ByShare>,
+) -> Vec<Effect> {
+    let weighted = by_share.is_some_and(|found| found.weighted);
+    let beside = by_share.and_then(|found| found.beside_corrections.as_ref());
     let (study, best) = (fits.study, &selection.best);
     let view = fits.view(&best.added, &fits.pieces);
     let residuals =
@@ -167,7 +186,10 @@ pub fn effects(fits: &Fits, selection: &Selection, chosen: bool, weighted: bool)
         let rivals = selection.equals.iter().any(|(lacking, _)| *lacking == c);
         let group = (chosen && rivals).then_some(c);
         let stability = selection.stability.get(k).cloned();
-        let own = effect(fits, selection, best, c, widen(best));
+        let mut own = effect(fits, selection, best, c, widen(best));
+        if let Some(model) = beside.filter(|model| model.added.contains(&c)) {
+            own = widened(own, &effect(fits, selection, model, c, 1.0));
+        }
         found.push(Effect { selected: chosen, group, reason, stability, ..own });
     }
     if chosen {

@@ -89,6 +89,8 @@ pub struct Tap {
     pub angular: bool,
     /// Coulomb friction of the declared model: entry of the parameter vector, or its value.
     pub coulomb: Option<Level>,
+    /// Coefficient of the viscous friction that the declared model has here and keeps fixed; 0 without.
+    pub viscous: f64,
     /// Attachment at the same input that shows the motion there, where this one shows a motion at other inputs.
     pub crossed: Option<usize>,
 }

@@ -299,6 +299,12 @@ fn taps(
             let set = fixed.iter().find(|(own, _)| *own == parameter).map(|(_, value)| *value);
             Some(entry.map_or(Level::Value(set.unwrap_or(value)), Level::Entry))
         });
+        // One that is free is fitted itself.
+        let viscous = attachment.viscous.as_ref().and_then(|name| {
+            let (parameter, value, _) = Plant::parameter(graph, name)?;
+            let set = fixed.iter().find(|(own, _)| *own == parameter).map(|(_, value)| *value);
+            entries.iter().all(|entry| entry.name != *name).then_some(set.unwrap_or(value))
+        });
         let pole = attachment.channels.iter().any(|channel| channel == "pole");
         let vt = attachment.sign_velocity();
         if !(vt > 0.0 && vt.is_finite()) {
@@ -336,6 +342,7 @@ fn taps(
             v0,
             angular: pole,
             coulomb,
+            viscous: viscous.unwrap_or(0.0),
             crossed: None,
         });
     }

@@ -84,6 +84,10 @@ pub fn check(file: &File, graph: &SystemGraph) -> Result<(), Error> {
     Ok(())
 }
 
+/// Difference step of a correction, as long as that of a free parameter: a longer one over many periods of a swing takes
+/// curvature for a difference between mass and length.
+const DIFFERENCE_STEP: f64 = 1e-5;
+
 /// Corrections that are fitted at most.
 pub const MAX_CORRECTIONS: usize = 16;
 
@@ -116,7 +120,7 @@ pub fn fill(study: &mut Study, file: &File) {
         let (low, high) = if declared > 0.0 { least } else { (least.1, least.0) };
         let index = study.entries.len();
         let free =
-            Free { index, bounds: (low.max(-0.9), high), step: 0.05 * tolerance, prior: Some(tolerance) };
+            Free { index, bounds: (low.max(-0.9), high), step: DIFFERENCE_STEP, prior: Some(tolerance) };
         let target = Target::Correction { parameter, declared };
         study.entries.push(Entry {
             name,
