@@ -49,6 +49,22 @@ def test_dry_friction_and_drag_are_found_together_with_their_values(tmp_path):
     assert residual["rms_after"]["angle"] < 0.2 * residual["rms_before"]["angle"]
 
 
+def test_a_declared_damping_that_stands_for_dry_friction_and_drag_is_taken_back(tmp_path):
+    free = '[[free]]\nparameter = "b"\nstart = 0.0001\nmin = 0.0\n'
+    fitted = next(n for n in report(EXAMPLE, tmp_path / "free")["notes"] if "fitted: b = " in n)
+    damping = float(fitted.split("b = ")[1].split()[0])
+    folder = changed(tmp_path, free, "")
+    study = folder / "study.toml"
+    study.write_text(study.read_text().replace("l = 0.15", f"l = 0.15\nb = {damping}"))
+    found = report(folder, tmp_path / "out")
+    assert set(named(found)) == {"pole.viscous", "pole.coulomb", "pole.quaddrag"}
+    values = {e["id"]: next(iter(e["params"].values()))["value"] for e in found["effects"] if e["selected"]}
+    # Taken back as far as there is any: the records were made with a tenth of it.
+    assert -damping <= values["pole.viscous"] < -0.5 * damping
+    assert values["pole.coulomb"] == pytest.approx(4.0e-4, rel=0.1)
+    assert values["pole.quaddrag"] == pytest.approx(3.0e-5, rel=0.1)
+
+
 def test_steps_and_what_is_left_are_told_by_the_ports_of_the_study(tmp_path):
     found = report(EXAMPLE, tmp_path / "out")
     tried = [own for step in found["steps"] for own in step["candidates"]]
@@ -192,6 +208,49 @@ def test_free_pendulum(tmp_path):
     assert found["residual"]["validation"]["rms_after"]["angle"] <= 0.0135
     # The encoder's step of 0.000157 rad shows in the tail only; the swing was averaged.
     assert found["noise_floor"]["angle"] >= 0.000157 / 12**0.5
+
+
+def test_free_pendulum_with_its_declared_inertia_and_damping(tmp_path):
+    """The authors' damping is that of a model with nothing else: dry friction and drag are found in its place."""
+    if not MEASURED.exists():
+        pytest.skip(f"{MEASURED} is not there")
+    folder = tmp_path / "study"
+    shutil.copytree(MEASURED / "pendulum_free_swing", folder)
+    segments = "".join(
+        f'[[segment]]\nfile = "{file}"\nrole = "{role}"\nfrom_s = {start}\nto_s = {end}\ninitial = "fit"\n'
+        for file, role, start, end in [("swing.csv", "estimation", 0.0, 33.0), ("swing.csv", "validation", 33.0, 55.0), ("tail.csv", "validation", 0.0, 5.5)]
+    )
+    (folder / "study.toml").write_text(
+        """system = "airloop:pendulum"
+[parameters]
+m = 0.148
+l = 0.148
+g = 9.81
+I = 0.003351
+b = 0.000224
+[outputs]
+theta = { column = "angle", unit = "rad", offset = "fit" }
+[states]
+theta = { column = "angle", unit = "rad" }
+omega = { derivative_of = "angle", unit = "rad", savitzky_golay_points = 9 }
+[[attachment]]
+input = "tau_ext"
+channels = ["pole"]
+velocity = "omega"
+position = "theta"
+viscous = "b"
+"""
+        + segments
+    )
+    found = report(folder, tmp_path / "out")
+    assert set(named(found)) == {"pole.viscous", "pole.coulomb", "pole.quaddrag"}
+    free = report(MEASURED / "pendulum_free_swing", tmp_path / "free")
+    intervals = {}
+    for one in (found, free):
+        for effect in (e for e in one["effects"] if e["selected"]):
+            intervals.setdefault(effect["id"], []).append(next(iter(effect["params"].values()))["ci95"])
+    for (low, high), (other_low, other_high) in (intervals["pole.coulomb"], intervals["pole.quaddrag"]):
+        assert max(low, other_low) < min(high, other_high)
 
 
 def test_seal(tmp_path):

@@ -552,7 +552,7 @@ mod tests {
             locals: vec![Vec::new(); 4],
             may_join: &|_, _| true,
             proposals: &[],
-            pairs: false,
+            pairs: true,
             free_forms: &[],
             records: (0..4).collect(),
             screened: (0..4).collect(),
@@ -596,6 +596,14 @@ mod tests {
         let (added, slope) = found(&Wavy::new(1.5, 0.0, 6.0), 1.0);
         assert!(added.is_empty() && (0.1..3.0).contains(&slope), "{added:?} {slope}");
         assert_eq!(found(&Wavy::new(40.0, 0.0, 6.0), 1.0).0, [0]);
+    }
+
+    #[test]
+    fn two_effects_that_show_only_together_are_found() {
+        // Each alone fits next to nothing of t - 1.25 t^2.
+        let (mut added, _) = found(&Wavy::new(40.0, -50.0, 2.0), 1e-3);
+        added.sort_unstable();
+        assert_eq!(added, [0, 1]);
     }
 
     #[test]

@@ -12,7 +12,7 @@ use super::search::Model;
 /// Pairs that are proposed.
 const MAX_PAIRS: usize = 2;
 /// Ratio of the sums of squares that a pair leaves and that the better of its two effects leaves, above which a pair is
-/// none: forward selection finds it one by one.
+/// none: forward selection finds it one by one. How significant it is shows under the weights of what it leaves.
 const MAX_RATIO_LEFT: f64 = 0.5;
 
 impl Run<'_> {
@@ -66,7 +66,7 @@ impl Run<'_> {
                 let gained = gain(&normal, &step);
                 let left = |gain: f64| (normal.chi2 - gain).max(0.0);
                 let needed = left(gained) <= MAX_RATIO_LEFT * left(alone[i].max(alone[j]));
-                if gained >= q.settings.min_gain && needed {
+                if gained > 0.0 && needed {
                     pairs.push((gained, i, j, step));
                 }
             }

@@ -153,12 +153,7 @@ fn widened(effect: Effect, other: &Effect) -> Effect {
 }
 
 /// Effects, chosen ones first; `by_share`: what the search for a share of the error found, where it was asked.
-pub fn effects(
-    fits: &Fits,
-    selection: &Selection,
-    chosen: bool,
-    by_share: Option<&ByShare>,
-) -> Vec<Effect> {
+pub fn effects(fits: &Fits, selection: &Selection, chosen: bool, by_share: Option<&ByShare>) -> Vec<Effect> {
     let weighted = by_share.is_some_and(|found| found.weighted);
     let beside = by_share.and_then(|found| found.beside_corrections.as_ref());
     let (study, best) = (fits.study, &selection.best);
