@@ -10,6 +10,7 @@ use super::errors::{errors, floor, force, force_noise};
 use super::exact;
 use super::explain::{Judge, Rest};
 use super::fits::{Fits, Model, pieces};
+use super::influence::declared_viscous;
 use super::integration;
 use super::law::{Law, Point};
 use super::model::{Action, Study, Target};
@@ -22,6 +23,7 @@ use super::simulate::Piece;
 use super::smoothed;
 use super::steps;
 use super::tolerance;
+use super::whole::Whole;
 use crate::Error;
 use crate::answer::{Answer, Correction, Effect, Settings, Verdict};
 use crate::engine::fit::{Fit, fit};
@@ -39,7 +41,7 @@ const EXACT_SHARE_OF_TIME: f64 = 0.5;
 /// # Errors
 /// A declaration, records or a system that do not fit together, and a declared model that cannot be simulated.
 pub fn answer(file: &File, settings: &Settings, say: Say) -> Result<(Answer, Evidence), Error> {
-    let (mut study, _, declared) = prepared(file, say)?;
+    let Prepared { mut study, declared, suspicion, .. } = prepared(file, say)?;
     let scale = scales(&study, &declared);
     correct(&mut study, &scale, &[], &declared.parameters);
     let mut model = steps(&mut study, &scale, &declared);
@@ -47,6 +49,13 @@ pub fn answer(file: &File, settings: &Settings, say: Say) -> Result<(Answer, Evi
     let mut quick = fits.quick;
     say("noise floor");
     let judge = Judge::new(&fits, &model, settings.draws, settings.seed);
+    let viscous = {
+        let view = fits.view(&[], &fits.pieces);
+        let whole = Whole::new(&view, judge.floor(&fits), say);
+        let at = (&model.fit.parameters[..], &model.fit.locals[..]);
+        declared_viscous(&study, &whole, at, settings.forward_selection.max_tolerances)
+    };
+    allow_less(&mut study, &viscous);
     // The rest of a limited time is for effects that leave more than noise.
     stop::stage(EXACT_SHARE_OF_TIME);
     let mut exact = exact::search(&Fits::new(&study, scale.clone()), &judge, &model, settings, say);
@@ -122,6 +131,9 @@ pub fn answer(file: &File, settings: &Settings, say: Say) -> Result<(Answer, Evi
     if refused {
         found.fitted = fitted(&study, &found.parameters[0]);
     }
+    if let Some(suspicion) = suspicion {
+        suspicion.settle(&found)?;
+    }
     let fits = Fits::new(&study, scale);
     say("figures");
     let shown = if found.verdict == Verdict::Effect { &selection.best } else { &selection.declared };
@@ -130,17 +142,29 @@ pub fn answer(file: &File, settings: &Settings, say: Say) -> Result<(Answer, Evi
     Ok((found, evidence))
 }
 
-/// A study with its candidates, its attachments, and the fit of the declared model.
+/// A study before the search.
+pub struct Prepared {
+    /// With its candidates.
+    pub study: Study,
+    /// Where effects may act.
+    pub attachments: Vec<Attachment>,
+    /// The fitted declared model.
+    pub declared: Fit,
+    /// A column whose sign the answer has to settle.
+    pub suspicion: Option<sign::Suspicion>,
+}
+
+/// Reads a study, fits its declared model and fills in the candidates.
 ///
 /// # Errors
 /// As [`answer`].
-pub fn prepared(file: &File, say: Say) -> Result<(Study, Vec<Attachment>, Fit), Error> {
+pub fn prepared(file: &File, say: Say) -> Result<Prepared, Error> {
     let (mut study, attachments) = open(file)?;
     study.substeps = integration::substeps(&study);
     study.unobservable = observability::unobservable(&study);
     say("fitting the declared model");
     let fitted = declared(file, &study);
-    sign::check(file, &mut study)?;
+    let suspicion = sign::check(file, &mut study)?;
     let declared = fitted?;
     let mut survey = {
         let fits = Fits::new(&study, vec![1.0; study.outputs.len()]);
@@ -161,7 +185,7 @@ pub fn prepared(file: &File, say: Say) -> Result<(Study, Vec<Attachment>, Fit), 
             "there is no effect to look for; add an [[attachment]] with an input, its channels, and the signals of velocity and position",
         ));
     }
-    Ok((study, attachments, declared))
+    Ok(Prepared { study, attachments, declared, suspicion })
 }
 
 /// The search for a share of the error beside corrections of declared parameters, where effects alone do not reach the
@@ -240,6 +264,14 @@ fn trace(study: &Study, declared: &Fit) -> Vec<(f64, Vec<Vec<Point>>)> {
 fn correct(study: &mut Study, scale: &[f64], added: &[usize], p: &[f64]) {
     let found = smoothed::errors(&Fits::new(study, scale.to_vec()).view(added, &[]), p);
     study.records.iter_mut().zip(found).for_each(|(record, own)| record.smoothed = own);
+}
+
+/// Lets viscous friction take back what the declared model has of it.
+fn allow_less(study: &mut Study, viscous: &[(usize, f64)]) {
+    for &(c, coefficient) in viscous {
+        let bounds = &mut study.entries[study.candidates[c].entries.start].free.bounds;
+        bounds.0 = bounds.0.min(-coefficient);
+    }
 }
 
 fn declared(file: &File, study: &Study) -> Result<Fit, Error> {

@@ -1,8 +1,9 @@
 //! Changes of the residuals by corrections of the declared parameters, and the effects that change the same.
 
-use super::model::Study;
+use super::law::Law;
+use super::model::{Action, Study};
 use super::tolerance::{MAX_CORRECTIONS, corrections};
-use super::whole::Whole;
+use super::whole::{Whole, candidate};
 use crate::engine::System;
 use crate::engine::candidate::Candidate;
 use crate::engine::fit::Free;
@@ -52,6 +53,25 @@ pub fn influential(study: &Study, whole: &Whole, at: (&[f64], &[Vec<f64>]), most
     // Those that move the residuals most within their tolerance.
     kept.truncate(MAX_CORRECTIONS);
     kept.into_iter().map(|(_, own)| own).collect()
+}
+
+/// Viscous friction of the declared model at the ports of the candidates for it: candidate, coefficient.
+///
+/// `most`: tolerances up to which a declared parameter is corrected.
+pub fn declared_viscous(
+    study: &Study,
+    whole: &Whole,
+    at: (&[f64], &[Vec<f64>]),
+    most: f64,
+) -> Vec<(usize, f64)> {
+    let viscous = |c: usize| matches!(study.candidates[c].action, Action::Block { law: Law::Viscous, .. });
+    if !(0..study.candidates.len()).any(viscous) {
+        return Vec::new();
+    }
+    let candidates: Vec<Candidate> = (0..study.candidates.len()).map(|c| candidate(study, c)).collect();
+    let singles = Singles::new(study, whole, at, &candidates);
+    let same = |own: Influential| singles.same(&own);
+    influential(study, whole, at, most).into_iter().filter_map(same).filter(|&(c, _)| viscous(c)).collect()
 }
 
 /// The candidates that have one parameter, zero where they do nothing, and what it changes.

@@ -1,6 +1,6 @@
 //! Plan of a search without the search: ports, signals and candidates of a study.
 
-use super::answer::prepared;
+use super::answer::{Prepared, prepared};
 use super::declaration::File;
 use crate::Error;
 
@@ -35,7 +35,7 @@ pub struct Place {
 /// # Errors
 /// As [`super::answer::answer`].
 pub fn plan(file: &File) -> Result<Plan, Error> {
-    let (study, attachments, _) = prepared(file, &|_| ())?;
+    let Prepared { study, attachments, .. } = prepared(file, &|_| ())?;
     let kinds = |port: &str| -> Vec<String> {
         let own = study.candidates.iter().filter(|own| !own.probe && own.port == port);
         own.map(|own| own.id.to_owned()).collect()

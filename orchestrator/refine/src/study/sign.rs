@@ -8,19 +8,47 @@ use super::fits::Fits;
 use super::model::Study;
 use super::read::Record;
 use crate::Error;
+use crate::answer::{Answer, Verdict};
 use crate::sign::{MIN_ERROR, RECORDS, is_wrong, words};
 
 /// A signal: its list (inputs, states, further signals, outputs) and its place there.
 type Place = (usize, usize);
 
-/// Refuses a study one of whose columns has the other sign; call it where the declared model is fitted.
+/// Error with the other sign, over the spread of the records, up to which the sign is wrong whatever the model lacks.
+/// Above, an effect that is missing may turn the phase of a signal as a wrong sign does: a stiff spring at a free mass.
+const MAX_ERROR_OF_CLEAR_SIGN: f64 = 0.5;
+/// Ratio of the errors of an answer and of the declared model with the other sign up to which the answer explains what
+/// looked like a wrong sign.
+const MAX_RATIO_OF_ANSWER: f64 = 0.5;
+
+/// A column that may have the other sign, if the search finds nothing better.
+pub struct Suspicion {
+    other: f64,
+    refusal: Error,
+}
+
+impl Suspicion {
+    /// Refuses the study unless the answer leaves much less than the other sign does.
+    ///
+    /// # Errors
+    /// That of [`check`].
+    pub fn settle(self, found: &Answer) -> Result<(), Error> {
+        let named = matches!(found.verdict, Verdict::Effect | Verdict::Law);
+        let left = &found.after[0].nrmse;
+        let power = left.values().map(|error| error * error).sum::<f64>() / left.len().max(1) as f64;
+        if named && power.sqrt() <= MAX_RATIO_OF_ANSWER * self.other { Ok(()) } else { Err(self.refusal) }
+    }
+}
+
+/// Refuses a study one of whose columns has the other sign; call it where the declared model is fitted. What is not clear
+/// before the search is returned.
 ///
 /// # Errors
 /// Column, errors with both signs, and `scale` to be written, at the place of the signal.
-pub fn check(file: &File, study: &mut Study) -> Result<(), Error> {
+pub fn check(file: &File, study: &mut Study) -> Result<Option<Suspicion>, Error> {
     let stated = error(study);
     if stated <= MIN_ERROR {
-        return Ok(());
+        return Ok(None);
     }
     let mut best: Option<(f64, Vec<Place>)> = None;
     for places in flips(study) {
@@ -32,8 +60,12 @@ pub fn check(file: &File, study: &mut Study) -> Result<(), Error> {
         }
     }
     match best.filter(|(other, _)| is_wrong(stated, *other)) {
-        Some((other, places)) => Err(refusal(file, study, &places, (stated, other))),
-        None => Ok(()),
+        Some((other, places)) => {
+            let refusal = refusal(file, study, &places, (stated, other));
+            let clear = other <= MAX_ERROR_OF_CLEAR_SIGN || !stated.is_finite();
+            if clear { Err(refusal) } else { Ok(Some(Suspicion { other, refusal })) }
+        }
+        None => Ok(None),
     }
 }
 
