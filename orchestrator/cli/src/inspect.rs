@@ -252,7 +252,7 @@ fn variable(variable: &Variable) -> Vec<String> {
         (None, None) => String::new(),
         (min, max) => format!("{}..{}", min.unwrap_or_default(), max.unwrap_or_default()),
     };
-    let integer = |value: &Option<i32>| value.map(|value| value.to_string());
+    let integer = |value: &Option<i64>| value.map(|value| value.to_string());
     let real = |value: &Option<f64>| value.map(number);
     let (kind, unit, start, range) = match &variable.kind {
         VariableKind::Real(attributes) => (

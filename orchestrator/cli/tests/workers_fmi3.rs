@@ -22,15 +22,16 @@ fn an_fmu_of_fmi_3_in_a_worker_gives_the_same_bytes() {
     let folder = vector::folder();
     let rows = (0..=100).map(|k| {
         let t = f64::from(k) / 100.0;
-        format!("{t},{},{},{},{}\n", t.sin(), -t, k % 7, k % 2)
+        format!("{t},{},{},{},{}\n", t.sin(), -t, (1_i64 << 40) * (k % 7), k % 2)
     });
-    let text = "time,u[1],u[2],i32_in,f32_in\n".to_owned() + &rows.collect::<String>();
+    let text = "time,u[1],u[2],i64_in,f32_in\n".to_owned() + &rows.collect::<String>();
     std::fs::write(folder.path().join("input.csv"), text).unwrap();
     for words in [
         &["--master", "gauss-seidel"][..],
         &["--master", "jacobi"],
         &["--master", "monolithic"],
         &["--set", "n=3"],
+        &["--set", "bytes_in=0a0b", "--set", "u64_in=9223372036854775807"],
         &["--set", "A[1,2]=-0.5", "--set", "early=true"],
     ] {
         let mut results = Vec::new();

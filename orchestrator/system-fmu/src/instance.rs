@@ -248,7 +248,7 @@ impl Instance {
                 ));
             }
             Value::Real(value) => Some(value),
-            Value::Integer(value) => Some(f64::from(value)),
+            Value::Integer(value) => Some(value as f64),
             Value::Boolean(value) => Some(f64::from(u8::from(value))),
             Value::String(_) => None,
         };

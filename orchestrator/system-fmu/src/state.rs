@@ -23,7 +23,7 @@ pub(crate) struct Saved {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(crate) enum Number {
     Real(u64),
-    Integer(i32),
+    Integer(i64),
     Boolean(bool),
     String(String),
 }

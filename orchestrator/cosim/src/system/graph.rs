@@ -16,7 +16,7 @@ use airloop_fmi::{Causality, Fmu, InterfaceKind, Variability, Variable, Variable
 pub enum DataType {
     /// Real number.
     Real,
-    /// 32-bit integer.
+    /// Integer of at most 64 bits.
     Integer,
     /// Truth value.
     Boolean,
@@ -51,7 +51,7 @@ pub enum Start {
     /// Real, in the unit of the variable.
     Real(f64),
     /// Integer or Enumeration.
-    Integer(i32),
+    Integer(i64),
     /// Boolean.
     Boolean(bool),
     /// String.

@@ -43,7 +43,7 @@ pub enum Value {
     /// Real, in the unit of the variable.
     Real(f64),
     /// Integer or Enumeration; also taken for a Real.
-    Integer(i32),
+    Integer(i64),
     /// Boolean.
     Boolean(bool),
     /// String.

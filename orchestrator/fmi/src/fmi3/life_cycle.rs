@@ -32,7 +32,7 @@ impl Component {
         let status = self.configure(|component| {
             let set = |resize: &Resize| {
                 let base = component.layout.wholes[resize.whole].base;
-                component.set_whole(resize.whole, base, &[i64::from(resize.value) as u64])
+                component.set_whole(resize.whole, base, &[resize.value as u64])
             };
             resizes.iter().map(set).find(|status| *status > WARNING).unwrap_or(OK)
         });

@@ -74,7 +74,8 @@ pub struct Instance {
     /// Calls until the register of the processor is read again.
     calls: u8,
     states: States,
-    booleans: Vec<i32>,
+    /// Booleans and integers of 32 bits of one call.
+    scratch: Vec<i32>,
     log: Box<LogBuffer>,
     // The FMU may keep the pointer to the callbacks, and the code must outlive the component.
     callbacks: Option<Box<fmi2CallbackFunctions>>,
@@ -201,7 +202,7 @@ impl Instance {
             time: None,
             calls: 0,
             states: States::new(),
-            booleans: Vec::new(),
+            scratch: Vec::new(),
             log,
             callbacks: Some(callbacks),
             library,
