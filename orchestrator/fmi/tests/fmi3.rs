@@ -158,7 +158,10 @@ fn every_type_passes_through_with_its_range() {
     assert!(error.contains("bytes_in takes bytes as pairs of hexadecimal digits"), "{error}");
     // The output is 2^40 larger now.
     let error = slave.get_integer(&references(&fmu, &["u64_out"]), &mut [0]).unwrap_err().to_string();
-    assert!(error.contains("u64_out is 9223373136366403583: integers are carried with 64 bits and a sign"), "{error}");
+    assert!(
+        error.contains("u64_out is 9223373136366403583: integers are carried with 64 bits and a sign"),
+        "{error}"
+    );
 }
 
 #[test]

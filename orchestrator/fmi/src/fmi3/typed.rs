@@ -20,11 +20,9 @@ pub(super) fn read(values: &[u64], base: BaseType, place: usize) -> u64 {
             BaseType::Int32 => i64::from(*start.cast::<i32>().add(place)) as u64,
             BaseType::UInt32 => u64::from(*start.cast::<u32>().add(place)),
             BaseType::Boolean => u64::from(*start.cast::<u8>().add(place) != 0),
-            BaseType::Float64
-            | BaseType::Int64
-            | BaseType::UInt64
-            | BaseType::String
-            | BaseType::Binary => *start.add(place),
+            BaseType::Float64 | BaseType::Int64 | BaseType::UInt64 | BaseType::String | BaseType::Binary => {
+                *start.add(place)
+            }
         }
     }
 }
@@ -41,11 +39,7 @@ pub(super) fn write(values: &mut [u64], base: BaseType, place: usize, bits: u64)
             }
             BaseType::Int16 | BaseType::UInt16 => *start.cast::<u16>().add(place) = bits as u16,
             BaseType::Int32 | BaseType::UInt32 => *start.cast::<u32>().add(place) = bits as u32,
-            BaseType::Float64
-            | BaseType::Int64
-            | BaseType::UInt64
-            | BaseType::String
-            | BaseType::Binary => {
+            BaseType::Float64 | BaseType::Int64 | BaseType::UInt64 | BaseType::String | BaseType::Binary => {
                 *start.add(place) = bits;
             }
         }

@@ -53,8 +53,10 @@ pub(super) unsafe extern "C" fn get_integer(
         let Some(value) = as_integer(base, bits).filter(|_| base.range().is_some()) else {
             let value = if base == BaseType::UInt64 { bits.to_string() } else { (bits as i64).to_string() };
             let reference = references[index];
-            return component
-                .say(DISCARD, format!("#i{reference}# is {value}: integers are carried with 64 bits and a sign"));
+            return component.say(
+                DISCARD,
+                format!("#i{reference}# is {value}: integers are carried with 64 bits and a sign"),
+            );
         };
         // SAFETY: `index` is below `count`, the length of the array.
         unsafe { values.add(index).write(value) };
@@ -72,9 +74,7 @@ pub(super) unsafe extern "C" fn set_integer(
     let (component, references, values) =
         unsafe { (component(handle), list(references, count), list(values, count)) };
     component.set(references, |component, index, base| match base.range() {
-        Some((min, max)) if (min..=max).contains(&i128::from(values[index])) => {
-            Ok(values[index] as u64)
-        }
+        Some((min, max)) if (min..=max).contains(&i128::from(values[index])) => Ok(values[index] as u64),
         Some((min, max)) => {
             Err(component.say(DISCARD, format!("#i{}# takes {base:?}, {min} to {max}", references[index])))
         }

@@ -54,9 +54,8 @@ impl Instance {
         self.alive(function)?;
         self.same_length(function, values.len(), references.len())?;
         // SAFETY: the component is alive; both arrays have the length passed.
-        let status = unsafe {
-            self.functions.get_integer.call(self.component, references, values, &mut self.scratch)
-        };
+        let status =
+            unsafe { self.functions.get_integer.call(self.component, references, values, &mut self.scratch) };
         self.check_values(function, status, Base::Integer, references, |_| None)
     }
 
@@ -69,9 +68,8 @@ impl Instance {
         self.alive(function)?;
         self.same_length(function, values.len(), references.len())?;
         // SAFETY: the component is alive; both arrays have the length passed.
-        let status = unsafe {
-            self.functions.set_integer.call(self.component, references, values, &mut self.scratch)
-        };
+        let status =
+            unsafe { self.functions.set_integer.call(self.component, references, values, &mut self.scratch) };
         self.check_values(function, status, Base::Integer, references, |index| {
             Some(values[index].to_string())
         })

@@ -386,7 +386,8 @@ fn set_start(kind: &mut VariableKind, text: &str, declared: &Declared<'_>) -> Re
             });
         }
         VariableKind::String { start } if declared.base == BaseType::Binary => {
-            let is_bytes = text.len().is_multiple_of(2) && text.bytes().all(|digit| digit.is_ascii_hexdigit());
+            let is_bytes =
+                text.len().is_multiple_of(2) && text.bytes().all(|digit| digit.is_ascii_hexdigit());
             if !is_bytes {
                 return Err(bad("bytes as pairs of hexadecimal digits"));
             }
