@@ -1,12 +1,13 @@
 //! Libraries that also run with an older glibc than that of this computer.
 //!
-//! glibc keeps the old versions of its symbols, but a linker takes the newest. So the libraries of FMUs are linked against
-//! stand-ins for libc, libm, libpthread and libdl that hold the names alone, each with the newest version that
-//! [`OLDEST`] has, as the development files of that release would. The names are read from the libraries of this computer.
+//! glibc keeps the old versions of its symbols, but a linker takes the newest. So the libraries of FMUs are linked
+//! against stand-ins for libc, libm, libpthread and libdl that hold the names alone, each with the newest version that
+//! [`OLDEST`] has, as the development files of that release would. The names are read from the libraries of this
+//! computer.
 //!
 //! Functions that later became symbols (`stat64` and relatives, glibc 2.33) are what they were in the static part of
-//! glibc 2.28, `libc_nonshared.a`. A weak symbol that is newer than [`OLDEST`] stays unresolved; the standard library of
-//! Rust does without.
+//! glibc 2.28, `libc_nonshared.a`. A weak symbol that is newer than [`OLDEST`] stays unresolved; the standard library
+//! of Rust does without.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -23,7 +24,8 @@ type Version = Vec<u32>;
 /// Version and kind of each symbol by its name.
 type Symbols = BTreeMap<String, (Version, char)>;
 
-/// Arguments for the linker, which find stand-ins in a folder that is written here; none where this is no Linux with glibc.
+/// Arguments for the linker, which find stand-ins in a folder that is written here; none where this is no Linux with
+/// glibc.
 ///
 /// # Errors
 /// A reason in words: a tool is missing, or a file cannot be read or written.

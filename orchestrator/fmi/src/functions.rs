@@ -149,8 +149,8 @@ pub(super) enum SetInteger {
 }
 
 impl SetInteger {
-    /// Sets `values`; a value beyond 32 bits is discarded where the library takes no more, none is set then. `scratch` is
-    /// memory for the call.
+    /// Sets `values`; a value beyond 32 bits is discarded where the library takes no more, none is set then. `scratch`
+    /// is memory for the call.
     ///
     /// # Safety
     /// The component is alive, and `values` is as long as `references`.

@@ -296,6 +296,74 @@ fn lengths_of_arrays_are_set_before_anything_else() {
 }
 
 #[test]
+fn a_structural_parameter_that_the_fmu_refuses_is_named() {
+    let folder = vector::folder();
+    let fmu = open(&folder).resized(&[("n".to_owned(), 5)]).unwrap();
+    let error = Slave::instantiate(&fmu, "it", false).unwrap_err().to_string();
+    for part in ["until a structural parameter is set", "n is too large", "valueReference 1 = 5"] {
+        assert!(error.contains(part), "{error}");
+    }
+}
+
+/// The FMU unpacked, with a file of terminals.
+fn with_terminals(folder: &TempDir, terminals: &str) -> Arc<Fmu> {
+    let path = folder.path().join("unpacked");
+    if !path.exists() {
+        let file = std::fs::File::open(folder.path().join("vector.fmu")).unwrap();
+        zip::ZipArchive::new(file).unwrap().extract(&path).unwrap();
+        std::fs::create_dir(path.join("terminalsAndIcons")).unwrap();
+    }
+    let text = format!("<fmiTerminalsAndIcons fmiVersion=\"3.0\">{terminals}</fmiTerminalsAndIcons>");
+    std::fs::write(path.join("terminalsAndIcons/terminalsAndIcons.xml"), text).unwrap();
+    Fmu::open(&path).unwrap()
+}
+
+#[test]
+fn terminals_are_read_and_held_against_the_variables() {
+    let folder = vector::folder();
+    assert!(open(&folder).terminals().is_none());
+    let good = "<Terminals><Terminal name=\"plug\" matchingRule=\"plug\" terminalKind=\"org.example.force\">\
+                <TerminalMemberVariable variableName=\"u\" memberName=\"force\" variableKind=\"signal\"/>\
+                <TerminalStreamMemberVariable inStreamVariableName=\"f32_in\" outStreamVariableName=\"f32_out\" memberName=\"h\"/>\
+                <Terminal name=\"inner\" matchingRule=\"sequence\"><TerminalMemberVariable variableName=\"ticks\"/></Terminal>\
+                </Terminal></Terminals>";
+    let fmu = with_terminals(&folder, good);
+    let all = fmu.terminals().unwrap().unwrap();
+    let names: Vec<&str> = all.terminals.iter().map(|terminal| terminal.name.as_str()).collect();
+    assert_eq!(names, ["plug", "plug.inner"]);
+    let members = &all.terminals[0].members;
+    let of = |i: usize| (members[i].variable.as_str(), members[i].role.as_deref());
+    assert_eq!(
+        [of(0), of(1), of(2)],
+        [("u", Some("signal")), ("f32_in", Some("inStream")), ("f32_out", Some("outStream"))]
+    );
+    let found = |fmu: &Fmu| -> Vec<String> {
+        let findings = static_findings(fmu).into_iter().filter(|finding| finding.rule == "terminals");
+        findings.map(|finding| format!("{}: {}", finding.element, finding.message)).collect()
+    };
+    assert_eq!(found(&fmu), [""; 0]);
+    let cases: [(&str, &str, &[&str]); 5] = [
+        (
+            "variableName=\"u\"",
+            "variableName=\"nothing\"",
+            &["terminal plug (line 1)", "no variable nothing"],
+        ),
+        ("matchingRule=\"plug\"", "matchingRule=\"plugs\"", &["plugs", "none of plug, bus, sequence"]),
+        (" matchingRule=\"sequence\"", "", &["Terminal: the attribute matchingRule is missing"]),
+        (
+            "memberName=\"h\"/>",
+            "memberName=\"h\"/><TerminalGraphicalRepresentation iconBaseName=\"p\"/>",
+            &["p.png"],
+        ),
+        ("</Terminal></Terminals>", "</Terminals>", &["line 1"]),
+    ];
+    for (from, to, parts) in cases {
+        let all = found(&with_terminals(&folder, &good.replace(from, to)));
+        assert!(all.len() == 1 && parts.iter().all(|part| all[0].contains(part)), "{to}: {all:?}");
+    }
+}
+
+#[test]
 fn what_cannot_be_imported_is_named() {
     let folder = TempDir::new().unwrap();
     let refused = |from: &str, to: &str| {

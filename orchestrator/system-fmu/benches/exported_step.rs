@@ -1,8 +1,9 @@
 //! Cost of one communication step of an exported system, against the master of `airloop run` on the same system.
 //!
-//! The system of example 01 with its FMUs and the library in `target/fmu`. The FMU gets its input, steps, and is asked for
-//! all outputs of its system by one call each, as an importer does; the master gets the same input and records all
-//! values. Both take short turns, so that they see the same machine; the ratio is the median over the turns. Limit: 1.3.
+//! The system of example 01 with its FMUs and the library in `target/fmu`. The FMU gets its input, steps, and is asked
+//! for all outputs of its system by one call each, as an importer does; the master gets the same input and records all
+//! values. Both take short turns, so that they see the same machine; the ratio is the median over the turns. Limit:
+//! 1.3.
 //!
 //! Run it with `cargo bench -p airloop-system-fmu --bench exported_step`.
 
@@ -40,7 +41,8 @@ fn main() -> ExitCode {
     let fmu = Fmu::open(&path).expect("the exported FMU opens");
     let reals = |causality| -> Vec<u32> {
         let variables = fmu.description.variables.iter();
-        let wanted = variables.filter(|v| v.causality == causality && matches!(v.kind, VariableKind::Real(_)));
+        let wanted =
+            variables.filter(|v| v.causality == causality && matches!(v.kind, VariableKind::Real(_)));
         wanted.map(|variable| variable.value_reference).collect()
     };
     let (input, outputs) = (reals(Causality::Input), reals(Causality::Output));

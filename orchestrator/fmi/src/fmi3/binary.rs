@@ -1,4 +1,5 @@
-//! Variables of type Binary, which are carried as texts of hexadecimal digits, as their start values in the description.
+//! Variables of type Binary, which are carried as texts of hexadecimal digits, as their start values in the
+//! description.
 
 use std::ffi::{CStr, CString};
 

@@ -174,7 +174,11 @@ impl Instance {
         }
         if component.is_null() {
             library.occupied.store(false, Ordering::Release);
-            let hint = if interface.needs_execution_tool {
+            let is_resized =
+                !fmu.sizes.is_empty() && log.tail(1).iter().any(|last| last.category == "importer");
+            let hint = if is_resized {
+                "; it exists until a structural parameter is set: see the last messages"
+            } else if interface.needs_execution_tool {
                 "; it declares needsExecutionTool: install the tool that made it, or export it without that need"
             } else {
                 "; a guid of the library that differs from the one of modelDescription.xml is the usual reason: \

@@ -2,7 +2,8 @@
 //!
 //! Arrays become one variable per element, named `x[1]` or `x[2,1]`, row by row; what the FMU knows of them is kept in
 //! the layout. Floats become Reals, integers of any width Integers of 64 bits, Binaries texts of hexadecimal digits.
-//! Variables of the type Clock are listed as unread. Terminals and icons are not read.
+//! Variables of the type Clock are listed as unread. Terminals and icons are read by
+//! [`terminals`](crate::terminals).
 
 use super::attributes::Range;
 use super::read::{shared, shared_capabilities};
