@@ -414,6 +414,12 @@ impl SystemGraph {
         start::refused_number(self, input, value)
     }
 
+    /// Whether a name is that of a structural parameter that is the length of arrays, on which the connectors of a
+    /// single FMU depend: it is set before anything else.
+    pub fn is_length(&self, name: &str) -> bool {
+        start::is_length(self, name)
+    }
+
     /// Source of the input `component.variable`, in words, if it is connected: then its start value has no effect on
     /// a run.
     pub fn driver_of(&self, name: &str) -> Option<String> {

@@ -148,16 +148,27 @@ pub fn set_start_text(graph: &mut SystemGraph, name: &str, text: &str, place: &s
         }
         return Ok(());
     }
-    let (component, variable) = match graph.single {
-        true if graph.components[0].fmu.description.variable(name).is_some() => {
-            (0, find(graph, 0, name, place)?)
-        }
-        _ => find_path(graph, name, place)?,
-    };
+    let (component, variable) = find_by_name(graph, name, place)?;
     if graph.components[component].fmu.description.sizes_arrays(variable) {
         return set_length(graph, (component, variable), text, place);
     }
     set_text(graph, (component, variable, Conversion::IDENTITY), text, place)
+}
+
+/// The variable that is meant by `component.variable`, or by the name alone in a single FMU.
+fn find_by_name(graph: &SystemGraph, name: &str, place: &str) -> Result<(usize, usize), Error> {
+    match graph.single {
+        true if graph.components[0].fmu.description.variable(name).is_some() => {
+            Ok((0, find(graph, 0, name, place)?))
+        }
+        _ => find_path(graph, name, place),
+    }
+}
+
+/// Whether the name is that of a length of arrays; see [`SystemGraph::is_length`].
+pub(super) fn is_length(graph: &SystemGraph, name: &str) -> bool {
+    find_by_name(graph, name, "")
+        .is_ok_and(|(component, variable)| graph.components[component].fmu.description.sizes_arrays(variable))
 }
 
 /// Gives the arrays of a single FMU another length, before other values are set; in a larger system, whose connections
