@@ -357,6 +357,12 @@ def test_life_cycles_are_flat(tmp_path):
     assert cycles(10_000) - before < 1024  # KiB
 
 
+def test_the_fmu_is_checked_where_it_is_written(tmp_path):
+    output = airloop("export-fmu", SYSTEM, "-o", tmp_path / "x.fmu", "--check")
+    assert "x.fmu: " in output and "0 errors" in output.splitlines()[-1], output
+    assert airloop("export-fmu", SYSTEM, "-o", tmp_path / "x.fmu", "--check", "-q") == ""
+
+
 def test_what_cannot_be_exported_is_refused(tmp_path):
     result = start("export-fmu", SYSTEM, "--step", "0", "-o", tmp_path / "x.fmu")
     assert result.returncode == 2 and "longer than 0 s" in result.stderr
