@@ -10,12 +10,12 @@ use std::path::PathBuf;
 
 use airloop_cosim::master::embedded::Value;
 use airloop_cosim::system::graph::DataType;
-use fmi2_export::Interface;
-use fmi2_export::ctypes::{
+use fmi_export::Interface;
+use fmi_export::ctypes::{
     Bool, CString as CText, CallbackFunctions, CallbackLogger, Component, ComponentEnvironment, EventInfo,
     FmuState, Status, ValueReference, status_kind,
 };
-use fmi2_export::state_machine::{Function, Mode, allowed_states, is_allowed};
+use fmi_export::state_machine::{Function, Mode, allowed_states, is_allowed};
 
 use crate::instance::{Instance, Refused, Step};
 use crate::state::Saved;

@@ -116,11 +116,11 @@ pub fn write(
     let mut recipe = recipe.clone();
     recipe.guid = String::new();
     let digest = members.iter().fold(description::text(&again, &recipe, &table), |mut text, member| {
-        let content = fmi2_export::fingerprint(&String::from_utf8_lossy(&member.bytes));
+        let content = fmi_export::fingerprint(&String::from_utf8_lossy(&member.bytes));
         text.push_str(&format!("\n{} {content}", member.name));
         text
     });
-    recipe.guid = fmi2_export::fingerprint(&format!("{digest}\n{:?}", recipe.master));
+    recipe.guid = fmi_export::fingerprint(&format!("{digest}\n{:?}", recipe.master));
 
     let libraries = entries(template)?;
     let platforms = platforms(&again, &libraries)?;
@@ -212,7 +212,7 @@ fn entries(path: &Path) -> Result<Vec<(String, Vec<u8>)>, Error> {
 
 /// The first page: components, master, and the licenses that travel with them.
 fn documentation(graph: &SystemGraph, recipe: &Recipe, members: &[Member]) -> String {
-    let escape = fmi2_export::description::escape;
+    let escape = fmi_export::description::escape;
     let rows: String = graph
         .components
         .iter()

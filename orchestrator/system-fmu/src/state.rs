@@ -1,7 +1,7 @@
 //! The state of an instance as data: what `fmi2GetFMUstate` keeps and `fmi2SerializeFMUstate` writes.
 
 use airloop_cosim::system::graph::{Start, StartValue};
-use fmi2_export::state_machine::Mode;
+use fmi_export::state_machine::Mode;
 use serde::{Deserialize, Serialize};
 
 /// See the module. Reals are kept as bits, so that every one comes back.

@@ -237,5 +237,5 @@ fn inner(graph: &SystemGraph, component: usize, variable: usize, role: Role) -> 
 }
 
 pub(crate) fn number(value: f64) -> String {
-    fmi2_export::description::number(value)
+    fmi_export::description::number(value)
 }
