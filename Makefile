@@ -145,7 +145,7 @@ fmu: setup-build     ## target/fmu/*.fmu, modelDescriptions/*.xml and the airloo
 	cargo run --release -p packager
 	cargo build --release -p airloop-cli
 
-portable: setup-build ## the FMUs of `make fmu` for Linux from glibc 2.28 on (RHEL 8), by the linker of Zig
+portable: setup-build ## the FMUs of `make fmu` with libraries that need no libgcc_s, by the linker of Zig
 	scripts/portable.sh
 
 windows: setup-build ## the FMUs of `make fmu` with Windows libraries in them, by mingw

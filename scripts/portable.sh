@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
-# Builds the libraries of all FMUs against an old glibc (RHEL 8, Debian 11, Ubuntu 20.04), without libgcc_s, by cargo-zigbuild, and
+# Builds the libraries of all FMUs without libgcc_s, against the same old glibc as `make fmu` (RHEL 8), by cargo-zigbuild, and
 # packages every FMU with them. The linker lands in target/zig. Says what is missing, and stops, where it cannot be had.
-# The library inside of exported systems (`airloop export-fmu`) is not among them: it needs the glibc of this computer.
+# The library inside of exported systems (`airloop export-fmu`) is not among them: it keeps its libgcc_s.
 set -euo pipefail
 
 glibc=2.28

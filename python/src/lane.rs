@@ -178,7 +178,7 @@ impl Lane {
     pub fn number(&mut self, reader: Reader) -> Result<f64, master::Error> {
         Ok(match self.slaves.read_by(reader)? {
             Value::Real(value) => value,
-            Value::Integer(value) => f64::from(value),
+            Value::Integer(value) => value as f64,
             Value::Boolean(value) => f64::from(u8::from(value)),
             Value::String(_) => f64::NAN,
         })

@@ -86,6 +86,22 @@ def test_library_needs_no_newer_glibc_than_its_documentation_states(fmu):
 
 
 @pytest.mark.skipif(not LINUX, reason="reads ELF files")
+def test_every_library_runs_from_glibc_2_28_on(tmp_path):
+    """RHEL 8. The library of exported systems, `template/airloop-system.fmu`, is among them."""
+    script = Path(__file__).parents[2] / "scripts" / "check_symbols.py"
+    libraries = []
+    for path in (Path(__file__).parents[2] / "target" / "fmu").rglob("*.fmu"):
+        with zipfile.ZipFile(path) as archive:
+            for name in archive.namelist():
+                if name.startswith(f"binaries/{PLATFORM}/"):
+                    libraries.append(archive.extract(name, tmp_path / path.stem))
+    assert any(name.endswith("airloop_system.so") for name in libraries)
+    output = subprocess.run([sys.executable, str(script), "2.28", *libraries], capture_output=True, text=True).stdout
+    assert [line for line in output.splitlines() if "it needs glibc" in line] == []
+    assert f"{len(libraries)} libraries" in output
+
+
+@pytest.mark.skipif(not LINUX, reason="reads ELF files")
 def test_the_check_of_portable_libraries_names_what_is_too_new(fmu):
     """`make portable` ends with this check; these libraries need more than glibc 2.2 and less than 9.9."""
     script = Path(__file__).parents[2] / "scripts" / "check_symbols.py"

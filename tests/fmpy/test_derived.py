@@ -236,6 +236,6 @@ def test_an_fmu_of_another_exporter_is_refused(shipped, tmp_path):
     third_party = tmp_path / "third_party.fmu"
     with zipfile.ZipFile(shipped("friction").path) as old, zipfile.ZipFile(third_party, "w") as new:
         for name in old.namelist():
-            new.writestr(name, old.read(name).replace(b'generationTool="airloop fmi2-export"', b'generationTool="other"'))
+            new.writestr(name, old.read(name).replace(b'generationTool="airloop fmi-export"', b'generationTool="other"'))
     outcome = start("derive", third_party, "-o", tmp_path / "out.fmu")
     assert outcome.returncode == 1 and 'generationTool is "other"' in outcome.stderr

@@ -1,3 +1,3 @@
 //! FMI 2.0 library of the model `arx-actuator`; the equations are in `airloop-models`.
 
-fmi2_export::export_fmu!(airloop_models::ArxActuator);
+fmi_export::export_fmu!(airloop_models::ArxActuator);

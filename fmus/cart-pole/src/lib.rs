@@ -1,3 +1,3 @@
 //! FMI 2.0 library of the model `cart-pole`; the equations are in `airloop-models`.
 
-fmi2_export::export_fmu!(airloop_models::CartPole);
+fmi_export::export_fmu!(airloop_models::CartPole);

@@ -1,6 +1,6 @@
 //! Cart with a hanging or standing pole (paper eq. 1, 4).
 
-use fmi2_export::{Identity, Model, Outcome, Real, Scalar, Table, Values};
+use fmi_export::{Identity, Model, Outcome, Real, Scalar, Table, Values};
 
 /// Rigid-body dynamics of the cart-pole: `H(q) q'' + C(q, q') q' + G(q) = B u` (paper eq. 1, 4).
 ///
@@ -127,7 +127,7 @@ impl Model for CartPole {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use fmi2_export::Interface;
+    use fmi_export::Interface;
 
     fn at(state: [f64; 3], force: f64) -> (CartPole, Values<f64>) {
         let (model, table) = Table::of::<CartPole>();

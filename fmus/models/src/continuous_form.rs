@@ -1,7 +1,7 @@
 //! The continuous form of a sampled linear system: the same states at the samples, for inputs held between them.
 
 use crate::matrix::{Complex, Matrix, NoLogarithm};
-use fmi2_export::{Enumeration, Scalar, Table};
+use fmi_export::{Enumeration, Scalar, Table};
 
 /// The choice between the sampled and the continuous form.
 pub fn declare_realization(t: &mut Table) -> Enumeration {

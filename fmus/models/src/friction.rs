@@ -1,6 +1,6 @@
 //! Coulomb-viscous friction of piston or cart as a block in series (paper eq. 2, 10, 11).
 
-use fmi2_export::{Identity, Model, Outcome, Real, Scalar, Table, Values};
+use fmi_export::{Identity, Model, Outcome, Real, Scalar, Table, Values};
 
 /// `F_out = F_in - f(v)` with `f = c1 tanh(c2 (v - c3)) + c4 v + c5` (paper eq. 2).
 ///
@@ -70,7 +70,7 @@ impl Model for Friction {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use fmi2_export::Interface;
+    use fmi_export::Interface;
 
     fn force(c: [f64; 5], v: f64) -> f64 {
         let (model, table) = Table::of::<Friction>();

@@ -1,7 +1,7 @@
 //! Equations of the airloop models.
 //!
 //! One module per model; [`registry`] lists them. What FMI needs of them (interfaces, states of an instance,
-//! XML) is in `fmi2-export`, what makes an `.fmu` of them in `packager`.
+//! XML) is in `fmi-export`, what makes an `.fmu` of them in `packager`.
 //!
 //! Notation of the paper, *Model-based Trajectory Control of Robots with Pneumatic Actuator Dynamics*;
 //! plain equation, section and figure numbers in this crate are those of the paper.
@@ -62,6 +62,6 @@ pub use rigid_mass::RigidMass;
 pub use tvlqr_controller::TvlqrController;
 
 /// Attributes that every model has in common.
-const GENERATION_TOOL: &str = "airloop fmi2-export";
+const GENERATION_TOOL: &str = "airloop fmi-export";
 const AUTHOR: &str = "airloop developers";
 const VERSION: &str = env!("CARGO_PKG_VERSION");

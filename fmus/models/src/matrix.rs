@@ -1,6 +1,6 @@
 //! Small square matrices without allocation, generic over the scalar, and their principal logarithm.
 
-use fmi2_export::Scalar;
+use fmi_export::Scalar;
 use std::ops::Mul;
 
 /// A square matrix of dimension `n <= MAX`; rows first.
@@ -260,7 +260,7 @@ fn roots(c: &[f64]) -> Vec<Complex> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use fmi2_export::Dual;
+    use fmi_export::Dual;
 
     const MAX: usize = 5;
 

@@ -1,6 +1,6 @@
 //! A pendulum on a fixed joint: the pole row of the cart-pole (paper eq. 4) with the cart at rest.
 
-use fmi2_export::{Identity, Model, Outcome, Real, Scalar, Table, Values};
+use fmi_export::{Identity, Model, Outcome, Real, Scalar, Table, Values};
 
 /// `I alpha = tau_ext - b omega - m g l sin(theta)`, `dtheta/dt = omega`, `domega/dt = alpha`.
 ///
@@ -94,7 +94,7 @@ impl Model for Pendulum {
 mod tests {
     use super::*;
     use crate::CartPole;
-    use fmi2_export::Interface;
+    use fmi_export::Interface;
 
     #[test]
     fn it_is_the_cart_pole_with_a_cart_too_heavy_to_move() {

@@ -1,6 +1,6 @@
 //! Force of the chamber pressures on a piston (paper eq. 5).
 
-use fmi2_export::{Identity, Model, Outcome, Real, Scalar, Table, Values};
+use fmi_export::{Identity, Model, Outcome, Real, Scalar, Table, Values};
 
 /// `F = S1 p1 - S2 p2` (paper eq. 5).
 ///
@@ -58,7 +58,7 @@ impl Model for PistonForce {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use fmi2_export::Interface;
+    use fmi_export::Interface;
 
     #[test]
     fn each_pressure_acts_on_its_own_area() {

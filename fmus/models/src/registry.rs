@@ -12,7 +12,7 @@ use crate::pneumatic_cylinder::PneumaticCylinder;
 use crate::rigid_mass::RigidMass;
 use crate::testing::{AllTypes, BouncingBall, Copy};
 use crate::tvlqr_controller::TvlqrController;
-use fmi2_export::{Definition, Identity, Model, Table};
+use fmi_export::{Definition, Identity, Model, Table};
 
 /// One model and what its FMU holds besides the library.
 pub struct Entry {
@@ -143,7 +143,7 @@ fn coefficients(name: &'static str, description: &'static str, c: [f64; 5]) -> P
 #[cfg(test)]
 mod tests {
     use super::*;
-    use fmi2_export::{Causality, Kind};
+    use fmi_export::{Causality, Kind};
 
     #[test]
     fn parameter_sets_name_real_parameters_of_their_model() {

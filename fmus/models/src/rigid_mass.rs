@@ -1,6 +1,6 @@
 //! A mass on a line with viscous friction.
 
-use fmi2_export::{Identity, Model, Outcome, Real, Scalar, Table, Values};
+use fmi_export::{Identity, Model, Outcome, Real, Scalar, Table, Values};
 
 /// `m a = F + F_ext - b v`, `dx/dt = v`, `dv/dt = a`.
 ///
@@ -68,7 +68,7 @@ impl Model for RigidMass {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use fmi2_export::Interface;
+    use fmi_export::Interface;
 
     #[test]
     fn forces_add_and_friction_opposes_the_motion() {

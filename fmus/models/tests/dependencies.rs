@@ -7,8 +7,8 @@ use airloop_models::testing::{AllTypes, BouncingBall, Copy};
 use airloop_models::{
     ArxActuator, CartPole, CompassGait, Friction, LinearStateSpace, PneumaticCylinder, TvlqrController,
 };
-use fmi2_export::structure::Unknown;
-use fmi2_export::{Causality, Definition, Interface, Kind, Model, Values, Variable};
+use fmi_export::structure::Unknown;
+use fmi_export::{Causality, Definition, Interface, Kind, Model, Values, Variable};
 
 /// Points per model; enough that arx-actuator meets each of its orders several times.
 const POINTS: usize = 400;

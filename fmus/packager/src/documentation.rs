@@ -1,8 +1,8 @@
 //! `documentation/index.html`: the README of the FMU and the table of its variables.
 
 use airloop_models::registry::Entry;
-use fmi2_export::description::{causality, escape, number, variability};
-use fmi2_export::{Kind, Table, Variable};
+use fmi_export::description::{causality, escape, number, variability};
+use fmi_export::{Kind, Table, Variable};
 use pulldown_cmark::{Options, Parser, html};
 
 const STYLE: &str = "body{font:16px/1.5 system-ui,sans-serif;max-width:60rem;margin:2rem auto;padding:0 1rem;color:#222}\

@@ -1,9 +1,9 @@
 //! Makes FMU archives and model descriptions from the models of the registry.
 //!
-//! [`contents`] says what stands in an archive, [`archive`] writes it byte for byte reproducibly,
-//! [`libraries`] builds or finds the shared libraries, [`descriptions`] writes and checks the model descriptions
-//! that are kept in the repository. The texts inside come from [`documentation`]
-//! and [`parameter_set`], the pictures from `fmus/<model>/model.png`.
+//! [`contents`] says what stands in an archive, [`archive`] writes it byte for byte reproducibly, [`libraries`] builds
+//! or finds the shared libraries, [`glibc`] makes them run on older systems, [`descriptions`] writes and checks the
+//! model descriptions that are kept in the repository. The texts inside come from [`documentation`] and
+//! [`parameter_set`], the pictures from `fmus/<model>/model.png`.
 #![warn(missing_docs)]
 
 pub mod archive;
@@ -11,6 +11,7 @@ pub mod contents;
 pub mod descriptions;
 pub mod documentation;
 mod error;
+pub mod glibc;
 pub mod libraries;
 pub mod parameter_set;
 pub mod system;

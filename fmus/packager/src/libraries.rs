@@ -2,6 +2,7 @@
 
 use crate::Error;
 use crate::contents::Library;
+use crate::glibc;
 use airloop_models::registry::Entry;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
@@ -35,14 +36,27 @@ pub fn build(root: &Path, entries: &[Entry]) -> Result<Vec<Library>, Error> {
 /// # Errors
 /// Same as [`build`].
 pub fn build_named(root: &Path, packages: &[(&str, &str)]) -> Result<Vec<Library>, Error> {
+    let link = glibc::link_arguments(&root.join("target").join("glibc")).unwrap_or_else(|reason| {
+        eprintln!("note: the FMUs will need the glibc of this computer: {reason}");
+        Vec::new()
+    });
+    packages.iter().map(|(package, identifier)| build_one(root, package, identifier, &link)).collect()
+}
+
+/// Builds one library; arguments for the linker concern it alone, so that nothing that others use is built again.
+fn build_one(root: &Path, package: &str, identifier: &str, link: &[String]) -> Result<Library, Error> {
     // Set by `cargo run`, so that the same toolchain is used.
     let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
     let mut command = Command::new(&cargo);
-    command.current_dir(root).args(["build", "--release", "--message-format=json-render-diagnostics"]);
-    for (package, _) in packages {
-        command.args(["-p", package]);
-        command.arg("--config").arg(format!("profile.release.package.{package}.strip='symbols'"));
-    }
+    command.current_dir(root).args([
+        "rustc",
+        "--release",
+        "--lib",
+        "--message-format=json-render-diagnostics",
+    ]);
+    command.args(["-p", package, "--quiet"]);
+    command.arg("--config").arg(format!("profile.release.package.{package}.strip='symbols'"));
+    command.arg("--").args(link.iter().map(|argument| format!("-Clink-arg={argument}")));
     let output = command
         .stderr(Stdio::inherit())
         .output()
@@ -51,16 +65,9 @@ pub fn build_named(root: &Path, packages: &[(&str, &str)]) -> Result<Vec<Library
         return Err(Error::Build(format!("cargo ended with {}", output.status)));
     }
     let messages = String::from_utf8_lossy(&output.stdout);
-    packages
-        .iter()
-        .map(|(_, identifier)| {
-            let path = messages
-                .lines()
-                .find_map(|line| artifact(line, identifier))
-                .ok_or_else(|| Error::Build(format!("cargo names no library `{identifier}`")))?;
-            Ok(library(identifier, path))
-        })
-        .collect()
+    let path = messages.lines().find_map(|line| artifact(line, identifier));
+    let path = path.ok_or_else(|| Error::Build(format!("cargo names no library `{identifier}`")))?;
+    Ok(library(identifier, path))
 }
 
 /// Path of the `cdylib` with this target name in one JSON message of cargo.

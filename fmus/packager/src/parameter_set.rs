@@ -1,8 +1,8 @@
 //! Parameter sets as SSP 1.0 `ParameterSet` files (`.ssv`).
 
 use airloop_models::registry::ParameterSet;
-use fmi2_export::Table;
-use fmi2_export::description::{escape, number};
+use fmi_export::Table;
+use fmi_export::description::{escape, number};
 use std::fmt::Write;
 
 /// Text of the `.ssv` file; units come from the table of the model.

@@ -173,6 +173,12 @@ impl<'a> Setup<'a> {
     /// common with the run, settings out of range, a start value that is unknown, out of its type or driven by
     /// something else.
     pub fn new(mut graph: SystemGraph, request: Request<'a>) -> Result<Setup<'a>, Error> {
+        // Lengths of arrays decide which connectors there are.
+        for (name, value) in request.set {
+            if graph.is_length(name) {
+                graph.set_start(name, value, &(request.place)(name, value))?;
+            }
+        }
         let (input, measured) = link(&graph, &request)?;
         let settings = settle(&graph, &request.options, input.as_ref().or(measured.as_ref()))?;
         if let Some(measured) = &measured {

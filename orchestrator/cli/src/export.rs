@@ -21,7 +21,7 @@ pub struct Args {
     /// System: .ssd or .ssp (SSP 1.0 or 2.0), or a single .fmu.
     pub system: PathBuf,
     /// File to write. An .ssd refers to the FMUs by relative paths and holds the start values; an .ssp is an archive
-    /// with the FMUs and one parameter set (.ssv) per component that has start values. FMUs made with fmi2-export hold
+    /// with the FMUs and one parameter set (.ssv) per component that has start values. FMUs made with fmi-export hold
     /// these start values themselves, too, for tools that read no parameter sets.
     #[arg(short, long, value_name = "FILE")]
     pub output: PathBuf,

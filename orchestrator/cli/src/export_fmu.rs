@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 use std::process::ExitCode;
+use std::time::Duration;
 
 use clap::ValueEnum;
 
@@ -9,9 +10,12 @@ use super::args::parse_assignment;
 use super::export::parse_step;
 use airloop::Error;
 use airloop_cosim::system::SystemGraph;
-use airloop_fmi::template_folder;
+use airloop_fmi::check::Severity;
+use airloop_fmi::{Fmu, template_folder};
 use airloop_system::{Master, Recipe};
 
+/// Time that the components may take in the check before its process is ended.
+const CHECK_LIMIT: Duration = Duration::from_secs(60);
 /// Name of the archive with the library that runs a system.
 pub const TEMPLATE: &str = "template/airloop-system";
 
@@ -40,6 +44,9 @@ pub struct Args {
     /// variable=value for a single FMU). May be repeated.
     #[arg(long, value_name = "NAME=VALUE", value_parser = parse_assignment)]
     pub set: Vec<(String, String)>,
+    /// Check the FMU that was written as `airloop inspect --check` does. Errors make the exit code 1.
+    #[arg(long)]
+    pub check: bool,
     /// Print nothing but errors.
     #[arg(short, long)]
     pub quiet: bool,
@@ -88,5 +95,13 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
             platforms.join(", ")
         ))?;
     }
-    Ok(ExitCode::SUCCESS)
+    if !args.check {
+        return Ok(ExitCode::SUCCESS);
+    }
+    let findings = super::inspect::check(&Fmu::open(&args.output)?, Some(CHECK_LIMIT), args.quiet)?;
+    let failed = findings.iter().any(|finding| finding.severity == Severity::Error);
+    if failed && args.quiet {
+        super::output::print(&super::inspect::text(&findings))?;
+    }
+    Ok(if failed { ExitCode::FAILURE } else { ExitCode::SUCCESS })
 }

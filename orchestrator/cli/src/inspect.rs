@@ -13,6 +13,7 @@ use super::table::table;
 use airloop::Error;
 use airloop_cosim::system::SystemGraph;
 use airloop_fmi::check::{self, Finding, Severity};
+use airloop_fmi::terminals::{Member, Terminal};
 use airloop_fmi::{
     Causality, DependencyKind, Fmu, Initial, Interface, InterfaceKind, ModelDescription, Unknown,
     Variability, Variable, VariableKind,
@@ -90,7 +91,8 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
     }
     let mut checks = Vec::new();
     for fmu in &fmus {
-        checks.push((fmu.shown.clone(), check(fmu, args)?));
+        let limit = (!args.no_run).then(|| Duration::from_secs_f64(args.time_limit));
+        checks.push((fmu.shown.clone(), check(fmu, limit, args.json)?));
     }
     let mut findings = checks.iter().flat_map(|(_, findings)| findings);
     let failed = findings.any(|finding| finding.severity == Severity::Error);
@@ -108,24 +110,28 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
     Ok(if failed { ExitCode::FAILURE } else { ExitCode::SUCCESS })
 }
 
-/// Findings of the checker in one FMU, worst first; printed unless JSON is wanted.
-fn check(fmu: &Arc<Fmu>, args: &Args) -> Result<Vec<Finding>, Error> {
-    let show = |text: &str| if args.json { Ok(()) } else { print(text) };
+/// Findings of the checker in one FMU, worst first; printed unless `silent`. The library runs for `limit` at most, or
+/// not at all.
+///
+/// # Errors
+/// The process that runs the library does not start.
+pub fn check(fmu: &Arc<Fmu>, limit: Option<Duration>, silent: bool) -> Result<Vec<Finding>, Error> {
+    let show = |text: &str| if silent { Ok(()) } else { print(text) };
     show(&format!("{}\n", fmu.shown.display()))?;
     let mut findings = check::static_findings(fmu);
     show(&text(&findings))?;
-    if !args.no_run {
-        let dynamic = inspect_worker::findings(fmu, Duration::from_secs_f64(args.time_limit))?;
+    if let Some(limit) = limit {
+        let dynamic = inspect_worker::findings(fmu, limit)?;
         show(&text(&dynamic))?;
         findings.extend(dynamic);
     }
     findings.sort_by_key(|finding| std::cmp::Reverse(finding.severity));
-    show(&summary(&findings, args.no_run))?;
+    show(&summary(&findings, limit.is_none()))?;
     Ok(findings)
 }
 
-/// Findings as a table, worst first.
-fn text(findings: &[Finding]) -> String {
+/// Findings as lines, worst first.
+pub fn text(findings: &[Finding]) -> String {
     let mut sorted: Vec<&Finding> = findings.iter().collect();
     sorted.sort_by_key(|finding| std::cmp::Reverse(finding.severity));
     let line = |finding: &&Finding| {
@@ -150,6 +156,7 @@ fn json(fmu: &Fmu) -> serde_json::Value {
         "file": fmu.shown,
         "platforms": fmu.platforms(),
         "model_description": fmu.description,
+        "terminals": fmu.terminals().and_then(Result::ok).unwrap_or_default().terminals,
     })
 }
 
@@ -192,9 +199,33 @@ pub fn describe(fmu: &Fmu) -> String {
         let named = description.unread.iter().map(|unread| format!("{} ({})", unread.name, unread.kind));
         text += &format!("\nVariables that are not carried\n  {}\n", named.collect::<Vec<_>>().join(", "));
     }
+    text += &terminals(fmu);
     text += &unknowns(description, "Derivatives (<- what they depend on)", &description.derivatives, false);
     text += &unknowns(description, "Direct feed-through (output <- inputs)", &description.outputs, true);
     text
+}
+
+/// Terminals of the FMU with their variables; nothing if it has none.
+fn terminals(fmu: &Fmu) -> String {
+    let all = match fmu.terminals() {
+        None => return String::new(),
+        Some(Err(fault)) => return format!("\nTerminals\n  terminalsAndIcons.xml cannot be read: {fault}\n"),
+        Some(Ok(all)) => all.terminals,
+    };
+    let row = |terminal: &Terminal| {
+        let member = |member: &Member| match &member.name {
+            Some(name) if *name != member.variable => format!("{name} = {}", member.variable),
+            _ => member.variable.clone(),
+        };
+        let members = terminal.members.iter().map(member).collect::<Vec<_>>().join(", ");
+        let kind = terminal.kind.clone().unwrap_or_default();
+        vec![terminal.name.clone(), terminal.matching_rule.clone(), kind, members]
+    };
+    let rows: Vec<Vec<String>> = all.iter().map(row).collect();
+    if rows.is_empty() {
+        return String::new();
+    }
+    format!("\nTerminals\n{}", indented(&table(&["name", "matching rule", "kind", "variables"], &rows, &[])))
 }
 
 fn experiment(description: &ModelDescription) -> String {
@@ -252,7 +283,7 @@ fn variable(variable: &Variable) -> Vec<String> {
         (None, None) => String::new(),
         (min, max) => format!("{}..{}", min.unwrap_or_default(), max.unwrap_or_default()),
     };
-    let integer = |value: &Option<i32>| value.map(|value| value.to_string());
+    let integer = |value: &Option<i64>| value.map(|value| value.to_string());
     let real = |value: &Option<f64>| value.map(number);
     let (kind, unit, start, range) = match &variable.kind {
         VariableKind::Real(attributes) => (

@@ -182,7 +182,7 @@ fn start_values_are_put_into_fmus_that_can_hold_them() {
     let folder = folder_without_library();
     let ours = description().replacen(
         "<fmiModelDescription",
-        "<fmiModelDescription generationTool=\"fmi2-export\"",
+        "<fmiModelDescription generationTool=\"fmi-export\"",
         1,
     );
     pack(&folder.path().join("slave.fmu"), &ours, None);

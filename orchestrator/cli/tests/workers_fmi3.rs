@@ -22,15 +22,16 @@ fn an_fmu_of_fmi_3_in_a_worker_gives_the_same_bytes() {
     let folder = vector::folder();
     let rows = (0..=100).map(|k| {
         let t = f64::from(k) / 100.0;
-        format!("{t},{},{},{},{}\n", t.sin(), -t, k % 7, k % 2)
+        format!("{t},{},{},{},{}\n", t.sin(), -t, (1_i64 << 40) * i64::from(k % 7), k % 2)
     });
-    let text = "time,u[1],u[2],i32_in,f32_in\n".to_owned() + &rows.collect::<String>();
+    let text = "time,u[1],u[2],i64_in,f32_in\n".to_owned() + &rows.collect::<String>();
     std::fs::write(folder.path().join("input.csv"), text).unwrap();
     for words in [
         &["--master", "gauss-seidel"][..],
         &["--master", "jacobi"],
         &["--master", "monolithic"],
         &["--set", "n=3"],
+        &["--set", "bytes_in=0a0b", "--set", "u64_in=9223372036854775807"],
         &["--set", "A[1,2]=-0.5", "--set", "early=true"],
     ] {
         let mut results = Vec::new();
@@ -42,6 +43,16 @@ fn an_fmu_of_fmi_3_in_a_worker_gives_the_same_bytes() {
         }
         assert!(results[0].lines().count() > 100, "{words:?}: {}", results[0]);
         assert!(results[0] == results[1], "{words:?}");
+        // What a column says reaches the input of its name, also where there are more inputs than in the file.
+        let mut lines = results[0].lines();
+        let names: Vec<&str> = lines.next().unwrap().split(',').collect();
+        let column = |name: &str| names.iter().position(|column| *column == name).unwrap();
+        let (given, passed) = (column("i64_in"), column("i64_out"));
+        let number = |text: &str| text.parse::<f64>().unwrap();
+        let rows: Vec<Vec<f64>> = lines.map(|line| line.split(',').map(number).collect()).collect();
+        // No step begins in the last row.
+        assert!(rows[..rows.len() - 1].iter().all(|row| row[given] == row[passed]), "{words:?}");
+        assert!(rows.iter().any(|row| row[passed] == 6.0 * (1_i64 << 40) as f64), "{words:?}");
     }
 }
 

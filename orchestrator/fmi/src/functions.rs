@@ -3,6 +3,8 @@
 //! Crate `fmi` looks each symbol up; this table keeps the pointers without the per-call `Result`. Functions behind a
 //! capability flag may be missing in careless FMUs and are `Option`.
 
+#![allow(unsafe_code, reason = "calls into third-party libraries")]
+
 use fmi::fmi2::binding::*;
 
 type Component = fmi2Component;
@@ -15,6 +17,7 @@ macro_rules! function_table {
         $(#[$doc:meta])* $table:ident {
             required { $($name:ident: $symbol:ident($($argument:ty),*) $(-> $result:ty)?,)* }
             optional { $($option:ident: $option_symbol:ident($($option_argument:ty),*) $(-> $option_result:ty)?,)* }
+            $(widened { $($wide:ident: $wide_symbol:ident $wide_type:ty,)* })?
         }
     ) => {
         $(#[$doc])*
@@ -22,6 +25,7 @@ macro_rules! function_table {
         pub(super) struct $table {
             $(pub(super) $name: unsafe extern "C" fn($($argument),*) $(-> $result)?,)*
             $(pub(super) $option: Option<unsafe extern "C" fn($($option_argument),*) $(-> $option_result)?>,)*
+            $($(pub(super) $wide: $wide_type,)*)?
         }
 
         impl $table {
@@ -30,6 +34,9 @@ macro_rules! function_table {
                 Ok($table {
                     $($name: *binding.$symbol.as_ref().map_err(|_| stringify!($symbol))?,)*
                     $($option: binding.$option_symbol.as_ref().ok().copied(),)*
+                    $($($wide: <$wide_type>::Short(
+                        *binding.$wide_symbol.as_ref().map_err(|_| stringify!($wide_symbol))?
+                    ),)*)?
                 })
             }
         }
@@ -63,11 +70,9 @@ function_table! {
             terminate: fmi2Terminate(Component) -> Status,
             reset: fmi2Reset(Component) -> Status,
             get_real: fmi2GetReal(Component, *const Reference, usize, *mut fmi2Real) -> Status,
-            get_integer: fmi2GetInteger(Component, *const Reference, usize, *mut fmi2Integer) -> Status,
             get_boolean: fmi2GetBoolean(Component, *const Reference, usize, *mut fmi2Boolean) -> Status,
             get_string: fmi2GetString(Component, *const Reference, usize, *mut fmi2String) -> Status,
             set_real: fmi2SetReal(Component, *const Reference, usize, *const fmi2Real) -> Status,
-            set_integer: fmi2SetInteger(Component, *const Reference, usize, *const fmi2Integer) -> Status,
             set_boolean: fmi2SetBoolean(Component, *const Reference, usize, *const fmi2Boolean) -> Status,
             set_string: fmi2SetString(Component, *const Reference, usize, *const fmi2String) -> Status,
         }
@@ -84,6 +89,92 @@ function_table! {
             directional_derivative: fmi2GetDirectionalDerivative(
                 Component, *const Reference, usize, *const Reference, usize, *const fmi2Real, *mut fmi2Real
             ) -> Status,
+        }
+        widened {
+            get_integer: fmi2GetInteger GetInteger,
+            set_integer: fmi2SetInteger SetInteger,
+        }
+    }
+}
+
+type Get<T> = unsafe extern "C" fn(Component, *const Reference, usize, *mut T) -> Status;
+type Set<T> = unsafe extern "C" fn(Component, *const Reference, usize, *const T) -> Status;
+
+/// Reading integers, by the width that the functions of a library have.
+#[derive(Clone, Copy)]
+pub(super) enum GetInteger {
+    /// FMI 2.0.
+    Short(Get<i32>),
+    /// FMI 3.0 and workers.
+    Long(Get<i64>),
+}
+
+impl GetInteger {
+    /// Reads into `values`; `scratch` is memory for the call.
+    ///
+    /// # Safety
+    /// The component is alive, and `values` is as long as `references`.
+    pub(super) unsafe fn call(
+        self,
+        component: Component,
+        references: &[Reference],
+        values: &mut [i64],
+        scratch: &mut Vec<i32>,
+    ) -> Status {
+        match self {
+            // SAFETY: promised by the caller.
+            GetInteger::Long(get) => unsafe {
+                get(component, references.as_ptr(), references.len(), values.as_mut_ptr())
+            },
+            GetInteger::Short(get) => {
+                scratch.clear();
+                scratch.resize(values.len(), 0);
+                // SAFETY: promised by the caller; the scratch memory has the same length.
+                let status =
+                    unsafe { get(component, references.as_ptr(), references.len(), scratch.as_mut_ptr()) };
+                values.iter_mut().zip(scratch.iter()).for_each(|(value, &short)| *value = short.into());
+                status
+            }
+        }
+    }
+}
+
+/// Setting integers, by the width that the functions of a library have.
+#[derive(Clone, Copy)]
+pub(super) enum SetInteger {
+    /// FMI 2.0.
+    Short(Set<i32>),
+    /// FMI 3.0 and workers.
+    Long(Set<i64>),
+}
+
+impl SetInteger {
+    /// Sets `values`; a value beyond 32 bits is discarded where the library takes no more, none is set then. `scratch`
+    /// is memory for the call.
+    ///
+    /// # Safety
+    /// The component is alive, and `values` is as long as `references`.
+    pub(super) unsafe fn call(
+        self,
+        component: Component,
+        references: &[Reference],
+        values: &[i64],
+        scratch: &mut Vec<i32>,
+    ) -> Status {
+        match self {
+            // SAFETY: promised by the caller.
+            SetInteger::Long(set) => unsafe {
+                set(component, references.as_ptr(), references.len(), values.as_ptr())
+            },
+            SetInteger::Short(set) => {
+                scratch.clear();
+                for &value in values {
+                    let Ok(short) = i32::try_from(value) else { return fmi2Status_fmi2Discard };
+                    scratch.push(short);
+                }
+                // SAFETY: promised by the caller; the scratch memory has the same length.
+                unsafe { set(component, references.as_ptr(), references.len(), scratch.as_ptr()) }
+            }
         }
     }
 }

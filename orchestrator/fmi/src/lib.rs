@@ -27,6 +27,7 @@ mod package;
 mod slave;
 mod surroundings;
 pub mod template_folder;
+pub mod terminals;
 pub mod trace;
 pub mod xml;
 

@@ -72,7 +72,7 @@ pub struct Fmu {
     files: Vec<String>,
     folders: Vec<String>,
     /// Lengths that structural parameters have here and not in the archive.
-    pub(super) sizes: Vec<(String, i32)>,
+    pub(super) sizes: Vec<(String, i64)>,
     feed_through: OnceLock<FeedThrough>,
 }
 
@@ -83,7 +83,7 @@ impl fmt::Debug for Fmu {
 }
 
 /// The model description of the FMU that messages call `shown`, with other values of structural parameters.
-fn describe(shown: &Path, xml: &[u8], structure: &[(String, i32)]) -> Result<ModelDescription, Error> {
+fn describe(shown: &Path, xml: &[u8], structure: &[(String, i64)]) -> Result<ModelDescription, Error> {
     ModelDescription::parse_resized(xml, structure)
         .map_err(|source| Error::Description { path: shown.to_owned(), source })
 }
@@ -133,7 +133,7 @@ impl Fmu {
         (path, shown): (&Path, &Path),
         description: ModelDescription,
         (folder, files, folders): (Folder, Vec<String>, Vec<String>),
-        sizes: &[(String, i32)],
+        sizes: &[(String, i64)],
     ) -> Arc<Fmu> {
         Arc::new(Fmu {
             path: path.to_owned(),
@@ -183,7 +183,7 @@ impl Fmu {
     ///
     /// # Errors
     /// [`Error::Description`] where the description makes no sense with these values.
-    pub fn resized(self: &Arc<Fmu>, structure: &[(String, i32)]) -> Result<Arc<Fmu>, Error> {
+    pub fn resized(self: &Arc<Fmu>, structure: &[(String, i64)]) -> Result<Arc<Fmu>, Error> {
         let refuse = |source| Error::Archive { path: self.shown.clone(), source: ArchiveError::Read(source) };
         let xml = std::fs::read(self.folder().join("modelDescription.xml")).map_err(refuse)?;
         let description = describe(&self.shown, &xml, structure)?;

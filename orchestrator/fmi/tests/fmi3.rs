@@ -28,7 +28,7 @@ fn set_reals(instance: &mut Instance, names: &[&str], values: &[f64]) {
     instance.set_real(&references, values).unwrap();
 }
 
-fn integer(instance: &mut Instance, name: &str) -> i32 {
+fn integer(instance: &mut Instance, name: &str) -> i64 {
     let references = references(&Arc::clone(instance.fmu()), &[name]);
     let mut value = [0];
     instance.get_integer(&references, &mut value).unwrap();
@@ -99,7 +99,7 @@ fn arrays_aliases_and_types_become_variables() {
         .collect();
     assert_eq!(of_y, ["u[1]", "u[2]", "x[1]", "x[2]"]);
     let unread: Vec<_> = description.unread.iter().map(|v| (v.name.as_str(), v.kind.as_str())).collect();
-    assert_eq!(unread, [("bytes", "Binary"), ("ticks", "Clock")]);
+    assert_eq!(unread, [("ticks", "Clock")]);
     let default = |name: &str| description.variable(name).unwrap().variability;
     assert_eq!(
         (default("A[1,1]"), default("u[1]"), default("i8_in")),
@@ -115,14 +115,15 @@ fn every_type_passes_through_with_its_range() {
     let mut slave = Slave::instantiate(&fmu, "it", false).unwrap();
     initialize(&mut slave);
     let kinds = [
-        ("i8", i32::from(i8::MIN), 128),
+        ("i8", i64::from(i8::MIN), 128),
         ("u8", 255, 256),
-        ("i16", i32::from(i16::MIN), 32_768),
+        ("i16", i64::from(i16::MIN), 32_768),
         ("u16", 65_535, 65_536),
-        ("i32", i32::MIN, i32::MAX),
-        ("u32", i32::MAX, -1),
-        ("i64", i32::MIN, i32::MAX),
-        ("u64", i32::MAX, -1),
+        ("i32", i64::from(i32::MIN), 1 << 31),
+        ("u32", i64::from(u32::MAX), 1 << 32),
+        // Not a number that f64 has.
+        ("i64", -(1 << 53) - 1, 0),
+        ("u64", i64::MAX, -1),
     ];
     // All at once, so that types alternate within a call.
     let names: Vec<String> = kinds.iter().map(|(name, _, _)| format!("{name}_in")).collect();
@@ -130,7 +131,7 @@ fn every_type_passes_through_with_its_range() {
     slave.set_integer(&references(&fmu, &names), &kinds.map(|(_, value, _)| value)).unwrap();
     for (name, value, beyond) in kinds {
         assert_eq!(integer(&mut slave, &format!("{name}_out")), value, "{name}");
-        if matches!(name, "i32" | "i64") {
+        if name == "i64" {
             continue;
         }
         let error = slave.set_integer(&references(&fmu, &[&format!("{name}_in")]), &[beyond]).unwrap_err();
@@ -147,9 +148,20 @@ fn every_type_passes_through_with_its_range() {
     let mut flag = [false];
     slave.get_boolean(&references(&fmu, &["flag_out"]), &mut flag).unwrap();
     assert_eq!(flag, [true]);
+    let bytes = references(&fmu, &["bytes_out", "bytes_in"]);
+    assert_eq!(slave.get_string(&bytes).unwrap(), ["00ff10", "00ff10"]);
+    for text in ["", "7F00", "0123456789abcdef"] {
+        slave.set_string(&bytes[1..], &[text]).unwrap();
+        assert_eq!(slave.get_string(&bytes[..1]).unwrap(), [text.to_lowercase()]);
+    }
+    let error = slave.set_string(&bytes[1..], &["0g"]).unwrap_err().to_string();
+    assert!(error.contains("bytes_in takes bytes as pairs of hexadecimal digits"), "{error}");
     // The output is 2^40 larger now.
     let error = slave.get_integer(&references(&fmu, &["u64_out"]), &mut [0]).unwrap_err().to_string();
-    assert!(error.contains("u64_out is 1101659111423: integers are carried with 32 bits"), "{error}");
+    assert!(
+        error.contains("u64_out is 9223373136366403583: integers are carried with 64 bits and a sign"),
+        "{error}"
+    );
 }
 
 #[test]
@@ -191,7 +203,7 @@ fn a_slave_steps_also_where_it_returns_early_and_gets_its_intermediate_updates_a
             (x[0] - expected[0]).abs() < 1e-13 && (x[1] - expected[1]).abs() < 1e-13,
             "{x:?} {expected:?}"
         );
-        assert_eq!(integer(&mut slave, "updates"), 10 * parts as i32);
+        assert_eq!(integer(&mut slave, "updates"), 10 * parts as i64);
         assert_eq!(integer(&mut slave, "count"), 1);
         let mut slope = [0.0];
         slave.get_real_output_derivatives(&references(&fmu, &["y[2]"]), &[1], &mut slope).unwrap();
@@ -281,6 +293,74 @@ fn lengths_of_arrays_are_set_before_anything_else() {
     slave.set_integer(&n, &[3]).unwrap();
     let error = slave.set_integer(&n, &[2]).unwrap_err().to_string();
     assert!(error.contains("it is the length of an array"), "{error}");
+}
+
+#[test]
+fn a_structural_parameter_that_the_fmu_refuses_is_named() {
+    let folder = vector::folder();
+    let fmu = open(&folder).resized(&[("n".to_owned(), 5)]).unwrap();
+    let error = Slave::instantiate(&fmu, "it", false).unwrap_err().to_string();
+    for part in ["until a structural parameter is set", "n is too large", "valueReference 1 = 5"] {
+        assert!(error.contains(part), "{error}");
+    }
+}
+
+/// The FMU unpacked, with a file of terminals.
+fn with_terminals(folder: &TempDir, terminals: &str) -> Arc<Fmu> {
+    let path = folder.path().join("unpacked");
+    if !path.exists() {
+        let file = std::fs::File::open(folder.path().join("vector.fmu")).unwrap();
+        zip::ZipArchive::new(file).unwrap().extract(&path).unwrap();
+        std::fs::create_dir(path.join("terminalsAndIcons")).unwrap();
+    }
+    let text = format!("<fmiTerminalsAndIcons fmiVersion=\"3.0\">{terminals}</fmiTerminalsAndIcons>");
+    std::fs::write(path.join("terminalsAndIcons/terminalsAndIcons.xml"), text).unwrap();
+    Fmu::open(&path).unwrap()
+}
+
+#[test]
+fn terminals_are_read_and_held_against_the_variables() {
+    let folder = vector::folder();
+    assert!(open(&folder).terminals().is_none());
+    let good = "<Terminals><Terminal name=\"plug\" matchingRule=\"plug\" terminalKind=\"org.example.force\">\
+                <TerminalMemberVariable variableName=\"u\" memberName=\"force\" variableKind=\"signal\"/>\
+                <TerminalStreamMemberVariable inStreamVariableName=\"f32_in\" outStreamVariableName=\"f32_out\" memberName=\"h\"/>\
+                <Terminal name=\"inner\" matchingRule=\"sequence\"><TerminalMemberVariable variableName=\"ticks\"/></Terminal>\
+                </Terminal></Terminals>";
+    let fmu = with_terminals(&folder, good);
+    let all = fmu.terminals().unwrap().unwrap();
+    let names: Vec<&str> = all.terminals.iter().map(|terminal| terminal.name.as_str()).collect();
+    assert_eq!(names, ["plug", "plug.inner"]);
+    let members = &all.terminals[0].members;
+    let of = |i: usize| (members[i].variable.as_str(), members[i].role.as_deref());
+    assert_eq!(
+        [of(0), of(1), of(2)],
+        [("u", Some("signal")), ("f32_in", Some("inStream")), ("f32_out", Some("outStream"))]
+    );
+    let found = |fmu: &Fmu| -> Vec<String> {
+        let findings = static_findings(fmu).into_iter().filter(|finding| finding.rule == "terminals");
+        findings.map(|finding| format!("{}: {}", finding.element, finding.message)).collect()
+    };
+    assert_eq!(found(&fmu), [""; 0]);
+    let cases: [(&str, &str, &[&str]); 5] = [
+        (
+            "variableName=\"u\"",
+            "variableName=\"nothing\"",
+            &["terminal plug (line 1)", "no variable nothing"],
+        ),
+        ("matchingRule=\"plug\"", "matchingRule=\"plugs\"", &["plugs", "none of plug, bus, sequence"]),
+        (" matchingRule=\"sequence\"", "", &["Terminal: the attribute matchingRule is missing"]),
+        (
+            "memberName=\"h\"/>",
+            "memberName=\"h\"/><TerminalGraphicalRepresentation iconBaseName=\"p\"/>",
+            &["p.png"],
+        ),
+        ("</Terminal></Terminals>", "</Terminals>", &["line 1"]),
+    ];
+    for (from, to, parts) in cases {
+        let all = found(&with_terminals(&folder, &good.replace(from, to)));
+        assert!(all.len() == 1 && parts.iter().all(|part| all[0].contains(part)), "{to}: {all:?}");
+    }
 }
 
 #[test]

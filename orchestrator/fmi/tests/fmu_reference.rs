@@ -67,7 +67,7 @@ fn resource_reads_the_first_byte_of_its_file() {
     let mut slave = initialized_slave(&fmu);
     let mut y = [0];
     slave.get_integer(&references(&fmu, &["y"]), &mut y).unwrap();
-    assert_eq!(y[0], i32::from(std::fs::read(fmu.resources().join("y.txt")).unwrap()[0]));
+    assert_eq!(y[0], i64::from(std::fs::read(fmu.resources().join("y.txt")).unwrap()[0]));
 }
 
 #[test]

@@ -10,12 +10,12 @@ use std::path::PathBuf;
 
 use airloop_cosim::master::embedded::Value;
 use airloop_cosim::system::graph::DataType;
-use fmi2_export::Interface;
-use fmi2_export::ctypes::{
+use fmi_export::Interface;
+use fmi_export::ctypes::{
     Bool, CString as CText, CallbackFunctions, CallbackLogger, Component, ComponentEnvironment, EventInfo,
     FmuState, Status, ValueReference, status_kind,
 };
-use fmi2_export::state_machine::{Function, Mode, allowed_states, is_allowed};
+use fmi_export::state_machine::{Function, Mode, allowed_states, is_allowed};
 
 use crate::instance::{Instance, Refused, Step};
 use crate::state::Saved;
@@ -262,7 +262,8 @@ functions! {
     fmi2GetInteger(h, references: *const ValueReference, n: usize, values: *mut c_int) {
         for (&reference, place) in input(references, n)?.iter().zip(output(values, n)?) {
             if let Value::Integer(value) = h.instance.get(reference, DataType::Integer)? {
-                *place = value;
+                *place = c_int::try_from(value)
+                    .map_err(|_| format!("#i{reference}# is {value}, and an Integer of FMI 2.0 has 32 bits"))?;
             }
         }
         Ok(Status::OK)
@@ -295,7 +296,7 @@ functions! {
     }
     fmi2SetInteger(h, references: *const ValueReference, n: usize, values: *const c_int) {
         for (&reference, &value) in input(references, n)?.iter().zip(input(values, n)?) {
-            h.instance.set(reference, Value::Integer(value))?;
+            h.instance.set(reference, Value::Integer(value.into()))?;
         }
         Ok(Status::OK)
     }

@@ -4,6 +4,7 @@ use std::fs::File;
 use std::io::{self, Read, Seek, Write};
 use std::path::{Path, PathBuf};
 
+use airloop_cosim::master::embedded::Value;
 use airloop_cosim::system::write::{self, Version};
 use airloop_cosim::system::{self, SystemGraph};
 use airloop_fmi::{Fmu, InterfaceKind};
@@ -31,6 +32,16 @@ pub enum Error {
     /// No platform that all components and the library have.
     #[error("there is no platform for which the library and all components have a binary: {0}")]
     NoPlatform(String),
+    /// A start value that an FMU of FMI 2.0 cannot have.
+    #[error(
+        "`{name}` starts at {value}, and an Integer of FMI 2.0 has 32 bits; give it another start value with `--set`"
+    )]
+    WideInteger {
+        /// The variable.
+        name: String,
+        /// Its start value.
+        value: i64,
+    },
     /// A setting out of range.
     #[error("the step {0} s of the master is refused; it must be positive and finite")]
     Step(f64),
@@ -95,14 +106,21 @@ pub fn write(
     let mut again = SystemGraph::open_to_read(&folder.join("resources").join(SYSTEM).join(STRUCTURE))?;
     again.experiment = graph.experiment;
     let table = Table::with(&again, recipe);
+    for variable in &table.variables {
+        if let Some(Value::Integer(value)) = variable.start
+            && i32::try_from(value).is_err()
+        {
+            return Err(Error::WideInteger { name: variable.name.clone(), value });
+        }
+    }
     let mut recipe = recipe.clone();
     recipe.guid = String::new();
     let digest = members.iter().fold(description::text(&again, &recipe, &table), |mut text, member| {
-        let content = fmi2_export::fingerprint(&String::from_utf8_lossy(&member.bytes));
+        let content = fmi_export::fingerprint(&String::from_utf8_lossy(&member.bytes));
         text.push_str(&format!("\n{} {content}", member.name));
         text
     });
-    recipe.guid = fmi2_export::fingerprint(&format!("{digest}\n{:?}", recipe.master));
+    recipe.guid = fmi_export::fingerprint(&format!("{digest}\n{:?}", recipe.master));
 
     let libraries = entries(template)?;
     let platforms = platforms(&again, &libraries)?;
@@ -194,7 +212,7 @@ fn entries(path: &Path) -> Result<Vec<(String, Vec<u8>)>, Error> {
 
 /// The first page: components, master, and the licenses that travel with them.
 fn documentation(graph: &SystemGraph, recipe: &Recipe, members: &[Member]) -> String {
-    let escape = fmi2_export::description::escape;
+    let escape = fmi_export::description::escape;
     let rows: String = graph
         .components
         .iter()

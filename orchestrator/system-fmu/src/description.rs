@@ -4,7 +4,7 @@ use airloop_cosim::master::embedded::{Place, Value};
 use airloop_cosim::system::SystemGraph;
 use airloop_cosim::system::graph::{DataType, Source};
 use airloop_fmi::{Causality, InterfaceKind, UnitDefinition, Variability};
-use fmi2_export::description::escape;
+use fmi_export::description::escape;
 
 use crate::recipe::Recipe;
 use crate::table::{Role, Table, Variable, has, number};

@@ -10,8 +10,8 @@ use airloop_cosim::master::{Grid, Progress};
 use airloop_cosim::system::SystemGraph;
 use airloop_cosim::system::graph::{DataType, Start, StartValue};
 use airloop_fmi::InterfaceKind;
-use fmi2_export::Interface;
-use fmi2_export::state_machine::Mode;
+use fmi_export::Interface;
+use fmi_export::state_machine::Mode;
 
 use crate::description::accepts_any_step;
 use crate::predictive::Predictive;
@@ -248,7 +248,7 @@ impl Instance {
                 ));
             }
             Value::Real(value) => Some(value),
-            Value::Integer(value) => Some(f64::from(value)),
+            Value::Integer(value) => Some(value as f64),
             Value::Boolean(value) => Some(f64::from(u8::from(value))),
             Value::String(_) => None,
         };

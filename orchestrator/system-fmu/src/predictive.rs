@@ -190,7 +190,7 @@ impl Predictive {
             }
             Some(i) => match i - estimates {
                 0 => Value::Real(statistics.solve_time),
-                1 => Value::Integer(statistics.iterations as i32),
+                1 => Value::Integer(statistics.iterations as i64),
                 2 => Value::Boolean(statistics.feasible),
                 3 => Value::Real(self.recipe.plant.sample_time),
                 _ => Value::Boolean(self.feedback),

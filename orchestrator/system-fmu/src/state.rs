@@ -1,7 +1,7 @@
 //! The state of an instance as data: what `fmi2GetFMUstate` keeps and `fmi2SerializeFMUstate` writes.
 
 use airloop_cosim::system::graph::{Start, StartValue};
-use fmi2_export::state_machine::Mode;
+use fmi_export::state_machine::Mode;
 use serde::{Deserialize, Serialize};
 
 /// See the module. Reals are kept as bits, so that every one comes back.
@@ -23,7 +23,7 @@ pub(crate) struct Saved {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(crate) enum Number {
     Real(u64),
-    Integer(i32),
+    Integer(i64),
     Boolean(bool),
     String(String),
 }

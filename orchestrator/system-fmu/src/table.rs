@@ -179,6 +179,11 @@ fn numeric(data_type: DataType) -> DataType {
     if data_type == DataType::Enumeration { DataType::Integer } else { data_type }
 }
 
+/// A bound of an integer as an FMU of FMI 2.0 can have it; none where its 32 bits are the narrower bound.
+fn bound(value: i64) -> Option<String> {
+    i32::try_from(value).ok().map(|value| value.to_string())
+}
+
 /// A variable of a component.
 fn inner(graph: &SystemGraph, component: usize, variable: usize, role: Role) -> Variable {
     let owner = &graph.components[component];
@@ -203,7 +208,7 @@ fn inner(graph: &SystemGraph, component: usize, variable: usize, role: Role) -> 
             (real.min.map(number), real.max.map(number), real.nominal, real.unit.clone())
         }
         VariableKind::Integer { min, max, .. } | VariableKind::Enumeration { min, max, .. } => {
-            (min.map(|value| value.to_string()), max.map(|value| value.to_string()), None, None)
+            (min.and_then(bound), max.and_then(bound), None, None)
         }
         _ => (None, None, None, None),
     };
@@ -232,5 +237,5 @@ fn inner(graph: &SystemGraph, component: usize, variable: usize, role: Role) -> 
 }
 
 pub(crate) fn number(value: f64) -> String {
-    fmi2_export::description::number(value)
+    fmi_export::description::number(value)
 }

@@ -35,6 +35,8 @@ typedef struct {
     bool flag, early, below;
     int64_t choice;
     char text[64];
+    uint8_t bytes[16];
+    size_t length;
     int32_t updates, count;
     double time, next;
 } Data;
@@ -58,6 +60,7 @@ static void start(Data *d) {
     memset(d, 0, sizeof *d);
     d->n = 2;
     memcpy(d->a, a, sizeof a);
+    memcpy(d->bytes, "\x00\xff\x10", d->length = 3);
     memcpy(d->x, x, sizeof x);
     d->choice = 1;
     strcpy(d->text, "start");
@@ -271,9 +274,24 @@ EXPORT Status fmi3SetString(fmi3Instance c, const Ref *refs, size_t n, const cha
     }
     return OK;
 }
-EXPORT Status fmi3GetBinary(fmi3Instance c, const Ref *r, size_t n, size_t *s, const uint8_t **v, size_t k) {
-    (void)r; (void)n; (void)s; (void)v; (void)k;
-    return refuse(c, "nobody reads a Binary here");
+EXPORT Status fmi3GetBinary(fmi3Instance c, const Ref *refs, size_t n, size_t *sizes, const uint8_t **values,
+                            size_t count) {
+    for (size_t i = 0; i < n; i++) {
+        if (n != count || refs[i] / 2 != 26) return refuse(c, "not a Binary");
+        sizes[i] = ((Vector *)c)->d.length;
+        values[i] = ((Vector *)c)->d.bytes;
+    }
+    return OK;
+}
+EXPORT Status fmi3SetBinary(fmi3Instance c, const Ref *refs, size_t n, const size_t *sizes, const uint8_t **values,
+                            size_t count) {
+    Data *d = &((Vector *)c)->d;
+    for (size_t i = 0; i < n; i++) {
+        if (n != count || refs[i] != 52 || sizes[i] > sizeof d->bytes) return refuse(c, "not a Binary input, or too long");
+        memcpy(d->bytes, values[i], sizes[i]);
+        d->length = sizes[i];
+    }
+    return OK;
 }
 
 EXPORT Status fmi3GetFloat64(fmi3Instance c, const Ref *refs, size_t n, double *values, size_t count) {

@@ -26,7 +26,8 @@ pub fn description() -> String {
 <Enumeration name="choice_out" valueReference="33" causality="output" declaredType="Choice"/>
 <String name="text_in" valueReference="30" causality="input"><Start value="start"/></String>
 <String name="text_out" valueReference="31" causality="output"/>
-<Binary name="bytes" valueReference="50" causality="output"/>
+<Binary name="bytes_in" valueReference="52" causality="input"><Start value="00FF10"/></Binary>
+<Binary name="bytes_out" valueReference="53" causality="output"/>
 <Clock name="ticks" valueReference="51" causality="output" intervalVariability="triggered"/>
 "#,
     );
@@ -55,7 +56,7 @@ pub fn description() -> String {
         "<Output valueReference=\"6\" dependencies=\"3 4\" dependenciesKind=\"constant constant\"/>\
          <Output valueReference=\"41\"/><Output valueReference=\"42\"/><Output valueReference=\"44\"/>\
          <Output valueReference=\"33\" dependencies=\"32\"/><Output valueReference=\"31\" dependencies=\"30\"/>\
-         <Output valueReference=\"50\"/><Output valueReference=\"51\"/>",
+         <Output valueReference=\"53\" dependencies=\"52\"/><Output valueReference=\"51\"/>",
     );
     for (_, _, reference) in scalars {
         let other = if reference == 24 { " 28" } else { "" };
@@ -66,7 +67,7 @@ pub fn description() -> String {
     structure += "<ContinuousStateDerivative valueReference=\"5\" dependencies=\"3 4\"/>\
                   <InitialUnknown valueReference=\"5\"/><InitialUnknown valueReference=\"6\"/>\
                   <InitialUnknown valueReference=\"44\"/><InitialUnknown valueReference=\"33\"/>\
-                  <InitialUnknown valueReference=\"31\"/>";
+                  <InitialUnknown valueReference=\"31\"/><InitialUnknown valueReference=\"53\"/>";
     for (_, _, reference) in scalars {
         let _ = write!(structure, "<InitialUnknown valueReference=\"{}\"/>", reference + 1);
     }

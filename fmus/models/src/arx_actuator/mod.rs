@@ -8,7 +8,7 @@ mod realization;
 mod tests;
 
 use crate::continuous_form;
-use fmi2_export::{
+use fmi_export::{
     Identity, Integer, Interface, MemoryBlock, Model, Outcome, Real, Refusal, Scalar, Table, Values,
 };
 use pressure::Pressure;

@@ -1,6 +1,6 @@
 //! Chamber pressures for a force command (paper eq. 3) and the force of measured pressures (eq. 5).
 
-use fmi2_export::{Boolean, Real, Scalar, Table, Values};
+use fmi_export::{Boolean, Real, Scalar, Table, Values};
 
 /// `p1 = (F_eq + u/2) / S1`, `p2 = (F_eq - u/2) / S2` (eq. 3), within what the supply gives;
 /// `F_hat = S1 p1 - S2 p2` (eq. 5).
@@ -104,7 +104,7 @@ impl Pressure {
 #[cfg(test)]
 mod tests {
     use crate::ArxActuator;
-    use fmi2_export::{Interface, Model, Table, Values};
+    use fmi_export::{Interface, Model, Table, Values};
 
     fn at(model: &ArxActuator, table: &Table, u: f64) -> Values<f64> {
         let mut q = table.start_values(Interface::CoSimulation);

@@ -1,7 +1,7 @@
 //! State forms of the recursion: sampled (observer form) and continuous (its zero-order-hold equivalent).
 
 use crate::continuous_form::{self, NoContinuous};
-use fmi2_export::Scalar;
+use fmi_export::Scalar;
 
 /// Most coefficients on past outputs.
 pub const MAX_NA: usize = 4;

@@ -3,7 +3,7 @@
 //! `q = [x, y, th1, th2, l1, l2]`: hip, leg angles (positive: the foot is ahead of the hip), leg lengths from hip to
 //! tip. The trunk bisects the legs: `th3 = (th1 + th2) / 2`.
 
-use fmi2_export::Scalar;
+use fmi_export::Scalar;
 
 /// Number of coordinates.
 pub const N: usize = 6;

@@ -6,7 +6,7 @@
 use super::body::{Body, N, Pose, Vector};
 use super::feet::Feet;
 use super::ldl::Ldl;
-use fmi2_export::{Refusal, Scalar};
+use fmi_export::{Refusal, Scalar};
 
 /// Forces or impulses of the ground on both feet, `[foot][tangential, normal]` \[N or N s\]; 0 for a foot in the air.
 pub type OnFeet<S> = [[S; 2]; 2];

@@ -9,7 +9,7 @@
 use super::contact::{Mechanics, OnFeet};
 use super::feet::Feet;
 use super::variables::Variables;
-use fmi2_export::{Event, Outcome, Refusal, Scalar, Values};
+use fmi_export::{Event, Outcome, Refusal, Scalar, Values};
 
 /// Normal force \[N\] at which a foot lifts off, and normal impulse \[N s\] at which one is pulled off by an impact.
 const LIFT_OFF_FORCE: f64 = -1e-7;

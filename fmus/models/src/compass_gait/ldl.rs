@@ -1,6 +1,6 @@
 //! Small symmetric positive definite systems without allocation.
 
-use fmi2_export::Scalar;
+use fmi_export::Scalar;
 
 /// `A = L D L^T` without pivoting.
 pub struct Ldl<S, const N: usize> {

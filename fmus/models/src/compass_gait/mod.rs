@@ -13,7 +13,7 @@ mod tests;
 mod variables;
 
 use contact::Mechanics;
-use fmi2_export::{Event, Identity, Model, Outcome, Scalar, Table, Values};
+use fmi_export::{Event, Identity, Model, Outcome, Scalar, Table, Values};
 use variables::Variables;
 
 /// Compass gait on flat ground with point feet: hip torque and toe forces to motion, contact forces and impacts; the

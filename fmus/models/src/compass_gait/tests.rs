@@ -4,7 +4,7 @@ use super::body::{Body, Pose};
 use super::contact::Mechanics;
 use super::feet::Feet;
 use super::*;
-use fmi2_export::{Definition, Interface};
+use fmi_export::{Definition, Interface};
 
 const BODY: Body<f64> = Body {
     m3: 6.0,

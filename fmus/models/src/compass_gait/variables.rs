@@ -2,7 +2,7 @@
 
 use super::body::{Body, Pose};
 use super::feet::Feet;
-use fmi2_export::{Boolean, Integer, MemoryBlock, Real, Scalar, Table, Values};
+use fmi_export::{Boolean, Integer, MemoryBlock, Real, Scalar, Table, Values};
 
 /// Outputs of one foot.
 #[derive(Clone, Copy)]

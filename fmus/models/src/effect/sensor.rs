@@ -1,6 +1,6 @@
 //! A sensor as a continuous block in series with a signal: offset, gain, delay.
 
-use fmi2_export::{Boolean, Identity, MemoryBlock, Model, Outcome, Real, Refusal, Scalar, Table, Values};
+use fmi_export::{Boolean, Identity, MemoryBlock, Model, Outcome, Real, Refusal, Scalar, Table, Values};
 
 /// Longest delay \[samples\].
 const MAX_DELAY_SAMPLES: usize = 256;
@@ -138,7 +138,7 @@ impl SensorEffect {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use fmi2_export::Interface;
+    use fmi_export::Interface;
 
     /// Outputs at the end of each step, for a ramp `u = slope t` sampled every millisecond.
     fn ramp(interface: Interface, parameters: &[(&str, f64)], slope: f64) -> Vec<f64> {

@@ -6,7 +6,7 @@ mod tests;
 use crate::arx_actuator::CART_POLE;
 use crate::continuous_form;
 use crate::matrix::Matrix;
-use fmi2_export::{
+use fmi_export::{
     Identity, Integer, Interface, MemoryBlock, Model, Outcome, Real, Refusal, Scalar, Table, Values,
 };
 

@@ -1,7 +1,7 @@
 //! One chamber of the cylinder: pressure from mass flow, leak and motion.
 
 use super::orifice::Air;
-use fmi2_export::Scalar;
+use fmi_export::Scalar;
 
 /// Heat-transfer exponents (Richer and Hurmuzlu): inflow, outflow, volume work.
 #[derive(Clone, Copy)]

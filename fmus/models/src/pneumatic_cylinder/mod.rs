@@ -14,7 +14,7 @@ mod tests;
 mod valve;
 
 use chamber::{Chamber, Exponents};
-use fmi2_export::{Identity, Memory, MemoryBlock, Model, Outcome, Real, Refusal, Scalar, Table, Values};
+use fmi_export::{Identity, Memory, MemoryBlock, Model, Outcome, Real, Refusal, Scalar, Table, Values};
 use orifice::Air;
 use parameters::Parameters;
 use side::{MAX_DELAY, Side};

@@ -1,7 +1,7 @@
 //! Mass flow of air through an orifice, choked, subsonic, and linear close to equal pressures: the
 //! isentropic flow of an ideal nozzle with k = 1.4 (Beater, Pneumatic Drives, Springer 2007).
 
-use fmi2_export::Scalar;
+use fmi_export::Scalar;
 
 /// Pressure ratio below which the flow is choked.
 const CRITICAL_PRESSURE_RATIO: f64 = 0.528;

@@ -1,6 +1,6 @@
 //! The parameters of the cylinder, with units and ranges.
 
-use fmi2_export::{Boolean, Integer, Real, Table};
+use fmi_export::{Boolean, Integer, Real, Table};
 
 /// Handles; names and values are those of the plant's description in the README.
 #[allow(non_snake_case)]

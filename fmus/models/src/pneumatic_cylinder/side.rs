@@ -1,6 +1,6 @@
 //! The variables of one side of the cylinder: valve, tube, chamber.
 
-use fmi2_export::{MemoryBlock, Real, Table};
+use fmi_export::{MemoryBlock, Real, Table};
 
 /// Longest delay of a tube \[substeps\].
 pub const MAX_DELAY: usize = 200;

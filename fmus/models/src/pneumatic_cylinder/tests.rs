@@ -2,7 +2,7 @@
 //! `tests/fmpy/test_pneumatic_cylinder.py`.
 
 use super::*;
-use fmi2_export::Interface;
+use fmi_export::Interface;
 
 /// An instance without FMI: classical Runge-Kutta with a step of one substep.
 struct Run {

@@ -2,7 +2,7 @@
 
 use super::orifice::Air;
 use super::parameters::Parameters;
-use fmi2_export::{Scalar, Values};
+use fmi_export::{Scalar, Values};
 
 /// Polytropic exponent of the air in the valve port.
 const PORT_EXPONENT: f64 = 1.2;

@@ -1,6 +1,6 @@
 //! Every variable type, a resource file, and faults on demand.
 
-use fmi2_export::{
+use fmi_export::{
     Boolean, Event, Identity, Integer, Model, Outcome, Real, Refusal, Scalar, Table, Text, Values,
 };
 use std::path::Path;
@@ -164,7 +164,7 @@ impl Model for AllTypes {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use fmi2_export::Interface;
+    use fmi_export::Interface;
 
     #[test]
     fn faults_start_at_their_time() {

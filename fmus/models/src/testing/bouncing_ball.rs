@@ -1,6 +1,6 @@
 //! A ball that bounces and comes to rest: state events, reinitialized states, early termination.
 
-use fmi2_export::{Boolean, Event, Identity, MemoryBlock, Model, Outcome, Real, Scalar, Table, Values};
+use fmi_export::{Boolean, Event, Identity, MemoryBlock, Model, Outcome, Real, Scalar, Table, Values};
 
 /// `dh/dt = v`, `dv/dt = -g`; at `h <= 0`: `v+ = -e v-`, at rest once `v+ < v_min`.
 pub struct BouncingBall {
@@ -81,7 +81,7 @@ impl Model for BouncingBall {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use fmi2_export::Interface;
+    use fmi_export::Interface;
 
     #[test]
     fn impact_reverses_the_velocity_and_a_slow_one_ends_the_motion() {

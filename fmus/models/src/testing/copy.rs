@@ -1,6 +1,6 @@
 //! One Real input copied to one Real output: what an FMU costs when it does nothing.
 
-use fmi2_export::{Identity, Model, Outcome, Real, Scalar, Table, Values};
+use fmi_export::{Identity, Model, Outcome, Real, Scalar, Table, Values};
 
 /// `y = u`.
 pub struct Copy {

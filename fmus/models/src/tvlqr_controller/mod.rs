@@ -7,7 +7,7 @@ mod library;
 #[cfg(test)]
 mod tests;
 
-use fmi2_export::{
+use fmi_export::{
     Boolean, Identity, Integer, Memory, MemoryBlock, Model, Outcome, Real, Refusal, Scalar, Table, Values,
 };
 use gains::{Gains, MAX_NU, MAX_NX, MAX_NY, Place, Row};

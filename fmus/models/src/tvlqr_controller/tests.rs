@@ -1,7 +1,7 @@
 //! The controller against a plain loop over its equations, and its table.
 
 use super::*;
-use fmi2_export::Interface;
+use fmi_export::Interface;
 use std::path::PathBuf;
 
 /// A number in (-0.5, 0.5) for each place, without pattern.

@@ -112,7 +112,7 @@ impl Wanted {
 fn start_values(model: &StateSpace, delays: &[usize]) -> Vec<(String, Value)> {
     let (n_x, n_u, n_y) = (model.order(), model.d.ncols(), model.d.nrows());
     let count =
-        |name: &str, n: usize| (name.to_owned(), Value::Integer(i32::try_from(n).unwrap_or(i32::MAX)));
+        |name: &str, n: usize| (name.to_owned(), Value::Integer(i64::try_from(n).unwrap_or(i64::MAX)));
     let mut start = vec![count("n_x", n_x), count("n_u", n_u), count("n_y", n_y)];
     start.push(("sample_time".into(), Value::Real(model.sample_time)));
     for (name, matrix) in [("A", &model.a), ("B", &model.b), ("C", &model.c), ("D", &model.d)] {

@@ -32,7 +32,7 @@ pub enum Value {
     /// Real.
     Real(f64),
     /// Integer or Enumeration.
-    Integer(i32),
+    Integer(i64),
     /// Boolean.
     Boolean(bool),
     /// String.
@@ -262,8 +262,8 @@ pub(super) fn put_values(bytes: &mut Vec<u8>, values: &Values) {
 /// Values of the same layout as `like`.
 pub(super) fn take_values(bytes: &mut &[u8], like: &Values) -> Option<Values> {
     let reals = take_reals(bytes)?;
-    let integer = |chunk: &[u8]| chunk.try_into().map(i32::from_le_bytes).ok();
-    let integers: Vec<i32> = take_bytes(bytes)?.chunks(4).map(integer).collect::<Option<_>>()?;
+    let integer = |chunk: &[u8]| chunk.try_into().map(i64::from_le_bytes).ok();
+    let integers: Vec<i64> = take_bytes(bytes)?.chunks(8).map(integer).collect::<Option<_>>()?;
     let booleans: Vec<bool> = take_bytes(bytes)?.iter().map(|&byte| byte != 0).collect();
     let text = |_| String::from_utf8(take_bytes(bytes)?.to_vec()).ok();
     let strings: Vec<String> = like.strings.iter().map(text).collect::<Option<_>>()?;

@@ -326,7 +326,7 @@ pub(super) struct Node {
     real_in: Inputs,
     real_out: Outputs,
     real_buffer: Vec<f64>,
-    integer_buffer: Vec<i32>,
+    integer_buffer: Vec<i64>,
     boolean_buffer: Vec<bool>,
     others: Option<Box<Others>>,
 }

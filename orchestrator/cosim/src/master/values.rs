@@ -8,7 +8,7 @@ pub struct Values {
     /// Reals.
     pub reals: Vec<f64>,
     /// Integers and enumerations.
-    pub integers: Vec<i32>,
+    pub integers: Vec<i64>,
     /// Booleans.
     pub booleans: Vec<bool>,
     /// Strings.
@@ -21,7 +21,7 @@ impl Values {
     pub(in crate::master) fn set(&mut self, slot: Option<Slot>, value: f64) {
         match slot {
             Some(Slot::Real(index)) => self.reals[index] = value,
-            Some(Slot::Integer(index)) => self.integers[index] = value.round() as i32,
+            Some(Slot::Integer(index)) => self.integers[index] = value.round() as i64,
             Some(Slot::Boolean(index)) => self.booleans[index] = value != 0.0,
             None => {}
         }

@@ -55,7 +55,7 @@ pub struct Recorder {
     held: Vec<Slot>,
     time: Vec<f64>,
     reals: Vec<f64>,
-    integers: Vec<i32>,
+    integers: Vec<i64>,
     booleans: Vec<bool>,
     width: [usize; 3],
     keep: Keep,
@@ -159,7 +159,7 @@ impl Recorder {
 
     /// Copies the values at time `time` \[s\]; the buffers have the widths given to [`Recorder::new`].
     #[inline]
-    pub fn record(&mut self, time: f64, reals: &[f64], integers: &[i32], booleans: &[bool]) {
+    pub fn record(&mut self, time: f64, reals: &[f64], integers: &[i64], booleans: &[bool]) {
         debug_assert_eq!([reals.len(), integers.len(), booleans.len()], self.width);
         if let Some(last) = self.time.len().checked_sub(1) {
             if self.passing {
@@ -191,7 +191,7 @@ impl Recorder {
 
     /// Gives the held columns of a row the values that were read after the step that begins there.
     #[inline]
-    fn hold(&mut self, row: usize, reals: &[f64], integers: &[i32], booleans: &[bool]) {
+    fn hold(&mut self, row: usize, reals: &[f64], integers: &[i64], booleans: &[bool]) {
         for slot in &self.held {
             match *slot {
                 Slot::Real(index) => self.reals[row * self.width[0] + index] = reals[index],
@@ -202,7 +202,7 @@ impl Recorder {
     }
 
     /// Adds the values after the events of the last row, which held columns have there.
-    pub fn close(&mut self, reals: &[f64], integers: &[i32], booleans: &[bool]) {
+    pub fn close(&mut self, reals: &[f64], integers: &[i64], booleans: &[bool]) {
         debug_assert_eq!([reals.len(), integers.len(), booleans.len()], self.width);
         if let Some(last) = self.time.len().checked_sub(1) {
             self.hold(last, reals, integers, booleans);
@@ -257,7 +257,7 @@ impl Recorder {
     fn value(&self, column: &Column, row: usize) -> f64 {
         let value = match column.slot {
             Slot::Real(index) => self.reals[row * self.width[0] + index],
-            Slot::Integer(index) => f64::from(self.integers[row * self.width[1] + index]),
+            Slot::Integer(index) => self.integers[row * self.width[1] + index] as f64,
             Slot::Boolean(index) => f64::from(u8::from(self.booleans[row * self.width[2] + index])),
         };
         column.factor * value + column.offset

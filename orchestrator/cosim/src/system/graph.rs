@@ -16,7 +16,7 @@ use airloop_fmi::{Causality, Fmu, InterfaceKind, Variability, Variable, Variable
 pub enum DataType {
     /// Real number.
     Real,
-    /// 32-bit integer.
+    /// Integer of at most 64 bits.
     Integer,
     /// Truth value.
     Boolean,
@@ -51,7 +51,7 @@ pub enum Start {
     /// Real, in the unit of the variable.
     Real(f64),
     /// Integer or Enumeration.
-    Integer(i32),
+    Integer(i64),
     /// Boolean.
     Boolean(bool),
     /// String.
@@ -412,6 +412,12 @@ impl SystemGraph {
     /// judged.
     pub fn refused_number(&self, input: usize, value: f64) -> Option<String> {
         start::refused_number(self, input, value)
+    }
+
+    /// Whether a name is that of a structural parameter that is the length of arrays, on which the connectors of a
+    /// single FMU depend: it is set before anything else.
+    pub fn is_length(&self, name: &str) -> bool {
+        start::is_length(self, name)
     }
 
     /// Source of the input `component.variable`, in words, if it is connected: then its start value has no effect on

@@ -18,7 +18,7 @@ pub(super) fn resized(structure: &Structure, index: usize, fmu: Arc<Fmu>) -> Res
         .iter()
         .filter_map(|parameter| Some((parameter.name.strip_prefix(&prefix)?, parameter)));
     // What comes later holds, as for other parameters.
-    let mut sizes: Vec<(String, i32)> = Vec::new();
+    let mut sizes: Vec<(String, i64)> = Vec::new();
     for (name, parameter) in bound.chain(system) {
         if let Some(value) = size(&fmu, name, parameter)? {
             sizes.retain(|(known, _)| known != name);
@@ -36,7 +36,7 @@ pub(super) fn resized(structure: &Structure, index: usize, fmu: Arc<Fmu>) -> Res
 }
 
 /// The value of a parameter that is a length of arrays; `None` for other parameters.
-fn size(fmu: &Fmu, name: &str, parameter: &Parameter) -> Result<Option<i32>, Error> {
+fn size(fmu: &Fmu, name: &str, parameter: &Parameter) -> Result<Option<i64>, Error> {
     let description = &fmu.description;
     let Some(position) = description.index_of(name).filter(|&position| description.sizes_arrays(position))
     else {

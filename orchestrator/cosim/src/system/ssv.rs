@@ -15,7 +15,7 @@ pub enum Value {
     /// `Real`, `Float64`, `Float32`.
     Real(f64),
     /// `Integer`, `Int8` ... `UInt64`.
-    Integer(i32),
+    Integer(i64),
     /// `Boolean`.
     Boolean(bool),
     /// `String`.
@@ -98,7 +98,7 @@ fn read_parameter(node: &Element, units: &[(String, Unit)], file: &Path) -> Resu
             _ => return Err(bad(text, "a finite number")),
         },
         "Integer" | "Int8" | "Int16" | "Int32" | "Int64" | "UInt8" | "UInt16" | "UInt32" | "UInt64" => {
-            Value::Integer(text.trim().parse().map_err(|_| bad(text, "a 32-bit integer"))?)
+            Value::Integer(text.trim().parse().map_err(|_| bad(text, "an integer of 64 bits"))?)
         }
         "Boolean" => match text.trim() {
             "true" | "1" => Value::Boolean(true),
@@ -159,7 +159,7 @@ mod tests {
             (r#"<ssv:Parameter name="a"><ssv:Real/></ssv:Parameter>"#, "no attribute `value`"),
             (r#"<ssv:Parameter name="a"/>"#, "parameter `a` has no value"),
             (r#"<ssv:Parameter><ssv:Real value="1"/></ssv:Parameter>"#, "no attribute `name`"),
-            (r#"<ssv:Parameter name="a"><ssv:Integer value="1.5"/></ssv:Parameter>"#, "32-bit integer"),
+            (r#"<ssv:Parameter name="a"><ssv:Integer value="1.5"/></ssv:Parameter>"#, "integer of 64 bits"),
             (r#"<ssv:Parameter name="a"><ssv:Binary value="00"/></ssv:Parameter>"#, "type Binary"),
         ];
         for (text, expected) in cases {

@@ -7,6 +7,9 @@ use super::validate::{Aliases, UnitTable, conversion};
 use airloop_fmi::{Causality, Initial, ModelDescription, Variability, Variable, VariableKind};
 use airloop_series::units::Unit;
 
+/// Largest magnitude up to which every integer is a number of 64 bits (IEEE 754), as values of system inputs are.
+const MAX_EXACT_INTEGER: f64 = 9_007_199_254_740_992.0;
+
 /// Applies a parameter bound at a component: its name is that of a variable.
 pub(super) fn bind_component(
     graph: &mut SystemGraph,
@@ -57,7 +60,7 @@ fn bind(
             let unit = parameter_conversion(parameter, target, description, units, &place)?;
             Start::Real(to_variable.apply(unit.apply(*value)))
         }
-        (Value::Integer(value), DataType::Real) => Start::Real(to_variable.apply(f64::from(*value))),
+        (Value::Integer(value), DataType::Real) => Start::Real(to_variable.apply(*value as f64)),
         (Value::Integer(value), DataType::Integer | DataType::Enumeration) => Start::Integer(*value),
         (Value::Boolean(value), DataType::Boolean) => Start::Boolean(*value),
         (Value::String(value), DataType::String) => Start::String(value.clone()),
@@ -101,12 +104,12 @@ pub(super) fn refused_number(graph: &SystemGraph, input: usize, value: f64) -> O
     graph.connections.iter().filter(|connection| connection.source == Source::Input(input)).find_map(|fed| {
         let description = &graph.components[fed.component].fmu.description;
         let target = &description.variables[fed.variable];
-        let whole = value.fract() == 0.0 && (f64::from(i32::MIN)..=f64::from(i32::MAX)).contains(&value);
+        let whole = value.fract() == 0.0 && value.abs() <= MAX_EXACT_INTEGER;
         let fits = match DataType::of(target) {
             DataType::Real | DataType::String => true,
             DataType::Boolean => value == 0.0 || value == 1.0,
             DataType::Integer | DataType::Enumeration => {
-                whole && in_range(&Start::Integer(value as i32), target, description)
+                whole && in_range(&Start::Integer(value as i64), target, description)
             }
         };
         (!fits).then(|| allowed(target, description))
@@ -145,16 +148,27 @@ pub fn set_start_text(graph: &mut SystemGraph, name: &str, text: &str, place: &s
         }
         return Ok(());
     }
-    let (component, variable) = match graph.single {
-        true if graph.components[0].fmu.description.variable(name).is_some() => {
-            (0, find(graph, 0, name, place)?)
-        }
-        _ => find_path(graph, name, place)?,
-    };
+    let (component, variable) = find_by_name(graph, name, place)?;
     if graph.components[component].fmu.description.sizes_arrays(variable) {
         return set_length(graph, (component, variable), text, place);
     }
     set_text(graph, (component, variable, Conversion::IDENTITY), text, place)
+}
+
+/// The variable that is meant by `component.variable`, or by the name alone in a single FMU.
+fn find_by_name(graph: &SystemGraph, name: &str, place: &str) -> Result<(usize, usize), Error> {
+    match graph.single {
+        true if graph.components[0].fmu.description.variable(name).is_some() => {
+            Ok((0, find(graph, 0, name, place)?))
+        }
+        _ => find_path(graph, name, place),
+    }
+}
+
+/// Whether the name is that of a length of arrays; see [`SystemGraph::is_length`].
+pub(super) fn is_length(graph: &SystemGraph, name: &str) -> bool {
+    find_by_name(graph, name, "")
+        .is_ok_and(|(component, variable)| graph.components[component].fmu.description.sizes_arrays(variable))
 }
 
 /// Gives the arrays of a single FMU another length, before other values are set; in a larger system, whose connections
@@ -288,11 +302,15 @@ fn in_range(value: &Start, variable: &Variable, description: &ModelDescription) 
                 && real.max.is_none_or(|max| *value <= max)
         }
         (Start::Integer(value), VariableKind::Integer { min, max, .. }) => {
-            min.is_none_or(|min| *value >= min) && max.is_none_or(|max| *value <= max)
+            let (low, high) = description.integer_range(variable);
+            (min.unwrap_or(low)..=max.unwrap_or(high)).contains(value)
         }
         (Start::Integer(value), VariableKind::Enumeration { declared_type, .. }) => {
             let items = items(declared_type, description);
             items.is_empty() || items.iter().any(|(_, item)| item == value)
+        }
+        (Start::String(text), VariableKind::String { .. }) if description.is_binary(variable) => {
+            text.len().is_multiple_of(2) && text.bytes().all(|digit| digit.is_ascii_hexdigit())
         }
         _ => true,
     }
@@ -302,9 +320,9 @@ fn in_range(value: &Start, variable: &Variable, description: &ModelDescription) 
 pub(super) fn length(
     variable: &Variable,
     description: &ModelDescription,
-    value: Option<i32>,
+    value: Option<i64>,
     place: &str,
-) -> Result<i32, Error> {
+) -> Result<i64, Error> {
     let refuse = |value: String| start_error(place, &variable.name, value, allowed(variable, description));
     let value = value.ok_or_else(|| refuse("this value".to_owned()))?;
     check_range(&Start::Integer(value), variable, description, place)?;
@@ -315,12 +333,12 @@ fn start_error(place: &str, name: &str, value: String, allowed: String) -> Error
     Error::StartValue { place: place.into(), name: name.into(), value, allowed }
 }
 
-fn items<'a>(declared_type: &str, description: &'a ModelDescription) -> &'a [(String, i32)] {
+fn items<'a>(declared_type: &str, description: &'a ModelDescription) -> &'a [(String, i64)] {
     description.types.iter().find(|known| known.name == declared_type).map_or(&[], |known| &known.items)
 }
 
 /// Value of an item given by name or number.
-fn item_value(text: &str, variable: &Variable, description: &ModelDescription) -> Option<i32> {
+fn item_value(text: &str, variable: &Variable, description: &ModelDescription) -> Option<i64> {
     let VariableKind::Enumeration { declared_type, .. } = &variable.kind else { return None };
     let named = items(declared_type, description).iter().find(|(name, _)| name == text);
     named.map(|(_, value)| *value).or_else(|| text.parse().ok())
@@ -341,8 +359,14 @@ fn allowed(variable: &Variable, description: &ModelDescription) -> String {
             let unit = real.unit.as_deref().map_or(String::new(), |unit| format!(" [{unit}]"));
             range("a number", real.min, real.max) + &unit
         }
-        VariableKind::Integer { min, max, .. } => range("an integer", *min, *max),
+        VariableKind::Integer { min, max, .. } => {
+            let (low, high) = description.integer_range(variable);
+            range("an integer", Some(min.unwrap_or(low)), Some(max.unwrap_or(high)))
+        }
         VariableKind::Boolean { .. } => "true or false (or 1, 0)".into(),
+        VariableKind::String { .. } if description.is_binary(variable) => {
+            "bytes as pairs of hexadecimal digits, such as 00ff".into()
+        }
         VariableKind::String { .. } => "a text".into(),
         VariableKind::Enumeration { declared_type, .. } => {
             let names: Vec<String> = items(declared_type, description)

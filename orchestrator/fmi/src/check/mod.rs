@@ -24,6 +24,7 @@ mod settings;
 mod state;
 mod stepping;
 mod structure;
+mod terminals;
 mod types;
 mod variability;
 
@@ -88,6 +89,7 @@ pub fn static_findings(fmu: &Fmu) -> Vec<Finding> {
     attributes::check(&fmu.description, &mut findings);
     roles::check(&fmu.description, &mut findings);
     structure::check(&fmu.description, &mut findings);
+    terminals::check(fmu, &mut findings);
     findings.of(fmu)
 }
 

@@ -48,7 +48,7 @@ enum Runner {
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) enum Value {
     Real(u64),
-    Integer(i32),
+    Integer(i64),
     Boolean(bool),
     String(String),
 }

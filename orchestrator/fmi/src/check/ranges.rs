@@ -45,13 +45,13 @@ fn outside(fmu: &Fmu, kind: &VariableKind, value: &Value) -> Option<(Severity, S
     let (min, max) = match kind {
         VariableKind::Real(real) => (real.min, real.max),
         VariableKind::Integer { min, max, .. } | VariableKind::Enumeration { min, max, .. } => {
-            (min.map(f64::from), max.map(f64::from))
+            (min.map(|min| min as f64), max.map(|max| max as f64))
         }
         VariableKind::Boolean { .. } | VariableKind::String { .. } => return None,
     };
     let number = match value {
         Value::Real(bits) => f64::from_bits(*bits),
-        Value::Integer(value) => f64::from(*value),
+        Value::Integer(value) => *value as f64,
         Value::Boolean(_) | Value::String(_) => return None,
     };
     if let (VariableKind::Enumeration { declared_type, .. }, Value::Integer(value)) = (kind, value) {

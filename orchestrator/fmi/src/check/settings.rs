@@ -78,8 +78,9 @@ pub(super) fn another(fmu: &Fmu, variable: &Variable, single: bool) -> Option<Va
         }
         VariableKind::Integer { start, min, max, .. } => {
             let start = (*start)?;
-            let within =
-                |value: &i32| min.is_none_or(|min| *value >= min) && max.is_none_or(|max| *value <= max);
+            let (low, high) = fmu.description.integer_range(variable);
+            let (low, high) = (min.unwrap_or(low), max.unwrap_or(high));
+            let within = |value: &i64| (low..=high).contains(value);
             let near = [start.checked_add(1), start.checked_sub(1)];
             Value::Integer(near.into_iter().flatten().find(within)?)
         }
@@ -87,12 +88,15 @@ pub(super) fn another(fmu: &Fmu, variable: &Variable, single: bool) -> Option<Va
             let start = (*start)?;
             let items = fmu.description.types.iter().find(|declared| declared.name == *declared_type)?;
             let within =
-                |value: &i32| min.is_none_or(|min| *value >= min) && max.is_none_or(|max| *value <= max);
+                |value: &i64| min.is_none_or(|min| *value >= min) && max.is_none_or(|max| *value <= max);
             let mut values = items.items.iter().map(|(_, value)| *value);
             Value::Integer(values.find(|value| *value != start && within(value))?)
         }
         VariableKind::Boolean { start } => Value::Boolean(!(*start)?),
-        VariableKind::String { start } => Value::String(format!("{}x", start.as_ref()?)),
+        VariableKind::String { start } => {
+            let more = if fmu.description.is_binary(variable) { "78" } else { "x" };
+            Value::String(format!("{}{more}", start.as_ref()?))
+        }
     })
 }
 

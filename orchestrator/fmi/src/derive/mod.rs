@@ -1,7 +1,7 @@
 //! Derived FMUs: the library of a template with a name, a GUID and start values of its own.
 //!
 //! The template is one of the project's FMUs, whose libraries read `resources/start_values.toml` (the format stands in
-//! `fmi2-export`). Where the templates are is left to [`super::template_folder`]; which values to give, to the caller.
+//! `fmi-export`). Where the templates are is left to [`super::template_folder`]; which values to give, to the caller.
 
 mod description;
 mod documentation;
@@ -17,7 +17,9 @@ use crate::{Causality, Initial, ModelDescription, Variable};
 pub use error::DeriveError;
 
 /// Exporter whose libraries read start values from their resources.
-const EXPORTER: &str = "fmi2-export";
+const EXPORTER: &str = "fmi-export";
+/// Its name until version 0.2.
+const EARLIER_EXPORTER: &str = "fmi2-export";
 /// The resource that holds them.
 const START_VALUES: &str = "start_values.toml";
 /// First page of the documentation.
@@ -43,7 +45,7 @@ pub enum Value {
     /// Real, in the unit of the variable.
     Real(f64),
     /// Integer or Enumeration; also taken for a Real.
-    Integer(i32),
+    Integer(i64),
     /// Boolean.
     Boolean(bool),
     /// String.
@@ -69,7 +71,8 @@ struct Member {
 
 /// Whether the library of an FMU reads start values from its resources, so that others can be derived from it.
 pub fn is_template(description: &ModelDescription) -> bool {
-    description.generation_tool.contains(EXPORTER) && !description.is_fmi3()
+    let tool = &description.generation_tool;
+    (tool.contains(EXPORTER) || tool.contains(EARLIER_EXPORTER)) && !description.is_fmi3()
 }
 
 /// Whether a derived FMU may have another start value of this variable: an input, or one whose `initial` is exact.

@@ -17,10 +17,7 @@ pub(super) fn read(text: &[u8], template: &Path) -> Result<(String, Vec<(String,
     for (name, value) in table.get("start").and_then(toml::Value::as_table).into_iter().flatten() {
         let value = match value {
             toml::Value::Float(x) => Value::Real(*x),
-            toml::Value::Integer(x) => match i32::try_from(*x) {
-                Ok(x) => Value::Integer(x),
-                Err(_) => Value::Real(*x as f64),
-            },
+            toml::Value::Integer(x) => Value::Integer(*x),
             toml::Value::Boolean(x) => Value::Boolean(*x),
             toml::Value::String(x) => Value::String(x.clone()),
             other => {
@@ -98,7 +95,7 @@ fn fitting(variable: &Variable, value: &Value, description: &ModelDescription) -
         (VariableKind::Real(real), Value::Real(_) | Value::Integer(_)) => {
             let x = match value {
                 Value::Real(x) => *x,
-                Value::Integer(x) => f64::from(*x),
+                Value::Integer(x) => *x as f64,
                 _ => f64::NAN,
             };
             let (low, high) = (real.min.unwrap_or(f64::MIN), real.max.unwrap_or(f64::MAX));
@@ -113,7 +110,8 @@ fn fitting(variable: &Variable, value: &Value, description: &ModelDescription) -
             Ok(Value::Real(x))
         }
         (VariableKind::Integer { min, max, .. }, Value::Integer(x)) => {
-            let (low, high) = (min.unwrap_or(i32::MIN), max.unwrap_or(i32::MAX));
+            let (low, high) = description.integer_range(variable);
+            let (low, high) = (min.unwrap_or(low), max.unwrap_or(high));
             let fits = (low..=high).contains(x);
             fits.then(|| value.clone()).ok_or_else(|| format!("a whole number from {low} to {high}"))
         }

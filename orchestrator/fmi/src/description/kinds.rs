@@ -36,7 +36,7 @@ pub(super) fn enumeration(
 }
 
 /// Items of an enumeration, as (name, value).
-pub(super) fn items(element: &Element) -> Result<Vec<(String, i32)>, DescriptionError> {
+pub(super) fn items(element: &Element) -> Result<Vec<(String, i64)>, DescriptionError> {
     let item = |item: &Element| {
         let value = item.integer("value")?.ok_or_else(|| item.error("the attribute value is missing"))?;
         Ok((item.required("name")?.to_owned(), value))
@@ -47,8 +47,8 @@ pub(super) fn items(element: &Element) -> Result<Vec<(String, i32)>, Description
 /// Smallest and largest value of an integer or enumeration; what is not given comes from the declared type.
 pub(super) fn bounds(
     declared: Option<&TypeDefinition>,
-    bound: impl Fn(&str) -> Result<Option<i32>, DescriptionError>,
-) -> Result<(Option<i32>, Option<i32>), DescriptionError> {
+    bound: impl Fn(&str) -> Result<Option<i64>, DescriptionError>,
+) -> Result<(Option<i64>, Option<i64>), DescriptionError> {
     let inherited = match declared.map(|declared| &declared.kind) {
         Some(VariableKind::Integer { min, max, .. } | VariableKind::Enumeration { min, max, .. }) => {
             (*min, *max)

@@ -18,10 +18,12 @@ pub(crate) enum BaseType {
     UInt64,
     Boolean,
     String,
+    /// Carried as a text of hexadecimal digits.
+    Binary,
 }
 
 impl BaseType {
-    /// The type of an element of `ModelVariables`; `None` for Binary, Clock, and what is no variable.
+    /// The type of an element of `ModelVariables`; `None` for Clock, and what is no variable.
     pub(crate) fn of(element: &str) -> Option<BaseType> {
         Some(match element {
             "Float32" => BaseType::Float32,
@@ -36,6 +38,7 @@ impl BaseType {
             "UInt64" => BaseType::UInt64,
             "Boolean" => BaseType::Boolean,
             "String" => BaseType::String,
+            "Binary" => BaseType::Binary,
             _ => return None,
         })
     }
@@ -45,12 +48,17 @@ impl BaseType {
         matches!(self, BaseType::Float32 | BaseType::Float64)
     }
 
+    /// Whether it is carried as a text.
+    pub(crate) fn is_text(self) -> bool {
+        matches!(self, BaseType::String | BaseType::Binary)
+    }
+
     /// Name of the kind of variable that it is carried as, given the name of its element.
     pub(crate) fn carried_as(self, element: &str) -> &'static str {
         match self {
             BaseType::Float32 | BaseType::Float64 => "Real",
             BaseType::Boolean => "Boolean",
-            BaseType::String => "String",
+            BaseType::String | BaseType::Binary => "String",
             _ if element == "Enumeration" => "Enumeration",
             _ => "Integer",
         }
@@ -69,7 +77,11 @@ impl BaseType {
             BaseType::UInt32 => unsigned(32),
             BaseType::Int64 => signed(64),
             BaseType::UInt64 => unsigned(64),
-            BaseType::Float32 | BaseType::Float64 | BaseType::Boolean | BaseType::String => None,
+            BaseType::Float32
+            | BaseType::Float64
+            | BaseType::Boolean
+            | BaseType::String
+            | BaseType::Binary => None,
         }
     }
 }
@@ -106,7 +118,7 @@ pub(crate) struct Resize {
     /// Index among [`Layout::wholes`].
     pub(crate) whole: usize,
     /// Value to set.
-    pub(crate) value: i32,
+    pub(crate) value: i64,
 }
 
 /// All variables as the FMU knows them, and the place of each value reference of ours.

@@ -118,14 +118,34 @@ impl ModelDescription {
         self.layout.as_ref().and_then(base) == Some(layout::BaseType::Float32)
     }
 
+    /// Whether a variable is of type Binary (FMI 3.0), carried as a text of hexadecimal digits.
+    pub fn is_binary(&self, variable: &Variable) -> bool {
+        let base = |layout: &layout::Layout| {
+            let slot = layout.find(variable.value_reference)?;
+            Some(layout.wholes[slot.whole].base)
+        };
+        self.layout.as_ref().and_then(base) == Some(layout::BaseType::Binary)
+    }
+
+    /// Smallest and largest integer that the type of a variable holds, as far as 64 bits with a sign reach.
+    pub fn integer_range(&self, variable: &Variable) -> (i64, i64) {
+        let range = |layout: &layout::Layout| {
+            let slot = layout.find(variable.value_reference)?;
+            let (min, max) = layout.wholes[slot.whole].base.range()?;
+            Some((i64::try_from(min).ok()?, i64::try_from(max).unwrap_or(i64::MAX)))
+        };
+        let of_fmi2 = (i32::MIN.into(), i32::MAX.into());
+        self.layout.as_ref().map_or(of_fmi2, |layout| range(layout).unwrap_or((i64::MIN, i64::MAX)))
+    }
+
     /// Structural parameters that are lengths of arrays, with their values (FMI 3.0).
-    pub fn lengths(&self) -> Vec<(String, i32)> {
+    pub fn lengths(&self) -> Vec<(String, i64)> {
         let positions = (0..self.variables.len()).filter(|&position| self.sizes_arrays(position));
         positions.map(|position| (self.variables[position].name.clone(), self.length(position))).collect()
     }
 
     /// Same as [`Self::lengths`] with another value of the variable at `position`.
-    pub fn lengths_with(&self, position: usize, value: i32) -> Vec<(String, i32)> {
+    pub fn lengths_with(&self, position: usize, value: i64) -> Vec<(String, i64)> {
         let mut lengths = self.lengths();
         for (_, length) in lengths.iter_mut().filter(|(name, _)| *name == self.variables[position].name) {
             *length = value;
@@ -133,7 +153,7 @@ impl ModelDescription {
         lengths
     }
 
-    fn length(&self, position: usize) -> i32 {
+    fn length(&self, position: usize) -> i64 {
         match self.variables[position].kind {
             VariableKind::Integer { start, .. } => start.unwrap_or(0),
             _ => 0,
@@ -234,7 +254,7 @@ pub struct TypeDefinition {
     /// Base type and attributes; starts are empty.
     pub kind: VariableKind,
     /// Items of an enumeration, as (name, value); empty otherwise.
-    pub items: Vec<(String, i32)>,
+    pub items: Vec<(String, i64)>,
 }
 
 /// A category of log messages.
@@ -340,11 +360,11 @@ pub enum VariableKind {
     /// An integer.
     Integer {
         /// Start value.
-        start: Option<i32>,
+        start: Option<i64>,
         /// Smallest value.
-        min: Option<i32>,
+        min: Option<i64>,
         /// Largest value.
-        max: Option<i32>,
+        max: Option<i64>,
         /// Physical quantity.
         quantity: Option<String>,
     },
@@ -363,11 +383,11 @@ pub enum VariableKind {
         /// Name of the type that holds the items.
         declared_type: String,
         /// Start value.
-        start: Option<i32>,
+        start: Option<i64>,
         /// Smallest value.
-        min: Option<i32>,
+        min: Option<i64>,
         /// Largest value.
-        max: Option<i32>,
+        max: Option<i64>,
     },
 }
 

@@ -28,7 +28,7 @@ impl ModelDescription {
     /// Same as [`Self::parse`].
     pub(crate) fn parse_resized(
         xml: &[u8],
-        structure: &[(String, i32)],
+        structure: &[(String, i64)],
     ) -> Result<ModelDescription, DescriptionError> {
         let root = xml::parse(xml).map_err(|error| DescriptionError {
             line: error.line,

@@ -107,7 +107,7 @@ fn kind(
         error.element = element.error("").element;
         error
     };
-    let whole = |name: &str| inner.integer::<i32>(name).map_err(at);
+    let whole = |name: &str| Ok(inner.integer::<i32>(name).map_err(at)?.map(i64::from));
     let bounds = || kinds::bounds(declared, whole);
     Ok(match inner.name.as_str() {
         "Real" => VariableKind::Real(real(inner, declared, count).map_err(at)?),

@@ -82,6 +82,12 @@ table! {
             set_uint64: fmi3SetUInt64: Setter<u64>,
             set_boolean: fmi3SetBoolean: Setter<bool>,
             set_string: fmi3SetString: Setter<fmi3String>,
+            get_binary: fmi3GetBinary: Option<
+                unsafe extern "C" fn(Instance, *const u32, usize, *mut usize, *mut fmi3Binary, usize) -> Status
+            >,
+            set_binary: fmi3SetBinary: Option<
+                unsafe extern "C" fn(Instance, *const u32, usize, *const usize, *const fmi3Binary, usize) -> Status
+            >,
             get_state: fmi3GetFMUState: Option<unsafe extern "C" fn(Instance, *mut fmi3FMUState) -> Status>,
             set_state: fmi3SetFMUState: Option<unsafe extern "C" fn(Instance, fmi3FMUState) -> Status>,
             free_state: fmi3FreeFMUState: Option<unsafe extern "C" fn(Instance, *mut fmi3FMUState) -> Status>,

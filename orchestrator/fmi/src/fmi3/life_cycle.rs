@@ -31,8 +31,14 @@ impl Component {
         let resizes = std::mem::take(&mut self.layout.resizes);
         let status = self.configure(|component| {
             let set = |resize: &Resize| {
-                let base = component.layout.wholes[resize.whole].base;
-                component.set_whole(resize.whole, base, &[i64::from(resize.value) as u64])
+                let whole = &component.layout.wholes[resize.whole];
+                let (base, reference) = (whole.base, whole.reference);
+                let status = component.set_whole(resize.whole, base, &[resize.value as u64]);
+                if status > WARNING {
+                    let what = format!("valueReference {reference} = {}", resize.value);
+                    component.say(status, format!("the FMU refuses the structural parameter with {what}"));
+                }
+                status
             };
             resizes.iter().map(set).find(|status| *status > WARNING).unwrap_or(OK)
         });

@@ -20,6 +20,7 @@ use crate::log::{LogBuffer, LogMessage, text};
 use crate::open::{Fmu, InterfaceKind};
 use scalars::{Known, Scratch};
 
+mod binary;
 pub(crate) mod functions;
 mod life_cycle;
 pub(crate) mod names;

@@ -1,5 +1,7 @@
 //! From scalars of ours to variables of the FMU, arrays as a whole.
 
+use std::ffi::CString;
+
 use super::typed::{read, write};
 use super::{Component, DISCARD, ERROR, OK, WARNING};
 use crate::description::layout::{BaseType, Slot};
@@ -13,6 +15,8 @@ pub(super) struct Scratch {
     pub(super) values: Vec<u64>,
     /// Place of each value in `values`, counted in elements.
     pub(super) places: Vec<usize>,
+    /// Binaries that were read, as texts.
+    pub(super) texts: Vec<CString>,
     /// Seeds or sensitivities of whole arrays.
     pub(super) seeds: Vec<f64>,
     pub(super) sensitivities: Vec<f64>,

@@ -1,7 +1,7 @@
 //! The call tables of FMI 2.0 that lead into an FMI 3.0 library.
 
 use super::{life_cycle, sensitivities, states, values};
-use crate::functions::{CommonFunctions, ModelFunctions, SlaveFunctions};
+use crate::functions::{CommonFunctions, GetInteger, ModelFunctions, SetInteger, SlaveFunctions};
 use crate::library::ThreeFunctions;
 
 pub(crate) fn common(functions: &ThreeFunctions) -> CommonFunctions {
@@ -14,11 +14,11 @@ pub(crate) fn common(functions: &ThreeFunctions) -> CommonFunctions {
         terminate: life_cycle::terminate,
         reset: life_cycle::reset,
         get_real: values::get_real,
-        get_integer: values::get_integer,
+        get_integer: GetInteger::Long(values::get_integer),
         get_boolean: values::get_boolean,
         get_string: values::get_string,
         set_real: values::set_real,
-        set_integer: values::set_integer,
+        set_integer: SetInteger::Long(values::set_integer),
         set_boolean: values::set_boolean,
         set_string: values::set_string,
         set_debug_logging: three.set_debug_logging.map(|_| life_cycle::set_debug_logging as _),

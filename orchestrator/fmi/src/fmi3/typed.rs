@@ -20,7 +20,9 @@ pub(super) fn read(values: &[u64], base: BaseType, place: usize) -> u64 {
             BaseType::Int32 => i64::from(*start.cast::<i32>().add(place)) as u64,
             BaseType::UInt32 => u64::from(*start.cast::<u32>().add(place)),
             BaseType::Boolean => u64::from(*start.cast::<u8>().add(place) != 0),
-            BaseType::Float64 | BaseType::Int64 | BaseType::UInt64 | BaseType::String => *start.add(place),
+            BaseType::Float64 | BaseType::Int64 | BaseType::UInt64 | BaseType::String | BaseType::Binary => {
+                *start.add(place)
+            }
         }
     }
 }
@@ -37,18 +39,18 @@ pub(super) fn write(values: &mut [u64], base: BaseType, place: usize, bits: u64)
             }
             BaseType::Int16 | BaseType::UInt16 => *start.cast::<u16>().add(place) = bits as u16,
             BaseType::Int32 | BaseType::UInt32 => *start.cast::<u32>().add(place) = bits as u32,
-            BaseType::Float64 | BaseType::Int64 | BaseType::UInt64 | BaseType::String => {
+            BaseType::Float64 | BaseType::Int64 | BaseType::UInt64 | BaseType::String | BaseType::Binary => {
                 *start.add(place) = bits;
             }
         }
     }
 }
 
-/// An integer of any width as we carry it.
-pub(super) fn as_integer(base: BaseType, bits: u64) -> Option<i32> {
+/// An integer of any width as we carry it; `None` beyond 64 bits with a sign.
+pub(super) fn as_integer(base: BaseType, bits: u64) -> Option<i64> {
     match base {
-        BaseType::UInt64 => i32::try_from(bits).ok(),
-        _ => i32::try_from(bits as i64).ok(),
+        BaseType::UInt64 => i64::try_from(bits).ok(),
+        _ => Some(bits as i64),
     }
 }
 
@@ -66,6 +68,7 @@ macro_rules! by_type {
                 let functions = self.functions.common;
                 match base {
                     $(BaseType::$base => self.call(functions.$get, $get_name, values.cast(), count),)*
+                    BaseType::Binary => self.get_binary(count),
                 }
             }
 
@@ -75,6 +78,7 @@ macro_rules! by_type {
                 let functions = self.functions.common;
                 match base {
                     $(BaseType::$base => self.call(functions.$set, $set_name, values.cast(), count),)*
+                    BaseType::Binary => self.set_binary(count),
                 }
             }
         }

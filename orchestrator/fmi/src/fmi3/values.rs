@@ -2,6 +2,7 @@
 
 use std::ffi::{CStr, CString, c_void};
 
+use super::binary;
 use super::typed::as_integer;
 use super::{DISCARD, ERROR, OK, Text, component};
 use crate::arrays::list;
@@ -44,7 +45,7 @@ pub(super) unsafe extern "C" fn get_integer(
     handle: *mut c_void,
     references: *const u32,
     count: usize,
-    values: *mut i32,
+    values: *mut i64,
 ) -> u32 {
     // SAFETY: the call tables pass handles of live components and arrays of the length passed.
     let (component, references) = unsafe { (component(handle), list(references, count)) };
@@ -52,8 +53,10 @@ pub(super) unsafe extern "C" fn get_integer(
         let Some(value) = as_integer(base, bits).filter(|_| base.range().is_some()) else {
             let value = if base == BaseType::UInt64 { bits.to_string() } else { (bits as i64).to_string() };
             let reference = references[index];
-            return component
-                .say(DISCARD, format!("#i{reference}# is {value}: integers are carried with 32 bits"));
+            return component.say(
+                DISCARD,
+                format!("#i{reference}# is {value}: integers are carried with 64 bits and a sign"),
+            );
         };
         // SAFETY: `index` is below `count`, the length of the array.
         unsafe { values.add(index).write(value) };
@@ -65,15 +68,13 @@ pub(super) unsafe extern "C" fn set_integer(
     handle: *mut c_void,
     references: *const u32,
     count: usize,
-    values: *const i32,
+    values: *const i64,
 ) -> u32 {
     // SAFETY: the call tables pass handles of live components and arrays of the length passed.
     let (component, references, values) =
         unsafe { (component(handle), list(references, count), list(values, count)) };
     component.set(references, |component, index, base| match base.range() {
-        Some((min, max)) if (min..=max).contains(&i128::from(values[index])) => {
-            Ok(i64::from(values[index]) as u64)
-        }
+        Some((min, max)) if (min..=max).contains(&i128::from(values[index])) => Ok(values[index] as u64),
         Some((min, max)) => {
             Err(component.say(DISCARD, format!("#i{}# takes {base:?}, {min} to {max}", references[index])))
         }
@@ -122,7 +123,7 @@ pub(super) unsafe extern "C" fn get_string(
     // A string lives until the next call only: it is kept here, until the next strings are read.
     let mut texts = Vec::with_capacity(count);
     let status = component.get(references, |component, _, base, bits| {
-        if base != BaseType::String {
+        if !base.is_text() {
             return component.say(ERROR, "a variable that is no string is read as one".to_owned());
         }
         let pointer: Text = std::ptr::with_exposed_provenance(bits as usize);
@@ -152,6 +153,12 @@ pub(super) unsafe extern "C" fn set_string(
         unsafe { (component(handle), list(references, count), list(values, count)) };
     let status = component.set(references, |component, index, base| match base {
         BaseType::String => Ok(values[index].expose_provenance() as u64),
+        // SAFETY: the strings of the caller live during the call.
+        BaseType::Binary if !binary::is_hexadecimal(unsafe { CStr::from_ptr(values[index]) }) => {
+            let what = "takes bytes as pairs of hexadecimal digits, such as 00ff";
+            Err(component.say(DISCARD, format!("#s{}# {what}", references[index])))
+        }
+        BaseType::Binary => Ok(values[index].expose_provenance() as u64),
         _ => Err(component.say(ERROR, "a variable that is no string is set as one".to_owned())),
     });
     // What is known of an array of strings are pointers, which end with this call.

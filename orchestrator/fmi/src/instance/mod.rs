@@ -74,7 +74,8 @@ pub struct Instance {
     /// Calls until the register of the processor is read again.
     calls: u8,
     states: States,
-    booleans: Vec<i32>,
+    /// Booleans and integers of 32 bits of one call.
+    scratch: Vec<i32>,
     log: Box<LogBuffer>,
     // The FMU may keep the pointer to the callbacks, and the code must outlive the component.
     callbacks: Option<Box<fmi2CallbackFunctions>>,
@@ -173,7 +174,11 @@ impl Instance {
         }
         if component.is_null() {
             library.occupied.store(false, Ordering::Release);
-            let hint = if interface.needs_execution_tool {
+            let is_resized =
+                !fmu.sizes.is_empty() && log.tail(1).iter().any(|last| last.category == "importer");
+            let hint = if is_resized {
+                "; it exists until a structural parameter is set: see the last messages"
+            } else if interface.needs_execution_tool {
                 "; it declares needsExecutionTool: install the tool that made it, or export it without that need"
             } else {
                 "; a guid of the library that differs from the one of modelDescription.xml is the usual reason: \
@@ -201,7 +206,7 @@ impl Instance {
             time: None,
             calls: 0,
             states: States::new(),
-            booleans: Vec::new(),
+            scratch: Vec::new(),
             log,
             callbacks: Some(callbacks),
             library,

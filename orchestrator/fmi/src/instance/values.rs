@@ -49,19 +49,13 @@ impl Instance {
     ///
     /// # Errors
     /// Different lengths, or the FMU refuses.
-    pub fn get_integer(&mut self, references: &[u32], values: &mut [i32]) -> Result<(), Error> {
+    pub fn get_integer(&mut self, references: &[u32], values: &mut [i64]) -> Result<(), Error> {
         let function = "fmi2GetInteger";
         self.alive(function)?;
         self.same_length(function, values.len(), references.len())?;
         // SAFETY: the component is alive; both arrays have the length passed.
-        let status = unsafe {
-            (self.functions.get_integer)(
-                self.component,
-                references.as_ptr(),
-                references.len(),
-                values.as_mut_ptr(),
-            )
-        };
+        let status =
+            unsafe { self.functions.get_integer.call(self.component, references, values, &mut self.scratch) };
         self.check_values(function, status, Base::Integer, references, |_| None)
     }
 
@@ -69,19 +63,13 @@ impl Instance {
     ///
     /// # Errors
     /// Different lengths, or the FMU refuses.
-    pub fn set_integer(&mut self, references: &[u32], values: &[i32]) -> Result<(), Error> {
+    pub fn set_integer(&mut self, references: &[u32], values: &[i64]) -> Result<(), Error> {
         let function = "fmi2SetInteger";
         self.alive(function)?;
         self.same_length(function, values.len(), references.len())?;
         // SAFETY: the component is alive; both arrays have the length passed.
-        let status = unsafe {
-            (self.functions.set_integer)(
-                self.component,
-                references.as_ptr(),
-                references.len(),
-                values.as_ptr(),
-            )
-        };
+        let status =
+            unsafe { self.functions.set_integer.call(self.component, references, values, &mut self.scratch) };
         self.check_values(function, status, Base::Integer, references, |index| {
             Some(values[index].to_string())
         })
@@ -95,19 +83,19 @@ impl Instance {
         let function = "fmi2GetBoolean";
         self.alive(function)?;
         self.same_length(function, values.len(), references.len())?;
-        self.booleans.clear();
-        self.booleans.resize(values.len(), 0);
+        self.scratch.clear();
+        self.scratch.resize(values.len(), 0);
         // SAFETY: the component is alive; both arrays have the length passed.
         let status = unsafe {
             (self.functions.get_boolean)(
                 self.component,
                 references.as_ptr(),
                 references.len(),
-                self.booleans.as_mut_ptr(),
+                self.scratch.as_mut_ptr(),
             )
         };
         self.check_values(function, status, Base::Boolean, references, |_| None)?;
-        values.iter_mut().zip(&self.booleans).for_each(|(value, &raw)| *value = raw != 0);
+        values.iter_mut().zip(&self.scratch).for_each(|(value, &raw)| *value = raw != 0);
         Ok(())
     }
 
@@ -119,15 +107,15 @@ impl Instance {
         let function = "fmi2SetBoolean";
         self.alive(function)?;
         self.same_length(function, values.len(), references.len())?;
-        self.booleans.clear();
-        self.booleans.extend(values.iter().map(|&value| i32::from(value)));
+        self.scratch.clear();
+        self.scratch.extend(values.iter().map(|&value| i32::from(value)));
         // SAFETY: the component is alive; both arrays have the length passed.
         let status = unsafe {
             (self.functions.set_boolean)(
                 self.component,
                 references.as_ptr(),
                 references.len(),
-                self.booleans.as_ptr(),
+                self.scratch.as_ptr(),
             )
         };
         self.check_values(function, status, Base::Boolean, references, |index| {

@@ -153,4 +153,5 @@ pub(super) trait Plain: Copy {}
 impl Plain for f64 {}
 impl Plain for u32 {}
 impl Plain for i32 {}
+impl Plain for i64 {}
 impl Plain for u64 {}

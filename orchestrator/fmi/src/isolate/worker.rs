@@ -167,11 +167,18 @@ impl Worker {
                     out.block(bytes_of(&values));
                     status
                 }
-                GET_INTEGER | GET_BOOLEAN => {
+                GET_INTEGER => {
+                    let references = values_of::<u32>(parts.block()?);
+                    let mut values = vec![0_i64; references.len()];
+                    let status = common.get_integer.call(c, &references, &mut values, &mut Vec::new());
+                    out.block(bytes_of(&values));
+                    status
+                }
+                GET_BOOLEAN => {
                     let references = values_of::<u32>(parts.block()?);
                     let mut values = vec![0_i32; references.len()];
-                    let get = if function == GET_INTEGER { common.get_integer } else { common.get_boolean };
-                    let status = get(c, references.as_ptr(), references.len(), values.as_mut_ptr());
+                    let status =
+                        (common.get_boolean)(c, references.as_ptr(), references.len(), values.as_mut_ptr());
                     out.block(bytes_of(&values));
                     status
                 }
@@ -190,11 +197,15 @@ impl Worker {
                     let values = same_length::<f64>(parts, references.len())?;
                     (common.set_real)(c, references.as_ptr(), references.len(), values.as_ptr())
                 }
-                SET_INTEGER | SET_BOOLEAN => {
+                SET_INTEGER => {
+                    let references = values_of::<u32>(parts.block()?);
+                    let values = same_length::<i64>(parts, references.len())?;
+                    common.set_integer.call(c, &references, &values, &mut Vec::new())
+                }
+                SET_BOOLEAN => {
                     let references = values_of::<u32>(parts.block()?);
                     let values = same_length::<i32>(parts, references.len())?;
-                    let set = if function == SET_INTEGER { common.set_integer } else { common.set_boolean };
-                    set(c, references.as_ptr(), references.len(), values.as_ptr())
+                    (common.set_boolean)(c, references.as_ptr(), references.len(), values.as_ptr())
                 }
                 SET_STRING => {
                     let references = values_of::<u32>(parts.block()?);
@@ -362,8 +373,8 @@ impl Worker {
         let texts = texts(parts, 2)?;
         let (kind, logging) = (kind(parts)?, parts.number()? != 0);
         let count = parts.number()?;
-        let size = |_| Some((text(parts)?, u32::try_from(parts.number()?).ok()?.cast_signed()));
-        let sizes: Vec<(String, i32)> = (0..count).map(size).collect::<Option<_>>()?;
+        let size = |_| Some((text(parts)?, parts.number()?.cast_signed()));
+        let sizes: Vec<(String, i64)> = (0..count).map(size).collect::<Option<_>>()?;
         let fmu = self.fmu.as_ref()?;
         let resized = if sizes.is_empty() { Ok(Arc::clone(fmu)) } else { fmu.resized(&sizes) };
         let fmu = resized.ok()?;

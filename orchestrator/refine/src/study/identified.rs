@@ -20,8 +20,8 @@ fn element(name: &str, letter: char) -> Option<(usize, usize)> {
 fn integer(component: &Component, index: usize) -> Option<usize> {
     let set = component.start_values.iter().find(|own| own.variable == index).map(|own| &own.value);
     let own = match (set, &component.fmu.description.variables[index].kind) {
-        (Some(Start::Integer(value)), _) => i64::from(*value),
-        (_, VariableKind::Integer { start, .. }) => i64::from((*start)?),
+        (Some(Start::Integer(value)), _) => *value,
+        (_, VariableKind::Integer { start, .. }) => (*start)?,
         _ => return None,
     };
     usize::try_from(own).ok()

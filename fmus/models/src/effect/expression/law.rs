@@ -1,7 +1,7 @@
 //! The formulas of one effect, read.
 
 use airloop_expression::{Expression, Function};
-use fmi2_export::Scalar;
+use fmi_export::Scalar;
 
 use super::{PARAMETERS, PORT, STATES};
 

@@ -7,7 +7,7 @@ mod library;
 #[cfg(test)]
 mod tests;
 
-use fmi2_export::{Boolean, Identity, Memory, Model, Outcome, Real, Refusal, Scalar, Table, Text, Values};
+use fmi_export::{Boolean, Identity, Memory, Model, Outcome, Real, Refusal, Scalar, Table, Text, Values};
 
 use law::Law;
 use library::Library;

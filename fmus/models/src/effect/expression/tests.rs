@@ -1,4 +1,4 @@
-use fmi2_export::{Dual, Interface, Model, Refusal, Table, Values};
+use fmi_export::{Dual, Interface, Model, Refusal, Table, Values};
 
 use super::*;
 

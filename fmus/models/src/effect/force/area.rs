@@ -1,6 +1,6 @@
 //! An error of the effective area of a chamber: a force proportional to its pressure.
 
-use fmi2_export::{Real, Scalar, Table, Values};
+use fmi_export::{Real, Scalar, Table, Values};
 
 use super::Motion;
 

@@ -1,6 +1,6 @@
 //! Another level and slope of friction in the positive direction.
 
-use fmi2_export::{Real, Scalar, Table, Values};
+use fmi_export::{Real, Scalar, Table, Values};
 
 use super::Motion;
 

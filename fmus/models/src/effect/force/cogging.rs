@@ -1,6 +1,6 @@
 //! A force that repeats along the guide: teeth of a belt, magnets of a linear motor.
 
-use fmi2_export::{Real, Scalar, Table, Values};
+use fmi_export::{Real, Scalar, Table, Values};
 
 use super::Motion;
 

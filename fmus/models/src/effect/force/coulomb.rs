@@ -1,6 +1,6 @@
 //! Coulomb friction: constant, growing with the force of the pressure difference (seals), varying along the guide.
 
-use fmi2_export::{Real, Scalar, Table, Values};
+use fmi_export::{Real, Scalar, Table, Values};
 
 use super::Motion;
 

@@ -1,6 +1,6 @@
 //! A one-sided wall inside the stroke (Hunt and Crossley, Journal of Applied Mechanics 42, 1975, linear form).
 
-use fmi2_export::{Real, Scalar, Table, Values};
+use fmi_export::{Real, Scalar, Table, Values};
 
 use super::Motion;
 

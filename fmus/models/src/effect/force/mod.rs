@@ -15,7 +15,7 @@ mod tests;
 mod tilt;
 mod viscous;
 
-use fmi2_export::{Identity, Model, Outcome, Real, Scalar, Table, Values};
+use fmi_export::{Identity, Model, Outcome, Real, Scalar, Table, Values};
 
 use area::Area;
 use asymmetry::Asymmetry;

@@ -1,7 +1,7 @@
 //! Coulomb friction that is a hysteretic spring before the part slides (Dahl, A solid friction model, Aerospace
 //! Corporation 1968).
 
-use fmi2_export::{Real, Scalar, Table, Values};
+use fmi_export::{Real, Scalar, Table, Values};
 
 use super::Motion;
 

@@ -1,6 +1,6 @@
 //! A cable or hose that pulls.
 
-use fmi2_export::{Real, Scalar, Table, Values};
+use fmi_export::{Real, Scalar, Table, Values};
 
 use super::Motion;
 

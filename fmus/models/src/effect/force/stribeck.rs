@@ -1,6 +1,6 @@
 //! The peak of friction at low speed (Stribeck; in the form of Bo and Pavelescu, Wear 82, 1982, with exponent 2).
 
-use fmi2_export::{Real, Scalar, Table, Values};
+use fmi_export::{Real, Scalar, Table, Values};
 
 use super::Motion;
 

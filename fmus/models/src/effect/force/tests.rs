@@ -1,4 +1,4 @@
-use fmi2_export::{Interface, Model, Table};
+use fmi_export::{Interface, Model, Table};
 
 use super::*;
 

@@ -1,6 +1,6 @@
 //! A guide that is not level: the weight along it.
 
-use fmi2_export::{Real, Scalar, Table, Values};
+use fmi_export::{Real, Scalar, Table, Values};
 
 /// `f = weight sin(angle)`; `angle > 0`: +x is uphill.
 pub struct Tilt {

@@ -1,6 +1,6 @@
 //! Viscous friction and a constant bias.
 
-use fmi2_export::{Real, Scalar, Table, Values};
+use fmi_export::{Real, Scalar, Table, Values};
 
 use super::Motion;
 

@@ -1,6 +1,6 @@
 //! Changes of the value that passes: dead band, limit, gains, lag with a rate for each direction, limited rate, mode.
 
-use fmi2_export::{MemoryBlock, Real, Scalar, Table, Values};
+use fmi_export::{MemoryBlock, Real, Scalar, Table, Values};
 
 /// In this order; each is off at its start value:
 ///

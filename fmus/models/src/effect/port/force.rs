@@ -1,6 +1,6 @@
 //! Laws subtracted from the value that passes: friction, springs, stops, leakage, offsets.
 
-use fmi2_export::{Real, Scalar, Table, Values};
+use fmi_export::{Real, Scalar, Table, Values};
 
 use super::Point;
 

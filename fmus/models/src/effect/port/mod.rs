@@ -9,7 +9,7 @@ mod force;
 #[cfg(test)]
 mod tests;
 
-use fmi2_export::{Identity, Model, Outcome, Real, Scalar, Table, Values};
+use fmi_export::{Identity, Model, Outcome, Real, Scalar, Table, Values};
 
 use command::Command;
 use force::Force;

@@ -1,4 +1,4 @@
-use fmi2_export::{Interface, Model, Real, Table, Values};
+use fmi_export::{Interface, Model, Real, Table, Values};
 
 use super::*;
 

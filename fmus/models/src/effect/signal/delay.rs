@@ -1,6 +1,6 @@
 //! A pure delay: tube, bus.
 
-use fmi2_export::{MemoryBlock, Outcome, Real, Refusal, Scalar, Table, Values};
+use fmi_export::{MemoryBlock, Outcome, Real, Refusal, Scalar, Table, Values};
 
 /// `u(t - delay)`, linear between samples and 0 before the first unless it is filled.
 pub struct Delay {

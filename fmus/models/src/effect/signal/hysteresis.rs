@@ -1,6 +1,6 @@
 //! Play: a valve spool that its drive takes along only after a way.
 
-use fmi2_export::{MemoryBlock, Real, Scalar, Table, Values};
+use fmi_export::{MemoryBlock, Real, Scalar, Table, Values};
 
 /// `h(k) = min(max(h(k-1), u - width), u + width)`
 pub struct Hysteresis {

@@ -9,7 +9,7 @@ mod mode;
 #[cfg(test)]
 mod tests;
 
-use fmi2_export::{Boolean, Identity, MemoryBlock, Model, Outcome, Real, Scalar, Table, Values};
+use fmi_export::{Boolean, Identity, MemoryBlock, Model, Outcome, Real, Scalar, Table, Values};
 
 use delay::Delay;
 use hysteresis::Hysteresis;

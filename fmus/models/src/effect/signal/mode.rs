@@ -1,6 +1,6 @@
 //! A second-order mode in series: resonance of a valve spool or a tube.
 
-use fmi2_export::{MemoryBlock, Real, Scalar, Table, Values};
+use fmi_export::{MemoryBlock, Real, Scalar, Table, Values};
 
 use crate::matrix::Matrix;
 

@@ -1,4 +1,4 @@
-use fmi2_export::{Interface, Model, Table};
+use fmi_export::{Interface, Model, Table};
 
 use super::*;
 
@@ -63,6 +63,6 @@ fn a_delay_longer_than_the_memory_is_refused_with_the_numbers() {
     let (model, table) = Table::of::<SignalEffect>();
     let mut q = table.start_values(Interface::CoSimulation);
     q[table.by_name("delay").and_then(|v| v.real()).unwrap()] = 0.3;
-    let Err(fmi2_export::Refusal::Error(text)) = model.prepare(&mut q) else { panic!("not refused") };
+    let Err(fmi_export::Refusal::Error(text)) = model.prepare(&mut q) else { panic!("not refused") };
     assert!(text.contains("300.0 samples") && text.contains("255"), "{text}");
 }

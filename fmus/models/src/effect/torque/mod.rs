@@ -1,6 +1,6 @@
 //! Further torques on a joint, as a block in series on the way of its driving torque.
 
-use fmi2_export::{Identity, Model, Outcome, Real, Scalar, Table, Values};
+use fmi_export::{Identity, Model, Outcome, Real, Scalar, Table, Values};
 
 /// `tau_out = tau_in - tau`, `tau` the sum of the effects that are switched on:
 ///
@@ -83,7 +83,7 @@ impl Model for TorqueEffect {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use fmi2_export::Interface;
+    use fmi_export::Interface;
 
     #[test]
     fn torques_oppose_the_motion_and_tilt_turns_the_rest_position() {

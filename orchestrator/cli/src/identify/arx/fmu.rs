@@ -104,7 +104,7 @@ fn without_delays(arx: &Arx) -> (Arx, Vec<usize>) {
 }
 
 fn integer(name: &str, value: usize) -> Option<(String, Value)> {
-    Some((name.to_owned(), Value::Integer(i32::try_from(value).ok()?)))
+    Some((name.to_owned(), Value::Integer(i64::try_from(value).ok()?)))
 }
 
 fn places(rows: usize, columns: usize) -> impl Iterator<Item = (usize, usize)> {

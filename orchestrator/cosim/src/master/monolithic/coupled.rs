@@ -255,7 +255,7 @@ impl Coupled {
     fn bits(&self, slot: Slot) -> u64 {
         match slot {
             Slot::Real(index) => self.values.reals[index].to_bits(),
-            Slot::Integer(index) => u64::from(self.values.integers[index].cast_unsigned()),
+            Slot::Integer(index) => self.values.integers[index].cast_unsigned(),
             Slot::Boolean(index) => u64::from(self.values.booleans[index]),
         }
     }
@@ -299,7 +299,7 @@ impl Coupled {
     pub fn input_values(&self) -> Vec<f64> {
         let value = |slot: &Option<Slot>| match *slot {
             Some(Slot::Real(index)) => self.values.reals[index],
-            Some(Slot::Integer(index)) => f64::from(self.values.integers[index]),
+            Some(Slot::Integer(index)) => self.values.integers[index] as f64,
             Some(Slot::Boolean(index)) => f64::from(u8::from(self.values.booleans[index])),
             None => 0.0,
         };

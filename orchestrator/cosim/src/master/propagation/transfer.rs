@@ -157,7 +157,7 @@ fn set_other(
 ) -> Result<(), FmuError> {
     match data_type {
         DataType::Integer | DataType::Enumeration => {
-            let new: Vec<i32> = sources.iter().map(|&place| values.integers[place]).collect();
+            let new: Vec<i64> = sources.iter().map(|&place| values.integers[place]).collect();
             instance.set_integer(references, &new)
         }
         DataType::Boolean => {

@@ -76,7 +76,7 @@ impl Units {
 /// Enumerations by name with their items, in the order of their first use.
 #[derive(Debug, Default)]
 pub(super) struct Enumerations {
-    declared: Vec<(String, Vec<(String, i32)>)>,
+    declared: Vec<(String, Vec<(String, i64)>)>,
 }
 
 impl Enumerations {
@@ -118,7 +118,7 @@ impl Enumerations {
 }
 
 /// Items of an enumeration of an FMU.
-pub(super) fn items<'a>(description: &'a ModelDescription, declared_type: &str) -> &'a [(String, i32)] {
+pub(super) fn items<'a>(description: &'a ModelDescription, declared_type: &str) -> &'a [(String, i64)] {
     description.types.iter().find(|known| known.name == declared_type).map_or(&[], |known| &known.items)
 }
 

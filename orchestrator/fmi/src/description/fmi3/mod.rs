@@ -1,8 +1,9 @@
 //! Reading the model description of FMI 3.0 into the same data as that of 2.0.
 //!
 //! Arrays become one variable per element, named `x[1]` or `x[2,1]`, row by row; what the FMU knows of them is kept in
-//! the layout. Floats become Reals, integers of any width Integers of 32 bits, since nothing above carries more.
-//! Variables of the types Binary and Clock are listed as unread. Terminals and icons are not read.
+//! the layout. Floats become Reals, integers of any width Integers of 64 bits, Binaries texts of hexadecimal digits.
+//! Variables of the type Clock are listed as unread. Terminals and icons are read by
+//! [`terminals`](crate::terminals).
 
 use super::attributes::Range;
 use super::read::{shared, shared_capabilities};
@@ -19,7 +20,7 @@ const MAX_SCALARS: usize = 1_000_000;
 /// Reads the root element, with other values of the structural parameters than the file gives.
 pub(super) fn read(
     root: &Element,
-    structure: &[(String, i32)],
+    structure: &[(String, i64)],
 ) -> Result<ModelDescription, DescriptionError> {
     let (co_simulation, model_exchange) = interfaces(root)?;
     let types = types::read(root)?;

@@ -36,12 +36,12 @@ pub(super) fn kind(
     enumeration: Option<String>,
     declared: Option<&TypeDefinition>,
 ) -> Result<VariableKind, DescriptionError> {
-    // A bound beyond 32 bits bounds nothing here.
-    let bound = |name: &str| Ok(element.integer::<i128>(name)?.and_then(|value| i32::try_from(value).ok()));
+    // A bound beyond 64 bits with a sign bounds nothing here.
+    let bound = |name: &str| Ok(element.integer::<i128>(name)?.and_then(|value| i64::try_from(value).ok()));
     Ok(match (base, enumeration) {
         (BaseType::Float32 | BaseType::Float64, _) => VariableKind::Real(kinds::real(element, declared)?),
         (BaseType::Boolean, _) => VariableKind::Boolean { start: None },
-        (BaseType::String, _) => VariableKind::String { start: None },
+        (BaseType::String | BaseType::Binary, _) => VariableKind::String { start: None },
         (_, Some(declared_type)) => {
             let (min, max) = kinds::bounds(declared, bound)?;
             VariableKind::Enumeration { declared_type, start: None, min, max }

@@ -52,7 +52,7 @@ impl Declared<'_> {
 pub(super) fn read(
     root: &Element,
     types: &[TypeDefinition],
-    structure: &[(String, i32)],
+    structure: &[(String, i64)],
 ) -> Result<Read, DescriptionError> {
     let list =
         root.child("ModelVariables").ok_or_else(|| root.error("the element ModelVariables is missing"))?;
@@ -70,7 +70,7 @@ pub(super) fn read(
             return Err(element.error(format!("another variable has the valueReference {reference}")));
         }
         let Some(base) = BaseType::of(&element.name) else {
-            if !matches!(element.name.as_str(), "Binary" | "Clock") {
+            if element.name != "Clock" {
                 return Err(element.error("FMI 3.0 knows no variable of this type"));
             }
             unread.push(UnreadVariable {
@@ -129,7 +129,7 @@ struct Size {
 }
 
 /// Values of structural parameters and constants that dimensions can refer to, by value reference.
-fn sizes(list: &Element, structure: &[(String, i32)]) -> Result<HashMap<u32, Size>, DescriptionError> {
+fn sizes(list: &Element, structure: &[(String, i64)]) -> Result<HashMap<u32, Size>, DescriptionError> {
     let mut used = std::collections::HashSet::new();
     for element in &list.children {
         for dimension in element.children("Dimension") {
@@ -348,7 +348,7 @@ fn variable(
 /// Start values as texts: none, one for all elements, or one for each.
 fn starts(declared: &Declared<'_>) -> Result<Vec<String>, DescriptionError> {
     let element = declared.element;
-    if declared.base == BaseType::String {
+    if declared.base.is_text() {
         let value = |start: &Element| {
             let value = start.attribute("value").map(str::to_owned);
             value.ok_or_else(|| start.error("the attribute value is missing"))
@@ -360,14 +360,14 @@ fn starts(declared: &Declared<'_>) -> Result<Vec<String>, DescriptionError> {
 
 fn set_start(kind: &mut VariableKind, text: &str, declared: &Declared<'_>) -> Result<(), DescriptionError> {
     let bad = |allowed: &str| declared.element.bad("start", text, allowed);
-    let whole = || -> Result<Option<i32>, DescriptionError> {
+    let whole = || -> Result<Option<i64>, DescriptionError> {
         let value: i128 = text.parse().map_err(|_| bad("a whole number"))?;
         let (min, max) = declared.base.range().unwrap_or((i128::MIN, i128::MAX));
         if value < min || value > max {
             return Err(bad("a number of the type"));
         }
         // The FMU has the value itself; here it cannot be carried.
-        Ok(i32::try_from(value).ok())
+        Ok(i64::try_from(value).ok())
     };
     match kind {
         VariableKind::Real(real) => {
@@ -384,6 +384,14 @@ fn set_start(kind: &mut VariableKind, text: &str, declared: &Declared<'_>) -> Re
                 "false" | "0" => false,
                 _ => return Err(bad("true or false")),
             });
+        }
+        VariableKind::String { start } if declared.base == BaseType::Binary => {
+            let is_bytes =
+                text.len().is_multiple_of(2) && text.bytes().all(|digit| digit.is_ascii_hexdigit());
+            if !is_bytes {
+                return Err(bad("bytes as pairs of hexadecimal digits"));
+            }
+            *start = Some(text.to_ascii_lowercase());
         }
         VariableKind::String { start } => *start = Some(text.to_owned()),
     }

@@ -5,7 +5,7 @@
 
 use super::calls::*;
 use super::channel::Channel;
-use crate::functions::{CommonFunctions, ModelFunctions, SlaveFunctions};
+use crate::functions::{CommonFunctions, GetInteger, ModelFunctions, SetInteger, SlaveFunctions};
 use crate::library::Library;
 use crate::open::{Fmu, InterfaceKind};
 use common::*;
@@ -85,11 +85,11 @@ pub(crate) fn functions(channel: &Channel, fmu: &Fmu, kind: InterfaceKind) -> Op
         terminate,
         reset,
         get_real,
-        get_integer,
+        get_integer: GetInteger::Long(get_integer),
         get_boolean,
         get_string,
         set_real,
-        set_integer,
+        set_integer: SetInteger::Long(set_integer),
         set_boolean,
         set_string,
         set_debug_logging: has(2).then_some(set_debug_logging),

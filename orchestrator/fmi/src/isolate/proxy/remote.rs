@@ -179,7 +179,7 @@ pub(crate) fn instantiate(
     calls.number(fmu.sizes.len() as u64);
     for (name, size) in &fmu.sizes {
         calls.block(name.as_bytes());
-        calls.number(u64::from(size.cast_unsigned()));
+        calls.number(size.cast_unsigned());
     }
     let (status, payload) = remote.send();
     match (Parts { bytes: &payload }).number() {

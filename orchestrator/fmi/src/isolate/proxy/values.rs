@@ -37,7 +37,7 @@ pub(super) unsafe extern "C" fn get_integer(
     component: Component,
     references: *const fmi2ValueReference,
     count: usize,
-    values: *mut fmi2Integer,
+    values: *mut i64,
 ) -> fmi2Status {
     // SAFETY: our importer passes a live component and arrays of this length.
     let (remote, references, values) =
@@ -96,7 +96,7 @@ pub(super) unsafe extern "C" fn set_integer(
     component: Component,
     references: *const fmi2ValueReference,
     count: usize,
-    values: *const fmi2Integer,
+    values: *const i64,
 ) -> fmi2Status {
     // SAFETY: our importer passes a live component and arrays of this length.
     let (remote, references, values) =

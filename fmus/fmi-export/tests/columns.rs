@@ -1,7 +1,7 @@
 //! Columns of the Jacobian that are computed ahead: the same bits as one by one, and none from another point.
 #![allow(unsafe_code, clippy::undocumented_unsafe_blocks)]
 
-use fmi2_export::{Identity, Model, Outcome, Real, Scalar, Table, Values};
+use fmi_export::{Identity, Model, Outcome, Real, Scalar, Table, Values};
 
 #[macro_use]
 mod support;

@@ -2,7 +2,7 @@
 //! may.
 #![allow(unsafe_code, clippy::undocumented_unsafe_blocks)]
 
-use fmi2_export::{Identity, Model, Outcome, Real, Scalar, Table, Values};
+use fmi_export::{Identity, Model, Outcome, Real, Scalar, Table, Values};
 
 #[macro_use]
 mod support;
@@ -96,7 +96,7 @@ fn simulation_starts_there_and_goes_on_from_it() {
 
 #[test]
 fn model_structure_lists_it_as_unknown_of_the_initialization() {
-    let structure = fmi2_export::Definition::<Decay>::new().structure();
+    let structure = fmi_export::Definition::<Decay>::new().structure();
     let names = |i: usize| Fmu::table().variables()[i].name.clone();
     let unknowns: Vec<(String, Vec<String>)> = structure
         .initial_unknowns

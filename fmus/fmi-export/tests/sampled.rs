@@ -1,7 +1,7 @@
 //! A sampled update in front of a continuous lag: sample times, event iteration, input ramps, derivatives.
 #![allow(unsafe_code, clippy::undocumented_unsafe_blocks)]
 
-use fmi2_export::{Identity, MemoryBlock, Model, Outcome, Real, Scalar, Table, Values};
+use fmi_export::{Identity, MemoryBlock, Model, Outcome, Real, Scalar, Table, Values};
 
 #[macro_use]
 mod support;

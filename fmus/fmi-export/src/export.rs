@@ -6,12 +6,12 @@
 /// Goes into a crate of type `cdylib`, once:
 ///
 /// ```
-/// # use fmi2_export::{Identity, Model, Outcome, Real, Scalar, Table, Values};
+/// # use fmi_export::{Identity, Model, Outcome, Real, Scalar, Table, Values};
 /// # struct Double { u: Real, y: Real }
 /// # impl Model for Double {
 /// #     const IDENTITY: Identity = Identity {
 /// #         model_identifier: "double", model_name: "double", description: "y = 2 u", version: "1",
-/// #         author: "me", generation_tool: "fmi2-export", stop_time: 1.0, step_size: 0.1,
+/// #         author: "me", generation_tool: "fmi-export", stop_time: 1.0, step_size: 0.1,
 /// #     };
 /// #     fn declare(t: &mut Table) -> Self {
 /// #         Double { u: t.input("u").real(0.0), y: t.output("y").computed() }
@@ -21,7 +21,7 @@
 /// #         Ok(())
 /// #     }
 /// # }
-/// fmi2_export::export_fmu!(Double);
+/// fmi_export::export_fmu!(Double);
 /// # fn main() {}
 /// ```
 #[macro_export]

@@ -1,7 +1,7 @@
 //! FMI 2.0 and 3.0 export for Rust: write one model, get FMUs with Co-Simulation and Model Exchange.
 //!
 //! A model author implements [`Model`]: a variable table, equations generic over [`Scalar`], and where the model
-//! has them a sampled update, event indicators and events. One line, `fmi2_export::export_fmu!(MyModel);`, in a
+//! has them a sampled update, event indicators and events. One line, `fmi_export::export_fmu!(MyModel);`, in a
 //! `cdylib` crate gives the shared library; [`description`] gives `modelDescription.xml`.
 //!
 //! Start reading at [`Model`], then [`Table`].

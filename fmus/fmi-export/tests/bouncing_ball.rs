@@ -1,7 +1,7 @@
 //! State events inside a Co-Simulation step, against the closed form of a bouncing ball.
 #![allow(unsafe_code, clippy::undocumented_unsafe_blocks)]
 
-use fmi2_export::{Event, Identity, Model, Outcome, Real, Scalar, Table, Values};
+use fmi_export::{Event, Identity, Model, Outcome, Real, Scalar, Table, Values};
 
 #[macro_use]
 mod support;

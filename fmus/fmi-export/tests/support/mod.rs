@@ -3,9 +3,9 @@
 /// Exports `$model` and gives a type `Fmu` that calls it.
 macro_rules! importer {
     ($model:ty) => {
-        fmi2_export::export_fmu!($model);
+        fmi_export::export_fmu!($model);
 
-        use fmi2_export::ctypes::{CallbackFunctions, Component, EventInfo, FmuState, Status};
+        use fmi_export::ctypes::{CallbackFunctions, Component, EventInfo, FmuState, Status};
         use std::ffi::{CStr, CString, c_void};
         use std::sync::Mutex;
 
@@ -33,15 +33,15 @@ macro_rules! importer {
         #[allow(dead_code)]
         impl Fmu {
             pub(crate) fn guid() -> String {
-                fmi2_export::Definition::<$model>::new().guid
+                fmi_export::Definition::<$model>::new().guid
             }
 
-            pub(crate) fn table() -> fmi2_export::Table {
-                fmi2_export::Table::of::<$model>().1
+            pub(crate) fn table() -> fmi_export::Table {
+                fmi_export::Table::of::<$model>().1
             }
 
             pub(crate) fn vr(name: &str) -> u32 {
-                use fmi2_export::Kind;
+                use fmi_export::Kind;
                 match Self::table().by_name(name).unwrap_or_else(|| panic!("no variable {name}")).kind {
                     Kind::Real { handle, .. } => handle.value_reference(),
                     ref other => panic!("{name} is not a Real: {other:?}"),
@@ -53,7 +53,7 @@ macro_rules! importer {
                 let log: Box<Log> = Box::default();
                 let callbacks = CallbackFunctions {
                     logger: Some(unsafe {
-                        std::mem::transmute::<*const c_void, fmi2_export::ctypes::CallbackLogger>(
+                        std::mem::transmute::<*const c_void, fmi_export::ctypes::CallbackLogger>(
                             collect as *const c_void,
                         )
                     }),

@@ -1,8 +1,8 @@
 //! Every function in every state, bad arguments, faults of the model, logging, steady-state allocation.
 #![allow(unsafe_code, clippy::undocumented_unsafe_blocks)]
 
-use fmi2_export::state_machine::{Function, Mode, is_allowed};
-use fmi2_export::{
+use fmi_export::state_machine::{Function, Mode, is_allowed};
+use fmi_export::{
     Boolean, Identity, Integer, Interface, Model, Outcome, Real, Refusal, Scalar, Table, Text, Values,
 };
 use std::alloc::{GlobalAlloc, Layout, System};
@@ -68,7 +68,7 @@ impl Model for Everything {
             offset: t.tunable("offset").range(-1.0, 1.0).real(0.0),
             x: t.state("x").output().real(0.0),
             der_x: {
-                let x = t.by_name("x").and_then(fmi2_export::Variable::real).unwrap();
+                let x = t.by_name("x").and_then(fmi_export::Variable::real).unwrap();
                 t.derivative("der(x)", x).unit("1/s").computed()
             },
             y: t.output("y").computed(),

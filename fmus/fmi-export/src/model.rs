@@ -55,7 +55,7 @@ pub struct Event {
 /// simulation: every number that changes lives in [`Values`], which is the FMU state.
 ///
 /// ```
-/// use fmi2_export::{Identity, Model, Outcome, Real, Scalar, Table, Values};
+/// use fmi_export::{Identity, Model, Outcome, Real, Scalar, Table, Values};
 ///
 /// /// dx/dt = -k x
 /// struct Decay { k: Real, x: Real, der_x: Real }
@@ -63,7 +63,7 @@ pub struct Event {
 /// impl Model for Decay {
 ///     const IDENTITY: Identity = Identity {
 ///         model_identifier: "decay", model_name: "decay", description: "dx/dt = -k x", version: "1.0",
-///         author: "me", generation_tool: "fmi2-export", stop_time: 1.0, step_size: 0.01,
+///         author: "me", generation_tool: "fmi-export", stop_time: 1.0, step_size: 0.01,
 ///     };
 ///     fn declare(t: &mut Table) -> Self {
 ///         t.unit("1/s", &[("s", -1)]);
