@@ -5,10 +5,10 @@
 //! 200 draws of the signs, or as many as given, or all there are with `every`. Each re-solve starts from the optimum of
 //! the plan, with its multipliers; its time is the least of several runs, in wall-clock time. Prints median, 99th
 //! percentile and largest, and the same of iterations; how many are solved, to the tolerance or to the acceptable one
-//! (without exact derivatives their rounding is all that is left); how many allocate after the first; and compares each optimum
-//! with solvers made anew: without multipliers from the optimum found (`from there`), and from the guess of the problem
-//! file as `airloop optimize` does (`from the guess`), which may find another minimum. With `each` a line for every
-//! re-solve, with its evaluations. `tests/study/swing_up.py` prints it.
+//! (without exact derivatives their rounding is all that is left); how many allocate after the first; and compares each
+//! optimum with solvers made anew: without multipliers from the optimum found (`from there`), and from the guess of the
+//! problem file as `airloop optimize` does (`from the guess`), which may find another minimum. With `each` a line for
+//! every re-solve, with its evaluations. `tests/study/swing_up.py` prints it.
 
 #![allow(missing_docs, reason = "a bench has no public items")]
 

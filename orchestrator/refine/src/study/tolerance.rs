@@ -84,8 +84,8 @@ pub fn check(file: &File, graph: &SystemGraph) -> Result<(), Error> {
     Ok(())
 }
 
-/// Difference step of a correction, as long as that of a free parameter: a longer one over many periods of a swing takes
-/// curvature for a difference between mass and length.
+/// Difference step of a correction, as long as that of a free parameter: a longer one over many periods of a swing
+/// takes curvature for a difference between mass and length.
 const DIFFERENCE_STEP: f64 = 1e-5;
 
 /// Corrections that are fitted at most.
