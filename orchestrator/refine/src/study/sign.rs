@@ -40,8 +40,8 @@ impl Suspicion {
     }
 }
 
-/// Refuses a study one of whose columns has the other sign; call it where the declared model is fitted. A column that is
-/// not clear before the search is returned.
+/// Refuses a study one of whose columns has the other sign; call it where the declared model is fitted. A column that
+/// is not clear before the search is returned.
 ///
 /// # Errors
 /// Column, errors with both signs, and `scale` to be written, at the place of the signal.
