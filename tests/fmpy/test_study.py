@@ -65,6 +65,18 @@ def test_a_declared_damping_that_stands_for_dry_friction_and_drag_is_taken_back(
     assert values["pole.quaddrag"] == pytest.approx(3.0e-5, rel=0.1)
 
 
+def test_a_gap_in_a_record_changes_nothing_in_the_answer(tmp_path):
+    def gap(rows):
+        return [row for row in rows if not 5.0 <= row[0] < 6.3]
+
+    found = report(records(tmp_path, gap), tmp_path / "out")
+    assert set(named(found)) == {"pole.coulomb", "pole.quaddrag"}
+    whole = report(EXAMPLE, tmp_path / "whole")
+    for one, other in zip(*([e for e in r["effects"] if e["selected"]] for r in (found, whole))):
+        (own,), (reference,) = one["params"].values(), other["params"].values()
+        assert own["ci95"][0] < reference["value"] < own["ci95"][1], (one, other)
+
+
 def test_steps_and_what_is_left_are_told_by_the_ports_of_the_study(tmp_path):
     found = report(EXAMPLE, tmp_path / "out")
     tried = [own for step in found["steps"] for own in step["candidates"]]

@@ -154,7 +154,7 @@ fn grid(raw: TimeSeries, step: Option<f64>) -> Result<Grid, String> {
     if step > 0.1 * span {
         return Err(format!("step_s = {step} s is too long for a file of {span} s"));
     }
-    let gaps = time.windows(2).filter(|pair| pair[1] - pair[0] > 3.0 * own).count();
+    let gaps = time.windows(2).filter(|pair| pair[1] - pair[0] > sparse::MIN_RATIO_OF_GAP * own).count();
     let longest = time.windows(2).map(|pair| pair[1] - pair[0]).fold(0.0, f64::max);
     if longest > 0.2 * span {
         return Err(format!("there is a gap of {longest} s; cut it into two segments with from_s and to_s"));

@@ -9,8 +9,11 @@ use airloop_series::{Interpolation, TimeSeries};
 const MAX_DISTANCE: f64 = 0.5;
 /// Ratio of the usual step of a column to that of the grid from which on it is slower.
 const MIN_RATIO_OF_SLOW: f64 = 1.5;
-/// The same in the longer of both steps for a column that is not slower: its stamps may jitter.
-const MAX_DISTANCE_OF_A_DENSE_COLUMN: f64 = 1.0;
+/// Ratio of a step of a column to its usual one from which on it is a gap: what lies in it is no measurement.
+pub const MIN_RATIO_OF_GAP: f64 = 3.0;
+/// Distance to a sample at the edge of a gap, in steps of the grid, up to which it is that sample: a line over a gap
+/// leaves the signal at once.
+const MAX_DISTANCE_AT_A_GAP: f64 = 0.01;
 /// Samples that a column needs.
 const MIN_SAMPLES: usize = 8;
 
@@ -69,13 +72,15 @@ pub fn measured(series: &TimeSeries, column: &str, axis: &[f64], gaps: bool) -> 
     steps.sort_by(f64::total_cmp);
     let usual = steps.get(steps.len() / 2).copied().unwrap_or(step);
     let slow = sparse && usual > MIN_RATIO_OF_SLOW * step;
-    let reach = if slow { MAX_DISTANCE * step } else { MAX_DISTANCE_OF_A_DENSE_COLUMN * step.max(usual) };
     // Sums of steps are not their multiples to the last bit.
-    let reach = reach * (1.0 + 1e-6);
+    let reach = if slow { MAX_DISTANCE } else { MAX_DISTANCE_AT_A_GAP } * step * (1.0 + 1e-6);
     let near = |t: &f64| {
         let behind = own.partition_point(|sample| sample < t);
-        let distance = |k: usize| own.get(k).map_or(f64::INFINITY, |sample| (sample - t).abs());
-        distance(behind).min(behind.checked_sub(1).map_or(f64::INFINITY, distance)) <= reach
+        let before = behind.checked_sub(1).and_then(|k| own.get(k));
+        let (before, behind) = (before.copied(), own.get(behind).copied());
+        let distance = |sample: Option<f64>| sample.map_or(f64::INFINITY, |sample| (sample - t).abs());
+        let bridged = before.zip(behind).is_none_or(|(from, to)| to - from > MIN_RATIO_OF_GAP * usual);
+        !slow && !bridged || distance(before).min(distance(behind)) <= reach
     };
     Some(axis.iter().map(near).collect())
 }
@@ -109,7 +114,8 @@ mod tests {
         let axis: Vec<f64> = (0..120).map(|k| 0.01 * f64::from(k)).collect();
         let found = measured(&series, "y", &axis, true).unwrap();
         assert!(found[49] && !found[60] && found[70], "{found:?}");
-        assert_eq!(found.iter().filter(|own| !**own).count(), 18);
+        // Not even those next to its edges.
+        assert_eq!(found.iter().filter(|own| !**own).count(), 20);
     }
 
     #[test]
