@@ -99,16 +99,20 @@ pub fn run(args: &RunArgs, study: &Path) -> Result<ExitCode, Error> {
     Ok(ExitCode::SUCCESS)
 }
 
+/// Error over the spread of a record from which on the record stands still but for rounding, so that the ratio says
+/// nothing.
+const MAX_NRMSE: f64 = 1e4;
+
 /// The errors as a table.
 fn text(found: &Replay) -> String {
     let row = |name: &str, role: &str, signal: &String, errors: &Errors| {
-        let percent = 100.0 * errors.nrmse.get(signal).copied().unwrap_or(f64::NAN);
+        let known = errors.nrmse.get(signal).filter(|own| **own < MAX_NRMSE);
         vec![
             name.to_owned(),
             role.to_owned(),
             signal.clone(),
             format!("{:.5e}", errors.rms[signal]),
-            format!("{percent:.2} %"),
+            known.map_or_else(|| "-".to_owned(), |own| format!("{:.2} %", 100.0 * own)),
         ]
     };
     let mut rows = Vec::new();
