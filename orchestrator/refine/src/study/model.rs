@@ -204,6 +204,9 @@ pub struct Study {
     pub force: Option<(ForceRule, usize, usize, String)>,
     /// Whether components have time events, so states of their own that no sensor shows.
     pub sampled: bool,
+    /// Whether components step by themselves: their states are neither seen nor set, so that they always begin at the
+    /// start of a record.
+    pub steps_alone: bool,
     /// Noise of the sensors.
     pub sensors: SensorNoise,
     /// Remarks.
@@ -285,7 +288,7 @@ impl Study {
         self.windows.is_none()
             && match &record.initial {
                 Initial::Given(_) => true,
-                Initial::Word(InitialWord::Fit) => false,
+                Initial::Word(InitialWord::Fit) => self.steps_alone,
                 Initial::Word(InitialWord::Measured) => self.sampled || unknown(),
             }
     }

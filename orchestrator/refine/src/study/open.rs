@@ -20,7 +20,8 @@ use super::read::{self, Layout};
 use super::tolerance;
 use crate::engine::fit::Free;
 use crate::{Error, regime};
-use airloop_cosim::system::{Error as SystemError, SystemGraph};
+use airloop_cosim::system::SystemGraph;
+use airloop_cosim::system::order::check_loops;
 use airloop_fmi::{Causality, InterfaceKind, template_folder};
 
 /// FMUs of this project in a study: `airloop:NAME`.
@@ -29,7 +30,7 @@ const OWN: &str = "airloop:";
 /// A system of two of them: piston force and friction in series.
 const PISTON: &str = "piston-with-friction";
 
-/// The declared system, opened for Model Exchange, with the start values of its files.
+/// The declared system with the start values of its files.
 ///
 /// # Errors
 /// A system that is not there or does not hold together, with its place in the study.
@@ -42,16 +43,10 @@ pub fn system(file: &File) -> Result<SystemGraph, Error> {
         Some(name) => template_folder::template(name, None).map_err(|error| file.refuse(spanned, error))?,
         None => file.folder.join(spanned.get_ref()),
     };
-    SystemGraph::open_for(&path, InterfaceKind::ModelExchange).map_err(|error| match error {
-        SystemError::NoModelExchange { component, fmu, .. } => file.refuse(
-            spanned,
-            format!(
-                "component `{component}`: {} has Co-Simulation only; a study simulates the system thousands of times as one set of differential equations with effects inside of it, which needs Model Exchange. Export the FMU with Model Exchange (or both interfaces), or replace it by a model identified from its records (`airloop identify`)",
-                fmu.display()
-            ),
-        ),
-        error => file.refuse(spanned, error),
-    })
+    // FMUs of Co-Simulation only are stepped.
+    let graph = SystemGraph::open_to_read(&path).map_err(|error| file.refuse(spanned, error))?;
+    check_loops(&graph, InterfaceKind::ModelExchange).map_err(|error| file.refuse(spanned, error))?;
+    Ok(graph)
 }
 
 /// The system of a piston with friction, written where the FMUs are found.
@@ -384,8 +379,10 @@ pub fn open(file: &File) -> Result<(Study, Vec<Attachment>), Error> {
         .initialize(&[], &[], 0.0, &mut states, &|_, value, _| value)
         .map_err(|problem| file.refuse(&declaration.system, problem))?;
     let sampled = plant.next_event().is_some();
+    let slaves = slaves(file, &plant)?;
     let layout = layout(file, &graph, &plant)?;
     let mut notes = file.notes.clone();
+    notes.extend(slaves.clone());
     let mut records = read::records(file, &layout, &mut notes)?;
     if let Some(window) = declaration.error.windows_s {
         for record in &mut records {
@@ -493,9 +490,15 @@ pub fn open(file: &File) -> Result<(Study, Vec<Attachment>), Error> {
     };
     for record in &records {
         if let Initial::Given(values) = &record.initial
-            && let Some(name) = values.keys().find(|name| plant.state(name).is_none())
+            && let Some(name) = values
+                .keys()
+                .find(|name| plant.state(name).is_none() && Plant::parameter(&graph, name).is_none())
         {
-            let problem = Problem::Name { what: "state", name: name.clone(), known: plant.state_names() };
+            let known = match plant.nx {
+                0 => names::known(&graph, &[Causality::Parameter]),
+                _ => plant.state_names(),
+            };
+            let problem = Problem::Name { what: "state or Real parameter", name: name.clone(), known };
             return Err(file.refuse_all(format!("initial of {}: {problem}", record.name)));
         }
     }
@@ -522,6 +525,7 @@ pub fn open(file: &File) -> Result<(Study, Vec<Attachment>), Error> {
         windows: declaration.error.windows_s,
         force,
         sampled,
+        steps_alone: slaves.is_some(),
         sensors,
         notes,
         not_testable: Vec::new(),
@@ -531,6 +535,21 @@ pub fn open(file: &File) -> Result<(Study, Vec<Attachment>), Error> {
     };
     study.begins = begins(&study);
     Ok((study, attachments))
+}
+
+/// A note on components that have Co-Simulation only, if there are some.
+fn slaves(file: &File, plant: &Plant) -> Result<Option<String>, Error> {
+    let names = plant.slaves();
+    let Some(first) = names.first() else { return Ok(None) };
+    if file.declaration.error.windows_s.is_some() {
+        return Err(file.refuse_all(format!(
+            "error.windows_s restarts the simulation from measured states, which `{first}` does not take: its FMU has Co-Simulation only; leave windows_s out, or export the FMU with Model Exchange"
+        )));
+    }
+    let list = names.iter().map(|name| format!("`{name}`")).collect::<Vec<_>>().join(", ");
+    Ok(Some(format!(
+        "{list}: Co-Simulation only. Every simulation steps it from the start of the record, with its inputs and outputs held between samples, from the start values of its parameters; `initial` of a segment may give other values. A search takes longer than with Model Exchange."
+    )))
 }
 
 /// Whether records are of one regime, and show more than noise: inputs by their columns, and outputs.

@@ -2,9 +2,13 @@
 //!
 //! Model Exchange instances; values pass along the connections in the order of direct feed-through. A block acts on the
 //! value that an input receives, so that a candidate needs no FMU of its own while the search goes on. Integration is
-//! left to [`super::simulate`].
+//! left to [`super::simulate`]. An FMU of Co-Simulation only is a sampled component: it steps from event to event, and
+//! its outputs are held between them.
 
 mod initialization;
+pub mod response;
+mod ring;
+mod unit;
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -13,7 +17,10 @@ use super::Problem;
 use super::names::{attachment_target, known, path};
 use airloop_cosim::system::SystemGraph;
 use airloop_cosim::system::graph::{Component, Conversion, DataType, Source, Start};
-use airloop_fmi::{Causality, Initial, InterfaceKind, Model, Variability, VariableKind};
+use airloop_cosim::system::order::loop_groups;
+use airloop_fmi::{Causality, Initial, InterfaceKind, Variability, VariableKind};
+use ring::Ring;
+use unit::{Pace, Unit};
 
 /// Source of the value of an input of a component.
 #[derive(Debug, Clone)]
@@ -29,7 +36,9 @@ struct Feed {
 /// One component.
 #[derive(Debug)]
 struct Part {
-    model: Model,
+    unit: Unit,
+    /// Communication step of a slave.
+    pace: Pace,
     states: Range<usize>,
     /// Value references of the states; empty where their start values cannot be set.
     state_references: Vec<u32>,
@@ -56,18 +65,6 @@ struct Part {
     in_event: bool,
 }
 
-/// Dependence of the rates of the states on the attachments, for the detection of ports.
-#[derive(Debug, Clone, Default)]
-pub struct Sense {
-    /// States and their rates at some points.
-    pub points: Vec<(Vec<f64>, Vec<f64>)>,
-    /// Change of the rate of each state with the value at each attachment, `[attachments][nx]`; only its proportions
-    /// count.
-    pub influence: Vec<Vec<f64>>,
-    /// Change of each measured signal at the same instant, `[attachments][measured]`.
-    pub shown: Vec<Vec<f64>>,
-}
-
 /// A parameter of the system: component in evaluation order and value reference.
 pub type Parameter = (usize, u32);
 
@@ -89,27 +86,31 @@ pub struct Plant {
     probed: bool,
     /// The states were set from outside: components that change at events only have not seen them.
     moved: bool,
+    /// Step of the samples that slaves keep pace with \[s\].
+    sample_step: f64,
+    /// Blocks follow what slaves show, so that these step more finely than the samples.
+    couples_slaves: bool,
+    /// Algebraic loops.
+    rings: Vec<Ring>,
 }
 
+/// Step of the samples where nothing says another \[s\].
+const USUAL_SAMPLE_STEP: f64 = 1e-3;
+
 impl Plant {
-    /// Instantiates the components of a graph opened for Model Exchange; `attachments` are the inputs where blocks act,
+    /// Instantiates the components of a graph, for Model Exchange where they have that; `attachments` are the inputs where blocks act,
     /// `extra` further signals, which have the last slots; `wanted`: variables that are shown although they are no
     /// outputs.
     ///
     /// # Errors
-    /// Algebraic loops, names that are no inputs, FMUs that fail.
+    /// Names that are no inputs, FMUs that fail.
     pub fn new(
         graph: &SystemGraph,
         attachments: &[String],
         extra: &[String],
         wanted: &[String],
     ) -> Result<Plant, Problem> {
-        if let Some(one) = graph.loops.first() {
-            return Err(Problem::System(format!(
-                "the system has the algebraic loop {}; a study needs a system without: join these components in one FMU, or put a first-order lag much faster than the step into the loop",
-                graph.loop_names(one).join(" -> ")
-            )));
-        }
+        let order = order(graph);
         let mut blocks: BTreeMap<(usize, usize), Vec<usize>> = BTreeMap::new();
         for (index, name) in attachments.iter().enumerate() {
             let targets = attachment_target(graph, name).ok_or_else(|| Problem::Name {
@@ -131,7 +132,7 @@ impl Plant {
         // Slots of all Real outputs, early ones of a component before its late ones.
         let mut places: BTreeMap<(usize, usize), usize> = BTreeMap::new();
         let mut ranges = Vec::new();
-        for &index in &graph.order {
+        for &index in &order {
             let component = &graph.components[index];
             let variables = &component.fmu.description.variables;
             let asked = |v: usize| {
@@ -140,10 +141,15 @@ impl Plant {
             };
             let outputs = (0..variables.len())
                 .filter(|&v| real(component, v) && (variables[v].causality == Causality::Output || asked(v)));
-            let own: Vec<usize> = component.fmu.description.continuous_states().collect();
+            let stepped = is_stepped(component);
+            let own: Vec<usize> = match stepped {
+                true => Vec::new(),
+                false => component.fmu.description.continuous_states().collect(),
+            };
             let (states, outputs): (Vec<usize>, Vec<usize>) = outputs.partition(|v| own.contains(v));
-            let (early, late): (Vec<usize>, Vec<usize>) =
-                outputs.into_iter().partition(|&v| asked(v) || component.fmu.feed_through(v).is_empty());
+            let (early, late): (Vec<usize>, Vec<usize>) = outputs
+                .into_iter()
+                .partition(|&v| stepped || asked(v) || component.fmu.feed_through(v).is_empty());
             let mut range = |list: &[usize]| {
                 let first = count;
                 for &variable in list {
@@ -172,7 +178,7 @@ impl Plant {
             }
         }
         let (mut parts, mut nx, mut states) = (Vec::new(), 0, BTreeMap::new());
-        for (&index, (early, late, shown)) in graph.order.iter().zip(ranges) {
+        for (&index, (early, late, shown)) in order.iter().zip(ranges) {
             let component = &graph.components[index];
             let description = &component.fmu.description;
             let mut feeds = Vec::new();
@@ -207,15 +213,20 @@ impl Plant {
                 let blocks = blocks.get(&(index, variable)).cloned().unwrap_or_default();
                 feeds.push(Feed { reference: declared.value_reference, source, start, blocks });
             }
-            let model = Model::instantiate(&component.fmu, &component.name, false).map_err(Problem::fmu)?;
-            for (place, variable) in description.continuous_states().enumerate() {
+            let stepped = is_stepped(component);
+            let mut unit = Unit::new(component, &early.0)?;
+            let own_states: Vec<usize> = match stepped {
+                true => Vec::new(),
+                false => description.continuous_states().collect(),
+            };
+            for (place, &variable) in own_states.iter().enumerate() {
                 let name = &description.variables[variable].name;
                 let full = if graph.single { name.clone() } else { component.path_of(variable) };
                 states.insert(full, nx + place);
             }
-            let own = nx..nx + model.state_count();
+            let own = nx..nx + unit.equations().map_or(0, |model| model.state_count());
             let stateless = own.is_empty();
-            let own_states = || description.continuous_states().map(|v| &description.variables[v]);
+            let own_states = || own_states.iter().map(|&v| &description.variables[v]);
             let settable = own_states().all(|v| matches!(v.initial, Some(Initial::Exact | Initial::Approx)));
             let state_references =
                 if settable { own_states().map(|v| v.value_reference).collect() } else { Vec::new() };
@@ -232,12 +243,15 @@ impl Plant {
                     || wanted.iter().any(|own| *own == path || own == name)
             };
             let mut own_places = places.keys().filter(|place| place.0 == index);
-            let shows_events = description.number_of_event_indicators == 0
-                && own_places.all(|&place| {
-                    description.variables[place.1].variability == Variability::Discrete || !read(place)
-                });
+            let shows_events = stepped
+                || description.number_of_event_indicators == 0
+                    && own_places.all(|&place| {
+                        description.variables[place.1].variability == Variability::Discrete || !read(place)
+                    });
+            let indicators = if stepped { 0 } else { description.number_of_event_indicators };
             parts.push(Part {
-                model,
+                unit,
+                pace: Pace::of(component, graph.single),
                 states: own,
                 state_references,
                 feeds,
@@ -247,8 +261,8 @@ impl Plant {
                 late,
                 shown,
                 next_event: None,
-                indicators: description.number_of_event_indicators,
-                positive: vec![false; description.number_of_event_indicators],
+                indicators,
+                positive: vec![false; indicators],
                 in_event: false,
                 shows_events,
                 only_events: shows_events && stateless,
@@ -269,7 +283,8 @@ impl Plant {
             names.entry(name.clone()).or_insert(count);
             count += 1;
         }
-        let starts = graph.order.iter().map(|&index| graph.components[index].clone()).collect();
+        let rings = rings(graph, &order, &places, &parts);
+        let starts = order.iter().map(|&index| graph.components[index].clone()).collect();
         let slots = vec![0.0; count];
         Ok(Plant {
             parts,
@@ -282,6 +297,9 @@ impl Plant {
             initialized: false,
             probed: false,
             moved: false,
+            sample_step: USUAL_SAMPLE_STEP,
+            couples_slaves: false,
+            rings,
         })
     }
 
@@ -311,53 +329,23 @@ impl Plant {
         found
     }
 
-    /// Dependence of the rates of the states: the system at some points, and the influence of every attachment, also on
-    /// the signals `measured`.
-    ///
-    /// # Errors
-    /// An FMU that fails.
-    pub fn sense(&mut self, measured: &[&str]) -> Result<Sense, Problem> {
-        let pass = |_: usize, value: f64, _: &[f64]| value;
-        let (mut x, nx) = (vec![0.0; self.nx], self.nx);
-        self.initialize(&[], &[], 0.0, &mut x, &pass)?;
-        let start = x.clone();
-        let attachments = self.parts.iter().flat_map(|part| &part.feeds).flat_map(|feed| &feed.blocks);
-        let count = attachments.max().map_or(0, |last| last + 1);
-        let places: Vec<usize> = measured.iter().filter_map(|name| self.slot(name)).collect();
-        let none = |size: usize| vec![vec![0.0; size]; count];
-        let mut found = Sense { points: Vec::new(), influence: none(nx), shown: none(places.len()) };
-        for round in 1..=3 {
-            // Somewhere else, in no relation that a system could have by itself.
-            for (i, value) in x.iter_mut().enumerate() {
-                // Levels and pressures are not below zero.
-                let odd = ((7 * i + 3 * round) as f64).sin().abs();
-                *value = start[i] + odd * if start[i] == 0.0 { 0.1 } else { 0.05 * start[i].abs() };
-            }
-            let mut dx = vec![0.0; nx];
-            self.evaluate(0.0, &x, &mut dx, &pass).map_err(Problem::fmu)?;
-            if dx.iter().any(|rate| !rate.is_finite()) {
-                continue;
-            }
-            let before: Vec<f64> = places.iter().map(|&slot| self.slots[slot]).collect();
-            for (port, (influence, shown)) in found.influence.iter_mut().zip(&mut found.shown).enumerate() {
-                let mut moved = vec![0.0; nx];
-                let push = |own: usize, value: f64, _: &[f64]| {
-                    value + if own == port { 0.01 * value.abs().max(1.0) } else { 0.0 }
-                };
-                self.evaluate(0.0, &x, &mut moved, &push).map_err(Problem::fmu)?;
-                let changes = moved.iter().zip(&dx).map(|(a, b)| a - b);
-                influence.iter_mut().zip(changes).for_each(|(sum, change)| {
-                    *sum += if change.is_finite() { change } else { 0.0 };
-                });
-                let changes = places.iter().zip(&before).map(|(&slot, before)| self.slots[slot] - before);
-                shown.iter_mut().zip(changes).for_each(|(sum, change)| {
-                    *sum += if change.is_finite() { change } else { 0.0 };
-                });
-            }
-            found.points.push((x.clone(), dx));
-        }
-        self.initialized = true;
-        Ok(found)
+    /// Names of the slaves: components that step by themselves.
+    pub fn slaves(&self) -> Vec<&str> {
+        let own = self.parts.iter().filter(|part| matches!(part.unit, Unit::Stepped(_)));
+        own.map(|part| part.unit.name()).collect()
+    }
+
+    /// Communication step of the slaves \[s\], the longest of them; none where there are none.
+    pub fn communication_step(&self) -> Option<f64> {
+        let own = self.parts.iter().filter(|part| matches!(part.unit, Unit::Stepped(_)));
+        own.map(|part| part.pace.step(self.sample_step, self.couples_slaves)).max_by(f64::total_cmp)
+    }
+
+    /// Says the step of the samples \[s\], which slaves keep pace with from the next initialization on, and whether blocks
+    /// follow what slaves show.
+    pub fn keep_pace(&mut self, step: f64, coupled: bool) {
+        self.sample_step = step;
+        self.couples_slaves = coupled;
     }
 
     /// Names of all signals, for messages.
@@ -383,7 +371,7 @@ impl Plant {
             Some(Start::Real(value)) => *value,
             _ => real.start?,
         };
-        let place = graph.order.iter().position(|&index| index == component)?;
+        let place = order(graph).iter().position(|&index| index == component)?;
         let bounds = (real.min.unwrap_or(f64::NEG_INFINITY), real.max.unwrap_or(f64::INFINITY));
         Some(((place, declared.value_reference), value, bounds))
     }
@@ -414,8 +402,9 @@ impl Plant {
     /// An FMU that fails.
     pub fn crossed(&mut self) -> Result<bool, airloop_fmi::Error> {
         for part in self.parts.iter_mut().filter(|part| part.indicators > 0) {
+            let Some(model) = part.unit.equations() else { continue };
             let mut values = vec![0.0; part.indicators];
-            part.model.get_event_indicators(&mut values)?;
+            model.get_event_indicators(&mut values)?;
             if values.iter().zip(&part.positive).any(|(value, positive)| (*value > 0.0) != *positive) {
                 return Ok(true);
             }
@@ -435,14 +424,21 @@ impl Plant {
         block: &impl Fn(usize, f64, &[f64]) -> f64,
     ) -> Result<(), airloop_fmi::Error> {
         for part in &mut self.parts {
-            part.model.set_time(time)?;
-            if !part.states.is_empty() {
-                part.model.set_continuous_states(&x[part.states.clone()])?;
+            let is_due = part.next_event.is_some_and(|next| next <= time) || state && part.indicators > 0;
+            match &mut part.unit {
+                Unit::Stepped(own) if is_due => own.advance(time)?,
+                Unit::Stepped(_) => {}
+                Unit::Equations(model) => {
+                    model.set_time(time)?;
+                    if !part.states.is_empty() {
+                        model.set_continuous_states(&x[part.states.clone()])?;
+                    }
+                    if is_due {
+                        model.enter_event_mode()?;
+                    }
+                }
             }
-            if part.next_event.is_some_and(|next| next <= time) || state && part.indicators > 0 {
-                part.model.enter_event_mode()?;
-                part.in_event = true;
-            }
+            part.in_event = is_due;
         }
         self.settle(time, x, block)
     }
@@ -454,34 +450,51 @@ impl Plant {
         x: &mut [f64],
         block: &impl Fn(usize, f64, &[f64]) -> f64,
     ) -> Result<(), airloop_fmi::Error> {
-        let slots = &mut self.slots;
+        let (slots, pace) = (&mut self.slots, (self.sample_step, self.couples_slaves));
         for part in &mut self.parts {
             part.show(x, slots)?;
         }
+        // Events of components in a loop change what the others get: solved before them and after.
+        for ring in &mut self.rings {
+            ring.solve(&mut self.parts, slots, block)?;
+        }
         for part in &mut self.parts {
+            if let Unit::Stepped(own) = &part.unit {
+                // Between its communication points a slave keeps the inputs that it has.
+                if part.in_event {
+                    part.in_event = false;
+                    part.next_event = (!own.has_ended()).then(|| time + part.pace.step(pace.0, pace.1));
+                    part.feed(slots, block)?;
+                    part.unit.stepped().map_or(Ok(()), |own| own.take_inputs())?;
+                    part.show(x, slots)?;
+                }
+                continue;
+            }
             part.feed(slots, block)?;
+            let Some(model) = part.unit.equations() else { continue };
             if part.in_event {
-                let mut event = part.model.new_discrete_states()?;
+                let mut event = model.new_discrete_states()?;
                 while event.new_discrete_states_needed {
-                    event = part.model.new_discrete_states()?;
+                    event = model.new_discrete_states()?;
                 }
                 // An event that stays where it is would never end.
                 part.next_event = event.next_event_time.filter(|next| *next > time);
-                part.model.enter_continuous_time_mode()?;
+                model.enter_continuous_time_mode()?;
                 part.in_event = false;
                 if part.indicators > 0 {
                     let mut values = vec![0.0; part.indicators];
-                    part.model.get_event_indicators(&mut values)?;
+                    model.get_event_indicators(&mut values)?;
                     part.positive = values.into_iter().map(|value| value > 0.0).collect();
                 }
                 if !part.states.is_empty() {
-                    part.model.get_continuous_states(&mut x[part.states.clone()])?;
+                    model.get_continuous_states(&mut x[part.states.clone()])?;
                 }
                 part.show(x, slots)?;
             }
-            if !part.late.0.is_empty() {
-                part.model.get_real(&part.late.0, &mut slots[part.late.1.clone()])?;
-            }
+            part.follow(slots)?;
+        }
+        for ring in &mut self.rings {
+            ring.solve(&mut self.parts, slots, block)?;
         }
         Ok(())
     }
@@ -492,7 +505,7 @@ impl Plant {
     /// An FMU that fails.
     pub fn step_done(&mut self) -> Result<(), airloop_fmi::Error> {
         for part in self.parts.iter_mut().filter(|part| part.told_of_steps) {
-            part.model.completed_integrator_step(true)?;
+            part.unit.equations().map_or(Ok(()), |model| model.completed_integrator_step(true).map(drop))?;
         }
         Ok(())
     }
@@ -512,23 +525,78 @@ impl Plant {
         let (slots, all) = (&mut self.slots, std::mem::take(&mut self.moved));
         let changes = |part: &&mut Part| all || !part.only_events;
         for part in self.parts.iter_mut().filter(changes) {
-            part.model.set_time(time)?;
-            if !part.states.is_empty() {
-                part.model.set_continuous_states(&x[part.states.clone()])?;
+            if let Some(model) = part.unit.equations() {
+                model.set_time(time)?;
+                if !part.states.is_empty() {
+                    model.set_continuous_states(&x[part.states.clone()])?;
+                }
             }
             part.show(x, slots)?;
         }
-        for part in self.parts.iter_mut().filter(changes) {
-            part.feed(slots, block)?;
-            if !part.late.0.is_empty() {
-                part.model.get_real(&part.late.0, &mut slots[part.late.1.clone()])?;
+        let mut rings = self.rings.iter_mut().peekable();
+        for place in 0..self.parts.len() {
+            let ring = rings.next_if(|ring| ring.parts.start == place);
+            ring.map_or(Ok(()), |ring| ring.solve(&mut self.parts, slots, block))?;
+            let part = &mut self.parts[place];
+            if part.unit.stepped().is_some() || !all && part.only_events {
+                continue;
             }
-            if !part.states.is_empty() {
-                part.model.get_derivatives(&mut dx[part.states.clone()])?;
+            part.feed(slots, block)?;
+            part.follow(slots)?;
+            if let Some(model) = part.unit.equations().filter(|_| !part.states.is_empty()) {
+                model.get_derivatives(&mut dx[part.states.clone()])?;
             }
         }
         Ok(())
     }
+}
+
+/// Whether a component has no equations to evaluate, only steps.
+fn is_stepped(component: &Component) -> bool {
+    component.fmu.interface(InterfaceKind::ModelExchange).is_none()
+}
+
+/// Components in evaluation order. A slave holds its outputs, so that no loop passes through it: in a group that shares
+/// one it comes last.
+fn order(graph: &SystemGraph) -> Vec<usize> {
+    let mut order = graph.order.clone();
+    for group in loop_groups(graph) {
+        let first = order.iter().position(|index| group.contains(index)).unwrap_or(0);
+        let own = &mut order[first..first + group.len()];
+        own.sort_by_key(|&index| is_stepped(&graph.components[index]));
+    }
+    order
+}
+
+/// The algebraic loops, with the outputs that lead back to an earlier component.
+fn rings(
+    graph: &SystemGraph,
+    order: &[usize],
+    slots: &BTreeMap<(usize, usize), usize>,
+    parts: &[Part],
+) -> Vec<Ring> {
+    let mut found: Vec<Ring> = Vec::new();
+    for group in loop_groups(graph) {
+        let first = order.iter().position(|index| group.contains(index)).unwrap_or(0);
+        let equations = group.iter().filter(|&&index| !is_stepped(&graph.components[index])).count();
+        let members = first..first + equations;
+        let mut unknown: Vec<usize> = Vec::new();
+        for connection in &graph.connections {
+            let Source::Output { component, variable } = connection.source else { continue };
+            let place = |component: usize| order.iter().position(|&index| index == component);
+            let (Some(from), Some(to)) = (place(component), place(connection.component)) else { continue };
+            let back = members.contains(&from) && members.contains(&to) && from >= to;
+            let slot = slots.get(&(component, variable)).filter(|slot| parts[from].late.1.contains(slot));
+            unknown.extend(slot.filter(|_| back));
+        }
+        unknown.sort_unstable();
+        unknown.dedup();
+        if !unknown.is_empty() {
+            found.push(Ring::new(members, unknown));
+        }
+    }
+    found.sort_by_key(|ring| ring.parts.start);
+    found
 }
 
 impl Part {
@@ -537,10 +605,23 @@ impl Part {
         for &(slot, state) in &self.shown {
             slots[slot] = x[state];
         }
-        if self.early.0.is_empty() {
+        let early = &mut slots[self.early.1.clone()];
+        match &mut self.unit {
+            _ if early.is_empty() => Ok(()),
+            Unit::Stepped(own) => {
+                early.copy_from_slice(own.shown());
+                Ok(())
+            }
+            Unit::Equations(model) => model.get_real(&self.early.0, early),
+        }
+    }
+
+    /// Takes the outputs that follow the inputs.
+    fn follow(&mut self, slots: &mut [f64]) -> Result<(), airloop_fmi::Error> {
+        if self.late.0.is_empty() {
             return Ok(());
         }
-        self.model.get_real(&self.early.0, &mut slots[self.early.1.clone()])
+        self.unit.get_real(&self.late.0, &mut slots[self.late.1.clone()])
     }
 
     /// Sets the inputs.
@@ -558,6 +639,6 @@ impl Part {
                 *value = block(attachment, *value, slots);
             }
         }
-        self.model.set_real(&self.feed_references, &self.feed_values)
+        self.unit.set_real(&self.feed_references, &self.feed_values)
     }
 }

@@ -13,7 +13,8 @@ use airloop_series::units::{Exponents, Unit, lookup};
 use super::Problem;
 use super::declaration::{Attachment, File};
 use super::names;
-use super::plant::{Plant, Sense};
+use super::plant::Plant;
+use super::plant::response::Sense;
 use crate::vocabulary::own::PortKind;
 use airloop_cosim::system::SystemGraph;
 use airloop_cosim::system::graph::{DataType, Source, unit_of};
@@ -75,6 +76,11 @@ pub struct Duty {
 
 /// Influence of a port on a state below this share of its largest one is rounding.
 const MAX_ROUNDED_INFLUENCE: f64 = 1e-9;
+/// The same for outputs of slaves, which are seen a step later: a position has moved by then, too.
+const MAX_LATE_INFLUENCE: f64 = 0.05;
+/// Largest relative difference between the rate of a position and its velocity: that of exact rates, and that of
+/// difference quotients over the outputs of slaves.
+const MAX_DIFFERENCE_OF_RATES: [f64; 2] = [1e-9, 0.03];
 /// Ports whose assignment to velocities is tried in every order; more take the velocity that each moves most.
 const MAX_ASSIGNED_PORTS: usize = 6;
 
@@ -139,9 +145,9 @@ pub fn find(graph: &SystemGraph, measured: &[&str]) -> Result<Vec<Port>, Problem
     let names: Vec<String> = inputs.iter().map(|(name, ..)| name.clone()).collect();
     let mut plant = Plant::new(graph, &names, &[], &[])?;
     let sense = plant.sense(measured)?;
-    let states = plant.states_by_place();
+    let (states, count) = (&sense.names, sense.names.len());
     let units: Vec<Option<Unit>> = inputs.iter().map(|&(_, c, v)| base(graph, c, v)).collect();
-    let rates: Vec<Option<usize>> = (0..plant.nx).map(|state| integral(&sense, state)).collect();
+    let rates: Vec<Option<usize>> = (0..count).map(|state| integral(&sense, state)).collect();
     let free = |port: usize| {
         let own = (inputs[port].1, inputs[port].2);
         let outside = |source: &Source| matches!(source, Source::Input(_));
@@ -157,7 +163,7 @@ pub fn find(graph: &SystemGraph, measured: &[&str]) -> Result<Vec<Port>, Problem
         shares_unit && (rates[state].is_some() || is_speed(graph, &states[state]))
     };
     let moved: Vec<Vec<usize>> = (0..inputs.len())
-        .map(|port| (0..plant.nx).filter(|&state| influence(&sense, port, state) > 0.0).collect())
+        .map(|port| (0..count).filter(|&state| influence(&sense, port, state) > 0.0).collect())
         .collect();
     let mechanical: Vec<usize> =
         (0..inputs.len()).filter(|&port| moved[port].iter().any(|&s| velocity_like(port, s))).collect();
@@ -211,20 +217,22 @@ fn influence(sense: &Sense, port: usize, state: usize) -> f64 {
     let own = &sense.influence[port];
     let largest = own.iter().fold(0.0f64, |a, b| a.max(b.abs()));
     let value = own[state].abs();
-    if value > MAX_ROUNDED_INFLUENCE * largest { value } else { 0.0 }
+    let least = if sense.exact[state] { MAX_ROUNDED_INFLUENCE } else { MAX_LATE_INFLUENCE };
+    if value > least * largest { value } else { 0.0 }
 }
 
 /// State whose rate is this state, wherever the system is.
 fn integral(sense: &Sense, velocity: usize) -> Option<usize> {
+    let largest = MAX_DIFFERENCE_OF_RATES[usize::from(!sense.exact[velocity])];
+    let known = || sense.points.iter().filter(|(x, _)| !x[velocity].is_nan());
+    let moves = known().any(|(x, _)| x[velocity] != 0.0);
     let same = |state: &usize| {
         *state != velocity
-            && !sense.points.is_empty()
-            && sense
-                .points
-                .iter()
-                .all(|(x, dx)| (dx[*state] - x[velocity]).abs() <= 1e-9 * x[velocity].abs().max(1e-12))
+            && sense.exact[*state] == sense.exact[velocity]
+            && known()
+                .all(|(x, dx)| (dx[*state] - x[velocity]).abs() <= largest * x[velocity].abs().max(1e-12))
     };
-    (0..sense.points.first().map_or(0, |point| point.0.len())).find(same)
+    (0..sense.exact.len()).filter(|_| moves).find(same)
 }
 
 fn is_speed(graph: &SystemGraph, name: &str) -> bool {

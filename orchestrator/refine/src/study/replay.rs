@@ -190,8 +190,9 @@ fn with_system(file: &File, system: &Path) -> Result<File, Error> {
         if plant.state(name).is_some() {
             return name.to_owned();
         }
+        let known = |path: &String| plant.state(path).is_some() || Plant::parameter(&graph, path).is_some();
         let owners = graph.components.iter().map(|component| format!("{}.{name}", component.name));
-        owners.into_iter().find(|path| plant.state(path).is_some()).unwrap_or_else(|| name.to_owned())
+        owners.into_iter().find(known).unwrap_or_else(|| name.to_owned())
     };
     let states = std::mem::take(&mut own.declaration.states);
     own.declaration.states = states.into_iter().map(|(name, signal)| (named(&name), signal)).collect();

@@ -229,7 +229,14 @@ impl<'a> View<'a> {
         set(plant, begin, 0.0);
         blocks.time = begin as f64 * step;
         blocks.now.set(blocks.time);
-        let fixed = self.parameters(p);
+        let mut fixed = self.parameters(p);
+        if let Initial::Given(values) = &record.initial {
+            // Values of parameters, such as where a slave begins.
+            let parameters = values.iter().filter(|(name, _)| plant.state(name).is_none());
+            let one =
+                |(name, value): (&String, &f64)| Some((Plant::parameter(&study.graph, name)?.0, *value));
+            fixed.extend(parameters.filter_map(one));
+        }
         let given: Vec<Option<f64>> = match &record.initial {
             _ if own || window.is_some() => Vec::new(),
             Initial::Word(InitialWord::Fit) => locals.iter().copied().map(Some).collect(),
@@ -245,6 +252,13 @@ impl<'a> View<'a> {
             Initial::Word(_) => (0..nx).map(|i| self.measured_state((record, begin), i, shift)).collect(),
         };
         let pass = |tap, value, slots: &[f64]| blocks.pass(tap, value, slots);
+        let follows_outputs = self.active.iter().any(|&c| match study.candidates[c].action {
+            Action::Block { law, .. } => !law.changes_command(),
+            _ => false,
+        });
+        plant.keep_pace(step, follows_outputs);
+        let ahead = plant.communication_step().map_or(0.0, |own| 0.5 * own);
+        set(plant, begin, ahead / step);
         plant.initialize(&given, &fixed, begin as f64 * step, &mut x, &pass)?;
         let start = x.clone();
         if own {
@@ -270,7 +284,8 @@ impl<'a> View<'a> {
                 plant.evaluate(time, x, dx, &|tap, value, slots| blocks.pass(tap, value, slots))
             };
             let event = |plant: &mut Plant, (time, state): (f64, bool), x: &mut [f64], blocks: &Blocks| {
-                set(plant, k, (time - t) / step);
+                // A slave holds a moving input at its mean over the communication step.
+                set(plant, k, (time - t + ahead) / step);
                 blocks.now.set(time);
                 plant.event((time, state), x, &|tap, value, slots| blocks.pass(tap, value, slots))
             };
@@ -503,6 +518,9 @@ impl System for View<'_> {
         if !self.fitted(record) {
             return Vec::new();
         }
+        let from = if self.study.from_start(record) { 0 } else { piece.range.start };
+        let begin = Piece { record: piece.record, range: from..piece.range.end };
+        let piece = &begin;
         let one = |(i, values): (usize, &Option<Vec<f64>>)| match values {
             None if self.study.unobservable.get(i) == Some(&true) => (0.0, 0.0),
             None => self.study.begins.get(i).copied().unwrap_or_default().of(self.study, piece),
