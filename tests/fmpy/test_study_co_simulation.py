@@ -5,15 +5,15 @@ import json
 import os
 import subprocess
 import zipfile
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from command import start
-from pathlib import Path
 from test_study import named, refine
 
-STEP, COUNT, FINE, NOISE = 0.005, 1600, 10, 5e-4
+STEP, COUNT, FINE, NOISE = 0.005, 1000, 10, 5e-4
 MASS, DAMPING, FORCE, LATE = 1.5, 6.0, 20.0, 0.05
 VARIABLES = [
     ("u", "input", "V", 0.0),
@@ -98,12 +98,12 @@ def write_study(folder, kind, value, seed, more=""):
     make_fmu(folder / "slide.fmu")
     text = f'system = "slide.fmu"\n{more}[inputs]\nu = {{ column = "u", hold = true }}\n[outputs]\nx = {{ column = "x", unit = "m" }}\n'
     rng = np.random.default_rng(seed)
-    for k in range(4):
+    for k in range(3):
         u, begin = command(rng), round(rng.uniform(-0.2, 0.2), 3)
         x = measured(u, kind, value, begin) + NOISE * rng.standard_normal(COUNT)
         data = np.column_stack([STEP * np.arange(COUNT), u, x])
         np.savetxt(folder / f"r{k}.csv", data, delimiter=",", header="time,u,x", comments="", fmt="%.8g")
-        role = "estimation" if k < 3 else "validation"
+        role = "estimation" if k < 2 else "validation"
         text += f'[[segment]]\nfile = "r{k}.csv"\nrole = "{role}"\ninitial = {{ x0 = {begin} }}\n'
     (folder / "study.toml").write_text(text)
     return folder / "study.toml"

@@ -98,9 +98,9 @@ pub struct Plant {
 const USUAL_SAMPLE_STEP: f64 = 1e-3;
 
 impl Plant {
-    /// Instantiates the components of a graph, for Model Exchange where they have that; `attachments` are the inputs where blocks act,
-    /// `extra` further signals, which have the last slots; `wanted`: variables that are shown although they are no
-    /// outputs.
+    /// Instantiates the components of a graph, for Model Exchange where they have that; `attachments` are the inputs
+    /// where blocks act, `extra` further signals, which have the last slots; `wanted`: variables that are shown although
+    /// they are no outputs.
     ///
     /// # Errors
     /// Names that are no inputs, FMUs that fail.
@@ -341,8 +341,8 @@ impl Plant {
         own.map(|part| part.pace.step(self.sample_step, self.couples_slaves)).max_by(f64::total_cmp)
     }
 
-    /// Says the step of the samples \[s\], which slaves keep pace with from the next initialization on, and whether blocks
-    /// follow what slaves show.
+    /// Says the step of the samples \[s\], which slaves keep pace with from the next initialization on, and whether
+    /// blocks follow what slaves show.
     pub fn keep_pace(&mut self, step: f64, coupled: bool) {
         self.sample_step = step;
         self.couples_slaves = coupled;
@@ -534,15 +534,21 @@ impl Plant {
             part.show(x, slots)?;
         }
         let mut rings = self.rings.iter_mut().peekable();
+        let mut solved = 0;
         for place in 0..self.parts.len() {
-            let ring = rings.next_if(|ring| ring.parts.start == place);
-            ring.map_or(Ok(()), |ring| ring.solve(&mut self.parts, slots, block))?;
+            if let Some(ring) = rings.next_if(|ring| ring.parts.start == place) {
+                ring.solve(&mut self.parts, slots, block)?;
+                solved = ring.parts.end;
+            }
             let part = &mut self.parts[place];
             if part.unit.stepped().is_some() || !all && part.only_events {
                 continue;
             }
-            part.feed(slots, block)?;
-            part.follow(slots)?;
+            // The solution of a loop has set the inputs of its components.
+            if place >= solved {
+                part.feed(slots, block)?;
+                part.follow(slots)?;
+            }
             if let Some(model) = part.unit.equations().filter(|_| !part.states.is_empty()) {
                 model.get_derivatives(&mut dx[part.states.clone()])?;
             }

@@ -113,6 +113,12 @@ impl Plant {
             part.in_event = true;
         }
         self.initialized = true;
+        // Loops begin from what their components show at their start values.
+        for ring in &self.rings {
+            for part in &mut self.parts[ring.parts.clone()] {
+                part.follow(&mut self.slots).map_err(Problem::fmu)?;
+            }
+        }
         self.settle(time, x, block).map_err(Problem::fmu)
     }
 }

@@ -1,15 +1,15 @@
-//! Answer of a system to a push at each place where something may be missing: it shows the velocity and the position along
-//! a force without any statement.
+//! Answer of a system to a push at each place where something may be missing: it shows the velocity and the position
+//! along a force without any statement.
 //!
-//! States of equations answer at once, in their rates. A slave only shows outputs: a simulation with pushed inputs takes
-//! their place.
+//! States of equations answer at once, in their rates. A slave only shows outputs: a simulation with pushed inputs
+//! takes their place.
 
 use super::{Plant, Problem, Unit};
 
 /// Dependence of what moves in a system on the attachments, for the detection of ports.
 #[derive(Debug, Clone, Default)]
 pub struct Sense {
-    /// What moves: the states, `[nx]`, then the outputs of slaves.
+    /// Names of all that moves: the states, `[nx]`, then the outputs of slaves.
     pub names: Vec<String>,
     /// Whether its rates are exact: those of outputs are difference quotients.
     pub exact: Vec<bool>,

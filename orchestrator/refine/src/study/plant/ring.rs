@@ -9,12 +9,14 @@ use nalgebra::{DMatrix, DVector, Dyn, LU};
 
 use super::Part;
 
-/// Residual that counts as zero, relative to the value.
+/// Residual that counts as zero, relative to the largest value so far.
 const TOLERANCE: f64 = 1e-12;
 /// The same where rounding in the FMUs keeps it from falling further.
 const STAGNATION: f64 = 1e-8;
 /// Values below it have the tolerance of this one.
 const LEAST_SIZE: f64 = 1e-6;
+/// Difference steps are relative to the value, or to this one where it is smaller.
+const LEAST_SHIFTED: f64 = 1e-3;
 const MAX_ITERATIONS: usize = 30;
 /// A residual that falls by less asks for a new Jacobian.
 const FAST: f64 = 0.1;
@@ -27,11 +29,17 @@ pub(super) struct Ring {
     /// Slots of the values that lead back.
     pub unknown: Vec<usize>,
     factors: Option<LU<f64, Dyn, Dyn>>,
+    /// Largest size that each value has had.
+    largest: Vec<f64>,
+    /// Values, residual, and the residual at a shifted value.
+    work: [DVector<f64>; 3],
 }
 
 impl Ring {
     pub fn new(parts: Range<usize>, unknown: Vec<usize>) -> Ring {
-        Ring { parts, unknown, factors: None }
+        let work = std::array::from_fn(|_| DVector::zeros(unknown.len()));
+        let largest = vec![LEAST_SIZE; unknown.len()];
+        Ring { parts, unknown, factors: None, largest, work }
     }
 
     /// Solves the loop from the values that stand in the slots, and leaves the solution there: NaN where there is none.
@@ -46,20 +54,28 @@ impl Ring {
     ) -> Result<(), airloop_fmi::Error> {
         let members = &mut parts[self.parts.clone()];
         let unknown = &self.unknown;
-        let mut pass = |from: &DVector<f64>, slots: &mut [f64]| -> Result<DVector<f64>, airloop_fmi::Error> {
+        // What the loop makes of values, less these.
+        let mut pass = |from: &DVector<f64>, slots: &mut [f64], residual: &mut DVector<f64>| {
             unknown.iter().zip(from.iter()).for_each(|(&slot, value)| slots[slot] = *value);
             for part in members.iter_mut() {
                 part.feed(slots, block)?;
                 part.follow(slots)?;
             }
-            Ok(DVector::from_iterator(unknown.len(), unknown.iter().map(|&slot| slots[slot])))
+            let made = unknown.iter().map(|&slot| slots[slot]);
+            residual.iter_mut().zip(made).zip(from).for_each(|((own, made), from)| *own = made - from);
+            Ok::<(), airloop_fmi::Error>(())
         };
-        let mut values = DVector::from_iterator(unknown.len(), unknown.iter().map(|&slot| slots[slot]));
-        values.iter_mut().filter(|value| !value.is_finite()).for_each(|value| *value = 0.0);
+        let [values, residual, moved] = &mut self.work;
+        let begin = unknown.iter().map(|&slot| slots[slot]);
+        values
+            .iter_mut()
+            .zip(begin)
+            .for_each(|(own, value)| *own = if value.is_finite() { value } else { 0.0 });
         let (mut before, mut smallest) = (f64::INFINITY, f64::INFINITY);
         for _ in 0..MAX_ITERATIONS {
-            let residual = pass(&values, slots)? - &values;
-            let relative = residual.iter().zip(&values).map(|(r, v)| r.abs() / v.abs().max(LEAST_SIZE));
+            pass(values, slots, residual)?;
+            self.largest.iter_mut().zip(values.iter()).for_each(|(own, value)| *own = own.max(value.abs()));
+            let relative = residual.iter().zip(self.largest.iter()).map(|(r, size)| r.abs() / size);
             let size = relative.fold(0.0, |a: f64, b| if b.is_nan() { f64::NAN } else { a.max(b) });
             if size <= TOLERANCE || size <= STAGNATION && size >= smallest {
                 return Ok(());
@@ -69,18 +85,21 @@ impl Ring {
                 let n = unknown.len();
                 let mut jacobian = DMatrix::zeros(n, n);
                 for column in 0..n {
-                    let mut moved = values.clone();
-                    let shift = f64::EPSILON.sqrt() * values[column].abs().max(1e-3);
-                    moved[column] += shift;
-                    let change = (pass(&moved, slots)? - &moved) - &residual;
-                    jacobian.set_column(column, &(change / shift));
+                    let value = values[column];
+                    let shift = f64::EPSILON.sqrt() * value.abs().max(LEAST_SHIFTED);
+                    values[column] += shift;
+                    pass(values, slots, moved)?;
+                    values[column] = value;
+                    jacobian.set_column(column, &((&*moved - &*residual) / shift));
                 }
                 self.factors = Some(jacobian.lu());
             }
-            let step = self.factors.as_ref().and_then(|factors| factors.solve(&residual));
-            let Some(step) = step.filter(|step| step.iter().all(|value| value.is_finite())) else { break };
+            let solved = self.factors.as_ref().is_some_and(|factors| factors.solve_mut(residual));
+            if !solved || residual.iter().any(|value| !value.is_finite()) {
+                break;
+            }
             before = size;
-            values -= step;
+            *values -= &*residual;
         }
         self.factors = None;
         unknown.iter().for_each(|&slot| slots[slot] = f64::NAN);
