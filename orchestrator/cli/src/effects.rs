@@ -54,8 +54,8 @@ pub enum Command {
     ///
     /// [variables]  f = "Pa"         (units of x, v, f where they are not those of the port)
     ///
-    /// Operators + - * / ^; functions sin cos tan tanh exp ln sqrt abs sign min max clamp, and curve(x, x1, y1, x2, y2,
-    /// ...) through points; a number with a unit is a parameter. `start` may be left out where the formula is
+    /// Operators + - * / ^; functions sin cos tan tanh exp ln sqrt abs sign floor min max clamp, and curve(x, x1, y1,
+    /// x2, y2, ...) through points; a number with a unit is a parameter. `start` may be left out where the formula is
     /// proportional to the parameter. At most 3 states and 12 parameters.
     #[command(
         after_help = "Exit codes: 0 all are effects, 1 some are not.\n\nExample: airloop effects check effects/"

@@ -48,6 +48,8 @@ pub enum Function {
     Abs,
     /// -1, 0 or 1; never asked for by [`Expression::evaluate`].
     Sign,
+    /// Largest whole number that is not above; its derivative is zero.
+    Floor,
     /// Integer power.
     Power(i32),
 }
@@ -65,6 +67,7 @@ impl Function {
             Function::Abs => x.abs(),
             Function::Sign if x == 0.0 => 0.0,
             Function::Sign => x.signum(),
+            Function::Floor => x.floor(),
             Function::Power(n) => x.powi(n),
         }
     }
@@ -178,6 +181,8 @@ mod tests {
             ("min(x, 1)", x),
             ("max(x, 1)", 1.0),
             ("clamp(x, -0.1, 0.1)", 0.1),
+            ("floor(10*x)", 3.0),
+            ("floor(-10*x)", -4.0),
             ("max(0, x - 0.3)", x - 0.3),
         ] {
             assert_eq!(value(text, x), exact, "{text}");

@@ -8,8 +8,9 @@ const MAX_NESTED_BRACKETS: usize = 64;
 /// Bytes of a formula: what is evaluated by recursion must end.
 const MAX_BYTES: usize = 4000;
 
-const FUNCTIONS: [&str; 13] =
-    ["sin", "cos", "tan", "tanh", "exp", "ln", "sqrt", "abs", "sign", "min", "max", "clamp", "curve"];
+const FUNCTIONS: [&str; 14] = [
+    "sin", "cos", "tan", "tanh", "exp", "ln", "sqrt", "abs", "sign", "floor", "min", "max", "clamp", "curve",
+];
 
 /// Reads a formula.
 pub(crate) fn parse(text: &str, names: &[&str]) -> Result<Node, Error> {
@@ -243,6 +244,7 @@ impl Reader<'_> {
                 "sqrt" => Kind::Call(Function::Sqrt, take()),
                 "abs" => Kind::Call(Function::Abs, take()),
                 "sign" => Kind::Call(Function::Sign, take()),
+                "floor" => Kind::Call(Function::Floor, take()),
                 _ => {
                     let angle = take();
                     let sine = node(at, Kind::Call(Function::Sin, angle.clone()));

@@ -43,6 +43,7 @@ pub fn effect(id: &str) -> &str {
         "sensor.drift" => "a drift of the sensor with time",
         "sensor.nonlinearity" => "a curved characteristic of the sensor",
         "sensor.gain" => "a gain error of the sensor",
+        "sensor.quantization" => "the resolution of the sensor",
         other => other,
     }
 }
@@ -77,6 +78,7 @@ pub fn kind(kind: &str) -> &str {
         "gain" => "a gain error",
         "deadband" => "a dead band",
         "saturation" => "a limit",
+        "quantization" => "values in steps (quantization)",
         "posgain" => "a gain that varies with the position",
         "droop" => "a value that falls during the run",
         "delay" => "a delay",

@@ -60,6 +60,7 @@ impl<const N: usize> Jet<N> {
                 x.chain(t, slope, -2.0 * t * slope)
             }
             Function::Power(n) => x.powi(n),
+            Function::Floor => x.chain(v.floor(), 0.0, 0.0),
             Function::Abs | Function::Sign => unreachable!("evaluated without a call"),
         }
     }

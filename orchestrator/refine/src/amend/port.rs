@@ -8,13 +8,14 @@ use super::network::{Block, Part};
 use crate::answer::{Effect, Wiring};
 
 /// Order of the kinds that change the value that passes, as the search has them; all others add up behind them.
-pub const ORDER: [&str; 12] = [
+pub const ORDER: [&str; 13] = [
     "delay",
     "hysteresis",
     "lag",
     "fill",
     "rate_limit",
     "mode",
+    "quantization",
     "deadband",
     "saturation",
     "limits",

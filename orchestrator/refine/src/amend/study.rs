@@ -51,7 +51,9 @@ pub fn network(file: &File, answer: &Answer, work: &Path) -> Result<Network, Err
     let mut selected: Vec<&Effect> = answer.effects.iter().filter(|effect| effect.selected).collect();
     // Effects of a command path act in a fixed order; all others add up.
     let rank = |effect: &&Effect| port::ORDER.iter().position(|kind| *kind == effect.kind());
-    selected.sort_by_key(|effect| rank(effect).unwrap_or(usize::MAX));
+    // A sensor rounds what it has made of the signal.
+    let rounds = |effect: &&Effect| effect.signal.is_some() && effect.kind() == "quantization";
+    selected.sort_by_key(|effect| (rounds(effect), rank(effect).unwrap_or(usize::MAX)));
     let step = file.declaration.step_s.as_ref().map_or(STEP, |step| *step.get_ref());
     for effect in &selected {
         if let Some(column) = &effect.signal {
@@ -146,7 +148,7 @@ fn sense(
         };
         let block = match effect.kind() {
             "lag" => lagging(),
-            "drift" | "nonlinearity" => Builtin::formula(&effect.id).map(|formula| {
+            "drift" | "nonlinearity" | "quantization" => Builtin::formula(&effect.id).map(|formula| {
                 own::block(&formula, (effect, blocks::name(effect)), 1.0, &Sources::default())
             }),
             _ => blocks::sensor(effect, step, sampled, false),

@@ -16,6 +16,7 @@ use super::law::{Law, Point};
 use super::model::{Action, Study, Target};
 use super::observability;
 use super::open::open;
+use super::resolution;
 use super::ruling::{Ruling, alone, rule, rule_by_share, share};
 use super::search::{Say, Selection, confirm, search};
 use super::sign;
@@ -138,6 +139,7 @@ pub fn answer(file: &File, settings: &Settings, say: Say) -> Result<(Answer, Evi
     say("figures");
     let shown = if found.verdict == Verdict::Effect { &selection.best } else { &selection.declared };
     let shown = with_law.as_ref().filter(|_| !refused).unwrap_or(shown);
+    resolution::add(&fits, &selection, shown, &mut found);
     let evidence = evidence::gather(&fits, [&selection.declared, shown], &found);
     Ok((found, evidence))
 }

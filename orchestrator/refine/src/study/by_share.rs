@@ -145,7 +145,10 @@ impl Search<'_> {
             declared: p,
             always: &always,
             locals,
-            may_join: &|c, added| study.candidates[c].needs.is_none_or(|needs| added.contains(&needs)),
+            may_join: &|c, added| {
+                let own = &study.candidates[c];
+                !own.is_resolution() && own.needs.is_none_or(|needs| added.contains(&needs))
+            },
             proposals: &[(proposed.best.added.clone(), proposed.best.fit.parameters.clone())],
             pairs: true,
             free_forms: &free_forms,

@@ -12,6 +12,7 @@ use super::law::{KNOTS, Law, Variable};
 use super::model::{Action, Entry, Level, Sensor, Study, Target};
 use super::ports;
 use super::read::Record;
+use super::resolution;
 use crate::answer::Effect;
 use crate::engine::fit::Free;
 
@@ -57,6 +58,16 @@ impl Candidate {
         }
     }
 
+    /// Whether it is the resolution of a sensor, which is asked for when all else is known.
+    pub fn is_resolution(&self) -> bool {
+        matches!(self.action, Action::Sensor { kind: Sensor::Quantization, .. })
+    }
+
+    /// Whether searches look for it.
+    pub fn is_searched(&self) -> bool {
+        !self.probe && !self.is_resolution()
+    }
+
     /// Where it acts: `channel@port`.
     pub fn place(&self) -> String {
         format!("{}@{}", self.channel, self.port)
@@ -81,6 +92,10 @@ enum Entrance {
 
 /// Share of the largest speed at a port over which friction changes its sign, where nothing is stated.
 const SIGN_CHANGE: f64 = 0.01;
+/// Steps of a rounded value between zero and its largest that are looked for at most: finer ones are next to noise.
+const MOST_LEVELS: f64 = 16.0;
+/// Difference between starts in such steps: rounding to one of them and to the next have little in common.
+const LEVELS_BETWEEN_STARTS: f64 = 0.4;
 
 /// Points to start from, zeros where the linear step finds the value; none: the records do not excite it. `count`:
 /// parameters.
@@ -117,7 +132,9 @@ fn starts(law: Law, count: usize, ranges: &[(f64, f64); 5]) -> Result<Vec<Vec<f6
         Law::Area if width(pressure) <= 0.1 * size(pressure) => {
             return Err("the pressure hardly changes, or none is known at the attachment");
         }
-        Law::Gain | Law::DeadBand | Law::Saturation | Law::Limits | Law::Droop if width(value) <= 0.0 => {
+        Law::Gain | Law::DeadBand | Law::Saturation | Law::Limits | Law::Quantization | Law::Droop
+            if width(value) <= 0.0 =>
+        {
             return Err("the value does not change");
         }
         _ => {}
@@ -138,6 +155,11 @@ fn starts(law: Law, count: usize, ranges: &[(f64, f64); 5]) -> Result<Vec<Vec<f6
         Law::Droop => [0.3, 1.0, 3.0].map(|tau| vec![0.0, tau]).into(),
         Law::DeadBand => [0.02, 0.1].map(|part| vec![part * size(value)]).into(),
         Law::Saturation => [0.95, 0.8, 0.6].map(|part| vec![part * size(value)]).into(),
+        Law::Quantization => {
+            let count = (MOST_LEVELS / LEVELS_BETWEEN_STARTS) as usize;
+            let levels = |k: usize| 1.0 + LEVELS_BETWEEN_STARTS * k as f64;
+            (0..count).map(|k| vec![size(value) / levels(k)]).collect()
+        }
         Law::Limits => {
             let part = |part: f64| value.0 + part * width(value);
             [(0.02, 0.8), (0.1, 0.9), (0.2, 0.98)].map(|(low, high)| vec![part(low), part(high)]).into()
@@ -354,6 +376,7 @@ fn push(study: &mut Study, kind: &Kind, channel: &'static str, tap: usize, start
         match (kind.positive.contains(&k), shape > 0.0) {
             // Slower than this a sign changes within a step, faster than this it is no sign.
             (true, true) if kind.law == Law::Coulomb => (0.2 * smallest(k), 5.0 * shape),
+            (true, true) if kind.law == Law::Quantization => (0.5 * smallest(k), 2.0 * shape),
             // A shape stays within what the records can show.
             (true, true) => (1e-3 * smallest(k), 20.0 * shape),
             (true, false) => (-declared.max(0.0), f64::INFINITY),
@@ -577,6 +600,31 @@ fn sensors(study: &mut Study) {
             study.candidates.push(own);
         }
     }
+    // Also where another wrong sensor would not be told.
+    if study.taps.iter().all(|tap| !tap.stated) {
+        (0..study.outputs.len()).for_each(|output| resolution_of(study, output));
+    }
+}
+
+/// Adds the resolution of the sensor of an output, where its column shows one.
+fn resolution_of(study: &mut Study, output: usize) {
+    let Some((step, half)) = resolution::step(study, output) else { return };
+    let (name, unit) = (study.outputs[output].name.clone(), study.outputs[output].unit.clone());
+    let id = "sensor.quantization";
+    let entries = entries(study, id, &[("step", unit)], |_| (step - half, step + half));
+    study.candidates.push(Candidate {
+        id: id.to_owned(),
+        channel: "sensor",
+        port: study.outputs[output].port.clone(),
+        twin: false,
+        signal: Some(name),
+        action: Action::Sensor { kind: Sensor::Quantization, output },
+        entries,
+        starts: vec![vec![step]],
+        complexity: 1,
+        probe: false,
+        needs: None,
+    });
 }
 
 #[cfg(test)]

@@ -44,7 +44,7 @@ pub fn search(
     let always = study.declared_free();
     let may_join = |c: usize, added: &[usize]| {
         let Some(own) = study.candidates.get(c) else { return true };
-        !own.probe && own.needs.is_none_or(|needs| added.contains(&needs))
+        own.is_searched() && own.needs.is_none_or(|needs| added.contains(&needs))
     };
     let sense = |added: &[usize], fit: &Fit| {
         let added = added.iter().copied().filter(|&c| c < study.candidates.len()).collect();

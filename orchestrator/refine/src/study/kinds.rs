@@ -91,11 +91,12 @@ pub(super) const FLOW: [Kind; 6] = [
 ];
 
 /// Effects on a command, or on a signal that one component gives another.
-pub(super) const COMMAND: [Kind; 6] = [
+pub(super) const COMMAND: [Kind; 7] = [
     kind("gain", Law::Gain, &[("gain", "1")], &[]),
     kind("deadband", Law::DeadBand, &[("width", "E")], &[0]),
     kind("saturation", Law::Saturation, &[("limit", "E")], &[0]),
     kind("limits", Law::Limits, &[("low", "E"), ("high", "E")], &[]),
+    kind("quantization", Law::Quantization, &[("step", "E")], &[0]),
     kind("posgain", Law::PositionGain, &[("slope", "1/X")], &[]),
     kind("droop", Law::Droop, &[("depth", "1"), ("tau", "s")], &[1]),
 ];

@@ -133,6 +133,8 @@ pub enum Law {
     Saturation,
     /// value clipped between two values
     Limits,
+    /// value rounded to a multiple of a step
+    Quantization,
     /// gain that changes with position
     PositionGain,
     /// gain that falls with time
@@ -188,7 +190,8 @@ impl Law {
             Law::Drift => vec![Time],
             Law::Bias => vec![Value, Position],
             Law::Area => vec![PressureForce],
-            Law::Gain | Law::DeadBand | Law::Saturation | Law::Limits | Law::Memory(_) => vec![Value],
+            Law::Gain | Law::DeadBand | Law::Saturation | Law::Limits => vec![Value],
+            Law::Quantization | Law::Memory(_) => vec![Value],
             Law::PositionGain => vec![Value, Position],
             Law::Droop => vec![Value, Time],
             Law::Shape(variable) => vec![variable],
@@ -204,6 +207,7 @@ impl Law {
                 | Law::DeadBand
                 | Law::Saturation
                 | Law::Limits
+                | Law::Quantization
                 | Law::PositionGain
                 | Law::Droop
                 | Law::Memory(_)
@@ -228,12 +232,13 @@ impl Law {
     pub fn rank(self) -> usize {
         match self {
             Law::Memory(kind) => kind.rank(),
-            Law::DeadBand => 6,
-            Law::Saturation | Law::Limits => 7,
-            Law::Gain => 8,
-            Law::PositionGain => 9,
-            Law::Droop => 10,
-            _ => 11,
+            Law::Quantization => 6,
+            Law::DeadBand => 7,
+            Law::Saturation | Law::Limits => 8,
+            Law::Gain => 9,
+            Law::PositionGain => 10,
+            Law::Droop => 11,
+            _ => 12,
         }
     }
 
@@ -297,7 +302,7 @@ impl Law {
             Law::Drift => p[0] * at.time,
             Law::Bias => -p[0],
             Law::Gain | Law::DeadBand | Law::Saturation | Law::Limits => 0.0,
-            Law::PositionGain | Law::Droop => 0.0,
+            Law::Quantization | Law::PositionGain | Law::Droop => 0.0,
             // Computed by the study, which has their formulas and memories.
             Law::Memory(_) | Law::Shape(_) | Law::Own(_) | Law::Surface(_) => 0.0,
         }
@@ -310,11 +315,17 @@ impl Law {
             Law::DeadBand => value - value.clamp(-p[0].abs(), p[0].abs()),
             Law::Saturation => value.clamp(-p[0].abs(), p[0].abs()),
             Law::Limits => value.min(p[1]).max(p[0]),
+            Law::Quantization => rounded(value, p[0]),
             Law::PositionGain => (1.0 + p[0] * at.position) * value,
             Law::Droop => (1.0 - p[0] * (1.0 - (-at.time / p[1]).exp())) * value,
             _ => value,
         }
     }
+}
+
+/// The multiple of `step` that is nearest to a value, the upper one of two; the value itself where the step is none.
+pub fn rounded(value: f64, step: f64) -> f64 {
+    if step > 0.0 { step * (value / step + 0.5).floor() } else { value }
 }
 
 /// State of presliding after `step` \[s\] at velocity `v`: the exact solution of `z' = v - |v| z/disp`.
@@ -393,5 +404,8 @@ mod tests {
         assert_eq!(Law::DeadBand.command(&[0.5], &at, 2.0), 1.5);
         assert_eq!(Law::DeadBand.command(&[0.5], &at, -0.3), 0.0);
         assert_eq!(Law::Saturation.command(&[0.5], &at, -2.0), -0.5);
+        let rounded = [1.2, 1.3, -1.2, -1.3].map(|u| Law::Quantization.command(&[0.5], &at, u));
+        assert_eq!(rounded, [1.0, 1.5, -1.0, -1.5]);
+        assert_eq!(Law::Quantization.command(&[0.0], &at, 0.3), 0.3);
     }
 }

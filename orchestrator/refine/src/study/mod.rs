@@ -49,6 +49,7 @@ pub mod plant;
 pub mod ports;
 pub mod read;
 pub mod replay;
+pub mod resolution;
 pub(crate) mod ruling;
 pub mod search;
 mod sign;

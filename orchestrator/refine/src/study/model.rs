@@ -26,6 +26,8 @@ pub struct Output {
     pub unit: String,
     /// Rms of the sensor noise.
     pub noise: f64,
+    /// Whether the study states it.
+    pub noise_is_stated: bool,
     /// Entry of the parameter vector that is its offset, if the declared model has one.
     pub offset: Option<usize>,
 }
@@ -155,6 +157,8 @@ pub enum Sensor {
     Drift,
     /// `y + coef y^2`
     Nonlinearity,
+    /// `y` rounded to a multiple of a step
+    Quantization,
 }
 
 /// A study.

@@ -463,7 +463,8 @@ pub fn open(file: &File) -> Result<(Study, Vec<Attachment>), Error> {
             index
         });
         let (column, port) = (output.column.clone(), name.clone());
-        outputs.push(Output { name: column, port, slot, unit, noise, offset });
+        let noise_is_stated = output.noise.is_some();
+        outputs.push(Output { name: column, port, slot, unit, noise, noise_is_stated, offset });
     }
     notes.extend(regimes(&graph, &records, &outputs, &layout).map_err(|problem| file.refuse_all(problem))?);
     if layout.inputs.iter().any(Option::is_some) {

@@ -175,7 +175,9 @@ impl<'a> Search<'a> {
     fn extended(&self, base: &Model) -> Vec<Model> {
         let may = |c: &usize| {
             let own = &self.study().candidates[*c];
-            !own.probe && !base.added.contains(c) && own.needs.is_none_or(|needs| base.added.contains(&needs))
+            own.is_searched()
+                && !base.added.contains(c)
+                && own.needs.is_none_or(|needs| base.added.contains(&needs))
         };
         let open: Vec<usize> = (0..self.study().candidates.len()).filter(may).collect();
         let around = self.fits.around(base);

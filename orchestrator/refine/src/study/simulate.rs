@@ -7,7 +7,7 @@ use super::begin;
 use super::blocks::{Acting, Blocks, Survey};
 use super::command::{Command, delayed};
 use super::declaration::{Initial, InitialWord};
-use super::law::{Law, Point};
+use super::law::{Law, Point, rounded};
 use super::memory::Memory;
 use super::model::{Action, Sensor, Study, Target};
 use super::plant::Plant;
@@ -458,6 +458,7 @@ impl<'a> View<'a> {
         let step = self.study.records[piece.record].step;
         for (o, output) in self.study.outputs.iter().enumerate() {
             let own = &mut out[o * n..(o + 1) * n];
+            let mut resolution = 0.0;
             for &c in &self.active {
                 let candidate = &self.study.candidates[c];
                 let Action::Sensor { kind, output } = candidate.action else { continue };
@@ -482,10 +483,15 @@ impl<'a> View<'a> {
                         let late = Command::Lag.apply(&[value], own, step, false);
                         own.copy_from_slice(&late);
                     }
+                    // A sensor rounds what it has made of the signal.
+                    Sensor::Quantization => resolution = value,
                 }
             }
             if let Some(offset) = output.offset {
                 own.iter_mut().for_each(|y| *y += p[offset]);
+            }
+            if resolution > 0.0 {
+                own.iter_mut().for_each(|y| *y = rounded(*y, resolution));
             }
         }
     }

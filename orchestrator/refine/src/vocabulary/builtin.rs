@@ -82,6 +82,7 @@ pub const BUILTIN: &[Builtin] = &[
     builtin("deadband", "command, signal", "dead band", text!("deadband")),
     builtin("saturation", "command, signal", "limit", text!("saturation")),
     builtin("limits", "command, signal", "a limit for each direction", text!("limits")),
+    builtin("quantization", "command, signal", "value in steps", text!("quantization")),
     builtin("posgain", "command, signal", "gain that varies with position", text!("posgain")),
     builtin("droop", "command, signal", "gain that falls with time", text!("droop")),
     builtin("delay", "command, signal", "the value some time before", None),
@@ -95,6 +96,7 @@ pub const BUILTIN: &[Builtin] = &[
     builtin("lag", "command, signal", "first-order lag", text!("lag")),
     builtin("fill", "command, signal", "lag with a time constant upwards and one downwards", text!("fill")),
     builtin("mode", "command, signal", "second-order lag: a resonance", text!("mode")),
+    builtin("sensor.quantization", "sensor", "resolution of the sensor", text!("sensor_quantization")),
     builtin("sensor.offset", "sensor", "constant that the sensor adds", None),
     builtin("sensor.gain", "sensor", "gain of the sensor", None),
     builtin("sensor.delay", "sensor", "the sensor shows the value some time before", None),
@@ -147,7 +149,7 @@ mod tests {
 
     #[test]
     fn formulas_are_the_laws_of_the_search() {
-        let laws: [Same; 23] = [
+        let laws: [Same; 24] = [
             (
                 "lower_endstop",
                 Law::LowerStop,
@@ -184,6 +186,7 @@ mod tests {
             ("gain", Law::Gain, &[("gain", 0.1)], &[0.1]),
             ("deadband", Law::DeadBand, &[("width", 0.5)], &[0.5]),
             ("saturation", Law::Saturation, &[("limit", 1.2)], &[1.2]),
+            ("quantization", Law::Quantization, &[("step", 0.3)], &[0.3]),
             ("posgain", Law::PositionGain, &[("slope", 0.8)], &[0.8]),
             ("droop", Law::Droop, &[("depth", 0.3), ("tau", 2.0)], &[0.3, 2.0]),
         ];

@@ -65,7 +65,7 @@ pub fn call<S: Scalar>(function: Function, x: S) -> S {
         Function::Ln => x.ln(),
         Function::Sqrt => x.sqrt(),
         Function::Abs => x.abs(),
-        Function::Sign => S::from(Function::Sign.of(x.value())),
+        Function::Sign | Function::Floor => S::from(function.of(x.value())),
         Function::Power(n) => x.powi(n),
     }
 }
