@@ -6,7 +6,7 @@
 //! costs next to nothing. [`study`] compares free forms in short [`windows`] of the records, `crossed` those over the
 //! motion at other ports, [`exact`] fits the best formulas in simulation and decides; [`rig`] does so for the rig of
 //! the vocabulary, which [`rig_whole`] holds against whole records. [`written`] turns a formula into an effect of one's
-//! own, [`found`] is the answer.
+//! own, [`found`] is the answer; [`listed`] asks whether effects of the list do as well.
 
 mod crossed;
 pub mod exact;
@@ -14,6 +14,7 @@ pub mod formula;
 pub mod found;
 mod free_form;
 pub mod grammar;
+pub mod listed;
 mod place;
 pub mod rig;
 pub mod rig_whole;

@@ -178,9 +178,9 @@ fn sought(
 
 /// Signals at the attachments in the estimation records, `[taps][n]`: measured where an output shows the signal or its
 /// derivative, else simulated with the model.
-fn motion(fits: &Fits, model: &Model) -> Vec<Vec<Point>> {
+pub(super) fn motion(fits: &Fits, model: &Model) -> Vec<Vec<Point>> {
     let study = fits.study;
-    let view = fits.view(&[], &fits.pieces);
+    let view = fits.view(&model.added, &fits.pieces);
     let mut all: Vec<Vec<Point>> = vec![Vec::new(); study.taps.len()];
     for (r, piece) in fits.pieces.iter().enumerate() {
         let record = &study.records[piece.record];

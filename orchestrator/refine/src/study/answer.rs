@@ -31,6 +31,7 @@ use crate::engine::fit::{Fit, fit};
 use crate::engine::{System, stop};
 use crate::evidence::{Evidence, study as evidence};
 use crate::explained;
+use crate::law::listed;
 use crate::law::study::{self as law, Aim};
 use crate::vocabulary::attach;
 
@@ -127,6 +128,10 @@ pub fn answer(file: &File, settings: &Settings, say: Say) -> Result<(Answer, Evi
             (selection, found, law)
         }
     };
+    let (selection, with_law) = match with_law {
+        Some(law) => listed_instead(&study, &scale, &judge, (selection, law), &mut found, (settings, say)),
+        None => (selection, None),
+    };
     explained::refuse_where_nothing_is(&mut found, &first_place(&study));
     let refused = explained::refuse_what_explains_too_little(&mut found, &first_place(&study));
     if refused {
@@ -142,6 +147,36 @@ pub fn answer(file: &File, settings: &Settings, say: Say) -> Result<(Answer, Evi
     resolution::add(&fits, &selection, shown, &mut found);
     let evidence = evidence::gather(&fits, [&selection.declared, shown], &found);
     Ok((found, evidence))
+}
+
+/// Effects of the list in place of the law of an answer, where some do as well; else both as they are.
+fn listed_instead(
+    study: &Study,
+    scale: &[f64],
+    judge: &Judge,
+    (selection, law): (Selection, Model),
+    found: &mut Answer,
+    (settings, say): (&Settings, Say),
+) -> (Selection, Option<Model>) {
+    let declared = &selection.declared;
+    let Some(listed) = listed::in_place_of(study, scale, judge, (declared, &law), found, say) else {
+        return (selection, Some(law));
+    };
+    let listed = Selection { singles: selection.singles.clone(), ..listed };
+    say("errors on all records");
+    let mut answer = assemble(&Fits::new(study, scale.to_vec()), judge, &listed, None, settings);
+    if answer.verdict != Verdict::Effect {
+        return (selection, Some(law));
+    }
+    answer.notes.extend(found.law.as_ref().map(|law| {
+        format!(
+            "A law at {} gives the same and is no better: {}.",
+            law.port,
+            law.effect.own.as_ref().map_or("", |own| &own.formula)
+        )
+    }));
+    *found = answer;
+    (listed, None)
 }
 
 /// A study before the search.

@@ -427,6 +427,19 @@ pub fn confirm(fits: &Fits, judge: &Judge, mut selection: Selection, say: Say) -
     selection
 }
 
+/// A model proposed by other means, without effects that it does not need, judged as the search judges its own.
+pub fn proposed(fits: &Fits, judge: &Judge, declared: &Model, best: Model, say: Say) -> Selection {
+    let search = Search::new(fits, judge, say);
+    let (mut declared, mut best) = (declared.clone(), best);
+    fits.hold_out(&mut declared);
+    fits.hold_out(&mut best);
+    let path = vec![(Vec::new(), declared.held_out), (best.added.clone(), best.held_out)];
+    let best = search.prune(best);
+    let (best, equals) = search.exchange(best);
+    let (best, stability, refused) = search.steady(best);
+    Selection { equals, stability, refused, ..Selection::new(declared, best, Vec::new(), path) }
+}
+
 /// Searches from the fitted declared model, at most `most` effects.
 pub fn search(fits: &Fits, judge: &Judge, declared: Model, most: usize, say: Say) -> Selection {
     let search = Search::new(fits, judge, say);
