@@ -1,6 +1,6 @@
 //! Effects of the list in place of a law: a formula may be a sum of effects that the vocabulary holds at the port, or
-//! imitate one. Sets of effects there that reproduce the law over the motion of the records are fitted in simulation; one
-//! that does as well as the law is the answer.
+//! imitate one. Sets of effects there that reproduce the law over the motion of the records are fitted in simulation;
+//! one that does as well as the law is the answer.
 
 use std::collections::BTreeSet;
 
@@ -57,7 +57,7 @@ struct Target<'a> {
     study: &'a Study,
     tap: usize,
     points: Vec<Point>,
-    /// What the law takes off the value that passes, `[n]`.
+    /// Change by the law: it is taken off the value that passes, `[n]`.
     values: Vec<f64>,
 }
 
@@ -248,7 +248,8 @@ impl<'a> Target<'a> {
         set.into_iter().map(open).collect()
     }
 
-    /// What an effect takes off the value that passes, `[n]`; `vt`: velocity over which friction changes its sign.
+    /// Change by an effect: it is taken off the value that passes, `[n]`;
+    /// `vt`: velocity over which friction changes its sign.
     fn column(&self, law: Law, p: &[f64], vt: f64) -> Vec<f64> {
         let tap = &self.study.taps[self.tap];
         let sign = if law == Law::Bias { 1.0 } else { tap.sign };

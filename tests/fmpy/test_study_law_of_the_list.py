@@ -1,0 +1,63 @@
+"""`airloop refine` where several effects of the list are missing at once, none of which helps alone: a mass with a spring and
+dry friction, whose declared damping stands for both. A law that is their sum is answered as these effects."""
+
+import json
+
+import numpy as np
+import pytest
+
+from command import start
+from test_study import named, refine
+
+STEP, COUNT, FINE, NOISE = 0.01, 1000, 20, 1e-4
+STIFFNESS, DRY, DAMPING, DECLARED = 8.0, 1.0, 0.2, 1.2
+
+
+def command(rng):
+    t = STEP * np.arange(COUNT)
+    sines = (rng.uniform(1, 3) * np.sin(2 * np.pi * f * t + rng.uniform(0, 6.28)) for f in (0.3, 0.7, 1.3, 2.1, 3.3))
+    return np.round(sum(sines), 4)
+
+
+def moved(u):
+    """Positions of the mass by the midpoint rule."""
+    x, v, h, shown = 0.0, 0.0, STEP / FINE, []
+    for force in u:
+        shown.append(x)
+        for _ in range(FINE):
+            rate = lambda x, v: force - STIFFNESS * x - DAMPING * v - DRY * np.tanh(v / 0.01)
+            xm, vm = x + 0.5 * h * v, v + 0.5 * h * rate(x, v)
+            x, v = x + h * vm, v + h * rate(xm, vm)
+    return np.array(shown)
+
+
+def write_study(folder, seed):
+    folder.mkdir()
+    text = (
+        f'system = "airloop:rigid-mass"\n[parameters]\nm = 1.0\nb = {DECLARED}\n[inputs]\nF = {{ column = "u", hold = true }}\n'
+        '[outputs]\nx = { column = "x", unit = "m" }\n'
+    )
+    rng = np.random.default_rng(seed)
+    for k in range(3):
+        u = command(rng)
+        x = moved(u) + NOISE * rng.standard_normal(COUNT)
+        data = np.column_stack([STEP * np.arange(COUNT), u, x])
+        np.savetxt(folder / f"r{k}.csv", data, delimiter=",", header="time,u,x", comments="", fmt="%.8g")
+        role = "estimation" if k < 2 else "validation"
+        text += f'[[segment]]\nfile = "r{k}.csv"\nrole = "{role}"\ninitial = {{ x = 0.0, v = 0.0 }}\n'
+    (folder / "study.toml").write_text(text)
+    return folder / "study.toml"
+
+
+def test_a_law_that_is_a_sum_of_effects_of_the_list_is_answered_as_these(tmp_path):
+    study = write_study(tmp_path / "case", 1)
+    result = refine(study, tmp_path / "out")
+    assert result.returncode in (0, 12), result.stdout + result.stderr
+    report = json.loads((tmp_path / "out" / "report.json").read_text())
+    assert {name.split("@")[0] for name in named(report)} == {"spring", "coulomb", "viscous"}, result.stdout
+    values = {e["id"].split("@")[0]: e["params"] for e in report["effects"] if e["selected"]}
+    assert values["spring"]["stiffness"]["value"] == pytest.approx(STIFFNESS, rel=0.01)
+    assert values["coulomb"]["force"]["value"] == pytest.approx(DRY, rel=0.02)
+    assert values["viscous"]["coef"]["value"] == pytest.approx(DAMPING - DECLARED, rel=0.02)
+    run = start("run", tmp_path / "out" / "system" / "system.ssd", "--study", study, "-o", tmp_path / "run")
+    assert run.returncode == 0, run.stderr
