@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from command import start
+from segments import write_segments
 from test_study import named, refine
 
 STEP, COUNT, FINE, NOISE = 0.005, 1000, 10, 5e-4
@@ -97,14 +98,13 @@ def write_study(folder, kind, value, seed, more=""):
     folder.mkdir(parents=True)
     make_fmu(folder / "slide.fmu")
     text = f'system = "slide.fmu"\n{more}[inputs]\nu = {{ column = "u", hold = true }}\n[outputs]\nx = {{ column = "x", unit = "m" }}\n'
-    rng = np.random.default_rng(seed)
-    for k in range(3):
+    rng, records, begins = np.random.default_rng(seed), [], []
+    for _ in range(3):
         u, begin = command(rng), round(rng.uniform(-0.2, 0.2), 3)
         x = measured(u, kind, value, begin) + NOISE * rng.standard_normal(COUNT)
-        data = np.column_stack([STEP * np.arange(COUNT), u, x])
-        np.savetxt(folder / f"r{k}.csv", data, delimiter=",", header="time,u,x", comments="", fmt="%.8g")
-        role = "estimation" if k < 2 else "validation"
-        text += f'[[segment]]\nfile = "r{k}.csv"\nrole = "{role}"\ninitial = {{ x0 = {begin} }}\n'
+        records.append(np.column_stack([STEP * np.arange(COUNT), u, x]))
+        begins.append(f"{{ x0 = {begin} }}")
+    text += write_segments(folder, records, "time,u,x", begins)
     (folder / "study.toml").write_text(text)
     return folder / "study.toml"
 

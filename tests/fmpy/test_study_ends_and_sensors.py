@@ -112,7 +112,7 @@ def write_study(folder, machine, effect, seed):
         ("slide", "limits", ["u"], {"low": -6.0, "high": 9.0}),
         ("slide", "sensor.drift", ["x"], {"slope": 1e-3}),
         ("slide", "sensor.nonlinearity", ["x"], {"coef": 0.8}),
-        ("slide", "quantization", ["u"], {"step": 2.4}),
+        ("slide", "quantization", ["u"], {"step": 1.7}),
         ("slide", "sensor.quantization", ["x"], {"step": 8e-3}),
         ("vessel", "choked_flow", ["q"], {"coef": 3e-11, "outside": OUTSIDE}),
     ],

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from command import start
+from segments import write_segments
 from test_study import named, refine
 
 STEP, COUNT, FINE, NOISE = 0.01, 1000, 20, 1e-4
@@ -37,14 +38,12 @@ def write_study(folder, seed):
         f'system = "airloop:rigid-mass"\n[parameters]\nm = 1.0\nb = {DECLARED}\n[inputs]\nF = {{ column = "u", hold = true }}\n'
         '[outputs]\nx = { column = "x", unit = "m" }\n'
     )
-    rng = np.random.default_rng(seed)
-    for k in range(3):
+    rng, records = np.random.default_rng(seed), []
+    for _ in range(3):
         u = command(rng)
         x = moved(u) + NOISE * rng.standard_normal(COUNT)
-        data = np.column_stack([STEP * np.arange(COUNT), u, x])
-        np.savetxt(folder / f"r{k}.csv", data, delimiter=",", header="time,u,x", comments="", fmt="%.8g")
-        role = "estimation" if k < 2 else "validation"
-        text += f'[[segment]]\nfile = "r{k}.csv"\nrole = "{role}"\ninitial = {{ x = 0.0, v = 0.0 }}\n'
+        records.append(np.column_stack([STEP * np.arange(COUNT), u, x]))
+    text += write_segments(folder, records, "time,u,x", 3 * ["{ x = 0.0, v = 0.0 }"])
     (folder / "study.toml").write_text(text)
     return folder / "study.toml"
 

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from command import start
+from segments import write_segments
 from test_loops import system_of
 from test_study import named, refine
 
@@ -42,13 +43,12 @@ def write_study(folder, dry, seed):
     text += '[[attachment]]\ninput = "u"\n[[attachment]]\ninput = "two.F_ext"\n'
     text += "".join(f'[outputs."{name}.x"]\ncolumn = "{name}"\nunit = "m"\n' for name in ("one", "two"))
     rng, begin = np.random.default_rng(seed), ", ".join(f'"{name}.{state}" = 0.0' for name in ("one", "two") for state in "xv")
-    for k in range(3):
+    records = []
+    for _ in range(3):
         u = np.round(np.repeat(rng.uniform(-4, 4, COUNT // 50), 50), 3)
         shown = moved(u, dry) + NOISE * rng.standard_normal((COUNT, 2))
-        data = np.column_stack([STEP * np.arange(COUNT), u, shown])
-        np.savetxt(folder / f"r{k}.csv", data, delimiter=",", header="time,u,one,two", comments="", fmt="%.8g")
-        role = "estimation" if k < 2 else "validation"
-        text += f'[[segment]]\nfile = "r{k}.csv"\nrole = "{role}"\ninitial = {{ {begin} }}\n'
+        records.append(np.column_stack([STEP * np.arange(COUNT), u, shown]))
+    text += write_segments(folder, records, "time,u,one,two", 3 * [f"{{ {begin} }}"])
     (folder / "study.toml").write_text(text)
     return folder / "study.toml"
 

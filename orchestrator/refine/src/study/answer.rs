@@ -16,6 +16,7 @@ use super::law::{Law, Point};
 use super::model::{Action, Study, Target};
 use super::observability;
 use super::open::open;
+use super::remarks;
 use super::resolution;
 use super::ruling::{Ruling, alone, rule, rule_by_share, share};
 use super::search::{Say, Selection, confirm, search};
@@ -484,7 +485,7 @@ fn assemble(
             "Simulations of the search that lost an FMU count as impossible. The first was lost so: {loss}."
         )
     }));
-    notes.extend(remarks(fits, selection, shown));
+    notes.extend(remarks::remarks(fits, selection, shown));
     for output in &study.outputs {
         let left = shown_errors.rms.get(&output.name).copied().unwrap_or(0.0);
         let times = left / floor[1].get(&output.name).copied().unwrap_or(output.noise);
@@ -492,7 +493,7 @@ fn assemble(
             notes.push(format!("What is left of {} on validation records is {times:.1} times what noise of the sensors gives a true model: something is still missing.", output.name));
         }
     }
-    notes.extend(leftover(fits, judge, shown, &rest));
+    notes.extend(remarks::leftover(fits, judge, shown, &rest));
     let unexplained = (verdict == Verdict::Unexplained)
         .then(|| rest.place.clone().unwrap_or_else(|| (first_place(study), Vec::new())));
     Answer {
@@ -567,32 +568,6 @@ fn as_printed(study: &Study, selection: &Selection, p: &[f64], effects: &mut [Ef
     }
 }
 
-/// Sentences on the residual on the estimation records.
-fn leftover(fits: &Fits, judge: &Judge, model: &Model, rest: &Rest) -> Vec<String> {
-    let times = model.error / judge.power.sqrt();
-    let mut found = vec![format!(
-        "Noise and rounding of the sensors, carried through filters, initial states and inputs, give 1/{times:.3} of the error on estimation records (simulated {} times).",
-        judge.draws()
-    )];
-    if judge.tolerated > 1.5 * judge.power {
-        let share = (judge.tolerated - judge.power).sqrt() / model.error;
-        found.push(format!(
-            "Smoothing of measured derivatives gives up to {share:.2} of the error on estimation records: where the motion is sharper than the filter, the model is not to blame."
-        ));
-    }
-    if let Some((place, variables)) = &rest.place {
-        let at = place.split_once('@').map_or(place.as_str(), |(_, port)| port);
-        let share = 100.0 * (rest.gain / model.error.powi(2)).min(1.0);
-        found.push(format!(
-            "A free form over {} at {at} would take away {share:.0} % of the power that is left on estimation records.",
-            variables.join(" and ")
-        ));
-    } else if !judge.explained(fits, model) {
-        found.push("What is left on estimation records depends on none of the variables known at the attachments: memory, other places, or noise that is not white.".into());
-    }
-    found
-}
-
 /// Values of the free and of the corrected parameters of the declared system.
 pub(crate) fn fitted(study: &Study, p: &[f64]) -> Vec<(String, f64)> {
     let own = study.entries.iter().zip(p);
@@ -604,47 +579,4 @@ pub(crate) fn fitted(study: &Study, p: &[f64]) -> Vec<(String, f64)> {
         _ => None,
     };
     own.filter_map(value).collect()
-}
-
-/// Sentences on declared parameters, on other records and on the residual.
-fn remarks(fits: &Fits, selection: &Selection, after: &Model) -> Vec<String> {
-    let study = fits.study;
-    let before = &selection.declared;
-    let chosen = !after.added.is_empty();
-    let mut found = Vec::new();
-    for (index, entry) in study.entries[..study.declared].iter().enumerate() {
-        let (was, is) = (before.fit.parameters[index], after.fit.parameters[index]);
-        let unit = if entry.unit == "1" { String::new() } else { format!(" {}", entry.unit) };
-        found.push(if chosen {
-            format!(
-                "Declared model, fitted: {} = {was:.6e}{unit} before, {is:.6e}{unit} with the effects.",
-                entry.name
-            )
-        } else {
-            format!("Declared model, fitted: {} = {was:.6e}{unit}.", entry.name)
-        });
-    }
-    let idle = |model: &&Model| model.error >= 0.999 * before.error;
-    let idle: Vec<String> =
-        selection.singles.iter().filter(idle).map(|model| study.candidates[model.added[0]].name()).collect();
-    if !idle.is_empty() {
-        found.push(format!("Fitted alone to the declared model, these gain nothing: {}.", idle.join(", ")));
-    }
-    for (record, own) in study.records.iter().enumerate() {
-        if own.role == Role::Estimation {
-            continue;
-        }
-        let piece = [Piece { record, range: 0..own.n }];
-        let error = |model: &Model| errors(fits, &model.added, &piece, &model.fit.parameters, None);
-        let (was, is) = (error(before), error(after));
-        for (signal, rms) in &was.rms {
-            let after = is.rms.get(signal).copied().unwrap_or(f64::NAN);
-            found.push(format!(
-                "{} ({}): {signal} rms {rms:.4e} before, {after:.4e} after.",
-                own.name,
-                own.role.word()
-            ));
-        }
-    }
-    found
 }

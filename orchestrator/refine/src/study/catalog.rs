@@ -6,13 +6,12 @@ use airloop_series::compound_unit;
 
 use super::blocks::Survey;
 use super::command::Command;
-use super::declaration::{Attachment, Initial, InitialWord};
+use super::declaration::Attachment;
 use super::kinds::{COMMAND, COMMANDS, FLOW, Kind, MECHANICAL, Memory, PORT_COMMANDS, kinds, unit};
 use super::law::{KNOTS, Law, Variable};
 use super::model::{Action, Entry, Level, Sensor, Study, Target};
 use super::ports;
-use super::read::Record;
-use super::resolution;
+use super::sensors;
 use crate::answer::Effect;
 use crate::engine::fit::Free;
 
@@ -93,7 +92,7 @@ enum Entrance {
 /// Share of the largest speed at a port over which friction changes its sign, where nothing is stated.
 const SIGN_CHANGE: f64 = 0.01;
 /// Steps of a rounded value between zero and its largest that are looked for at most: finer ones are next to noise.
-const MOST_LEVELS: f64 = 16.0;
+const MAX_LEVELS: f64 = 16.0;
 /// Difference between starts in such steps: rounding to one of them and to the next have little in common.
 const LEVELS_BETWEEN_STARTS: f64 = 0.4;
 
@@ -156,7 +155,7 @@ fn starts(law: Law, count: usize, ranges: &[(f64, f64); 5]) -> Result<Vec<Vec<f6
         Law::DeadBand => [0.02, 0.1].map(|part| vec![part * size(value)]).into(),
         Law::Saturation => [0.95, 0.8, 0.6].map(|part| vec![part * size(value)]).into(),
         Law::Quantization => {
-            let count = (MOST_LEVELS / LEVELS_BETWEEN_STARTS) as usize;
+            let count = (MAX_LEVELS / LEVELS_BETWEEN_STARTS) as usize;
             let levels = |k: usize| 1.0 + LEVELS_BETWEEN_STARTS * k as f64;
             (0..count).map(|k| vec![size(value) / levels(k)]).collect()
         }
@@ -259,7 +258,7 @@ pub fn fill(
     for (candidate, needs) in pairs {
         study.candidates[candidate].needs = needs;
     }
-    sensors(study);
+    sensors::fill(study);
     let all: Vec<(String, Option<String>)> =
         study.candidates.iter().map(|own| (own.id.clone(), own.signal.clone())).collect();
     for own in &mut study.candidates {
@@ -347,7 +346,7 @@ fn coulomb_beside(study: &Study, candidate: usize) -> Option<usize> {
     study.candidates.iter().position(|c| c.action == Action::Block { law: Law::Coulomb, tap })
 }
 
-fn entries(
+pub(super) fn entries(
     study: &mut Study,
     id: &str,
     parameters: &[(&str, String)],
@@ -520,111 +519,6 @@ pub(super) fn fastest(values: &[f64], step: f64) -> f64 {
     const SPAN: usize = 10;
     let rates = values.windows(SPAN + 1).map(|part| (part[SPAN] - part[0]).abs() / (SPAN as f64 * step));
     rates.fold(0.0, f64::max)
-}
-
-/// Whether a wrong sensor of an output can be distinguished from other initial states and parameters.
-fn told(study: &Study, output: usize) -> bool {
-    let driven = study.records.iter().any(|record| record.inputs.iter().any(Option::is_some));
-    let beside = study.outputs.len() > 1;
-    if study.records.iter().all(|record| record.states.is_empty()) {
-        return driven && beside;
-    }
-    let column = Some(&study.outputs[output].name);
-    let begins = study.sensors.signals[1].iter().flatten().any(|signal| signal.source() == column);
-    let of = |record: &Record| match &record.initial {
-        Initial::Given(_) => true,
-        Initial::Word(InitialWord::Measured) => !begins,
-        Initial::Word(InitialWord::Fit) => false,
-    };
-    if study.windows.is_some() { !begins } else { driven || study.records.iter().all(of) }
-}
-
-fn sensors(study: &mut Study) {
-    let open: Vec<usize> = (0..study.outputs.len()).filter(|&output| !told(study, output)).collect();
-    let why = "a wrong sensor cannot be told from other parameters and initial states: these come from its column or are fitted without a measured input that drives the system, or outputs follow inputs at once and no other output shows the difference";
-    let names: Vec<String> = if open.len() == study.outputs.len() {
-        vec!["sensor".into()]
-    } else {
-        open.iter().map(|&output| format!("sensor({})", study.outputs[output].name)).collect()
-    };
-    study.not_testable.extend(names.into_iter().map(|name| (name, why.to_owned())));
-    let step = study.records.first().map_or(1e-3, |record| record.step);
-    let all = (f64::NEG_INFINITY, f64::INFINITY);
-    for output in (0..study.outputs.len()).filter(|output| !open.contains(output)) {
-        let (name, unit) = (study.outputs[output].name.clone(), study.outputs[output].unit.clone());
-        let (per_second, per_unit) = (format!("{unit}/s"), format!("1/({unit})"));
-        // These are asked for where the ports were found, not where channels of the rig are stated.
-        let found = study.taps.iter().all(|tap| !tap.stated);
-        let kinds = [
-            (
-                "sensor.lag",
-                Sensor::Lag,
-                ("tau", "s"),
-                vec![vec![3.0 * step], vec![15.0 * step]],
-                (0.0, 500.0 * step),
-            ),
-            ("sensor.drift", Sensor::Drift, ("slope", per_second.as_str()), vec![vec![0.0]], all),
-            ("sensor.nonlinearity", Sensor::Nonlinearity, ("coef", per_unit.as_str()), vec![vec![0.0]], all),
-            ("sensor.offset", Sensor::Offset, ("value", unit.as_str()), vec![vec![0.0]], all),
-            ("sensor.gain", Sensor::Gain, ("gain", "1"), vec![vec![0.0]], all),
-            (
-                "sensor.delay",
-                Sensor::Delay,
-                ("delay", "s"),
-                vec![vec![step], vec![6.0 * step]],
-                (0.0, 100.0 * step),
-            ),
-        ];
-        for (id, kind, parameter, starts, bounds) in kinds {
-            let of_ports = matches!(kind, Sensor::Lag | Sensor::Drift | Sensor::Nonlinearity);
-            if kind == Sensor::Offset && study.outputs[output].offset.is_some() || of_ports && !found {
-                continue;
-            }
-            let parameter = (parameter.0, parameter.1.to_owned());
-            let entries = entries(study, id, &[parameter], |_| bounds);
-            let action = Action::Sensor { kind, output };
-            let signal = Some(name.clone());
-            let own = Candidate {
-                id: id.to_owned(),
-                channel: "sensor",
-                port: study.outputs[output].port.clone(),
-                twin: false,
-                signal,
-                action,
-                entries,
-                starts,
-                complexity: 1,
-                probe: false,
-                needs: None,
-            };
-            study.candidates.push(own);
-        }
-    }
-    // Also where another wrong sensor would not be told.
-    if study.taps.iter().all(|tap| !tap.stated) {
-        (0..study.outputs.len()).for_each(|output| resolution_of(study, output));
-    }
-}
-
-/// Adds the resolution of the sensor of an output, where its column shows one.
-fn resolution_of(study: &mut Study, output: usize) {
-    let Some((step, half)) = resolution::step(study, output) else { return };
-    let (name, unit) = (study.outputs[output].name.clone(), study.outputs[output].unit.clone());
-    let id = "sensor.quantization";
-    let entries = entries(study, id, &[("step", unit)], |_| (step - half, step + half));
-    study.candidates.push(Candidate {
-        id: id.to_owned(),
-        channel: "sensor",
-        port: study.outputs[output].port.clone(),
-        twin: false,
-        signal: Some(name),
-        action: Action::Sensor { kind: Sensor::Quantization, output },
-        entries,
-        starts: vec![vec![step]],
-        complexity: 1,
-        probe: false,
-        needs: None,
-    });
 }
 
 #[cfg(test)]

@@ -10,13 +10,14 @@ use super::clipping::{MAX_SHARE, clipping};
 use super::declaration::{Attachment, Declaration, File, Initial, Offset, Role, Value};
 use super::identified;
 use super::kinds;
-use super::model::{Entry, Level, Output, Study, Tap, Target};
+use super::model::{Entry, Output, Study, Target};
 use super::names;
 use super::noise::SensorNoise;
 use super::numbers;
 use super::plant::{self, Plant};
 use super::ports;
 use super::read::{self, Layout};
+use super::taps;
 use super::tolerance;
 use crate::engine::fit::Free;
 use crate::{Error, regime};
@@ -253,97 +254,6 @@ fn unit_of_columns(records: &[read::Record], output: usize, column: &str) -> Res
     ))
 }
 
-fn taps(
-    file: &File,
-    attachments: &[Attachment],
-    graph: &SystemGraph,
-    plant: &Plant,
-    entries: &[Entry],
-    fixed: &[(plant::Parameter, f64)],
-) -> Result<Vec<Tap>, Error> {
-    let mut found = Vec::new();
-    for (index, attachment) in attachments.iter().enumerate() {
-        let refuse = |problem: String| match file.declaration.attachment.get(index) {
-            Some(spanned) => file.refuse(spanned, problem),
-            None => file.refuse_all(problem),
-        };
-        let slot = |name: &Option<String>| -> Result<Option<usize>, Error> {
-            let Some(name) = name else { return Ok(None) };
-            let known = || plant.signal_names();
-            let slot = plant.slot(name).ok_or_else(|| {
-                refuse(Problem::Name { what: "signal", name: name.clone(), known: known() }.to_string())
-            })?;
-            Ok(Some(slot))
-        };
-        let signals =
-            [&attachment.velocity, &attachment.position, &attachment.pressure_force, &attachment.pressure];
-        let mut slots = [None; 4];
-        for (slot_of, name) in slots.iter_mut().zip(signals) {
-            *slot_of = slot(name)?;
-        }
-        for name in [&attachment.coulomb, &attachment.viscous, &attachment.bias].into_iter().flatten() {
-            if Plant::parameter(graph, name).is_none() {
-                let known = names::known(graph, &[Causality::Parameter]);
-                let problem = Problem::Name { what: "Real parameter", name: name.clone(), known };
-                return Err(refuse(problem.to_string()));
-            }
-        }
-        let coulomb = attachment.coulomb.as_ref().and_then(|name| {
-            let (parameter, value, _) = Plant::parameter(graph, name)?;
-            let entry = entries.iter().position(|entry| entry.name == *name);
-            let set = fixed.iter().find(|(own, _)| *own == parameter).map(|(_, value)| *value);
-            Some(entry.map_or(Level::Value(set.unwrap_or(value)), Level::Entry))
-        });
-        // One that is free is fitted itself.
-        let viscous = attachment.viscous.as_ref().and_then(|name| {
-            let (parameter, value, _) = Plant::parameter(graph, name)?;
-            let set = fixed.iter().find(|(own, _)| *own == parameter).map(|(_, value)| *value);
-            entries.iter().all(|entry| entry.name != *name).then_some(set.unwrap_or(value))
-        });
-        let pole = attachment.channels.iter().any(|channel| channel == "pole");
-        let vt = attachment.sign_velocity();
-        if !(vt > 0.0 && vt.is_finite()) {
-            return Err(refuse("vt must be above zero".into()));
-        }
-        let unit = |name: &Option<String>| name.as_ref().and_then(|name| names::unit_of(graph, name));
-        let units =
-            [Some(attachment.input.clone()), attachment.velocity.clone(), attachment.position.clone()];
-        let usual = if pole { ["N m", "rad/s", "rad"] } else { ["N", "m/s", "m"] };
-        let stated = !attachment.channels.is_empty();
-        let units = std::array::from_fn(|i| {
-            let fallback = if stated { usual[i] } else { "1" };
-            unit(&units[i]).unwrap_or_else(|| fallback.to_owned())
-        });
-        let words = match (stated, pole) {
-            (true, false) => ["xdot", "x"].map(str::to_owned),
-            (true, true) => ["thetadot", "theta"].map(str::to_owned),
-            (false, _) => {
-                [&attachment.velocity, &attachment.position].map(|name| name.clone().unwrap_or_default())
-            }
-        };
-        let sign = attachment.port.map_or(1.0, |port| port.sign);
-        let name = attachment.input.clone();
-        let v0 = attachment.v0.unwrap_or(0.0);
-        let attachment = attachment.clone();
-        found.push(Tap {
-            name,
-            signals: slots,
-            words,
-            units,
-            stated,
-            attachment,
-            sign,
-            vt,
-            v0,
-            angular: pole,
-            coulomb,
-            viscous: viscous.unwrap_or(0.0),
-            crossed: None,
-        });
-    }
-    Ok(found)
-}
-
 /// Opens a study: its candidates are not there yet, as they depend on what a simulation shows.
 ///
 /// # Errors
@@ -470,7 +380,7 @@ pub fn open(file: &File) -> Result<(Study, Vec<Attachment>), Error> {
     if layout.inputs.iter().any(Option::is_some) {
         notes.push("Before the first sample of a segment a command counts as that sample: effects on it with a memory begin settled there.".into());
     }
-    let taps = taps(file, &attachments, &graph, &plant, &entries, &fixed)?;
+    let taps = taps::taps(file, &attachments, &graph, &plant, &entries, &fixed)?;
     let force = match &layout.force {
         None => None,
         Some((rule, state)) => {
@@ -489,18 +399,18 @@ pub fn open(file: &File) -> Result<(Study, Vec<Attachment>), Error> {
             ))
         }
     };
-    for record in &records {
-        if let Initial::Given(values) = &record.initial
-            && let Some(name) = values
-                .keys()
-                .find(|name| plant.state(name).is_none() && Plant::parameter(&graph, name).is_none())
-        {
-            let known = match plant.nx {
-                0 => names::known(&graph, &[Causality::Parameter]),
-                _ => plant.state_names(),
+    for record in &mut records {
+        let Initial::Given(values) = &record.initial else { continue };
+        for (name, value) in values.iter().filter(|(name, _)| plant.state(name).is_none()) {
+            let Some((parameter, ..)) = Plant::parameter(&graph, name) else {
+                let known = match plant.nx {
+                    0 => names::known(&graph, &[Causality::Parameter]),
+                    _ => plant.state_names(),
+                };
+                let problem = Problem::Name { what: "state or Real parameter", name: name.clone(), known };
+                return Err(file.refuse_all(format!("initial of {}: {problem}", record.name)));
             };
-            let problem = Problem::Name { what: "state or Real parameter", name: name.clone(), known };
-            return Err(file.refuse_all(format!("initial of {}: {problem}", record.name)));
+            record.parameters.push((parameter, *value));
         }
     }
     let held = declaration_holds(file, &graph);

@@ -5,22 +5,23 @@
 //! left to [`super::simulate`]. An FMU of Co-Simulation only is a sampled component: it steps from event to event, and
 //! its outputs are held between them.
 
+mod algebraic_loop;
+mod assembly;
 mod initialization;
+mod instance;
 pub mod response;
-mod ring;
-mod unit;
 
 use std::collections::BTreeMap;
 use std::ops::Range;
 
 use super::Problem;
-use super::names::{attachment_target, known, path};
+use super::names::path;
 use airloop_cosim::system::SystemGraph;
-use airloop_cosim::system::graph::{Component, Conversion, DataType, Source, Start};
-use airloop_cosim::system::order::loop_groups;
-use airloop_fmi::{Causality, Initial, InterfaceKind, Variability, VariableKind};
-use ring::Ring;
-use unit::{Pace, Unit};
+use airloop_cosim::system::graph::{Component, Conversion, Start};
+use airloop_fmi::{Causality, VariableKind};
+use algebraic_loop::AlgebraicLoop;
+use assembly::order;
+use instance::{Pace, PartInstance};
 
 /// Source of the value of an input of a component.
 #[derive(Debug, Clone)]
@@ -36,7 +37,7 @@ struct Feed {
 /// One component.
 #[derive(Debug)]
 struct Part {
-    unit: Unit,
+    instance: PartInstance,
     /// Communication step of a slave.
     pace: Pace,
     states: Range<usize>,
@@ -91,218 +92,10 @@ pub struct Plant {
     /// Blocks follow what slaves show, so that these step more finely than the samples.
     couples_slaves: bool,
     /// Algebraic loops.
-    rings: Vec<Ring>,
+    loops: Vec<AlgebraicLoop>,
 }
 
-/// Step of the samples where nothing says another \[s\].
-const USUAL_SAMPLE_STEP: f64 = 1e-3;
-
 impl Plant {
-    /// Instantiates the components of a graph, for Model Exchange where they have that; `attachments` are the inputs
-    /// where blocks act, `extra` further signals, which have the last slots; `wanted`: variables that are shown
-    /// although they are no outputs.
-    ///
-    /// # Errors
-    /// Names that are no inputs, FMUs that fail.
-    pub fn new(
-        graph: &SystemGraph,
-        attachments: &[String],
-        extra: &[String],
-        wanted: &[String],
-    ) -> Result<Plant, Problem> {
-        let order = order(graph);
-        let mut blocks: BTreeMap<(usize, usize), Vec<usize>> = BTreeMap::new();
-        for (index, name) in attachments.iter().enumerate() {
-            let targets = attachment_target(graph, name).ok_or_else(|| Problem::Name {
-                what: "input",
-                name: name.clone(),
-                known: known(graph, &[Causality::Input]),
-            })?;
-            targets.into_iter().for_each(|target| blocks.entry(target).or_default().push(index));
-        }
-        let mut names: BTreeMap<String, usize> = BTreeMap::new();
-        let mut count = 0;
-        for input in &graph.inputs {
-            names.insert(input.name.clone(), count);
-            count += 1;
-        }
-        let real = |component: &Component, variable: usize| {
-            DataType::of(&component.fmu.description.variables[variable]) == DataType::Real
-        };
-        // Slots of all Real outputs, early ones of a component before its late ones.
-        let mut places: BTreeMap<(usize, usize), usize> = BTreeMap::new();
-        let mut ranges = Vec::new();
-        for &index in &order {
-            let component = &graph.components[index];
-            let variables = &component.fmu.description.variables;
-            let asked = |v: usize| {
-                let name = if graph.single { variables[v].name.clone() } else { component.path_of(v) };
-                variables[v].causality == Causality::Local && wanted.contains(&name)
-            };
-            let outputs = (0..variables.len())
-                .filter(|&v| real(component, v) && (variables[v].causality == Causality::Output || asked(v)));
-            let stepped = is_stepped(component);
-            let own: Vec<usize> = match stepped {
-                true => Vec::new(),
-                false => component.fmu.description.continuous_states().collect(),
-            };
-            let (states, outputs): (Vec<usize>, Vec<usize>) = outputs.partition(|v| own.contains(v));
-            let (early, late): (Vec<usize>, Vec<usize>) = outputs
-                .into_iter()
-                .partition(|&v| stepped || asked(v) || component.fmu.feed_through(v).is_empty());
-            let mut range = |list: &[usize]| {
-                let first = count;
-                for &variable in list {
-                    places.insert((index, variable), count);
-                    let name = if graph.single {
-                        variables[variable].name.clone()
-                    } else {
-                        component.path_of(variable)
-                    };
-                    names.insert(name, count);
-                    count += 1;
-                }
-                let references: Vec<u32> = list.iter().map(|&v| variables[v].value_reference).collect();
-                (references, first..count)
-            };
-            let place = |v: &usize| own.iter().position(|state| state == v).unwrap_or(0);
-            let shown = states.iter().map(place).zip(range(&states).1).collect::<Vec<_>>();
-            ranges.push((range(&early), range(&late), shown));
-        }
-        for output in &graph.outputs {
-            if let Source::Output { component, variable } = output.source
-                && let Some(&slot) = places.get(&(component, variable))
-                && output.conversion == Conversion::IDENTITY
-            {
-                names.entry(output.name.clone()).or_insert(slot);
-            }
-        }
-        let (mut parts, mut nx, mut states) = (Vec::new(), 0, BTreeMap::new());
-        for (&index, (early, late, shown)) in order.iter().zip(ranges) {
-            let component = &graph.components[index];
-            let description = &component.fmu.description;
-            let mut feeds = Vec::new();
-            for (variable, declared) in description.variables.iter().enumerate() {
-                if declared.causality != Causality::Input || !real(component, variable) {
-                    continue;
-                }
-                let connection =
-                    graph.connections.iter().find(|c| (c.component, c.variable) == (index, variable));
-                let source = connection
-                    .map(|connection| {
-                        let slot = match connection.source {
-                            Source::Input(input) => Some(input),
-                            Source::Output { component, variable } => {
-                                places.get(&(component, variable)).copied()
-                            }
-                        };
-                        let place = || component.path_of(variable);
-                        slot.map(|slot| (slot, connection.conversion))
-                            .ok_or_else(|| Problem::System(format!("`{}` is not driven by a Real", place())))
-                    })
-                    .transpose()?;
-                let start = match &declared.kind {
-                    VariableKind::Real(real) => real.start.unwrap_or(0.0),
-                    _ => 0.0,
-                };
-                let set = component.start_values.iter().find(|s| s.variable == variable);
-                let start = match set.map(|s| &s.value) {
-                    Some(Start::Real(value)) => *value,
-                    _ => start,
-                };
-                let blocks = blocks.get(&(index, variable)).cloned().unwrap_or_default();
-                feeds.push(Feed { reference: declared.value_reference, source, start, blocks });
-            }
-            let stepped = is_stepped(component);
-            let mut unit = Unit::new(component, &early.0)?;
-            let own_states: Vec<usize> = match stepped {
-                true => Vec::new(),
-                false => description.continuous_states().collect(),
-            };
-            for (place, &variable) in own_states.iter().enumerate() {
-                let name = &description.variables[variable].name;
-                let full = if graph.single { name.clone() } else { component.path_of(variable) };
-                states.insert(full, nx + place);
-            }
-            let own = nx..nx + unit.equations().map_or(0, |model| model.state_count());
-            let stateless = own.is_empty();
-            let own_states = || own_states.iter().map(|&v| &description.variables[v]);
-            let settable = own_states().all(|v| matches!(v.initial, Some(Initial::Exact | Initial::Approx)));
-            let state_references =
-                if settable { own_states().map(|v| v.value_reference).collect() } else { Vec::new() };
-            let shown = shown.into_iter().map(|(place, slot)| (slot, nx + place)).collect();
-            nx = own.end;
-            let feed_references = feeds.iter().map(|feed| feed.reference).collect();
-            let feed_values = vec![0.0; feeds.len()];
-            let interface = component.fmu.interface(InterfaceKind::ModelExchange);
-            let read = |place: (usize, usize)| {
-                let is = |source: Source| source == Source::Output { component: place.0, variable: place.1 };
-                let (name, path) = (&description.variables[place.1].name, component.path_of(place.1));
-                graph.connections.iter().any(|connection| is(connection.source))
-                    || graph.outputs.iter().any(|output| is(output.source))
-                    || wanted.iter().any(|own| *own == path || own == name)
-            };
-            let mut own_places = places.keys().filter(|place| place.0 == index);
-            let shows_events = stepped
-                || description.number_of_event_indicators == 0
-                    && own_places.all(|&place| {
-                        description.variables[place.1].variability == Variability::Discrete || !read(place)
-                    });
-            let indicators = if stepped { 0 } else { description.number_of_event_indicators };
-            parts.push(Part {
-                unit,
-                pace: Pace::of(component, graph.single),
-                states: own,
-                state_references,
-                feeds,
-                feed_references,
-                feed_values,
-                early,
-                late,
-                shown,
-                next_event: None,
-                indicators,
-                positive: vec![false; indicators],
-                in_event: false,
-                shows_events,
-                only_events: shows_events && stateless,
-                told_of_steps: interface.is_some_and(|own| !own.completed_integrator_step_not_needed),
-            });
-        }
-        // A system output that is the same variable as a state names that state as well.
-        for output in &graph.outputs {
-            if let Source::Output { component, variable } = output.source {
-                let state = states.get(&graph.components[component].path_of(variable)).copied();
-                state.into_iter().for_each(|state| {
-                    states.entry(output.name.clone()).or_insert(state);
-                });
-            }
-        }
-        let extra_first = count;
-        for name in extra {
-            names.entry(name.clone()).or_insert(count);
-            count += 1;
-        }
-        let rings = rings(graph, &order, &places, &parts);
-        let starts = order.iter().map(|&index| graph.components[index].clone()).collect();
-        let slots = vec![0.0; count];
-        Ok(Plant {
-            parts,
-            starts,
-            slots,
-            extra_first,
-            names,
-            states,
-            nx,
-            initialized: false,
-            probed: false,
-            moved: false,
-            sample_step: USUAL_SAMPLE_STEP,
-            couples_slaves: false,
-            rings,
-        })
-    }
-
     /// Slot of a signal.
     pub fn slot(&self, name: &str) -> Option<usize> {
         self.names.get(name).copied()
@@ -331,13 +124,13 @@ impl Plant {
 
     /// Names of the slaves: components that step by themselves.
     pub fn slaves(&self) -> Vec<&str> {
-        let own = self.parts.iter().filter(|part| matches!(part.unit, Unit::Stepped(_)));
-        own.map(|part| part.unit.name()).collect()
+        let own = self.parts.iter().filter(|part| matches!(part.instance, PartInstance::Stepped(_)));
+        own.map(|part| part.instance.name()).collect()
     }
 
     /// Communication step of the slaves \[s\], the longest of them; none where there are none.
     pub fn communication_step(&self) -> Option<f64> {
-        let own = self.parts.iter().filter(|part| matches!(part.unit, Unit::Stepped(_)));
+        let own = self.parts.iter().filter(|part| matches!(part.instance, PartInstance::Stepped(_)));
         own.map(|part| part.pace.step(self.sample_step, self.couples_slaves)).max_by(f64::total_cmp)
     }
 
@@ -402,7 +195,7 @@ impl Plant {
     /// An FMU that fails.
     pub fn crossed(&mut self) -> Result<bool, airloop_fmi::Error> {
         for part in self.parts.iter_mut().filter(|part| part.indicators > 0) {
-            let Some(model) = part.unit.equations() else { continue };
+            let Some(model) = part.instance.equations() else { continue };
             let mut values = vec![0.0; part.indicators];
             model.get_event_indicators(&mut values)?;
             if values.iter().zip(&part.positive).any(|(value, positive)| (*value > 0.0) != *positive) {
@@ -425,10 +218,10 @@ impl Plant {
     ) -> Result<(), airloop_fmi::Error> {
         for part in &mut self.parts {
             let is_due = part.next_event.is_some_and(|next| next <= time) || state && part.indicators > 0;
-            match &mut part.unit {
-                Unit::Stepped(own) if is_due => own.advance(time)?,
-                Unit::Stepped(_) => {}
-                Unit::Equations(model) => {
+            match &mut part.instance {
+                PartInstance::Stepped(own) if is_due => own.advance(time)?,
+                PartInstance::Stepped(_) => {}
+                PartInstance::Equations(model) => {
                     model.set_time(time)?;
                     if !part.states.is_empty() {
                         model.set_continuous_states(&x[part.states.clone()])?;
@@ -455,23 +248,23 @@ impl Plant {
             part.show(x, slots)?;
         }
         // Events of components in a loop change what the others get: solved before them and after.
-        for ring in &mut self.rings {
-            ring.solve(&mut self.parts, slots, block)?;
+        for own in &mut self.loops {
+            own.solve(&mut self.parts, slots, block)?;
         }
         for part in &mut self.parts {
-            if let Unit::Stepped(own) = &part.unit {
+            if let PartInstance::Stepped(own) = &part.instance {
                 // Between its communication points a slave keeps the inputs that it has.
                 if part.in_event {
                     part.in_event = false;
                     part.next_event = (!own.has_ended()).then(|| time + part.pace.step(pace.0, pace.1));
                     part.feed(slots, block)?;
-                    part.unit.stepped().map_or(Ok(()), |own| own.take_inputs())?;
+                    part.instance.stepped().map_or(Ok(()), |own| own.take_inputs())?;
                     part.show(x, slots)?;
                 }
                 continue;
             }
             part.feed(slots, block)?;
-            let Some(model) = part.unit.equations() else { continue };
+            let Some(model) = part.instance.equations() else { continue };
             if part.in_event {
                 let mut event = model.new_discrete_states()?;
                 while event.new_discrete_states_needed {
@@ -493,8 +286,8 @@ impl Plant {
             }
             part.follow(slots)?;
         }
-        for ring in &mut self.rings {
-            ring.solve(&mut self.parts, slots, block)?;
+        for own in &mut self.loops {
+            own.solve(&mut self.parts, slots, block)?;
         }
         Ok(())
     }
@@ -505,7 +298,9 @@ impl Plant {
     /// An FMU that fails.
     pub fn step_done(&mut self) -> Result<(), airloop_fmi::Error> {
         for part in self.parts.iter_mut().filter(|part| part.told_of_steps) {
-            part.unit.equations().map_or(Ok(()), |model| model.completed_integrator_step(true).map(drop))?;
+            part.instance
+                .equations()
+                .map_or(Ok(()), |model| model.completed_integrator_step(true).map(drop))?;
         }
         Ok(())
     }
@@ -525,7 +320,7 @@ impl Plant {
         let (slots, all) = (&mut self.slots, std::mem::take(&mut self.moved));
         let changes = |part: &&mut Part| all || !part.only_events;
         for part in self.parts.iter_mut().filter(changes) {
-            if let Some(model) = part.unit.equations() {
+            if let Some(model) = part.instance.equations() {
                 model.set_time(time)?;
                 if !part.states.is_empty() {
                     model.set_continuous_states(&x[part.states.clone()])?;
@@ -533,15 +328,15 @@ impl Plant {
             }
             part.show(x, slots)?;
         }
-        let mut rings = self.rings.iter_mut().peekable();
+        let mut loops = self.loops.iter_mut().peekable();
         let mut solved = 0;
         for place in 0..self.parts.len() {
-            if let Some(ring) = rings.next_if(|ring| ring.parts.start == place) {
-                ring.solve(&mut self.parts, slots, block)?;
-                solved = ring.parts.end;
+            if let Some(own) = loops.next_if(|own| own.parts.start == place) {
+                own.solve(&mut self.parts, slots, block)?;
+                solved = own.parts.end;
             }
             let part = &mut self.parts[place];
-            if part.unit.stepped().is_some() || !all && part.only_events {
+            if part.instance.stepped().is_some() || !all && part.only_events {
                 continue;
             }
             // The solution of a loop has set the inputs of its components.
@@ -549,60 +344,12 @@ impl Plant {
                 part.feed(slots, block)?;
                 part.follow(slots)?;
             }
-            if let Some(model) = part.unit.equations().filter(|_| !part.states.is_empty()) {
+            if let Some(model) = part.instance.equations().filter(|_| !part.states.is_empty()) {
                 model.get_derivatives(&mut dx[part.states.clone()])?;
             }
         }
         Ok(())
     }
-}
-
-/// Whether a component has no equations to evaluate, only steps.
-fn is_stepped(component: &Component) -> bool {
-    component.fmu.interface(InterfaceKind::ModelExchange).is_none()
-}
-
-/// Components in evaluation order. A slave holds its outputs, so that no loop passes through it: in a group that shares
-/// one it comes last.
-fn order(graph: &SystemGraph) -> Vec<usize> {
-    let mut order = graph.order.clone();
-    for group in loop_groups(graph) {
-        let first = order.iter().position(|index| group.contains(index)).unwrap_or(0);
-        let own = &mut order[first..first + group.len()];
-        own.sort_by_key(|&index| is_stepped(&graph.components[index]));
-    }
-    order
-}
-
-/// The algebraic loops, with the outputs that lead back to an earlier component.
-fn rings(
-    graph: &SystemGraph,
-    order: &[usize],
-    slots: &BTreeMap<(usize, usize), usize>,
-    parts: &[Part],
-) -> Vec<Ring> {
-    let mut found: Vec<Ring> = Vec::new();
-    for group in loop_groups(graph) {
-        let first = order.iter().position(|index| group.contains(index)).unwrap_or(0);
-        let equations = group.iter().filter(|&&index| !is_stepped(&graph.components[index])).count();
-        let members = first..first + equations;
-        let mut unknown: Vec<usize> = Vec::new();
-        for connection in &graph.connections {
-            let Source::Output { component, variable } = connection.source else { continue };
-            let place = |component: usize| order.iter().position(|&index| index == component);
-            let (Some(from), Some(to)) = (place(component), place(connection.component)) else { continue };
-            let back = members.contains(&from) && members.contains(&to) && from >= to;
-            let slot = slots.get(&(component, variable)).filter(|slot| parts[from].late.1.contains(slot));
-            unknown.extend(slot.filter(|_| back));
-        }
-        unknown.sort_unstable();
-        unknown.dedup();
-        if !unknown.is_empty() {
-            found.push(Ring::new(members, unknown));
-        }
-    }
-    found.sort_by_key(|ring| ring.parts.start);
-    found
 }
 
 impl Part {
@@ -612,13 +359,13 @@ impl Part {
             slots[slot] = x[state];
         }
         let early = &mut slots[self.early.1.clone()];
-        match &mut self.unit {
+        match &mut self.instance {
             _ if early.is_empty() => Ok(()),
-            Unit::Stepped(own) => {
+            PartInstance::Stepped(own) => {
                 early.copy_from_slice(own.shown());
                 Ok(())
             }
-            Unit::Equations(model) => model.get_real(&self.early.0, early),
+            PartInstance::Equations(model) => model.get_real(&self.early.0, early),
         }
     }
 
@@ -627,7 +374,7 @@ impl Part {
         if self.late.0.is_empty() {
             return Ok(());
         }
-        self.unit.get_real(&self.late.0, &mut slots[self.late.1.clone()])
+        self.instance.get_real(&self.late.0, &mut slots[self.late.1.clone()])
     }
 
     /// Sets the inputs.
@@ -645,6 +392,6 @@ impl Part {
                 *value = block(attachment, *value, slots);
             }
         }
-        self.unit.set_real(&self.feed_references, &self.feed_values)
+        self.instance.set_real(&self.feed_references, &self.feed_values)
     }
 }

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::ops::Range;
 
 use super::declaration::{File, ForceRule, Initial, InitialWord, Role, Signal};
+use super::plant::Parameter;
 use super::{names, signal, sparse};
 use crate::{Error, outliers};
 use airloop_cosim::system::SystemGraph;
@@ -19,6 +20,8 @@ pub struct Record {
     pub role: Role,
     /// Initial states.
     pub initial: Initial,
+    /// Values of Real parameters on this record alone.
+    pub parameters: Vec<(Parameter, f64)>,
     /// Step \[s\].
     pub step: f64,
     /// Samples.
@@ -415,6 +418,7 @@ pub fn records(file: &File, layout: &Layout, notes: &mut Vec<String>) -> Result<
             name: format!("{} {}-{} s", segment.file, round(time[first]), round(time[last - 1])),
             role: segment.role,
             initial: segment.initial.clone().unwrap_or(Initial::Word(InitialWord::Measured)),
+            parameters: Vec::new(),
             step: grid.step,
             n: last - first,
             inputs,

@@ -4,11 +4,12 @@
 //! says something only of a prediction that lies within a step of the measurement. A resolution that is fine against
 //! what the records show is part of the sensor's noise.
 
+use super::catalog::{Candidate, entries};
 use super::declaration::Role;
 use super::effects::effect;
 use super::errors::{errors, initial};
 use super::fits::{Fits, Model, pieces};
-use super::model::{Action, Study};
+use super::model::{Action, Sensor, Study};
 use super::search::Selection;
 use crate::answer::{Answer, Effect, Errors, Verdict};
 
@@ -23,7 +24,7 @@ const MAX_POWER_WITH_ROUNDING: f64 = 0.5;
 
 /// Step of an output and half the width of its 95 % interval, in the unit of the output; none where its column shows
 /// no multiples of a step from zero that are coarse enough, or the study states its noise, which contains the rounding.
-pub fn step(study: &Study, output: usize) -> Option<(f64, f64)> {
+fn step(study: &Study, output: usize) -> Option<(f64, f64)> {
     let own = &study.outputs[output];
     let column = study.sensors.of(&own.name);
     if own.noise_is_stated || column.quantum <= 0.0 {
@@ -48,6 +49,28 @@ pub fn step(study: &Study, output: usize) -> Option<(f64, f64)> {
     (apart < MAX_DISTANCE * step).then(|| (step, 1.96 * apart / square.sqrt()))
 }
 
+/// Adds the resolution of the sensor of an output to the candidates, where its column shows one: the step to start
+/// from, and its 95 % interval as bounds.
+pub fn fill(study: &mut Study, output: usize) {
+    let Some((step, half)) = self::step(study, output) else { return };
+    let (name, unit) = (study.outputs[output].name.clone(), study.outputs[output].unit.clone());
+    let id = "sensor.quantization";
+    let entries = entries(study, id, &[("step", unit)], |_| (step - half, step + half));
+    study.candidates.push(Candidate {
+        id: id.to_owned(),
+        channel: "sensor",
+        port: study.outputs[output].port.clone(),
+        twin: false,
+        signal: Some(name),
+        action: Action::Sensor { kind: Sensor::Quantization, output },
+        entries,
+        starts: vec![vec![step]],
+        complexity: 1,
+        probe: false,
+        needs: None,
+    });
+}
+
 /// Adds the resolutions of the sensors to a finished answer, behind the effects of `shown`, the model of the answer.
 pub fn add(fits: &Fits, selection: &Selection, shown: &Model, found: &mut Answer) {
     if !matches!(found.verdict, Verdict::Nothing | Verdict::Effect) {
@@ -63,9 +86,9 @@ pub fn add(fits: &Fits, selection: &Selection, shown: &Model, found: &mut Answer
     let before = of(&shown.added, &own.parameters);
     for c in (0..study.candidates.len()).filter(|&c| study.candidates[c].is_resolution()) {
         let Action::Sensor { output, .. } = study.candidates[c].action else { continue };
-        let Some((step, half)) = self::step(study, output) else { continue };
         let name = &study.outputs[output].name;
         let entry = study.candidates[c].entries.start;
+        let (step, interval) = (study.candidates[c].starts[0][0], study.entries[entry].free.bounds);
         let mut model = shown.clone();
         model.added.push(c);
         model.fit.parameters[entry] = step;
@@ -77,7 +100,7 @@ pub fn add(fits: &Fits, selection: &Selection, shown: &Model, found: &mut Answer
             continue;
         }
         let mut effect = effect(fits, selection, &model, c, 0.0);
-        effect.parameters[0].interval = (step - half, step + half);
+        effect.parameters[0].interval = interval;
         effect.selected = true;
         effect.share = Some(1.0 - ratio(1));
         effect.reason = format!(

@@ -226,17 +226,10 @@ impl<'a> View<'a> {
         };
         let own = !self.begins.is_empty();
         let begin = if study.from_start(record) && !own { 0 } else { piece.range.start };
-        set(plant, begin, 0.0);
         blocks.time = begin as f64 * step;
         blocks.now.set(blocks.time);
         let mut fixed = self.parameters(p);
-        if let Initial::Given(values) = &record.initial {
-            // Values of parameters, such as where a slave begins.
-            let parameters = values.iter().filter(|(name, _)| plant.state(name).is_none());
-            let one =
-                |(name, value): (&String, &f64)| Some((Plant::parameter(&study.graph, name)?.0, *value));
-            fixed.extend(parameters.filter_map(one));
-        }
+        fixed.extend(&record.parameters);
         let given: Vec<Option<f64>> = match &record.initial {
             _ if own || window.is_some() => Vec::new(),
             Initial::Word(InitialWord::Fit) => locals.iter().copied().map(Some).collect(),

@@ -1,6 +1,6 @@
 //! The components of a system at the begin of a simulation: start values, initial states, the first event.
 
-use super::unit::Unit;
+use super::instance::PartInstance;
 use super::{Parameter, Part, Plant, Problem};
 use airloop_cosim::system::graph::{Component, Start};
 use airloop_fmi::Instance;
@@ -54,7 +54,7 @@ impl Plant {
             }
             asked = true;
             let mut rates = vec![0.0; part.states.len()];
-            let Some(model) = part.unit.equations() else { continue };
+            let Some(model) = part.instance.equations() else { continue };
             part.only_events = (1..=PROBES).all(|round| {
                 let odd = |(i, value): (usize, &f64)| {
                     value + ((7 * i + 3 * round) as f64).sin() * (1.0 + value.abs())
@@ -84,25 +84,25 @@ impl Plant {
         for place in 0..self.parts.len() {
             let (part, component) = (&mut self.parts[place], &self.starts[place]);
             if self.initialized {
-                part.unit.restart().map_err(Problem::fmu)?;
+                part.instance.restart().map_err(Problem::fmu)?;
             }
-            set_start_values(&mut part.unit, component)?;
+            set_start_values(&mut part.instance, component)?;
             for ((_, reference), value) in parameters.iter().filter(|((owner, _), _)| *owner == place) {
-                part.unit.set_real(&[*reference], &[*value]).map_err(Problem::fmu)?;
+                part.instance.set_real(&[*reference], &[*value]).map_err(Problem::fmu)?;
             }
             if sampled {
                 for (state, reference) in part.states.clone().zip(&part.state_references) {
                     if let Some(Some(value)) = states.get(state) {
-                        part.unit.set_real(&[*reference], &[*value]).map_err(Problem::fmu)?;
+                        part.instance.set_real(&[*reference], &[*value]).map_err(Problem::fmu)?;
                     }
                 }
             }
-            part.unit.setup_experiment(None, time, None).map_err(Problem::fmu)?;
-            part.unit.enter_initialization_mode().map_err(Problem::fmu)?;
-            match &mut part.unit {
+            part.instance.setup_experiment(None, time, None).map_err(Problem::fmu)?;
+            part.instance.enter_initialization_mode().map_err(Problem::fmu)?;
+            match &mut part.instance {
                 // A slave stays there until its inputs have their values.
-                Unit::Stepped(own) => own.preview(time).map_err(Problem::fmu)?,
-                Unit::Equations(model) => {
+                PartInstance::Stepped(own) => own.preview(time).map_err(Problem::fmu)?,
+                PartInstance::Equations(model) => {
                     model.exit_initialization_mode().map_err(Problem::fmu)?;
                     if !part.states.is_empty() {
                         model.get_continuous_states(&mut x[part.states.clone()]).map_err(Problem::fmu)?;
@@ -114,8 +114,8 @@ impl Plant {
         }
         self.initialized = true;
         // Loops begin from what their components show at their start values.
-        for ring in &self.rings {
-            for part in &mut self.parts[ring.parts.clone()] {
+        for own in &self.loops {
+            for part in &mut self.parts[own.parts.clone()] {
                 part.follow(&mut self.slots).map_err(Problem::fmu)?;
             }
         }

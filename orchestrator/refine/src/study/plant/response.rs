@@ -4,7 +4,8 @@
 //! States of equations answer at once, in their rates. A slave only shows outputs: a simulation with pushed inputs
 //! takes their place.
 
-use super::{Plant, Problem, Unit};
+use super::instance::PartInstance;
+use super::{Plant, Problem};
 
 /// Dependence of what moves in a system on the attachments, for the detection of ports.
 #[derive(Debug, Clone, Default)]
@@ -94,7 +95,7 @@ impl Plant {
     /// Adds the outputs of slaves, whose influences are seen after one communication step.
     fn sense_slaves(&mut self, measured: &[&str], found: &mut Sense) -> Result<(), Problem> {
         let mut slots: Vec<usize> = Vec::new();
-        for part in self.parts.iter().filter(|part| matches!(part.unit, Unit::Stepped(_))) {
+        for part in self.parts.iter().filter(|part| matches!(part.instance, PartInstance::Stepped(_))) {
             slots.extend(part.early.1.clone());
         }
         let places: Vec<usize> = measured.iter().filter_map(|name| self.slot(name)).collect();

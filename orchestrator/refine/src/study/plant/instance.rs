@@ -9,7 +9,7 @@ use super::Problem;
 
 /// One instance, by the interface that its FMU offers.
 #[derive(Debug)]
-pub(super) enum Unit {
+pub(super) enum PartInstance {
     /// Model Exchange.
     Equations(Model),
     /// Co-Simulation only.
@@ -84,40 +84,40 @@ pub(super) struct Stepped {
     ended: bool,
 }
 
-impl Deref for Unit {
+impl Deref for PartInstance {
     type Target = Instance;
 
     fn deref(&self) -> &Instance {
         match self {
-            Unit::Equations(model) => model,
-            Unit::Stepped(own) => &own.slave,
+            PartInstance::Equations(model) => model,
+            PartInstance::Stepped(own) => &own.slave,
         }
     }
 }
 
-impl DerefMut for Unit {
+impl DerefMut for PartInstance {
     fn deref_mut(&mut self) -> &mut Instance {
         match self {
-            Unit::Equations(model) => model,
-            Unit::Stepped(own) => &mut own.slave,
+            PartInstance::Equations(model) => model,
+            PartInstance::Stepped(own) => &mut own.slave,
         }
     }
 }
 
-impl Unit {
+impl PartInstance {
     /// An instance for Model Exchange, or for Co-Simulation where the FMU has nothing else; `outputs`: value references
     /// that a slave shows.
-    pub fn new(component: &Component, outputs: &[u32]) -> Result<Unit, Problem> {
-        if component.fmu.interface(InterfaceKind::ModelExchange).is_some() {
+    pub fn new(component: &Component, outputs: &[u32]) -> Result<PartInstance, Problem> {
+        if !is_stepped(component) {
             let model = Model::instantiate(&component.fmu, &component.name, false);
-            return model.map(Unit::Equations).map_err(Problem::fmu);
+            return model.map(PartInstance::Equations).map_err(Problem::fmu);
         }
         let description = &component.fmu.description;
         let feeds_through = (0..description.variables.len()).any(|v| {
             outputs.contains(&description.variables[v].value_reference)
                 && !component.fmu.feed_through(v).is_empty()
         });
-        Ok(Unit::Stepped(Stepped {
+        Ok(PartInstance::Stepped(Stepped {
             slave: Slave::instantiate(&component.fmu, &component.name, false).map_err(Problem::fmu)?,
             time: 0.0,
             references: outputs.to_vec(),
@@ -131,24 +131,24 @@ impl Unit {
     /// The equations, if it has some.
     pub fn equations(&mut self) -> Option<&mut Model> {
         match self {
-            Unit::Equations(model) => Some(model),
-            Unit::Stepped(_) => None,
+            PartInstance::Equations(model) => Some(model),
+            PartInstance::Stepped(_) => None,
         }
     }
 
     /// The slave, if it is one.
     pub fn stepped(&mut self) -> Option<&mut Stepped> {
         match self {
-            Unit::Equations(_) => None,
-            Unit::Stepped(own) => Some(own),
+            PartInstance::Equations(_) => None,
+            PartInstance::Stepped(own) => Some(own),
         }
     }
 
     /// Back to the state after instantiation; a slave that cannot be reset is made anew.
     pub fn restart(&mut self) -> Result<(), Error> {
         match self {
-            Unit::Equations(model) => model.reset(),
-            Unit::Stepped(own) => {
+            PartInstance::Equations(model) => model.reset(),
+            PartInstance::Stepped(own) => {
                 own.runs = false;
                 own.ended = false;
                 if own.slave.reset().is_err() {
@@ -212,4 +212,9 @@ impl Stepped {
         }
         Ok(())
     }
+}
+
+/// Whether a component has no equations to evaluate, only steps.
+pub(super) fn is_stepped(component: &Component) -> bool {
+    component.fmu.interface(InterfaceKind::ModelExchange).is_none()
 }

@@ -3,11 +3,16 @@
 //! Unknown are the values that lead back to an earlier component. Newton's method with difference quotients; the
 //! factors of the Jacobian serve until the residual stops falling fast, so that a linear loop costs two passes.
 
+use std::collections::BTreeMap;
 use std::ops::Range;
 
+use airloop_cosim::system::SystemGraph;
+use airloop_cosim::system::graph::Source;
+use airloop_cosim::system::order::loop_groups;
 use nalgebra::{DMatrix, DVector, Dyn, LU};
 
 use super::Part;
+use super::instance::is_stepped;
 
 /// Residual that counts as zero, relative to the largest value so far.
 const TOLERANCE: f64 = 1e-12;
@@ -18,12 +23,43 @@ const LEAST_SIZE: f64 = 1e-6;
 /// Difference steps are relative to the value, or to this one where it is smaller.
 const LEAST_SHIFTED: f64 = 1e-3;
 const MAX_ITERATIONS: usize = 30;
-/// A residual that falls by less asks for a new Jacobian.
-const FAST: f64 = 0.1;
+/// Ratio of a residual to the one before above which the Jacobian is made anew.
+const MAX_RATIO_OF_RESIDUALS: f64 = 0.1;
+
+/// The algebraic loops, with the outputs that lead back to an earlier component.
+pub(super) fn all(
+    graph: &SystemGraph,
+    order: &[usize],
+    slots: &BTreeMap<(usize, usize), usize>,
+    parts: &[Part],
+) -> Vec<AlgebraicLoop> {
+    let mut found: Vec<AlgebraicLoop> = Vec::new();
+    for group in loop_groups(graph) {
+        let first = order.iter().position(|index| group.contains(index)).unwrap_or(0);
+        let equations = group.iter().filter(|&&index| !is_stepped(&graph.components[index])).count();
+        let members = first..first + equations;
+        let mut unknown: Vec<usize> = Vec::new();
+        for connection in &graph.connections {
+            let Source::Output { component, variable } = connection.source else { continue };
+            let place = |component: usize| order.iter().position(|&index| index == component);
+            let (Some(from), Some(to)) = (place(component), place(connection.component)) else { continue };
+            let back = members.contains(&from) && members.contains(&to) && from >= to;
+            let slot = slots.get(&(component, variable)).filter(|slot| parts[from].late.1.contains(slot));
+            unknown.extend(slot.filter(|_| back));
+        }
+        unknown.sort_unstable();
+        unknown.dedup();
+        if !unknown.is_empty() {
+            found.push(AlgebraicLoop::new(members, unknown));
+        }
+    }
+    found.sort_by_key(|own| own.parts.start);
+    found
+}
 
 /// An algebraic loop, or several that share components.
 #[derive(Debug)]
-pub(super) struct Ring {
+pub(super) struct AlgebraicLoop {
     /// Its components, in evaluation order.
     pub parts: Range<usize>,
     /// Slots of the values that lead back.
@@ -35,11 +71,11 @@ pub(super) struct Ring {
     work: [DVector<f64>; 3],
 }
 
-impl Ring {
-    pub fn new(parts: Range<usize>, unknown: Vec<usize>) -> Ring {
+impl AlgebraicLoop {
+    pub fn new(parts: Range<usize>, unknown: Vec<usize>) -> AlgebraicLoop {
         let work = std::array::from_fn(|_| DVector::zeros(unknown.len()));
         let largest = vec![LEAST_SIZE; unknown.len()];
-        Ring { parts, unknown, factors: None, largest, work }
+        AlgebraicLoop { parts, unknown, factors: None, largest, work }
     }
 
     /// Solves the loop from the values that stand in the slots, and leaves the solution there: NaN where there is none.
@@ -81,7 +117,7 @@ impl Ring {
                 return Ok(());
             }
             smallest = smallest.min(size);
-            if self.factors.is_none() || size > FAST * before {
+            if self.factors.is_none() || size > MAX_RATIO_OF_RESIDUALS * before {
                 let n = unknown.len();
                 let mut jacobian = DMatrix::zeros(n, n);
                 for column in 0..n {

@@ -1,0 +1,77 @@
+//! Sentences of a report on declared parameters, records and what is left.
+
+use super::declaration::Role;
+use super::errors::errors;
+use super::explain::{Judge, Rest};
+use super::fits::{Fits, Model};
+use super::search::Selection;
+use super::simulate::Piece;
+
+/// Sentences on the residual on the estimation records.
+pub(super) fn leftover(fits: &Fits, judge: &Judge, model: &Model, rest: &Rest) -> Vec<String> {
+    let times = model.error / judge.power.sqrt();
+    let mut found = vec![format!(
+        "Noise and rounding of the sensors, carried through filters, initial states and inputs, give 1/{times:.3} of the error on estimation records (simulated {} times).",
+        judge.draws()
+    )];
+    if judge.tolerated > 1.5 * judge.power {
+        let share = (judge.tolerated - judge.power).sqrt() / model.error;
+        found.push(format!(
+            "Smoothing of measured derivatives gives up to {share:.2} of the error on estimation records: where the motion is sharper than the filter, the model is not to blame."
+        ));
+    }
+    if let Some((place, variables)) = &rest.place {
+        let at = place.split_once('@').map_or(place.as_str(), |(_, port)| port);
+        let share = 100.0 * (rest.gain / model.error.powi(2)).min(1.0);
+        found.push(format!(
+            "A free form over {} at {at} would take away {share:.0} % of the power that is left on estimation records.",
+            variables.join(" and ")
+        ));
+    } else if !judge.explained(fits, model) {
+        found.push("What is left on estimation records depends on none of the variables known at the attachments: memory, other places, or noise that is not white.".into());
+    }
+    found
+}
+
+/// Sentences on declared parameters, and on other records.
+pub(super) fn remarks(fits: &Fits, selection: &Selection, after: &Model) -> Vec<String> {
+    let study = fits.study;
+    let before = &selection.declared;
+    let chosen = !after.added.is_empty();
+    let mut found = Vec::new();
+    for (index, entry) in study.entries[..study.declared].iter().enumerate() {
+        let (was, is) = (before.fit.parameters[index], after.fit.parameters[index]);
+        let unit = if entry.unit == "1" { String::new() } else { format!(" {}", entry.unit) };
+        found.push(if chosen {
+            format!(
+                "Declared model, fitted: {} = {was:.6e}{unit} before, {is:.6e}{unit} with the effects.",
+                entry.name
+            )
+        } else {
+            format!("Declared model, fitted: {} = {was:.6e}{unit}.", entry.name)
+        });
+    }
+    let idle = |model: &&Model| model.error >= 0.999 * before.error;
+    let idle: Vec<String> =
+        selection.singles.iter().filter(idle).map(|model| study.candidates[model.added[0]].name()).collect();
+    if !idle.is_empty() {
+        found.push(format!("Fitted alone to the declared model, these gain nothing: {}.", idle.join(", ")));
+    }
+    for (record, own) in study.records.iter().enumerate() {
+        if own.role == Role::Estimation {
+            continue;
+        }
+        let piece = [Piece { record, range: 0..own.n }];
+        let error = |model: &Model| errors(fits, &model.added, &piece, &model.fit.parameters, None);
+        let (was, is) = (error(before), error(after));
+        for (signal, rms) in &was.rms {
+            let after = is.rms.get(signal).copied().unwrap_or(f64::NAN);
+            found.push(format!(
+                "{} ({}): {signal} rms {rms:.4e} before, {after:.4e} after.",
+                own.name,
+                own.role.word()
+            ));
+        }
+    }
+    found
+}
