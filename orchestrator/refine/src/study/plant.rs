@@ -148,6 +148,9 @@ impl Plant {
 
     /// Names of all states, for messages.
     pub fn state_names(&self) -> String {
+        if self.states.is_empty() {
+            return "none".into();
+        }
         self.states.keys().take(30).cloned().collect::<Vec<_>>().join(", ")
     }
 

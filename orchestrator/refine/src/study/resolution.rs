@@ -21,6 +21,8 @@ const MIN_STEPS_OF_A_RANGE: f64 = 3.0;
 const MAX_DISTANCE: f64 = 0.05;
 /// Ratio of the powers of the errors with rounding and without up to which a sensor rounds.
 const MAX_POWER_WITH_ROUNDING: f64 = 0.5;
+/// Half the interval of a step relative to it, at least: files round their numbers, and none has more digits.
+const MIN_RELATIVE_HALF_WIDTH: f64 = 1e-6;
 
 /// Step of an output and half the width of its 95 % interval, in the unit of the output; none where its column shows
 /// no multiples of a step from zero that are coarse enough, or the study states its noise, which contains the rounding.
@@ -46,7 +48,8 @@ fn step(study: &Study, output: usize) -> Option<(f64, f64)> {
     let step = values.iter().zip(&counts).map(|(value, count)| value * count).sum::<f64>() / square;
     let apart = values.iter().zip(&counts).map(|(value, count)| (value - count * step).powi(2)).sum::<f64>();
     let apart = (apart / values.len() as f64).sqrt();
-    (apart < MAX_DISTANCE * step).then(|| (step, 1.96 * apart / square.sqrt()))
+    let half = (1.96 * apart / square.sqrt()).max(MIN_RELATIVE_HALF_WIDTH * step);
+    (apart < MAX_DISTANCE * step).then_some((step, half))
 }
 
 /// Adds the resolution of the sensor of an output to the candidates, where its column shows one: the step to start
