@@ -1,4 +1,5 @@
-//! Withdrawal of the verdict "nothing is missing" where the declared model explains no signal of the records.
+//! Withdrawal of answers that validation records contradict: "nothing is missing" where the declared model explains no
+//! signal, or leaves what the estimation records do not show; effects and laws that leave more than half of a signal.
 
 use super::answer::{Answer, Verdict, WARNING};
 
@@ -20,6 +21,38 @@ pub fn refuse_where_nothing_is(found: &mut Answer, place: &str) {
     found.notes.push(format!(
         "The declared model explains nothing of the records: its error on validation records is as large as the spread of the data ({}). Whether an effect is missing cannot be told from them; record more than noise, or check the columns.",
         shares.join(", ")
+    ));
+    (found.verdict, found.complete) = (Verdict::Unexplained, false);
+    found.unexplained = Some((place.to_owned(), Vec::new()));
+}
+
+/// Ratio of a signal's error on validation records to its floor, and to the same ratio on estimation records, from which
+/// on validation records show what the others do not.
+const MIN_RATIO_OF_UNSEEN: f64 = 2.0;
+
+/// Withdraws the verdict that nothing is missing where validation records show something that estimation records do not:
+/// another range, larger commands. The residual has its place at `place`.
+pub fn refuse_where_validation_shows_more(found: &mut Answer, place: &str) {
+    if found.verdict != Verdict::Nothing {
+        return;
+    }
+    let ratio = |set: usize, signal: &str| {
+        let floor = found.floor[set].get(signal).or(found.noise.get(signal)).copied().unwrap_or(f64::NAN);
+        found.after[set].rms.get(signal).copied().unwrap_or(f64::NAN) / floor
+    };
+    let unseen: Vec<String> = found.after[1]
+        .rms
+        .keys()
+        .map(|signal| (signal, ratio(0, signal), ratio(1, signal)))
+        .filter(|(_, before, there)| before.is_finite() && *there >= MIN_RATIO_OF_UNSEEN * before.max(1.0))
+        .map(|(signal, before, there)| format!("`{signal}` {there:.1} times the noise where {before:.1}"))
+        .collect();
+    if unseen.is_empty() {
+        return;
+    }
+    found.notes.push(format!(
+        "{WARNING}the declared model leaves on validation records what estimation records do not show: {}. These records are of another kind, with larger commands or another range: give a record of that kind `role = \"estimation\"`, so that the search sees what is missing.",
+        unseen.join(", ")
     ));
     (found.verdict, found.complete) = (Verdict::Unexplained, false);
     found.unexplained = Some((place.to_owned(), Vec::new()));
@@ -138,6 +171,22 @@ mod tests {
             assert_eq!((found.verdict, found.complete), (Verdict::Unexplained, false), "{errors:?}");
             assert!(found.notes[0].contains("explains nothing"), "{:?}", found.notes);
         }
+    }
+
+    #[test]
+    fn validation_records_that_show_more_than_estimation_records_contradict_nothing_is_missing() {
+        let judged = |estimation: f64, validation: f64| {
+            let mut found = answer(&[0.01]);
+            found.noise.insert("y0".into(), 0.1);
+            for (set, error) in [estimation, validation].into_iter().enumerate() {
+                found.after[set].rms.insert("y0".into(), error);
+            }
+            refuse_where_validation_shows_more(&mut found, "pole");
+            (found.verdict, found.notes.len())
+        };
+        assert_eq!(judged(0.1, 0.7), (Verdict::Unexplained, 1));
+        assert_eq!(judged(0.1, 0.15), (Verdict::Nothing, 0));
+        assert_eq!(judged(0.4, 0.7), (Verdict::Nothing, 0));
     }
 
     #[test]

@@ -50,7 +50,8 @@ pub fn search(question: &Question) -> Found {
         }
         found.steps.push(step);
         // The residual must hold at least as much as the next effect has to take away.
-        let worth = |accepted: Tried| accepted.error >= question.settings.min_held_out_share * declared_error;
+        let worth =
+            |accepted: Tried| accepted.error >= question.settings.min_held_out_share * run.whole_error;
         if !accepted.is_some_and(worth) {
             break;
         }
@@ -105,6 +106,9 @@ pub(super) struct Run<'a> {
     pub(super) question: &'a Question<'a>,
     pub(super) null: Null,
     pub(super) declared_error: f64,
+    /// Error that an effect has to take a share of: that of the declared model, or the scatter of the records where
+    /// that is less, as shares of an error larger than all that the records show would leave most of them unexplained.
+    pub(super) whole_error: f64,
 }
 
 impl<'a> Run<'a> {
@@ -112,7 +116,9 @@ impl<'a> Run<'a> {
         let (records, locals) = (&question.records, &question.locals);
         let null = Null::simulate(question.system, records, question.declared, locals, 4, 1);
         let declared_error = question.held_out.error_from(question.declared, records, locals);
-        Run { question, null, declared_error }
+        let scatter = question.held_out.scatter(records);
+        let whole_error = if scatter > 0.0 { declared_error.min(scatter) } else { declared_error };
+        Run { question, null, declared_error, whole_error }
     }
 
     /// Long-run variances of the residuals at `p` and `locals`.
@@ -391,75 +397,6 @@ impl<'a> Run<'a> {
             })
             .filter(|form| share(with) < enough * form.share && form.share > q.settings.min_held_out_share)
             .max_by(|a, b| a.share.total_cmp(&b.share))
-    }
-
-    /// Why a candidate is no effect that matters, if it is none.
-    pub(super) fn objection(&self, tried: &Tried) -> Option<String> {
-        let (q, own) = (self.question, &self.question.candidates[tried.candidate]);
-        let s = &q.settings;
-        if tried.gain < s.min_gain {
-            return Some(format!(
-                "its gain of {:.0} is within what the residual that is left gives by chance",
-                tried.gain.max(0.0)
-            ));
-        }
-        // An effect that takes most of the error by itself, with a significantly smaller sum, stands even where several
-        // corrections together could do the same.
-        let dominant = tried.alone >= s.min_share_of_correction;
-        if tried.held_out < s.min_held_out_share && !dominant {
-            return Some(format!(
-                "it takes away {:.0} % of the error on held-out records beyond the corrections, less than {:.0} %",
-                100.0 * tried.held_out,
-                100.0 * s.min_held_out_share
-            ));
-        }
-        if tried.alone < s.min_share_alone {
-            return Some(format!(
-                "without corrections of declared parameters it takes away {:.0} % of the error, less than {:.0} %",
-                100.0 * tried.alone,
-                100.0 * s.min_share_alone
-            ));
-        }
-        if let Some(same) = q.same(tried.candidate) {
-            let relative = tried.model.fit.parameters[own.free[0].index] / same.declared;
-            let tolerance = same.free.prior.unwrap_or(0.0);
-            let within = relative.abs() < s.max_tolerances * tolerance;
-            if within && tried.alone < s.min_share_of_correction {
-                return Some("it is within the tolerance of a declared parameter".into());
-            }
-        }
-        (q.sense)(own, &tried.model)
-    }
-
-    /// The best of the candidates without objection: of those that leave about the least error the likeliest, or one
-    /// with fewer parameters that takes as much away without corrections.
-    pub(super) fn accepted<'t>(&self, tried: &'t [Tried]) -> Option<&'t Tried> {
-        let (q, tie) = (self.question, self.question.settings.tie_share);
-        let size = |t: &Tried| q.candidates[t.candidate].free.len();
-        let sound = || tried.iter().filter(|t| t.rejected.is_none());
-        let least = sound().map(|t| t.error).fold(f64::INFINITY, f64::min);
-        let near = || sound().filter(|t| t.error <= least + tie * self.declared_error);
-        let likelier = |a: &&Tried, b: &&Tried| a.model.fit.chi2.total_cmp(&b.model.fit.chi2);
-        let likeliest = near().min_by(likelier)?;
-        let simpler = |t: &&Tried| size(t) < size(likeliest) && t.alone >= likeliest.alone - tie;
-        let simplest = near().filter(simpler).min_by(|a, b| size(a).cmp(&size(b)).then(likelier(a, b)));
-        simplest.or(Some(likeliest))
-    }
-
-    /// Candidates of a step that do as well as the accepted one with as many parameters.
-    pub(super) fn equals(&self, step: &Step, accepted: &Tried) -> Vec<Tried> {
-        let q = self.question;
-        let size = |t: &Tried| q.candidates[t.candidate].free.len();
-        let same = |t: &&Tried| {
-            let nested = q.candidates[t.candidate].contains == Some(q.candidates[accepted.candidate].id);
-            t.candidate != accepted.candidate
-                && !nested
-                && t.rejected.is_none()
-                && size(t) >= size(accepted)
-                && (t.model.fit.chi2 - accepted.model.fit.chi2) < q.settings.tie
-                && (t.error - accepted.error) < q.settings.tie_share * self.declared_error
-        };
-        step.tried.iter().filter(same).cloned().collect()
     }
 }
 

@@ -1,5 +1,6 @@
 //! Search for missing effects in any [`System`]: fits, goodness of fit, selection. Knows no physics.
 
+mod acceptance;
 pub mod candidate;
 pub mod corrected;
 pub mod fit;

@@ -7,43 +7,80 @@ use super::stop;
 
 /// Candidates that pairs are made of.
 const PAIRED_SINGLES: usize = 3;
-/// Fall of the error on held-out folds that each effect of a set must bring: as a share of it, and of that of the
-/// declared model.
+/// Fall of the error on held-out folds that each effect of a set must bring: as a share of it, and of the whole error.
 const MIN_FALL_OF_SET: (f64, f64) = (0.05, 0.02);
+/// Share that each effect of a set must take away of what the others of it leave, where all are too small to take a
+/// share of the whole error.
+const MIN_SHARE_OF_REST: f64 = 0.5;
+/// Multiples of the sensor noise up to which what is left is not looked at again.
+const MAX_NOISE_LEFT: f64 = 2.0;
 /// Ratio of the errors of a proposed set and of the best model from which on it is not looked at further.
 const MAX_ERROR_RATIO_OF_SET: f64 = 1.1;
 
+/// Effects and parameters to start from.
+type Proposal = (Vec<usize>, Vec<f64>);
+
+/// The error that a set of effects has to take away from that of a smaller model.
+#[derive(Clone, Copy, PartialEq)]
+enum Demand {
+    /// Shares of it and of the whole error for every effect.
+    Each,
+    /// Most of it.
+    Rest,
+}
+
 impl Run<'_> {
-    /// Sets of effects that were proposed, and pairs of those that were not accepted alone, in place of the best model.
+    /// Sets of effects that were proposed, and pairs of those that were not accepted alone, in place of the best model;
+    /// then what takes away nearly all that is left.
     pub(super) fn sets(&self, found: &mut Found) {
         let q = self.question;
-        let mut sets: Vec<(Vec<usize>, Vec<f64>)> = q.proposals.to_vec();
-        if let Some(last) = found.steps.last().filter(|_| q.pairs && found.best.added.len() + 2 <= q.most) {
-            let notable = |t: &&Tried| t.gain >= q.settings.min_gain && t.held_out > 0.0;
-            let few: Vec<&Tried> = last.tried.iter().filter(notable).take(PAIRED_SINGLES).collect();
-            for (i, a) in few.iter().enumerate() {
-                for b in &few[i + 1..] {
-                    let mut p = a.model.fit.parameters.clone();
-                    let own = &q.candidates[b.candidate].free;
-                    own.iter().for_each(|free| p[free.index] = b.model.fit.parameters[free.index]);
-                    sets.push(([&a.model.added[..], &[b.candidate]].concat(), p));
-                }
-            }
-            for pair in self.predicted_pairs(&found.best, &last.tried) {
-                let same = |other: &(Vec<usize>, Vec<f64>)| {
-                    other.0.len() == pair.0.len() && pair.0.iter().all(|c| other.0.contains(c))
-                };
-                if !sets.iter().any(same) {
-                    sets.push(pair);
-                }
+        let mut sets: Vec<Proposal> = q.proposals.to_vec();
+        if let Some(last) = found.steps.last().filter(|_| q.pairs) {
+            sets.extend(self.pairs(&found.best, &last.tried));
+        }
+        self.take(found, sets, Demand::Each);
+        while q.pairs && self.rest(found) {}
+    }
+
+    /// Pairs of effects beside those of `best`, of candidates tried around it.
+    fn pairs(&self, best: &Model, tried: &[Tried]) -> Vec<Proposal> {
+        let q = self.question;
+        let mut sets: Vec<Proposal> = Vec::new();
+        if best.added.len() + 2 > q.most {
+            return sets;
+        }
+        let notable = |t: &&Tried| t.gain >= q.settings.min_gain && t.held_out > 0.0;
+        let few: Vec<&Tried> = tried.iter().filter(notable).take(PAIRED_SINGLES).collect();
+        for (i, a) in few.iter().enumerate() {
+            for b in &few[i + 1..] {
+                let mut p = a.model.fit.parameters.clone();
+                let own = &q.candidates[b.candidate].free;
+                own.iter().for_each(|free| p[free.index] = b.model.fit.parameters[free.index]);
+                sets.push(([&a.model.added[..], &[b.candidate]].concat(), p));
             }
         }
+        for pair in self.predicted_pairs(best, tried) {
+            let same = |other: &Proposal| {
+                other.0.len() == pair.0.len() && pair.0.iter().all(|c| other.0.contains(c))
+            };
+            if !sets.iter().any(same) {
+                sets.push(pair);
+            }
+        }
+        sets
+    }
+
+    /// Takes sets that do clearly better than the best model in its place, and says whether one did.
+    fn take(&self, found: &mut Found, sets: Vec<Proposal>, demand: Demand) -> bool {
+        let q = self.question;
+        let mut better = false;
         for (set, p) in sets {
             let known = set.iter().all(|c| found.best.added.contains(c));
             if set.len() > q.most || known || stop::asked() {
                 continue;
             }
-            if let Some(step) = self.instead(&found.base, &found.best, &set, &p) {
+            if let Some(step) = self.instead(&found.base, &found.best, (&set, &p), demand) {
+                better = true;
                 found.best = step.tried[0].model.clone();
                 let before = found.steps.iter_mut().flat_map(|own| &mut own.tried);
                 for own in before.filter(|own| found.best.added.contains(&own.candidate)) {
@@ -55,10 +92,42 @@ impl Run<'_> {
                 found.steps.push(step);
             }
         }
+        better
+    }
+
+    /// Looks around the best model where it is well above the noise, for effects that are small beside those found and
+    /// take away nearly all that is left; says whether there are some.
+    fn rest(&self, found: &mut Found) -> bool {
+        let q = self.question;
+        let floor = q.held_out.floor(&q.records);
+        let full = found.best.added.is_empty() || found.best.added.len() >= q.most;
+        if full || stop::asked() || self.fitted_error(&found.best) < MAX_NOISE_LEFT * floor {
+            return false;
+        }
+        let around = found.steps.last().filter(|step| step.added == found.best.added);
+        let tried = around.map(|step| step.tried.clone()).unwrap_or_else(|| {
+            let weights = self.weights(&found.best.fit.parameters, &found.best.fit.locals);
+            let (mut tried, _) = self.step(&found.best, &weights);
+            for own in &mut tried {
+                own.rejected.get_or_insert_with(|| "less is left than an effect has to take away".into());
+            }
+            found.steps.push(Step { added: found.best.added.clone(), tried: tried.clone() });
+            tried
+        });
+        let single = |t: &Tried| (t.model.added.clone(), t.model.fit.parameters.clone());
+        let mut sets: Vec<Proposal> = tried.iter().take(PAIRED_SINGLES).map(single).collect();
+        sets.extend(self.pairs(&found.best, &tried));
+        self.take(found, sets, Demand::Rest)
     }
 
     /// A set of effects, without those that it does not need, if it does clearly better than `best`.
-    fn instead(&self, base: &Model, best: &Model, set: &[usize], p: &[f64]) -> Option<Step> {
+    fn instead(
+        &self,
+        base: &Model,
+        best: &Model,
+        (set, p): (&[usize], &[f64]),
+        demand: Demand,
+    ) -> Option<Step> {
         let q = self.question;
         let first =
             self.fit(&self.weights(&best.fit.parameters, &best.fit.locals), set, p, &best.fit.locals, ROUNDS);
@@ -72,8 +141,15 @@ impl Run<'_> {
         let [base_error, best_error] = [&base, &best].map(|own| self.held_out_error(&weights, own));
         let most = |extra: usize, from: f64| {
             let extra = extra as f64;
-            ((1.0 - extra * MIN_FALL_OF_SET.0) * from)
-                .min(from - extra * MIN_FALL_OF_SET.1 * self.declared_error)
+            match demand {
+                Demand::Each => ((1.0 - extra * MIN_FALL_OF_SET.0) * from)
+                    .min(from - extra * MIN_FALL_OF_SET.1 * self.whole_error),
+                Demand::Rest => (1.0 - q.settings.min_share_of_rest) * from,
+            }
+        };
+        let needed = |left: f64| match demand {
+            Demand::Each => most(1, left),
+            Demand::Rest => (1.0 - MIN_SHARE_OF_REST) * left,
         };
         // One effect too many may hide what the others bring, but not all of it.
         if error > MAX_ERROR_RATIO_OF_SET * best_error {
@@ -89,7 +165,7 @@ impl Run<'_> {
                 let own = self.fit(&weights, &rest, &start, &model.fit.locals, ROUNDS);
                 let left = self.held_out_error(&weights, &own);
                 let may_stay = rest.iter().all(|&other| (q.may_join)(other, &rest));
-                if may_stay && error > most(1, left) {
+                if may_stay && error > needed(left) {
                     (model, error) = (own, left);
                     continue 'again;
                 }
@@ -106,7 +182,7 @@ impl Run<'_> {
             };
             error_of(&model) <= (1.0 - q.settings.min_share_of_correction) * error_of(&base)
         };
-        let enough = base_error - error >= q.settings.min_held_out_share * self.declared_error || dominant();
+        let enough = base_error - error >= q.settings.min_held_out_share * self.whole_error || dominant();
         let objection = model.added.iter().find_map(|&c| (q.sense)(&q.candidates[c], &model));
         let known = model.added.iter().all(|c| best.added.contains(c));
         if !enough || error > most(extra, best_error) || objection.is_some() || known {

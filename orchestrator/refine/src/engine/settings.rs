@@ -22,6 +22,8 @@ pub struct ForwardSelection {
     pub tie_share: f64,
     /// Share of what a free form takes away that effects must take away to have the right form.
     pub min_form_share: f64,
+    /// Share of what the other effects leave that an effect must take away which is small beside them.
+    pub min_share_of_rest: f64,
     /// Share of the error on validation records below which an answer is withdrawn.
     pub min_validated_share: f64,
 }
@@ -37,6 +39,7 @@ impl Default for ForwardSelection {
             tie: 12.0,
             tie_share: 0.03,
             min_form_share: 0.9,
+            min_share_of_rest: 0.75,
             min_validated_share: 0.05,
         }
     }
@@ -120,10 +123,16 @@ impl ForwardSelection {
                 "share of what a free form over one variable takes away on held-out folds that effects must take away to have the right form",
             ),
             row(
+                "min_share_of_rest",
+                |s| s.min_share_of_rest,
+                (0.0, 1.0),
+                "share of what the other effects leave that effects must take away which are too small beside these to take their share of the whole error; each of such a set must take away half of what the rest of it leaves",
+            ),
+            row(
                 "min_validated_share",
                 |s| s.min_validated_share,
                 (0.0, 1.0),
-                "share of the error on validation records below which an answer is withdrawn; so is one of several effects that takes away no more, neither alone nor beside the others",
+                "share of the error on validation records below which an answer is withdrawn; so is one of several effects that takes away no more, neither alone nor beside the others, and not min_share_of_rest of what these leave",
             ),
             fixed(
                 "noise_margin",
@@ -167,6 +176,7 @@ impl ForwardSelection {
             "tie" => &mut self.tie,
             "tie_share" => &mut self.tie_share,
             "min_form_share" => &mut self.min_form_share,
+            "min_share_of_rest" => &mut self.min_share_of_rest,
             "min_validated_share" => &mut self.min_validated_share,
             _ => {
                 let rows = ForwardSelection::default().table();

@@ -77,6 +77,7 @@ pub fn answer(rig: &Rig, groups: &[String], settings: &Settings, listener: Liste
     }
     selection_answer::explain_by_law(rig, settings, &mut found);
     explained::refuse_where_nothing_is(&mut found, "actuator");
+    explained::refuse_where_validation_shows_more(&mut found, "actuator");
     explained::refuse_what_explains_too_little(&mut found, "actuator");
     found.partial = stop::ended();
     found

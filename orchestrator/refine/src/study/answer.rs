@@ -134,6 +134,7 @@ pub fn answer(file: &File, settings: &Settings, say: Say) -> Result<(Answer, Evi
         None => (selection, None),
     };
     explained::refuse_where_nothing_is(&mut found, &first_place(&study));
+    explained::refuse_where_validation_shows_more(&mut found, &first_place(&study));
     let refused = explained::refuse_what_explains_too_little(&mut found, &first_place(&study));
     if refused {
         found.fitted = fitted(&study, &found.parameters[0]);
@@ -280,11 +281,14 @@ fn weakest_dependent(
         .min_by(|a, b| (needing(a.0).count().cmp(&needing(b.0).count())).then(a.1.total_cmp(&b.1)))
 }
 
-/// Whether the answer `rest` with one effect less takes nearly as much of the error on validation records away.
+/// Whether the answer `rest` with one effect less takes nearly as much of the error on validation records away, and the
+/// effect takes no large part of what it leaves.
 fn stands_without(found: &Answer, rest: &Answer, settings: &Settings) -> bool {
-    let share = |answer: &Answer| answer.share.unwrap_or(0.0);
+    let rules = &settings.forward_selection;
+    let [whole, part] = [found, rest].map(|answer| answer.share.unwrap_or(0.0));
     rest.verdict == Verdict::Effect
-        && share(found) - share(rest) < settings.forward_selection.min_validated_share
+        && whole - part < rules.min_validated_share
+        && whole - part < rules.min_share_of_rest * (1.0 - part)
 }
 
 /// Step and what the attachments show with the declared model, `[records][taps][n]`.

@@ -1,0 +1,78 @@
+//! Which of the candidates tried in a step is accepted, and why the others are not.
+
+use super::forward_selection::Run;
+use super::question::{Step, Tried};
+
+impl Run<'_> {
+    /// Why a candidate is no effect that matters, if it is none.
+    pub(super) fn objection(&self, tried: &Tried) -> Option<String> {
+        let (q, own) = (self.question, &self.question.candidates[tried.candidate]);
+        let s = &q.settings;
+        if tried.gain < s.min_gain {
+            return Some(format!(
+                "its gain of {:.0} is within what the residual that is left gives by chance",
+                tried.gain.max(0.0)
+            ));
+        }
+        // An effect that takes most of the error by itself, with a significantly smaller sum, stands even where several
+        // corrections together could do the same.
+        let dominant = tried.alone >= s.min_share_of_correction;
+        let share = tried.held_out * self.declared_error / self.whole_error;
+        if share < s.min_held_out_share && !dominant {
+            let whole =
+                if self.whole_error < self.declared_error { "scatter of the records" } else { "error" };
+            return Some(format!(
+                "it takes away {:.0} % of the {whole} on held-out records beyond the corrections, less than {:.0} %",
+                100.0 * share,
+                100.0 * s.min_held_out_share
+            ));
+        }
+        if tried.alone < s.min_share_alone {
+            return Some(format!(
+                "without corrections of declared parameters it takes away {:.0} % of the error, less than {:.0} %",
+                100.0 * tried.alone,
+                100.0 * s.min_share_alone
+            ));
+        }
+        if let Some(same) = q.same(tried.candidate) {
+            let relative = tried.model.fit.parameters[own.free[0].index] / same.declared;
+            let tolerance = same.free.prior.unwrap_or(0.0);
+            let within = relative.abs() < s.max_tolerances * tolerance;
+            if within && tried.alone < s.min_share_of_correction {
+                return Some("it is within the tolerance of a declared parameter".into());
+            }
+        }
+        (q.sense)(own, &tried.model)
+    }
+
+    /// The best of the candidates without objection: of those that leave about the least error the likeliest, or one
+    /// with fewer parameters that takes as much away without corrections.
+    pub(super) fn accepted<'t>(&self, tried: &'t [Tried]) -> Option<&'t Tried> {
+        let (q, tie) = (self.question, self.question.settings.tie_share);
+        let size = |t: &Tried| q.candidates[t.candidate].free.len();
+        let sound = || tried.iter().filter(|t| t.rejected.is_none());
+        let least = sound().map(|t| t.error).fold(f64::INFINITY, f64::min);
+        let near = || sound().filter(|t| t.error <= least + tie * self.whole_error);
+        let likelier = |a: &&Tried, b: &&Tried| a.model.fit.chi2.total_cmp(&b.model.fit.chi2);
+        let likeliest = near().min_by(likelier)?;
+        let simpler = |t: &&Tried| size(t) < size(likeliest) && t.alone >= likeliest.alone - tie;
+        let simplest = near().filter(simpler).min_by(|a, b| size(a).cmp(&size(b)).then(likelier(a, b)));
+        simplest.or(Some(likeliest))
+    }
+
+    /// Candidates of a step that do as well as the accepted one with as many parameters.
+    pub(super) fn equals(&self, step: &Step, accepted: &Tried) -> Vec<Tried> {
+        let q = self.question;
+        let size = |t: &Tried| q.candidates[t.candidate].free.len();
+        let same = |t: &&Tried| {
+            let nested = q.candidates[t.candidate].contains == Some(q.candidates[accepted.candidate].id);
+            t.candidate != accepted.candidate
+                && !nested
+                && t.rejected.is_none()
+                && size(t) >= size(accepted)
+                && (t.model.fit.chi2 - accepted.model.fit.chi2) < q.settings.tie
+                && (t.error - accepted.error) < q.settings.tie_share * self.whole_error
+        };
+        step.tried.iter().filter(same).cloned().collect()
+    }
+}
