@@ -26,12 +26,12 @@ pub fn refuse_where_nothing_is(found: &mut Answer, place: &str) {
     found.unexplained = Some((place.to_owned(), Vec::new()));
 }
 
-/// Ratio of a signal's error on validation records to its floor, and to the same ratio on estimation records, from which
-/// on validation records show what the others do not.
+/// Ratio of a signal's error on validation records to its floor, and to the same ratio on estimation records, from
+/// which on validation records show what the others do not.
 const MIN_RATIO_OF_UNSEEN: f64 = 2.0;
 
-/// Withdraws the verdict that nothing is missing where validation records show something that estimation records do not:
-/// another range, larger commands. The residual has its place at `place`.
+/// Withdraws the verdict that nothing is missing where validation records show something that estimation records do
+/// not: another range, larger commands. The residual has its place at `place`.
 pub fn refuse_where_validation_shows_more(found: &mut Answer, place: &str) {
     if found.verdict != Verdict::Nothing {
         return;
