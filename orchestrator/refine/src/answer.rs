@@ -277,7 +277,12 @@ pub struct Answer {
 impl Answer {
     /// Error of a signal on validation records that a true model shows; none where it is not known.
     pub fn floor_of(&self, signal: &str) -> Option<f64> {
-        let floor = self.floor[1].get(signal).or(self.noise.get(signal));
+        self.floor_on(1, signal)
+    }
+
+    /// The same on estimation (0) or validation (1) records.
+    pub(crate) fn floor_on(&self, set: usize, signal: &str) -> Option<f64> {
+        let floor = self.floor[set].get(signal).or(self.noise.get(signal));
         floor.copied().filter(|floor| *floor > 0.0)
     }
 }

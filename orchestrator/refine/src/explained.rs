@@ -36,22 +36,22 @@ pub fn refuse_where_validation_shows_more(found: &mut Answer, place: &str) {
     if found.verdict != Verdict::Nothing {
         return;
     }
-    let ratio = |set: usize, signal: &str| {
-        let floor = found.floor[set].get(signal).or(found.noise.get(signal)).copied().unwrap_or(f64::NAN);
-        found.after[set].rms.get(signal).copied().unwrap_or(f64::NAN) / floor
-    };
+    let ratio =
+        |set: usize, signal: &str| Some(found.after[set].rms.get(signal)? / found.floor_on(set, signal)?);
     let unseen: Vec<String> = found.after[1]
         .rms
         .keys()
-        .map(|signal| (signal, ratio(0, signal), ratio(1, signal)))
-        .filter(|(_, before, there)| before.is_finite() && *there >= MIN_RATIO_OF_UNSEEN * before.max(1.0))
-        .map(|(signal, before, there)| format!("`{signal}` {there:.1} times the noise where {before:.1}"))
+        .filter_map(|signal| Some((signal, ratio(0, signal)?, ratio(1, signal)?)))
+        .filter(|(_, seen, there)| seen.is_finite() && *there >= MIN_RATIO_OF_UNSEEN * seen.max(1.0))
+        .map(|(signal, seen, there)| {
+            format!("`{signal}` {there:.1} times the noise ({seen:.1} on estimation records)")
+        })
         .collect();
     if unseen.is_empty() {
         return;
     }
     found.notes.push(format!(
-        "{WARNING}the declared model leaves on validation records what estimation records do not show: {}. These records are of another kind, with larger commands or another range: give a record of that kind `role = \"estimation\"`, so that the search sees what is missing.",
+        "{WARNING}the declared model leaves on validation records what estimation records do not show: {}. Validation records are of another kind, with larger commands or another range: give a record of that kind `role = \"estimation\"`, so that the search sees what is missing.",
         unseen.join(", ")
     ));
     (found.verdict, found.complete) = (Verdict::Unexplained, false);

@@ -338,6 +338,7 @@ pub fn bars(title: &str, rows: &[Row], (reference, name): (f64, &str), label: &s
 pub fn short(value: f64) -> String {
     match value.abs() {
         v if !v.is_finite() => "-".into(),
+        v if v >= 1e6 => format!("{value:.2e}"),
         v if v >= 100.0 => format!("{value:.0}"),
         v if v >= 10.0 => format!("{value:.1}"),
         _ => format!("{value:.2}"),

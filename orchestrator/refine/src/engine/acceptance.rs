@@ -20,7 +20,7 @@ impl Run<'_> {
         let share = tried.held_out * self.declared_error / self.whole_error;
         if share < s.min_held_out_share && !dominant {
             let whole =
-                if self.whole_error < self.declared_error { "scatter of the records" } else { "error" };
+                if self.whole_error < self.declared_error { "spread of the records" } else { "error" };
             return Some(format!(
                 "it takes away {:.0} % of the {whole} on held-out records beyond the corrections, less than {:.0} %",
                 100.0 * share,

@@ -21,58 +21,9 @@ impl<'a> HeldOut<'a> {
     /// Mean square of every judged signal above the variance of its noise \[unit^2\]; `locals`: local parameters of
     /// each record, where it has any.
     pub fn squares(&self, p: &[f64], records: &[usize], locals: &[Vec<f64>]) -> BTreeMap<String, f64> {
-        self.squares_of(records, &|i| {
-            self.system.predict(records[i], p, locals.get(i).map_or(&[][..], Vec::as_slice))
-        })
-    }
-
-    /// Root mean square over signals \[units\] of the best constants, one for each signal: a model that ends farther
-    /// from the records says nothing of them.
-    pub fn scatter(&self, records: &[usize]) -> f64 {
-        let mut sums: BTreeMap<String, (f64, f64)> = BTreeMap::new();
-        for &record in records {
-            let mut values = self.system.measured(record);
-            let mut there = vec![1.0; values.len()];
-            self.system.silence(record, &mut values);
-            self.system.silence(record, &mut there);
-            for span in self.system.signals(record) {
-                let sum = sums.entry(span.signal).or_default();
-                sum.0 += values[span.range.clone()].iter().sum::<f64>();
-                sum.1 += there[span.range].iter().sum::<f64>();
-            }
-        }
-        let squares = self.squares_of(records, &|i| {
-            let mut constant = self.system.measured(records[i]);
-            for span in self.system.signals(records[i]) {
-                let (sum, count) = sums.get(&span.signal).copied().unwrap_or_default();
-                constant[span.range].fill(sum / count.max(1.0));
-            }
-            constant
-        });
-        (squares.values().sum::<f64>() / squares.len().max(1) as f64).sqrt()
-    }
-
-    /// Root mean square of the sensor noise of some records over signals \[units\].
-    pub fn floor(&self, records: &[usize]) -> f64 {
-        let mut sums: BTreeMap<String, (f64, f64)> = BTreeMap::new();
-        for span in records.iter().flat_map(|&record| self.system.signals(record)) {
-            let Some(unit) = self.units.get(&span.signal) else { continue };
-            let sum = sums.entry(span.signal).or_default();
-            sum.0 += span.range.len() as f64 * (span.noise / unit).powi(2);
-            sum.1 += span.range.len() as f64;
-        }
-        (sums.values().map(|(square, count)| square / count).sum::<f64>() / sums.len().max(1) as f64).sqrt()
-    }
-
-    /// Mean squares of the differences from `predicted`, which has the place of a record among `records`.
-    fn squares_of(
-        &self,
-        records: &[usize],
-        predicted: &(dyn Fn(usize) -> Vec<f64> + Sync),
-    ) -> BTreeMap<String, f64> {
         let parts = parallel::map(records.len(), |i| {
-            let record = records[i];
-            let (predicted, measured) = (predicted(i), self.system.measured(record));
+            let (record, own) = (records[i], locals.get(i).map_or(&[][..], Vec::as_slice));
+            let (predicted, measured) = (self.system.predict(record, p, own), self.system.measured(record));
             let (mut left, mut there): (Vec<f64>, Vec<f64>) =
                 measured.iter().zip(&predicted).map(|(a, b)| (a - b, 1.0)).unzip();
             self.system.silence(record, &mut left);
@@ -92,6 +43,43 @@ impl<'a> HeldOut<'a> {
             sum.1 += samples;
         }
         sums.into_iter().map(|(signal, (sum, samples))| (signal, (sum / samples).max(0.0))).collect()
+    }
+
+    /// Spread of some records \[units\]: root mean square over signals of their standard deviations, the variance of
+    /// the sensor noise taken off. A model that ends farther from the records says nothing of them.
+    pub fn spread(&self, records: &[usize]) -> f64 {
+        // Samples, their sum, sum of squares less that of the noise.
+        let mut sums: BTreeMap<String, [f64; 3]> = BTreeMap::new();
+        for &record in records {
+            let mut values = self.system.measured(record);
+            let mut there = vec![1.0; values.len()];
+            self.system.silence(record, &mut values);
+            self.system.silence(record, &mut there);
+            for span in self.system.signals(record) {
+                let Some(unit) = self.units.get(&span.signal) else { continue };
+                let samples = there[span.range.clone()].iter().sum::<f64>();
+                let own = values[span.range].iter().map(|value| value / unit);
+                let [count, sum, squares] = sums.entry(span.signal).or_default();
+                *count += samples;
+                *sum += own.clone().sum::<f64>();
+                *squares +=
+                    own.map(|value| value * value).sum::<f64>() - samples * (span.noise / unit).powi(2);
+            }
+        }
+        let variance = |[count, sum, squares]: &[f64; 3]| (squares / count - (sum / count).powi(2)).max(0.0);
+        (sums.values().map(variance).sum::<f64>() / sums.len().max(1) as f64).sqrt()
+    }
+
+    /// Root mean square of the sensor noise of some records over signals \[units\].
+    pub fn floor(&self, records: &[usize]) -> f64 {
+        let mut sums: BTreeMap<String, (f64, f64)> = BTreeMap::new();
+        for span in records.iter().flat_map(|&record| self.system.signals(record)) {
+            let Some(unit) = self.units.get(&span.signal) else { continue };
+            let sum = sums.entry(span.signal).or_default();
+            sum.0 += span.range.len() as f64 * (span.noise / unit).powi(2);
+            sum.1 += span.range.len() as f64;
+        }
+        (sums.values().map(|(square, count)| square / count).sum::<f64>() / sums.len().max(1) as f64).sqrt()
     }
 
     /// Root mean square over signals \[units\] of a system without local parameters; infinite where a prediction is no
@@ -152,6 +140,7 @@ mod tests {
         let held = HeldOut::new(&system, &units);
         // 12 t over [0, 1) has the rms 12/sqrt(3) = 6.93; the noise of 1 is taken off.
         assert!((held.error(&[0.0, 0.0], &[0, 1]) * 2.0 / 6.93 - 1.0).abs() < 0.02);
+        assert_eq!(held.floor(&[0, 1]).to_bits(), 0.5_f64.to_bits());
         let free = [Free { index: 0, bounds: (-1e3, 1e3), step: 1e-3, prior: None }];
         let found = fit(&system, &[0, 1], &[0.0, 0.0], &free, &[Vec::new(), Vec::new()], 5);
         // The mean square of 512 samples of unit noise scatters by 0.06.

@@ -17,6 +17,9 @@ const MAX_NOISE_LEFT: f64 = 2.0;
 /// Ratio of the errors of a proposed set and of the best model from which on it is not looked at further.
 const MAX_ERROR_RATIO_OF_SET: f64 = 1.1;
 
+/// Words that the report adds to the reason why an effect of a set was rejected before.
+const NEEDED: &str = "; the set of the last step needs it";
+
 /// Effects and parameters to start from.
 type Proposal = (Vec<usize>, Vec<f64>);
 
@@ -84,8 +87,8 @@ impl Run<'_> {
                 found.best = step.tried[0].model.clone();
                 let before = found.steps.iter_mut().flat_map(|own| &mut own.tried);
                 for own in before.filter(|own| found.best.added.contains(&own.candidate)) {
-                    if let Some(reason) = &mut own.rejected {
-                        reason.push_str("; the set of the last step needs it");
+                    if let Some(reason) = own.rejected.as_mut().filter(|reason| !reason.ends_with(NEEDED)) {
+                        reason.push_str(NEEDED);
                     }
                 }
                 found.equals.clear();
@@ -137,8 +140,8 @@ impl Run<'_> {
         };
         let mut model = again(&first);
         let mut error = self.held_out_error(&weights, &model);
-        let (base, best) = (again(base), again(best));
-        let [base_error, best_error] = [&base, &best].map(|own| self.held_out_error(&weights, own));
+        let best = again(best);
+        let best_error = self.held_out_error(&weights, &best);
         let most = |extra: usize, from: f64| {
             let extra = extra as f64;
             match demand {
@@ -152,9 +155,15 @@ impl Run<'_> {
             Demand::Rest => (1.0 - MIN_SHARE_OF_REST) * left,
         };
         // One effect too many may hide what the others bring, but not all of it.
-        if error > MAX_ERROR_RATIO_OF_SET * best_error {
+        let hopeless = match demand {
+            Demand::Each => MAX_ERROR_RATIO_OF_SET * best_error,
+            Demand::Rest => needed(best_error),
+        };
+        if error > hopeless {
             return None;
         }
+        let base = again(base);
+        let base_error = self.held_out_error(&weights, &base);
         let mut without: Vec<(f64, f64)> = Vec::new();
         'again: while model.added.len() > 1 {
             without.clear();

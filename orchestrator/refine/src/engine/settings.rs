@@ -84,7 +84,7 @@ impl ForwardSelection {
                 "min_held_out_share",
                 |s| s.min_held_out_share,
                 (0.0, 1.0),
-                "share of the error on held-out folds that an effect must take away beyond the corrections",
+                "share of the declared model's error on held-out folds, or of the spread of the records where that is less, that an effect must take away beyond the corrections",
             ),
             row(
                 "min_share_alone",
@@ -114,7 +114,7 @@ impl ForwardSelection {
                 "tie_share",
                 |s| s.tie_share,
                 (0.0, 1.0),
-                "difference of the error on held-out folds, as a share of the declared model's, within which two effects count as equal",
+                "difference of the error on held-out folds, as a share of the declared model's or of the spread of the records where that is less, within which two effects count as equal",
             ),
             row(
                 "min_form_share",
