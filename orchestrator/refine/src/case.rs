@@ -10,7 +10,7 @@ use super::rig::corrections;
 use super::rig::cylinder::Cylinder;
 use super::study::clipping::clipping;
 use super::study::declaration::words;
-use super::{outliers, regime};
+use super::{outliers, regime, spikes};
 use airloop_series::{TimeSeries, csv};
 
 /// Contents of `case.toml`: the declared model, its sensors and the list of records.
@@ -254,11 +254,13 @@ impl Case {
         // The command is sent, not measured: an outstanding sample of it is intended.
         let measured = declaration.sensors.iter().filter(|(_, sensor)| sensor.noise_rms > 0.0);
         let measured: Vec<&str> = measured.map(|(name, _)| name.as_str()).collect();
+        let integrates = |name: &&str| spikes::is_state(&declaration.sensors[*name].unit);
+        let states: Vec<&str> = measured.iter().copied().filter(integrates).collect();
         let (mut records, mut notes) = (Vec::new(), Vec::new());
         for file in &declaration.files {
             let path = folder.join(&file.name);
             let series = read_record(&path, &declaration)?;
-            let series = outliers::without(series, &file.name, &measured, &mut notes);
+            let series = outliers::without(series, &file.name, &measured, &states, &mut notes);
             records.push(series.map_err(|problem| Error::Case { path, problem })?);
         }
         notes.extend(check_regimes(&declaration, &records).map_err(refused)?);

@@ -18,6 +18,7 @@ mod regime;
 pub mod rig;
 pub mod selection_answer;
 pub mod sign;
+mod spikes;
 pub mod study;
 pub mod vocabulary;
 pub mod watch;

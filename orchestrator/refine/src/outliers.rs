@@ -3,6 +3,8 @@
 use airloop_series::TimeSeries;
 use airloop_series::frame::parts;
 
+use crate::spikes;
+
 /// Samples on each side whose median a sample is compared with: runs of up to three samples show as outliers.
 const NEIGHBORS: usize = 3;
 /// Samples on each side that show the local spread.
@@ -39,9 +41,7 @@ pub fn find(values: &[f64]) -> Vec<Outlier> {
     let mut sorted = values.to_vec();
     sorted.sort_by(f64::total_cmp);
     let range = sorted[(19 * (n - 1)) / 20] - sorted[(n - 1) / 20];
-    // At rest the noise of a sensor may be single flickers of its last digit.
-    let gaps = sorted.windows(2).map(|pair| pair[1] - pair[0]).filter(|gap| *gap > 0.0);
-    let digit = gaps.fold(f64::INFINITY, f64::min);
+    let digit = least_gap(&sorted);
     let neighbors = |k: usize| middle(values, k, NEIGHBORS, |j| values[j]);
     let deviation = |k: usize| values[k] - neighbors(k);
     let is_outlier = |k: usize, own: f64| {
@@ -81,6 +81,31 @@ pub fn find(values: &[f64]) -> Vec<Outlier> {
         }
     }
     found
+}
+
+/// Least distance of two values of a signal; infinite where there is one value.
+///
+/// At rest the noise of a sensor may be single flickers of its last digit.
+pub fn digit(values: &[f64]) -> f64 {
+    let mut sorted = values.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    least_gap(&sorted)
+}
+
+fn least_gap(sorted: &[f64]) -> f64 {
+    let gaps = sorted.windows(2).map(|pair| pair[1] - pair[0]).filter(|gap| *gap > 0.0);
+    gaps.fold(f64::INFINITY, f64::min)
+}
+
+/// Standard deviation of normal samples whose `sizes` have the median that these have.
+pub fn scatter(mut sizes: Vec<f64>) -> f64 {
+    let half = sizes.len() / 2;
+    *sizes.select_nth_unstable_by(half, f64::total_cmp).1 / MEDIAN_OF_NORMAL
+}
+
+/// The same of the samples around `k`.
+pub fn scatter_around(values: &[f64], k: usize) -> f64 {
+    middle(values, k, AROUND, |j| values[j].abs()) / MEDIAN_OF_NORMAL
 }
 
 /// Median of `of` over up to `reach` samples on each side of `k`; near an end as many samples, all of them inside.
@@ -174,7 +199,8 @@ pub fn emptied(series: TimeSeries, name: &str, columns: &[&str], notes: &mut Vec
     TimeSeries::with_channels(time, channels).ok().filter(|_| any).unwrap_or(series)
 }
 
-/// The record `name` without the outliers of its `columns`; a sentence on each goes to `notes`.
+/// The record `name` without the outliers of its `columns` and the spikes of those of them that are `states`; sentences
+/// on them go to `notes`.
 ///
 /// # Errors
 /// A sample that is too large to be squared: column, time and value.
@@ -182,6 +208,7 @@ pub fn without(
     series: TimeSeries,
     name: &str,
     columns: &[&str],
+    states: &[&str],
     notes: &mut Vec<String>,
 ) -> Result<TimeSeries, String> {
     for channel in series.channels() {
@@ -195,23 +222,12 @@ pub fn without(
             ));
         }
     }
-    let found: Vec<(usize, Vec<Outlier>)> = series
-        .channels()
-        .iter()
-        .enumerate()
-        .filter(|(_, channel)| columns.contains(&channel.name.as_str()))
-        .map(|(index, channel)| (index, find(&there(&channel.values).1)))
-        .filter(|(_, outliers)| !outliers.is_empty())
-        .collect();
-    if found.is_empty() {
-        return Ok(series);
-    }
     let (time, mut channels) = parts(series);
-    for (index, outliers) in &found {
-        let channel = &mut channels[*index];
+    for channel in channels.iter_mut().filter(|channel| columns.contains(&channel.name.as_str())) {
         let (places, mut values) = there(&channel.values);
-        for outlier in outliers {
-            let unit = channel.unit.as_deref().map(|unit| format!(" {unit}")).unwrap_or_default();
+        let unit = channel.unit.as_deref().map(|unit| format!(" {unit}")).unwrap_or_default();
+        let found = find(&values);
+        for outlier in &found {
             notes.push(format!(
                 "Outlier in {name}: `{}` is {}{unit} at {} s, its neighbors are near {}{unit}; {} replaced by the line between the samples before and after.",
                 channel.name,
@@ -224,7 +240,15 @@ pub fn without(
                 }
             ));
         }
-        bridge(&mut values, outliers);
+        bridge(&mut values, &found);
+        if states.contains(&channel.name.as_str()) {
+            let found = spikes::find(&values, digit(&values));
+            if let Some(first) = found.first() {
+                let first = format!("at {} s", time[places[first.first]]);
+                notes.push(spikes::note(name, &channel.name, found.len(), &first));
+            }
+            bridge(&mut values, &found);
+        }
         places.iter().zip(values).for_each(|(&k, value)| channel.values[k] = value);
     }
     let channels = channels.into_iter().map(|channel| (channel.name, channel.unit, channel.values)).collect();
@@ -311,13 +335,13 @@ mod tests {
             TimeSeries::with_channels(time.clone(), channels).unwrap()
         };
         let mut notes = Vec::new();
-        let cleaned = without(series(values.clone()), "trial_03.csv", &["x"], &mut notes).unwrap();
+        let cleaned = without(series(values.clone()), "trial_03.csv", &["x"], &[], &mut notes).unwrap();
         assert!(cleaned.channels()[0].values.iter().all(|value| value.abs() < 0.2));
         for part in ["trial_03.csv", "`x` is 10000000 m at 0.4 s"] {
             assert!(notes[0].contains(part), "{notes:?}");
         }
         values[400] = 1e153;
-        let problem = without(series(values), "trial_03.csv", &["x"], &mut notes).unwrap_err();
+        let problem = without(series(values), "trial_03.csv", &["x"], &[], &mut notes).unwrap_err();
         assert!(problem.contains("`x` is 1e153 at 0.4 s"), "{problem}");
     }
 }

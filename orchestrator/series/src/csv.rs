@@ -24,13 +24,14 @@ pub fn read(path: &Path) -> Result<TimeSeries, Error> {
     collect(Stream::whole(file, path)?, path)
 }
 
-/// Reads a CSV file some of whose columns have fewer samples: empty cells become NaN.
+/// Reads a CSV file some of whose columns have fewer samples: cells that are empty or `NaN`, as NumPy and MATLAB write
+/// them, become NaN.
 ///
 /// # Errors
 /// Same as [`read`].
-pub fn read_with_empty_cells(path: &Path) -> Result<TimeSeries, Error> {
+pub fn read_with_gaps(path: &Path) -> Result<TimeSeries, Error> {
     let file = super::file::open(path).map_err(|source| Error::Io { path: path.into(), source })?;
-    collect(Stream::whole(file, path)?.with_empty_cells(), path)
+    collect(Stream::whole(file, path)?.with_gaps(), path)
 }
 
 /// Reads CSV text; `path` is only used in messages.
@@ -128,14 +129,19 @@ mod tests {
     }
 
     #[test]
-    fn empty_cells_are_nan_where_they_are_allowed_and_nothing_else_is() {
+    fn empty_cells_and_nan_are_gaps_where_they_are_allowed() {
         let file = tempfile::NamedTempFile::new().unwrap();
         std::fs::write(file.path(), "time,a,b\n0,1,\n0.1,,2\n").unwrap();
-        let found = read_with_empty_cells(file.path()).unwrap();
+        let found = read_with_gaps(file.path()).unwrap();
         assert!(found.channels()[0].values[1].is_nan() && found.channels()[1].values[0].is_nan());
         assert!(read(file.path()).is_err());
-        std::fs::write(file.path(), "time,a\n0,1\n0.1,nan\n").unwrap();
-        assert!(read_with_empty_cells(file.path()).is_err());
+        std::fs::write(file.path(), "time,a\n0,1\n0.1,NaN\n0.2,3\n").unwrap();
+        assert!(read_with_gaps(file.path()).unwrap().channels()[0].values[1].is_nan());
+        assert!(read(file.path()).is_err());
+        for bad in ["time,a\n0,1\nnan,2\n", "time,a\n0,1\n0.1,inf\n", "time,a\n0,1\n0.1,none\n"] {
+            std::fs::write(file.path(), bad).unwrap();
+            assert!(read_with_gaps(file.path()).is_err(), "{bad}");
+        }
     }
 
     #[test]

@@ -46,15 +46,8 @@ pub struct Stream<R = File> {
     /// For each column of the file, which of the wanted ones it is.
     target: Vec<Option<usize>>,
     wanted: Vec<usize>,
-    gaps: Gaps,
-}
-
-/// Cells that are missing values; others that are no number are errors.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Gaps {
-    None,
-    Empty,
-    EmptyOrNan,
+    /// Whether cells may be missing values: empty or `NaN`.
+    gaps: bool,
 }
 
 impl Stream {
@@ -64,7 +57,7 @@ impl Stream {
     /// [`Error`] for the file, its header, or a column that is not there.
     pub fn open(path: &Path, wanted: &[String]) -> Result<Stream, Error> {
         let file = super::file::open(path).map_err(|source| Error::Io { path: path.into(), source })?;
-        let mut stream = Stream { gaps: Gaps::EmptyOrNan, ..Stream::begin(file, path)? };
+        let mut stream = Stream { gaps: true, ..Stream::begin(file, path)? };
         for name in wanted {
             let column = stream.names.iter().skip(1).position(|(known, _)| known == name);
             let Some(column) = column.map(|column| column + 1) else {
@@ -93,9 +86,9 @@ impl<R: Read> Stream<R> {
         Ok(stream)
     }
 
-    /// The same with empty cells as missing values (NaN).
-    pub(super) fn with_empty_cells(self) -> Stream<R> {
-        Stream { gaps: Gaps::Empty, ..self }
+    /// The same with cells that are empty or `NaN` as missing values (NaN).
+    pub(super) fn with_gaps(self) -> Stream<R> {
+        Stream { gaps: true, ..self }
     }
 
     /// Names and units of all columns; the first is `time`.
@@ -117,7 +110,7 @@ impl<R: Read> Stream<R> {
             seconds: Seconds::Times(1.0),
             target: Vec::new(),
             wanted: Vec::new(),
-            gaps: Gaps::None,
+            gaps: false,
         };
         while stream.last_break().is_none() && stream.fill()? {
             stream.check_length(1)?;
@@ -276,12 +269,8 @@ impl<R: Read> Stream<R> {
     fn number(&self, cell: &[u8], column: usize) -> Result<f64, Error> {
         let text = String::from_utf8_lossy(cell);
         let trimmed = text.trim().trim_matches('"').trim();
-        let missing = match self.gaps {
-            Gaps::None => false,
-            Gaps::Empty => trimmed.is_empty(),
-            Gaps::EmptyOrNan => trimmed.is_empty() || trimmed.eq_ignore_ascii_case("nan"),
-        };
-        if missing && column > 0 {
+        let missing = trimmed.is_empty() || trimmed.eq_ignore_ascii_case("nan");
+        if missing && self.gaps && column > 0 {
             return Ok(f64::NAN);
         }
         let (path, line, column) = (self.path.clone(), self.line, self.names[column].0.clone());

@@ -1,6 +1,7 @@
 //! Free forms at a port over the motion at other ports: a force that couples two joints or tanks depends on both
 //! motions.
 
+use super::extent::Extent;
 use super::free_form::FreeForm;
 use super::place::{CURVE_KNOTS, MAX_ERROR_WITHOUT_SECOND, SCREENING_KNOTS, SURFACE_KNOTS};
 use super::study::Finder;
@@ -36,7 +37,7 @@ impl Finder<'_> {
         declared: &Model,
         own: &FreeForm,
     ) -> Option<FreeForm> {
-        let known = study.taps.len();
+        let before = Extent::of(study);
         let pairs = pairs(study);
         if pairs.is_empty() || pairs.len() > MAX_PAIRS_OF_PORTS || stop::asked() {
             return None;
@@ -77,9 +78,8 @@ impl Finder<'_> {
         }
         let found = best.filter(|form| excess(form) < MAX_EXCESS_OVER_OWN * excess(own));
         if found.is_none() {
-            study.taps.truncate(known);
-            self.trace.truncate(known);
-            study.forget_instances();
+            before.restore(study);
+            self.trace.truncate(study.taps.len());
         }
         found
     }

@@ -10,6 +10,7 @@
 
 mod crossed;
 pub mod exact;
+mod extent;
 pub mod formula;
 pub mod found;
 mod free_form;

@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
+use super::extent::Extent;
 use super::found::{Law, as_effect, dissipation, parameters as law_parameters, told};
 use super::grammar::Axis;
 use super::surface::{Surface, knots};
@@ -92,16 +93,10 @@ pub fn explain(
     aim: Aim,
     say: Say,
 ) -> Option<Model> {
-    let known = [study.entries.len(), study.candidates.len(), study.surfaces.len(), study.own.len()];
-    let attachments = study.taps.len();
+    let before = Extent::of(study);
     let law = sought(study, scale, model, found, aim, say);
     if law.is_none() {
-        study.entries.truncate(known[0]);
-        study.candidates.truncate(known[1]);
-        study.surfaces.truncate(known[2]);
-        study.own.truncate(known[3]);
-        study.taps.truncate(attachments);
-        study.forget_instances();
+        before.restore(study);
     }
     law
 }

@@ -12,7 +12,7 @@ use super::explain::{Judge, Rest};
 use super::fits::{Fits, Model, pieces};
 use super::influence::declared_viscous;
 use super::integration;
-use super::law::{Law, Point};
+use super::law::Law;
 use super::model::{Action, Study, Target};
 use super::observability;
 use super::open::open;
@@ -21,8 +21,8 @@ use super::resolution;
 use super::ruling::{Ruling, alone, rule, rule_by_share, share};
 use super::search::{Say, Selection, confirm, search};
 use super::sign;
-use super::simulate::Piece;
 use super::smoothed;
+use super::spiked;
 use super::steps;
 use super::tolerance;
 use super::whole::Whole;
@@ -205,6 +205,7 @@ pub fn prepared(file: &File, say: Say) -> Result<Prepared, Error> {
     let fitted = declared(file, &study);
     let suspicion = sign::check(file, &mut study)?;
     let declared = fitted?;
+    spiked::silence(&mut study, &declared);
     let mut survey = {
         let fits = Fits::new(&study, vec![1.0; study.outputs.len()]);
         fits.view(&[], &fits.pieces).survey(&declared.parameters, &declared.locals)
@@ -214,7 +215,7 @@ pub fn prepared(file: &File, say: Say) -> Result<Prepared, Error> {
     let fed: Vec<bool> =
         (0..inputs.len()).map(|i| study.records.iter().all(|record| record.inputs[i].is_some())).collect();
     let place = |name: &str| inputs.iter().position(|input| input == name).filter(|&i| fed[i]);
-    let trace = trace(&study, &declared);
+    let trace = Fits::new(&study, vec![1.0; study.outputs.len()]).trace(&[], &declared);
     survey.trace(&trace);
     catalog::fill(&mut study, &attachments, &survey, &place);
     attach::fill(&mut study, &attachments, &file.effects, &trace);
@@ -289,17 +290,6 @@ fn stands_without(found: &Answer, rest: &Answer, settings: &Settings) -> bool {
     rest.verdict == Verdict::Effect
         && whole - part < rules.min_validated_share
         && whole - part < rules.min_share_of_rest * (1.0 - part)
-}
-
-/// Step and what the attachments show with the declared model, `[records][taps][n]`.
-fn trace(study: &Study, declared: &Fit) -> Vec<(f64, Vec<Vec<Point>>)> {
-    let fits = Fits::new(study, vec![1.0; study.outputs.len()]);
-    let view = fits.view(&[], &fits.pieces);
-    let one = |(r, piece): (usize, &Piece)| {
-        let step = study.records[piece.record].step;
-        (step, view.trace(r, &declared.parameters, &declared.locals[r]))
-    };
-    fits.pieces.iter().enumerate().map(one).collect()
 }
 
 /// Takes what smoothing adds to measured states from the model with the candidates `added`.

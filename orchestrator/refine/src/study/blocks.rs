@@ -16,7 +16,7 @@ pub struct Survey {
     pub ranges: Vec<[(f64, f64); 5]>,
     /// For each attachment: largest rate of that value; empty: not looked for.
     pub fastest: Vec<f64>,
-    /// For each attachment: positions at the samples, sorted; empty: not looked for.
+    /// For each attachment: positions at the samples; empty: not looked for.
     pub positions: Vec<Vec<f64>>,
 }
 
@@ -34,9 +34,7 @@ impl Survey {
         self.fastest = (0..self.ranges.len()).map(rate).collect();
         let positions = |tap: usize| {
             let own = records.iter().filter_map(|(_, taps)| taps.get(tap)).flatten();
-            let mut found: Vec<f64> = own.map(|point| point.position).collect();
-            found.sort_by(f64::total_cmp);
-            found
+            own.map(|point| point.position).collect()
         };
         self.positions = (0..self.ranges.len()).map(positions).collect();
     }

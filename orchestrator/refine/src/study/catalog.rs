@@ -62,6 +62,11 @@ impl Candidate {
         matches!(self.action, Action::Sensor { kind: Sensor::Quantization, .. })
     }
 
+    /// Whether it means nothing without the candidate `other`: presliding softens a level, it has none of its own.
+    pub fn acts_only_on(&self, other: usize) -> bool {
+        self.needs == Some(other) && matches!(self.action, Action::Block { law: Law::Presliding, .. })
+    }
+
     /// Whether searches look for it.
     pub fn is_searched(&self) -> bool {
         !self.probe && !self.is_resolution()

@@ -4,6 +4,7 @@ use std::ops::Range;
 
 use super::beside::Around;
 use super::declaration::{Initial, InitialWord, Role};
+use super::law::Point;
 use super::model::Study;
 use super::simulate::{Piece, View};
 use crate::engine::System;
@@ -171,6 +172,16 @@ impl<'a> Fits<'a> {
             corrected: true,
             begins: Vec::new(),
         }
+    }
+
+    /// Step \[s\] and what the attachments show with these candidates, `[records][taps][n]`.
+    pub fn trace(&self, added: &[usize], fit: &Fit) -> Vec<(f64, Vec<Vec<Point>>)> {
+        let view = self.view(added, &self.pieces);
+        let one = |(r, piece): (usize, &Piece)| {
+            let step = self.study.records[piece.record].step;
+            (step, view.trace(r, &fit.parameters, &fit.locals[r]))
+        };
+        self.pieces.iter().enumerate().map(one).collect()
     }
 
     /// Root mean square of residuals with the sum of squares `chi2` over all estimation records.

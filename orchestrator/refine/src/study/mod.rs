@@ -59,6 +59,7 @@ pub mod signal;
 pub mod simulate;
 pub mod smoothed;
 mod sparse;
+mod spiked;
 pub(crate) mod steps;
 mod taps;
 pub mod tolerance;

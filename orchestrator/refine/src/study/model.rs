@@ -200,7 +200,7 @@ pub struct Study {
     pub candidates: Vec<Candidate>,
     /// Ranges at each attachment: velocity, position, pressure force, pressure, the value that passes.
     pub ranges: Vec<[(f64, f64); 5]>,
-    /// Positions at each attachment with the declared model, sorted; empty: not looked for.
+    /// Positions at each attachment with the declared model; empty: not looked for.
     pub positions: Vec<Vec<f64>>,
     /// Restart of the simulation \[s\].
     pub windows: Option<f64>,

@@ -1,7 +1,7 @@
 //! Models refused for lack of physical sense: friction that drives, and shapes that lie outside the range of the
 //! records.
 
-use super::fits::Model;
+use super::fits::{Fits, Model};
 use super::law::{Law, Variable};
 use super::model::{Action, Study};
 
@@ -40,9 +40,7 @@ fn shown(study: &Study, model: &Model, c: usize) -> bool {
             p[first] > 0.0 && (low - travel..=high + travel).contains(&rest)
         }
         Law::EndStop | Law::LowerStop => {
-            let (pos, upper) = (p[first + 2], law == Law::EndStop);
-            let half = if upper { low + 0.5 * travel..=high } else { low..=low + 0.5 * travel };
-            half.contains(&pos) && contact(study, tap, pos, upper) <= MAX_CONTACT_SHARE
+            reached(study, model, tap, Stop { at: p[first + 2], upper: law == Law::EndStop })
         }
         Law::Limits => {
             let (below, above) = (p[first], p[first + 1]);
@@ -62,12 +60,35 @@ fn shown(study: &Study, model: &Model, c: usize) -> bool {
     }
 }
 
-/// Share of the samples in which the declared model lies behind a stop.
-fn contact(study: &Study, tap: usize, pos: f64, upper: bool) -> f64 {
-    let Some(positions) = study.positions.get(tap).filter(|own| !own.is_empty()) else { return 0.0 };
-    let below = positions.partition_point(|&x| x < pos);
-    let behind = if upper { positions.len() - below } else { below };
-    behind as f64 / positions.len() as f64
+/// An end stop.
+#[derive(Debug, Clone, Copy)]
+struct Stop {
+    at: f64,
+    /// Whether it holds back what moves up.
+    upper: bool,
+}
+
+impl Stop {
+    /// Whether it lies in its half of the travel and most positions are before it.
+    fn ends(self, positions: &[f64]) -> bool {
+        let beyond = |x: f64| if self.upper { x >= self.at } else { x <= self.at };
+        let low = positions.iter().copied().fold(f64::INFINITY, f64::min);
+        let high = positions.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        let middle = 0.5 * (low + high);
+        let half = if self.upper { middle..=high } else { low..=middle };
+        let behind = positions.iter().filter(|&&x| beyond(x)).count();
+        half.contains(&self.at) && behind as f64 <= MAX_CONTACT_SHARE * positions.len() as f64
+    }
+}
+
+/// Whether a stop ends the motion: that of the declared model, which nothing holds back there, or that with the stop.
+fn reached(study: &Study, model: &Model, tap: usize, stop: Stop) -> bool {
+    if study.positions.get(tap).is_some_and(|own| stop.ends(own)) {
+        return true;
+    }
+    let traces = Fits::new(study, vec![1.0; study.outputs.len()]).trace(&model.added, &model.fit);
+    let points = traces.iter().filter_map(|(_, taps)| taps.get(tap)).flatten();
+    stop.ends(&points.map(|point| point.position).collect::<Vec<f64>>())
 }
 
 /// Whether a fitted model takes energy out where friction should, over the whole range of the records.

@@ -6,7 +6,7 @@ use std::ops::Range;
 use super::declaration::{File, ForceRule, Initial, InitialWord, Role, Signal};
 use super::plant::Parameter;
 use super::{names, signal, sparse};
-use crate::{Error, outliers};
+use crate::{Error, outliers, spikes};
 use airloop_cosim::system::SystemGraph;
 use airloop_series::units::{Compatibility, compatible, lookup};
 use airloop_series::{Interpolation, TimeSeries, csv};
@@ -91,6 +91,15 @@ pub struct Layout {
 }
 
 impl Layout {
+    /// Columns of the outputs whose unit says that they integrate something.
+    fn states_among_outputs(&self) -> impl Iterator<Item = &str> {
+        let with_units = self.outputs.iter().zip(&self.units[2]);
+        let states = with_units.filter(|(signal, unit)| {
+            signal.unit.as_deref().or(unit.as_deref()).is_some_and(spikes::is_state)
+        });
+        states.filter_map(|(signal, _)| signal.column.as_deref())
+    }
+
     /// Signals in use: inputs, states, further signals, outputs.
     pub fn signals(&self) -> [Vec<Option<&Signal>>; 4] {
         [
@@ -296,6 +305,7 @@ pub fn records(file: &File, layout: &Layout, notes: &mut Vec<String>) -> Result<
     let measured = layout.signals().into_iter().flatten().flatten().filter(|signal| !signal.hold);
     let measured: Vec<&str> = measured.filter_map(Signal::source).map(String::as_str).collect();
     let compared: Vec<&str> = layout.outputs.iter().filter_map(Signal::source).map(String::as_str).collect();
+    let states: Vec<&str> = layout.states_among_outputs().collect();
     let read: Vec<&str> = layout.columns().map(String::as_str).collect();
     let mut grids: BTreeMap<&str, Grid> = BTreeMap::new();
     let mut found = Vec::new();
@@ -304,8 +314,9 @@ pub fn records(file: &File, layout: &Layout, notes: &mut Vec<String>) -> Result<
         let path = file.folder.join(&segment.file);
         let refuse = |problem: String| file.refuse(spanned, format!("{}: {problem}", path.display()));
         if !grids.contains_key(segment.file.as_str()) {
-            let series = csv::read_with_empty_cells(&path)?;
-            let series = outliers::without(series, &segment.file, &measured, notes).map_err(&refuse)?;
+            let series = csv::read_with_gaps(&path)?;
+            let series =
+                outliers::without(series, &segment.file, &measured, &states, notes).map_err(&refuse)?;
             let series = outliers::emptied(series, &segment.file, &compared, notes);
             let grid = grid(series, step).map_err(&refuse)?;
             if grid.gaps > 0 {
@@ -320,7 +331,7 @@ pub fn records(file: &File, layout: &Layout, notes: &mut Vec<String>) -> Result<
             slow.dedup();
             if !slow.is_empty() {
                 notes.push(format!(
-                    "{}: {} has empty cells; between its samples it is interpolated (held where `hold` says so), and errors count only where it was measured.",
+                    "{}: empty cells or NaN in {}; between samples the line counts (the last sample where `hold` says so), and errors count only where something was measured.",
                     segment.file,
                     slow.join(", ")
                 ));

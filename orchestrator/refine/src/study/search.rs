@@ -319,8 +319,7 @@ impl<'a> Search<'a> {
         'again: while best.added.len() > 1 && !stop::asked() {
             for &c in &best.added {
                 let rest: Vec<usize> = best.added.iter().copied().filter(|&other| other != c).collect();
-                let needs = |&other: &usize| self.study().candidates[other].needs == Some(c);
-                if rest.iter().any(needs) {
+                if rest.iter().any(|&other| self.study().candidates[other].acts_only_on(c)) {
                     continue;
                 }
                 let Some(mut without) = self.fits.fit_from(rest, &best.fit.parameters, &best.fit.locals)

@@ -1,0 +1,36 @@
+//! How far a study reaches before a search adds to it, so that what was of no use can be taken away again as a whole:
+//! a candidate whose attachment is gone would be simulated nowhere.
+
+use crate::study::model::Study;
+
+/// Lengths of the lists that a search for laws adds to.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Extent {
+    entries: usize,
+    candidates: usize,
+    surfaces: usize,
+    own: usize,
+    taps: usize,
+}
+
+impl Extent {
+    pub(super) fn of(study: &Study) -> Extent {
+        Extent {
+            entries: study.entries.len(),
+            candidates: study.candidates.len(),
+            surfaces: study.surfaces.len(),
+            own: study.own.len(),
+            taps: study.taps.len(),
+        }
+    }
+
+    /// Takes away what was added since.
+    pub(super) fn restore(self, study: &mut Study) {
+        study.entries.truncate(self.entries);
+        study.candidates.truncate(self.candidates);
+        study.surfaces.truncate(self.surfaces);
+        study.own.truncate(self.own);
+        study.taps.truncate(self.taps);
+        study.forget_instances();
+    }
+}

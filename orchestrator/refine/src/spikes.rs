@@ -1,0 +1,128 @@
+//! Single samples of a state that stand apart from the lines on both sides of them: no motion does that, a sensor does.
+//!
+//! Outliers of [`crate::outliers`] are so large that any signal shows them; these are a few times the noise. Only
+//! signals that integrate something (positions, speeds, pressures, currents) are searched: a force or an acceleration
+//! may be large for one sample, for instance in an impact.
+
+use airloop_series::units;
+
+use crate::outliers::{self, Outlier};
+
+/// Least mean distance of a spike from both lines, over the scatter of this mean around it: eleven times white noise.
+const MIN_OVER_SCATTER: f64 = 6.0;
+/// Least distance from either line, over the mean of both.
+const MIN_EITHER: f64 = 0.5;
+/// Greatest distance of the samples beside a spike, over its own.
+const MAX_BESIDE: f64 = 1.0 / 3.0;
+/// Greatest share of the samples: a signal with more spikes means them.
+const MAX_SHARE: f64 = 0.01;
+/// Units of signals that may jump.
+const JUMP: [&str; 5] = ["N", "N.m", "m/s2", "rad/s2", "V"];
+
+/// Whether a signal in `unit` integrates something.
+pub fn is_state(unit: &str) -> bool {
+    let same =
+        |own: &units::Unit, jump| units::lookup(jump).is_some_and(|jump| jump.exponents == own.exponents);
+    units::lookup(unit).is_some_and(|own| !JUMP.iter().any(|jump| same(&own, jump)))
+}
+
+/// A sentence on the spikes of a column; `first`: when the first is.
+pub fn note(record: &str, column: &str, count: usize, first: &str) -> String {
+    match count {
+        1 => format!(
+            "Outlier in {record}: `{column}` leaves its neighbors for one sample {first}, as no motion does; it counts for no error."
+        ),
+        _ => format!(
+            "{count} outliers in {record}: `{column}` leaves its neighbors for one sample, as no motion does, the first {first}; they count for no error."
+        ),
+    }
+}
+
+/// The spikes of a signal, or of what a model leaves of it; `digit`: least distance of two of its values.
+pub fn find(values: &[f64], digit: f64) -> Vec<Outlier> {
+    let n = values.len();
+    if n < 5 {
+        return Vec::new();
+    }
+    // Distances from the lines through the two samples before and the two after; the mean of both, and the lesser.
+    let mut mean = vec![0.0; n];
+    let mut least = vec![0.0; n];
+    for k in 2..n - 2 {
+        let before = values[k] - (2.0 * values[k - 1] - values[k - 2]);
+        let after = values[k] - (2.0 * values[k + 1] - values[k + 2]);
+        mean[k] = 0.5 * (before + after);
+        if before * after > 0.0 {
+            least[k] = before.abs().min(after.abs());
+        }
+    }
+    let whole = outliers::scatter(mean[2..n - 2].iter().map(|own| own.abs()).collect());
+    let floor = whole.max(digit);
+    let is_spike = |k: &usize| {
+        let own = mean[*k].abs();
+        own > MIN_OVER_SCATTER * floor
+            && least[*k] > MIN_EITHER * own
+            && least[k - 1].max(least[k + 1]) < MAX_BESIDE * own
+            && own > MIN_OVER_SCATTER * outliers::scatter_around(&mean, *k)
+    };
+    let one = |k| Outlier { first: k, count: 1, value: values[k], neighbors: values[k] - mean[k] };
+    let found: Vec<Outlier> = (2..n - 2).filter(is_spike).map(one).collect();
+    if found.len() as f64 > MAX_SHARE * n as f64 { Vec::new() } else { found }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{is_state, outliers};
+    use crate::outliers::Outlier;
+    use airloop_series::random::Random;
+
+    const NOISE: f64 = 1e-3;
+
+    fn find(values: &[f64]) -> Vec<Outlier> {
+        super::find(values, outliers::digit(values))
+    }
+
+    fn noisy(count: usize, motion: impl Fn(f64) -> f64) -> Vec<f64> {
+        let mut random = Random::new(3);
+        (0..count).map(|k| motion(0.01 * k as f64) + NOISE * random.normal()).collect()
+    }
+
+    #[test]
+    fn a_sample_of_twenty_times_the_noise_is_found_and_nothing_else() {
+        let mut values = noisy(20_000, |t| 0.1 * (3.0 * t).sin());
+        assert_eq!(find(&values), []);
+        let places = [2, 500, 7_000, 19_997];
+        places.iter().for_each(|&k| values[k] += 20.0 * NOISE);
+        let found = find(&values);
+        assert_eq!(found.iter().map(|own| own.first).collect::<Vec<_>>(), places);
+        assert!(found.iter().all(|own| (own.neighbors - values[own.first]).abs() > 10.0 * NOISE));
+    }
+
+    #[test]
+    fn reversals_stops_and_fast_motion_have_none() {
+        // A triangle (an impact seen by a position), a staircase, a motion that begins, and five samples per period.
+        assert_eq!(find(&noisy(3000, |t| (t % 1.0 - 0.5).abs())), []);
+        assert_eq!(find(&noisy(3000, |t| t.floor() % 3.0)), []);
+        assert_eq!(find(&noisy(3000, |t| (t - 15.0).max(0.0).powi(2))), []);
+        assert_eq!(find(&noisy(3000, |t| (125.66 * t).sin())), []);
+        let rounded: Vec<f64> =
+            (0..3000).map(|k| (1e2 * (0.002 * f64::from(k)).sin()).round() / 1e2).collect();
+        assert_eq!(find(&rounded), []);
+    }
+
+    #[test]
+    fn a_signal_full_of_spikes_means_them() {
+        let mut values = noisy(1000, |_| 0.0);
+        values.iter_mut().step_by(50).for_each(|value| *value += 0.1);
+        assert_eq!(find(&values), []);
+    }
+
+    #[test]
+    fn forces_and_accelerations_may_jump() {
+        for unit in ["m", "mm", "rad", "m/s", "Pa", "bar", "A", "K", "degC"] {
+            assert!(is_state(unit), "{unit}");
+        }
+        for unit in ["N", "kN", "N.m", "m/s2", "V", "mV", "no unit"] {
+            assert!(!is_state(unit), "{unit}");
+        }
+    }
+}

@@ -1,0 +1,42 @@
+//! Samples of outputs that stand apart from their neighbors in what the declared model leaves: where the motion is fast
+//! they do not show in the records themselves.
+
+use super::declaration::Role;
+use super::errors::initial;
+use super::fits::{Fits, pieces};
+use super::model::Study;
+use crate::engine::System;
+use crate::engine::fit::Fit;
+use crate::{outliers, spikes};
+
+/// Lets such samples count for no error; sentences on them go to the notes of the study.
+pub fn silence(study: &mut Study, declared: &Fit) {
+    let states: Vec<usize> =
+        (0..study.outputs.len()).filter(|&o| spikes::is_state(&study.outputs[o].unit)).collect();
+    // Record, output, samples.
+    let mut found: Vec<(usize, usize, Vec<usize>)> = Vec::new();
+    let fits = Fits::new(study, vec![1.0; study.outputs.len()]);
+    for role in [Role::Estimation, Role::Validation] {
+        let pieces = pieces(study, role);
+        let locals = initial(&fits, &[], &pieces, &declared.parameters);
+        let view = fits.view(&[], &pieces);
+        for (r, piece) in pieces.iter().enumerate() {
+            let left = view.residuals(r, &declared.parameters, &locals[r]);
+            let (n, record) = (piece.range.len(), &study.records[piece.record]);
+            for &o in &states {
+                let digit = outliers::digit(&record.outputs[o]);
+                let own = spikes::find(&left[o * n..(o + 1) * n], digit);
+                if !own.is_empty() {
+                    found.push((piece.record, o, own.iter().map(|spike| spike.first).collect()));
+                }
+            }
+        }
+    }
+    for (record, o, places) in found {
+        let (name, own) = (&study.outputs[o].name, &mut study.records[record]);
+        let first = format!("{:.6} s behind its begin", own.step * places[0] as f64);
+        study.notes.push(spikes::note(&own.name, name, places.len(), &first));
+        let measured = own.measured[o].get_or_insert_with(|| vec![true; own.n]);
+        places.into_iter().for_each(|k| measured[k] = false);
+    }
+}
