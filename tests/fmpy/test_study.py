@@ -140,7 +140,7 @@ def records(tmp_path, change):
         (lambda rows: [[t + 5000.0, a] for t, a in rows], ["clock", "5000", "swing.csv"]),
         (lambda rows: rows[:6], ["samples", "swing.csv"]),
         (lambda rows: rows[:200] + rows[150:], ["time", "swing.csv"]),
-        (lambda rows: [[t, float("nan") if 100 < i < 110 else a] for i, (t, a) in enumerate(rows)], ["swing.csv", "line"]),
+        (lambda rows: [[t, float("inf") if 100 < i < 110 else a] for i, (t, a) in enumerate(rows)], ["swing.csv", "line"]),
     ],
 )
 def test_records_that_do_not_fit_are_told_with_the_remedy(tmp_path, change, words):

@@ -62,9 +62,11 @@ def test_spring_coulomb_and_less_damping_are_answered_as_these(tmp_path, command
     assert result.returncode in (0, 12), result.stdout + result.stderr
     report = json.loads((tmp_path / "out" / "report.json").read_text())
     assert {name.split("@")[0] for name in named(report)} == {"spring", "coulomb", "viscous"}, result.stdout
+    # The slope of the friction takes 0.01 m/s: with the steps of integration of the declared model several times the noise is left.
+    assert report["complete"], result.stdout
     values = {e["id"].split("@")[0]: e["params"] for e in report["effects"] if e["selected"]}
-    assert values["spring"]["stiffness"]["value"] == pytest.approx(STIFFNESS, rel=0.01)
-    assert values["coulomb"]["force"]["value"] == pytest.approx(DRY, rel=0.02)
-    assert values["viscous"]["coef"]["value"] == pytest.approx(DAMPING - declared, rel=0.02)
+    assert values["spring"]["stiffness"]["value"] == pytest.approx(STIFFNESS, rel=1e-3)
+    assert values["coulomb"]["force"]["value"] == pytest.approx(DRY, rel=2e-3)
+    assert values["viscous"]["coef"]["value"] == pytest.approx(DAMPING - declared, rel=2e-3)
     run = start("run", tmp_path / "out" / "system" / "system.ssd", "--study", study, "-o", tmp_path / "run")
     assert run.returncode == 0, run.stderr

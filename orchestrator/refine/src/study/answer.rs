@@ -44,7 +44,23 @@ const EXACT_SHARE_OF_TIME: f64 = 0.5;
 /// # Errors
 /// A declaration, records or a system that do not fit together, and a declared model that cannot be simulated.
 pub fn answer(file: &File, settings: &Settings, say: Say) -> Result<(Answer, Evidence), Error> {
-    let Prepared { mut study, declared, suspicion, .. } = prepared(file, say)?;
+    let (found, substeps) = attempt(file, settings, 1, say)?;
+    let Some(substeps) = substeps.filter(|_| !stop::asked()) else { return Ok(found) };
+    say("again with finer steps of integration");
+    let (again, _) = attempt(file, settings, substeps, say)?;
+    // A search that had to end early knows less than the first.
+    Ok(if stop::asked() { found } else { again })
+}
+
+/// One search with at least so many steps of integration per sample, and how many the model that it found needs, if
+/// they are more and what it leaves is the error of its integration.
+fn attempt(
+    file: &File,
+    settings: &Settings,
+    least_substeps: usize,
+    say: Say,
+) -> Result<((Answer, Evidence), Option<usize>), Error> {
+    let Prepared { mut study, declared, suspicion, .. } = prepared(file, least_substeps, say)?;
     let scale = scales(&study, &declared);
     correct(&mut study, &scale, &[], &declared.parameters);
     let mut model = steps(&mut study, &scale, &declared);
@@ -133,6 +149,12 @@ pub fn answer(file: &File, settings: &Settings, say: Say) -> Result<(Answer, Evi
         Some(law) => listed_instead(&study, &scale, &judge, (selection, law), &mut found, (settings, say)),
         None => (selection, None),
     };
+    let finely = if with_law.is_some() {
+        None
+    } else {
+        finely(&mut study, &scale, (&judge, &selection), &found, settings)
+    };
+    let (selection, mut found) = finely.unwrap_or((selection, found));
     explained::refuse_where_nothing_is(&mut found, &first_place(&study));
     explained::refuse_where_validation_shows_more(&mut found, &first_place(&study));
     let refused = explained::refuse_what_explains_too_little(&mut found, &first_place(&study));
@@ -147,8 +169,34 @@ pub fn answer(file: &File, settings: &Settings, say: Say) -> Result<(Answer, Evi
     let shown = if found.verdict == Verdict::Effect { &selection.best } else { &selection.declared };
     let shown = with_law.as_ref().filter(|_| !refused).unwrap_or(shown);
     resolution::add(&fits, &selection, shown, &mut found);
+    let finer = if found.complete { None } else { integration::finer(&fits, shown) };
     let evidence = evidence::gather(&fits, [&selection.declared, shown], &found);
-    Ok((found, evidence))
+    Ok(((found, evidence), finer))
+}
+
+/// The same effects fitted with as many steps of integration as they need, if what they leave is its error and they
+/// leave noise then. Otherwise the study stays as it is.
+fn finely(
+    study: &mut Study,
+    scale: &[f64],
+    (judge, selection): (&Judge, &Selection),
+    found: &Answer,
+    settings: &Settings,
+) -> Option<(Selection, Answer)> {
+    if found.verdict != Verdict::Effect || found.complete || stop::asked() {
+        return None;
+    }
+    let coarse = study.substeps;
+    study.substeps = integration::finer(&Fits::new(study, scale.to_vec()), &selection.best)?;
+    let fits = Fits::new(study, scale.to_vec());
+    let best = exact::refitted(&fits, &selection.best);
+    if !judge.explained(&fits, &best) {
+        study.substeps = coarse;
+        return None;
+    }
+    let selection = Selection { best, exact: true, ..selection.clone() };
+    let found = assemble(&fits, judge, &selection, None, settings);
+    Some((selection, found))
 }
 
 /// Effects of the list in place of the law of an answer, where some do as well; else both as they are.
@@ -193,13 +241,14 @@ pub struct Prepared {
     pub suspicion: Option<sign::Suspicion>,
 }
 
-/// Reads a study, fits its declared model and fills in the candidates.
+/// Reads a study, fits its declared model with at least so many steps of integration per sample, and fills in the
+/// candidates.
 ///
 /// # Errors
 /// As [`answer`].
-pub fn prepared(file: &File, say: Say) -> Result<Prepared, Error> {
+pub fn prepared(file: &File, least_substeps: usize, say: Say) -> Result<Prepared, Error> {
     let (mut study, attachments) = open(file)?;
-    study.substeps = integration::substeps(&study);
+    study.substeps = integration::substeps(&study).max(least_substeps);
     study.unobservable = observability::unobservable(&study);
     say("fitting the declared model");
     let fitted = declared(file, &study);

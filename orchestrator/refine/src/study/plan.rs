@@ -35,7 +35,7 @@ pub struct Place {
 /// # Errors
 /// As [`super::answer::answer`].
 pub fn plan(file: &File) -> Result<Plan, Error> {
-    let Prepared { study, attachments, .. } = prepared(file, &|_| ())?;
+    let Prepared { study, attachments, .. } = prepared(file, 1, &|_| ())?;
     let kinds = |port: &str| -> Vec<String> {
         let own = study.candidates.iter().filter(|own| !own.probe && own.port == port);
         own.map(|own| own.id.to_owned()).collect()
