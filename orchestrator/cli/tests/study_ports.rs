@@ -93,7 +93,7 @@ fn velocity_and_position_of_each_joint_are_found_in_the_equations() {
 fn a_study_is_integrated_as_finely_as_its_sensors_can_tell() {
     let folder = tempfile::tempdir().unwrap();
     let path = study(folder.path(), [0.0; 2], STATED);
-    let substeps = || prepared(&File::read(&path).unwrap(), &|_| ()).unwrap().study.substeps;
+    let substeps = || prepared(&File::read(&path).unwrap(), 1, &|_| ()).unwrap().study.substeps;
     // At 4 ms a step is off by less than 1e-7 rad.
     assert_eq!(substeps(), 1);
     for name in ["one", "two", "three"] {
