@@ -242,7 +242,7 @@ pub fn without(
         }
         bridge(&mut values, &found);
         if states.contains(&channel.name.as_str()) {
-            let found = spikes::find(&values, digit(&values));
+            let found = spikes::find(&values, &values);
             if let Some(first) = found.first() {
                 let first = format!("at {} s", time[places[first.first]]);
                 notes.push(spikes::note(name, &channel.name, found.len(), &first));

@@ -14,6 +14,11 @@ const MIN_OVER_SCATTER: f64 = 6.0;
 const MIN_EITHER: f64 = 0.5;
 /// Greatest distance of the samples beside a spike, over its own.
 const MAX_BESIDE: f64 = 1.0 / 3.0;
+/// Samples on each side, behind those that a spike reaches, in which nothing comes near it: in a short fast transient the
+/// samples around it bend as much as itself.
+const QUIET: std::ops::RangeInclusive<usize> = 3..=10;
+/// Greatest distance there, over its own.
+const MAX_WHERE_QUIET: f64 = 0.5;
 /// Greatest share of the samples: a signal with more spikes means them.
 const MAX_SHARE: f64 = 0.01;
 /// Units of signals that may jump.
@@ -38,15 +43,38 @@ pub fn note(record: &str, column: &str, count: usize, first: &str) -> String {
     }
 }
 
-/// The spikes of a signal, or of what a model leaves of it; `digit`: least distance of two of its values.
-pub fn find(values: &[f64], digit: f64) -> Vec<Outlier> {
-    let n = values.len();
+/// The spikes of a record that `left` shows: the record itself, or what a model leaves of it. Where a model jumps a sample
+/// too early, what it leaves has a spike, and the record none.
+pub fn find(left: &[f64], record: &[f64]) -> Vec<Outlier> {
+    let n = left.len();
     if n < 5 {
         return Vec::new();
     }
-    // Distances from the lines through the two samples before and the two after; the mean of both, and the lesser.
-    let mut mean = vec![0.0; n];
-    let mut least = vec![0.0; n];
+    let (mean, least) = distances(left);
+    let (_, least_of_record) = distances(record);
+    let whole = outliers::scatter(mean[2..n - 2].iter().map(|own| own.abs()).collect());
+    let floor = whole.max(outliers::digit(record));
+    let is_spike = |k: &usize| {
+        let own = mean[*k].abs();
+        own > MIN_OVER_SCATTER * floor
+            && least[*k].min(least_of_record[*k]) > MIN_EITHER * own
+            && least[k - 1].max(least[k + 1]) < MAX_BESIDE * own
+            && own > MIN_OVER_SCATTER * outliers::scatter_around(&mean, *k)
+            && QUIET
+                .flat_map(|far| [k.checked_sub(far), k.checked_add(far)])
+                .flatten()
+                .all(|other| mean.get(other).is_none_or(|beside| beside.abs() < MAX_WHERE_QUIET * own))
+    };
+    let one = |k| Outlier { first: k, count: 1, value: record[k], neighbors: record[k] - mean[k] };
+    let found: Vec<Outlier> = (2..n - 2).filter(is_spike).map(one).collect();
+    if found.len() as f64 > MAX_SHARE * n as f64 { Vec::new() } else { found }
+}
+
+/// Distances of the samples from the lines through the two before and the two after: the mean of both, and the size of
+/// the lesser, zero where they have different signs.
+fn distances(values: &[f64]) -> (Vec<f64>, Vec<f64>) {
+    let n = values.len();
+    let (mut mean, mut least) = (vec![0.0; n], vec![0.0; n]);
     for k in 2..n - 2 {
         let before = values[k] - (2.0 * values[k - 1] - values[k - 2]);
         let after = values[k] - (2.0 * values[k + 1] - values[k + 2]);
@@ -55,30 +83,19 @@ pub fn find(values: &[f64], digit: f64) -> Vec<Outlier> {
             least[k] = before.abs().min(after.abs());
         }
     }
-    let whole = outliers::scatter(mean[2..n - 2].iter().map(|own| own.abs()).collect());
-    let floor = whole.max(digit);
-    let is_spike = |k: &usize| {
-        let own = mean[*k].abs();
-        own > MIN_OVER_SCATTER * floor
-            && least[*k] > MIN_EITHER * own
-            && least[k - 1].max(least[k + 1]) < MAX_BESIDE * own
-            && own > MIN_OVER_SCATTER * outliers::scatter_around(&mean, *k)
-    };
-    let one = |k| Outlier { first: k, count: 1, value: values[k], neighbors: values[k] - mean[k] };
-    let found: Vec<Outlier> = (2..n - 2).filter(is_spike).map(one).collect();
-    if found.len() as f64 > MAX_SHARE * n as f64 { Vec::new() } else { found }
+    (mean, least)
 }
 
 #[cfg(test)]
 mod tests {
-    use super::{is_state, outliers};
+    use super::is_state;
     use crate::outliers::Outlier;
     use airloop_series::random::Random;
 
     const NOISE: f64 = 1e-3;
 
     fn find(values: &[f64]) -> Vec<Outlier> {
-        super::find(values, outliers::digit(values))
+        super::find(values, values)
     }
 
     fn noisy(count: usize, motion: impl Fn(f64) -> f64) -> Vec<f64> {
@@ -107,6 +124,25 @@ mod tests {
         let rounded: Vec<f64> =
             (0..3000).map(|k| (1e2 * (0.002 * f64::from(k)).sin()).round() / 1e2).collect();
         assert_eq!(find(&rounded), []);
+    }
+
+    #[test]
+    fn a_model_that_jumps_a_sample_too_early_leaves_no_outlier() {
+        let record = noisy(3000, |t| t.floor() % 3.0);
+        let early = |k: usize| (0.01 * (k + 1) as f64 + 1e-9).floor() % 3.0;
+        let left: Vec<f64> = record.iter().enumerate().map(|(k, value)| value - early(k)).collect();
+        assert!(left.iter().filter(|own| own.abs() > 0.5).count() > 20);
+        assert_eq!(super::find(&left, &record), []);
+    }
+
+    #[test]
+    fn a_fast_transient_has_none() {
+        // A pressure behind a step of its command, a sample every third of its rise.
+        let step = |t: f64| if t < 0.0 { 0.0 } else { 1.0 - (-t / 0.02).exp() * (t / 0.01).cos() };
+        for shift in 0..10 {
+            let begin = 10.0 + 1e-3 * f64::from(shift);
+            assert_eq!(find(&noisy(3000, |t| step(t - begin))), []);
+        }
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! Port of a study, and variables there, over which a free form explains most of the residual.
 
 use super::free_form::FreeForm;
-use super::study::{Aim, Finder, Found, Outcome};
+use super::study::{Finder, Found, Outcome};
 use super::surface::Surface;
 use crate::answer::Answer;
 use crate::engine::stop;
@@ -152,7 +152,7 @@ impl Finder<'_> {
         let form = forms.swap_remove(at);
         let to_noise = |form: &FreeForm| form.at.smooth.held_out < MAX_ERROR_OF_NOISE * noise;
         let aim = self.aim;
-        let enough = |form: &FreeForm| (aim == Aim::Share || to_noise(form)) && enough(form);
+        let enough = |form: &FreeForm| (aim.is_share() || to_noise(form)) && enough(form);
         let crossed = if self.wide && form.at.smooth.held_out > MAX_ERROR_WITHOUT_SECOND * noise {
             self.crossed(study, declared, &form)
         } else {

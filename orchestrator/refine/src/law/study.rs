@@ -59,7 +59,16 @@ pub enum Aim {
         max_tolerances: f64,
     },
     /// A law that explains nearly all of the residual.
-    Share,
+    Share {
+        /// Share of what a law over other variables takes away that effects must take away to have the right form.
+        min_form_share: f64,
+    },
+}
+
+impl Aim {
+    pub(super) fn is_share(self) -> bool {
+        matches!(self, Aim::Share { .. })
+    }
 }
 
 pub(super) struct Finder<'a> {
@@ -128,7 +137,7 @@ fn sought(
         false => 1.0 - MIN_SHARE_ABOVE_NOISE,
     };
     let max_error = MAX_ERROR_OF_FREE_FORM * enough.max(judge.tolerated.max(judge.power).sqrt());
-    let wide = !partly || left > MAX_LEFT_FOR_SIMPLE_LAWS || aim != Aim::Share;
+    let wide = !partly || left > MAX_LEFT_FOR_SIMPLE_LAWS || !aim.is_share();
     let mut finder = Finder { aim, scale, say, corrections, quick, trace, windows, noise, max_error, wide };
     let Outcome { law, model, after } = finder.find(study, judge, base, found)?;
     let fits = finder.fits(study);
@@ -143,10 +152,9 @@ fn sought(
         return None;
     }
     if partly {
-        // Effects of the list stay unless a law leaves much less than they do.
-        if !law.named
-            || 1.0 - law.share > if complete { MAX_OF_EFFECTS_AT_NOISE } else { MAX_OF_EFFECTS } * left
-        {
+        // Effects of the list stay unless a law leaves much less than they do, or they have not its form.
+        let much = if complete { MAX_OF_EFFECTS_AT_NOISE } else { MAX_OF_EFFECTS } * left;
+        if !law.named || 1.0 - law.share > much && !imitated(study, found, &law, aim) {
             return None;
         }
         for effect in found.effects.iter_mut().filter(|effect| effect.selected) {
@@ -169,6 +177,24 @@ fn sought(
     found.after = after;
     found.parameters[1].clone_from(&model.fit.parameters);
     Some(model)
+}
+
+/// Whether the effects of an answer at the port of a law only imitate it: none of them depends on a variable of the law,
+/// and together they take much less away.
+fn imitated(study: &Study, found: &Answer, law: &Law, aim: Aim) -> bool {
+    let Aim::Share { min_form_share } = aim else { return false };
+    let is_selected = |own: &Candidate| found.effects.iter().any(|effect| effect.selected && own.is(effect));
+    let here = |c: &usize| {
+        let own = &study.candidates[*c];
+        own.port == law.port && matches!(own.action, Action::Block { .. }) && is_selected(own)
+    };
+    let effects: Vec<usize> = (0..study.candidates.len()).filter(here).collect();
+    let apart = |&c: &usize| {
+        explain::depends(study, c).iter().all(|own| !law.variables.iter().any(|name| name == own))
+    };
+    found.share.unwrap_or(0.0) < min_form_share * law.share
+        && !effects.is_empty()
+        && effects.iter().all(apart)
 }
 
 /// Signals at the attachments in the estimation records, `[taps][n]`: measured where an output shows the signal or its
@@ -336,7 +362,7 @@ impl Finder<'_> {
     ) -> Option<Outcome> {
         let model = extended(&found.model, study);
         let (mut model, mut fits) = (model, Fits { quick: false, ..self.fits(study) });
-        if self.aim == Aim::Share {
+        if self.aim.is_share() {
             model =
                 fits.fit_from(model.added.clone(), &model.fit.parameters, &model.fit.locals).unwrap_or(model);
         }
@@ -344,7 +370,7 @@ impl Finder<'_> {
         // the noise.
         let corrections = match self.aim {
             Aim::Noise { max_tolerances } => Some(corrections(study, max_tolerances)),
-            Aim::Share => judge.explained(&fits, &model).then(|| self.corrections.clone()),
+            Aim::Share { .. } => judge.explained(&fits, &model).then(|| self.corrections.clone()),
         };
         let in_noise = corrections.is_some();
         if let Some(corrections) = corrections {

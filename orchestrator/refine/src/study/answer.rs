@@ -141,7 +141,8 @@ fn attempt(
                 (selection, found, by_share) = (without.selection.clone(), rest, Some(without));
             }
             let base = by_share.as_ref().map_or(&selection.declared, |found| &found.corrected).clone();
-            let law = law::explain(&mut study, &scale, (&judge, &base), &mut found, Aim::Share, say);
+            let aim = Aim::Share { min_form_share: settings.forward_selection.min_form_share };
+            let law = law::explain(&mut study, &scale, (&judge, &base), &mut found, aim, say);
             (selection, found, law)
         }
     };

@@ -7,7 +7,7 @@ use super::fits::{Fits, pieces};
 use super::model::Study;
 use crate::engine::System;
 use crate::engine::fit::Fit;
-use crate::{outliers, spikes};
+use crate::spikes;
 
 /// Lets such samples count for no error; sentences on them go to the notes of the study.
 pub fn silence(study: &mut Study, declared: &Fit) {
@@ -24,8 +24,8 @@ pub fn silence(study: &mut Study, declared: &Fit) {
             let left = view.residuals(r, &declared.parameters, &locals[r]);
             let (n, record) = (piece.range.len(), &study.records[piece.record]);
             for &o in &states {
-                let digit = outliers::digit(&record.outputs[o]);
-                let own = spikes::find(&left[o * n..(o + 1) * n], digit);
+                let measured = &record.outputs[o][piece.range.clone()];
+                let own = spikes::find(&left[o * n..(o + 1) * n], measured);
                 if !own.is_empty() {
                     found.push((piece.record, o, own.iter().map(|spike| spike.first).collect()));
                 }
