@@ -14,8 +14,8 @@ const MIN_OVER_SCATTER: f64 = 6.0;
 const MIN_EITHER: f64 = 0.5;
 /// Greatest distance of the samples beside a spike, over its own.
 const MAX_BESIDE: f64 = 1.0 / 3.0;
-/// Samples on each side, behind those that a spike reaches, in which nothing comes near it: in a short fast transient the
-/// samples around it bend as much as itself.
+/// Samples on each side, behind those that a spike reaches, in which nothing comes near it: in a short fast transient
+/// the samples around it bend as much as itself.
 const QUIET: std::ops::RangeInclusive<usize> = 3..=10;
 /// Greatest distance there, over its own.
 const MAX_WHERE_QUIET: f64 = 0.5;
@@ -43,8 +43,8 @@ pub fn note(record: &str, column: &str, count: usize, first: &str) -> String {
     }
 }
 
-/// The spikes of a record that `left` shows: the record itself, or what a model leaves of it. Where a model jumps a sample
-/// too early, what it leaves has a spike, and the record none.
+/// The spikes of a record that `left` shows: the record itself, or what a model leaves of it. Where a model jumps a
+/// sample too early, what it leaves has a spike, and the record none.
 pub fn find(left: &[f64], record: &[f64]) -> Vec<Outlier> {
     let n = left.len();
     if n < 5 {

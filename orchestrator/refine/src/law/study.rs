@@ -179,8 +179,8 @@ fn sought(
     Some(model)
 }
 
-/// Whether the effects of an answer at the port of a law only imitate it: none of them depends on a variable of the law,
-/// and together they take much less away.
+/// Whether the effects of an answer at the port of a law only imitate it: none of them depends on a variable of the
+/// law, and together they take much less away.
 fn imitated(study: &Study, found: &Answer, law: &Law, aim: Aim) -> bool {
     let Aim::Share { min_form_share } = aim else { return false };
     let is_selected = |own: &Candidate| found.effects.iter().any(|effect| effect.selected && own.is(effect));
