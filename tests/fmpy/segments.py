@@ -12,3 +12,15 @@ def write_segments(folder, records, header, initial):
         role = "estimation" if k + 1 < len(records) else "validation"
         text += f'[[segment]]\nfile = "r{k}.csv"\nrole = "{role}"\ninitial = {begin}\n'
     return text
+
+
+def write_mass_study(folder, records, damping):
+    """A study of a mass of 1 kg with viscous friction `damping` [N s/m], at rest at first: records of time, held force and position."""
+    folder.mkdir()
+    text = (
+        f'system = "airloop:rigid-mass"\n[parameters]\nm = 1.0\nb = {damping}\n[inputs]\nF = {{ column = "u", hold = true }}\n'
+        '[outputs]\nx = { column = "x", unit = "m" }\n'
+    )
+    text += write_segments(folder, records, "time,u,x", len(records) * ["{ x = 0.0, v = 0.0 }"])
+    (folder / "study.toml").write_text(text)
+    return folder / "study.toml"

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from command import start
-from segments import write_segments
+from segments import write_mass_study
 from test_study import named, refine
 
 STEP, COUNT, FINE, NOISE = 0.01, 1000, 20, 1e-4
@@ -38,19 +38,12 @@ def held_steps(rng):
 
 
 def write_study(folder, seed, command=command, declared=DECLARED):
-    folder.mkdir()
-    text = (
-        f'system = "airloop:rigid-mass"\n[parameters]\nm = 1.0\nb = {declared}\n[inputs]\nF = {{ column = "u", hold = true }}\n'
-        '[outputs]\nx = { column = "x", unit = "m" }\n'
-    )
     rng, records = np.random.default_rng(seed), []
     for _ in range(3):
         u = command(rng)
         x = moved(u) + NOISE * rng.standard_normal(COUNT)
         records.append(np.column_stack([STEP * np.arange(COUNT), u, x]))
-    text += write_segments(folder, records, "time,u,x", 3 * ["{ x = 0.0, v = 0.0 }"])
-    (folder / "study.toml").write_text(text)
-    return folder / "study.toml"
+    return write_mass_study(folder, records, declared)
 
 
 @pytest.mark.parametrize(

@@ -4,7 +4,7 @@ viscous friction under held commands, whose motion is known in closed form."""
 import numpy as np
 import pytest
 
-from segments import write_segments
+from segments import write_mass_study
 from test_study import named, report
 
 STEP, COUNT, NOISE, DAMPING = 0.01, 1500, 1e-4, 1.5
@@ -29,20 +29,13 @@ def moved(u, dry=0.0):
 
 
 def write_study(folder, seed, dry, spoil):
-    folder.mkdir()
-    text = (
-        f'system = "airloop:rigid-mass"\n[parameters]\nm = 1.0\nb = {DAMPING}\n[inputs]\nF = {{ column = "u", hold = true }}\n'
-        '[outputs]\nx = { column = "x", unit = "m" }\n'
-    )
     rng, records = np.random.default_rng(seed), []
     for _ in range(3):
         u = command(rng)
         x = moved(u, dry) + NOISE * rng.standard_normal(COUNT)
         spoil(x, rng.choice(np.arange(5, COUNT - 5, 7), 8, replace=False), rng)
         records.append(np.column_stack([STEP * np.arange(COUNT), u, x]))
-    text += write_segments(folder, records, "time,u,x", 3 * ["{ x = 0.0, v = 0.0 }"])
-    (folder / "study.toml").write_text(text)
-    return folder / "study.toml"
+    return write_mass_study(folder, records, DAMPING)
 
 
 def spikes(x, places, rng):

@@ -6,10 +6,10 @@ use std::process::{Command, Output};
 
 use airloop_refine::amend;
 use airloop_refine::answer::{Answer, Effect, Parameter, Verdict, Wiring};
-use airloop_refine::study::answer::prepared;
 use airloop_refine::study::declaration::File;
 use airloop_refine::study::plan::plan;
 use airloop_refine::study::ports;
+use airloop_refine::study::prepared::prepared;
 use airloop_series::csv;
 use airloop_testing::joints;
 

@@ -10,7 +10,7 @@ use super::rig::corrections;
 use super::rig::cylinder::Cylinder;
 use super::study::clipping::clipping;
 use super::study::declaration::words;
-use super::{outliers, regime, spikes};
+use super::{cleaned, regime, spikes};
 use airloop_series::{TimeSeries, csv};
 
 /// Contents of `case.toml`: the declared model, its sensors and the list of records.
@@ -260,7 +260,7 @@ impl Case {
         for file in &declaration.files {
             let path = folder.join(&file.name);
             let series = read_record(&path, &declaration)?;
-            let series = outliers::without(series, &file.name, &measured, &states, &mut notes);
+            let series = cleaned::without(series, &file.name, &measured, &states, &mut notes);
             records.push(series.map_err(|problem| Error::Case { path, problem })?);
         }
         notes.extend(check_regimes(&declaration, &records).map_err(refused)?);

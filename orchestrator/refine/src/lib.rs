@@ -7,6 +7,7 @@ pub mod amend;
 pub mod answer;
 pub mod case;
 mod case_values;
+mod cleaned;
 pub mod engine;
 pub mod evidence;
 mod explained;

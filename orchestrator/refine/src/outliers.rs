@@ -1,10 +1,5 @@
 //! Samples of a sensor that no motion explains: detected, named, and bridged by the line between their neighbors.
 
-use airloop_series::TimeSeries;
-use airloop_series::frame::parts;
-
-use crate::spikes;
-
 /// Samples on each side whose median a sample is compared with: runs of up to three samples show as outliers.
 const NEIGHBORS: usize = 3;
 /// Samples on each side that show the local spread.
@@ -16,8 +11,6 @@ const MIN_SPREADS: f64 = 30.0;
 const MIN_SHARE_OF_RANGE: f64 = 0.5;
 /// Median of the deviations of normal noise over its standard deviation.
 const MEDIAN_OF_NORMAL: f64 = 0.6745;
-/// Magnitude from which on squares of samples overflow in sums.
-const MAX_MAGNITUDE: f64 = 1e100;
 
 /// A run of samples that are outliers.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -134,11 +127,6 @@ pub fn bridge(values: &mut [f64], outliers: &[Outlier]) {
     }
 }
 
-/// Places and values of the cells that are not empty.
-fn there(values: &[f64]) -> (Vec<usize>, Vec<f64>) {
-    values.iter().copied().enumerate().filter(|(_, value)| !value.is_nan()).unzip()
-}
-
 /// Longest run of samples that counts as a failure of a sensor.
 const MAX_RUN: usize = 50;
 /// Runs of a record up to which they are failures: a signal that jumps again and again means it.
@@ -174,85 +162,6 @@ pub fn failures(values: &[f64]) -> Vec<std::ops::Range<usize>> {
         }
     }
     if found.len() > MAX_RUNS || 2 * found.len() < jumps.len() { Vec::new() } else { found }
-}
-
-/// The record `name` with empty cells where a sensor failed for a while; a sentence on each goes to `notes`.
-pub fn emptied(series: TimeSeries, name: &str, columns: &[&str], notes: &mut Vec<String>) -> TimeSeries {
-    let (time, mut channels) = parts(series.clone());
-    let mut any = false;
-    for channel in channels.iter_mut().filter(|channel| columns.contains(&channel.name.as_str())) {
-        let (places, values) = there(&channel.values);
-        for run in failures(&values) {
-            any = true;
-            notes.push(format!(
-                "The sensor of `{}` failed in {name} from {} s to {} s, {} samples near {}: they count for no error.",
-                channel.name,
-                time[places[run.start]],
-                time[places[run.end - 1]],
-                run.len(),
-                values[run.start]
-            ));
-            run.for_each(|k| channel.values[places[k]] = f64::NAN);
-        }
-    }
-    let channels = channels.into_iter().map(|channel| (channel.name, channel.unit, channel.values)).collect();
-    TimeSeries::with_channels(time, channels).ok().filter(|_| any).unwrap_or(series)
-}
-
-/// The record `name` without the outliers of its `columns` and the spikes of those of them that are `states`; sentences
-/// on them go to `notes`.
-///
-/// # Errors
-/// A sample that is too large to be squared: column, time and value.
-pub fn without(
-    series: TimeSeries,
-    name: &str,
-    columns: &[&str],
-    states: &[&str],
-    notes: &mut Vec<String>,
-) -> Result<TimeSeries, String> {
-    for channel in series.channels() {
-        let large = channel.values.iter().position(|value| value.abs() > MAX_MAGNITUDE);
-        if let Some(k) = large {
-            return Err(format!(
-                "column `{}` is {:e} at {} s, beyond {MAX_MAGNITUDE:e}: no sensor shows that; cut the record or repair the sample",
-                channel.name,
-                channel.values[k],
-                series.time()[k]
-            ));
-        }
-    }
-    let (time, mut channels) = parts(series);
-    for channel in channels.iter_mut().filter(|channel| columns.contains(&channel.name.as_str())) {
-        let (places, mut values) = there(&channel.values);
-        let unit = channel.unit.as_deref().map(|unit| format!(" {unit}")).unwrap_or_default();
-        let found = find(&values);
-        for outlier in &found {
-            notes.push(format!(
-                "Outlier in {name}: `{}` is {}{unit} at {} s, its neighbors are near {}{unit}; {} replaced by the line between the samples before and after.",
-                channel.name,
-                outlier.value,
-                time[places[outlier.first]],
-                outlier.neighbors,
-                match outlier.count {
-                    1 => "the sample was".to_owned(),
-                    count => format!("{count} samples were"),
-                }
-            ));
-        }
-        bridge(&mut values, &found);
-        if states.contains(&channel.name.as_str()) {
-            let found = spikes::find(&values, &values);
-            if let Some(first) = found.first() {
-                let first = format!("at {} s", time[places[first.first]]);
-                notes.push(spikes::note(name, &channel.name, found.len(), &first));
-            }
-            bridge(&mut values, &found);
-        }
-        places.iter().zip(values).for_each(|(&k, value)| channel.values[k] = value);
-    }
-    let channels = channels.into_iter().map(|channel| (channel.name, channel.unit, channel.values)).collect();
-    TimeSeries::with_channels(time, channels).map_err(|error| error.to_string())
 }
 
 #[cfg(test)]
@@ -305,12 +214,6 @@ mod tests {
         assert_eq!(failures(&pulses), []);
         let step: Vec<f64> = (0..1000).map(|k| f64::from(u8::from(k > 500))).collect();
         assert_eq!(failures(&step), []);
-        let time: Vec<f64> = (0..1000).map(|k| 0.001 * f64::from(k)).collect();
-        let series = TimeSeries::with_channels(time, vec![("x".into(), None, values)]).unwrap();
-        let mut notes = Vec::new();
-        let found = emptied(series, "a.csv", &["x"], &mut notes);
-        assert_eq!(found.channels()[0].values.iter().filter(|value| value.is_nan()).count(), 30);
-        assert!(notes[0].contains("`x`") && notes[0].contains("0.4 s to 0.429 s"), "{notes:?}");
     }
 
     #[test]
@@ -323,25 +226,5 @@ mod tests {
         assert_eq!(find(&rest), []);
         let flicker: Vec<f64> = (0..1000).map(|k| if k % 211 == 0 { 1e-3 } else { 0.0 }).collect();
         assert_eq!(find(&flicker), []);
-    }
-
-    #[test]
-    fn the_note_names_record_signal_time_and_value() {
-        let mut values = swing();
-        values[400] = 1e7;
-        let time: Vec<f64> = (0..1000).map(|k| 0.001 * f64::from(k)).collect();
-        let series = |values| {
-            let channels = vec![("x".to_owned(), Some("m".to_owned()), values)];
-            TimeSeries::with_channels(time.clone(), channels).unwrap()
-        };
-        let mut notes = Vec::new();
-        let cleaned = without(series(values.clone()), "trial_03.csv", &["x"], &[], &mut notes).unwrap();
-        assert!(cleaned.channels()[0].values.iter().all(|value| value.abs() < 0.2));
-        for part in ["trial_03.csv", "`x` is 10000000 m at 0.4 s"] {
-            assert!(notes[0].contains(part), "{notes:?}");
-        }
-        values[400] = 1e153;
-        let problem = without(series(values), "trial_03.csv", &["x"], &[], &mut notes).unwrap_err();
-        assert!(problem.contains("`x` is 1e153 at 0.4 s"), "{problem}");
     }
 }

@@ -120,7 +120,7 @@ impl ForwardSelection {
                 "min_form_share",
                 |s| s.min_form_share,
                 (0.0, 1.0),
-                "share of what a free form over one variable takes away on held-out folds that effects must take away to have the right form",
+                "share of what a free form over one variable takes away on held-out folds that effects must take away to have the right form; the same of a law at their port over variables that none of them depends on, on validation records",
             ),
             row(
                 "min_share_of_rest",

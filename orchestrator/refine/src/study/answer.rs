@@ -3,8 +3,7 @@
 use std::collections::BTreeMap;
 
 use super::by_share::{self, ByShare};
-use super::catalog;
-use super::declaration::{Attachment, File, Role};
+use super::declaration::{File, Role};
 use super::effects::{effects, order, physical};
 use super::errors::{errors, floor, force, force_noise};
 use super::exact;
@@ -12,29 +11,23 @@ use super::explain::{Judge, Rest};
 use super::fits::{Fits, Model, pieces};
 use super::influence::declared_viscous;
 use super::integration;
-use super::law::Law;
-use super::model::{Action, Study, Target};
-use super::observability;
-use super::open::open;
+use super::model::{Study, Target};
+use super::prepared::{Prepared, prepared};
 use super::remarks;
 use super::resolution;
 use super::ruling::{Ruling, alone, rule, rule_by_share, share};
 use super::search::{Say, Selection, confirm, search};
-use super::sign;
 use super::smoothed;
-use super::spiked;
 use super::steps;
-use super::tolerance;
 use super::whole::Whole;
 use crate::Error;
 use crate::answer::{Answer, Correction, Effect, Settings, Verdict};
 use crate::engine::fit::{Fit, fit};
-use crate::engine::{System, stop};
+use crate::engine::stop;
 use crate::evidence::{Evidence, study as evidence};
 use crate::explained;
 use crate::law::listed;
 use crate::law::study::{self as law, Aim};
-use crate::vocabulary::attach;
 
 /// Share of a limited time that the search for an explanation to the noise may use.
 const EXACT_SHARE_OF_TIME: f64 = 0.5;
@@ -44,22 +37,24 @@ const EXACT_SHARE_OF_TIME: f64 = 0.5;
 /// # Errors
 /// A declaration, records or a system that do not fit together, and a declared model that cannot be simulated.
 pub fn answer(file: &File, settings: &Settings, say: Say) -> Result<(Answer, Evidence), Error> {
-    let (found, substeps) = attempt(file, settings, 1, say)?;
-    let Some(substeps) = substeps.filter(|_| !stop::asked()) else { return Ok(found) };
+    let first = attempt(file, settings, 1, say)?;
+    let Some(substeps) = first.finer.filter(|_| !stop::asked()) else { return Ok(first.found) };
     say("again with finer steps of integration");
-    let (again, _) = attempt(file, settings, substeps, say)?;
+    let again = attempt(file, settings, substeps, say)?;
     // A search that had to end early knows less than the first.
-    Ok(if stop::asked() { found } else { again })
+    Ok(if stop::asked() { first.found } else { again.found })
 }
 
-/// One search with at least so many steps of integration per sample, and how many the model that it found needs, if
-/// they are more and what it leaves is the error of its integration.
-fn attempt(
-    file: &File,
-    settings: &Settings,
-    least_substeps: usize,
-    say: Say,
-) -> Result<((Answer, Evidence), Option<usize>), Error> {
+/// Outcome of one search.
+struct Attempt {
+    found: (Answer, Evidence),
+    /// Steps of integration per sample that the model found needs, if they are more than it had and what it leaves is
+    /// the error of its integration.
+    finer: Option<usize>,
+}
+
+/// One search with at least so many steps of integration per sample.
+fn attempt(file: &File, settings: &Settings, least_substeps: usize, say: Say) -> Result<Attempt, Error> {
     let Prepared { mut study, declared, suspicion, .. } = prepared(file, least_substeps, say)?;
     let scale = scales(&study, &declared);
     correct(&mut study, &scale, &[], &declared.parameters);
@@ -150,12 +145,12 @@ fn attempt(
         Some(law) => listed_instead(&study, &scale, &judge, (selection, law), &mut found, (settings, say)),
         None => (selection, None),
     };
-    let finely = if with_law.is_some() {
-        None
-    } else {
+    let refitted = if with_law.is_none() {
         finely(&mut study, &scale, (&judge, &selection), &found, settings)
+    } else {
+        None
     };
-    let (selection, mut found) = finely.unwrap_or((selection, found));
+    let (selection, mut found) = refitted.unwrap_or((selection, found));
     explained::refuse_where_nothing_is(&mut found, &first_place(&study));
     explained::refuse_where_validation_shows_more(&mut found, &first_place(&study));
     let refused = explained::refuse_what_explains_too_little(&mut found, &first_place(&study));
@@ -172,7 +167,7 @@ fn attempt(
     resolution::add(&fits, &selection, shown, &mut found);
     let finer = if found.complete { None } else { integration::finer(&fits, shown) };
     let evidence = evidence::gather(&fits, [&selection.declared, shown], &found);
-    Ok(((found, evidence), finer))
+    Ok(Attempt { found: (found, evidence), finer })
 }
 
 /// The same effects fitted with as many steps of integration as they need, if what they leave is its error and they
@@ -230,54 +225,6 @@ fn listed_instead(
     (listed, None)
 }
 
-/// A study before the search.
-pub struct Prepared {
-    /// With its candidates.
-    pub study: Study,
-    /// Where effects may act.
-    pub attachments: Vec<Attachment>,
-    /// The fitted declared model.
-    pub declared: Fit,
-    /// A column whose sign the answer has to settle.
-    pub suspicion: Option<sign::Suspicion>,
-}
-
-/// Reads a study, fits its declared model with at least so many steps of integration per sample, and fills in the
-/// candidates.
-///
-/// # Errors
-/// As [`answer`].
-pub fn prepared(file: &File, least_substeps: usize, say: Say) -> Result<Prepared, Error> {
-    let (mut study, attachments) = open(file)?;
-    study.substeps = integration::substeps(&study).max(least_substeps);
-    study.unobservable = observability::unobservable(&study);
-    say("fitting the declared model");
-    let fitted = declared(file, &study);
-    let suspicion = sign::check(file, &mut study)?;
-    let declared = fitted?;
-    spiked::silence(&mut study, &declared);
-    let mut survey = {
-        let fits = Fits::new(&study, vec![1.0; study.outputs.len()]);
-        fits.view(&[], &fits.pieces).survey(&declared.parameters, &declared.locals)
-    };
-    study.ranges.clone_from(&survey.ranges);
-    let inputs: Vec<String> = study.graph.inputs.iter().map(|input| input.name.clone()).collect();
-    let fed: Vec<bool> =
-        (0..inputs.len()).map(|i| study.records.iter().all(|record| record.inputs[i].is_some())).collect();
-    let place = |name: &str| inputs.iter().position(|input| input == name).filter(|&i| fed[i]);
-    let trace = Fits::new(&study, vec![1.0; study.outputs.len()]).trace(&[], &declared);
-    survey.trace(&trace);
-    catalog::fill(&mut study, &attachments, &survey, &place);
-    attach::fill(&mut study, &attachments, &file.effects, &trace);
-    tolerance::fill(&mut study, file);
-    if study.candidates.is_empty() {
-        return Err(file.refuse_all(
-            "there is no effect to look for; add an [[attachment]] with an input, its channels, and the signals of velocity and position",
-        ));
-    }
-    Ok(Prepared { study, attachments, declared, suspicion })
-}
-
 /// The search for a share of the error beside corrections of declared parameters, where effects alone do not reach the
 /// noise or several of them do, which may stand for parameters that are slightly off.
 fn beside_corrections(search: &by_share::Search, exact: Selection) -> (Selection, Option<ByShare>) {
@@ -320,15 +267,14 @@ fn weakest_dependent(
         return None;
     }
     let needing = |c: usize| added.iter().map(|&o| &study.candidates[o]).filter(move |o| o.needs == Some(c));
-    let presliding =
-        |c: usize| needing(c).any(|own| matches!(own.action, Action::Block { law: Law::Presliding, .. }));
+    let softened = |c: usize| added.iter().any(|&other| study.candidates[other].acts_only_on(c));
     let shares = found.effects.iter().filter(|effect| effect.selected).map(|effect| effect.share);
     let least = search.settings.forward_selection.min_validated_share;
     order(search.fits, selection)
         .into_iter()
         .zip(shares)
         .filter_map(|(c, share)| Some((c, share?)))
-        .filter(|&(c, share)| share < least && !presliding(c))
+        .filter(|&(c, share)| share < least && !softened(c))
         .min_by(|a, b| (needing(a.0).count().cmp(&needing(b.0).count())).then(a.1.total_cmp(&b.1)))
 }
 
@@ -354,37 +300,6 @@ fn allow_less(study: &mut Study, viscous: &[(usize, f64)]) {
         let bounds = &mut study.entries[study.candidates[c].entries.start].free.bounds;
         bounds.0 = bounds.0.min(-coefficient);
     }
-}
-
-fn declared(file: &File, study: &Study) -> Result<Fit, Error> {
-    let spread = |o: usize| {
-        let values = study.records.iter().filter(|record| record.role == Role::Estimation);
-        let values: Vec<f64> = values.flat_map(|record| record.outputs[o].iter().copied()).collect();
-        let mean = values.iter().sum::<f64>() / values.len() as f64;
-        (values.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / values.len() as f64).sqrt()
-    };
-    let fits = Fits::new(study, (0..study.outputs.len()).map(spread).collect());
-    for role in [Role::Estimation, Role::Validation] {
-        let pieces = if role == Role::Estimation { fits.pieces.clone() } else { pieces(study, role) };
-        let view = fits.view(&[], &pieces);
-        for (piece, local) in Fits::locals(&view).iter().enumerate() {
-            let residuals = view.residuals(piece, &study.start(), local);
-            let Some(at) = residuals.iter().position(|value| !value.is_finite()) else { continue };
-            let record = &study.records[view.pieces[piece].record];
-            let cause = match study.failure() {
-                Some(failure) => failure,
-                // Fitted parameters and initial states may keep it from that.
-                None if role == Role::Validation => continue,
-                None => format!(
-                    "it diverges after {:.3} s; check parameters, units, initial states and step_s",
-                    (at % record.n) as f64 * record.step
-                ),
-            };
-            return Err(file
-                .refuse_all(format!("the declared model cannot be simulated on {}: {cause}", record.name)));
-        }
-    }
-    Ok(fits.declared().fit)
 }
 
 /// Error of the declared model by output on the estimation records, not less than the noise.

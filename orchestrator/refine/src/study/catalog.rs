@@ -340,8 +340,8 @@ fn plain_names(found: &mut [(String, String)], candidates: &[(String, Option<Str
     }
 }
 
-/// The Coulomb candidate that laws need which change a Coulomb level, where the declared model has none: a friction
-/// peak without friction at higher speed is no friction.
+/// The Coulomb candidate that laws are searched with which change a Coulomb level, where the declared model has none:
+/// most friction that has one of these shapes has a level, too. One that turns out to be zero is left out again.
 fn coulomb_beside(study: &Study, candidate: usize) -> Option<usize> {
     let Action::Block { law, tap } = study.candidates[candidate].action else { return None };
     let changes = [Law::Presliding, Law::Stribeck, Law::PositionCoulomb, Law::Asymmetry].contains(&law);

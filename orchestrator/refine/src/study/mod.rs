@@ -47,6 +47,7 @@ pub mod physical;
 pub mod plan;
 pub mod plant;
 pub mod ports;
+pub mod prepared;
 pub mod read;
 mod remarks;
 pub mod replay;

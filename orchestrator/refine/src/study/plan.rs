@@ -1,7 +1,7 @@
 //! Plan of a search without the search: ports, signals and candidates of a study.
 
-use super::answer::{Prepared, prepared};
 use super::declaration::File;
+use super::prepared::{Prepared, prepared};
 use crate::Error;
 
 /// Places and candidates of a study.
@@ -33,7 +33,7 @@ pub struct Place {
 /// Reads the study and simulates the declared model; fits and searches nothing else.
 ///
 /// # Errors
-/// As [`super::answer::answer`].
+/// As [`prepared`].
 pub fn plan(file: &File) -> Result<Plan, Error> {
     let Prepared { study, attachments, .. } = prepared(file, 1, &|_| ())?;
     let kinds = |port: &str| -> Vec<String> {

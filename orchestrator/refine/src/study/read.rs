@@ -6,7 +6,7 @@ use std::ops::Range;
 use super::declaration::{File, ForceRule, Initial, InitialWord, Role, Signal};
 use super::plant::Parameter;
 use super::{names, signal, sparse};
-use crate::{Error, outliers, spikes};
+use crate::{Error, cleaned, spikes};
 use airloop_cosim::system::SystemGraph;
 use airloop_series::units::{Compatibility, compatible, lookup};
 use airloop_series::{Interpolation, TimeSeries, csv};
@@ -316,8 +316,8 @@ pub fn records(file: &File, layout: &Layout, notes: &mut Vec<String>) -> Result<
         if !grids.contains_key(segment.file.as_str()) {
             let series = csv::read_with_gaps(&path)?;
             let series =
-                outliers::without(series, &segment.file, &measured, &states, notes).map_err(&refuse)?;
-            let series = outliers::emptied(series, &segment.file, &compared, notes);
+                cleaned::without(series, &segment.file, &measured, &states, notes).map_err(&refuse)?;
+            let series = cleaned::emptied(series, &segment.file, &compared, notes);
             let grid = grid(series, step).map_err(&refuse)?;
             if grid.gaps > 0 {
                 notes.push(format!(

@@ -17,8 +17,13 @@ pub fn silence(study: &mut Study, declared: &Fit) {
     let mut found: Vec<(usize, usize, Vec<usize>)> = Vec::new();
     let fits = Fits::new(study, vec![1.0; study.outputs.len()]);
     for role in [Role::Estimation, Role::Validation] {
-        let pieces = pieces(study, role);
-        let locals = initial(&fits, &[], &pieces, &declared.parameters);
+        let (pieces, locals) = if role == Role::Estimation {
+            (fits.pieces.clone(), declared.locals.clone())
+        } else {
+            let pieces = pieces(study, role);
+            let locals = initial(&fits, &[], &pieces, &declared.parameters);
+            (pieces, locals)
+        };
         let view = fits.view(&[], &pieces);
         for (r, piece) in pieces.iter().enumerate() {
             let left = view.residuals(r, &declared.parameters, &locals[r]);
@@ -27,7 +32,11 @@ pub fn silence(study: &mut Study, declared: &Fit) {
                 let measured = &record.outputs[o][piece.range.clone()];
                 let own = spikes::find(&left[o * n..(o + 1) * n], measured);
                 if !own.is_empty() {
-                    found.push((piece.record, o, own.iter().map(|spike| spike.first).collect()));
+                    found.push((
+                        piece.record,
+                        o,
+                        own.iter().map(|spike| piece.range.start + spike.first).collect(),
+                    ));
                 }
             }
         }

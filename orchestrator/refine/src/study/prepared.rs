@@ -1,0 +1,97 @@
+//! A study before its search: records read and cleaned, the declared model fitted, the candidates filled in.
+
+use super::catalog;
+use super::declaration::{Attachment, File, Role};
+use super::fits::{Fits, pieces};
+use super::integration;
+use super::model::Study;
+use super::observability;
+use super::open::open;
+use super::search::Say;
+use super::sign;
+use super::spiked;
+use super::tolerance;
+use crate::Error;
+use crate::engine::System;
+use crate::engine::fit::Fit;
+use crate::vocabulary::attach;
+
+/// A study before the search.
+pub struct Prepared {
+    /// With its candidates.
+    pub study: Study,
+    /// Where effects may act.
+    pub attachments: Vec<Attachment>,
+    /// The fitted declared model.
+    pub declared: Fit,
+    /// A column whose sign the answer has to settle.
+    pub suspicion: Option<sign::Suspicion>,
+}
+
+/// Reads a study, fits its declared model with at least so many steps of integration per sample, and fills in the
+/// candidates.
+///
+/// # Errors
+/// A declaration, records or a system that do not fit together, and a declared model that cannot be simulated.
+pub fn prepared(file: &File, least_substeps: usize, say: Say) -> Result<Prepared, Error> {
+    let (mut study, attachments) = open(file)?;
+    study.substeps = integration::substeps(&study).max(least_substeps);
+    study.unobservable = observability::unobservable(&study);
+    say("fitting the declared model");
+    let fitted = declared(file, &study);
+    let suspicion = sign::check(file, &mut study)?;
+    let declared = fitted?;
+    spiked::silence(&mut study, &declared);
+    let (mut survey, trace) = {
+        let fits = Fits::new(&study, vec![1.0; study.outputs.len()]);
+        let view = fits.view(&[], &fits.pieces);
+        (view.survey(&declared.parameters, &declared.locals), fits.trace(&[], &declared))
+    };
+    study.ranges.clone_from(&survey.ranges);
+    let inputs: Vec<String> = study.graph.inputs.iter().map(|input| input.name.clone()).collect();
+    let fed: Vec<bool> =
+        (0..inputs.len()).map(|i| study.records.iter().all(|record| record.inputs[i].is_some())).collect();
+    let place = |name: &str| inputs.iter().position(|input| input == name).filter(|&i| fed[i]);
+    survey.trace(&trace);
+    catalog::fill(&mut study, &attachments, &survey, &place);
+    attach::fill(&mut study, &attachments, &file.effects, &trace);
+    tolerance::fill(&mut study, file);
+    if study.candidates.is_empty() {
+        return Err(file.refuse_all(
+            "there is no effect to look for; add an [[attachment]] with an input, its channels, and the signals of velocity and position",
+        ));
+    }
+    Ok(Prepared { study, attachments, declared, suspicion })
+}
+
+/// Fits the declared model: its free parameters and initial states.
+fn declared(file: &File, study: &Study) -> Result<Fit, Error> {
+    let spread = |o: usize| {
+        let values = study.records.iter().filter(|record| record.role == Role::Estimation);
+        let values: Vec<f64> = values.flat_map(|record| record.outputs[o].iter().copied()).collect();
+        let mean = values.iter().sum::<f64>() / values.len() as f64;
+        (values.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / values.len() as f64).sqrt()
+    };
+    let fits = Fits::new(study, (0..study.outputs.len()).map(spread).collect());
+    for role in [Role::Estimation, Role::Validation] {
+        let pieces = if role == Role::Estimation { fits.pieces.clone() } else { pieces(study, role) };
+        let view = fits.view(&[], &pieces);
+        for (piece, local) in Fits::locals(&view).iter().enumerate() {
+            let residuals = view.residuals(piece, &study.start(), local);
+            let Some(at) = residuals.iter().position(|value| !value.is_finite()) else { continue };
+            let record = &study.records[view.pieces[piece].record];
+            let cause = match study.failure() {
+                Some(failure) => failure,
+                // Fitted parameters and initial states may keep it from that.
+                None if role == Role::Validation => continue,
+                None => format!(
+                    "it diverges after {:.3} s; check parameters, units, initial states and step_s",
+                    (at % record.n) as f64 * record.step
+                ),
+            };
+            return Err(file
+                .refuse_all(format!("the declared model cannot be simulated on {}: {cause}", record.name)));
+        }
+    }
+    Ok(fits.declared().fit)
+}
