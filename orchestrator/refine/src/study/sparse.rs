@@ -39,7 +39,7 @@ pub fn filled(series: &TimeSeries, interpolation: Interpolation) -> Result<TimeS
             let (own, values) = cells(time, &channel.values);
             if values.len() < MIN_SAMPLES {
                 return Err(format!(
-                    "column `{}` has {} values, all other cells are empty; a record needs at least {MIN_SAMPLES}",
+                    "column `{}` has {} values, all other cells are empty or NaN; a record needs at least {MIN_SAMPLES}",
                     channel.name,
                     values.len()
                 ));
