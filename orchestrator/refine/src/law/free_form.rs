@@ -4,6 +4,7 @@ use super::study::{Finder, extended, push};
 use super::surface::Surface;
 use super::surrogate::Approach;
 use crate::engine::fit::Free;
+use crate::engine::normal::columns;
 use crate::study::fits::{Fits, Model};
 use crate::study::law::{Law as Block, Variable};
 use crate::study::model::{Action, Entry, Study, Target};
@@ -79,7 +80,14 @@ impl Finder<'_> {
         };
         let free = [&own[..], &self.shared(study)[..]];
         let groups = self.groups(&surface.variables);
-        let at = Approach::begin(&view, &surface, &base.fit.parameters, free, &locals, groups)?;
+        // Heights of zero change nothing, whatever they are over.
+        let unmoved = self.unmoved.get_or_init(|| {
+            let records: Vec<usize> = (0..locals.len()).collect();
+            let starts: Vec<&[f64]> = locals.iter().map(Vec::as_slice).collect();
+            columns(&view, &records, &base.fit.parameters, free[1], &starts, true, None)
+        });
+        let p = &base.fit.parameters;
+        let at = Approach::begin(&view, &surface, p, free, &locals, groups, Some(unmoved))?;
         Some(FreeForm { tap, surface, candidate, at, error: declared.error, locals: base.fit.locals })
     }
 
@@ -102,7 +110,8 @@ impl Finder<'_> {
         let shared = self.shared(study);
         let free = [&heights[..], &shared[..]];
         let whole = fits.view(&[form.candidate], &fits.pieces);
-        let base = Approach::begin(&whole, &form.surface, &form.at.parameters, free, &form.locals, None)?;
+        let base =
+            Approach::begin(&whole, &form.surface, &form.at.parameters, free, &form.locals, None, None)?;
         let without = base.smooth.without;
         let (p, locals) = (base.parameters.clone(), base.locals.clone());
         let direct = base.toward(&whole, &form.surface, free, ROUNDS);
@@ -139,12 +148,12 @@ impl Finder<'_> {
     ) -> Option<Approach> {
         for part in GROWING_SHARES {
             let view = fits.view(&[form.candidate], &beginnings(&fits.pieces, part));
-            let at = Approach::begin(&view, &form.surface, &p, free, &locals, None)?;
+            let at = Approach::begin(&view, &form.surface, &p, free, &locals, None, None)?;
             let at = at.toward(&view, &form.surface, free, ROUNDS)?;
             (p, locals) = (at.parameters, at.locals);
         }
         let whole = fits.view(&[form.candidate], &fits.pieces);
-        let at = Approach::begin(&whole, &form.surface, &p, free, &locals, None)?;
+        let at = Approach::begin(&whole, &form.surface, &p, free, &locals, None, None)?;
         at.toward(&whole, &form.surface, free, 2 * ROUNDS)
     }
 }

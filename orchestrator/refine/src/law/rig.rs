@@ -253,7 +253,7 @@ impl Finder<'_> {
         let p = [&self.base[..], &vec![0.0; heights.len()]].concat();
         let locals = vec![Vec::new(); self.records.len()];
         let free = [&heights[..], &self.shared[..]];
-        let at = Approach::begin(&system, &surface, &p, free, &locals, None)?;
+        let at = Approach::begin(&system, &surface, &p, free, &locals, None, None)?;
         let at = if rounds > 0 { at.toward(&system, &surface, free, rounds)? } else { at };
         Some(FreeForm { place, surface, at })
     }

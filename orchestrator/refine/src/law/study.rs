@@ -1,7 +1,7 @@
 //! The law at a port of a study: free form, formula, exact fits, the answer.
 
 use std::collections::BTreeMap;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use super::extent::Extent;
 use super::found::{Law, as_effect, dissipation, parameters as law_parameters, told};
@@ -12,6 +12,7 @@ use super::written::name;
 use crate::answer::{Answer, Effect, Errors, Parameter, Verdict};
 use crate::engine::System;
 use crate::engine::fit::Free;
+use crate::engine::normal::Columns;
 use crate::engine::stop;
 use crate::study::answer;
 use crate::study::by_share;
@@ -89,6 +90,8 @@ pub(super) struct Finder<'a> {
     pub(super) max_error: f64,
     /// Whether laws over the motion at other ports and laws with a memory are tried.
     pub(super) wide: bool,
+    /// Residuals where free forms begin, and their derivatives by what is fitted along with them.
+    pub(super) unmoved: OnceLock<Vec<Columns>>,
 }
 
 /// Puts a law into an answer that found nothing to name, or effects that leave much; the model with it, if there is
@@ -138,7 +141,9 @@ fn sought(
     };
     let max_error = MAX_ERROR_OF_FREE_FORM * enough.max(judge.tolerated.max(judge.power).sqrt());
     let wide = !partly || left > MAX_LEFT_FOR_SIMPLE_LAWS || !aim.is_share();
-    let mut finder = Finder { aim, scale, say, corrections, quick, trace, windows, noise, max_error, wide };
+    let unmoved = OnceLock::new();
+    let mut finder =
+        Finder { aim, scale, say, corrections, quick, trace, windows, noise, max_error, wide, unmoved };
     let Outcome { law, model, after } = finder.find(study, judge, base, found)?;
     let fits = finder.fits(study);
     let complete = judge.explained(&fits, &model) || judge.tolerable(&fits, &model);

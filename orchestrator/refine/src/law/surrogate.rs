@@ -81,20 +81,31 @@ pub struct Smooth {
 
 impl Surrogate {
     /// Simulates around `p`, whose heights stand at `heights`; `shared`: parameters that are fitted along with them.
-    /// Records of one of the `groups` are held out together; without any, by their number.
+    /// Records of one of the `groups` are held out together; without any, by their number. `unmoved`: residuals and
+    /// derivatives there by the shared and local parameters, where they are known.
     pub fn new<S: System + ?Sized>(
         system: &S,
         surface: &Surface,
         p: &[f64],
-        heights: &[Free],
-        shared: &[Free],
+        [heights, shared]: [&[Free]; 2],
         locals: &[Vec<f64>],
         groups: Option<&[usize]>,
+        unmoved: Option<&[Columns]>,
     ) -> Surrogate {
         let free: Vec<Free> = heights.iter().chain(shared).copied().collect();
         let records: Vec<usize> = (0..locals.len()).collect();
         let starts: Vec<&[f64]> = locals.iter().map(Vec::as_slice).collect();
-        let found = columns(system, &records, p, &free, &starts, true, None);
+        let found = match unmoved {
+            None => columns(system, &records, p, &free, &starts, true, None),
+            Some(known) => {
+                let residuals = known.iter().map(|own| &own.residuals[..]).collect();
+                let mut found = columns(system, &records, p, heights, &starts, false, Some(residuals));
+                for (own, known) in found.iter_mut().zip(known) {
+                    own.columns.extend(known.columns.iter().cloned());
+                }
+                found
+            }
+        };
         // A law in time is the same in every record: only another record can tell whether it is one.
         let whole = groups.is_some()
             || records.len() >= MIN_RECORDS_FOR_WHOLE
@@ -253,7 +264,7 @@ pub struct Approach {
 }
 
 impl Approach {
-    /// The quadratic forms around a point.
+    /// The quadratic forms around a point; `unmoved`: see [`Surrogate::new`].
     pub fn begin<S: System + ?Sized>(
         system: &S,
         surface: &Surface,
@@ -261,8 +272,9 @@ impl Approach {
         free: [&[Free]; 2],
         locals: &[Vec<f64>],
         groups: Option<Vec<usize>>,
+        unmoved: Option<&[Columns]>,
     ) -> Option<Approach> {
-        let surrogate = Surrogate::new(system, surface, p, free[0], free[1], locals, groups.as_deref());
+        let surrogate = Surrogate::new(system, surface, p, free, locals, groups.as_deref(), unmoved);
         let smooth = surrogate.smooth()?;
         let (parameters, locals) = (p.to_vec(), locals.to_vec());
         Some(Approach { parameters, locals, chi2: f64::INFINITY, surrogate, smooth, groups })
@@ -302,7 +314,7 @@ impl Approach {
             (self.chi2, self.parameters, self.locals) = (found.chi2, found.parameters, found.locals);
             let groups = self.groups.as_deref();
             self.surrogate =
-                Surrogate::new(system, surface, &self.parameters, free[0], free[1], &self.locals, groups);
+                Surrogate::new(system, surface, &self.parameters, free, &self.locals, groups, None);
             self.smooth = self.surrogate.smooth()?;
             // The error of the declared model is that around no form.
             self.smooth.without = without;

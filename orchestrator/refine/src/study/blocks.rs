@@ -55,6 +55,8 @@ pub(super) struct Blocks<'a> {
     pub(super) p: &'a [f64],
     /// For each tap: law, its parameters, its states in `z`.
     pub(super) laws: Vec<Vec<Acting>>,
+    /// For each tap: velocity of the sign change of its friction.
+    pub(super) vt: Vec<f64>,
     pub(super) z: Vec<f64>,
     /// For each of these states: what an effect with a memory has seen.
     pub(super) memories: Vec<Memory>,
@@ -103,22 +105,26 @@ impl Blocks<'_> {
     }
 
     /// The value behind an attachment.
+    #[inline]
     pub(super) fn pass(&self, tap: usize, value: f64, slots: &[f64]) -> f64 {
         self.seen[tap].set(value);
+        // Most attachments have no law.
+        if self.laws[tap].is_empty() && self.survey.is_none() {
+            return value;
+        }
+        self.acted_on(tap, value, slots)
+    }
+
+    /// The value behind an attachment that has laws or is surveyed.
+    fn acted_on(&self, tap: usize, value: f64, slots: &[f64]) -> f64 {
         let point = self.point(tap, slots);
         if let Some(survey) = &self.survey {
             let Point { velocity, position, pressure_force, pressure, .. } = point;
             survey.borrow_mut().see(tap, [velocity, position, pressure_force, pressure, value]);
         }
-        if self.laws[tap].is_empty() {
-            return value;
-        }
         let own = &self.study.taps[tap];
-        // Coulomb friction that is fitted with the velocity of its sign change gives it to all friction here.
-        let fitted = self.laws[tap].iter().find(|(law, range, _)| *law == Law::Coulomb && range.len() == 2);
-        let vt = fitted.map_or(own.vt, |(_, range, _)| self.p[range.start + 1]);
         let from_sign_change = point.velocity - own.v0;
-        let s = || (from_sign_change / vt).tanh();
+        let s = || (from_sign_change / self.vt[tap]).tanh();
         let mut value = value;
         for (law, range, states) in &self.laws[tap] {
             let p = &self.p[range.clone()];

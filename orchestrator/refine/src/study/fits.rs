@@ -1,11 +1,13 @@
 //! Fits of a study in simulation: the declared model alone and with candidates, and their error on spans held out.
 
 use std::ops::Range;
+use std::sync::Arc;
 
 use super::beside::Around;
 use super::declaration::{Initial, InitialWord, Role};
 use super::law::Point;
 use super::model::Study;
+use super::remembered::Remembered;
 use super::simulate::{Piece, View};
 use crate::engine::System;
 use crate::engine::fit::{Fit, Free, fit};
@@ -62,6 +64,8 @@ pub struct Fits<'a> {
     pub quick: bool,
     /// Corrections of the declared model that are fitted along.
     pub corrections: Vec<Free>,
+    /// Simulations.
+    pub remembered: Arc<Remembered>,
 }
 
 /// Pieces of all records of a role.
@@ -139,7 +143,8 @@ impl<'a> Fits<'a> {
         let mut pieces = pieces(study, Role::Estimation);
         pieces.iter_mut().for_each(|piece| piece.range.start = settled(study, piece));
         let folds = folds(study, &pieces);
-        Fits { study, scale, pieces, folds, quick: false, corrections: Vec::new() }
+        let (corrections, remembered) = (Vec::new(), Arc::default());
+        Fits { study, scale, pieces, folds, quick: false, corrections, remembered }
     }
 
     /// With steps of second order where they change the error of a model by next to nothing.
@@ -171,6 +176,7 @@ impl<'a> Fits<'a> {
             substeps,
             corrected: true,
             begins: Vec::new(),
+            remembered: Arc::clone(&self.remembered),
         }
     }
 

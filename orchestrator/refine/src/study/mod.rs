@@ -50,6 +50,7 @@ pub mod ports;
 pub mod prepared;
 pub mod read;
 mod remarks;
+pub mod remembered;
 pub mod replay;
 mod resolution;
 pub(crate) mod ruling;

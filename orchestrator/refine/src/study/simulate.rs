@@ -2,6 +2,7 @@
 
 use std::cell::{Cell, RefCell};
 use std::ops::Range;
+use std::sync::Arc;
 
 use super::begin;
 use super::blocks::{Acting, Blocks, Survey};
@@ -12,6 +13,7 @@ use super::memory::Memory;
 use super::model::{Action, Sensor, Study, Target};
 use super::plant::Plant;
 use super::read::Record;
+use super::remembered::{Key, Outputs, Remembered};
 use crate::engine::noise::Noise;
 use crate::engine::{Span, System};
 
@@ -53,6 +55,8 @@ pub struct View<'a> {
     /// States at the start of each piece, `[pieces][nx]`: local parameters that are fitted along. Empty: pieces start
     /// as the study says.
     pub begins: Vec<Vec<f64>>,
+    /// Simulations of these and other pieces with these and other candidates.
+    pub remembered: Arc<Remembered>,
 }
 
 /// Values added to measured signals.
@@ -95,6 +99,12 @@ impl<'a> View<'a> {
             }
         }
         laws.iter_mut().for_each(|own| own.sort_by_key(|(law, ..): &Acting| law.rank()));
+        // Coulomb friction that is fitted with the velocity of its sign change gives it to all friction there.
+        let fitted = |laws: &[Acting]| {
+            let own = laws.iter().find(|(law, range, _)| *law == Law::Coulomb && range.len() == 2);
+            own.map(|(_, range, _)| p[range.start + 1])
+        };
+        let vt = study.taps.iter().zip(&laws).map(|(tap, own)| fitted(own).unwrap_or(tap.vt)).collect();
         let seen = [(f64::INFINITY, f64::NEG_INFINITY); 5];
         let survey = survey
             .then(|| RefCell::new(Survey { ranges: vec![seen; study.taps.len()], ..Survey::default() }));
@@ -102,6 +112,7 @@ impl<'a> View<'a> {
             study,
             p,
             laws,
+            vt,
             z: vec![0.0; count],
             memories: (0..count).map(|_| Memory::default()).collect(),
             time: 0.0,
@@ -136,7 +147,8 @@ impl<'a> View<'a> {
         found
     }
 
-    /// Outputs of a piece, one after the other; NaN from where the simulation cannot go on.
+    /// Outputs of a piece without the effects of the sensors, one after the other; NaN from where the simulation cannot
+    /// go on.
     fn simulate(
         &self,
         piece: &Piece,
@@ -156,8 +168,46 @@ impl<'a> View<'a> {
         if let Err(problem) = run() {
             self.study.failed(&problem);
         }
-        self.sense(piece, p, &mut out);
         out
+    }
+
+    /// Sample at which the simulation of a piece begins.
+    fn begin(&self, piece: &Piece) -> usize {
+        let from_start = self.begins.is_empty() && self.study.from_start(&self.study.records[piece.record]);
+        if from_start { 0 } else { piece.range.start }
+    }
+
+    /// Outputs of a piece without the effects of the sensors, from a simulation that was run before where there is one:
+    /// of all pieces that begin where it does.
+    fn remembered(&self, piece: &Piece, p: &[f64], locals: &[f64]) -> Vec<f64> {
+        let (begin, outputs) = (self.begin(piece), self.study.outputs.len());
+        let alike = |other: &&Piece| other.record == piece.record && self.begin(other) == begin;
+        let end =
+            self.pieces.iter().filter(alike).map(|other| other.range.end).fold(piece.range.end, usize::max);
+        let needed = (piece.range.end - begin) * outputs;
+        let whole: Outputs = self.remembered.get(self.key(piece, p, locals), needed, || {
+            let whole = Piece { record: piece.record, range: begin..end };
+            self.simulate(&whole, p, locals, &mut self.blocks(p, false), &Shift::default())
+        });
+        let n = whole.len() / outputs;
+        let own = |o: usize| &whole[o * n + piece.range.start - begin..o * n + piece.range.end - begin];
+        (0..outputs).flat_map(own).copied().collect()
+    }
+
+    /// All that the simulation of a piece depends on, however long it is: not the parameters of sensors.
+    fn key(&self, piece: &Piece, p: &[f64], locals: &[f64]) -> Key {
+        let flags = [self.quick, self.corrected, self.begins.is_empty()].map(u64::from);
+        let sensors = |c: &&usize| matches!(self.study.candidates[**c].action, Action::Sensor { .. });
+        let mut at = p.to_vec();
+        let own = self.active.iter().filter(sensors).flat_map(|&c| self.study.candidates[c].entries.clone());
+        own.chain(self.study.outputs.iter().filter_map(|output| output.offset)).for_each(|i| at[i] = 0.0);
+        let acting = self.active.iter().filter(|c| !sensors(c)).map(|&c| c as u64);
+        [piece.record as u64, self.begin(piece) as u64, self.substeps as u64]
+            .into_iter()
+            .chain(flags)
+            .chain(at.iter().chain(locals).map(|value| value.to_bits()))
+            .chain(acting)
+            .collect()
     }
 
     /// Commands of a piece with the effects that have a memory.
@@ -225,7 +275,7 @@ impl<'a> View<'a> {
             }
         };
         let own = !self.begins.is_empty();
-        let begin = if study.from_start(record) && !own { 0 } else { piece.range.start };
+        let begin = self.begin(piece);
         blocks.time = begin as f64 * step;
         blocks.now.set(blocks.time);
         let mut fixed = self.parameters(p);
@@ -430,7 +480,10 @@ impl<'a> View<'a> {
 
     /// As [`System::predict`], with something added to measured signals.
     pub fn shifted(&self, record: usize, p: &[f64], locals: &[f64], shift: &Shift) -> Vec<f64> {
-        self.simulate(&self.pieces[record], p, locals, &mut self.blocks(p, false), shift)
+        let piece = &self.pieces[record];
+        let mut out = self.simulate(piece, p, locals, &mut self.blocks(p, false), shift);
+        self.sense(piece, p, &mut out);
+        out
     }
 
     /// Values of the parameters of the system.
@@ -539,7 +592,10 @@ impl System for View<'_> {
     }
 
     fn predict(&self, record: usize, parameters: &[f64], locals: &[f64]) -> Vec<f64> {
-        self.shifted(record, parameters, locals, &Shift::default())
+        let piece = &self.pieces[record];
+        let mut out = self.remembered(piece, parameters, locals);
+        self.sense(piece, parameters, &mut out);
+        out
     }
 
     fn measured(&self, record: usize) -> Vec<f64> {

@@ -1,0 +1,99 @@
+//! Outputs of simulations that were run before: derivatives at the end of one fit are asked for again at the start of the
+//! next, and those of a whole record hold those of its spans.
+
+use std::collections::HashMap;
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// Values that the simulations of one half hold at most: 32 MB.
+const MAX_VALUES: usize = 4 << 20;
+
+/// Outputs of a simulation without the effects of the sensors, `[outputs][n]` from where it begins.
+pub type Outputs = Arc<Vec<f64>>;
+
+/// All that a simulation depends on besides the study: numbers as their bits.
+pub type Key = Vec<u64>;
+
+/// The last simulations of a study: those that were asked for since the younger half was full twice are forgotten.
+#[derive(Debug, Default)]
+pub struct Remembered(Mutex<Halves>);
+
+#[derive(Debug, Default)]
+struct Halves {
+    younger: HashMap<Key, Outputs>,
+    older: HashMap<Key, Outputs>,
+    /// Values in the younger half.
+    values: usize,
+}
+
+impl Halves {
+    fn insert(&mut self, key: Key, outputs: Outputs) {
+        self.values += outputs.len() + key.len();
+        if let Some(before) = self.younger.insert(key, outputs) {
+            self.values -= before.len();
+        }
+        if self.values > MAX_VALUES {
+            self.older = std::mem::take(&mut self.younger);
+            self.values = 0;
+        }
+    }
+}
+
+impl Remembered {
+    /// The simulation of this key with at least `count` values, where there is one; else what `simulate` gives.
+    pub fn get(&self, key: Key, count: usize, simulate: impl FnOnce() -> Vec<f64>) -> Outputs {
+        let long = |outputs: &&Outputs| outputs.len() >= count;
+        let lock = || self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        {
+            let mut halves = lock();
+            if let Some(found) = halves.younger.get(&key).filter(long) {
+                return Arc::clone(found);
+            }
+            if let Some(found) = halves.older.get(&key).filter(long).cloned() {
+                halves.insert(key, Arc::clone(&found));
+                return found;
+            }
+        }
+        let found = Arc::new(simulate());
+        lock().insert(key, Arc::clone(&found));
+        found
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_simulation_is_run_once_unless_it_was_too_short() {
+        let remembered = Remembered::default();
+        let ask = |key: u64, count: usize| {
+            let mut runs = 0;
+            let found = remembered.get(vec![key], count, || {
+                runs += 1;
+                vec![key as f64; count]
+            });
+            (runs, found.len())
+        };
+        assert_eq!(
+            [ask(1, 4), ask(1, 4), ask(1, 2), ask(1, 6), ask(2, 4)],
+            [(1, 4), (0, 4), (0, 4), (1, 6), (1, 4)]
+        );
+    }
+
+    #[test]
+    fn what_was_not_asked_for_lately_is_forgotten() {
+        let remembered = Remembered::default();
+        let ask = |key: u64| {
+            let mut runs = 0;
+            remembered.get(vec![key], 1, || {
+                runs += 1;
+                vec![0.0; MAX_VALUES / 3]
+            });
+            runs
+        };
+        assert_eq!([ask(0), ask(1), ask(0), ask(2), ask(3)], [1, 1, 0, 1, 1]);
+        // The first was asked for again while it was in a half that is left.
+        assert_eq!((0..9).map(|_| ask(0)).sum::<i32>() + ask(4) + ask(5) + ask(6), 3);
+        assert_eq!(ask(1), 1);
+    }
+}
