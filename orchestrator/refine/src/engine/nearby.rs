@@ -1,5 +1,5 @@
-//! Fits of the forward selection with derivatives of a point nearby: a step costs one simulation of every record instead
-//! of one for every parameter. Where these derivatives do not hold, a fit has its own.
+//! Fits of the forward selection with derivatives of a point nearby: a step costs one simulation of every record
+//! instead of one for every parameter. Where these derivatives do not hold, a fit has its own.
 
 use super::fit::Free;
 use super::forward_selection::{REFINEMENT_ROUNDS, ROUNDS, Run, Weights};
@@ -52,8 +52,8 @@ impl Run<'_> {
         })
     }
 
-    /// Effects fitted from the parameters `p`, with the derivatives `around` another model and those at the start that it
-    /// lacks, as long as these hold.
+    /// Effects fitted from the parameters `p`, with the derivatives `around` another model and those at the start that
+    /// it lacks, as long as these hold.
     pub(super) fn beside(
         &self,
         weights: &Weights,

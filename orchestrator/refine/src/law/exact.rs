@@ -26,8 +26,13 @@ const JUDGED: usize = 3;
 const MAX_DIFFERENCE_OF_EQUALS: f64 = 0.03;
 /// Ratio of the error of a formula to the less of that of the free form and of the noise, below which none comes.
 const MIN_ERROR_OVER_LEAST: f64 = 0.98;
-/// Share of the declared model's error from which on a fit to whole records may have missed its optimum.
+/// Share of the declared model's error, and ratio to that of the free form, up to one of which a fit to whole records
+/// is at its optimum.
 const MAX_ERROR_OVER_DECLARED: f64 = 0.5;
+const MAX_ERROR_OVER_FREE_FORM: f64 = 1.1;
+/// Share of the declared model's power above noise from which on a free form leaves too much for any law: a law that is
+/// an answer leaves next to nothing of it.
+const MAX_EXCESS_OF_FREE_FORM: f64 = 0.5;
 
 /// A formula that was fitted exactly.
 struct Tried {
@@ -77,7 +82,10 @@ impl Finder<'_> {
         let whole = if self.windows.is_some() { self.whole(study, form.clone()) } else { None };
         let whole = whole.as_ref().unwrap_or(form);
         // A formula takes no more than the free form, which therefore tells whether one can be the answer.
-        if whole.error > self.max_error {
+        let noise = self.noise / self.samples(study).max(1) as f64;
+        let excess = |error: f64| (error * error - noise).max(0.0);
+        let leaves_much = excess(whole.error) > MAX_EXCESS_OF_FREE_FORM * excess(declared.error);
+        if whole.error > self.max_error || leaves_much {
             return None;
         }
         let place = Place { form, whole, axes: &axes, units: &units };
@@ -151,8 +159,10 @@ impl Finder<'_> {
         let (c, p) = self.start(study, place, &effect, &values);
         let (fits, locals) = (self.fits(study), &place.whole.locals);
         let direct = fits.fit_from(vec![c], &p, locals);
+        let near =
+            (MAX_ERROR_OVER_DECLARED * declared.error).max(MAX_ERROR_OVER_FREE_FORM * place.whole.error);
         let model = match direct {
-            Some(model) if model.error < MAX_ERROR_OVER_DECLARED * declared.error => Some(model),
+            Some(model) if model.error < near => Some(model),
             // From the beginning of the records on: whole ones may end anywhere.
             direct => {
                 let grown = fits.grow(&[c], &fits.pieces, &p, &fits.free(&[c]), &GROWING_SHARES, 8);

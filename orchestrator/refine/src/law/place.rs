@@ -250,7 +250,7 @@ impl Finder<'_> {
     }
 
     /// Samples of the estimation records, of all outputs.
-    fn samples(&self, study: &Study) -> usize {
+    pub(super) fn samples(&self, study: &Study) -> usize {
         self.trace.first().map_or(0, Vec::len) * study.outputs.len()
     }
 }

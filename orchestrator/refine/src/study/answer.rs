@@ -247,11 +247,29 @@ fn beside_corrections(search: &by_share::Search, exact: Selection) -> (Selection
     // A parameter that is off by as much as a correction may be is an effect.
     let reach = 0.98 * settings.forward_selection.max_tolerances;
     let known = found.corrections.iter().all(|own| own.moved.abs() < reach * own.tolerance);
-    let simpler = known && found.selection.best.added.len() < exact.best.added.len();
+    let fewer = found.selection.best.added.len() < exact.best.added.len();
+    let simpler = known && fewer && are_likelier(fits, &found, &exact.best);
     if explained && !(simpler && judge.explained(fits, &found.selection.best)) {
         return (exact, None);
     }
     (found.selection.clone(), Some(found))
+}
+
+/// Whether the corrections beside some effects are likelier than the further effects of a model that needs none.
+fn are_likelier(fits: &Fits, found: &ByShare, model: &Model) -> bool {
+    let parameters =
+        |added: &[usize]| -> usize { added.iter().map(|&c| fits.study.candidates[c].entries.len()).sum() };
+    let more = parameters(&model.added).saturating_sub(parameters(&found.selection.best.added)).max(1);
+    let moved: Vec<f64> = found.corrections.iter().map(|own| own.moved / own.tolerance).collect();
+    are_cheaper(&moved, more, fits.count(&fits.pieces))
+}
+
+/// Whether parameters that are off, each by so many tolerances, cost less than so many `more` parameters of effects:
+/// their sum of squares against the price of these in the Bayesian information criterion. Several that are all off by
+/// two tolerances stand for one effect that does what they do together.
+fn are_cheaper(moved: &[f64], more: usize, samples: usize) -> bool {
+    let surprise: f64 = moved.iter().map(|own| own * own).sum();
+    surprise <= more as f64 * (samples.max(2) as f64).ln()
 }
 
 /// The weakest effect that explains little without the other effects, and the share of the error on validation records
@@ -538,4 +556,17 @@ pub(crate) fn fitted(study: &Study, p: &[f64]) -> Vec<(String, f64)> {
         _ => None,
     };
     own.filter_map(value).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn many_parameters_off_by_two_tolerances_cost_more_than_one_effect() {
+        // ln(30 000) = 10.3.
+        assert!(are_cheaper(&[1.0; 10], 1, 30_000));
+        assert!(!are_cheaper(&[2.1; 6], 1, 30_000));
+        assert!(are_cheaper(&[2.1; 6], 3, 30_000));
+    }
 }

@@ -1,5 +1,5 @@
-//! Outputs of simulations that were run before: derivatives at the end of one fit are asked for again at the start of the
-//! next, and those of a whole record hold those of its spans.
+//! Outputs of simulations that were run before: derivatives at the end of one fit are asked for again at the start of
+//! the next, and those of a whole record hold those of its spans.
 
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, PoisonError};
