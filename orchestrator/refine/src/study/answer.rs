@@ -260,7 +260,8 @@ fn are_likelier(fits: &Fits, found: &ByShare, model: &Model) -> bool {
     let parameters =
         |added: &[usize]| -> usize { added.iter().map(|&c| fits.study.candidates[c].entries.len()).sum() };
     let more = parameters(&model.added).saturating_sub(parameters(&found.selection.best.added)).max(1);
-    let moved: Vec<f64> = found.corrections.iter().map(|own| own.moved / own.tolerance).collect();
+    let known = found.corrections.iter().filter(|own| own.tolerance > 0.0);
+    let moved: Vec<f64> = known.map(|own| own.moved / own.tolerance).collect();
     are_cheaper(&moved, more, fits.count(&fits.pieces))
 }
 

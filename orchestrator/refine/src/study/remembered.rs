@@ -27,9 +27,10 @@ struct Halves {
 
 impl Halves {
     fn insert(&mut self, key: Key, outputs: Outputs) {
-        self.values += outputs.len() + key.len();
+        let keys = key.len();
+        self.values += keys + outputs.len();
         if let Some(before) = self.younger.insert(key, outputs) {
-            self.values -= before.len();
+            self.values -= keys + before.len();
         }
         if self.values > MAX_VALUES {
             self.older = std::mem::take(&mut self.younger);

@@ -177,8 +177,8 @@ impl<'a> View<'a> {
         if from_start { 0 } else { piece.range.start }
     }
 
-    /// Outputs of a piece without the effects of the sensors, from a simulation that was run before where there is one:
-    /// of all pieces that begin where it does.
+    /// Outputs of a piece without the effects of the sensors, from a simulation that was run before where there is one.
+    /// A new one goes on to the end of all pieces that begin where this one does.
     fn remembered(&self, piece: &Piece, p: &[f64], locals: &[f64]) -> Vec<f64> {
         let (begin, outputs) = (self.begin(piece), self.study.outputs.len());
         let alike = |other: &&Piece| other.record == piece.record && self.begin(other) == begin;
