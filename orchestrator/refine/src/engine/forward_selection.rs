@@ -197,7 +197,8 @@ impl<'a> Run<'a> {
         let mut error = self.fitted_error(&model);
         let mut weights = self.weights(&model.fit.parameters, &model.fit.locals);
         for _ in 0..MAX_REWEIGHTS {
-            let next = self.again(&weights, &model);
+            let fit = &model.fit;
+            let next = self.fit(&weights, &model.added, &fit.parameters, &fit.locals, REFINEMENT_ROUNDS);
             let left = self.fitted_error(&next);
             if left > MAX_ERROR_RATIO_OF_REWEIGHTS * error || stop::asked() {
                 break;
@@ -292,7 +293,9 @@ impl<'a> Run<'a> {
             .collect();
         fitted.sort_by(|a, b| a.0.total_cmp(&b.0));
         let Some(best) = fitted.first_mut() else { return (Vec::new(), weights.clone()) };
-        let (model, weights) = self.reweighed(best.1.clone());
+        let Model { added, fit, .. } = &best.1;
+        let own = self.fit(weights, added, &fit.parameters, &fit.locals, ROUNDS);
+        let (model, weights) = self.reweighed(own);
         best.1 = model;
         let base = self.again(&weights, base);
         let base_error = self.held_out_error(&weights, &base);
@@ -306,7 +309,13 @@ impl<'a> Run<'a> {
             let again = rank < REFITTED_CANDIDATES;
             let mut reference = (base.fit.chi2, if again { base_error } else { base_fitted });
             if again {
-                model = self.again(&weights, &model);
+                model = self.fit(
+                    &weights,
+                    &model.added,
+                    &model.fit.parameters,
+                    &model.fit.locals,
+                    REFINEMENT_ROUNDS,
+                );
                 error = self.held_out_error(&weights, &model);
             }
             if let Some(same) = q.same(candidate).filter(|_| again) {

@@ -1,6 +1,6 @@
 //! Several effects at once, where each alone shows little.
 
-use super::forward_selection::Run;
+use super::forward_selection::{REFINEMENT_ROUNDS, ROUNDS, Run};
 use super::question::{Found, Step, Tried};
 use super::search::Model;
 use super::stop;
@@ -132,12 +132,15 @@ impl Run<'_> {
         demand: Demand,
     ) -> Option<Step> {
         let q = self.question;
-        let weights = self.weights(&best.fit.parameters, &best.fit.locals);
-        let first = self.beside(&weights, (best, &self.around(&weights, best)), set, p);
+        let first =
+            self.fit(&self.weights(&best.fit.parameters, &best.fit.locals), set, p, &best.fit.locals, ROUNDS);
         let weights = self.weights(&first.fit.parameters, &first.fit.locals);
-        let mut model = self.again(&weights, &first);
+        let again = |model: &Model| {
+            self.fit(&weights, &model.added, &model.fit.parameters, &model.fit.locals, REFINEMENT_ROUNDS)
+        };
+        let mut model = again(&first);
         let mut error = self.held_out_error(&weights, &model);
-        let best = self.again(&weights, best);
+        let best = again(best);
         let best_error = self.held_out_error(&weights, &best);
         let most = |extra: usize, from: f64| {
             let extra = extra as f64;
@@ -159,17 +162,16 @@ impl Run<'_> {
         if error > hopeless {
             return None;
         }
-        let base = self.again(&weights, base);
+        let base = again(base);
         let base_error = self.held_out_error(&weights, &base);
         let mut without: Vec<(f64, f64)> = Vec::new();
         'again: while model.added.len() > 1 {
             without.clear();
-            let around = self.around(&weights, &model);
             for &c in &model.added {
                 let rest: Vec<usize> = model.added.iter().copied().filter(|&other| other != c).collect();
                 let mut start = model.fit.parameters.clone();
                 q.candidates[c].free.iter().for_each(|free| start[free.index] = q.declared[free.index]);
-                let own = self.beside(&weights, (&model, &around), &rest, &start);
+                let own = self.fit(&weights, &rest, &start, &model.fit.locals, ROUNDS);
                 let left = self.held_out_error(&weights, &own);
                 let may_stay = rest.iter().all(|&other| (q.may_join)(other, &rest));
                 if may_stay && error > needed(left) {
