@@ -61,12 +61,6 @@ pub fn search(question: &Question) -> Found {
         question.system.stage("several effects at once");
         run.sets(&mut found);
     }
-    if !found.best.added.is_empty() {
-        // With derivatives of its own: those of a point nearby served to choose it.
-        let Model { added, fit, .. } = &found.best;
-        let weights = run.weights(&fit.parameters, &fit.locals);
-        found.best = run.fit(&weights, added, &fit.parameters, &fit.locals, REFINEMENT_ROUNDS);
-    }
     if !stop::asked() {
         question.system.stage("form of the effects");
         found.free_form = run.free_form(&found.base, &found.best);
@@ -89,9 +83,10 @@ pub fn refit(question: &Question, added: &[usize], start: &[f64]) -> Found {
     Found { base, best, one_by_one, steps, equals, declared_error, free_form }
 }
 
-/// Rounds of a fit and of its refinement.
+/// Rounds of a fit, of its refinement, and of the refits without a fold.
 pub(super) const ROUNDS: usize = 6;
 pub(super) const REFINEMENT_ROUNDS: usize = 4;
+const FOLD_ROUNDS: usize = 2;
 /// Fits under the weights of the fit before, and the ratio of their errors above which there is no further one.
 const MAX_REWEIGHTS: usize = 8;
 const MAX_ERROR_RATIO_OF_REWEIGHTS: f64 = 0.9;
@@ -173,20 +168,14 @@ impl<'a> Run<'a> {
         start: &[f64],
         rounds: usize,
     ) -> Model {
-        let start = self.start(added, start);
-        let extra = self.question.beside(added);
-        self.with(weights, records, |search| search.fit(added, &extra, &start, locals, rounds))
-    }
-
-    /// Start of a fit: parameters without the corrections that the effects of it are.
-    pub(super) fn start(&self, added: &[usize], p: &[f64]) -> Vec<f64> {
-        let mut start = p.to_vec();
+        let mut start = start.to_vec();
         for correction in self.question.corrections {
             if correction.effect.is_some_and(|effect| added.contains(&effect)) {
                 start[correction.free.index] = self.question.declared[correction.free.index];
             }
         }
-        start
+        let extra = self.question.beside(added);
+        self.with(weights, records, |search| search.fit(added, &extra, &start, locals, rounds))
     }
 
     /// A model fitted under the weights of what it leaves itself, and these weights.
@@ -234,6 +223,27 @@ impl<'a> Run<'a> {
         self.question.held_out.error_from(&model.fit.parameters, &self.question.records, &model.fit.locals)
     }
 
+    /// Error on folds that a model, fitted again without them, has not seen.
+    pub(super) fn held_out_error(&self, weights: &Weights, model: &Model) -> f64 {
+        let q = self.question;
+        if q.folds.len() < 2 || stop::asked() {
+            return self.fitted_error(model);
+        }
+        let part = |chosen: Vec<usize>| -> (Vec<usize>, Vec<Vec<f64>>) {
+            chosen.into_iter().map(|i| (q.records[i], model.fit.locals[i].clone())).unzip()
+        };
+        let squares = q.folds.iter().map(|fold| {
+            let (rest, locals) = part((0..q.records.len()).filter(|i| !fold.contains(i)).collect());
+            let (own, own_locals) = part(fold.clone());
+            let refit =
+                self.fit_records(weights, (&rest, &locals), &model.added, &model.fit.parameters, FOLD_ROUNDS);
+            let p = &refit.fit.parameters;
+            let own_locals = self.localized(weights, &own, p, &own_locals);
+            own.len() as f64 * q.held_out.error_from(p, &own, &own_locals).powi(2)
+        });
+        (squares.sum::<f64>() / q.records.len() as f64).sqrt()
+    }
+
     /// Candidates worth a fit, with the parameters to start from.
     pub(super) fn promising(&self, base: &Model, weights: &Weights) -> Vec<Promise> {
         let q = self.question;
@@ -279,25 +289,23 @@ impl<'a> Run<'a> {
     /// One step: candidates fitted and judged, best first, and the weights that they were judged with.
     pub(super) fn step(&self, base: &Model, weights: &Weights) -> (Vec<Tried>, Weights) {
         let q = self.question;
-        let around = self.around(weights, base);
         let mut fitted: Vec<(f64, Model)> = self
             .promising(base, weights)
             .into_iter()
             .enumerate()
             .take_while(|(rank, _)| *rank == 0 || !stop::asked())
             .map(|(_, promise)| {
-                let added = [&base.added[..], &[promise.candidate]].concat();
-                let model = self.beside(weights, (base, &around), &added, &promise.parameters);
+                let mut added = base.added.clone();
+                added.push(promise.candidate);
+                let model = self.fit(weights, &added, &promise.parameters, &base.fit.locals, ROUNDS);
                 (self.fitted_error(&model), model)
             })
             .collect();
         fitted.sort_by(|a, b| a.0.total_cmp(&b.0));
         let Some(best) = fitted.first_mut() else { return (Vec::new(), weights.clone()) };
-        let Model { added, fit, .. } = &best.1;
-        let own = self.fit(weights, added, &fit.parameters, &fit.locals, ROUNDS);
-        let (model, weights) = self.reweighed(own);
+        let (model, weights) = self.reweighed(best.1.clone());
         best.1 = model;
-        let base = self.again(&weights, base);
+        let base = self.fit(&weights, &base.added, &base.fit.parameters, &base.fit.locals, REFINEMENT_ROUNDS);
         let base_error = self.held_out_error(&weights, &base);
         let base_fitted = self.fitted_error(&base);
         let uncorrected = q.without_corrections(&base.fit.parameters, &base.added);
@@ -364,7 +372,10 @@ impl<'a> Run<'a> {
             return None;
         }
         let weights = self.weights(&best.fit.parameters, &best.fit.locals);
-        let (base, best) = (self.again(&weights, base), self.again(&weights, best));
+        let refit = |model: &Model| {
+            self.fit(&weights, &model.added, &model.fit.parameters, &model.fit.locals, REFINEMENT_ROUNDS)
+        };
+        let (base, best) = (refit(base), refit(best));
         let wanted = |c: usize| q.free_forms.contains(&c);
         let promises = self.with(&weights, &q.records, |search| search.screen_some(&base, &wanted));
         let [without, with] = [&base, &best].map(|model| self.held_out_error(&weights, model));

@@ -9,7 +9,6 @@ pub mod goodness;
 pub mod held_out;
 pub mod ladder;
 pub mod near;
-mod nearby;
 pub mod noise;
 pub mod normal;
 mod pairs;

@@ -147,9 +147,7 @@ impl Search<'_> {
             locals,
             may_join: &|c, added| {
                 let own = &study.candidates[c];
-                // A friction peak stands without the Coulomb friction that other searches find first.
-                let alone = |needs: usize| added.contains(&needs) || !own.acts_only_on(needs);
-                !own.is_resolution() && own.needs.is_none_or(alone)
+                !own.is_resolution() && own.needs.is_none_or(|needs| added.contains(&needs))
             },
             proposals: &[(proposed.best.added.clone(), proposed.best.fit.parameters.clone())],
             pairs: true,
