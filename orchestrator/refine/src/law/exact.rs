@@ -82,8 +82,7 @@ impl Finder<'_> {
         let whole = if self.windows.is_some() { self.whole(study, form.clone()) } else { None };
         let whole = whole.as_ref().unwrap_or(form);
         // A formula takes no more than the free form, which therefore tells whether one can be the answer.
-        let noise = self.noise / self.samples(study).max(1) as f64;
-        let excess = |error: f64| (error * error - noise).max(0.0);
+        let excess = |error: f64| (error * error - self.noise_of_sample(study)).max(0.0);
         let leaves_much = excess(whole.error) > MAX_EXCESS_OF_FREE_FORM * excess(declared.error);
         if whole.error > self.max_error || leaves_much {
             return None;

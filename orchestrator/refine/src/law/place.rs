@@ -94,7 +94,7 @@ impl Finder<'_> {
         let near = |form: &FreeForm| gain(form) > MIN_GAIN_OF_OTHER_PORT * most;
         let mut known = self.tell_ports(study, declared, &mut singles, near);
         let best = singles.first()?;
-        let one = self.noise / self.samples(study).max(1) as f64;
+        let one = self.noise_of_sample(study);
         let enough = |form: &FreeForm| {
             let excess = (form.at.smooth.without - noise).max(0.0);
             gain(form) > (MIN_SHARE_OF_EXCESS * excess).max(MIN_GAIN_IN_NOISE * one)
@@ -249,8 +249,9 @@ impl Finder<'_> {
         self.toward(study, form)
     }
 
-    /// Samples of the estimation records, of all outputs.
-    pub(super) fn samples(&self, study: &Study) -> usize {
-        self.trace.first().map_or(0, Vec::len) * study.outputs.len()
+    /// Mean square of the noise of a sample \[scale^2\].
+    pub(super) fn noise_of_sample(&self, study: &Study) -> f64 {
+        let samples = self.trace.first().map_or(0, Vec::len) * study.outputs.len();
+        self.noise / samples.max(1) as f64
     }
 }

@@ -64,7 +64,7 @@ pub struct Fits<'a> {
     pub quick: bool,
     /// Corrections of the declared model that are fitted along.
     pub corrections: Vec<Free>,
-    /// Simulations.
+    /// Simulations that were run before.
     pub remembered: Arc<Remembered>,
 }
 

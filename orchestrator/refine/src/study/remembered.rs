@@ -4,7 +4,7 @@
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// Values that the simulations of one half hold at most: 32 MB.
+/// Values of 8 bytes that the simulations of one half hold at most, keys included: 32 MB.
 const MAX_VALUES: usize = 4 << 20;
 
 /// Outputs of a simulation without the effects of the sensors, `[outputs][n]` from where it begins.
@@ -13,7 +13,7 @@ pub type Outputs = Arc<Vec<f64>>;
 /// All that a simulation depends on besides the study: numbers as their bits.
 pub type Key = Vec<u64>;
 
-/// The last simulations of a study: those that were asked for since the younger half was full twice are forgotten.
+/// The last simulations of a study. One that is not asked for while the younger half fills up twice is forgotten.
 #[derive(Debug, Default)]
 pub struct Remembered(Mutex<Halves>);
 
@@ -64,37 +64,31 @@ impl Remembered {
 mod tests {
     use super::*;
 
-    #[test]
-    fn a_simulation_is_run_once_unless_it_was_too_short() {
-        let remembered = Remembered::default();
-        let ask = |key: u64, count: usize| {
-            let mut runs = 0;
-            let found = remembered.get(vec![key], count, || {
-                runs += 1;
-                vec![key as f64; count]
-            });
-            (runs, found.len())
-        };
-        assert_eq!(
-            [ask(1, 4), ask(1, 4), ask(1, 2), ask(1, 6), ask(2, 4)],
-            [(1, 4), (0, 4), (0, 4), (1, 6), (1, 4)]
-        );
+    /// Times that a simulation with so many values was run, and values that are there.
+    fn ask(remembered: &Remembered, key: u64, count: usize) -> (usize, usize) {
+        let mut runs = 0;
+        let found = remembered.get(vec![key], count, || {
+            runs += 1;
+            vec![key as f64; count]
+        });
+        assert!(found.iter().all(|value| *value == key as f64));
+        (runs, found.len())
     }
 
     #[test]
-    fn what_was_not_asked_for_lately_is_forgotten() {
+    fn a_simulation_is_run_once_unless_it_was_too_short() {
         let remembered = Remembered::default();
-        let ask = |key: u64| {
-            let mut runs = 0;
-            remembered.get(vec![key], 1, || {
-                runs += 1;
-                vec![0.0; MAX_VALUES / 3]
-            });
-            runs
-        };
-        assert_eq!([ask(0), ask(1), ask(0), ask(2), ask(3)], [1, 1, 0, 1, 1]);
-        // The first was asked for again while it was in a half that is left.
-        assert_eq!((0..9).map(|_| ask(0)).sum::<i32>() + ask(4) + ask(5) + ask(6), 3);
-        assert_eq!(ask(1), 1);
+        let found = [(1, 4), (1, 4), (1, 2), (1, 6), (2, 4)].map(|(key, count)| ask(&remembered, key, count));
+        assert_eq!(found, [(1, 4), (0, 4), (0, 4), (1, 6), (1, 4)]);
+    }
+
+    #[test]
+    fn a_simulation_that_is_not_asked_for_is_forgotten_and_another_stays() {
+        let remembered = Remembered::default();
+        let runs = |key: u64| ask(&remembered, key, MAX_VALUES / 3).0;
+        // Three fill a half; the first is asked for in between, the second is not.
+        let found = [0, 1, 2, 0, 3, 4, 0, 5, 6].map(runs);
+        assert_eq!(found, [1, 1, 1, 0, 1, 1, 0, 1, 1]);
+        assert_eq!([runs(0), runs(1)], [0, 1]);
     }
 }

@@ -1,21 +1,17 @@
-//! Pieces of records as the engine sees them: the system with the blocks of some candidates, simulated.
+//! Pieces of records, simulated: the system with the blocks of some candidates.
 
 use std::cell::{Cell, RefCell};
 use std::ops::Range;
 use std::sync::Arc;
 
-use super::begin;
 use super::blocks::{Acting, Blocks, Survey};
-use super::command::{Command, delayed};
 use super::declaration::{Initial, InitialWord};
-use super::law::{Law, Point, rounded};
+use super::law::{Law, Point};
 use super::memory::Memory;
-use super::model::{Action, Sensor, Study, Target};
+use super::model::{Action, Study, Target};
 use super::plant::Plant;
 use super::read::Record;
-use super::remembered::{Key, Outputs, Remembered};
-use crate::engine::noise::Noise;
-use crate::engine::{Span, System};
+use super::remembered::Remembered;
 
 /// State events in one step from which on the rest of it is integrated without: a part that rests between two of them.
 const MAX_EVENTS_PER_STEP: usize = 20;
@@ -55,7 +51,7 @@ pub struct View<'a> {
     /// States at the start of each piece, `[pieces][nx]`: local parameters that are fitted along. Empty: pieces start
     /// as the study says.
     pub begins: Vec<Vec<f64>>,
-    /// Simulations of these and other pieces with these and other candidates.
+    /// Simulations that were run before, of these and other pieces with these and other candidates.
     pub remembered: Arc<Remembered>,
 }
 
@@ -149,7 +145,7 @@ impl<'a> View<'a> {
 
     /// Outputs of a piece without the effects of the sensors, one after the other; NaN from where the simulation cannot
     /// go on.
-    fn simulate(
+    pub(super) fn simulate(
         &self,
         piece: &Piece,
         p: &[f64],
@@ -171,43 +167,14 @@ impl<'a> View<'a> {
         out
     }
 
+    /// Whether pieces of a record are simulated from its beginning, so that those of a whole record hold all of them.
+    pub(super) fn begins_with_record(&self, record: usize) -> bool {
+        self.begins.is_empty() && self.study.from_start(&self.study.records[record])
+    }
+
     /// Sample at which the simulation of a piece begins.
-    fn begin(&self, piece: &Piece) -> usize {
-        let from_start = self.begins.is_empty() && self.study.from_start(&self.study.records[piece.record]);
-        if from_start { 0 } else { piece.range.start }
-    }
-
-    /// Outputs of a piece without the effects of the sensors, from a simulation that was run before where there is one.
-    /// A new one goes on to the end of all pieces that begin where this one does.
-    fn remembered(&self, piece: &Piece, p: &[f64], locals: &[f64]) -> Vec<f64> {
-        let (begin, outputs) = (self.begin(piece), self.study.outputs.len());
-        let alike = |other: &&Piece| other.record == piece.record && self.begin(other) == begin;
-        let end =
-            self.pieces.iter().filter(alike).map(|other| other.range.end).fold(piece.range.end, usize::max);
-        let needed = (piece.range.end - begin) * outputs;
-        let whole: Outputs = self.remembered.get(self.key(piece, p, locals), needed, || {
-            let whole = Piece { record: piece.record, range: begin..end };
-            self.simulate(&whole, p, locals, &mut self.blocks(p, false), &Shift::default())
-        });
-        let n = whole.len() / outputs;
-        let own = |o: usize| &whole[o * n + piece.range.start - begin..o * n + piece.range.end - begin];
-        (0..outputs).flat_map(own).copied().collect()
-    }
-
-    /// All that the simulation of a piece depends on, however long it is: not the parameters of sensors.
-    fn key(&self, piece: &Piece, p: &[f64], locals: &[f64]) -> Key {
-        let flags = [self.quick, self.corrected, self.begins.is_empty()].map(u64::from);
-        let sensors = |c: &&usize| matches!(self.study.candidates[**c].action, Action::Sensor { .. });
-        let mut at = p.to_vec();
-        let own = self.active.iter().filter(sensors).flat_map(|&c| self.study.candidates[c].entries.clone());
-        own.chain(self.study.outputs.iter().filter_map(|output| output.offset)).for_each(|i| at[i] = 0.0);
-        let acting = self.active.iter().filter(|c| !sensors(c)).map(|&c| c as u64);
-        [piece.record as u64, self.begin(piece) as u64, self.substeps as u64]
-            .into_iter()
-            .chain(flags)
-            .chain(at.iter().chain(locals).map(|value| value.to_bits()))
-            .chain(acting)
-            .collect()
+    pub(super) fn begin(&self, piece: &Piece) -> usize {
+        if self.begins_with_record(piece.record) { 0 } else { piece.range.start }
     }
 
     /// Commands of a piece with the effects that have a memory.
@@ -478,14 +445,6 @@ impl<'a> View<'a> {
         (blocks.trace, blocks.states)
     }
 
-    /// As [`System::predict`], with something added to measured signals.
-    pub fn shifted(&self, record: usize, p: &[f64], locals: &[f64], shift: &Shift) -> Vec<f64> {
-        let piece = &self.pieces[record];
-        let mut out = self.simulate(piece, p, locals, &mut self.blocks(p, false), shift);
-        self.sense(piece, p, &mut out);
-        out
-    }
-
     /// Values of the parameters of the system.
     pub fn parameters(&self, p: &[f64]) -> Vec<(super::plant::Parameter, f64)> {
         let declared = self.study.entries.iter().zip(p).filter_map(|(entry, value)| match entry.target {
@@ -496,138 +455,5 @@ impl<'a> View<'a> {
             _ => None,
         });
         self.study.fixed.iter().copied().chain(declared).collect()
-    }
-
-    /// Applies the sensor effects of the acting candidates to the outputs `out`, `[outputs][n]`, in place.
-    fn sense(&self, piece: &Piece, p: &[f64], out: &mut [f64]) {
-        let n = piece.range.len();
-        let step = self.study.records[piece.record].step;
-        for (o, output) in self.study.outputs.iter().enumerate() {
-            let own = &mut out[o * n..(o + 1) * n];
-            let mut resolution = 0.0;
-            for &c in &self.active {
-                let candidate = &self.study.candidates[c];
-                let Action::Sensor { kind, output } = candidate.action else { continue };
-                if output != o {
-                    continue;
-                }
-                let value = p[candidate.entries.start];
-                match kind {
-                    Sensor::Offset => own.iter_mut().for_each(|y| *y += value),
-                    Sensor::Gain => own.iter_mut().for_each(|y| *y *= 1.0 + value),
-                    Sensor::Drift => {
-                        let begin = piece.range.start;
-                        let time = |k: usize| (begin + k) as f64 * step;
-                        own.iter_mut().enumerate().for_each(|(k, y)| *y += value * time(k));
-                    }
-                    Sensor::Nonlinearity => own.iter_mut().for_each(|y| *y += value * *y * *y),
-                    Sensor::Delay => {
-                        let late = delayed(own, value / step);
-                        own.copy_from_slice(&late);
-                    }
-                    Sensor::Lag => {
-                        let late = Command::Lag.apply(&[value], own, step, false);
-                        own.copy_from_slice(&late);
-                    }
-                    // A sensor rounds what it has made of the signal.
-                    Sensor::Quantization => resolution = value,
-                }
-            }
-            if let Some(offset) = output.offset {
-                own.iter_mut().for_each(|y| *y += p[offset]);
-            }
-            if resolution > 0.0 {
-                own.iter_mut().for_each(|y| *y = rounded(*y, resolution));
-            }
-        }
-    }
-
-    fn fitted(&self, record: &Record) -> bool {
-        self.study.windows.is_none() && record.initial == Initial::Word(InitialWord::Fit)
-    }
-}
-
-impl System for View<'_> {
-    fn records(&self) -> usize {
-        self.pieces.len()
-    }
-
-    fn estimation(&self, _: usize) -> bool {
-        true
-    }
-
-    fn locals(&self, record: usize) -> Vec<(f64, f64)> {
-        if let Some(own) = self.begins.get(record) {
-            let size = |i: usize| self.begins.iter().fold(0.0f64, |a, b| a.max(b[i].abs()));
-            return own
-                .iter()
-                .enumerate()
-                .map(|(i, x)| (*x, begin::STEP * size(i).max(begin::LEAST_SIZE)))
-                .collect();
-        }
-        let piece = &self.pieces[record];
-        let record = &self.study.records[piece.record];
-        if !self.fitted(record) {
-            return Vec::new();
-        }
-        let from = if self.study.from_start(record) { 0 } else { piece.range.start };
-        let begin = Piece { record: piece.record, range: from..piece.range.end };
-        let piece = &begin;
-        let one = |(i, values): (usize, &Option<Vec<f64>>)| match values {
-            None if self.study.unobservable.get(i) == Some(&true) => (0.0, 0.0),
-            None => self.study.begins.get(i).copied().unwrap_or_default().of(self.study, piece),
-            Some(values) => begin::measured(values, piece),
-        };
-        record.states.iter().enumerate().map(one).collect()
-    }
-
-    fn signals(&self, record: usize) -> Vec<Span> {
-        let n = self.pieces[record].range.len();
-        let one = |(o, output): (usize, &super::model::Output)| Span {
-            signal: output.name.clone(),
-            range: o * n..(o + 1) * n,
-            noise: self.scale[o],
-        };
-        self.study.outputs.iter().enumerate().map(one).collect()
-    }
-
-    fn predict(&self, record: usize, parameters: &[f64], locals: &[f64]) -> Vec<f64> {
-        let piece = &self.pieces[record];
-        let mut out = self.remembered(piece, parameters, locals);
-        self.sense(piece, parameters, &mut out);
-        out
-    }
-
-    fn measured(&self, record: usize) -> Vec<f64> {
-        let piece = &self.pieces[record];
-        let outputs = &self.study.records[piece.record].outputs;
-        outputs.iter().flat_map(|values| values[piece.range.clone()].iter().copied()).collect()
-    }
-
-    fn silence(&self, record: usize, residuals: &mut [f64]) {
-        let piece = &self.pieces[record];
-        let n = piece.range.len();
-        for (o, measured) in self.study.records[piece.record].measured.iter().enumerate() {
-            let Some(measured) = measured else { continue };
-            let own = residuals[o * n..(o + 1) * n].iter_mut().zip(&measured[piece.range.clone()]);
-            own.filter(|(_, there)| !**there).for_each(|(value, _)| *value = 0.0);
-        }
-    }
-
-    fn whiten(&self, record: usize, predicted: &[f64]) -> Vec<f64> {
-        let n = self.pieces[record].range.len();
-        let measured = self.measured(record);
-        let own = measured.iter().zip(predicted).enumerate().map(|(i, (m, p))| (m - p) / self.scale[i / n]);
-        let mut residuals: Vec<f64> = own.collect();
-        self.silence(record, &mut residuals);
-        residuals
-    }
-
-    fn redraw(&self, record: usize, predicted: &[f64], noise: &mut Noise) -> Vec<f64> {
-        let n = self.pieces[record].range.len();
-        let one = |i: usize| self.study.outputs[i / n].noise / self.scale[i / n];
-        let mut drawn: Vec<f64> = (0..predicted.len()).map(|i| one(i) * noise.normal()).collect();
-        self.silence(record, &mut drawn);
-        drawn
     }
 }
