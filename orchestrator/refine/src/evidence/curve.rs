@@ -13,9 +13,9 @@ pub struct Curve {
     /// Effect.
     pub title: String,
     /// Variable and unit.
-    pub over: (&'static str, &'static str),
+    pub over: (&'static str, String),
     /// Meaning of the ordinate and its unit.
-    pub what: (&'static str, &'static str),
+    pub what: (&'static str, String),
     /// Per point: variable, value, lower and upper end of the 95 % band.
     pub points: Vec<[f64; 4]>,
 }
@@ -23,7 +23,7 @@ pub struct Curve {
 /// One value of an effect: variable, values of its parameters in their order.
 type Law = Box<dyn Fn(f64, &dyn Fn(&str) -> f64) -> f64>;
 
-/// A law with what it is over and what it gives.
+/// A law with what it is over and what it gives, and their units on a cart.
 struct Drawn {
     over: (&'static str, &'static str),
     what: (&'static str, &'static str),
@@ -40,17 +40,25 @@ pub fn of(case: &Case, answer: &Answer, records: &[Record]) -> Vec<Curve> {
         };
         own.unwrap_or_default()
     };
-    with(&friction, answer, records)
+    with(&friction, &|_| None, answer, records)
 }
 
-/// The same, with the declared friction that an effect belongs to.
-pub fn with(friction: &dyn Fn(&Effect) -> Friction, answer: &Answer, records: &[Record]) -> Vec<Curve> {
+/// Units at an attachment: of the value that passes, of velocity and of position.
+pub type Units = [String; 3];
+
+/// The same, with the declared friction that an effect belongs to, and the units where it acts if it is no cart.
+pub fn with(
+    friction: &dyn Fn(&Effect) -> Friction,
+    units: &dyn Fn(&Effect) -> Option<Units>,
+    answer: &Answer,
+    records: &[Record],
+) -> Vec<Curve> {
     let selected = answer.effects.iter().filter(|effect| effect.selected);
     selected
         .filter_map(|effect| {
             let drawn = drawn(effect, &friction(effect))?;
             let (low, high) = range(records, drawn.over.0)?;
-            Some(sampled(effect, &drawn, low, high))
+            Some(sampled(effect, &drawn, units(effect).as_ref(), (low, high)))
         })
         .collect()
 }
@@ -68,7 +76,19 @@ fn range(records: &[Record], name: &str) -> Option<(f64, f64)> {
     (low < high).then_some((low, high))
 }
 
-fn sampled(effect: &Effect, drawn: &Drawn, low: f64, high: f64) -> Curve {
+/// A quantity with its unit where an effect acts, for that on a cart.
+fn at_port((name, on_cart): (&'static str, &str), units: Option<&Units>) -> (&'static str, String) {
+    let own = units.and_then(|[value, velocity, position]| match on_cart {
+        // The pressure force is one everywhere.
+        "N" if name != "F" => Some(value),
+        "m/s" => Some(velocity),
+        "m" => Some(position),
+        _ => None,
+    });
+    (name, own.map_or(on_cart, String::as_str).replace(['.', '*'], " "))
+}
+
+fn sampled(effect: &Effect, drawn: &Drawn, units: Option<&Units>, (low, high): (f64, f64)) -> Curve {
     let at = |moved: Option<(usize, f64)>| {
         move |name: &str| {
             let found = effect.parameters.iter().enumerate().find(|(_, p)| p.name == name);
@@ -92,8 +112,8 @@ fn sampled(effect: &Effect, drawn: &Drawn, low: f64, high: f64) -> Curve {
     let signal = effect.signal.as_ref().map_or(String::new(), |signal| format!(" of {signal}"));
     Curve {
         title: format!("{}{signal}", effect.id),
-        over: drawn.over,
-        what: drawn.what,
+        over: at_port(drawn.over, units),
+        what: at_port(drawn.what, units),
         points: (0..POINTS).map(point).collect(),
     }
 }
@@ -189,7 +209,11 @@ mod tests {
             ..Effect::default()
         };
         let drawn = drawn(&effect, &Friction::default()).unwrap();
-        let curve = sampled(&effect, &drawn, -0.1, 0.1);
+        let joint = ["N.m", "rad/s", "rad"].map(str::to_owned);
+        let turned = sampled(&effect, &drawn, Some(&joint), (-0.1, 0.1));
+        assert_eq!([turned.over.1, turned.what.1], ["rad", "N m"]);
+        let curve = sampled(&effect, &drawn, None, (-0.1, 0.1));
+        assert_eq!([&curve.over.1, &curve.what.1], ["m", "N"]);
         let [x, y, low, high] = curve.points[0];
         assert_eq!(x, -0.1);
         assert!((y - 2.0).abs() < 1e-12 && (low - 1.9).abs() < 1e-12 && (high - 2.1).abs() < 1e-12);

@@ -1,8 +1,7 @@
 //! The material of the figures of a study.
 
 use super::{
-    Curve, Evidence, MAX_RECORDS_OVER_TIME, Port, Record, Residual, Signal, Variable, correlation, curve,
-    dependence,
+    Evidence, MAX_RECORDS_OVER_TIME, Port, Record, Residual, Signal, Variable, correlation, curve, dependence,
 };
 use crate::answer::{Answer, Effect};
 use crate::case::Friction;
@@ -51,7 +50,7 @@ pub fn gather(fits: &Fits, models: [&Model; 2], answer: &Answer) -> Evidence {
     Evidence {
         dependence: dependence::of(&signals, &records),
         correlation: correlation::of(&signals, &records),
-        curves: curves(&friction, answer, &records),
+        curves: curve::with(&friction, &|effect| units(study, effect), answer, &records),
         ports: ports(study, answer),
         left_at: answer.left_at.clone(),
         records: records.into_iter().take(MAX_RECORDS_OVER_TIME).collect(),
@@ -68,8 +67,10 @@ fn all_signals(study: &Study, answer: &Answer, mut signals: Vec<Signal>) -> Vec<
     signals
 }
 
-fn curves(friction: &dyn Fn(&Effect) -> Friction, answer: &Answer, records: &[Record]) -> Vec<Curve> {
-    curve::with(friction, answer, records)
+/// The units at the attachment of an effect.
+fn units(study: &Study, effect: &Effect) -> Option<curve::Units> {
+    let port = &study.candidates.iter().find(|c| c.is(effect))?.port;
+    Some(study.taps.iter().find(|tap| tap.name == *port)?.units.clone())
 }
 
 /// The declared friction at the attachment of an effect.

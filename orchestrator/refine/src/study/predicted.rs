@@ -13,8 +13,8 @@ use crate::engine::noise::Noise;
 use crate::engine::{Span, System};
 
 impl View<'_> {
-    /// Outputs of a piece without the effects of the sensors, `[outputs][n]`, from a simulation that was run before where
-    /// there is one. A new one from the beginning of a record goes on to the end of all pieces of it.
+    /// Outputs of a piece without the effects of the sensors, `[outputs][n]`, from a simulation that was run before
+    /// where there is one. A new one from the beginning of a record goes on to the end of all pieces of it.
     fn remembered(&self, piece: &Piece, p: &[f64], locals: &[f64]) -> Vec<f64> {
         let (begin, outputs) = (self.begin(piece), self.study.outputs.len());
         let simulate = || {
