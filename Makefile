@@ -1,5 +1,5 @@
 # `make demo` and `make test` work on a fresh machine with Rust, a C compiler and Python 3: each sets up what is missing first.
-.PHONY: demo docs test test-slurm test-wheel wheel check bench fuzz study study-checker study-compare study-faults study-isolation study-refine study-refine-messy study-systems study-laws study-machines study-nmpc study-third-party study-rig-over-fmus study-programs study-sweep study-swing-up study-walker fmu portable windows setup setup-build clean
+.PHONY: demo docs test test-slurm test-wheel test-windows sanitize wheel check bench fuzz study study-checker study-compare study-faults study-isolation study-refine study-refine-messy study-systems study-laws study-machines study-nmpc study-third-party study-rig-over-fmus study-programs study-sweep study-swing-up study-walker fmu portable windows setup setup-build clean
 export CARGO_NET_RETRY ?= 10
 # A build that happens once gains nothing from files for the next one; they cost a fifth of its time.
 ifdef CI
@@ -148,8 +148,15 @@ fmu: setup-build     ## target/fmu/*.fmu, modelDescriptions/*.xml and the airloo
 portable: setup-build ## the FMUs of `make fmu` with libraries that need no libgcc_s, by the linker of Zig
 	scripts/portable.sh
 
-windows: setup-build ## the FMUs of `make fmu` with Windows libraries in them, by mingw
+windows: setup-build ## airloop.exe in target/windows and the FMUs of `make fmu` with Windows libraries in them, by mingw
 	scripts/windows.sh
+
+test-windows: fmu    ## airloop.exe under Wine: runs, checks of all FMUs and `refine` compared with Linux
+	scripts/windows.sh
+	python3 tests/windows/run.py target/windows target/release/airloop
+
+sanitize: setup-build ## C parts and test FMUs under the sanitizers of the compiler, our FMUs under Miri where it is installed
+	scripts/sanitize.sh
 
 setup:               ## .venv with all Python packages, .cargo/config.toml
 	scripts/setup.sh test

@@ -69,27 +69,36 @@ pub fn end() {
 }
 
 /// Signals by which a library crashes, as messages name them.
-const CRASHES: [(libc::c_int, &str); 7] = [
+const CRASHES: &[(libc::c_int, &str)] = &[
     (libc::SIGSEGV, "signal 11 (SIGSEGV)"),
-    (libc::SIGBUS, "signal 7 (SIGBUS)"),
     (libc::SIGILL, "signal 4 (SIGILL)"),
     (libc::SIGFPE, "signal 8 (SIGFPE)"),
     (libc::SIGABRT, "signal 6 (SIGABRT)"),
+    #[cfg(unix)]
+    (libc::SIGBUS, "signal 7 (SIGBUS)"),
+    #[cfg(unix)]
     (libc::SIGTRAP, "signal 5 (SIGTRAP)"),
+    #[cfg(unix)]
     (libc::SIGSYS, "signal 31 (SIGSYS)"),
 ];
 
 /// From now on a crash or an `exit` in a call of an FMU names the FMU and the call; the process still ends as a
 /// failure.
 pub fn install() {
-    for (signal, _) in CRASHES {
+    for &(signal, _) in CRASHES {
         // SAFETY: a zeroed action is one without mask; the handler makes only calls that are safe in it. The threads of
         // Rust have a stack of their own for handlers.
+        #[cfg(unix)]
         unsafe {
             let mut action: libc::sigaction = std::mem::zeroed();
             action.sa_sigaction = crashed as *const () as libc::sighandler_t;
             action.sa_flags = libc::SA_ONSTACK | libc::SA_RESETHAND;
             libc::sigaction(signal, &raw const action, std::ptr::null_mut());
+        }
+        // SAFETY: the handler makes only calls that are safe in it; the C library takes it off before it calls it.
+        #[cfg(not(unix))]
+        unsafe {
+            libc::signal(signal, crashed as *const () as libc::sighandler_t);
         }
     }
     // SAFETY: the handler neither panics nor unwinds.
@@ -109,7 +118,7 @@ unsafe extern "C" {
 /// Writes to the standard error, as far as that is possible.
 fn say(text: &[u8]) {
     // SAFETY: a system call with a slice; safe in a handler.
-    unsafe { libc::write(2, text.as_ptr().cast(), text.len()) };
+    unsafe { libc::write(2, text.as_ptr().cast(), text.len() as _) };
 }
 
 fn say_site(site: Site) {

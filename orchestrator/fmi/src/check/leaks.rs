@@ -122,7 +122,7 @@ fn live(fmu: &Arc<Fmu>, kind: InterfaceKind) -> Result<(), Error> {
 }
 
 /// Bytes that were allocated and not freed in this process.
-#[cfg(target_env = "gnu")]
+#[cfg(all(target_os = "linux", target_env = "gnu"))]
 fn in_use() -> usize {
     // SAFETY: the function takes nothing and only reads the counts of the allocator.
     let counts = unsafe { libc::mallinfo2() };
@@ -130,7 +130,7 @@ fn in_use() -> usize {
 }
 
 /// Not known with this C library.
-#[cfg(not(target_env = "gnu"))]
+#[cfg(not(all(target_os = "linux", target_env = "gnu")))]
 fn in_use() -> usize {
     0
 }

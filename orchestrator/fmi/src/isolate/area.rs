@@ -2,11 +2,11 @@
 
 use std::fs::File;
 use std::io;
-use std::os::fd::{AsRawFd, FromRawFd, RawFd};
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::Duration;
 
 use super::patience::Patience;
+use super::system::{self, Descriptor};
 
 /// Bytes of the header.
 const HEADER: usize = 4096;
@@ -51,35 +51,29 @@ unsafe impl Send for Area {}
 impl Area {
     /// New memory with room for `data` bytes of calls and answers.
     pub(super) fn new(data: usize) -> io::Result<Area> {
-        // SAFETY: a static name; the descriptor that comes back is nobody else's.
-        let file = unsafe {
-            let flags = libc::MFD_CLOEXEC | libc::MFD_ALLOW_SEALING;
-            let file = libc::memfd_create(c"airloop-worker".as_ptr(), flags);
-            if file < 0 {
-                return Err(io::Error::last_os_error());
-            }
-            // A library that makes it shorter would crash the owner, too. Where seals are unknown, that remains
-            // possible.
-            libc::fcntl(file, libc::F_ADD_SEALS, libc::F_SEAL_SHRINK | libc::F_SEAL_SEAL);
-            File::from_raw_fd(file)
-        };
+        let file = system::shared_memory()?;
         let size = (DATA + data).next_multiple_of(HEADER);
         file.set_len(size as u64)?;
-        let area = Area { base: map(file.as_raw_fd(), size)?, file, size };
+        let area = Area { base: system::map(&file, size)?, file, size };
         area.header().pages.store((size / HEADER) as u32, Ordering::Release);
         Ok(area)
     }
 
     /// The memory that the owner handed over.
-    pub(super) fn of_owner(file: RawFd) -> io::Result<Area> {
-        // SAFETY: the descriptor was made for this process, and nobody else uses it.
-        let file = unsafe { File::from_raw_fd(file) };
+    pub(super) fn of_owner(file: Descriptor) -> io::Result<Area> {
+        let file = system::of_descriptor(file)?;
         let size = file.metadata()?.len() as usize;
-        Ok(Area { base: map(file.as_raw_fd(), size)?, file, size })
+        Ok(Area { base: system::map(&file, size)?, file, size })
     }
 
-    pub(super) fn descriptor(&self) -> RawFd {
-        self.file.as_raw_fd()
+    /// Another mapping of the same memory.
+    pub(super) fn again(&self) -> io::Result<Area> {
+        let file = self.file.try_clone()?;
+        Ok(Area { base: system::map(&file, self.size)?, file, size: self.size })
+    }
+
+    pub(super) fn descriptor(&self) -> Descriptor {
+        system::descriptor(&self.file)
     }
 
     pub(super) fn header(&self) -> &Header {
@@ -110,9 +104,9 @@ impl Area {
     }
 
     fn remap(&mut self, size: usize) -> io::Result<()> {
-        let base = map(self.file.as_raw_fd(), size)?;
+        let base = system::map(&self.file, size)?;
         // SAFETY: the old mapping, of which no reference is left: `self` is borrowed mutably.
-        unsafe { libc::munmap(self.base.cast(), self.size) };
+        unsafe { system::unmap(self.base, self.size) };
         (self.base, self.size) = (base, size);
         Ok(())
     }
@@ -167,11 +161,11 @@ impl Area {
 impl Drop for Area {
     fn drop(&mut self) {
         // SAFETY: the mapping is this value's, and no reference is left.
-        unsafe { libc::munmap(self.base.cast(), self.size) };
+        unsafe { system::unmap(self.base, self.size) };
     }
 }
 
-/// Where a worker writes messages; the first mapping of a worker stays for its life.
+/// Where a worker writes messages, in a mapping that stays for its life.
 #[derive(Clone, Copy)]
 pub(super) struct LogPlace(*mut u8);
 
@@ -183,7 +177,7 @@ unsafe impl Sync for LogPlace {}
 impl LogPlace {
     /// Adds a message if there is room.
     pub(super) fn add(self, bytes: &[u8]) {
-        // SAFETY: the header lies at the begin of the mapping, which a worker keeps.
+        // SAFETY: the header lies at the beginning of the mapping, which a worker keeps.
         let header = unsafe { &*self.0.cast::<Header>() };
         let at = header.logged.load(Ordering::Acquire) as usize;
         if at + bytes.len() <= LOG {
@@ -192,15 +186,6 @@ impl LogPlace {
             header.logged.store((at + bytes.len()) as u32, Ordering::Release);
         }
     }
-}
-
-fn map(file: RawFd, size: usize) -> io::Result<*mut u8> {
-    // SAFETY: a new mapping at a place that the system chooses.
-    let base = unsafe {
-        let access = libc::PROT_READ | libc::PROT_WRITE;
-        libc::mmap(std::ptr::null_mut(), size, access, libc::MAP_SHARED, file, 0)
-    };
-    if base == libc::MAP_FAILED { Err(io::Error::last_os_error()) } else { Ok(base.cast()) }
 }
 
 /// Waits until `word` is no longer `old`, at most for `limit`; first looks at it as long as `patience` says.
@@ -217,13 +202,7 @@ pub(super) fn wait(
     }
     sleeps.store(1, Ordering::SeqCst);
     if word.load(Ordering::SeqCst) == old {
-        let limit = limit.map(|limit| libc::timespec {
-            tv_sec: limit.as_secs() as libc::time_t,
-            tv_nsec: limit.subsec_nanos().into(),
-        });
-        let limit = limit.as_ref().map_or(std::ptr::null(), std::ptr::from_ref);
-        // SAFETY: the word is a futex that lives during the call; the limit is a local.
-        unsafe { libc::syscall(libc::SYS_futex, word.as_ptr(), libc::FUTEX_WAIT, old, limit) };
+        system::sleep(word, old, limit);
     }
     sleeps.store(0, Ordering::SeqCst);
 }
@@ -232,7 +211,6 @@ pub(super) fn wait(
 pub(super) fn tell(word: &AtomicU32, sleeps: &AtomicU32, new: u32) {
     word.store(new, Ordering::SeqCst);
     if sleeps.load(Ordering::SeqCst) != 0 {
-        // SAFETY: the word is a futex that lives during the call.
-        unsafe { libc::syscall(libc::SYS_futex, word.as_ptr(), libc::FUTEX_WAKE, 1) };
+        system::wake(word);
     }
 }

@@ -16,6 +16,9 @@ mod channel;
 mod patience;
 mod process;
 mod proxy;
+#[cfg_attr(target_os = "linux", path = "linux.rs")]
+#[cfg_attr(not(target_os = "linux"), path = "elsewhere.rs")]
+mod system;
 mod worker;
 
 use std::ffi::OsString;

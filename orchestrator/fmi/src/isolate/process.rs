@@ -1,8 +1,6 @@
 //! The process of a worker: how it is started, what it may take, what it prints, and how it ended.
 
 use std::io::{PipeReader, Read};
-use std::os::fd::RawFd;
-use std::os::unix::process::{CommandExt, ExitStatusExt};
 use std::process::{Child, Command, ExitStatus, Stdio};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Sender, channel};
@@ -12,9 +10,8 @@ use std::time::{Duration, Instant};
 use tempfile::TempDir;
 
 use super::Isolation;
+use super::system::{self, Descriptor};
 
-/// Descriptor of the shared memory in a worker.
-pub(super) const SHARED: RawFd = 3;
 /// Bytes of output that are kept.
 const KEPT_OUTPUT: usize = 1 << 11;
 /// Time in which the last output of a process that ended comes in.
@@ -38,7 +35,7 @@ struct Output {
 
 impl Process {
     /// Starts a worker with the shared memory `area`.
-    pub(super) fn start(isolation: &Isolation, area: RawFd) -> std::io::Result<Process> {
+    pub(super) fn start(isolation: &Isolation, area: Descriptor) -> std::io::Result<Process> {
         let folder = airloop_series::scratch::folder()?;
         let (reader, writer) = std::io::pipe()?;
         let mut command = Command::new(&isolation.program);
@@ -48,9 +45,7 @@ impl Process {
             .stdin(Stdio::null())
             .stdout(Stdio::from(writer.try_clone()?))
             .stderr(Stdio::from(writer));
-        let memory = isolation.memory_limit;
-        // SAFETY: the closure runs between fork and exec and makes only calls that are safe there.
-        unsafe { command.pre_exec(move || prepare(Some(area), memory)) };
+        system::confine(&mut command, Some(area), isolation.memory_limit);
         let child = spawn(command)?;
         let output = Arc::<Output>::default();
         let own = Arc::clone(&output);
@@ -72,8 +67,7 @@ impl Process {
     /// Ends it with all that it started.
     pub(super) fn kill(&mut self) {
         if self.ended().is_none() {
-            // SAFETY: the group of a child that was not waited for, so that its number is not used again.
-            unsafe { libc::kill(-(self.child.id() as libc::pid_t), libc::SIGKILL) };
+            system::end_group(&self.child);
             let _ = self.child.kill();
             self.ended = self.child.wait().ok();
         }
@@ -105,11 +99,10 @@ impl Drop for Process {
     fn drop(&mut self) {
         self.kill();
         // Also what it started and did not end.
-        // SAFETY: a system call; the group has this number as long as one process is in it.
-        unsafe { libc::kill(-(self.child.id() as libc::pid_t), libc::SIGKILL) };
+        system::end_group(&self.child);
         // Starting it leaves holes in the heap; unless they are given back, memory grows with every worker (`make
         // study-isolation`).
-        #[cfg(target_env = "gnu")]
+        #[cfg(all(target_os = "linux", target_env = "gnu"))]
         // SAFETY: it gives free memory of the heap back to the system and may be called at any time.
         unsafe {
             libc::malloc_trim(0);
@@ -120,40 +113,14 @@ impl Drop for Process {
 /// Confines the process that `command` starts: a group of its own, `memory` bytes of address space, no descriptors but
 /// the standard streams, and its end with the thread that starts it.
 pub fn confine(command: &mut Command, memory: u64) {
-    // SAFETY: the closure runs between fork and exec and makes only calls that are safe there.
-    unsafe { command.pre_exec(move || prepare(None, memory)) };
+    system::confine(command, None, memory);
 }
 
 /// Ends a process that [`confine`] confined, with all that it started and that stayed in its group.
 pub fn end(child: &mut Child) {
-    // The group has this number as long as one process is in it, or the child was not waited for.
-    // SAFETY: a system call with numbers.
-    unsafe { libc::kill(-(child.id() as libc::pid_t), libc::SIGKILL) };
+    system::end_group(child);
     let _ = child.kill();
     let _ = child.wait();
-}
-
-/// Preparation of a worker by itself before it becomes another program.
-fn prepare(area: Option<RawFd>, memory: u64) -> std::io::Result<()> {
-    // SAFETY: plain system calls with numbers and locals.
-    let done = unsafe {
-        let shared = match area {
-            Some(SHARED) => libc::fcntl(SHARED, libc::F_SETFD, 0),
-            Some(area) => libc::dup2(area, SHARED),
-            None => 0,
-        };
-        // Whoever is not a standard stream or the shared memory stays here.
-        let first = SHARED + libc::c_int::from(area.is_some());
-        libc::syscall(libc::SYS_close_range, first, libc::c_uint::MAX, libc::CLOSE_RANGE_CLOEXEC);
-        libc::setsid();
-        let limit = libc::rlimit { rlim_cur: memory, rlim_max: memory };
-        libc::setrlimit(libc::RLIMIT_AS, &raw const limit);
-        let none = libc::rlimit { rlim_cur: 0, rlim_max: 0 };
-        libc::setrlimit(libc::RLIMIT_CORE, &raw const none);
-        libc::prctl(libc::PR_SET_PDEATHSIG, libc::SIGKILL);
-        shared
-    };
-    if done < 0 { Err(std::io::Error::last_os_error()) } else { Ok(()) }
 }
 
 /// A command, and where its child is to be sent.
@@ -198,7 +165,7 @@ fn collect(mut reader: PipeReader, output: &Output) {
 
 /// The end of a process in words: signal or exit code.
 pub fn cause(status: ExitStatus) -> String {
-    if let Some(signal) = status.signal() {
+    if let Some(signal) = system::signal(status) {
         let name = match signal {
             4 => " (SIGILL)",
             5 => " (SIGTRAP)",

@@ -12,7 +12,7 @@ use fmi::fmi2::binding::{
 use super::area::{Area, tell, wait};
 use super::calls::*;
 use super::patience::Patience;
-use super::process::SHARED;
+use super::system::SHARED;
 use crate::fmi3::Component;
 use crate::instance::memory;
 use crate::library::{Library, Origin};
@@ -29,7 +29,9 @@ const WARNING: u32 = 1;
 /// The shared memory is not there: this was not started as a worker.
 pub fn serve() -> std::io::Result<()> {
     let mut area = Area::of_owner(SHARED)?;
-    let place = area.log_place();
+    // Messages are written there also after the memory has grown, so that this mapping stays.
+    let log = std::mem::ManuallyDrop::new(area.again()?);
+    let place = log.log_place();
     let mirror = move |message: &LogMessage| {
         let mut bytes = Calls::default();
         bytes.number(message.status.into());
@@ -44,9 +46,6 @@ pub fn serve() -> std::io::Result<()> {
         instances: Vec::new(),
         log: Box::new(LogBuffer::mirrored(mirror)),
     };
-    // The first mapping stays: messages are written there.
-    let first = Area::of_owner(area_again(&area)?)?;
-    std::mem::forget(first);
     let (mut patience, mut none) = (Patience::new(), Patience::none());
     let (mut done, mut request, mut answer) = (0, Vec::new(), Calls::default());
     loop {
@@ -80,13 +79,6 @@ pub fn serve() -> std::io::Result<()> {
         let header = area.header();
         tell(&header.answer, &header.owner_sleeps, done);
     }
-}
-
-/// The descriptor once more.
-fn area_again(area: &Area) -> std::io::Result<i32> {
-    // SAFETY: duplicates a descriptor that is open.
-    let copy = unsafe { libc::dup(area.descriptor()) };
-    if copy < 0 { Err(std::io::Error::last_os_error()) } else { Ok(copy) }
 }
 
 /// An instance in the worker.
